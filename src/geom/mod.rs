@@ -1,0 +1,13 @@
+//! Rigid transforms, boxes and triangle soups.
+//!
+//! Frame of every coordinate: ISO 8855 (x forward, y left, z up), right-handed, in metres; angles in
+//! radians. Transforms are `f64`; triangles are `f32` and always in the ego frame, so that world
+//! coordinates of any size have been rebased before they are rounded.
+
+mod aabb;
+mod pose;
+mod soup;
+
+pub use aabb::Aabb;
+pub use pose::Pose;
+pub use soup::TriangleSoup;

@@ -1,0 +1,18 @@
+//! Where on this vehicle should the LiDARs go?
+//!
+//! One direction of data flow, top to bottom; a module imports only what stands above it:
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`geom`] | rigid transforms, boxes, triangle soups |
+//! | [`scene`] | the scene file, meshes and primitives, one triangle soup a frame |
+//! | [`bvh`] | bounding volume hierarchy and the closest-hit reference |
+//! | [`grid`] | region of interest, voxels, P-SOG, entropy |
+//! | [`placement`] | beam tables, sensor poses, mount and constraints |
+
+pub mod bvh;
+pub mod geom;
+pub mod grid;
+pub mod optimize;
+pub mod placement;
+pub mod scene;

@@ -1,0 +1,3 @@
+//! The `sightline` program.
+
+fn main() {}
