@@ -9,7 +9,9 @@
 //! | [`bvh`] | bounding volume hierarchy and the closest-hit reference |
 //! | [`grid`] | region of interest, voxels, P-SOG, entropy |
 //! | [`placement`] | beam tables, sensor poses, mount and constraints |
+//! | [`backend`] | casting, coverage and integer sums on the CPU and on the GPU |
 
+pub mod backend;
 pub mod bvh;
 pub mod geom;
 pub mod grid;

@@ -1,1 +1,11 @@
-//! (see lib.rs)
+//! Beam tables, placements and the rules a placement must keep.
+
+mod constraints;
+mod file;
+mod pose;
+mod sensor;
+
+pub use constraints::{Constraints, Violation};
+pub use file::{PlacementReader, ReadError, read_placements};
+pub use pose::{MAX_LIDARS, Placement, PlacementError, SensorPose};
+pub use sensor::{BeamTable, SensorError};

@@ -1,0 +1,48 @@
+// Uniforms, poses and beams: what every kernel that follows beams shares.
+//
+// CPU twins  src/backend/layout.rs (structs, compared field by field in tests),
+//            src/backend/cpu/beam.rs
+
+struct Uniforms {
+    shape: vec3<u32>,
+    direction_count: u32,
+    voxel: vec3<f32>,
+    range: f32,
+    bitmap_words: u32,
+    node_count: u32,
+    pad: f32,
+    occupied_count: u32,
+    class_count: u32,
+    walk_pass: u32,
+    walk_resumes: u32,
+    ends_at_hits: u32,
+}
+
+struct DevicePose {
+    row_x: vec4<f32>,
+    row_y: vec4<f32>,
+    row_z: vec4<f32>,
+    in_grid: vec4<f32>,
+}
+
+struct Hit {
+    t: f32,
+    prim: u32,
+}
+
+fn turned(row: vec4<f32>, v: vec3<f32>) -> f32 {
+    let d = row.x * v.x + row.y * v.y + row.z * v.z;
+    return select(d, 0.0, abs(d) < TINY_COMPONENT);
+}
+
+fn beam_direction(pose: DevicePose, direction: vec3<f32>) -> vec3<f32> {
+    return vec3(
+        turned(pose.row_x, direction),
+        turned(pose.row_y, direction),
+        turned(pose.row_z, direction),
+    );
+}
+
+fn beam_origin(pose: DevicePose) -> vec3<f32> {
+    return vec3(pose.row_x.w, pose.row_y.w, pose.row_z.w);
+}

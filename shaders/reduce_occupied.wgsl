@@ -1,0 +1,73 @@
+// reduce_occupied: sums the entropies of the occupied voxels that a placement covers.
+//
+// CPU twin   src/backend/cpu/reduce.rs::reduce_occupied
+// Reads      placements[placements], bitmaps[sensors × bitmap_words], occupied[occupied_count]
+// Writes     partials[placement × workgroups × PARTIAL_WORDS], every element: the count of covered
+//            occupied voxels, then the sums' low and high 16-bit halves, which cannot overflow within
+//            a workgroup; the host adds them up
+// Dispatch   (ceil(occupied_count / ITEMS_PER_WORKGROUP), placements)
+
+struct OccupiedVoxel {
+    index: u32,
+    segmentation: u32,
+    detection: u32,
+    bernoulli: u32,
+}
+
+@group(0) @binding(0) var<uniform> uniforms: Uniforms;
+@group(0) @binding(1) var<storage, read> placements: array<Sensors>;
+@group(0) @binding(2) var<storage, read> bitmaps: array<u32>;
+@group(0) @binding(3) var<storage, read> occupied: array<OccupiedVoxel>;
+@group(0) @binding(4) var<storage, read_write> partials: array<u32>;
+
+var<workgroup> sums: array<atomic<u32>, PARTIAL_WORDS>;
+
+fn add_halves(slot: u32, low: u32, high: u32) {
+    atomicAdd(&sums[1u + 2u * slot], low);
+    atomicAdd(&sums[2u + 2u * slot], high);
+}
+
+@compute @workgroup_size(WORKGROUP_SIZE)
+fn reduce_occupied(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let sensors = placements[group.y];
+    var count = 0u;
+    var low = vec3(0u);
+    var high = vec3(0u);
+    for (var k = 0u; k < ITEMS_PER_INVOCATION; k++) {
+        let item = group.x * ITEMS_PER_WORKGROUP + k * WORKGROUP_SIZE + local;
+        if item >= uniforms.occupied_count {
+            break;
+        }
+        let voxel = occupied[item];
+        var times = 0u;
+        var last = 0u;
+        for (var s = 0u; s < sensors.count; s++) {
+            if covers(sensors.first + s, voxel.index) {
+                times++;
+                last = s;
+            }
+        }
+        if times > 0u {
+            let entropy = vec3(voxel.segmentation, voxel.detection, voxel.bernoulli);
+            count++;
+            low += entropy & vec3(0xffffu);
+            high += entropy >> vec3(16u);
+        }
+        if times == 1u {
+            add_halves(3u + last, voxel.segmentation & 0xffffu, voxel.segmentation >> 16u);
+        }
+    }
+    atomicAdd(&sums[0], count);
+    for (var kind = 0u; kind < 3u; kind++) {
+        add_halves(kind, low[kind], high[kind]);
+    }
+    workgroupBarrier();
+    let base = (group.y * groups.x + group.x) * PARTIAL_WORDS;
+    for (var word = local; word < PARTIAL_WORDS; word += WORKGROUP_SIZE) {
+        partials[base + word] = atomicLoad(&sums[word]);
+    }
+}

@@ -1,0 +1,248 @@
+use std::sync::{Arc, Mutex};
+
+use serde::Serialize;
+
+use crate::backend::BackendError;
+
+/// One Vulkan device as reported by its driver.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct AdapterSummary {
+    /// Device name.
+    pub name: String,
+    /// `discrete`, `integrated`, `virtual`, `software` or `other`.
+    pub kind: &'static str,
+    /// Driver name.
+    pub driver: String,
+    /// Driver version and build.
+    pub driver_info: String,
+    /// Most bytes that a kernel binds as one buffer.
+    pub max_binding: u64,
+    /// Most bytes of one buffer.
+    pub max_buffer: u64,
+    /// Most invocations of a workgroup.
+    pub max_workgroup: u32,
+    /// Whether `--backend auto` takes this device.
+    pub auto: bool,
+}
+
+/// Every Vulkan device of this machine, the one that is taken by default first.
+pub fn list_adapters() -> Vec<AdapterSummary> {
+    let ranked = ranked_adapters(&instance());
+    let summaries = ranked.iter().enumerate().map(|(index, adapter)| {
+        let info = adapter.get_info();
+        let limits = adapter.limits();
+        AdapterSummary {
+            kind: kind(info.device_type),
+            name: info.name,
+            driver: info.driver,
+            driver_info: info.driver_info,
+            max_binding: limits.max_storage_buffer_binding_size,
+            max_buffer: limits.max_buffer_size,
+            max_workgroup: limits.max_compute_invocations_per_workgroup,
+            auto: index == 0,
+        }
+    });
+    summaries.collect()
+}
+
+fn kind(device_type: wgpu::DeviceType) -> &'static str {
+    match device_type {
+        wgpu::DeviceType::DiscreteGpu => "discrete",
+        wgpu::DeviceType::IntegratedGpu => "integrated",
+        wgpu::DeviceType::VirtualGpu => "virtual",
+        wgpu::DeviceType::Cpu => "software",
+        wgpu::DeviceType::Other => "other",
+    }
+}
+
+fn instance() -> wgpu::Instance {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = wgpu::Backends::VULKAN;
+    descriptor.flags = wgpu::InstanceFlags::empty();
+    wgpu::Instance::new(descriptor)
+}
+
+/// Best first: dedicated hardware before shared before software; ties keep the driver's order.
+fn ranked_adapters(instance: &wgpu::Instance) -> Vec<wgpu::Adapter> {
+    let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+    adapters.sort_by_key(|adapter| match adapter.get_info().device_type {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    });
+    adapters
+}
+
+/// An open device. Errors of the driver are kept here until [`Self::check`] hands them out, so that
+/// wgpu's default of a panic never reaches a user.
+pub(super) struct Device {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    adapter: String,
+    failure: Arc<Mutex<Option<String>>>,
+}
+
+impl Device {
+    pub(super) fn open(name: Option<&str>) -> Result<Self, BackendError> {
+        let wanted = name.map(str::to_lowercase);
+        let adapter = ranked_adapters(&instance())
+            .into_iter()
+            .find(|adapter| match &wanted {
+                Some(part) => adapter.get_info().name.to_lowercase().contains(part),
+                None => true,
+            })
+            .ok_or_else(|| BackendError::NoDevice { name: name.map(str::to_owned) })?;
+        let info = adapter.get_info();
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("sightline"),
+            required_limits: adapter.limits(),
+            ..Default::default()
+        };
+        let request = pollster::block_on(adapter.request_device(&descriptor));
+        let (device, queue) = request.map_err(|error| BackendError::Device {
+            adapter: info.name.clone(),
+            stage: "opening it",
+            message: error.to_string(),
+        })?;
+        let failure = Arc::new(Mutex::new(None));
+        let keep = |failure: &Arc<Mutex<Option<String>>>, message: String| {
+            if let Ok(mut slot) = failure.lock() {
+                slot.get_or_insert(message);
+            }
+        };
+        let of_errors = failure.clone();
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            keep(&of_errors, error.to_string());
+        }));
+        let of_loss = failure.clone();
+        device.set_device_lost_callback(move |reason, message| {
+            keep(&of_loss, format!("the device was lost ({reason:?}) {message}"));
+        });
+        let adapter = format!("{} ({} {})", info.name, info.driver, info.driver_info);
+        Ok(Self { device, queue, adapter, failure })
+    }
+
+    pub(super) fn adapter(&self) -> &str {
+        &self.adapter
+    }
+
+    /// Most bytes of one storage buffer binding.
+    pub(super) fn max_binding(&self) -> u64 {
+        let limits = self.device.limits();
+        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+    }
+
+    pub(super) fn destroy(&self) {
+        self.device.destroy();
+    }
+
+    /// The first error since the device was opened, if any: a device that failed is not used again.
+    pub(super) fn check(&self, stage: &'static str) -> Result<(), BackendError> {
+        match self.failure.lock().ok().and_then(|slot| slot.clone()) {
+            Some(message) => Err(self.failed(stage, message)),
+            None => Ok(()),
+        }
+    }
+
+    fn failed(&self, stage: &'static str, message: String) -> BackendError {
+        let message = message.split_whitespace().collect::<Vec<_>>().join(" ");
+        BackendError::Device { adapter: self.adapter.clone(), stage, message }
+    }
+
+    /// A buffer of at least one vector, for kernels to read or write.
+    pub(super) fn buffer(
+        &self,
+        what: &'static str,
+        bytes: u64,
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, BackendError> {
+        let limit = self.max_binding();
+        if usage.contains(wgpu::BufferUsages::STORAGE) && bytes > limit {
+            return Err(BackendError::TooLarge { what, need: bytes, limit });
+        }
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(what),
+            size: bytes.next_multiple_of(16).max(64),
+            usage,
+            mapped_at_creation: false,
+        });
+        self.check("allocating a buffer")?;
+        Ok(buffer)
+    }
+
+    /// A storage buffer that holds `data` for good.
+    pub(super) fn upload<T: bytemuck::NoUninit>(
+        &self,
+        what: &'static str,
+        data: &[T],
+    ) -> Result<wgpu::Buffer, BackendError> {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        let buffer = self.buffer(what, size_of_val(data) as u64, usage)?;
+        self.write(&buffer, data);
+        // Flushed one by one: staging memory of several large uploads would add up.
+        self.queue.submit([]);
+        Ok(buffer)
+    }
+
+    pub(super) fn write<T: bytemuck::NoUninit>(&self, buffer: &wgpu::Buffer, data: &[T]) {
+        if !data.is_empty() {
+            self.queue.write_buffer(buffer, 0, bytemuck::cast_slice(data));
+        }
+    }
+
+    pub(super) fn wgpu(&self) -> &wgpu::Device {
+        &self.device
+    }
+
+    /// Runs recorded commands to their end.
+    pub(super) fn submit(
+        &self,
+        stage: &'static str,
+        record: impl FnOnce(&mut wgpu::CommandEncoder),
+    ) -> Result<(), BackendError> {
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        record(&mut encoder);
+        self.queue.submit([encoder.finish()]);
+        self.device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .map_err(|error| self.failed(stage, error.to_string()))?;
+        self.check(stage)
+    }
+
+    /// Copies the first `bytes` of a buffer to the host.
+    pub(super) fn read<T: bytemuck::Pod>(
+        &self,
+        stage: &'static str,
+        buffer: &wgpu::Buffer,
+        bytes: u64,
+    ) -> Result<Vec<T>, BackendError> {
+        let size = bytes.next_multiple_of(4);
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        let staging = self.buffer("read-back", size, usage)?;
+        let answer = Arc::new(Mutex::new(None));
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, size);
+        self.queue.submit([encoder.finish()]);
+        let sink = answer.clone();
+        staging.map_async(wgpu::MapMode::Read, 0..size, move |result| {
+            if let Ok(mut slot) = sink.lock() {
+                *slot = Some(result);
+            }
+        });
+        self.device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .map_err(|error| self.failed(stage, error.to_string()))?;
+        self.check(stage)?;
+        match answer.lock().ok().and_then(|mut slot| slot.take()) {
+            Some(Ok(())) => {}
+            Some(Err(error)) => return Err(self.failed(stage, error.to_string())),
+            None => return Err(self.failed(stage, "the read-back never finished".into())),
+        }
+        let view = staging
+            .get_mapped_range(0..size)
+            .map_err(|error| self.failed(stage, error.to_string()))?;
+        Ok(bytemuck::pod_collect_to_vec(&view[..bytes as usize]))
+    }
+}

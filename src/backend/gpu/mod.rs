@@ -1,0 +1,180 @@
+//! The GPU backend: everything that touches wgpu.
+
+mod device;
+mod kernels;
+mod resources;
+mod run;
+
+pub use device::{AdapterSummary, list_adapters};
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::{
+    Backend, BackendError, Chunk, ChunkLimits, DevicePose, Problem, StageTimes, Tally, split,
+};
+use crate::bvh::Hit;
+use crate::placement::Placement;
+use device::Device;
+use kernels::Kernels;
+use resources::{ChunkBuffers, SceneBuffers};
+
+/// Evaluates batches on a Vulkan device.
+///
+/// Pipelines and scene buffers are made once; the buffers of a chunk grow to the largest chunk seen.
+pub struct GpuBackend {
+    problem: Arc<Problem>,
+    device: Device,
+    kernels: Kernels,
+    scene: SceneBuffers,
+    chunk: Option<ChunkBuffers>,
+    memory: u64,
+    times: StageTimes,
+}
+
+impl GpuBackend {
+    /// Opens the best device, or the one whose name contains `adapter`, and uploads the problem.
+    ///
+    /// Work buffers together stay below `memory` bytes.
+    ///
+    /// # Errors
+    /// No such device, or one that cannot hold the problem.
+    pub fn new(
+        problem: Arc<Problem>,
+        adapter: Option<&str>,
+        memory: u64,
+    ) -> Result<Self, BackendError> {
+        let device = Device::open(adapter)?;
+        let kernels = Kernels::new(&device)?;
+        let scene = SceneBuffers::new(&device, &problem)?;
+        let times = StageTimes::default();
+        Ok(Self { problem, device, kernels, scene, chunk: None, memory, times })
+    }
+
+    /// Ends the device as a driver reset would; whatever is asked of the backend then is an error.
+    #[doc(hidden)]
+    pub fn lose_device(&self) {
+        self.device.destroy();
+    }
+
+    fn chunks(&self, placements: &[Placement]) -> Result<Vec<Chunk>, BackendError> {
+        let lidars: Vec<usize> = placements.iter().map(|p| p.lidars.len()).collect();
+        let widest = lidars.iter().copied().max().unwrap_or(1);
+        let sizes = resources::Sizes::of(&self.problem);
+        let binding = self.device.max_binding();
+        let sensors = [
+            ("coverage bitmaps", sizes.bitmap, binding),
+            ("hits", sizes.hits, binding),
+            ("work buffers", sizes.per_sensor(), self.memory),
+        ];
+        let mut limits = ChunkLimits::from_bytes(widest, &sensors)?;
+        let placements = [
+            ("partial sums", sizes.partials, binding.min(self.memory)),
+            ("totals", sizes.totals, binding),
+        ];
+        limits.placements = ChunkLimits::from_bytes(1, &placements)?.sensors;
+        Ok(split(&lidars, limits))
+    }
+
+    /// Uploads a chunk's poses and placements.
+    fn load(&mut self, placements: &[Placement]) -> Result<(), BackendError> {
+        let grid = self.problem.grid();
+        let poses: Vec<DevicePose> =
+            placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, grid)).collect();
+        let fits = self.chunk.as_ref().is_some_and(|c| c.holds(poses.len(), placements.len()));
+        if !fits {
+            // The old buffers go first, so that both never exist at once.
+            self.chunk = None;
+            let sizes = resources::Sizes::of(&self.problem);
+            let chunk = ChunkBuffers::new(&self.device, &sizes, poses.len(), placements.len())?;
+            self.chunk = Some(chunk);
+        }
+        let lidars = placements.iter().map(|p| p.lidars.len() as u32);
+        let chunk = self.chunk.as_mut().expect("made above");
+        chunk.load(&self.device, &poses, lidars);
+        self.device.check("uploading placements")
+    }
+
+    fn run(&mut self) -> run::Run<'_> {
+        run::Run {
+            problem: &self.problem,
+            device: &self.device,
+            kernels: &self.kernels,
+            scene: &self.scene,
+            chunk: self.chunk.as_ref().expect("a chunk is loaded before it runs"),
+        }
+    }
+}
+
+impl Backend for GpuBackend {
+    fn name(&self) -> &'static str {
+        "gpu"
+    }
+
+    fn adapter(&self) -> &str {
+        self.device.adapter()
+    }
+
+    fn tally(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Tally>, BackendError> {
+        let mut tallies = Vec::with_capacity(placements.len());
+        let classes = self.problem.content().classes().len();
+        for chunk in self.chunks(placements)? {
+            let placements = &placements[chunk.placements];
+            self.load(placements)?;
+            let mut sums: Vec<Tally> =
+                placements.iter().map(|p| Tally::zero(classes, p.lidars.len())).collect();
+            for frame in 0..self.problem.frame_count() {
+                let mut times = self.times;
+                let run = self.run();
+                let start = Instant::now();
+                let hits = run.cast(frame, range)?;
+                times.cast += start.elapsed();
+                let start = Instant::now();
+                run.cover(frame, range)?;
+                times.cover += start.elapsed();
+                let start = Instant::now();
+                run.reduce(&hits, &mut sums)?;
+                times.reduce += start.elapsed();
+                self.times = times;
+            }
+            tallies.append(&mut sums);
+        }
+        Ok(tallies)
+    }
+
+    fn hits(&mut self, placement: &Placement, frame: usize) -> Result<Vec<Hit>, BackendError> {
+        let frames = self.problem.geometry_frame_count();
+        if frame >= frames {
+            return Err(BackendError::NoFrame { frame, frames });
+        }
+        let placements = std::slice::from_ref(placement);
+        self.chunks(placements)?;
+        self.load(placements)?;
+        let start = Instant::now();
+        let range = self.problem.table().range();
+        let run = self.run();
+        run.cast_geometry(frame, range)?;
+        let hits = run.read_hits()?;
+        self.times.cast += start.elapsed();
+        Ok(hits)
+    }
+
+    fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {
+        let frames = self.problem.frame_count();
+        if frame >= frames {
+            return Err(BackendError::NoFrame { frame, frames });
+        }
+        let placements = std::slice::from_ref(placement);
+        self.chunks(placements)?;
+        self.load(placements)?;
+        let range = self.problem.table().range();
+        let run = self.run();
+        run.cast(frame, range)?;
+        run.cover(frame, range)?;
+        run.read_covered()
+    }
+
+    fn times(&self) -> StageTimes {
+        self.times
+    }
+}

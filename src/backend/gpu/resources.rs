@@ -1,0 +1,173 @@
+use super::device::Device;
+use crate::backend::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, STEP_BUDGET, Uniforms};
+use crate::backend::{BackendError, DevicePose, Problem};
+use crate::bvh::Hit;
+
+/// Bytes that the buffers of a chunk need.
+pub(super) struct Sizes {
+    /// One bitmap.
+    pub(super) bitmap: u64,
+    /// Hits of one sensor.
+    pub(super) hits: u64,
+    /// Walk states of one sensor; 0 where every walk ends in one pass.
+    walk_state: u64,
+    /// Partial sums of one placement.
+    pub(super) partials: u64,
+    /// Totals of one placement.
+    pub(super) totals: u64,
+}
+
+impl Sizes {
+    pub(super) fn of(problem: &Problem) -> Self {
+        let words = problem.grid().voxel_count().div_ceil(32) as u64;
+        let directions = problem.table().directions().len() as u64;
+        let groups = occupied_workgroups(problem);
+        Self {
+            bitmap: 4 * words,
+            hits: if problem.geometry_frame_count() > 0 {
+                size_of::<Hit>() as u64 * directions
+            } else {
+                0
+            },
+            walk_state: if walk_passes(problem) > 1 { 4 * directions } else { 0 },
+            partials: 4 * u64::from(groups * PARTIAL_WORDS),
+            totals: 4 * (1 + problem.content().classes().len() as u64),
+        }
+    }
+
+    pub(super) fn per_sensor(&self) -> u64 {
+        self.bitmap + self.hits + self.walk_state
+    }
+}
+
+/// Passes that the longest walk through the grid needs.
+pub(super) fn walk_passes(problem: &Problem) -> u32 {
+    let steps: u64 = problem.grid().shape.iter().map(|&n| u64::from(n) + 1).sum();
+    steps.div_ceil(u64::from(STEP_BUDGET)) as u32
+}
+
+pub(super) fn occupied_workgroups(problem: &Problem) -> u32 {
+    (problem.content().occupied().len() as u32).div_ceil(ITEMS_PER_WORKGROUP)
+}
+
+/// A frame's tree on the device.
+pub(super) struct FrameBuffers {
+    pub(super) nodes: wgpu::Buffer,
+    pub(super) triangles: wgpu::Buffer,
+}
+
+/// What does not change between batches.
+pub(super) struct SceneBuffers {
+    pub(super) directions: wgpu::Buffer,
+    pub(super) frames: Vec<FrameBuffers>,
+    pub(super) occupied: wgpu::Buffer,
+    pub(super) class_voxels: wgpu::Buffer,
+    pub(super) class_runs: wgpu::Buffer,
+    pub(super) class_run_count: u32,
+}
+
+impl SceneBuffers {
+    pub(super) fn new(device: &Device, problem: &Problem) -> Result<Self, BackendError> {
+        let directions: Vec<[f32; 4]> =
+            problem.table().directions().iter().map(|&[x, y, z]| [x, y, z, 0.0]).collect();
+        let frames = (0..problem.geometry_frame_count()).filter_map(|t| problem.geometry(t));
+        let content = problem.content();
+        let runs = class_runs(content.class_starts());
+        Ok(Self {
+            directions: device.upload("beam directions", &directions)?,
+            frames: frames
+                .map(|bvh| {
+                    Ok(FrameBuffers {
+                        nodes: device.upload("BVH nodes", &bvh.nodes)?,
+                        triangles: device.upload("triangles", &bvh.triangles)?,
+                    })
+                })
+                .collect::<Result<_, BackendError>>()?,
+            occupied: device.upload("occupied voxels", content.occupied())?,
+            class_voxels: device.upload("voxels by class", content.class_voxels())?,
+            class_runs: device.upload("class runs", &runs)?,
+            class_run_count: runs.len() as u32,
+        })
+    }
+}
+
+/// Cuts each class's voxels into runs of one workgroup: (class, first, end, 0).
+fn class_runs(starts: &[u32]) -> Vec<[u32; 4]> {
+    let mut runs = Vec::new();
+    for (class, ends) in starts.windows(2).enumerate() {
+        let firsts = (ends[0]..ends[1]).step_by(ITEMS_PER_WORKGROUP as usize);
+        runs.extend(
+            firsts
+                .map(|first| [class as u32, first, (first + ITEMS_PER_WORKGROUP).min(ends[1]), 0]),
+        );
+    }
+    runs
+}
+
+/// Work buffers of one chunk.
+pub(super) struct ChunkBuffers {
+    capacity: (usize, usize),
+    pub(super) sensors: u32,
+    pub(super) placements: Vec<[u32; 2]>,
+    pub(super) uniforms: wgpu::Buffer,
+    pub(super) poses: wgpu::Buffer,
+    pub(super) hits: wgpu::Buffer,
+    pub(super) counters: wgpu::Buffer,
+    pub(super) bitmaps: wgpu::Buffer,
+    pub(super) walk_state: wgpu::Buffer,
+    pub(super) placement_sensors: wgpu::Buffer,
+    pub(super) totals: wgpu::Buffer,
+    pub(super) partials: wgpu::Buffer,
+}
+
+impl ChunkBuffers {
+    pub(super) fn new(
+        device: &Device,
+        sizes: &Sizes,
+        sensors: usize,
+        placements: usize,
+    ) -> Result<Self, BackendError> {
+        let (s, p) = (sensors as u64, placements as u64);
+        let usage = wgpu::BufferUsages::STORAGE
+            | wgpu::BufferUsages::COPY_DST
+            | wgpu::BufferUsages::COPY_SRC;
+        let buffer = |what, bytes| device.buffer(what, bytes, usage);
+        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        Ok(Self {
+            capacity: (sensors, placements),
+            sensors: 0,
+            placements: Vec::new(),
+            uniforms: device.buffer("uniforms", size_of::<Uniforms>() as u64, uniform)?,
+            poses: buffer("poses", s * size_of::<DevicePose>() as u64)?,
+            hits: buffer("hits", s * sizes.hits)?,
+            counters: buffer("hit counters", 4 * (1 + s))?,
+            bitmaps: buffer("coverage bitmaps", s * sizes.bitmap)?,
+            walk_state: buffer("walk states", s * sizes.walk_state)?,
+            placement_sensors: buffer("placements", 8 * p)?,
+            totals: buffer("totals", p * sizes.totals)?,
+            partials: buffer("partial sums", p * sizes.partials)?,
+        })
+    }
+
+    pub(super) fn holds(&self, sensors: usize, placements: usize) -> bool {
+        sensors <= self.capacity.0 && placements <= self.capacity.1
+    }
+
+    pub(super) fn load(
+        &mut self,
+        device: &Device,
+        poses: &[DevicePose],
+        lidars: impl Iterator<Item = u32>,
+    ) {
+        self.sensors = poses.len() as u32;
+        self.placements = lidars
+            .scan(0, |first, count| {
+                let entry = [*first, count];
+                *first += count;
+                Some(entry)
+            })
+            .collect();
+        device.write(&self.poses, poses);
+        device.write(&self.placement_sensors, &self.placements);
+    }
+}

@@ -1,0 +1,135 @@
+//! Constants and structures that the host shares with the shaders.
+//!
+//! Constants stand here once and are printed into every shader by [`prelude`]; a test compares the
+//! offset of every struct field with the one that the shader compiler finds.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::Grid;
+use crate::bvh::{MAX_DEPTH, NO_HIT};
+use crate::geom::Pose;
+use crate::placement::{MAX_LIDARS, SensorPose};
+
+/// Invocations of a workgroup.
+pub(crate) const WORKGROUP_SIZE: u32 = 64;
+/// Workgroups along one dimension of a dispatch that every Vulkan device allows.
+pub(crate) const MAX_WORKGROUPS: u32 = 65_535;
+/// Metres by which a hit is pushed along the beam before its voxel is looked up.
+pub(crate) const PUSH: f32 = 1e-3;
+/// Direction components smaller than this count as zero: below a micrometre in a kilometre.
+pub(crate) const TINY_COMPONENT: f32 = 1e-9;
+/// Stands for 1/0 in planes a beam never reaches; finite, as shaders may assume.
+pub(crate) const FAR: f32 = 1e20;
+/// Grid coordinates closer to zero than this are zero, so that `FAR` keeps its meaning.
+const TINY_COORDINATE: f64 = 1e-12;
+/// Grid coordinates stay convertible to `i32`.
+const MAX_COORDINATE: f64 = 1e9;
+/// Loop steps that one invocation may take: some drivers end loops silently after 65 535.
+pub(crate) const STEP_BUDGET: u32 = 60_000;
+/// Triangle id of a beam whose traversal ran out of [`STEP_BUDGET`].
+pub(crate) const UNFINISHED: u32 = NO_HIT - 1;
+/// State of a beam whose walk has ended.
+pub(crate) const WALK_DONE: u32 = u32::MAX;
+/// Voxels or words that one invocation of a reduction looks at: a workgroup's sums of 16-bit halves
+/// stay below 2³².
+pub(crate) const ITEMS_PER_INVOCATION: u32 = 64;
+/// Items of a workgroup of a reduction.
+pub(crate) const ITEMS_PER_WORKGROUP: u32 = WORKGROUP_SIZE * ITEMS_PER_INVOCATION;
+/// Sums that `reduce_occupied` keeps in low and high 16-bit halves: three entropies, then one unique
+/// entropy a LiDAR.
+pub(crate) const HALVED_SUMS: u32 = 3 + MAX_LIDARS as u32;
+/// Words of one partial result of `reduce_occupied`: the count, then low and high halves.
+pub(crate) const PARTIAL_WORDS: u32 = 1 + 2 * HALVED_SUMS;
+
+/// One sensor as the kernels read it, 64 bytes.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct DevicePose {
+    /// Rows of the sensor-to-ego rotation, each followed by that coordinate of the position (m).
+    pub rows: [[f32; 4]; 3],
+    /// Position in voxels from the grid's lower corner, and zero.
+    pub in_grid: [f32; 4],
+}
+
+impl DevicePose {
+    /// Evaluates the pose in `f64` and rounds each number once.
+    pub fn new(pose: &SensorPose, grid: &Grid) -> Self {
+        let Pose { rotation, translation } = pose.ego_from_sensor();
+        let rows = [0, 1, 2].map(|k| {
+            let row = rotation.row(k);
+            [row.x as f32, row.y as f32, row.z as f32, translation[k] as f32]
+        });
+        let p = [0, 1, 2].map(|k| {
+            let p = (translation[k] - grid.min[k]) / grid.voxel[k];
+            let p = if p.abs() < TINY_COORDINATE { 0.0 } else { p };
+            p.clamp(-MAX_COORDINATE, MAX_COORDINATE) as f32
+        });
+        Self { rows, in_grid: [p[0], p[1], p[2], 0.0] }
+    }
+}
+
+/// One voxel that is occupied in some frame, 16 bytes.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct OccupiedVoxel {
+    /// Linear index in the grid.
+    pub index: u32,
+    /// Fixed-point entropies: all classes, detection target against the rest, occupied or not.
+    pub entropy: [u32; 3],
+}
+
+/// Uniforms of one dispatch, 64 bytes.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub(crate) struct Uniforms {
+    /// Voxels along each axis.
+    pub shape: [u32; 3],
+    /// Directions of the beam table.
+    pub direction_count: u32,
+    /// Voxel size in metres.
+    pub voxel: [f32; 3],
+    /// Farthest return in metres.
+    pub range: f32,
+    /// 32-bit words of one bitmap.
+    pub bitmap_words: u32,
+    /// Nodes of the tree; 0 when there is no geometry to end a beam.
+    pub node_count: u32,
+    /// Metres by which triangle boxes are grown.
+    pub pad: f32,
+    /// Occupied voxels.
+    pub occupied_count: u32,
+    /// Classes.
+    pub class_count: u32,
+    /// Which pass of a walk that needs several; 0 starts it.
+    pub walk_pass: u32,
+    /// 1 when walks need several passes and keep their state.
+    pub walk_resumes: u32,
+    /// 1 when beams end at their hits.
+    pub ends_at_hits: u32,
+}
+
+/// Constants as WGSL, put before every shader.
+pub(crate) fn prelude() -> String {
+    let words = [
+        ("WORKGROUP_SIZE", WORKGROUP_SIZE),
+        ("MAX_DEPTH", MAX_DEPTH as u32),
+        ("MAX_LIDARS", MAX_LIDARS as u32),
+        ("NO_HIT", NO_HIT),
+        ("UNFINISHED", UNFINISHED),
+        ("WALK_DONE", WALK_DONE),
+        ("STEP_BUDGET", STEP_BUDGET),
+        ("ITEMS_PER_INVOCATION", ITEMS_PER_INVOCATION),
+        ("ITEMS_PER_WORKGROUP", ITEMS_PER_WORKGROUP),
+        ("HALVED_SUMS", HALVED_SUMS),
+        ("PARTIAL_WORDS", PARTIAL_WORDS),
+    ];
+    let floats = [("PUSH", PUSH), ("TINY_COMPONENT", TINY_COMPONENT), ("FAR", FAR)];
+    let mut text = String::new();
+    for (name, value) in words {
+        text += &format!("const {name}: u32 = {value}u;\n");
+    }
+    for (name, value) in floats {
+        text += &format!("const {name}: f32 = {value:e}f;\n");
+    }
+    text
+}

@@ -1,0 +1,212 @@
+use super::OccupiedVoxel;
+use crate::bvh::Bvh;
+use crate::placement::BeamTable;
+
+/// The voxels that beams walk through: the region of interest as the kernels need it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grid {
+    /// Lower corner in metres.
+    pub min: [f64; 3],
+    /// Voxel size in metres.
+    pub voxel: [f64; 3],
+    /// Voxels along each axis; their product is below 2³¹.
+    pub shape: [u32; 3],
+    /// Voxel size as the walks use it.
+    pub voxel32: [f32; 3],
+}
+
+impl Grid {
+    /// A grid of `shape` voxels of size `voxel` from `min` on.
+    pub fn new(min: [f64; 3], voxel: [f64; 3], shape: [u32; 3]) -> Self {
+        Self { min, voxel, shape, voxel32: voxel.map(|v| v as f32) }
+    }
+
+    /// Voxels in all.
+    pub fn voxel_count(&self) -> usize {
+        self.shape.iter().map(|&n| n as usize).product()
+    }
+
+    /// 64-bit words of a bitmap of the voxels.
+    pub fn bitmap_words64(&self) -> usize {
+        self.voxel_count().div_ceil(64)
+    }
+
+    /// Length of the diagonal in metres.
+    pub fn diagonal(&self) -> f64 {
+        (0..3).map(|k| (self.voxel[k] * f64::from(self.shape[k])).powi(2)).sum::<f64>().sqrt()
+    }
+}
+
+/// What covering a voxel is worth: the occupied voxels of a P-SOG with their entropies and classes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Content {
+    classes: Vec<String>,
+    occupied: Vec<OccupiedVoxel>,
+    /// Linear indices, class after class.
+    class_voxels: Vec<u32>,
+    /// Where each class begins in `class_voxels`, and the end.
+    class_starts: Vec<u32>,
+    entropy_total: [u64; 3],
+    has_detection: bool,
+}
+
+impl Content {
+    /// From occupied voxels in rising order and, for each class, the voxels in which it occurs.
+    pub fn new(
+        classes: Vec<String>,
+        occupied: Vec<OccupiedVoxel>,
+        voxels_by_class: &[Vec<u32>],
+        has_detection: bool,
+    ) -> Self {
+        let mut class_starts = vec![0];
+        for voxels in voxels_by_class {
+            class_starts.push(class_starts[class_starts.len() - 1] + voxels.len() as u32);
+        }
+        let mut entropy_total = [0; 3];
+        for voxel in &occupied {
+            for (sum, entropy) in entropy_total.iter_mut().zip(voxel.entropy) {
+                *sum += u64::from(entropy);
+            }
+        }
+        let class_voxels = voxels_by_class.concat();
+        Self { classes, occupied, class_voxels, class_starts, entropy_total, has_detection }
+    }
+
+    /// Class names by class id.
+    pub fn classes(&self) -> &[String] {
+        &self.classes
+    }
+
+    /// Voxels occupied in at least one frame, in rising order.
+    pub fn occupied(&self) -> &[OccupiedVoxel] {
+        &self.occupied
+    }
+
+    /// Linear indices of the voxels in which a class occurs in at least one frame, rising.
+    pub fn voxels_of_class(&self, class: usize) -> &[u32] {
+        let range = self.class_starts[class] as usize..self.class_starts[class + 1] as usize;
+        &self.class_voxels[range]
+    }
+
+    /// Fixed-point Σ H over all voxels: all classes, detection target against the rest, occupied or
+    /// not.
+    pub fn entropy_total(&self) -> [u64; 3] {
+        self.entropy_total
+    }
+
+    /// Whether any class counts as detection target.
+    pub fn has_detection(&self) -> bool {
+        self.has_detection
+    }
+
+    pub(super) fn class_voxels(&self) -> &[u32] {
+        &self.class_voxels
+    }
+
+    pub(super) fn class_starts(&self) -> &[u32] {
+        &self.class_starts
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        (size_of_val(self.occupied.as_slice()) + size_of_val(self.class_voxels.as_slice())) as u64
+    }
+}
+
+/// Why parts do not make a problem.
+#[derive(Debug, thiserror::Error, PartialEq)]
+#[non_exhaustive]
+pub enum ProblemError {
+    /// The P-SOG and the scene do not describe the same voxels.
+    #[error(
+        "the P-SOG has {psog} and the scene's roi {scene}; build the P-SOG with the same roi or \
+         correct the roi"
+    )]
+    GridMismatch {
+        /// Grid of the P-SOG in words.
+        psog: String,
+        /// Grid of the scene in words.
+        scene: String,
+    },
+    /// More voxels than an index holds.
+    #[error("the roi has {voxels} voxels, at most {limit} are supported; use larger voxels")]
+    TooManyVoxels {
+        /// Asked for.
+        voxels: u64,
+        /// Supported.
+        limit: u64,
+    },
+}
+
+/// All that is fixed while placements vary: sensor, voxels, their worth, and the geometry.
+#[derive(Debug)]
+pub struct Problem {
+    grid: Grid,
+    content: Content,
+    table: BeamTable,
+    frames: Vec<Bvh>,
+    ends_at_hits: bool,
+}
+
+impl Problem {
+    /// Puts the parts together.
+    ///
+    /// `frames` holds one tree a frame, in the ego frame, none for a scene without geometry. With
+    /// `ends_at_hits` beams end at the first surface of each frame (coverage `first-hit`); otherwise
+    /// they run on through all (`through`), and there is one frame to evaluate, whatever the geometry.
+    pub fn new(
+        grid: Grid,
+        content: Content,
+        table: BeamTable,
+        frames: Vec<Bvh>,
+        ends_at_hits: bool,
+    ) -> Self {
+        let ends_at_hits = ends_at_hits && !frames.is_empty();
+        Self { grid, content, table, frames, ends_at_hits }
+    }
+
+    /// The voxels.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// What they are worth.
+    pub fn content(&self) -> &Content {
+        &self.content
+    }
+
+    /// Beams of one sensor.
+    pub fn table(&self) -> &BeamTable {
+        &self.table
+    }
+
+    /// Frames over which a tally is summed.
+    pub fn frame_count(&self) -> usize {
+        if self.ends_at_hits { self.frames.len() } else { 1 }
+    }
+
+    /// Whether beams end at surfaces.
+    pub fn ends_at_hits(&self) -> bool {
+        self.ends_at_hits
+    }
+
+    /// Frames that have geometry to cast into.
+    pub fn geometry_frame_count(&self) -> usize {
+        self.frames.len()
+    }
+
+    /// Geometry of a frame, if the scene has any.
+    pub fn geometry(&self, frame: usize) -> Option<&Bvh> {
+        self.frames.get(frame)
+    }
+
+    /// The tree at which beams end in a frame; `None` when they end at nothing.
+    pub(super) fn bvh(&self, frame: usize) -> Option<&Bvh> {
+        if self.ends_at_hits { self.frames.get(frame) } else { None }
+    }
+
+    /// Bytes held by the parts.
+    pub fn bytes(&self) -> u64 {
+        self.content.bytes() + self.frames.iter().map(Bvh::bytes).sum::<u64>()
+    }
+}

@@ -1,0 +1,137 @@
+use glam::Vec3;
+
+use super::Triangle;
+
+/// Triangle id of a ray that hits nothing.
+pub const NO_HIT: u32 = u32::MAX;
+
+/// Stands for 1/0: larger than any quotient a scene can give, and still finite when multiplied by a
+/// distance, because shaders may assume that no infinity occurs.
+pub const FAR_INVERSE: f32 = 1e20;
+
+/// Closest hit of a ray.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Metres along the unit direction; the ray's `t_max` when nothing was hit.
+    pub t: f32,
+    /// Face index in the soup, or [`NO_HIT`].
+    pub prim: u32,
+}
+
+impl Hit {
+    /// Whether a triangle was hit.
+    pub fn is_hit(&self) -> bool {
+        self.prim != NO_HIT
+    }
+}
+
+/// Origin and unit direction with all that is computed once a ray.
+///
+/// Hits count for 0 < t ≤ `t_max`: a ray that starts exactly on a triangle does not hit it.
+#[derive(Debug, Clone, Copy)]
+pub struct Ray {
+    /// Origin in metres.
+    pub origin: Vec3,
+    /// Unit direction.
+    pub direction: Vec3,
+    /// Farthest hit that counts, in metres.
+    pub t_max: f32,
+    pub(super) inverse: Vec3,
+    /// Axis of the largest component; the other two follow cyclically, swapped for a negative one.
+    major: usize,
+    shear: Vec3,
+}
+
+impl Ray {
+    /// Prepares a ray; `direction` is of unit length.
+    pub fn new(origin: Vec3, direction: Vec3, t_max: f32) -> Self {
+        let size = direction.abs();
+        let major = if size.x > size.y {
+            if size.x > size.z { 0 } else { 2 }
+        } else if size.y > size.z {
+            1
+        } else {
+            2
+        };
+        let d = permute(direction, major);
+        let inverse = Vec3::new(
+            safe_inverse(direction.x),
+            safe_inverse(direction.y),
+            safe_inverse(direction.z),
+        );
+        Self {
+            origin,
+            direction,
+            t_max,
+            inverse,
+            major,
+            shear: Vec3::new(d.x / d.z, d.y / d.z, 1.0 / d.z),
+        }
+    }
+
+    /// Where the ray is inside a box, clipped to t ≥ 0: (enter, leave), empty when enter > leave.
+    pub(super) fn slab(&self, min: Vec3, max: Vec3) -> (f32, f32) {
+        let t0 = (min - self.origin) * self.inverse;
+        let t1 = (max - self.origin) * self.inverse;
+        let near = t0.min(t1);
+        let far = t0.max(t1);
+        (near.x.max(near.y).max(near.z).max(0.0), far.x.min(far.y).min(far.z))
+    }
+
+    /// Replaces `best` if the triangle is hit closer, or equally close with a lower id.
+    ///
+    /// Woop, Benthin, Wald: "Watertight ray/triangle intersection", JCGT 2013: the edge function of
+    /// a shared edge is the same number for both neighbours but for its sign, so no ray passes
+    /// between them. Departure: the distance is clamped to the triangle's box (see the module).
+    pub(super) fn intersect(&self, triangle: &Triangle, pad: f32, best: &mut Hit) {
+        let a = permute(Vec3::from(triangle.a) - self.origin, self.major);
+        let b = permute(Vec3::from(triangle.b) - self.origin, self.major);
+        let c = permute(Vec3::from(triangle.c) - self.origin, self.major);
+        let (ax, ay) = (a.x - self.shear.x * a.z, a.y - self.shear.y * a.z);
+        let (bx, by) = (b.x - self.shear.x * b.z, b.y - self.shear.y * b.z);
+        let (cx, cy) = (c.x - self.shear.x * c.z, c.y - self.shear.y * c.z);
+        let u = cx * by - cy * bx;
+        let v = ax * cy - ay * cx;
+        let w = bx * ay - by * ax;
+        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+            return;
+        }
+        let det = u + v + w;
+        if det == 0.0 {
+            return;
+        }
+        let scaled = (u * a.z + v * b.z + w * c.z) * self.shear.z;
+        let low = Vec3::from(triangle.a).min(triangle.b.into()).min(triangle.c.into());
+        let high = Vec3::from(triangle.a).max(triangle.b.into()).max(triangle.c.into());
+        // The bare box makes distances to axis-parallel faces exact, so that coplanar triangles tie;
+        // the padded one is for rays that rounding puts just beside the bare one.
+        let (mut enter, mut leave) = self.slab(low, high);
+        if enter > leave {
+            (enter, leave) = self.slab(low - pad, high + pad);
+        }
+        if enter > leave {
+            return;
+        }
+        let quotient = scaled / det;
+        if !(quotient > 0.0) {
+            return;
+        }
+        let t = quotient.max(enter).min(leave);
+        if t > 0.0 && (t < best.t || (t == best.t && triangle.prim < best.prim)) {
+            *best = Hit { t, prim: triangle.prim };
+        }
+    }
+}
+
+/// Moves the major axis to z, keeping the handedness.
+fn permute(v: Vec3, major: usize) -> Vec3 {
+    match major {
+        0 => Vec3::new(v.y, v.z, v.x),
+        1 => Vec3::new(v.z, v.x, v.y),
+        _ => v,
+    }
+}
+
+fn safe_inverse(d: f32) -> f32 {
+    if d == 0.0 { FAR_INVERSE } else { 1.0 / d }
+}

@@ -1,0 +1,172 @@
+use std::collections::HashSet;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use super::{Placement, PlacementError};
+
+/// Longest line of a `.jsonl` file, in bytes: 16 LiDARs need far less.
+const MAX_LINE: u64 = 1 << 20;
+
+/// Why placements could not be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReadError {
+    /// The file cannot be opened or read.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// File.
+        path: PathBuf,
+        /// From the operating system.
+        source: std::io::Error,
+    },
+    /// Not JSON, or not of the form of a placement.
+    #[error("{}{}: {source}", path.display(), at_line(*line))]
+    Json {
+        /// File.
+        path: PathBuf,
+        /// Line of a `.jsonl` file, from 1.
+        line: Option<u64>,
+        /// Where and why.
+        source: serde_json::Error,
+    },
+    /// A placement that cannot be used.
+    #[error("{}{}: {source}", path.display(), at_line(*line))]
+    Placement {
+        /// File.
+        path: PathBuf,
+        /// Line of a `.jsonl` file, from 1.
+        line: Option<u64>,
+        /// Which and why.
+        source: PlacementError,
+    },
+    /// A line too long to be a placement.
+    #[error("{}, line {line}: longer than {MAX_LINE} bytes; give one placement a line", path.display())]
+    LongLine {
+        /// File.
+        path: PathBuf,
+        /// From 1.
+        line: u64,
+    },
+    /// A file without placements.
+    #[error("{}: holds no placement; add at least one", path.display())]
+    Empty {
+        /// File.
+        path: PathBuf,
+    },
+}
+
+fn at_line(line: Option<u64>) -> String {
+    line.map(|l| format!(", line {l}")).unwrap_or_default()
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PlacementFile {
+    placements: Vec<Placement>,
+}
+
+/// Placements of a file one by one, each checked, in order.
+///
+/// `.jsonl` is read a line at a time and holds no more than one placement in memory; anything else is
+/// read as one JSON document `{"placements": […]}`.
+pub struct PlacementReader {
+    path: PathBuf,
+    source: Source,
+    names: HashSet<String>,
+}
+
+enum Source {
+    Whole(std::vec::IntoIter<Placement>),
+    Lines { reader: BufReader<File>, line: u64 },
+}
+
+impl PlacementReader {
+    /// Opens a file; a JSON document is parsed here, a `.jsonl` file while it is read.
+    ///
+    /// # Errors
+    /// The file cannot be opened, or is no JSON of the expected form.
+    pub fn open(path: &Path) -> Result<Self, ReadError> {
+        let io = |source| ReadError::Io { path: path.to_owned(), source };
+        let file = File::open(path).map_err(io)?;
+        let source = if path.extension().is_some_and(|e| e == "jsonl") {
+            Source::Lines { reader: BufReader::new(file), line: 0 }
+        } else {
+            let mut text = String::new();
+            BufReader::new(file).read_to_string(&mut text).map_err(io)?;
+            let parsed: PlacementFile = serde_json::from_str(&text)
+                .map_err(|source| ReadError::Json { path: path.to_owned(), line: None, source })?;
+            Source::Whole(parsed.placements.into_iter())
+        };
+        Ok(Self { path: path.to_owned(), source, names: HashSet::new() })
+    }
+
+    fn next_placement(&mut self) -> Option<Result<Placement, ReadError>> {
+        let (placement, line) = match &mut self.source {
+            Source::Whole(rest) => (rest.next()?, None),
+            Source::Lines { reader, line } => match next_line(reader, line, &self.path)? {
+                Ok(placement) => (placement, Some(*line)),
+                Err(error) => return Some(Err(error)),
+            },
+        };
+        let checked = placement.validate().and_then(|()| {
+            if self.names.insert(placement.name.clone()) {
+                Ok(())
+            } else {
+                Err(PlacementError::UsedTwice { name: placement.name.clone() })
+            }
+        });
+        Some(match checked {
+            Ok(()) => Ok(placement),
+            Err(source) => Err(ReadError::Placement { path: self.path.clone(), line, source }),
+        })
+    }
+}
+
+fn next_line(
+    reader: &mut BufReader<File>,
+    line: &mut u64,
+    path: &Path,
+) -> Option<Result<Placement, ReadError>> {
+    let mut bytes = Vec::new();
+    loop {
+        bytes.clear();
+        match reader.by_ref().take(MAX_LINE + 1).read_until(b'\n', &mut bytes) {
+            Err(source) => return Some(Err(ReadError::Io { path: path.to_owned(), source })),
+            Ok(0) => return None,
+            Ok(_) => *line += 1,
+        }
+        if bytes.len() as u64 > MAX_LINE {
+            return Some(Err(ReadError::LongLine { path: path.to_owned(), line: *line }));
+        }
+        if !bytes.trim_ascii().is_empty() {
+            return Some(serde_json::from_slice(&bytes).map_err(|source| ReadError::Json {
+                path: path.to_owned(),
+                line: Some(*line),
+                source,
+            }));
+        }
+    }
+}
+
+impl Iterator for PlacementReader {
+    type Item = Result<Placement, ReadError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.next_placement()
+    }
+}
+
+/// All placements of a file at once.
+///
+/// # Errors
+/// As [`PlacementReader`], and a file without any placement.
+pub fn read_placements(path: &Path) -> Result<Vec<Placement>, ReadError> {
+    let placements = PlacementReader::open(path)?.collect::<Result<Vec<_>, _>>()?;
+    if placements.is_empty() {
+        return Err(ReadError::Empty { path: path.to_owned() });
+    }
+    Ok(placements)
+}

@@ -1,0 +1,104 @@
+//! Random small problems and what several tests share.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use sightline::backend::cpu::CpuBackend;
+use sightline::backend::gpu::GpuBackend;
+use sightline::backend::{Backend, Content, Grid, OccupiedVoxel, Problem};
+use sightline::bvh::Bvh;
+use sightline::geom::TriangleSoup;
+use sightline::placement::{BeamTable, Placement, SensorPose};
+
+/// Memory that a test backend may use.
+pub const MEMORY: u64 = 1 << 30;
+
+pub fn rng(seed: u64) -> ChaCha8Rng {
+    ChaCha8Rng::seed_from_u64(seed)
+}
+
+pub fn random_vec(rng: &mut impl Rng, half: f32) -> Vec3 {
+    Vec3::from([0; 3].map(|_| rng.random_range(-half..half)))
+}
+
+/// Triangles of mixed size scattered over a cube of half extent `half` metres.
+pub fn random_soup(seed: u64, triangles: usize, half: f32) -> TriangleSoup {
+    let mut rng = rng(seed);
+    let mut soup = TriangleSoup::default();
+    for face in 0..triangles as u32 {
+        let centre = random_vec(&mut rng, half);
+        let size = half * rng.random_range(0.05_f32..0.6);
+        for _ in 0..3 {
+            soup.vertices.push((centre + random_vec(&mut rng, size)).to_array());
+        }
+        soup.faces.push([3 * face, 3 * face + 1, 3 * face + 2]);
+        soup.face_class.push((face % 3) as u16);
+    }
+    soup
+}
+
+pub fn random_placements(seed: u64, count: usize, half: f64) -> Vec<Placement> {
+    let mut rng = rng(seed);
+    (0..count)
+        .map(|index| Placement {
+            name: format!("random-{index}"),
+            lidars: (0..1 + index % 4)
+                .map(|_| SensorPose {
+                    x: rng.random_range(-half..half),
+                    y: rng.random_range(-half..half),
+                    z: rng.random_range(-half..half),
+                    roll: rng.random_range(-0.3..0.3),
+                    pitch: rng.random_range(-0.3..0.3),
+                    yaw: rng.random_range(-3.0..3.0),
+                })
+                .collect(),
+        })
+        .collect()
+}
+
+/// A quarter of the voxels occupied, with arbitrary entropies, in three classes.
+pub fn random_content(seed: u64, grid: &Grid) -> Content {
+    let mut rng = rng(seed);
+    let mut occupied = Vec::new();
+    let mut by_class = vec![Vec::new(); 3];
+    for index in 0..grid.voxel_count() as u32 {
+        if rng.random_bool(0.25) {
+            let entropy = [0; 3].map(|_| rng.random_range(0..3_u32 << 28));
+            occupied.push(OccupiedVoxel { index, entropy });
+            by_class[rng.random_range(0..3_usize)].push(index);
+            if rng.random_bool(0.1) {
+                by_class[0].push(index);
+            }
+        }
+    }
+    for voxels in &mut by_class {
+        voxels.dedup();
+    }
+    Content::new(["a", "b", "c"].map(String::from).to_vec(), occupied, &by_class, true)
+}
+
+/// A 24 × 20 × 13 grid around the origin with two frames of random triangles.
+pub fn random_problem(seed: u64, ends_at_hits: bool) -> Arc<Problem> {
+    let grid = Grid::new([-6.0, -5.0, -3.25], [0.5, 0.5, 0.5], [24, 20, 13]);
+    let channels: Vec<(f64, f64)> = (0..7).map(|k| (-30.0 + 10.0 * f64::from(k), 0.3)).collect();
+    let table = BeamTable::spinning(&channels, 45, 12.0).expect("a valid sensor");
+    let frames = (0..2).map(|t| Bvh::build(&random_soup(seed + t, 300, 6.0), 12.0)).collect();
+    let content = random_content(seed + 2, &grid);
+    Arc::new(Problem::new(grid, content, table, frames, ends_at_hits))
+}
+
+pub fn cpu(problem: &Arc<Problem>) -> CpuBackend {
+    CpuBackend::new(problem.clone(), MEMORY)
+}
+
+/// The GPU backend; a machine without any Vulkan device fails the test, because GPU tests that skip
+/// themselves check nothing.
+pub fn gpu(problem: &Arc<Problem>) -> GpuBackend {
+    GpuBackend::new(problem.clone(), None, MEMORY).expect("a Vulkan device: see the README")
+}
+
+pub fn both(problem: &Arc<Problem>) -> [Box<dyn Backend>; 2] {
+    [Box::new(cpu(problem)), Box::new(gpu(problem))]
+}

@@ -1,0 +1,75 @@
+//! Covered voxels against a slab test of every voxel in f64.
+
+use glam::{DVec3, Vec3};
+use sightline::backend::cpu::{beam_direction, cast_closest};
+use sightline::backend::{Backend, DevicePose, Grid};
+use sightline::bvh::NO_HIT;
+
+use crate::common::{cpu, random_placements, random_problem};
+
+/// How long a beam [0, t_end] stays inside a voxel grown by `grow` metres on every side; negative
+/// when it misses.
+fn stay(grid: &Grid, voxel: [u32; 3], o: DVec3, d: DVec3, t_end: f64, grow: f64) -> f64 {
+    let (mut enter, mut leave) = (0.0_f64, t_end + grow);
+    for axis in 0..3 {
+        let low = grid.min[axis] + f64::from(voxel[axis]) * grid.voxel[axis] - grow;
+        let high = low + grid.voxel[axis] + 2.0 * grow;
+        if d[axis] == 0.0 {
+            if o[axis] < low || o[axis] >= high {
+                return -1.0;
+            }
+            continue;
+        }
+        let (a, b) = ((low - o[axis]) / d[axis], (high - o[axis]) / d[axis]);
+        enter = enter.max(a.min(b));
+        leave = leave.min(a.max(b));
+    }
+    leave - enter
+}
+
+#[test]
+fn coverage_agrees_with_a_slab_test_of_every_voxel() {
+    // Rounding may decide about a voxel only where the beam clips it by less than this (m).
+    const TOLERANCE: f64 = 2e-5;
+    let (mut checked, mut undecided) = (0_u64, 0_u64);
+    for (seed, ends_at_hits) in [(11, true), (12, true), (13, false)] {
+        let problem = random_problem(seed, ends_at_hits);
+        let grid = problem.grid();
+        for placement in random_placements(seed, 6, 7.0) {
+            let covered = cpu(&problem).covered(&placement, 0).unwrap();
+            let poses: Vec<DevicePose> =
+                placement.lidars.iter().map(|l| DevicePose::new(l, grid)).collect();
+            let table = problem.table();
+            let bvh = problem.geometry(0).unwrap();
+            let hits = cast_closest(&poses, table, bvh, table.range());
+            let mut beams = Vec::new();
+            for (pose, row) in poses.iter().zip(hits.chunks(table.directions().len())) {
+                for (&direction, hit) in table.directions().iter().zip(row) {
+                    let hit_end = f64::from(hit.t) + 1e-3;
+                    let ends = ends_at_hits && hit.prim != NO_HIT;
+                    let t_end = if ends { hit_end } else { f64::from(table.range()) };
+                    let origin = Vec3::from(pose.rows.map(|r| r[3])).as_dvec3();
+                    beams.push((origin, beam_direction(pose, direction).as_dvec3(), t_end));
+                }
+            }
+            for index in 0..grid.voxel_count() as u64 {
+                let [_, ny, nz] = grid.shape.map(u64::from);
+                let voxel = [index / (ny * nz), index / nz % ny, index % nz].map(|i| i as u32);
+                let best = |grow: f64| {
+                    let stays = beams.iter().map(|&(o, d, t)| stay(grid, voxel, o, d, t, grow));
+                    stays.fold(-1.0_f64, f64::max)
+                };
+                let ours = covered.binary_search(&index).is_ok();
+                checked += 1;
+                if best(-TOLERANCE) > 0.0 {
+                    assert!(ours, "voxel {voxel:?} is traversed, but not covered");
+                } else if best(TOLERANCE) < 0.0 {
+                    assert!(!ours, "voxel {voxel:?} is covered, but not traversed");
+                } else {
+                    undecided += 1;
+                }
+            }
+        }
+    }
+    assert!(undecided * 100 < checked, "{undecided} of {checked} voxels went unchecked");
+}

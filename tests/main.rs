@@ -1,0 +1,6 @@
+//! One test binary: a file for each kind of test.
+
+mod common;
+mod cover;
+mod gpu_cpu;
+mod hits;
