@@ -10,6 +10,7 @@
 //! | [`grid`] | region of interest, voxels, P-SOG, entropy |
 //! | [`placement`] | beam tables, sensor poses, mount and constraints |
 //! | [`backend`] | casting, coverage and integer sums on the CPU and on the GPU |
+//! | [`score`] | scores, guards and objectives from the sums |
 
 pub mod backend;
 pub mod bvh;
@@ -18,3 +19,4 @@ pub mod grid;
 pub mod optimize;
 pub mod placement;
 pub mod scene;
+pub mod score;

@@ -1,0 +1,221 @@
+//! Scores, counts and guards from integer tallies.
+//!
+//! All scores are "larger is better". Sums over covered voxels are means over frames: with c(v) the
+//! share of frames in which voxel v is covered, N = Σ c(v) and every Σ is weighted by c(v).
+
+mod guard;
+mod objective;
+
+use serde::{Serialize, Serializer};
+
+use crate::backend::{Content, Tally};
+use crate::grid::to_nats;
+
+pub use guard::{Guard, guards_of, reference_layout, reference_range};
+pub use objective::{Metric, Objective, ObjectiveError};
+
+/// Scores of one task: how the classes are told apart decides what a voxel's entropy is.
+///
+/// `None` where nothing is covered.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct TaskScores {
+    /// −(1/N) Σ H: literal eq. 5 of Place3D; closer to 0 is better.
+    pub m_sog: Option<f64>,
+    /// −(1/N²) Σ H: the reading of eq. 5 that fits the printed scale.
+    pub m_sog_scaled: Option<f64>,
+    /// As `m_sog` with N the covered voxels that are occupied in some frame (eq. 3).
+    pub m_sog_nonzero: Option<f64>,
+    /// As `m_sog_scaled` with N the covered voxels that are occupied in some frame.
+    pub m_sog_scaled_nonzero: Option<f64>,
+    /// Σ H over covered voxels, in nats.
+    pub information_gain: Option<f64>,
+    /// The information gain as a share of Σ H over all voxels; `None` also where that is zero.
+    pub information_gain_share: Option<f64>,
+}
+
+/// All that is known about one placement.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Scores {
+    /// Of the placement.
+    pub name: String,
+    /// Segmentation: every class for itself.
+    #[serde(flatten)]
+    pub segmentation: TaskScores,
+    /// −Σ H over covered voxels with H that of "occupied or not" (S-MIG, Hu et al. 2022).
+    pub s_mig: Option<f64>,
+    /// Σ H over covered voxels, in nats; the information gain by its other name.
+    pub entropy_sum: Option<f64>,
+    /// Covered voxels, a mean over frames.
+    #[serde(serialize_with = "whole_if_whole")]
+    pub covered: f64,
+    /// Covered voxels that are occupied in at least one frame of the P-SOG.
+    #[serde(serialize_with = "whole_if_whole")]
+    pub covered_nonzero: f64,
+    /// Covered voxels in which a class occurs in at least one frame of the P-SOG, by class.
+    #[serde(serialize_with = "map_of_counts")]
+    pub covered_by_class: Vec<(String, f64)>,
+    /// Beams cast a frame.
+    pub beams: u64,
+    /// Share of the beams that hit a surface; `None` where beams end at nothing.
+    pub hit_share: Option<f64>,
+    /// Detection: the target classes against all others; `None` where no class is a target.
+    pub detection: Option<TaskScores>,
+    /// Share of the information that only this LiDAR gains, by LiDAR.
+    pub unique_share: Vec<f64>,
+    /// Why the scores should not be believed; empty when nothing speaks against them.
+    pub guards: Vec<Guard>,
+}
+
+/// A count without a decimal point where it is whole.
+fn whole_if_whole<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    if value.fract() == 0.0 {
+        serializer.serialize_u64(*value as u64)
+    } else {
+        serializer.serialize_f64(*value)
+    }
+}
+
+fn map_of_counts<S: Serializer>(
+    counts: &[(String, f64)],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    struct Count(f64);
+    impl Serialize for Count {
+        fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+            whole_if_whole(&self.0, serializer)
+        }
+    }
+    serializer.collect_map(counts.iter().map(|(name, count)| (name, Count(*count))))
+}
+
+impl Scores {
+    /// Scores from a placement's tally over `frames` frames.
+    ///
+    /// `reference` is the tally of [`reference_layout`] with as many LiDARs, which the guards compare
+    /// with; `None` leaves out the guards that need it. `has_hits` tells whether beams end at hits.
+    pub fn new(
+        name: &str,
+        tally: &Tally,
+        content: &Content,
+        frames: usize,
+        has_hits: bool,
+        reference: Option<&Tally>,
+    ) -> Self {
+        let mean = |sum: u64| sum as f64 / frames as f64;
+        let covered = mean(tally.covered);
+        let nonzero = mean(tally.covered_nonzero);
+        let task = |kind: usize| {
+            let total = to_nats(content.entropy_total()[kind]);
+            task_scores(to_nats(tally.entropy[kind]) / frames as f64, total, covered, nonzero)
+        };
+        let segmentation = task(0);
+        let gained = tally.entropy[0];
+        let unique = tally.unique.iter();
+        Self {
+            name: name.to_owned(),
+            segmentation,
+            s_mig: (tally.covered > 0).then(|| -to_nats(tally.entropy[2]) / frames as f64),
+            entropy_sum: segmentation.information_gain,
+            covered,
+            covered_nonzero: nonzero,
+            covered_by_class: content
+                .classes()
+                .iter()
+                .zip(&tally.by_class)
+                .map(|(name, &count)| (name.clone(), mean(count)))
+                .collect(),
+            beams: tally.beams / frames as u64,
+            hit_share: has_hits.then(|| tally.hits as f64 / tally.beams as f64),
+            detection: content.has_detection().then(|| task(1)),
+            unique_share: unique
+                .map(|&u| if gained == 0 { 0.0 } else { u as f64 / gained as f64 })
+                .collect(),
+            guards: guards_of(tally, content, has_hits, frames, reference),
+        }
+    }
+}
+
+fn task_scores(gain: f64, total: f64, covered: f64, nonzero: f64) -> TaskScores {
+    if covered == 0.0 {
+        return TaskScores::default();
+    }
+    let of_nonzero = |value: f64| (nonzero > 0.0).then_some(value);
+    // Minus zero would be printed as such.
+    let negated = |value: f64| 0.0 - value;
+    TaskScores {
+        m_sog: Some(negated(gain / covered)),
+        m_sog_scaled: Some(negated(gain / (covered * covered))),
+        m_sog_nonzero: of_nonzero(negated(gain / nonzero)),
+        m_sog_scaled_nonzero: of_nonzero(negated(gain / (nonzero * nonzero))),
+        information_gain: Some(gain),
+        information_gain_share: (total > 0.0).then(|| gain / total),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backend::OccupiedVoxel;
+    use crate::grid::fixed;
+
+    /// Two voxels worth ln 2 and one worth nothing, seen in classes a, a and b.
+    fn content() -> Content {
+        let worth = |h: f64| [fixed(h), fixed(h), fixed(h / 2.0)];
+        let ln2 = std::f64::consts::LN_2;
+        let occupied = [(3, ln2), (5, ln2), (9, 0.0)];
+        let occupied =
+            occupied.map(|(index, h)| OccupiedVoxel { index, entropy: worth(h) }).to_vec();
+        Content::new(vec!["a".into(), "b".into()], occupied, &[vec![3, 5], vec![9]], false)
+    }
+
+    #[test]
+    fn scores_worked_out_by_hand() {
+        // Frame 1 covers 10 voxels, one of them worth ln 2; frame 2 covers 6, two worth ln 2 each.
+        let ln2 = std::f64::consts::LN_2;
+        let content = content();
+        let one = u64::from(fixed(ln2));
+        let half = u64::from(fixed(ln2 / 2.0));
+        let tally = Tally {
+            covered: 16,
+            covered_nonzero: 4,
+            entropy: [3 * one, 0, 3 * half],
+            by_class: vec![3, 1],
+            unique: vec![one, 0],
+            hits: 30,
+            beams: 80,
+        };
+        let scores = Scores::new("x", &tally, &content, 2, true, None);
+        let close = |got: Option<f64>, want: f64| {
+            let got = got.expect("a score");
+            assert!((got - want).abs() < 1e-8 * want.abs(), "{got} is not {want}");
+        };
+        // N = 8, Σ H = 1.5 ln 2, of 2 ln 2 in all.
+        close(scores.segmentation.information_gain, 1.5 * ln2);
+        close(scores.segmentation.information_gain_share, 0.75);
+        close(scores.segmentation.m_sog, -1.5 * ln2 / 8.0);
+        close(scores.segmentation.m_sog_scaled, -1.5 * ln2 / 64.0);
+        close(scores.segmentation.m_sog_nonzero, -1.5 * ln2 / 2.0);
+        close(scores.s_mig, -0.75 * ln2);
+        assert_eq!((scores.covered, scores.covered_nonzero), (8.0, 2.0));
+        assert_eq!(scores.covered_by_class, [("a".into(), 1.5), ("b".into(), 0.5)]);
+        assert_eq!((scores.beams, scores.hit_share), (40, Some(0.375)));
+        close(Some(scores.unique_share[0]), 1.0 / 3.0);
+        assert!(scores.detection.is_none());
+        let json = serde_json::to_value(&scores).unwrap();
+        assert_eq!(json["covered"], 8);
+        assert_eq!(json["covered_by_class"]["a"], 1.5);
+        assert!(json["m_sog"].is_f64());
+    }
+
+    #[test]
+    fn covering_nothing_is_null_and_guarded() {
+        let scores = Scores::new("x", &Tally::zero(2, 1), &content(), 1, false, None);
+        let json = serde_json::to_value(&scores).unwrap();
+        for key in ["m_sog", "m_sog_scaled", "information_gain", "s_mig", "entropy_sum"] {
+            assert!(json[key].is_null(), "{key} is {}", json[key]);
+        }
+        assert_eq!(json["covered"], 0);
+        let guard = json["guards"][0].as_str().unwrap();
+        assert!(guard.starts_with("covers_nothing: "), "{guard}");
+    }
+}

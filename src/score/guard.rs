@@ -1,0 +1,241 @@
+use serde::{Serialize, Serializer};
+
+use crate::backend::{Content, Grid, Tally};
+use crate::placement::{Constraints, Placement, SensorPose};
+
+/// Information below this share of the reference layout's is too little.
+const LEAST_INFORMATION: f64 = 0.5;
+/// Hit share below this share of the reference layout's is too little.
+const LEAST_HITS: f64 = 0.5;
+/// A class covered below this share of what the reference layout covers is neglected.
+const LEAST_OF_CLASS: f64 = 0.1;
+/// Classes of fewer covered voxels a frame in the reference layout are left to chance.
+const COUNTABLE_VOXELS: f64 = 20.0;
+/// A LiDAR that alone gains less than this share of the information is redundant.
+const LEAST_UNIQUE: f64 = 0.01;
+
+/// A reason not to believe a placement's scores: literal M-SOG is perfect for sensors that see only
+/// what never changes.
+///
+/// Printed as `name: sentence`.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Guard {
+    /// No beam enters a voxel of the region of interest.
+    CoversNothing,
+    /// Far less information than the reference layout gains.
+    LowInformation {
+        /// Share of the reference layout's information.
+        share: f64,
+    },
+    /// Far fewer beams hit a surface than those of the reference layout.
+    FewHits {
+        /// Share of the beams that hit.
+        hit_share: f64,
+        /// The same of the reference layout.
+        reference: f64,
+    },
+    /// A class that the reference layout sees is hardly covered.
+    ClassUnseen {
+        /// Name of the class.
+        class: String,
+        /// Share of the voxels that the reference layout covers.
+        share: f64,
+    },
+    /// A LiDAR that could be left out.
+    RedundantLidar {
+        /// Index of the LiDAR.
+        lidar: usize,
+        /// Share of the information that only it gains.
+        share: f64,
+    },
+}
+
+impl std::fmt::Display for Guard {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::CoversNothing => {
+                write!(f, "covers_nothing: no beam enters a voxel of the region of interest")
+            }
+            Self::LowInformation { share } => write!(
+                f,
+                "low_information: gains {:.1} % of the reference layout's information, less than \
+                 {:.0} %",
+                100.0 * share,
+                100.0 * LEAST_INFORMATION
+            ),
+            Self::FewHits { hit_share, reference } => write!(
+                f,
+                "few_hits: {:.1} % of the beams hit a surface, {:.1} % of the reference layout's",
+                100.0 * hit_share,
+                100.0 * reference
+            ),
+            Self::ClassUnseen { class, share } => write!(
+                f,
+                "class_unseen: covers {:.1} % of the {class} voxels that the reference layout \
+                 covers",
+                100.0 * share
+            ),
+            Self::RedundantLidar { lidar, share } => write!(
+                f,
+                "redundant_lidar: LiDAR {lidar} alone gains {:.2} % of the information, less than \
+                 {:.0} %",
+                100.0 * share,
+                100.0 * LEAST_UNIQUE
+            ),
+        }
+    }
+}
+
+impl Serialize for Guard {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+/// The layout that guards compare with: what anybody would build without a search.
+///
+/// One LiDAR sits in the middle of the mount's top; several stand level on the top's edge, evenly
+/// around it, the first one front left.
+pub fn reference_layout(constraints: &Constraints, lidars: usize) -> Placement {
+    let (lower, upper) = (&constraints.lower, &constraints.upper);
+    let middle = |k: usize| 0.5 * (lower[k] + upper[k]);
+    let level = |k: usize| 0.0_f64.clamp(lower[k], upper[k]);
+    let poses = (0..lidars).map(|index| {
+        let turn = std::f64::consts::TAU * (index as f64 / lidars as f64 + 0.125);
+        // A circle around the corners, pressed onto the edge of the box.
+        let on_edge = |k: usize, direction: f64| {
+            let half = 0.5 * (upper[k] - lower[k]);
+            let offset =
+                if lidars == 1 { 0.0 } else { half * std::f64::consts::SQRT_2 * direction };
+            (middle(k) + offset).clamp(lower[k], upper[k])
+        };
+        SensorPose {
+            x: on_edge(0, turn.cos()),
+            y: on_edge(1, turn.sin()),
+            z: upper[2],
+            roll: level(3),
+            pitch: level(4),
+            yaw: level(5),
+        }
+    });
+    Placement { name: format!("reference-{lidars}"), lidars: poses.collect() }
+}
+
+/// Range of the reference layout's beams, in metres: far enough for every voxel, so that a placement
+/// whose own range is cut, by fog say, still compares with one that sees all.
+pub fn reference_range(grid: &Grid, range: f32) -> f32 {
+    range.max(2.0 * grid.diagonal() as f32)
+}
+
+/// Every guard that a tally over `frames` frames violates.
+pub fn guards_of(
+    tally: &Tally,
+    content: &Content,
+    has_hits: bool,
+    frames: usize,
+    reference: Option<&Tally>,
+) -> Vec<Guard> {
+    if tally.covered == 0 {
+        return vec![Guard::CoversNothing];
+    }
+    let mut guards = Vec::new();
+    if let Some(reference) = reference {
+        let ratio = |ours: u64, theirs: u64| ours as f64 / theirs as f64;
+        if reference.entropy[0] > 0 {
+            let share = ratio(tally.entropy[0], reference.entropy[0]);
+            if share < LEAST_INFORMATION {
+                guards.push(Guard::LowInformation { share });
+            }
+        }
+        if has_hits && reference.hits > 0 {
+            let hit_share = ratio(tally.hits, tally.beams);
+            let theirs = ratio(reference.hits, reference.beams);
+            if hit_share < LEAST_HITS * theirs {
+                guards.push(Guard::FewHits { hit_share, reference: theirs });
+            }
+        }
+        for (class, name) in content.classes().iter().enumerate() {
+            let theirs = reference.by_class[class];
+            if theirs as f64 / frames as f64 >= COUNTABLE_VOXELS {
+                let share = ratio(tally.by_class[class], theirs);
+                if share < LEAST_OF_CLASS {
+                    guards.push(Guard::ClassUnseen { class: name.clone(), share });
+                }
+            }
+        }
+    }
+    if tally.unique.len() > 1 && tally.entropy[0] > 0 {
+        for (lidar, &unique) in tally.unique.iter().enumerate() {
+            let share = unique as f64 / tally.entropy[0] as f64;
+            if share < LEAST_UNIQUE {
+                guards.push(Guard::RedundantLidar { lidar, share });
+            }
+        }
+    }
+    guards
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn constraints() -> Constraints {
+        Constraints {
+            lower: [-0.6, -0.4, 2.2, -0.3, 0.0, 0.0],
+            upper: [0.6, 0.4, 2.8, 0.3, 0.0, 0.0],
+            min_distance: 0.2,
+            lidars: 4,
+        }
+    }
+
+    #[test]
+    fn the_reference_layout_stands_on_the_corners() {
+        let layout = reference_layout(&constraints(), 4);
+        let corners: Vec<_> = layout.lidars.iter().map(|l| (l.x, l.y, l.z)).collect();
+        let want = [(0.6, 0.4), (-0.6, 0.4), (-0.6, -0.4), (0.6, -0.4)];
+        for ((x, y, z), (want_x, want_y)) in corners.into_iter().zip(want) {
+            assert!((x - want_x).abs() < 1e-9 && (y - want_y).abs() < 1e-9, "{x} {y}");
+            assert_eq!(z, 2.8);
+        }
+        let single = reference_layout(&constraints(), 1);
+        assert_eq!((single.lidars[0].x, single.lidars[0].y), (0.0, 0.0));
+        for count in 1..=16 {
+            assert!(
+                constraints()
+                    .violations(&reference_layout(&constraints(), count))
+                    .iter()
+                    .all(|v| !matches!(v, crate::placement::Violation::OutsideMount { .. }))
+            );
+        }
+    }
+
+    #[test]
+    fn each_guard_has_its_trigger() {
+        let classes = vec!["car".to_owned(), "pole".to_owned()];
+        let content = Content::new(classes, vec![], &[vec![], vec![]], false);
+        let good = Tally {
+            covered: 1000,
+            covered_nonzero: 300,
+            entropy: [1000, 0, 0],
+            by_class: vec![100, 40],
+            unique: vec![100, 200],
+            hits: 80,
+            beams: 100,
+        };
+        let guards = |tally: &Tally| guards_of(tally, &content, true, 1, Some(&good));
+        assert_eq!(guards(&good), []);
+        let low = Tally { entropy: [499, 0, 0], ..good.clone() };
+        assert_eq!(guards(&low), [Guard::LowInformation { share: 0.499 }]);
+        let sky = Tally { hits: 39, ..good.clone() };
+        assert_eq!(guards(&sky), [Guard::FewHits { hit_share: 0.39, reference: 0.8 }]);
+        let blind = Tally { by_class: vec![9, 40], ..good.clone() };
+        assert_eq!(guards(&blind), [Guard::ClassUnseen { class: "car".into(), share: 0.09 }]);
+        let stacked = Tally { unique: vec![100, 9], ..good.clone() };
+        assert_eq!(guards(&stacked), [Guard::RedundantLidar { lidar: 1, share: 0.009 }]);
+        assert_eq!(guards(&Tally::zero(2, 2)), [Guard::CoversNothing]);
+        // The redundancy of a single LiDAR means nothing.
+        let single = Tally { unique: vec![0], ..good.clone() };
+        assert_eq!(guards(&single), []);
+    }
+}

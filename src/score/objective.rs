@@ -1,0 +1,153 @@
+use std::str::FromStr;
+
+use super::{Scores, TaskScores};
+
+/// One score by name, of segmentation or of detection.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Metric {
+    name: &'static str,
+    detection: bool,
+    of: fn(&Scores, &TaskScores) -> Option<f64>,
+}
+
+type Getter = fn(&Scores, &TaskScores) -> Option<f64>;
+
+/// Every score that a search may maximize; all are "larger is better".
+const METRICS: [(&str, Getter); 7] = [
+    ("m_sog_scaled", |_, task| task.m_sog_scaled),
+    ("m_sog", |_, task| task.m_sog),
+    ("m_sog_scaled_nonzero", |_, task| task.m_sog_scaled_nonzero),
+    ("m_sog_nonzero", |_, task| task.m_sog_nonzero),
+    ("information_gain", |_, task| task.information_gain),
+    ("information_gain_share", |_, task| task.information_gain_share),
+    ("s_mig", |scores, _| scores.s_mig),
+];
+
+const DETECTION: &str = "detection.";
+
+/// Weighted sum of scores, as `m_sog_scaled` or `0.5*m_sog_scaled + 0.5*detection.m_sog_scaled`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Objective {
+    text: String,
+    terms: Vec<(f64, Metric)>,
+}
+
+/// Why a text is no objective.
+#[derive(Debug, thiserror::Error, PartialEq)]
+#[non_exhaustive]
+pub enum ObjectiveError {
+    /// No score of that name.
+    #[error(
+        "`{name}` is no score; did you mean `{nearest}`? There are {known}, each also with `detection.` before it"
+    )]
+    UnknownMetric {
+        /// As given.
+        name: String,
+        /// The most similar name.
+        nearest: &'static str,
+        /// All names.
+        known: String,
+    },
+    /// A factor that is no finite number.
+    #[error("`{weight}` is no weight; write a finite number before the `*`, as in `0.5*m_sog`")]
+    BadWeight {
+        /// As given.
+        weight: String,
+    },
+}
+
+impl FromStr for Objective {
+    type Err = ObjectiveError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let terms = text.split('+').map(term).collect::<Result<_, _>>()?;
+        Ok(Self { text: text.trim().to_owned(), terms })
+    }
+}
+
+fn term(text: &str) -> Result<(f64, Metric), ObjectiveError> {
+    let (weight, name) = match text.split_once('*') {
+        Some((weight, name)) => {
+            let weight = weight.trim();
+            let parsed = weight.parse().ok().filter(|w: &f64| w.is_finite());
+            (parsed.ok_or_else(|| ObjectiveError::BadWeight { weight: weight.into() })?, name)
+        }
+        None => (1.0, text),
+    };
+    let name = name.trim();
+    let bare = name.strip_prefix(DETECTION).unwrap_or(name);
+    let detection = bare.len() < name.len();
+    match METRICS.iter().find(|(metric, _)| *metric == bare) {
+        Some(&(name, of)) => Ok((weight, Metric { name, detection, of })),
+        None => {
+            let distance = |metric: &str| strsim::damerau_levenshtein(metric, bare);
+            let nearest = METRICS.iter().map(|m| m.0).min_by_key(|m| distance(m));
+            Err(ObjectiveError::UnknownMetric {
+                name: name.to_owned(),
+                nearest: nearest.unwrap_or_default(),
+                known: METRICS.map(|m| m.0).join(", "),
+            })
+        }
+    }
+}
+
+impl std::fmt::Display for Objective {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl Objective {
+    /// The objective's value; `None` where a score it needs does not exist.
+    pub fn value(&self, scores: &Scores) -> Option<f64> {
+        self.terms.iter().try_fold(0.0, |sum, (weight, metric)| {
+            let task = if metric.detection { scores.detection? } else { scores.segmentation };
+            Some(sum + weight * (metric.of)(scores, &task)?)
+        })
+    }
+
+    /// Whether a detection target is needed.
+    pub fn needs_detection(&self) -> bool {
+        self.terms.iter().any(|(_, metric)| metric.detection)
+    }
+}
+
+impl Metric {
+    /// Name without its task.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backend::{Content, Tally};
+
+    #[test]
+    fn a_weighted_sum_of_two_tasks() {
+        let content = Content::new(vec!["car".into()], vec![], &[vec![]], true);
+        let tally = Tally {
+            covered: 10,
+            covered_nonzero: 4,
+            entropy: [40 << 28, 20 << 28, 0],
+            by_class: vec![0],
+            unique: vec![0],
+            hits: 0,
+            beams: 100,
+        };
+        let scores = Scores::new("x", &tally, &content, 1, false, None);
+        let value = |text: &str| text.parse::<Objective>().unwrap().value(&scores).unwrap();
+        assert_eq!(value("m_sog"), -4.0);
+        assert_eq!(value("detection.m_sog"), -2.0);
+        assert_eq!(value("0.5*m_sog + 2 * detection.m_sog_scaled"), -2.0 - 0.4);
+    }
+
+    #[test]
+    fn unknown_names_are_answered_with_the_nearest() {
+        let error = "m_sog_scald".parse::<Objective>().unwrap_err().to_string();
+        assert!(error.contains("did you mean `m_sog_scaled`?"), "{error}");
+        let error = "much*m_sog".parse::<Objective>().unwrap_err();
+        assert_eq!(error, ObjectiveError::BadWeight { weight: "much".into() });
+    }
+}
