@@ -1,3 +1,15 @@
-//! The `sightline` program.
+//! The `sightline` program: maps what [`cli::run`] returns to an exit code.
 
-fn main() {}
+mod cli;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    match cli::run() {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("sightline: {error}");
+            ExitCode::from(2)
+        }
+    }
+}

@@ -3,11 +3,10 @@ use std::str::FromStr;
 use super::{Scores, TaskScores};
 
 /// One score by name, of segmentation or of detection.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Metric {
-    name: &'static str,
+#[derive(Debug, Clone, Copy)]
+struct Metric {
     detection: bool,
-    of: fn(&Scores, &TaskScores) -> Option<f64>,
+    of: Getter,
 }
 
 type Getter = fn(&Scores, &TaskScores) -> Option<f64>;
@@ -26,7 +25,7 @@ const METRICS: [(&str, Getter); 7] = [
 const DETECTION: &str = "detection.";
 
 /// Weighted sum of scores, as `m_sog_scaled` or `0.5*m_sog_scaled + 0.5*detection.m_sog_scaled`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Objective {
     text: String,
     terms: Vec<(f64, Metric)>,
@@ -78,7 +77,7 @@ fn term(text: &str) -> Result<(f64, Metric), ObjectiveError> {
     let bare = name.strip_prefix(DETECTION).unwrap_or(name);
     let detection = bare.len() < name.len();
     match METRICS.iter().find(|(metric, _)| *metric == bare) {
-        Some(&(name, of)) => Ok((weight, Metric { name, detection, of })),
+        Some(&(_, of)) => Ok((weight, Metric { detection, of })),
         None => {
             let distance = |metric: &str| strsim::damerau_levenshtein(metric, bare);
             let nearest = METRICS.iter().map(|m| m.0).min_by_key(|m| distance(m));
@@ -109,13 +108,6 @@ impl Objective {
     /// Whether a detection target is needed.
     pub fn needs_detection(&self) -> bool {
         self.terms.iter().any(|(_, metric)| metric.detection)
-    }
-}
-
-impl Metric {
-    /// Name without its task.
-    pub fn name(&self) -> &'static str {
-        self.name
     }
 }
 

@@ -85,3 +85,85 @@ pub(super) fn beam_workgroups(directions: u32, sensors: u32) -> [u32; 3] {
     let z = groups.div_ceil(MAX_WORKGROUPS);
     [groups.div_ceil(z), sensors, z]
 }
+
+#[cfg(test)]
+mod tests {
+    use std::mem::offset_of;
+
+    use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+    use super::*;
+    use crate::backend::layout::{DevicePose, OccupiedVoxel, Uniforms};
+    use crate::bvh::{Node, Triangle};
+
+    fn parsed(parts: &[&str]) -> naga::Module {
+        let source = source(parts);
+        naga::front::wgsl::parse_str(&source)
+            .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&source)))
+    }
+
+    #[test]
+    fn kernels_need_no_extra_capabilities() {
+        for (name, parts) in SOURCES {
+            let module = parsed(parts);
+            let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+            validator.validate(&module).unwrap_or_else(|error| panic!("{name}: {error:?}"));
+            assert_eq!(module.entry_points[0].name, name);
+        }
+    }
+
+    /// (field, offset) of a struct, and its stride, as the shader compiler lays it out.
+    fn layout(kernel: &str, name: &str) -> (Vec<(String, usize)>, usize) {
+        let parts = SOURCES.iter().find(|(k, _)| *k == kernel).unwrap().1;
+        let module = parsed(parts);
+        let (_, found) = module
+            .types
+            .iter()
+            .find(|(_, ty)| ty.name.as_deref() == Some(name))
+            .unwrap_or_else(|| panic!("{kernel} has no struct {name}"));
+        let naga::TypeInner::Struct { members, span } = &found.inner else { panic!() };
+        let fields = members
+            .iter()
+            .map(|m| (m.name.clone().unwrap(), m.offset as usize))
+            .collect();
+        (fields, *span as usize)
+    }
+
+    macro_rules! same_layout {
+        ($kernel:literal, $host:ident, [$($field:ident => $shader:literal),* $(,)?]) => {
+            let (fields, span) = layout($kernel, stringify!($host));
+            assert_eq!(span, size_of::<$host>(), "size of {}", stringify!($host));
+            let host = [$(($shader.to_owned(), offset_of!($host, $field))),*];
+            assert_eq!(fields, host, "{}", stringify!($host));
+        };
+    }
+
+    #[test]
+    fn structs_lie_where_the_shaders_read_them() {
+        for kernel in SOURCES {
+            let (fields, span) = layout(kernel.0, "Uniforms");
+            assert_eq!((fields.len(), span), (12, size_of::<Uniforms>()));
+        }
+        same_layout!("cast_closest", Uniforms, [
+            shape => "shape", direction_count => "direction_count", voxel => "voxel",
+            range => "range", bitmap_words => "bitmap_words", node_count => "node_count",
+            pad => "pad", occupied_count => "occupied_count", class_count => "class_count",
+            walk_pass => "walk_pass", walk_resumes => "walk_resumes",
+            ends_at_hits => "ends_at_hits",
+        ]);
+        same_layout!("cast_closest", Node, [
+            min => "min", first => "first", max => "max", count => "count",
+        ]);
+        same_layout!("cast_closest", Triangle, [
+            a => "a", prim => "prim", b => "b", pad0 => "pad0", c => "c", pad1 => "pad1",
+        ]);
+        let (fields, span) = layout("cast_closest", "DevicePose");
+        let offsets: Vec<usize> = fields.iter().map(|f| f.1).collect();
+        assert_eq!((offsets, span), (vec![0, 16, 32, 48], size_of::<DevicePose>()));
+        assert_eq!(offset_of!(DevicePose, in_grid), 48);
+        let (fields, span) = layout("reduce_occupied", "OccupiedVoxel");
+        let offsets: Vec<usize> = fields.iter().map(|f| f.1).collect();
+        assert_eq!((offsets, span), (vec![0, 4, 8, 12], size_of::<OccupiedVoxel>()));
+        assert_eq!(offset_of!(OccupiedVoxel, entropy), 4);
+    }
+}

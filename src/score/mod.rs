@@ -12,7 +12,7 @@ use crate::backend::{Content, Tally};
 use crate::grid::to_nats;
 
 pub use guard::{Guard, guards_of, reference_layout, reference_range};
-pub use objective::{Metric, Objective, ObjectiveError};
+pub use objective::{Objective, ObjectiveError};
 
 /// Scores of one task: how the classes are told apart decides what a voxel's entropy is.
 ///

@@ -1,0 +1,118 @@
+use std::io::IsTerminal;
+
+use clap::{Args, ValueEnum};
+
+use super::error::Error;
+
+/// Options of every command that computes scores.
+#[derive(Args, Debug, Clone)]
+pub struct Compute {
+    /// Where to compute: the best Vulkan device, or the CPU when there is none (auto), or one of them
+    #[arg(long, value_enum, default_value_t = BackendChoice::Auto)]
+    pub backend: BackendChoice,
+    /// Take the Vulkan device whose name contains this
+    #[arg(long, value_name = "NAME")]
+    pub adapter: Option<String>,
+    /// Threads of the CPU backend [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+    /// Memory for work buffers, as 800M or 2G [default: half of what is free]
+    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
+    pub memory: Option<u64>,
+    #[command(flatten)]
+    pub talk: Talk,
+}
+
+/// How much is said on stderr.
+#[derive(Args, Debug, Clone, Copy)]
+pub struct Talk {
+    /// Say more on stderr
+    #[arg(short, long)]
+    pub verbose: bool,
+    /// Say nothing on stderr but errors
+    #[arg(long, conflicts_with = "verbose")]
+    pub quiet: bool,
+}
+
+impl Talk {
+    /// A line for stderr that is of interest by default.
+    pub fn note(&self, line: impl AsRef<str>) {
+        if !self.quiet {
+            eprintln!("sightline: {}", line.as_ref());
+        }
+    }
+
+    /// A line for stderr that was asked for.
+    pub fn detail(&self, line: impl AsRef<str>) {
+        if self.verbose {
+            eprintln!("sightline: {}", line.as_ref());
+        }
+    }
+}
+
+/// Value of `--backend`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum BackendChoice {
+    /// The best device there is.
+    Auto,
+    /// A Vulkan device.
+    Gpu,
+    /// The CPU reference.
+    Cpu,
+}
+
+/// Value of `--format`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// Tables to read.
+    Text,
+    /// For programs.
+    Json,
+}
+
+/// The format asked for, or text on a terminal and JSON elsewhere.
+pub fn format_or_default(format: Option<Format>) -> Format {
+    format.unwrap_or_else(|| {
+        if std::io::stdout().is_terminal() { Format::Text } else { Format::Json }
+    })
+}
+
+/// Bytes from `4096`, `800M`, `2G` or `2GiB`; K, M, G and T are powers of 1024.
+pub fn parse_size(text: &str) -> Result<u64, String> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let factor = match text[digits.len()..].to_ascii_lowercase().as_str() {
+        "" | "b" => 1,
+        "k" | "kb" | "kib" => 1_u64 << 10,
+        "m" | "mb" | "mib" => 1 << 20,
+        "g" | "gb" | "gib" => 1 << 30,
+        "t" | "tb" | "tib" => 1 << 40,
+        unit => return Err(format!("`{unit}` is no unit; use K, M, G or T")),
+    };
+    let number: f64 = digits.parse().map_err(|_| "write a number, as in 800M or 2G".to_owned())?;
+    let bytes = number * factor as f64;
+    if !(bytes >= 1.0 && bytes < 1e18) {
+        return Err("give at least one byte, and less than a million T".into());
+    }
+    Ok(bytes as u64)
+}
+
+impl Compute {
+    /// Bytes that work buffers may take.
+    pub fn memory_budget(&self) -> u64 {
+        // A machine that does not tell what is free is taken for a small one.
+        self.memory.unwrap_or_else(|| {
+            sightline::backend::available_memory().unwrap_or(2 << 30) / 2
+        })
+    }
+
+    /// Starts the threads of the CPU backend.
+    pub fn start_threads(&self) -> Result<(), Error> {
+        if let Some(threads) = self.threads {
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(usize::from(threads))
+                .build_global()
+                .map_err(|error| Error::Usage(format!("--threads {threads}: {error}")))?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,43 @@
+use std::process::ExitCode;
+
+use sightline::backend::gpu::list_adapters;
+
+use super::args::{Format, format_or_default};
+use super::error::Error;
+use super::table;
+
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  sightline devices")]
+pub struct Args {
+    /// How to print [default: text on a terminal, else json]
+    #[arg(long, value_enum)]
+    format: Option<Format>,
+}
+
+pub fn run(args: &Args) -> Result<ExitCode, Error> {
+    let adapters = list_adapters();
+    match format_or_default(args.format) {
+        Format::Json => {
+            println!("{}", serde_json::json!({ "devices": adapters }));
+        }
+        Format::Text if adapters.is_empty() => {
+            println!("no Vulkan device: --backend auto computes on the CPU");
+        }
+        Format::Text => {
+            let titles = ["device", "kind", "driver", "max binding", "max workgroup", "auto"];
+            let mut rows = vec![titles.map(str::to_owned).to_vec()];
+            rows.extend(adapters.iter().map(|a| {
+                vec![
+                    a.name.clone(),
+                    a.kind.to_owned(),
+                    format!("{} {}", a.driver, a.driver_info),
+                    format!("{} MiB", a.max_binding >> 20),
+                    a.max_workgroup.to_string(),
+                    if a.auto { "yes" } else { "" }.to_owned(),
+                ]
+            }));
+            print!("{}", table::align(&rows));
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}

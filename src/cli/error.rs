@@ -1,0 +1,75 @@
+use std::path::{Path, PathBuf};
+
+use sightline::backend::{BackendError, ProblemError};
+use sightline::grid::GridError;
+use sightline::optimize::OptimizeError;
+use sightline::placement::{PlacementError, ReadError, SensorError};
+use sightline::scene::SceneError;
+use sightline::score::ObjectiveError;
+
+/// Everything that ends a command with exit code 2; printed as one sentence.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// From reading a scene.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// From reading placements.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// From a placement.
+    #[error(transparent)]
+    Placement(#[from] PlacementError),
+    /// From the P-SOG.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// From the sensor.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// From putting scene and P-SOG together.
+    #[error(transparent)]
+    Problem(#[from] ProblemError),
+    /// From evaluating.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
+    /// From the objective.
+    #[error(transparent)]
+    Objective(#[from] ObjectiveError),
+    /// From the optimizer.
+    #[error(transparent)]
+    Optimize(#[from] OptimizeError),
+    /// A file or folder that cannot be read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// File or folder.
+        path: PathBuf,
+        /// From the operating system.
+        source: std::io::Error,
+    },
+    /// JSON that is not what was expected.
+    #[error("{}: {source}", path.display())]
+    Json {
+        /// File.
+        path: PathBuf,
+        /// Where and why.
+        source: serde_json::Error,
+    },
+    /// An array file that cannot be written.
+    #[error("{}: {message}", path.display())]
+    Array {
+        /// File.
+        path: PathBuf,
+        /// Why.
+        message: String,
+    },
+    /// Arguments that do not fit the scene or each other.
+    #[error("{0}")]
+    Usage(String),
+}
+
+impl Error {
+    /// Names the file or folder in an error of the operating system.
+    pub fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
+        move |source| Self::Io { path: path.to_owned(), source }
+    }
+}

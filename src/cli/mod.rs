@@ -1,0 +1,56 @@
+//! Arguments and commands; one file a command.
+
+mod args;
+mod cast;
+mod devices;
+mod error;
+mod load;
+mod optimize;
+mod output;
+mod progress;
+mod psog;
+mod score;
+mod table;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use error::Error;
+
+/// Where on this vehicle should the LiDARs go?
+///
+/// Casts every beam of candidate LiDAR placements through a scene, finds the voxels the beams cover,
+/// and scores how much they tell about a probabilistic semantic occupancy grid (P-SOG).
+#[derive(Parser)]
+#[command(name = "sightline", version, max_term_width = 100, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Search for the best placement and write a run folder
+    Optimize(optimize::Args),
+    /// Score a batch of placements
+    Score(score::Args),
+    /// Write every beam's hit
+    Cast(cast::Args),
+    /// Build, inspect and merge P-SOG files
+    #[command(subcommand)]
+    Psog(psog::Command),
+    /// List Vulkan devices and which one is taken by default
+    Devices(devices::Args),
+}
+
+/// Parses the arguments and runs the command.
+pub fn run() -> Result<ExitCode, Error> {
+    match Cli::parse().command {
+        Command::Optimize(args) => optimize::run(&args),
+        Command::Score(args) => score::run(&args),
+        Command::Cast(args) => cast::run(&args),
+        Command::Psog(command) => psog::run(&command),
+        Command::Devices(args) => devices::run(&args),
+    }
+}

@@ -1,0 +1,208 @@
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use npyz::WriterBuilder;
+use serde_json::json;
+use sightline::backend::Backend;
+use sightline::placement::{Placement, PlacementReader, ReadError};
+use sightline::search::Evaluator;
+
+use super::args::{Compute, Format, format_or_default};
+use super::error::Error;
+use super::load::{self, Loaded};
+use super::output::{writable_file, writable_folder, write_whole};
+use super::{progress, table};
+
+/// Placements that are read, scored and printed at a time.
+const BLOCK: usize = 1024;
+
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  sightline score scenes/highway.json scenes/placements.json
+  sightline score scenes/highway.json million.jsonl --format json --out scores.json")]
+pub struct Args {
+    /// Scene file
+    scene: PathBuf,
+    /// Placements: a .json document, or a .jsonl file with one placement a line, read as a stream
+    placements: PathBuf,
+    /// How to print [default: text on a terminal, else json]
+    #[arg(long, value_enum)]
+    format: Option<Format>,
+    /// Write the scores to this file instead of stdout
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Write the covered voxels of each placement to DIR/NAME.npy: u64 linear indices, rising; with
+    /// several frames, voxels covered in at least one
+    #[arg(long, value_name = "DIR")]
+    coverage_out: Option<PathBuf>,
+    /// Average over this many frames, spread evenly over the scene [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    frames: Option<u32>,
+    #[command(flatten)]
+    compute: Compute,
+}
+
+pub fn run(args: &Args) -> Result<ExitCode, Error> {
+    let start = Instant::now();
+    args.compute.start_threads()?;
+    // Everything that can be wrong is found before the first score is computed or printed.
+    let total = count_placements(&args.placements)?;
+    if let Some(folder) = &args.coverage_out {
+        writable_folder(folder)?;
+    }
+    if let Some(file) = &args.out {
+        writable_file(file)?;
+    }
+    let loaded = load::scene(&args.scene, args.frames, &args.compute)?;
+    let format = match &args.out {
+        Some(_) => args.format.unwrap_or(Format::Json),
+        None => format_or_default(args.format),
+    };
+    match &args.out {
+        Some(path) => write_whole(path, |file| print(args, loaded, total, start, format, path, file)),
+        None => {
+            let path = Path::new("stdout");
+            let mut out = std::io::stdout().lock();
+            match print(args, loaded, total, start, format, path, &mut out) {
+                // Whoever read us has seen enough, as `head` does.
+                Err(Error::Io { source, .. })
+                    if source.kind() == std::io::ErrorKind::BrokenPipe =>
+                {
+                    Ok(())
+                }
+                result => result,
+            }
+        }
+    }?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Reads and checks the whole file once; a stream is not kept.
+fn count_placements(path: &Path) -> Result<u64, Error> {
+    let mut count = 0;
+    for placement in PlacementReader::open(path)? {
+        placement?;
+        count += 1;
+    }
+    if count == 0 {
+        return Err(ReadError::Empty { path: path.to_owned() }.into());
+    }
+    Ok(count)
+}
+
+fn print(
+    args: &Args,
+    loaded: Loaded,
+    total: u64,
+    start: Instant,
+    format: Format,
+    path: &Path,
+    out: &mut dyn Write,
+) -> Result<(), Error> {
+    let io = |error| Error::io(path)(error);
+    let Loaded { scene, mut evaluator, times, .. } = loaded;
+    if format == Format::Json {
+        let head = json!({
+            "scene": scene.name(),
+            "backend": evaluator.backend().name(),
+            "adapter": evaluator.backend().adapter(),
+            "coverage": load::coverage_name(evaluator.problem()),
+            "frames": evaluator.problem().frame_count(),
+            "threads": rayon::current_num_threads(),
+        });
+        // The object is left open: scores follow as they are computed, then the timings.
+        let head = head.to_string();
+        write!(out, "{},\"scores\":[", &head[..head.len() - 1]).map_err(io)?;
+    } else {
+        writeln!(
+            out,
+            "{}: {} over {} frame(s), {} beams a LiDAR",
+            scene.name(),
+            load::coverage_name(evaluator.problem()),
+            evaluator.problem().frame_count(),
+            evaluator.problem().table().directions().len()
+        )
+        .map_err(io)?;
+    }
+    let bar = progress::bar(total, "placements", args.compute.talk);
+    let mut reader = PlacementReader::open(&args.placements)?.peekable();
+    let mut first = true;
+    while reader.peek().is_some() {
+        let block: Vec<Placement> = reader.by_ref().take(BLOCK).collect::<Result<_, _>>()?;
+        let scores = evaluator.scores(&block)?;
+        if let Some(folder) = &args.coverage_out {
+            for placement in &block {
+                write_coverage(folder, placement, &mut evaluator)?;
+            }
+        }
+        if format == Format::Json {
+            for score in &scores {
+                let line = serde_json::to_string(score)
+                    .map_err(|source| Error::Json { path: path.to_owned(), source })?;
+                write!(out, "{}\n{line}", if first { "" } else { "," }).map_err(io)?;
+                first = false;
+            }
+        } else {
+            let text = table::scores(&scores);
+            let body = if first { &text } else { text.split_once('\n').map_or("", |t| t.1) };
+            write!(out, "{body}").map_err(io)?;
+            first = false;
+        }
+        bar.inc(block.len() as u64);
+    }
+    bar.finish_and_clear();
+    let stages = evaluator.backend().times();
+    let total_seconds = start.elapsed().as_secs_f64();
+    let search_seconds = total_seconds - times.load - times.build;
+    let frames = evaluator.problem().frame_count() as u64;
+    args.compute.talk.note(format!(
+        "{total} placements × {frames} frame(s) in {search_seconds:.2} s: {:.1} placements × frames/s",
+        (total * frames) as f64 / search_seconds
+    ));
+    if format == Format::Json {
+        let timings = json!({
+            "load": times.load,
+            "build": times.build,
+            "cast": stages.cast.as_secs_f64(),
+            "cover": stages.cover.as_secs_f64(),
+            "reduce": stages.reduce.as_secs_f64(),
+            "total": total_seconds,
+        });
+        writeln!(out, "\n],\"timings\":{timings}}}").map_err(io)?;
+    }
+    out.flush().map_err(io)
+}
+
+fn write_coverage(
+    folder: &Path,
+    placement: &Placement,
+    evaluator: &mut Evaluator,
+) -> Result<(), Error> {
+    let mut union = BTreeSet::new();
+    let frames = evaluator.problem().frame_count();
+    let mut covered = Vec::new();
+    for frame in 0..frames {
+        covered = evaluator.backend_mut().covered(placement, frame)?;
+        if frames > 1 {
+            union.extend(covered.iter().copied());
+        }
+    }
+    if frames > 1 {
+        covered = union.into_iter().collect();
+    }
+    let path = folder.join(format!("{}.npy", placement.name));
+    write_whole(&path, |file| {
+        let shape = [covered.len() as u64];
+        let mut array = npyz::WriteOptions::new()
+            .default_dtype()
+            .shape(&shape)
+            .writer(file)
+            .begin_nd()
+            .map_err(Error::io(&path))?;
+        array.extend(covered).map_err(Error::io(&path))?;
+        array.finish().map_err(Error::io(&path))
+    })
+}

@@ -1,0 +1,66 @@
+//! Scores as a table to read.
+
+use sightline::score::Scores;
+
+/// Columns: title, and the cell of one placement.
+type Column = (&'static str, fn(&Scores) -> String);
+
+const COLUMNS: [Column; 9] = [
+    ("placement", |s| s.name.clone()),
+    ("M-SOG", |s| optional(s.segmentation.m_sog, 4)),
+    ("M-SOG/N ×1e-6", |s| optional(s.segmentation.m_sog_scaled.map(|v| v * 1e6), 3)),
+    ("det ×1e-6", |s| optional(s.detection.and_then(|d| d.m_sog_scaled).map(|v| v * 1e6), 3)),
+    ("gain nats", |s| optional(s.segmentation.information_gain, 0)),
+    ("gain %", |s| optional(s.segmentation.information_gain_share.map(|v| v * 100.0), 2)),
+    ("S-MIG", |s| optional(s.s_mig, 0)),
+    ("covered", |s| format!("{:.0}", s.covered)),
+    ("hits %", |s| optional(s.hit_share.map(|v| v * 100.0), 1)),
+];
+
+fn optional(value: Option<f64>, decimals: usize) -> String {
+    value.map_or("–".into(), |v| format!("{v:.decimals$}"))
+}
+
+/// Titles of the columns.
+pub fn titles() -> Vec<String> {
+    COLUMNS.iter().map(|(title, _)| (*title).to_owned()).collect()
+}
+
+/// Cells of one placement.
+pub fn cells(scores: &Scores) -> Vec<String> {
+    COLUMNS.iter().map(|(_, cell)| cell(scores)).collect()
+}
+
+/// Lines of equal columns, the first column to the left and numbers to the right.
+pub fn align(rows: &[Vec<String>]) -> String {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width = |column: usize| {
+        rows.iter().filter_map(|row| row.get(column)).map(|c| c.chars().count()).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let mut text = String::new();
+    for row in rows {
+        let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| {
+            if column == 0 { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+        });
+        text += cells.collect::<Vec<_>>().join("  ").trim_end();
+        text.push('\n');
+    }
+    text
+}
+
+/// A table of placements, the guards of each below its row.
+pub fn scores(all: &[Scores]) -> String {
+    let mut rows = vec![titles()];
+    rows.extend(all.iter().map(cells));
+    let table = align(&rows);
+    let mut lines = table.lines();
+    let mut text = format!("{}\n", lines.next().unwrap_or_default());
+    for (line, scores) in lines.zip(all) {
+        text += &format!("{line}\n");
+        for guard in &scores.guards {
+            text += &format!("  ! {guard}\n");
+        }
+    }
+    text
+}

@@ -1,0 +1,9 @@
+//! What a run leaves behind: JSON for programs, SVG charts and an HTML page for people.
+
+mod html;
+mod record;
+mod svg;
+
+pub use html::report_html;
+pub use record::{Scored, GenerationRecord, RunRecord, RunTimes};
+pub use svg::{convergence_svg, placement_svg};

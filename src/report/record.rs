@@ -1,0 +1,101 @@
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::placement::Placement;
+use crate::score::Scores;
+
+/// One line of `history.jsonl`.
+///
+/// It holds nothing that depends on time or machine, so that equal runs leave equal bytes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GenerationRecord {
+    /// From 1.
+    pub generation: u64,
+    /// Placements evaluated so far.
+    pub evaluations: u64,
+    /// Best objective of this generation among placements that keep every rule; larger is better.
+    pub best: Option<f64>,
+    /// Median objective of this generation, over all that were scored.
+    pub median: Option<f64>,
+    /// Best objective so far among placements that keep every rule.
+    pub best_so_far: Option<f64>,
+    /// Candidates of this generation that break a rule of the mount; they are not evaluated.
+    pub infeasible: usize,
+    /// Candidates of this generation that violate a guard.
+    pub guarded: usize,
+    /// Step size of the search distribution, in the search space scaled to [0, 1].
+    pub step_size: f64,
+}
+
+/// A placement with its scores.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Scored {
+    /// Name and poses.
+    pub placement: Placement,
+    /// Scores over all frames of the scene.
+    pub scores: Scores,
+    /// Its objective; `None` where a score it needs does not exist.
+    pub objective: Option<f64>,
+    /// Rules of the mount that it breaks, in words.
+    pub violations: Vec<String>,
+}
+
+/// Wall times of a run in seconds.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct RunTimes {
+    /// Reading files.
+    pub load: f64,
+    /// P-SOG and trees.
+    pub build: f64,
+    /// The search.
+    pub search: f64,
+    /// Scoring result and baselines over all frames.
+    pub confirm: f64,
+    /// All together.
+    pub total: f64,
+}
+
+/// All of `result.json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RunRecord {
+    /// Version of the program.
+    pub sightline: &'static str,
+    /// Name of the scene.
+    pub scene: String,
+    /// Every setting that decides about the result.
+    pub settings: Value,
+    /// `cpu` or `gpu`.
+    pub backend: String,
+    /// Device as reported.
+    pub adapter: String,
+    /// Threads of the CPU backend.
+    pub threads: usize,
+    /// Seed of the search.
+    pub seed: u64,
+    /// What was maximized.
+    pub objective: String,
+    /// Frames that the search averaged over.
+    pub search_frames: usize,
+    /// Frames that the scores below average over.
+    pub frames: usize,
+    /// Why the search ended.
+    pub stopped: String,
+    /// Generations run.
+    pub generations: u64,
+    /// Placements evaluated by the search.
+    pub evaluations: u64,
+    /// The result; `None` when no candidate kept the rules of the mount.
+    pub best: Option<Scored>,
+    /// Hand-made layouts to compare with.
+    pub baselines: Vec<Scored>,
+    /// Bound on what a better search could still gain; none is computed yet.
+    pub certificate: Option<Value>,
+    /// Pose fields of the result that lie on a bound of the mount, in words.
+    pub active_bounds: Vec<String>,
+    /// Placements × frames a second during the search.
+    pub rate: f64,
+    /// Wall times.
+    pub timings: RunTimes,
+    /// Most bytes of memory that the process held; `None` where the system does not tell.
+    pub peak_memory: Option<u64>,
+}

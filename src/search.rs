@@ -1,0 +1,76 @@
+//! From placements to scores, and the search that asks for better ones.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::backend::{Backend, BackendError, Problem, Tally};
+use crate::placement::{Constraints, Placement};
+use crate::score::{Scores, reference_layout, reference_range};
+
+/// Scores placements on one backend.
+pub struct Evaluator {
+    problem: Arc<Problem>,
+    backend: Box<dyn Backend>,
+    constraints: Constraints,
+    /// Tallies of the reference layout by number of LiDARs; see [`crate::score::Guard`].
+    references: BTreeMap<usize, Tally>,
+}
+
+impl Evaluator {
+    /// An evaluator of a problem; the mount decides where the reference layout of the guards stands.
+    pub fn new(
+        problem: Arc<Problem>,
+        backend: Box<dyn Backend>,
+        constraints: Constraints,
+    ) -> Self {
+        Self { problem, backend, constraints, references: BTreeMap::new() }
+    }
+
+    /// What is scored.
+    pub fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    /// The rules of the mount.
+    pub fn constraints(&self) -> &Constraints {
+        &self.constraints
+    }
+
+    /// What computes.
+    pub fn backend(&self) -> &dyn Backend {
+        &*self.backend
+    }
+
+    /// What computes, to look into single steps.
+    pub fn backend_mut(&mut self) -> &mut dyn Backend {
+        &mut *self.backend
+    }
+
+    /// Scores and guards of each placement, in order.
+    ///
+    /// # Errors
+    /// As [`Backend::tally`].
+    pub fn scores(&mut self, placements: &[Placement]) -> Result<Vec<Scores>, BackendError> {
+        let range = self.problem.table().range();
+        for lidars in placements.iter().map(|p| p.lidars.len()) {
+            if !self.references.contains_key(&lidars) {
+                let layout = reference_layout(&self.constraints, lidars);
+                let far = reference_range(self.problem.grid(), range);
+                let tally = self.backend.tally(&[layout], far)?.remove(0);
+                self.references.insert(lidars, tally);
+            }
+        }
+        let tallies = self.backend.tally(placements, range)?;
+        let scores = placements.iter().zip(&tallies).map(|(placement, tally)| {
+            Scores::new(
+                &placement.name,
+                tally,
+                self.problem.content(),
+                self.problem.frame_count(),
+                self.problem.ends_at_hits(),
+                self.references.get(&placement.lidars.len()),
+            )
+        });
+        Ok(scores.collect())
+    }
+}
