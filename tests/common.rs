@@ -7,9 +7,10 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sightline::backend::cpu::CpuBackend;
 use sightline::backend::gpu::GpuBackend;
-use sightline::backend::{Backend, Content, Grid, OccupiedVoxel, Problem};
+use sightline::backend::{Backend, Content, OccupiedVoxel, Problem};
 use sightline::bvh::Bvh;
 use sightline::geom::TriangleSoup;
+use sightline::grid::Roi;
 use sightline::placement::{BeamTable, Placement, SensorPose};
 
 /// Memory that a test backend may use.
@@ -59,11 +60,11 @@ pub fn random_placements(seed: u64, count: usize, half: f64) -> Vec<Placement> {
 }
 
 /// A quarter of the voxels occupied, with arbitrary entropies, in three classes.
-pub fn random_content(seed: u64, grid: &Grid) -> Content {
+pub fn random_content(seed: u64, roi: &Roi) -> Content {
     let mut rng = rng(seed);
     let mut occupied = Vec::new();
     let mut by_class = vec![Vec::new(); 3];
-    for index in 0..grid.voxel_count() as u32 {
+    for index in 0..roi.voxel_count() as u32 {
         if rng.random_bool(0.25) {
             let entropy = [0; 3].map(|_| rng.random_range(0..3_u32 << 28));
             occupied.push(OccupiedVoxel { index, entropy });
@@ -81,12 +82,12 @@ pub fn random_content(seed: u64, grid: &Grid) -> Content {
 
 /// A 24 × 20 × 13 grid around the origin with two frames of random triangles.
 pub fn random_problem(seed: u64, ends_at_hits: bool) -> Arc<Problem> {
-    let grid = Grid::new([-6.0, -5.0, -3.25], [0.5, 0.5, 0.5], [24, 20, 13]);
+    let roi = Roi::new([-6.0, -5.0, -3.25], [0.5, 0.5, 0.5], [24, 20, 13]).expect("a valid grid");
     let channels: Vec<(f64, f64)> = (0..7).map(|k| (-30.0 + 10.0 * f64::from(k), 0.3)).collect();
     let table = BeamTable::spinning(&channels, 45, 12.0).expect("a valid sensor");
-    let frames = (0..2).map(|t| Bvh::build(&random_soup(seed + t, 300, 6.0), 12.0)).collect();
-    let content = random_content(seed + 2, &grid);
-    Arc::new(Problem::new(grid, content, table, frames, ends_at_hits))
+    let frames = (0..2).map(|t| Arc::new(Bvh::build(&random_soup(seed + t, 300, 6.0), 12.0))).collect();
+    let content = random_content(seed + 2, &roi);
+    Arc::new(Problem::new(roi, content, table, frames, ends_at_hits))
 }
 
 pub fn cpu(problem: &Arc<Problem>) -> CpuBackend {

@@ -2,18 +2,19 @@
 
 use glam::{DVec3, Vec3};
 use sightline::backend::cpu::{beam_direction, cast_closest};
-use sightline::backend::{Backend, DevicePose, Grid};
+use sightline::backend::{Backend, DevicePose};
 use sightline::bvh::NO_HIT;
+use sightline::grid::Roi;
 
 use crate::common::{cpu, random_placements, random_problem};
 
 /// How long a beam [0, t_end] stays inside a voxel grown by `grow` metres on every side; negative
 /// when it misses.
-fn stay(grid: &Grid, voxel: [u32; 3], o: DVec3, d: DVec3, t_end: f64, grow: f64) -> f64 {
+fn stay(roi: &Roi, voxel: [u32; 3], o: DVec3, d: DVec3, t_end: f64, grow: f64) -> f64 {
     let (mut enter, mut leave) = (0.0_f64, t_end + grow);
     for axis in 0..3 {
-        let low = grid.min[axis] + f64::from(voxel[axis]) * grid.voxel[axis] - grow;
-        let high = low + grid.voxel[axis] + 2.0 * grow;
+        let low = roi.min()[axis] + f64::from(voxel[axis]) * roi.voxel()[axis] - grow;
+        let high = low + roi.voxel()[axis] + 2.0 * grow;
         if d[axis] == 0.0 {
             if o[axis] < low || o[axis] >= high {
                 return -1.0;
@@ -34,11 +35,11 @@ fn coverage_agrees_with_a_slab_test_of_every_voxel() {
     let (mut checked, mut undecided) = (0_u64, 0_u64);
     for (seed, ends_at_hits) in [(11, true), (12, true), (13, false)] {
         let problem = random_problem(seed, ends_at_hits);
-        let grid = problem.grid();
+        let roi = problem.roi();
         for placement in random_placements(seed, 6, 7.0) {
             let covered = cpu(&problem).covered(&placement, 0).unwrap();
             let poses: Vec<DevicePose> =
-                placement.lidars.iter().map(|l| DevicePose::new(l, grid)).collect();
+                placement.lidars.iter().map(|l| DevicePose::new(l, roi)).collect();
             let table = problem.table();
             let bvh = problem.geometry(0).unwrap();
             let hits = cast_closest(&poses, table, bvh, table.range());
@@ -52,11 +53,11 @@ fn coverage_agrees_with_a_slab_test_of_every_voxel() {
                     beams.push((origin, beam_direction(pose, direction).as_dvec3(), t_end));
                 }
             }
-            for index in 0..grid.voxel_count() as u64 {
-                let [_, ny, nz] = grid.shape.map(u64::from);
+            for index in 0..roi.voxel_count() {
+                let [_, ny, nz] = roi.shape().map(u64::from);
                 let voxel = [index / (ny * nz), index / nz % ny, index % nz].map(|i| i as u32);
                 let best = |grow: f64| {
-                    let stays = beams.iter().map(|&(o, d, t)| stay(grid, voxel, o, d, t, grow));
+                    let stays = beams.iter().map(|&(o, d, t)| stay(roi, voxel, o, d, t, grow));
                     stays.fold(-1.0_f64, f64::max)
                 };
                 let ours = covered.binary_search(&index).is_ok();

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use sightline::backend::gpu::GpuBackend;
-use sightline::backend::{Backend, BackendError, Grid, Problem};
+use sightline::backend::{Backend, BackendError, Problem};
 use sightline::bvh::{Bvh, Hit};
 use sightline::geom::TriangleSoup;
+use sightline::grid::Roi;
 use sightline::placement::{BeamTable, Placement, SensorPose};
 
 use crate::common::{
@@ -53,7 +54,7 @@ fn a_split_batch_is_the_whole_batch() {
     let whole = cpu(&problem).tally(&placements, range).unwrap();
     // Room for the buffers of five sensors at most: many chunks.
     let each =
-        4 * problem.grid().voxel_count().div_ceil(32) + 8 * problem.table().directions().len();
+        4 * problem.roi().voxel_count().div_ceil(32) as usize + 8 * problem.table().directions().len();
     let mut small = GpuBackend::new(problem.clone(), None, 5 * each as u64 + 8192).unwrap();
     assert_eq!(small.tally(&placements, range).unwrap(), whole);
     let one_by_one: Vec<_> = placements
@@ -83,10 +84,10 @@ fn one_sensor() -> Placement {
 #[test]
 fn a_walk_longer_than_an_invocation_may_loop_is_whole() {
     // 200 000 voxels along x: more than the 65 535 loop steps that some drivers allow.
-    let grid = Grid::new([0.0; 3], [0.1; 3], [200_000, 2, 2]);
-    let content = random_content(41, &grid);
+    let roi = Roi::new([0.0; 3], [0.1; 3], [200_000, 2, 2]).unwrap();
+    let content = random_content(41, &roi);
     let table = BeamTable::spinning(&[(0.0, 0.0)], 3, 1e5).unwrap();
-    let problem = Arc::new(Problem::new(grid, content, table, vec![], false));
+    let problem = Arc::new(Problem::new(roi, content, table, vec![], false));
     let [mut cpu, mut gpu] = both(&problem);
     let covered = gpu.covered(&one_sensor(), 0).unwrap();
     assert!(covered.len() >= 200_000, "only {} voxels are covered", covered.len());
@@ -106,11 +107,11 @@ fn a_traversal_longer_than_an_invocation_may_loop_is_whole() {
         soup.faces.push([3 * face, 3 * face + 1, 3 * face + 2]);
         soup.face_class.push(0);
     }
-    let grid = Grid::new([-1.0; 3], [0.5; 3], [80, 80, 80]);
-    let content = random_content(42, &grid);
+    let roi = Roi::new([-1.0; 3], [0.5; 3], [80, 80, 80]).unwrap();
+    let content = random_content(42, &roi);
     let table = BeamTable::spinning(&[(-1.0, 0.0), (1.0, 0.0)], 8, 100.0).unwrap();
-    let frames = vec![Bvh::build(&soup, 100.0)];
-    let problem = Arc::new(Problem::new(grid, content, table, frames, true));
+    let frames = vec![Arc::new(Bvh::build(&soup, 100.0))];
+    let problem = Arc::new(Problem::new(roi, content, table, frames, true));
     let [mut cpu, mut gpu] = both(&problem);
     let placement = one_sensor();
     let hits = cpu.hits(&placement, 0).unwrap();
@@ -134,12 +135,12 @@ fn a_lost_device_is_an_error() {
 
 #[test]
 fn an_empty_frame_ends_no_beam() {
-    let grid = Grid::new([-4.0; 3], [0.5; 3], [16, 16, 16]);
-    let content = random_content(61, &grid);
+    let roi = Roi::new([-4.0; 3], [0.5; 3], [16, 16, 16]).unwrap();
+    let content = random_content(61, &roi);
     let table = BeamTable::spinning(&[(0.0, 0.0), (5.0, 0.0)], 36, 20.0).unwrap();
-    let empty = Bvh::build(&TriangleSoup::default(), 20.0);
-    let full = Bvh::build(&random_soup(61, 50, 4.0), 20.0);
-    let problem = Arc::new(Problem::new(grid, content, table, vec![empty, full], true));
+    let empty = Arc::new(Bvh::build(&TriangleSoup::default(), 20.0));
+    let full = Arc::new(Bvh::build(&random_soup(61, 50, 4.0), 20.0));
+    let problem = Arc::new(Problem::new(roi, content, table, vec![empty, full], true));
     let [mut cpu, mut gpu] = both(&problem);
     let placements = random_placements(61, 5, 3.0);
     let tallies = cpu.tally(&placements, 20.0).unwrap();

@@ -1,6 +1,9 @@
 //! One test binary: a file for each kind of test.
 
+mod cli;
 mod common;
 mod cover;
 mod gpu_cpu;
 mod hits;
+mod layers;
+mod main_job;

@@ -5,9 +5,9 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::Grid;
 use crate::bvh::{MAX_DEPTH, NO_HIT};
 use crate::geom::Pose;
+use crate::grid::Roi;
 use crate::placement::{MAX_LIDARS, SensorPose};
 
 /// Invocations of a workgroup.
@@ -15,7 +15,7 @@ pub(crate) const WORKGROUP_SIZE: u32 = 64;
 /// Workgroups along one dimension of a dispatch that every Vulkan device allows.
 pub(crate) const MAX_WORKGROUPS: u32 = 65_535;
 /// Metres by which a hit is pushed along the beam before its voxel is looked up.
-pub(crate) const PUSH: f32 = 1e-3;
+pub(crate) const PUSH: f32 = crate::grid::PUSH as f32;
 /// Direction components smaller than this count as zero: below a micrometre in a kilometre.
 pub(crate) const TINY_COMPONENT: f32 = 1e-9;
 /// Stands for 1/0 in planes a beam never reaches; finite, as shaders may assume.
@@ -53,14 +53,15 @@ pub struct DevicePose {
 
 impl DevicePose {
     /// Evaluates the pose in `f64` and rounds each number once.
-    pub fn new(pose: &SensorPose, grid: &Grid) -> Self {
+    pub fn new(pose: &SensorPose, roi: &Roi) -> Self {
         let Pose { rotation, translation } = pose.ego_from_sensor();
         let rows = [0, 1, 2].map(|k| {
             let row = rotation.row(k);
             [row.x as f32, row.y as f32, row.z as f32, translation[k] as f32]
         });
+        let (min, voxel) = (roi.min(), roi.voxel());
         let p = [0, 1, 2].map(|k| {
-            let p = (translation[k] - grid.min[k]) / grid.voxel[k];
+            let p = (translation[k] - min[k]) / voxel[k];
             let p = if p.abs() < TINY_COORDINATE { 0.0 } else { p };
             p.clamp(-MAX_COORDINATE, MAX_COORDINATE) as f32
         });

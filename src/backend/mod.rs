@@ -12,6 +12,7 @@
 //! The CPU functions are written to be read; the shaders mirror them name by name. All sums are
 //! integers, so no order of addition matters and both give the same bits.
 
+mod assemble;
 mod batch;
 pub mod cpu;
 pub mod gpu;
@@ -23,7 +24,7 @@ mod tally;
 pub use batch::{Chunk, ChunkLimits, split};
 pub use layout::{DevicePose, OccupiedVoxel};
 pub use memory::available_memory;
-pub use problem::{Content, Grid, Problem, ProblemError};
+pub use problem::{Content, Problem, ProblemError};
 pub use tally::{StageTimes, Tally};
 
 use crate::bvh::Hit;

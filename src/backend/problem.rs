@@ -1,41 +1,11 @@
+use std::sync::Arc;
+
+use glam::DVec3;
+
 use super::OccupiedVoxel;
 use crate::bvh::Bvh;
+use crate::grid::Roi;
 use crate::placement::BeamTable;
-
-/// The voxels that beams walk through: the region of interest as the kernels need it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Grid {
-    /// Lower corner in metres.
-    pub min: [f64; 3],
-    /// Voxel size in metres.
-    pub voxel: [f64; 3],
-    /// Voxels along each axis; their product is below 2³¹.
-    pub shape: [u32; 3],
-    /// Voxel size as the walks use it.
-    pub voxel32: [f32; 3],
-}
-
-impl Grid {
-    /// A grid of `shape` voxels of size `voxel` from `min` on.
-    pub fn new(min: [f64; 3], voxel: [f64; 3], shape: [u32; 3]) -> Self {
-        Self { min, voxel, shape, voxel32: voxel.map(|v| v as f32) }
-    }
-
-    /// Voxels in all.
-    pub fn voxel_count(&self) -> usize {
-        self.shape.iter().map(|&n| n as usize).product()
-    }
-
-    /// 64-bit words of a bitmap of the voxels.
-    pub fn bitmap_words64(&self) -> usize {
-        self.voxel_count().div_ceil(64)
-    }
-
-    /// Length of the diagonal in metres.
-    pub fn diagonal(&self) -> f64 {
-        (0..3).map(|k| (self.voxel[k] * f64::from(self.shape[k])).powi(2)).sum::<f64>().sqrt()
-    }
-}
 
 /// What covering a voxel is worth: the occupied voxels of a P-SOG with their entropies and classes.
 #[derive(Debug, Clone, PartialEq)]
@@ -128,23 +98,15 @@ pub enum ProblemError {
         /// Grid of the scene in words.
         scene: String,
     },
-    /// More voxels than an index holds.
-    #[error("the roi has {voxels} voxels, at most {limit} are supported; use larger voxels")]
-    TooManyVoxels {
-        /// Asked for.
-        voxels: u64,
-        /// Supported.
-        limit: u64,
-    },
 }
 
 /// All that is fixed while placements vary: sensor, voxels, their worth, and the geometry.
 #[derive(Debug)]
 pub struct Problem {
-    grid: Grid,
+    roi: Roi,
     content: Content,
     table: BeamTable,
-    frames: Vec<Bvh>,
+    frames: Vec<Arc<Bvh>>,
     ends_at_hits: bool,
 }
 
@@ -155,19 +117,19 @@ impl Problem {
     /// `ends_at_hits` beams end at the first surface of each frame (coverage `first-hit`); otherwise
     /// they run on through all (`through`), and there is one frame to evaluate, whatever the geometry.
     pub fn new(
-        grid: Grid,
+        roi: Roi,
         content: Content,
         table: BeamTable,
-        frames: Vec<Bvh>,
+        frames: Vec<Arc<Bvh>>,
         ends_at_hits: bool,
     ) -> Self {
         let ends_at_hits = ends_at_hits && !frames.is_empty();
-        Self { grid, content, table, frames, ends_at_hits }
+        Self { roi, content, table, frames, ends_at_hits }
     }
 
     /// The voxels.
-    pub fn grid(&self) -> &Grid {
-        &self.grid
+    pub fn roi(&self) -> &Roi {
+        &self.roi
     }
 
     /// What they are worth.
@@ -178,6 +140,16 @@ impl Problem {
     /// Beams of one sensor.
     pub fn table(&self) -> &BeamTable {
         &self.table
+    }
+
+    /// Range in metres with which nothing is out of sight: what the guards compare with.
+    pub fn far_range(&self) -> f32 {
+        Self::far_range_of(&self.roi, self.table.range())
+    }
+
+    pub(super) fn far_range_of(roi: &Roi, range: f32) -> f32 {
+        let [min, max] = [roi.min(), roi.max()].map(DVec3::from);
+        range.max(2.0 * min.distance(max) as f32)
     }
 
     /// Frames over which a tally is summed.
@@ -197,16 +169,16 @@ impl Problem {
 
     /// Geometry of a frame, if the scene has any.
     pub fn geometry(&self, frame: usize) -> Option<&Bvh> {
-        self.frames.get(frame)
+        self.frames.get(frame).map(|bvh| &**bvh)
     }
 
     /// The tree at which beams end in a frame; `None` when they end at nothing.
     pub(super) fn bvh(&self, frame: usize) -> Option<&Bvh> {
-        if self.ends_at_hits { self.frames.get(frame) } else { None }
+        if self.ends_at_hits { self.geometry(frame) } else { None }
     }
 
     /// Bytes held by the parts.
     pub fn bytes(&self) -> u64 {
-        self.content.bytes() + self.frames.iter().map(Bvh::bytes).sum::<u64>()
+        self.content.bytes() + self.frames.iter().map(|bvh| bvh.bytes()).sum::<u64>()
     }
 }

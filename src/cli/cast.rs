@@ -66,7 +66,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         let table = problem.table();
         let mut hits = hits.iter();
         for (lidar, pose) in placement.lidars.iter().enumerate() {
-            let pose = DevicePose::new(pose, problem.grid());
+            let pose = DevicePose::new(pose, problem.roi());
             for (&direction, hit) in table.directions().iter().zip(hits.by_ref()) {
                 columns.origin.extend(pose.rows.map(|row| row[3]));
                 columns.direction.extend(beam_direction(&pose, direction).to_array());

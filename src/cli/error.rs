@@ -2,10 +2,10 @@ use std::path::{Path, PathBuf};
 
 use sightline::backend::{BackendError, ProblemError};
 use sightline::grid::GridError;
-use sightline::optimize::OptimizeError;
 use sightline::placement::{PlacementError, ReadError, SensorError};
 use sightline::scene::SceneError;
 use sightline::score::ObjectiveError;
+use sightline::search::SearchError;
 
 /// Everything that ends a command with exit code 2; printed as one sentence.
 #[derive(Debug, thiserror::Error)]
@@ -35,9 +35,9 @@ pub enum Error {
     /// From the objective.
     #[error(transparent)]
     Objective(#[from] ObjectiveError),
-    /// From the optimizer.
+    /// From the search.
     #[error(transparent)]
-    Optimize(#[from] OptimizeError),
+    Search(#[from] SearchError),
     /// A file or folder that cannot be read or written.
     #[error("{}: {source}", path.display())]
     Io {

@@ -1,7 +1,8 @@
 use std::fmt::Write;
 
-use super::{GenerationRecord, RunRecord, Scored, convergence_svg, placement_svg};
+use super::{RunRecord, Scored, convergence_svg, placement_svg};
 use crate::placement::Constraints;
+use crate::search::GenerationRecord;
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;color:#1b2a3a;max-width:60rem;\
 margin:2rem auto;padding:0 1rem}h1{margin:0}table{border-collapse:collapse;margin:1rem 0;\

@@ -5,5 +5,5 @@ mod record;
 mod svg;
 
 pub use html::report_html;
-pub use record::{Scored, GenerationRecord, RunRecord, RunTimes};
+pub use record::{RunRecord, RunTimes, Scored};
 pub use svg::{convergence_svg, placement_svg};

@@ -1,31 +1,8 @@
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use serde_json::Value;
 
 use crate::placement::Placement;
 use crate::score::Scores;
-
-/// One line of `history.jsonl`.
-///
-/// It holds nothing that depends on time or machine, so that equal runs leave equal bytes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct GenerationRecord {
-    /// From 1.
-    pub generation: u64,
-    /// Placements evaluated so far.
-    pub evaluations: u64,
-    /// Best objective of this generation among placements that keep every rule; larger is better.
-    pub best: Option<f64>,
-    /// Median objective of this generation, over all that were scored.
-    pub median: Option<f64>,
-    /// Best objective so far among placements that keep every rule.
-    pub best_so_far: Option<f64>,
-    /// Candidates of this generation that break a rule of the mount; they are not evaluated.
-    pub infeasible: usize,
-    /// Candidates of this generation that violate a guard.
-    pub guarded: usize,
-    /// Step size of the search distribution, in the search space scaled to [0, 1].
-    pub step_size: f64,
-}
 
 /// A placement with its scores.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -1,7 +1,8 @@
 use std::fmt::Write;
 
-use super::{GenerationRecord, Scored};
+use super::Scored;
 use crate::placement::Constraints;
+use crate::search::GenerationRecord;
 
 const FONT: &str = "font-family=\"system-ui,sans-serif\" font-size=\"13\"";
 const INK: &str = "#1b2a3a";

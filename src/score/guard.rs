@@ -1,6 +1,6 @@
 use serde::{Serialize, Serializer};
 
-use crate::backend::{Content, Grid, Tally};
+use crate::backend::{Content, Tally};
 use crate::placement::{Constraints, Placement, SensorPose};
 
 /// Information below this share of the reference layout's is too little.
@@ -120,12 +120,6 @@ pub fn reference_layout(constraints: &Constraints, lidars: usize) -> Placement {
         }
     });
     Placement { name: format!("reference-{lidars}"), lidars: poses.collect() }
-}
-
-/// Range of the reference layout's beams, in metres: far enough for every voxel, so that a placement
-/// whose own range is cut, by fog say, still compares with one that sees all.
-pub fn reference_range(grid: &Grid, range: f32) -> f32 {
-    range.max(2.0 * grid.diagonal() as f32)
 }
 
 /// Every guard that a tally over `frames` frames violates.

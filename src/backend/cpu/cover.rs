@@ -3,8 +3,9 @@ use rayon::prelude::*;
 
 use super::beam::beam_direction;
 use crate::backend::layout::{FAR, PUSH};
-use crate::backend::{DevicePose, Grid};
+use crate::backend::DevicePose;
 use crate::bvh::{Hit, NO_HIT};
+use crate::grid::Roi;
 use crate::placement::BeamTable;
 
 /// Marks the voxels that each sensor's beams traverse, one bitmap a sensor.
@@ -17,13 +18,13 @@ use crate::placement::BeamTable;
 pub fn cover_voxels(
     poses: &[DevicePose],
     table: &BeamTable,
-    grid: &Grid,
+    roi: &Roi,
     hits: Option<&[Hit]>,
     range: f32,
     bitmaps: &mut Vec<u64>,
 ) {
     let directions = table.directions();
-    let words = grid.bitmap_words64();
+    let words = bitmap_words(roi);
     bitmaps.clear();
     bitmaps.resize(poses.len() * words, 0);
     bitmaps.par_chunks_mut(words).zip(poses).enumerate().for_each(|(sensor, (bitmap, pose))| {
@@ -34,10 +35,15 @@ pub fn cover_voxels(
                 _ => range,
             };
             let in_grid = Vec3::from_slice(&pose.in_grid);
-            let walk = Walk::new(grid, in_grid, beam_direction(pose, direction));
+            let walk = Walk::new(roi, in_grid, beam_direction(pose, direction));
             walk.visit(t_end, |voxel| bitmap[voxel >> 6] |= 1 << (voxel & 63));
         }
     });
+}
+
+/// 64-bit words of a bitmap of all voxels.
+pub fn bitmap_words(roi: &Roi) -> usize {
+    roi.voxel_count().div_ceil(64) as usize
 }
 
 /// A beam's way through the voxel planes.
@@ -61,9 +67,10 @@ struct Walk {
 }
 
 impl Walk {
-    fn new(grid: &Grid, in_grid: Vec3, direction: Vec3) -> Self {
+    fn new(roi: &Roi, in_grid: Vec3, direction: Vec3) -> Self {
+        let voxel = roi.voxel().map(|v| v as f32);
         let mut walk = Self {
-            shape: grid.shape.map(|n| n as i32),
+            shape: roi.shape().map(|n| n as i32),
             p: in_grid.to_array(),
             inverse: [FAR; 3],
             slope: [0.0; 3],
@@ -72,8 +79,8 @@ impl Walk {
         for axis in 0..3 {
             let d = direction[axis];
             if d != 0.0 {
-                walk.inverse[axis] = grid.voxel32[axis] / d;
-                walk.slope[axis] = d / grid.voxel32[axis];
+                walk.inverse[axis] = voxel[axis] / d;
+                walk.slope[axis] = d / voxel[axis];
                 walk.forward[axis] = d > 0.0;
             }
         }
@@ -170,10 +177,10 @@ mod tests {
     use super::*;
 
     fn walk(origin: [f32; 3], direction: [f32; 3], t_end: f32) -> Vec<usize> {
-        let grid = Grid::new([0.0; 3], [1.0; 3], [4, 4, 4]);
+        let roi = Roi::new([0.0; 3], [1.0; 3], [4, 4, 4]).unwrap();
         let mut seen = Vec::new();
         let direction = Vec3::from(direction).normalize();
-        Walk::new(&grid, origin.into(), direction).visit(t_end, |v| seen.push(v));
+        Walk::new(&roi, origin.into(), direction).visit(t_end, |v| seen.push(v));
         seen
     }
 

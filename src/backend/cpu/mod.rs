@@ -16,7 +16,7 @@ use crate::placement::Placement;
 
 pub use beam::beam_direction;
 pub use cast::cast_closest;
-pub use cover::cover_voxels;
+pub use cover::{bitmap_words, cover_voxels};
 pub use reduce::reduce;
 pub(super) use reduce::set_bits;
 
@@ -38,14 +38,14 @@ impl CpuBackend {
     }
 
     fn poses(&self, placements: &[Placement]) -> Vec<DevicePose> {
-        let grid = self.problem.grid();
-        placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, grid)).collect()
+        let roi = self.problem.roi();
+        placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect()
     }
 
     fn chunks(&self, placements: &[Placement]) -> Result<Vec<Chunk>, BackendError> {
         let lidars: Vec<usize> = placements.iter().map(|p| p.lidars.len()).collect();
         let widest = lidars.iter().copied().max().unwrap_or(1);
-        let bitmap = 8 * self.problem.grid().bitmap_words64() as u64;
+        let bitmap = 8 * bitmap_words(self.problem.roi()) as u64;
         let hits = size_of::<Hit>() as u64 * self.problem.table().directions().len() as u64;
         let each = bitmap + hits;
         let limit = self.memory.min(CHUNK_BYTES.max(each * widest as u64));
@@ -65,7 +65,7 @@ impl CpuBackend {
         let hits = problem.bvh(frame).map(|bvh| cast_closest(poses, problem.table(), bvh, range));
         self.times.cast += start.elapsed();
         let start = Instant::now();
-        cover_voxels(poses, problem.table(), problem.grid(), hits.as_deref(), range, bitmaps);
+        cover_voxels(poses, problem.table(), problem.roi(), hits.as_deref(), range, bitmaps);
         self.times.cover += start.elapsed();
         hits
     }
@@ -131,7 +131,7 @@ impl Backend for CpuBackend {
         let mut bitmaps = Vec::new();
         let range = self.problem.table().range();
         self.cover_frame(&self.poses(placements), frame, range, &mut bitmaps);
-        let words = self.problem.grid().bitmap_words64();
+        let words = bitmap_words(self.problem.roi());
         Ok(set_bits(|w| bitmaps[w..].iter().step_by(words).fold(0, |or, x| or | x), words))
     }
 

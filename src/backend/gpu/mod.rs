@@ -78,9 +78,9 @@ impl GpuBackend {
 
     /// Uploads a chunk's poses and placements.
     fn load(&mut self, placements: &[Placement]) -> Result<(), BackendError> {
-        let grid = self.problem.grid();
+        let roi = self.problem.roi();
         let poses: Vec<DevicePose> =
-            placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, grid)).collect();
+            placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect();
         let fits = self.chunk.as_ref().is_some_and(|c| c.holds(poses.len(), placements.len()));
         if !fits {
             // The old buffers go first, so that both never exist at once.

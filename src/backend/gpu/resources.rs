@@ -19,7 +19,7 @@ pub(super) struct Sizes {
 
 impl Sizes {
     pub(super) fn of(problem: &Problem) -> Self {
-        let words = problem.grid().voxel_count().div_ceil(32) as u64;
+        let words = problem.roi().voxel_count().div_ceil(32);
         let directions = problem.table().directions().len() as u64;
         let groups = occupied_workgroups(problem);
         Self {
@@ -42,7 +42,7 @@ impl Sizes {
 
 /// Passes that the longest walk through the grid needs.
 pub(super) fn walk_passes(problem: &Problem) -> u32 {
-    let steps: u64 = problem.grid().shape.iter().map(|&n| u64::from(n) + 1).sum();
+    let steps: u64 = problem.roi().shape().iter().map(|&n| u64::from(n) + 1).sum();
     steps.div_ceil(u64::from(STEP_BUDGET)) as u32
 }
 

@@ -19,12 +19,12 @@ pub(super) struct Run<'a> {
 
 impl Run<'_> {
     fn write_uniforms(&self, frame: usize, range: f32, walk_pass: u32) {
-        let grid = self.problem.grid();
+        let roi = self.problem.roi();
         let bvh = self.problem.geometry(frame);
         let uniforms = Uniforms {
-            shape: grid.shape,
+            shape: roi.shape(),
             direction_count: self.directions(),
-            voxel: grid.voxel32,
+            voxel: roi.voxel().map(|v| v as f32),
             range,
             bitmap_words: self.bitmap_words(),
             node_count: bvh.map_or(0, |b| b.nodes.len() as u32),
@@ -43,7 +43,7 @@ impl Run<'_> {
     }
 
     fn bitmap_words(&self) -> u32 {
-        self.problem.grid().voxel_count().div_ceil(32) as u32
+        self.problem.roi().voxel_count().div_ceil(32) as u32
     }
 
     /// Casts the beams where the coverage needs hits; hits counted a sensor, else all zero.

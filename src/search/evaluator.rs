@@ -1,11 +1,9 @@
-//! From placements to scores, and the search that asks for better ones.
-
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::backend::{Backend, BackendError, Problem, Tally};
 use crate::placement::{Constraints, Placement};
-use crate::score::{Scores, reference_layout, reference_range};
+use crate::score::{Scores, reference_layout};
 
 /// Scores placements on one backend.
 pub struct Evaluator {
@@ -55,8 +53,9 @@ impl Evaluator {
         for lidars in placements.iter().map(|p| p.lidars.len()) {
             if !self.references.contains_key(&lidars) {
                 let layout = reference_layout(&self.constraints, lidars);
-                let far = reference_range(self.problem.grid(), range);
-                let tally = self.backend.tally(&[layout], far)?.remove(0);
+                // Seen without limit, so that a placement whose range is cut, by fog say, compares
+                // with one that sees all.
+                let tally = self.backend.tally(&[layout], self.problem.far_range())?.remove(0);
                 self.references.insert(lidars, tally);
             }
         }

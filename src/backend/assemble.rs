@@ -1,0 +1,99 @@
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::{Content, OccupiedVoxel, Problem, ProblemError};
+use crate::bvh::Bvh;
+use crate::grid::{EntropyKind, EntropyTable, Psog, fixed};
+use crate::placement::BeamTable;
+use crate::scene::{Coverage, EgoBody, Scene};
+
+impl Content {
+    /// Entropies and classes of a P-SOG's occupied voxels.
+    ///
+    /// `detection` holds the class ids that count as the detection target; the other classes are
+    /// merged into one. The P-SOG must have fewer than 2³¹ voxels, as every [`Roi`] has.
+    pub fn from_psog(psog: &Psog, detection: &[u16]) -> Self {
+        let table = EntropyTable::new(psog.frames());
+        let is_target: Vec<bool> =
+            (0..psog.classes().len()).map(|c| detection.contains(&(c as u16))).collect();
+        let occupied = psog
+            .index()
+            .par_iter()
+            .zip(psog.counts().par_chunks(psog.classes().len().max(1)))
+            // A voxel may be listed with no frame in which it is occupied.
+            .filter(|(_, row)| row.iter().any(|&count| count > 0))
+            .map(|(&index, row)| {
+                let (mut target, mut rest) = (0, 0);
+                for (&count, &is_target) in row.iter().zip(&is_target) {
+                    if is_target { target += count } else { rest += count }
+                }
+                let merged = [target, rest];
+                OccupiedVoxel {
+                    index: index as u32,
+                    entropy: [
+                        fixed(table.entropy(row, EntropyKind::Segmentation)),
+                        fixed(table.entropy(&merged, EntropyKind::Segmentation)),
+                        fixed(table.entropy(row, EntropyKind::Bernoulli)),
+                    ],
+                }
+            })
+            .collect();
+        let voxels_by_class: Vec<Vec<u32>> = (0..psog.classes().len())
+            .into_par_iter()
+            .map(|class| {
+                let rows = psog.index().iter().zip(psog.rows());
+                rows.filter(|(_, row)| row[class] > 0).map(|(&index, _)| index as u32).collect()
+            })
+            .collect();
+        let classes = psog.classes().to_vec();
+        Self::new(classes, occupied, &voxels_by_class, !detection.is_empty())
+    }
+}
+
+impl Problem {
+    /// The problem that a scene poses with a P-SOG, over some of the scene's frames.
+    ///
+    /// # Errors
+    /// The P-SOG is on another grid than the scene's region of interest.
+    pub fn from_scene(
+        scene: &Scene,
+        psog: &Psog,
+        table: BeamTable,
+        frames: &[usize],
+    ) -> Result<Self, ProblemError> {
+        let bounds = scene.roi();
+        let roi = psog.roi();
+        let same = |a: [f64; 3], b: [f64; 3]| {
+            // Half a thousandth of a voxel: what decimals in two files may differ by.
+            (0..3).all(|k| (a[k] - b[k]).abs() <= 5e-4 * bounds.voxel[k])
+        };
+        if roi.shape() != bounds.shape
+            || !same(roi.min(), bounds.min)
+            || !same(roi.voxel(), bounds.voxel)
+        {
+            let words = |min: [f64; 3], voxel: [f64; 3], shape: [u32; 3]| {
+                format!("{shape:?} voxels of {voxel:?} m from {min:?} on")
+            };
+            return Err(ProblemError::GridMismatch {
+                psog: words(roi.min(), roi.voxel(), roi.shape()),
+                scene: words(bounds.min, bounds.voxel, bounds.shape),
+            });
+        }
+        let content = Content::from_psog(psog, &psog_detection(scene, psog));
+        let far = Self::far_range_of(roi, table.range());
+        let frames = if scene.has_geometry() { frames } else { &[] };
+        let frames: Vec<Arc<Bvh>> = frames
+            .par_iter()
+            .map(|&t| Arc::new(Bvh::build(&scene.frame(t, EgoBody::Include), far)))
+            .collect();
+        let ends_at_hits = matches!(scene.coverage(), Coverage::FirstHit);
+        Ok(Self::new(roi.clone(), content, table, frames, ends_at_hits))
+    }
+}
+
+/// Detection classes of the scene by the P-SOG's class ids: the two may list classes differently.
+fn psog_detection(scene: &Scene, psog: &Psog) -> Vec<u16> {
+    let names = scene.detection_classes().iter().map(|&class| &scene.classes()[class as usize]);
+    names.filter_map(|name| psog.class_id(name)).collect()
+}

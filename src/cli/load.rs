@@ -1,0 +1,180 @@
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use sightline::backend::cpu::CpuBackend;
+use sightline::backend::gpu::GpuBackend;
+use sightline::backend::{Backend, BackendError, Problem};
+use sightline::grid::{BuildReport, Psog, Roi, scan_scene};
+use sightline::placement::{BeamTable, Constraints};
+use sightline::scene::{Lidar, Mount, PsogSource, ScanSettings, Scene};
+use sightline::search::Evaluator;
+
+use super::args::{BackendChoice, Compute, Talk};
+use super::error::Error;
+use super::progress;
+
+/// Seconds until scoring could begin.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct LoadTimes {
+    /// Reading files.
+    pub load: f64,
+    /// P-SOG, trees, device.
+    pub build: f64,
+}
+
+/// A scene ready to be scored.
+pub struct Loaded {
+    pub scene: Scene,
+    pub evaluator: Evaluator,
+    pub psog: Arc<Psog>,
+    pub times: LoadTimes,
+}
+
+/// Reads a scene and its P-SOG, and opens a backend over `frames` of its frames (all if `None`).
+pub fn scene(path: &Path, frames: Option<u32>, compute: &Compute) -> Result<Loaded, Error> {
+    let start = Instant::now();
+    let scene = Scene::read(path)?;
+    let file = read_psog(&scene)?;
+    let load = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    let psog = match file {
+        Some(psog) => psog,
+        None => build_psog(&scene, compute.talk)?.0,
+    };
+    let frames = spread(scene.frame_count(), frames);
+    let psog = Arc::new(psog);
+    let evaluator = evaluator(&scene, &psog, &frames, compute)?;
+    let times = LoadTimes { load, build: start.elapsed().as_secs_f64() };
+    Ok(Loaded { scene, evaluator, psog, times })
+}
+
+/// Reads a scene for its geometry in one frame; its P-SOG is not needed and stays empty.
+pub fn geometry(path: &Path, frame: u32, compute: &Compute) -> Result<Loaded, Error> {
+    let start = Instant::now();
+    let scene = Scene::read(path)?;
+    if !scene.has_geometry() {
+        return Err(Error::Usage(format!(
+            "{}: has no geometry to cast into; add static shapes, actors or an ego body",
+            path.display()
+        )));
+    }
+    let (frame, frames) = (frame as usize, scene.frame_count());
+    if frame >= frames {
+        return Err(BackendError::NoFrame { frame, frames }.into());
+    }
+    let psog = Psog::new(roi_of(&scene)?, 1, scene.classes().to_vec(), vec![], vec![])?;
+    let psog = Arc::new(psog);
+    let load = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    let evaluator = evaluator(&scene, &psog, &[frame], compute)?;
+    let times = LoadTimes { load, build: start.elapsed().as_secs_f64() };
+    Ok(Loaded { scene, evaluator, psog, times })
+}
+
+/// An evaluator of a scene over the given frames.
+pub fn evaluator(
+    scene: &Scene,
+    psog: &Psog,
+    frames: &[usize],
+    compute: &Compute,
+) -> Result<Evaluator, Error> {
+    let table = beam_table(scene.lidar())?;
+    let problem = Arc::new(Problem::from_scene(scene, psog, table, frames)?);
+    let budget = compute.memory_budget();
+    compute.talk.detail(format!(
+        "scene and P-SOG take {} MiB, work buffers at most {} MiB",
+        problem.bytes() >> 20,
+        budget >> 20
+    ));
+    let backend = open_backend(&problem, budget, compute)?;
+    Ok(Evaluator::new(problem, backend, constraints(scene.mount())))
+}
+
+fn open_backend(
+    problem: &Arc<Problem>,
+    budget: u64,
+    compute: &Compute,
+) -> Result<Box<dyn Backend>, Error> {
+    let gpu = || GpuBackend::new(problem.clone(), compute.adapter.as_deref(), budget);
+    let cpu = || Box::new(CpuBackend::new(problem.clone(), budget));
+    // A device asked for by name is not silently replaced.
+    let backend: Box<dyn Backend> = match compute.backend {
+        BackendChoice::Cpu => cpu(),
+        BackendChoice::Gpu => Box::new(gpu()?),
+        BackendChoice::Auto if compute.adapter.is_some() => Box::new(gpu()?),
+        BackendChoice::Auto => match gpu() {
+            Ok(gpu) => Box::new(gpu),
+            Err(error) => {
+                compute.talk.note(format!("computing on the CPU: {error}"));
+                return Ok(cpu());
+            }
+        },
+    };
+    compute.talk.note(format!("computing on {}: {}", backend.name(), backend.adapter()));
+    Ok(backend)
+}
+
+/// The P-SOG file that the scene names, if it names one.
+fn read_psog(scene: &Scene) -> Result<Option<Psog>, Error> {
+    match scene.psog_source() {
+        PsogSource::File(path) => Ok(Some(Psog::read(path)?)),
+        PsogSource::Scan(_) => Ok(None),
+    }
+}
+
+/// Builds the P-SOG of a scene with geometry from virtual scans.
+pub fn build_psog(scene: &Scene, talk: Talk) -> Result<(Psog, BuildReport), Error> {
+    let settings = match scene.psog_source() {
+        PsogSource::Scan(settings) => settings.clone(),
+        PsogSource::File(_) => ScanSettings::default_of(scene),
+    };
+    let bar = progress::bar(scene.frame_count() as u64, "frames scanned for the P-SOG", talk);
+    let built = scan_scene(scene, &roi_of(scene)?, &settings, || bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok(built)
+}
+
+/// The scene's region of interest as a grid.
+pub fn roi_of(scene: &Scene) -> Result<Roi, Error> {
+    let bounds = scene.roi();
+    Ok(Roi::new(bounds.min, bounds.voxel, bounds.shape)?)
+}
+
+fn beam_table(lidar: &Lidar) -> Result<BeamTable, Error> {
+    Ok(match lidar {
+        Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, range } => {
+            let channels: Vec<(f64, f64)> =
+                elevations.iter().copied().zip(azimuth_offsets.iter().copied()).collect();
+            BeamTable::spinning(&channels, *azimuth_steps, *range)?
+        }
+        Lidar::Directions { directions, range } => {
+            BeamTable::from_directions(directions.iter().map(|&d| d.into()), *range)?
+        }
+    })
+}
+
+fn constraints(mount: &Mount) -> Constraints {
+    let angles = [mount.roll, mount.pitch, mount.yaw];
+    let bound = |side: usize, corner: [f64; 3]| {
+        let [x, y, z] = corner;
+        [x, y, z, angles[0][side], angles[1][side], angles[2][side]]
+    };
+    Constraints {
+        lower: bound(0, mount.min),
+        upper: bound(1, mount.max),
+        min_distance: mount.min_distance,
+        lidars: mount.lidars as usize,
+    }
+}
+
+/// `wanted` of `count` frames, spread evenly from the first on; all of them if `None`.
+pub fn spread(count: usize, wanted: Option<u32>) -> Vec<usize> {
+    let wanted = wanted.map_or(count, |w| (w as usize).min(count));
+    (0..wanted).map(|k| k * count / wanted).collect()
+}
+
+/// The coverage as the scene file spells it.
+pub fn coverage_name(problem: &Problem) -> &'static str {
+    if problem.ends_at_hits() { "first-hit" } else { "through" }
+}

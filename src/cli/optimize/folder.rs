@@ -1,0 +1,161 @@
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use sightline::placement::Constraints;
+use sightline::report::{RunRecord, convergence_svg, placement_svg, report_html};
+use sightline::search::{GenerationRecord, Search};
+
+use super::RunSettings;
+use crate::cli::error::Error;
+use crate::cli::output::{writable_folder, write_whole};
+
+/// Version of `checkpoint.json`.
+const CHECKPOINT: u32 = 1;
+/// Numbered folders that are tried before giving up.
+const MOST_RUNS: u32 = 10_000;
+
+/// A run's folder; every file in it is whole at any time.
+pub(super) struct RunFolder {
+    path: PathBuf,
+    evaluations_before: u64,
+}
+
+#[derive(Serialize)]
+struct Checkpoint<'a> {
+    checkpoint: u32,
+    settings: &'a RunSettings,
+    search: &'a Search,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedCheckpoint {
+    checkpoint: u32,
+    settings: RunSettings,
+    search: Search,
+}
+
+impl RunFolder {
+    /// Makes the folder asked for, which must not hold a run yet, or a numbered one of the scene.
+    pub(super) fn create(out: Option<&Path>, scene: &Path) -> Result<Self, Error> {
+        let path = match out {
+            Some(path) if path.join("checkpoint.json").exists() => {
+                return Err(Error::Usage(format!(
+                    "{}: already holds a run; go on with --resume, or name another folder",
+                    path.display()
+                )));
+            }
+            Some(path) => path.to_owned(),
+            None => free_folder(scene)?,
+        };
+        writable_folder(&path)?;
+        Ok(Self { path, evaluations_before: 0 })
+    }
+
+    /// Reads what an earlier sitting has left.
+    pub(super) fn resume(
+        path: &Path,
+    ) -> Result<(Self, RunSettings, Search, Vec<GenerationRecord>), Error> {
+        let file = path.join("checkpoint.json");
+        let json = |source| Error::Json { path: file.clone(), source };
+        let text = std::fs::read_to_string(&file).map_err(Error::io(&file))?;
+        let saved: SavedCheckpoint = serde_json::from_str(&text).map_err(json)?;
+        if saved.checkpoint != CHECKPOINT {
+            return Err(Error::Usage(format!(
+                "{}: is of version {}, this program reads {CHECKPOINT}; start a new run",
+                file.display(),
+                saved.checkpoint
+            )));
+        }
+        let file = path.join("history.jsonl");
+        let text = std::fs::read_to_string(&file).map_err(Error::io(&file))?;
+        let history = text
+            .lines()
+            .take(saved.search.generation() as usize)
+            .map(serde_json::from_str)
+            .collect::<Result<Vec<GenerationRecord>, _>>()
+            .map_err(|source| Error::Json { path: file.clone(), source })?;
+        if history.len() as u64 != saved.search.generation() {
+            return Err(Error::Usage(format!(
+                "{}: has {} generations, the checkpoint {}; the folder is damaged",
+                file.display(),
+                history.len(),
+                saved.search.generation()
+            )));
+        }
+        writable_folder(path)?;
+        let evaluations_before = saved.search.evaluations();
+        Ok((Self { path: path.to_owned(), evaluations_before }, saved.settings, saved.search, history))
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(super) fn evaluations_before(&self) -> u64 {
+        self.evaluations_before
+    }
+
+    /// Saves the state after a generation: the history first, so that it is never behind.
+    pub(super) fn save(
+        &self,
+        settings: &RunSettings,
+        search: &Search,
+        history: &[GenerationRecord],
+    ) -> Result<(), Error> {
+        let path = self.path.join("history.jsonl");
+        write_whole(&path, |file| {
+            for record in history {
+                serde_json::to_writer(&mut *file, record)
+                    .map_err(|source| Error::Json { path: path.clone(), source })?;
+                file.write_all(b"\n").map_err(Error::io(&path))?;
+            }
+            Ok(())
+        })?;
+        self.write_json("checkpoint.json", &Checkpoint { checkpoint: CHECKPOINT, settings, search })
+    }
+
+    fn write_json(&self, name: &str, value: &impl Serialize) -> Result<(), Error> {
+        let path = self.path.join(name);
+        write_whole(&path, |file| {
+            serde_json::to_writer_pretty(&mut *file, value)
+                .map_err(|source| Error::Json { path: path.clone(), source })?;
+            file.write_all(b"\n").map_err(Error::io(&path))
+        })
+    }
+
+    fn write_text(&self, name: &str, text: &str) -> Result<(), Error> {
+        let path = self.path.join(name);
+        write_whole(&path, |file| file.write_all(text.as_bytes()).map_err(Error::io(&path)))
+    }
+
+    /// Writes the result, the charts and the page.
+    pub(super) fn finish(
+        &self,
+        record: &RunRecord,
+        history: &[GenerationRecord],
+        constraints: &Constraints,
+        body: &[[[f32; 3]; 3]],
+    ) -> Result<(), Error> {
+        self.write_json("result.json", record)?;
+        let convergence = convergence_svg(history, &record.objective, &record.baselines);
+        self.write_text("convergence.svg", &convergence)?;
+        if let Some(best) = &record.best {
+            self.write_text("placement.svg", &placement_svg(best, constraints, body))?;
+        }
+        self.write_text("report.html", &report_html(record, history, constraints, body))
+    }
+}
+
+/// `runs/SCENE`, or the first `runs/SCENE-2`, `-3`, … that does not exist.
+fn free_folder(scene: &Path) -> Result<PathBuf, Error> {
+    let name = scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let numbered = (1..MOST_RUNS).map(|n| match n {
+        1 => Path::new("runs").join(&name),
+        n => Path::new("runs").join(format!("{name}-{n}")),
+    });
+    numbered.into_iter().find(|path| !path.exists()).ok_or_else(|| {
+        Error::Usage(format!("runs/{name}: too many runs; name a folder with --out"))
+    })
+}

@@ -1,0 +1,164 @@
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use serde_json::json;
+use sightline::grid::{BuildReport, Psog, PsogInfo};
+use sightline::scene::Scene;
+
+use super::args::{Format, Talk, format_or_default};
+use super::error::Error;
+use super::output::writable_file;
+use super::{load, table};
+
+#[derive(clap::Subcommand)]
+pub enum Command {
+    /// Build a P-SOG from a scene's geometry, or from real labelled frames
+    Build(BuildArgs),
+    /// Print what a P-SOG holds
+    Info(InfoArgs),
+    /// Add up P-SOGs of the same grid and classes
+    Merge(MergeArgs),
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  sightline psog build scenes/highway.json --out highway.psog.npz
+  sightline psog build --kitti sequences/00 --roi-min -40 -40 -0.5 --roi-max 40 40 5.5 \\
+      --voxel 0.2 0.2 0.2 --out kitti.psog.npz")]
+pub struct BuildArgs {
+    /// Scene file whose geometry is scanned
+    #[arg(required_unless_present = "kitti", conflicts_with = "kitti")]
+    scene: Option<PathBuf>,
+    /// Folder of labelled frames in the SemanticKITTI layout: velodyne/, labels/, poses.txt, calib.txt
+    #[arg(long, value_name = "DIR", requires_all = ["roi_min", "roi_max", "voxel"])]
+    kitti: Option<PathBuf>,
+    /// Merge only the frames this many numbers before and after into each frame [default: all]
+    #[arg(long, value_name = "N", requires = "kitti")]
+    window: Option<u32>,
+    /// Height of the recording LiDAR above the ground, in metres
+    #[arg(long, value_name = "M", requires = "kitti", default_value_t = 1.73)]
+    lidar_height: f64,
+    /// Lower corner of the region of interest, in metres
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_hyphen_values = true)]
+    roi_min: Option<Vec<f64>>,
+    /// Upper corner of the region of interest, in metres
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_hyphen_values = true)]
+    roi_max: Option<Vec<f64>>,
+    /// Voxel size, in metres
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"])]
+    voxel: Option<Vec<f64>>,
+    /// File to write
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// How to print [default: text on a terminal, else json]
+    #[arg(long, value_enum)]
+    format: Option<Format>,
+    #[command(flatten)]
+    talk: Talk,
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  sightline psog info highway.psog.npz")]
+pub struct InfoArgs {
+    /// P-SOG file
+    psog: PathBuf,
+    /// How to print [default: text on a terminal, else json]
+    #[arg(long, value_enum)]
+    format: Option<Format>,
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  sightline psog merge a.psog.npz b.psog.npz --out both.psog.npz")]
+pub struct MergeArgs {
+    /// P-SOG files
+    #[arg(required = true, num_args = 2..)]
+    psogs: Vec<PathBuf>,
+    /// File to write
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+pub fn run(command: &Command) -> Result<ExitCode, Error> {
+    match command {
+        Command::Build(args) => build(args)?,
+        Command::Info(args) => print(&Psog::read(&args.psog)?, None, args.format)?,
+        Command::Merge(args) => merge(args)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn corner(values: Option<&Vec<f64>>, option: &str) -> Result<[f64; 3], Error> {
+    values
+        .and_then(|v| <[f64; 3]>::try_from(v.as_slice()).ok())
+        .ok_or_else(|| Error::Usage(format!("{option} needs three numbers")))
+}
+
+fn build(args: &BuildArgs) -> Result<(), Error> {
+    writable_file(&args.out)?;
+    let (psog, report) = match (&args.scene, &args.kitti) {
+        (_, Some(folder)) => {
+            let roi = sightline::grid::Roi::from_bounds(
+                corner(args.roi_min.as_ref(), "--roi-min")?,
+                corner(args.roi_max.as_ref(), "--roi-max")?,
+                corner(args.voxel.as_ref(), "--voxel")?,
+            )?;
+            build_kitti(folder, roi, args)?
+        }
+        (Some(path), None) => {
+            let scene = Scene::read(path)?;
+            if !scene.has_geometry() {
+                return Err(Error::Usage(format!(
+                    "{}: has no geometry to scan; a P-SOG is built from static shapes and actors",
+                    path.display()
+                )));
+            }
+            load::build_psog(&scene, args.talk)?
+        }
+        (None, None) => unreachable!("clap requires one of them"),
+    };
+    psog.write(&args.out)?;
+    print(&psog, Some(&report), args.format)
+}
+
+fn merge(args: &MergeArgs) -> Result<(), Error> {
+    writable_file(&args.out)?;
+    let mut psogs = args.psogs.iter();
+    let mut sum = match psogs.next() {
+        Some(path) => Psog::read(path)?,
+        None => unreachable!("clap requires two"),
+    };
+    for path in psogs {
+        sum = sum.merge(&Psog::read(path)?)?;
+    }
+    Ok(sum.write(&args.out)?)
+}
+
+fn print(psog: &Psog, report: Option<&BuildReport>, format: Option<Format>) -> Result<(), Error> {
+    let info = PsogInfo::new(psog, report);
+    match format_or_default(format) {
+        Format::Json => println!("{}", json!(info)),
+        Format::Text => {
+            let value = json!(info);
+            let mut rows = Vec::new();
+            flatten("", &value, &mut rows);
+            print!("{}", table::align(&rows));
+        }
+    }
+    Ok(())
+}
+
+/// One row a number or text of a JSON value, named by its path.
+fn flatten(path: &str, value: &serde_json::Value, rows: &mut Vec<Vec<String>>) {
+    match value {
+        serde_json::Value::Object(fields) => {
+            for (key, value) in fields {
+                let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+                flatten(&path, value, rows);
+            }
+        }
+        value => {
+            let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            rows.push(vec![path.to_owned(), text]);
+        }
+    }
+}

@@ -1,0 +1,7 @@
+//! From placements to scores, and the search that asks for better ones.
+
+mod evaluator;
+mod run;
+
+pub use evaluator::Evaluator;
+pub use run::{Best, GenerationRecord, Search, SearchError, SearchSettings};
