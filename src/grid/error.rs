@@ -15,26 +15,36 @@ pub enum GridError {
     #[error("voxel along {axis} is {value} m; give an edge above 0")]
     VoxelSize { axis: char, value: f64 },
     /// The box ends before it begins.
-    #[error("the region of interest ends at {max} m along {axis}, before or where it begins ({min} m); swap or move its ends")]
+    #[error(
+        "the region of interest ends at {max} m along {axis}, before or where it begins ({min} m); swap or move its ends"
+    )]
     Reversed { axis: char, min: f64, max: f64 },
     /// The grid has no voxel along an axis.
     #[error("shape along {axis} is 0; a grid needs at least one voxel along each axis")]
     NoVoxels { axis: char },
     /// Too many voxels along one axis.
-    #[error("shape along {axis} is {voxels} voxels, at most {AXIS_LIMIT} fit; use larger voxels or a smaller region")]
+    #[error(
+        "shape along {axis} is {voxels} voxels, at most {AXIS_LIMIT} fit; use larger voxels or a smaller region"
+    )]
     AxisTooLong { axis: char, voxels: f64 },
     /// Too many voxels in all.
-    #[error("the grid has {voxels} voxels, at most {VOXEL_LIMIT} fit; use larger voxels or a smaller region")]
+    #[error(
+        "the grid has {voxels} voxels, at most {VOXEL_LIMIT} fit; use larger voxels or a smaller region"
+    )]
     TooManyVoxels { voxels: u128 },
     /// Neighbouring voxel faces are the same number in double precision.
-    #[error("voxel along {axis} is {voxel} m, too fine for coordinates near {near} m; use larger voxels or move the region nearer to the origin")]
+    #[error(
+        "voxel along {axis} is {voxel} m, too fine for coordinates near {near} m; use larger voxels or move the region nearer to the origin"
+    )]
     TooFine { axis: char, voxel: f64, near: f64 },
 
     /// A P-SOG over no frames.
     #[error("frames is 0; a P-SOG needs at least one frame")]
     NoFrames,
     /// More frames than a count can hold.
-    #[error("frame {frame} is one too many: a voxel's count holds at most {limit} frames; build from fewer frames")]
+    #[error(
+        "frame {frame} is one too many: a voxel's count holds at most {limit} frames; build from fewer frames"
+    )]
     TooManyFrames { frame: u64, limit: u32 },
     /// No class names.
     #[error("classes is empty; name at least one class")]
@@ -43,13 +53,19 @@ pub enum GridError {
     #[error("classes has {classes} names, at most {limit} fit; merge some classes")]
     TooManyClasses { classes: usize, limit: usize },
     /// A class name that is empty or holds a line break.
-    #[error("classes[{position}] is {name:?}; a class name is not empty and holds no line break (the list ends without one)")]
+    #[error(
+        "classes[{position}] is {name:?}; a class name is not empty and holds no line break (the list ends without one)"
+    )]
     ClassName { position: usize, name: String },
     /// The class "empty" is listed.
-    #[error("classes[{position}] is \"empty\"; empty is what the counts leave over, so remove that class and its column")]
+    #[error(
+        "classes[{position}] is \"empty\"; empty is what the counts leave over, so remove that class and its column"
+    )]
     ClassEmpty { position: usize },
     /// One name used twice.
-    #[error("classes[{position}] repeats the name {name:?} of classes[{first}]; give every class its own name")]
+    #[error(
+        "classes[{position}] repeats the name {name:?} of classes[{first}]; give every class its own name"
+    )]
     ClassTwice { position: usize, first: usize, name: String },
 
     /// `counts` does not hold one row a voxel.
@@ -62,14 +78,20 @@ pub enum GridError {
     #[error("index[{position}] is {value}, not above index[{before}] = {previous}; list every voxel once, in rising order", before = position - 1)]
     IndexOrder { position: usize, value: u64, previous: u64 },
     /// More labelled frames than frames.
-    #[error("counts[{position}] (voxel {voxel}) adds up to {sum} frames, but frames is {frames}; a voxel has one class a frame")]
+    #[error(
+        "counts[{position}] (voxel {voxel}) adds up to {sum} frames, but frames is {frames}; a voxel has one class a frame"
+    )]
     CountsOverFrames { position: usize, voxel: u64, sum: u64, frames: u32 },
 
     /// Two P-SOGs over different grids.
-    #[error("the P-SOGs have different {field} ({left:?} and {right:?}); only P-SOGs of one grid can be merged")]
+    #[error(
+        "the P-SOGs have different {field} ({left:?} and {right:?}); only P-SOGs of one grid can be merged"
+    )]
     MergeGrid { field: &'static str, left: [f64; 3], right: [f64; 3] },
     /// Two P-SOGs with different classes.
-    #[error("the P-SOGs differ at classes[{position}] ({left:?} and {right:?}); only P-SOGs with the same classes in the same order can be merged")]
+    #[error(
+        "the P-SOGs differ at classes[{position}] ({left:?} and {right:?}); only P-SOGs with the same classes in the same order can be merged"
+    )]
     MergeClasses { position: usize, left: String, right: String },
     /// The merged frames do not fit.
     #[error("the merged P-SOG would have {frames} frames, at most {limit} fit; merge fewer", limit = u32::MAX)]
@@ -79,9 +101,13 @@ pub enum GridError {
     MergeCount { voxel: u64, class: String, count: u32 },
 
     /// A vote for a class that does not exist.
-    #[error("a point of frame {frame} votes for class {class}, but there are {classes} classes; map its label first")]
+    #[error(
+        "a point of frame {frame} votes for class {class}, but there are {classes} classes; map its label first"
+    )]
     VoteClass { frame: u64, class: u16, classes: usize },
     /// A vote for a voxel that does not exist.
-    #[error("a point of frame {frame} votes in voxel {voxel}, but the grid has {voxels}; vote in the grid the P-SOG is built on")]
+    #[error(
+        "a point of frame {frame} votes in voxel {voxel}, but the grid has {voxels}; vote in the grid the P-SOG is built on"
+    )]
     VoteVoxel { frame: u64, voxel: u64, voxels: u64 },
 }

@@ -1,14 +1,40 @@
-//! (see lib.rs)
+//! Region of interest, voxels, P-SOG, entropy.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `roi` | the voxel grid, and the rule that gives a hit its voxel |
+//! | `psog` | frames counted per voxel and class |
+//! | `npz` | the P-SOG file |
+//! | `entropy` | entropy of each voxel, in nats and in fixed point |
+//! | `vote` | labelled points to one class a voxel and frame, frames to a P-SOG |
+//! | `kitti`, `kitti_labels`, `kitti_psog` | labelled frames in the SemanticKITTI layout |
+//! | `scan` | a P-SOG from virtual scans of a scene |
+//! | `info` | what `psog info` prints |
 
-/// One nat in fixed point.
-pub const ENTROPY_ONE: f64 = (1_u64 << 28) as f64;
+mod entropy;
+mod error;
+mod info;
+mod kitti;
+mod kitti_labels;
+mod kitti_psog;
+mod npz;
+mod npz_member;
+mod psog;
+mod roi;
+mod scan;
+#[cfg(test)]
+mod tests;
+mod vote;
 
-/// Fixed-point entropy.
-pub fn fixed(nats: f64) -> u32 {
-    (nats * ENTROPY_ONE).round() as u32
-}
-
-/// Nats of a fixed-point sum.
-pub fn to_nats(sum: u64) -> f64 {
-    sum as f64 / ENTROPY_ONE
-}
+pub use entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, fixed, to_nats};
+pub use error::GridError;
+pub use info::{ClassEntropy, PsogInfo};
+pub use kitti::{KittiError, KittiSequence, LabelledScan};
+pub use kitti_labels::{KITTI_CLASSES, KittiLabel, kitti_label};
+pub use kitti_psog::{KITTI_LIDAR_HEIGHT, KittiPsogOptions, build_kitti_psog};
+pub use npz::{read_psog, write_psog};
+pub use npz_member::PsogFileError;
+pub use psog::Psog;
+pub use roi::{AXIS_LIMIT, PUSH, Roi, VOXEL_LIMIT};
+pub use scan::scan_scene;
+pub use vote::{BuildReport, FrameVotes, PsogBuilder};

@@ -51,7 +51,11 @@ impl Roi {
             }
             let max = min[a] + f64::from(shape[a]) * voxel[a];
             if !max.is_finite() {
-                return Err(GridError::NotFinite { field: "roi_min + shape·voxel", axis, value: max });
+                return Err(GridError::NotFinite {
+                    field: "roi_min + shape·voxel",
+                    axis,
+                    value: max,
+                });
             }
             for near in [min[a], max] {
                 if near + voxel[a] <= near || near - voxel[a] >= near {

@@ -45,7 +45,10 @@ impl Extend<(Option<u64>, u16)> for FrameVotes {
     fn extend<I: IntoIterator<Item = (Option<u64>, u16)>>(&mut self, votes: I) {
         for (voxel, class) in votes {
             match voxel {
-                Some(voxel) => self.keys.push((voxel << 16) | u64::from(class)),
+                // No grid reaches 2⁴⁸ voxels; a number that large stays wrong, and is reported.
+                Some(voxel) => {
+                    self.keys.push((voxel.min((1 << 48) - 1) << 16) | u64::from(class));
+                }
                 None => self.outside += 1,
             }
         }

@@ -1,0 +1,64 @@
+/// The classes of a P-SOG from SemanticKITTI labels: the 19 that its benchmark scores, in its order.
+pub const KITTI_CLASSES: [&str; 19] = [
+    "car",
+    "bicycle",
+    "motorcycle",
+    "truck",
+    "other-vehicle",
+    "person",
+    "bicyclist",
+    "motorcyclist",
+    "road",
+    "parking",
+    "sidewalk",
+    "other-ground",
+    "building",
+    "fence",
+    "vegetation",
+    "trunk",
+    "terrain",
+    "pole",
+    "traffic-sign",
+];
+
+/// What a SemanticKITTI label id means for a P-SOG.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct KittiLabel {
+    /// Position in [`KITTI_CLASSES`]; `None` for labels that do not vote.
+    pub class: Option<u16>,
+    /// The object moved while it was recorded, so its points belong to one frame only.
+    pub moving: bool,
+}
+
+/// The meaning of a label id (the lower 16 bits of a label); `None` for an id that the data set
+/// does not define.
+///
+/// Follows the benchmark's own folding of its 34 ids: buses, trains and trams are other vehicles,
+/// lane markings are road, moving things belong to the class of the thing, and what is unlabelled,
+/// an outlier, or some other structure or object does not vote.
+pub fn kitti_label(id: u16) -> Option<KittiLabel> {
+    let class = match id {
+        0 | 1 | 52 | 99 => None, // unlabelled, outlier, other structure, other object
+        10 | 252 => Some(0),
+        11 => Some(1),
+        15 => Some(2),
+        18 | 258 => Some(3),
+        13 | 16 | 20 | 256 | 257 | 259 => Some(4), // bus, on rails, other
+        30 | 254 => Some(5),
+        31 | 253 => Some(6),
+        32 | 255 => Some(7),
+        40 | 60 => Some(8), // road, lane marking
+        44 => Some(9),
+        48 => Some(10),
+        49 => Some(11),
+        50 => Some(12),
+        51 => Some(13),
+        70 => Some(14),
+        71 => Some(15),
+        72 => Some(16),
+        80 => Some(17),
+        81 => Some(18),
+        _ => return None,
+    };
+    Some(KittiLabel { class, moving: id >= 252 })
+}
