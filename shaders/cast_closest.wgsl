@@ -107,7 +107,7 @@ fn intersect(ray: Ray, triangle: Triangle, best: Hit) -> Hit {
         return best;
     }
     let quotient = scaled / det;
-    if !(quotient > 0.0) {
+    if quotient <= 0.0 {
         return best;
     }
     let t = min(max(quotient, inside.x), inside.y);

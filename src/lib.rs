@@ -11,6 +11,9 @@
 //! | [`placement`] | beam tables, sensor poses, mount and constraints |
 //! | [`backend`] | casting, coverage and integer sums on the CPU and on the GPU |
 //! | [`score`] | scores, guards and objectives from the sums |
+//! | [`optimize`] | CMA-ES: pure numbers, knows no GPU and no scene |
+//! | [`search`] | ask, evaluate, score, tell |
+//! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
 
 pub mod backend;
 pub mod bvh;
@@ -18,5 +21,7 @@ pub mod geom;
 pub mod grid;
 pub mod optimize;
 pub mod placement;
+pub mod report;
 pub mod scene;
 pub mod score;
+pub mod search;

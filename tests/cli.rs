@@ -6,7 +6,7 @@ use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
-use sightline::grid::{Psog, Roi};
+use sightline::grid::{Psog, Roi, write_psog};
 use tempfile::TempDir;
 
 pub fn sightline(dir: &Path, args: &[&str]) -> Output {
@@ -33,7 +33,11 @@ fn fails(dir: &Path, args: &[&str]) -> String {
     let output = sightline(dir, args);
     let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(2), "{args:?}: {stderr}");
-    assert!(output.stdout.is_empty(), "{args:?} printed {}", String::from_utf8_lossy(&output.stdout));
+    assert!(
+        output.stdout.is_empty(),
+        "{args:?} printed {}",
+        String::from_utf8_lossy(&output.stdout)
+    );
     stderr
 }
 
@@ -47,7 +51,7 @@ fn corridor() -> TempDir {
     let counts = vec![1, 0, 2, 1, 0, 2, 4, 0];
     let classes = vec!["car".to_owned(), "pole".to_owned()];
     let psog = Psog::new(roi, 4, classes, vec![4, 6, 7, 12], counts).unwrap();
-    psog.write(&dir.path().join("corridor.psog.npz")).unwrap();
+    write_psog(&dir.path().join("corridor.psog.npz"), &psog).unwrap();
     fs::write(dir.path().join("scene.json"), scene().to_string()).unwrap();
     let placements = json!({ "placements": [
         { "name": "ahead", "lidars": [{ "x": 0.5, "y": 0.5, "z": 0.5 }] },
@@ -79,7 +83,8 @@ fn scores_of_a_corridor_worked_out_by_hand() {
     let bernoulli = 2.0 * (p(1.0) + p(3.0));
     let total = gain + p(2.0) + p(2.0);
     for backend in ["cpu", "gpu"] {
-        let args = ["score", "scene.json", "placements.json", "--format", "json", "--backend", backend];
+        let args =
+            ["score", "scene.json", "placements.json", "--format", "json", "--backend", backend];
         let answer = ok(dir.path(), &args);
         assert_eq!(answer["scene"], "corridor");
         assert_eq!(answer["backend"], backend);
@@ -134,7 +139,8 @@ fn a_stream_of_placements_gives_the_scores_of_a_document() {
     let lines: Vec<String> = (0..3000)
         .map(|i| {
             let y = 0.1 + 1.8 * f64::from(i) / 3000.0;
-            json!({ "name": format!("p{i}"), "lidars": [{ "x": 0.2, "y": y, "z": 0.5 }] }).to_string()
+            json!({ "name": format!("p{i}"), "lidars": [{ "x": 0.2, "y": y, "z": 0.5 }] })
+                .to_string()
         })
         .collect();
     fs::write(dir.path().join("many.jsonl"), lines.join("\n")).unwrap();
@@ -193,7 +199,10 @@ fn bad_placements_are_answered_with_their_name() {
     let lidar = json!({ "x": 0, "y": 0, "z": 1 });
     let cases: &[(Value, &[&str])] = &[
         (json!({ "placements": [] }), &["bad.json", "no placement"]),
-        (json!({ "placements": [{ "name": "a", "lidars": [] }] }), &["bad.json", "`a`", "0 LiDARs"]),
+        (
+            json!({ "placements": [{ "name": "a", "lidars": [] }] }),
+            &["bad.json", "`a`", "0 LiDARs"],
+        ),
         (
             json!({ "placements": [{ "name": "a/b", "lidars": [lidar] }] }),
             &["bad.json", "`a/b`", "letters"],
@@ -220,7 +229,11 @@ fn bad_placements_are_answered_with_their_name() {
             assert!(answer.contains(word), "{text}: `{answer}` lacks `{word}`");
         }
     }
-    fs::write(dir.path().join("bad.jsonl"), "{\"name\":\"a\",\"lidars\":[{\"x\":0,\"y\":0,\"z\":0}]}\nnot json\n").unwrap();
+    fs::write(
+        dir.path().join("bad.jsonl"),
+        "{\"name\":\"a\",\"lidars\":[{\"x\":0,\"y\":0,\"z\":0}]}\nnot json\n",
+    )
+    .unwrap();
     let answer = fails(dir.path(), &["score", "scene.json", "bad.jsonl", "--backend", "cpu"]);
     assert!(answer.contains("bad.jsonl, line 2"), "{answer}");
 }
@@ -236,7 +249,9 @@ fn wrong_arguments_and_places_are_answered_with_exit_code_2() {
     assert!(with(&["--adapter", "no such device"]).contains("no such device"));
     assert!(with(&["--memory", "12 parsecs"]).contains("parsecs"));
     assert!(with(&["--memory", "64", "--backend", "cpu"]).contains("--memory"));
-    assert!(fails(dir.path(), &["score", "nowhere.json", "placements.json"]).contains("nowhere.json"));
+    assert!(
+        fails(dir.path(), &["score", "nowhere.json", "placements.json"]).contains("nowhere.json")
+    );
     let cast = fails(dir.path(), &["cast", "scene.json", "placements.json", "--out", "hits.npz"]);
     assert!(cast.contains("no geometry"), "{cast}");
     assert!(!dir.path().join("hits.npz").exists());
@@ -297,19 +312,26 @@ fn hits_of_a_room_are_where_its_walls_are() {
         { "name": "middle", "lidars": [{ "x": 0, "y": 0.75, "z": 1.5 }] }] });
     fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
     for backend in ["cpu", "gpu"] {
-        let args = ["cast", "room.json", "p.json", "--frame", "1", "--out", "hits.npz", "--backend", backend];
+        let args = [
+            "cast",
+            "room.json",
+            "p.json",
+            "--frame",
+            "1",
+            "--out",
+            "hits.npz",
+            "--backend",
+            backend,
+        ];
         let answer = ok(dir.path(), &args);
         assert_eq!(answer["beams"], 480);
         let file = fs::File::open(dir.path().join("hits.npz")).unwrap();
         let mut npz = npyz::npz::NpzArchive::new(std::io::BufReader::new(file)).unwrap();
-        let distance: Vec<f32> =
-            npz.by_name("distance").unwrap().unwrap().into_vec().unwrap();
-        let direction: Vec<f32> =
-            npz.by_name("direction").unwrap().unwrap().into_vec().unwrap();
+        let distance: Vec<f32> = npz.by_name("distance").unwrap().unwrap().into_vec().unwrap();
+        let direction: Vec<f32> = npz.by_name("direction").unwrap().unwrap().into_vec().unwrap();
         let triangle: Vec<u32> = npz.by_name("triangle").unwrap().unwrap().into_vec().unwrap();
         let class: Vec<u16> = npz.by_name("class").unwrap().unwrap().into_vec().unwrap();
-        let face_class: Vec<u16> =
-            npz.by_name("face_class").unwrap().unwrap().into_vec().unwrap();
+        let face_class: Vec<u16> = npz.by_name("face_class").unwrap().unwrap().into_vec().unwrap();
         let lidar: Vec<u16> = npz.by_name("lidar").unwrap().unwrap().into_vec().unwrap();
         assert_eq!((distance.len(), direction.len(), lidar.len()), (480, 1440, 480));
         // Channel 0 points 30° down: straight ahead it meets the ground, 1.4 m below, after 2.8 m.
@@ -335,17 +357,25 @@ fn optimize_writes_its_folder_and_repeats_itself() {
     let dir = TempDir::new().unwrap();
     room(dir.path());
     let first = ok(dir.path(), &optimize_args("first", "90"));
-    let second = ok(dir.path(), &[&optimize_args("second", "90")[..], &["--threads", "1"]].concat());
+    let second =
+        ok(dir.path(), &[&optimize_args("second", "90")[..], &["--threads", "1"]].concat());
     let gpu: Vec<&str> = optimize_args("third", "90")
         .into_iter()
         .map(|arg| if arg == "cpu" { "gpu" } else { arg })
         .collect();
     let third = ok(dir.path(), &gpu);
-    for file in ["result.json", "history.jsonl", "checkpoint.json", "report.html",
-                 "convergence.svg", "placement.svg"] {
+    for file in [
+        "result.json",
+        "history.jsonl",
+        "checkpoint.json",
+        "report.html",
+        "convergence.svg",
+        "placement.svg",
+    ] {
         assert!(dir.path().join("first").join(file).exists(), "{file} is missing");
     }
-    let history = |run: &str| fs::read_to_string(dir.path().join(run).join("history.jsonl")).unwrap();
+    let history =
+        |run: &str| fs::read_to_string(dir.path().join(run).join("history.jsonl")).unwrap();
     assert_eq!(history("first"), history("second"), "another number of threads");
     assert_eq!(history("first"), history("third"), "another backend");
     assert_eq!(first["best"], second["best"]);

@@ -5,7 +5,16 @@ use std::path::{Path, PathBuf};
 
 /// Top to bottom.
 const ORDER: [&str; 10] = [
-    "geom", "scene", "bvh", "grid", "placement", "backend", "score", "optimize", "search", "report",
+    "geom",
+    "scene",
+    "bvh",
+    "grid",
+    "placement",
+    "backend",
+    "score",
+    "optimize",
+    "search",
+    "report",
 ];
 
 fn sources(dir: &Path, files: &mut Vec<PathBuf>) {
@@ -37,9 +46,10 @@ fn library() -> Vec<(PathBuf, String, String)> {
 fn modules_import_only_what_stands_above_them() {
     let mut checked = 0;
     for (file, text, module) in library() {
-        let own = ORDER.iter().position(|m| *m == module).unwrap_or_else(|| {
-            panic!("{} belongs to no module of the list", file.display())
-        });
+        let own = ORDER
+            .iter()
+            .position(|m| *m == module)
+            .unwrap_or_else(|| panic!("{} belongs to no module of the list", file.display()));
         for (line, code) in text.lines().enumerate() {
             let Some((_, used)) = code.split_once("crate::") else { continue };
             let comment = code.trim_start().starts_with("//");

@@ -88,7 +88,7 @@ impl Problem {
             .map(|&t| Arc::new(Bvh::build(&scene.frame(t, EgoBody::Include), far)))
             .collect();
         let ends_at_hits = matches!(scene.coverage(), Coverage::FirstHit);
-        Ok(Self::new(roi.clone(), content, table, frames, ends_at_hits))
+        Ok(Self::new(*roi, content, table, frames, ends_at_hits))
     }
 }
 

@@ -113,7 +113,7 @@ impl Ray {
             return;
         }
         let quotient = scaled / det;
-        if !(quotient > 0.0) {
+        if quotient <= 0.0 {
             return;
         }
         let t = quotient.max(enter).min(leave);

@@ -72,9 +72,11 @@ pub enum Format {
 
 /// The format asked for, or text on a terminal and JSON elsewhere.
 pub fn format_or_default(format: Option<Format>) -> Format {
-    format.unwrap_or_else(|| {
-        if std::io::stdout().is_terminal() { Format::Text } else { Format::Json }
-    })
+    format.unwrap_or_else(
+        || {
+            if std::io::stdout().is_terminal() { Format::Text } else { Format::Json }
+        },
+    )
 }
 
 /// Bytes from `4096`, `800M`, `2G` or `2GiB`; K, M, G and T are powers of 1024.
@@ -100,9 +102,7 @@ impl Compute {
     /// Bytes that work buffers may take.
     pub fn memory_budget(&self) -> u64 {
         // A machine that does not tell what is free is taken for a small one.
-        self.memory.unwrap_or_else(|| {
-            sightline::backend::available_memory().unwrap_or(2 << 30) / 2
-        })
+        self.memory.unwrap_or_else(|| sightline::backend::available_memory().unwrap_or(2 << 30) / 2)
     }
 
     /// Starts the threads of the CPU backend.

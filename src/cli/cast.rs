@@ -7,7 +7,7 @@ use npyz::WriterBuilder;
 use npyz::npz::NpzWriter;
 use npyz::zip::write::FileOptions;
 use serde_json::json;
-use sightline::backend::{Backend, DevicePose, cpu::beam_direction};
+use sightline::backend::{DevicePose, cpu::beam_direction};
 use sightline::bvh::NO_HIT;
 use sightline::placement::read_placements;
 use sightline::scene::EgoBody;
@@ -82,20 +82,20 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     }
     if let Some(path) = &args.out {
         write_whole(path, |file| {
-        let mut npz = NpzWriter::new(file);
-        let beams = columns.distance.len() as u64;
-        put(&mut npz, path, "origin", &[beams, 3], &columns.origin)?;
-        put(&mut npz, path, "direction", &[beams, 3], &columns.direction)?;
-        put(&mut npz, path, "distance", &[beams], &columns.distance)?;
-        put(&mut npz, path, "triangle", &[beams], &columns.triangle)?;
-        put(&mut npz, path, "class", &[beams], &columns.class)?;
-        put(&mut npz, path, "placement", &[beams], &columns.placement)?;
-        put(&mut npz, path, "lidar", &[beams], &columns.lidar)?;
-        let vertices = soup.vertices.as_flattened();
-        put(&mut npz, path, "vertices", &[soup.vertices.len() as u64, 3], vertices)?;
-        put(&mut npz, path, "faces", &[soup.faces.len() as u64, 3], soup.faces.as_flattened())?;
-        put(&mut npz, path, "face_class", &[soup.face_class.len() as u64], &soup.face_class)
-    })?;
+            let mut npz = NpzWriter::new(file);
+            let beams = columns.distance.len() as u64;
+            put(&mut npz, path, "origin", &[beams, 3], &columns.origin)?;
+            put(&mut npz, path, "direction", &[beams, 3], &columns.direction)?;
+            put(&mut npz, path, "distance", &[beams], &columns.distance)?;
+            put(&mut npz, path, "triangle", &[beams], &columns.triangle)?;
+            put(&mut npz, path, "class", &[beams], &columns.class)?;
+            put(&mut npz, path, "placement", &[beams], &columns.placement)?;
+            put(&mut npz, path, "lidar", &[beams], &columns.lidar)?;
+            let vertices = soup.vertices.as_flattened();
+            put(&mut npz, path, "vertices", &[soup.vertices.len() as u64, 3], vertices)?;
+            put(&mut npz, path, "faces", &[soup.faces.len() as u64, 3], soup.faces.as_flattened())?;
+            put(&mut npz, path, "face_class", &[soup.face_class.len() as u64], &soup.face_class)
+        })?;
     }
     let stages = loaded.evaluator.backend().times();
     let beams = columns.distance.len();
@@ -143,8 +143,7 @@ where
     T: npyz::AutoSerialize + Copy,
 {
     let array = npz.array(name, FileOptions::default()).map_err(Error::io(path))?;
-    let mut writer =
-        array.default_dtype().shape(shape).begin_nd().map_err(Error::io(path))?;
+    let mut writer = array.default_dtype().shape(shape).begin_nd().map_err(Error::io(path))?;
     writer.extend(data.iter().copied()).map_err(Error::io(path))?;
     writer.finish().map_err(Error::io(path))
 }

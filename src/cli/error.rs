@@ -1,7 +1,7 @@
 use std::path::{Path, PathBuf};
 
 use sightline::backend::{BackendError, ProblemError};
-use sightline::grid::GridError;
+use sightline::grid::{GridError, KittiError, PsogFileError};
 use sightline::placement::{PlacementError, ReadError, SensorError};
 use sightline::scene::SceneError;
 use sightline::score::ObjectiveError;
@@ -23,6 +23,12 @@ pub enum Error {
     /// From the P-SOG.
     #[error(transparent)]
     Grid(#[from] GridError),
+    /// From a P-SOG file.
+    #[error(transparent)]
+    PsogFile(#[from] PsogFileError),
+    /// From labelled frames.
+    #[error(transparent)]
+    Kitti(#[from] KittiError),
     /// From the sensor.
     #[error(transparent)]
     Sensor(#[from] SensorError),
@@ -53,14 +59,6 @@ pub enum Error {
         path: PathBuf,
         /// Where and why.
         source: serde_json::Error,
-    },
-    /// An array file that cannot be written.
-    #[error("{}: {message}", path.display())]
-    Array {
-        /// File.
-        path: PathBuf,
-        /// Why.
-        message: String,
     },
     /// Arguments that do not fit the scene or each other.
     #[error("{0}")]

@@ -5,7 +5,7 @@ use std::time::Instant;
 use sightline::backend::cpu::CpuBackend;
 use sightline::backend::gpu::GpuBackend;
 use sightline::backend::{Backend, BackendError, Problem};
-use sightline::grid::{BuildReport, Psog, Roi, scan_scene};
+use sightline::grid::{BuildReport, Psog, Roi, read_psog, scan_scene};
 use sightline::placement::{BeamTable, Constraints};
 use sightline::scene::{Lidar, Mount, PsogSource, ScanSettings, Scene};
 use sightline::search::Evaluator;
@@ -35,7 +35,7 @@ pub struct Loaded {
 pub fn scene(path: &Path, frames: Option<u32>, compute: &Compute) -> Result<Loaded, Error> {
     let start = Instant::now();
     let scene = Scene::read(path)?;
-    let file = read_psog(&scene)?;
+    let file = psog_file(&scene)?;
     let load = start.elapsed().as_secs_f64();
     let start = Instant::now();
     let psog = match file {
@@ -116,9 +116,9 @@ fn open_backend(
 }
 
 /// The P-SOG file that the scene names, if it names one.
-fn read_psog(scene: &Scene) -> Result<Option<Psog>, Error> {
+fn psog_file(scene: &Scene) -> Result<Option<Psog>, Error> {
     match scene.psog_source() {
-        PsogSource::File(path) => Ok(Some(Psog::read(path)?)),
+        PsogSource::File(path) => Ok(Some(read_psog(path)?)),
         PsogSource::Scan(_) => Ok(None),
     }
 }

@@ -7,7 +7,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
-use sightline::backend::Backend;
 use sightline::placement::{Constraints, Placement, read_placements};
 use sightline::report::{RunRecord, RunTimes, Scored};
 use sightline::scene::{EgoBody, Scene};

@@ -12,9 +12,8 @@ pub fn bar(total: u64, unit: &str, talk: Talk) -> ProgressBar {
         bar.set_draw_target(ProgressDrawTarget::hidden());
         return bar;
     }
-    let template = format!(
-        "{{bar:30}} {{pos}}/{{len}} {unit}, {{per_sec:.1}}, {{eta}} left {{wide_msg}}"
-    );
+    let template =
+        format!("{{bar:30}} {{pos}}/{{len}} {unit}, {{per_sec:.1}}, {{eta}} left {{wide_msg}}");
     if let Ok(style) = ProgressStyle::with_template(&template) {
         bar.set_style(style.progress_chars("=> "));
     }

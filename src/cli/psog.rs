@@ -2,7 +2,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use serde_json::json;
-use sightline::grid::{BuildReport, Psog, PsogInfo};
+use sightline::grid::{
+    BuildReport, KittiPsogOptions, KittiSequence, Psog, PsogInfo, build_kitti_psog, read_psog,
+    write_psog,
+};
 use sightline::scene::Scene;
 
 use super::args::{Format, Talk, format_or_default};
@@ -68,7 +71,9 @@ pub struct InfoArgs {
 }
 
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  sightline psog merge a.psog.npz b.psog.npz --out both.psog.npz")]
+#[command(
+    after_help = "Example:\n  sightline psog merge a.psog.npz b.psog.npz --out both.psog.npz"
+)]
 pub struct MergeArgs {
     /// P-SOG files
     #[arg(required = true, num_args = 2..)]
@@ -81,7 +86,7 @@ pub struct MergeArgs {
 pub fn run(command: &Command) -> Result<ExitCode, Error> {
     match command {
         Command::Build(args) => build(args)?,
-        Command::Info(args) => print(&Psog::read(&args.psog)?, None, args.format)?,
+        Command::Info(args) => print(&read_psog(&args.psog)?, None, args.format)?,
         Command::Merge(args) => merge(args)?,
     }
     Ok(ExitCode::SUCCESS)
@@ -102,7 +107,12 @@ fn build(args: &BuildArgs) -> Result<(), Error> {
                 corner(args.roi_max.as_ref(), "--roi-max")?,
                 corner(args.voxel.as_ref(), "--voxel")?,
             )?;
-            build_kitti(folder, roi, args)?
+            let options = KittiPsogOptions {
+                lidar_height: args.lidar_height,
+                window: args.window,
+                ..KittiPsogOptions::new(roi)
+            };
+            build_kitti_psog(&KittiSequence::open(folder)?, &options)?
         }
         (Some(path), None) => {
             let scene = Scene::read(path)?;
@@ -116,7 +126,7 @@ fn build(args: &BuildArgs) -> Result<(), Error> {
         }
         (None, None) => unreachable!("clap requires one of them"),
     };
-    psog.write(&args.out)?;
+    write_psog(&args.out, &psog)?;
     print(&psog, Some(&report), args.format)
 }
 
@@ -124,13 +134,13 @@ fn merge(args: &MergeArgs) -> Result<(), Error> {
     writable_file(&args.out)?;
     let mut psogs = args.psogs.iter();
     let mut sum = match psogs.next() {
-        Some(path) => Psog::read(path)?,
+        Some(path) => read_psog(path)?,
         None => unreachable!("clap requires two"),
     };
     for path in psogs {
-        sum = sum.merge(&Psog::read(path)?)?;
+        sum = sum.merge(&read_psog(path)?)?;
     }
-    Ok(sum.write(&args.out)?)
+    Ok(write_psog(&args.out, &sum)?)
 }
 
 fn print(psog: &Psog, report: Option<&BuildReport>, format: Option<Format>) -> Result<(), Error> {

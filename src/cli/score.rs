@@ -6,7 +6,6 @@ use std::time::Instant;
 
 use npyz::WriterBuilder;
 use serde_json::json;
-use sightline::backend::Backend;
 use sightline::placement::{Placement, PlacementReader, ReadError};
 use sightline::search::Evaluator;
 
@@ -62,7 +61,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         None => format_or_default(args.format),
     };
     match &args.out {
-        Some(path) => write_whole(path, |file| print(args, loaded, total, start, format, path, file)),
+        Some(path) => {
+            write_whole(path, |file| print(args, loaded, total, start, format, path, file))
+        }
         None => {
             let path = Path::new("stdout");
             let mut out = std::io::stdout().lock();

@@ -56,12 +56,12 @@ pub fn scan_scene(
 fn scan_directions(settings: &ScanSettings) -> Vec<DVec3> {
     let [lower, upper] = settings.fov.map(f64::to_radians);
     let between = f64::from(settings.channels.max(2) - 1);
-    let elevations = (0..settings.channels).map(|k| lower + f64::from(k) * (upper - lower) / between);
+    let elevations =
+        (0..settings.channels).map(|k| lower + f64::from(k) * (upper - lower) / between);
     elevations
         .flat_map(|elevation| {
             (0..settings.azimuth_steps).map(move |j| {
-                let turn =
-                    std::f64::consts::TAU * f64::from(j) / f64::from(settings.azimuth_steps);
+                let turn = std::f64::consts::TAU * f64::from(j) / f64::from(settings.azimuth_steps);
                 Pose::new(DVec3::ZERO, 0.0, -elevation, turn).rotation * DVec3::X
             })
         })

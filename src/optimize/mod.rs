@@ -1,1 +1,16 @@
-//! (see lib.rs)
+//! Covariance matrix adaptation evolution strategy (CMA-ES): pure numbers, knows no GPU and no scene.
+//!
+//! After N. Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv:1604.00772; equation numbers in
+//! the code are the tutorial's. Only the ranks of the costs matter.
+
+mod bounds;
+mod cma;
+mod constants;
+mod state;
+#[cfg(test)]
+mod tests;
+
+pub use bounds::BoundTransform;
+pub use cma::{Candidate, Cma, CmaOptions, OptimizeError, StopReason};
+pub use constants::Constants;
+pub use state::State;

@@ -40,7 +40,8 @@ fn row(html: &mut String, scored: &Scored, is_best: bool) {
     );
     let guards = scores.guards.iter().map(ToString::to_string);
     for reason in guards.chain(scored.violations.iter().cloned()) {
-        let _ = writeln!(html, "<tr><td colspan=\"9\" class=\"guard\">{}</td></tr>", escape(&reason));
+        let _ =
+            writeln!(html, "<tr><td colspan=\"9\" class=\"guard\">{}</td></tr>", escape(&reason));
     }
 }
 

@@ -69,14 +69,10 @@ pub fn convergence_svg(
 ) -> String {
     let frame = Frame { left: 90.0, top: 30.0, width: 560.0, height: 300.0 };
     let mut svg = open(860.0, 390.0, "Convergence of the search");
-    let lines: Vec<(&str, f64)> = baselines
-        .iter()
-        .filter_map(|b| Some((b.placement.name.as_str(), b.objective?)))
-        .collect();
-    let best: Vec<(f64, f64)> = history
-        .iter()
-        .filter_map(|r| Some((r.evaluations as f64, r.best_so_far?)))
-        .collect();
+    let lines: Vec<(&str, f64)> =
+        baselines.iter().filter_map(|b| Some((b.placement.name.as_str(), b.objective?))).collect();
+    let best: Vec<(f64, f64)> =
+        history.iter().filter_map(|r| Some((r.evaluations as f64, r.best_so_far?))).collect();
     let median: Vec<(f64, f64)> =
         history.iter().filter_map(|r| Some((r.evaluations as f64, r.median?))).collect();
     let values = || best.iter().chain(&median).map(|p| p.1).chain(lines.iter().map(|l| l.1));

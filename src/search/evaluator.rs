@@ -16,11 +16,7 @@ pub struct Evaluator {
 
 impl Evaluator {
     /// An evaluator of a problem; the mount decides where the reference layout of the guards stands.
-    pub fn new(
-        problem: Arc<Problem>,
-        backend: Box<dyn Backend>,
-        constraints: Constraints,
-    ) -> Self {
+    pub fn new(problem: Arc<Problem>, backend: Box<dyn Backend>, constraints: Constraints) -> Self {
         Self { problem, backend, constraints, references: BTreeMap::new() }
     }
 

@@ -193,7 +193,7 @@ impl Search {
     ) -> Result<GenerationRecord, SearchError> {
         let constraints = evaluator.constraints().clone();
         let mut cma = self.cma.clone();
-        let candidates = cma.as_mut().map(Cma::ask).transpose()?.unwrap_or_default();
+        let candidates = cma.as_mut().map(Cma::ask).unwrap_or_default();
         let generation = self.generation + 1;
         let placements: Vec<Placement> = if cma.is_some() {
             let poses = candidates.iter().map(|c| constraints.poses_of(c.point()));
@@ -246,7 +246,8 @@ impl Search {
         for (placement, standing) in placements.iter().zip(standings) {
             let (Some(value), true) = (standing.value, standing.violation == 0.0) else { continue };
             let better = self.best.as_ref().is_none_or(|best| {
-                let held = Standing { violation: 0.0, guards: best.guards, value: Some(best.value) };
+                let held =
+                    Standing { violation: 0.0, guards: best.guards, value: Some(best.value) };
                 standing.compare(&held) == Ordering::Less
             });
             if better {

@@ -2,8 +2,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::beam::beam_direction;
-use crate::backend::layout::{FAR, PUSH};
 use crate::backend::DevicePose;
+use crate::backend::layout::{FAR, PUSH};
 use crate::bvh::{Hit, NO_HIT};
 use crate::grid::Roi;
 use crate::placement::BeamTable;

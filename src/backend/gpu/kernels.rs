@@ -122,10 +122,7 @@ mod tests {
             .find(|(_, ty)| ty.name.as_deref() == Some(name))
             .unwrap_or_else(|| panic!("{kernel} has no struct {name}"));
         let naga::TypeInner::Struct { members, span } = &found.inner else { panic!() };
-        let fields = members
-            .iter()
-            .map(|m| (m.name.clone().unwrap(), m.offset as usize))
-            .collect();
+        let fields = members.iter().map(|m| (m.name.clone().unwrap(), m.offset as usize)).collect();
         (fields, *span as usize)
     }
 

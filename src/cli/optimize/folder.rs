@@ -86,7 +86,12 @@ impl RunFolder {
         }
         writable_folder(path)?;
         let evaluations_before = saved.search.evaluations();
-        Ok((Self { path: path.to_owned(), evaluations_before }, saved.settings, saved.search, history))
+        Ok((
+            Self { path: path.to_owned(), evaluations_before },
+            saved.settings,
+            saved.search,
+            history,
+        ))
     }
 
     pub(super) fn path(&self) -> &Path {

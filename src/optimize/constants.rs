@@ -1,0 +1,83 @@
+use serde::{Deserialize, Serialize};
+
+/// Strategy parameters of Table 1 of the tutorial.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Constants {
+    /// Variables.
+    pub n: usize,
+    /// Candidates of a generation, λ.
+    pub population: usize,
+    /// Candidates that move the mean, µ = ⌊λ/2⌋.
+    pub mu: usize,
+    /// Recombination weights, best first `[λ]`; negative ones for the active update.
+    pub weights: Vec<f64>,
+    /// Variance-effective selection mass of the positive weights, µ_eff.
+    pub mu_eff: f64,
+    /// Learning rate of the step-size path.
+    pub c_sigma: f64,
+    /// Damping of the step size.
+    pub d_sigma: f64,
+    /// Learning rate of the covariance path.
+    pub c_c: f64,
+    /// Learning rate of the rank-one update.
+    pub c_1: f64,
+    /// Learning rate of the rank-µ update.
+    pub c_mu: f64,
+    /// Expected length of a standard normal vector, E‖N(0, I)‖.
+    pub chi_n: f64,
+}
+
+impl Constants {
+    /// Default parameters for n variables and λ candidates.
+    ///
+    /// `active` gives the worse half negative weights. `c_mu_offset` is 1/4 in the tutorial's version
+    /// of 2023 and 0 in that of 2016. `n` ≥ 1 and `population` ≥ 2.
+    pub fn new(n: usize, population: usize, active: bool, c_mu_offset: f64) -> Self {
+        let dim = n as f64;
+        let lambda = population as f64;
+        let mu = population / 2;
+        // Eq. 49: w'_i = ln((λ + 1)/2) − ln i.
+        let raw: Vec<f64> =
+            (1..=population).map(|i| ((lambda + 1.0) / 2.0).ln() - (i as f64).ln()).collect();
+        let mass = |w: &[f64]| {
+            let (sum, squares) = w.iter().fold((0.0, 0.0), |(s, q), w| (s + w, q + w * w));
+            if squares > 0.0 { sum * sum / squares } else { 0.0 }
+        };
+        let mu_eff = mass(&raw[..mu]);
+        let mu_eff_minus = mass(&raw[mu..]);
+        // Eqs. 57 and 58.
+        let c_1 = 2.0 / ((dim + 1.3).powi(2) + mu_eff);
+        let c_mu = (1.0 - c_1).min(
+            2.0 * (c_mu_offset + mu_eff + 1.0 / mu_eff - 2.0) / ((dim + 2.0).powi(2) + mu_eff),
+        );
+        // Eqs. 50 to 53: how much negative weight is safe.
+        let alpha = (1.0 + c_1 / c_mu)
+            .min(1.0 + 2.0 * mu_eff_minus / (mu_eff + 2.0))
+            .min((1.0 - c_1 - c_mu) / (dim * c_mu));
+        let positive: f64 = raw.iter().filter(|w| **w > 0.0).sum();
+        let negative: f64 = raw.iter().filter(|w| **w < 0.0).map(|w| -w).sum();
+        let weights = raw
+            .iter()
+            .map(|&w| {
+                if w >= 0.0 {
+                    w / positive
+                } else if active {
+                    w * alpha.max(0.0) / negative
+                } else {
+                    0.0
+                }
+            })
+            .collect();
+        // Eqs. 55 and 56.
+        let c_sigma = (mu_eff + 2.0) / (dim + mu_eff + 5.0);
+        let d_sigma = 1.0 + 2.0 * (((mu_eff - 1.0) / (dim + 1.0)).sqrt() - 1.0).max(0.0) + c_sigma;
+        let c_c = (4.0 + mu_eff / dim) / (dim + 4.0 + 2.0 * mu_eff / dim);
+        let chi_n = dim.sqrt() * (1.0 - 1.0 / (4.0 * dim) + 1.0 / (21.0 * dim * dim));
+        Self { n, population, mu, weights, mu_eff, c_sigma, d_sigma, c_c, c_1, c_mu, chi_n }
+    }
+
+    /// λ = 4 + ⌊3 ln n⌋, eq. 48.
+    pub fn default_population(n: usize) -> usize {
+        4 + (3.0 * (n as f64).ln()).floor() as usize
+    }
+}

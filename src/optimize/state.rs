@@ -1,0 +1,111 @@
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use serde::{Deserialize, Serialize};
+
+use super::Constants;
+
+/// Eigenvalues below this share of the largest are raised to it: rounding makes them negative.
+const EIGENVALUE_FLOOR: f64 = 1e-15;
+/// Sweeps after which a decomposition is given up.
+const MAX_SWEEPS: usize = 10_000;
+
+/// Search distribution N(mean, σ² C) and its evolution paths.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// Mean m.
+    pub mean: DVector<f64>,
+    /// Step size σ.
+    pub step_size: f64,
+    /// Covariance matrix C.
+    pub cov: DMatrix<f64>,
+    /// Evolution path of the step size, p_σ.
+    pub path_sigma: DVector<f64>,
+    /// Evolution path of the covariance, p_c.
+    pub path_c: DVector<f64>,
+    /// Generations told.
+    pub generation: u64,
+}
+
+/// C^(1/2) and C^(−1/2), both symmetric, and the condition number of C.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Roots {
+    pub(super) root: DMatrix<f64>,
+    pub(super) inverse_root: DMatrix<f64>,
+    pub(super) condition: f64,
+}
+
+impl State {
+    /// Identity covariance and empty paths.
+    pub fn new(mean: DVector<f64>, step_size: f64) -> Self {
+        let n = mean.len();
+        Self {
+            mean,
+            step_size,
+            cov: DMatrix::identity(n, n),
+            path_sigma: DVector::zeros(n),
+            path_c: DVector::zeros(n),
+            generation: 0,
+        }
+    }
+
+    /// Square roots of C through its eigenvectors; `None` if C is not finite or does not decompose.
+    pub(super) fn roots(&self) -> Option<Roots> {
+        if self.cov.iter().any(|c| !c.is_finite()) {
+            return None;
+        }
+        let eigen = SymmetricEigen::try_new(self.cov.clone(), f64::EPSILON, MAX_SWEEPS)?;
+        let largest = eigen.eigenvalues.max();
+        if !(largest > 0.0 && largest.is_finite()) {
+            return None;
+        }
+        let values = eigen.eigenvalues.map(|v| v.max(largest * EIGENVALUE_FLOOR));
+        let basis = &eigen.eigenvectors;
+        let with = |scale: DVector<f64>| basis * DMatrix::from_diagonal(&scale) * basis.transpose();
+        Some(Roots {
+            root: with(values.map(f64::sqrt)),
+            inverse_root: with(values.map(|v| 1.0 / v.sqrt())),
+            condition: largest / values.min(),
+        })
+    }
+
+    /// One update from the steps y_i = (x_i − m)/σ of all candidates, best first; returns h_σ.
+    pub(super) fn update(&mut self, c: &Constants, roots: &Roots, steps: &[DVector<f64>]) -> bool {
+        let n = c.n as f64;
+        // Eqs. 38 and 39, c_m = 1.
+        let mut step = DVector::zeros(c.n);
+        for (y, &w) in steps.iter().zip(&c.weights[..c.mu]) {
+            step += y * w;
+        }
+        self.mean += &step * self.step_size;
+        // Eq. 43.
+        self.path_sigma = &self.path_sigma * (1.0 - c.c_sigma)
+            + &roots.inverse_root * &step * (c.c_sigma * (2.0 - c.c_sigma) * c.mu_eff).sqrt();
+        let length = self.path_sigma.norm();
+        // Eq. 44.
+        self.step_size *= (c.c_sigma / c.d_sigma * (length / c.chi_n - 1.0)).exp();
+        // Below eq. 45: h_σ stalls p_c while σ grows fast.
+        self.generation += 1;
+        let seen = 1.0 - (1.0 - c.c_sigma).powf(2.0 * self.generation as f64);
+        let h_sigma = length / seen.sqrt() < (1.4 + 2.0 / (n + 1.0)) * c.chi_n;
+        let h = f64::from(u8::from(h_sigma));
+        // Eq. 45.
+        self.path_c =
+            &self.path_c * (1.0 - c.c_c) + &step * (h * (c.c_c * (2.0 - c.c_c) * c.mu_eff).sqrt());
+        // Eqs. 46 and 47.
+        let lost = (1.0 - h) * c.c_c * (2.0 - c.c_c);
+        let weight_sum: f64 = c.weights.iter().sum();
+        self.cov *= 1.0 + c.c_1 * lost - c.c_1 - c.c_mu * weight_sum;
+        self.cov.ger(c.c_1, &self.path_c, &self.path_c, 1.0);
+        for (y, &w) in steps.iter().zip(&c.weights) {
+            let scaled = if w >= 0.0 {
+                w
+            } else {
+                let length = (&roots.inverse_root * y).norm_squared();
+                // A step of no length teaches nothing.
+                if length > 0.0 { w * n / length } else { 0.0 }
+            };
+            self.cov.ger(c.c_mu * scaled, y, y, 1.0);
+        }
+        self.cov = (&self.cov + self.cov.transpose()) * 0.5;
+        h_sigma
+    }
+}

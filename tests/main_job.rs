@@ -1,0 +1,192 @@
+//! The main job on real input at small settings: own scenes, a real mesh, real labelled frames.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::ok;
+
+/// Folder of real data beside the checkout; `None`, and a word about it, where there is none.
+pub fn data(file: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("SIGHTLINE_DATA").map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"),
+        PathBuf::from,
+    );
+    let path = folder.join(file);
+    if path.exists() {
+        return Some(path);
+    }
+    eprintln!("left out: {} does not exist (set SIGHTLINE_DATA)", path.display());
+    None
+}
+
+pub fn own_scenes() -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let is_scene = |path: &PathBuf| {
+        path.extension().is_some_and(|e| e == "json")
+            && path.file_stem().is_some_and(|stem| stem != "placements")
+    };
+    let mut scenes: Vec<_> = entries.filter(is_scene).collect();
+    scenes.sort();
+    assert!(scenes.len() >= 4, "only {} own scenes", scenes.len());
+    scenes
+}
+
+/// Optimizes a scene with few evaluations and checks what any user would look at first.
+fn optimize(scene: &Path, objective: &str) -> Value {
+    let dir = TempDir::new().unwrap();
+    let scene = scene.to_string_lossy();
+    let args = [
+        "optimize",
+        &scene,
+        "--out",
+        "run",
+        "--evaluations",
+        "36",
+        "--frames",
+        "2",
+        "--seed",
+        "3",
+        "--objective",
+        objective,
+    ];
+    let result = ok(dir.path(), &args);
+    let best = &result["best"];
+    assert_eq!(best["violations"], json!([]), "{scene}");
+    assert!(best["scores"]["covered"].as_f64().unwrap() > 1000.0, "{scene}: {best}");
+    assert!(best["scores"]["information_gain_share"].as_f64().unwrap() > 0.02, "{scene}: {best}");
+    assert!(best["objective"].is_f64());
+    assert_eq!(result["baselines"].as_array().unwrap().len(), 11);
+    assert!(dir.path().join("run/report.html").exists());
+    result
+}
+
+#[test]
+fn own_scenes_are_optimized() {
+    for scene in own_scenes() {
+        let result = optimize(&scene, "m_sog_scaled");
+        let best = &result["best"];
+        assert_eq!(best["scores"]["guards"], json!([]), "{}", scene.display());
+        assert!(best["scores"]["hit_share"].as_f64().unwrap() > 0.3, "{best}");
+    }
+}
+
+#[test]
+fn two_tasks_are_weighed() {
+    let scene = &own_scenes()[0];
+    optimize(scene, "0.5*m_sog_scaled + 0.5*detection.m_sog_scaled");
+}
+
+#[test]
+fn a_real_town_is_optimized() {
+    let Some(mesh) = data("scenes/mcity/mcity.obj") else { return };
+    let dir = TempDir::new().unwrap();
+    let scene = json!({
+        "sightline": 1, "name": "mcity",
+        "roi": { "min": [-40, -40, -0.5], "max": [40, 40, 5.5], "voxel": [0.4, 0.4, 0.4] },
+        "lidar": { "channels": 16, "fov": [-24.8, 2.0], "azimuth_steps": 250, "range": 100 },
+        "mount": { "min": [-0.6, -0.6, 2.2], "max": [0.6, 0.6, 2.8], "roll": [-0.3, 0.3],
+                   "min_distance": 0.2, "lidars": 4 },
+        "coverage": "first-hit", "frames": 4,
+        "static": [{ "class": "static", "mesh": { "file": mesh, "scale": 0.254, "classes": {
+            "Road_Blank": "road", "Road_Blank_Light": "road", "Asphalt": "road",
+            "Road_DoubleYellowLine": "road_line", "Road_DoubleYellowLine_Light": "road_line",
+            "Road_SingleWhiteLine": "road_line", "Crosswalk": "road_line", "Curb": "sidewalk",
+            "Concrete_Ground": "sidewalk", "Grass": "terrain", "Gravel": "ground",
+            "Buildings": "building", "Brick": "building", "Tunnel": "bridge", "Colors": "traffic_sign"
+        } } }],
+        "ego": { "route": { "points": [[122, 90], [122, 190]], "start": 0, "spacing": 8 },
+                 "body": [{ "class": "vehicle", "box": { "center": [0, 0, 0.75], "size": [4.5, 1.8, 1.5] } }] }
+    });
+    let path = dir.path().join("mcity.json");
+    fs::write(&path, scene.to_string()).unwrap();
+    let result = optimize(&path, "m_sog_scaled");
+    let classes = &result["best"]["scores"]["covered_by_class"];
+    assert!(classes["road"].as_f64().unwrap() > 100.0, "{classes}");
+}
+
+#[test]
+fn real_labelled_frames_are_optimized() {
+    let Some(sequence) = data("nc/semantickitti/sequences/00") else { return };
+    let dir = TempDir::new().unwrap();
+    let build = [
+        "psog",
+        "build",
+        "--kitti",
+        &sequence.to_string_lossy(),
+        "--roi-min",
+        "-40",
+        "-40",
+        "-0.5",
+        "--roi-max",
+        "40",
+        "40",
+        "5.5",
+        "--voxel",
+        "0.4",
+        "0.4",
+        "0.4",
+        "--out",
+        "kitti.psog.npz",
+    ];
+    let info = ok(dir.path(), &build);
+    assert_eq!(info["frames"], 4);
+    assert!(info["build"]["tie_share"].as_f64().unwrap() < 0.1, "{info}");
+    let scene = json!({
+        "sightline": 1, "name": "kitti-00",
+        "roi": { "min": [-40, -40, -0.5], "max": [40, 40, 5.5], "voxel": [0.4, 0.4, 0.4] },
+        "psog": { "file": "kitti.psog.npz" },
+        "lidar": { "channels": 16, "fov": [-24.8, 2.0], "azimuth_steps": 250, "range": 100 },
+        "mount": { "min": [-0.6, -0.6, 1.5], "max": [0.6, 0.6, 2.1], "roll": [-0.3, 0.3],
+                   "min_distance": 0.2, "lidars": 4 },
+        "coverage": "through"
+    });
+    fs::write(dir.path().join("kitti.json"), scene.to_string()).unwrap();
+    let result = optimize(&dir.path().join("kitti.json"), "information_gain");
+    assert!(result["best"]["scores"]["covered_by_class"]["car"].as_f64().unwrap() > 20.0);
+}
+
+/// Every own scene and Table 7 placement: hits of one frame, coverage and scores of two frames, on
+/// the CPU and on the GPU.
+#[test]
+fn own_scenes_have_the_same_bits_on_both_backends() {
+    let dir = TempDir::new().unwrap();
+    let placements = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/placements.json");
+    let placements = placements.to_string_lossy();
+    for scene in own_scenes() {
+        let scene = scene.to_string_lossy();
+        let on = |backend: &str| {
+            let hits = format!("{backend}.npz");
+            ok(dir.path(), &["cast", &scene, &placements, "--out", &hits, "--backend", backend]);
+            let mut answer = ok(
+                dir.path(),
+                &[
+                    "score",
+                    &scene,
+                    &placements,
+                    "--frames",
+                    "2",
+                    "--coverage-out",
+                    backend,
+                    "--backend",
+                    backend,
+                ],
+            );
+            answer["scores"].take()
+        };
+        let (cpu, gpu) = (on("cpu"), on("gpu"));
+        assert_eq!(cpu, gpu, "{scene}");
+        assert_eq!(cpu.as_array().unwrap().len(), 11);
+        let read = |file: &str| fs::read(dir.path().join(file)).unwrap();
+        assert!(read("cpu.npz") == read("gpu.npz"), "{scene}: hits differ");
+        for score in cpu.as_array().unwrap() {
+            let name = score["name"].as_str().unwrap();
+            let file = |backend: &str| read(&format!("{backend}/{name}.npy"));
+            assert!(file("cpu") == file("gpu"), "{scene}, {name}: coverage differs");
+            assert_eq!(score["guards"], json!([]), "{scene}, {name}");
+        }
+    }
+}
