@@ -9,11 +9,7 @@ pub(crate) const MAX_METRES: f64 = 1.0e9;
 pub(crate) const MAX_RADIANS: f64 = std::f64::consts::TAU;
 
 pub(crate) fn bad(at: &Place, value: impl ToString, wanted: impl Into<String>) -> SceneError {
-    SceneError::Value {
-        at: Box::new(at.clone()),
-        value: value.to_string(),
-        wanted: wanted.into(),
-    }
+    SceneError::Value { at: Box::new(at.clone()), value: value.to_string(), wanted: wanted.into() }
 }
 
 /// A coordinate in metres.
@@ -61,7 +57,13 @@ pub(crate) fn point_2_or_3(at: &Place, value: &[f64]) -> Result<[f64; 3], SceneE
     let xyz = match *value {
         [x, y] => [x, y, 0.0],
         [x, y, z] => [x, y, z],
-        _ => return Err(bad(at, format!("a list of {} numbers", value.len()), "[x, y] or [x, y, z]")),
+        _ => {
+            return Err(bad(
+                at,
+                format!("a list of {} numbers", value.len()),
+                "[x, y] or [x, y, z]",
+            ));
+        }
     };
     point(at, xyz)
 }

@@ -234,10 +234,7 @@ fn did_you_mean(nearest: &Option<String>, known: &[String]) -> String {
 }
 
 /// The one of `known` that resembles `name` most, if any is close enough to be a slip.
-pub(crate) fn nearest<'a>(
-    name: &str,
-    known: impl IntoIterator<Item = &'a str>,
-) -> Option<String> {
+pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<String> {
     let lower = name.to_lowercase();
     known
         .into_iter()

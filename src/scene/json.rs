@@ -41,7 +41,8 @@ fn explain(file: &str, path: &str, error: &serde_json::Error) -> SceneError {
     let (line, column) = (error.line(), error.column());
     let full = error.to_string();
     let text = full.rsplit_once(" at line ").map_or(full.as_str(), |(text, _)| text);
-    let path = if path == "." { "" } else { path };
+    // Where serde did not get to a key, the path ends in a question mark.
+    let path = path.trim_end_matches('?').trim_end_matches('.');
     let at = Box::new(Place { file: file.to_owned(), path: path.to_owned() });
     let unknown = text.strip_prefix("unknown field `").and_then(|rest| {
         // Without known keys serde writes "there are no fields"; no struct here is empty.
@@ -67,6 +68,7 @@ fn explain(file: &str, path: &str, error: &serde_json::Error) -> SceneError {
 fn plain_words(text: &str) -> String {
     let (head, expected) = text.split_once(", expected ").unwrap_or((text, ""));
     let head = head
+        .replace("EOF while parsing", "the file ends inside of")
         .replace("invalid type: ", "")
         .replace("invalid value: ", "")
         .replace("invalid length ", "a list of length ")

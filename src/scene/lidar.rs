@@ -54,11 +54,7 @@ impl Lidar {
         }
     }
 
-    pub(crate) fn new(
-        at: &Place,
-        lidar: LidarDescription,
-        dir: &Path,
-    ) -> Result<Self, SceneError> {
+    pub(crate) fn new(at: &Place, lidar: LidarDescription, dir: &Path) -> Result<Self, SceneError> {
         let range = check::range(&at.key("range"), lidar.range)?;
         let mut found = Vec::new();
         found.extend(lidar.channels.map(|_| "channels"));

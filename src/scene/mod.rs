@@ -262,4 +262,5 @@ impl Scene {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests;

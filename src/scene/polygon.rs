@@ -42,7 +42,9 @@ pub(crate) fn simple(at: &Place, base: &[[f64; 2]]) -> Result<Vec<[f64; 2]>, Sce
             };
             if clash {
                 let value = format!("the side from {c:?} to {d:?}");
-                let wanted = format!("free of the side from {a:?} to {b:?}; the outline must not cross or touch itself");
+                let wanted = format!(
+                    "free of the side from {a:?} to {b:?}; the outline must not cross or touch itself"
+                );
                 return Err(bad(&at.item(j), value, wanted));
             }
         }
@@ -106,6 +108,7 @@ pub(crate) fn triangulate(corners: &[[f64; 2]]) -> Vec<[u32; 3]> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

@@ -46,7 +46,11 @@ impl Motion {
         match self {
             Self::Poses(poses) if poses.len() != frames => {
                 let value = format!("a list of {}", poses.len());
-                Err(bad(&at.key("poses"), value, format!("one pose for each of the {frames} frames")))
+                Err(bad(
+                    &at.key("poses"),
+                    value,
+                    format!("one pose for each of the {frames} frames"),
+                ))
             }
             _ => Ok(()),
         }
@@ -126,6 +130,7 @@ impl Route {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
@@ -137,7 +142,15 @@ mod tests {
     #[test]
     fn a_route_is_travelled_at_its_spacing_and_goes_on_straight() {
         let r = route(&[[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]], -2.0, 4.0);
-        let expected = [(-2.0, 0.0), (2.0, 0.0), (6.0, 0.0), (10.0, 0.0), (10.0, 4.0), (10.0, 8.0), (10.0, 12.0)];
+        let expected = [
+            (-2.0, 0.0),
+            (2.0, 0.0),
+            (6.0, 0.0),
+            (10.0, 0.0),
+            (10.0, 4.0),
+            (10.0, 8.0),
+            (10.0, 12.0),
+        ];
         for (t, (x, y)) in expected.into_iter().enumerate() {
             let p = r.pose(t);
             assert!((p.translation - DVec3::new(x, y, 0.0)).length() < 1e-12, "{t}: {p:?}");

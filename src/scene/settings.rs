@@ -36,17 +36,16 @@ impl RoiBounds {
         let mut shape = [0u32; 3];
         for i in 0..3 {
             if min[i] >= max[i] {
-                let wanted = format!(
-                    "above min ({}): the ROI would have no voxels; give max > min",
-                    min[i]
-                );
+                let wanted =
+                    format!("above min ({}): the ROI would have no voxels; give max > min", min[i]);
                 return Err(bad(&at.key("max").item(i), max[i], wanted));
             }
             let exact = (max[i] - min[i]) / voxel[i];
             let whole = exact.round();
             let n = if (exact - whole).abs() <= 1e-6 * whole { whole } else { exact.ceil() };
             if n > MAX_AXIS {
-                let wanted = format!("large enough: {n} voxels lie along this axis, at most {MAX_AXIS} may");
+                let wanted =
+                    format!("large enough: {n} voxels lie along this axis, at most {MAX_AXIS} may");
                 return Err(bad(&at.key("voxel").item(i), voxel[i], wanted));
             }
             shape[i] = n as u32;
@@ -152,9 +151,7 @@ impl Coverage {
                               write \"through\"";
                 Err(bad(at, "\"first-hit\"", wanted))
             }
-            (Some(other), _) => {
-                Err(bad(at, format!("{other:?}"), "\"first-hit\" or \"through\""))
-            }
+            (Some(other), _) => Err(bad(at, format!("{other:?}"), "\"first-hit\" or \"through\"")),
         }
     }
 }
@@ -232,11 +229,7 @@ impl PsogSource {
             Some(PsogDescription { file: None, scan: Some(scan) }) => scan,
             Some(PsogDescription { file, .. }) => {
                 let found = if file.is_some() { vec!["file", "scan"] } else { Vec::new() };
-                return Err(SceneError::Choice {
-                    at: Box::new(at),
-                    found,
-                    of: &["file", "scan"],
-                });
+                return Err(SceneError::Choice { at: Box::new(at), found, of: &["file", "scan"] });
             }
         };
         if !has_geometry {

@@ -210,7 +210,10 @@ impl<'a> Builder<'a> {
         let pose = Pose::new(translate.into(), roll, pitch, yaw);
         let mut map = HashMap::new();
         for (material, class) in &mesh.classes.0 {
-            map.insert(material.as_str(), self.classes.id(&at.key("classes").key(material), class)?);
+            map.insert(
+                material.as_str(),
+                self.classes.id(&at.key("classes").key(material), class)?,
+            );
         }
         let raw = match self.meshes.get(&file) {
             Some(raw) => Rc::clone(raw),

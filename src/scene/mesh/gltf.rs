@@ -48,18 +48,13 @@ impl Walk<'_> {
         if let Some(mesh) = node.mesh() {
             for primitive in mesh.primitives() {
                 let name = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
-                self.primitive(&primitive, &placed)
-                    .map_err(|problem| Fault::new(name, problem))?;
+                self.primitive(&primitive, &placed).map_err(|problem| Fault::new(name, problem))?;
             }
         }
         node.children().try_for_each(|child| self.node(&child, placed, depth + 1))
     }
 
-    fn primitive(
-        &mut self,
-        primitive: &gltf::Primitive<'_>,
-        placed: &DMat4,
-    ) -> Result<(), String> {
+    fn primitive(&mut self, primitive: &gltf::Primitive<'_>, placed: &DMat4) -> Result<(), String> {
         let mode = primitive.mode();
         if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
             return Ok(());

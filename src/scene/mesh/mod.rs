@@ -98,4 +98,5 @@ fn check(mesh: &RawMesh) -> Result<(), Fault> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests;

@@ -60,8 +60,7 @@ fn number(value: &Property) -> Option<f64> {
 pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, Fault> {
     let parser = Parser::<Element>::new();
     let mut reader = Reader::new(Cursor::new(bytes));
-    let header =
-        parser.read_header(&mut reader).map_err(|e| Fault::new("header", one_line(&e)))?;
+    let header = parser.read_header(&mut reader).map_err(|e| Fault::new("header", one_line(&e)))?;
     let left = bytes.len() as u64 - reader.get_ref().position();
     for element in header.elements.values() {
         check_count(element, header.encoding, left)?;
