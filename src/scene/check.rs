@@ -1,0 +1,116 @@
+//! Checks of single numbers and lists; each failure names its place and says what is allowed.
+
+use super::error::{Place, SceneError};
+
+/// Largest coordinate or length in metres: finite in `f32` with room for sums and squares.
+pub(crate) const MAX_METRES: f64 = 1.0e9;
+
+/// Largest angle in radians; more is most likely degrees.
+pub(crate) const MAX_RADIANS: f64 = std::f64::consts::TAU;
+
+pub(crate) fn bad(at: &Place, value: impl ToString, wanted: impl Into<String>) -> SceneError {
+    SceneError::Value { at: Box::new(at.clone()), value: value.to_string(), wanted: wanted.into() }
+}
+
+/// A coordinate in metres.
+pub(crate) fn metres(at: &Place, value: f64) -> Result<f64, SceneError> {
+    if value.abs() <= MAX_METRES {
+        return Ok(value);
+    }
+    Err(bad(at, value, "a coordinate within 1e9 m of the origin"))
+}
+
+/// A length in metres above 0.
+pub(crate) fn length(at: &Place, value: f64) -> Result<f64, SceneError> {
+    if value > 0.0 && value <= MAX_METRES {
+        return Ok(value);
+    }
+    Err(bad(at, value, "a positive length"))
+}
+
+/// An angle in radians.
+pub(crate) fn radians(at: &Place, value: f64) -> Result<f64, SceneError> {
+    if value.abs() <= MAX_RADIANS {
+        return Ok(value);
+    }
+    Err(bad(at, value, "an angle in radians within one turn (-6.2832 to 6.2832)"))
+}
+
+/// A point `[x, y, z]` in metres.
+pub(crate) fn point(at: &Place, value: [f64; 3]) -> Result<[f64; 3], SceneError> {
+    for (i, v) in value.into_iter().enumerate() {
+        metres(&at.item(i), v)?;
+    }
+    Ok(value)
+}
+
+/// A size `[x, y, z]` in metres, each above 0.
+pub(crate) fn size(at: &Place, value: [f64; 3]) -> Result<[f64; 3], SceneError> {
+    for (i, v) in value.into_iter().enumerate() {
+        length(&at.item(i), v)?;
+    }
+    Ok(value)
+}
+
+/// A point written `[x, y]` or `[x, y, z]`, in metres; z is 0 when it is left out.
+pub(crate) fn point_2_or_3(at: &Place, value: &[f64]) -> Result<[f64; 3], SceneError> {
+    let xyz = match *value {
+        [x, y] => [x, y, 0.0],
+        [x, y, z] => [x, y, z],
+        _ => {
+            return Err(bad(
+                at,
+                format!("a list of {} numbers", value.len()),
+                "[x, y] or [x, y, z]",
+            ));
+        }
+    };
+    point(at, xyz)
+}
+
+/// A whole number in `lo..=hi`.
+pub(crate) fn count(at: &Place, value: u64, lo: u64, hi: u64) -> Result<u32, SceneError> {
+    if (lo..=hi).contains(&value) {
+        return Ok(value as u32);
+    }
+    Err(bad(at, value, format!("a whole number from {lo} to {hi}")))
+}
+
+/// A range `[lo, hi]` of radians with lo ≤ hi.
+pub(crate) fn radian_range(at: &Place, value: [f64; 2]) -> Result<[f64; 2], SceneError> {
+    for (i, v) in value.into_iter().enumerate() {
+        radians(&at.item(i), v)?;
+    }
+    ordered(at, value)
+}
+
+/// A vertical field of view `[lower, upper]` in degrees.
+pub(crate) fn fov(at: &Place, value: [f64; 2]) -> Result<[f64; 2], SceneError> {
+    for (i, v) in value.into_iter().enumerate() {
+        elevation(&at.item(i), v)?;
+    }
+    ordered(at, value)
+}
+
+/// An elevation in degrees.
+pub(crate) fn elevation(at: &Place, value: f64) -> Result<f64, SceneError> {
+    if value.abs() <= 90.0 {
+        return Ok(value);
+    }
+    Err(bad(at, value, "an elevation from -90 to 90 degrees"))
+}
+
+fn ordered(at: &Place, value: [f64; 2]) -> Result<[f64; 2], SceneError> {
+    if value[0] <= value[1] {
+        return Ok(value);
+    }
+    Err(bad(at, format!("{value:?}"), "a range [lower, upper] with lower <= upper"))
+}
+
+/// How far a beam is followed, in metres.
+pub(crate) fn range(at: &Place, value: f64) -> Result<f64, SceneError> {
+    if value > 0.0 && value <= 1.0e5 {
+        return Ok(value);
+    }
+    Err(bad(at, value, "a range above 0 and at most 100000 m"))
+}

@@ -1,0 +1,253 @@
+//! The scene file as it is written: what serde reads before anything is checked.
+//!
+//! Keys, units and defaults are explained in `scenes/README.md`.
+
+use serde::Deserialize;
+use serde::de::{Error as _, MapAccess, Visitor};
+
+/// A whole scene file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct SceneDescription {
+    /// Checked before the rest is read; here only so that the key is known.
+    #[serde(rename = "sightline")]
+    pub _version: u64,
+    pub name: Option<String>,
+    pub roi: RoiDescription,
+    pub psog: Option<PsogDescription>,
+    pub lidar: LidarDescription,
+    pub mount: MountDescription,
+    pub coverage: Option<String>,
+    pub classes: Option<Vec<String>>,
+    pub detection: Option<Vec<String>>,
+    #[serde(default)]
+    pub shapes: Dictionary<Vec<ShapeDescription>>,
+    #[serde(default, rename = "static")]
+    pub world: Vec<ShapeDescription>,
+    #[serde(default)]
+    pub actors: Vec<ActorDescription>,
+    pub frames: Option<u64>,
+    pub ego: Option<EgoDescription>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RoiDescription {
+    pub min: [f64; 3],
+    pub max: [f64; 3],
+    pub voxel: [f64; 3],
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PsogDescription {
+    pub file: Option<String>,
+    pub scan: Option<ScanDescription>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ScanDescription {
+    pub channels: Option<u64>,
+    pub fov: Option<[f64; 2]>,
+    pub azimuth_steps: Option<u64>,
+    pub range: Option<f64>,
+    pub height: Option<f64>,
+    pub window: Option<u64>,
+    pub stride: Option<u64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct LidarDescription {
+    pub channels: Option<u64>,
+    pub fov: Option<[f64; 2]>,
+    pub file: Option<String>,
+    pub azimuth_offsets: Option<String>,
+    pub azimuth_steps: Option<u64>,
+    pub directions: Option<Vec<[f64; 3]>>,
+    pub range: f64,
+}
+
+/// A sensor file; keys beside these are notes.
+#[derive(Debug, Deserialize)]
+pub(crate) struct SensorDescription {
+    pub elevation_deg: Option<Vec<f64>>,
+    pub azimuth_offset_deg: Option<Vec<f64>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct MountDescription {
+    pub min: [f64; 3],
+    pub max: [f64; 3],
+    #[serde(default)]
+    pub roll: [f64; 2],
+    #[serde(default)]
+    pub pitch: [f64; 2],
+    #[serde(default)]
+    pub yaw: [f64; 2],
+    #[serde(default)]
+    pub min_distance: f64,
+    pub lidars: u64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ActorDescription {
+    /// A note for the reader of the file.
+    #[serde(rename = "name")]
+    pub _name: Option<String>,
+    pub parts: Vec<ShapeDescription>,
+    pub poses: Option<Vec<PoseDescription>>,
+    pub route: Option<RouteDescription>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct EgoDescription {
+    #[serde(default)]
+    pub body: Vec<ShapeDescription>,
+    pub poses: Option<Vec<PoseDescription>>,
+    pub route: Option<RouteDescription>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PoseDescription {
+    pub x: f64,
+    pub y: f64,
+    #[serde(default)]
+    pub z: f64,
+    #[serde(default)]
+    pub roll: f64,
+    #[serde(default)]
+    pub pitch: f64,
+    #[serde(default)]
+    pub yaw: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RouteDescription {
+    pub points: Vec<Vec<f64>>,
+    #[serde(default)]
+    pub start: f64,
+    pub spacing: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ShapeDescription {
+    pub class: Option<String>,
+    #[serde(rename = "box")]
+    pub cuboid: Option<BoxDescription>,
+    pub prism: Option<PrismDescription>,
+    pub cylinder: Option<CylinderDescription>,
+    pub plane: Option<PlaneDescription>,
+    pub mesh: Option<MeshDescription>,
+    pub shape: Option<String>,
+    pub at: Option<Vec<Vec<f64>>>,
+    pub repeat: Option<RepeatDescription>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RepeatDescription {
+    pub count: u64,
+    pub step: [f64; 3],
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct BoxDescription {
+    pub center: Option<[f64; 3]>,
+    pub foot: Option<[f64; 3]>,
+    pub size: Option<[f64; 3]>,
+    pub min: Option<[f64; 3]>,
+    pub max: Option<[f64; 3]>,
+    #[serde(default)]
+    pub yaw: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PrismDescription {
+    pub base: Vec<[f64; 2]>,
+    pub z: [f64; 2],
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct CylinderDescription {
+    pub foot: [f64; 3],
+    pub radius: f64,
+    pub height: f64,
+    pub sides: Option<u64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PlaneDescription {
+    pub min: [f64; 2],
+    pub max: [f64; 2],
+    pub z: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct MeshDescription {
+    pub file: String,
+    pub scale: Option<f64>,
+    #[serde(default)]
+    pub translate: [f64; 3],
+    #[serde(default)]
+    pub roll: f64,
+    #[serde(default)]
+    pub pitch: f64,
+    #[serde(default)]
+    pub yaw: f64,
+    #[serde(default)]
+    pub classes: Dictionary<String>,
+    pub axes: Option<String>,
+}
+
+/// A JSON object with free keys, in file order; a key that comes twice is an error.
+#[derive(Debug)]
+pub(crate) struct Dictionary<V>(pub Vec<(String, V)>);
+
+impl<V> Default for Dictionary<V> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<V> Dictionary<V> {
+    pub fn get(&self, key: &str) -> Option<&V> {
+        self.0.iter().find(|(k, _)| k == key).map(|(_, v)| v)
+    }
+}
+
+impl<'de, V: Deserialize<'de>> Deserialize<'de> for Dictionary<V> {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Entries<V>(std::marker::PhantomData<V>);
+        impl<'de, V: Deserialize<'de>> Visitor<'de> for Entries<V> {
+            type Value = Dictionary<V>;
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("a map")
+            }
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+                let mut seen = std::collections::HashSet::new();
+                let mut entries = Vec::new();
+                while let Some(key) = map.next_key::<String>()? {
+                    if !seen.insert(key.clone()) {
+                        return Err(A::Error::custom(format_args!("duplicate field `{key}`")));
+                    }
+                    entries.push((key, map.next_value()?));
+                }
+                Ok(Dictionary(entries))
+            }
+        }
+        deserializer.deserialize_map(Entries(std::marker::PhantomData))
+    }
+}

@@ -1,0 +1,102 @@
+//! Mesh files: OBJ, PLY and glTF, each read into the same plain triangles.
+
+mod gltf;
+mod obj;
+mod ply;
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::error::{Place, SceneError, read_limited};
+
+/// Largest mesh file that is read.
+const MAX_FILE: u64 = 2 << 30;
+
+/// A mesh as its file gives it: no scale, no classes yet.
+#[derive(Debug, Default)]
+pub(crate) struct RawMesh {
+    pub vertices: Vec<DVec3>,
+    pub faces: Vec<[u32; 3]>,
+    /// Index into `materials`, one a face.
+    pub face_material: Vec<u32>,
+    /// Names (OBJ, glTF) or labels (PLY) in use; `None` for faces without one.
+    pub materials: Vec<Option<String>>,
+}
+
+impl RawMesh {
+    /// The index of the material called `name`.
+    fn material(&mut self, name: Option<&str>) -> u32 {
+        let found = self.materials.iter().position(|m| m.as_deref() == name);
+        found.unwrap_or_else(|| {
+            self.materials.push(name.map(str::to_owned));
+            self.materials.len() - 1
+        }) as u32
+    }
+}
+
+/// What is wrong with a mesh, and at which of its elements.
+#[derive(Debug)]
+struct Fault {
+    element: String,
+    problem: String,
+}
+
+impl Fault {
+    fn new(element: impl Into<String>, problem: impl Into<String>) -> Self {
+        Self { element: element.into(), problem: problem.into() }
+    }
+}
+
+/// Whether files of this kind usually have y up.
+pub(crate) fn default_y_up(file: &Path) -> bool {
+    matches!(extension(file).as_str(), "gltf" | "glb")
+}
+
+fn extension(file: &Path) -> String {
+    file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
+/// Reads the mesh that the scene names at `at`; its kind follows from the ending of its name.
+pub(crate) fn load(at: &Place, file: &Path) -> Result<RawMesh, SceneError> {
+    let fault = |f: Fault| SceneError::Mesh {
+        at: Box::new(at.clone()),
+        mesh: file.to_owned(),
+        element: f.element,
+        problem: f.problem,
+    };
+    let read: fn(&[u8], &Path) -> Result<RawMesh, Fault> = match extension(file).as_str() {
+        "obj" => |bytes, _| obj::read(bytes),
+        "ply" => |bytes, _| ply::read(bytes),
+        "gltf" | "glb" => gltf::read,
+        _ => return Err(fault(Fault::new("name", "ends in none of .obj, .ply, .gltf, .glb"))),
+    };
+    let bytes = read_limited(file, MAX_FILE)?;
+    let dir = file.parent().unwrap_or(Path::new(""));
+    let mesh = read(&bytes, dir).map_err(fault)?;
+    check(&mesh).map_err(fault)?;
+    Ok(mesh)
+}
+
+/// Every vertex finite, every index in range, at least one triangle.
+fn check(mesh: &RawMesh) -> Result<(), Fault> {
+    if mesh.faces.is_empty() {
+        return Err(Fault::new("file", "holds no triangle"));
+    }
+    if let Some(i) = mesh.vertices.iter().position(|v| !v.is_finite()) {
+        let v = mesh.vertices[i];
+        return Err(Fault::new(format!("vertex {i}"), format!("{v} is not a finite position")));
+    }
+    let count = mesh.vertices.len();
+    for (i, face) in mesh.faces.iter().enumerate() {
+        if let Some(v) = face.iter().find(|&&v| v as usize >= count) {
+            let problem = format!("refers to vertex {v}, there are {count}");
+            return Err(Fault::new(format!("face {i}"), problem));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;

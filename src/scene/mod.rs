@@ -1,0 +1,266 @@
+//! The scene file: reading it, checking it, and one triangle soup a frame.
+//!
+//! A scene names a region of interest, a LiDAR, a mount and, in its full form, geometry: a static
+//! world, actors that move through it and the body of the ego vehicle. Every key is explained in
+//! `scenes/README.md`. Reading loads every mesh once and keeps the world in `f64`; a frame moves
+//! it into the ego frame and only then rounds it to `f32`.
+
+mod check;
+mod classes;
+mod description;
+mod error;
+mod json;
+mod lidar;
+mod mesh;
+mod polygon;
+mod route;
+mod settings;
+mod shapes;
+mod solid;
+
+use std::path::Path;
+
+use crate::geom::{Pose, TriangleSoup};
+use classes::Classes;
+use description::{EgoDescription, SceneDescription};
+use route::Motion;
+use shapes::Builder;
+use solid::Solid;
+
+pub use classes::DEFAULT_CLASSES;
+pub use error::{Place, SceneError};
+pub use lidar::Lidar;
+pub use settings::{Coverage, Mount, PsogSource, RoiBounds, ScanSettings};
+
+/// Largest scene file in bytes; ten million listed directions fit.
+const MAX_FILE: u64 = 1 << 30;
+const MAX_FRAMES: u64 = 10_000;
+
+/// A scene, read and checked.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    name: String,
+    classes: Classes,
+    roi: RoiBounds,
+    lidar: Lidar,
+    mount: Mount,
+    coverage: Coverage,
+    psog: PsogSource,
+    frames: usize,
+    /// In the world frame.
+    world: Solid,
+    actors: Vec<Actor>,
+    /// In the ego frame.
+    body: Solid,
+    ego: Motion,
+}
+
+/// Something that moves: triangles in its own frame, and a pose a frame.
+#[derive(Debug, Clone)]
+struct Actor {
+    parts: Solid,
+    motion: Motion,
+}
+
+/// Whether a frame holds the body of the ego vehicle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EgoBody {
+    /// The body is there and blocks beams, as it does for mounted sensors.
+    Include,
+    /// The body is left out, as when the surroundings are to be seen undisturbed.
+    Exclude,
+}
+
+impl Scene {
+    /// Reads a scene file and every sensor and mesh file that it names.
+    ///
+    /// File names in the scene are relative to the folder of the scene. A P-SOG file is not opened.
+    ///
+    /// # Errors
+    ///
+    /// Any [`SceneError`]; each names the file, the place in it and what to change.
+    pub fn read(path: &Path) -> Result<Self, SceneError> {
+        let bytes = error::read_limited(path, MAX_FILE)?;
+        let name = path.display().to_string();
+        let text = String::from_utf8(bytes).map_err(|_| SceneError::Json {
+            at: Box::new(Place::top(&name)),
+            problem: "is not UTF-8 text; a scene is a JSON file".to_owned(),
+            line: 1,
+            column: 1,
+        })?;
+        Self::from_json(&text, path.parent().unwrap_or(Path::new("")), &name)
+    }
+
+    /// Reads a scene from JSON text; `dir` is where its file names start, `name_for_errors` is
+    /// what messages call it.
+    ///
+    /// A scene without `name` takes the file name without folder and ending.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::read`].
+    pub fn from_json(text: &str, dir: &Path, name_for_errors: &str) -> Result<Self, SceneError> {
+        json::check_version(text, name_for_errors)?;
+        let scene: SceneDescription = json::parse(text, name_for_errors)?;
+        let top = Place::top(name_for_errors);
+        let stem = || Path::new(name_for_errors).file_stem().map(|s| s.to_string_lossy().into());
+        let name = scene.name.or_else(stem).unwrap_or_default();
+
+        let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
+        let mount = Mount::new(&top.key("mount"), &scene.mount, &roi)?;
+        let lidar = Lidar::new(&top.key("lidar"), scene.lidar, dir)?;
+        let classes = Classes::new(&top, scene.classes, scene.detection.as_deref())?;
+
+        let mut builder = Builder::new(&top, &classes, &scene.shapes, dir);
+        builder.check_named()?;
+        let world = builder.list(&top.key("static"), &scene.world)?;
+        let mut actors = Vec::with_capacity(scene.actors.len());
+        for (i, actor) in scene.actors.iter().enumerate() {
+            let at = top.key("actors").item(i);
+            let parts = builder.list(&at.key("parts"), &actor.parts)?;
+            let motion = Motion::new(&at, actor.poses.as_deref(), actor.route.as_ref())?;
+            let missing = || SceneError::Missing {
+                at: Box::new(at),
+                key: "poses",
+                mend: "say where the actor is, with `poses` or `route`".to_owned(),
+            };
+            actors.push(Actor { parts, motion: motion.ok_or_else(missing)? });
+        }
+        let none = EgoDescription { body: Vec::new(), poses: None, route: None };
+        let ego_at = top.key("ego");
+        let ego = scene.ego.as_ref().unwrap_or(&none);
+        let body = builder.list(&ego_at.key("body"), &ego.body)?;
+        let ego = Motion::new(&ego_at, ego.poses.as_deref(), ego.route.as_ref())?;
+
+        let has_geometry = !world.faces.is_empty()
+            || !body.faces.is_empty()
+            || actors.iter().any(|a| !a.parts.faces.is_empty());
+        let frames = match (scene.frames, &ego) {
+            (Some(n), _) => check::count(&top.key("frames"), n, 1, MAX_FRAMES)? as usize,
+            (None, Some(Motion::Poses(poses))) => {
+                let n = poses.len() as u64;
+                check::count(&ego_at.key("poses"), n, 1, MAX_FRAMES)? as usize
+            }
+            (None, _) => 1,
+        };
+        if !has_geometry && frames > 1 {
+            return Err(SceneError::Misplaced {
+                at: Box::new(top),
+                key: "frames",
+                mend: "without geometry all frames are alike; add `static` or `actors`, or leave \
+                       it out"
+                    .to_owned(),
+            });
+        }
+        let ego = ego.unwrap_or(Motion::Still);
+        ego.check_frames(&ego_at, frames)?;
+        for (i, actor) in actors.iter().enumerate() {
+            actor.motion.check_frames(&top.key("actors").item(i), frames)?;
+        }
+
+        let coverage =
+            Coverage::new(&top.key("coverage"), scene.coverage.as_deref(), has_geometry)?;
+        let psog = scene.psog.as_ref();
+        let psog = PsogSource::new(&top, psog, has_geometry, dir, lidar.range(), &mount)?;
+        Ok(Self {
+            name,
+            classes,
+            roi,
+            lidar,
+            mount,
+            coverage,
+            psog,
+            frames,
+            world,
+            actors,
+            body,
+            ego,
+        })
+    }
+
+    /// The name that the scene gives itself, or that of its file.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Class names; the index is the class id.
+    pub fn classes(&self) -> &[String] {
+        &self.classes.names
+    }
+
+    /// Ids of the classes that count as the detection target, rising; may be empty.
+    pub fn detection_classes(&self) -> &[u16] {
+        &self.classes.detection
+    }
+
+    /// The region of interest.
+    pub fn roi(&self) -> &RoiBounds {
+        &self.roi
+    }
+
+    /// The LiDAR that every sensor of a placement is.
+    pub fn lidar(&self) -> &Lidar {
+        &self.lidar
+    }
+
+    /// Where sensors may stand.
+    pub fn mount(&self) -> &Mount {
+        &self.mount
+    }
+
+    /// How far beams cover voxels.
+    pub fn coverage(&self) -> Coverage {
+        self.coverage
+    }
+
+    /// Where the P-SOG comes from.
+    pub fn psog_source(&self) -> &PsogSource {
+        &self.psog
+    }
+
+    /// Whether there is any triangle: static, of an actor or of the ego body.
+    pub fn has_geometry(&self) -> bool {
+        let empty = |s: &Solid| s.faces.is_empty();
+        !(empty(&self.world) && empty(&self.body) && self.actors.iter().all(|a| empty(&a.parts)))
+    }
+
+    /// Number of frames, T; 1 without geometry.
+    pub fn frame_count(&self) -> usize {
+        self.frames
+    }
+
+    /// Pose of the ego in frame `t`: takes ego coordinates to world coordinates.
+    ///
+    /// # Panics
+    ///
+    /// If `t` is not below [`Scene::frame_count`].
+    pub fn ego_pose(&self, t: usize) -> Pose {
+        assert!(t < self.frames, "frame {t} of {}", self.frames);
+        self.ego.pose(t)
+    }
+
+    /// The triangles of frame `t` in the ego frame, in metres.
+    ///
+    /// Order: static world, actors as listed, ego body; face ids are the same in every frame.
+    ///
+    /// # Panics
+    ///
+    /// If `t` is not below [`Scene::frame_count`].
+    pub fn frame(&self, t: usize, body: EgoBody) -> TriangleSoup {
+        let ego_from_world = self.ego_pose(t).inverse();
+        let mut soup = TriangleSoup::default();
+        self.world.append_to(&mut soup, &ego_from_world);
+        for actor in &self.actors {
+            let ego_from_actor = ego_from_world.compose(&actor.motion.pose(t));
+            actor.parts.append_to(&mut soup, &ego_from_actor);
+        }
+        if body == EgoBody::Include {
+            self.body.append_to(&mut soup, &Pose::IDENTITY);
+        }
+        soup
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;

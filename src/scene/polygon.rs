@@ -1,0 +1,164 @@
+//! Simple polygons in the xy plane: checks and ear clipping.
+
+use super::check::{self, bad};
+use super::error::{Place, SceneError};
+
+/// Corners of one prism; checks and clipping are quadratic in it.
+const MAX_CORNERS: usize = 1000;
+
+/// Twice the signed area of a triangle; positive when a, b, c turn counter-clockwise.
+fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
+    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+}
+
+/// Checks that `base` is a simple polygon; returns it counter-clockwise.
+pub(crate) fn simple(at: &Place, base: &[[f64; 2]]) -> Result<Vec<[f64; 2]>, SceneError> {
+    let n = base.len();
+    if !(3..=MAX_CORNERS).contains(&n) {
+        return Err(bad(at, format!("a list of {n}"), format!("3 to {MAX_CORNERS} corners")));
+    }
+    for (i, p) in base.iter().enumerate() {
+        for (k, v) in p.iter().enumerate() {
+            check::metres(&at.item(i).item(k), *v)?;
+        }
+        if *p == base[(i + 1) % n] {
+            let wanted = "different from the next corner; leave repeated corners out, the last one \
+                          joins the first by itself";
+            return Err(bad(&at.item(i), format!("{p:?}"), wanted));
+        }
+    }
+    for i in 0..n {
+        for j in i + 1..n {
+            let (a, b) = (base[i], base[(i + 1) % n]);
+            let (c, d) = (base[j], base[(j + 1) % n]);
+            let neighbours = j == i + 1 || (i == 0 && j == n - 1);
+            let clash = if neighbours {
+                let (tip, p, q) = if j == i + 1 { (b, a, d) } else { (a, b, c) };
+                // Neighbours share a corner; they clash when one runs back over the other.
+                cross(tip, p, q) == 0.0
+                    && (p[0] - tip[0]) * (q[0] - tip[0]) + (p[1] - tip[1]) * (q[1] - tip[1]) > 0.0
+            } else {
+                touch(a, b, c, d)
+            };
+            if clash {
+                let value = format!("the side from {c:?} to {d:?}");
+                let wanted = format!(
+                    "free of the side from {a:?} to {b:?}; the outline must not cross or touch itself"
+                );
+                return Err(bad(&at.item(j), value, wanted));
+            }
+        }
+    }
+    let mut corners = base.to_vec();
+    // Relative to the first corner, so that far-away outlines keep their digits.
+    let area: f64 = (1..n - 1).map(|i| cross(base[0], base[i], base[i + 1])).sum();
+    if area == 0.0 {
+        return Err(bad(at, "the outline", "a polygon with an area"));
+    }
+    if area < 0.0 {
+        corners.reverse();
+    }
+    Ok(corners)
+}
+
+/// Whether the closed segments a–b and c–d share a point.
+fn touch(a: [f64; 2], b: [f64; 2], c: [f64; 2], d: [f64; 2]) -> bool {
+    let sides = [cross(a, b, c), cross(a, b, d), cross(c, d, a), cross(c, d, b)];
+    if sides[0] * sides[1] < 0.0 && sides[2] * sides[3] < 0.0 {
+        return true;
+    }
+    let within = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
+        (0..2).all(|k| p[k].min(q[k]) <= r[k] && r[k] <= p[k].max(q[k]))
+    };
+    (sides[0] == 0.0 && within(a, b, c))
+        || (sides[1] == 0.0 && within(a, b, d))
+        || (sides[2] == 0.0 && within(c, d, a))
+        || (sides[3] == 0.0 && within(c, d, b))
+}
+
+/// Cuts a simple counter-clockwise polygon into `corners.len() − 2` counter-clockwise triangles.
+pub(crate) fn triangulate(corners: &[[f64; 2]]) -> Vec<[u32; 3]> {
+    let mut left: Vec<u32> = (0..corners.len() as u32).collect();
+    let mut triangles = Vec::with_capacity(corners.len() - 2);
+    let corner = |i: u32| corners[i as usize];
+    while left.len() > 3 {
+        let n = left.len();
+        let ear = |&i: &usize| {
+            let ids = [left[(i + n - 1) % n], left[i], left[(i + 1) % n]];
+            let [a, b, c] = ids.map(corner);
+            let inside = |&j: &u32| {
+                let p = corner(j);
+                !ids.contains(&j)
+                    && cross(a, b, p) >= 0.0
+                    && cross(b, c, p) >= 0.0
+                    && cross(c, a, p) >= 0.0
+            };
+            cross(a, b, c) > 0.0 && !left.iter().any(inside)
+        };
+        // Every simple polygon has an ear; when rounding hides it, a straight corner goes first.
+        let flat = |&i: &usize| {
+            cross(corner(left[(i + n - 1) % n]), corner(left[i]), corner(left[(i + 1) % n])) == 0.0
+        };
+        let i = (0..n).find(ear).or_else(|| (0..n).find(flat)).unwrap_or(0);
+        triangles.push([left[(i + n - 1) % n], left[i], left[(i + 1) % n]]);
+        left.remove(i);
+    }
+    triangles.push([left[0], left[1], left[2]]);
+    triangles
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn area(corners: &[[f64; 2]]) -> f64 {
+        let parts = triangulate(corners);
+        assert_eq!(parts.len(), corners.len() - 2);
+        parts
+            .iter()
+            .map(|t| {
+                let [a, b, c] = t.map(|i| corners[i as usize]);
+                assert!(cross(a, b, c) >= 0.0, "{t:?} is turned over");
+                cross(a, b, c) / 2.0
+            })
+            .sum()
+    }
+
+    #[test]
+    fn concave_outlines_keep_their_area_in_both_senses() {
+        let l = [[0.0, 0.0], [4.0, 0.0], [4.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]];
+        let mut turned = l;
+        turned.reverse();
+        for base in [l, turned] {
+            assert_eq!(area(&simple(&Place::top("t"), &base).unwrap()), 6.0);
+        }
+        // A comb: many reflex corners.
+        let mut comb = vec![[0.0, 0.0], [9.0, 0.0]];
+        for i in (0..9).rev() {
+            let height = if i % 2 == 0 { 3.0 } else { 1.0 };
+            comb.extend([[f64::from(i) + 1.0, height], [f64::from(i), height]]);
+        }
+        assert_eq!(area(&simple(&Place::top("t"), &comb).unwrap()), 5.0 * 3.0 + 4.0);
+    }
+
+    #[test]
+    fn a_straight_corner_is_allowed() {
+        let base = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
+        assert_eq!(area(&simple(&Place::top("t"), &base).unwrap()), 4.0);
+    }
+
+    #[test]
+    fn crossing_touching_and_flat_outlines_are_refused() {
+        let bad: [&[[f64; 2]]; 5] = [
+            &[[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.0, 2.0]],
+            &[[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [2.0, 0.0], [0.0, 4.0]],
+            &[[0.0, 0.0], [4.0, 0.0], [2.0, 0.0]],
+            &[[0.0, 0.0], [1.0, 0.0]],
+            &[[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [0.0, 1.0]],
+        ];
+        for base in bad {
+            assert!(simple(&Place::top("t"), base).is_err(), "{base:?}");
+        }
+    }
+}

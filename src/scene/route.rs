@@ -1,0 +1,181 @@
+//! Where the ego and the actors stand in each frame.
+
+use glam::DVec3;
+
+use super::check::{self, bad};
+use super::description::{PoseDescription, RouteDescription};
+use super::error::{Place, SceneError};
+use crate::geom::Pose;
+
+/// A pose for every frame.
+#[derive(Debug, Clone)]
+pub(crate) enum Motion {
+    /// The same pose in all frames.
+    Still,
+    /// One pose a frame.
+    Poses(Vec<Pose>),
+    /// Along a line.
+    Route(Route),
+}
+
+impl Motion {
+    /// Reads `poses` or `route` of the object at `at`; neither is `None`.
+    pub fn new(
+        at: &Place,
+        poses: Option<&[PoseDescription]>,
+        route: Option<&RouteDescription>,
+    ) -> Result<Option<Self>, SceneError> {
+        match (poses, route) {
+            (None, None) => Ok(None),
+            (Some(poses), None) => {
+                let at = at.key("poses");
+                let read = poses.iter().enumerate().map(|(i, p)| pose(&at.item(i), p));
+                Ok(Some(Self::Poses(read.collect::<Result<_, _>>()?)))
+            }
+            (None, Some(route)) => Ok(Some(Self::Route(Route::new(&at.key("route"), route)?))),
+            (Some(_), Some(_)) => Err(SceneError::Choice {
+                at: Box::new(at.clone()),
+                found: vec!["poses", "route"],
+                of: &["poses", "route"],
+            }),
+        }
+    }
+
+    /// Explicit poses must be as many as the frames.
+    pub fn check_frames(&self, at: &Place, frames: usize) -> Result<(), SceneError> {
+        match self {
+            Self::Poses(poses) if poses.len() != frames => {
+                let value = format!("a list of {}", poses.len());
+                Err(bad(
+                    &at.key("poses"),
+                    value,
+                    format!("one pose for each of the {frames} frames"),
+                ))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Pose in frame `t`, which is below the number of frames.
+    pub fn pose(&self, t: usize) -> Pose {
+        match self {
+            Self::Still => Pose::IDENTITY,
+            Self::Poses(poses) => poses[t],
+            Self::Route(route) => route.pose(t),
+        }
+    }
+}
+
+fn pose(at: &Place, p: &PoseDescription) -> Result<Pose, SceneError> {
+    let x = check::metres(&at.key("x"), p.x)?;
+    let y = check::metres(&at.key("y"), p.y)?;
+    let z = check::metres(&at.key("z"), p.z)?;
+    let roll = check::radians(&at.key("roll"), p.roll)?;
+    let pitch = check::radians(&at.key("pitch"), p.pitch)?;
+    let yaw = check::radians(&at.key("yaw"), p.yaw)?;
+    Ok(Pose::new(DVec3::new(x, y, z), roll, pitch, yaw))
+}
+
+/// A polyline travelled at `spacing` metres a frame, heading along it.
+///
+/// Before its first and after its last point the end segments go on straight.
+#[derive(Debug, Clone)]
+pub(crate) struct Route {
+    points: Vec<DVec3>,
+    /// Metres along the line at each point, from 0.
+    along: Vec<f64>,
+    start: f64,
+    spacing: f64,
+}
+
+impl Route {
+    fn new(at: &Place, route: &RouteDescription) -> Result<Self, SceneError> {
+        let here = at.key("points");
+        if route.points.len() < 2 {
+            let value = format!("a list of {}", route.points.len());
+            return Err(bad(&here, value, "a route: give two points or more"));
+        }
+        let mut points: Vec<DVec3> = Vec::with_capacity(route.points.len());
+        let mut along = vec![0.0];
+        for (i, p) in route.points.iter().enumerate() {
+            let p = DVec3::from(check::point_2_or_3(&here.item(i), p)?);
+            if let (Some(&last), Some(&so_far)) = (points.last(), along.last()) {
+                if (p - last).truncate().length() < 1e-6 {
+                    let wanted = "ahead of the point before it: a heading needs a step in x or y";
+                    return Err(bad(&here.item(i), format!("{:?}", route.points[i]), wanted));
+                }
+                along.push(so_far + (p - last).length());
+            }
+            points.push(p);
+        }
+        let start = check::metres(&at.key("start"), route.start)?;
+        let spacing = route.spacing;
+        // The cap keeps the last of 10 000 frames within the coordinates of everything else.
+        if spacing.abs() > 1.0e4 {
+            return Err(bad(&at.key("spacing"), spacing, "a step of at most 10000 m a frame"));
+        }
+        Ok(Self { points, along, start, spacing })
+    }
+
+    fn pose(&self, t: usize) -> Pose {
+        let distance = self.start + t as f64 * self.spacing;
+        let last = self.points.len() - 2;
+        // The last segment whose start is not past the distance; the ends go on straight.
+        let segment = self.along.partition_point(|&a| a <= distance).saturating_sub(1).min(last);
+        let (from, to) = (self.points[segment], self.points[segment + 1]);
+        let heading = (to - from).normalize();
+        let position = from + heading * (distance - self.along[segment]);
+        Pose::new(position, 0.0, 0.0, heading.y.atan2(heading.x))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn route(points: &[[f64; 2]], start: f64, spacing: f64) -> Route {
+        let points = points.iter().map(|p| p.to_vec()).collect();
+        Route::new(&Place::top("t"), &RouteDescription { points, start, spacing }).unwrap()
+    }
+
+    #[test]
+    fn a_route_is_travelled_at_its_spacing_and_goes_on_straight() {
+        let r = route(&[[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]], -2.0, 4.0);
+        let expected = [
+            (-2.0, 0.0),
+            (2.0, 0.0),
+            (6.0, 0.0),
+            (10.0, 0.0),
+            (10.0, 4.0),
+            (10.0, 8.0),
+            (10.0, 12.0),
+        ];
+        for (t, (x, y)) in expected.into_iter().enumerate() {
+            let p = r.pose(t);
+            assert!((p.translation - DVec3::new(x, y, 0.0)).length() < 1e-12, "{t}: {p:?}");
+            let ahead = if t < 3 { DVec3::X } else { DVec3::Y };
+            assert!((p.rotation * DVec3::X - ahead).length() < 1e-12, "{t}: {p:?}");
+        }
+    }
+
+    #[test]
+    fn spacing_zero_parks_and_negative_spacing_reverses_without_turning() {
+        assert_eq!(route(&[[0.0, 0.0], [5.0, 0.0]], 3.0, 0.0).pose(7).translation.x, 3.0);
+        let p = route(&[[0.0, 0.0], [5.0, 0.0]], 3.0, -1.0).pose(5);
+        assert_eq!(p.translation.x, -2.0);
+        assert_eq!(p.rotation * DVec3::X, DVec3::X);
+    }
+
+    #[test]
+    fn metres_are_counted_along_the_slope() {
+        let slope = RouteDescription {
+            points: vec![vec![0.0, 0.0, 0.0], vec![3.0, 0.0, 4.0]],
+            start: 0.0,
+            spacing: 2.5,
+        };
+        let p = Route::new(&Place::top("t"), &slope).unwrap().pose(1);
+        assert!((p.translation - DVec3::new(1.5, 0.0, 2.0)).length() < 1e-12);
+        assert_eq!(p.rotation * DVec3::X, DVec3::X);
+    }
+}

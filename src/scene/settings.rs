@@ -1,0 +1,241 @@
+//! Everything of a scene that is not geometry: ROI, mount, coverage mode, origin of the P-SOG.
+
+use std::path::{Path, PathBuf};
+
+use super::check::{self, bad};
+use super::description::{MountDescription, PsogDescription, RoiDescription, ScanDescription};
+use super::error::{Place, SceneError};
+
+/// Voxels along one axis.
+const MAX_AXIS: f64 = 16_777_216.0;
+/// Voxels in all.
+const MAX_VOXELS: u64 = 1 << 31;
+/// How far above the ROI a mount may stand, in metres.
+const MOUNT_HEADROOM: f64 = 10.0;
+
+/// The region of interest of a scene: a box around the ego, cut into voxels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RoiBounds {
+    /// Lower corner in the ego frame, metres.
+    pub min: [f64; 3],
+    /// Upper corner as the scene gives it, metres; the last voxels reach past it when an extent
+    /// is not a whole number of voxels.
+    pub max: [f64; 3],
+    /// Edge lengths of a voxel, metres.
+    pub voxel: [f64; 3],
+    /// Voxels along x, y and z: extent / voxel, rounded when that is within 1e-6 (relative) of a
+    /// whole number and rounded up otherwise; at least 1 each, at most 2³¹ in all.
+    pub shape: [u32; 3],
+}
+
+impl RoiBounds {
+    pub(crate) fn new(at: &Place, roi: &RoiDescription) -> Result<Self, SceneError> {
+        let min = check::point(&at.key("min"), roi.min)?;
+        let max = check::point(&at.key("max"), roi.max)?;
+        let voxel = check::size(&at.key("voxel"), roi.voxel)?;
+        let mut shape = [0u32; 3];
+        for i in 0..3 {
+            if min[i] >= max[i] {
+                let wanted =
+                    format!("above min ({}): the ROI would have no voxels; give max > min", min[i]);
+                return Err(bad(&at.key("max").item(i), max[i], wanted));
+            }
+            let exact = (max[i] - min[i]) / voxel[i];
+            let whole = exact.round();
+            let n = if (exact - whole).abs() <= 1e-6 * whole { whole } else { exact.ceil() };
+            if n > MAX_AXIS {
+                let wanted =
+                    format!("large enough: {n} voxels lie along this axis, at most {MAX_AXIS} may");
+                return Err(bad(&at.key("voxel").item(i), voxel[i], wanted));
+            }
+            shape[i] = n as u32;
+        }
+        let count = shape.iter().map(|&n| u64::from(n)).try_fold(1u64, u64::checked_mul);
+        match count {
+            Some(n) if n <= MAX_VOXELS => Ok(Self { min, max, voxel, shape }),
+            _ => Err(SceneError::TooMany {
+                at: Box::new(at.clone()),
+                what: "voxels",
+                count: count.unwrap_or(u64::MAX),
+                limit: MAX_VOXELS,
+                mend: "take a smaller ROI or larger voxels",
+            }),
+        }
+    }
+}
+
+/// Where sensors may stand and how they may turn, in the ego frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mount {
+    /// Lower corner of the box of sensor origins, metres.
+    pub min: [f64; 3],
+    /// Upper corner, metres; equal to `min` along an axis without freedom.
+    pub max: [f64; 3],
+    /// Allowed roll `[lower, upper]`, radians.
+    pub roll: [f64; 2],
+    /// Allowed pitch `[lower, upper]`, radians.
+    pub pitch: [f64; 2],
+    /// Allowed yaw `[lower, upper]`, radians.
+    pub yaw: [f64; 2],
+    /// Smallest distance between two sensors of a placement, metres.
+    pub min_distance: f64,
+    /// LiDARs of a placement, 1 to 16.
+    pub lidars: u32,
+}
+
+impl Mount {
+    pub(crate) fn new(
+        at: &Place,
+        mount: &MountDescription,
+        roi: &RoiBounds,
+    ) -> Result<Self, SceneError> {
+        let min = check::point(&at.key("min"), mount.min)?;
+        let max = check::point(&at.key("max"), mount.max)?;
+        for i in 0..3 {
+            if min[i] > max[i] {
+                let wanted = format!("{} or more, the lower corner of the mount", min[i]);
+                return Err(bad(&at.key("max").item(i), max[i], wanted));
+            }
+        }
+        // Across, the whole mount lies in the ROI; upwards it may stand over it.
+        let inside = |i: usize| roi.min[i] <= min[i] && max[i] <= roi.max[i];
+        let over = min[2] <= roi.max[2] + MOUNT_HEADROOM && max[2] >= roi.min[2];
+        for (axis, fits) in [('x', inside(0)), ('y', inside(1)), ('z', over)] {
+            if !fits {
+                return Err(SceneError::MountOutside {
+                    at: Box::new(at.clone()),
+                    axis,
+                    min,
+                    max,
+                    roi_min: roi.min,
+                    roi_max: roi.max,
+                });
+            }
+        }
+        let min_distance = mount.min_distance;
+        if !(0.0..=check::MAX_METRES).contains(&min_distance) {
+            return Err(bad(&at.key("min_distance"), min_distance, "a distance of 0 m or more"));
+        }
+        Ok(Self {
+            min,
+            max,
+            roll: check::radian_range(&at.key("roll"), mount.roll)?,
+            pitch: check::radian_range(&at.key("pitch"), mount.pitch)?,
+            yaw: check::radian_range(&at.key("yaw"), mount.yaw)?,
+            min_distance,
+            lidars: check::count(&at.key("lidars"), mount.lidars, 1, 16)?,
+        })
+    }
+}
+
+/// How far a beam covers voxels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Coverage {
+    /// Every voxel up to the range of the LiDAR.
+    Through,
+    /// Every voxel up to and including that of the first surface.
+    FirstHit,
+}
+
+impl Coverage {
+    pub(crate) fn new(
+        at: &Place,
+        name: Option<&str>,
+        has_geometry: bool,
+    ) -> Result<Self, SceneError> {
+        match (name, has_geometry) {
+            (None, true) | (Some("first-hit"), true) => Ok(Self::FirstHit),
+            (None, false) | (Some("through"), _) => Ok(Self::Through),
+            (Some("first-hit"), false) => {
+                let wanted = "possible without geometry; add `static`, `actors` or `ego.body`, or \
+                              write \"through\"";
+                Err(bad(at, "\"first-hit\"", wanted))
+            }
+            (Some(other), _) => Err(bad(at, format!("{other:?}"), "\"first-hit\" or \"through\"")),
+        }
+    }
+}
+
+/// Settings of the dense virtual scans from which a P-SOG is built.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScanSettings {
+    /// Elevation channels, evenly spaced.
+    pub channels: u32,
+    /// Lowest and highest elevation, degrees.
+    pub fov: [f64; 2],
+    /// Azimuth steps a turn.
+    pub azimuth_steps: u32,
+    /// Range in metres.
+    pub range: f64,
+    /// Height of the scanner in the ego frame, metres.
+    pub height: f64,
+    /// Scan poses merged into one frame's grid.
+    pub window: u32,
+    /// Frames between two scan poses of a window.
+    pub stride: u32,
+}
+
+impl ScanSettings {
+    fn new(
+        at: &Place,
+        scan: &ScanDescription,
+        lidar_range: f64,
+        mount: &Mount,
+    ) -> Result<Self, SceneError> {
+        let count = |key, value: Option<u64>, default, hi| {
+            check::count(&at.key(key), value.unwrap_or(default), 1, hi)
+        };
+        Ok(Self {
+            channels: count("channels", scan.channels, 64, 1024)?,
+            fov: check::fov(&at.key("fov"), scan.fov.unwrap_or([-50.0, 20.0]))?,
+            azimuth_steps: count("azimuth_steps", scan.azimuth_steps, 720, 100_000)?,
+            range: check::range(&at.key("range"), scan.range.unwrap_or(lidar_range))?,
+            height: check::metres(&at.key("height"), scan.height.unwrap_or(mount.max[2]))?,
+            window: count("window", scan.window, 5, 1000)?,
+            stride: count("stride", scan.stride, 1, 10_000)?,
+        })
+    }
+}
+
+/// Where the P-SOG of a scene comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum PsogSource {
+    /// A P-SOG file, its path resolved against the folder of the scene. Not opened yet.
+    File(PathBuf),
+    /// Virtual scans of the scene's own geometry.
+    Scan(ScanSettings),
+}
+
+impl PsogSource {
+    pub(crate) fn new(
+        top: &Place,
+        psog: Option<&PsogDescription>,
+        has_geometry: bool,
+        dir: &Path,
+        lidar_range: f64,
+        mount: &Mount,
+    ) -> Result<Self, SceneError> {
+        let at = top.key("psog");
+        let mend = "a scene without geometry needs a P-SOG file, write `\"psog\": { \"file\": … }`";
+        let scan = match psog {
+            None if has_geometry => &ScanDescription::default(),
+            None => {
+                let (at, mend) = (Box::new(top.clone()), mend.to_owned());
+                return Err(SceneError::Missing { at, key: "psog", mend });
+            }
+            Some(PsogDescription { file: Some(file), scan: None }) => {
+                return Ok(Self::File(dir.join(file)));
+            }
+            Some(PsogDescription { file: None, scan: Some(scan) }) => scan,
+            Some(PsogDescription { file, .. }) => {
+                let found = if file.is_some() { vec!["file", "scan"] } else { Vec::new() };
+                return Err(SceneError::Choice { at: Box::new(at), found, of: &["file", "scan"] });
+            }
+        };
+        if !has_geometry {
+            let (at, mend) = (Box::new(at), mend.to_owned());
+            return Err(SceneError::Misplaced { at, key: "scan", mend });
+        }
+        ScanSettings::new(&at.key("scan"), scan, lidar_range, mount).map(Self::Scan)
+    }
+}

@@ -1,0 +1,371 @@
+//! From shape descriptions to triangles: classes, copies, named shapes and meshes.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+use glam::DVec3;
+
+use super::check::{self, bad};
+use super::classes::Classes;
+use super::description::{
+    BoxDescription, CylinderDescription, Dictionary, MeshDescription, PlaneDescription,
+    PrismDescription, ShapeDescription,
+};
+use super::error::{Place, SceneError, nearest};
+use super::mesh::{self, RawMesh};
+use super::polygon;
+use super::solid::Solid;
+use crate::geom::Pose;
+
+/// Triangles of a whole scene, over static world, actors and ego body.
+const MAX_TRIANGLES: u64 = 10_000_000;
+/// Named shapes inside named shapes.
+const MAX_DEPTH: usize = 8;
+const MAX_COPIES: u64 = 100_000;
+const KINDS: &[&str] = &["box", "prism", "cylinder", "plane", "mesh", "shape"];
+
+/// Builds triangles from shapes; loads each mesh file once.
+pub(crate) struct Builder<'a> {
+    classes: &'a Classes,
+    named: &'a Dictionary<Vec<ShapeDescription>>,
+    /// The place of `shapes`.
+    named_at: Place,
+    dir: &'a Path,
+    meshes: HashMap<PathBuf, Rc<RawMesh>>,
+    triangles: u64,
+}
+
+impl<'a> Builder<'a> {
+    pub fn new(
+        top: &Place,
+        classes: &'a Classes,
+        named: &'a Dictionary<Vec<ShapeDescription>>,
+        dir: &'a Path,
+    ) -> Self {
+        let named_at = top.key("shapes");
+        Self { classes, named, named_at, dir, meshes: HashMap::new(), triangles: 0 }
+    }
+
+    /// Checks the named shapes, used or not.
+    pub fn check_named(&mut self) -> Result<(), SceneError> {
+        for (name, list) in &self.named.0 {
+            let at = self.named_at.key(name);
+            if list.is_empty() {
+                return Err(bad(&at, "an empty list", "a shape; add one or leave the name out"));
+            }
+            self.list(&at, list)?;
+        }
+        // What nothing uses does not count.
+        self.triangles = 0;
+        Ok(())
+    }
+
+    /// The triangles of a list of shapes, in order.
+    pub fn list(&mut self, at: &Place, list: &[ShapeDescription]) -> Result<Solid, SceneError> {
+        let mut solid = Solid::default();
+        self.append_list(at, list, 0, &Pose::IDENTITY, &mut solid)?;
+        Ok(solid)
+    }
+
+    fn append_list(
+        &mut self,
+        at: &Place,
+        list: &[ShapeDescription],
+        depth: usize,
+        pose: &Pose,
+        out: &mut Solid,
+    ) -> Result<(), SceneError> {
+        for (i, shape) in list.iter().enumerate() {
+            self.append(&at.item(i), shape, depth, pose, out)?;
+        }
+        Ok(())
+    }
+
+    fn append(
+        &mut self,
+        at: &Place,
+        shape: &ShapeDescription,
+        depth: usize,
+        pose: &Pose,
+        out: &mut Solid,
+    ) -> Result<(), SceneError> {
+        let found: Vec<_> = [
+            shape.cuboid.is_some(),
+            shape.prism.is_some(),
+            shape.cylinder.is_some(),
+            shape.plane.is_some(),
+            shape.mesh.is_some(),
+            shape.shape.is_some(),
+        ]
+        .iter()
+        .zip(KINDS)
+        .filter_map(|(&there, &kind)| there.then_some(kind))
+        .collect();
+        if found.len() != 1 {
+            return Err(SceneError::Choice { at: Box::new(at.clone()), found, of: KINDS });
+        }
+        let copies = copies(at, shape)?;
+        if let Some(name) = &shape.shape {
+            let list = self.find_named(at, shape, name, depth)?;
+            let named_at = self.named_at.key(name);
+            for copy in &copies {
+                self.append_list(&named_at, list, depth + 1, &pose.compose(copy), out)?;
+            }
+            return Ok(());
+        }
+        let solid = self.single(at, shape)?;
+        for copy in &copies {
+            self.triangles += solid.faces.len() as u64;
+            if self.triangles > MAX_TRIANGLES {
+                return Err(SceneError::TooMany {
+                    at: Box::new(at.clone()),
+                    what: "triangles",
+                    count: self.triangles,
+                    limit: MAX_TRIANGLES,
+                    mend: "take fewer copies or a coarser mesh",
+                });
+            }
+            out.append(&solid, &pose.compose(copy));
+        }
+        Ok(())
+    }
+
+    fn find_named(
+        &self,
+        at: &Place,
+        shape: &ShapeDescription,
+        name: &str,
+        depth: usize,
+    ) -> Result<&'a [ShapeDescription], SceneError> {
+        if shape.class.is_some() {
+            return Err(SceneError::Misplaced {
+                at: Box::new(at.clone()),
+                key: "class",
+                mend: format!("the parts of the shape `{name}` have their own classes"),
+            });
+        }
+        let here = at.key("shape");
+        if depth == MAX_DEPTH {
+            let wanted = format!("nested less than {MAX_DEPTH} deep; does it contain itself?");
+            return Err(bad(&here, format!("{name:?}"), wanted));
+        }
+        let known = || self.named.0.iter().map(|(k, _)| k.as_str());
+        self.named.get(name).map(Vec::as_slice).ok_or_else(|| SceneError::UnknownName {
+            at: Box::new(here),
+            kind: "shape",
+            name: name.to_owned(),
+            nearest: nearest(name, known()),
+            known: known().map(str::to_owned).collect(),
+        })
+    }
+
+    /// A primitive or mesh, where its own numbers put it.
+    fn single(&mut self, at: &Place, shape: &ShapeDescription) -> Result<Solid, SceneError> {
+        let class = match &shape.class {
+            Some(name) => Some(self.classes.id(&at.key("class"), name)?),
+            None => None,
+        };
+        if let Some(mesh) = &shape.mesh {
+            return self.mesh(&at.key("mesh"), mesh, class);
+        }
+        let class = class.ok_or_else(|| SceneError::Missing {
+            at: Box::new(at.clone()),
+            key: "class",
+            mend: "name the class of this shape, `\"class\": \"building\"` for example".to_owned(),
+        })?;
+        match shape {
+            ShapeDescription { cuboid: Some(b), .. } => cuboid(&at.key("box"), b, class),
+            ShapeDescription { prism: Some(p), .. } => prism(&at.key("prism"), p, class),
+            ShapeDescription { cylinder: Some(c), .. } => cylinder(&at.key("cylinder"), c, class),
+            ShapeDescription { plane: Some(p), .. } => plane(&at.key("plane"), p, class),
+            // Exactly one kind is there, and meshes and names have been dealt with.
+            _ => Ok(Solid::default()),
+        }
+    }
+
+    fn mesh(
+        &mut self,
+        at: &Place,
+        mesh: &MeshDescription,
+        default: Option<u16>,
+    ) -> Result<Solid, SceneError> {
+        let file = self.dir.join(&mesh.file);
+        let y_up = match mesh.axes.as_deref() {
+            None => mesh::default_y_up(&file),
+            Some("z-up") => false,
+            Some("y-up") => true,
+            Some(other) => {
+                return Err(bad(&at.key("axes"), format!("{other:?}"), "\"z-up\" or \"y-up\""));
+            }
+        };
+        let scale = mesh.scale.unwrap_or(1.0);
+        if !(scale > 0.0 && scale <= 1.0e6) {
+            return Err(bad(&at.key("scale"), scale, "a scale above 0 and at most 1000000"));
+        }
+        let roll = check::radians(&at.key("roll"), mesh.roll)?;
+        let pitch = check::radians(&at.key("pitch"), mesh.pitch)?;
+        let yaw = check::radians(&at.key("yaw"), mesh.yaw)?;
+        let translate = check::point(&at.key("translate"), mesh.translate)?;
+        let pose = Pose::new(translate.into(), roll, pitch, yaw);
+        let mut map = HashMap::new();
+        for (material, class) in &mesh.classes.0 {
+            map.insert(
+                material.as_str(),
+                self.classes.id(&at.key("classes").key(material), class)?,
+            );
+        }
+        let raw = match self.meshes.get(&file) {
+            Some(raw) => Rc::clone(raw),
+            None => {
+                let raw = Rc::new(mesh::load(at, &file)?);
+                self.meshes.insert(file.clone(), Rc::clone(&raw));
+                raw
+            }
+        };
+        let class_of = |name: &Option<String>| {
+            let mapped = name.as_deref().and_then(|n| map.get(n).copied());
+            mapped.or(default).ok_or_else(|| SceneError::Unclassed {
+                at: Box::new(at.clone()),
+                mesh: file.clone(),
+                material: name.clone().unwrap_or_else(|| "(none)".to_owned()),
+            })
+        };
+        let ids = raw.materials.iter().map(class_of).collect::<Result<Vec<_>, _>>()?;
+        let place = |(i, v): (usize, &DVec3)| {
+            let v = if y_up { DVec3::new(v.x, -v.z, v.y) } else { *v };
+            let v = pose.apply(v * scale);
+            if v.abs().max_element() <= check::MAX_METRES {
+                return Ok(v);
+            }
+            Err(SceneError::Mesh {
+                at: Box::new(at.clone()),
+                mesh: file.clone(),
+                element: format!("vertex {i}"),
+                problem: format!("lies at {v}, further than 1e9 m from the origin"),
+            })
+        };
+        Ok(Solid {
+            vertices: raw.vertices.iter().enumerate().map(place).collect::<Result<_, _>>()?,
+            faces: raw.faces.clone(),
+            classes: raw.face_material.iter().map(|&m| ids[m as usize]).collect(),
+        })
+    }
+}
+
+/// Where the copies of a shape stand; one in place when nothing is said.
+fn copies(at: &Place, shape: &ShapeDescription) -> Result<Vec<Pose>, SceneError> {
+    match (&shape.at, &shape.repeat) {
+        (None, None) => Ok(vec![Pose::IDENTITY]),
+        (Some(_), Some(_)) => Err(SceneError::Misplaced {
+            at: Box::new(at.clone()),
+            key: "repeat",
+            mend: "`at` already says where the copies stand; keep one of the two".to_owned(),
+        }),
+        (Some(list), None) => {
+            let at = at.key("at");
+            if list.is_empty() || list.len() as u64 > MAX_COPIES {
+                let wanted = format!("1 to {MAX_COPIES} positions");
+                return Err(bad(&at, format!("a list of {}", list.len()), wanted));
+            }
+            list.iter()
+                .enumerate()
+                .map(|(i, p)| {
+                    let here = at.item(i);
+                    let (xyz, yaw) = match **p {
+                        [x, y, z, yaw] => ([x, y, z], check::radians(&here.item(3), yaw)?),
+                        [x, y, z] => ([x, y, z], 0.0),
+                        [x, y] => ([x, y, 0.0], 0.0),
+                        _ => {
+                            let value = format!("a list of {} numbers", p.len());
+                            return Err(bad(&here, value, "[x, y], [x, y, z] or [x, y, z, yaw]"));
+                        }
+                    };
+                    Ok(Pose::new(check::point(&here, xyz)?.into(), 0.0, 0.0, yaw))
+                })
+                .collect()
+        }
+        (None, Some(repeat)) => {
+            let at = at.key("repeat");
+            let count = check::count(&at.key("count"), repeat.count, 1, MAX_COPIES)?;
+            let step = DVec3::from(check::point(&at.key("step"), repeat.step)?);
+            let far = (step * f64::from(count)).abs().max_element();
+            check::metres(&at.key("step"), far)?;
+            let nth = |i| Pose { translation: step * f64::from(i), ..Pose::IDENTITY };
+            Ok((0..count).map(nth).collect())
+        }
+    }
+}
+
+fn cuboid(at: &Place, b: &BoxDescription, class: u16) -> Result<Solid, SceneError> {
+    let yaw = check::radians(&at.key("yaw"), b.yaw)?;
+    let one_of = |found| {
+        let of = &["center, size", "foot, size", "min, max"];
+        Err(SceneError::Choice { at: Box::new(at.clone()), found, of })
+    };
+    let (center, size) = match (b.center, b.foot, b.size, b.min, b.max) {
+        (Some(center), None, Some(size), None, None) => {
+            let center = check::point(&at.key("center"), center)?;
+            (center.into(), DVec3::from(check::size(&at.key("size"), size)?))
+        }
+        (None, Some(foot), Some(size), None, None) => {
+            let foot = DVec3::from(check::point(&at.key("foot"), foot)?);
+            let size = DVec3::from(check::size(&at.key("size"), size)?);
+            (foot + DVec3::Z * (size.z / 2.0), size)
+        }
+        (None, None, None, Some(min), Some(max)) => {
+            check::point(&at.key("min"), min)?;
+            check::point(&at.key("max"), max)?;
+            for i in 0..3 {
+                if min[i] >= max[i] {
+                    let wanted = format!("above min ({})", min[i]);
+                    return Err(bad(&at.key("max").item(i), max[i], wanted));
+                }
+            }
+            let (min, max) = (DVec3::from(min), DVec3::from(max));
+            ((min + max) / 2.0, max - min)
+        }
+        _ => {
+            let mut found = Vec::new();
+            found.extend(b.center.map(|_| "center"));
+            found.extend(b.foot.map(|_| "foot"));
+            found.extend(b.size.map(|_| "size"));
+            found.extend(b.min.map(|_| "min"));
+            found.extend(b.max.map(|_| "max"));
+            return one_of(found);
+        }
+    };
+    Ok(Solid::cuboid(center, size, yaw, class))
+}
+
+fn prism(at: &Place, p: &PrismDescription, class: u16) -> Result<Solid, SceneError> {
+    let base = polygon::simple(&at.key("base"), &p.base)?;
+    let z = at.key("z");
+    for i in 0..2 {
+        check::metres(&z.item(i), p.z[i])?;
+    }
+    if p.z[0] >= p.z[1] {
+        return Err(bad(&z, format!("{:?}", p.z), "a range [bottom, top] with bottom < top"));
+    }
+    Ok(Solid::prism(&base, p.z, class))
+}
+
+fn cylinder(at: &Place, c: &CylinderDescription, class: u16) -> Result<Solid, SceneError> {
+    let foot = check::point(&at.key("foot"), c.foot)?;
+    let radius = check::length(&at.key("radius"), c.radius)?;
+    let height = check::length(&at.key("height"), c.height)?;
+    let sides = check::count(&at.key("sides"), c.sides.unwrap_or(12), 3, 256)?;
+    Ok(Solid::cylinder(foot.into(), radius, height, sides, class))
+}
+
+fn plane(at: &Place, p: &PlaneDescription, class: u16) -> Result<Solid, SceneError> {
+    for i in 0..2 {
+        check::metres(&at.key("min").item(i), p.min[i])?;
+        check::metres(&at.key("max").item(i), p.max[i])?;
+        if p.min[i] >= p.max[i] {
+            return Err(bad(&at.key("max").item(i), p.max[i], format!("above min ({})", p.min[i])));
+        }
+    }
+    let z = check::metres(&at.key("z"), p.z)?;
+    Ok(Solid::plane(p.min, p.max, z, class))
+}
