@@ -248,7 +248,7 @@ fn wrong_arguments_and_places_are_answered_with_exit_code_2() {
     assert!(with(&["--backend", "abacus"]).contains("abacus"));
     assert!(with(&["--adapter", "no such device"]).contains("no such device"));
     assert!(with(&["--memory", "12 parsecs"]).contains("parsecs"));
-    assert!(with(&["--memory", "64", "--backend", "cpu"]).contains("--memory"));
+    assert!(with(&["--memory", "16", "--backend", "cpu"]).contains("--memory"));
     assert!(
         fails(dir.path(), &["score", "nowhere.json", "placements.json"]).contains("nowhere.json")
     );
@@ -383,7 +383,12 @@ fn optimize_writes_its_folder_and_repeats_itself() {
     // The result keeps the rules and is at least as good as what it started from.
     assert_eq!(first["best"]["violations"], json!([]));
     let report = fs::read_to_string(dir.path().join("first/report.html")).unwrap();
-    assert!(report.contains("<svg") && report.contains("optimized") && !report.contains("http:"));
+    assert!(
+        report.contains("<svg")
+            && report.contains("optimized")
+            && !report.contains("src=")
+            && !report.contains("<link")
+    );
     assert_eq!(first["baselines"].as_array().unwrap().len(), 11);
     let again = sightline(dir.path(), &optimize_args("first", "90"));
     assert_eq!(again.status.code(), Some(2));

@@ -105,35 +105,16 @@ fn print(
 ) -> Result<(), Error> {
     let io = |error| Error::io(path)(error);
     let Loaded { scene, mut evaluator, times, .. } = loaded;
-    if format == Format::Json {
-        let head = json!({
-            "scene": scene.name(),
-            "backend": evaluator.backend().name(),
-            "adapter": evaluator.backend().adapter(),
-            "coverage": load::coverage_name(evaluator.problem()),
-            "frames": evaluator.problem().frame_count(),
-            "threads": rayon::current_num_threads(),
-        });
-        // The object is left open: scores follow as they are computed, then the timings.
-        let head = head.to_string();
-        write!(out, "{},\"scores\":[", &head[..head.len() - 1]).map_err(io)?;
-    } else {
-        writeln!(
-            out,
-            "{}: {} over {} frame(s), {} beams a LiDAR",
-            scene.name(),
-            load::coverage_name(evaluator.problem()),
-            evaluator.problem().frame_count(),
-            evaluator.problem().table().directions().len()
-        )
-        .map_err(io)?;
-    }
     let bar = progress::bar(total, "placements", args.compute.talk);
     let mut reader = PlacementReader::open(&args.placements)?.peekable();
     let mut first = true;
     while reader.peek().is_some() {
         let block: Vec<Placement> = reader.by_ref().take(BLOCK).collect::<Result<_, _>>()?;
         let scores = evaluator.scores(&block)?;
+        if first {
+            // Not before the first scores: what cannot be computed prints nothing.
+            print_head(scene.name(), &evaluator, format, out).map_err(io)?;
+        }
         if let Some(folder) = &args.coverage_out {
             for placement in &block {
                 write_coverage(folder, placement, &mut evaluator)?;
@@ -175,6 +156,36 @@ fn print(
         writeln!(out, "\n],\"timings\":{timings}}}").map_err(io)?;
     }
     out.flush().map_err(io)
+}
+
+/// What comes before the scores; in JSON the object is left open, since the timings follow them.
+fn print_head(
+    scene: &str,
+    evaluator: &Evaluator,
+    format: Format,
+    out: &mut dyn Write,
+) -> std::io::Result<()> {
+    let problem = evaluator.problem();
+    if format == Format::Json {
+        let head = json!({
+            "scene": scene,
+            "backend": evaluator.backend().name(),
+            "adapter": evaluator.backend().adapter(),
+            "coverage": load::coverage_name(problem),
+            "frames": problem.frame_count(),
+            "threads": rayon::current_num_threads(),
+        });
+        let head = head.to_string();
+        write!(out, "{},\"scores\":[", &head[..head.len() - 1])
+    } else {
+        writeln!(
+            out,
+            "{scene}: {} over {} frame(s), {} beams a LiDAR",
+            load::coverage_name(problem),
+            problem.frame_count(),
+            problem.table().directions().len()
+        )
+    }
 }
 
 fn write_coverage(

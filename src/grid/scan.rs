@@ -71,10 +71,10 @@ fn scan_directions(settings: &ScanSettings) -> Vec<DVec3> {
 /// Frames at whose ego poses the scanner stands: the frame itself and as many before as after it,
 /// `stride` frames apart, as far as the route goes.
 fn stands(frame: usize, frames: usize, settings: &ScanSettings) -> Vec<usize> {
-    let half = (settings.window / 2) as i64;
-    let steps = -half..settings.window as i64 - half;
+    let half = i64::from(settings.window / 2);
+    let steps = -half..i64::from(settings.window) - half;
     steps
-        .map(|k| frame as i64 + k * settings.stride as i64)
+        .map(|k| frame as i64 + k * i64::from(settings.stride))
         .filter(|stand| (0..frames as i64).contains(stand))
         .map(|stand| stand as usize)
         .collect()

@@ -94,7 +94,7 @@ pub enum PlacementError {
     },
     /// A number that no pose can have.
     #[error(
-        "placement `{name}`, LiDAR {lidar}: {field} = {value} is not usable; give a finite number \
+        "placement `{name}`, LiDAR {lidar}: {field} = {value:?} is not usable; give a finite number \
          (coordinates within ±{MAX_COORDINATE} m)"
     )]
     BadNumber {

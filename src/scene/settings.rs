@@ -156,6 +156,9 @@ impl Coverage {
     }
 }
 
+/// Channels, field of view (degrees), azimuth steps, window and stride of a scan that says nothing.
+const DEFAULT_SCAN: (u32, [f64; 2], u32, u32, u32) = (64, [-50.0, 20.0], 720, 5, 1);
+
 /// Settings of the dense virtual scans from which a P-SOG is built.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScanSettings {
@@ -176,6 +179,19 @@ pub struct ScanSettings {
 }
 
 impl ScanSettings {
+    /// The settings of a scene that says nothing about scans.
+    pub fn default_of(scene: &super::Scene) -> Self {
+        Self {
+            channels: DEFAULT_SCAN.0,
+            fov: DEFAULT_SCAN.1,
+            azimuth_steps: DEFAULT_SCAN.2,
+            range: scene.lidar().range(),
+            height: scene.mount().max[2],
+            window: DEFAULT_SCAN.3,
+            stride: DEFAULT_SCAN.4,
+        }
+    }
+
     fn new(
         at: &Place,
         scan: &ScanDescription,
@@ -186,13 +202,18 @@ impl ScanSettings {
             check::count(&at.key(key), value.unwrap_or(default), 1, hi)
         };
         Ok(Self {
-            channels: count("channels", scan.channels, 64, 1024)?,
-            fov: check::fov(&at.key("fov"), scan.fov.unwrap_or([-50.0, 20.0]))?,
-            azimuth_steps: count("azimuth_steps", scan.azimuth_steps, 720, 100_000)?,
+            channels: count("channels", scan.channels, u64::from(DEFAULT_SCAN.0), 1024)?,
+            fov: check::fov(&at.key("fov"), scan.fov.unwrap_or(DEFAULT_SCAN.1))?,
+            azimuth_steps: count(
+                "azimuth_steps",
+                scan.azimuth_steps,
+                u64::from(DEFAULT_SCAN.2),
+                100_000,
+            )?,
             range: check::range(&at.key("range"), scan.range.unwrap_or(lidar_range))?,
             height: check::metres(&at.key("height"), scan.height.unwrap_or(mount.max[2]))?,
-            window: count("window", scan.window, 5, 1000)?,
-            stride: count("stride", scan.stride, 1, 10_000)?,
+            window: count("window", scan.window, u64::from(DEFAULT_SCAN.3), 1000)?,
+            stride: count("stride", scan.stride, u64::from(DEFAULT_SCAN.4), 10_000)?,
         })
     }
 }
