@@ -45,7 +45,7 @@ pub enum PsogFileError {
     #[error("{}: array `{array}` has shape {found}, wanted {wanted}", path.display())]
     Shape { path: PathBuf, array: &'static str, found: String, wanted: String },
     /// The header promises other than the archive holds.
-    #[error("{}: the header of array `{array}` promises {need} bytes of data, the archive holds {have}; write the file again", path.display())]
+    #[error("{}: array `{array}` is promised {need} bytes by its header, the archive holds {have}; write the file again", path.display())]
     Size { path: PathBuf, array: &'static str, need: u64, have: u64 },
     /// Class names that are not text.
     #[error("{}: array `classes` is not UTF-8 from byte {at} on; encode the names as UTF-8", path.display())]
