@@ -218,7 +218,7 @@ fn read_labels(path: &Path) -> Result<Vec<KittiLabel>, KittiError> {
 fn read_units(path: &Path, unit: u64) -> Result<Vec<u8>, KittiError> {
     let bytes =
         std::fs::read(path).map_err(|cause| KittiError::Read { path: path.to_owned(), cause })?;
-    if bytes.len() as u64 % unit != 0 {
+    if !(bytes.len() as u64).is_multiple_of(unit) {
         let (path, bytes) = (path.to_owned(), bytes.len() as u64);
         return Err(KittiError::Truncated { path, bytes, unit });
     }

@@ -23,7 +23,8 @@ fn write_scan(folder: &Path, frame: &str, points: &[([f32; 3], u32)]) {
     std::fs::write(folder.join(format!("labels/{frame}.label")), label).unwrap();
 }
 
-/// A sequence of frames 0 and 2: a pole, a moving car and an unlabelled point each.
+/// A sequence of frames 0 and 2: a pole and a moving car each, in frame 0 also an
+/// unlabelled point and a pole half a millimetre from a voxel face of frame 2.
 fn sequence() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     for sub in ["velodyne", "labels"] {
@@ -36,7 +37,12 @@ fn sequence() -> tempfile::TempDir {
     write_scan(
         folder.path(),
         "000000",
-        &[([4.5, 0.5, 0.5], pole), ([2.5, -2.5, 0.5], 252), ([1.5, 1.5, 0.5], 0)],
+        &[
+            ([4.5, 0.5, 0.5], pole),
+            ([2.5, -2.5, 0.5], 252),
+            ([1.5, 1.5, 0.5], 0),
+            ([1.1995, 0.05, 0.5], pole),
+        ],
     );
     write_scan(folder.path(), "000002", &[([3.5, 2.5, 0.5], 80), ([1.5, 1.5, 0.5], 252)]);
     folder
@@ -78,12 +84,15 @@ fn frames_merge_at_rest_points_only() {
     assert_eq!(at(0, -3), pole, "frame 2, from 0");
     assert_eq!(at(2, -3), car, "moving, frame 0");
     assert_eq!(at(1, 1), car, "moving, frame 2; the unlabelled point of frame 0 did not vote");
-    assert_eq!(psog.index().len(), 6, "no moving point in the other frame");
-    assert_eq!((report.points_in, report.frames, report.ties), (6, 2, 0));
+    // In frame 2 at (0.25, 1.0005), seen from frame 0's LiDAR at (0.2, 2.2): pushed down over y = 1.
+    assert_eq!((at(0, 0), at(0, 1)), (pole, None), "each scan keeps its own origin");
+    assert_eq!(at(1, 0), pole);
+    assert_eq!(psog.index().len(), 8, "no moving point in the other frame");
+    assert_eq!((report.points_in, report.frames, report.ties), (8, 2, 0));
 
     options.window = Some(1); // frames 0 and 2 are two apart
     let (alone, _) = build_kitti_psog(&sequence, &options).unwrap();
-    assert_eq!(alone.index().len(), 4);
+    assert_eq!(alone.index().len(), 5);
     options.window = Some(2);
     assert_eq!(build_kitti_psog(&sequence, &options).unwrap().0, psog);
     (options.window, options.frames) = (None, Some(vec![2]));

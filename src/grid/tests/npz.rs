@@ -32,6 +32,8 @@ fn round_trip_with_the_same_bytes_each_time() {
         write_psog(&second, &psog).unwrap();
         write_psog(&second, &psog).unwrap(); // over an existing file
         assert_eq!(read_psog(&first).unwrap(), psog);
+        let bytes = std::fs::read(&first).unwrap();
+        assert_eq!(bytes[10..14], [0, 0, 0x21, 0], "midnight, 1980-01-01: no clock in the file");
         assert_eq!(std::fs::read(&first).unwrap(), std::fs::read(&second).unwrap());
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "nothing else is left");
