@@ -5,6 +5,13 @@ mod cli;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    // Mesa's device selection layer looks for a display and complains on stderr when there is none;
+    // devices are ranked here, so it is not needed.
+    // SAFETY: no other thread runs yet that could read the environment.
+    #[allow(unsafe_code)]
+    unsafe {
+        std::env::set_var("NODEVICE_SELECT", "1");
+    }
     match cli::run() {
         Ok(code) => code,
         Err(error) => {

@@ -380,6 +380,15 @@ fn optimize_writes_its_folder_and_repeats_itself() {
     assert_eq!(history("first"), history("third"), "another backend");
     assert_eq!(first["best"], second["best"]);
     assert_eq!(first["best"], third["best"]);
+    // The best so far never falls, and is the best of all generations.
+    let records: Vec<Value> =
+        history("first").lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let numbers = |key: &str| records.iter().map(|r| r[key].as_f64().unwrap()).collect::<Vec<_>>();
+    let (best, so_far) = (numbers("best"), numbers("best_so_far"));
+    for k in 0..best.len() {
+        let highest = best[..=k].iter().fold(f64::NEG_INFINITY, |m, b| m.max(*b));
+        assert_eq!(so_far[k], highest, "generation {k}");
+    }
     // The result keeps the rules and is at least as good as what it started from.
     assert_eq!(first["best"]["violations"], json!([]));
     let report = fs::read_to_string(dir.path().join("first/report.html")).unwrap();

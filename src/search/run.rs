@@ -207,7 +207,8 @@ impl Search {
         };
         let violation: Vec<f64> = placements
             .iter()
-            .map(|p| constraints.violations(p).iter().map(|v| v.amount()).sum())
+            // From plus zero: an empty sum is minus zero, which sorts before what was kept.
+            .map(|p| constraints.violations(p).iter().fold(0.0, |sum, v| sum + v.amount()))
             .collect();
         let kept = placements.iter().zip(&violation).filter(|(_, v)| **v == 0.0);
         let kept: Vec<Placement> = kept.map(|(placement, _)| placement.clone()).collect();
