@@ -13,6 +13,7 @@ mod json;
 mod lidar;
 mod mesh;
 mod polygon;
+mod primitives;
 mod route;
 mod settings;
 mod shapes;

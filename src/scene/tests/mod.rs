@@ -1,0 +1,202 @@
+use glam::DVec3;
+
+use super::*;
+
+mod errors;
+mod own;
+
+/// The small form of the contract.
+const SMALL: &str = r#"{ "sightline": 1, "name": "two-walls",
+  "roi":  { "min": [-40, -40, -0.5], "max": [40, 40, 5.5], "voxel": [0.2, 0.2, 0.2] },
+  "psog": { "file": "two-walls.psog.npz" },
+  "lidar": { "channels": 16, "fov": [-24.8, 2.0], "azimuth_steps": 250, "range": 100.0 },
+  "mount": { "min": [-0.6, -0.6, 2.2], "max": [0.6, 0.6, 2.8], "roll": [-0.3, 0.3], "min_distance": 0.2, "lidars": 4 },
+  "coverage": "through" }"#;
+
+/// A scene with geometry; `shapes` is the `static` list, `more` further keys.
+fn full(shapes: &str, more: &str) -> String {
+    let cut = SMALL.replace("\"psog\": { \"file\": \"two-walls.psog.npz\" },", "");
+    cut.replace("\"coverage\": \"through\"", &format!("\"static\": [{shapes}]{more}"))
+}
+
+fn read(text: &str) -> Result<Scene, SceneError> {
+    Scene::from_json(text, Path::new("dir"), "s.json")
+}
+
+fn message(text: &str) -> String {
+    match read(text) {
+        Ok(_) => panic!("accepted: {text}"),
+        Err(e) => e.to_string(),
+    }
+}
+
+const BOX: &str = r#"{ "class": "building", "box": { "foot": [10, 0, 0], "size": [2, 3, 4] } }"#;
+
+#[test]
+fn the_small_form_is_read() {
+    let scene = read(SMALL).unwrap();
+    assert_eq!(scene.name(), "two-walls");
+    assert_eq!(scene.roi().shape, [400, 400, 30]);
+    assert_eq!(scene.coverage(), Coverage::Through);
+    assert_eq!(*scene.psog_source(), PsogSource::File("dir/two-walls.psog.npz".into()));
+    assert_eq!((scene.has_geometry(), scene.frame_count()), (false, 1));
+    assert_eq!(scene.frame(0, EgoBody::Include), TriangleSoup::default());
+    assert_eq!(scene.classes().len(), 21);
+    assert_eq!(scene.detection_classes(), [9]);
+    let mount = scene.mount();
+    assert_eq!((mount.roll, mount.pitch, mount.yaw), ([-0.3, 0.3], [0.0; 2], [0.0; 2]));
+    assert_eq!((mount.min_distance, mount.lidars), (0.2, 4));
+    let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, range } = scene.lidar()
+    else {
+        panic!("{:?}", scene.lidar());
+    };
+    assert_eq!((elevations[0], elevations[15]), (-24.8, 2.0));
+    assert_eq!(
+        (azimuth_offsets.as_slice(), *azimuth_steps, *range),
+        ([0.0; 16].as_slice(), 250, 100.0)
+    );
+    assert_eq!(scene.lidar().beam_count(), 4000);
+}
+
+#[test]
+fn the_full_form_has_its_defaults() {
+    let scene = read(&full(BOX, "")).unwrap();
+    assert_eq!(scene.coverage(), Coverage::FirstHit);
+    let PsogSource::Scan(scan) = scene.psog_source() else { panic!() };
+    assert_eq!((scan.channels, scan.fov, scan.azimuth_steps), (64, [-50.0, 20.0], 720));
+    assert_eq!((scan.range, scan.height, scan.window, scan.stride), (100.0, 2.8, 5, 1));
+    let soup = scene.frame(0, EgoBody::Include);
+    assert_eq!((soup.vertices.len(), soup.faces.len()), (8, 12));
+    assert!(soup.face_class.iter().all(|&c| c == 0));
+}
+
+#[test]
+fn a_roi_is_rounded_to_whole_voxels_or_up() {
+    for (max, voxels) in [("40", 400), ("39.9", 400), ("40.00001", 400), ("40.01", 401)] {
+        let text = SMALL.replacen("\"max\": [40", &format!("\"max\": [{max}"), 1);
+        assert_eq!(read(&text).unwrap().roi().shape[0], voxels, "{max}");
+    }
+}
+
+#[test]
+fn one_channel_takes_the_lower_end() {
+    let text = SMALL.replace("\"channels\": 16", "\"channels\": 1");
+    let Lidar::Spinning { elevations, .. } = read(&text).unwrap().lidar else { panic!() };
+    assert_eq!(elevations, [-24.8]);
+}
+
+#[test]
+fn directions_are_normalized() {
+    let lidar = r#""lidar": { "directions": [[3, 0, 4], [0, 1e300, 0]], "range": 50 },"#;
+    let start = SMALL.find("\"lidar\"").unwrap();
+    let end = SMALL.find("\"mount\"").unwrap();
+    let text = format!("{}{lidar}{}", &SMALL[..start], &SMALL[end..]);
+    let Lidar::Directions { directions, range } = read(&text).unwrap().lidar else { panic!() };
+    assert!((DVec3::from(directions[0]) - DVec3::new(0.6, 0.0, 0.8)).length() < 1e-15);
+    assert_eq!((directions[1], range), ([0.0, 1.0, 0.0], 50.0));
+    let zero = text.replace("[3, 0, 4]", "[0, 0, 0]");
+    assert_eq!(
+        message(&zero),
+        "s.json: lidar.directions[0]: [0.0, 0.0, 0.0] is not a direction: its length is 0; give a \
+         vector that points somewhere"
+    );
+}
+
+#[test]
+fn a_sensor_file_gives_channels_and_offsets() {
+    let dir = tempfile::tempdir().unwrap();
+    let sensor = r#"{"name": "two", "elevation_deg": [-5, 5.5], "azimuth_offset_deg": [1, -2]}"#;
+    std::fs::write(dir.path().join("two.json"), sensor).unwrap();
+    std::fs::write(dir.path().join("none.json"), r#"{"name": "none"}"#).unwrap();
+    let with = |lidar: &str| {
+        let text = SMALL.replace("\"channels\": 16, \"fov\": [-24.8, 2.0]", lidar);
+        Scene::from_json(&text, dir.path(), "s.json")
+    };
+    for (sign, offsets) in
+        [("", [1.0, -2.0]), (", \"azimuth_offsets\": \"clockwise\"", [-1.0, 2.0])]
+    {
+        let scene = with(&format!("\"file\": \"two.json\"{sign}")).unwrap();
+        let Lidar::Spinning { elevations, azimuth_offsets, .. } = scene.lidar() else { panic!() };
+        assert_eq!(elevations, &[-5.0, 5.5]);
+        assert_eq!(azimuth_offsets, &offsets);
+    }
+    let message = with("\"file\": \"none.json\"").unwrap_err().to_string();
+    assert!(message.contains("none.json: `elevation_deg` is missing: "), "{message}");
+    assert!(with("\"file\": \"nowhere.json\"").unwrap_err().to_string().contains("cannot be read"));
+}
+
+#[test]
+fn actors_move_and_the_ego_carries_its_body() {
+    let more = r#", "frames": 3,
+      "ego": { "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [4, 2, 1] } }],
+               "route": { "points": [[100, 200], [100, 300]], "spacing": 2 } },
+      "actors": [{ "name": "tram", "parts": [{ "class": "dynamic", "plane": { "min": [0, 0], "max": [1, 1], "z": 2 } }],
+                   "poses": [{ "x": 100, "y": 210 }, { "x": 100, "y": 212 }, { "x": 100, "y": 214, "yaw": 1.5707963267948966 }] }]"#;
+    let scene = read(&full(BOX, more)).unwrap();
+    for t in 0..3 {
+        assert_eq!(scene.ego_pose(t).translation, DVec3::new(100.0, 200.0 + 2.0 * t as f64, 0.0));
+        let soup = scene.frame(t, EgoBody::Include);
+        assert_eq!(soup.face_class[..12], [0; 12]);
+        assert_eq!(soup.face_class[12..14], [18; 2]);
+        assert_eq!(soup.face_class[14..], [9; 12]);
+        let without = scene.frame(t, EgoBody::Exclude);
+        assert_eq!((without.faces.as_slice(), without.vertices.len()), (&soup.faces[..14], 12));
+        // The ego looks along world +y, 10 m behind the actor.
+        let corner = soup.vertices[8];
+        assert!((corner[0] - 10.0).abs() < 1e-5 && corner[1].abs() < 1e-5, "{corner:?}");
+        assert_eq!(corner[2], 2.0);
+        // World +x is to the right of the ego until the actor turns to the left.
+        let side = soup.vertices[9];
+        let expected = if t < 2 { [10.0, -1.0] } else { [11.0, 0.0] };
+        assert!((side[0] - expected[0]).abs() + (side[1] - expected[1]).abs() < 1e-5, "{side:?}");
+        assert_eq!(soup.vertices[12], [-2.0, -1.0, 0.0]);
+    }
+}
+
+#[test]
+fn national_coordinates_keep_their_millimetres() {
+    let shapes = r#"{ "class": "wall", "box": { "min": [85003.001, 447004.002, 0], "max": [85003.004, 447006, 3] } }"#;
+    let more = r#", "frames": 1, "ego": { "poses": [{ "x": 85000, "y": 447000 }] }"#;
+    let soup = read(&full(shapes, more)).unwrap().frame(0, EgoBody::Include);
+    let [x, y, _] = soup.vertices[0];
+    assert!((x - 3.001).abs() < 1e-6 && (y - 4.002).abs() < 1e-6, "{x} {y}");
+    assert!((soup.vertices[1][0] - 3.004).abs() < 1e-6);
+}
+
+#[test]
+fn shapes_are_named_copied_and_repeated() {
+    let shapes = r#"{ "shape": "pair", "at": [[10, 0], [0, 5, 1, 3.141592653589793]] },
+      { "class": "fence", "plane": { "min": [0, 0], "max": [1, 1], "z": 0 }, "repeat": { "count": 3, "step": [2, 0, 1] } }"#;
+    let more = r#", "shapes": { "one": [{ "class": "pole", "plane": { "min": [1, 0], "max": [2, 1], "z": 0 } }],
+      "pair": [{ "shape": "one" }, { "shape": "one", "at": [[0, 0, 4]] }] }"#;
+    let soup = read(&full(shapes, more)).unwrap().frame(0, EgoBody::Include);
+    assert_eq!(soup.faces.len(), 4 * 2 + 3 * 2);
+    assert_eq!(soup.vertices[0], [11.0, 0.0, 0.0]);
+    assert_eq!(soup.vertices[4], [11.0, 0.0, 4.0]);
+    let turned = soup.vertices[12];
+    assert!((turned[0] + 1.0).abs() < 1e-6 && (turned[1] - 5.0).abs() < 1e-6, "{turned:?}");
+    assert_eq!(turned[2], 5.0);
+    assert_eq!(soup.vertices[24], [4.0, 0.0, 2.0]);
+}
+
+#[test]
+fn meshes_are_scaled_turned_and_mapped_to_classes() {
+    let dir = tempfile::tempdir().unwrap();
+    let obj = "mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl Grass\nf 1 2 3\nusemtl Post\nf 1 2 4\n";
+    std::fs::write(dir.path().join("m.obj"), obj).unwrap();
+    let with = |mesh: &str| {
+        let text = full(&format!("{{ {mesh} }}"), "");
+        Scene::from_json(&text, dir.path(), "s.json").map(|s| s.frame(0, EgoBody::Include))
+    };
+    let mesh = r#""class": "pole", "mesh": { "file": "m.obj", "scale": 2, "translate": [10, 0, 0], "yaw": 1.5707963267948966, "classes": { "Grass": "terrain" } }"#;
+    let soup = with(mesh).unwrap();
+    assert_eq!(soup.face_class, [20, 4]);
+    assert!((soup.vertices[1][0] - 10.0).abs() < 1e-6 && (soup.vertices[1][1] - 2.0).abs() < 1e-6);
+    let up = with(r#""class": "pole", "mesh": { "file": "m.obj", "axes": "y-up" }"#).unwrap();
+    assert_eq!(up.vertices[2], [0.0, 0.0, 1.0]);
+    let message = with(&mesh.replace("\"class\": \"pole\", ", "")).unwrap_err().to_string();
+    let start = "s.json: static[0].mesh: mesh ";
+    let end = "m.obj: material `Post` has no class; name it in `classes` or give the shape a \
+               `class` for the rest";
+    assert!(message.starts_with(start) && message.ends_with(end), "{message}");
+}
