@@ -84,9 +84,7 @@ fn entry_of(walk: Walk) -> f32 {
 
 fn flush(word: u32, bits: u32) {
     // Reading first spares most atomics: near the sensor beams share their voxels.
-    if (atomicLoad(&bitmaps[word]) & bits) != bits {
         atomicOr(&bitmaps[word], bits);
-    }
 }
 
 @compute @workgroup_size(WORKGROUP_SIZE)
@@ -131,44 +129,51 @@ fn cover_voxels(
         cell = vec3<i32>(coords);
     }
 
-    let step = select(vec3(-1), vec3(1), walk.forward);
+    if any(cell < vec3(0)) || any(cell >= walk.shape) {
+        if uniforms.walk_resumes == 1u {
+            walk_state[slot] = WALK_DONE;
+        }
+        return;
+    }
+    let strides = vec3(walk.shape.y * walk.shape.z, walk.shape.z, 1);
+    let hop = select(-strides, strides, walk.forward);
+    let step = select(vec3(-1.0), vec3(1.0), walk.forward);
     // The plane ahead of cell c is c + 1 going forward and c going backward.
-    var plane = cell + select(vec3(0), vec3(1), walk.forward);
-    var next = (vec3<f32>(plane) - walk.p) * walk.inverse;
+    var plane = vec3<f32>(cell + select(vec3(0), vec3(1), walk.forward));
+    var next = (plane - walk.p) * walk.inverse;
+    let last = select(vec3(0.0), vec3<f32>(walk.shape), walk.forward);
+    let exits = (last - walk.p) * walk.inverse;
+    let exit = min(min(min(exits.x, exits.y), exits.z), FAR);
     let base = sensor * uniforms.bitmap_words;
-    var word = 0u;
+    var voxel = cell.x * strides.x + cell.y * strides.y + cell.z;
+    var word = base + (u32(voxel) >> 5u);
     var bits = 0u;
     var state = WALK_DONE;
     for (var steps = 0u;; steps++) {
-        if any(cell < vec3(0)) || any(cell >= walk.shape) {
-            break;
-        }
-        let voxel = u32((cell.x * walk.shape.y + cell.y) * walk.shape.z + cell.z);
         if steps == STEP_BUDGET {
-            state = voxel;
+            state = u32(voxel);
             break;
         }
         // Bits of one word are gathered before they are written.
-        if base + (voxel >> 5u) != word {
-            if bits != 0u {
-                flush(word, bits);
-            }
-            word = base + (voxel >> 5u);
+        let word_of = base + (u32(voxel) >> 5u);
+        if word_of != word {
+            flush(word, bits);
+            word = word_of;
             bits = 0u;
         }
-        bits |= 1u << (voxel & 31u);
+        bits |= 1u << (u32(voxel) & 31u);
         let t = min(min(next.x, next.y), next.z);
-        if t > t_end {
+        // The crossing at `exit` leaves the grid.
+        if t > t_end || t >= exit {
             break;
         }
-        let moves = select(vec3(0), step, next == vec3(t));
-        cell += moves;
-        plane += moves;
-        next = (vec3<f32>(plane) - walk.p) * walk.inverse;
+        let crosses = next == vec3(t);
+        plane += select(vec3(0.0), step, crosses);
+        let hops = select(vec3(0), hop, crosses);
+        voxel += hops.x + hops.y + hops.z;
+        next = (plane - walk.p) * walk.inverse;
     }
-    if bits != 0u {
-        flush(word, bits);
-    }
+    flush(word, bits);
     if uniforms.walk_resumes == 1u {
         walk_state[slot] = state;
     }

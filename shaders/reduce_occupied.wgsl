@@ -37,6 +37,9 @@ fn reduce_occupied(
     var count = 0u;
     var low = vec3(0u);
     var high = vec3(0u);
+    // Kept a lane and added up once: an atomic a voxel would cost more than all the rest.
+    var unique_low: array<vec4<u32>, MAX_LIDARS / 4u>;
+    var unique_high: array<vec4<u32>, MAX_LIDARS / 4u>;
     for (var k = 0u; k < ITEMS_PER_INVOCATION; k++) {
         let item = group.x * ITEMS_PER_WORKGROUP + k * WORKGROUP_SIZE + local;
         if item >= uniforms.occupied_count {
@@ -58,12 +61,17 @@ fn reduce_occupied(
             high += entropy >> vec3(16u);
         }
         if times == 1u {
-            add_halves(3u + last, voxel.segmentation & 0xffffu, voxel.segmentation >> 16u);
+            let own = vec4(last & 3u) == vec4(0u, 1u, 2u, 3u);
+            unique_low[last >> 2u] += select(vec4(0u), vec4(voxel.segmentation & 0xffffu), own);
+            unique_high[last >> 2u] += select(vec4(0u), vec4(voxel.segmentation >> 16u), own);
         }
     }
     atomicAdd(&sums[0], count);
     for (var kind = 0u; kind < 3u; kind++) {
         add_halves(kind, low[kind], high[kind]);
+    }
+    for (var s = 0u; s < sensors.count; s++) {
+        add_halves(3u + s, unique_low[s >> 2u][s & 3u], unique_high[s >> 2u][s & 3u]);
     }
     workgroupBarrier();
     let base = (group.y * groups.x + group.x) * PARTIAL_WORDS;

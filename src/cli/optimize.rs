@@ -45,7 +45,7 @@ pub struct Args {
     #[arg(long, default_value = "m_sog_scaled", conflicts_with = "resume")]
     objective: String,
     /// Placements to evaluate
-    #[arg(long, value_name = "N", default_value_t = 600, conflicts_with = "resume",
+    #[arg(long, value_name = "N", default_value_t = 360, conflicts_with = "resume",
           value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: u64,
     /// Placements of a generation [default: chosen from the number of variables]
@@ -53,7 +53,7 @@ pub struct Args {
           value_parser = clap::value_parser!(u32).range(4..=10_000))]
     population: Option<u32>,
     /// Frames that the search averages over, spread evenly; the result is confirmed over all
-    #[arg(long, value_name = "N", default_value_t = 8, conflicts_with = "resume",
+    #[arg(long, value_name = "N", default_value_t = 4, conflicts_with = "resume",
           value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
     /// Seed of all randomness
