@@ -134,7 +134,7 @@ fn real_labelled_frames_are_optimized() {
     ];
     let info = ok(dir.path(), &build);
     assert_eq!(info["frames"], 4);
-    assert!(info["build"]["tie_share"].as_f64().unwrap() < 0.1, "{info}");
+    assert!(info["tie_share"].as_f64().unwrap() < 0.1, "{info}");
     let scene = json!({
         "sightline": 1, "name": "kitti-00",
         "roi": { "min": [-40, -40, -0.5], "max": [40, 40, 5.5], "voxel": [0.4, 0.4, 0.4] },

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use npyz::WriterBuilder;
 use npyz::npz::NpzWriter;
-use npyz::zip::write::FileOptions;
+use npyz::zip::{DateTime, write::FileOptions};
 use serde_json::json;
 use sightline::backend::{DevicePose, cpu::beam_direction};
 use sightline::bvh::NO_HIT;
@@ -142,7 +142,11 @@ fn put<W: Write + Seek, T>(
 where
     T: npyz::AutoSerialize + Copy,
 {
-    let array = npz.array(name, FileOptions::default()).map_err(Error::io(path))?;
+    // No time of writing: the same hits are the same bytes.
+    let options = FileOptions::default()
+        .last_modified_time(DateTime::default())
+        .large_file(size_of_val(data) as u64 > u64::from(u32::MAX) / 2);
+    let array = npz.array(name, options).map_err(Error::io(path))?;
     let mut writer = array.default_dtype().shape(shape).begin_nd().map_err(Error::io(path))?;
     writer.extend(data.iter().copied()).map_err(Error::io(path))?;
     writer.finish().map_err(Error::io(path))

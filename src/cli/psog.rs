@@ -166,6 +166,17 @@ fn flatten(path: &str, value: &serde_json::Value, rows: &mut Vec<Vec<String>>) {
                 flatten(&path, value, rows);
             }
         }
+        // Classes: one row each.
+        serde_json::Value::Array(items) if items.iter().any(serde_json::Value::is_object) => {
+            for item in items {
+                let name = item["name"].as_str().unwrap_or_default();
+                let mut fields = item.clone();
+                if let Some(fields) = fields.as_object_mut() {
+                    fields.remove("name");
+                }
+                flatten(&format!("{path}.{name}"), &fields, rows);
+            }
+        }
         value => {
             let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
             rows.push(vec![path.to_owned(), text]);

@@ -155,7 +155,7 @@ pub fn convergence_svg(
     svg
 }
 
-/// The placement from above and from the left, with the mount's box and the ego body's outline.
+/// The placement from above and from the right, with the mount's box and the ego body's outline.
 ///
 /// `body` holds the triangles of the ego body in the ego frame, in metres.
 pub fn placement_svg(
@@ -163,7 +163,7 @@ pub fn placement_svg(
     constraints: &Constraints,
     body: &[[[f32; 3]; 3]],
 ) -> String {
-    let mut svg = open(860.0, 520.0, "The placement from above and from the left");
+    let mut svg = open(860.0, 520.0, "The placement from above and from the right");
     // Half a car beyond the mount is enough to see where things are.
     let reach = |k: usize| {
         let mount = constraints.lower[k].abs().max(constraints.upper[k].abs());
@@ -179,7 +179,7 @@ pub fn placement_svg(
     let centre_x = 430.0;
     let above_y = 30.0 + half_y * scale;
     let ground_y = above_y + (half_y + 0.5 + top) * scale;
-    // Forward is to the right; from above left is up, from the left up is up.
+    // Forward is to the right in both.
     let above = |x: f64, y: f64| (centre_x + x * scale, above_y - y * scale);
     let aside = |x: f64, z: f64| (centre_x + x * scale, ground_y - z * scale);
     for triangle in body {
@@ -212,7 +212,7 @@ pub fn placement_svg(
         svg,
         "<path d=\"M20 {ground_y:.1}H840\" stroke=\"{FAINT}\"/>\
          <text x=\"20\" y=\"20\">from above (forward is right)</text>\
-         <text x=\"20\" y=\"{:.1}\">from the left</text>\
+         <text x=\"20\" y=\"{:.1}\">from the right</text>\
          <path d=\"M20 505h{scale:.1}m0 -4v8m{:.1} 0v-8\" stroke=\"{INK}\" fill=\"none\"/>\
          <text x=\"{:.1}\" y=\"510\">1 m</text>",
         above_y + (half_y + 0.4) * scale,
@@ -223,12 +223,9 @@ pub fn placement_svg(
         let colour = LIDAR_COLOURS[index % LIDAR_COLOURS.len()];
         let (ax, ay) = above(pose.x, pose.y);
         let (sx, sy) = aside(pose.x, pose.z);
-        // A roll lowers the right side for positive angles: drawn as the scan plane seen from above.
-        let lean = 14.0 * pose.roll.sin();
         let _ = writeln!(
             svg,
             "<circle cx=\"{ax:.1}\" cy=\"{ay:.1}\" r=\"9\" fill=\"{colour}\"/>\
-             <path d=\"M{ax:.1} {ay:.1}l0 {lean:.1}\" stroke=\"#fff\" stroke-width=\"2\"/>\
              <text x=\"{ax:.1}\" y=\"{:.1}\" fill=\"#fff\" text-anchor=\"middle\" \
              font-weight=\"600\">{index}</text>\
              <circle cx=\"{sx:.1}\" cy=\"{sy:.1}\" r=\"9\" fill=\"{colour}\"/>\
