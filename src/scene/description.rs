@@ -222,12 +222,6 @@ impl<V> Default for Dictionary<V> {
     }
 }
 
-impl<V> Dictionary<V> {
-    pub fn get(&self, key: &str) -> Option<&V> {
-        self.0.iter().find(|(k, _)| k == key).map(|(_, v)| v)
-    }
-}
-
 impl<'de, V: Deserialize<'de>> Deserialize<'de> for Dictionary<V> {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct Entries<V>(std::marker::PhantomData<V>);

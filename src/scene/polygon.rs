@@ -143,6 +143,41 @@ mod tests {
     }
 
     #[test]
+    fn random_outlines_with_many_straight_corners_keep_their_area() {
+        use rand::{RngExt, SeedableRng};
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(7);
+        let mut tried = 0;
+        while tried < 500 {
+            // Seen from the origin the corners turn once; on a small grid many lie in line.
+            let n = rng.random_range(3..40);
+            let mut angles: Vec<f64> = (0..n).map(|_| rng.random_range(0.0..6.28)).collect();
+            angles.sort_by(f64::total_cmp);
+            let corner = |a: &f64, r: f64| [(r * a.cos()).round(), (r * a.sin()).round()];
+            let base: Vec<_> =
+                angles.iter().map(|a| corner(a, rng.random_range(2.0..12.0))).collect();
+            let Ok(outline) = simple(&Place::top("t"), &base) else { continue };
+            let shoelace: f64 = (0..n)
+                .map(|i| (outline[i], outline[(i + 1) % n]))
+                .map(|(a, b)| (a[0] * b[1] - a[1] * b[0]) / 2.0)
+                .sum();
+            assert_eq!(area(&outline), shoelace, "{outline:?}");
+            tried += 1;
+        }
+    }
+
+    #[test]
+    fn the_largest_comb_is_cut_in_a_moment() {
+        let mut comb = vec![[0.0, 0.0], [499.0, 0.0]];
+        for i in (0..499).rev() {
+            let height = if i % 2 == 0 { 3.0 } else { 1.0 };
+            comb.extend([[f64::from(i) + 1.0, height], [f64::from(i), height]]);
+        }
+        let start = std::time::Instant::now();
+        assert_eq!(area(&simple(&Place::top("t"), &comb).unwrap()), 250.0 * 3.0 + 249.0);
+        assert!(start.elapsed().as_secs_f64() < 5.0, "{:?}", start.elapsed());
+    }
+
+    #[test]
     fn a_straight_corner_is_allowed() {
         let base = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
         assert_eq!(area(&simple(&Place::top("t"), &base).unwrap()), 4.0);

@@ -15,7 +15,7 @@ use super::primitives::{cuboid, cylinder, plane, prism};
 use super::solid::Solid;
 use crate::geom::Pose;
 
-/// Triangles of a whole scene, over static world, actors and ego body.
+/// Triangles of a whole scene: static world, actors, ego body and, once more, named shapes.
 const MAX_TRIANGLES: u64 = 10_000_000;
 /// Named shapes inside named shapes.
 const MAX_DEPTH: usize = 8;
@@ -30,6 +30,9 @@ pub(crate) struct Builder<'a> {
     named_at: Place,
     dir: &'a Path,
     meshes: HashMap<PathBuf, Rc<RawMesh>>,
+    /// Named shapes already built, so that a copy costs no more than its triangles.
+    built: HashMap<&'a str, Rc<Solid>>,
+    /// Built so far, named shapes included.
     triangles: u64,
 }
 
@@ -41,42 +44,35 @@ impl<'a> Builder<'a> {
         dir: &'a Path,
     ) -> Self {
         let named_at = top.key("shapes");
-        Self { classes, named, named_at, dir, meshes: HashMap::new(), triangles: 0 }
+        let (meshes, built) = (HashMap::new(), HashMap::new());
+        Self { classes, named, named_at, dir, meshes, built, triangles: 0 }
     }
 
-    /// Checks the named shapes, used or not.
+    /// Builds the named shapes, used or not.
     pub fn check_named(&mut self) -> Result<(), SceneError> {
-        for (name, list) in &self.named.0 {
-            let at = self.named_at.key(name);
-            if list.is_empty() {
-                return Err(bad(&at, "an empty list", "a shape; add one or leave the name out"));
-            }
-            self.list(&at, list)?;
+        for (name, _) in &self.named.0 {
+            let at = self.named_at.clone();
+            self.named(&at, name, 0)?;
         }
-        // What nothing uses does not count.
-        self.triangles = 0;
         Ok(())
     }
 
     /// The triangles of a list of shapes, in order.
     pub fn list(&mut self, at: &Place, list: &[ShapeDescription]) -> Result<Solid, SceneError> {
-        let mut solid = Solid::default();
-        self.append_list(at, list, 0, &Pose::IDENTITY, &mut solid)?;
-        Ok(solid)
+        self.nested_list(at, list, 0)
     }
 
-    fn append_list(
+    fn nested_list(
         &mut self,
         at: &Place,
         list: &[ShapeDescription],
         depth: usize,
-        pose: &Pose,
-        out: &mut Solid,
-    ) -> Result<(), SceneError> {
+    ) -> Result<Solid, SceneError> {
+        let mut solid = Solid::default();
         for (i, shape) in list.iter().enumerate() {
-            self.append(&at.item(i), shape, depth, pose, out)?;
+            self.append(&at.item(i), shape, depth, &mut solid)?;
         }
-        Ok(())
+        Ok(solid)
     }
 
     fn append(
@@ -84,77 +80,76 @@ impl<'a> Builder<'a> {
         at: &Place,
         shape: &ShapeDescription,
         depth: usize,
-        pose: &Pose,
         out: &mut Solid,
     ) -> Result<(), SceneError> {
-        let found: Vec<_> = [
+        let there = [
             shape.cuboid.is_some(),
             shape.prism.is_some(),
             shape.cylinder.is_some(),
             shape.plane.is_some(),
             shape.mesh.is_some(),
             shape.shape.is_some(),
-        ]
-        .iter()
-        .zip(KINDS)
-        .filter_map(|(&there, &kind)| there.then_some(kind))
-        .collect();
+        ];
+        let found = there.iter().zip(KINDS).filter_map(|(&there, &kind)| there.then_some(kind));
+        let found: Vec<_> = found.collect();
         if found.len() != 1 {
             return Err(SceneError::Choice { at: Box::new(at.clone()), found, of: KINDS });
         }
         let copies = copies(at, shape)?;
-        if let Some(name) = &shape.shape {
-            let list = self.find_named(at, shape, name, depth)?;
-            let named_at = self.named_at.key(name);
-            for copy in &copies {
-                self.append_list(&named_at, list, depth + 1, &pose.compose(copy), out)?;
-            }
-            return Ok(());
-        }
-        let solid = self.single(at, shape)?;
-        for copy in &copies {
-            self.triangles += solid.faces.len() as u64;
-            if self.triangles > MAX_TRIANGLES {
-                return Err(SceneError::TooMany {
+        let solid = match &shape.shape {
+            Some(name) if shape.class.is_some() => {
+                return Err(SceneError::Misplaced {
                     at: Box::new(at.clone()),
-                    what: "triangles",
-                    count: self.triangles,
-                    limit: MAX_TRIANGLES,
-                    mend: "take fewer copies or a coarser mesh",
+                    key: "class",
+                    mend: format!("the parts of the shape `{name}` have their own classes"),
                 });
             }
-            out.append(&solid, &pose.compose(copy));
+            Some(name) => self.named(&at.key("shape"), name, depth)?,
+            None => Rc::new(self.single(at, shape)?),
+        };
+        self.triangles += solid.faces.len() as u64 * copies.len() as u64;
+        if self.triangles > MAX_TRIANGLES {
+            return Err(SceneError::TooMany {
+                at: Box::new(at.clone()),
+                what: "triangles",
+                count: self.triangles,
+                limit: MAX_TRIANGLES,
+                mend: "take fewer copies or a coarser mesh",
+            });
+        }
+        for copy in &copies {
+            out.append(&solid, copy);
         }
         Ok(())
     }
 
-    fn find_named(
-        &self,
-        at: &Place,
-        shape: &ShapeDescription,
-        name: &str,
-        depth: usize,
-    ) -> Result<&'a [ShapeDescription], SceneError> {
-        if shape.class.is_some() {
-            return Err(SceneError::Misplaced {
-                at: Box::new(at.clone()),
-                key: "class",
-                mend: format!("the parts of the shape `{name}` have their own classes"),
-            });
+    /// The shape called `name`, which is used at `at` inside `depth` other named shapes.
+    fn named(&mut self, at: &Place, name: &str, depth: usize) -> Result<Rc<Solid>, SceneError> {
+        if let Some(solid) = self.built.get(name) {
+            return Ok(Rc::clone(solid));
         }
-        let here = at.key("shape");
+        let named = self.named;
+        let Some((name, list)) = named.0.iter().find(|(k, _)| k == name) else {
+            let known = || named.0.iter().map(|(k, _)| k.as_str());
+            return Err(SceneError::UnknownName {
+                at: Box::new(at.clone()),
+                kind: "shape",
+                name: name.to_owned(),
+                nearest: nearest(name, known()),
+                known: known().map(str::to_owned).collect(),
+            });
+        };
         if depth == MAX_DEPTH {
             let wanted = format!("nested less than {MAX_DEPTH} deep; does it contain itself?");
-            return Err(bad(&here, format!("{name:?}"), wanted));
+            return Err(bad(at, format!("{name:?}"), wanted));
         }
-        let known = || self.named.0.iter().map(|(k, _)| k.as_str());
-        self.named.get(name).map(Vec::as_slice).ok_or_else(|| SceneError::UnknownName {
-            at: Box::new(here),
-            kind: "shape",
-            name: name.to_owned(),
-            nearest: nearest(name, known()),
-            known: known().map(str::to_owned).collect(),
-        })
+        let here = self.named_at.key(name);
+        if list.is_empty() {
+            return Err(bad(&here, "an empty list", "a shape; add one or leave the name out"));
+        }
+        let solid = Rc::new(self.nested_list(&here, list, depth + 1)?);
+        self.built.insert(name, Rc::clone(&solid));
+        Ok(solid)
     }
 
     /// A primitive or mesh, where its own numbers put it.

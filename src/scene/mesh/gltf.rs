@@ -14,7 +14,19 @@ const MAX_DEPTH: usize = 64;
 /// Reads a glTF; buffers beside it are looked up in `dir`. Points and lines are left out.
 pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
     let whole = |e: gltf::Error| Fault::new("file", e.to_string());
-    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(bytes).map_err(whole)?;
+    let gltf::Gltf { document, blob } =
+        gltf::Gltf::from_slice_without_validation(bytes).map_err(whole)?;
+    // The validation indexes with these before it has looked at them.
+    let json = document.into_json();
+    let accessors = json.accessors.len();
+    for (i, mesh) in json.meshes.iter().enumerate() {
+        let mut used = mesh.primitives.iter().flat_map(|p| p.attributes.values());
+        if let Some(index) = used.find(|index| index.value() >= accessors) {
+            let problem = format!("uses accessor {}, there are {accessors}", index.value());
+            return Err(Fault::new(format!("mesh {i}"), problem));
+        }
+    }
+    let document = gltf::Document::from_json(json).map_err(whole)?;
     let buffers = gltf::import_buffers(&document, Some(dir), blob).map_err(whole)?;
     let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) else {
         return Err(Fault::new("file", "holds no scene"));

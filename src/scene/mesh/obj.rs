@@ -15,7 +15,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, Fault> {
     })?;
     // tobj knows only materials of a library; it gets one made of the names in use, so that
     // missing .mtl files do not matter.
-    let names = scan(text)?;
+    let (text, names) = strip(text)?;
     let options = tobj::LoadOptions {
         triangulate: true,
         ignore_points: true,
@@ -24,7 +24,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, Fault> {
     };
     let library = "mtllib names-in-use\n".as_bytes();
     let lines = Cell::new(0);
-    let mut reader = CountLines { inner: BufReader::new(library.chain(bytes)), lines: &lines };
+    let mut reader =
+        CountLines { inner: BufReader::new(library.chain(text.as_bytes())), lines: &lines };
     let given = Cell::new(false);
     let (models, materials) = tobj::load_obj_buf(&mut reader, &options, |_| {
         let list = if given.replace(true) { &[][..] } else { &names[..] };
@@ -32,11 +33,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, Fault> {
         let index = list.iter().enumerate().map(|(i, n)| (n.clone(), i)).collect();
         Ok((list.iter().map(material).collect(), index))
     })
-    .map_err(|e| match e {
-        tobj::LoadError::FaceVertexOutOfBounds => face_out_of_range(text),
-        // Less the line put in front.
-        _ => Fault::new(format!("line {}", lines.get().max(2) - 1), e.to_string()),
-    })?;
+    // Less the line put in front.
+    .map_err(|e| Fault::new(format!("line {}", lines.get().max(2) - 1), e.to_string()))?;
     let materials = materials.unwrap_or_default();
     let mut mesh = RawMesh::default();
     for model in &models {
@@ -55,10 +53,19 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, Fault> {
     Ok(mesh)
 }
 
-/// Lists the materials in use, and refuses positions that are not finite.
-fn scan(text: &str) -> Result<Vec<String>, Fault> {
+/// Leaves only positions, faces and materials, on the lines where they stood, and lists the
+/// materials; refuses positions that are not finite and faces out of range.
+///
+/// Faces keep their position indices alone: texture coordinates mean nothing here, and tobj counts
+/// on their indices being small.
+fn strip(text: &str) -> Result<(String, Vec<String>), Fault> {
+    let is_vertex = |l: &&str| l.split_whitespace().next() == Some("v");
+    let total = text.lines().filter(is_vertex).count() as i64;
+    let mut so_far = 0;
     let mut names: Vec<String> = Vec::new();
+    let mut kept = String::with_capacity(text.len());
     for (i, line) in text.lines().enumerate() {
+        let fault = |problem| Fault::new(format!("line {}", i + 1), problem);
         let mut words = line.split_whitespace();
         match words.next() {
             Some("usemtl") => {
@@ -66,42 +73,37 @@ fn scan(text: &str) -> Result<Vec<String>, Fault> {
                 if !names.iter().any(|n| n == name) {
                     names.push(name.to_owned());
                 }
+                kept.push_str(line);
             }
             Some("v") => {
+                so_far += 1;
                 let finite = |w: &str| w.parse::<f64>().map_or(true, f64::is_finite);
                 if let Some(word) = words.find(|w| !finite(w)) {
-                    let problem = format!("{word} is not a finite coordinate");
-                    return Err(Fault::new(format!("line {}", i + 1), problem));
+                    return Err(fault(format!("{word} is not a finite coordinate")));
+                }
+                kept.push_str(line);
+            }
+            Some("f") => {
+                kept.push('f');
+                for word in words {
+                    let first = word.split('/').next().unwrap_or_default();
+                    let Ok(index) = first.parse::<i64>() else {
+                        return Err(fault(format!("{word} is not a vertex of a face")));
+                    };
+                    let place = if index < 0 { index.saturating_add(so_far + 1) } else { index };
+                    if place < 1 || place > total {
+                        let problem = format!("refers to vertex {index}, there are {total}");
+                        return Err(fault(problem));
+                    }
+                    kept.push(' ');
+                    kept.push_str(&place.to_string());
                 }
             }
             _ => {}
         }
+        kept.push('\n');
     }
-    Ok(names)
-}
-
-/// Finds the face that tobj refused.
-fn face_out_of_range(text: &str) -> Fault {
-    let is_vertex = |l: &&str| l.split_whitespace().next() == Some("v");
-    let total = text.lines().filter(is_vertex).count() as i64;
-    let mut so_far = 0;
-    for (i, line) in text.lines().enumerate() {
-        so_far += i64::from(is_vertex(&line));
-        let mut words = line.split_whitespace();
-        if words.next() != Some("f") {
-            continue;
-        }
-        for word in words {
-            let first = word.split('/').next().unwrap_or_default();
-            let index: i64 = first.parse().unwrap_or(0);
-            let place = if index < 0 { so_far + index + 1 } else { index };
-            if place < 1 || place > total {
-                let problem = format!("refers to vertex {index}, there are {total}");
-                return Fault::new(format!("line {}", i + 1), problem);
-            }
-        }
-    }
-    Fault::new("a face", "refers to a vertex that comes after it")
+    Ok((kept, names))
 }
 
 /// Counts the lines that a parser has taken, to say where it stopped.

@@ -297,7 +297,7 @@ fn bad_geometry_is_named_with_its_place_and_mend() {
         ),
         (
             r#"{ "shape": "many", "repeat": { "count": 100000, "step": [1, 0, 0] } }"#,
-            "shapes.many[0]: 10000008 triangles are more than the limit of 10000000; take fewer copies or a coarser mesh",
+            "static[0]: 10800110 triangles are more than the limit of 10000000; take fewer copies or a coarser mesh",
         ),
     ];
     let shapes = shapes.into_iter().map(|(shape, expected)| {
@@ -367,4 +367,28 @@ fn a_scene_cut_anywhere_is_refused() {
     }
     let deep = "[".repeat(1_000_000);
     assert!(read(&deep).is_err());
+}
+
+/// Bytes changed at random end in a scene or in an error, never in a panic.
+#[test]
+fn garbled_input_never_panics() {
+    use rand::{RngExt, SeedableRng};
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+    let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let scene = std::fs::read(dir.join("highway.json")).unwrap();
+    let mut read = 0;
+    for _ in 0..300 {
+        let mut bytes = scene.clone();
+        for _ in 0..rng.random_range(1..4) {
+            let i = rng.random_range(0..bytes.len());
+            bytes[i] = b"0123456789-.eE[]{},:\" abxyz"[rng.random_range(0..27)];
+        }
+        let text = String::from_utf8(bytes).unwrap();
+        if let Ok(scene) = Scene::from_json(&text, &dir, "s.json") {
+            let soup = scene.frame(scene.frame_count() - 1, EgoBody::Include);
+            assert!(soup.vertices.iter().flatten().all(|v| v.is_finite()));
+            read += 1;
+        }
+    }
+    assert!((1..300).contains(&read), "{read}");
 }
