@@ -12,7 +12,7 @@ impl Content {
     /// Entropies and classes of a P-SOG's occupied voxels.
     ///
     /// `detection` holds the class ids that count as the detection target; the other classes are
-    /// merged into one. The P-SOG must have fewer than 2³¹ voxels, as every [`Roi`] has.
+    /// merged into one. The P-SOG must have fewer than 2³¹ voxels, as every grid has.
     pub fn from_psog(psog: &Psog, detection: &[u16]) -> Self {
         let table = EntropyTable::new(psog.frames());
         let is_target: Vec<bool> =

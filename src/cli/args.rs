@@ -92,7 +92,7 @@ pub fn parse_size(text: &str) -> Result<u64, String> {
     };
     let number: f64 = digits.parse().map_err(|_| "write a number, as in 800M or 2G".to_owned())?;
     let bytes = number * factor as f64;
-    if !(bytes >= 1.0 && bytes < 1e18) {
+    if !(1.0..1e18).contains(&bytes) {
         return Err("give at least one byte, and less than a million T".into());
     }
     Ok(bytes as u64)

@@ -126,7 +126,7 @@ fn psog_file(scene: &Scene) -> Result<Option<Psog>, Error> {
 /// Builds the P-SOG of a scene with geometry from virtual scans.
 pub fn build_psog(scene: &Scene, talk: Talk) -> Result<(Psog, BuildReport), Error> {
     let settings = match scene.psog_source() {
-        PsogSource::Scan(settings) => settings.clone(),
+        PsogSource::Scan(settings) => *settings,
         PsogSource::File(_) => ScanSettings::default_of(scene),
     };
     let bar = progress::bar(scene.frame_count() as u64, "frames scanned for the P-SOG", talk);

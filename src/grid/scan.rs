@@ -24,7 +24,7 @@ pub fn scan_scene(
     settings: &ScanSettings,
     done: impl Fn(),
 ) -> Result<(Psog, BuildReport), GridError> {
-    let mut builder = PsogBuilder::new(roi.clone(), scene.classes().to_vec())?;
+    let mut builder = PsogBuilder::new(*roi, scene.classes().to_vec())?;
     let directions = scan_directions(settings);
     let frames = scene.frame_count();
     for frame in 0..frames {
