@@ -1,5 +1,7 @@
 //! One test binary: a file for each kind of test.
 
+#![allow(clippy::unwrap_used)]
+
 mod cli;
 mod common;
 mod cover;
