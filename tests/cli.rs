@@ -371,6 +371,7 @@ fn optimize_writes_its_folder_and_repeats_itself() {
         "report.html",
         "convergence.svg",
         "placement.svg",
+        "map.svg",
     ] {
         assert!(dir.path().join("first").join(file).exists(), "{file} is missing");
     }
@@ -434,9 +435,125 @@ fn an_interrupted_run_goes_on_to_the_same_bytes() {
     assert!(state["evaluations"].as_u64().unwrap() < 400);
     let resumed = ok(dir.path(), &["optimize", "--resume", "broken", "--backend", "cpu"]);
     let read = |run: &str, file: &str| fs::read(dir.path().join(run).join(file)).unwrap();
-    for file in ["history.jsonl", "checkpoint.json", "convergence.svg", "placement.svg"] {
+    for file in ["history.jsonl", "checkpoint.json", "convergence.svg", "placement.svg", "map.svg"]
+    {
         assert_eq!(read("whole", file), read("broken", file), "{file}");
     }
     let whole: Value = serde_json::from_slice(&read("whole", "result.json")).unwrap();
     assert_eq!(whole["best"], resumed["best"]);
+}
+
+/// A sequence of one frame with three points, in the SemanticKITTI layout.
+fn sequence(dir: &Path) {
+    let identity = "1 0 0 0 0 1 0 0 0 0 1 0";
+    fs::create_dir_all(dir.join("seq/velodyne")).unwrap();
+    fs::create_dir_all(dir.join("seq/labels")).unwrap();
+    fs::write(dir.join("seq/poses.txt"), format!("{identity}\n")).unwrap();
+    fs::write(dir.join("seq/calib.txt"), format!("Tr: {identity}\n")).unwrap();
+    let points: [[f32; 4]; 3] =
+        [[5.0, 0.0, -1.0, 0.5], [5.0, 1.0, -1.0, 0.5], [6.0, 0.0, -1.0, 0.5]];
+    let bytes: Vec<u8> = points.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
+    fs::write(dir.join("seq/velodyne/000000.bin"), bytes).unwrap();
+    let labels: Vec<u8> = [10_u32, 40, 40].iter().flat_map(|l| l.to_le_bytes()).collect();
+    fs::write(dir.join("seq/labels/000000.label"), labels).unwrap();
+}
+
+const BUILD: [&str; 16] = [
+    "psog",
+    "build",
+    "--kitti",
+    "seq",
+    "--roi-min",
+    "-8",
+    "-8",
+    "-1",
+    "--roi-max",
+    "8",
+    "8",
+    "3",
+    "--voxel",
+    "0.5",
+    "0.5",
+    "0.5",
+];
+
+#[test]
+fn bad_labelled_frames_are_answered_with_file_and_count() {
+    let dir = TempDir::new().unwrap();
+    let build = [&BUILD[..], &["--out", "x.npz"]].concat();
+    sequence(dir.path());
+    assert_eq!(ok(dir.path(), &build)["occupied"], 3);
+    fs::remove_file(dir.path().join("x.npz")).unwrap();
+    let velodyne = dir.path().join("seq/velodyne/000000.bin");
+    let labels = dir.path().join("seq/labels/000000.label");
+    let answer = |words: &[&str]| {
+        let answer = fails(dir.path(), &build);
+        for word in words {
+            assert!(answer.contains(word), "`{answer}` lacks `{word}`");
+        }
+        assert!(!dir.path().join("x.npz").exists());
+        sequence(dir.path());
+    };
+    let bytes = fs::read(&velodyne).unwrap();
+    fs::write(&velodyne, &bytes[..bytes.len() - 3]).unwrap();
+    answer(&["000000.bin", "16"]);
+    fs::write(&labels, 10_u32.to_le_bytes()).unwrap();
+    answer(&["000000.label", "1", "3"]);
+    fs::write(&labels, [7_u32, 40, 40].map(u32::to_le_bytes).concat()).unwrap();
+    answer(&["000000.label", "7"]);
+    let nan: Vec<u8> = bytes[..16]
+        .iter()
+        .copied()
+        .chain(f32::NAN.to_le_bytes())
+        .chain(bytes[20..].iter().copied())
+        .collect();
+    fs::write(&velodyne, nan).unwrap();
+    answer(&["000000.bin", "1"]);
+    fs::write(dir.path().join("seq/poses.txt"), "").unwrap();
+    answer(&["poses.txt"]);
+    fs::write(dir.path().join("seq/calib.txt"), "P0: 1\n").unwrap();
+    answer(&["calib.txt", "Tr"]);
+}
+
+#[test]
+fn bad_meshes_are_answered_with_file_and_element() {
+    let cases = [
+        ("bad.obj", "v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n"),
+        ("bad.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"),
+        (
+            "bad.ply",
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+             property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+             0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n",
+        ),
+        (
+            "bad.ply",
+            "ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nend_header\n0\n",
+        ),
+        ("bad.glb", "glTF and then nothing"),
+    ];
+    for (file, text) in cases {
+        let dir = TempDir::new().unwrap();
+        let path = room(dir.path());
+        let mut scene: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+        scene["static"] = json!([{ "class": "wall", "mesh": { "file": file } }]);
+        fs::write(&path, scene.to_string()).unwrap();
+        fs::write(dir.path().join(file), text).unwrap();
+        let answer = fails(dir.path(), &["optimize", "room.json", "--out", "run"]);
+        assert!(answer.contains(file), "{answer}");
+        assert!(!dir.path().join("run").exists(), "{file}: a folder was left behind");
+    }
+}
+
+#[test]
+fn a_damaged_psog_is_an_error() {
+    let dir = corridor();
+    let path = dir.path().join("corridor.psog.npz");
+    let bytes = fs::read(&path).unwrap();
+    fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    let score = ["score", "scene.json", "placements.json"];
+    let answer = fails(dir.path(), &score);
+    assert!(answer.contains("corridor.psog.npz"), "{answer}");
+    let answer = fails(dir.path(), &["psog", "info", "corridor.psog.npz"]);
+    assert!(answer.contains("corridor.psog.npz"), "{answer}");
 }

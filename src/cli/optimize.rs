@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 use sightline::placement::{Constraints, Placement, read_placements};
-use sightline::report::{RunRecord, RunTimes, Scored};
+use sightline::report::{Figures, InformationMap, RunRecord, RunTimes, Scored};
 use sightline::scene::{EgoBody, Scene};
 use sightline::score::Objective;
 use sightline::search::{Evaluator, GenerationRecord, Search, SearchSettings};
@@ -23,6 +23,8 @@ use folder::RunFolder;
 const TABLE_7: &str = include_str!("../../scenes/placements.json");
 /// Exit code after Ctrl-C, as shells expect of it.
 const INTERRUPTED: u8 = 130;
+/// Frames that the map of the gained information averages over.
+const MAP_FRAMES: u32 = 4;
 /// Distance from a bound, as a share of the range, that counts as on it.
 const ON_BOUND: f64 = 1e-3;
 
@@ -90,11 +92,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         None => (settings_of(args)?, None),
     };
     let objective: Objective = settings.search.objective.parse()?;
-    let folder = match &resumed {
-        Some(_) => None,
-        // Found out now that nothing can be written, not after the search.
-        None => Some(RunFolder::create(args.out.as_deref(), &settings.scene)?),
-    };
     let loaded = load::scene(&settings.scene, Some(settings.frames), &args.compute)?;
     let Loaded { scene, evaluator, psog, times } = loaded;
     if objective.needs_detection() && !evaluator.problem().content().has_detection() {
@@ -104,14 +101,15 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             settings.scene.display()
         )));
     }
-    let (folder, search, history) = match (resumed, folder) {
-        (Some(resumed), _) => resumed,
-        (None, Some(folder)) => {
+    let (folder, search, history) = match resumed {
+        Some(resumed) => resumed,
+        None => {
             let constraints = evaluator.constraints();
             let search = Search::new(settings.search.clone(), constraints, &settings.baselines)?;
+            // Before the search, so that a folder that cannot be written is found out now.
+            let folder = RunFolder::create(args.out.as_deref(), &settings.scene)?;
             (folder, search, Vec::new())
         }
-        (None, None) => unreachable!("a run is new or resumed"),
     };
     let mut run = Run { settings, objective, evaluator, search, history, folder };
 
@@ -130,6 +128,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         };
         run.evaluator = load::evaluator(&scene, &psog, &all_frames, &quiet)?;
     }
+    let map = run.map()?;
     let evaluations = run.search.evaluations() - run.evaluations_before();
     let mut record = run.record(&scene)?;
     record.search_frames = search_frames;
@@ -141,7 +140,14 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         confirm: confirming.elapsed().as_secs_f64(),
         total: start.elapsed().as_secs_f64(),
     };
-    run.folder.finish(&record, &run.history, run.evaluator.constraints(), &body_of(&scene))?;
+    let figures = Figures::new(
+        &record,
+        &run.history,
+        run.evaluator.constraints(),
+        &body_of(&scene),
+        map.as_ref(),
+    );
+    run.folder.finish(&record, &figures)?;
     print(args, &record, run.folder.path(), interrupted);
     Ok(if interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
@@ -237,6 +243,20 @@ impl Run {
             scores,
         });
         Ok(scored.collect())
+    }
+
+    /// What the result gains over some frames, seen from above.
+    fn map(&mut self) -> Result<Option<InformationMap>, Error> {
+        let Some(best) = self.search.best() else { return Ok(None) };
+        let frames = load::spread(self.evaluator.problem().frame_count(), Some(MAP_FRAMES));
+        let problem = self.evaluator.problem();
+        let (roi, mut map) =
+            (*problem.roi(), InformationMap::new(problem.roi(), problem.content()));
+        for &frame in &frames {
+            let covered = self.evaluator.backend_mut().covered(&best.placement, frame)?;
+            map.add_frame(&roi, self.evaluator.problem().content(), &covered, frames.len());
+        }
+        Ok(Some(map))
     }
 
     fn record(&mut self, scene: &Scene) -> Result<RunRecord, Error> {

@@ -1,6 +1,6 @@
 use std::fmt::Write;
 
-use super::{RunRecord, Scored, convergence_svg, placement_svg};
+use super::{InformationMap, RunRecord, Scored, convergence_svg, placement_svg};
 use crate::placement::Constraints;
 use crate::search::GenerationRecord;
 
@@ -45,13 +45,38 @@ fn row(html: &mut String, scored: &Scored, is_best: bool) {
     }
 }
 
+/// The drawings of a run, as SVG.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Figures {
+    /// Objective against evaluations.
+    pub convergence: String,
+    /// The placement on the vehicle; `None` without a result.
+    pub placement: Option<String>,
+    /// Information gained, seen from above; `None` without a result.
+    pub map: Option<String>,
+}
+
+impl Figures {
+    /// Draws a run; `body` holds the ego body's triangles in the ego frame, `map` what the result
+    /// gains.
+    pub fn new(
+        run: &RunRecord,
+        history: &[GenerationRecord],
+        constraints: &Constraints,
+        body: &[[[f32; 3]; 3]],
+        map: Option<&InformationMap>,
+    ) -> Self {
+        let best = run.best.as_ref();
+        Self {
+            convergence: convergence_svg(history, &run.objective, &run.baselines),
+            placement: best.map(|best| placement_svg(best, constraints, body)),
+            map: best.zip(map).map(|(best, map)| map.svg(&best.placement)),
+        }
+    }
+}
+
 /// The page of a run: verdict, table, charts and settings; it opens offline and loads nothing.
-pub fn report_html(
-    run: &RunRecord,
-    history: &[GenerationRecord],
-    constraints: &Constraints,
-    body: &[[[f32; 3]; 3]],
-) -> String {
+pub fn report_html(run: &RunRecord, figures: &Figures) -> String {
     let mut html = format!(
         "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" \
          content=\"width=device-width\"><title>sightline: {0}</title><style>{STYLE}</style></head>\
@@ -73,7 +98,7 @@ pub fn report_html(
              gain is ΣH itself and cannot. Red lines are guards: reasons not to believe a row.</p>\n";
     if let Some(best) = &run.best {
         html += "<h2>The placement</h2>\n";
-        html += &placement_svg(best, constraints, body);
+        html += figures.placement.as_deref().unwrap_or_default();
         html += "<div class=\"wide\"><table><tr><th>LiDAR</th><th>x m</th><th>y m</th><th>z m</th>\
                  <th>roll rad</th><th>pitch rad</th><th>yaw rad</th><th>only it gains %</th></tr>\n";
         for (index, (pose, unique)) in
@@ -91,8 +116,13 @@ pub fn report_html(
             let _ = writeln!(html, "<p>On a bound of the mount: {}.</p>", escape(&bounds));
         }
     }
+    if let Some(map) = &figures.map {
+        html += "<h2>What it sees</h2>\n<p>Information of each column of voxels, from above: red \
+                 where the beams gain it, grey where it stays unseen.</p>\n";
+        html += map;
+    }
     html += "<h2>The search</h2>\n";
-    html += &convergence_svg(history, &run.objective, &run.baselines);
+    html += &figures.convergence;
     let _ = writeln!(
         html,
         "<dl><dt>stopped by</dt><dd>{}</dd><dt>evaluations</dt><dd>{} in {} generations, over {} \

@@ -1,9 +1,11 @@
 //! What a run leaves behind: JSON for programs, SVG charts and an HTML page for people.
 
 mod html;
+mod map;
 mod record;
 mod svg;
 
-pub use html::report_html;
+pub use html::{Figures, report_html};
+pub use map::InformationMap;
 pub use record::{RunRecord, RunTimes, Scored};
 pub use svg::{convergence_svg, placement_svg};

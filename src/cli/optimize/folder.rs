@@ -2,8 +2,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use sightline::placement::Constraints;
-use sightline::report::{RunRecord, convergence_svg, placement_svg, report_html};
+use sightline::report::{Figures, RunRecord, report_html};
 use sightline::search::{GenerationRecord, Search};
 
 use super::RunSettings;
@@ -136,20 +135,15 @@ impl RunFolder {
     }
 
     /// Writes the result, the charts and the page.
-    pub(super) fn finish(
-        &self,
-        record: &RunRecord,
-        history: &[GenerationRecord],
-        constraints: &Constraints,
-        body: &[[[f32; 3]; 3]],
-    ) -> Result<(), Error> {
+    pub(super) fn finish(&self, record: &RunRecord, figures: &Figures) -> Result<(), Error> {
         self.write_json("result.json", record)?;
-        let convergence = convergence_svg(history, &record.objective, &record.baselines);
-        self.write_text("convergence.svg", &convergence)?;
-        if let Some(best) = &record.best {
-            self.write_text("placement.svg", &placement_svg(best, constraints, body))?;
+        self.write_text("convergence.svg", &figures.convergence)?;
+        for (name, figure) in [("placement.svg", &figures.placement), ("map.svg", &figures.map)] {
+            if let Some(figure) = figure {
+                self.write_text(name, figure)?;
+            }
         }
-        self.write_text("report.html", &report_html(record, history, constraints, body))
+        self.write_text("report.html", &report_html(record, figures))
     }
 }
 

@@ -1,0 +1,182 @@
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use crate::backend::Content;
+use crate::grid::{Roi, to_nats};
+use crate::placement::Placement;
+
+/// Cells along the longer side of the map.
+const CELLS: u32 = 160;
+/// Pixels of the longer side of the map.
+const SIZE: f64 = 640.0;
+/// Steps of each of the two colour scales: how much information, and how much of it is gained.
+const STEPS: u32 = 6;
+
+/// Information of a scene seen from above: nats in each column of voxels, and how many are gained.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InformationMap {
+    cells: [u32; 2],
+    /// Lower corner and size of the region in metres.
+    min: [f64; 2],
+    size: [f64; 2],
+    /// Σ H of a cell's voxels, in nats.
+    total: Vec<f64>,
+    /// Σ c(v) H of a cell's voxels, in nats.
+    gained: Vec<f64>,
+}
+
+impl InformationMap {
+    /// An empty map over the voxels that hold information.
+    pub fn new(roi: &Roi, content: &Content) -> Self {
+        let (min, max, shape) = (roi.min(), roi.max(), roi.shape());
+        let longer = shape[0].max(shape[1]);
+        let cells = [0, 1].map(|k| (shape[k] * CELLS.min(longer)).div_ceil(longer).max(1));
+        let count = (cells[0] * cells[1]) as usize;
+        let mut map = Self {
+            cells,
+            min: [min[0], min[1]],
+            size: [max[0] - min[0], max[1] - min[1]],
+            total: vec![0.0; count],
+            gained: vec![0.0; count],
+        };
+        for voxel in content.occupied() {
+            let cell = map.cell_of(roi, u64::from(voxel.index));
+            map.total[cell] += to_nats(u64::from(voxel.entropy[0]));
+        }
+        map
+    }
+
+    fn cell_of(&self, roi: &Roi, voxel: u64) -> usize {
+        let (coords, shape) = (roi.coords(voxel), roi.shape());
+        let [i, j] =
+            [0, 1].map(|k| u64::from(coords[k]) * u64::from(self.cells[k]) / u64::from(shape[k]));
+        (i * u64::from(self.cells[1]) + j) as usize
+    }
+
+    /// Adds the voxels covered in one of `frames` frames, as rising linear indices.
+    pub fn add_frame(&mut self, roi: &Roi, content: &Content, covered: &[u64], frames: usize) {
+        for voxel in content.occupied() {
+            if covered.binary_search(&u64::from(voxel.index)).is_ok() {
+                let cell = self.cell_of(roi, u64::from(voxel.index));
+                self.gained[cell] += to_nats(u64::from(voxel.entropy[0])) / frames as f64;
+            }
+        }
+    }
+
+    /// The map as SVG: grey where information is, the redder the more of it is gained; `placement`'s
+    /// LiDARs as dots. Forward is to the right, left is up.
+    pub fn svg(&self, placement: &Placement) -> String {
+        let scale = SIZE / self.size[0].max(self.size[1]);
+        let (width, height) = (self.size[0] * scale, self.size[1] * scale);
+        let cell = [width / f64::from(self.cells[0]), height / f64::from(self.cells[1])];
+        let most = self.total.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        // Runs of equal colour along x, grouped by colour to keep the file small.
+        let mut runs: BTreeMap<(u32, u32), String> = BTreeMap::new();
+        for j in 0..self.cells[1] {
+            let mut i = 0;
+            while i < self.cells[0] {
+                let colour = self.colour(i, j, most);
+                let first = i;
+                while i < self.cells[0] && self.colour(i, j, most) == colour {
+                    i += 1;
+                }
+                if let Some(colour) = colour {
+                    let y = height - (f64::from(j) + 0.5) * cell[1];
+                    let (x, length) = (f64::from(first) * cell[0], f64::from(i - first) * cell[0]);
+                    let path = runs.entry(colour).or_default();
+                    let _ = write!(path, "M{x:.1} {y:.1}h{length:.1}");
+                }
+            }
+        }
+        let mut svg = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {:.0}\" \
+             width=\"{width:.0}\" height=\"{:.0}\" role=\"img\" font-family=\"system-ui,sans-serif\" \
+             font-size=\"13\" fill=\"#1b2a3a\"><title>Information gained, seen from above</title>\
+             <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n",
+            height + 34.0,
+            height + 34.0
+        );
+        for ((information, share), path) in runs {
+            let _ = writeln!(
+                svg,
+                "<path d=\"{path}\" stroke=\"{}\" stroke-width=\"{:.2}\"/>",
+                rgb(information, share),
+                cell[1] * 1.04
+            );
+        }
+        for pose in &placement.lidars {
+            let (x, y) = ((pose.x - self.min[0]) * scale, height - (pose.y - self.min[1]) * scale);
+            let _ = writeln!(
+                svg,
+                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"#1f5fa8\" stroke=\"#fff\"/>"
+            );
+        }
+        let _ = write!(svg, "<g transform=\"translate(0 {:.1})\">", height + 8.0);
+        let mut x = 0.0;
+        for (label, share) in [("unseen", 0), ("half gained", STEPS / 2), ("gained", STEPS)] {
+            for step in 1..=STEPS {
+                let _ = write!(
+                    svg,
+                    "<rect x=\"{x}\" width=\"12\" height=\"14\" fill=\"{}\"/>",
+                    rgb(step, share)
+                );
+                x += 12.0;
+            }
+            let _ = write!(svg, "<text x=\"{}\" y=\"12\">{label}</text>", x + 6.0);
+            x += 90.0;
+        }
+        let _ = writeln!(
+            svg,
+            "<text x=\"{width:.0}\" y=\"12\" text-anchor=\"end\">darker: more nats a column; {:.0} m \
+             across, forward is right</text></g></svg>",
+            self.size[0]
+        );
+        svg
+    }
+
+    /// (information step, gained step) of a cell; `None` where nothing is to be learnt.
+    fn colour(&self, i: u32, j: u32, most: f64) -> Option<(u32, u32)> {
+        let cell = (i * self.cells[1] + j) as usize;
+        let total = self.total[cell];
+        if total <= 0.0 {
+            return None;
+        }
+        let steps = f64::from(STEPS);
+        let information = ((total / most).sqrt() * steps).ceil().clamp(1.0, steps) as u32;
+        let share = (self.gained[cell] / total * steps).round().clamp(0.0, steps) as u32;
+        Some((information, share))
+    }
+}
+
+/// Grey for what is unseen to red for what is gained, darker for more information.
+fn rgb(information: u32, share: u32) -> String {
+    let depth = 0.25 + 0.75 * f64::from(information) / f64::from(STEPS);
+    let share = f64::from(share) / f64::from(STEPS);
+    let mix = |grey: f64, red: f64| {
+        let full = grey + (red - grey) * share;
+        (255.0 - (255.0 - full) * depth).round() as u8
+    };
+    format!("#{:02x}{:02x}{:02x}", mix(120.0, 190.0), mix(135.0, 30.0), mix(150.0, 50.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backend::OccupiedVoxel;
+    use crate::grid::fixed;
+
+    #[test]
+    fn gained_nats_fall_into_their_cells() {
+        let roi = Roi::new([0.0; 3], [1.0; 3], [4, 2, 3]).unwrap();
+        let occupied = [0, 1, 13].map(|index| OccupiedVoxel { index, entropy: [fixed(0.5), 0, 0] });
+        let content = Content::new(vec!["a".into()], occupied.to_vec(), &[vec![]], false);
+        let mut map = InformationMap::new(&roi, &content);
+        // Voxels 0 and 1 share the column (0, 0); voxel 13 is (2, 0, 1).
+        map.add_frame(&roi, &content, &[1, 2, 13], 2);
+        assert_eq!(map.cells, [4, 2]);
+        assert_eq!(map.total, [1.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0]);
+        assert_eq!(map.gained, [0.25, 0.0, 0.0, 0.0, 0.25, 0.0, 0.0, 0.0]);
+        let svg = map.svg(&Placement { name: "x".into(), lidars: vec![] });
+        assert_eq!(svg.matches("<path").count(), 2, "{svg}");
+    }
+}
