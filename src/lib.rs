@@ -13,6 +13,7 @@
 //! | [`score`] | scores, guards and objectives from the sums |
 //! | [`optimize`] | CMA-ES: pure numbers, knows no GPU and no scene |
 //! | [`search`] | ask, evaluate, score, tell |
+//! | [`verify`] | comparisons of backends bit by bit, and with `f64` |
 //! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
 
 pub mod backend;
@@ -25,3 +26,4 @@ pub mod report;
 pub mod scene;
 pub mod score;
 pub mod search;
+pub mod verify;

@@ -557,3 +557,22 @@ fn a_damaged_psog_is_an_error() {
     let answer = fails(dir.path(), &["psog", "info", "corridor.psog.npz"]);
     assert!(answer.contains("corridor.psog.npz"), "{answer}");
 }
+
+#[test]
+fn verify_passes_on_a_room_and_says_what_it_compared() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let args =
+        ["verify", "room.json", "--frames", "2", "--random", "20", "--sample", "3000", "--json"];
+    let answer = ok(dir.path(), &args);
+    assert_eq!(answer["passed"], true, "{answer}");
+    assert_eq!((&answer["placements"], &answer["frames"]), (&json!(81), &json!(2)));
+    let found = &answer["gpu_against_cpu"];
+    assert!(found["beams"].as_u64().unwrap() > 100_000, "{found}");
+    assert!(found["voxels"].as_u64().unwrap() > 100_000, "{found}");
+    for key in ["triangles", "distances", "differing_voxels", "differing_scores"] {
+        assert_eq!(found[key], 0, "{key}");
+    }
+    assert_eq!(answer["cpu_against_f64"]["beams"], 3000);
+    assert_eq!(answer["cpu_against_f64"]["unexplained"], 0);
+}

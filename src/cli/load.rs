@@ -72,6 +72,25 @@ pub fn geometry(path: &Path, frame: u32, compute: &Compute) -> Result<Loaded, Er
     Ok(Loaded { scene, evaluator, psog, times })
 }
 
+/// A scene's problem without a backend.
+pub struct Posed {
+    pub name: String,
+    pub problem: Problem,
+    pub constraints: Constraints,
+}
+
+/// Reads a scene and its P-SOG and puts the problem over `frames` of its frames together.
+pub fn problem(path: &Path, frames: u32, talk: Talk) -> Result<Posed, Error> {
+    let scene = Scene::read(path)?;
+    let psog = match psog_file(&scene)? {
+        Some(psog) => psog,
+        None => build_psog(&scene, talk)?.0,
+    };
+    let frames = spread(scene.frame_count(), Some(frames));
+    let problem = Problem::from_scene(&scene, &psog, beam_table(scene.lidar())?, &frames)?;
+    Ok(Posed { name: scene.name().to_owned(), problem, constraints: constraints(scene.mount()) })
+}
+
 /// An evaluator of a scene over the given frames.
 pub fn evaluator(
     scene: &Scene,

@@ -11,6 +11,7 @@ mod progress;
 mod psog;
 mod score;
 mod table;
+mod verify;
 
 use std::process::ExitCode;
 
@@ -37,6 +38,8 @@ enum Command {
     Score(score::Args),
     /// Write every beam's hit
     Cast(cast::Args),
+    /// Compare the GPU with the CPU reference bit by bit, and the reference with f64
+    Verify(verify::Args),
     /// Build, inspect and merge P-SOG files
     #[command(subcommand)]
     Psog(psog::Command),
@@ -50,6 +53,7 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Optimize(args) => optimize::run(&args),
         Command::Score(args) => score::run(&args),
         Command::Cast(args) => cast::run(&args),
+        Command::Verify(args) => verify::run(&args),
         Command::Psog(command) => psog::run(&command),
         Command::Devices(args) => devices::run(&args),
     }

@@ -171,7 +171,8 @@ fn settings_of(args: &Args) -> Result<RunSettings, Error> {
     })
 }
 
-fn table_7() -> Result<Vec<Placement>, Error> {
+/// The layouts of Table 7 of the paper.
+pub fn table_7() -> Result<Vec<Placement>, Error> {
     #[derive(Deserialize)]
     struct File {
         placements: Vec<Placement>,
