@@ -150,7 +150,8 @@ mod tests {
         while tried < 500 {
             // Seen from the origin the corners turn once; on a small grid many lie in line.
             let n = rng.random_range(3..40);
-            let mut angles: Vec<f64> = (0..n).map(|_| rng.random_range(0.0..6.28)).collect();
+            let mut angles: Vec<f64> =
+                (0..n).map(|_| rng.random_range(0.0..std::f64::consts::TAU)).collect();
             angles.sort_by(f64::total_cmp);
             let corner = |a: &f64, r: f64| [(r * a.cos()).round(), (r * a.sin()).round()];
             let base: Vec<_> =
