@@ -3,6 +3,8 @@
 #![allow(clippy::unwrap_used)]
 
 mod cli;
+mod cli_errors;
+mod cli_optimize;
 mod common;
 mod cover;
 mod gpu_cpu;

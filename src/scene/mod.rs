@@ -263,5 +263,4 @@ impl Scene {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests;

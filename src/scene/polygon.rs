@@ -108,7 +108,6 @@ pub(crate) fn triangulate(corners: &[[f64; 2]]) -> Vec<[u32; 3]> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

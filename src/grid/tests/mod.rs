@@ -1,5 +1,3 @@
-#![allow(clippy::unwrap_used)]
-
 mod entropy;
 mod kitti;
 mod kitti_real;

@@ -98,5 +98,4 @@ fn check(mesh: &RawMesh) -> Result<(), Fault> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests;

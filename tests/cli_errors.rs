@@ -1,0 +1,240 @@
+//! Wrong input, and whether the answer says what is wrong, where, and what to do.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{corridor, fails, ok, room, scene};
+
+/// Replaces one value of the scene by its JSON pointer and says what the program answers.
+fn with_scene(pointer: &str, value: Value) -> String {
+    let dir = corridor();
+    let mut scene = scene();
+    match scene.pointer_mut(pointer) {
+        Some(slot) => *slot = value,
+        None => {
+            let (parent, key) = pointer.rsplit_once('/').unwrap();
+            scene.pointer_mut(parent).unwrap()[key] = value;
+        }
+    }
+    fs::write(dir.path().join("scene.json"), scene.to_string()).unwrap();
+    fails(dir.path(), &["score", "scene.json", "placements.json", "--backend", "cpu"])
+}
+
+#[test]
+fn a_bad_scene_is_answered_with_place_and_mend() {
+    let cases: &[(&str, Value, &[&str])] = &[
+        ("/roi/voxel/1", json!(0), &["scene.json", "voxel", "0"]),
+        ("/roi/max/0", json!(0), &["scene.json", "roi"]),
+        ("/lidar/channels", json!(0), &["scene.json", "channels"]),
+        ("/lidar/azimuth_steps", json!(-3), &["scene.json", "azimuth_steps"]),
+        ("/lidar/range", json!("far"), &["scene.json", "range"]),
+        ("/mount/min/0", json!(500), &["scene.json", "mount"]),
+        ("/mount/lidars", json!(0), &["scene.json", "lidars"]),
+        ("/psog/file", json!("missing.npz"), &["missing.npz"]),
+        ("/coverage", json!("sideways"), &["scene.json", "coverage", "through"]),
+        ("/rio", json!(1), &["scene.json", "rio", "roi"]),
+        ("/mount/min_distanse", json!(1), &["scene.json", "min_distanse", "min_distance"]),
+        ("/sightline", json!(2), &["scene.json", "sightline"]),
+        ("/roi/voxel", json!([0.5, 1, 1]), &["P-SOG", "roi"]),
+    ];
+    for (pointer, value, words) in cases {
+        let answer = with_scene(pointer, value.clone());
+        for word in *words {
+            assert!(answer.contains(word), "{pointer}: `{answer}` lacks `{word}`");
+        }
+    }
+}
+
+#[test]
+fn bad_placements_are_answered_with_their_name() {
+    let dir = corridor();
+    let lidar = json!({ "x": 0, "y": 0, "z": 1 });
+    let cases: &[(Value, &[&str])] = &[
+        (json!({ "placements": [] }), &["bad.json", "no placement"]),
+        (
+            json!({ "placements": [{ "name": "a", "lidars": [] }] }),
+            &["bad.json", "`a`", "0 LiDARs"],
+        ),
+        (
+            json!({ "placements": [{ "name": "a/b", "lidars": [lidar] }] }),
+            &["bad.json", "`a/b`", "letters"],
+        ),
+        (
+            json!({ "placements": [
+                { "name": "a", "lidars": [lidar] }, { "name": "a", "lidars": [lidar] }] }),
+            &["bad.json", "`a`", "twice"],
+        ),
+        (
+            json!({ "placements": [{ "name": "a", "lidars": [{ "x": 1e300, "y": 0, "z": 1 }] }] }),
+            &["bad.json", "`a`", "x = 1e300"],
+        ),
+        (json!({ "placement": [] }), &["bad.json", "placement", "placements"]),
+        (
+            json!({ "placements": [{ "name": "a", "lidars": [{ "x": 1, "y": 0 }] }] }),
+            &["bad.json", "`z`"],
+        ),
+    ];
+    for (text, words) in cases {
+        fs::write(dir.path().join("bad.json"), text.to_string()).unwrap();
+        let answer = fails(dir.path(), &["score", "scene.json", "bad.json", "--backend", "cpu"]);
+        for word in *words {
+            assert!(answer.contains(word), "{text}: `{answer}` lacks `{word}`");
+        }
+    }
+    fs::write(
+        dir.path().join("bad.jsonl"),
+        "{\"name\":\"a\",\"lidars\":[{\"x\":0,\"y\":0,\"z\":0}]}\nnot json\n",
+    )
+    .unwrap();
+    let answer = fails(dir.path(), &["score", "scene.json", "bad.jsonl", "--backend", "cpu"]);
+    assert!(answer.contains("bad.jsonl, line 2"), "{answer}");
+}
+
+#[test]
+fn wrong_arguments_and_places_are_answered_with_exit_code_2() {
+    let dir = corridor();
+    let score = ["score", "scene.json", "placements.json"];
+    let with = |more: &[&'static str]| fails(dir.path(), &[&score[..], more].concat());
+    assert!(with(&["--out", "no/such/folder/scores.json"]).contains("no/such/folder"));
+    assert!(with(&["--out", "."]).contains("directory"));
+    assert!(with(&["--backend", "abacus"]).contains("abacus"));
+    assert!(with(&["--adapter", "no such device"]).contains("no such device"));
+    assert!(with(&["--memory", "12 parsecs"]).contains("parsecs"));
+    assert!(with(&["--memory", "16", "--backend", "cpu"]).contains("--memory"));
+    assert!(
+        fails(dir.path(), &["score", "nowhere.json", "placements.json"]).contains("nowhere.json")
+    );
+    let cast = fails(dir.path(), &["cast", "scene.json", "placements.json", "--out", "hits.npz"]);
+    assert!(cast.contains("no geometry"), "{cast}");
+    assert!(!dir.path().join("hits.npz").exists());
+    let objective = ["optimize", "scene.json", "--out", "run", "--objective", "m_sag"];
+    assert!(fails(dir.path(), &objective).contains("did you mean `m_sog`?"));
+    assert!(fails(dir.path(), &["optimize", "--resume", "run"]).contains("checkpoint.json"));
+    fs::write(dir.path().join("taken"), "a file").unwrap();
+    assert!(fails(dir.path(), &["optimize", "scene.json", "--out", "taken"]).contains("taken"));
+    // Nothing but the inputs is left behind.
+    let mut names: Vec<_> = fs::read_dir(dir.path())
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["corridor.psog.npz", "placements.json", "scene.json", "taken"]);
+}
+
+/// A sequence of one frame with three points, in the SemanticKITTI layout.
+fn sequence(dir: &Path) {
+    let identity = "1 0 0 0 0 1 0 0 0 0 1 0";
+    fs::create_dir_all(dir.join("seq/velodyne")).unwrap();
+    fs::create_dir_all(dir.join("seq/labels")).unwrap();
+    fs::write(dir.join("seq/poses.txt"), format!("{identity}\n")).unwrap();
+    fs::write(dir.join("seq/calib.txt"), format!("Tr: {identity}\n")).unwrap();
+    let points: [[f32; 4]; 3] =
+        [[5.0, 0.0, -1.0, 0.5], [5.0, 1.0, -1.0, 0.5], [6.0, 0.0, -1.0, 0.5]];
+    let bytes: Vec<u8> = points.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
+    fs::write(dir.join("seq/velodyne/000000.bin"), bytes).unwrap();
+    let labels: Vec<u8> = [10_u32, 40, 40].iter().flat_map(|l| l.to_le_bytes()).collect();
+    fs::write(dir.join("seq/labels/000000.label"), labels).unwrap();
+}
+
+const BUILD: [&str; 16] = [
+    "psog",
+    "build",
+    "--kitti",
+    "seq",
+    "--roi-min",
+    "-8",
+    "-8",
+    "-1",
+    "--roi-max",
+    "8",
+    "8",
+    "3",
+    "--voxel",
+    "0.5",
+    "0.5",
+    "0.5",
+];
+
+#[test]
+fn bad_labelled_frames_are_answered_with_file_and_count() {
+    let dir = TempDir::new().unwrap();
+    let build = [&BUILD[..], &["--out", "x.npz"]].concat();
+    sequence(dir.path());
+    assert_eq!(ok(dir.path(), &build)["occupied"], 3);
+    fs::remove_file(dir.path().join("x.npz")).unwrap();
+    let velodyne = dir.path().join("seq/velodyne/000000.bin");
+    let labels = dir.path().join("seq/labels/000000.label");
+    let answer = |words: &[&str]| {
+        let answer = fails(dir.path(), &build);
+        for word in words {
+            assert!(answer.contains(word), "`{answer}` lacks `{word}`");
+        }
+        assert!(!dir.path().join("x.npz").exists());
+        sequence(dir.path());
+    };
+    let bytes = fs::read(&velodyne).unwrap();
+    fs::write(&velodyne, &bytes[..bytes.len() - 3]).unwrap();
+    answer(&["000000.bin", "16"]);
+    fs::write(&labels, 10_u32.to_le_bytes()).unwrap();
+    answer(&["000000.label", "1", "3"]);
+    fs::write(&labels, [7_u32, 40, 40].map(u32::to_le_bytes).concat()).unwrap();
+    answer(&["000000.label", "7"]);
+    let nan: Vec<u8> = bytes[..16]
+        .iter()
+        .copied()
+        .chain(f32::NAN.to_le_bytes())
+        .chain(bytes[20..].iter().copied())
+        .collect();
+    fs::write(&velodyne, nan).unwrap();
+    answer(&["000000.bin", "1"]);
+    fs::write(dir.path().join("seq/poses.txt"), "").unwrap();
+    answer(&["poses.txt"]);
+    fs::write(dir.path().join("seq/calib.txt"), "P0: 1\n").unwrap();
+    answer(&["calib.txt", "Tr"]);
+}
+
+#[test]
+fn bad_meshes_are_answered_with_file_and_element() {
+    let cases = [
+        ("bad.obj", "v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n"),
+        ("bad.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"),
+        (
+            "bad.ply",
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+             property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+             0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n",
+        ),
+        (
+            "bad.ply",
+            "ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nend_header\n0\n",
+        ),
+        ("bad.glb", "glTF and then nothing"),
+    ];
+    for (file, text) in cases {
+        let dir = TempDir::new().unwrap();
+        let path = room(dir.path());
+        let mut scene: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+        scene["static"] = json!([{ "class": "wall", "mesh": { "file": file } }]);
+        fs::write(&path, scene.to_string()).unwrap();
+        fs::write(dir.path().join(file), text).unwrap();
+        let answer = fails(dir.path(), &["optimize", "room.json", "--out", "run"]);
+        assert!(answer.contains(file), "{answer}");
+        assert!(!dir.path().join("run").exists(), "{file}: a folder was left behind");
+    }
+}
+
+#[test]
+fn a_damaged_psog_is_an_error() {
+    let dir = corridor();
+    let path = dir.path().join("corridor.psog.npz");
+    let bytes = fs::read(&path).unwrap();
+    fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    let score = ["score", "scene.json", "placements.json"];
+    let answer = fails(dir.path(), &score);
+    assert!(answer.contains("corridor.psog.npz"), "{answer}");
+    let answer = fails(dir.path(), &["psog", "info", "corridor.psog.npz"]);
+    assert!(answer.contains("corridor.psog.npz"), "{answer}");
+}

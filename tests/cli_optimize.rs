@@ -1,0 +1,106 @@
+//! Runs of the search: their folder, their repeatability, Ctrl-C and resume.
+
+use std::fs;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{ok, room, sightline};
+
+fn optimize_args<'a>(out: &'a str, evaluations: &'a str) -> Vec<&'a str> {
+    let fixed = ["optimize", "room.json", "--backend", "cpu", "--seed", "5", "--frames", "2"];
+    [&fixed[..], &["--out", out, "--evaluations", evaluations]].concat()
+}
+
+#[test]
+fn optimize_writes_its_folder_and_repeats_itself() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let first = ok(dir.path(), &optimize_args("first", "90"));
+    let second =
+        ok(dir.path(), &[&optimize_args("second", "90")[..], &["--threads", "1"]].concat());
+    let gpu: Vec<&str> = optimize_args("third", "90")
+        .into_iter()
+        .map(|arg| if arg == "cpu" { "gpu" } else { arg })
+        .collect();
+    let third = ok(dir.path(), &gpu);
+    for file in [
+        "result.json",
+        "history.jsonl",
+        "checkpoint.json",
+        "report.html",
+        "convergence.svg",
+        "placement.svg",
+        "map.svg",
+    ] {
+        assert!(dir.path().join("first").join(file).exists(), "{file} is missing");
+    }
+    let history =
+        |run: &str| fs::read_to_string(dir.path().join(run).join("history.jsonl")).unwrap();
+    assert_eq!(history("first"), history("second"), "another number of threads");
+    assert_eq!(history("first"), history("third"), "another backend");
+    assert_eq!(first["best"], second["best"]);
+    assert_eq!(first["best"], third["best"]);
+    // The best so far never falls, and is the best of all generations.
+    let records: Vec<Value> =
+        history("first").lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let numbers = |key: &str| records.iter().map(|r| r[key].as_f64().unwrap()).collect::<Vec<_>>();
+    let (best, so_far) = (numbers("best"), numbers("best_so_far"));
+    for k in 0..best.len() {
+        let highest = best[..=k].iter().fold(f64::NEG_INFINITY, |m, b| m.max(*b));
+        assert_eq!(so_far[k], highest, "generation {k}");
+    }
+    // The result keeps the rules and is at least as good as what it started from.
+    assert_eq!(first["best"]["violations"], json!([]));
+    let report = fs::read_to_string(dir.path().join("first/report.html")).unwrap();
+    assert!(
+        report.contains("<svg")
+            && report.contains("optimized")
+            && !report.contains("src=")
+            && !report.contains("<link")
+    );
+    assert_eq!(first["baselines"].as_array().unwrap().len(), 11);
+    let again = sightline(dir.path(), &optimize_args("first", "90"));
+    assert_eq!(again.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&again.stderr).contains("--resume"));
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_goes_on_to_the_same_bytes() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    ok(dir.path(), &optimize_args("whole", "400"));
+    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
+        .args(optimize_args("broken", "400"))
+        .current_dir(dir.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let checkpoint = dir.path().join("broken/checkpoint.json");
+    let start = Instant::now();
+    while !checkpoint.exists() {
+        assert!(start.elapsed() < Duration::from_secs(60), "no checkpoint was written");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let pid = child.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+    let code = child.wait().unwrap().code();
+    // Too late an interrupt would prove nothing; 400 evaluations leave room for it.
+    assert_eq!(code, Some(130));
+    let state: Value =
+        serde_json::from_slice(&fs::read(dir.path().join("broken/result.json")).unwrap()).unwrap();
+    assert_eq!(state["stopped"], "interrupted");
+    assert!(state["evaluations"].as_u64().unwrap() < 400);
+    let resumed = ok(dir.path(), &["optimize", "--resume", "broken", "--backend", "cpu"]);
+    let read = |run: &str, file: &str| fs::read(dir.path().join(run).join(file)).unwrap();
+    for file in ["history.jsonl", "checkpoint.json", "convergence.svg", "placement.svg", "map.svg"]
+    {
+        assert_eq!(read("whole", file), read("broken", file), "{file}");
+    }
+    let whole: Value = serde_json::from_slice(&read("whole", "result.json")).unwrap();
+    assert_eq!(whole["best"], resumed["best"]);
+}
