@@ -84,6 +84,19 @@ fn bad_placements_are_answered_with_their_name() {
             assert!(answer.contains(word), "{text}: `{answer}` lacks `{word}`");
         }
     }
+    // NaN is no JSON; the answer still says where it stands.
+    for text in ["NaN", "1e999", "-Infinity"] {
+        let lidars = |z: &str| format!("[{{\"x\": 0, \"y\": 0, \"z\": {z}}}]");
+        let text = format!(
+            "{{\"placements\": [{{\"name\": \"good\", \"lidars\": {}}},\n \
+             {{\"name\": \"sick\", \"lidars\": {}}}]}}",
+            lidars("1"),
+            lidars(text)
+        );
+        fs::write(dir.path().join("bad.json"), text).unwrap();
+        let answer = fails(dir.path(), &["score", "scene.json", "bad.json", "--backend", "cpu"]);
+        assert!(answer.contains("placement `sick`") && answer.contains("line 2"), "{answer}");
+    }
     fs::write(
         dir.path().join("bad.jsonl"),
         "{\"name\":\"a\",\"lidars\":[{\"x\":0,\"y\":0,\"z\":0}]}\nnot json\n",

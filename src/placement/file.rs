@@ -23,12 +23,14 @@ pub enum ReadError {
         source: std::io::Error,
     },
     /// Not JSON, or not of the form of a placement.
-    #[error("{}{}: {source}", path.display(), at_line(*line))]
+    #[error("{}{}{}: {source}", path.display(), at_line(*line), in_placement(near))]
     Json {
         /// File.
         path: PathBuf,
         /// Line of a `.jsonl` file, from 1.
         line: Option<u64>,
+        /// Name of the placement that is being read, as far as the text tells.
+        near: Option<String>,
         /// Where and why.
         source: serde_json::Error,
     },
@@ -60,6 +62,26 @@ pub enum ReadError {
 
 fn at_line(line: Option<u64>) -> String {
     line.map(|l| format!(", line {l}")).unwrap_or_default()
+}
+
+fn in_placement(name: &Option<String>) -> String {
+    name.as_ref().map(|n| format!(", placement `{n}`")).unwrap_or_default()
+}
+
+/// The last name given before a line and column of a text, or else the first one in it: a text with
+/// NaN in it is no JSON, but its user still wants to know where.
+fn name_near(text: &str, line: usize, column: usize) -> Option<String> {
+    let before: usize =
+        text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum::<usize>()
+            + column;
+    let value = |at: usize| {
+        let rest = text[at..].strip_prefix("\"name\"")?.trim_start().strip_prefix(':')?;
+        let name = rest.trim_start().strip_prefix('"')?.split('"').next()?;
+        Some(name.chars().take(64).collect())
+    };
+    let mut names = text.match_indices("\"name\"").map(|(at, _)| at).peekable();
+    let first = names.peek().copied();
+    names.take_while(|&at| at < before).last().or(first).and_then(value)
 }
 
 #[derive(Deserialize)]
@@ -96,8 +118,10 @@ impl PlacementReader {
         } else {
             let mut text = String::new();
             BufReader::new(file).read_to_string(&mut text).map_err(io)?;
-            let parsed: PlacementFile = serde_json::from_str(&text)
-                .map_err(|source| ReadError::Json { path: path.to_owned(), line: None, source })?;
+            let parsed: PlacementFile = serde_json::from_str(&text).map_err(|source| {
+                let near = name_near(&text, source.line(), source.column());
+                ReadError::Json { path: path.to_owned(), line: None, near, source }
+            })?;
             Source::Whole(parsed.placements.into_iter())
         };
         Ok(Self { path: path.to_owned(), source, names: HashSet::new() })
@@ -145,6 +169,7 @@ fn next_line(
             return Some(serde_json::from_slice(&bytes).map_err(|source| ReadError::Json {
                 path: path.to_owned(),
                 line: Some(*line),
+                near: name_near(&String::from_utf8_lossy(&bytes), source.line(), source.column()),
                 source,
             }));
         }

@@ -71,8 +71,7 @@ pub struct Placement {
 pub enum PlacementError {
     /// The name cannot become a file name.
     #[error(
-        "`{name}` is not a placement name: use 1 to {MAX_NAME} letters, digits, `.`, `_` or `-`, \
-         not only dots"
+        "`{name}` is not a placement name: use 1 to {MAX_NAME} letters, digits, `.`, `_` or `-`"
     )]
     BadName {
         /// As read.
@@ -117,11 +116,7 @@ impl Placement {
     pub fn validate(&self) -> Result<(), PlacementError> {
         let name = &self.name;
         let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
-        if name.is_empty()
-            || name.len() > MAX_NAME
-            || !name.chars().all(allowed)
-            || name.chars().all(|c| c == '.')
-        {
+        if name.is_empty() || name.len() > MAX_NAME || !name.chars().all(allowed) {
             return Err(PlacementError::BadName { name: name.clone() });
         }
         if self.lidars.is_empty() || self.lidars.len() > MAX_LIDARS {
