@@ -9,5 +9,6 @@ mod common;
 mod cover;
 mod gpu_cpu;
 mod hits;
+mod hostile;
 mod layers;
 mod main_job;
