@@ -10,5 +10,6 @@ mod cover;
 mod gpu_cpu;
 mod hits;
 mod hostile;
+mod invariants;
 mod layers;
 mod main_job;
