@@ -22,12 +22,15 @@ struct Triangle {
     pad0: u32,
     c: vec3<f32>,
     pad1: u32,
+    normal: vec3<f32>,
+    pad2: u32,
 }
 
 struct Ray {
     origin: vec3<f32>,
+    direction: vec3<f32>,
     inverse: vec3<f32>,
-    shear: vec3<f32>,
+    shear: vec2<f32>,
     major: u32,
 }
 
@@ -48,6 +51,11 @@ fn safe_inverse(d: f32) -> f32 {
     return 1.0 / d;
 }
 
+// Products added from left to right, which `dot` does not promise.
+fn dot_in_order(a: vec3<f32>, b: vec3<f32>) -> f32 {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
 // Moves the major axis to z, keeping the handedness.
 fn permute(v: vec3<f32>, major: u32) -> vec3<f32> {
     return select(select(v, v.zxy, major == 1u), v.yzx, major == 0u);
@@ -66,7 +74,7 @@ fn new_ray(origin: vec3<f32>, direction: vec3<f32>) -> Ray {
     let d = permute(direction, major);
     let inverse =
         vec3(safe_inverse(direction.x), safe_inverse(direction.y), safe_inverse(direction.z));
-    return Ray(origin, inverse, vec3(d.x / d.z, d.y / d.z, 1.0 / d.z), major);
+    return Ray(origin, direction, inverse, vec2(d.x / d.z, d.y / d.z), major);
 }
 
 // Where the ray is inside a box, clipped to t >= 0: (enter, leave).
@@ -83,9 +91,9 @@ fn intersect(ray: Ray, triangle: Triangle, best: Hit) -> Hit {
     let a = permute(triangle.a - ray.origin, ray.major);
     let b = permute(triangle.b - ray.origin, ray.major);
     let c = permute(triangle.c - ray.origin, ray.major);
-    let a2 = a.xy - ray.shear.xy * a.z;
-    let b2 = b.xy - ray.shear.xy * b.z;
-    let c2 = c.xy - ray.shear.xy * c.z;
+    let a2 = a.xy - ray.shear * a.z;
+    let b2 = b.xy - ray.shear * b.z;
+    let c2 = c.xy - ray.shear * c.z;
     let u = c2.x * b2.y - c2.y * b2.x;
     let v = a2.x * c2.y - a2.y * c2.x;
     let w = b2.x * a2.y - b2.y * a2.x;
@@ -96,7 +104,6 @@ fn intersect(ray: Ray, triangle: Triangle, best: Hit) -> Hit {
     if det == 0.0 {
         return best;
     }
-    let scaled = (u * a.z + v * b.z + w * c.z) * ray.shear.z;
     let low = min(min(triangle.a, triangle.b), triangle.c);
     let high = max(max(triangle.a, triangle.b), triangle.c);
     var inside = slab(ray, low, high);
@@ -106,7 +113,13 @@ fn intersect(ray: Ray, triangle: Triangle, best: Hit) -> Hit {
     if inside.x > inside.y {
         return best;
     }
-    let quotient = scaled / det;
+    // From the plane and not from u, v and w: in a long thin triangle these are small differences of
+    // large products, and their quotient is wrong by millimetres.
+    let towards = dot_in_order(triangle.normal, ray.direction);
+    if towards == 0.0 {
+        return best;
+    }
+    let quotient = dot_in_order(triangle.normal, triangle.a - ray.origin) / towards;
     if quotient <= 0.0 {
         return best;
     }

@@ -13,9 +13,11 @@
 //! | [`score`] | scores, guards and objectives from the sums |
 //! | [`optimize`] | CMA-ES: pure numbers, knows no GPU and no scene |
 //! | [`search`] | ask, evaluate, score, tell |
+//! | [`audit`] | trials against the metric itself |
 //! | [`verify`] | comparisons of backends bit by bit, and with `f64` |
 //! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
 
+pub mod audit;
 pub mod backend;
 pub mod bvh;
 pub mod geom;

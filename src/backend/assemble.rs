@@ -80,6 +80,12 @@ impl Problem {
                 scene: words(bounds.min, bounds.voxel, bounds.shape),
             });
         }
+        Ok(Self::on_grid_of(psog, scene, table, frames))
+    }
+
+    /// As [`Self::from_scene`], over the P-SOG's own grid, whatever the scene's region of interest is.
+    pub fn on_grid_of(psog: &Psog, scene: &Scene, table: BeamTable, frames: &[usize]) -> Self {
+        let roi = psog.roi();
         let content = Content::from_psog(psog, &psog_detection(scene, psog));
         let far = Self::far_range_of(roi, table.range());
         let frames = if scene.has_geometry() { frames } else { &[] };
@@ -88,7 +94,7 @@ impl Problem {
             .map(|&t| Arc::new(Bvh::build(&scene.frame(t, EgoBody::Include), far)))
             .collect();
         let ends_at_hits = matches!(scene.coverage(), Coverage::FirstHit);
-        Ok(Self::new(*roi, content, table, frames, ends_at_hits))
+        Self::new(*roi, content, table, frames, ends_at_hits)
     }
 }
 

@@ -35,10 +35,7 @@ impl Bvh {
         let largest = soup.vertices.iter().flatten().fold(0.0_f32, |m, &c| m.max(c.abs()));
         let pad = (largest + range) * PAD_SHARE;
         let source: Vec<Triangle> = (0..soup.faces.len() as u32)
-            .map(|prim| {
-                let [a, b, c] = soup.corners(prim);
-                Triangle { a, prim, b, pad0: 0, c, pad1: 0 }
-            })
+            .map(|prim| Triangle::new(soup.corners(prim), prim))
             .collect();
         let mut items: Vec<Item> = source
             .iter()

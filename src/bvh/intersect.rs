@@ -39,7 +39,8 @@ pub struct Ray {
     pub(super) inverse: Vec3,
     /// Axis of the largest component; the other two follow cyclically, swapped for a negative one.
     major: usize,
-    shear: Vec3,
+    /// x and y over z, in the permuted axes.
+    shear: [f32; 2],
 }
 
 impl Ray {
@@ -59,14 +60,7 @@ impl Ray {
             safe_inverse(direction.y),
             safe_inverse(direction.z),
         );
-        Self {
-            origin,
-            direction,
-            t_max,
-            inverse,
-            major,
-            shear: Vec3::new(d.x / d.z, d.y / d.z, 1.0 / d.z),
-        }
+        Self { origin, direction, t_max, inverse, major, shear: [d.x / d.z, d.y / d.z] }
     }
 
     /// Where the ray is inside a box, clipped to t ≥ 0: (enter, leave), empty when enter > leave.
@@ -82,14 +76,14 @@ impl Ray {
     ///
     /// Woop, Benthin, Wald: "Watertight ray/triangle intersection", JCGT 2013: the edge function of
     /// a shared edge is the same number for both neighbours but for its sign, so no ray passes
-    /// between them. Departure: the distance is clamped to the triangle's box (see the module).
+    /// between them. Departure: the distance comes from the triangle's plane, clamped to its box (see the module).
     pub(super) fn intersect(&self, triangle: &Triangle, pad: f32, best: &mut Hit) {
         let a = permute(Vec3::from(triangle.a) - self.origin, self.major);
         let b = permute(Vec3::from(triangle.b) - self.origin, self.major);
         let c = permute(Vec3::from(triangle.c) - self.origin, self.major);
-        let (ax, ay) = (a.x - self.shear.x * a.z, a.y - self.shear.y * a.z);
-        let (bx, by) = (b.x - self.shear.x * b.z, b.y - self.shear.y * b.z);
-        let (cx, cy) = (c.x - self.shear.x * c.z, c.y - self.shear.y * c.z);
+        let (ax, ay) = (a.x - self.shear[0] * a.z, a.y - self.shear[1] * a.z);
+        let (bx, by) = (b.x - self.shear[0] * b.z, b.y - self.shear[1] * b.z);
+        let (cx, cy) = (c.x - self.shear[0] * c.z, c.y - self.shear[1] * c.z);
         let u = cx * by - cy * bx;
         let v = ax * cy - ay * cx;
         let w = bx * ay - by * ax;
@@ -100,7 +94,6 @@ impl Ray {
         if det == 0.0 {
             return;
         }
-        let scaled = (u * a.z + v * b.z + w * c.z) * self.shear.z;
         let low = Vec3::from(triangle.a).min(triangle.b.into()).min(triangle.c.into());
         let high = Vec3::from(triangle.a).max(triangle.b.into()).max(triangle.c.into());
         // The bare box makes distances to axis-parallel faces exact, so that coplanar triangles tie;
@@ -112,7 +105,14 @@ impl Ray {
         if enter > leave {
             return;
         }
-        let quotient = scaled / det;
+        // From the plane and not from u, v and w: in a long thin triangle these are small differences
+        // of large products, and their quotient is wrong by millimetres.
+        let normal = Vec3::from(triangle.normal);
+        let towards = dot(normal, self.direction);
+        if towards == 0.0 {
+            return;
+        }
+        let quotient = dot(normal, Vec3::from(triangle.a) - self.origin) / towards;
         if quotient <= 0.0 {
             return;
         }
@@ -121,6 +121,11 @@ impl Ray {
             *best = Hit { t, prim: triangle.prim };
         }
     }
+}
+
+/// Products added from left to right, as the shader does.
+fn dot(a: Vec3, b: Vec3) -> f32 {
+    a.x * b.x + a.y * b.y + a.z * b.z
 }
 
 /// Moves the major axis to z, keeping the handedness.

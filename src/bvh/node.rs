@@ -1,4 +1,5 @@
 use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
 
 use crate::geom::Aabb;
 
@@ -19,7 +20,7 @@ pub struct Node {
     pub count: u32,
 }
 
-/// One triangle in leaf order, 48 bytes; corners as read, so that neighbours share exact edges.
+/// One triangle in leaf order, 64 bytes; corners as read, so that neighbours share exact edges.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Triangle {
@@ -35,6 +36,20 @@ pub struct Triangle {
     pub c: [f32; 3],
     /// Zero.
     pub pad1: u32,
+    /// Unit normal, computed in `f64` and rounded once; zero where the triangle has no area.
+    pub normal: [f32; 3],
+    /// Zero.
+    pub pad2: u32,
+}
+
+impl Triangle {
+    /// A triangle from its corners in metres and its index in the soup.
+    pub fn new([a, b, c]: [[f32; 3]; 3], prim: u32) -> Self {
+        let corner = |v: [f32; 3]| Vec3::from(v).as_dvec3();
+        let normal = (corner(b) - corner(a)).cross(corner(c) - corner(a)).normalize_or_zero();
+        let normal = normal.as_vec3().to_array();
+        Self { a, prim, b, pad0: 0, c, pad1: 0, normal, pad2: 0 }
+    }
 }
 
 /// Triangles of one frame under a flat binary tree; node 0 is the root.

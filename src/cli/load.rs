@@ -110,7 +110,8 @@ pub fn evaluator(
     Ok(Evaluator::new(problem, backend, constraints(scene.mount())))
 }
 
-fn open_backend(
+/// The backend asked for.
+pub fn open_backend(
     problem: &Arc<Problem>,
     budget: u64,
     compute: &Compute,
@@ -160,7 +161,8 @@ pub fn roi_of(scene: &Scene) -> Result<Roi, Error> {
     Ok(Roi::new(bounds.min, bounds.voxel, bounds.shape)?)
 }
 
-fn beam_table(lidar: &Lidar) -> Result<BeamTable, Error> {
+/// The scene's sensor as a beam table.
+pub fn beam_table(lidar: &Lidar) -> Result<BeamTable, Error> {
     Ok(match lidar {
         Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, range } => {
             let channels: Vec<(f64, f64)> =
@@ -173,7 +175,8 @@ fn beam_table(lidar: &Lidar) -> Result<BeamTable, Error> {
     })
 }
 
-fn constraints(mount: &Mount) -> Constraints {
+/// The mount's rules.
+pub fn constraints(mount: &Mount) -> Constraints {
     let angles = [mount.roll, mount.pitch, mount.yaw];
     let bound = |side: usize, corner: [f64; 3]| {
         let [x, y, z] = corner;

@@ -1,6 +1,7 @@
 //! Arguments and commands; one file a command.
 
 mod args;
+mod audit;
 mod cast;
 mod devices;
 mod error;
@@ -40,6 +41,8 @@ enum Command {
     Cast(cast::Args),
     /// Compare the GPU with the CPU reference bit by bit, and the reference with f64
     Verify(verify::Args),
+    /// Try to make the scores fail, and say which guard notices
+    Audit(audit::Args),
     /// Build, inspect and merge P-SOG files
     #[command(subcommand)]
     Psog(psog::Command),
@@ -54,6 +57,7 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Score(args) => score::run(&args),
         Command::Cast(args) => cast::run(&args),
         Command::Verify(args) => verify::run(&args),
+        Command::Audit(args) => audit::run(&args),
         Command::Psog(command) => psog::run(&command),
         Command::Devices(args) => devices::run(&args),
     }

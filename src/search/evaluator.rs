@@ -45,7 +45,19 @@ impl Evaluator {
     /// # Errors
     /// As [`Backend::tally`].
     pub fn scores(&mut self, placements: &[Placement]) -> Result<Vec<Scores>, BackendError> {
-        let range = self.problem.table().range();
+        self.scores_at(placements, self.problem.table().range())
+    }
+
+    /// As [`Self::scores`], with beams that end at `range` metres, as in fog; the guards still compare
+    /// with a layout that sees all.
+    ///
+    /// # Errors
+    /// As [`Backend::tally`].
+    pub fn scores_at(
+        &mut self,
+        placements: &[Placement],
+        range: f32,
+    ) -> Result<Vec<Scores>, BackendError> {
         for lidars in placements.iter().map(|p| p.lidars.len()) {
             if !self.references.contains_key(&lidars) {
                 let layout = reference_layout(&self.constraints, lidars);

@@ -152,7 +152,7 @@ mod tests {
             min => "min", first => "first", max => "max", count => "count",
         ]);
         same_layout!("cast_closest", Triangle, [
-            a => "a", prim => "prim", b => "b", pad0 => "pad0", c => "c", pad1 => "pad1",
+            a => "a", prim => "prim", b => "b", pad0 => "pad0", c => "c", pad1 => "pad1", normal => "normal", pad2 => "pad2",
         ]);
         let (fields, span) = layout("cast_closest", "DevicePose");
         let offsets: Vec<usize> = fields.iter().map(|f| f.1).collect();

@@ -1,0 +1,121 @@
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+
+use crate::placement::{MAX_LIDARS, Placement, SensorPose};
+use crate::score::Scores;
+
+/// What a trial found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// No score calls the useless better than the base.
+    NotFooled,
+    /// A score was fooled, and a guard says so.
+    Caught,
+    /// A score was fooled, and nothing says so.
+    Fooled,
+}
+
+/// One attempt to make the scores fail, beside an honest base placement.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Trial {
+    /// Short name.
+    pub name: String,
+    /// Scores of the attempt.
+    pub scores: Scores,
+    /// Names of the scores that rank the attempt above the base.
+    pub fooled: Vec<&'static str>,
+    /// What it comes to.
+    pub verdict: Verdict,
+}
+
+impl Trial {
+    /// Judges an attempt that is worse than `base` by construction.
+    pub fn new(name: &str, base: &Scores, scores: Scores) -> Self {
+        type Getter = fn(&Scores) -> Option<f64>;
+        let metrics: [(&'static str, Getter); 5] = [
+            ("m_sog", |s| s.segmentation.m_sog),
+            ("m_sog_scaled", |s| s.segmentation.m_sog_scaled),
+            ("information_gain", |s| s.segmentation.information_gain),
+            ("s_mig", |s| s.s_mig),
+            ("detection.m_sog_scaled", |s| s.detection.and_then(|d| d.m_sog_scaled)),
+        ];
+        let better = |of: &Getter| match (of(&scores), of(base)) {
+            (Some(attempt), Some(base)) => attempt > base,
+            _ => false,
+        };
+        let fooled: Vec<_> =
+            metrics.iter().filter(|(_, of)| better(of)).map(|(name, _)| *name).collect();
+        let verdict = match (fooled.is_empty(), scores.guards.is_empty()) {
+            (true, _) => Verdict::NotFooled,
+            (false, false) => Verdict::Caught,
+            (false, true) => Verdict::Fooled,
+        };
+        Self { name: name.to_owned(), scores, fooled, verdict }
+    }
+}
+
+/// Layouts that see little, or no more than fewer LiDARs would: (what, placement).
+pub fn gaming_placements(base: &Placement) -> Vec<(&'static str, Placement)> {
+    let each = |name: &str, change: &dyn Fn(usize, SensorPose) -> SensorPose| Placement {
+        name: name.to_owned(),
+        lidars: base.lidars.iter().enumerate().map(|(i, &pose)| change(i, pose)).collect(),
+    };
+    let spread = |i: usize| 0.15 * (i as f64 - 1.5);
+    let inside =
+        |i: usize, z: f64| SensorPose { x: spread(i), y: 0.0, z, roll: 0.0, pitch: 0.0, yaw: 0.0 };
+    let turned = |pose: SensorPose, roll: f64| SensorPose { roll, ..pose };
+    let mut useless = base.clone();
+    useless.name = "useless-sensor".to_owned();
+    if useless.lidars.len() < MAX_LIDARS {
+        useless.lidars.push(inside(0, 0.9));
+    }
+    vec![
+        ("all sensors to the sky", each("sky", &|_, pose| turned(pose, std::f64::consts::PI))),
+        ("all inside the cabin", each("cabin", &|i, _| inside(i, 0.9))),
+        ("under the car", each("under", &|i, _| inside(i, 0.1))),
+        ("all sensors in one pose", each("stacked", &|_, _| base.lidars[0])),
+        ("one useless sensor more", useless),
+    ]
+}
+
+/// The placement as a mechanic would mount it: each coordinate off by up to `metres`, each angle by up
+/// to `radians`, evenly.
+pub fn jittered(placement: &Placement, metres: f64, radians: f64, seed: u64) -> Placement {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut off = |by: f64| rng.random_range(-by..=by);
+    let lidars = placement.lidars.iter().map(|pose| SensorPose {
+        x: pose.x + off(metres),
+        y: pose.y + off(metres),
+        z: pose.z + off(metres),
+        roll: pose.roll + off(radians),
+        pitch: pose.pitch + off(radians),
+        yaw: pose.yaw + off(radians),
+    });
+    Placement { name: placement.name.clone(), lidars: lidars.collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backend::{Content, Tally};
+
+    fn scores(covered: u64, gain: u64, reference: Option<&Tally>) -> Scores {
+        let content = Content::new(vec!["a".into()], vec![], &[vec![]], false);
+        let tally = Tally { covered, entropy: [gain << 28, 0, 0], beams: 10, ..Tally::zero(1, 1) };
+        Scores::new("x", &tally, &content, 1, false, reference)
+    }
+
+    #[test]
+    fn a_score_that_likes_blindness_is_fooled_unless_a_guard_speaks() {
+        let base = scores(100, 50, None);
+        let seeing = Tally { entropy: [50 << 28, 0, 0], ..Tally::zero(1, 1) };
+        let blind = Trial::new("blind", &base, scores(100, 5, Some(&seeing)));
+        assert_eq!(blind.fooled, ["m_sog", "m_sog_scaled"]);
+        assert_eq!(blind.verdict, Verdict::Caught);
+        assert_eq!(Trial::new("blind", &base, scores(100, 5, None)).verdict, Verdict::Fooled);
+        let worse = Trial::new("worse", &base, scores(90, 49, None));
+        assert_eq!((worse.fooled.len(), worse.verdict), (0, Verdict::NotFooled));
+    }
+}

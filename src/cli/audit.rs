@@ -1,0 +1,325 @@
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use serde_json::{Value, json};
+use sightline::audit::{
+    Trial, Verdict, gaming_placements, jittered, kendall_tau, mean_height, spearman,
+};
+use sightline::backend::Problem;
+use sightline::grid::{Psog, Roi, scan_scene};
+use sightline::placement::{Placement, read_placements};
+use sightline::scene::{PsogSource, ScanSettings, Scene};
+use sightline::score::Scores;
+use sightline::search::Evaluator;
+
+use super::args::{Compute, Format, format_or_default};
+use super::error::Error;
+use super::{load, optimize, progress, table};
+
+/// Exit code of a check that failed.
+const FAILED: u8 = 1;
+/// Mountings that are drawn within the tolerance.
+const MOUNTINGS: u64 = 12;
+/// Mounting tolerance: a millimetre and a tenth of a degree.
+const TOLERANCE: (f64, f64) = (1e-3, 0.1 * std::f64::consts::PI / 180.0);
+/// Ranges in metres to which the visibility is cut.
+const VISIBILITIES: [f32; 3] = [10.0, 20.0, 40.0];
+
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  sightline audit scenes/highway.json")]
+pub struct Args {
+    /// Scene file
+    scene: PathBuf,
+    /// Honest placements; the first that gains most is the base [default: Table 7 of the paper]
+    placements: Option<PathBuf>,
+    /// Frames to average over, spread evenly over the scene
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..))]
+    frames: u32,
+    /// How to print [default: text on a terminal, else json]
+    #[arg(long, value_enum)]
+    format: Option<Format>,
+    #[command(flatten)]
+    compute: Compute,
+}
+
+/// Ranking of the honest placements under a change that should not matter, or matter little.
+struct Stability {
+    name: String,
+    /// Largest and median change of the objective, as a share of it.
+    worst: f64,
+    median: f64,
+    /// Kendall's τ with the unchanged ranking.
+    tau: Option<f64>,
+    /// Spearman of the changed ranking with mean height alone.
+    null: Option<f64>,
+}
+
+pub fn run(args: &Args) -> Result<ExitCode, Error> {
+    args.compute.start_threads()?;
+    let honest = match &args.placements {
+        Some(path) => read_placements(path)?,
+        None => optimize::table_7()?,
+    };
+    let mut loaded = load::scene(&args.scene, Some(args.frames), &args.compute)?;
+    let bar = progress::bar(4, "parts", args.compute.talk);
+    let scores = loaded.evaluator.scores(&honest)?;
+    let gain = |s: &Scores| s.segmentation.information_gain.unwrap_or(0.0);
+    let best = (0..honest.len())
+        .max_by(|&a, &b| gain(&scores[a]).total_cmp(&gain(&scores[b])).then(b.cmp(&a)))
+        .unwrap_or(0);
+    let (base, base_scores) = (&honest[best], &scores[best]);
+    bar.inc(1);
+
+    let mut trials = Vec::new();
+    for (name, placement) in gaming_placements(base) {
+        let scores = loaded.evaluator.scores(std::slice::from_ref(&placement))?.remove(0);
+        trials.push(Trial::new(name, base_scores, scores));
+    }
+    for metres in VISIBILITIES {
+        let scores = loaded.evaluator.scores_at(std::slice::from_ref(base), metres)?.remove(0);
+        trials.push(Trial::new(&format!("visibility cut to {metres} m"), base_scores, scores));
+    }
+    bar.inc(1);
+
+    let mut audit = Audit { honest: &honest, before: &scores, rows: Vec::new() };
+    for seed in 0..MOUNTINGS {
+        let mounted: Vec<Placement> =
+            honest.iter().map(|p| jittered(p, TOLERANCE.0, TOLERANCE.1, 1000 + seed)).collect();
+        audit.add("mounted within 1 mm and 0.1°", &loaded.evaluator.scores(&mounted)?);
+    }
+    audit.keep_worst("mounted within 1 mm and 0.1°");
+    let step = std::f64::consts::TAU / azimuth_steps(&loaded.scene);
+    let turned: Vec<Placement> = honest
+        .iter()
+        .map(|p| {
+            let mut p = p.clone();
+            p.lidars.iter_mut().for_each(|l| l.yaw += 0.5 * step);
+            p
+        })
+        .collect();
+    audit.add("azimuth phase by half a step", &loaded.evaluator.scores(&turned)?);
+    bar.inc(1);
+    for (name, psog, frames) in changed_worlds(&loaded.scene, &loaded.psog, args.frames)? {
+        let mut evaluator = audited(&loaded.scene, &psog, &frames, args)?;
+        audit.add(&name, &evaluator.scores(&honest)?);
+    }
+    bar.finish_and_clear();
+
+    let heights: Vec<f64> = honest.iter().map(mean_height).collect();
+    let objective = |all: &[Scores]| -> Vec<f64> { all.iter().map(value_of).collect() };
+    let null = spearman(&objective(&scores), &heights);
+    let passed = trials.iter().all(|t| t.verdict != Verdict::Fooled);
+    match format_or_default(args.format) {
+        Format::Json => println!(
+            "{}",
+            json!({
+                "scene": loaded.scene.name(),
+                "base": base_scores,
+                "trials": trials,
+                "stability": audit.rows.iter().map(Stability::json).collect::<Vec<_>>(),
+                "ranking_against_mean_height": null,
+                "passed": passed,
+            })
+        ),
+        Format::Text => print_text(&loaded.scene, base_scores, &trials, &audit.rows, null, passed),
+    }
+    Ok(if passed { ExitCode::SUCCESS } else { ExitCode::from(FAILED) })
+}
+
+fn value_of(scores: &Scores) -> f64 {
+    scores.segmentation.m_sog_scaled.unwrap_or(f64::NEG_INFINITY)
+}
+
+struct Audit<'a> {
+    honest: &'a [Placement],
+    before: &'a [Scores],
+    rows: Vec<Stability>,
+}
+
+impl Audit<'_> {
+    fn add(&mut self, name: &str, after: &[Scores]) {
+        let before: Vec<f64> = self.before.iter().map(value_of).collect();
+        let after: Vec<f64> = after.iter().map(value_of).collect();
+        let mut changes: Vec<f64> =
+            before.iter().zip(&after).map(|(b, a)| ((a - b) / b).abs()).collect();
+        changes.sort_by(f64::total_cmp);
+        let heights: Vec<f64> = self.honest.iter().map(mean_height).collect();
+        self.rows.push(Stability {
+            name: name.to_owned(),
+            worst: changes.last().copied().unwrap_or(0.0),
+            median: changes.get(changes.len() / 2).copied().unwrap_or(0.0),
+            tau: kendall_tau(&before, &after),
+            null: spearman(&after, &heights),
+        });
+    }
+
+    /// Joins several draws of one change: worst change, median of medians, lowest τ.
+    fn keep_worst(&mut self, name: &str) {
+        let (draws, mut rest): (Vec<_>, Vec<_>) =
+            self.rows.drain(..).partition(|row| row.name == name);
+        let mut medians: Vec<f64> = draws.iter().map(|d| d.median).collect();
+        medians.sort_by(f64::total_cmp);
+        let lowest = draws.iter().filter_map(|d| d.tau).min_by(f64::total_cmp);
+        rest.push(Stability {
+            name: name.to_owned(),
+            worst: draws.iter().map(|d| d.worst).fold(0.0, f64::max),
+            median: medians.get(medians.len() / 2).copied().unwrap_or(0.0),
+            tau: lowest,
+            null: draws.first().and_then(|d| d.null),
+        });
+        self.rows = rest;
+    }
+}
+
+impl Stability {
+    fn json(&self) -> Value {
+        json!({
+            "change": self.name,
+            "worst_relative_change": self.worst,
+            "median_relative_change": self.median,
+            "kendall_tau": self.tau,
+            "ranking_against_mean_height": self.null,
+        })
+    }
+}
+
+fn azimuth_steps(scene: &Scene) -> f64 {
+    match scene.lidar() {
+        sightline::scene::Lidar::Spinning { azimuth_steps, .. } => f64::from(*azimuth_steps),
+        sightline::scene::Lidar::Directions { directions, .. } => directions.len() as f64,
+    }
+}
+
+fn audited(scene: &Scene, psog: &Psog, frames: &[usize], args: &Args) -> Result<Evaluator, Error> {
+    let table = load::beam_table(scene.lidar())?;
+    let problem = Arc::new(Problem::on_grid_of(psog, scene, table, frames));
+    let quiet =
+        Compute { talk: super::args::Talk { quiet: true, verbose: false }, ..args.compute.clone() };
+    let backend = load::open_backend(&problem, quiet.memory_budget(), &quiet)?;
+    Ok(Evaluator::new(problem, backend, load::constraints(scene.mount())))
+}
+
+/// (change, P-SOG, frames): the same scene seen through another model of it.
+fn changed_worlds(
+    scene: &Scene,
+    psog: &Psog,
+    frames: u32,
+) -> Result<Vec<(String, Psog, Vec<usize>)>, Error> {
+    let all = load::spread(scene.frame_count(), Some(frames));
+    let half = load::spread(scene.frame_count(), Some(frames.div_ceil(2)));
+    let mut worlds = Vec::new();
+    if frames > 1 {
+        worlds.push(("frames halved".to_owned(), psog.clone(), half));
+    }
+    let mut largest: Vec<u64> = vec![0; psog.classes().len()];
+    for row in psog.rows() {
+        for (sum, &count) in largest.iter_mut().zip(row) {
+            *sum += u64::from(count);
+        }
+    }
+    let class = (0..largest.len()).max_by_key(|&c| largest[c]).unwrap_or(0);
+    let name = psog.classes()[class].clone();
+    worlds.push((
+        format!("class {name} absent"),
+        with_rows(psog, |row| row[class] = 0)?,
+        all.clone(),
+    ));
+    let tied = with_rows(psog, |row| {
+        // Half of the frames of the commonest class go to its neighbour.
+        let top = (0..row.len()).max_by_key(|&c| row[c]).unwrap_or(0);
+        let moved = row[top] / 2;
+        row[top] -= moved;
+        let next = (top + 1) % row.len();
+        row[next] += moved;
+    })?;
+    worlds.push(("votes tied between two classes".to_owned(), tied, all.clone()));
+    if scene.has_geometry() {
+        let settings = match scene.psog_source() {
+            PsogSource::Scan(settings) => *settings,
+            PsogSource::File(_) => ScanSettings::default_of(scene),
+        };
+        let bounds = scene.roi();
+        let (min, max, voxel) = (bounds.min, bounds.max, bounds.voxel);
+        let shifted = [0, 1, 2].map(|k| min[k] - 0.5 * voxel[k]);
+        let inner = |corner: [f64; 3]| [0.75 * corner[0], 0.75 * corner[1], corner[2]];
+        let rois = [
+            ("grid shifted by half a voxel", Roi::new(shifted, voxel, bounds.shape)?),
+            ("voxels twice as large", Roi::from_bounds(min, max, voxel.map(|v| 2.0 * v))?),
+            ("region of three quarters", Roi::from_bounds(inner(min), inner(max), voxel)?),
+        ];
+        for (name, roi) in rois {
+            let (psog, _) = scan_scene(scene, &roi, &settings, || {})?;
+            worlds.push((name.to_owned(), psog, all.clone()));
+        }
+    }
+    Ok(worlds)
+}
+
+fn with_rows(psog: &Psog, change: impl Fn(&mut [u16])) -> Result<Psog, Error> {
+    let mut counts = psog.counts().to_vec();
+    counts.chunks_mut(psog.classes().len()).for_each(change);
+    let (roi, frames) = (*psog.roi(), psog.frames());
+    Ok(Psog::new(roi, frames, psog.classes().to_vec(), psog.index().to_vec(), counts)?)
+}
+
+fn print_text(
+    scene: &Scene,
+    base: &Scores,
+    trials: &[Trial],
+    stability: &[Stability],
+    null: Option<f64>,
+    passed: bool,
+) {
+    println!("{}: attempts to look better than {} while seeing less", scene.name(), base.name);
+    let titles = ["attempt", "M-SOG", "M-SOG/N ×1e-6", "gain nats", "verdict", "fooled", "guards"];
+    let mut rows = vec![titles.map(str::to_owned).to_vec()];
+    let number = |v: Option<f64>, factor: f64, decimals: usize| {
+        v.map_or("–".into(), |v| format!("{:.decimals$}", v * factor))
+    };
+    let cells = |name: &str, s: &Scores| {
+        vec![
+            name.to_owned(),
+            number(s.segmentation.m_sog, 1.0, 4),
+            number(s.segmentation.m_sog_scaled, 1e6, 3),
+            number(s.segmentation.information_gain, 1.0, 0),
+        ]
+    };
+    rows.push(cells(&base.name, base));
+    for trial in trials {
+        let mut row = cells(&trial.name, &trial.scores);
+        row.push(
+            match trial.verdict {
+                Verdict::NotFooled => "not fooled",
+                Verdict::Caught => "caught",
+                Verdict::Fooled => "FOOLED",
+            }
+            .to_owned(),
+        );
+        row.push(trial.fooled.join(", "));
+        let guards = trial.scores.guards.iter().map(ToString::to_string);
+        let mut names: Vec<_> =
+            guards.filter_map(|g| g.split(':').next().map(str::to_owned)).collect();
+        names.dedup();
+        row.push(names.join(", "));
+        rows.push(row);
+    }
+    print!("{}", table::align(&rows));
+    println!("\nm_sog_scaled of the honest placements under changes of the model");
+    let titles =
+        ["change", "median change %", "worst change %", "Kendall τ", "Spearman with mean height"];
+    let mut rows = vec![titles.map(str::to_owned).to_vec()];
+    let two = |v: Option<f64>| v.map_or("–".into(), |v| format!("{v:.2}"));
+    rows.push(vec!["none".into(), String::new(), String::new(), String::new(), two(null)]);
+    rows.extend(stability.iter().map(|row| {
+        vec![
+            row.name.clone(),
+            format!("{:.2}", 100.0 * row.median),
+            format!("{:.2}", 100.0 * row.worst),
+            two(row.tau),
+            two(row.null),
+        ]
+    }));
+    print!("{}", table::align(&rows));
+    println!("{}", if passed { "\npassed" } else { "\nFAILED: a score was fooled unnoticed" });
+}
