@@ -248,3 +248,33 @@ fn verify_passes_on_a_room_and_says_what_it_compared() {
     assert_eq!(answer["cpu_against_f64"]["beams"], 3000);
     assert_eq!(answer["cpu_against_f64"]["unexplained"], 0);
 }
+
+#[test]
+fn audit_catches_what_games_the_scores() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let placements = json!({ "placements": [
+        { "name": "a", "lidars": [{ "x": 0.5, "y": 0.5, "z": 1.6 }, { "x": -0.5, "y": -0.5, "z": 1.6, "roll": 0.2 }] },
+        { "name": "b", "lidars": [{ "x": 0.2, "y": 0.1, "z": 1.3 }, { "x": -0.2, "y": -0.5, "z": 1.8, "roll": 0.1 }] },
+        { "name": "c", "lidars": [{ "x": 0.0, "y": 0.3, "z": 1.4 }, { "x": 0.0, "y": -0.3, "z": 1.5 }] },
+    ]});
+    fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
+    let output = sightline(dir.path(), &["audit", "room.json", "p.json", "--format", "json"]);
+    let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let passed = answer["passed"].as_bool().unwrap();
+    assert_eq!(output.status.code(), Some(i32::from(!passed)), "{answer}");
+    let trials = answer["trials"].as_array().unwrap();
+    assert_eq!(trials.len(), 8);
+    let named = |name: &str| trials.iter().find(|t| t["name"] == name).unwrap();
+    let guards = |name: &str| named(name)["scores"]["guards"].to_string();
+    assert!(guards("all sensors in one pose").contains("redundant_lidar"));
+    assert!(guards("one useless sensor more").contains("redundant_lidar"));
+    // In a room of 8 m nothing is beyond 20 m.
+    assert!(!guards("visibility cut to 20 m").contains("short_sight"));
+    let changes = answer["stability"].as_array().unwrap();
+    assert_eq!(changes.len(), 8, "{changes:?}");
+    for change in changes {
+        assert!(change["worst_relative_change"].as_f64().unwrap() >= 0.0);
+        assert!(change.get("ranking_against_mean_height").is_some());
+    }
+}

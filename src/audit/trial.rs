@@ -5,11 +5,14 @@ use serde::Serialize;
 use crate::placement::{MAX_LIDARS, Placement, SensorPose};
 use crate::score::Scores;
 
+/// An attempt that loses less than this share of the information has done no harm.
+const HARMLESS: f64 = 0.01;
+
 /// What a trial found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// No score calls the useless better than the base.
+    /// No score calls the attempt better than the base, or it sees as much.
     NotFooled,
     /// A score was fooled, and a guard says so.
     Caught,
@@ -47,9 +50,12 @@ impl Trial {
         };
         let fooled: Vec<_> =
             metrics.iter().filter(|(_, of)| better(of)).map(|(name, _)| *name).collect();
+        let gain = |s: &Scores| s.segmentation.information_gain.unwrap_or(0.0);
+        let harmless = gain(&scores) >= (1.0 - HARMLESS) * gain(base);
         let verdict = match (fooled.is_empty(), scores.guards.is_empty()) {
             (true, _) => Verdict::NotFooled,
             (false, false) => Verdict::Caught,
+            (false, true) if harmless => Verdict::NotFooled,
             (false, true) => Verdict::Fooled,
         };
         Self { name: name.to_owned(), scores, fooled, verdict }

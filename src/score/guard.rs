@@ -11,6 +11,8 @@ const LEAST_HITS: f64 = 0.5;
 const LEAST_OF_CLASS: f64 = 0.1;
 /// Classes of fewer covered voxels a frame in the reference layout are left to chance.
 const COUNTABLE_VOXELS: f64 = 20.0;
+/// A placement that loses more than this share of its information to its sensors' range.
+const MOST_OUT_OF_RANGE: f64 = 0.01;
 /// A LiDAR that alone gains less than this share of the information is redundant.
 const LEAST_UNIQUE: f64 = 0.01;
 
@@ -41,6 +43,11 @@ pub enum Guard {
         class: String,
         /// Share of the voxels that the reference layout covers.
         share: f64,
+    },
+    /// Information lies beyond the range of the sensors, or of the visibility.
+    ShortSight {
+        /// Share of the information that the same poses would gain without a limit of range.
+        lost: f64,
     },
     /// A LiDAR that could be left out.
     RedundantLidar {
@@ -75,6 +82,13 @@ impl std::fmt::Display for Guard {
                 "class_unseen: covers {:.1} % of the {class} voxels that the reference layout \
                  covers",
                 100.0 * share
+            ),
+            Self::ShortSight { lost } => write!(
+                f,
+                "short_sight: misses {:.1} % of the information because of its range, more than \
+                 {:.0} %",
+                100.0 * lost,
+                100.0 * MOST_OUT_OF_RANGE
             ),
             Self::RedundantLidar { lidar, share } => write!(
                 f,
@@ -120,6 +134,14 @@ pub fn reference_layout(constraints: &Constraints, lidars: usize) -> Placement {
         }
     });
     Placement { name: format!("reference-{lidars}"), lidars: poses.collect() }
+}
+
+/// The guard that a placement violates when its range hides information: `unlimited` is its tally
+/// with beams that reach every voxel.
+pub fn short_sight(tally: &Tally, unlimited: &Tally) -> Option<Guard> {
+    let lost = 1.0 - tally.entropy[0] as f64 / unlimited.entropy[0] as f64;
+    (unlimited.entropy[0] > 0 && tally.covered > 0 && lost > MOST_OUT_OF_RANGE)
+        .then_some(Guard::ShortSight { lost })
 }
 
 /// Every guard that a tally over `frames` frames violates.
@@ -228,6 +250,10 @@ mod tests {
         let stacked = Tally { unique: vec![100, 9], ..good.clone() };
         assert_eq!(guards(&stacked), [Guard::RedundantLidar { lidar: 1, share: 0.009 }]);
         assert_eq!(guards(&Tally::zero(2, 2)), [Guard::CoversNothing]);
+        let far = Tally { entropy: [1100, 0, 0], ..good.clone() };
+        assert_eq!(short_sight(&good, &good), None);
+        let Some(Guard::ShortSight { lost }) = short_sight(&good, &far) else { panic!() };
+        assert!((lost - 100.0 / 1100.0).abs() < 1e-12);
         // The redundancy of a single LiDAR means nothing.
         let single = Tally { unique: vec![0], ..good.clone() };
         assert_eq!(guards(&single), []);

@@ -11,7 +11,7 @@ use serde::{Serialize, Serializer};
 use crate::backend::{Content, Tally};
 use crate::grid::to_nats;
 
-pub use guard::{Guard, guards_of, reference_layout};
+pub use guard::{Guard, guards_of, reference_layout, short_sight};
 pub use objective::{Objective, ObjectiveError};
 
 /// Scores of one task: how the classes are told apart decides what a voxel's entropy is.

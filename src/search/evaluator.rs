@@ -1,9 +1,11 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use crate::backend::{Backend, BackendError, Problem, Tally};
 use crate::placement::{Constraints, Placement};
-use crate::score::{Scores, reference_layout};
+use crate::score::{Scores, reference_layout, short_sight};
 
 /// Scores placements on one backend.
 pub struct Evaluator {
@@ -68,16 +70,44 @@ impl Evaluator {
             }
         }
         let tallies = self.backend.tally(placements, range)?;
-        let scores = placements.iter().zip(&tallies).map(|(placement, tally)| {
-            Scores::new(
-                &placement.name,
-                tally,
-                self.problem.content(),
-                self.problem.frame_count(),
-                self.problem.ends_at_hits(),
-                self.references.get(&placement.lidars.len()),
-            )
-        });
+        let unlimited = self.unlimited_tallies(placements, range)?;
+        let scores =
+            placements.iter().zip(&tallies).enumerate().map(|(index, (placement, tally))| {
+                let mut scores = Scores::new(
+                    &placement.name,
+                    tally,
+                    self.problem.content(),
+                    self.problem.frame_count(),
+                    self.problem.ends_at_hits(),
+                    self.references.get(&placement.lidars.len()),
+                );
+                let unlimited = unlimited.get(&index);
+                scores.guards.extend(unlimited.and_then(|far| short_sight(tally, far)));
+                scores
+            });
         Ok(scores.collect())
+    }
+
+    /// Tallies without a limit of range of those placements that have voxels beyond it, by index.
+    fn unlimited_tallies(
+        &mut self,
+        placements: &[Placement],
+        range: f32,
+    ) -> Result<BTreeMap<usize, Tally>, BackendError> {
+        let roi = self.problem.roi();
+        let (min, max) = (DVec3::from(roi.min()), DVec3::from(roi.max()));
+        let farthest = |p: &Placement| {
+            let reach = p.lidars.iter().map(|l| {
+                let position = l.position();
+                (position - min).abs().max((position - max).abs()).length()
+            });
+            reach.fold(0.0, f64::max)
+        };
+        let limited: Vec<usize> = (0..placements.len())
+            .filter(|&index| farthest(&placements[index]) > f64::from(range))
+            .collect();
+        let chosen: Vec<Placement> = limited.iter().map(|&i| placements[i].clone()).collect();
+        let tallies = self.backend.tally(&chosen, self.problem.far_range())?;
+        Ok(limited.into_iter().zip(tallies).collect())
     }
 }
