@@ -93,8 +93,8 @@ impl InformationMap {
              width=\"{width:.0}\" height=\"{:.0}\" role=\"img\" font-family=\"system-ui,sans-serif\" \
              font-size=\"13\" fill=\"#1b2a3a\"><title>Information gained, seen from above</title>\
              <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n",
-            height + 34.0,
-            height + 34.0
+            height + 50.0,
+            height + 50.0
         );
         for ((information, share), path) in runs {
             let _ = writeln!(
@@ -127,8 +127,8 @@ impl InformationMap {
         }
         let _ = writeln!(
             svg,
-            "<text x=\"{width:.0}\" y=\"12\" text-anchor=\"end\">darker: more nats a column; {:.0} m \
-             across, forward is right</text></g></svg>",
+            "<text x=\"0\" y=\"34\">the darker, the more nats a column; {:.0} m across, forward is \
+             right, LiDARs in blue</text></g></svg>",
             self.size[0]
         );
         svg
