@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Top to bottom.
-const ORDER: [&str; 10] = [
+const ORDER: [&str; 12] = [
     "geom",
     "scene",
     "bvh",
@@ -14,6 +14,8 @@ const ORDER: [&str; 10] = [
     "score",
     "optimize",
     "search",
+    "audit",
+    "verify",
     "report",
 ];
 
