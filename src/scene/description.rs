@@ -51,6 +51,7 @@ pub(crate) struct ScanDescription {
     pub channels: Option<u64>,
     pub fov: Option<[f64; 2]>,
     pub azimuth_steps: Option<u64>,
+    pub spacing: Option<f64>,
     pub range: Option<f64>,
     pub height: Option<f64>,
     pub window: Option<u64>,

@@ -156,18 +156,23 @@ impl Coverage {
     }
 }
 
-/// Channels, field of view (degrees), azimuth steps, window and stride of a scan that says nothing.
-const DEFAULT_SCAN: (u32, [f64; 2], u32, u32, u32) = (64, [-50.0, 20.0], 720, 5, 1);
+/// Field of view (degrees), window and stride of a scan that says nothing.
+const DEFAULT_SCAN: ([f64; 2], u32, u32) = ([-50.0, 20.0], 5, 1);
 
 /// Settings of the dense virtual scans from which a P-SOG is built.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScanSettings {
-    /// Elevation channels, evenly spaced.
-    pub channels: u32,
+    /// Elevation channels, evenly spaced; `None` spaces them so that their rings on level ground lie
+    /// [`Self::spacing`] apart as far as the ROI reaches.
+    pub channels: Option<u32>,
     /// Lowest and highest elevation, degrees.
     pub fov: [f64; 2],
-    /// Azimuth steps a turn.
-    pub azimuth_steps: u32,
+    /// Azimuth steps a turn; `None` takes as many as keep points [`Self::spacing`] apart as far as the
+    /// ROI reaches.
+    pub azimuth_steps: Option<u32>,
+    /// Distance of neighbouring points in metres, where it decides; `None` is 1.5 of the
+    /// larger horizontal edge of a voxel.
+    pub spacing: Option<f64>,
     /// Range in metres.
     pub range: f64,
     /// Height of the scanner in the ego frame, metres.
@@ -182,13 +187,14 @@ impl ScanSettings {
     /// The settings of a scene that says nothing about scans.
     pub fn default_of(scene: &super::Scene) -> Self {
         Self {
-            channels: DEFAULT_SCAN.0,
-            fov: DEFAULT_SCAN.1,
-            azimuth_steps: DEFAULT_SCAN.2,
+            channels: None,
+            fov: DEFAULT_SCAN.0,
+            azimuth_steps: None,
+            spacing: None,
             range: scene.lidar().range(),
             height: scene.mount().max[2],
-            window: DEFAULT_SCAN.3,
-            stride: DEFAULT_SCAN.4,
+            window: DEFAULT_SCAN.1,
+            stride: DEFAULT_SCAN.2,
         }
     }
 
@@ -198,22 +204,19 @@ impl ScanSettings {
         lidar_range: f64,
         mount: &Mount,
     ) -> Result<Self, SceneError> {
-        let count = |key, value: Option<u64>, default, hi| {
-            check::count(&at.key(key), value.unwrap_or(default), 1, hi)
+        let count = |key, value: Option<u64>, hi| {
+            value.map(|value| check::count(&at.key(key), value, 1, hi)).transpose()
         };
+        let spacing = scan.spacing.map(|s| check::length(&at.key("spacing"), s)).transpose()?;
         Ok(Self {
-            channels: count("channels", scan.channels, u64::from(DEFAULT_SCAN.0), 1024)?,
-            fov: check::fov(&at.key("fov"), scan.fov.unwrap_or(DEFAULT_SCAN.1))?,
-            azimuth_steps: count(
-                "azimuth_steps",
-                scan.azimuth_steps,
-                u64::from(DEFAULT_SCAN.2),
-                100_000,
-            )?,
+            channels: count("channels", scan.channels, 1024)?,
+            fov: check::fov(&at.key("fov"), scan.fov.unwrap_or(DEFAULT_SCAN.0))?,
+            azimuth_steps: count("azimuth_steps", scan.azimuth_steps, 100_000)?,
+            spacing,
             range: check::range(&at.key("range"), scan.range.unwrap_or(lidar_range))?,
             height: check::metres(&at.key("height"), scan.height.unwrap_or(mount.max[2]))?,
-            window: count("window", scan.window, u64::from(DEFAULT_SCAN.3), 1000)?,
-            stride: count("stride", scan.stride, u64::from(DEFAULT_SCAN.4), 10_000)?,
+            window: count("window", scan.window, 1000)?.unwrap_or(DEFAULT_SCAN.1),
+            stride: count("stride", scan.stride, 10_000)?.unwrap_or(DEFAULT_SCAN.2),
         })
     }
 }

@@ -63,7 +63,7 @@ fn the_full_form_has_its_defaults() {
     let scene = read(&full(BOX, "")).unwrap();
     assert_eq!(scene.coverage(), Coverage::FirstHit);
     let PsogSource::Scan(scan) = scene.psog_source() else { panic!() };
-    assert_eq!((scan.channels, scan.fov, scan.azimuth_steps), (64, [-50.0, 20.0], 720));
+    assert_eq!((scan.channels, scan.fov, scan.azimuth_steps), (None, [-50.0, 20.0], None));
     assert_eq!((scan.range, scan.height, scan.window, scan.stride), (100.0, 2.8, 5, 1));
     let soup = scene.frame(0, EgoBody::Include);
     assert_eq!((soup.vertices.len(), soup.faces.len()), (8, 12));
