@@ -10,6 +10,7 @@
 //! | [`grid`] | region of interest, voxels, P-SOG, entropy |
 //! | [`placement`] | beam tables, sensor poses, mount and constraints |
 //! | [`backend`] | casting, coverage and integer sums on the CPU and on the GPU |
+//! | [`atlas`] | coverage of sensor poses on a grid, cast once and kept |
 //! | [`score`] | scores, guards and objectives from the sums |
 //! | [`optimize`] | CMA-ES: pure numbers, knows no GPU and no scene |
 //! | [`search`] | ask, evaluate, score, tell |
@@ -17,6 +18,7 @@
 //! | [`verify`] | comparisons of backends bit by bit, and with `f64` |
 //! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
 
+pub mod atlas;
 pub mod audit;
 pub mod backend;
 pub mod bvh;

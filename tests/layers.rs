@@ -4,13 +4,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Top to bottom.
-const ORDER: [&str; 12] = [
+const ORDER: [&str; 13] = [
     "geom",
     "scene",
     "bvh",
     "grid",
     "placement",
     "backend",
+    "atlas",
     "score",
     "optimize",
     "search",

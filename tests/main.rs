@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod atlas;
 mod cli;
 mod cli_errors;
 mod cli_optimize;

@@ -28,7 +28,7 @@ pub use problem::{Content, Problem, ProblemError};
 pub use tally::{StageTimes, Tally};
 
 use crate::bvh::Hit;
-use crate::placement::Placement;
+use crate::placement::{Placement, SensorPose};
 
 /// Why a batch could not be evaluated.
 #[derive(Debug, thiserror::Error)]
@@ -104,6 +104,15 @@ pub trait Backend: Send {
     /// # Errors
     /// As [`Self::hits`].
     fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError>;
+
+    /// Bitmaps of the voxels that each sensor pose covers in one frame, pose after pose.
+    ///
+    /// Bit b of word w of a bitmap is the voxel of linear index 64 w + b; a bitmap has
+    /// ⌈voxels / 64⌉ words.
+    ///
+    /// # Errors
+    /// As [`Self::hits`].
+    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError>;
 
     /// Wall time spent in each stage since the backend was made.
     fn times(&self) -> StageTimes;

@@ -2,10 +2,12 @@
 
 mod constraints;
 mod file;
+mod grid;
 mod pose;
 mod sensor;
 
 pub use constraints::{Constraints, Violation};
 pub use file::{PlacementReader, ReadError, read_placements};
+pub use grid::{PoseGrid, PoseGridError, Spacing};
 pub use pose::{MAX_LIDARS, Placement, PlacementError, SensorPose};
 pub use sensor::{BeamTable, SensorError};

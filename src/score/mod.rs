@@ -102,22 +102,16 @@ impl Scores {
         reference: Option<&Tally>,
     ) -> Self {
         let mean = |sum: u64| sum as f64 / frames as f64;
-        let covered = mean(tally.covered);
-        let nonzero = mean(tally.covered_nonzero);
-        let task = |kind: usize| {
-            let total = to_nats(content.entropy_total()[kind]);
-            task_scores(to_nats(tally.entropy[kind]) / frames as f64, total, covered, nonzero)
-        };
-        let segmentation = task(0);
+        let Tasks { segmentation, detection, s_mig } = Tasks::new(tally, content, frames);
         let gained = tally.entropy[0];
         let unique = tally.unique.iter();
         Self {
             name: name.to_owned(),
             segmentation,
-            s_mig: (tally.covered > 0).then(|| -to_nats(tally.entropy[2]) / frames as f64),
+            s_mig,
             entropy_sum: segmentation.information_gain,
-            covered,
-            covered_nonzero: nonzero,
+            covered: mean(tally.covered),
+            covered_nonzero: mean(tally.covered_nonzero),
             covered_by_class: content
                 .classes()
                 .iter()
@@ -126,11 +120,35 @@ impl Scores {
                 .collect(),
             beams: tally.beams / frames as u64,
             hit_share: has_hits.then(|| tally.hits as f64 / tally.beams as f64),
-            detection: content.has_detection().then(|| task(1)),
+            detection,
             unique_share: unique
                 .map(|&u| if gained == 0 { 0.0 } else { u as f64 / gained as f64 })
                 .collect(),
             guards: guards_of(tally, content, has_hits, frames, reference),
+        }
+    }
+}
+
+/// The scores that an objective is made of.
+#[derive(Debug, Clone, Copy)]
+struct Tasks {
+    segmentation: TaskScores,
+    detection: Option<TaskScores>,
+    s_mig: Option<f64>,
+}
+
+impl Tasks {
+    fn new(tally: &Tally, content: &Content, frames: usize) -> Self {
+        let mean = |sum: u64| sum as f64 / frames as f64;
+        let gain = |kind: usize| to_nats(tally.entropy[kind]) / frames as f64;
+        let task = |kind: usize| {
+            let total = to_nats(content.entropy_total()[kind]);
+            task_scores(gain(kind), total, mean(tally.covered), mean(tally.covered_nonzero))
+        };
+        Self {
+            segmentation: task(0),
+            detection: content.has_detection().then(|| task(1)),
+            s_mig: (tally.covered > 0).then(|| -gain(2)),
         }
     }
 }

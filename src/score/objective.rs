@@ -1,15 +1,18 @@
 use std::str::FromStr;
 
-use super::{Scores, TaskScores};
+use super::{Scores, TaskScores, Tasks};
+use crate::backend::{Content, Tally};
 
 /// One score by name, of segmentation or of detection.
 #[derive(Debug, Clone, Copy)]
 struct Metric {
+    name: &'static str,
     detection: bool,
     of: Getter,
 }
 
-type Getter = fn(&Scores, &TaskScores) -> Option<f64>;
+/// From `s_mig` and the scores of the task.
+type Getter = fn(Option<f64>, &TaskScores) -> Option<f64>;
 
 /// Every score that a search may maximize; all are "larger is better".
 const METRICS: [(&str, Getter); 7] = [
@@ -19,7 +22,7 @@ const METRICS: [(&str, Getter); 7] = [
     ("m_sog_nonzero", |_, task| task.m_sog_nonzero),
     ("information_gain", |_, task| task.information_gain),
     ("information_gain_share", |_, task| task.information_gain_share),
-    ("s_mig", |scores, _| scores.s_mig),
+    ("s_mig", |s_mig, _| s_mig),
 ];
 
 const DETECTION: &str = "detection.";
@@ -77,7 +80,7 @@ fn term(text: &str) -> Result<(f64, Metric), ObjectiveError> {
     let bare = name.strip_prefix(DETECTION).unwrap_or(name);
     let detection = bare.len() < name.len();
     match METRICS.iter().find(|(metric, _)| *metric == bare) {
-        Some(&(_, of)) => Ok((weight, Metric { detection, of })),
+        Some(&(name, of)) => Ok((weight, Metric { name, detection, of })),
         None => {
             let distance = |metric: &str| strsim::damerau_levenshtein(metric, bare);
             let nearest = METRICS.iter().map(|m| m.0).min_by_key(|m| distance(m));
@@ -99,10 +102,39 @@ impl std::fmt::Display for Objective {
 impl Objective {
     /// The objective's value; `None` where a score it needs does not exist.
     pub fn value(&self, scores: &Scores) -> Option<f64> {
+        let Scores { segmentation, detection, s_mig, .. } = *scores;
+        self.value_of(&Tasks { segmentation, detection, s_mig })
+    }
+
+    /// The value of a placement of which only the sums over covered voxels are known: the same number
+    /// as from its scores, without its guards.
+    pub fn value_of_tally(&self, tally: &Tally, content: &Content, frames: usize) -> Option<f64> {
+        self.value_of(&Tasks::new(tally, content, frames))
+    }
+
+    fn value_of(&self, tasks: &Tasks) -> Option<f64> {
         self.terms.iter().try_fold(0.0, |sum, (weight, metric)| {
-            let task = if metric.detection { scores.detection? } else { scores.segmentation };
-            Some(sum + weight * (metric.of)(scores, &task)?)
+            let task = if metric.detection { tasks.detection? } else { tasks.segmentation };
+            Some(sum + weight * (metric.of)(tasks.s_mig, &task)?)
         })
+    }
+
+    /// Whether the count of all covered voxels matters, empty ones too.
+    pub fn counts_all_covered(&self) -> bool {
+        let few =
+            Tally { covered: 1, covered_nonzero: 1, entropy: [1 << 28; 3], ..Tally::default() };
+        let many = Tally { covered: 2, ..few.clone() };
+        let content = Content::new(Vec::new(), Vec::new(), &[], true);
+        let value = |tally| self.value_of_tally(tally, &content, 1);
+        value(&few) != value(&many)
+    }
+
+    /// Whether the objective grows with the information gain and nothing else: a positive multiple of
+    /// a sum over covered voxels, monotone and submodular in the set of sensors.
+    pub fn is_information_gain(&self) -> bool {
+        const GAINS: [&str; 2] = ["information_gain", "information_gain_share"];
+        let gain = |metric: &Metric| GAINS.contains(&metric.name);
+        self.terms.iter().all(|(weight, metric)| *weight > 0.0 && gain(metric))
     }
 
     /// Whether a detection target is needed.
@@ -129,10 +161,33 @@ mod tests {
             beams: 100,
         };
         let scores = Scores::new("x", &tally, &content, 1, false, None);
-        let value = |text: &str| text.parse::<Objective>().unwrap().value(&scores).unwrap();
+        let value = |text: &str| {
+            let objective: Objective = text.parse().unwrap();
+            let value = objective.value(&scores).unwrap();
+            assert_eq!(objective.value_of_tally(&tally, &content, 1), Some(value));
+            value
+        };
         assert_eq!(value("m_sog"), -4.0);
         assert_eq!(value("detection.m_sog"), -2.0);
         assert_eq!(value("0.5*m_sog + 2 * detection.m_sog_scaled"), -2.0 - 0.4);
+    }
+
+    #[test]
+    fn what_an_objective_needs() {
+        let objective = |text: &str| text.parse::<Objective>().unwrap();
+        for (text, all_covered, gain) in [
+            ("m_sog_scaled", true, false),
+            ("detection.m_sog", true, false),
+            ("m_sog_nonzero", false, false),
+            ("s_mig", false, false),
+            ("information_gain", false, true),
+            ("0.5*information_gain_share + 2*detection.information_gain", false, true),
+            ("-1*information_gain", false, false),
+            ("information_gain + m_sog", true, false),
+        ] {
+            assert_eq!(objective(text).counts_all_covered(), all_covered, "{text}");
+            assert_eq!(objective(text).is_information_gain(), gain, "{text}");
+        }
     }
 
     #[test]

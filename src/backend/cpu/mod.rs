@@ -12,7 +12,7 @@ use super::{
     Backend, BackendError, Chunk, ChunkLimits, DevicePose, Problem, StageTimes, Tally, split,
 };
 use crate::bvh::Hit;
-use crate::placement::Placement;
+use crate::placement::{Placement, SensorPose};
 
 pub use beam::beam_direction;
 pub use cast::cast_closest;
@@ -133,6 +133,18 @@ impl Backend for CpuBackend {
         self.cover_frame(&self.poses(placements), frame, range, &mut bitmaps);
         let words = bitmap_words(self.problem.roi());
         Ok(set_bits(|w| bitmaps[w..].iter().step_by(words).fold(0, |or, x| or | x), words))
+    }
+
+    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError> {
+        let frames = self.problem.frame_count();
+        if frame >= frames {
+            return Err(BackendError::NoFrame { frame, frames });
+        }
+        let roi = self.problem.roi();
+        let poses: Vec<DevicePose> = poses.iter().map(|pose| DevicePose::new(pose, roi)).collect();
+        let mut bitmaps = Vec::new();
+        self.cover_frame(&poses, frame, self.problem.table().range(), &mut bitmaps);
+        Ok(bitmaps)
     }
 
     fn times(&self) -> StageTimes {

@@ -14,7 +14,7 @@ use super::{
     Backend, BackendError, Chunk, ChunkLimits, DevicePose, Problem, StageTimes, Tally, split,
 };
 use crate::bvh::Hit;
-use crate::placement::Placement;
+use crate::placement::{Placement, SensorPose};
 use device::Device;
 use kernels::Kernels;
 use resources::{ChunkBuffers, SceneBuffers};
@@ -172,6 +172,25 @@ impl Backend for GpuBackend {
         run.cast(frame, range)?;
         run.cover(frame, range)?;
         run.read_covered()
+    }
+
+    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError> {
+        let frames = self.problem.frame_count();
+        if frame >= frames {
+            return Err(BackendError::NoFrame { frame, frames });
+        }
+        let single = |pose: &SensorPose| Placement { name: String::new(), lidars: vec![*pose] };
+        let placements: Vec<Placement> = poses.iter().map(single).collect();
+        let range = self.problem.table().range();
+        let mut bitmaps = Vec::new();
+        for chunk in self.chunks(&placements)? {
+            self.load(&placements[chunk.placements])?;
+            let run = self.run();
+            run.cast(frame, range)?;
+            run.cover(frame, range)?;
+            bitmaps.append(&mut run.read_bitmaps()?);
+        }
+        Ok(bitmaps)
     }
 
     fn times(&self) -> StageTimes {

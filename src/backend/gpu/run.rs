@@ -1,7 +1,7 @@
 use super::device::Device;
 use super::kernels::{Kernels, beam_workgroups, dispatch};
 use super::resources::{ChunkBuffers, SceneBuffers, occupied_workgroups, walk_passes};
-use crate::backend::cpu::{beam_direction, set_bits};
+use crate::backend::cpu::{beam_direction, bitmap_words, set_bits};
 use crate::backend::layout::{
     DevicePose, HALVED_SUMS, ITEMS_PER_WORKGROUP, PARTIAL_WORDS, UNFINISHED, Uniforms,
 };
@@ -194,15 +194,20 @@ impl Run<'_> {
 
     /// Voxels that any sensor of the chunk covers, rising.
     pub(super) fn read_covered(&self) -> Result<Vec<u64>, BackendError> {
+        let words = bitmap_words(self.problem.roi());
+        let bitmaps = self.read_bitmaps()?;
+        Ok(set_bits(|w| bitmaps[w..].iter().step_by(words).fold(0, |or, word| or | word), words))
+    }
+
+    /// Bitmaps of the chunk's sensors in words of 64 bits.
+    pub(super) fn read_bitmaps(&self) -> Result<Vec<u64>, BackendError> {
         let words = self.bitmap_words() as usize;
         let bytes = 4 * u64::from(self.chunk.sensors) * words as u64;
         let bitmaps: Vec<u32> = self.device.read("read-back", &self.chunk.bitmaps, bytes)?;
-        let union = |w: usize| bitmaps[w..].iter().step_by(words).fold(0, |or, word| or | word);
-        let word64 = |w: usize| {
-            let high = if 2 * w + 1 < words { union(2 * w + 1) } else { 0 };
-            u64::from(union(2 * w)) | u64::from(high) << 32
+        let wide = |pair: &[u32]| {
+            u64::from(pair[0]) | pair.get(1).map_or(0, |&high| u64::from(high) << 32)
         };
-        Ok(set_bits(word64, words.div_ceil(2)))
+        Ok(bitmaps.chunks(words).flat_map(|bitmap| bitmap.chunks(2).map(wide)).collect())
     }
 }
 

@@ -1,0 +1,197 @@
+//! Coverage of sensor poses on a grid: each pose is cast once, a placement is the union of its
+//! sensors' bitmaps.
+//!
+//! The sums over a union are those that a [`Backend`] gives for the placement, to the bit.
+
+mod order;
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use crate::backend::{Backend, BackendError, Problem, Tally};
+use crate::placement::PoseGrid;
+use order::LevelOrder;
+
+/// Poses cast at once: enough to keep every core busy, few enough for their bitmaps to fit anywhere.
+const POSES_AT_ONCE: usize = 32;
+
+/// Bitmaps of poses of a [`PoseGrid`], within a bound of memory.
+pub struct Atlas {
+    problem: Arc<Problem>,
+    grid: PoseGrid,
+    order: LevelOrder,
+    /// Words of a bitmap of all voxels, 0 where their number does not matter.
+    all_words: usize,
+    pages: HashMap<u32, Page>,
+    /// Pages held at most.
+    capacity: usize,
+    /// Counts requests; pages remember the last one that asked for them.
+    clock: u64,
+    cast: u64,
+}
+
+/// What one pose covers: frame after frame, occupied voxels in level order, then all voxels.
+struct Page {
+    words: Box<[u64]>,
+    used: u64,
+}
+
+/// The union of some sensors' coverage, to which others are added.
+#[derive(Debug, Clone, Default)]
+pub struct Union {
+    words: Vec<u64>,
+}
+
+impl Atlas {
+    /// An empty atlas of a problem that holds at most about `bytes` of bitmaps, but always enough for
+    /// one placement.
+    ///
+    /// Without `counts_all`, [`Tally::covered`] stays 1 where anything is covered: the empty voxels,
+    /// ten times as many bits as the others, are then not kept.
+    pub fn new(problem: Arc<Problem>, grid: PoseGrid, counts_all: bool, bytes: u64) -> Self {
+        let order = LevelOrder::new(problem.roi(), problem.content());
+        let all_words =
+            if counts_all { problem.roi().voxel_count().div_ceil(64) as usize } else { 0 };
+        let page = 8 * (problem.frame_count() * (order.words() + all_words)).max(1) as u64;
+        let capacity = (bytes / page).max(crate::placement::MAX_LIDARS as u64) as usize;
+        Self { problem, grid, order, all_words, pages: HashMap::new(), capacity, clock: 0, cast: 0 }
+    }
+
+    /// The grid of its poses.
+    pub fn grid(&self) -> &PoseGrid {
+        &self.grid
+    }
+
+    /// What the poses see.
+    pub fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    /// Poses that fit at once.
+    pub fn capacity(&self) -> usize {
+        self.capacity
+    }
+
+    /// Bytes of one pose.
+    pub fn page_bytes(&self) -> usize {
+        8 * self.problem.frame_count() * self.frame_words()
+    }
+
+    /// Poses cast so far, those cast again after they were dropped included.
+    pub fn poses_cast(&self) -> u64 {
+        self.cast
+    }
+
+    fn frame_words(&self) -> usize {
+        self.order.words() + self.all_words
+    }
+
+    /// Makes sure that `poses` are held; those used longest ago go where room is needed.
+    ///
+    /// # Errors
+    /// More poses than [`Self::capacity`], or from the backend.
+    pub fn hold(&mut self, backend: &mut dyn Backend, poses: &[u32]) -> Result<(), BackendError> {
+        self.clock += 1;
+        let mut missing = Vec::new();
+        for &pose in poses {
+            match self.pages.get_mut(&pose) {
+                Some(page) => page.used = self.clock,
+                None => missing.push(pose),
+            }
+        }
+        missing.sort_unstable();
+        missing.dedup();
+        self.make_room(missing.len())?;
+        for some in missing.chunks(POSES_AT_ONCE) {
+            self.cast(backend, some)?;
+        }
+        Ok(())
+    }
+
+    fn make_room(&mut self, wanted: usize) -> Result<(), BackendError> {
+        let surplus = (self.pages.len() + wanted).saturating_sub(self.capacity);
+        if surplus == 0 {
+            return Ok(());
+        }
+        let now = self.clock;
+        let idle = self.pages.iter().filter(|(_, page)| page.used < now);
+        let mut idle: Vec<(u64, u32)> = idle.map(|(&pose, page)| (page.used, pose)).collect();
+        if idle.len() < surplus {
+            let page = self.page_bytes() as u64;
+            let need = page * (self.pages.len() - idle.len() + wanted) as u64;
+            let limit = page * self.capacity as u64;
+            return Err(BackendError::TooLarge { what: "the pose atlas", need, limit });
+        }
+        idle.sort_unstable();
+        for (_, pose) in &idle[..surplus] {
+            self.pages.remove(pose);
+        }
+        Ok(())
+    }
+
+    fn cast(&mut self, backend: &mut dyn Backend, numbers: &[u32]) -> Result<(), BackendError> {
+        let poses: Vec<_> = numbers.iter().map(|&number| self.grid.pose(number)).collect();
+        let (frames, each) = (self.problem.frame_count(), self.frame_words());
+        let mut pages = vec![vec![0u64; frames * each]; numbers.len()];
+        let voxel_words = self.problem.roi().voxel_count().div_ceil(64) as usize;
+        for frame in 0..frames {
+            let bitmaps = backend.bitmaps(&poses, frame)?;
+            pages.par_iter_mut().zip(bitmaps.par_chunks(voxel_words)).for_each(|(page, bitmap)| {
+                let page = &mut page[frame * each..(frame + 1) * each];
+                let (ordered, all) = page.split_at_mut(self.order.words());
+                self.order.reorder(bitmap, ordered);
+                all.copy_from_slice(&bitmap[..self.all_words]);
+            });
+        }
+        self.cast += numbers.len() as u64;
+        let used = self.clock;
+        let pages = pages.into_iter().map(|words| Page { words: words.into(), used });
+        self.pages.extend(numbers.iter().copied().zip(pages));
+        Ok(())
+    }
+
+    fn page(&self, pose: u32) -> &[u64] {
+        &self.pages.get(&pose).expect("callers hold the poses they ask about").words
+    }
+
+    /// The union of held poses.
+    ///
+    /// # Panics
+    /// A pose is not held.
+    pub fn union(&self, poses: &[u32], union: &mut Union) {
+        union.words.clear();
+        union.words.resize(self.problem.frame_count() * self.frame_words(), 0);
+        for &pose in poses {
+            for (or, word) in union.words.iter_mut().zip(self.page(pose)) {
+                *or |= word;
+            }
+        }
+    }
+
+    /// Sums over what the union and one more held pose cover, added up over frames.
+    ///
+    /// Only the sums of an objective are filled in: entropies, `covered_nonzero` and `covered`.
+    ///
+    /// # Panics
+    /// The pose is not held.
+    pub fn tally_with(&self, union: &Union, pose: u32) -> Tally {
+        let each = self.frame_words();
+        let mut tally = Tally::default();
+        let page = self.page(pose);
+        for (a, b) in union.words.chunks(each).zip(page.chunks(each)) {
+            let (a_ordered, a_all) = a.split_at(self.order.words());
+            let (b_ordered, b_all) = b.split_at(self.order.words());
+            self.order.add_union(a_ordered, b_ordered, &mut tally);
+            let all = a_all.chunks(4096).zip(b_all.chunks(4096)).map(|(a, b)| {
+                u64::from(a.iter().zip(b).map(|(a, b)| (a | b).count_ones()).sum::<u32>())
+            });
+            tally.covered += all.sum::<u64>();
+        }
+        if self.all_words == 0 {
+            tally.covered = u64::from(tally.covered_nonzero > 0);
+        }
+        tally
+    }
+}
