@@ -9,6 +9,7 @@ mod cli_optimize;
 mod common;
 mod cover;
 mod gpu_cpu;
+mod grid_search;
 mod hits;
 mod hostile;
 mod invariants;

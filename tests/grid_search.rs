@@ -1,0 +1,122 @@
+//! Search on a grid of poses and its bounds, against trying every placement.
+
+use std::sync::Arc;
+
+use sightline::atlas::Atlas;
+use sightline::backend::Problem;
+use sightline::backend::cpu::CpuBackend;
+use sightline::placement::{Constraints, PoseGrid, Spacing};
+use sightline::score::Objective;
+use sightline::search::{Evaluator, GridPlacement, GridSearch, bound_gain, lipschitz_bound};
+
+use crate::common::{MEMORY, random_problem};
+
+fn constraints(lidars: usize, min_distance: f64) -> Constraints {
+    Constraints {
+        lower: [-2.0, -2.0, -1.0, -0.3, 0.0, 0.0],
+        upper: [2.0, 2.0, 1.0, 0.3, 0.0, 0.0],
+        min_distance,
+        lidars,
+    }
+}
+
+fn search(problem: &Arc<Problem>, rules: &Constraints, objective: &str) -> (GridSearch, Evaluator) {
+    let backend = Box::new(CpuBackend::new(problem.clone(), MEMORY));
+    let evaluator = Evaluator::new(problem.clone(), backend, rules.clone());
+    let grid = PoseGrid::new(rules, Spacing { metres: 2.0, radians: 0.6 }).unwrap();
+    assert_eq!(grid.len(), 36);
+    let objective: Objective = objective.parse().unwrap();
+    let atlas = Atlas::new(problem.clone(), grid, objective.counts_all_covered(), MEMORY);
+    (GridSearch::new(atlas, objective, &evaluator), evaluator)
+}
+
+#[test]
+fn bounds_bracket_the_best_of_all_placements() {
+    let go_on = || true;
+    for (seed, lidars, apart) in [(1, 2, 0.0), (2, 3, 0.0), (3, 3, 2.5), (4, 2, 3.0)] {
+        let problem = random_problem(seed, true);
+        let rules = constraints(lidars, apart);
+        let (mut search, mut evaluator) = search(&problem, &rules, "information_gain");
+        let all: Vec<u32> = (0..36).collect();
+        let best = search.exhaustive(&mut evaluator, &all).unwrap().unwrap();
+        let greedy = search.greedy(&mut evaluator, &all).unwrap().unwrap();
+        assert!(greedy.value <= best.value);
+        if apart == 0.0 {
+            assert!(greedy.value >= (1.0 - (-1f64).exp()) * best.value, "seed {seed}");
+        }
+        let about = |a: f64, b: f64| (a - b).abs() <= 1e-11 * b;
+        let mut uppers = Vec::new();
+        for nodes in [2, 10, 100, 100_000] {
+            let bound = bound_gain(&mut search, &mut evaluator, &greedy, nodes, &go_on).unwrap();
+            assert!(bound.upper >= best.value * (1.0 - 1e-12), "seed {seed}, {nodes} nodes");
+            assert!(bound.best.value >= greedy.value && bound.upper <= bound.upper_at_root);
+            uppers.push(bound.upper);
+            if nodes == 100_000 {
+                assert!(bound.proven, "seed {seed}");
+                assert!(about(bound.best.value, best.value) && about(bound.upper, best.value));
+            }
+        }
+        assert!(uppers.is_sorted_by(|a, b| a >= b), "more work, tighter bounds: {uppers:?}");
+    }
+}
+
+#[test]
+fn lazy_greedy_takes_what_greedy_takes() {
+    let problem = random_problem(7, true);
+    let rules = constraints(4, 1.0);
+    // Twice the gain less the gain is no gain to the parser, so it is searched without laziness.
+    let (mut lazy, mut evaluator) = search(&problem, &rules, "information_gain");
+    let (mut plain, _) = search(&problem, &rules, "2*information_gain + -1*information_gain");
+    let all: Vec<u32> = (0..36).collect();
+    let lazily = lazy.greedy(&mut evaluator, &all).unwrap().unwrap();
+    let plainly = plain.greedy(&mut evaluator, &all).unwrap().unwrap();
+    assert_eq!(lazily.poses, plainly.poses);
+}
+
+#[test]
+fn a_climb_ends_where_no_swap_gains() {
+    let problem = random_problem(9, true);
+    let rules = constraints(3, 0.5);
+    for objective in ["information_gain", "m_sog_scaled"] {
+        let (mut search, mut evaluator) = search(&problem, &rules, objective);
+        let start = [0, 17, 35];
+        let from = search.value(&mut evaluator, &start).unwrap();
+        let top = search.climb(&mut evaluator, &start, 9, &|| true).unwrap();
+        assert!(top.value >= from, "{objective}");
+        let placement = top.placement(search.atlas().grid(), "top");
+        assert!(rules.violations(&placement).is_empty());
+        let scores = evaluator.scores(std::slice::from_ref(&placement)).unwrap().remove(0);
+        let value = objective.parse::<Objective>().unwrap().value(&scores).unwrap();
+        assert_eq!(value, top.value, "{objective}: as plain scoring says");
+        for lidar in 0..3 {
+            let mut others = top.poses.clone();
+            others.remove(lidar);
+            let fitting: Vec<u32> = (0..36).filter(|&pose| search.fits(pose, &others)).collect();
+            for pose in fitting {
+                let poses = [&others[..], &[pose]].concat();
+                let value = search.value(&mut evaluator, &poses).unwrap();
+                let placement =
+                    GridPlacement { poses, value }.placement(search.atlas().grid(), "x");
+                let guarded = !evaluator.scores(&[placement]).unwrap()[0].guards.is_empty();
+                assert!(value <= top.value || guarded, "{objective}: {value} after {}", top.value);
+            }
+        }
+        let stopped = search.climb(&mut evaluator, &start, 9, &|| false).unwrap();
+        assert_eq!(stopped.poses, start);
+    }
+}
+
+#[test]
+fn the_sampled_constants_are_those_of_the_sample() {
+    let problem = random_problem(11, true);
+    let rules = constraints(2, 0.0);
+    let (search, mut evaluator) = search(&problem, &rules, "information_gain");
+    let objective: Objective = "information_gain".parse().unwrap();
+    let grid = search.atlas().grid();
+    let bound = lipschitz_bound(&mut evaluator, grid, &objective, 50, 3).unwrap().unwrap();
+    assert_eq!((bound.samples, bound.delta), (50, 2.0));
+    assert_eq!(bound.bound, bound.c_m + bound.k_g * 2.0);
+    assert!(bound.c_m > 0.0 && bound.k_g > 0.0);
+    let again = lipschitz_bound(&mut evaluator, grid, &objective, 50, 3).unwrap().unwrap();
+    assert_eq!(bound, again, "same seed, same sample");
+}
