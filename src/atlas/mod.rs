@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use crate::backend::{Backend, BackendError, Problem, Tally};
 use crate::placement::PoseGrid;
-use order::LevelOrder;
+use order::{LevelOrder, count_union};
 
 /// Poses cast at once: enough to keep every core busy, few enough for their bitmaps to fit anywhere.
 const POSES_AT_ONCE: usize = 32;
@@ -161,10 +161,16 @@ impl Atlas {
     /// # Panics
     /// A pose is not held.
     pub fn union(&self, poses: &[u32], union: &mut Union) {
+        let mut pages = poses.iter().map(|&pose| self.page(pose));
         union.words.clear();
-        union.words.resize(self.problem.frame_count() * self.frame_words(), 0);
-        for &pose in poses {
-            for (or, word) in union.words.iter_mut().zip(self.page(pose)) {
+        // The first two at once: the union is as long as the caches are large, every pass counts.
+        match (pages.next(), pages.next()) {
+            (Some(a), Some(b)) => union.words.extend(a.iter().zip(b).map(|(a, b)| a | b)),
+            (Some(a), None) => union.words.extend_from_slice(a),
+            _ => union.words.resize(self.problem.frame_count() * self.frame_words(), 0),
+        }
+        for page in pages {
+            for (or, word) in union.words.iter_mut().zip(page) {
                 *or |= word;
             }
         }
@@ -177,6 +183,24 @@ impl Atlas {
     /// # Panics
     /// The pose is not held.
     pub fn tally_with(&self, union: &Union, pose: u32) -> Tally {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("popcnt") {
+            // SAFETY: the processor has what the function is compiled for.
+            #[allow(unsafe_code)]
+            return unsafe { self.tally_with_avx2(union, pose) };
+        }
+        self.tally_with_any(union, pose)
+    }
+
+    /// As [`Self::tally_with_any`], compiled for processors that count bits in one instruction.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,popcnt")]
+    fn tally_with_avx2(&self, union: &Union, pose: u32) -> Tally {
+        self.tally_with_any(union, pose)
+    }
+
+    #[inline(always)]
+    fn tally_with_any(&self, union: &Union, pose: u32) -> Tally {
         let each = self.frame_words();
         let mut tally = Tally::default();
         let page = self.page(pose);
@@ -184,10 +208,7 @@ impl Atlas {
             let (a_ordered, a_all) = a.split_at(self.order.words());
             let (b_ordered, b_all) = b.split_at(self.order.words());
             self.order.add_union(a_ordered, b_ordered, &mut tally);
-            let all = a_all.chunks(4096).zip(b_all.chunks(4096)).map(|(a, b)| {
-                u64::from(a.iter().zip(b).map(|(a, b)| (a | b).count_ones()).sum::<u32>())
-            });
-            tally.covered += all.sum::<u64>();
+            tally.covered += count_union(a_all, b_all);
         }
         if self.all_words == 0 {
             tally.covered = u64::from(tally.covered_nonzero > 0);

@@ -90,11 +90,11 @@ impl LevelOrder {
     }
 
     /// Adds the sums over the bits set in `a` or in `b`, both in this order, to a tally.
+    #[inline(always)]
     pub fn add_union(&self, a: &[u64], b: &[u64], tally: &mut Tally) {
         for level in &self.levels {
             let (a, b) = (&a[level.words.clone()], &b[level.words.clone()]);
-            let count: u32 = a.iter().zip(b).map(|(a, b)| (a | b).count_ones()).sum();
-            let count = u64::from(count);
+            let count = count_union(a, b);
             tally.covered_nonzero += count;
             for (sum, worth) in tally.entropy.iter_mut().zip(level.worth) {
                 *sum += count * worth;
@@ -113,4 +113,10 @@ impl LevelOrder {
             }
         }
     }
+}
+
+/// Bits set in `a` or in `b`.
+#[inline(always)]
+pub(super) fn count_union(a: &[u64], b: &[u64]) -> u64 {
+    a.iter().zip(b).map(|(a, b)| u64::from((a | b).count_ones())).sum()
 }
