@@ -104,3 +104,54 @@ fn an_interrupted_run_goes_on_to_the_same_bytes() {
     let whole: Value = serde_json::from_slice(&read("whole", "result.json")).unwrap();
     assert_eq!(whole["best"], resumed["best"]);
 }
+
+/// Coordinates and rolls of all LiDARs of the result.
+fn numbers_of(run: &Value) -> Vec<[f64; 4]> {
+    let lidars = run["best"]["placement"]["lidars"].as_array().unwrap();
+    let number = |lidar: &Value, key: &str| lidar[key].as_f64().unwrap();
+    lidars.iter().map(|l| ["x", "y", "z", "roll"].map(|key| number(l, key))).collect()
+}
+
+#[test]
+fn every_method_says_what_it_found_and_the_better_one_wins() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let with = |out: &'static str, more: &[&'static str]| {
+        ok(dir.path(), &[&optimize_args(out, "60")[..], more].concat())
+    };
+    let both = with("both", &[]);
+    let methods = both["methods"].as_array().unwrap();
+    assert_eq!(methods.len(), 2);
+    let best = methods.iter().map(|m| m["objective"].as_f64().unwrap()).fold(f64::MIN, f64::max);
+    assert_eq!(both["best"]["objective"].as_f64().unwrap(), best);
+    let cma = with("cma", &["--method", "cma"]);
+    assert_eq!(cma["methods"].as_array().unwrap().len(), 1);
+    assert!(cma["best"]["objective"].as_f64() <= Some(best));
+    assert!(cma["certificate"]["gain"].is_null(), "m_sog_scaled has no such bound");
+    let says = cma["certificate"]["gain_says"].as_str().unwrap();
+    assert!(says.contains("no bound is known"), "{says}");
+
+    let swaps = with(
+        "swaps",
+        &["--method", "swaps", "--delta", "0.5,0.3", "--objective", "information_gain"],
+    );
+    let found = swaps["best"]["objective"].as_f64().unwrap();
+    let upper = swaps["certificate"]["gain"]["upper"].as_f64().unwrap();
+    let best_on_grid = swaps["certificate"]["gain"]["best"]["value"].as_f64().unwrap();
+    assert!(upper >= best_on_grid, "{upper} bounds {best_on_grid} from above");
+    assert!(found > 0.0 && swaps["generations"] == 0);
+
+    let snapped = with("snapped", &["--method", "cma", "--delta", "0.25,0.1"]);
+    let scene: Value =
+        serde_json::from_str(&fs::read_to_string(dir.path().join("room.json")).unwrap()).unwrap();
+    for numbers in numbers_of(&snapped) {
+        for (k, value) in numbers.into_iter().enumerate() {
+            let (low, step) = match k {
+                3 => (scene["mount"]["roll"][0].as_f64().unwrap_or(0.0), 0.1),
+                k => (scene["mount"]["min"][k].as_f64().unwrap(), 0.25),
+            };
+            let steps = (value - low) / step;
+            assert!((steps - steps.round()).abs() < 1e-9, "{value} is not on the grid");
+        }
+    }
+}

@@ -7,7 +7,7 @@ use sightline::backend::Problem;
 use sightline::backend::cpu::CpuBackend;
 use sightline::placement::{Constraints, PoseGrid, Spacing};
 use sightline::score::Objective;
-use sightline::search::{Evaluator, GridPlacement, GridSearch, bound_gain, lipschitz_bound};
+use sightline::search::{Evaluator, GridPlacement, GridSearch, Moves, bound_gain, lipschitz_bound};
 
 use crate::common::{MEMORY, random_problem};
 
@@ -81,7 +81,7 @@ fn a_climb_ends_where_no_swap_gains() {
         let (mut search, mut evaluator) = search(&problem, &rules, objective);
         let start = [0, 17, 35];
         let from = search.value(&mut evaluator, &start).unwrap();
-        let top = search.climb(&mut evaluator, &start, 9, &|| true).unwrap();
+        let top = search.climb(&mut evaluator, &start, Moves::Anywhere, &|_| true).unwrap();
         assert!(top.value >= from, "{objective}");
         let placement = top.placement(search.atlas().grid(), "top");
         assert!(rules.violations(&placement).is_empty());
@@ -101,7 +101,7 @@ fn a_climb_ends_where_no_swap_gains() {
                 assert!(value <= top.value || guarded, "{objective}: {value} after {}", top.value);
             }
         }
-        let stopped = search.climb(&mut evaluator, &start, 9, &|| false).unwrap();
+        let stopped = search.climb(&mut evaluator, &start, Moves::Around(1), &|_| false).unwrap();
         assert_eq!(stopped.poses, start);
     }
 }

@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 
 use sightline::backend::{BackendError, ProblemError};
 use sightline::grid::{GridError, KittiError, PsogFileError};
-use sightline::placement::{PlacementError, ReadError, SensorError};
+use sightline::placement::{PlacementError, PoseGridError, ReadError, SensorError};
 use sightline::scene::SceneError;
 use sightline::score::ObjectiveError;
 use sightline::search::SearchError;
@@ -20,6 +20,9 @@ pub enum Error {
     /// From a placement.
     #[error(transparent)]
     Placement(#[from] PlacementError),
+    /// From a grid of sensor poses.
+    #[error(transparent)]
+    PoseGrid(#[from] PoseGridError),
     /// From the P-SOG.
     #[error(transparent)]
     Grid(#[from] GridError),

@@ -5,6 +5,7 @@ mod audit;
 mod cast;
 mod devices;
 mod error;
+mod interrupt;
 mod load;
 mod optimize;
 mod output;

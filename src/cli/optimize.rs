@@ -1,28 +1,30 @@
 mod folder;
+mod grid;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
-use sightline::placement::{Constraints, Placement, read_placements};
-use sightline::report::{Figures, InformationMap, RunRecord, RunTimes, Scored};
+use sightline::placement::{Constraints, Placement, Spacing, read_placements};
+use sightline::report::{
+    Figures, InformationMap, MethodRecord, RunRecord, RunTimes, Scored, certificate_in_words,
+    methods_in_words,
+};
 use sightline::scene::{EgoBody, Scene};
 use sightline::score::Objective;
-use sightline::search::{Evaluator, GenerationRecord, Search, SearchSettings};
+use sightline::search::{Certificate, Evaluator, GenerationRecord, Search, SearchSettings};
 
 use super::args::{Compute, Format, format_or_default};
 use super::error::Error;
+use super::interrupt::{INTERRUPTED, Interrupt};
 use super::load::{self, Loaded};
 use super::{progress, table};
 use folder::RunFolder;
+use grid::{Bounds, DEFAULT_SPACING, GridStage, Method, Swaps, parse_spacing};
 
 /// The layouts of Table 7 of the paper, in our frame.
 const TABLE_7: &str = include_str!("../../scenes/placements.json");
-/// Exit code after Ctrl-C, as shells expect of it.
-const INTERRUPTED: u8 = 130;
 /// Frames that the map of the gained information averages over.
 const MAP_FRAMES: u32 = 4;
 /// Distance from a bound, as a share of the range, that counts as on it.
@@ -58,6 +60,13 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 4, conflicts_with = "resume",
           value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
+    /// How to search
+    #[arg(long, value_enum, default_value_t = Method::Both, conflicts_with = "resume")]
+    method: Method,
+    /// Search on a grid of sensor poses alone, as in the paper: metres and radians between
+    /// neighbours, as 0.1 or 0.2,0.1. Swaps always use one [default for them: 0.1]
+    #[arg(long, value_name = "M[,RAD]", conflicts_with = "resume", value_parser = parse_spacing)]
+    delta: Option<Spacing>,
     /// Seed of all randomness
     #[arg(long, default_value_t = 1, conflicts_with = "resume")]
     seed: u64,
@@ -78,6 +87,7 @@ struct RunSettings {
     scene: PathBuf,
     frames: u32,
     baselines: Vec<Placement>,
+    method: Method,
     search: SearchSettings,
 }
 
@@ -114,7 +124,17 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let mut run = Run { settings, objective, evaluator, search, history, folder };
 
     let searching = Instant::now();
-    let interrupted = run.search(&args.compute)?;
+    let interrupt = Interrupt::listen(args.compute.talk);
+    let mut interrupted = false;
+    if run.settings.method != Method::Swaps {
+        interrupted = run.search(&args.compute, &interrupt)?;
+    }
+    let generations_seconds = searching.elapsed().as_secs_f64();
+    let (mut swaps, mut bounds) = (None, None);
+    if !interrupted {
+        (swaps, bounds) = run.on_the_grid(&args.compute, &interrupt)?;
+        interrupted = interrupt.is_set();
+    }
     let search_seconds = searching.elapsed().as_secs_f64();
     let confirming = Instant::now();
     let all_frames: Vec<usize> = (0..scene.frame_count()).collect();
@@ -128,11 +148,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         };
         run.evaluator = load::evaluator(&scene, &psog, &all_frames, &quiet)?;
     }
-    let map = run.map()?;
+    let finding = run.confirm(swaps, bounds)?;
+    let map = run.map(finding.best.as_ref())?;
     let evaluations = run.search.evaluations() - run.evaluations_before();
-    let mut record = run.record(&scene)?;
+    let mut record = run.record(&scene, finding, interrupted)?;
     record.search_frames = search_frames;
-    record.rate = (evaluations * search_frames as u64) as f64 / search_seconds;
+    record.rate = (evaluations * search_frames as u64) as f64 / generations_seconds;
     record.timings = RunTimes {
         load: times.load,
         build: times.build,
@@ -162,7 +183,9 @@ fn settings_of(args: &Args) -> Result<RunSettings, Error> {
         scene: std::path::absolute(&scene).map_err(Error::io(&scene))?,
         frames: args.frames,
         baselines,
+        method: args.method,
         search: SearchSettings {
+            delta: args.delta,
             objective: args.objective.clone(),
             evaluations: args.evaluations,
             population: args.population.map(|p| p as usize),
@@ -182,6 +205,14 @@ pub fn table_7() -> Result<Vec<Placement>, Error> {
         .map_err(|source| Error::Json { path: "scenes/placements.json".into(), source })
 }
 
+/// What a run has come to.
+#[derive(Default)]
+struct Finding {
+    best: Option<Scored>,
+    methods: Vec<MethodRecord>,
+    certificate: Option<Certificate>,
+}
+
 /// A run under way.
 struct Run {
     settings: RunSettings,
@@ -199,22 +230,11 @@ impl Run {
     }
 
     /// Runs generations until the search stops or Ctrl-C; true if interrupted.
-    fn search(&mut self, compute: &Compute) -> Result<bool, Error> {
-        let stop = Arc::new(AtomicBool::new(false));
-        let flag = stop.clone();
-        // A second Ctrl-C ends the program at once.
-        let handler = ctrlc::set_handler(move || {
-            if flag.swap(true, Ordering::SeqCst) {
-                std::process::exit(i32::from(INTERRUPTED));
-            }
-        });
-        if let Err(error) = handler {
-            compute.talk.detail(format!("Ctrl-C ends at once: {error}"));
-        }
+    fn search(&mut self, compute: &Compute, interrupt: &Interrupt) -> Result<bool, Error> {
         let bar = progress::bar(self.settings.search.evaluations, "placements", compute.talk);
         bar.set_position(self.search.evaluations());
         bar.reset_eta();
-        while self.search.stopped().is_none() && !stop.load(Ordering::SeqCst) {
+        while self.search.stopped().is_none() && !interrupt.is_set() {
             let record = self.search.step(&mut self.evaluator, &self.objective)?;
             self.history.push(record);
             self.folder.save(&self.settings, &self.search, &self.history)?;
@@ -224,7 +244,7 @@ impl Run {
             }
         }
         bar.finish_and_clear();
-        if stop.load(Ordering::SeqCst) {
+        if interrupt.is_set() {
             compute.talk.note(format!(
                 "interrupted after generation {}; go on with --resume {}",
                 self.search.generation(),
@@ -232,6 +252,92 @@ impl Run {
             ));
         }
         Ok(self.search.stopped().is_none())
+    }
+
+    /// Swaps and bounds over the frames of the search.
+    fn on_the_grid(
+        &mut self,
+        compute: &Compute,
+        interrupt: &Interrupt,
+    ) -> Result<(Option<Swaps>, Option<Bounds>), Error> {
+        let delta = self.settings.search.delta;
+        let spacing = delta.unwrap_or(DEFAULT_SPACING);
+        let start = self.best_baseline()?;
+        let mut starts: Vec<Placement> = start.into_iter().collect();
+        starts.extend(self.search.best().map(|best| best.placement.clone()));
+        let casts = self.settings.search.evaluations * self.evaluator.constraints().lidars as u64;
+        let mut stage = GridStage {
+            evaluator: &mut self.evaluator,
+            objective: &self.objective,
+            compute,
+            interrupt,
+        };
+        let swaps = match self.settings.method {
+            Method::Cma => None,
+            // Half of what the generations cast.
+            Method::Both => stage.climb(spacing, &starts, casts / 2)?,
+            Method::Swaps => stage.everywhere(spacing, &starts)?,
+        };
+        let bounds = stage.bounds(delta, self.settings.search.seed)?;
+        Ok((swaps, Some(bounds)))
+    }
+
+    /// The best baseline that keeps every rule and violates no guard.
+    fn best_baseline(&mut self) -> Result<Option<Placement>, Error> {
+        let lidars = self.evaluator.constraints().lidars;
+        let baselines = self.settings.baselines.clone();
+        let scored = self.scored(&baselines)?.into_iter().filter(|scored| {
+            scored.violations.is_empty()
+                && scored.scores.guards.is_empty()
+                && scored.placement.lidars.len() == lidars
+        });
+        let best = scored
+            .filter_map(|scored| Some((scored.objective?, scored.placement)))
+            .max_by(|a, b| a.0.total_cmp(&b.0));
+        Ok(best.map(|(_, placement)| placement))
+    }
+
+    /// Scores what each method found over all frames and takes the best.
+    fn confirm(&mut self, swaps: Option<Swaps>, bounds: Option<Bounds>) -> Result<Finding, Error> {
+        let mut methods = Vec::new();
+        let mut finalists: Vec<(Scored, f64)> = Vec::new();
+        if let Some(best) = self.search.best().cloned() {
+            let named = Placement { name: "optimized".into(), ..best.placement };
+            let lidars = named.lidars.len() as u64;
+            let scored = self.scored(&[named])?.remove(0);
+            methods.push(MethodRecord {
+                method: "cma-es",
+                objective: scored.objective,
+                evaluations: self.search.evaluations(),
+                poses_cast: self.search.evaluations() * lidars,
+                won: false,
+            });
+            finalists.push((scored, best.value));
+        }
+        if let Some(swaps) = swaps {
+            let scored = self.scored(std::slice::from_ref(&swaps.placement))?.remove(0);
+            methods.push(MethodRecord {
+                method: "swaps",
+                objective: scored.objective,
+                evaluations: swaps.evaluations,
+                poses_cast: swaps.poses_cast,
+                won: false,
+            });
+            finalists.push((scored, swaps.value));
+        }
+        let standing = |scored: &Scored| {
+            let value = scored.objective.unwrap_or(f64::NEG_INFINITY);
+            (scored.scores.guards.is_empty(), value)
+        };
+        let best = (0..finalists.len()).max_by(|&a, &b| {
+            let (a, b) = (standing(&finalists[a].0), standing(&finalists[b].0));
+            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+        });
+        let Some(best) = best else { return Ok(Finding::default()) };
+        methods[best].won = true;
+        let (scored, value) = finalists.swap_remove(best);
+        let certificate = bounds.map(|b| Certificate::new(b.lipschitz, b.gain, value));
+        Ok(Finding { best: Some(scored), methods, certificate })
     }
 
     fn scored(&mut self, placements: &[Placement]) -> Result<Vec<Scored>, Error> {
@@ -247,8 +353,8 @@ impl Run {
     }
 
     /// What the result gains over some frames, seen from above.
-    fn map(&mut self) -> Result<Option<InformationMap>, Error> {
-        let Some(best) = self.search.best() else { return Ok(None) };
+    fn map(&mut self, best: Option<&Scored>) -> Result<Option<InformationMap>, Error> {
+        let Some(best) = best else { return Ok(None) };
         let frames = load::spread(self.evaluator.problem().frame_count(), Some(MAP_FRAMES));
         let problem = self.evaluator.problem();
         let (roi, mut map) =
@@ -260,15 +366,19 @@ impl Run {
         Ok(Some(map))
     }
 
-    fn record(&mut self, scene: &Scene) -> Result<RunRecord, Error> {
+    fn record(
+        &mut self,
+        scene: &Scene,
+        finding: Finding,
+        interrupted: bool,
+    ) -> Result<RunRecord, Error> {
         let baselines = self.settings.baselines.clone();
         let baselines = self.scored(&baselines)?;
-        let best = match self.search.best().map(|best| best.placement.clone()) {
-            Some(placement) => {
-                let named = Placement { name: "optimized".into(), ..placement };
-                Some(self.scored(std::slice::from_ref(&named))?.remove(0))
-            }
-            None => None,
+        let Finding { best, methods, certificate } = finding;
+        let stopped = match (self.search.stopped(), interrupted) {
+            (_, true) => "interrupted",
+            (Some(why), _) => why,
+            (None, _) => "no swap gains any more",
         };
         let constraints = self.evaluator.constraints();
         Ok(RunRecord {
@@ -282,7 +392,7 @@ impl Run {
             objective: self.objective.to_string(),
             search_frames: 0,
             frames: self.evaluator.problem().frame_count(),
-            stopped: self.search.stopped().unwrap_or("interrupted").to_owned(),
+            stopped: stopped.to_owned(),
             generations: self.search.generation(),
             evaluations: self.search.evaluations(),
             active_bounds: best
@@ -291,7 +401,8 @@ impl Run {
                 .unwrap_or_default(),
             best,
             baselines,
-            certificate: None,
+            certificate,
+            methods,
             rate: 0.0,
             timings: RunTimes::default(),
             peak_memory: peak_memory(),
@@ -359,6 +470,8 @@ fn print(args: &Args, record: &RunRecord, folder: &Path, interrupted: bool) {
             for bound in &record.active_bounds {
                 println!("  on a bound: {bound}");
             }
+            println!("\nfound by: {}", methods_in_words(record));
+            println!("certificate: {}", certificate_in_words(record));
         }
         None => println!("\nno candidate kept the rules of the mount; widen it"),
     }

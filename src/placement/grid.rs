@@ -112,6 +112,24 @@ impl PoseGrid {
         Placement { name: placement.name.clone(), lidars }
     }
 
+    /// Poses at most `radius` steps from `number` along one field and equal in the others, rising.
+    pub fn along(&self, number: u32, radius: u32) -> Vec<u32> {
+        let centre = self.steps_of(number);
+        let mut found = Vec::new();
+        for k in 0..6 {
+            let low = centre[k].saturating_sub(radius);
+            let high = (centre[k] + radius).min(self.count[k] - 1);
+            found.extend((low..=high).map(|s| {
+                let mut steps = centre;
+                steps[k] = s;
+                self.number_of(steps)
+            }));
+        }
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+
     /// Poses at most `radius` steps from `number` along every field, itself included, rising.
     pub fn around(&self, number: u32, radius: u32) -> Vec<u32> {
         let centre = self.steps_of(number);
@@ -173,7 +191,10 @@ mod tests {
         let corner = grid.around(0, 1);
         assert_eq!(corner.len(), 16, "two steps along each of four free fields");
         assert!(corner.is_sorted() && corner[0] == 0);
-        assert_eq!(grid.around(grid.nearest(&pose), 2).len(), 5 * 5 * 4 * 5);
+        let number = grid.nearest(&pose);
+        assert_eq!(grid.around(number, 2).len(), 5 * 5 * 4 * 5);
+        // Two steps down and one up along z, four ways along the other free fields, and itself.
+        assert_eq!(grid.along(number, 2).len(), 4 + 4 + 3 + 4 + 1);
     }
 
     #[test]

@@ -128,9 +128,8 @@ pub fn report_html(run: &RunRecord, figures: &Figures) -> String {
         "<dl><dt>stopped by</dt><dd>{}</dd><dt>evaluations</dt><dd>{} in {} generations, over {} \
          frame(s) each; the table above is over {}</dd><dt>rate</dt><dd>{:.1} placements × \
          frames/s</dd><dt>backend</dt><dd>{}: {}</dd><dt>seed</dt><dd>{}</dd><dt>time</dt>\
-         <dd>{:.1} s: load {:.1}, build {:.1}, search {:.1}, confirm {:.1}</dd><dt>certificate</dt>\
-         <dd>none: nothing is claimed about placements that were not evaluated</dd>\
-         <dt>program</dt><dd>sightline {}</dd></dl></body></html>",
+         <dd>{:.1} s: load {:.1}, build {:.1}, search {:.1}, confirm {:.1}</dd><dt>found by</dt><dd>{}</dd>\
+         <dt>certificate</dt><dd>{}</dd><dt>program</dt><dd>sightline {}</dd></dl></body></html>",
         escape(&run.stopped),
         run.evaluations,
         run.generations,
@@ -145,9 +144,32 @@ pub fn report_html(run: &RunRecord, figures: &Figures) -> String {
         run.timings.build,
         run.timings.search,
         run.timings.confirm,
+        escape(&methods_in_words(run)),
+        escape(&certificate_in_words(run)),
         run.sightline
     );
     html
+}
+
+/// What each way of searching reached, and which won.
+pub fn methods_in_words(run: &RunRecord) -> String {
+    let each = run.methods.iter().map(|m| {
+        let value = m.objective.map_or("nothing".into(), |v| format!("{v:.4e}"));
+        let won = if m.won { " (the result)" } else { "" };
+        format!("{} reached {value} with {} poses cast{won}", m.method, m.poses_cast)
+    });
+    each.collect::<Vec<_>>().join("; ")
+}
+
+/// What is known about placements that were not evaluated.
+pub fn certificate_in_words(run: &RunRecord) -> String {
+    match &run.certificate {
+        None => "nothing is claimed about placements that were not evaluated".into(),
+        Some(certificate) => format!(
+            "On a grid: {}. As in the paper: {}.",
+            certificate.gain_says, certificate.lipschitz_says
+        ),
+    }
 }
 
 /// What the run found, in a sentence or two.

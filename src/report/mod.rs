@@ -5,7 +5,7 @@ mod map;
 mod record;
 mod svg;
 
-pub use html::{Figures, report_html};
+pub use html::{Figures, certificate_in_words, methods_in_words, report_html};
 pub use map::InformationMap;
-pub use record::{RunRecord, RunTimes, Scored};
+pub use record::{MethodRecord, RunRecord, RunTimes, Scored};
 pub use svg::{convergence_svg, placement_svg};

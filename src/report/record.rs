@@ -3,6 +3,7 @@ use serde_json::Value;
 
 use crate::placement::Placement;
 use crate::score::Scores;
+use crate::search::Certificate;
 
 /// A placement with its scores.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -30,6 +31,21 @@ pub struct RunTimes {
     pub confirm: f64,
     /// All together.
     pub total: f64,
+}
+
+/// What one way of searching has found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MethodRecord {
+    /// `cma-es` or `swaps`.
+    pub method: &'static str,
+    /// Its placement's objective over all frames of the scene.
+    pub objective: Option<f64>,
+    /// Placements that it looked at.
+    pub evaluations: u64,
+    /// Sensor poses that it cast.
+    pub poses_cast: u64,
+    /// Whether its placement is the result.
+    pub won: bool,
 }
 
 /// All of `result.json`.
@@ -65,8 +81,10 @@ pub struct RunRecord {
     pub best: Option<Scored>,
     /// Hand-made layouts to compare with.
     pub baselines: Vec<Scored>,
-    /// Bound on what a better search could still gain; none is computed yet.
-    pub certificate: Option<Value>,
+    /// How much better than the result another placement could be; `None` without a result.
+    pub certificate: Option<Certificate>,
+    /// What each way of searching found, and which one gave the result.
+    pub methods: Vec<MethodRecord>,
     /// Pose fields of the result that lie on a bound of the mount, in words.
     pub active_bounds: Vec<String>,
     /// Placements × frames a second during the search.

@@ -234,6 +234,62 @@ pub fn lipschitz_bound(
     Ok(Some(LipschitzBound { c_m, k_g, delta, bound: c_m + k_g * delta, samples: pairs.len() / 2 }))
 }
 
+/// What is known about how much better than the result another placement could be.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Certificate {
+    /// The paper's bound; `None` where nothing could be sampled.
+    pub lipschitz: Option<LipschitzBound>,
+    /// What it means.
+    pub lipschitz_says: String,
+    /// The bound on the grid; `None` for objectives that have none, or where it was not computed.
+    pub gain: Option<GainBound>,
+    /// What it means.
+    pub gain_says: String,
+}
+
+impl Certificate {
+    /// Puts both bounds into words. `found` is the objective of the result; `gain` is the bound, or
+    /// why there is none.
+    pub fn new(
+        lipschitz: Option<LipschitzBound>,
+        gain: Result<GainBound, String>,
+        found: f64,
+    ) -> Self {
+        let lipschitz_says = match &lipschitz {
+            None => "nothing could be sampled on the grid".to_owned(),
+            Some(LipschitzBound { c_m, k_g, delta, bound, samples }) => format!(
+                "C_M + k_G·δ = {c_m:.3e} + {k_g:.3e} · {delta} = {bound:.3e}, from {samples} sampled \
+                 placements: as large as the whole range of their scores, so it tells nothing about \
+                 this result"
+            ),
+        };
+        let (gain, gain_says) = match gain {
+            Err(why) => (None, why),
+            Ok(gain) => {
+                let more = 100.0 * (gain.upper / found - 1.0);
+                let poses = gain.poses;
+                let says = if more <= 0.0 {
+                    format!(
+                        "no placement on the grid of {poses} sensor poses is better than the result"
+                    )
+                } else if gain.proven {
+                    format!(
+                        "the best placement on the grid of {poses} sensor poses is {more:.2} % better \
+                         than the result (proven)"
+                    )
+                } else {
+                    format!(
+                        "the best placement on the grid of {poses} sensor poses is at most {more:.2} % \
+                         better than the result"
+                    )
+                };
+                (Some(gain), says)
+            }
+        };
+        Self { lipschitz, lipschitz_says, gain, gain_says }
+    }
+}
+
 /// The field in which two poses differ, if it is one only.
 fn one_field_apart(grid: &PoseGrid, a: u32, b: u32) -> Option<&'static str> {
     let (a, b) = (grid.pose(a).fields(), grid.pose(b).fields());

@@ -27,6 +27,11 @@ impl Evaluator {
         &self.problem
     }
 
+    /// What is scored, to be shared with an [`crate::atlas::Atlas`].
+    pub fn shared_problem(&self) -> Arc<Problem> {
+        self.problem.clone()
+    }
+
     /// The rules of the mount.
     pub fn constraints(&self) -> &Constraints {
         &self.constraints

@@ -5,7 +5,7 @@ mod evaluator;
 mod run;
 mod swaps;
 
-pub use certificate::{GainBound, LipschitzBound, bound_gain, lipschitz_bound};
+pub use certificate::{Certificate, GainBound, LipschitzBound, bound_gain, lipschitz_bound};
 pub use evaluator::Evaluator;
 pub use run::{Best, GenerationRecord, Search, SearchError, SearchSettings};
-pub use swaps::{GridPlacement, GridSearch};
+pub use swaps::{GridPlacement, GridSearch, Moves};

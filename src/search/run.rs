@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::Evaluator;
 use crate::backend::BackendError;
 use crate::optimize::{Cma, CmaOptions, OptimizeError};
-use crate::placement::{Constraints, Placement};
+use crate::placement::{Constraints, Placement, PoseGrid, PoseGridError, Spacing};
 use crate::score::{Objective, Scores};
 
 /// Step size at the start, in the search space scaled to [0, 1]: most of each range is reached.
@@ -48,6 +48,9 @@ pub struct SearchSettings {
     pub population: Option<usize>,
     /// Seed of all randomness.
     pub seed: u64,
+    /// Grid to whose poses candidates are moved before they are scored, as in Algorithm 1 of Place3D;
+    /// `None` leaves them where they are.
+    pub delta: Option<Spacing>,
 }
 
 /// The best placement so far that keeps every rule.
@@ -73,6 +76,9 @@ pub enum SearchError {
     /// From the strategy.
     #[error(transparent)]
     Optimize(#[from] OptimizeError),
+    /// From the grid of poses.
+    #[error(transparent)]
+    Grid(#[from] PoseGridError),
 }
 
 /// A CMA-ES over the free pose fields of all LiDARs; one generation is one batch.
@@ -195,7 +201,7 @@ impl Search {
         let mut cma = self.cma.clone();
         let candidates = cma.as_mut().map(Cma::ask).unwrap_or_default();
         let generation = self.generation + 1;
-        let placements: Vec<Placement> = if cma.is_some() {
+        let mut placements: Vec<Placement> = if cma.is_some() {
             let poses = candidates.iter().map(|c| constraints.poses_of(c.point()));
             let named = poses.enumerate().map(|(index, lidars)| Placement {
                 name: format!("generation-{generation}-{index}"),
@@ -205,6 +211,10 @@ impl Search {
         } else {
             vec![Placement { name: "only".into(), lidars: constraints.poses_of(&[]) }]
         };
+        if let Some(spacing) = self.settings.delta {
+            let grid = PoseGrid::new(&constraints, spacing)?;
+            placements = placements.iter().map(|placement| grid.snapped(placement)).collect();
+        }
         let violation: Vec<f64> = placements
             .iter()
             // From plus zero: an empty sum is minus zero, which sorts before what was kept.

@@ -39,6 +39,17 @@ impl GridPlacement {
     }
 }
 
+/// To which poses a climb may move a LiDAR.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Moves {
+    /// As many steps along one pose field.
+    Along(u32),
+    /// As many steps along every field at once.
+    Around(u32),
+    /// Anywhere on the grid.
+    Anywhere,
+}
+
 /// A candidate pose and what the objective becomes with it; better ones come first, and of equal
 /// ones the lower number.
 pub(super) fn better_first(a: &(u32, f64), b: &(u32, f64)) -> Ordering {
@@ -158,10 +169,10 @@ impl GridSearch {
         Ok(Some(placement))
     }
 
-    /// Moves one LiDAR at a time to the best pose within `radius` steps, until none gains any more.
+    /// Moves one LiDAR at a time to the best pose it may move to, until none gains any more.
     ///
     /// A swap is only taken to a placement that violates no guard, so that the climb cannot game the
-    /// objective. `go_on` is asked before each LiDAR.
+    /// objective. `go_on` is asked before each LiDAR, with the poses that the atlas has cast so far.
     ///
     /// # Errors
     /// As [`Self::hold`].
@@ -169,20 +180,25 @@ impl GridSearch {
         &mut self,
         evaluator: &mut Evaluator,
         start: &[u32],
-        radius: u32,
-        go_on: &dyn Fn() -> bool,
+        moves: Moves,
+        go_on: &dyn Fn(u64) -> bool,
     ) -> Result<GridPlacement, SearchError> {
         let value = self.value(evaluator, start)?;
         let mut here = GridPlacement { poses: start.to_vec(), value };
         let mut settled = 0;
         let mut lidar = 0;
-        while settled < here.poses.len() && go_on() {
+        while settled < here.poses.len() && go_on(self.atlas.poses_cast()) {
             let mut others = here.poses.clone();
             let old = others.remove(lidar);
-            let around = self.atlas.grid().around(old, radius);
-            let around: Vec<u32> =
-                around.into_iter().filter(|&pose| self.fits(pose, &others)).collect();
-            match self.best_swap(evaluator, &others, &around, here.value)? {
+            let grid = self.atlas.grid();
+            let reach = match moves {
+                Moves::Along(radius) => grid.along(old, radius),
+                Moves::Around(radius) => grid.around(old, radius),
+                Moves::Anywhere => (0..grid.len()).collect(),
+            };
+            let fitting: Vec<u32> =
+                reach.into_iter().filter(|&pose| self.fits(pose, &others)).collect();
+            match self.best_swap(evaluator, &others, &fitting, here.value)? {
                 Some((pose, value)) => {
                     here.poses[lidar] = pose;
                     here.value = value;

@@ -1,0 +1,193 @@
+//! What `optimize` does on a grid of sensor poses: swaps, and bounds on the best placement there.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+use sightline::atlas::Atlas;
+use sightline::backend::Problem;
+use sightline::placement::{Placement, PoseGrid, Spacing};
+use sightline::score::Objective;
+use sightline::search::{
+    Evaluator, GainBound, GridPlacement, GridSearch, LipschitzBound, Moves, bound_gain,
+    lipschitz_bound,
+};
+
+use crate::cli::args::Compute;
+use crate::cli::error::Error;
+use crate::cli::interrupt::Interrupt;
+
+/// Grid of the swaps where nothing else is said: that of the published placements.
+pub(super) const DEFAULT_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
+/// Grid of the bound where nothing else is said: every pose of it is cast.
+const COARSE_SPACING: Spacing = Spacing { metres: 0.2, radians: 0.2 };
+/// Sets of sensors that branch and bound looks at.
+const BOUND_NODES: u64 = 200;
+/// Placements sampled for the constants of the paper's bound.
+const LIPSCHITZ_SAMPLES: usize = 24;
+/// First steps along single fields, then a step along several at once.
+const MOVES: [Moves; 2] = [Moves::Along(3), Moves::Around(1)];
+
+/// How placements are searched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Method {
+    /// CMA-ES, then swaps from its result; the better one wins
+    Both,
+    /// CMA-ES alone
+    Cma,
+    /// Greedy and swaps over every pose of the grid
+    Swaps,
+}
+
+/// What swaps have found.
+pub(super) struct Swaps {
+    pub placement: Placement,
+    /// Objective over the frames of the search.
+    pub value: f64,
+    pub evaluations: u64,
+    pub poses_cast: u64,
+}
+
+/// What bounds are known, before the result is.
+pub(super) struct Bounds {
+    pub lipschitz: Option<LipschitzBound>,
+    pub gain: Result<GainBound, String>,
+}
+
+/// The search on a grid over an evaluator's frames.
+pub(super) struct GridStage<'a> {
+    pub evaluator: &'a mut Evaluator,
+    pub objective: &'a Objective,
+    pub compute: &'a Compute,
+    pub interrupt: &'a Interrupt,
+}
+
+impl GridStage<'_> {
+    fn search(&self, spacing: Spacing) -> Result<GridSearch, Error> {
+        let grid = PoseGrid::new(self.evaluator.constraints(), spacing)?;
+        let problem: Arc<Problem> = self.evaluator.shared_problem();
+        let counts_all = self.objective.counts_all_covered();
+        let atlas = Atlas::new(problem, grid, counts_all, self.compute.memory_budget() / 2);
+        Ok(GridSearch::new(atlas, self.objective.clone(), self.evaluator))
+    }
+
+    /// Swaps from each start that the mount allows; `casts` bounds the poses cast.
+    pub fn climb(
+        &mut self,
+        spacing: Spacing,
+        starts: &[Placement],
+        casts: u64,
+    ) -> Result<Option<Swaps>, Error> {
+        let mut search = self.search(spacing)?;
+        let mut best: Option<GridPlacement> = None;
+        for start in starts {
+            let snapped = search.atlas().grid().snapped(start);
+            if !self.evaluator.constraints().violations(&snapped).is_empty() {
+                continue;
+            }
+            let grid = search.atlas().grid();
+            let mut poses: Vec<u32> =
+                snapped.lidars.iter().map(|pose| grid.nearest(pose)).collect();
+            let interrupt = self.interrupt.clone();
+            let go_on = |cast: u64| cast < casts && !interrupt.is_set();
+            for moves in MOVES {
+                let top = search.climb(self.evaluator, &poses, moves, &go_on)?;
+                poses.clone_from(&top.poses);
+                if best.as_ref().is_none_or(|best| top.value > best.value) {
+                    best = Some(top);
+                }
+            }
+        }
+        Ok(best.map(|best| found(&search, &best)))
+    }
+
+    /// Greedy over every pose of the grid, and swaps to any pose from there and from each start.
+    pub fn everywhere(
+        &mut self,
+        spacing: Spacing,
+        starts: &[Placement],
+    ) -> Result<Option<Swaps>, Error> {
+        let mut search = self.search(spacing)?;
+        let poses = search.atlas().grid().len();
+        self.compute.talk.note(format!("casting {poses} sensor poses on the grid"));
+        let all: Vec<u32> = (0..poses).collect();
+        let greedy = search.greedy(self.evaluator, &all)?;
+        let mut best = None;
+        let grid = search.atlas().grid().clone();
+        let snapped = starts.iter().map(|start| grid.snapped(start));
+        let constraints = self.evaluator.constraints();
+        let allowed = snapped.filter(|start| constraints.violations(start).is_empty());
+        let starts: Vec<Vec<u32>> = greedy
+            .map(|greedy| greedy.poses)
+            .into_iter()
+            .chain(allowed.map(|s| s.lidars.iter().map(|pose| grid.nearest(pose)).collect()))
+            .collect();
+        let interrupt = self.interrupt.clone();
+        for start in starts {
+            let top =
+                search.climb(self.evaluator, &start, Moves::Anywhere, &|_| !interrupt.is_set())?;
+            if best.as_ref().is_none_or(|best: &GridPlacement| top.value > best.value) {
+                best = Some(top);
+            }
+        }
+        Ok(best.map(|best| found(&search, &best)))
+    }
+
+    /// Both bounds; that on the grid for information gain only.
+    pub fn bounds(&mut self, spacing: Option<Spacing>, seed: u64) -> Result<Bounds, Error> {
+        let grid = PoseGrid::new(self.evaluator.constraints(), spacing.unwrap_or(DEFAULT_SPACING))?;
+        let lipschitz =
+            lipschitz_bound(self.evaluator, &grid, self.objective, LIPSCHITZ_SAMPLES, seed)?;
+        Ok(Bounds { lipschitz, gain: self.bound_gain(spacing.unwrap_or(COARSE_SPACING))? })
+    }
+
+    fn bound_gain(&mut self, spacing: Spacing) -> Result<Result<GainBound, String>, Error> {
+        if !self.objective.is_information_gain() {
+            return Ok(Err(format!(
+                "no bound is known for `{}`: only the information gain is submodular in the set of \
+                 sensors",
+                self.objective
+            )));
+        }
+        let mut search = self.search(spacing)?;
+        let atlas = search.atlas();
+        let poses = atlas.grid().len();
+        if poses as usize > atlas.capacity() {
+            return Ok(Err(format!(
+                "no bound was computed: the {poses} sensor poses of the grid take {} MiB, more than \
+                 half of --memory; widen --delta",
+                (poses as usize * atlas.page_bytes()) >> 20
+            )));
+        }
+        self.compute.talk.note(format!("bounding the gain over {poses} sensor poses"));
+        let all: Vec<u32> = (0..poses).collect();
+        let Some(greedy) = search.greedy(self.evaluator, &all)? else {
+            return Ok(Err("no placement on the grid keeps the distance asked for".into()));
+        };
+        let interrupt = self.interrupt.clone();
+        let top = search
+            .climb(self.evaluator, &greedy.poses, Moves::Anywhere, &|_| !interrupt.is_set())?;
+        let bound =
+            bound_gain(&mut search, self.evaluator, &top, BOUND_NODES, &|| !interrupt.is_set())?;
+        Ok(Ok(bound))
+    }
+}
+
+fn found(search: &GridSearch, best: &GridPlacement) -> Swaps {
+    Swaps {
+        placement: best.placement(search.atlas().grid(), "optimized"),
+        value: best.value,
+        evaluations: search.evaluations(),
+        poses_cast: search.atlas().poses_cast(),
+    }
+}
+
+/// `--delta`: metres, and radians where they differ, as `0.1` or `0.2,0.1`.
+pub(super) fn parse_spacing(text: &str) -> Result<Spacing, String> {
+    let (metres, radians) = text.split_once(',').unwrap_or((text, text));
+    let number = |text: &str| match text.trim().parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err(format!("`{text}` is no spacing; write metres and radians, as 0.1 or 0.2,0.1")),
+    };
+    Ok(Spacing { metres: number(metres)?, radians: number(radians)? })
+}
