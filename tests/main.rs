@@ -12,4 +12,5 @@ mod hits;
 mod hostile;
 mod invariants;
 mod layers;
+mod lost_device;
 mod main_job;

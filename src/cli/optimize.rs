@@ -121,16 +121,20 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let searched_all = run.evaluator.problem().frame_count() == all_frames.len()
         || !run.evaluator.problem().ends_at_hits();
     let search_frames = run.evaluator.problem().frame_count();
+    let mut backend_changes = Vec::new();
     if !searched_all {
         let quiet = Compute {
             talk: super::args::Talk { quiet: true, verbose: false },
             ..args.compute.clone()
         };
+        backend_changes = run.evaluator.backend().changes().to_vec();
         run.evaluator = load::evaluator(&scene, &psog, &all_frames, &quiet)?;
     }
     let map = run.map()?;
     let evaluations = run.search.evaluations() - run.evaluations_before();
     let mut record = run.record(&scene)?;
+    backend_changes.extend_from_slice(run.evaluator.backend().changes());
+    record.backend_changes = backend_changes;
     record.search_frames = search_frames;
     record.rate = (evaluations * search_frames as u64) as f64 / search_seconds;
     record.timings = RunTimes {
@@ -277,6 +281,7 @@ impl Run {
             settings: serde_json::json!(self.settings),
             backend: self.evaluator.backend().name().to_owned(),
             adapter: self.evaluator.backend().adapter().to_owned(),
+            backend_changes: Vec::new(),
             threads: rayon::current_num_threads(),
             seed: self.settings.search.seed,
             objective: self.objective.to_string(),
