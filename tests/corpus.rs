@@ -1,8 +1,8 @@
 //! Every reader of outside bytes over its committed seeds and over mutations of them.
 //!
 //! A fuzzer that needs no fuzzer: seeded, bounded, and on the stable toolchain. `fuzz/` holds the same
-//! readers as targets of cargo-fuzz. `SIGHTLINE_FUZZ_MUTATIONS=100000` asks for a longer run, and
-//! `SIGHTLINE_FUZZ_SEED=2` for another one.
+//! readers as targets of cargo-fuzz. `SIGHTLINE_FUZZ_MUTATIONS=100000` asks for a longer run,
+//! `SIGHTLINE_FUZZ_SEED=2` for another one, and `SIGHTLINE_FUZZ_READER=mesh` for those readers alone.
 
 #![allow(clippy::unwrap_used)]
 
@@ -126,7 +126,10 @@ fn readers_survive_their_corpus_and_its_mutations() {
         (setting("SIGHTLINE_FUZZ_MUTATIONS", MUTATIONS), setting("SIGHTLINE_FUZZ_SEED", 1));
     let folder = tempfile::tempdir().unwrap();
     planted_faults_are_seen(folder.path());
-    for (index, reader) in READERS.iter().enumerate() {
+    let wanted = std::env::var("SIGHTLINE_FUZZ_READER").unwrap_or_default();
+    let readers = READERS.iter().enumerate().filter(|(_, reader)| reader.name.contains(&wanted));
+    assert!(readers.clone().count() > 0, "no reader is called {wanted}");
+    for (index, reader) in readers {
         let seeds = corpus(reader);
         assert!(!seeds.is_empty(), "{} has no seeds", reader.name);
         for (path, bytes) in &seeds {
