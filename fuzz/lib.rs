@@ -8,5 +8,5 @@ use std::sync::OnceLock;
 /// A folder for the files of this process.
 pub fn folder() -> &'static Path {
     static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
-    FOLDER.get_or_init(|| tempfile::tempdir().expect("a folder for files")).path()
+    FOLDER.get_or_init(readers::folder).path()
 }

@@ -39,6 +39,13 @@ pub const READERS: [Reader; 12] = [
     Reader { name: "mesh_gltf", read: mesh_gltf },
 ];
 
+/// A folder for the readers' files: in memory where there is such a place, since a file system on disk
+/// makes sure of each of them.
+pub fn folder() -> tempfile::TempDir {
+    let memory = Path::new("/dev/shm");
+    tempfile::tempdir_in(memory).or_else(|_| tempfile::tempdir()).expect("a folder for files")
+}
+
 /// A scene file; its meshes and sensors do not exist.
 pub fn scene_json(folder: &Path, bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);

@@ -13,6 +13,7 @@ mod readers;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::sync::{LazyLock, Mutex};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
@@ -27,7 +28,7 @@ use readers::{READERS, Reader};
 static MEMORY: PeakAlloc = PeakAlloc;
 
 /// Mutations of each reader's seeds in an ordinary run.
-const MUTATIONS: u64 = 1000;
+const MUTATIONS: u64 = 5000;
 /// Memory that a reader may take whatever it reads, in bytes.
 const BASE: usize = 1 << 20;
 /// Memory that it may take for each byte it is given: an element of two bytes becomes a struct of
@@ -70,30 +71,35 @@ struct Watch {
     /// Milliseconds since the start at which the present input began; 0 when none is read.
     since: AtomicU64,
     start: Instant,
+    input: Mutex<Vec<u8>>,
 }
 
-static WATCH: std::sync::LazyLock<Watch> = std::sync::LazyLock::new(|| {
+static WATCH: LazyLock<Watch> = LazyLock::new(|| {
     std::thread::spawn(|| {
         loop {
             std::thread::sleep(Duration::from_secs(1));
             let since = WATCH.since.load(Ordering::SeqCst);
             let now = WATCH.start.elapsed().as_millis() as u64;
             if since > 0 && now.saturating_sub(since) > HANG.as_millis() as u64 {
-                eprintln!("a reader hangs; its input is {}", failed_input().display());
+                let kept = keep(&WATCH.input.lock().unwrap());
+                eprintln!("a reader hangs; its input is {}", kept.display());
                 std::process::exit(1);
             }
         }
     });
-    Watch { since: AtomicU64::new(0), start: Instant::now() }
+    Watch { since: AtomicU64::new(0), start: Instant::now(), input: Mutex::default() }
 });
 
-/// Where the input lies that is being read.
-fn failed_input() -> PathBuf {
-    Path::new(env!("CARGO_TARGET_TMPDIR")).join("corpus-input")
+/// Writes an input down for whoever looks into it, and says where.
+fn keep(bytes: &[u8]) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("corpus-input");
+    std::fs::write(&path, bytes).unwrap();
+    path
 }
 
 /// Reads one input; what went wrong, if anything.
 fn attempt(reader: &Reader, folder: &Path, bytes: &[u8]) -> Option<String> {
+    bytes.clone_into(&mut WATCH.input.lock().unwrap());
     let now = WATCH.start.elapsed().as_millis() as u64;
     WATCH.since.store(now.max(1), Ordering::SeqCst);
     MEMORY.reset_peak_usage();
@@ -124,7 +130,7 @@ fn planted_faults_are_seen(folder: &Path) {
 fn readers_survive_their_corpus_and_its_mutations() {
     let (mutations, seed) =
         (setting("SIGHTLINE_FUZZ_MUTATIONS", MUTATIONS), setting("SIGHTLINE_FUZZ_SEED", 1));
-    let folder = tempfile::tempdir().unwrap();
+    let folder = readers::folder();
     planted_faults_are_seen(folder.path());
     let wanted = std::env::var("SIGHTLINE_FUZZ_READER").unwrap_or_default();
     let readers = READERS.iter().enumerate().filter(|(_, reader)| reader.name.contains(&wanted));
@@ -141,11 +147,10 @@ fn readers_survive_their_corpus_and_its_mutations() {
         rng.set_stream(index as u64);
         for number in 0..mutations {
             let bytes = mutated(&seeds, &mut rng);
-            // Kept on disk while it is read, for the case that the process does not survive it.
-            std::fs::write(failed_input(), &bytes).unwrap();
-            let fault = attempt(reader, folder.path(), &bytes);
-            let kept = failed_input();
-            assert_eq!(fault, None, "{}, mutation {number}: {}", reader.name, kept.display());
+            if let Some(fault) = attempt(reader, folder.path(), &bytes) {
+                let kept = keep(&bytes);
+                panic!("{}, mutation {number}, {}: {fault}", reader.name, kept.display());
+            }
         }
     }
 }
