@@ -133,7 +133,13 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let map = run.map()?;
     let evaluations = run.search.evaluations() - run.evaluations_before();
     let mut record = run.record(&scene)?;
-    backend_changes.extend_from_slice(run.evaluator.backend().changes());
+    for change in run.evaluator.backend().changes() {
+        // What confirms the result was opened without a word.
+        if !searched_all {
+            args.compute.talk.note(change);
+        }
+        backend_changes.push(change.clone());
+    }
     record.backend_changes = backend_changes;
     record.search_frames = search_frames;
     record.rate = (evaluations * search_frames as u64) as f64 / search_seconds;
