@@ -9,8 +9,10 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use sightline::backend::cpu::beam_direction;
 use sightline::backend::gpu::GpuBackend;
-use sightline::backend::{Backend, Content, OccupiedVoxel, Problem};
+use sightline::backend::{Backend, Content, DevicePose, OccupiedVoxel, Problem};
 use sightline::bvh::{Bvh, Hit};
 use sightline::geom::TriangleSoup;
 use sightline::grid::Roi;
@@ -155,14 +157,14 @@ fn two_million_triangles_are_hit_where_brute_force_says() {
     assert!(hits.iter().filter(|hit| hit.is_hit()).count() > hits.len() / 2);
     assert_eq!(bits(&hits), bits(&gpu.hits(&placement, 0).unwrap()));
     let bvh = problem.geometry(0).unwrap();
-    for (hit, &direction) in hits.iter().zip(problem.table().directions()) {
-        // As the backends round it.
-        let pose = sightline::backend::DevicePose::new(&placement.lidars[0], problem.roi());
-        let origin = Vec3::from(pose.rows.map(|row| row[3]));
-        let direction = sightline::backend::cpu::beam_direction(&pose, direction);
+    // As the backends round it.
+    let pose = DevicePose::new(&placement.lidars[0], problem.roi());
+    let origin = Vec3::from(pose.rows.map(|row| row[3]));
+    hits.par_iter().zip(problem.table().directions()).for_each(|(hit, &direction)| {
+        let direction = beam_direction(&pose, direction);
         let found = explain(bvh, origin, direction, 120.0, *hit);
         assert_ne!(found, Explanation::Unexplained, "{hit:?} along {direction}");
-    }
+    });
 }
 
 #[test]

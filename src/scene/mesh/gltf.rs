@@ -11,9 +11,10 @@ use crate::scene::error::read_limited;
 
 /// Nodes inside nodes.
 const MAX_DEPTH: usize = 64;
-/// Vertices, and corners of triangles, of a whole file. Many primitives may share one accessor, so a
-/// small file could ask for any number.
-const MAX_ELEMENTS: usize = 60_000_000;
+/// Triangles of a whole file, as of a scene, and vertices. Many primitives may share one accessor, so
+/// that a small file could ask for any number.
+const MAX_TRIANGLES: usize = 10_000_000;
+const MAX_VERTICES: usize = 3 * MAX_TRIANGLES;
 
 /// Reads a glTF; buffers beside it are looked up in `dir`. Points and lines are left out.
 pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
@@ -137,11 +138,14 @@ impl Walk<'_> {
         let buffers = self.buffers;
         let reader = primitive.reader(|b| buffers.get(b.index()).map(Vec::as_slice));
         let corners = primitive.indices().map_or(positions.count(), |indices| indices.count());
-        let vertices = self.mesh.vertices.len().saturating_add(positions.count());
-        if vertices > MAX_ELEMENTS || corners.saturating_add(self.mesh.faces.len()) > MAX_ELEMENTS {
-            return Err(format!(
-                "is one too many: {MAX_ELEMENTS} vertices or corners may be there"
-            ));
+        let triangles = match mode {
+            Mode::Triangles => corners / 3,
+            _ => corners.saturating_sub(2),
+        };
+        if self.mesh.faces.len().saturating_add(triangles) > MAX_TRIANGLES
+            || self.mesh.vertices.len().saturating_add(positions.count()) > MAX_VERTICES
+        {
+            return Err(format!("is one too many: {MAX_TRIANGLES} triangles may be there"));
         }
         let base = self.mesh.vertices.len() as u32;
         let points = reader.read_positions().ok_or("has no positions")?;
@@ -157,10 +161,6 @@ impl Walk<'_> {
         }
         let material = self.mesh.material(primitive.material().name());
         let corner = |i: usize| indices[i] + base;
-        let triangles = match mode {
-            Mode::Triangles => indices.len() / 3,
-            _ => indices.len().saturating_sub(2),
-        };
         for i in 0..triangles {
             let face = match mode {
                 Mode::Triangles => [3 * i, 3 * i + 1, 3 * i + 2],
