@@ -125,6 +125,20 @@ fn planted_faults_are_seen(folder: &Path) {
     assert!(attempt(&greedy, folder, b"x").unwrap().contains("memory"));
 }
 
+/// The fuzz targets are not built here; that each reader has one, and nothing else does, is seen anyway.
+fn targets_match_the_readers() {
+    let fuzz = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz");
+    let manifest = std::fs::read_to_string(fuzz.join("Cargo.toml")).unwrap();
+    assert_eq!(manifest.matches("[[bin]]").count(), READERS.len());
+    assert_eq!(std::fs::read_dir(fuzz.join("fuzz_targets")).unwrap().count(), READERS.len());
+    assert_eq!(std::fs::read_dir(fuzz.join("corpus")).unwrap().count(), READERS.len());
+    for Reader { name, .. } in READERS {
+        assert!(manifest.contains(&format!("path = \"fuzz_targets/{name}.rs\"")), "{name}");
+        let target = std::fs::read_to_string(fuzz.join(format!("fuzz_targets/{name}.rs"))).unwrap();
+        assert!(target.contains(&format!("readers::{name}(")), "{name}");
+    }
+}
+
 /// One test, not one for each reader: the memory is that of the process.
 #[test]
 fn readers_survive_their_corpus_and_its_mutations() {
@@ -132,6 +146,7 @@ fn readers_survive_their_corpus_and_its_mutations() {
         (setting("SIGHTLINE_FUZZ_MUTATIONS", MUTATIONS), setting("SIGHTLINE_FUZZ_SEED", 1));
     let folder = readers::folder();
     planted_faults_are_seen(folder.path());
+    targets_match_the_readers();
     let wanted = std::env::var("SIGHTLINE_FUZZ_READER").unwrap_or_default();
     let readers = READERS.iter().enumerate().filter(|(_, reader)| reader.name.contains(&wanted));
     assert!(readers.clone().count() > 0, "no reader is called {wanted}");

@@ -146,7 +146,7 @@ fn two_million_triangles_are_hit_where_brute_force_says() {
     let soup = terrain(cells);
     assert_eq!(soup.faces.len(), 2 * (cells * cells) as usize);
     let mut rng = rng(92);
-    let directions: Vec<DVec3> = (0..sized(2000, 300))
+    let directions: Vec<DVec3> = (0..sized(1000, 300))
         .map(|_| DVec3::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0), -0.06))
         .collect();
     let roi = Roi::new([-40.0, -40.0, -2.0], [1.0; 3], [80, 80, 6]).unwrap();
