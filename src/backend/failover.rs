@@ -54,8 +54,8 @@ impl Failover {
         let mut again = false;
         loop {
             match work(&mut *self.backend) {
-                Err(error @ BackendError::Device { .. }) if !self.on_cpu => {
-                    self.replace(&error, again);
+                Err(BackendError::Device { adapter, stage, message }) if !self.on_cpu => {
+                    self.replace(format!("`{adapter}` failed at {stage}: {message}"), again);
                     again = true;
                 }
                 result => return result,
@@ -64,14 +64,13 @@ impl Failover {
     }
 
     /// Takes the next backend after a failure; `again` when the same batch has failed before.
-    fn replace(&mut self, error: &BackendError, again: bool) {
+    fn replace(&mut self, mut why: String, again: bool) {
         self.past += self.backend.times();
         let lost = std::mem::replace(&mut self.backend, (self.cpu)());
         // It goes first, so that both never hold memory at once; dropping what is left of a device may
         // panic in the driver's wrapper.
         let _ = catch_unwind(AssertUnwindSafe(|| drop(lost)));
         self.on_cpu = true;
-        let mut why = error.to_string();
         if !again && self.changes.len() < MOST_LOSSES as usize {
             match (self.reopen)() {
                 Ok(backend) => (self.backend, self.on_cpu) = (backend, false),

@@ -155,13 +155,11 @@ fn surviving(
     Box::new(Failover::new(Box::new(gpu), Box::new(reopen), cpu, note))
 }
 
-/// In debug builds, the backend whose device `SIGHTLINE_LOSE_DEVICE_AFTER` batches destroy, so that a
-/// whole run can be tried.
+/// A drill: `SIGHTLINE_LOSE_DEVICE_AFTER=N` destroys the first device after N batches, so that anybody
+/// can see what a run does then.
 fn doomed(mut gpu: GpuBackend) -> GpuBackend {
     let batches = std::env::var("SIGHTLINE_LOSE_DEVICE_AFTER").ok();
-    if let Some(batches) =
-        batches.and_then(|text| text.parse().ok()).filter(|_| cfg!(debug_assertions))
-    {
+    if let Some(batches) = batches.and_then(|text| text.parse().ok()) {
         gpu.lose_device_after(batches);
     }
     gpu

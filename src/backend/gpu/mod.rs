@@ -30,7 +30,7 @@ pub struct GpuBackend {
     chunk: Option<ChunkBuffers>,
     memory: u64,
     times: StageTimes,
-    /// Batches until the device is destroyed, for tests.
+    /// Batches until the device is destroyed, for tests and drills.
     doomed: Option<u32>,
 }
 
@@ -54,7 +54,7 @@ impl GpuBackend {
     }
 
     /// Ends the device after so many more batches of placements, as a driver reset would; whatever is
-    /// asked of the backend then is an error. For tests.
+    /// asked of the backend then is an error. For tests and drills.
     #[doc(hidden)]
     pub fn lose_device_after(&mut self, batches: u32) {
         self.doomed = Some(batches);
