@@ -276,5 +276,13 @@ fn audit_catches_what_games_the_scores() {
     for change in changes {
         assert!(change["worst_relative_change"].as_f64().unwrap() >= 0.0);
         assert!(change.get("ranking_against_mean_height").is_some());
+        assert!(change["kendall_tau"].as_f64() <= change["median_kendall_tau"].as_f64());
+        assert!(change["base"]["m_sog"].is_number(), "{change}");
+        assert!(["a", "b", "c"].contains(&change["first"].as_str().unwrap()));
+    }
+    let text = sightline(dir.path(), &["audit", "room.json", "p.json", "--format", "text"]);
+    let text = String::from_utf8(text.stdout).unwrap();
+    for title in ["S-MIG", "τ median", "τ worst", "height", "first"] {
+        assert!(text.contains(title), "no column {title}: {text}");
     }
 }

@@ -127,7 +127,7 @@ fn a_lost_device_is_an_error() {
     let placements = random_placements(51, 4, 8.0);
     let mut backend = gpu(&problem);
     backend.tally(&placements, 12.0).unwrap();
-    backend.lose_device();
+    backend.lose_device_after(0);
     let error = backend.tally(&placements, 12.0).unwrap_err();
     assert!(matches!(error, BackendError::Device { .. }), "{error}");
     assert!(error.to_string().contains("--backend cpu"), "{error}");

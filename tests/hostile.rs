@@ -52,7 +52,50 @@ fn cases() -> Vec<Case> {
     let point = vec![[[5.0, 0.0, 0.0]; 3]];
     let floor = vec![[[-9.0, -9.0, 0.0], [9.0, -9.0, 0.0], [0.0, 9.0, 0.0]]];
     let down = [0.0, 0.0, -1.0];
+    // Classes differ: each triangle of a case has its own.
+    let overlapping = vec![
+        [[5.0, -2.0, -1.0], [5.0, 1.0, -1.0], [5.0, 1.0, 2.0]],
+        [[5.0, -1.0, -1.0], [5.0, 2.0, -1.0], [5.0, -1.0, 2.0]],
+    ];
+    let around: Vec<_> = [-1.0, 1.0].into_iter().flat_map(|x| square(x, 1.0)).collect();
     vec![
+        case(
+            "overlapping triangles of two classes in one plane",
+            overlapping,
+            [0.0; 3],
+            &[AHEAD, [5.0, 1.5, -0.9], [5.0, -1.5, -0.9]],
+            10.0,
+            &[(5.0, 0), (28.06_f32.sqrt(), 1), (28.06_f32.sqrt(), 0)],
+        ),
+        case(
+            "between the walls of a solid",
+            around,
+            [0.5, 0.0, 0.0],
+            &[AHEAD, [-1.0, -0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]],
+            10.0,
+            &[(0.5, 2), (1.5, 0), none, none],
+        ),
+        case(
+            "one zero component, of either sign",
+            square(5.0, 1.0),
+            [0.0; 3],
+            &[[5.0, 0.5, 0.0], [5.0, 0.5, -0.0], [5.0, 0.0, 0.5], [5.0, -0.0, 0.5]],
+            10.0,
+            &[
+                (25.25_f32.sqrt(), 0),
+                (25.25_f32.sqrt(), 0),
+                (25.25_f32.sqrt(), 1),
+                (25.25_f32.sqrt(), 1),
+            ],
+        ),
+        case(
+            "from far below",
+            floor.clone(),
+            [0.0, 0.0, -9999.0],
+            &[[0.0, 0.0, 1.0]],
+            1e4,
+            &[(9999.0, 0)],
+        ),
         case(
             "minus zero components",
             square(5.0, 1.0),

@@ -15,6 +15,7 @@
 mod assemble;
 mod batch;
 pub mod cpu;
+mod failover;
 pub mod gpu;
 mod layout;
 mod memory;
@@ -22,6 +23,7 @@ mod problem;
 mod tally;
 
 pub use batch::{Chunk, ChunkLimits, split};
+pub use failover::{Failover, Reopen};
 pub use layout::{DevicePose, OccupiedVoxel};
 pub use memory::available_memory;
 pub use problem::{Content, Problem, ProblemError};
@@ -116,4 +118,9 @@ pub trait Backend: Send {
 
     /// Wall time spent in each stage since the backend was made.
     fn times(&self) -> StageTimes;
+
+    /// Devices lost since the backend was made, and what took over, in words; mostly none.
+    fn changes(&self) -> &[String] {
+        &[]
+    }
 }

@@ -57,3 +57,11 @@ pub struct StageTimes {
     /// Summing over the covered voxels.
     pub reduce: Duration,
 }
+
+impl AddAssign for StageTimes {
+    fn add_assign(&mut self, other: Self) {
+        self.cast += other.cast;
+        self.cover += other.cover;
+        self.reduce += other.reduce;
+    }
+}

@@ -1,11 +1,11 @@
+mod stability;
+
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use serde_json::{Value, json};
-use sightline::audit::{
-    Trial, Verdict, gaming_placements, jittered, kendall_tau, mean_height, spearman,
-};
+use serde_json::json;
+use sightline::audit::{Trial, Verdict, gaming_placements, jittered, spearman};
 use sightline::backend::Problem;
 use sightline::grid::{Psog, Roi, scan_scene};
 use sightline::placement::{Placement, read_placements};
@@ -16,6 +16,7 @@ use sightline::search::Evaluator;
 use super::args::{Compute, Format, format_or_default};
 use super::error::Error;
 use super::{load, optimize, progress, table};
+use stability::{Ranking, Stability, preferred, value_of};
 
 /// Exit code of a check that failed.
 const FAILED: u8 = 1;
@@ -31,7 +32,7 @@ const VISIBILITIES: [f32; 3] = [10.0, 20.0, 40.0];
 pub struct Args {
     /// Scene file
     scene: PathBuf,
-    /// Honest placements; the first that gains most is the base [default: Table 7 of the paper]
+    /// Honest placements; of those without a violated guard, the first that gains most is the base [default: Table 7 of the paper]
     placements: Option<PathBuf>,
     /// Frames to average over, spread evenly over the scene
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..))]
@@ -41,18 +42,6 @@ pub struct Args {
     format: Option<Format>,
     #[command(flatten)]
     compute: Compute,
-}
-
-/// Ranking of the honest placements under a change that should not matter, or matter little.
-struct Stability {
-    name: String,
-    /// Largest and median change of the objective, as a share of it.
-    worst: f64,
-    median: f64,
-    /// Kendall's τ with the unchanged ranking.
-    tau: Option<f64>,
-    /// Spearman of the changed ranking with mean height alone.
-    null: Option<f64>,
 }
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
@@ -65,9 +54,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let bar = progress::bar(4, "parts", args.compute.talk);
     let scores = loaded.evaluator.scores(&honest)?;
     let gain = |s: &Scores| s.segmentation.information_gain.unwrap_or(0.0);
-    let best = (0..honest.len())
-        .max_by(|&a, &b| gain(&scores[a]).total_cmp(&gain(&scores[b])).then(b.cmp(&a)))
-        .unwrap_or(0);
+    let best = preferred(&scores, gain).unwrap_or(0);
     let (base, base_scores) = (&honest[best], &scores[best]);
     bar.inc(1);
 
@@ -82,13 +69,15 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     }
     bar.inc(1);
 
-    let mut audit = Audit { honest: &honest, before: &scores, rows: Vec::new() };
+    let ranking = Ranking { honest: &honest, before: &scores, base: best };
+    let mut rows = Vec::new();
+    let mut draws = Vec::new();
     for seed in 0..MOUNTINGS {
         let mounted: Vec<Placement> =
             honest.iter().map(|p| jittered(p, TOLERANCE.0, TOLERANCE.1, 1000 + seed)).collect();
-        audit.add("mounted within 1 mm and 0.1°", &loaded.evaluator.scores(&mounted)?);
+        draws.push(loaded.evaluator.scores(&mounted)?);
     }
-    audit.keep_worst("mounted within 1 mm and 0.1°");
+    rows.push(ranking.under("mounted within 1 mm and 0.1°", &draws));
     let step = std::f64::consts::TAU / azimuth_steps(&loaded.scene);
     let turned: Vec<Placement> = honest
         .iter()
@@ -98,17 +87,17 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             p
         })
         .collect();
-    audit.add("azimuth phase by half a step", &loaded.evaluator.scores(&turned)?);
+    let scored = loaded.evaluator.scores(&turned)?;
+    rows.push(ranking.under("azimuth phase by half a step", &[scored]));
     bar.inc(1);
     for (name, psog, frames) in changed_worlds(&loaded.scene, &loaded.psog, args.frames)? {
         let mut evaluator = audited(&loaded.scene, &psog, &frames, args)?;
-        audit.add(&name, &evaluator.scores(&honest)?);
+        rows.push(ranking.under(&name, &[evaluator.scores(&honest)?]));
     }
     bar.finish_and_clear();
 
-    let heights: Vec<f64> = honest.iter().map(mean_height).collect();
-    let objective = |all: &[Scores]| -> Vec<f64> { all.iter().map(value_of).collect() };
-    let null = spearman(&objective(&scores), &heights);
+    let values: Vec<f64> = scores.iter().map(value_of).collect();
+    let null = spearman(&values, &ranking.heights());
     let passed = trials.iter().all(|t| t.verdict != Verdict::Fooled);
     match format_or_default(args.format) {
         Format::Json => println!(
@@ -117,71 +106,14 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
                 "scene": loaded.scene.name(),
                 "base": base_scores,
                 "trials": trials,
-                "stability": audit.rows.iter().map(Stability::json).collect::<Vec<_>>(),
+                "stability": rows.iter().map(Stability::json).collect::<Vec<_>>(),
                 "ranking_against_mean_height": null,
                 "passed": passed,
             })
         ),
-        Format::Text => print_text(&loaded.scene, base_scores, &trials, &audit.rows, null, passed),
+        Format::Text => print_text(&loaded.scene, base_scores, &trials, &rows, null, passed),
     }
     Ok(if passed { ExitCode::SUCCESS } else { ExitCode::from(FAILED) })
-}
-
-fn value_of(scores: &Scores) -> f64 {
-    scores.segmentation.m_sog_scaled.unwrap_or(f64::NEG_INFINITY)
-}
-
-struct Audit<'a> {
-    honest: &'a [Placement],
-    before: &'a [Scores],
-    rows: Vec<Stability>,
-}
-
-impl Audit<'_> {
-    fn add(&mut self, name: &str, after: &[Scores]) {
-        let before: Vec<f64> = self.before.iter().map(value_of).collect();
-        let after: Vec<f64> = after.iter().map(value_of).collect();
-        let mut changes: Vec<f64> =
-            before.iter().zip(&after).map(|(b, a)| ((a - b) / b).abs()).collect();
-        changes.sort_by(f64::total_cmp);
-        let heights: Vec<f64> = self.honest.iter().map(mean_height).collect();
-        self.rows.push(Stability {
-            name: name.to_owned(),
-            worst: changes.last().copied().unwrap_or(0.0),
-            median: changes.get(changes.len() / 2).copied().unwrap_or(0.0),
-            tau: kendall_tau(&before, &after),
-            null: spearman(&after, &heights),
-        });
-    }
-
-    /// Joins several draws of one change: worst change, median of medians, lowest τ.
-    fn keep_worst(&mut self, name: &str) {
-        let (draws, mut rest): (Vec<_>, Vec<_>) =
-            self.rows.drain(..).partition(|row| row.name == name);
-        let mut medians: Vec<f64> = draws.iter().map(|d| d.median).collect();
-        medians.sort_by(f64::total_cmp);
-        let lowest = draws.iter().filter_map(|d| d.tau).min_by(f64::total_cmp);
-        rest.push(Stability {
-            name: name.to_owned(),
-            worst: draws.iter().map(|d| d.worst).fold(0.0, f64::max),
-            median: medians.get(medians.len() / 2).copied().unwrap_or(0.0),
-            tau: lowest,
-            null: draws.first().and_then(|d| d.null),
-        });
-        self.rows = rest;
-    }
-}
-
-impl Stability {
-    fn json(&self) -> Value {
-        json!({
-            "change": self.name,
-            "worst_relative_change": self.worst,
-            "median_relative_change": self.median,
-            "kendall_tau": self.tau,
-            "ranking_against_mean_height": self.null,
-        })
-    }
 }
 
 fn azimuth_steps(scene: &Scene) -> f64 {
@@ -272,19 +204,9 @@ fn print_text(
     passed: bool,
 ) {
     println!("{}: attempts to look better than {} while seeing less", scene.name(), base.name);
-    let titles = ["attempt", "M-SOG", "M-SOG/N ×1e-6", "gain nats", "verdict", "fooled", "guards"];
-    let mut rows = vec![titles.map(str::to_owned).to_vec()];
-    let number = |v: Option<f64>, factor: f64, decimals: usize| {
-        v.map_or("–".into(), |v| format!("{:.decimals$}", v * factor))
-    };
-    let cells = |name: &str, s: &Scores| {
-        vec![
-            name.to_owned(),
-            number(s.segmentation.m_sog, 1.0, 4),
-            number(s.segmentation.m_sog_scaled, 1e6, 3),
-            number(s.segmentation.information_gain, 1.0, 0),
-        ]
-    };
+    let metrics = ["M-SOG", "M-SOG/N ×1e-6", "det ×1e-6", "gain nats", "S-MIG"];
+    let titles = [&["attempt"][..], &metrics, &["verdict", "fooled", "guards"]].concat();
+    let mut rows = vec![titles.into_iter().map(str::to_owned).collect::<Vec<_>>()];
     rows.push(cells(&base.name, base));
     for trial in trials {
         let mut row = cells(&trial.name, &trial.scores);
@@ -297,29 +219,58 @@ fn print_text(
             .to_owned(),
         );
         row.push(trial.fooled.join(", "));
-        let guards = trial.scores.guards.iter().map(ToString::to_string);
-        let mut names: Vec<_> =
-            guards.filter_map(|g| g.split(':').next().map(str::to_owned)).collect();
-        names.dedup();
-        row.push(names.join(", "));
+        row.push(guard_names(&trial.scores));
         rows.push(row);
     }
     print!("{}", table::align(&rows));
-    println!("\nm_sog_scaled of the honest placements under changes of the model");
-    let titles =
-        ["change", "median change %", "worst change %", "Kendall τ", "Spearman with mean height"];
-    let mut rows = vec![titles.map(str::to_owned).to_vec()];
+    println!(
+        "\n{} under changes of the model, and m_sog_scaled of all honest placements: its change and \
+         Kendall's τ with the unchanged ranking (median and worst), Spearman with mean height alone",
+        base.name
+    );
+    let changes = ["median %", "worst %", "τ median", "τ worst", "height", "first", "guards"];
+    let titles = [&["change"][..], &metrics, &changes].concat();
+    let mut rows = vec![titles.into_iter().map(str::to_owned).collect::<Vec<_>>()];
     let two = |v: Option<f64>| v.map_or("–".into(), |v| format!("{v:.2}"));
-    rows.push(vec!["none".into(), String::new(), String::new(), String::new(), two(null)]);
-    rows.extend(stability.iter().map(|row| {
-        vec![
-            row.name.clone(),
-            format!("{:.2}", 100.0 * row.median),
-            format!("{:.2}", 100.0 * row.worst),
-            two(row.tau),
-            two(row.null),
-        ]
+    let mut none = cells("none", base);
+    none.extend([String::new(), String::new(), String::new(), String::new(), two(null)]);
+    rows.push(none);
+    rows.extend(stability.iter().map(|change| {
+        let mut row = cells(&change.name, &change.base);
+        row.extend([
+            format!("{:.2}", 100.0 * change.median),
+            format!("{:.2}", 100.0 * change.worst),
+            two(change.median_tau),
+            two(change.worst_tau),
+            two(change.null),
+            change.first.clone(),
+            guard_names(&change.base),
+        ]);
+        row
     }));
     print!("{}", table::align(&rows));
     println!("{}", if passed { "\npassed" } else { "\nFAILED: a score was fooled unnoticed" });
+}
+
+/// A name and the value of each metric.
+fn cells(name: &str, scores: &Scores) -> Vec<String> {
+    let number = |v: Option<f64>, factor: f64, decimals: usize| {
+        v.map_or("–".into(), |v| format!("{:.decimals$}", v * factor))
+    };
+    vec![
+        name.to_owned(),
+        number(scores.segmentation.m_sog, 1.0, 4),
+        number(scores.segmentation.m_sog_scaled, 1e6, 3),
+        number(scores.detection.and_then(|d| d.m_sog_scaled), 1e6, 3),
+        number(scores.segmentation.information_gain, 1.0, 0),
+        number(scores.s_mig, 1.0, 0),
+    ]
+}
+
+/// Names of the guards that speak against a placement.
+fn guard_names(scores: &Scores) -> String {
+    let guards = scores.guards.iter().map(ToString::to_string);
+    let mut names: Vec<_> = guards.filter_map(|g| g.split(':').next().map(str::to_owned)).collect();
+    names.dedup();
+    names.join(", ")
 }

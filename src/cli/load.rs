@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use sightline::backend::cpu::CpuBackend;
 use sightline::backend::gpu::GpuBackend;
-use sightline::backend::{Backend, BackendError, Problem};
+use sightline::backend::{Backend, BackendError, Failover, Problem};
 use sightline::grid::{BuildReport, Psog, Roi, read_psog, scan_scene};
 use sightline::placement::{BeamTable, Constraints};
 use sightline::scene::{Lidar, Mount, PsogSource, ScanSettings, Scene};
@@ -110,21 +110,24 @@ pub fn evaluator(
     Ok(Evaluator::new(problem, backend, constraints(scene.mount())))
 }
 
-/// The backend asked for.
+/// The backend asked for; a device that is lost while it computes is replaced.
 pub fn open_backend(
     problem: &Arc<Problem>,
     budget: u64,
     compute: &Compute,
 ) -> Result<Box<dyn Backend>, Error> {
-    let gpu = || GpuBackend::new(problem.clone(), compute.adapter.as_deref(), budget);
+    let gpu = || -> Result<Box<dyn Backend>, BackendError> {
+        let gpu = GpuBackend::new(problem.clone(), compute.adapter.as_deref(), budget)?;
+        Ok(surviving(doomed(gpu), problem, budget, compute))
+    };
     let cpu = || Box::new(CpuBackend::new(problem.clone(), budget));
     // A device asked for by name is not silently replaced.
     let backend: Box<dyn Backend> = match compute.backend {
         BackendChoice::Cpu => cpu(),
-        BackendChoice::Gpu => Box::new(gpu()?),
-        BackendChoice::Auto if compute.adapter.is_some() => Box::new(gpu()?),
+        BackendChoice::Gpu => gpu()?,
+        BackendChoice::Auto if compute.adapter.is_some() => gpu()?,
         BackendChoice::Auto => match gpu() {
-            Ok(gpu) => Box::new(gpu),
+            Ok(gpu) => gpu,
             Err(error) => {
                 compute.talk.note(format!("computing on the CPU: {error}"));
                 return Ok(cpu());
@@ -133,6 +136,33 @@ pub fn open_backend(
     };
     compute.talk.note(format!("computing on {}: {}", backend.name(), backend.adapter()));
     Ok(backend)
+}
+
+/// A device's backend with others to take its place.
+fn surviving(
+    gpu: GpuBackend,
+    problem: &Arc<Problem>,
+    budget: u64,
+    compute: &Compute,
+) -> Box<dyn Backend> {
+    let (adapter, talk) = (compute.adapter.clone(), compute.talk);
+    let (for_gpu, for_cpu) = (problem.clone(), problem.clone());
+    let reopen = move || -> Result<Box<dyn Backend>, BackendError> {
+        Ok(Box::new(GpuBackend::new(for_gpu.clone(), adapter.as_deref(), budget)?))
+    };
+    let cpu = move || -> Box<dyn Backend> { Box::new(CpuBackend::new(for_cpu.clone(), budget)) };
+    let note = move |line: &str| talk.note(line);
+    Box::new(Failover::new(Box::new(gpu), Box::new(reopen), cpu, note))
+}
+
+/// A drill: `SIGHTLINE_LOSE_DEVICE_AFTER=N` destroys the first device after N batches, so that anybody
+/// can see what a run does then.
+fn doomed(mut gpu: GpuBackend) -> GpuBackend {
+    let batches = std::env::var("SIGHTLINE_LOSE_DEVICE_AFTER").ok();
+    if let Some(batches) = batches.and_then(|text| text.parse().ok()) {
+        gpu.lose_device_after(batches);
+    }
+    gpu
 }
 
 /// The P-SOG file that the scene names, if it names one.

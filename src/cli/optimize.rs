@@ -141,17 +141,27 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let searched_all = run.evaluator.problem().frame_count() == all_frames.len()
         || !run.evaluator.problem().ends_at_hits();
     let search_frames = run.evaluator.problem().frame_count();
+    let mut backend_changes = Vec::new();
     if !searched_all {
         let quiet = Compute {
             talk: super::args::Talk { quiet: true, verbose: false },
             ..args.compute.clone()
         };
+        backend_changes = run.evaluator.backend().changes().to_vec();
         run.evaluator = load::evaluator(&scene, &psog, &all_frames, &quiet)?;
     }
     let finding = run.confirm(swaps, bounds)?;
     let map = run.map(finding.best.as_ref())?;
     let evaluations = run.search.evaluations() - run.evaluations_before();
     let mut record = run.record(&scene, finding, interrupted)?;
+    for change in run.evaluator.backend().changes() {
+        // What confirms the result was opened without a word.
+        if !searched_all {
+            args.compute.talk.note(change);
+        }
+        backend_changes.push(change.clone());
+    }
+    record.backend_changes = backend_changes;
     record.search_frames = search_frames;
     record.rate = (evaluations * search_frames as u64) as f64 / generations_seconds;
     record.timings = RunTimes {
@@ -387,6 +397,7 @@ impl Run {
             settings: serde_json::json!(self.settings),
             backend: self.evaluator.backend().name().to_owned(),
             adapter: self.evaluator.backend().adapter().to_owned(),
+            backend_changes: Vec::new(),
             threads: rayon::current_num_threads(),
             seed: self.settings.search.seed,
             objective: self.objective.to_string(),

@@ -153,7 +153,14 @@ fn print(
             "reduce": stages.reduce.as_secs_f64(),
             "total": total_seconds,
         });
-        writeln!(out, "\n],\"timings\":{timings}}}").map_err(io)?;
+        let changes = evaluator.backend().changes();
+        if !changes.is_empty() {
+            // The head was printed before it came to this.
+            write!(out, "\n],\"backend_changes\":{}", json!(changes)).map_err(io)?;
+        } else {
+            write!(out, "\n]").map_err(io)?;
+        }
+        writeln!(out, ",\"timings\":{timings}}}").map_err(io)?;
     }
     out.flush().map_err(io)
 }

@@ -216,8 +216,8 @@ fn read_labels(path: &Path) -> Result<Vec<KittiLabel>, KittiError> {
 
 /// The bytes of a file that holds records of `unit` bytes.
 fn read_units(path: &Path, unit: u64) -> Result<Vec<u8>, KittiError> {
-    let bytes =
-        std::fs::read(path).map_err(|cause| KittiError::Read { path: path.to_owned(), cause })?;
+    let to_read = |cause| KittiError::Read { path: path.to_owned(), cause };
+    let bytes = plain(path).and_then(|()| std::fs::read(path)).map_err(to_read)?;
     if !(bytes.len() as u64).is_multiple_of(unit) {
         let (path, bytes) = (path.to_owned(), bytes.len() as u64);
         return Err(KittiError::Truncated { path, bytes, unit });
@@ -225,9 +225,18 @@ fn read_units(path: &Path, unit: u64) -> Result<Vec<u8>, KittiError> {
     Ok(bytes)
 }
 
+/// Refuses what is no plain file: a device has no end.
+fn plain(path: &Path) -> std::io::Result<()> {
+    if std::fs::metadata(path)?.is_file() {
+        return Ok(());
+    }
+    Err(std::io::Error::other("is not a plain file"))
+}
+
 fn read_text(path: &Path) -> Result<String, KittiError> {
     let mut text = String::new();
-    std::fs::File::open(path)
+    plain(path)
+        .and_then(|()| std::fs::File::open(path))
         .and_then(|mut file| file.read_to_string(&mut text))
         .map_err(|cause| KittiError::Read { path: path.to_owned(), cause })?;
     Ok(text)

@@ -9,6 +9,8 @@ use super::{Placement, PlacementError};
 
 /// Longest line of a `.jsonl` file, in bytes: 16 LiDARs need far less.
 const MAX_LINE: u64 = 1 << 20;
+/// Largest document that is read at once, in bytes: some million placements.
+const MAX_DOCUMENT: u64 = 1 << 30;
 
 /// Why placements could not be read.
 #[derive(Debug, thiserror::Error)]
@@ -51,6 +53,16 @@ pub enum ReadError {
         path: PathBuf,
         /// From 1.
         line: u64,
+    },
+    /// A document too large to be held.
+    #[error(
+        "{}: larger than {MAX_DOCUMENT} bytes; give one placement a line in a .jsonl file, which is \
+         read as a stream",
+        path.display()
+    )]
+    TooLarge {
+        /// File.
+        path: PathBuf,
     },
     /// A file without placements.
     #[error("{}: holds no placement; add at least one", path.display())]
@@ -117,7 +129,10 @@ impl PlacementReader {
             Source::Lines { reader: BufReader::new(file), line: 0 }
         } else {
             let mut text = String::new();
-            BufReader::new(file).read_to_string(&mut text).map_err(io)?;
+            BufReader::new(file).take(MAX_DOCUMENT + 1).read_to_string(&mut text).map_err(io)?;
+            if text.len() as u64 > MAX_DOCUMENT {
+                return Err(ReadError::TooLarge { path: path.to_owned() });
+            }
             let parsed: PlacementFile = serde_json::from_str(&text).map_err(|source| {
                 let near = name_near(&text, source.line(), source.column());
                 ReadError::Json { path: path.to_owned(), line: None, near, source }

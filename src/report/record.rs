@@ -61,6 +61,9 @@ pub struct RunRecord {
     pub backend: String,
     /// Device as reported.
     pub adapter: String,
+    /// Devices lost during the run, and what took over, in words.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub backend_changes: Vec<String>,
     /// Threads of the CPU backend.
     pub threads: usize,
     /// Seed of the search.

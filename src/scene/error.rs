@@ -233,11 +233,18 @@ fn did_you_mean(nearest: &Option<String>, known: &[String]) -> String {
     }
 }
 
+/// Longest name that is compared with others: the time to compare two grows with both lengths.
+const LONGEST_NAME: usize = 256;
+
 /// The one of `known` that resembles `name` most, if any is close enough to be a slip.
 pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<String> {
+    if name.len() > LONGEST_NAME {
+        return None;
+    }
     let lower = name.to_lowercase();
     known
         .into_iter()
+        .filter(|known| known.len() <= LONGEST_NAME)
         .map(|k| (strsim::jaro_winkler(&lower, &k.to_lowercase()), k))
         .filter(|(likeness, _)| *likeness > 0.7)
         .max_by(|a, b| a.0.total_cmp(&b.0))

@@ -26,6 +26,8 @@ const KINDS: &[&str] = &["box", "prism", "cylinder", "plane", "mesh", "shape"];
 pub(crate) struct Builder<'a> {
     classes: &'a Classes,
     named: &'a Dictionary<Vec<ShapeDescription>>,
+    /// Places in `named`.
+    by_name: HashMap<&'a str, usize>,
     /// The place of `shapes`.
     named_at: Place,
     dir: &'a Path,
@@ -45,7 +47,8 @@ impl<'a> Builder<'a> {
     ) -> Self {
         let named_at = top.key("shapes");
         let (meshes, built) = (HashMap::new(), HashMap::new());
-        Self { classes, named, named_at, dir, meshes, built, triangles: 0 }
+        let by_name = named.0.iter().enumerate().map(|(i, (name, _))| (name.as_str(), i)).collect();
+        Self { classes, named, by_name, named_at, dir, meshes, built, triangles: 0 }
     }
 
     /// Builds the named shapes, used or not.
@@ -129,7 +132,7 @@ impl<'a> Builder<'a> {
             return Ok(Rc::clone(solid));
         }
         let named = self.named;
-        let Some((name, list)) = named.0.iter().find(|(k, _)| k == name) else {
+        let Some((name, list)) = self.by_name.get(name).map(|&i| &named.0[i]) else {
             let known = || named.0.iter().map(|(k, _)| k.as_str());
             return Err(SceneError::UnknownName {
                 at: Box::new(at.clone()),

@@ -1,3 +1,4 @@
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex};
 
 use serde::Serialize;
@@ -205,10 +206,20 @@ impl Device {
         let mut encoder = self.device.create_command_encoder(&Default::default());
         record(&mut encoder);
         self.queue.submit([encoder.finish()]);
-        self.device
-            .poll(wgpu::PollType::wait_indefinitely())
-            .map_err(|error| self.failed(stage, error.to_string()))?;
-        self.check(stage)
+        self.wait(stage)
+    }
+
+    /// Waits for all that was submitted.
+    fn wait(&self, stage: &'static str) -> Result<(), BackendError> {
+        // wgpu reports a device that a wait finds lost with a panic.
+        let waited = caught(|| self.device.poll(wgpu::PollType::wait_indefinitely()));
+        // The callbacks know more than the panic.
+        self.check(stage)?;
+        match waited {
+            Ok(Ok(_)) => Ok(()),
+            Ok(Err(error)) => Err(self.failed(stage, error.to_string())),
+            Err(message) => Err(self.failed(stage, message)),
+        }
     }
 
     /// Copies the first `bytes` of a buffer to the host.
@@ -231,10 +242,7 @@ impl Device {
                 *slot = Some(result);
             }
         });
-        self.device
-            .poll(wgpu::PollType::wait_indefinitely())
-            .map_err(|error| self.failed(stage, error.to_string()))?;
-        self.check(stage)?;
+        self.wait(stage)?;
         match answer.lock().ok().and_then(|mut slot| slot.take()) {
             Some(Ok(())) => {}
             Some(Err(error)) => return Err(self.failed(stage, error.to_string())),
@@ -244,5 +252,25 @@ impl Device {
             .get_mapped_range(0..size)
             .map_err(|error| self.failed(stage, error.to_string()))?;
         Ok(bytemuck::pod_collect_to_vec(&view[..bytes as usize]))
+    }
+}
+
+/// The result of `work`, or the words of its panic.
+fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(work)).map_err(|panic| {
+        let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+        text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_default()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_becomes_its_words() {
+        assert_eq!(caught(|| 3), Ok(3));
+        assert_eq!(caught(|| -> u8 { panic!("lost {}", 7) }), Err("lost 7".to_owned()));
+        assert_eq!(caught(|| -> u8 { panic!("lost") }), Err("lost".to_owned()));
     }
 }

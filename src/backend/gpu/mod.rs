@@ -30,6 +30,8 @@ pub struct GpuBackend {
     chunk: Option<ChunkBuffers>,
     memory: u64,
     times: StageTimes,
+    /// Batches until the device is destroyed, for tests and drills.
+    doomed: Option<u32>,
 }
 
 impl GpuBackend {
@@ -48,13 +50,22 @@ impl GpuBackend {
         let kernels = Kernels::new(&device)?;
         let scene = SceneBuffers::new(&device, &problem)?;
         let times = StageTimes::default();
-        Ok(Self { problem, device, kernels, scene, chunk: None, memory, times })
+        Ok(Self { problem, device, kernels, scene, chunk: None, memory, times, doomed: None })
     }
 
-    /// Ends the device as a driver reset would; whatever is asked of the backend then is an error.
+    /// Ends the device after so many more batches of placements, as a driver reset would; whatever is
+    /// asked of the backend then is an error. For tests and drills.
     #[doc(hidden)]
-    pub fn lose_device(&self) {
-        self.device.destroy();
+    pub fn lose_device_after(&mut self, batches: u32) {
+        self.doomed = Some(batches);
+    }
+
+    fn count_down(&mut self) {
+        match &mut self.doomed {
+            Some(0) => self.device.destroy(),
+            Some(batches) => *batches -= 1,
+            None => {}
+        }
     }
 
     fn chunks(&self, placements: &[Placement]) -> Result<Vec<Chunk>, BackendError> {
@@ -116,6 +127,7 @@ impl Backend for GpuBackend {
     }
 
     fn tally(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Tally>, BackendError> {
+        self.count_down();
         let mut tallies = Vec::with_capacity(placements.len());
         let classes = self.problem.content().classes().len();
         for chunk in self.chunks(placements)? {

@@ -194,3 +194,17 @@ fn bad_sequences_are_refused() {
     let message = build_kitti_psog(&sequence, &options).unwrap_err().to_string();
     assert!(message.starts_with("the LiDAR height is NaN m;"), "{message}");
 }
+
+#[cfg(unix)]
+#[test]
+fn a_device_is_not_read_to_its_end() {
+    for file in ["velodyne/000000.bin", "labels/000000.label", "poses.txt", "calib.txt"] {
+        let folder = sequence();
+        let path = folder.path().join(file);
+        std::fs::remove_file(&path).unwrap();
+        std::os::unix::fs::symlink("/dev/zero", &path).unwrap();
+        let error = KittiSequence::open(folder.path()).and_then(|s| s.read(0).map(drop));
+        let message = error.unwrap_err().to_string();
+        assert!(message.contains("not a plain file") && message.contains(file), "{message}");
+    }
+}

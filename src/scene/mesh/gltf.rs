@@ -6,14 +6,25 @@ use glam::{DMat4, DVec3};
 use gltf::accessor::{DataType, Dimensions};
 use gltf::mesh::Mode;
 
-use super::{Fault, RawMesh};
+use super::{Fault, MAX_FILE, RawMesh};
+use crate::scene::error::read_limited;
 
 /// Nodes inside nodes.
 const MAX_DEPTH: usize = 64;
+/// Triangles of a whole file, as of a scene, and vertices. Many primitives may share one accessor, so
+/// that a small file could ask for any number.
+const MAX_TRIANGLES: usize = 10_000_000;
+const MAX_VERTICES: usize = 3 * MAX_TRIANGLES;
 
 /// Reads a glTF; buffers beside it are looked up in `dir`. Points and lines are left out.
 pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
     let whole = |e: gltf::Error| Fault::new("file", e.to_string());
+    // The crate takes the header's twelve bytes off the length of the file without a look at it.
+    if let Some([b'g', b'l', b'T', b'F', _, _, _, _, length @ ..]) = bytes.first_chunk::<12>()
+        && u32::from_le_bytes(*length) < 12
+    {
+        return Err(Fault::new("header", "announces a file shorter than itself; export it again"));
+    }
     let gltf::Gltf { document, blob } =
         gltf::Gltf::from_slice_without_validation(bytes).map_err(whole)?;
     // The validation indexes with these before it has looked at them.
@@ -27,7 +38,7 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
         }
     }
     let document = gltf::Document::from_json(json).map_err(whole)?;
-    let buffers = gltf::import_buffers(&document, Some(dir), blob).map_err(whole)?;
+    let buffers = read_buffers(&document, dir, blob)?;
     let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) else {
         return Err(Fault::new("file", "holds no scene"));
     };
@@ -42,9 +53,46 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
     Ok(walk.mesh)
 }
 
+/// The bytes of each buffer. The crate's own import opens whatever a file names, devices included,
+/// and does not survive a name that is not UTF-8.
+fn read_buffers(
+    document: &gltf::Document,
+    dir: &Path,
+    mut blob: Option<Vec<u8>>,
+) -> Result<Vec<Vec<u8>>, Fault> {
+    let mut buffers: Vec<Vec<u8>> = Vec::new();
+    let mut left = MAX_FILE;
+    for buffer in document.buffers() {
+        let fault = |problem: String| Fault::new(format!("buffer {}", buffer.index()), problem);
+        let bytes = match buffer.source() {
+            gltf::buffer::Source::Bin => {
+                blob.take().ok_or_else(|| fault("has no data and no name of a file".to_owned()))?
+            }
+            gltf::buffer::Source::Uri(uri) if uri.starts_with("data:") => {
+                let data = gltf::buffer::Data::from_source(buffer.source(), None);
+                data.map_err(|e| fault(e.to_string()))?.0
+            }
+            gltf::buffer::Source::Uri(uri) => {
+                let path = uri.strip_prefix("file:").unwrap_or(uri);
+                let path = path.strip_prefix("//").unwrap_or(path);
+                let path = urlencoding::decode(path)
+                    .map_err(|_| fault(format!("names {uri:?}, which is not UTF-8")))?;
+                read_limited(&dir.join(&*path), left).map_err(|e| fault(e.to_string()))?
+            }
+        };
+        left = left.saturating_sub(bytes.len() as u64);
+        if bytes.len() < buffer.length() {
+            let (have, need) = (bytes.len(), buffer.length());
+            return Err(fault(format!("holds {have} bytes, {need} are announced")));
+        }
+        buffers.push(bytes);
+    }
+    Ok(buffers)
+}
+
 struct Walk<'a> {
     mesh: RawMesh,
-    buffers: &'a [gltf::buffer::Data],
+    buffers: &'a [Vec<u8>],
     /// glTF demands a tree; a node met twice would make a loop or a blow-up.
     seen: Vec<bool>,
 }
@@ -88,7 +136,17 @@ impl Walk<'_> {
             self.check_accessor(&indices)?;
         }
         let buffers = self.buffers;
-        let reader = primitive.reader(|b| buffers.get(b.index()).map(|data| data.0.as_slice()));
+        let reader = primitive.reader(|b| buffers.get(b.index()).map(Vec::as_slice));
+        let corners = primitive.indices().map_or(positions.count(), |indices| indices.count());
+        let triangles = match mode {
+            Mode::Triangles => corners / 3,
+            _ => corners.saturating_sub(2),
+        };
+        if self.mesh.faces.len().saturating_add(triangles) > MAX_TRIANGLES
+            || self.mesh.vertices.len().saturating_add(positions.count()) > MAX_VERTICES
+        {
+            return Err(format!("is one too many: {MAX_TRIANGLES} triangles may be there"));
+        }
         let base = self.mesh.vertices.len() as u32;
         let points = reader.read_positions().ok_or("has no positions")?;
         let place = |p: [f32; 3]| placed.transform_point3(DVec3::from(p.map(f64::from)));
@@ -103,10 +161,6 @@ impl Walk<'_> {
         }
         let material = self.mesh.material(primitive.material().name());
         let corner = |i: usize| indices[i] + base;
-        let triangles = match mode {
-            Mode::Triangles => indices.len() / 3,
-            _ => indices.len().saturating_sub(2),
-        };
         for i in 0..triangles {
             let face = match mode {
                 Mode::Triangles => [3 * i, 3 * i + 1, 3 * i + 2],
@@ -131,7 +185,7 @@ impl Walk<'_> {
         if stride < size || count == 0 {
             return Err(format!("uses accessor {name}, which is empty or whose items overlap"));
         }
-        let length = self.buffers.get(view.buffer().index()).map_or(0, |b| b.0.len() as u64);
+        let length = self.buffers.get(view.buffer().index()).map_or(0, |b| b.len() as u64);
         let need = (count - 1)
             .checked_mul(stride)
             .and_then(|n| n.checked_add(size))

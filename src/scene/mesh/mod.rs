@@ -4,6 +4,7 @@ mod gltf;
 mod obj;
 mod ply;
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use glam::DVec3;
@@ -22,16 +23,18 @@ pub(crate) struct RawMesh {
     pub face_material: Vec<u32>,
     /// Names (OBJ, glTF) or labels (PLY) in use; `None` for faces without one.
     pub materials: Vec<Option<String>>,
+    /// Places in `materials`: a hostile file names one for each face.
+    by_name: HashMap<Option<String>, u32>,
 }
 
 impl RawMesh {
     /// The index of the material called `name`.
     fn material(&mut self, name: Option<&str>) -> u32 {
-        let found = self.materials.iter().position(|m| m.as_deref() == name);
-        found.unwrap_or_else(|| {
-            self.materials.push(name.map(str::to_owned));
-            self.materials.len() - 1
-        }) as u32
+        let name = name.map(str::to_owned);
+        *self.by_name.entry(name).or_insert_with_key(|name| {
+            self.materials.push(name.clone());
+            self.materials.len() as u32 - 1
+        })
     }
 }
 

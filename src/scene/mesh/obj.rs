@@ -1,6 +1,7 @@
 //! Wavefront OBJ, without its material library: classes hang on the names in `usemtl`.
 
 use std::cell::Cell;
+use std::collections::HashSet;
 use std::io::{BufRead, BufReader, Read};
 
 use glam::DVec3;
@@ -62,7 +63,7 @@ fn strip(text: &str) -> Result<(String, Vec<String>), Fault> {
     let is_vertex = |l: &&str| l.split_whitespace().next() == Some("v");
     let total = text.lines().filter(is_vertex).count() as i64;
     let mut so_far = 0;
-    let mut names: Vec<String> = Vec::new();
+    let (mut names, mut seen) = (Vec::new(), HashSet::new());
     let mut kept = String::with_capacity(text.len());
     for (i, line) in text.lines().enumerate() {
         let fault = |problem| Fault::new(format!("line {}", i + 1), problem);
@@ -70,7 +71,7 @@ fn strip(text: &str) -> Result<(String, Vec<String>), Fault> {
         match words.next() {
             Some("usemtl") => {
                 let name = line.trim_start()["usemtl".len()..].trim();
-                if !names.iter().any(|n| n == name) {
+                if seen.insert(name) {
                     names.push(name.to_owned());
                 }
                 kept.push_str(line);

@@ -47,6 +47,19 @@ fn obj_faults_name_their_line() {
     assert_eq!(fault.element, "line 2");
 }
 
+/// A search through the names for each face would take minutes.
+#[test]
+fn a_material_for_each_face_takes_no_longer() {
+    let count = 200_000;
+    let mut text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned();
+    for face in 0..count {
+        text += &format!("usemtl {face}\nf 1 2 3\n");
+    }
+    let mesh = obj::read(text.as_bytes()).unwrap();
+    assert_eq!((mesh.materials.len(), mesh.faces.len()), (count, count));
+    assert_eq!(mesh.materials[mesh.face_material[77] as usize].as_deref(), Some("77"));
+}
+
 fn ascii_ply(vertex_count: &str, body: &str) -> String {
     format!(
         "ply\nformat ascii 1.0\nelement vertex {vertex_count}\nproperty double x\nproperty double y\n\
@@ -160,7 +173,7 @@ fn gltf_faults_never_panic() {
     let good = triangle_gltf(2, 40, 3);
     let cases = [
         (triangle_gltf(9, 40, 3), "refers to vertex 9, it has 3"),
-        (triangle_gltf(2, 4000, 3), "buffer"),
+        (triangle_gltf(2, 4000, 3), "holds 40 bytes, 4000 are announced"),
         (triangle_gltf(2, 40, 4_000_000_000), "reaches past its buffer"),
         (good.replace(r#""mesh":0,"#, r#""mesh":0,"children":[0],"#), "two parents"),
         (good.replace(r#""byteOffset":36"#, r#""byteOffset":3600"#), "reaches past its buffer"),
@@ -170,6 +183,21 @@ fn gltf_faults_never_panic() {
     for (text, problem) in cases {
         let fault = gltf::read(text.as_bytes(), Path::new("")).unwrap_err();
         assert!(fault.problem.contains(problem), "{problem}: {fault:?}");
+    }
+    let named = |uri: &str| {
+        let start = good.find("\"uri\":\"").unwrap() + 7;
+        let end = start + good[start..].find('"').unwrap();
+        format!("{}{uri}{}", &good[..start], &good[end..])
+    };
+    let outside = [
+        ("/dev/zero", "not a plain file"),
+        ("file:///dev/zero", "not a plain file"),
+        ("%ff.bin", "not UTF-8"),
+        ("nowhere.bin", "nowhere.bin"),
+    ];
+    for (uri, problem) in outside {
+        let fault = gltf::read(named(uri).as_bytes(), Path::new("")).unwrap_err();
+        assert!(fault.problem.contains(problem), "{uri}: {fault:?}");
     }
     for end in 0..good.len() {
         assert!(gltf::read(&good.as_bytes()[..end], Path::new("")).is_err(), "cut at {end}");

@@ -1,0 +1,194 @@
+//! One function for each reader of outside bytes, shared by the fuzz targets and `tests/corpus.rs`.
+//!
+//! Each puts the bytes where the reader looks for them, reads them, and checks what was accepted:
+//! whatever the bytes are, the answer is a value that keeps its promises or an error that says why.
+
+use std::fs;
+use std::path::Path;
+
+use sightline::grid::{
+    KittiPsogOptions, KittiSequence, Roi, build_kitti_psog, read_psog, write_psog,
+};
+use sightline::placement::read_placements;
+use sightline::scene::{EgoBody, Scene};
+
+/// Triangles up to which the frames of an accepted scene are looked at.
+const MAX_FACES: usize = 200_000;
+
+/// A reader by the name of its fuzz target and of its folder of seeds.
+pub struct Reader {
+    /// Name of the target.
+    pub name: &'static str,
+    /// Reads bytes, with a folder of its own for files.
+    pub read: fn(&Path, &[u8]),
+}
+
+/// All readers of outside bytes.
+pub const READERS: [Reader; 12] = [
+    Reader { name: "scene_json", read: scene_json },
+    Reader { name: "sensor_json", read: sensor_json },
+    Reader { name: "placements_json", read: placements_json },
+    Reader { name: "placements_jsonl", read: placements_jsonl },
+    Reader { name: "psog_npz", read: psog_npz },
+    Reader { name: "kitti_bin", read: kitti_bin },
+    Reader { name: "kitti_label", read: kitti_label },
+    Reader { name: "kitti_poses", read: kitti_poses },
+    Reader { name: "kitti_calib", read: kitti_calib },
+    Reader { name: "mesh_obj", read: mesh_obj },
+    Reader { name: "mesh_ply", read: mesh_ply },
+    Reader { name: "mesh_gltf", read: mesh_gltf },
+];
+
+/// A folder for the readers' files: in memory where there is such a place, since a file system on disk
+/// makes sure of each of them.
+pub fn folder() -> tempfile::TempDir {
+    let memory = Path::new("/dev/shm");
+    tempfile::tempdir_in(memory).or_else(|_| tempfile::tempdir()).expect("a folder for files")
+}
+
+/// A scene file; its meshes and sensors do not exist.
+pub fn scene_json(folder: &Path, bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    check_scene(Scene::from_json(&text, folder, "scene.json"));
+}
+
+/// A sensor file that a scene names.
+pub fn sensor_json(folder: &Path, bytes: &[u8]) {
+    put(folder, "sensor.json", bytes);
+    let lidar = r#"{ "file": "sensor.json", "azimuth_steps": 4, "range": 50 }"#;
+    check_scene(Scene::from_json(&scene_with(lidar, ""), folder, "scene.json"));
+}
+
+/// Placements in one document.
+pub fn placements_json(folder: &Path, bytes: &[u8]) {
+    check_placements(folder, "placements.json", bytes);
+}
+
+/// Placements, one a line.
+pub fn placements_jsonl(folder: &Path, bytes: &[u8]) {
+    check_placements(folder, "placements.jsonl", bytes);
+}
+
+/// A P-SOG; one that is accepted survives being written and read again.
+pub fn psog_npz(folder: &Path, bytes: &[u8]) {
+    put(folder, "psog.npz", bytes);
+    let Ok(psog) = said(read_psog(&folder.join("psog.npz"))) else { return };
+    assert!(psog.index().is_sorted() && psog.index().last() < Some(&psog.roi().voxel_count()));
+    let again = folder.join("again.npz");
+    write_psog(&again, &psog).expect("a P-SOG that was read can be written");
+    assert_eq!(read_psog(&again).expect("a P-SOG that was written can be read"), psog);
+}
+
+/// The points of a labelled scan.
+pub fn kitti_bin(folder: &Path, bytes: &[u8]) {
+    let labels = 80_u32.to_le_bytes().repeat(bytes.len() / 16);
+    check_kitti(folder, bytes, &labels, POSES.as_bytes(), CALIB.as_bytes());
+}
+
+/// The labels of a labelled scan.
+pub fn kitti_label(folder: &Path, bytes: &[u8]) {
+    let points = [1.5_f32, 0.5, 0.5, 0.0].map(f32::to_le_bytes).concat().repeat(bytes.len() / 4);
+    check_kitti(folder, &points, bytes, POSES.as_bytes(), CALIB.as_bytes());
+}
+
+/// Camera poses of a sequence.
+pub fn kitti_poses(folder: &Path, bytes: &[u8]) {
+    check_kitti(folder, &SCAN, &LABEL, bytes, CALIB.as_bytes());
+}
+
+/// Calibration of a sequence.
+pub fn kitti_calib(folder: &Path, bytes: &[u8]) {
+    check_kitti(folder, &SCAN, &LABEL, POSES.as_bytes(), bytes);
+}
+
+/// A mesh in Wavefront OBJ.
+pub fn mesh_obj(folder: &Path, bytes: &[u8]) {
+    check_mesh(folder, "mesh.obj", bytes);
+}
+
+/// A mesh in PLY, ascii or binary.
+pub fn mesh_ply(folder: &Path, bytes: &[u8]) {
+    check_mesh(folder, "mesh.ply", bytes);
+}
+
+/// A mesh in glTF, text or binary: the bytes tell which.
+pub fn mesh_gltf(folder: &Path, bytes: &[u8]) {
+    put(folder, "beside.bin", &[0; 64]);
+    check_mesh(folder, "mesh.gltf", bytes);
+}
+
+const SCAN: [u8; 16] = [0, 0, 128, 63, 0, 0, 128, 63, 0, 0, 128, 63, 0, 0, 0, 0];
+const LABEL: [u8; 4] = [80, 0, 0, 0];
+const POSES: &str = "1 0 0 0 0 1 0 0 0 0 1 0\n";
+const CALIB: &str = "Tr: 0 -1 0 0 0 0 -1 -0.1 1 0 0 -0.2\n";
+
+fn put(folder: &Path, name: &str, bytes: &[u8]) {
+    fs::write(folder.join(name), bytes).expect("the folder can be written");
+}
+
+/// The result, whose error was asked for its words.
+fn said<T, E: std::fmt::Display>(result: Result<T, E>) -> Result<T, ()> {
+    result.map_err(|error| assert!(!error.to_string().is_empty()))
+}
+
+fn scene_with(lidar: &str, more: &str) -> String {
+    format!(
+        r#"{{ "sightline": 1, "name": "fuzzed",
+            "roi": {{ "min": [-4, -4, -1], "max": [4, 4, 3], "voxel": [1, 1, 1] }},
+            "lidar": {lidar}{more},
+            "mount": {{ "min": [0, 0, 1], "max": [0, 0, 1], "lidars": 1 }},
+            "psog": {{ "file": "none.npz" }} }}"#
+    )
+}
+
+fn check_scene<E: std::fmt::Display>(scene: Result<Scene, E>) {
+    let Ok(scene) = said(scene) else { return };
+    let beams = scene.lidar().beam_count();
+    assert!(beams > 0 && scene.lidar().range() > 0.0);
+    for t in [0, scene.frame_count() - 1] {
+        let soup = scene.frame(t, EgoBody::Include);
+        if soup.faces.len() > MAX_FACES {
+            return;
+        }
+        assert!(soup.vertices.as_flattened().iter().all(|v| v.is_finite()));
+        let vertices = soup.vertices.len() as u32;
+        assert!(soup.faces.as_flattened().iter().all(|&v| v < vertices));
+        assert!(soup.face_class.iter().all(|&c| usize::from(c) < scene.classes().len()));
+        assert_eq!(soup.faces.len(), soup.face_class.len());
+    }
+}
+
+fn check_placements(folder: &Path, name: &str, bytes: &[u8]) {
+    put(folder, name, bytes);
+    let Ok(placements) = said(read_placements(&folder.join(name))) else { return };
+    for placement in &placements {
+        placement.validate().expect("what was read is valid");
+        let fields = placement.lidars.iter().flat_map(|pose| pose.fields());
+        assert!(fields.into_iter().all(|(_, value)| value.is_finite()));
+    }
+}
+
+fn check_kitti(folder: &Path, bin: &[u8], label: &[u8], poses: &[u8], calib: &[u8]) {
+    for sub in ["velodyne", "labels"] {
+        fs::create_dir_all(folder.join(sub)).expect("the folder can be written");
+    }
+    put(folder, "velodyne/000000.bin", bin);
+    put(folder, "labels/000000.label", label);
+    put(folder, "poses.txt", poses);
+    put(folder, "calib.txt", calib);
+    let Ok(sequence) = said(KittiSequence::open(folder)) else { return };
+    let roi = Roi::new([-8.0, -8.0, 0.0], [1.0; 3], [16, 16, 4]).expect("a valid grid");
+    let Ok((psog, report)) = said(build_kitti_psog(&sequence, &KittiPsogOptions::new(roi))) else {
+        return;
+    };
+    assert_eq!((psog.frames(), report.frames), (1, 1));
+    assert!(report.points_in + report.points_outside <= bin.len() as u64 / 16);
+}
+
+fn check_mesh(folder: &Path, name: &str, bytes: &[u8]) {
+    put(folder, name, bytes);
+    let lidar = r#"{ "channels": 1, "fov": [0, 0], "azimuth_steps": 4, "range": 50 }"#;
+    let world =
+        format!(r#", "static": [{{ "class": "building", "mesh": {{ "file": "{name}" }} }}]"#);
+    check_scene(Scene::from_json(&scene_with(lidar, &world), folder, "scene.json"));
+}
