@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Top to bottom.
-const ORDER: [&str; 12] = [
+const ORDER: [&str; 13] = [
     "geom",
     "scene",
     "bvh",
@@ -16,6 +16,7 @@ const ORDER: [&str; 12] = [
     "search",
     "audit",
     "verify",
+    "fidelity",
     "report",
 ];
 

@@ -3,8 +3,10 @@
 mod args;
 mod audit;
 mod cast;
+mod chart;
 mod devices;
 mod error;
+mod interrupt;
 mod load;
 mod optimize;
 mod output;
@@ -41,6 +43,8 @@ enum Command {
     Cast(cast::Args),
     /// Compare the GPU with the CPU reference bit by bit, and the reference with f64
     Verify(verify::Args),
+    /// Chart cost against accuracy, and find the cheapest setting that keeps the ranking
+    Chart(chart::Args),
     /// Try to make the scores fail, and say which guard notices
     Audit(audit::Args),
     /// Build, inspect and merge P-SOG files
@@ -57,6 +61,7 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Score(args) => score::run(&args),
         Command::Cast(args) => cast::run(&args),
         Command::Verify(args) => verify::run(&args),
+        Command::Chart(args) => chart::run(&args),
         Command::Audit(args) => audit::run(&args),
         Command::Psog(command) => psog::run(&command),
         Command::Devices(args) => devices::run(&args),

@@ -2,8 +2,7 @@ mod folder;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
@@ -15,14 +14,13 @@ use sightline::search::{Evaluator, GenerationRecord, Search, SearchSettings};
 
 use super::args::{Compute, Format, format_or_default};
 use super::error::Error;
+use super::interrupt::{INTERRUPTED, on_interrupt};
 use super::load::{self, Loaded};
 use super::{progress, table};
 use folder::RunFolder;
 
 /// The layouts of Table 7 of the paper, in our frame.
 const TABLE_7: &str = include_str!("../../scenes/placements.json");
-/// Exit code after Ctrl-C, as shells expect of it.
-const INTERRUPTED: u8 = 130;
 /// Frames that the map of the gained information averages over.
 const MAP_FRAMES: u32 = 4;
 /// Distance from a bound, as a share of the range, that counts as on it.
@@ -200,17 +198,7 @@ impl Run {
 
     /// Runs generations until the search stops or Ctrl-C; true if interrupted.
     fn search(&mut self, compute: &Compute) -> Result<bool, Error> {
-        let stop = Arc::new(AtomicBool::new(false));
-        let flag = stop.clone();
-        // A second Ctrl-C ends the program at once.
-        let handler = ctrlc::set_handler(move || {
-            if flag.swap(true, Ordering::SeqCst) {
-                std::process::exit(i32::from(INTERRUPTED));
-            }
-        });
-        if let Err(error) = handler {
-            compute.talk.detail(format!("Ctrl-C ends at once: {error}"));
-        }
+        let stop = on_interrupt(compute.talk);
         let bar = progress::bar(self.settings.search.evaluations, "placements", compute.talk);
         bar.set_position(self.search.evaluations());
         bar.reset_eta();
