@@ -3,8 +3,10 @@
 #![allow(clippy::unwrap_used)]
 
 mod cli;
+mod cli_chart;
 mod cli_errors;
 mod cli_optimize;
+mod cli_scene;
 mod common;
 mod cover;
 mod gpu_cpu;

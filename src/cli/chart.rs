@@ -111,7 +111,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     };
     let objective: Objective = state.settings.objective.parse()?;
     let (scene, psog) = load::scene_and_psog(&state.settings.scene, args.compute.talk)?;
-    if objective.needs_detection() && scene.detection_classes().is_empty() {
+    let named = |&class: &u16| psog.class_id(&scene.classes()[usize::from(class)]).is_some();
+    if objective.needs_detection() && !scene.detection_classes().iter().any(named) {
         return Err(Error::Usage(format!(
             "{}: the objective `{objective}` needs a detection target; name its classes under \
              `detection` in the scene",
@@ -135,9 +136,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         state.settings.random as usize,
         state.settings.seed,
     );
-    if placements.is_empty() {
-        return Err(Error::Usage("no placements to rank; give some, or --placements N".into()));
-    }
     let compute = &args.compute;
     let open = |problem: &Arc<Problem>, engine| open_engine(problem, engine, compute);
     let workshop = Workshop::new(

@@ -12,6 +12,7 @@ mod optimize;
 mod output;
 mod progress;
 mod psog;
+mod scene;
 mod score;
 mod table;
 mod verify;
@@ -50,6 +51,8 @@ enum Command {
     /// Build, inspect and merge P-SOG files
     #[command(subcommand)]
     Psog(psog::Command),
+    /// Write a street scene of as many triangles as asked for
+    Scene(scene::Args),
     /// List Vulkan devices and which one is taken by default
     Devices(devices::Args),
 }
@@ -64,6 +67,7 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Chart(args) => chart::run(&args),
         Command::Audit(args) => audit::run(&args),
         Command::Psog(command) => psog::run(&command),
+        Command::Scene(args) => scene::run(&args),
         Command::Devices(args) => devices::run(&args),
     }
 }

@@ -135,8 +135,8 @@ impl Axes {
              <text x=\"{}\" y=\"{}\" text-anchor=\"end\">0</text>\
              <text x=\"{}\" y=\"{}\" text-anchor=\"middle\">wall time of a placement</text>\
              <text x=\"20\" y=\"50\">1 − Kendall τ against the finest setting in f64, with 95 % intervals</text>\
-             <text x=\"20\" y=\"560\" fill=\"#5a6b7b\">□ f64   ○ CPU f32   ◇ GPU f32   \
-             line: Pareto front   0: same ranking</text>",
+             <text x=\"20\" y=\"560\" fill=\"#5a6b7b\">□ f64 · ○ CPU f32 · ◇ GPU f32 · \
+             line: Pareto front · 0: the same ranking · grey: not on the front</text>",
             left - 8.0,
             bottom + 4.5,
             (left + right) / 2.0,
