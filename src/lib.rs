@@ -16,12 +16,14 @@
 //! | [`search`] | ask, evaluate, score, tell |
 //! | [`audit`] | trials against the metric itself |
 //! | [`verify`] | comparisons of backends bit by bit, and with `f64` |
+//! | [`fidelity`] | settings from fine to coarse, their cost and their error |
 //! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
 
 pub mod atlas;
 pub mod audit;
 pub mod backend;
 pub mod bvh;
+pub mod fidelity;
 pub mod geom;
 pub mod grid;
 pub mod optimize;

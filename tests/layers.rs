@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Top to bottom.
-const ORDER: [&str; 13] = [
+const ORDER: [&str; 14] = [
     "geom",
     "scene",
     "bvh",
@@ -17,6 +17,7 @@ const ORDER: [&str; 13] = [
     "search",
     "audit",
     "verify",
+    "fidelity",
     "report",
 ];
 

@@ -4,8 +4,10 @@
 
 mod atlas;
 mod cli;
+mod cli_chart;
 mod cli_errors;
 mod cli_optimize;
+mod cli_scene;
 mod common;
 mod cover;
 mod gpu_cpu;

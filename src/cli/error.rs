@@ -1,6 +1,7 @@
 use std::path::{Path, PathBuf};
 
 use sightline::backend::{BackendError, ProblemError};
+use sightline::fidelity::FidelityError;
 use sightline::grid::{GridError, KittiError, PsogFileError};
 use sightline::placement::{PlacementError, PoseGridError, ReadError, SensorError};
 use sightline::scene::SceneError;
@@ -44,6 +45,9 @@ pub enum Error {
     /// From the objective.
     #[error(transparent)]
     Objective(#[from] ObjectiveError),
+    /// From a setting of the chart.
+    #[error(transparent)]
+    Fidelity(#[from] FidelityError),
     /// From the search.
     #[error(transparent)]
     Search(#[from] SearchError),

@@ -91,6 +91,16 @@ pub fn problem(path: &Path, frames: u32, talk: Talk) -> Result<Posed, Error> {
     Ok(Posed { name: scene.name().to_owned(), problem, constraints: constraints(scene.mount()) })
 }
 
+/// Reads a scene and its P-SOG.
+pub fn scene_and_psog(path: &Path, talk: Talk) -> Result<(Scene, Arc<Psog>), Error> {
+    let scene = Scene::read(path)?;
+    let psog = match psog_file(&scene)? {
+        Some(psog) => psog,
+        None => build_psog(&scene, talk)?.0,
+    };
+    Ok((scene, Arc::new(psog)))
+}
+
 /// An evaluator of a scene over the given frames.
 pub fn evaluator(
     scene: &Scene,

@@ -3,6 +3,7 @@
 mod args;
 mod audit;
 mod cast;
+mod chart;
 mod devices;
 mod error;
 mod interrupt;
@@ -11,6 +12,7 @@ mod optimize;
 mod output;
 mod progress;
 mod psog;
+mod scene;
 mod score;
 mod table;
 mod verify;
@@ -42,11 +44,15 @@ enum Command {
     Cast(cast::Args),
     /// Compare the GPU with the CPU reference bit by bit, and the reference with f64
     Verify(verify::Args),
+    /// Chart cost against accuracy, and find the cheapest setting that keeps the ranking
+    Chart(chart::Args),
     /// Try to make the scores fail, and say which guard notices
     Audit(audit::Args),
     /// Build, inspect and merge P-SOG files
     #[command(subcommand)]
     Psog(psog::Command),
+    /// Write a street scene of as many triangles as asked for
+    Scene(scene::Args),
     /// List Vulkan devices and which one is taken by default
     Devices(devices::Args),
 }
@@ -58,8 +64,10 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Score(args) => score::run(&args),
         Command::Cast(args) => cast::run(&args),
         Command::Verify(args) => verify::run(&args),
+        Command::Chart(args) => chart::run(&args),
         Command::Audit(args) => audit::run(&args),
         Command::Psog(command) => psog::run(&command),
+        Command::Scene(args) => scene::run(&args),
         Command::Devices(args) => devices::run(&args),
     }
 }

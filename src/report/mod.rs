@@ -1,10 +1,12 @@
 //! What a run leaves behind: JSON for programs, SVG charts and an HTML page for people.
 
+mod chart;
 mod html;
 mod map;
 mod record;
 mod svg;
 
+pub use chart::{ChartFrame, fidelity_csv, fidelity_svg, seconds};
 pub use html::{Figures, certificate_in_words, methods_in_words, report_html};
 pub use map::InformationMap;
 pub use record::{MethodRecord, RunRecord, RunTimes, Scored};

@@ -4,11 +4,11 @@ use super::Scored;
 use crate::placement::Constraints;
 use crate::search::GenerationRecord;
 
-const FONT: &str = "font-family=\"system-ui,sans-serif\" font-size=\"13\"";
-const INK: &str = "#1b2a3a";
-const FAINT: &str = "#c8d2dc";
-const ACCENT: &str = "#d1495b";
-const SECOND: &str = "#2f7ebc";
+pub(super) const FONT: &str = "font-family=\"system-ui,sans-serif\" font-size=\"13\"";
+pub(super) const INK: &str = "#1b2a3a";
+pub(super) const FAINT: &str = "#c8d2dc";
+pub(super) const ACCENT: &str = "#d1495b";
+pub(super) const SECOND: &str = "#2f7ebc";
 /// One colour a LiDAR, told apart also in grey.
 const LIDAR_COLOURS: [&str; 8] =
     ["#d1495b", "#2f7ebc", "#3d8f5f", "#c98a1b", "#7a4fa3", "#1f9e9e", "#8a5a3b", "#5a6b7b"];
@@ -22,7 +22,7 @@ struct Frame {
 }
 
 /// Maps a value range to a pixel range.
-fn scale(value: f64, from: (f64, f64), to: (f64, f64)) -> f64 {
+pub(super) fn scale(value: f64, from: (f64, f64), to: (f64, f64)) -> f64 {
     to.0 + (value - from.0) / (from.1 - from.0) * (to.1 - to.0)
 }
 
@@ -48,11 +48,11 @@ fn number(value: f64) -> String {
     }
 }
 
-fn escape(text: &str) -> String {
+pub(super) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-fn open(width: f64, height: f64, title: &str) -> String {
+pub(super) fn open(width: f64, height: f64, title: &str) -> String {
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" \
          width=\"{width}\" height=\"{height}\" role=\"img\" {FONT} fill=\"{INK}\">\

@@ -18,6 +18,7 @@ mod route;
 mod settings;
 mod shapes;
 mod solid;
+mod street;
 
 use std::path::Path;
 
@@ -32,6 +33,7 @@ pub use classes::DEFAULT_CLASSES;
 pub use error::{Place, SceneError};
 pub use lidar::Lidar;
 pub use settings::{Coverage, Mount, PsogSource, RoiBounds, ScanSettings};
+pub use street::{FEWEST_STREET_TRIANGLES, street};
 
 /// Largest scene file in bytes; ten million listed directions fit.
 const MAX_FILE: u64 = 1 << 30;

@@ -1,0 +1,505 @@
+use std::cell::Cell;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use sightline::backend::{Backend, BackendError, Problem};
+use sightline::fidelity::{
+    Engine, FidelityError, Ladder, Measured, Rated, Rung, Verdict, Workshop, World, candidates,
+    cheapest, rate,
+};
+use sightline::placement::{Placement, read_placements};
+use sightline::report::{ChartFrame, fidelity_csv, fidelity_svg, seconds};
+use sightline::score::Objective;
+
+use super::args::{BackendChoice, Compute, Format, format_or_default};
+use super::error::Error;
+use super::interrupt::{INTERRUPTED, Interrupt};
+use super::output::{writable_folder, write_whole};
+use super::{load, optimize, progress, table};
+
+/// Version of the state in `chart.json`.
+const VERSION: u32 = 1;
+/// Repeats of a timing, and of a quick one.
+const REPEATS: [usize; 2] = [5, 3];
+
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  sightline chart scenes/urban-crossing.json --out runs/chart
+  sightline chart scenes/highway.json --quick --objective information_gain
+  sightline chart --resume runs/chart")]
+pub struct Args {
+    /// Scene file
+    #[arg(required_unless_present = "resume", conflicts_with = "resume")]
+    scene: Option<PathBuf>,
+    /// Placements to rank beside the random ones [default: Table 7 of the paper]
+    #[arg(conflicts_with = "resume")]
+    placements: Option<PathBuf>,
+    /// Folder for chart.svg, chart.csv and chart.json [default: runs/SCENE-chart]
+    #[arg(long, value_name = "DIR", conflicts_with = "resume")]
+    out: Option<PathBuf>,
+    /// Go on with an interrupted run; settings that were measured are kept
+    #[arg(long, value_name = "DIR")]
+    resume: Option<PathBuf>,
+    /// Score that ranks the placements, or a weighted sum of several
+    #[arg(long, default_value = "m_sog_scaled", conflicts_with = "resume")]
+    objective: String,
+    /// Random placements within the mount, ranked together with the given ones
+    #[arg(long = "placements", value_name = "N", default_value_t = 100, conflicts_with = "resume",
+          value_parser = clap::value_parser!(u32).range(0..=10_000))]
+    random: u32,
+    /// Share of the best score that taking a setting's best placement may lose
+    #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = share)]
+    tolerance: f64,
+    /// Edge of the finest voxels in metres, to which all else is compared
+    /// [default: half of the scene's, where that is 0.1 or more; with --quick the scene's]
+    #[arg(long, value_name = "METRES", conflicts_with = "resume", value_parser = metres)]
+    finest: Option<f64>,
+    /// Fewer combinations and repeats, and no voxels finer than the scene's
+    #[arg(long, conflicts_with = "resume")]
+    quick: bool,
+    /// Seed of the random placements and of the bootstrap
+    #[arg(long, default_value_t = 1, conflicts_with = "resume")]
+    seed: u64,
+    /// How to print the result [default: text on a terminal, else json]
+    #[arg(long, value_enum)]
+    format: Option<Format>,
+    #[command(flatten)]
+    compute: Compute,
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "write a number, as in 0.01".to_owned())?;
+    if (0.0..=1.0).contains(&value) { Ok(value) } else { Err("give 0 to 1, as in 0.01".into()) }
+}
+
+fn metres(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "write a number, as in 0.1".to_owned())?;
+    if value > 0.0 && value.is_finite() { Ok(value) } else { Err("give metres above 0".into()) }
+}
+
+/// Everything that decides about the result.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Settings {
+    scene: PathBuf,
+    given: Vec<Placement>,
+    random: u32,
+    objective: String,
+    finest: Option<f64>,
+    quick: bool,
+    seed: u64,
+}
+
+/// What `chart.json` keeps of a run, finished or not; other keys are for the reader.
+#[derive(Serialize, Deserialize)]
+struct State {
+    chart: u32,
+    settings: Settings,
+    yardstick_seconds: Option<f64>,
+    measured: Vec<Measured>,
+}
+
+pub fn run(args: &Args) -> Result<ExitCode, Error> {
+    args.compute.start_threads()?;
+    let (folder, state) = match &args.resume {
+        Some(folder) => (folder.clone(), saved(folder)?),
+        None => (new_folder(args)?, fresh(args)?),
+    };
+    let objective: Objective = state.settings.objective.parse()?;
+    let (scene, psog) = load::scene_and_psog(&state.settings.scene, args.compute.talk)?;
+    let named = |&class: &u16| psog.class_id(&scene.classes()[usize::from(class)]).is_some();
+    if objective.needs_detection() && !scene.detection_classes().iter().any(named) {
+        return Err(Error::Usage(format!(
+            "{}: the objective `{objective}` needs a detection target; name its classes under \
+             `detection` in the scene",
+            state.settings.scene.display()
+        )));
+    }
+    writable_folder(&folder)?;
+    let edge = scene.roi().voxel[0];
+    let finest = state.settings.finest.or(state.settings.quick.then_some(edge));
+    if let Some(finest) = finest.filter(|f| *f > edge * (1.0 + 1e-9)) {
+        return Err(Error::Usage(format!(
+            "--finest {finest}: is coarser than the scene's own voxels of {edge} m; give at most that"
+        )));
+    }
+    let mut ladder = Ladder::new(&scene, finest, state.settings.quick);
+    leave_out_engines(&mut ladder, &args.compute);
+    let constraints = load::constraints(scene.mount());
+    let placements = candidates(
+        &constraints,
+        &state.settings.given,
+        state.settings.random as usize,
+        state.settings.seed,
+    );
+    let compute = &args.compute;
+    let open = |problem: &Arc<Problem>, engine| open_engine(problem, engine, compute);
+    let workshop = Workshop::new(
+        World::new(scene, psog),
+        placements,
+        objective,
+        Box::new(open),
+        REPEATS[usize::from(state.settings.quick)],
+        state.yardstick_seconds,
+    )?;
+    let mut chart = Chart { folder, state, ladder, workshop, edge, tolerance: args.tolerance };
+    let interrupted = chart.measure(&args.compute)?;
+    chart.finish(args, interrupted)?;
+    Ok(if interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+}
+
+fn fresh(args: &Args) -> Result<State, Error> {
+    let scene = args.scene.clone().expect("clap requires a scene or --resume");
+    let given = match &args.placements {
+        Some(file) => read_placements(file)?,
+        None => optimize::table_7()?,
+    };
+    let settings = Settings {
+        scene: std::path::absolute(&scene).map_err(Error::io(&scene))?,
+        given,
+        random: args.random,
+        objective: args.objective.clone(),
+        finest: args.finest,
+        quick: args.quick,
+        seed: args.seed,
+    };
+    Ok(State { chart: VERSION, settings, yardstick_seconds: None, measured: Vec::new() })
+}
+
+fn new_folder(args: &Args) -> Result<PathBuf, Error> {
+    let folder = args.out.clone().unwrap_or_else(|| {
+        let scene = args.scene.as_deref().unwrap_or(Path::new("scene"));
+        let stem = scene.file_stem().unwrap_or_default().to_string_lossy();
+        Path::new("runs").join(format!("{stem}-chart"))
+    });
+    if folder.join("chart.json").exists() {
+        return Err(Error::Usage(format!(
+            "{}: already holds a chart; go on with --resume, or name another folder with --out",
+            folder.display()
+        )));
+    }
+    Ok(folder)
+}
+
+fn saved(folder: &Path) -> Result<State, Error> {
+    let file = folder.join("chart.json");
+    let text = std::fs::read_to_string(&file).map_err(Error::io(&file))?;
+    let json = |source| Error::Json { path: file.clone(), source };
+    let state: State = serde_json::from_str(&text).map_err(json)?;
+    if state.chart != VERSION {
+        return Err(Error::Usage(format!(
+            "{}: is of version {}, this program reads {VERSION}; start a new run",
+            file.display(),
+            state.chart
+        )));
+    }
+    Ok(state)
+}
+
+/// Drops the engines that `--backend` excludes or the machine lacks.
+fn leave_out_engines(ladder: &mut Ladder, compute: &Compute) {
+    let gpu = || !sightline::backend::gpu::list_adapters().is_empty();
+    let why = match compute.backend {
+        BackendChoice::Cpu => Some("--backend cpu"),
+        _ => (!gpu()).then_some("no Vulkan device"),
+    };
+    if let Some(why) = why {
+        ladder.rungs.retain(|rung| rung.engine != Engine::Gpu);
+        ladder.left_out.push(format!("the GPU: {why}"));
+    }
+}
+
+fn open_engine(
+    problem: &Arc<Problem>,
+    engine: Engine,
+    compute: &Compute,
+) -> Result<Box<dyn Backend>, BackendError> {
+    use sightline::backend::{cpu::CpuBackend, gpu::GpuBackend};
+    let budget = compute.memory_budget();
+    Ok(match engine {
+        Engine::Gpu => {
+            Box::new(GpuBackend::new(problem.clone(), compute.adapter.as_deref(), budget)?)
+        }
+        _ => Box::new(CpuBackend::new(problem.clone(), budget)),
+    })
+}
+
+/// A ladder being measured.
+struct Chart<'a> {
+    folder: PathBuf,
+    state: State,
+    ladder: Ladder,
+    workshop: Workshop<'a>,
+    edge: f64,
+    tolerance: f64,
+}
+
+impl Chart<'_> {
+    /// Measures what is missing, true if interrupted; the state is written after each setting.
+    fn measure(&mut self, compute: &Compute) -> Result<bool, Error> {
+        self.check_resumed()?;
+        let stop = Interrupt::listen(compute.talk);
+        let scene = self.workshop.world().scene();
+        let efforts: Vec<f64> = self.ladder.rungs.iter().map(|rung| rung.effort(scene)).collect();
+        let count = self.workshop.placements().len();
+        // The bar counts millionths of the whole work.
+        let unit = 1e6 / (efforts.iter().sum::<f64>() * count as f64);
+        let bar = progress::bar(1_000_000, "of the work", compute.talk);
+        let mut position = 0.0;
+        for (index, rung) in self.ladder.rungs.clone().into_iter().enumerate() {
+            let whole = efforts[index] * unit * count as f64;
+            if !self.is_measured(&rung) {
+                let words = rung.words(self.edge);
+                bar.set_message(format!("{}/{}: {words}", index + 1, efforts.len()));
+                let done = Cell::new(0.0);
+                let go_on = |placements: usize| {
+                    done.set(done.get() + placements as f64);
+                    bar.set_position((position + efforts[index] * unit * done.get()) as u64);
+                    !stop.is_set()
+                };
+                let before = &self.state.measured;
+                match self.workshop.measure(&rung, before, &go_on) {
+                    Ok(Some(measured)) => {
+                        compute.talk.detail(format!("{words}: {} s", measured.seconds));
+                        self.state.measured.push(measured);
+                    }
+                    Ok(None) => break,
+                    // A device that fails at one setting does not take the others along.
+                    Err(FidelityError::Backend(error)) if rung.engine == Engine::Gpu => {
+                        self.ladder.left_out.push(format!("{words}: {error}"));
+                    }
+                    Err(error) => return Err(error.into()),
+                }
+                self.state.yardstick_seconds = self.workshop.yardstick_seconds();
+                self.write_json(None)?;
+            }
+            position += whole;
+            bar.set_position(position as u64);
+            if stop.is_set() {
+                break;
+            }
+        }
+        bar.finish_and_clear();
+        let missing = self.ladder.rungs.iter().filter(|rung| !self.is_measured(rung)).count();
+        let interrupted = stop.is_set() && missing > 0;
+        if interrupted {
+            compute.talk.note(format!(
+                "interrupted with {missing} settings to go; go on with --resume {}",
+                self.folder.display()
+            ));
+        }
+        Ok(interrupted)
+    }
+
+    fn is_measured(&self, rung: &Rung) -> bool {
+        self.state.measured.iter().any(|m| m.rung == *rung)
+    }
+
+    /// A scene that has changed since must not be mixed with what was measured.
+    fn check_resumed(&mut self) -> Result<(), Error> {
+        let Some(first) = self.state.measured.first() else { return Ok(()) };
+        let same = first.scores.len() == self.workshop.placements().len()
+            && self.ladder.rungs.first() == Some(&first.rung)
+            && first.scores[0] == self.workshop.first_score(&first.rung)?;
+        if same {
+            return Ok(());
+        }
+        Err(Error::Usage(format!(
+            "{}: was begun with another scene or other placements; start a new run",
+            self.folder.display()
+        )))
+    }
+
+    fn finish(&self, args: &Args, interrupted: bool) -> Result<(), Error> {
+        let rated = rate(&self.state.measured, self.state.settings.seed);
+        let verdict = cheapest(&rated, self.tolerance);
+        let summary = Summary::new(self, &rated, verdict, interrupted);
+        let frame = ChartFrame {
+            title: &format!(
+                "{}: {} placements ranked by {}",
+                self.workshop.world().scene().name(),
+                self.workshop.placements().len(),
+                self.state.settings.objective
+            ),
+            edge: self.edge,
+            chosen: verdict.map(|v| v.setting),
+        };
+        self.write_text("chart.svg", &fidelity_svg(&rated, &frame))?;
+        self.write_text("chart.csv", &fidelity_csv(&rated, self.edge))?;
+        self.write_json(Some(&summary))?;
+        match format_or_default(args.format) {
+            Format::Json => println!("{}", self.json(Some(&summary))),
+            Format::Text => self.print(&rated, &summary),
+        }
+        Ok(())
+    }
+
+    fn json(&self, summary: Option<&Summary>) -> serde_json::Value {
+        let mut value = json!(self.state);
+        if let (Some(summary), Some(map)) = (summary, value.as_object_mut())
+            && let Some(extra) = json!(summary).as_object()
+        {
+            map.extend(extra.clone());
+        }
+        value
+    }
+
+    fn write_json(&self, summary: Option<&Summary>) -> Result<(), Error> {
+        let path = self.folder.join("chart.json");
+        write_whole(&path, |file| {
+            serde_json::to_writer_pretty(&mut *file, &self.json(summary))
+                .map_err(|source| Error::Json { path: path.clone(), source })?;
+            file.write_all(b"\n").map_err(Error::io(&path))
+        })
+    }
+
+    fn write_text(&self, name: &str, text: &str) -> Result<(), Error> {
+        let path = self.folder.join(name);
+        write_whole(&path, |file| file.write_all(text.as_bytes()).map_err(Error::io(&path)))
+    }
+}
+
+/// What is added to the state for the reader.
+#[derive(Serialize)]
+struct Summary {
+    scene: String,
+    placements: Vec<String>,
+    tolerance: f64,
+    threads: usize,
+    reference: Option<String>,
+    rows: Vec<serde_json::Value>,
+    left_out: Vec<String>,
+    verdict: Option<Verdict>,
+    words: Vec<String>,
+    finished: bool,
+}
+
+impl Summary {
+    fn new(chart: &Chart, rated: &[Rated], verdict: Option<Verdict>, interrupted: bool) -> Self {
+        let words = |r: &Rated| r.measured.rung.words(chart.edge);
+        let rows = rated.iter().map(|r| {
+            json!({
+                "setting": words(r),
+                "rung": r.measured.rung,
+                "seconds": r.measured.seconds,
+                "spread": r.measured.spread,
+                "bytes": r.measured.bytes,
+                "beams": r.measured.beams,
+                "triangles": r.measured.triangles,
+                "error": r.error,
+                "same_quantity": is_comparable(rated, r),
+                "on_front": r.on_front,
+            })
+        });
+        Self {
+            scene: chart.workshop.world().scene().name().to_owned(),
+            placements: chart.workshop.placements().iter().map(|p| p.name.clone()).collect(),
+            tolerance: chart.tolerance,
+            threads: rayon::current_num_threads(),
+            reference: rated.first().map(words),
+            rows: rows.collect(),
+            left_out: chart.ladder.left_out.clone(),
+            verdict,
+            words: verdict.map(|v| in_words(chart, rated, &v)).unwrap_or_default(),
+            finished: !interrupted,
+        }
+    }
+}
+
+fn is_comparable(rated: &[Rated], row: &Rated) -> bool {
+    let finest = &rated[0].measured.rung.fidelity;
+    row.measured.rung.fidelity.same_quantity(finest)
+}
+
+/// The verdict in two sentences.
+fn in_words(chart: &Chart, rated: &[Rated], verdict: &Verdict) -> Vec<String> {
+    let (taken, finest) = (&rated[verdict.setting], &rated[0]);
+    let tau = match taken.error.tau {
+        Some(tau) => format!("Kendall τ is {:.3} ({:.3} to {:.3})", tau.value, tau.low, tau.high),
+        None => "there is no ranking to keep".to_owned(),
+    };
+    let kept = format!(
+        "Cheapest setting that keeps the ranking: {}, {} a placement; its best placement loses {:.2} % \
+         of the best score ({:.2} % at most in 95 % of resamples, {} % allowed), {tau}.",
+        taken.measured.rung.words(chart.edge),
+        seconds(taken.measured.seconds),
+        100.0 * taken.error.regret.value,
+        100.0 * taken.error.regret.high,
+        100.0 * chart.tolerance,
+    );
+    let f32 = verdict.saves_over_f32.map_or(String::new(), |times| {
+        format!(" and {times:.1} times as fast as the same in f32 on the CPU")
+    });
+    let saved = format!(
+        "It is {:.1} times as fast as the finest setting ({}){f32}; it takes {} instead of {}.",
+        verdict.saves_over_f64,
+        finest.measured.rung.words(chart.edge),
+        mebibytes(taken.measured.bytes),
+        mebibytes(finest.measured.bytes),
+    );
+    vec![kept, saved]
+}
+
+fn mebibytes(bytes: u64) -> String {
+    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
+}
+
+impl Chart<'_> {
+    fn print(&self, rated: &[Rated], summary: &Summary) {
+        println!(
+            "{}: {} placements ranked by {}, against {}",
+            summary.scene,
+            summary.placements.len(),
+            self.state.settings.objective,
+            summary.reference.as_deref().unwrap_or("nothing")
+        );
+        let titles = [
+            "setting",
+            "s a placement",
+            "MiB",
+            "score error %: median",
+            "largest",
+            "Kendall τ",
+            "95 %",
+            "regret %",
+            "95 %",
+            "front",
+        ];
+        let mut rows = vec![titles.map(str::to_owned).to_vec()];
+        rows.extend(rated.iter().map(|r| {
+            let mark = if is_comparable(rated, r) { " " } else { "*" };
+            let error = &r.error;
+            let (tau, range) = match error.tau {
+                Some(t) => (format!("{:.3}", t.value), format!("{:.3}–{:.3}", t.low, t.high)),
+                None => ("–".to_owned(), String::new()),
+            };
+            vec![
+                r.measured.rung.words(self.edge),
+                seconds(r.measured.seconds),
+                format!("{:.1}", r.measured.bytes as f64 / f64::from(1 << 20)),
+                format!("{:.3}{mark}", 100.0 * error.score_median),
+                format!("{:.3}{mark}", 100.0 * error.score_largest),
+                tau,
+                range,
+                format!("{:.2}", 100.0 * error.regret.value),
+                format!("{:.2}–{:.2}", 100.0 * error.regret.low, 100.0 * error.regret.high),
+                if r.on_front { "front" } else { "" }.to_owned(),
+            ]
+        }));
+        print!("{}", table::align(&rows));
+        println!(
+            "* other voxels, beams or coverage make the score another quantity; only the ranking compares"
+        );
+        for line in &summary.left_out {
+            println!("left out: {line}");
+        }
+        println!();
+        for line in &summary.words {
+            println!("{line}");
+        }
+        println!("chart: {}", self.folder.join("chart.svg").display());
+    }
+}

@@ -1,0 +1,169 @@
+use glam::DVec3;
+
+use crate::geom::TriangleSoup;
+
+/// Most triangles of a leaf.
+const LEAF: usize = 4;
+
+/// Triangles under a median-split tree, all in `f64`; shares no code with [`crate::bvh`].
+#[derive(Debug, Clone)]
+pub(super) struct ExactTree {
+    nodes: Vec<Node>,
+    triangles: Vec<[DVec3; 3]>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    min: DVec3,
+    max: DVec3,
+    /// Leaf: first triangle. Inner node: right child; the left one is the next node.
+    first: u32,
+    /// Triangles of a leaf; 0 marks an inner node.
+    count: u32,
+}
+
+impl ExactTree {
+    pub(super) fn build(soup: &TriangleSoup) -> Self {
+        let corner = |v: [f32; 3]| DVec3::from(v.map(f64::from));
+        let mut triangles: Vec<[DVec3; 3]> =
+            (0..soup.faces.len() as u32).map(|prim| soup.corners(prim).map(corner)).collect();
+        let mut nodes = Vec::new();
+        if !triangles.is_empty() {
+            let count = triangles.len();
+            split(&mut triangles, 0, count, &mut nodes);
+        }
+        Self { nodes, triangles }
+    }
+
+    /// Metres along the unit `direction` to the closest triangle with 0 < t ≤ `range`.
+    pub(super) fn closest(&self, origin: DVec3, direction: DVec3, range: f64) -> Option<f64> {
+        let inverse = direction.recip();
+        let mut best = None;
+        let mut limit = range;
+        let mut stack = Vec::with_capacity(64);
+        if !self.nodes.is_empty() {
+            stack.push(0_usize);
+        }
+        while let Some(index) = stack.pop() {
+            let node = &self.nodes[index];
+            if !meets(node, origin, inverse, limit) {
+                continue;
+            }
+            let first = node.first as usize;
+            if node.count == 0 {
+                stack.push(first);
+                stack.push(index + 1);
+                continue;
+            }
+            for triangle in &self.triangles[first..first + node.count as usize] {
+                if let Some(t) = meet(triangle, origin, direction)
+                    && t > 0.0
+                    && t <= limit
+                {
+                    limit = t;
+                    best = Some(t);
+                }
+            }
+        }
+        best
+    }
+
+    pub(super) fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    pub(super) fn bytes(&self) -> u64 {
+        (size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice())) as u64
+    }
+}
+
+/// Appends the tree of `triangles[begin..end]`, which it reorders.
+fn split(triangles: &mut [[DVec3; 3]], begin: usize, end: usize, nodes: &mut Vec<Node>) {
+    let part = &mut triangles[begin..end];
+    let corners = || part.iter().flatten();
+    let min = corners().fold(DVec3::INFINITY, |low, c| low.min(*c));
+    let max = corners().fold(DVec3::NEG_INFINITY, |high, c| high.max(*c));
+    let own = nodes.len();
+    nodes.push(Node { min, max, first: begin as u32, count: part.len() as u32 });
+    if part.len() <= LEAF {
+        return;
+    }
+    let centre = |t: &[DVec3; 3]| t[0] + t[1] + t[2];
+    let low = part.iter().fold(DVec3::INFINITY, |low, t| low.min(centre(t)));
+    let high = part.iter().fold(DVec3::NEG_INFINITY, |high, t| high.max(centre(t)));
+    let axis = (high - low).max_position();
+    let middle = part.len() / 2;
+    part.select_nth_unstable_by(middle, |a, b| centre(a)[axis].total_cmp(&centre(b)[axis]));
+    split(triangles, begin, begin + middle, nodes);
+    let right = nodes.len() as u32;
+    split(triangles, begin + middle, end, nodes);
+    (nodes[own].first, nodes[own].count) = (right, 0);
+}
+
+/// Whether the ray is in the box somewhere in 0 ≤ t ≤ `limit`; rounding and 0 · ∞ only add visits.
+fn meets(node: &Node, origin: DVec3, inverse: DVec3, limit: f64) -> bool {
+    let (mut enter, mut leave) = (0.0_f64, limit);
+    for axis in 0..3 {
+        let a = (node.min[axis] - origin[axis]) * inverse[axis];
+        let b = (node.max[axis] - origin[axis]) * inverse[axis];
+        // `f64::max` and `min` drop a NaN: a ray within a face's plane is not turned away.
+        enter = enter.max(a.min(b));
+        leave = leave.min(a.max(b));
+    }
+    enter <= leave + 1e-9
+}
+
+/// Metres to the triangle if the ray's line meets it (Möller, Trumbore 1997).
+fn meet([a, b, c]: &[DVec3; 3], origin: DVec3, direction: DVec3) -> Option<f64> {
+    let (e1, e2) = (*b - *a, *c - *a);
+    let p = direction.cross(e2);
+    let det = e1.dot(p);
+    if det == 0.0 {
+        return None;
+    }
+    let s = origin - *a;
+    let u = s.dot(p) / det;
+    if !(0.0..=1.0).contains(&u) {
+        return None;
+    }
+    let q = s.cross(e1);
+    let v = direction.dot(q) / det;
+    (v >= 0.0 && u + v <= 1.0).then(|| e2.dot(q) / det)
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    #[test]
+    fn the_tree_finds_what_all_triangles_give() {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let mut soup = TriangleSoup::default();
+        for face in 0..500_u32 {
+            let centre = [0; 3].map(|_| rng.random_range(-10.0_f32..10.0));
+            for _ in 0..3 {
+                soup.vertices.push(centre.map(|c| c + rng.random_range(-1.0_f32..1.0)));
+            }
+            soup.faces.push([3 * face, 3 * face + 1, 3 * face + 2]);
+            soup.face_class.push(0);
+        }
+        let tree = ExactTree::build(&soup);
+        let mut hits = 0;
+        for _ in 0..2000 {
+            let mut vector = || DVec3::from([0; 3].map(|_| rng.random_range(-1.0..1.0)));
+            let (origin, direction) = (vector() * 5.0, vector().normalize());
+            let all = tree.triangles.iter().filter_map(|t| meet(t, origin, direction));
+            let want = all.filter(|t| *t > 0.0 && *t <= 12.0).min_by(f64::total_cmp);
+            assert_eq!(tree.closest(origin, direction, 12.0), want);
+            hits += usize::from(want.is_some());
+        }
+        assert!(hits > 200, "only {hits} hits");
+        assert_eq!(
+            ExactTree::build(&TriangleSoup::default()).closest(DVec3::ZERO, DVec3::X, 1.0),
+            None
+        );
+    }
+}

@@ -1,0 +1,124 @@
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+
+use crate::audit::kendall_tau;
+
+/// Resamples of the bootstrap.
+const RESAMPLES: usize = 500;
+
+/// A value with the 95 % interval of its bootstrap over placements.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Interval {
+    /// Over all placements.
+    pub value: f64,
+    /// 2.5 % of the resamples lie below.
+    pub low: f64,
+    /// 2.5 % of the resamples lie above.
+    pub high: f64,
+}
+
+/// How far a setting's scores and ranking are from those of the reference.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct RankingError {
+    /// Largest |score − reference| / |reference|.
+    pub score_largest: f64,
+    /// Median of the same.
+    pub score_median: f64,
+    /// Kendall's τ-b of the two rankings; `None` where one of them is constant.
+    pub tau: Option<Interval>,
+    /// What is lost by taking the setting's best placement: (best − its reference score) / |best|.
+    pub regret: Interval,
+}
+
+impl RankingError {
+    /// Compares scores of the same placements; `None` ranks last. `None` if there are none to compare.
+    pub fn new(reference: &[Option<f64>], scores: &[Option<f64>], seed: u64) -> Option<Self> {
+        let known = reference.iter().zip(scores);
+        let (reference, scores): (Vec<f64>, Vec<f64>) =
+            known.filter_map(|(r, s)| Some(((*r)?, s.unwrap_or(f64::NEG_INFINITY)))).unzip();
+        if reference.is_empty() {
+            return None;
+        }
+        let mut errors: Vec<f64> = reference
+            .iter()
+            .zip(&scores)
+            .map(|(r, s)| if r == s { 0.0 } else { ((s - r) / r).abs() })
+            .collect();
+        errors.sort_by(f64::total_cmp);
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let count = reference.len();
+        let (mut taus, mut regrets) = (Vec::new(), Vec::new());
+        for _ in 0..RESAMPLES {
+            let drawn: Vec<usize> = (0..count).map(|_| rng.random_range(0..count)).collect();
+            let pick = |of: &[f64]| drawn.iter().map(|&i| of[i]).collect::<Vec<f64>>();
+            let (r, s) = (pick(&reference), pick(&scores));
+            taus.extend(kendall_tau(&r, &s));
+            regrets.push(regret(&r, &s));
+        }
+        let tau = kendall_tau(&reference, &scores);
+        Some(Self {
+            score_largest: errors[count - 1],
+            score_median: errors[count / 2],
+            tau: tau.map(|tau| interval(tau, taus)),
+            regret: interval(regret(&reference, &scores), regrets),
+        })
+    }
+}
+
+fn regret(reference: &[f64], scores: &[f64]) -> f64 {
+    let best = reference.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let top = (0..scores.len())
+        .max_by(|&a, &b| scores[a].total_cmp(&scores[b]).then(b.cmp(&a)))
+        .unwrap_or(0);
+    if best == reference[top] { 0.0 } else { (best - reference[top]) / best.abs() }
+}
+
+fn interval(value: f64, mut resampled: Vec<f64>) -> Interval {
+    resampled.sort_by(f64::total_cmp);
+    let at = |share: f64| {
+        let index = (share * resampled.len() as f64) as usize;
+        resampled.get(index.min(resampled.len().saturating_sub(1))).copied().unwrap_or(value)
+    };
+    Interval { value, low: at(0.025).min(value), high: at(0.975).max(value) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn some(values: &[f64]) -> Vec<Option<f64>> {
+        values.iter().copied().map(Some).collect()
+    }
+
+    #[test]
+    fn errors_by_hand() {
+        let reference = some(&[-4.0, -2.0, -1.0, -5.0]);
+        let same = RankingError::new(&reference, &reference, 1).unwrap();
+        assert_eq!((same.score_largest, same.regret.value), (0.0, 0.0));
+        assert_eq!(same.tau.unwrap().value, 1.0);
+        // The two best change places: one pair of six, and -2 is taken instead of -1.
+        let swapped = some(&[-4.0, -1.0, -1.5, -5.0]);
+        let error = RankingError::new(&reference, &swapped, 1).unwrap();
+        assert_eq!(error.tau.unwrap().value, 4.0 / 6.0);
+        assert_eq!(error.regret.value, 1.0);
+        assert_eq!((error.score_largest, error.score_median), (0.5, 0.5));
+        let tau = error.tau.unwrap();
+        assert!(tau.low < tau.value && tau.value < tau.high, "{tau:?}");
+        assert_eq!((error.regret.low, error.regret.high), (0.0, 1.0));
+        // A scale that changes all scores alike changes no rank.
+        let scaled = some(&[-8.0, -4.0, -2.0, -10.0]);
+        let error = RankingError::new(&reference, &scaled, 1).unwrap();
+        assert_eq!((error.score_median, error.regret.high), (1.0, 0.0));
+        assert_eq!(error.tau.unwrap().low, 1.0);
+    }
+
+    #[test]
+    fn placements_without_a_score_rank_last() {
+        let reference = [Some(-1.0), None, Some(-2.0)];
+        let error = RankingError::new(&reference, &[None, Some(-1.0), Some(-2.0)], 1).unwrap();
+        assert_eq!(error.regret.value, 1.0);
+        assert_eq!(error.tau.unwrap().value, -1.0);
+        assert!(RankingError::new(&[None], &[None], 1).is_none());
+    }
+}

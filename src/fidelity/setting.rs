@@ -1,0 +1,240 @@
+use serde::{Deserialize, Serialize};
+
+use crate::scene::{Coverage, Lidar, PsogSource, Scene};
+
+/// Voxel edges in metres between which the ladder stays, beside the scene's own.
+const EDGES: [f64; 2] = [0.1, 0.8];
+/// Fewest azimuth steps that are left of a turn.
+const FEWEST_STEPS: u32 = 16;
+/// Most voxels of the finest grid: 32 MiB a bitmap.
+const MOST_VOXELS: f64 = (1_u64 << 28) as f64;
+/// Slack for edges that decimals cannot give exactly.
+const SLACK: f64 = 1e-9;
+
+/// How much of a scene is modelled.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Fidelity {
+    /// Edge of a voxel as a multiple of the scene's own.
+    pub voxel: f64,
+    /// Azimuth steps are divided by this; of listed directions, every so-many-th is cast.
+    pub azimuth: u32,
+    /// Frames that are cast into, spread evenly from the first on.
+    pub frames: u32,
+    /// Whether beams run through surfaces.
+    pub through: bool,
+    /// Edge of the cells within which vertices are merged, as a multiple of the voxel's; 0 keeps
+    /// every triangle.
+    pub detail: f64,
+}
+
+/// What computes a setting.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum Engine {
+    /// [`super::Exact`], on the CPU.
+    F64,
+    /// The CPU backend, in `f32`.
+    Cpu,
+    /// The GPU backend, in `f32`.
+    Gpu,
+}
+
+/// One setting of the ladder.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Rung {
+    /// What is modelled.
+    pub fidelity: Fidelity,
+    /// What computes it.
+    pub engine: Engine,
+}
+
+/// Settings from fine to coarse, and what a scene does not allow.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ladder {
+    /// Finest in `f64` first: what the others are compared with.
+    pub rungs: Vec<Rung>,
+    /// Why settings are missing, one sentence each.
+    pub left_out: Vec<String>,
+}
+
+impl Fidelity {
+    /// Everything that a scene describes.
+    pub fn of_scene(scene: &Scene) -> Self {
+        let through = !scene.has_geometry() || scene.coverage() == Coverage::Through;
+        let frames = if through { 1 } else { scene.frame_count() as u32 };
+        Self { voxel: 1.0, azimuth: 1, frames, through, detail: 0.0 }
+    }
+
+    /// Whether this models no more than `other` in any respect.
+    pub fn is_within(&self, other: &Self) -> bool {
+        self.voxel >= other.voxel
+            && self.azimuth >= other.azimuth
+            && self.frames <= other.frames
+            && self.through >= other.through
+            && self.detail >= other.detail
+    }
+
+    /// Whether a score has the same meaning as at `other`: another voxel size, another sensor and
+    /// another kind of coverage change the quantity itself, and only rankings compare.
+    pub fn same_quantity(&self, other: &Self) -> bool {
+        self.voxel == other.voxel && self.azimuth == other.azimuth && self.through == other.through
+    }
+
+    /// The setting in words; `edge` is the scene's own voxel edge in metres.
+    pub fn words(&self, edge: f64) -> String {
+        let mut words = vec![format!("{} m", round(self.voxel * edge))];
+        if self.azimuth > 1 {
+            words.push(format!("azimuth 1/{}", self.azimuth));
+        }
+        if self.through {
+            words.push("through".into());
+        } else {
+            words.push(format!("{} frame{}", self.frames, if self.frames == 1 { "" } else { "s" }));
+        }
+        if self.detail > 0.0 {
+            words.push(format!("merged {} m", round(self.detail * self.voxel * edge)));
+        }
+        words.join(", ")
+    }
+}
+
+fn round(metres: f64) -> f64 {
+    (metres * 1e4).round() / 1e4
+}
+
+impl Rung {
+    /// About how long a placement takes, in no unit: for the time left.
+    pub fn effort(&self, scene: &Scene) -> f64 {
+        let Fidelity { voxel, azimuth, frames, .. } = self.fidelity;
+        let beams = scene.lidar().beam_count() as f64 * f64::from(frames) / f64::from(azimuth);
+        let slower = if self.engine == Engine::F64 { 3.0 } else { 1.0 };
+        beams * (1.0 + 1.0 / voxel) * slower
+    }
+
+    /// The setting in words; `edge` is the scene's own voxel edge in metres.
+    pub fn words(&self, edge: f64) -> String {
+        let engine = match self.engine {
+            Engine::F64 => "f64",
+            Engine::Cpu => "CPU",
+            Engine::Gpu => "GPU",
+        };
+        format!("{}, {engine}", self.fidelity.words(edge))
+    }
+}
+
+impl Ladder {
+    /// Single steps down from the finest setting, then combinations of steps.
+    ///
+    /// `finest` is the edge of the finest voxels in metres; `None` takes half of the scene's own where
+    /// that is not below 0.1 m. `quick` leaves out most combinations.
+    pub fn new(scene: &Scene, finest: Option<f64>, quick: bool) -> Self {
+        let own = Fidelity::of_scene(scene);
+        let edge = scene.roi().voxel[0];
+        let mut left_out = Vec::new();
+        let mut voxels = vec![1.0];
+        if matches!(scene.psog_source(), PsogSource::File(_)) {
+            left_out.push(
+                "other voxel sizes: the P-SOG is a file of counts, and voxels cannot be merged without \
+                 the frames that were counted"
+                    .to_owned(),
+            );
+        } else {
+            let voxel_count: f64 = scene.roi().shape.map(f64::from).iter().product();
+            let factor = match finest {
+                Some(metres) => metres / edge,
+                None if 0.5 * edge >= EDGES[0] - SLACK && 8.0 * voxel_count <= MOST_VOXELS => 0.5,
+                None => 1.0,
+            };
+            let coarser = [2.0, 4.0, 8.0].into_iter().filter(|f| f * edge <= EDGES[1] + SLACK);
+            voxels = std::iter::once(factor).chain([1.0]).chain(coarser).collect();
+            voxels.retain(|f| *f >= factor);
+            voxels.dedup();
+        }
+        let top = Fidelity { voxel: voxels[0], ..own };
+        let steps = match scene.lidar() {
+            Lidar::Spinning { azimuth_steps, .. } => *azimuth_steps,
+            Lidar::Directions { directions, .. } => directions.len() as u32,
+        };
+        let azimuths: Vec<u32> =
+            [1, 2, 4, 8].into_iter().filter(|d| *d == 1 || steps / d >= FEWEST_STEPS).collect();
+        let frames = halvings(own.frames);
+        if own.through {
+            let why = if scene.has_geometry() {
+                "the scene's coverage is `through`"
+            } else {
+                "the scene has no geometry"
+            };
+            left_out.push(format!("frames, first-hit coverage and geometry detail: {why}"));
+        }
+
+        let mut ladder = Self { rungs: Vec::new(), left_out };
+        ladder.add(top, Engine::F64);
+        ladder.add(top, Engine::Cpu);
+        ladder.add(top, Engine::Gpu);
+        for &voxel in &voxels {
+            ladder.add(Fidelity { voxel, ..top }, Engine::Cpu);
+        }
+        ladder.add(own, Engine::Gpu);
+        for &azimuth in &azimuths {
+            ladder.add(Fidelity { azimuth, ..top }, Engine::Cpu);
+        }
+        for &frames in &frames {
+            ladder.add(Fidelity { frames, ..top }, Engine::Cpu);
+        }
+        if !own.through {
+            ladder.add(Fidelity { through: true, frames: 1, ..top }, Engine::Cpu);
+            for detail in [0.5, 1.0, 2.0] {
+                ladder.add(Fidelity { detail, ..top }, Engine::Cpu);
+            }
+        }
+        ladder.add_combinations(&voxels, &azimuths, &frames, top, quick);
+        ladder
+    }
+
+    fn add_combinations(
+        &mut self,
+        voxels: &[f64],
+        azimuths: &[u32],
+        frames: &[u32],
+        top: Fidelity,
+        quick: bool,
+    ) {
+        let few = |all: &[u32]| {
+            if quick { all.iter().copied().step_by(2).collect() } else { all.to_vec() }
+        };
+        let (azimuths, frames): (Vec<u32>, Vec<u32>) = (few(azimuths), few(frames));
+        for &voxel in voxels.iter().filter(|v| **v >= 1.0).take(if quick { 2 } else { 3 }) {
+            for &azimuth in azimuths.iter().take(3) {
+                for &frames in frames.iter().filter(|f| **f > 1 && **f < top.frames) {
+                    self.add(Fidelity { voxel, azimuth, frames, ..top }, Engine::Cpu);
+                }
+                if !top.through || azimuth > 1 {
+                    let through =
+                        Fidelity { voxel, azimuth, frames: 1, through: true, detail: 0.0 };
+                    self.add(through, Engine::Cpu);
+                }
+            }
+        }
+        if !top.through && top.frames > 2 {
+            let frames = top.frames.div_ceil(4);
+            let small = Fidelity { voxel: 1.0, azimuth: 2, frames, ..top };
+            self.add(Fidelity { detail: 1.0, ..small }, Engine::Cpu);
+            self.add(small, Engine::Cpu);
+            self.add(small, Engine::Gpu);
+        }
+    }
+
+    fn add(&mut self, fidelity: Fidelity, engine: Engine) {
+        let rung = Rung { fidelity, engine };
+        let finest = self.rungs.first().map_or(fidelity, |first| first.fidelity);
+        if fidelity.is_within(&finest) && !self.rungs.contains(&rung) {
+            self.rungs.push(rung);
+        }
+    }
+}
+
+/// `count`, half of it, a quarter, …, 1.
+fn halvings(count: u32) -> Vec<u32> {
+    std::iter::successors(Some(count), |n| Some(n / 2).filter(|n| *n > 0)).collect()
+}

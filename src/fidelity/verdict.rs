@@ -1,0 +1,119 @@
+use serde::Serialize;
+
+use super::{Engine, Measured, RankingError};
+
+/// A measured setting and how it compares with the reference.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rated {
+    /// Cost and scores.
+    pub measured: Measured,
+    /// Against the reference.
+    pub error: RankingError,
+    /// No other setting is cheaper and ranks at least as well.
+    pub on_front: bool,
+}
+
+/// The setting to take.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Verdict {
+    /// Position in the list of settings.
+    pub setting: usize,
+    /// How many times as long the finest setting takes in `f64`.
+    pub saves_over_f64: f64,
+    /// How many times as long the finest setting takes in `f32`, where that was measured.
+    pub saves_over_f32: Option<f64>,
+}
+
+/// Compares every setting with the first, which is the reference.
+pub fn rate(measured: &[Measured], seed: u64) -> Vec<Rated> {
+    let Some(reference) = measured.first() else { return Vec::new() };
+    let mut rated: Vec<Rated> = measured
+        .iter()
+        .filter_map(|m| {
+            let error = RankingError::new(&reference.scores, &m.scores, seed)?;
+            Some(Rated { measured: m.clone(), error, on_front: false })
+        })
+        .collect();
+    for index in pareto(&rated) {
+        rated[index].on_front = true;
+    }
+    rated
+}
+
+/// 1 − τ, the error of a ranking: 0 keeps it, 1 has nothing to do with it.
+fn misranked(rated: &Rated) -> f64 {
+    rated.error.tau.map_or(1.0, |tau| 1.0 - tau.value)
+}
+
+/// Settings that no other one beats in both seconds a placement and 1 − τ, the cheapest first.
+pub fn pareto(rated: &[Rated]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..rated.len()).collect();
+    let key = |i: usize| (rated[i].measured.seconds, misranked(&rated[i]));
+    order.sort_by(|&a, &b| key(a).0.total_cmp(&key(b).0).then(key(a).1.total_cmp(&key(b).1)));
+    let mut least = f64::INFINITY;
+    order.retain(|&i| {
+        let better = key(i).1 < least;
+        least = least.min(key(i).1);
+        better
+    });
+    order
+}
+
+/// The cheapest setting whose top-1 regret stays within `tolerance` up to the upper end of its
+/// interval; the reference itself always does. `None` of an empty list.
+pub fn cheapest(rated: &[Rated], tolerance: f64) -> Option<Verdict> {
+    let reference = rated.first()?;
+    let seconds = |i: usize| rated[i].measured.seconds;
+    let setting = (0..rated.len())
+        .filter(|&i| i == 0 || rated[i].error.regret.high <= tolerance)
+        .min_by(|&a, &b| seconds(a).total_cmp(&seconds(b)))?;
+    let finest = reference.measured.rung.fidelity;
+    let f32 = rated
+        .iter()
+        .find(|r| r.measured.rung.engine == Engine::Cpu && r.measured.rung.fidelity == finest);
+    Some(Verdict {
+        setting,
+        saves_over_f64: reference.measured.seconds / seconds(setting),
+        saves_over_f32: f32.map(|f32| f32.measured.seconds / seconds(setting)),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fidelity::{Fidelity, Rung};
+
+    fn measured(seconds: f64, scores: &[f64]) -> Measured {
+        let fidelity = Fidelity { voxel: 1.0, azimuth: 1, frames: 1, through: false, detail: 0.0 };
+        Measured {
+            rung: Rung { fidelity, engine: Engine::Cpu },
+            seconds,
+            spread: [seconds; 2],
+            bytes: 0,
+            beams: 0,
+            triangles: 0,
+            scores: scores.iter().copied().map(Some).collect(),
+        }
+    }
+
+    #[test]
+    fn the_front_and_the_cheapest_within_tolerance() {
+        let all = [
+            measured(8.0, &[-1.00, -1.02, -1.3, -1.4]),
+            measured(4.0, &[-1.00, -1.02, -1.3, -1.4]),
+            measured(5.0, &[-1.02, -1.00, -1.4, -1.3]),
+            measured(2.0, &[-1.02, -1.00, -1.3, -1.4]),
+            measured(1.0, &[-1.4, -1.3, -1.02, -1.00]),
+        ];
+        let rated = rate(&all, 1);
+        assert_eq!(pareto(&rated), [4, 3, 1]);
+        let front: Vec<bool> = rated.iter().map(|r| r.on_front).collect();
+        assert_eq!(front, [false, true, false, true, true]);
+        // Setting 3 takes the second best, which is 2 % worse.
+        let verdict = cheapest(&rated, 0.03).unwrap();
+        assert_eq!((verdict.setting, verdict.saves_over_f64), (3, 4.0));
+        assert_eq!(cheapest(&rated, 0.001).unwrap().setting, 1);
+        assert_eq!(cheapest(&[], 0.1), None);
+        assert!(rate(&[], 1).is_empty());
+    }
+}

@@ -1,0 +1,146 @@
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::{Fidelity, merge_vertices};
+use crate::backend::{BackendError, Content, Problem};
+use crate::bvh::Bvh;
+use crate::grid::{GridError, Psog, Roi, scan_scene};
+use crate::placement::{BeamTable, Constraints, Placement, SensorError};
+use crate::scene::{EgoBody, Lidar, PsogSource, ScanSettings, Scene};
+use crate::verify::random_placements;
+
+/// Draws of [`candidates`] for each placement wanted, before the minimum distance is given up.
+const DRAWS: usize = 50;
+
+/// Why a setting could not be measured.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FidelityError {
+    /// The voxels of a setting do not make a grid.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// The beams of a setting do not make a sensor.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// Scoring failed.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
+    /// The P-SOG of another voxel size is wanted of a scene whose P-SOG is a file.
+    #[error("the P-SOG is a file; its voxels cannot become {factor} times as large")]
+    FixedVoxels {
+        /// Multiple of the scene's own voxel edge.
+        factor: f64,
+    },
+}
+
+/// A scene with its P-SOGs of several voxel sizes.
+pub struct World {
+    scene: Scene,
+    grids: Vec<(f64, Arc<Psog>)>,
+}
+
+impl World {
+    /// A scene and the P-SOG on its own grid.
+    pub fn new(scene: Scene, own: Arc<Psog>) -> Self {
+        Self { scene, grids: vec![(1.0, own)] }
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The P-SOG with voxels of `factor` times the scene's own edge, built on first use.
+    ///
+    /// Where the scene leaves the spacing of the scans to the voxels, as many points fall on a voxel's
+    /// width at every size; where it sets numbers, scans for smaller voxels are denser by the same
+    /// factor, and for larger ones they stay as they are.
+    ///
+    /// # Errors
+    /// The scene's P-SOG is a file, or the grid has too many voxels.
+    pub fn psog(&mut self, factor: f64) -> Result<Arc<Psog>, FidelityError> {
+        if let Some((_, psog)) = self.grids.iter().find(|(f, _)| *f == factor) {
+            return Ok(psog.clone());
+        }
+        let PsogSource::Scan(own) = self.scene.psog_source() else {
+            return Err(FidelityError::FixedVoxels { factor });
+        };
+        let denser = |steps: u32| (f64::from(steps) / factor.min(1.0)).ceil() as u32;
+        let settings = ScanSettings {
+            channels: own.channels.map(denser),
+            azimuth_steps: own.azimuth_steps.map(denser),
+            spacing: own.spacing.map(|spacing| spacing * factor.min(1.0)),
+            ..*own
+        };
+        let bounds = self.scene.roi();
+        let roi = Roi::from_bounds(bounds.min, bounds.max, bounds.voxel.map(|v| v * factor))?;
+        let (psog, _) = scan_scene(&self.scene, &roi, &settings, || {})?;
+        let psog = Arc::new(psog);
+        self.grids.push((factor, psog.clone()));
+        Ok(psog)
+    }
+
+    /// Frames that a setting casts into.
+    pub fn frames(&self, fidelity: &Fidelity) -> Vec<usize> {
+        let count = self.scene.frame_count();
+        let wanted = (fidelity.frames as usize).min(count);
+        (0..wanted).map(|k| k * count / wanted).collect()
+    }
+
+    /// What covering the voxels of one of the scene's P-SOGs is worth.
+    pub(super) fn content(&self, psog: &Psog) -> Content {
+        let names = self.scene.detection_classes().iter();
+        let names = names.map(|&class| &self.scene.classes()[usize::from(class)]);
+        Content::from_psog(psog, &names.filter_map(|name| psog.class_id(name)).collect::<Vec<_>>())
+    }
+
+    /// The problem that the scene poses at a setting.
+    ///
+    /// # Errors
+    /// As [`Self::psog`], or a sensor without beams.
+    pub fn problem(&mut self, fidelity: &Fidelity) -> Result<Problem, FidelityError> {
+        let psog = self.psog(fidelity.voxel)?;
+        let table = table(self.scene.lidar(), fidelity.azimuth)?;
+        let content = self.content(&psog);
+        let problem = Problem::new(*psog.roi(), content.clone(), table.clone(), Vec::new(), false);
+        if fidelity.through {
+            return Ok(problem);
+        }
+        let (far, cell) = (problem.far_range(), fidelity.detail * psog.roi().voxel()[0]);
+        let trees = self.frames(fidelity).into_par_iter().map(|t| {
+            let soup = self.scene.frame(t, EgoBody::Include);
+            Arc::new(Bvh::build(&merge_vertices(&soup, cell), far))
+        });
+        let trees = trees.collect();
+        Ok(Problem::new(*psog.roi(), content, table, trees, true))
+    }
+}
+
+/// The scene's sensor with every `divisor`-th azimuth step, or listed direction.
+fn table(lidar: &Lidar, divisor: u32) -> Result<BeamTable, SensorError> {
+    match lidar {
+        Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, range } => {
+            let channels: Vec<(f64, f64)> =
+                elevations.iter().copied().zip(azimuth_offsets.iter().copied()).collect();
+            BeamTable::spinning(&channels, azimuth_steps.div_ceil(divisor), *range)
+        }
+        Lidar::Directions { directions, range } => {
+            let kept = directions.iter().step_by(divisor as usize);
+            BeamTable::from_directions(kept.map(|&d| d.into()), *range)
+        }
+    }
+}
+
+/// `given` and then `random` placements drawn evenly from the mount, those that keep its rules first.
+pub fn candidates(
+    constraints: &Constraints,
+    given: &[Placement],
+    random: usize,
+    seed: u64,
+) -> Vec<Placement> {
+    let mut drawn = random_placements(constraints, random * DRAWS, seed);
+    drawn.sort_by_key(|placement| !constraints.violations(placement).is_empty());
+    drawn.truncate(random);
+    given.iter().cloned().chain(drawn).collect()
+}

@@ -1,0 +1,166 @@
+//! The chart of cost against accuracy: its files, its errors, Ctrl-C and resume.
+
+use std::fs;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{corridor, fails, ok, room, sightline};
+
+const CHART: [&str; 8] =
+    ["chart", "room.json", "--quick", "--placements", "12", "--backend", "cpu", "--out"];
+
+fn read(dir: &TempDir, file: &str) -> String {
+    fs::read_to_string(dir.path().join(file)).unwrap()
+}
+
+#[test]
+fn chart_measures_the_ladder_of_a_scene() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let answer = ok(dir.path(), &[&CHART[..], &["out"]].concat());
+    assert_eq!(answer["finished"], true);
+    assert_eq!(answer["placements"].as_array().unwrap().len(), 11 + 12);
+    let rows = answer["rows"].as_array().unwrap();
+    let row = |setting: &str| {
+        rows.iter().find(|r| r["setting"] == setting).unwrap_or_else(|| panic!("no {setting}"))
+    };
+    let number = |row: &Value, at: &str| row.pointer(at).unwrap().as_f64().unwrap();
+    // The f64 scorer shares no code with the backends: their agreement checks both.
+    let finest = row("0.5 m, 3 frames, f64");
+    assert_eq!(answer["reference"], finest["setting"]);
+    assert_eq!(
+        (number(finest, "/error/tau/value"), number(finest, "/error/score_largest")),
+        (1.0, 0.0)
+    );
+    let f32 = row("0.5 m, 3 frames, CPU");
+    assert!(number(f32, "/error/score_largest") < 2e-3, "{f32}");
+    assert!(number(f32, "/error/tau/value") > 0.97, "{f32}");
+    assert_eq!(number(f32, "/beams"), 3.0 * 4.0 * 8.0 * 60.0);
+    // One frame of three sees the walker in one place only.
+    let one = row("0.5 m, 1 frame, CPU");
+    assert_eq!(number(one, "/beams"), 4.0 * 8.0 * 60.0);
+    assert!(number(one, "/error/score_median") > number(f32, "/error/score_median"));
+    assert_eq!(row("0.5 m, azimuth 1/2, 3 frames, CPU")["same_quantity"], false);
+    // The verdict is a row within tolerance, and no row within it is cheaper.
+    let chosen = &rows[answer["verdict"]["setting"].as_u64().unwrap() as usize];
+    assert!(number(chosen, "/error/regret/high") <= 0.01);
+    for row in rows.iter().filter(|r| number(r, "/error/regret/high") <= 0.01) {
+        assert!(number(row, "/seconds") >= number(chosen, "/seconds"));
+    }
+    assert!(answer["words"][0].as_str().unwrap().contains(chosen["setting"].as_str().unwrap()));
+    assert_eq!(read(&dir, "out/chart.csv").lines().count(), rows.len() + 1);
+    let svg = read(&dir, "out/chart.svg");
+    assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n"));
+    assert!(svg.contains("cheapest within tolerance") && !svg.contains("NaN"));
+    // Going on with a finished chart measures nothing and can only change the tolerance.
+    let again =
+        ok(dir.path(), &["chart", "--resume", "out", "--tolerance", "1", "--backend", "cpu"]);
+    assert_eq!(again["measured"], answer["measured"]);
+    let cheapest = rows.iter().map(|r| number(r, "/seconds")).fold(f64::MAX, f64::min);
+    let taken = &rows[again["verdict"]["setting"].as_u64().unwrap() as usize];
+    assert_eq!(number(taken, "/seconds"), cheapest);
+}
+
+#[test]
+fn a_scene_without_geometry_has_a_shorter_ladder() {
+    let dir = corridor();
+    let mut scene = crate::cli::scene();
+    scene["lidar"] = json!({ "channels": 4, "fov": [-20, 20], "azimuth_steps": 64, "range": 100 });
+    fs::write(dir.path().join("scene.json"), scene.to_string()).unwrap();
+    let placements = json!({ "placements": [
+        { "name": "inside", "lidars": [{ "x": 0.5, "y": 0.5, "z": 0.5 }] },
+        { "name": "far", "lidars": [{ "x": 0.5, "y": 0.5, "z": 500 }] },
+    ]});
+    fs::write(dir.path().join("placements.json"), placements.to_string()).unwrap();
+    let args = ["chart", "scene.json", "placements.json", "--quick", "--placements", "10"];
+    let answer = ok(dir.path(), &[&args[..], &["--backend", "cpu", "--out", "out"]].concat());
+    let settings: Vec<&str> =
+        answer["rows"].as_array().unwrap().iter().map(|r| r["setting"].as_str().unwrap()).collect();
+    assert_eq!(
+        settings,
+        [
+            "1 m, through, f64",
+            "1 m, through, CPU",
+            "1 m, azimuth 1/2, through, CPU",
+            "1 m, azimuth 1/4, through, CPU"
+        ]
+    );
+    let left_out = answer["left_out"].to_string();
+    for why in ["the P-SOG is a file", "no geometry", "--backend cpu"] {
+        assert!(left_out.contains(why), "{left_out}");
+    }
+    // What covers nothing has no score.
+    assert!(answer["measured"][0]["scores"][0].is_f64());
+    assert!(answer["measured"][0]["scores"][1].is_null());
+    let detection = ["chart", "scene.json", "--objective", "detection.m_sog"];
+    assert!(fails(dir.path(), &detection).contains("needs a detection target"));
+}
+
+#[test]
+fn the_gpu_stands_on_the_chart_with_the_scores_of_the_cpu() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let args = ["chart", "room.json", "--quick", "--placements", "4", "--backend", "auto"];
+    let answer = ok(dir.path(), &[&args[..], &["--out", "out"]].concat());
+    let measured = answer["measured"].as_array().unwrap();
+    let of = |engine: &str| {
+        measured
+            .iter()
+            .find(|m| m["rung"]["engine"] == engine)
+            .unwrap_or_else(|| panic!("{engine}"))
+    };
+    assert_eq!(of("cpu")["rung"]["fidelity"], of("gpu")["rung"]["fidelity"]);
+    assert_eq!(of("cpu")["scores"], of("gpu")["scores"]);
+}
+
+#[test]
+fn bad_charts_are_refused() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let chart = |more: &[&str]| fails(dir.path(), &[&["chart", "room.json"], more].concat());
+    assert!(chart(&["--finest", "0.7"]).contains("coarser than the scene's own voxels of 0.5 m"));
+    fs::create_dir(dir.path().join("out")).unwrap();
+    fs::write(dir.path().join("out/chart.json"), "{}").unwrap();
+    assert!(chart(&["--out", "out"]).contains("already holds a chart"));
+    assert!(fails(dir.path(), &["chart", "--resume", "out"]).contains("chart.json"));
+    assert!(sightline(dir.path(), &["chart"]).status.code() == Some(2));
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_chart_keeps_what_it_measured() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let args = ["chart", "room.json", "--placements", "120", "--backend", "cpu", "--out", "out"];
+    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
+        .args(args)
+        .current_dir(dir.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let state = dir.path().join("out/chart.json");
+    let start = Instant::now();
+    while !state.exists() {
+        assert!(start.elapsed() < Duration::from_secs(60), "no setting was measured");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let pid = child.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let before: Value = serde_json::from_slice(&fs::read(&state).unwrap()).unwrap();
+    assert_eq!(before["finished"], false);
+    let kept = before["measured"].as_array().unwrap();
+    let after = ok(dir.path(), &["chart", "--resume", "out", "--backend", "cpu"]);
+    let all = after["measured"].as_array().unwrap();
+    assert!(!kept.is_empty() && kept.len() < all.len(), "{} of {}", kept.len(), all.len());
+    assert_eq!(kept[..], all[..kept.len()]);
+    // Another world under the same name is noticed.
+    let moved = fs::read_to_string(dir.path().join("room.json")).unwrap();
+    fs::write(dir.path().join("room.json"), moved.replace("[3.9,", "[3.2,")).unwrap();
+    let error = fails(dir.path(), &["chart", "--resume", "out", "--backend", "cpu"]);
+    assert!(error.contains("another scene"), "{error}");
+}
