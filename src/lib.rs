@@ -17,6 +17,7 @@
 //! | [`audit`] | trials against the metric itself |
 //! | [`verify`] | comparisons of backends bit by bit, and with `f64` |
 //! | [`fidelity`] | settings from fine to coarse, their cost and their error |
+//! | [`study`] | how many LiDARs, which sensor, what if one fails |
 //! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
 
 pub mod atlas;
@@ -32,4 +33,5 @@ pub mod report;
 pub mod scene;
 pub mod score;
 pub mod search;
+pub mod study;
 pub mod verify;

@@ -7,7 +7,7 @@ use sightline::backend::Problem;
 use sightline::backend::cpu::CpuBackend;
 use sightline::placement::{Constraints, PoseGrid, Spacing};
 use sightline::score::Objective;
-use sightline::search::{Evaluator, GridPlacement, GridSearch, Moves, bound_gain, lipschitz_bound};
+use sightline::search::{Evaluator, GridPlacement, GridSample, GridSearch, Moves, bound_gain};
 
 use crate::common::{MEMORY, random_problem};
 
@@ -113,10 +113,19 @@ fn the_sampled_constants_are_those_of_the_sample() {
     let (search, mut evaluator) = search(&problem, &rules, "information_gain");
     let objective: Objective = "information_gain".parse().unwrap();
     let grid = search.atlas().grid();
-    let bound = lipschitz_bound(&mut evaluator, grid, &objective, 50, 3).unwrap().unwrap();
+    let sample = GridSample::draw(&mut evaluator, grid, &objective, 50, 3).unwrap();
+    let bound = sample.lipschitz().unwrap();
     assert_eq!((bound.samples, bound.delta), (50, 2.0));
     assert_eq!(bound.bound, bound.c_m + bound.k_g * 2.0);
-    assert!(bound.c_m > 0.0 && bound.k_g > 0.0);
-    let again = lipschitz_bound(&mut evaluator, grid, &objective, 50, 3).unwrap().unwrap();
-    assert_eq!(bound, again, "same seed, same sample");
+    let scored = sample.scored();
+    let values = || scored.iter().map(|(_, value)| *value);
+    let c_m = values().fold(f64::MIN, f64::max) - values().fold(f64::MAX, f64::min);
+    assert_eq!(bound.c_m, c_m);
+    assert!(bound.k_g > 0.0);
+    // Neighbours differ in one number by one step, so no pair is steeper than k_G.
+    for pair in scored.chunks(2) {
+        assert!((pair[0].1 - pair[1].1).abs() <= bound.k_g * 2.0 * (1.0 + 1e-12));
+    }
+    let again = GridSample::draw(&mut evaluator, grid, &objective, 50, 3).unwrap();
+    assert_eq!(sample, again, "same seed, same sample");
 }

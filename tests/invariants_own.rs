@@ -162,6 +162,7 @@ fn a_guarded_placement_is_never_preferred() {
                 evaluations: 48,
                 population: Some(12),
                 seed: rng.random(),
+                delta: None,
             };
             let objective: Objective = objective.parse().unwrap();
             let mut search = Search::new(settings, &constraints, &table_7()).unwrap();

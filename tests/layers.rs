@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Top to bottom.
-const ORDER: [&str; 14] = [
+const ORDER: [&str; 15] = [
     "geom",
     "scene",
     "bvh",
@@ -18,6 +18,7 @@ const ORDER: [&str; 14] = [
     "audit",
     "verify",
     "fidelity",
+    "study",
     "report",
 ];
 

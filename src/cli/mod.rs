@@ -14,6 +14,7 @@ mod progress;
 mod psog;
 mod scene;
 mod score;
+mod study;
 mod table;
 mod verify;
 
@@ -48,6 +49,8 @@ enum Command {
     Chart(chart::Args),
     /// Try to make the scores fail, and say which guard notices
     Audit(audit::Args),
+    /// Answer a question that takes many runs: how many LiDARs, which sensor, what if one fails
+    Study(study::Args),
     /// Build, inspect and merge P-SOG files
     #[command(subcommand)]
     Psog(psog::Command),
@@ -66,6 +69,7 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Verify(args) => verify::run(&args),
         Command::Chart(args) => chart::run(&args),
         Command::Audit(args) => audit::run(&args),
+        Command::Study(args) => study::run(&args),
         Command::Psog(command) => psog::run(&command),
         Command::Scene(args) => scene::run(&args),
         Command::Devices(args) => devices::run(&args),

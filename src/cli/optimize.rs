@@ -13,7 +13,11 @@ use sightline::report::{
 };
 use sightline::scene::{EgoBody, Scene};
 use sightline::score::Objective;
-use sightline::search::{Certificate, Evaluator, GenerationRecord, Search, SearchSettings};
+use sightline::search::{
+    Certificate, Evaluator, GenerationRecord, SWAP_SPACING, Search, SearchSettings, Swapped,
+};
+
+use sightline::study::{Finding as LayoutFinding, findings};
 
 use super::args::{Compute, Format, format_or_default};
 use super::error::Error;
@@ -21,7 +25,7 @@ use super::interrupt::{INTERRUPTED, Interrupt};
 use super::load::{self, Loaded};
 use super::{progress, table};
 use folder::RunFolder;
-use grid::{Bounds, DEFAULT_SPACING, GridStage, Method, Swaps, parse_spacing};
+use grid::{Bounds, GridStage, Method, parse_spacing};
 
 /// The layouts of Table 7 of the paper, in our frame.
 const TABLE_7: &str = include_str!("../../scenes/placements.json");
@@ -221,6 +225,7 @@ struct Finding {
     best: Option<Scored>,
     methods: Vec<MethodRecord>,
     certificate: Option<Certificate>,
+    findings: Vec<LayoutFinding>,
 }
 
 /// A run under way.
@@ -269,9 +274,9 @@ impl Run {
         &mut self,
         compute: &Compute,
         interrupt: &Interrupt,
-    ) -> Result<(Option<Swaps>, Option<Bounds>), Error> {
+    ) -> Result<(Option<Swapped>, Option<Bounds>), Error> {
         let delta = self.settings.search.delta;
-        let spacing = delta.unwrap_or(DEFAULT_SPACING);
+        let spacing = delta.unwrap_or(SWAP_SPACING);
         let start = self.best_baseline()?;
         let mut starts: Vec<Placement> = start.into_iter().collect();
         starts.extend(self.search.best().map(|best| best.placement.clone()));
@@ -308,7 +313,11 @@ impl Run {
     }
 
     /// Scores what each method found over all frames and takes the best.
-    fn confirm(&mut self, swaps: Option<Swaps>, bounds: Option<Bounds>) -> Result<Finding, Error> {
+    fn confirm(
+        &mut self,
+        swaps: Option<Swapped>,
+        bounds: Option<Bounds>,
+    ) -> Result<Finding, Error> {
         let mut methods = Vec::new();
         let mut finalists: Vec<(Scored, f64)> = Vec::new();
         if let Some(best) = self.search.best().cloned() {
@@ -346,8 +355,9 @@ impl Run {
         let Some(best) = best else { return Ok(Finding::default()) };
         methods[best].won = true;
         let (scored, value) = finalists.swap_remove(best);
-        let certificate = bounds.map(|b| Certificate::new(b.lipschitz, b.gain, value));
-        Ok(Finding { best: Some(scored), methods, certificate })
+        let properties = bounds.as_ref().map(|b| findings(&b.sample.scored())).unwrap_or_default();
+        let certificate = bounds.map(|b| Certificate::new(b.sample.lipschitz(), b.gain, value));
+        Ok(Finding { best: Some(scored), methods, certificate, findings: properties })
     }
 
     fn scored(&mut self, placements: &[Placement]) -> Result<Vec<Scored>, Error> {
@@ -384,7 +394,7 @@ impl Run {
     ) -> Result<RunRecord, Error> {
         let baselines = self.settings.baselines.clone();
         let baselines = self.scored(&baselines)?;
-        let Finding { best, methods, certificate } = finding;
+        let Finding { best, methods, certificate, findings } = finding;
         let stopped = match (self.search.stopped(), interrupted) {
             (_, true) => "interrupted",
             (Some(why), _) => why,
@@ -414,6 +424,7 @@ impl Run {
             baselines,
             certificate,
             methods,
+            findings,
             rate: 0.0,
             timings: RunTimes::default(),
             peak_memory: peak_memory(),
@@ -483,6 +494,7 @@ fn print(args: &Args, record: &RunRecord, folder: &Path, interrupted: bool) {
             }
             println!("\nfound by: {}", methods_in_words(record));
             println!("certificate: {}", certificate_in_words(record));
+            println!("\n{}", table::findings(&record.findings));
         }
         None => println!("\nno candidate kept the rules of the mount; widen it"),
     }

@@ -1,6 +1,7 @@
 //! Scores as a table to read.
 
 use sightline::score::Scores;
+use sightline::study::{Finding, Table};
 
 /// Columns: title, and the cell of one placement.
 type Column = (&'static str, fn(&Scores) -> String);
@@ -63,4 +64,34 @@ pub fn scores(all: &[Scores]) -> String {
         }
     }
     text
+}
+
+/// What goes with the objective over random placements, one property a line.
+pub fn findings(all: &[Finding]) -> String {
+    let title = ["over random placements", "correlation", "beside mean height"];
+    let mut rows = vec![title.map(str::to_owned).to_vec()];
+    rows.extend(all.iter().map(|finding| {
+        let name = finding.property.to_owned();
+        vec![name, optional(finding.correlation, 2), optional(finding.beside_height, 2)]
+    }));
+    align(&rows)
+}
+
+/// A study's cases and notes.
+pub fn study(table: &Table) -> String {
+    let number = |value: Option<f64>| match value {
+        None => "–".to_owned(),
+        Some(0.0) => "0".to_owned(),
+        Some(v) if (1e-3..1e6).contains(&v.abs()) => {
+            format!("{v:.4}").trim_end_matches('0').trim_end_matches('.').to_owned()
+        }
+        Some(v) => format!("{v:.4e}"),
+    };
+    let mut rows = vec![table.columns.clone()];
+    rows.extend(table.rows.iter().map(|row| {
+        let values = row.values.iter().map(|value| number(*value));
+        std::iter::once(row.name.clone()).chain(values).collect()
+    }));
+    let notes: String = table.notes.iter().map(|note| format!("\n{note}\n")).collect();
+    align(&rows) + &notes
 }

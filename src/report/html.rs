@@ -121,6 +121,22 @@ pub fn report_html(run: &RunRecord, figures: &Figures) -> String {
                  where the beams gain it, grey where it stays unseen.</p>\n";
         html += map;
     }
+    if !run.findings.is_empty() {
+        html += "<h2>What goes with the score</h2>\n<p>Rank correlations (Spearman) of properties of \
+                 layouts with the objective over random placements, and what is left of them with mean \
+                 height, the null model, held fixed.</p>\n<div class=\"wide\"><table><tr>\
+                 <th>property</th><th>correlation</th><th>beside mean height</th></tr>\n";
+        for finding in &run.findings {
+            let _ = writeln!(
+                html,
+                "<tr><td>{}</td><td>{}</td><td>{}</td></tr>",
+                finding.property,
+                cell(finding.correlation, 1.0, 2),
+                cell(finding.beside_height, 1.0, 2)
+            );
+        }
+        html += "</table></div>\n";
+    }
     html += "<h2>The search</h2>\n";
     html += &figures.convergence;
     let _ = writeln!(

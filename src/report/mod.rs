@@ -3,11 +3,13 @@
 mod chart;
 mod html;
 mod map;
+mod plot;
 mod record;
 mod svg;
 
 pub use chart::{ChartFrame, fidelity_csv, fidelity_svg, seconds};
 pub use html::{Figures, certificate_in_words, methods_in_words, report_html};
 pub use map::InformationMap;
+pub use plot::{Axis, Plot, Series};
 pub use record::{MethodRecord, RunRecord, RunTimes, Scored};
 pub use svg::{convergence_svg, placement_svg};

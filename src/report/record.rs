@@ -4,6 +4,7 @@ use serde_json::Value;
 use crate::placement::Placement;
 use crate::score::Scores;
 use crate::search::Certificate;
+use crate::study::Finding;
 
 /// A placement with its scores.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -88,6 +89,8 @@ pub struct RunRecord {
     pub certificate: Option<Certificate>,
     /// What each way of searching found, and which one gave the result.
     pub methods: Vec<MethodRecord>,
+    /// How properties of layouts go with the objective, over random placements on the grid.
+    pub findings: Vec<Finding>,
     /// Pose fields of the result that lie on a bound of the mount, in words.
     pub active_bounds: Vec<String>,
     /// Placements × frames a second during the search.

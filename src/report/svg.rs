@@ -10,7 +10,7 @@ pub(super) const FAINT: &str = "#c8d2dc";
 pub(super) const ACCENT: &str = "#d1495b";
 pub(super) const SECOND: &str = "#2f7ebc";
 /// One colour a LiDAR, told apart also in grey.
-const LIDAR_COLOURS: [&str; 8] =
+pub(super) const LIDAR_COLOURS: [&str; 8] =
     ["#d1495b", "#2f7ebc", "#3d8f5f", "#c98a1b", "#7a4fa3", "#1f9e9e", "#8a5a3b", "#5a6b7b"];
 
 /// Pixels of a chart's plot area.
@@ -27,7 +27,7 @@ pub(super) fn scale(value: f64, from: (f64, f64), to: (f64, f64)) -> f64 {
 }
 
 /// About `count` round numbers within a range.
-fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
+pub(super) fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
     let raw = (high - low) / count as f64;
     let power = 10_f64.powf(raw.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|s| *s >= raw);
@@ -36,7 +36,7 @@ fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
     (first..).map(|k| k as f64 * step).take_while(|t| *t <= high + step * 1e-9).collect()
 }
 
-fn number(value: f64) -> String {
+pub(super) fn number(value: f64) -> String {
     let magnitude = value.abs();
     if magnitude == 0.0 {
         "0".into()

@@ -54,6 +54,21 @@ impl Lidar {
         }
     }
 
+    /// A spinning LiDAR from a sensor file: `elevation_deg` and, if there, `azimuth_offset_deg` by
+    /// channel, the offsets counter-clockwise. `azimuth_steps` a turn, `range` in metres.
+    ///
+    /// # Errors
+    /// A file that cannot be read or lists no usable elevations.
+    pub fn from_sensor_file(
+        path: &Path,
+        azimuth_steps: u32,
+        range: f64,
+    ) -> Result<Self, SceneError> {
+        let at = Place::top(&path.display().to_string());
+        let (elevations, azimuth_offsets) = read_sensor(&at, path, None)?;
+        Ok(Self::Spinning { elevations, azimuth_offsets, azimuth_steps, range })
+    }
+
     pub(crate) fn new(at: &Place, lidar: LidarDescription, dir: &Path) -> Result<Self, SceneError> {
         let range = check::range(&at.key("range"), lidar.range)?;
         let mut found = Vec::new();

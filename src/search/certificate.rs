@@ -164,74 +164,86 @@ pub struct LipschitzBound {
     pub samples: usize,
 }
 
-/// Samples placements on the grid, each with one neighbour a step along one pose field away.
-///
-/// The sample decides about C_M and k_G: both are estimates from below. C_M alone is as large as the
-/// range of the sampled scores, so the bound tells nothing that the sample does not; it is reported
-/// because the paper does.
-///
-/// `None` where nothing may vary, or no sampled placement has an objective.
-///
-/// # Errors
-/// As [`Evaluator::scores`].
-pub fn lipschitz_bound(
-    evaluator: &mut Evaluator,
-    grid: &PoseGrid,
-    objective: &Objective,
-    samples: usize,
-    seed: u64,
-) -> Result<Option<LipschitzBound>, SearchError> {
-    let constraints = evaluator.constraints().clone();
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut pairs = Vec::new();
-    // Placements that break a rule are drawn again, but not for ever.
-    for _ in 0..100 * samples {
-        if pairs.len() == 2 * samples {
-            break;
+/// Placements sampled on a grid in pairs of neighbours, with their objectives.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GridSample {
+    pairs: Vec<(Placement, Option<f64>)>,
+    delta: f64,
+}
+
+impl GridSample {
+    /// Samples placements, each with one neighbour a step along one pose field away.
+    ///
+    /// Placements that break a rule of the mount are drawn again, but not for ever: the sample may be
+    /// smaller than asked for, and is empty where nothing may vary.
+    ///
+    /// # Errors
+    /// As [`Evaluator::scores`].
+    pub fn draw(
+        evaluator: &mut Evaluator,
+        grid: &PoseGrid,
+        objective: &Objective,
+        samples: usize,
+        seed: u64,
+    ) -> Result<Self, SearchError> {
+        let constraints = evaluator.constraints().clone();
+        let free = constraints.free_fields();
+        let delta = free.iter().map(|&k| grid.step()[k]).fold(0.0, f64::max);
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut placements = Vec::new();
+        for _ in 0..100 * samples {
+            if placements.len() == 2 * samples {
+                break;
+            }
+            let poses: Vec<u32> =
+                (0..constraints.lidars).map(|_| rng.random_range(0..grid.len())).collect();
+            let lidar = rng.random_range(0..constraints.lidars);
+            let mut near = grid.along(poses[lidar], 1);
+            near.retain(|&pose| pose != poses[lidar]);
+            if near.is_empty() {
+                break;
+            }
+            let mut moved = poses.clone();
+            moved[lidar] = near[rng.random_range(0..near.len())];
+            let [a, b] = [poses, moved].map(|poses| Placement {
+                name: "sample".into(),
+                lidars: poses.iter().map(|&pose| grid.pose(pose)).collect(),
+            });
+            if constraints.violations(&a).is_empty() && constraints.violations(&b).is_empty() {
+                placements.extend([a, b]);
+            }
         }
-        let poses: Vec<u32> =
-            (0..constraints.lidars).map(|_| rng.random_range(0..grid.len())).collect();
-        let lidar = rng.random_range(0..constraints.lidars);
-        let around: Vec<u32> = grid
-            .around(poses[lidar], 1)
-            .into_iter()
-            .filter(|&pose| one_field_apart(grid, pose, poses[lidar]).is_some())
-            .collect();
-        if around.is_empty() {
-            return Ok(None);
-        }
-        let mut moved = poses.clone();
-        moved[lidar] = around[rng.random_range(0..around.len())];
-        let [a, b] = [poses, moved].map(|poses| Placement {
-            name: "sample".into(),
-            lidars: poses.iter().map(|&pose| grid.pose(pose)).collect(),
+        let scores = evaluator.scores(&placements)?;
+        let values = scores.iter().map(|scores| objective.value(scores));
+        Ok(Self { pairs: placements.into_iter().zip(values).collect(), delta })
+    }
+
+    /// The placements that have an objective.
+    pub fn scored(&self) -> Vec<(Placement, f64)> {
+        self.pairs.iter().filter_map(|(p, value)| Some((p.clone(), (*value)?))).collect()
+    }
+
+    /// The paper's bound. The sample decides about C_M and k_G: both are estimates from below. C_M
+    /// alone is as large as the range of the sampled scores, so the bound tells nothing that the
+    /// sample does not; it is reported because the paper does.
+    ///
+    /// `None` where no sampled placement has an objective.
+    pub fn lipschitz(&self) -> Option<LipschitzBound> {
+        let scored = self.scored();
+        let (low, high) =
+            scored.iter().fold((f64::MAX, f64::MIN), |(l, h), (_, v)| (l.min(*v), h.max(*v)));
+        let slopes = self.pairs.chunks(2).filter_map(|pair| {
+            let fields = pair[0].0.lidars.iter().zip(&pair[1].0.lidars);
+            let fields = fields.flat_map(|(a, b)| a.fields().into_iter().zip(b.fields()));
+            let apart: f64 = fields.map(|((_, a), (_, b))| (a - b).abs()).sum();
+            Some((pair[0].1? - pair[1].1?).abs() / apart)
         });
-        if constraints.violations(&a).is_empty() && constraints.violations(&b).is_empty() {
-            pairs.extend([a, b]);
-        }
+        let k_g = slopes.fold(0.0, f64::max);
+        let (c_m, delta) = (high - low, self.delta);
+        let samples = self.pairs.len() / 2;
+        let bound = c_m + k_g * delta;
+        (!scored.is_empty()).then_some(LipschitzBound { c_m, k_g, delta, bound, samples })
     }
-    let scores = evaluator.scores(&pairs)?;
-    let values: Vec<Option<f64>> = scores.iter().map(|scores| objective.value(scores)).collect();
-    let known = || values.iter().flatten();
-    if known().next().is_none() {
-        return Ok(None);
-    }
-    let c_m = known().fold(f64::NEG_INFINITY, |max, v| max.max(*v))
-        - known().fold(f64::INFINITY, |min, v| min.min(*v));
-    let slopes = values.chunks(2).zip(pairs.chunks(2)).filter_map(|(values, pair)| {
-        let apart: f64 = pair[0]
-            .lidars
-            .iter()
-            .zip(&pair[1].lidars)
-            .flat_map(|(a, b)| a.fields().into_iter().zip(b.fields()))
-            .map(|((_, a), (_, b))| (a - b).abs())
-            .sum();
-        Some((values[0]? - values[1]?).abs() / apart)
-    });
-    let k_g = slopes.fold(0.0, f64::max);
-    let free = constraints.free_fields();
-    let delta = free.iter().map(|&k| grid.step()[k]).fold(0.0, f64::max);
-    Ok(Some(LipschitzBound { c_m, k_g, delta, bound: c_m + k_g * delta, samples: pairs.len() / 2 }))
 }
 
 /// What is known about how much better than the result another placement could be.
@@ -288,12 +300,4 @@ impl Certificate {
         };
         Self { lipschitz, lipschitz_says, gain, gain_says }
     }
-}
-
-/// The field in which two poses differ, if it is one only.
-fn one_field_apart(grid: &PoseGrid, a: u32, b: u32) -> Option<&'static str> {
-    let (a, b) = (grid.pose(a).fields(), grid.pose(b).fields());
-    let mut differing = a.into_iter().zip(b).filter(|(a, b)| a.1 != b.1).map(|(a, _)| a.0);
-    let field = differing.next()?;
-    differing.next().is_none().then_some(field)
 }

@@ -1,11 +1,13 @@
 //! From placements to scores, and the search that asks for better ones.
 
+mod best;
 mod certificate;
 mod evaluator;
 mod run;
 mod swaps;
 
-pub use certificate::{Certificate, GainBound, LipschitzBound, bound_gain, lipschitz_bound};
+pub use best::{SWAP_SPACING, Swapped, best_placement, swap_from};
+pub use certificate::{Certificate, GainBound, GridSample, LipschitzBound, bound_gain};
 pub use evaluator::Evaluator;
 pub use run::{Best, GenerationRecord, Search, SearchError, SearchSettings};
 pub use swaps::{GridPlacement, GridSearch, Moves};

@@ -8,24 +8,20 @@ use sightline::backend::Problem;
 use sightline::placement::{Placement, PoseGrid, Spacing};
 use sightline::score::Objective;
 use sightline::search::{
-    Evaluator, GainBound, GridPlacement, GridSearch, LipschitzBound, Moves, bound_gain,
-    lipschitz_bound,
+    Evaluator, GainBound, GridPlacement, GridSample, GridSearch, Moves, SWAP_SPACING, Swapped,
+    bound_gain, swap_from,
 };
 
 use crate::cli::args::Compute;
 use crate::cli::error::Error;
 use crate::cli::interrupt::Interrupt;
 
-/// Grid of the swaps where nothing else is said: that of the published placements.
-pub(super) const DEFAULT_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
 /// Grid of the bound where nothing else is said: every pose of it is cast.
 const COARSE_SPACING: Spacing = Spacing { metres: 0.2, radians: 0.2 };
 /// Sets of sensors that branch and bound looks at.
 const BOUND_NODES: u64 = 200;
-/// Placements sampled for the constants of the paper's bound.
-const LIPSCHITZ_SAMPLES: usize = 24;
-/// First steps along single fields, then a step along several at once.
-const MOVES: [Moves; 2] = [Moves::Along(3), Moves::Around(1)];
+/// Pairs of placements sampled for the constants of the paper's bound and for the findings.
+const SAMPLES: usize = 24;
 
 /// How placements are searched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -39,18 +35,9 @@ pub(super) enum Method {
     Swaps,
 }
 
-/// What swaps have found.
-pub(super) struct Swaps {
-    pub placement: Placement,
-    /// Objective over the frames of the search.
-    pub value: f64,
-    pub evaluations: u64,
-    pub poses_cast: u64,
-}
-
 /// What bounds are known, before the result is.
 pub(super) struct Bounds {
-    pub lipschitz: Option<LipschitzBound>,
+    pub sample: GridSample,
     pub gain: Result<GainBound, String>,
 }
 
@@ -71,34 +58,17 @@ impl GridStage<'_> {
         Ok(GridSearch::new(atlas, self.objective.clone(), self.evaluator))
     }
 
-    /// Swaps from each start that the mount allows; `casts` bounds the poses cast.
+    /// Swaps near each start; `casts` bounds the poses cast.
     pub fn climb(
         &mut self,
         spacing: Spacing,
         starts: &[Placement],
         casts: u64,
-    ) -> Result<Option<Swaps>, Error> {
-        let mut search = self.search(spacing)?;
-        let mut best: Option<GridPlacement> = None;
-        for start in starts {
-            let snapped = search.atlas().grid().snapped(start);
-            if !self.evaluator.constraints().violations(&snapped).is_empty() {
-                continue;
-            }
-            let grid = search.atlas().grid();
-            let mut poses: Vec<u32> =
-                snapped.lidars.iter().map(|pose| grid.nearest(pose)).collect();
-            let interrupt = self.interrupt.clone();
-            let go_on = |cast: u64| cast < casts && !interrupt.is_set();
-            for moves in MOVES {
-                let top = search.climb(self.evaluator, &poses, moves, &go_on)?;
-                poses.clone_from(&top.poses);
-                if best.as_ref().is_none_or(|best| top.value > best.value) {
-                    best = Some(top);
-                }
-            }
-        }
-        Ok(best.map(|best| found(&search, &best)))
+    ) -> Result<Option<Swapped>, Error> {
+        let memory = self.compute.memory_budget() / 2;
+        let go_on = || !self.interrupt.is_set();
+        let (evaluator, objective) = (&mut *self.evaluator, self.objective);
+        Ok(swap_from(evaluator, objective, spacing, starts, casts, memory, &go_on)?)
     }
 
     /// Greedy over every pose of the grid, and swaps to any pose from there and from each start.
@@ -106,7 +76,7 @@ impl GridStage<'_> {
         &mut self,
         spacing: Spacing,
         starts: &[Placement],
-    ) -> Result<Option<Swaps>, Error> {
+    ) -> Result<Option<Swapped>, Error> {
         let mut search = self.search(spacing)?;
         let poses = search.atlas().grid().len();
         self.compute.talk.note(format!("casting {poses} sensor poses on the grid"));
@@ -130,15 +100,14 @@ impl GridStage<'_> {
                 best = Some(top);
             }
         }
-        Ok(best.map(|best| found(&search, &best)))
+        Ok(best.map(|best| Swapped::new(&search, &best)))
     }
 
     /// Both bounds; that on the grid for information gain only.
     pub fn bounds(&mut self, spacing: Option<Spacing>, seed: u64) -> Result<Bounds, Error> {
-        let grid = PoseGrid::new(self.evaluator.constraints(), spacing.unwrap_or(DEFAULT_SPACING))?;
-        let lipschitz =
-            lipschitz_bound(self.evaluator, &grid, self.objective, LIPSCHITZ_SAMPLES, seed)?;
-        Ok(Bounds { lipschitz, gain: self.bound_gain(spacing.unwrap_or(COARSE_SPACING))? })
+        let grid = PoseGrid::new(self.evaluator.constraints(), spacing.unwrap_or(SWAP_SPACING))?;
+        let sample = GridSample::draw(self.evaluator, &grid, self.objective, SAMPLES, seed)?;
+        Ok(Bounds { sample, gain: self.bound_gain(spacing.unwrap_or(COARSE_SPACING))? })
     }
 
     fn bound_gain(&mut self, spacing: Spacing) -> Result<Result<GainBound, String>, Error> {
@@ -170,15 +139,6 @@ impl GridStage<'_> {
         let bound =
             bound_gain(&mut search, self.evaluator, &top, BOUND_NODES, &|| !interrupt.is_set())?;
         Ok(Ok(bound))
-    }
-}
-
-fn found(search: &GridSearch, best: &GridPlacement) -> Swaps {
-    Swaps {
-        placement: best.placement(search.atlas().grid(), "optimized"),
-        value: best.value,
-        evaluations: search.evaluations(),
-        poses_cast: search.atlas().poses_cast(),
     }
 }
 

@@ -1,0 +1,109 @@
+use super::{Evaluator, GridPlacement, GridSearch, Moves, Search, SearchError, SearchSettings};
+use crate::atlas::Atlas;
+use crate::placement::{Placement, PoseGrid, Spacing};
+use crate::score::Objective;
+
+/// Grid of the swaps where nothing else is said: that of the published placements.
+pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
+/// First steps along single pose fields, then a step along several at once.
+const MOVES: [Moves; 2] = [Moves::Along(3), Moves::Around(1)];
+
+/// What swaps have found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Swapped {
+    /// The best placement, on the grid.
+    pub placement: Placement,
+    /// Its objective.
+    pub value: f64,
+    /// Placements looked at.
+    pub evaluations: u64,
+    /// Sensor poses cast.
+    pub poses_cast: u64,
+}
+
+impl Swapped {
+    /// A placement of a search, with its counts.
+    pub fn new(search: &GridSearch, best: &GridPlacement) -> Self {
+        Self {
+            placement: best.placement(search.atlas().grid(), "optimized"),
+            value: best.value,
+            evaluations: search.evaluations(),
+            poses_cast: search.atlas().poses_cast(),
+        }
+    }
+}
+
+/// Swaps single LiDARs to nearby poses of a grid, from each start that the mount allows, until no swap
+/// gains; at most about `casts` sensor poses are cast, and `memory` bytes of bitmaps kept.
+///
+/// `None` where no start, moved to the grid, keeps the rules of the mount.
+///
+/// # Errors
+/// A spacing that gives no grid, or from the backend.
+pub fn swap_from(
+    evaluator: &mut Evaluator,
+    objective: &Objective,
+    spacing: Spacing,
+    starts: &[Placement],
+    casts: u64,
+    memory: u64,
+    go_on: &dyn Fn() -> bool,
+) -> Result<Option<Swapped>, SearchError> {
+    let grid = PoseGrid::new(evaluator.constraints(), spacing)?;
+    let counts_all = objective.counts_all_covered();
+    let atlas = Atlas::new(evaluator.shared_problem(), grid.clone(), counts_all, memory);
+    let mut search = GridSearch::new(atlas, objective.clone(), evaluator);
+    let mut best: Option<GridPlacement> = None;
+    for start in starts {
+        let snapped = grid.snapped(start);
+        if !evaluator.constraints().violations(&snapped).is_empty() {
+            continue;
+        }
+        let mut poses: Vec<u32> = snapped.lidars.iter().map(|pose| grid.nearest(pose)).collect();
+        for moves in MOVES {
+            let top = search.climb(evaluator, &poses, moves, &|cast| cast < casts && go_on())?;
+            poses.clone_from(&top.poses);
+            if best.as_ref().is_none_or(|best| top.value > best.value) {
+                best = Some(top);
+            }
+        }
+    }
+    Ok(best.map(|best| Swapped::new(&search, &best)))
+}
+
+/// The best placement that CMA-ES and then swaps find within a number of evaluations: what `optimize`
+/// does, as a function.
+///
+/// `starts` join the first generation where the mount allows them. `None` where no candidate keeps the
+/// rules of the mount, or `go_on` said no at once.
+///
+/// # Errors
+/// Settings that the strategy refuses, or from the backend.
+pub fn best_placement(
+    evaluator: &mut Evaluator,
+    objective: &Objective,
+    starts: &[Placement],
+    settings: &SearchSettings,
+    memory: u64,
+    go_on: &dyn Fn() -> bool,
+) -> Result<Option<(Placement, f64)>, SearchError> {
+    let lidars = evaluator.constraints().lidars;
+    let starts: Vec<Placement> =
+        starts.iter().filter(|start| start.lidars.len() == lidars).cloned().collect();
+    let mut search = Search::new(settings.clone(), &evaluator.constraints().clone(), &starts)?;
+    while search.stopped().is_none() && go_on() {
+        search.step(evaluator, objective)?;
+    }
+    let Some(best) = search.best() else { return Ok(None) };
+    let casts = settings.evaluations * lidars as u64 / 2;
+    let spacing = settings.delta.unwrap_or(SWAP_SPACING);
+    let start = std::slice::from_ref(&best.placement);
+    let swapped = swap_from(evaluator, objective, spacing, start, casts, memory, go_on)?;
+    let named = Placement { name: "optimized".into(), ..best.placement.clone() };
+    Ok(Some(match swapped {
+        Some(swapped) if swapped.value > best.value || best.guards > 0 => {
+            (swapped.placement, swapped.value)
+        }
+        _ => (named, best.value),
+    }))
+}
