@@ -93,9 +93,10 @@ impl GridStage<'_> {
             for moves in MOVES {
                 let top = search.climb(self.evaluator, &poses, moves, &go_on)?;
                 poses.clone_from(&top.poses);
-                if best.as_ref().is_none_or(|best| top.value > best.value) {
-                    best = Some(top);
-                }
+                best = Some(match best {
+                    Some(best) => search.preferred(self.evaluator, best, top)?,
+                    None => top,
+                });
             }
         }
         Ok(best.map(|best| found(&search, &best)))
@@ -126,9 +127,10 @@ impl GridStage<'_> {
         for start in starts {
             let top =
                 search.climb(self.evaluator, &start, Moves::Anywhere, &|_| !interrupt.is_set())?;
-            if best.as_ref().is_none_or(|best: &GridPlacement| top.value > best.value) {
-                best = Some(top);
-            }
+            best = Some(match best {
+                Some(best) => search.preferred(self.evaluator, best, top)?,
+                None => top,
+            });
         }
         Ok(best.map(|best| found(&search, &best)))
     }
