@@ -4,14 +4,15 @@ use std::sync::LazyLock;
 
 use rand::RngExt;
 use rand::seq::SliceRandom;
+use sightline::atlas::Atlas;
 use sightline::audit::{Trial, Verdict};
 use sightline::backend::{Backend, Tally};
-use sightline::placement::Placement;
+use sightline::placement::{Placement, PoseGrid, Spacing};
 use sightline::score::{Objective, Scores};
-use sightline::search::{Search, SearchSettings};
+use sightline::search::{Evaluator, GridPlacement, GridSearch, Moves, Search, SearchSettings};
 use sightline::verify::{hostile_placements, random_placements};
 
-use crate::common::{cpu, rng};
+use crate::common::{MEMORY, cpu, rng};
 use crate::own_scenes::{AZIMUTH_STEPS, Own, SCENES, description, mirrored, table_7};
 use crate::reference::Reference;
 
@@ -154,8 +155,7 @@ fn a_guarded_placement_is_never_preferred() {
         // A mount that tempts: sensors may look at the sky and stand inside the car.
         (constraints.lower[2], constraints.lower[3], constraints.upper[3]) = (0.3, -3.1, 3.1);
         let backend = Box::new(cpu(&own.problem));
-        let mut evaluator =
-            sightline::search::Evaluator::new(own.problem.clone(), backend, constraints.clone());
+        let mut evaluator = Evaluator::new(own.problem.clone(), backend, constraints.clone());
         for objective in ["m_sog", "m_sog_scaled", "information_gain"] {
             let settings = SearchSettings {
                 objective: objective.into(),
@@ -179,5 +179,38 @@ fn a_guarded_placement_is_never_preferred() {
             }
             assert!(guarded > 0 && unguarded, "{name}: the mount does not tempt");
         }
+    }
+}
+
+/// Nor does a climb on the grid come to one, and beside a placement that violates none the best blind
+/// one does not count.
+#[test]
+fn a_climb_ends_without_a_violated_guard() {
+    let (name, own) = &OWN[0];
+    let mut constraints = own.constraints.clone();
+    (constraints.lower[3], constraints.upper[3]) = (-3.0, 3.0);
+    constraints.lidars = 2;
+    let backend = Box::new(cpu(&own.problem));
+    let mut evaluator = Evaluator::new(own.problem.clone(), backend, constraints.clone());
+    let grid = PoseGrid::new(&constraints, Spacing { metres: 0.6, radians: 1.0 }).unwrap();
+    let all: Vec<u32> = (0..grid.len()).collect();
+    let search = |objective: &str, evaluator: &Evaluator| {
+        let objective: Objective = objective.parse().unwrap();
+        let counts_all = objective.counts_all_covered();
+        let atlas = Atlas::new(own.problem.clone(), grid.clone(), counts_all, MEMORY);
+        GridSearch::new(atlas, objective, evaluator)
+    };
+    let mut honest = search("information_gain", &evaluator);
+    let start = honest.greedy(&mut evaluator, &all).unwrap().unwrap();
+    assert!(!honest.is_guarded(&mut evaluator, &start).unwrap(), "{name}: {start:?}");
+    let mut tempted = search("m_sog", &evaluator);
+    let blind = tempted.greedy(&mut evaluator, &all).unwrap().unwrap();
+    assert!(tempted.is_guarded(&mut evaluator, &blind).unwrap(), "{name}: M-SOG is not tempted");
+    let top = tempted.climb(&mut evaluator, &start.poses, Moves::Anywhere, &|_| true).unwrap();
+    assert!(!tempted.is_guarded(&mut evaluator, &top).unwrap(), "{name}: {top:?}");
+    assert!(blind.value > top.value, "{name}: blindness does not pay");
+    for pair in [[&blind, &top], [&top, &blind]] {
+        let [a, b] = pair.map(GridPlacement::clone);
+        assert_eq!(tempted.preferred(&mut evaluator, a, b).unwrap(), top, "{name}");
     }
 }

@@ -63,9 +63,10 @@ pub fn swap_from(
         for moves in MOVES {
             let top = search.climb(evaluator, &poses, moves, &|cast| cast < casts && go_on())?;
             poses.clone_from(&top.poses);
-            if best.as_ref().is_none_or(|best| top.value > best.value) {
-                best = Some(top);
-            }
+            best = Some(match best {
+                Some(best) => search.preferred(evaluator, best, top)?,
+                None => top,
+            });
         }
     }
     Ok(best.map(|best| Swapped::new(&search, &best)))

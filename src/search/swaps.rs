@@ -172,7 +172,7 @@ impl GridSearch {
     /// Moves one LiDAR at a time to the best pose it may move to, until none gains any more.
     ///
     /// A swap is only taken to a placement that violates no guard, so that the climb cannot game the
-    /// objective. `go_on` is asked before each LiDAR, with the poses that the atlas has cast so far.
+    /// objective, and from one that violates a guard to any that does not. `go_on` is asked before each LiDAR, with the poses that the atlas has cast so far.
     ///
     /// # Errors
     /// As [`Self::hold`].
@@ -185,6 +185,8 @@ impl GridSearch {
     ) -> Result<GridPlacement, SearchError> {
         let value = self.value(evaluator, start)?;
         let mut here = GridPlacement { poses: start.to_vec(), value };
+        let mut least =
+            if self.is_guarded(evaluator, &here)? { f64::NEG_INFINITY } else { here.value };
         let mut settled = 0;
         let mut lidar = 0;
         while settled < here.poses.len() && go_on(self.atlas.poses_cast()) {
@@ -198,10 +200,11 @@ impl GridSearch {
             };
             let fitting: Vec<u32> =
                 reach.into_iter().filter(|&pose| self.fits(pose, &others)).collect();
-            match self.best_swap(evaluator, &others, &fitting, here.value)? {
+            match self.best_swap(evaluator, &others, &fitting, least)? {
                 Some((pose, value)) => {
                     here.poses[lidar] = pose;
                     here.value = value;
+                    least = value;
                     settled = 0;
                 }
                 None => settled += 1,
@@ -209,6 +212,34 @@ impl GridSearch {
             lidar = (lidar + 1) % here.poses.len();
         }
         Ok(here)
+    }
+
+    /// Whether a placement violates a guard.
+    ///
+    /// # Errors
+    /// As [`Self::hold`].
+    pub fn is_guarded(
+        &self,
+        evaluator: &mut Evaluator,
+        placement: &GridPlacement,
+    ) -> Result<bool, SearchError> {
+        let placement = placement.placement(self.atlas.grid(), "guarded");
+        Ok(!evaluator.scores(&[placement])?[0].guards.is_empty())
+    }
+
+    /// The better of two placements: one that violates a guard comes after any that does not.
+    ///
+    /// # Errors
+    /// As [`Self::hold`].
+    pub fn preferred(
+        &self,
+        evaluator: &mut Evaluator,
+        first: GridPlacement,
+        second: GridPlacement,
+    ) -> Result<GridPlacement, SearchError> {
+        let [a, b] = [self.is_guarded(evaluator, &first)?, self.is_guarded(evaluator, &second)?];
+        let second_wins = if a == b { second.value > first.value } else { a };
+        Ok(if second_wins { second } else { first })
     }
 
     /// The best candidate that beats `least` and leads to no violated guard.
@@ -229,8 +260,7 @@ impl GridSearch {
         values.sort_by(better_first);
         for &(pose, value) in values.iter().take(OFFERS) {
             let poses = [others, &[pose]].concat();
-            let offer = GridPlacement { poses, value }.placement(self.atlas.grid(), "swap");
-            if evaluator.scores(&[offer])?[0].guards.is_empty() {
+            if !self.is_guarded(evaluator, &GridPlacement { poses, value })? {
                 return Ok(Some((pose, value)));
             }
         }

@@ -96,9 +96,10 @@ impl GridStage<'_> {
         for start in starts {
             let top =
                 search.climb(self.evaluator, &start, Moves::Anywhere, &|_| !interrupt.is_set())?;
-            if best.as_ref().is_none_or(|best: &GridPlacement| top.value > best.value) {
-                best = Some(top);
-            }
+            best = Some(match best {
+                Some(best) => search.preferred(self.evaluator, best, top)?,
+                None => top,
+            });
         }
         Ok(best.map(|best| Swapped::new(&search, &best)))
     }
