@@ -38,9 +38,9 @@ pub struct Ray {
     pub t_max: f32,
     pub(super) inverse: Vec3,
     /// Axis of the largest component; the other two follow cyclically, swapped for a negative one.
-    major: usize,
+    pub(super) major: usize,
     /// x and y over z, in the permuted axes.
-    shear: [f32; 2],
+    pub(super) shear: [f32; 2],
 }
 
 impl Ray {

@@ -3,6 +3,7 @@
 mod beam;
 mod cast;
 mod cover;
+mod packets;
 mod reduce;
 
 use std::sync::Arc;
@@ -17,6 +18,7 @@ use crate::placement::Placement;
 pub use beam::beam_direction;
 pub use cast::cast_closest;
 pub use cover::{bitmap_words, cover_voxels};
+pub use packets::cast_packets;
 pub use reduce::reduce;
 pub(super) use reduce::set_bits;
 
