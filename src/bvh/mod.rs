@@ -20,4 +20,4 @@ mod wide;
 
 pub use intersect::{Hit, NO_HIT, Ray};
 pub use node::{Bvh, BvhError, MAX_DEPTH, Node, Triangle};
-pub use packet::{PACKET_RAYS, Packet};
+pub use packet::{PACKET_RAYS, Packet, Scratch};

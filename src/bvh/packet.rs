@@ -1,6 +1,7 @@
 use glam::Vec3;
 use multiversion::multiversion;
 
+use super::build::PAD_SHARE;
 use super::wide::{Child, WIDTH, WideNode};
 use super::{Bvh, Hit, MAX_DEPTH, NO_HIT, Ray, Triangle};
 
@@ -10,8 +11,12 @@ pub const PACKET_RAYS: usize = 64;
 const CHUNK: usize = 16;
 /// Entries of the traversal stack: each level leaves at most all children but one behind.
 const STACK: usize = MAX_DEPTH * (WIDTH - 1) + 1;
+/// Slack of bounds in units of a box's pad, which itself is several roundings of the largest number.
+const SLACK: f32 = 8.0;
 
 type Lanes = [f32; PACKET_RAYS];
+/// What is still to be visited: where the rays enter it at the earliest, and what it is.
+type Stack = [(f32, Child); STACK];
 
 /// Rays that go roughly the same way, cast together.
 ///
@@ -32,9 +37,16 @@ pub struct Packet {
     t_max: f32,
     t: Lanes,
     prim: [u32; PACKET_RAYS],
+    /// Whether all directions are the same.
+    parallel: bool,
+    /// How far along its ray each origin lies before the plane that bounds are taken in.
+    shift: Lanes,
 }
 
 /// What holds for every ray of a packet: planes are tested against these instead of each ray.
+///
+/// Origins are moved along their rays into one plane, so that a packet is as narrow as its rays are
+/// close, however far apart they start; distances count from that plane.
 struct Bounds {
     /// Which side of a box is met first, by axis.
     near_side: [usize; 3],
@@ -43,6 +55,19 @@ struct Bounds {
     far_origin: [f32; 3],
     /// Least and largest inverse direction.
     inverse: [[f32; 2]; 3],
+    /// Metres by which everything may be off through rounding.
+    slack: f32,
+    /// Where the first ray starts, counted from the plane.
+    start: f32,
+}
+
+/// Working memory of [`Bvh::closest_hits`], to be used again.
+pub struct Scratch(Stack);
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self([(0.0, Child::ROOT); STACK])
+    }
 }
 
 impl Default for Packet {
@@ -57,6 +82,8 @@ impl Default for Packet {
             t_max: 0.0,
             t: [0.0; PACKET_RAYS],
             prim: [NO_HIT; PACKET_RAYS],
+            parallel: true,
+            shift: [0.0; PACKET_RAYS],
         }
     }
 }
@@ -111,17 +138,32 @@ impl Packet {
     }
 
     #[inline(always)]
-    fn bounds(&self) -> Bounds {
+    fn bounds(&mut self, pad: f32) -> Bounds {
         let lanes = self.lanes();
+        let major = self.major;
+        let [low, high] = low_high(&self.origin[major][..lanes]);
+        let middle = 0.5 * (low + high);
+        let mut largest = low.abs().max(high.abs());
+        for i in 0..lanes {
+            self.shift[i] = (middle - self.origin[major][i]) * self.inverse[major][i];
+        }
         let mut bounds = Bounds {
             near_side: [0; 3],
             near_origin: [f32::INFINITY; 3],
             far_origin: [f32::NEG_INFINITY; 3],
             inverse: [[1.0; 2]; 3],
+            slack: 0.0,
+            start: 0.0,
         };
+        let mut moved = [0.0; PACKET_RAYS];
         for axis in 0..3 {
-            let [low, high] = low_high(&self.origin[axis][..lanes]);
-            let inverse = low_high(&self.inverse[axis][..lanes]);
+            let (origin, direction) = (&self.origin[axis][..lanes], &self.direction[axis][..lanes]);
+            for i in 0..lanes {
+                moved[i] = origin[i] + self.shift[i] * direction[i];
+            }
+            let [low, high] = low_high(&moved[..lanes]);
+            largest = largest.max(low.abs()).max(high.abs());
+            let inverse = if self.parallel { [self.inverse[axis][0]; 2] } else { low_high(&self.inverse[axis][..lanes]) };
             if inverse[0] > 0.0 {
                 (bounds.near_origin[axis], bounds.far_origin[axis]) = (high, low);
                 bounds.inverse[axis] = inverse;
@@ -132,7 +174,27 @@ impl Packet {
             }
             // Otherwise some rays go up and some down this axis: it bounds nothing.
         }
+        bounds.slack = SLACK * (pad + largest * PAD_SHARE);
+        bounds.start = -low_high(&self.shift[..lanes])[1] - bounds.slack;
+        for axis in 0..3 {
+            let outwards = if bounds.near_side[axis] == 0 { bounds.slack } else { -bounds.slack };
+            bounds.near_origin[axis] += outwards;
+            bounds.far_origin[axis] -= outwards;
+        }
         bounds
+    }
+
+    /// The farthest of the best distances, counted from the plane of the bounds.
+    #[inline(always)]
+    fn farthest(&self, bounds: &Bounds) -> f32 {
+        let mut farthest = [f32::NEG_INFINITY; CHUNK];
+        let lanes = self.lanes();
+        for (t, shift) in self.t[..lanes].chunks_exact(CHUNK).zip(self.shift[..lanes].chunks_exact(CHUNK)) {
+            for i in 0..CHUNK {
+                farthest[i] = most(t[i] - shift[i], farthest[i]);
+            }
+        }
+        fold(farthest, most) + bounds.slack
     }
 }
 
@@ -141,11 +203,22 @@ fn low_high(lanes: &[f32]) -> [f32; 2] {
     let (mut low, mut high) = ([f32::INFINITY; CHUNK], [f32::NEG_INFINITY; CHUNK]);
     for chunk in lanes.chunks_exact(CHUNK) {
         for i in 0..CHUNK {
-            low[i] = if chunk[i] < low[i] { chunk[i] } else { low[i] };
-            high[i] = if chunk[i] > high[i] { chunk[i] } else { high[i] };
+            low[i] = least(chunk[i], low[i]);
+            high[i] = most(chunk[i], high[i]);
         }
     }
-    [low.into_iter().fold(low[0], f32::min), high.into_iter().fold(high[0], f32::max)]
+    [fold(low, least), fold(high, most)]
+}
+
+/// Puts a chunk together, halving it: the lanes of a half are independent of each other.
+#[inline(always)]
+fn fold(mut chunk: [f32; CHUNK], join: impl Fn(f32, f32) -> f32) -> f32 {
+    for half in [8, 4, 2, 1] {
+        for i in 0..half {
+            chunk[i] = join(chunk[i], chunk[i + half]);
+        }
+    }
+    chunk[0]
 }
 
 impl Bounds {
@@ -153,7 +226,7 @@ impl Bounds {
     /// it after `far[i]`.
     #[inline(always)]
     fn slabs<const N: usize>(&self, planes: &[[[f32; N]; 2]; 3]) -> ([f32; N], [f32; N]) {
-        let (mut near, mut far) = ([0.0_f32; N], [f32::INFINITY; N]);
+        let (mut near, mut far) = ([self.start; N], [f32::INFINITY; N]);
         for axis in 0..3 {
             let enter = &planes[axis][self.near_side[axis]];
             let leave = &planes[axis][1 - self.near_side[axis]];
@@ -175,11 +248,11 @@ impl Bounds {
 
 impl Bvh {
     /// [`Self::closest_hit`] of every ray of a packet.
-    pub fn closest_hits(&self, packet: &mut Packet) {
+    pub fn closest_hits(&self, packet: &mut Packet, scratch: &mut Scratch) {
         packet.t.fill(packet.t_max);
         packet.prim.fill(NO_HIT);
         if !self.wide.is_empty() {
-            traverse(&self.wide, &self.triangles, self.pad, packet);
+            traverse(&self.wide, &self.triangles, self.pad, packet, &mut scratch.0);
         }
     }
 }
@@ -188,10 +261,10 @@ impl Bvh {
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
-fn traverse(wide: &[WideNode], triangles: &[Triangle], pad: f32, packet: &mut Packet) {
-    let bounds = packet.bounds();
-    let mut farthest = packet.t_max;
-    let mut stack = [(0.0_f32, Child::ROOT); STACK];
+fn traverse(wide: &[WideNode], triangles: &[Triangle], pad: f32, packet: &mut Packet, stack: &mut Stack) {
+    let bounds = packet.bounds(pad);
+    let mut farthest = packet.farthest(&bounds);
+    stack[0] = (f32::NEG_INFINITY, Child::ROOT);
     let mut depth = 1;
     while depth > 0 {
         depth -= 1;
@@ -237,23 +310,60 @@ fn intersect(
     farthest: f32,
 ) -> f32 {
     let corners = [triangle.a, triangle.b, triangle.c];
-    let low = [0, 1, 2].map(|k| least(least(corners[0][k], corners[1][k]), corners[2][k]));
-    let high = [0, 1, 2].map(|k| most(most(corners[0][k], corners[1][k]), corners[2][k]));
-    let padded = [0, 1, 2].map(|k| [[low[k] - pad], [high[k] + pad]]);
-    let ([near], [far]) = bounds.slabs(&padded);
-    if near > far || near > farthest {
+    if packet.parallel && passes_beside(&corners, packet, bounds) {
         return farthest;
     }
     let mut inside = [0_u32; PACKET_RAYS];
     if !inside_edges(&corners, packet, &mut inside) {
         return farthest;
     }
+    let (mut low, mut high) = (triangle.a, triangle.a);
+    for k in 0..3 {
+        low[k] = least(least(low[k], triangle.b[k]), triangle.c[k]);
+        high[k] = most(most(high[k], triangle.b[k]), triangle.c[k]);
+    }
     let beside = distances(triangle, low, high, packet, &inside);
     if beside {
         retry(triangle, pad, packet, &inside, low, high);
     }
-    let [_, farthest] = low_high(&packet.t[..packet.lanes()]);
-    farthest
+    packet.farthest(bounds)
+}
+
+/// Whether parallel rays surely all miss a triangle, on the outer side of one of its edges.
+#[inline(always)]
+fn passes_beside(corners: &[[f32; 3]; 3], packet: &Packet, bounds: &Bounds) -> bool {
+    let axes = [(packet.major + 1) % 3, (packet.major + 2) % 3, packet.major];
+    let middle = |axis: usize| 0.5 * (bounds.near_origin[axis] + bounds.far_origin[axis]);
+    let half = |axis: usize| 0.5 * (bounds.near_origin[axis] - bounds.far_origin[axis]).abs();
+    let middle = [middle(axes[0]), middle(axes[1]), middle(axes[2])];
+    let half = [half(axes[0]), half(axes[1])];
+    let shear = [packet.shear[0][0], packet.shear[1][0]];
+    // Corners as seen along the rays, from the middle of the origins.
+    let seen = |corner: &[f32; 3]| {
+        let z = corner[axes[2]] - middle[2];
+        [corner[axes[0]] - middle[0] - shear[0] * z, corner[axes[1]] - middle[1] - shear[1] * z]
+    };
+    let (a, b, c) = (seen(&corners[0]), seen(&corners[1]), seen(&corners[2]));
+    let size = |p: [f32; 2]| p[0].abs() + p[1].abs();
+    let error = 2.0 * bounds.slack * (size(a) + size(b) + size(c) + size(half));
+    let edge = |from: [f32; 2], to: [f32; 2]| {
+        let at_middle = from[0] * to[1] - from[1] * to[0];
+        let spread = (to[1] - from[1]).abs() * half[0] + (to[0] - from[0]).abs() * half[1];
+        (at_middle, spread + error)
+    };
+    let edges = [edge(a, b), edge(b, c), edge(c, a)];
+    let area = edges[0].0 + edges[1].0 + edges[2].0;
+    if area > 2.0 * error {
+        (edges[0].0 + edges[0].1 < 0.0)
+            | (edges[1].0 + edges[1].1 < 0.0)
+            | (edges[2].0 + edges[2].1 < 0.0)
+    } else if area < -2.0 * error {
+        (edges[0].0 - edges[0].1 > 0.0)
+            | (edges[1].0 - edges[1].1 > 0.0)
+            | (edges[2].0 - edges[2].1 > 0.0)
+    } else {
+        false
+    }
 }
 
 /// Marks the lanes whose ray passes between the edges; whether there are any.
@@ -261,8 +371,11 @@ fn intersect(
 fn inside_edges(corners: &[[f32; 3]; 3], packet: &Packet, inside: &mut [u32; PACKET_RAYS]) -> bool {
     let lanes = packet.lanes();
     let axes = [(packet.major + 1) % 3, (packet.major + 2) % 3, packet.major];
-    let [a, b, c] = corners.map(|corner| axes.map(|axis| corner[axis]));
-    let [ox, oy, oz] = axes.map(|axis| &packet.origin[axis][..lanes]);
+    let at = |corner: &[f32; 3]| [corner[axes[0]], corner[axes[1]], corner[axes[2]]];
+    let (a, b, c) = (at(&corners[0]), at(&corners[1]), at(&corners[2]));
+    let ox = &packet.origin[axes[0]][..lanes];
+    let oy = &packet.origin[axes[1]][..lanes];
+    let oz = &packet.origin[axes[2]][..lanes];
     let [sx, sy] = [&packet.shear[0][..lanes], &packet.shear[1][..lanes]];
     let inside = &mut inside[..lanes];
     let mut any = 0;
@@ -294,9 +407,15 @@ fn distances(
     inside: &[u32; PACKET_RAYS],
 ) -> bool {
     let lanes = packet.lanes();
-    let [ox, oy, oz] = [0, 1, 2].map(|axis| &packet.origin[axis][..lanes]);
-    let [dx, dy, dz] = [0, 1, 2].map(|axis| &packet.direction[axis][..lanes]);
-    let [ix, iy, iz] = [0, 1, 2].map(|axis| &packet.inverse[axis][..lanes]);
+    let ox = &packet.origin[0][..lanes];
+    let oy = &packet.origin[1][..lanes];
+    let oz = &packet.origin[2][..lanes];
+    let dx = &packet.direction[0][..lanes];
+    let dy = &packet.direction[1][..lanes];
+    let dz = &packet.direction[2][..lanes];
+    let ix = &packet.inverse[0][..lanes];
+    let iy = &packet.inverse[1][..lanes];
+    let iz = &packet.inverse[2][..lanes];
     let (best, prim) = (&mut packet.t[..lanes], &mut packet.prim[..lanes]);
     let inside = &inside[..lanes];
     let (n, a, id) = (triangle.normal, triangle.a, triangle.prim);
@@ -312,12 +431,12 @@ fn distances(
         let quotient = above / towards;
         let t = least(most(quotient, enter), leave);
         let closer = (t < best[i]) | ((t == best[i]) & (id < prim[i]));
-        let met = (towards != 0.0) & !(quotient <= 0.0) & (t > 0.0) & (inside[i] != 0);
+        let ahead = (towards != 0.0) & !(quotient <= 0.0) & (inside[i] != 0);
         let beside = enter > leave;
-        let takes = met & closer & !beside;
+        let takes = ahead & (t > 0.0) & closer & !beside;
         best[i] = if takes { t } else { best[i] };
         prim[i] = if takes { id } else { prim[i] };
-        any_beside |= u32::from(beside) & inside[i];
+        any_beside |= u32::from(beside & ahead);
     }
     any_beside != 0
 }
