@@ -43,16 +43,29 @@ fn main() {
     let reference = &poses[..poses.len().min(64)];
     let (mut old, mut new) = (vec![], vec![]);
     let mut same = true;
+    let mut b = vec![];
     for _ in 0..5 {
         let start = cpu();
         let a = cast_closest(reference, &table, &bvh, 100.0);
         old.push(a.len() as f64 / (cpu() - start) / 1e6);
         let start = cpu();
-        let b = cast_packets(&poses, &table, &bvh, 100.0);
+        cast_packets(&poses, &table, &bvh, 100.0, &mut b);
         new.push(rays as f64 / (cpu() - start) / 1e6);
         same &= a.iter().zip(&b).all(|(a, b)| a.t.to_bits() == b.t.to_bits() && a.prim == b.prim);
     }
 
+    {
+        use sightline::backend::cpu::*;
+        let words = bitmap_words(&roi); let count = reference.len(); let n = table.directions().len();
+        let mut maps = vec![]; let mut map = vec![0u64; words]; let mut ws = WalkScratch::default();
+        let (mut o, mut w) = (vec![], vec![]);
+        for _ in 0..5 {
+            let s = cpu(); cover_voxels(reference, &table, &roi, Some(&b[..count * n]), 100.0, &mut maps); o.push((cpu() - s) / count as f64 * 4e3);
+            let s = cpu(); for (i, pose) in reference.iter().enumerate() { map.fill(0); cover_sensor(pose, table.directions(), &roi, Some(&b[i * n..(i + 1) * n]), 100.0, &mut ws, &mut map); same &= map == maps[i * words..(i + 1) * words]; } w.push((cpu() - s) / count as f64 * 4e3);
+        }
+        o.sort_by(f64::total_cmp); w.sort_by(f64::total_cmp);
+        println!("cover old {:.2} ms new {:.2} ms a placement, ratio {:.2}, same {same}", o[2], w[2], o[2] / w[2]);
+    }
     old.sort_by(f64::total_cmp);
     new.sort_by(f64::total_cmp);
     println!(
@@ -63,4 +76,18 @@ fn main() {
     );
 }
 
-fn cpu() -> f64 { std::fs::read_dir("/proc/self/task").unwrap().map(|t| std::fs::read_to_string(t.unwrap().path().join("schedstat")).unwrap().split(' ').next().unwrap().parse::<f64>().unwrap()).sum::<f64>() * 1e-9 }
+fn cpu() -> f64 {
+    std::fs::read_dir("/proc/self/task")
+        .unwrap()
+        .map(|t| {
+            std::fs::read_to_string(t.unwrap().path().join("schedstat"))
+                .unwrap()
+                .split(' ')
+                .next()
+                .unwrap()
+                .parse::<f64>()
+                .unwrap()
+        })
+        .sum::<f64>()
+        * 1e-9
+}

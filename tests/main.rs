@@ -13,3 +13,4 @@ mod hostile;
 mod invariants;
 mod layers;
 mod main_job;
+mod packets;

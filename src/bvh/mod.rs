@@ -18,6 +18,6 @@ mod packet;
 mod traverse;
 mod wide;
 
-pub use intersect::{Hit, NO_HIT, Ray};
+pub use intersect::{Hit, NO_HIT, Ray, major_axis};
 pub use node::{Bvh, BvhError, MAX_DEPTH, Node, Triangle};
 pub use packet::{PACKET_RAYS, Packet, Scratch};

@@ -55,6 +55,12 @@ struct Bounds {
     far_origin: [f32; 3],
     /// Least and largest inverse direction.
     inverse: [[f32; 2]; 3],
+    /// Middle and half of the spread of the moved origins, in the order of the sheared axes.
+    middle: [f32; 3],
+    half: [f32; 2],
+    /// Middle and half of the spread of the shears.
+    shear: [f32; 2],
+    turn: [f32; 2],
     /// Metres by which everything may be off through rounding.
     slack: f32,
     /// Where the first ray starts, counted from the plane.
@@ -105,6 +111,7 @@ impl Packet {
     /// Turns all rays into one direction, of unit length; hits count up to `t_max`.
     pub fn point(&mut self, direction: Vec3, t_max: f32) {
         let ray = Ray::new(Vec3::ZERO, direction, t_max);
+        self.parallel = true;
         self.major = ray.major;
         self.t_max = t_max;
         for axis in 0..3 {
@@ -113,6 +120,29 @@ impl Packet {
         }
         for axis in 0..2 {
             self.shear[axis].fill(ray.shear[axis]);
+        }
+    }
+
+    /// Takes rays of any origins and unit directions, at most [`PACKET_RAYS`], whose
+    /// [`super::major_axis`] is the same; hits count up to `t_max`.
+    ///
+    /// The packet is fast where no component changes its sign from ray to ray.
+    pub fn gather(&mut self, rays: &[(Vec3, Vec3)], t_max: f32) {
+        self.len = rays.len();
+        self.parallel = false;
+        self.t_max = t_max;
+        for lane in 0..self.lanes() {
+            let (origin, direction) = rays[if lane < rays.len() { lane } else { 0 }];
+            let ray = Ray::new(origin, direction, t_max);
+            self.major = ray.major;
+            for axis in 0..3 {
+                self.origin[axis][lane] = origin[axis];
+                self.direction[axis][lane] = direction[axis];
+                self.inverse[axis][lane] = ray.inverse[axis];
+            }
+            for axis in 0..2 {
+                self.shear[axis][lane] = ray.shear[axis];
+            }
         }
     }
 
@@ -152,18 +182,28 @@ impl Packet {
             near_origin: [f32::INFINITY; 3],
             far_origin: [f32::NEG_INFINITY; 3],
             inverse: [[1.0; 2]; 3],
+            middle: [0.0; 3],
+            half: [0.0; 2],
+            shear: [0.0; 2],
+            turn: [0.0; 2],
             slack: 0.0,
             start: 0.0,
         };
         let mut moved = [0.0; PACKET_RAYS];
+        let (mut moved_low, mut moved_high) = ([0.0; 3], [0.0; 3]);
         for axis in 0..3 {
             let (origin, direction) = (&self.origin[axis][..lanes], &self.direction[axis][..lanes]);
             for i in 0..lanes {
                 moved[i] = origin[i] + self.shift[i] * direction[i];
             }
             let [low, high] = low_high(&moved[..lanes]);
+            (moved_low[axis], moved_high[axis]) = (low, high);
             largest = largest.max(low.abs()).max(high.abs());
-            let inverse = if self.parallel { [self.inverse[axis][0]; 2] } else { low_high(&self.inverse[axis][..lanes]) };
+            let inverse = if self.parallel {
+                [self.inverse[axis][0]; 2]
+            } else {
+                low_high(&self.inverse[axis][..lanes])
+            };
             if inverse[0] > 0.0 {
                 (bounds.near_origin[axis], bounds.far_origin[axis]) = (high, low);
                 bounds.inverse[axis] = inverse;
@@ -181,6 +221,17 @@ impl Packet {
             bounds.near_origin[axis] += outwards;
             bounds.far_origin[axis] -= outwards;
         }
+        bounds.middle[2] = middle;
+        for (k, axis) in [(major + 1) % 3, (major + 2) % 3].into_iter().enumerate() {
+            bounds.middle[k] = 0.5 * (moved_low[axis] + moved_high[axis]);
+            bounds.half[k] = 0.5 * (moved_high[axis] - moved_low[axis]) + bounds.slack;
+            bounds.shear[k] = self.shear[k][0];
+            if !self.parallel {
+                let [low, high] = low_high(&self.shear[k][..lanes]);
+                bounds.shear[k] = 0.5 * (low + high);
+                bounds.turn[k] = 0.5 * (high - low);
+            }
+        }
         bounds
     }
 
@@ -189,7 +240,9 @@ impl Packet {
     fn farthest(&self, bounds: &Bounds) -> f32 {
         let mut farthest = [f32::NEG_INFINITY; CHUNK];
         let lanes = self.lanes();
-        for (t, shift) in self.t[..lanes].chunks_exact(CHUNK).zip(self.shift[..lanes].chunks_exact(CHUNK)) {
+        for (t, shift) in
+            self.t[..lanes].chunks_exact(CHUNK).zip(self.shift[..lanes].chunks_exact(CHUNK))
+        {
             for i in 0..CHUNK {
                 farthest[i] = most(t[i] - shift[i], farthest[i]);
             }
@@ -261,7 +314,13 @@ impl Bvh {
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
-fn traverse(wide: &[WideNode], triangles: &[Triangle], pad: f32, packet: &mut Packet, stack: &mut Stack) {
+fn traverse(
+    wide: &[WideNode],
+    triangles: &[Triangle],
+    pad: f32,
+    packet: &mut Packet,
+    stack: &mut Stack,
+) {
     let bounds = packet.bounds(pad);
     let mut farthest = packet.farthest(&bounds);
     stack[0] = (f32::NEG_INFINITY, Child::ROOT);
@@ -310,7 +369,7 @@ fn intersect(
     farthest: f32,
 ) -> f32 {
     let corners = [triangle.a, triangle.b, triangle.c];
-    if packet.parallel && passes_beside(&corners, packet, bounds) {
+    if passes_beside(&corners, packet, bounds) {
         return farthest;
     }
     let mut inside = [0_u32; PACKET_RAYS];
@@ -329,38 +388,40 @@ fn intersect(
     packet.farthest(bounds)
 }
 
-/// Whether parallel rays surely all miss a triangle, on the outer side of one of its edges.
+/// Whether all rays surely miss a triangle, on the outer side of one of its edges.
+///
+/// Seen along a ray, a corner lies at its coordinates less shear times depth. An edge function is
+/// affine in the origin and in the shear but for their product, so its spread over the packet is a
+/// sum of absolute values.
 #[inline(always)]
 fn passes_beside(corners: &[[f32; 3]; 3], packet: &Packet, bounds: &Bounds) -> bool {
     let axes = [(packet.major + 1) % 3, (packet.major + 2) % 3, packet.major];
-    let middle = |axis: usize| 0.5 * (bounds.near_origin[axis] + bounds.far_origin[axis]);
-    let half = |axis: usize| 0.5 * (bounds.near_origin[axis] - bounds.far_origin[axis]).abs();
-    let middle = [middle(axes[0]), middle(axes[1]), middle(axes[2])];
-    let half = [half(axes[0]), half(axes[1])];
-    let shear = [packet.shear[0][0], packet.shear[1][0]];
-    // Corners as seen along the rays, from the middle of the origins.
+    let (middle, half, shear, turn) = (bounds.middle, bounds.half, bounds.shear, bounds.turn);
     let seen = |corner: &[f32; 3]| {
         let z = corner[axes[2]] - middle[2];
-        [corner[axes[0]] - middle[0] - shear[0] * z, corner[axes[1]] - middle[1] - shear[1] * z]
+        let x = corner[axes[0]] - middle[0] - shear[0] * z;
+        let y = corner[axes[1]] - middle[1] - shear[1] * z;
+        [x, y, z]
     };
     let (a, b, c) = (seen(&corners[0]), seen(&corners[1]), seen(&corners[2]));
-    let size = |p: [f32; 2]| p[0].abs() + p[1].abs();
-    let error = 2.0 * bounds.slack * (size(a) + size(b) + size(c) + size(half));
-    let edge = |from: [f32; 2], to: [f32; 2]| {
-        let at_middle = from[0] * to[1] - from[1] * to[0];
-        let spread = (to[1] - from[1]).abs() * half[0] + (to[0] - from[0]).abs() * half[1];
-        (at_middle, spread + error)
+    let deepest = most(most(a[2].abs(), b[2].abs()), c[2].abs());
+    let size = |p: [f32; 3]| p[0].abs() + p[1].abs();
+    let widest = half[0] + half[1] + deepest * (turn[0] + turn[1]);
+    let error = 2.0 * bounds.slack * (size(a) + size(b) + size(c) + widest);
+    let edge = |from: [f32; 3], to: [f32; 3]| {
+        let turned = turn[0] * (from[2] * to[1] - to[2] * from[1]).abs()
+            + turn[1] * (to[2] * from[0] - from[2] * to[0]).abs();
+        let moved = (to[1] - from[1]).abs() * half[0] + (to[0] - from[0]).abs() * half[1];
+        let both = (turn[0] * half[1] + turn[1] * half[0]) * (to[2] - from[2]).abs();
+        (from[0] * to[1] - from[1] * to[0], turned, turned + moved + both + error)
     };
-    let edges = [edge(a, b), edge(b, c), edge(c, a)];
-    let area = edges[0].0 + edges[1].0 + edges[2].0;
-    if area > 2.0 * error {
-        (edges[0].0 + edges[0].1 < 0.0)
-            | (edges[1].0 + edges[1].1 < 0.0)
-            | (edges[2].0 + edges[2].1 < 0.0)
-    } else if area < -2.0 * error {
-        (edges[0].0 - edges[0].1 > 0.0)
-            | (edges[1].0 - edges[1].1 > 0.0)
-            | (edges[2].0 - edges[2].1 > 0.0)
+    let (u, v, w) = (edge(a, b), edge(b, c), edge(c, a));
+    let area = u.0 + v.0 + w.0;
+    let doubt = u.1 + v.1 + w.1 + 4.0 * error;
+    if area > doubt {
+        (u.0 + u.2 < 0.0) | (v.0 + v.2 < 0.0) | (w.0 + w.2 < 0.0)
+    } else if area < -doubt {
+        (u.0 - u.2 > 0.0) | (v.0 - v.2 > 0.0) | (w.0 - w.2 > 0.0)
     } else {
         false
     }

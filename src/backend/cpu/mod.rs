@@ -3,6 +3,7 @@
 mod beam;
 mod cast;
 mod cover;
+mod lockstep;
 mod packets;
 mod reduce;
 
@@ -18,6 +19,7 @@ use crate::placement::Placement;
 pub use beam::beam_direction;
 pub use cast::cast_closest;
 pub use cover::{bitmap_words, cover_voxels};
+pub use lockstep::{WalkScratch, cover_sensor};
 pub use packets::cast_packets;
 pub use reduce::reduce;
 pub(super) use reduce::set_bits;
@@ -31,12 +33,21 @@ pub struct CpuBackend {
     problem: Arc<Problem>,
     memory: u64,
     times: StageTimes,
+    /// Kept from batch to batch.
+    hits: Vec<Hit>,
+    bitmaps: Vec<u64>,
 }
 
 impl CpuBackend {
     /// A backend that uses at most about `memory` bytes beside the problem itself.
     pub fn new(problem: Arc<Problem>, memory: u64) -> Self {
-        Self { problem, memory, times: StageTimes::default() }
+        Self {
+            problem,
+            memory,
+            times: StageTimes::default(),
+            hits: Vec::new(),
+            bitmaps: Vec::new(),
+        }
     }
 
     fn poses(&self, placements: &[Placement]) -> Vec<DevicePose> {
@@ -54,22 +65,19 @@ impl CpuBackend {
         Ok(split(&lidars, ChunkLimits::from_bytes(widest, &[("work buffers", each, limit)])?))
     }
 
-    /// Covered voxels of each sensor in one frame, and the hits where the coverage needs them.
-    fn cover_frame(
-        &mut self,
-        poses: &[DevicePose],
-        frame: usize,
-        range: f32,
-        bitmaps: &mut Vec<u64>,
-    ) -> Option<Vec<Hit>> {
+    /// Fills the buffers with the covered voxels of each sensor in one frame, and with the hits where
+    /// the coverage needs them.
+    fn cover_frame(&mut self, poses: &[DevicePose], frame: usize, range: f32) {
         let start = Instant::now();
         let problem = &*self.problem;
-        let hits = problem.bvh(frame).map(|bvh| cast_closest(poses, problem.table(), bvh, range));
+        if let Some(bvh) = problem.bvh(frame) {
+            cast_packets(poses, problem.table(), bvh, range, &mut self.hits);
+        }
         self.times.cast += start.elapsed();
         let start = Instant::now();
-        cover_voxels(poses, problem.table(), problem.roi(), hits.as_deref(), range, bitmaps);
+        let hits = problem.bvh(frame).map(|_| self.hits.as_slice());
+        cover_voxels(poses, problem.table(), problem.roi(), hits, range, &mut self.bitmaps);
         self.times.cover += start.elapsed();
-        hits
     }
 }
 
@@ -84,7 +92,6 @@ impl Backend for CpuBackend {
 
     fn tally(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Tally>, BackendError> {
         let mut tallies = Vec::with_capacity(placements.len());
-        let mut bitmaps = Vec::new();
         for chunk in self.chunks(placements)? {
             let placements = &placements[chunk.placements];
             let poses = self.poses(placements);
@@ -92,16 +99,12 @@ impl Backend for CpuBackend {
             let mut sums: Vec<Tally> =
                 placements.iter().map(|p| Tally::zero(classes, p.lidars.len())).collect();
             for frame in 0..self.problem.frame_count() {
-                let hits = self.cover_frame(&poses, frame, range, &mut bitmaps);
+                self.cover_frame(&poses, frame, range);
                 let start = Instant::now();
+                let hits = self.problem.bvh(frame).map(|_| self.hits.as_slice());
                 let directions = self.problem.table().directions().len();
-                let of_frame = reduce(
-                    placements,
-                    self.problem.content(),
-                    &bitmaps,
-                    hits.as_deref(),
-                    directions,
-                );
+                let of_frame =
+                    reduce(placements, self.problem.content(), &self.bitmaps, hits, directions);
                 for (sum, tally) in sums.iter_mut().zip(&of_frame) {
                     *sum += tally;
                 }
@@ -117,8 +120,9 @@ impl Backend for CpuBackend {
         let bvh = self.problem.geometry(frame).ok_or(BackendError::NoFrame { frame, frames })?;
         let start = Instant::now();
         let table = self.problem.table();
-        let hits =
-            cast_closest(&self.poses(std::slice::from_ref(placement)), table, bvh, table.range());
+        let poses = self.poses(std::slice::from_ref(placement));
+        let mut hits = Vec::new();
+        cast_packets(&poses, table, bvh, table.range(), &mut hits);
         self.times.cast += start.elapsed();
         Ok(hits)
     }
@@ -130,9 +134,9 @@ impl Backend for CpuBackend {
         }
         let placements = std::slice::from_ref(placement);
         self.chunks(placements)?;
-        let mut bitmaps = Vec::new();
         let range = self.problem.table().range();
-        self.cover_frame(&self.poses(placements), frame, range, &mut bitmaps);
+        self.cover_frame(&self.poses(placements), frame, range);
+        let bitmaps = &self.bitmaps;
         let words = bitmap_words(self.problem.roi());
         Ok(set_bits(|w| bitmaps[w..].iter().step_by(words).fold(0, |or, x| or | x), words))
     }
