@@ -9,6 +9,8 @@ use crate::grid::Roi;
 
 /// Beams that walk at the same time.
 const LANES: usize = 16;
+/// Voxels that a lane is taken on between two looks at whether its beam has ended.
+const STEPS: usize = 4;
 /// Planes and origins up to this many voxels from the corner: there, crossings of different planes
 /// are different numbers, so that a beam's end can be told from the time at which it leaves.
 const PLAIN: f32 = (1 << 22) as f32;
@@ -72,7 +74,7 @@ impl WalkScratch {
         let run = beams.div_ceil(LANES);
         let beam = |at: usize| {
             let (lane, turn) = (at % LANES, at / LANES);
-            lane * run + (turn + lane * run / LANES) % run
+            lane * run + (turn + 8 * lane) % run
         };
         self.order = (0..run * LANES).map(beam).filter(|&b| b < beams).map(|b| b as u32).collect();
     }
@@ -190,27 +192,36 @@ impl Lanes {
         }
     }
 
-    /// Takes every lane to its next voxel; returns whether each has one.
+    /// Takes every lane [`STEPS`] voxels on, or to its end, writing down where it has been; returns
+    /// whether each goes on.
     #[inline(always)]
-    fn advance(&mut self, p: [f32; 3]) -> [u32; LANES] {
+    fn advance(&mut self, p: [f32; 3], seen: &mut [[i32; LANES]; STEPS]) -> [u32; LANES] {
+        // Copies stay in registers; the lanes themselves are loaded one by one.
+        let (mut index, last) = (self.index, self.last);
+        let ([mut bx, mut by, mut bz], [mut tx, mut ty, mut tz]) = (self.plane, self.next);
+        let ([ix, iy, iz], [sx, sy, sz]) = (self.inverse, self.step);
+        let [jx, jy, jz] = self.stride;
         let mut goes_on = [0; LANES];
-        for i in 0..LANES {
-            let (x, y, z) = (self.next[0][i], self.next[1][i], self.next[2][i]);
-            let xy = if x < y { x } else { y };
-            let t = if xy < z { xy } else { z };
-            let on = t <= self.last[i];
-            goes_on[i] = u32::from(on);
-            let (on_x, on_y, on_z) = (on & (x == t), on & (y == t), on & (z == t));
-            self.plane[0][i] += if on_x { self.step[0][i] } else { 0.0 };
-            self.plane[1][i] += if on_y { self.step[1][i] } else { 0.0 };
-            self.plane[2][i] += if on_z { self.step[2][i] } else { 0.0 };
-            self.next[0][i] = (self.plane[0][i] - p[0]) * self.inverse[0][i];
-            self.next[1][i] = (self.plane[1][i] - p[1]) * self.inverse[1][i];
-            self.next[2][i] = (self.plane[2][i] - p[2]) * self.inverse[2][i];
-            self.index[i] += if on_x { self.stride[0][i] } else { 0 }
-                + if on_y { self.stride[1][i] } else { 0 }
-                + if on_z { self.stride[2][i] } else { 0 };
+        for seen in seen {
+            *seen = index;
+            for i in 0..LANES {
+                let xy = if tx[i] < ty[i] { tx[i] } else { ty[i] };
+                let t = if xy < tz[i] { xy } else { tz[i] };
+                let on = t <= last[i];
+                let (on_x, on_y, on_z) = (on & (tx[i] == t), on & (ty[i] == t), on & (tz[i] == t));
+                bx[i] += if on_x { sx[i] } else { 0.0 };
+                by[i] += if on_y { sy[i] } else { 0.0 };
+                bz[i] += if on_z { sz[i] } else { 0.0 };
+                tx[i] = (bx[i] - p[0]) * ix[i];
+                ty[i] = (by[i] - p[1]) * iy[i];
+                tz[i] = (bz[i] - p[2]) * iz[i];
+                index[i] += if on_x { jx[i] } else { 0 }
+                    + if on_y { jy[i] } else { 0 }
+                    + if on_z { jz[i] } else { 0 };
+                goes_on[i] = u32::from(on);
+            }
         }
+        (self.index, self.plane, self.next) = (index, [bx, by, bz], [tx, ty, tz]);
         goes_on
     }
 }
@@ -238,11 +249,12 @@ fn walk_all(start: &Start, scratch: &WalkScratch, bitmap: &mut [u64]) {
         let beam = if lane == 0 { first } else { queue.next().unwrap_or(first) };
         lanes.load(lane, start, slopes(beam), scratch.last[beam]);
     }
+    let mut seen = [[0; LANES]; STEPS];
     loop {
-        for index in lanes.index {
-            bitmap[index as usize >> 6] |= 1 << (index & 63);
+        let goes_on = lanes.advance(start.p, &mut seen);
+        for index in seen.as_flattened() {
+            bitmap[*index as usize >> 6] |= 1 << (index & 63);
         }
-        let goes_on = lanes.advance(start.p);
         if goes_on.iter().sum::<u32>() == LANES as u32 {
             continue;
         }
