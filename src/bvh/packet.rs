@@ -11,6 +11,8 @@ pub const PACKET_RAYS: usize = 64;
 const CHUNK: usize = 16;
 /// Entries of the traversal stack: each level leaves at most all children but one behind.
 const STACK: usize = MAX_DEPTH * (WIDTH - 1) + 1;
+/// Farther than any plane, and finite, so that an empty box stays empty.
+const UNBOUNDED: f32 = 1e30;
 /// Slack of bounds in units of a box's pad, which itself is several roundings of the largest number.
 const SLACK: f32 = 8.0;
 
@@ -179,8 +181,8 @@ impl Packet {
         }
         let mut bounds = Bounds {
             near_side: [0; 3],
-            near_origin: [f32::INFINITY; 3],
-            far_origin: [f32::NEG_INFINITY; 3],
+            near_origin: [UNBOUNDED; 3],
+            far_origin: [-UNBOUNDED; 3],
             inverse: [[1.0; 2]; 3],
             middle: [0.0; 3],
             half: [0.0; 2],
