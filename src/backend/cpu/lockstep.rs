@@ -1,7 +1,7 @@
 use multiversion::multiversion;
 
-use super::cover::{Walk, beam_end, grid_origin};
 use super::beam::beam_direction;
+use super::cover::{Walk, beam_end, grid_origin};
 use crate::backend::DevicePose;
 use crate::backend::layout::{FAR, TINY_COMPONENT};
 use crate::bvh::Hit;
