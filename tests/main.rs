@@ -22,4 +22,5 @@ mod layers;
 mod lost_device;
 mod main_job;
 mod own_scenes;
+mod packets;
 mod reference;

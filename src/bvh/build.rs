@@ -1,5 +1,6 @@
 use glam::Vec3;
 
+use super::wide::collapse;
 use super::{Bvh, MAX_DEPTH, Node, Triangle};
 use crate::geom::{Aabb, TriangleSoup};
 
@@ -12,7 +13,7 @@ const MAX_LEAF: usize = 4;
 const HALVING_DEPTH: usize = MAX_DEPTH / 2;
 /// Pad as a share of the largest distance that enters a hit test: several times the rounding of
 /// `(bound − origin) · inverse`.
-const PAD_SHARE: f32 = 1.0 / (1 << 20) as f32;
+pub(super) const PAD_SHARE: f32 = 1.0 / (1 << 20) as f32;
 
 struct Item {
     bounds: Aabb,
@@ -53,7 +54,8 @@ impl Bvh {
             builder.nodes.push(Node { min: [0.0; 3], first: 0, max: [0.0; 3], count: 0 });
             builder.subdivide(0, &mut items, 1);
         }
-        Self { nodes: builder.nodes, triangles: builder.triangles, pad }
+        let wide = collapse(&builder.nodes);
+        Self { nodes: builder.nodes, triangles: builder.triangles, pad, wide }
     }
 }
 

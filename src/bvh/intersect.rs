@@ -38,22 +38,15 @@ pub struct Ray {
     pub t_max: f32,
     pub(super) inverse: Vec3,
     /// Axis of the largest component; the other two follow cyclically, swapped for a negative one.
-    major: usize,
+    pub(super) major: usize,
     /// x and y over z, in the permuted axes.
-    shear: [f32; 2],
+    pub(super) shear: [f32; 2],
 }
 
 impl Ray {
     /// Prepares a ray; `direction` is of unit length.
     pub fn new(origin: Vec3, direction: Vec3, t_max: f32) -> Self {
-        let size = direction.abs();
-        let major = if size.x > size.y {
-            if size.x > size.z { 0 } else { 2 }
-        } else if size.y > size.z {
-            1
-        } else {
-            2
-        };
+        let major = major_axis(direction);
         let d = permute(direction, major);
         let inverse = Vec3::new(
             safe_inverse(direction.x),
@@ -120,6 +113,18 @@ impl Ray {
         if t > 0.0 && (t < best.t || (t == best.t && triangle.prim < best.prim)) {
             *best = Hit { t, prim: triangle.prim };
         }
+    }
+}
+
+/// Axis of the largest component.
+pub fn major_axis(direction: Vec3) -> usize {
+    let size = direction.abs();
+    if size.x > size.y {
+        if size.x > size.z { 0 } else { 2 }
+    } else if size.y > size.z {
+        1
+    } else {
+        2
     }
 }
 

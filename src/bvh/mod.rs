@@ -14,7 +14,10 @@
 mod build;
 mod intersect;
 mod node;
+mod packet;
 mod traverse;
+mod wide;
 
-pub use intersect::{Hit, NO_HIT, Ray};
+pub use intersect::{Hit, NO_HIT, Ray, major_axis};
 pub use node::{Bvh, BvhError, MAX_DEPTH, Node, Triangle};
+pub use packet::{PACKET_RAYS, Packet, Scratch};

@@ -1,6 +1,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
+use super::wide::WideNode;
 use crate::geom::Aabb;
 
 /// Most nodes on a path from the root to a leaf; traversal stacks hold this many entries.
@@ -61,6 +62,8 @@ pub struct Bvh {
     pub triangles: Vec<Triangle>,
     /// Metres by which each triangle's box is grown; see [`Bvh::build`].
     pub pad: f32,
+    /// The same tree for packets.
+    pub(super) wide: Vec<WideNode>,
 }
 
 /// What [`Bvh::validate`] found broken.

@@ -30,15 +30,24 @@ pub fn cover_voxels(
     bitmaps.par_chunks_mut(words).zip(poses).enumerate().for_each(|(sensor, (bitmap, pose))| {
         for (index, &direction) in directions.iter().enumerate() {
             let hit = hits.map(|hits| hits[sensor * directions.len() + index]);
-            let t_end = match hit {
-                Some(hit) if hit.prim != NO_HIT => hit.t + PUSH,
-                _ => range,
-            };
-            let in_grid = Vec3::from_slice(&pose.in_grid);
-            let walk = Walk::new(roi, in_grid, beam_direction(pose, direction));
-            walk.visit(t_end, |voxel| bitmap[voxel >> 6] |= 1 << (voxel & 63));
+            let walk = Walk::new(roi, grid_origin(pose), beam_direction(pose, direction));
+            walk.visit(beam_end(hit, range), |voxel| bitmap[voxel >> 6] |= 1 << (voxel & 63));
         }
     });
+}
+
+/// Metres after which a beam ends: pushed into the voxel of its hit, or at `range`.
+#[inline(always)]
+pub(super) fn beam_end(hit: Option<Hit>, range: f32) -> f32 {
+    match hit {
+        Some(hit) if hit.prim != NO_HIT => hit.t + PUSH,
+        _ => range,
+    }
+}
+
+/// Position of the sensor in voxels.
+pub(super) fn grid_origin(pose: &DevicePose) -> Vec3 {
+    Vec3::from_slice(&pose.in_grid)
 }
 
 /// 64-bit words of a bitmap of all voxels.
@@ -55,7 +64,7 @@ pub fn bitmap_words(roi: &Roi) -> usize {
 /// across and does not traverse the voxels that it only touches. (Amanatides, Woo 1987, without the
 /// accumulated `t`.)
 #[derive(Debug, Clone, Copy)]
-struct Walk {
+pub(super) struct Walk {
     shape: [i32; 3],
     /// Origin in voxels.
     p: [f32; 3],
@@ -67,7 +76,7 @@ struct Walk {
 }
 
 impl Walk {
-    fn new(roi: &Roi, in_grid: Vec3, direction: Vec3) -> Self {
+    pub(super) fn new(roi: &Roi, in_grid: Vec3, direction: Vec3) -> Self {
         let voxel = roi.voxel().map(|v| v as f32);
         let mut walk = Self {
             shape: roi.shape().map(|n| n as i32),
@@ -142,7 +151,7 @@ impl Walk {
     }
 
     /// Calls `mark` with the linear index of every voxel from the entry to `t_end`, in order.
-    fn visit(&self, t_end: f32, mut mark: impl FnMut(usize)) {
+    pub(super) fn visit(&self, t_end: f32, mut mark: impl FnMut(usize)) {
         let Some(entry) = self.entry() else { return };
         if entry > t_end {
             return;

@@ -3,10 +3,15 @@
 mod beam;
 mod cast;
 mod cover;
+mod lockstep;
+mod packets;
 mod reduce;
+mod worth;
 
-use std::sync::Arc;
-use std::time::Instant;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
 
 use super::{
     Backend, BackendError, Chunk, ChunkLimits, DevicePose, Problem, StageTimes, Tally, split,
@@ -17,24 +22,41 @@ use crate::placement::{Placement, SensorPose};
 pub use beam::beam_direction;
 pub use cast::cast_closest;
 pub use cover::{bitmap_words, cover_voxels};
+pub use lockstep::{WalkScratch, cover_sensor};
+pub use packets::cast_packets;
 pub use reduce::reduce;
 pub(super) use reduce::set_bits;
+use worth::{Worth, take_sums};
 
-/// Bytes of buffers that one chunk uses at most: more gains nothing, since a chunk of this size
-/// already keeps every core busy.
+/// Bytes of hits that one chunk uses at most: more gains nothing, since a chunk of this size already
+/// fills packets and keeps every core busy.
 const CHUNK_BYTES: u64 = 256 << 20;
 
 /// Evaluates batches on the host's cores.
 pub struct CpuBackend {
     problem: Arc<Problem>,
+    worth: Worth,
     memory: u64,
     times: StageTimes,
+    /// Kept from batch to batch.
+    hits: Vec<Hit>,
+    scratch: Mutex<Vec<Scratch>>,
+}
+
+/// Working memory of one task.
+#[derive(Default)]
+struct Scratch {
+    walk: WalkScratch,
+    /// `[sensors × words]`, zero between tasks.
+    bitmaps: Vec<u64>,
 }
 
 impl CpuBackend {
     /// A backend that uses at most about `memory` bytes beside the problem itself.
     pub fn new(problem: Arc<Problem>, memory: u64) -> Self {
-        Self { problem, memory, times: StageTimes::default() }
+        let worth = Worth::new(problem.content());
+        let times = StageTimes::default();
+        Self { problem, worth, memory, times, hits: Vec::new(), scratch: Mutex::default() }
     }
 
     fn poses(&self, placements: &[Placement]) -> Vec<DevicePose> {
@@ -47,27 +69,77 @@ impl CpuBackend {
         let widest = lidars.iter().copied().max().unwrap_or(1);
         let bitmap = 8 * bitmap_words(self.problem.roi()) as u64;
         let hits = size_of::<Hit>() as u64 * self.problem.table().directions().len() as u64;
-        let each = bitmap + hits;
-        let limit = self.memory.min(CHUNK_BYTES.max(each * widest as u64));
-        Ok(split(&lidars, ChunkLimits::from_bytes(widest, &[("work buffers", each, limit)])?))
+        // Bitmaps of as many placements as are worked on at the same time, hits of all in a chunk.
+        let tasks = (rayon::current_num_threads() as u64).min(placements.len() as u64).max(1);
+        let bitmaps = [("coverage bitmaps", bitmap, self.memory / 2 / tasks)];
+        ChunkLimits::from_bytes(widest, &bitmaps)?;
+        let limit = (self.memory / 2).min(CHUNK_BYTES.max(hits * widest as u64));
+        Ok(split(&lidars, ChunkLimits::from_bytes(widest, &[("hits", hits, limit)])?))
     }
 
-    /// Covered voxels of each sensor in one frame, and the hits where the coverage needs them.
-    fn cover_frame(
-        &mut self,
+    /// Finds the hits of a chunk's beams in one frame, where the coverage needs them.
+    fn cast_frame(&mut self, poses: &[DevicePose], frame: usize, range: f32) {
+        let start = Instant::now();
+        if let Some(bvh) = self.problem.bvh(frame) {
+            cast_packets(poses, self.problem.table(), bvh, range, &mut self.hits);
+        }
+        self.times.cast += start.elapsed();
+    }
+
+    /// Covers the voxels of consecutive sensors, the first of which is number `first` of the chunk;
+    /// `bitmaps` is `[poses × words]` and zero.
+    fn cover(
+        &self,
         poses: &[DevicePose],
+        first: usize,
         frame: usize,
         range: f32,
-        bitmaps: &mut Vec<u64>,
-    ) -> Option<Vec<Hit>> {
+        walk: &mut WalkScratch,
+        bitmaps: &mut [u64],
+    ) {
+        let (problem, directions) = (&*self.problem, self.problem.table().directions());
+        let words = bitmap_words(problem.roi());
+        for (index, (pose, bitmap)) in poses.iter().zip(bitmaps.chunks_mut(words)).enumerate() {
+            let hits = problem.bvh(frame).map(|_| self.hits_of(first + index));
+            cover_sensor(pose, directions, problem.roi(), hits, range, walk, bitmap);
+        }
+    }
+
+    fn hits_of(&self, sensor: usize) -> &[Hit] {
+        let directions = self.problem.table().directions().len();
+        &self.hits[sensor * directions..(sensor + 1) * directions]
+    }
+
+    /// Adds one placement's sums in one frame to its tally; returns the time of covering and that of
+    /// both together.
+    fn add(
+        &self,
+        poses: &[DevicePose],
+        first: usize,
+        frame: usize,
+        range: f32,
+        tally: &mut Tally,
+    ) -> [Duration; 2] {
         let start = Instant::now();
-        let problem = &*self.problem;
-        let hits = problem.bvh(frame).map(|bvh| cast_closest(poses, problem.table(), bvh, range));
-        self.times.cast += start.elapsed();
-        let start = Instant::now();
-        cover_voxels(poses, problem.table(), problem.roi(), hits.as_deref(), range, bitmaps);
-        self.times.cover += start.elapsed();
-        hits
+        let mut scratch =
+            self.scratch.lock().map(|mut s| s.pop()).ok().flatten().unwrap_or_default();
+        let words = bitmap_words(self.problem.roi());
+        if scratch.bitmaps.len() < poses.len() * words {
+            scratch.bitmaps.resize(poses.len() * words, 0);
+        }
+        let bitmaps = &mut scratch.bitmaps[..poses.len() * words];
+        self.cover(poses, first, frame, range, &mut scratch.walk, bitmaps);
+        let covered = start.elapsed();
+        take_sums(bitmaps, words, &self.worth, tally);
+        tally.beams += (poses.len() * self.problem.table().directions().len()) as u64;
+        if self.problem.bvh(frame).is_some() {
+            let hits = (first..first + poses.len()).flat_map(|sensor| self.hits_of(sensor));
+            tally.hits += hits.filter(|hit| hit.is_hit()).count() as u64;
+        }
+        if let Ok(mut kept) = self.scratch.lock() {
+            kept.push(scratch);
+        }
+        [covered, start.elapsed()]
     }
 }
 
@@ -81,31 +153,38 @@ impl Backend for CpuBackend {
     }
 
     fn tally(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Tally>, BackendError> {
-        let mut tallies = Vec::with_capacity(placements.len());
-        let mut bitmaps = Vec::new();
+        let classes = self.problem.content().classes().len();
+        let mut tallies: Vec<Tally> =
+            placements.iter().map(|p| Tally::zero(classes, p.lidars.len())).collect();
         for chunk in self.chunks(placements)? {
-            let placements = &placements[chunk.placements];
-            let poses = self.poses(placements);
-            let classes = self.problem.content().classes().len();
-            let mut sums: Vec<Tally> =
-                placements.iter().map(|p| Tally::zero(classes, p.lidars.len())).collect();
+            let poses = self.poses(&placements[chunk.placements.clone()]);
             for frame in 0..self.problem.frame_count() {
-                let hits = self.cover_frame(&poses, frame, range, &mut bitmaps);
+                self.cast_frame(&poses, frame, range);
                 let start = Instant::now();
-                let directions = self.problem.table().directions().len();
-                let of_frame = reduce(
-                    placements,
-                    self.problem.content(),
-                    &bitmaps,
-                    hits.as_deref(),
-                    directions,
-                );
-                for (sum, tally) in sums.iter_mut().zip(&of_frame) {
-                    *sum += tally;
+                let mut tasks = Vec::new();
+                let mut first = 0;
+                for (placement, tally) in placements[chunk.placements.clone()]
+                    .iter()
+                    .zip(&mut tallies[chunk.placements.clone()])
+                {
+                    let sensors = first..first + placement.lidars.len();
+                    first = sensors.end;
+                    tasks.push((sensors, tally));
                 }
-                self.times.reduce += start.elapsed();
+                let of_tasks: Vec<[Duration; 2]> = tasks
+                    .into_par_iter()
+                    .map(|(sensors, tally)| {
+                        self.add(&poses[sensors.clone()], sensors.start, frame, range, tally)
+                    })
+                    .collect();
+                // Both stages of a placement run in one task: the wall time is shared out.
+                let elapsed = start.elapsed();
+                let [cover, both] = [0, 1].map(|k| of_tasks.iter().map(|t| t[k]).sum::<Duration>());
+                let share = cover.as_secs_f64() / both.as_secs_f64().max(f64::MIN_POSITIVE);
+                let cover = elapsed.mul_f64(share.clamp(0.0, 1.0));
+                self.times.cover += cover;
+                self.times.reduce += elapsed - cover;
             }
-            tallies.append(&mut sums);
         }
         Ok(tallies)
     }
@@ -115,8 +194,9 @@ impl Backend for CpuBackend {
         let bvh = self.problem.geometry(frame).ok_or(BackendError::NoFrame { frame, frames })?;
         let start = Instant::now();
         let table = self.problem.table();
-        let hits =
-            cast_closest(&self.poses(std::slice::from_ref(placement)), table, bvh, table.range());
+        let poses = self.poses(std::slice::from_ref(placement));
+        let mut hits = Vec::new();
+        cast_packets(&poses, table, bvh, table.range(), &mut hits);
         self.times.cast += start.elapsed();
         Ok(hits)
     }
@@ -128,10 +208,14 @@ impl Backend for CpuBackend {
         }
         let placements = std::slice::from_ref(placement);
         self.chunks(placements)?;
-        let mut bitmaps = Vec::new();
         let range = self.problem.table().range();
-        self.cover_frame(&self.poses(placements), frame, range, &mut bitmaps);
+        let poses = self.poses(placements);
+        self.cast_frame(&poses, frame, range);
+        let start = Instant::now();
         let words = bitmap_words(self.problem.roi());
+        let mut bitmaps = vec![0; poses.len() * words];
+        self.cover(&poses, 0, frame, range, &mut WalkScratch::default(), &mut bitmaps);
+        self.times.cover += start.elapsed();
         Ok(set_bits(|w| bitmaps[w..].iter().step_by(words).fold(0, |or, x| or | x), words))
     }
 
@@ -142,8 +226,16 @@ impl Backend for CpuBackend {
         }
         let roi = self.problem.roi();
         let poses: Vec<DevicePose> = poses.iter().map(|pose| DevicePose::new(pose, roi)).collect();
-        let mut bitmaps = Vec::new();
-        self.cover_frame(&poses, frame, self.problem.table().range(), &mut bitmaps);
+        let range = self.problem.table().range();
+        self.cast_frame(&poses, frame, range);
+        let start = Instant::now();
+        let words = bitmap_words(self.problem.roi());
+        let mut bitmaps = vec![0; poses.len() * words];
+        bitmaps.par_chunks_mut(words).enumerate().for_each(|(index, bitmap)| {
+            let mut walk = WalkScratch::default();
+            self.cover(&poses[index..=index], index, frame, range, &mut walk, bitmap);
+        });
+        self.times.cover += start.elapsed();
         Ok(bitmaps)
     }
 

@@ -8,8 +8,8 @@ use sightline::backend::Problem;
 use sightline::placement::{Placement, PoseGrid, Spacing};
 use sightline::score::Objective;
 use sightline::search::{
-    Evaluator, GainBound, GridPlacement, GridSample, GridSearch, Moves, SWAP_SPACING, Swapped,
-    bound_gain, swap_from,
+    Evaluator, GainBound, GridSample, GridSearch, Moves, SWAP_SPACING, Swapped, bound_gain,
+    swap_from,
 };
 
 use crate::cli::args::Compute;

@@ -1,0 +1,150 @@
+//! Casting in packets against casting beam by beam: the same bits, whatever the packets hold.
+
+use glam::{DVec3, Vec3};
+use rand::RngExt;
+use sightline::backend::DevicePose;
+use sightline::backend::cpu::{cast_closest, cast_packets};
+use sightline::bvh::{Bvh, Hit, NO_HIT, Packet, Ray, Scratch, major_axis};
+use sightline::geom::TriangleSoup;
+use sightline::grid::Roi;
+use sightline::placement::{BeamTable, SensorPose};
+use sightline::verify::hostile_placements;
+
+use crate::common::{random_soup, random_vec, rng};
+
+fn bits(hits: &[Hit]) -> Vec<(u32, u32)> {
+    hits.iter().map(|h| (h.t.to_bits(), h.prim)).collect()
+}
+
+fn roi() -> Roi {
+    Roi::new([-8.0; 3], [0.5; 3], [32; 3]).unwrap()
+}
+
+/// Random soups, and what triangles are at their worst: flat in an axis, thin, without area, doubled,
+/// huge, tiny, far away, none at all.
+fn soups() -> Vec<TriangleSoup> {
+    let mut soups = vec![TriangleSoup::default(), random_soup(1, 1, 6.0), random_soup(2, 700, 6.0)];
+    let mut ugly = random_soup(3, 200, 6.0);
+    let mut rng = rng(4);
+    for (index, face) in ugly.faces.clone().into_iter().enumerate() {
+        let [a, b, c] = face.map(|v| v as usize);
+        match index % 8 {
+            0 => (0..3).for_each(|k| ugly.vertices[face[k] as usize][index % 3] = 2.0),
+            1 => ugly.vertices[b] = ugly.vertices[a].map(|v| v + 1e-6),
+            2 => ugly.vertices[c] = ugly.vertices[a],
+            3 => ugly.faces.push(face),
+            4 => (0..3).for_each(|k| {
+                ugly.vertices[face[k] as usize] = ugly.vertices[face[k] as usize].map(|v| 1e4 * v)
+            }),
+            5 => (0..3).for_each(|k| {
+                ugly.vertices[face[k] as usize] = ugly.vertices[face[k] as usize].map(|v| 1e-3 * v)
+            }),
+            6 => ugly.vertices[a] = ugly.vertices[rng.random_range(0..ugly.vertices.len())],
+            _ => (0..3).for_each(|k| ugly.vertices[face[k] as usize][0] += 1e5),
+        }
+    }
+    ugly.face_class = vec![0; ugly.faces.len()];
+    soups.push(ugly);
+    soups
+}
+
+fn tables() -> Vec<BeamTable> {
+    let spinning =
+        |channels: &[(f64, f64)], steps| BeamTable::spinning(channels, steps, 30.0).unwrap();
+    let mut rng = rng(5);
+    let scattered: Vec<DVec3> = (0..301).map(|_| random_vec(&mut rng, 1.0).as_dvec3()).collect();
+    let axes = [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z, DVec3::ONE];
+    vec![
+        spinning(&[(-30.0, 0.0), (-10.0, 0.2), (0.0, 0.0), (45.0, 0.0), (90.0, 0.0)], 37),
+        BeamTable::from_directions(scattered, 30.0).unwrap(),
+        BeamTable::from_directions(axes, 30.0).unwrap(),
+    ]
+}
+
+/// Poses in which all rotations are equal, some are, and none are.
+fn pose_sets() -> Vec<Vec<SensorPose>> {
+    let mut rng = rng(6);
+    let mut pose = |turn: f64| {
+        let [x, y, z] = random_vec(&mut rng, 3.0).as_dvec3().to_array();
+        let [roll, pitch, yaw] = [0; 3].map(|_| turn * rng.random_range(-1.0..1.0));
+        SensorPose { x, y, z, roll, pitch, yaw }
+    };
+    let level: Vec<_> = (0..150).map(|_| pose(0.0)).collect();
+    let tilted: Vec<_> =
+        (0..40).map(|_| SensorPose { pitch: 0.1, yaw: 1.0, ..pose(0.0) }).collect();
+    let free: Vec<_> = (0..37).map(|_| pose(3.0)).collect();
+    let hostile = hostile_placements(&roi(), 28, 7).into_iter().flat_map(|p| p.lidars).collect();
+    let mixed = [&level[..70], &tilted, &free[..5]].concat();
+    vec![level[..1].to_vec(), free[..3].to_vec(), level, free, mixed, hostile]
+}
+
+#[test]
+fn packets_give_the_bits_of_single_beams() {
+    let (mut beams, mut found) = (0, 0);
+    for soup in soups() {
+        let bvh = Bvh::build(&soup, 30.0);
+        for table in tables() {
+            for poses in pose_sets() {
+                let poses: Vec<_> = poses.iter().map(|p| DevicePose::new(p, &roi())).collect();
+                for range in [30.0, 2.5] {
+                    let want = cast_closest(&poses, &table, &bvh, range);
+                    // What was there before must not shine through.
+                    let mut got = vec![Hit { t: f32::NAN, prim: 77 }; 5000];
+                    cast_packets(&poses, &table, &bvh, range, &mut got);
+                    assert!(bits(&got) == bits(&want), "{} triangles", soup.faces.len());
+                    beams += want.len();
+                    found += want.iter().filter(|h| h.is_hit()).count();
+                }
+            }
+        }
+    }
+    assert!(found * 10 > beams, "only {found} of {beams} beams hit: the scenes are trivial");
+}
+
+#[test]
+fn a_packet_of_any_rays_gives_the_bits_of_all_triangles() {
+    let mut rng = rng(8);
+    for soup in soups() {
+        let bvh = Bvh::build(&soup, 30.0);
+        let mut packet = Packet::default();
+        let mut scratch = Scratch::default();
+        for round in 0..200 {
+            // Narrow, wide and with signs that change; full and not.
+            let spread = [1e-3, 0.1, 3.0][round % 3];
+            let (middle, towards) = (random_vec(&mut rng, 8.0), random_vec(&mut rng, 1.0));
+            let rays: Vec<(Vec3, Vec3)> = (0..rng.random_range(1..=64))
+                .map(|_| {
+                    let direction = towards + random_vec(&mut rng, 0.3 * spread);
+                    (middle + random_vec(&mut rng, spread), direction.normalize())
+                })
+                .filter(|(_, direction)| major_axis(*direction) == major_axis(towards))
+                .collect();
+            if rays.is_empty() {
+                continue;
+            }
+            packet.gather(&rays, 30.0);
+            bvh.closest_hits(&mut packet, &mut scratch);
+            assert_eq!(packet.hits().count(), rays.len());
+            for (&(origin, direction), hit) in rays.iter().zip(packet.hits()) {
+                let want = bvh.closest_hit_brute_force(&Ray::new(origin, direction, 30.0));
+                assert_eq!((hit.t.to_bits(), hit.prim), (want.t.to_bits(), want.prim));
+            }
+        }
+    }
+}
+
+#[test]
+fn one_square_is_hit_at_its_distance() {
+    let corners = [[5.0, -1.0, -1.0], [5.0, 1.0, -1.0], [5.0, 1.0, 1.0], [5.0, -1.0, 1.0]];
+    let soup = TriangleSoup {
+        vertices: corners.to_vec(),
+        faces: vec![[0, 1, 2], [0, 2, 3]],
+        face_class: vec![0; 2],
+    };
+    let bvh = Bvh::build(&soup, 10.0);
+    let mut packet = Packet::from_origins(&[Vec3::ZERO, Vec3::new(1.0, -0.5, 0.2), Vec3::Y * 3.0]);
+    packet.point(Vec3::X, 10.0);
+    bvh.closest_hits(&mut packet, &mut Scratch::default());
+    let want = [Hit { t: 5.0, prim: 0 }, Hit { t: 4.0, prim: 1 }, Hit { t: 10.0, prim: NO_HIT }];
+    assert_eq!(packet.hits().collect::<Vec<_>>(), want);
+}
