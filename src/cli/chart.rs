@@ -110,7 +110,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         None => (new_folder(args)?, fresh(args)?),
     };
     let objective: Objective = state.settings.objective.parse()?;
-    let (scene, psog) = load::scene_and_psog(&state.settings.scene, args.compute.talk)?;
+    let (scene, psog, _) = load::scene_and_psog(&state.settings.scene, args.compute.talk)?;
     let named = |&class: &u16| psog.class_id(&scene.classes()[usize::from(class)]).is_some();
     if objective.needs_detection() && !scene.detection_classes().iter().any(named) {
         return Err(Error::Usage(format!(

@@ -1,3 +1,4 @@
+mod auto;
 mod folder;
 
 use std::path::{Path, PathBuf};
@@ -6,17 +7,18 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
+use sightline::fidelity::World;
 use sightline::placement::{Constraints, Placement, read_placements};
 use sightline::report::{Figures, InformationMap, RunRecord, RunTimes, Scored};
 use sightline::scene::{EgoBody, Scene};
 use sightline::score::Objective;
 use sightline::search::{Evaluator, GenerationRecord, Search, SearchSettings};
 
-use super::args::{Compute, Format, format_or_default};
+use super::args::{Compute, Format, Talk, format_or_default};
 use super::error::Error;
 use super::interrupt::{INTERRUPTED, on_interrupt};
-use super::load::{self, Loaded};
-use super::{progress, table};
+use super::{load, progress, table};
+use auto::Auto;
 use folder::RunFolder;
 
 /// The layouts of Table 7 of the paper, in our frame.
@@ -52,10 +54,14 @@ pub struct Args {
     #[arg(long, value_name = "N", conflicts_with = "resume",
           value_parser = clap::value_parser!(u32).range(4..=10_000))]
     population: Option<u32>,
-    /// Frames that the search averages over, spread evenly; the result is confirmed over all
-    #[arg(long, value_name = "N", default_value_t = 4, conflicts_with = "resume",
+    /// How much of the scene the search models: as few frames as keep the ranking, more when they no
+    /// longer tell the best apart (auto), or all (full); the result is confirmed over all
+    #[arg(long, value_enum, default_value_t = FidelityChoice::Auto, conflicts_with = "resume")]
+    fidelity: FidelityChoice,
+    /// Frames that the search averages over, spread evenly, whatever they lose
+    #[arg(long, value_name = "N", conflicts_with_all = ["resume", "fidelity"],
           value_parser = clap::value_parser!(u32).range(1..))]
-    frames: u32,
+    frames: Option<u32>,
     /// Seed of all randomness
     #[arg(long, default_value_t = 1, conflicts_with = "resume")]
     seed: u64,
@@ -70,11 +76,21 @@ pub struct Args {
     compute: Compute,
 }
 
+/// Value of `--fidelity`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum FidelityChoice {
+    /// As few frames as keep the ranking.
+    Auto,
+    /// Every frame.
+    Full,
+}
+
 /// Everything that decides about a run's result; kept in its checkpoint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct RunSettings {
     scene: PathBuf,
-    frames: u32,
+    /// Frames of the search; `None` leaves them to `auto`.
+    frames: Option<u32>,
     baselines: Vec<Placement>,
     search: SearchSettings,
 }
@@ -84,14 +100,34 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     args.compute.start_threads()?;
     let (settings, resumed) = match &args.resume {
         Some(folder) => {
-            let (folder, settings, search, history) = RunFolder::resume(folder)?;
-            (settings, Some((folder, search, history)))
+            let resumed = RunFolder::resume(folder)?;
+            (resumed.settings.clone(), Some(resumed))
         }
         None => (settings_of(args)?, None),
     };
     let objective: Objective = settings.search.objective.parse()?;
-    let loaded = load::scene(&settings.scene, Some(settings.frames), &args.compute)?;
-    let Loaded { scene, evaluator, psog, times } = loaded;
+    let (scene, psog, mut times) = load::scene_and_psog(&settings.scene, args.compute.talk)?;
+    let building = Instant::now();
+    let constraints = load::constraints(scene.mount());
+    let auto = match (&resumed, settings.frames) {
+        (Some(resumed), _) => resumed.auto.clone(),
+        (None, Some(_)) => None,
+        (None, None) => Some(Auto::new(
+            &mut World::new(scene.clone(), psog.clone()),
+            &constraints,
+            &settings.baselines,
+            &objective,
+            settings.search.seed,
+            args.compute.memory_budget(),
+        )?),
+    };
+    let frames = settings.frames.or(auto.as_ref().map(Auto::frames));
+    let frames = load::spread(scene.frame_count(), frames);
+    let mut evaluator = load::evaluator(&scene, &psog, &frames, &args.compute)?;
+    if auto.is_some() {
+        evaluator.keep_last();
+    }
+    times.build += building.elapsed().as_secs_f64();
     if objective.needs_detection() && !evaluator.problem().content().has_detection() {
         return Err(Error::Usage(format!(
             "{}: the objective `{objective}` needs a detection target; name its classes under \
@@ -100,19 +136,21 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         )));
     }
     let (folder, search, history) = match resumed {
-        Some(resumed) => resumed,
+        Some(resumed) => (resumed.folder, resumed.search, resumed.history),
         None => {
-            let constraints = evaluator.constraints();
-            let search = Search::new(settings.search.clone(), constraints, &settings.baselines)?;
+            let search = Search::new(settings.search.clone(), &constraints, &settings.baselines)?;
             // Before the search, so that a folder that cannot be written is found out now.
             let folder = RunFolder::create(args.out.as_deref(), &settings.scene)?;
             (folder, search, Vec::new())
         }
     };
-    let mut run = Run { settings, objective, evaluator, search, history, folder };
+    let quiet = Compute { talk: Talk { quiet: true, verbose: false }, ..args.compute.clone() };
+    let open = |frames: &[usize]| load::evaluator(&scene, &psog, frames, &quiet);
+    let mut run =
+        Run { settings, objective, evaluator, search, history, folder, auto, chosen: None };
 
     let searching = Instant::now();
-    let interrupted = run.search(&args.compute)?;
+    let interrupted = run.search(&args.compute, scene.frame_count(), &open)?;
     let search_seconds = searching.elapsed().as_secs_f64();
     let confirming = Instant::now();
     let all_frames: Vec<usize> = (0..scene.frame_count()).collect();
@@ -120,17 +158,17 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         || !run.evaluator.problem().ends_at_hits();
     let search_frames = run.evaluator.problem().frame_count();
     if !searched_all {
-        let quiet = Compute {
-            talk: super::args::Talk { quiet: true, verbose: false },
-            ..args.compute.clone()
-        };
-        run.evaluator = load::evaluator(&scene, &psog, &all_frames, &quiet)?;
+        run.evaluator = open(&all_frames)?;
+    }
+    if let Some(auto) = &mut run.auto {
+        run.chosen = auto.winner(&mut run.evaluator, &run.objective)?;
     }
     let map = run.map()?;
     let evaluations = run.search.evaluations() - run.evaluations_before();
     let mut record = run.record(&scene)?;
     record.search_frames = search_frames;
-    record.rate = (evaluations * search_frames as u64) as f64 / search_seconds;
+    let searched = run.auto.as_ref().map_or(evaluations * search_frames as u64, |a| a.searched);
+    record.rate = searched as f64 / search_seconds;
     record.timings = RunTimes {
         load: times.load,
         build: times.build,
@@ -158,7 +196,10 @@ fn settings_of(args: &Args) -> Result<RunSettings, Error> {
     };
     Ok(RunSettings {
         scene: std::path::absolute(&scene).map_err(Error::io(&scene))?,
-        frames: args.frames,
+        frames: match args.fidelity {
+            FidelityChoice::Full => Some(u32::MAX),
+            FidelityChoice::Auto => args.frames,
+        },
         baselines,
         search: SearchSettings {
             objective: args.objective.clone(),
@@ -188,6 +229,9 @@ struct Run {
     search: Search,
     history: Vec<GenerationRecord>,
     folder: RunFolder,
+    auto: Option<Auto>,
+    /// The best finalist over all frames, where `auto` has confirmed some.
+    chosen: Option<Placement>,
 }
 
 impl Run {
@@ -197,7 +241,14 @@ impl Run {
     }
 
     /// Runs generations until the search stops or Ctrl-C; true if interrupted.
-    fn search(&mut self, compute: &Compute) -> Result<bool, Error> {
+    ///
+    /// `open` opens an evaluator over some of the scene's `frames`.
+    fn search(
+        &mut self,
+        compute: &Compute,
+        frames: usize,
+        open: &dyn Fn(&[usize]) -> Result<Evaluator, Error>,
+    ) -> Result<bool, Error> {
         let stop = on_interrupt(compute.talk);
         let bar = progress::bar(self.settings.search.evaluations, "placements", compute.talk);
         bar.set_position(self.search.evaluations());
@@ -205,7 +256,8 @@ impl Run {
         while self.search.stopped().is_none() && !stop.load(Ordering::SeqCst) {
             let record = self.search.step(&mut self.evaluator, &self.objective)?;
             self.history.push(record);
-            self.folder.save(&self.settings, &self.search, &self.history)?;
+            self.widen(compute, frames, open)?;
+            self.folder.save(&self.settings, &self.search, &self.history, &self.auto)?;
             bar.set_position(self.search.evaluations());
             if let Some(best) = self.search.best() {
                 bar.set_message(format!("best {:.4e}", best.value));
@@ -222,6 +274,39 @@ impl Run {
         Ok(self.search.stopped().is_none())
     }
 
+    /// Lets `auto` look at the last generation, and goes on with more frames where it wants them.
+    fn widen(
+        &mut self,
+        compute: &Compute,
+        frames: usize,
+        open: &dyn Fn(&[usize]) -> Result<Evaluator, Error>,
+    ) -> Result<(), Error> {
+        let Some(auto) = &mut self.auto else { return Ok(()) };
+        let generation = self.search.generation();
+        auto.note(self.evaluator.take_last(), &self.objective);
+        if !auto.is_due(generation) {
+            return Ok(());
+        }
+        // Opened anew for each check: two evaluators at a time are two scenes on the device.
+        let mut full = open(&load::spread(frames, None))?;
+        if !auto.is_unsure(&mut full, &self.objective)? {
+            return Ok(());
+        }
+        drop(full);
+        let wider = auto.next_frames();
+        compute.talk.note(format!("generation {generation}: on with {wider} frames"));
+        self.evaluator = open(&load::spread(frames, Some(wider)))?;
+        auto.widen(generation, &mut self.evaluator, &self.objective)?;
+        self.search.rescore_best(&mut self.evaluator, &self.objective)?;
+        self.evaluator.keep_last();
+        Ok(())
+    }
+
+    /// The placement to report.
+    fn best(&self) -> Option<Placement> {
+        self.chosen.clone().or_else(|| self.search.best().map(|best| best.placement.clone()))
+    }
+
     fn scored(&mut self, placements: &[Placement]) -> Result<Vec<Scored>, Error> {
         let scores = self.evaluator.scores(placements)?;
         let constraints = self.evaluator.constraints();
@@ -236,13 +321,13 @@ impl Run {
 
     /// What the result gains over some frames, seen from above.
     fn map(&mut self) -> Result<Option<InformationMap>, Error> {
-        let Some(best) = self.search.best() else { return Ok(None) };
+        let Some(best) = self.best() else { return Ok(None) };
         let frames = load::spread(self.evaluator.problem().frame_count(), Some(MAP_FRAMES));
         let problem = self.evaluator.problem();
         let (roi, mut map) =
             (*problem.roi(), InformationMap::new(problem.roi(), problem.content()));
         for &frame in &frames {
-            let covered = self.evaluator.backend_mut().covered(&best.placement, frame)?;
+            let covered = self.evaluator.backend_mut().covered(&best, frame)?;
             map.add_frame(&roi, self.evaluator.problem().content(), &covered, frames.len());
         }
         Ok(Some(map))
@@ -251,7 +336,7 @@ impl Run {
     fn record(&mut self, scene: &Scene) -> Result<RunRecord, Error> {
         let baselines = self.settings.baselines.clone();
         let baselines = self.scored(&baselines)?;
-        let best = match self.search.best().map(|best| best.placement.clone()) {
+        let best = match self.best() {
             Some(placement) => {
                 let named = Placement { name: "optimized".into(), ..placement };
                 Some(self.scored(std::slice::from_ref(&named))?.remove(0))
@@ -279,6 +364,7 @@ impl Run {
                 .unwrap_or_default(),
             best,
             baselines,
+            fidelity: self.auto.as_ref().map(|auto| auto.report(self.search.evaluations())),
             certificate: None,
             rate: 0.0,
             timings: RunTimes::default(),
@@ -349,6 +435,9 @@ fn print(args: &Args, record: &RunRecord, folder: &Path, interrupted: bool) {
             }
         }
         None => println!("\nno candidate kept the rules of the mount; widen it"),
+    }
+    if let Some(words) = record.fidelity.as_ref().and_then(|f| f["words"].as_str()) {
+        println!("\n{words}");
     }
     println!(
         "\n{} after {} evaluations in {:.1} s ({:.1} placements × frames/s on {}); report: {}",

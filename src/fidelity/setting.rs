@@ -235,6 +235,6 @@ impl Ladder {
 }
 
 /// `count`, half of it, a quarter, …, 1.
-fn halvings(count: u32) -> Vec<u32> {
+pub(super) fn halvings(count: u32) -> Vec<u32> {
     std::iter::successors(Some(count), |n| Some(n / 2).filter(|n| *n > 0)).collect()
 }

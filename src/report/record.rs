@@ -65,6 +65,8 @@ pub struct RunRecord {
     pub best: Option<Scored>,
     /// Hand-made layouts to compare with.
     pub baselines: Vec<Scored>,
+    /// What `--fidelity auto` used, saved and risked; `None` where the frames were given.
+    pub fidelity: Option<Value>,
     /// Bound on what a better search could still gain; none is computed yet.
     pub certificate: Option<Value>,
     /// Pose fields of the result that lie on a bound of the mount, in words.
