@@ -18,7 +18,7 @@ use super::args::{Compute, Format, Talk, format_or_default};
 use super::error::Error;
 use super::interrupt::{INTERRUPTED, on_interrupt};
 use super::{load, progress, table};
-use auto::Auto;
+use auto::{Auto, FidelityChoice};
 use folder::RunFolder;
 
 /// The layouts of Table 7 of the paper, in our frame.
@@ -74,15 +74,6 @@ pub struct Args {
     format: Option<Format>,
     #[command(flatten)]
     compute: Compute,
-}
-
-/// Value of `--fidelity`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum FidelityChoice {
-    /// As few frames as keep the ranking.
-    Auto,
-    /// Every frame.
-    Full,
 }
 
 /// Everything that decides about a run's result; kept in its checkpoint.
@@ -272,34 +263,6 @@ impl Run {
             ));
         }
         Ok(self.search.stopped().is_none())
-    }
-
-    /// Lets `auto` look at the last generation, and goes on with more frames where it wants them.
-    fn widen(
-        &mut self,
-        compute: &Compute,
-        frames: usize,
-        open: &dyn Fn(&[usize]) -> Result<Evaluator, Error>,
-    ) -> Result<(), Error> {
-        let Some(auto) = &mut self.auto else { return Ok(()) };
-        let generation = self.search.generation();
-        auto.note(self.evaluator.take_last(), &self.objective);
-        if !auto.is_due(generation) {
-            return Ok(());
-        }
-        // Opened anew for each check: two evaluators at a time are two scenes on the device.
-        let mut full = open(&load::spread(frames, None))?;
-        if !auto.is_unsure(&mut full, &self.objective)? {
-            return Ok(());
-        }
-        drop(full);
-        let wider = auto.next_frames();
-        compute.talk.note(format!("generation {generation}: on with {wider} frames"));
-        self.evaluator = open(&load::spread(frames, Some(wider)))?;
-        auto.widen(generation, &mut self.evaluator, &self.objective)?;
-        self.search.rescore_best(&mut self.evaluator, &self.objective)?;
-        self.evaluator.keep_last();
-        Ok(())
     }
 
     /// The placement to report.

@@ -7,7 +7,10 @@ use sightline::placement::{Constraints, Placement};
 use sightline::score::{Objective, Scores};
 use sightline::search::Evaluator;
 
+use super::Run;
+use crate::cli::args::Compute;
 use crate::cli::error::Error;
+use crate::cli::load;
 
 /// Placements by which the levels are found, beside the baselines.
 const SAMPLE: usize = 8;
@@ -19,6 +22,15 @@ const FINALISTS: usize = 8;
 const CHECKED: usize = 3;
 /// Generations between two checks.
 const GENERATIONS: u64 = 8;
+
+/// Value of `--fidelity`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum FidelityChoice {
+    /// As few frames as keep the ranking.
+    Auto,
+    /// Every frame.
+    Full,
+}
 
 /// A candidate for the result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -84,7 +96,7 @@ impl Auto {
     }
 
     /// Frames of the next level; those of the last one where there is none.
-    pub(super) fn next_frames(&self) -> u32 {
+    fn next_frames(&self) -> u32 {
         self.levels[(self.at + 1).min(self.levels.len() - 1)]
     }
 
@@ -94,12 +106,12 @@ impl Auto {
     }
 
     /// Whether the order of the finalists is to be checked after this generation.
-    pub(super) fn is_due(&self, generation: u64) -> bool {
+    fn is_due(&self, generation: u64) -> bool {
         !self.is_full() && generation.is_multiple_of(GENERATIONS)
     }
 
     /// Takes note of a generation: placements that keep the rules of the mount, and their scores.
-    pub(super) fn note(&mut self, scored: Vec<(Placement, Scores)>, objective: &Objective) {
+    fn note(&mut self, scored: Vec<(Placement, Scores)>, objective: &Objective) {
         let searched = scored.len() as u64 * u64::from(self.frames());
         self.spent[1] += searched;
         self.searched += searched;
@@ -118,11 +130,7 @@ impl Auto {
 
     /// Scores the first finalists over all frames; true if following the level loses more than a
     /// quarter of the tolerance.
-    pub(super) fn is_unsure(
-        &mut self,
-        full: &mut Evaluator,
-        objective: &Objective,
-    ) -> Result<bool, Error> {
+    fn is_unsure(&mut self, full: &mut Evaluator, objective: &Objective) -> Result<bool, Error> {
         self.confirm(CHECKED, full, objective)?;
         let of_all: Vec<f64> =
             self.finalists.iter().take(CHECKED).filter_map(|f| f.confirmed).collect();
@@ -134,7 +142,7 @@ impl Auto {
     }
 
     /// Goes on with more frames.
-    pub(super) fn widen(
+    fn widen(
         &mut self,
         generation: u64,
         evaluator: &mut Evaluator,
@@ -194,6 +202,22 @@ impl Auto {
         let spent = levels + search + confirm;
         let full = evaluations * u64::from(all);
         let share = spent as f64 / full.max(1) as f64;
+        serde_json::json!({
+            "levels": self.levels,
+            "steps": self.steps,
+            "placement_frames": { "levels": levels, "search": search, "confirm": confirm, "full": full },
+            "share_of_full": share,
+            "finalists": self.finalists.len(),
+            "worst_loss_seen": self.worst,
+            "words": self.words(share),
+        })
+    }
+
+    fn words(&self, share: f64) -> String {
+        let all = self.levels[self.levels.len() - 1];
+        if self.levels.len() == 1 {
+            return format!("searched over all {all} frame(s): fewer would not keep the ranking");
+        }
         let steps: Vec<String> = self
             .steps
             .iter()
@@ -202,21 +226,43 @@ impl Auto {
                 _ => format!("{frames} from generation {} on", generation + 1),
             })
             .collect();
-        serde_json::json!({
-            "levels": self.levels,
-            "steps": self.steps,
-            "placement_frames": { "levels": levels, "search": search, "confirm": confirm, "full": full },
-            "share_of_full": share,
-            "finalists": self.finalists.len(),
-            "worst_loss_seen": self.worst,
-            "words": format!(
-                "searched over {}; with {} finalists confirmed over all frames this took {:.0} % of the \
-                 placements × frames of a search over all; checks saw a loss of {:.3} % at most",
-                steps.join(", "),
-                self.finalists.len(),
-                100.0 * share,
-                100.0 * self.worst
-            ),
-        })
+        format!(
+            "searched over {}; with {} finalists confirmed over all frames this took {:.0} % of the \
+             placements × frames of a search over all; checks saw a loss of {:.3} % at most",
+            steps.join(", "),
+            self.finalists.len(),
+            100.0 * share,
+            100.0 * self.worst
+        )
+    }
+}
+
+impl Run {
+    /// Lets `auto` look at the last generation, and goes on with more frames where it wants them.
+    pub(super) fn widen(
+        &mut self,
+        compute: &Compute,
+        frames: usize,
+        open: &dyn Fn(&[usize]) -> Result<Evaluator, Error>,
+    ) -> Result<(), Error> {
+        let Some(auto) = &mut self.auto else { return Ok(()) };
+        let generation = self.search.generation();
+        auto.note(self.evaluator.take_last(), &self.objective);
+        if !auto.is_due(generation) {
+            return Ok(());
+        }
+        // Opened anew for each check: two evaluators at a time are two scenes on the device.
+        let mut full = open(&load::spread(frames, None))?;
+        if !auto.is_unsure(&mut full, &self.objective)? {
+            return Ok(());
+        }
+        drop(full);
+        let wider = auto.next_frames();
+        compute.talk.note(format!("generation {generation}: on with {wider} frames"));
+        self.evaluator = open(&load::spread(frames, Some(wider)))?;
+        auto.widen(generation, &mut self.evaluator, &self.objective)?;
+        self.search.rescore_best(&mut self.evaluator, &self.objective)?;
+        self.evaluator.keep_last();
+        Ok(())
     }
 }
