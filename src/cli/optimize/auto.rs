@@ -32,6 +32,12 @@ pub(super) enum FidelityChoice {
     Full,
 }
 
+/// Share of the evaluations after which a search is over no less than [`LATE_FRAMES`] of the frames:
+/// what is left to gain then is smaller than what few frames know.
+const LATE: f64 = 2.0 / 3.0;
+/// Share of all frames.
+const LATE_FRAMES: f64 = 0.25;
+
 /// A candidate for the result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Finalist {
@@ -95,9 +101,16 @@ impl Auto {
         self.levels[self.at]
     }
 
-    /// Frames of the next level; those of the last one where there is none.
-    fn next_frames(&self) -> u32 {
-        self.levels[(self.at + 1).min(self.levels.len() - 1)]
+    /// Position of the next level; that of the last one where there is none.
+    fn next(&self) -> usize {
+        (self.at + 1).min(self.levels.len() - 1)
+    }
+
+    /// Position of the least level that is enough after this share of the evaluations.
+    fn least(&self, progress: f64) -> usize {
+        let all = f64::from(self.levels[self.levels.len() - 1]);
+        let enough = |frames: &u32| progress < LATE || f64::from(*frames) >= LATE_FRAMES * all;
+        self.levels.iter().position(enough).unwrap_or(0)
     }
 
     /// Whether the present level is all frames.
@@ -144,11 +157,12 @@ impl Auto {
     /// Goes on with more frames.
     fn widen(
         &mut self,
+        level: usize,
         generation: u64,
         evaluator: &mut Evaluator,
         objective: &Objective,
     ) -> Result<(), Error> {
-        self.at += 1;
+        self.at = level;
         self.steps.push((generation, self.frames()));
         let placements: Vec<Placement> =
             self.finalists.iter().map(|f| f.placement.clone()).collect();
@@ -248,19 +262,22 @@ impl Run {
         let Some(auto) = &mut self.auto else { return Ok(()) };
         let generation = self.search.generation();
         auto.note(self.evaluator.take_last(), &self.objective);
-        if !auto.is_due(generation) {
+        let progress = self.search.evaluations() as f64 / self.settings.search.evaluations as f64;
+        let mut level = auto.least(progress).max(auto.at);
+        if level == auto.at && auto.is_due(generation) {
+            // Opened anew for each check: two evaluators at a time are two scenes on the device.
+            let mut full = open(&load::spread(frames, None))?;
+            if auto.is_unsure(&mut full, &self.objective)? {
+                level = auto.next();
+            }
+        }
+        if level == auto.at || self.search.stopped().is_some() {
             return Ok(());
         }
-        // Opened anew for each check: two evaluators at a time are two scenes on the device.
-        let mut full = open(&load::spread(frames, None))?;
-        if !auto.is_unsure(&mut full, &self.objective)? {
-            return Ok(());
-        }
-        drop(full);
-        let wider = auto.next_frames();
+        let wider = auto.levels[level];
         compute.talk.note(format!("generation {generation}: on with {wider} frames"));
         self.evaluator = open(&load::spread(frames, Some(wider)))?;
-        auto.widen(generation, &mut self.evaluator, &self.objective)?;
+        auto.widen(level, generation, &mut self.evaluator, &self.objective)?;
         self.search.rescore_best(&mut self.evaluator, &self.objective)?;
         self.evaluator.keep_last();
         Ok(())
