@@ -155,3 +155,70 @@ fn every_method_says_what_it_found_and_the_better_one_wins() {
         }
     }
 }
+
+/// A room of eight frames, in which a few are enough to begin with.
+fn long_room(dir: &std::path::Path) {
+    room(dir);
+    let text = fs::read_to_string(dir.join("room.json")).unwrap();
+    let mut scene: Value = serde_json::from_str(&text).unwrap();
+    scene["frames"] = json!(8);
+    scene["actors"][0]["poses"] =
+        (0..8).map(|t| json!({ "x": 2.0 - 0.5 * f64::from(t), "y": 0.2 * f64::from(t) })).collect();
+    fs::write(dir.join("room.json"), scene.to_string()).unwrap();
+}
+
+#[test]
+fn auto_searches_fewer_frames_and_ends_as_well() {
+    let dir = TempDir::new().unwrap();
+    long_room(dir.path());
+    let run = |fidelity: &str| {
+        let args = ["optimize", "room.json", "--backend", "cpu", "--evaluations", "240"];
+        ok(dir.path(), &[&args[..], &["--out", fidelity, "--fidelity", fidelity]].concat())
+    };
+    let (auto, full) = (run("auto"), run("full"));
+    assert!(full["fidelity"].is_null());
+    assert_eq!(full["search_frames"], 8);
+    let report = &auto["fidelity"];
+    let levels: Vec<u64> = serde_json::from_value(report["levels"].clone()).unwrap();
+    assert!(levels.len() > 1 && levels.last() == Some(&8), "{report}");
+    assert!(report["share_of_full"].as_f64().unwrap() < 0.9, "{report}");
+    assert!(report["words"].as_str().unwrap().contains("finalists"));
+    // Both are reported over all frames.
+    assert_eq!((&auto["frames"], &full["frames"]), (&json!(8), &json!(8)));
+    let value = |run: &Value| run["best"]["objective"].as_f64().unwrap();
+    assert!(value(&auto) > 1.02 * value(&full), "{} and {}", value(&auto), value(&full));
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_auto_run_goes_on_to_the_same_bytes() {
+    let dir = TempDir::new().unwrap();
+    long_room(dir.path());
+    let args =
+        |out| ["optimize", "room.json", "--backend", "cpu", "--evaluations", "300", "--out", out];
+    ok(dir.path(), &args("whole"));
+    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
+        .args(args("broken"))
+        .current_dir(dir.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let checkpoint = dir.path().join("broken/checkpoint.json");
+    let start = Instant::now();
+    while !checkpoint.exists() {
+        assert!(start.elapsed() < Duration::from_secs(60), "no checkpoint was written");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let pid = child.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let resumed = ok(dir.path(), &["optimize", "--resume", "broken", "--backend", "cpu"]);
+    let read = |run: &str, file: &str| fs::read(dir.path().join(run).join(file)).unwrap();
+    for file in ["history.jsonl", "checkpoint.json", "placement.svg"] {
+        assert_eq!(read("whole", file), read("broken", file), "{file}");
+    }
+    let whole: Value = serde_json::from_slice(&read("whole", "result.json")).unwrap();
+    assert_eq!(whole["best"], resumed["best"]);
+    assert_eq!(whole["fidelity"], resumed["fidelity"]);
+}

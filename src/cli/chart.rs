@@ -1,3 +1,5 @@
+mod summary;
+
 use std::cell::Cell;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -8,18 +10,18 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sightline::backend::{Backend, BackendError, Problem};
 use sightline::fidelity::{
-    Engine, FidelityError, Ladder, Measured, Rated, Rung, Verdict, Workshop, World, candidates,
-    cheapest, rate,
+    Engine, FidelityError, Ladder, Measured, Rung, Workshop, World, candidates, cheapest, rate,
 };
 use sightline::placement::{Placement, read_placements};
-use sightline::report::{ChartFrame, fidelity_csv, fidelity_svg, seconds};
+use sightline::report::{ChartFrame, fidelity_csv, fidelity_svg};
 use sightline::score::Objective;
 
 use super::args::{BackendChoice, Compute, Format, format_or_default};
 use super::error::Error;
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::output::{writable_folder, write_whole};
-use super::{load, optimize, progress, table};
+use super::{load, optimize, progress};
+use summary::Summary;
 
 /// Version of the state in `chart.json`.
 const VERSION: u32 = 1;
@@ -109,7 +111,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         None => (new_folder(args)?, fresh(args)?),
     };
     let objective: Objective = state.settings.objective.parse()?;
-    let (scene, psog) = load::scene_and_psog(&state.settings.scene, args.compute.talk)?;
+    let (scene, psog, _) = load::scene_and_psog(&state.settings.scene, args.compute.talk)?;
     let named = |&class: &u16| psog.class_id(&scene.classes()[usize::from(class)]).is_some();
     if objective.needs_detection() && !scene.detection_classes().iter().any(named) {
         return Err(Error::Usage(format!(
@@ -359,147 +361,5 @@ impl Chart<'_> {
     fn write_text(&self, name: &str, text: &str) -> Result<(), Error> {
         let path = self.folder.join(name);
         write_whole(&path, |file| file.write_all(text.as_bytes()).map_err(Error::io(&path)))
-    }
-}
-
-/// What is added to the state for the reader.
-#[derive(Serialize)]
-struct Summary {
-    scene: String,
-    placements: Vec<String>,
-    tolerance: f64,
-    threads: usize,
-    reference: Option<String>,
-    rows: Vec<serde_json::Value>,
-    left_out: Vec<String>,
-    verdict: Option<Verdict>,
-    words: Vec<String>,
-    finished: bool,
-}
-
-impl Summary {
-    fn new(chart: &Chart, rated: &[Rated], verdict: Option<Verdict>, interrupted: bool) -> Self {
-        let words = |r: &Rated| r.measured.rung.words(chart.edge);
-        let rows = rated.iter().map(|r| {
-            json!({
-                "setting": words(r),
-                "rung": r.measured.rung,
-                "seconds": r.measured.seconds,
-                "spread": r.measured.spread,
-                "bytes": r.measured.bytes,
-                "beams": r.measured.beams,
-                "triangles": r.measured.triangles,
-                "error": r.error,
-                "same_quantity": is_comparable(rated, r),
-                "on_front": r.on_front,
-            })
-        });
-        Self {
-            scene: chart.workshop.world().scene().name().to_owned(),
-            placements: chart.workshop.placements().iter().map(|p| p.name.clone()).collect(),
-            tolerance: chart.tolerance,
-            threads: rayon::current_num_threads(),
-            reference: rated.first().map(words),
-            rows: rows.collect(),
-            left_out: chart.ladder.left_out.clone(),
-            verdict,
-            words: verdict.map(|v| in_words(chart, rated, &v)).unwrap_or_default(),
-            finished: !interrupted,
-        }
-    }
-}
-
-fn is_comparable(rated: &[Rated], row: &Rated) -> bool {
-    let finest = &rated[0].measured.rung.fidelity;
-    row.measured.rung.fidelity.same_quantity(finest)
-}
-
-/// The verdict in two sentences.
-fn in_words(chart: &Chart, rated: &[Rated], verdict: &Verdict) -> Vec<String> {
-    let (taken, finest) = (&rated[verdict.setting], &rated[0]);
-    let tau = match taken.error.tau {
-        Some(tau) => format!("Kendall τ is {:.3} ({:.3} to {:.3})", tau.value, tau.low, tau.high),
-        None => "there is no ranking to keep".to_owned(),
-    };
-    let kept = format!(
-        "Cheapest setting that keeps the ranking: {}, {} a placement; its best placement loses {:.2} % \
-         of the best score ({:.2} % at most in 95 % of resamples, {} % allowed), {tau}.",
-        taken.measured.rung.words(chart.edge),
-        seconds(taken.measured.seconds),
-        100.0 * taken.error.regret.value,
-        100.0 * taken.error.regret.high,
-        100.0 * chart.tolerance,
-    );
-    let f32 = verdict.saves_over_f32.map_or(String::new(), |times| {
-        format!(" and {times:.1} times as fast as the same in f32 on the CPU")
-    });
-    let saved = format!(
-        "It is {:.1} times as fast as the finest setting ({}){f32}; it takes {} instead of {}.",
-        verdict.saves_over_f64,
-        finest.measured.rung.words(chart.edge),
-        mebibytes(taken.measured.bytes),
-        mebibytes(finest.measured.bytes),
-    );
-    vec![kept, saved]
-}
-
-fn mebibytes(bytes: u64) -> String {
-    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
-}
-
-impl Chart<'_> {
-    fn print(&self, rated: &[Rated], summary: &Summary) {
-        println!(
-            "{}: {} placements ranked by {}, against {}",
-            summary.scene,
-            summary.placements.len(),
-            self.state.settings.objective,
-            summary.reference.as_deref().unwrap_or("nothing")
-        );
-        let titles = [
-            "setting",
-            "s a placement",
-            "MiB",
-            "score error %: median",
-            "largest",
-            "Kendall τ",
-            "95 %",
-            "regret %",
-            "95 %",
-            "front",
-        ];
-        let mut rows = vec![titles.map(str::to_owned).to_vec()];
-        rows.extend(rated.iter().map(|r| {
-            let mark = if is_comparable(rated, r) { " " } else { "*" };
-            let error = &r.error;
-            let (tau, range) = match error.tau {
-                Some(t) => (format!("{:.3}", t.value), format!("{:.3}–{:.3}", t.low, t.high)),
-                None => ("–".to_owned(), String::new()),
-            };
-            vec![
-                r.measured.rung.words(self.edge),
-                seconds(r.measured.seconds),
-                format!("{:.1}", r.measured.bytes as f64 / f64::from(1 << 20)),
-                format!("{:.3}{mark}", 100.0 * error.score_median),
-                format!("{:.3}{mark}", 100.0 * error.score_largest),
-                tau,
-                range,
-                format!("{:.2}", 100.0 * error.regret.value),
-                format!("{:.2}–{:.2}", 100.0 * error.regret.low, 100.0 * error.regret.high),
-                if r.on_front { "front" } else { "" }.to_owned(),
-            ]
-        }));
-        print!("{}", table::align(&rows));
-        println!(
-            "* other voxels, beams or coverage make the score another quantity; only the ranking compares"
-        );
-        for line in &summary.left_out {
-            println!("left out: {line}");
-        }
-        println!();
-        for line in &summary.words {
-            println!("{line}");
-        }
-        println!("chart: {}", self.folder.join("chart.svg").display());
     }
 }

@@ -33,6 +33,16 @@ pub struct Loaded {
 
 /// Reads a scene and its P-SOG, and opens a backend over `frames` of its frames (all if `None`).
 pub fn scene(path: &Path, frames: Option<u32>, compute: &Compute) -> Result<Loaded, Error> {
+    let (scene, psog, mut times) = scene_and_psog(path, compute.talk)?;
+    let start = Instant::now();
+    let frames = spread(scene.frame_count(), frames);
+    let evaluator = evaluator(&scene, &psog, &frames, compute)?;
+    times.build += start.elapsed().as_secs_f64();
+    Ok(Loaded { scene, evaluator, psog, times })
+}
+
+/// Reads a scene and reads or builds its P-SOG.
+pub fn scene_and_psog(path: &Path, talk: Talk) -> Result<(Scene, Arc<Psog>, LoadTimes), Error> {
     let start = Instant::now();
     let scene = Scene::read(path)?;
     let file = psog_file(&scene)?;
@@ -40,13 +50,10 @@ pub fn scene(path: &Path, frames: Option<u32>, compute: &Compute) -> Result<Load
     let start = Instant::now();
     let psog = match file {
         Some(psog) => psog,
-        None => build_psog(&scene, compute.talk)?.0,
+        None => build_psog(&scene, talk)?.0,
     };
-    let frames = spread(scene.frame_count(), frames);
-    let psog = Arc::new(psog);
-    let evaluator = evaluator(&scene, &psog, &frames, compute)?;
     let times = LoadTimes { load, build: start.elapsed().as_secs_f64() };
-    Ok(Loaded { scene, evaluator, psog, times })
+    Ok((scene, Arc::new(psog), times))
 }
 
 /// Reads a scene for its geometry in one frame; its P-SOG is not needed and stays empty.
@@ -89,16 +96,6 @@ pub fn problem(path: &Path, frames: u32, talk: Talk) -> Result<Posed, Error> {
     let frames = spread(scene.frame_count(), Some(frames));
     let problem = Problem::from_scene(&scene, &psog, beam_table(scene.lidar())?, &frames)?;
     Ok(Posed { name: scene.name().to_owned(), problem, constraints: constraints(scene.mount()) })
-}
-
-/// Reads a scene and its P-SOG.
-pub fn scene_and_psog(path: &Path, talk: Talk) -> Result<(Scene, Arc<Psog>), Error> {
-    let scene = Scene::read(path)?;
-    let psog = match psog_file(&scene)? {
-        Some(psog) => psog,
-        None => build_psog(&scene, talk)?.0,
-    };
-    Ok((scene, Arc::new(psog)))
 }
 
 /// An evaluator of a scene over the given frames.

@@ -1,3 +1,4 @@
+mod auto;
 mod folder;
 mod grid;
 
@@ -6,6 +7,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
+use sightline::fidelity::World;
 use sightline::placement::{Constraints, Placement, Spacing, read_placements};
 use sightline::report::{
     Figures, InformationMap, MethodRecord, RunRecord, RunTimes, Scored, certificate_in_words,
@@ -19,11 +21,11 @@ use sightline::search::{
 
 use sightline::study::{Finding as LayoutFinding, findings};
 
-use super::args::{Compute, Format, format_or_default};
+use super::args::{Compute, Format, Talk, format_or_default};
 use super::error::Error;
 use super::interrupt::{INTERRUPTED, Interrupt};
-use super::load::{self, Loaded};
-use super::{progress, table};
+use super::{load, progress, table};
+use auto::{Auto, FidelityChoice};
 use folder::RunFolder;
 use grid::{Bounds, GridStage, Method, parse_spacing};
 
@@ -60,10 +62,14 @@ pub struct Args {
     #[arg(long, value_name = "N", conflicts_with = "resume",
           value_parser = clap::value_parser!(u32).range(4..=10_000))]
     population: Option<u32>,
-    /// Frames that the search averages over, spread evenly; the result is confirmed over all
-    #[arg(long, value_name = "N", default_value_t = 4, conflicts_with = "resume",
+    /// How much of the scene the search models: as few frames as keep the ranking, more when they no
+    /// longer tell the best apart (auto), or all (full); the result is confirmed over all
+    #[arg(long, value_enum, default_value_t = FidelityChoice::Auto, conflicts_with = "resume")]
+    fidelity: FidelityChoice,
+    /// Frames that the search averages over, spread evenly, whatever they lose
+    #[arg(long, value_name = "N", conflicts_with_all = ["resume", "fidelity"],
           value_parser = clap::value_parser!(u32).range(1..))]
-    frames: u32,
+    frames: Option<u32>,
     /// How to search
     #[arg(long, value_enum, default_value_t = Method::Both, conflicts_with = "resume")]
     method: Method,
@@ -89,7 +95,8 @@ pub struct Args {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct RunSettings {
     scene: PathBuf,
-    frames: u32,
+    /// Frames of the search; `None` leaves them to `auto`.
+    frames: Option<u32>,
     baselines: Vec<Placement>,
     method: Method,
     search: SearchSettings,
@@ -100,14 +107,34 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     args.compute.start_threads()?;
     let (settings, resumed) = match &args.resume {
         Some(folder) => {
-            let (folder, settings, search, history) = RunFolder::resume(folder)?;
-            (settings, Some((folder, search, history)))
+            let resumed = RunFolder::resume(folder)?;
+            (resumed.settings.clone(), Some(resumed))
         }
         None => (settings_of(args)?, None),
     };
     let objective: Objective = settings.search.objective.parse()?;
-    let loaded = load::scene(&settings.scene, Some(settings.frames), &args.compute)?;
-    let Loaded { scene, evaluator, psog, times } = loaded;
+    let (scene, psog, mut times) = load::scene_and_psog(&settings.scene, args.compute.talk)?;
+    let building = Instant::now();
+    let constraints = load::constraints(scene.mount());
+    let auto = match (&resumed, settings.frames) {
+        (Some(resumed), _) => resumed.auto.clone(),
+        (None, Some(_)) => None,
+        (None, None) => Some(Auto::new(
+            &mut World::new(scene.clone(), psog.clone()),
+            &constraints,
+            &settings.baselines,
+            &objective,
+            settings.search.seed,
+            args.compute.memory_budget(),
+        )?),
+    };
+    let frames = settings.frames.or(auto.as_ref().map(Auto::frames));
+    let frames = load::spread(scene.frame_count(), frames);
+    let mut evaluator = load::evaluator(&scene, &psog, &frames, &args.compute)?;
+    if auto.is_some() {
+        evaluator.keep_last();
+    }
+    times.build += building.elapsed().as_secs_f64();
     if objective.needs_detection() && !evaluator.problem().content().has_detection() {
         return Err(Error::Usage(format!(
             "{}: the objective `{objective}` needs a detection target; name its classes under \
@@ -116,22 +143,24 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         )));
     }
     let (folder, search, history) = match resumed {
-        Some(resumed) => resumed,
+        Some(resumed) => (resumed.folder, resumed.search, resumed.history),
         None => {
-            let constraints = evaluator.constraints();
-            let search = Search::new(settings.search.clone(), constraints, &settings.baselines)?;
+            let search = Search::new(settings.search.clone(), &constraints, &settings.baselines)?;
             // Before the search, so that a folder that cannot be written is found out now.
             let folder = RunFolder::create(args.out.as_deref(), &settings.scene)?;
             (folder, search, Vec::new())
         }
     };
-    let mut run = Run { settings, objective, evaluator, search, history, folder };
+    let quiet = Compute { talk: Talk { quiet: true, verbose: false }, ..args.compute.clone() };
+    let open = |frames: &[usize]| load::evaluator(&scene, &psog, frames, &quiet);
+    let mut run =
+        Run { settings, objective, evaluator, search, history, folder, auto, chosen: None };
 
     let searching = Instant::now();
     let interrupt = Interrupt::listen(args.compute.talk);
     let mut interrupted = false;
     if run.settings.method != Method::Swaps {
-        interrupted = run.search(&args.compute, &interrupt)?;
+        interrupted = run.search(&args.compute, &interrupt, scene.frame_count(), &open)?;
     }
     let generations_seconds = searching.elapsed().as_secs_f64();
     let (mut swaps, mut bounds) = (None, None);
@@ -146,15 +175,15 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         || !run.evaluator.problem().ends_at_hits();
     let search_frames = run.evaluator.problem().frame_count();
     let mut backend_changes = Vec::new();
+    let mut searched_with = None;
     if !searched_all {
-        let quiet = Compute {
-            talk: super::args::Talk { quiet: true, verbose: false },
-            ..args.compute.clone()
-        };
         backend_changes = run.evaluator.backend().changes().to_vec();
-        run.evaluator = load::evaluator(&scene, &psog, &all_frames, &quiet)?;
+        searched_with = Some(std::mem::replace(&mut run.evaluator, open(&all_frames)?));
     }
-    let finding = run.confirm(swaps, bounds)?;
+    if let Some(auto) = &mut run.auto {
+        run.chosen = auto.winner(&mut run.evaluator, &run.objective)?;
+    }
+    let finding = run.confirm(swaps, bounds, searched_with)?;
     let map = run.map(finding.best.as_ref())?;
     let evaluations = run.search.evaluations() - run.evaluations_before();
     let mut record = run.record(&scene, finding, interrupted)?;
@@ -167,7 +196,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     }
     record.backend_changes = backend_changes;
     record.search_frames = search_frames;
-    record.rate = (evaluations * search_frames as u64) as f64 / generations_seconds;
+    let searched = run.auto.as_ref().map_or(evaluations * search_frames as u64, |a| a.searched);
+    record.rate = searched as f64 / generations_seconds;
     record.timings = RunTimes {
         load: times.load,
         build: times.build,
@@ -195,7 +225,10 @@ fn settings_of(args: &Args) -> Result<RunSettings, Error> {
     };
     Ok(RunSettings {
         scene: std::path::absolute(&scene).map_err(Error::io(&scene))?,
-        frames: args.frames,
+        frames: match args.fidelity {
+            FidelityChoice::Full => Some(u32::MAX),
+            FidelityChoice::Auto => args.frames,
+        },
         baselines,
         method: args.method,
         search: SearchSettings {
@@ -236,6 +269,9 @@ struct Run {
     search: Search,
     history: Vec<GenerationRecord>,
     folder: RunFolder,
+    auto: Option<Auto>,
+    /// The best finalist over all frames, where `auto` has confirmed some.
+    chosen: Option<Placement>,
 }
 
 impl Run {
@@ -245,14 +281,23 @@ impl Run {
     }
 
     /// Runs generations until the search stops or Ctrl-C; true if interrupted.
-    fn search(&mut self, compute: &Compute, interrupt: &Interrupt) -> Result<bool, Error> {
+    ///
+    /// `open` opens an evaluator over some of the scene's `frames`.
+    fn search(
+        &mut self,
+        compute: &Compute,
+        interrupt: &Interrupt,
+        frames: usize,
+        open: &dyn Fn(&[usize]) -> Result<Evaluator, Error>,
+    ) -> Result<bool, Error> {
         let bar = progress::bar(self.settings.search.evaluations, "placements", compute.talk);
         bar.set_position(self.search.evaluations());
         bar.reset_eta();
         while self.search.stopped().is_none() && !interrupt.is_set() {
             let record = self.search.step(&mut self.evaluator, &self.objective)?;
             self.history.push(record);
-            self.folder.save(&self.settings, &self.search, &self.history)?;
+            self.widen(compute, frames, open)?;
+            self.folder.save(&self.settings, &self.search, &self.history, &self.auto)?;
             bar.set_position(self.search.evaluations());
             if let Some(best) = self.search.best() {
                 bar.set_message(format!("best {:.4e}", best.value));
@@ -312,16 +357,19 @@ impl Run {
         Ok(best.map(|(_, placement)| placement))
     }
 
-    /// Scores what each method found over all frames and takes the best.
+    /// Scores what each method found over all frames and takes the best; `searched_with` is the
+    /// evaluator of the search where that was over fewer.
     fn confirm(
         &mut self,
         swaps: Option<Swapped>,
         bounds: Option<Bounds>,
+        mut searched_with: Option<Evaluator>,
     ) -> Result<Finding, Error> {
         let mut methods = Vec::new();
-        let mut finalists: Vec<(Scored, f64)> = Vec::new();
-        if let Some(best) = self.search.best().cloned() {
-            let named = Placement { name: "optimized".into(), ..best.placement };
+        let mut finalists: Vec<Scored> = Vec::new();
+        let best = self.chosen.clone().or_else(|| self.search.best().map(|b| b.placement.clone()));
+        if let Some(best) = best {
+            let named = Placement { name: "optimized".into(), ..best };
             let lidars = named.lidars.len() as u64;
             let scored = self.scored(&[named])?.remove(0);
             methods.push(MethodRecord {
@@ -331,7 +379,7 @@ impl Run {
                 poses_cast: self.search.evaluations() * lidars,
                 won: false,
             });
-            finalists.push((scored, best.value));
+            finalists.push(scored);
         }
         if let Some(swaps) = swaps {
             let scored = self.scored(std::slice::from_ref(&swaps.placement))?.remove(0);
@@ -342,19 +390,23 @@ impl Run {
                 poses_cast: swaps.poses_cast,
                 won: false,
             });
-            finalists.push((scored, swaps.value));
+            finalists.push(scored);
         }
         let standing = |scored: &Scored| {
             let value = scored.objective.unwrap_or(f64::NEG_INFINITY);
             (scored.scores.guards.is_empty(), value)
         };
         let best = (0..finalists.len()).max_by(|&a, &b| {
-            let (a, b) = (standing(&finalists[a].0), standing(&finalists[b].0));
+            let (a, b) = (standing(&finalists[a]), standing(&finalists[b]));
             a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
         });
         let Some(best) = best else { return Ok(Finding::default()) };
         methods[best].won = true;
-        let (scored, value) = finalists.swap_remove(best);
+        let scored = finalists.swap_remove(best);
+        // The bounds are over the frames of the search, so the result is scored there as well.
+        let evaluator = searched_with.as_mut().unwrap_or(&mut self.evaluator);
+        let there = evaluator.scores(std::slice::from_ref(&scored.placement))?;
+        let value = self.objective.value(&there[0]).unwrap_or(f64::NAN);
         let properties = bounds.as_ref().map(|b| findings(&b.sample.scored())).unwrap_or_default();
         let certificate = bounds.map(|b| Certificate::new(b.sample.lipschitz(), b.gain, value));
         Ok(Finding { best: Some(scored), methods, certificate, findings: properties })
@@ -422,6 +474,7 @@ impl Run {
                 .unwrap_or_default(),
             best,
             baselines,
+            fidelity: self.auto.as_ref().map(|auto| auto.report(self.search.evaluations())),
             certificate,
             methods,
             findings,
@@ -497,6 +550,9 @@ fn print(args: &Args, record: &RunRecord, folder: &Path, interrupted: bool) {
             println!("\n{}", table::findings(&record.findings));
         }
         None => println!("\nno candidate kept the rules of the mount; widen it"),
+    }
+    if let Some(words) = record.fidelity.as_ref().and_then(|f| f["words"].as_str()) {
+        println!("\n{words}");
     }
     println!(
         "\n{} after {} evaluations in {:.1} s ({:.1} placements × frames/s on {}); report: {}",

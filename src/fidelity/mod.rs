@@ -9,10 +9,12 @@
 //! | `exact`, `exact_tree` | the finest setting: casting, coverage and sums in `f64` |
 //! | `ranking` | score error, Kendall's τ, top-1 regret, bootstrap intervals |
 //! | `measure` | cost and scores of one setting |
+//! | `levels` | how many frames a search needs |
 //! | `verdict` | the Pareto front and the cheapest setting that keeps the ranking |
 
 mod exact;
 mod exact_tree;
+mod levels;
 mod measure;
 mod ranking;
 mod setting;
@@ -21,6 +23,7 @@ mod verdict;
 mod world;
 
 pub use exact::Exact;
+pub use levels::{Level, frame_levels};
 pub use measure::{Measured, Open, Workshop};
 pub use ranking::{Interval, RankingError};
 pub use setting::{Engine, Fidelity, Ladder, Rung};

@@ -206,7 +206,7 @@ impl Ladder {
         let (azimuths, frames): (Vec<u32>, Vec<u32>) = (few(azimuths), few(frames));
         for &voxel in voxels.iter().filter(|v| **v >= 1.0).take(if quick { 2 } else { 3 }) {
             for &azimuth in azimuths.iter().take(3) {
-                for &frames in frames.iter().filter(|f| **f > 1 && **f < top.frames) {
+                for &frames in frames.iter().filter(|f| **f < top.frames) {
                     self.add(Fidelity { voxel, azimuth, frames, ..top }, Engine::Cpu);
                 }
                 if !top.through || azimuth > 1 {
@@ -235,6 +235,70 @@ impl Ladder {
 }
 
 /// `count`, half of it, a quarter, …, 1.
-fn halvings(count: u32) -> Vec<u32> {
+pub(super) fn halvings(count: u32) -> Vec<u32> {
     std::iter::successors(Some(count), |n| Some(n / 2).filter(|n| *n > 0)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn scene(voxel: f64, coverage: &str) -> Scene {
+        let text = format!(
+            r#"{{ "sightline": 1, "roi": {{ "min": [-4, -4, 0], "max": [4, 4, 2],
+                   "voxel": [{voxel}, {voxel}, {voxel}] }},
+                 "lidar": {{ "channels": 4, "fov": [-20, 5], "azimuth_steps": 90, "range": 20 }},
+                 "mount": {{ "min": [0, 0, 1], "max": [1, 1, 1.5], "lidars": 1 }},
+                 "coverage": "{coverage}", "frames": 12,
+                 "static": [{{ "class": "road", "plane": {{ "min": [-4, -4], "max": [4, 4], "z": 0.1 }} }}] }}"#
+        );
+        Scene::from_json(&text, Path::new(""), "test.json").unwrap()
+    }
+
+    fn words(ladder: &Ladder, edge: f64) -> Vec<String> {
+        ladder.rungs.iter().map(|rung| rung.words(edge)).collect()
+    }
+
+    #[test]
+    fn the_ladder_steps_down_from_the_finest_in_f64() {
+        let ladder = Ladder::new(&scene(0.2, "first-hit"), None, false);
+        let words = words(&ladder, 0.2);
+        assert_eq!(words[0], "0.1 m, 12 frames, f64");
+        for wanted in [
+            "0.1 m, 12 frames, GPU",
+            "0.2 m, 12 frames, CPU",
+            "0.8 m, 12 frames, CPU",
+            "0.1 m, azimuth 1/4, 12 frames, CPU",
+            "0.1 m, 1 frame, CPU",
+            "0.1 m, through, CPU",
+            "0.1 m, 12 frames, merged 0.2 m, CPU",
+            "0.4 m, azimuth 1/2, 3 frames, CPU",
+            "0.8 m, azimuth 1/4, 1 frame, CPU",
+            "0.2 m, azimuth 1/2, 3 frames, GPU",
+        ] {
+            assert!(words.iter().any(|w| w == wanted), "{wanted} is missing in {words:?}");
+        }
+        // 90 / 8 azimuth steps would be too few, and 1.6 m is too coarse.
+        assert!(!words.iter().any(|w| w.contains("1/8") || w.contains("1.6 m")), "{words:?}");
+        let mut sorted = words.clone();
+        sorted.sort();
+        sorted.dedup();
+        assert_eq!(sorted.len(), words.len(), "a setting comes twice");
+        assert!(ladder.left_out.is_empty());
+        let quick = Ladder::new(&scene(0.2, "first-hit"), Some(0.2), true);
+        assert_eq!(quick.rungs[0].words(0.2), "0.2 m, 12 frames, f64");
+        assert!(quick.rungs.len() < ladder.rungs.len());
+    }
+
+    #[test]
+    fn through_coverage_leaves_frames_and_geometry_out() {
+        let ladder = Ladder::new(&scene(0.15, "through"), None, false);
+        let words = words(&ladder, 0.15);
+        // Half of 0.15 m is below 0.1 m.
+        assert_eq!(words[0], "0.15 m, through, f64");
+        assert!(words.iter().all(|w| !w.contains("frame") && !w.contains("merged")), "{words:?}");
+        assert!(ladder.left_out[0].contains("`through`"), "{:?}", ladder.left_out);
+    }
 }

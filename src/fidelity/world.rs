@@ -83,9 +83,7 @@ impl World {
 
     /// Frames that a setting casts into.
     pub fn frames(&self, fidelity: &Fidelity) -> Vec<usize> {
-        let count = self.scene.frame_count();
-        let wanted = (fidelity.frames as usize).min(count);
-        (0..wanted).map(|k| k * count / wanted).collect()
+        spread(self.scene.frame_count(), fidelity.frames as usize)
     }
 
     /// What covering the voxels of one of the scene's P-SOGs is worth.
@@ -100,6 +98,16 @@ impl World {
     /// # Errors
     /// As [`Self::psog`], or a sensor without beams.
     pub fn problem(&mut self, fidelity: &Fidelity) -> Result<Problem, FidelityError> {
+        let frames = self.frames(fidelity);
+        self.problem_over(fidelity, &frames)
+    }
+
+    /// As [`Self::problem`], over the given frames.
+    pub(super) fn problem_over(
+        &mut self,
+        fidelity: &Fidelity,
+        frames: &[usize],
+    ) -> Result<Problem, FidelityError> {
         let psog = self.psog(fidelity.voxel)?;
         let table = table(self.scene.lidar(), fidelity.azimuth)?;
         let content = self.content(&psog);
@@ -108,13 +116,19 @@ impl World {
             return Ok(problem);
         }
         let (far, cell) = (problem.far_range(), fidelity.detail * psog.roi().voxel()[0]);
-        let trees = self.frames(fidelity).into_par_iter().map(|t| {
+        let trees = frames.par_iter().map(|&t| {
             let soup = self.scene.frame(t, EgoBody::Include);
             Arc::new(Bvh::build(&merge_vertices(&soup, cell), far))
         });
         let trees = trees.collect();
         Ok(Problem::new(*psog.roi(), content, table, trees, true))
     }
+}
+
+/// `wanted` of `count` frames, spread evenly from the first on.
+pub(super) fn spread(count: usize, wanted: usize) -> Vec<usize> {
+    let wanted = wanted.min(count);
+    (0..wanted).map(|k| k * count / wanted).collect()
 }
 
 /// The scene's sensor with every `divisor`-th azimuth step, or listed direction.

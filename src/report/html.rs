@@ -139,6 +139,9 @@ pub fn report_html(run: &RunRecord, figures: &Figures) -> String {
     }
     html += "<h2>The search</h2>\n";
     html += &figures.convergence;
+    if let Some(words) = run.fidelity.as_ref().and_then(|f| f["words"].as_str()) {
+        let _ = writeln!(html, "<p>Fidelity: {}.</p>", escape(words));
+    }
     let _ = writeln!(
         html,
         "<dl><dt>stopped by</dt><dd>{}</dd><dt>evaluations</dt><dd>{} in {} generations, over {} \

@@ -91,6 +91,8 @@ pub struct RunRecord {
     pub methods: Vec<MethodRecord>,
     /// How properties of layouts go with the objective, over random placements on the grid.
     pub findings: Vec<Finding>,
+    /// What `--fidelity auto` used, saved and risked; `None` where the frames were given.
+    pub fidelity: Option<Value>,
     /// Pose fields of the result that lie on a bound of the mount, in words.
     pub active_bounds: Vec<String>,
     /// Placements × frames a second during the search.

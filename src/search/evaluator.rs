@@ -14,12 +14,24 @@ pub struct Evaluator {
     constraints: Constraints,
     /// Tallies of the reference layout by number of LiDARs; see [`crate::score::Guard`].
     references: BTreeMap<usize, Tally>,
+    /// The last batch and its scores, where they are kept.
+    last: Option<Vec<(Placement, Scores)>>,
 }
 
 impl Evaluator {
     /// An evaluator of a problem; the mount decides where the reference layout of the guards stands.
     pub fn new(problem: Arc<Problem>, backend: Box<dyn Backend>, constraints: Constraints) -> Self {
-        Self { problem, backend, constraints, references: BTreeMap::new() }
+        Self { problem, backend, constraints, references: BTreeMap::new(), last: None }
+    }
+
+    /// Keeps every batch with its scores until the next one, for [`Self::take_last`].
+    pub fn keep_last(&mut self) {
+        self.last = Some(Vec::new());
+    }
+
+    /// The last batch and its scores; empty when it was taken before, or nothing is kept.
+    pub fn take_last(&mut self) -> Vec<(Placement, Scores)> {
+        self.last.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
     /// What is scored.
@@ -90,7 +102,11 @@ impl Evaluator {
                 scores.guards.extend(unlimited.and_then(|far| short_sight(tally, far)));
                 scores
             });
-        Ok(scores.collect())
+        let scores: Vec<Scores> = scores.collect();
+        if let Some(last) = &mut self.last {
+            *last = placements.iter().cloned().zip(scores.iter().cloned()).collect();
+        }
+        Ok(scores)
     }
 
     /// Tallies without a limit of range of those placements that have voxels beyond it, by index.

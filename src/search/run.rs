@@ -253,6 +253,23 @@ impl Search {
         Ok(self.record(&standings, step_size))
     }
 
+    /// Scores the best placement so far anew: on another problem its old value compares with nothing.
+    ///
+    /// # Errors
+    /// The placement could not be evaluated.
+    pub fn rescore_best(
+        &mut self,
+        evaluator: &mut Evaluator,
+        objective: &Objective,
+    ) -> Result<(), SearchError> {
+        if let Some(best) = &mut self.best {
+            let scores = evaluator.scores(std::slice::from_ref(&best.placement))?.remove(0);
+            best.guards = scores.guards.len();
+            best.value = objective.value(&scores).unwrap_or(f64::NEG_INFINITY);
+        }
+        Ok(())
+    }
+
     fn keep_best(&mut self, placements: &[Placement], standings: &[Standing]) {
         for (placement, standing) in placements.iter().zip(standings) {
             let (Some(value), true) = (standing.value, standing.violation == 0.0) else { continue };

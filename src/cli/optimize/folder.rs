@@ -6,6 +6,7 @@ use sightline::report::{Figures, RunRecord, report_html};
 use sightline::search::{GenerationRecord, Search};
 
 use super::RunSettings;
+use super::auto::Auto;
 use crate::cli::error::Error;
 use crate::cli::output::{writable_folder, write_whole};
 
@@ -25,6 +26,8 @@ struct Checkpoint<'a> {
     checkpoint: u32,
     settings: &'a RunSettings,
     search: &'a Search,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    auto: &'a Option<Auto>,
 }
 
 #[derive(Deserialize)]
@@ -33,6 +36,17 @@ struct SavedCheckpoint {
     checkpoint: u32,
     settings: RunSettings,
     search: Search,
+    #[serde(default)]
+    auto: Option<Auto>,
+}
+
+/// What an earlier sitting has left.
+pub(super) struct Resumed {
+    pub(super) folder: RunFolder,
+    pub(super) settings: RunSettings,
+    pub(super) search: Search,
+    pub(super) history: Vec<GenerationRecord>,
+    pub(super) auto: Option<Auto>,
 }
 
 impl RunFolder {
@@ -53,9 +67,7 @@ impl RunFolder {
     }
 
     /// Reads what an earlier sitting has left.
-    pub(super) fn resume(
-        path: &Path,
-    ) -> Result<(Self, RunSettings, Search, Vec<GenerationRecord>), Error> {
+    pub(super) fn resume(path: &Path) -> Result<Resumed, Error> {
         let file = path.join("checkpoint.json");
         let json = |source| Error::Json { path: file.clone(), source };
         let text = std::fs::read_to_string(&file).map_err(Error::io(&file))?;
@@ -85,12 +97,13 @@ impl RunFolder {
         }
         writable_folder(path)?;
         let evaluations_before = saved.search.evaluations();
-        Ok((
-            Self { path: path.to_owned(), evaluations_before },
-            saved.settings,
-            saved.search,
+        Ok(Resumed {
+            folder: Self { path: path.to_owned(), evaluations_before },
+            settings: saved.settings,
+            search: saved.search,
             history,
-        ))
+            auto: saved.auto,
+        })
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -107,6 +120,7 @@ impl RunFolder {
         settings: &RunSettings,
         search: &Search,
         history: &[GenerationRecord],
+        auto: &Option<Auto>,
     ) -> Result<(), Error> {
         let path = self.path.join("history.jsonl");
         write_whole(&path, |file| {
@@ -117,7 +131,8 @@ impl RunFolder {
             }
             Ok(())
         })?;
-        self.write_json("checkpoint.json", &Checkpoint { checkpoint: CHECKPOINT, settings, search })
+        let checkpoint = Checkpoint { checkpoint: CHECKPOINT, settings, search, auto };
+        self.write_json("checkpoint.json", &checkpoint)
     }
 
     fn write_json(&self, name: &str, value: &impl Serialize) -> Result<(), Error> {

@@ -48,7 +48,7 @@ impl<'a> Bench<'a> {
         objective: &Objective,
         interrupt: &Interrupt,
     ) -> Result<Self, Error> {
-        let (scene, psog) = load::scene_and_psog(path, args.compute.talk)?;
+        let (scene, psog, _) = load::scene_and_psog(path, args.compute.talk)?;
         // Backends are opened again and again; which one is said once would be said each time.
         let quiet = Talk { quiet: true, verbose: false };
         let bench = Self {
