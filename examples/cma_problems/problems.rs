@@ -40,7 +40,6 @@ pub struct Problem {
     pub upper: Option<f64>,
     pub indicator: String,
     pub popsize: Option<usize>,
-    #[allow(dead_code)]
     pub restart: Option<String>,
     pub params: HashMap<String, f64>,
 }

@@ -1,12 +1,15 @@
 //! One run of one problem.
 
 use serde::Serialize;
-use sightline::optimize::{Cma, CmaOptions};
+use sightline::optimize::{CmaOptions, RestartOptions, RestartStrategy, Restarts};
 
 use crate::problems::{File, Noise, Problem};
 
 /// Rounding that is no violation of the bounds.
 const TOLERANCE: f64 = 1e-12;
+
+/// Means of restarts are drawn from this far on both sides of zero.
+const START: f64 = 4.0;
 
 /// How one run went.
 #[derive(Serialize)]
@@ -30,10 +33,17 @@ pub fn run(file: &File, problem: &Problem, run: usize) -> Result<Run, String> {
         bounds: bounds.map(|bounds| vec![bounds; problem.n]),
         ..CmaOptions::default()
     };
+    let reach = START * problem.x0_scale;
+    let restarts = RestartOptions {
+        strategy: RestartStrategy::Ipop,
+        region: Some(vec![(-reach, reach); problem.n]),
+        batch: None,
+    };
     // Within bounds the step size is a share of their range.
     let step_size = problem.sigma0 / bounds.map_or(1.0, |(low, high)| high - low);
     let start = file.start(problem, run);
-    let mut cma = Cma::new(&start, step_size, options).map_err(|error| error.to_string())?;
+    let mut search =
+        Restarts::new(&start, step_size, options, restarts).map_err(|e| e.to_string())?;
     let of_mean = problem.indicator == "mean";
     let (mut evaluations, mut infeasible) = (0, 0);
     let end = |evaluations, infeasible, stop: String| {
@@ -43,7 +53,7 @@ pub fn run(file: &File, problem: &Problem, run: usize) -> Result<Run, String> {
         if evaluations >= problem.budget {
             return end(None, infeasible, "budget".into());
         }
-        let candidates = cma.ask();
+        let candidates = search.ask();
         let mut costs = Vec::with_capacity(candidates.len());
         for (index, candidate) in candidates.iter().enumerate() {
             if let Some((low, high)) = bounds {
@@ -57,12 +67,12 @@ pub fn run(file: &File, problem: &Problem, run: usize) -> Result<Run, String> {
             costs.push(noise.observe(true_cost));
         }
         evaluations += candidates.len() as u64;
-        cma.tell(&candidates, &costs).map_err(|error| error.to_string())?;
-        if of_mean && cost(&cma.mean_point()) <= problem.target {
+        search.tell(&candidates, &costs).map_err(|error| error.to_string())?;
+        if of_mean && search.running().any(|cma| cost(&cma.mean_point()) <= problem.target) {
             return end(Some(evaluations), infeasible, "target".into());
         }
-        if let Some(stop) = cma.stop() {
-            return end(None, infeasible, stop.to_string());
+        if let (None, Some(ended)) = (&problem.restart, search.ended().first()) {
+            return end(None, infeasible, ended.reason.to_string());
         }
     }
 }

@@ -74,7 +74,7 @@ fn updates_follow_the_reference_traces() {
             let steps: Vec<_> = order
                 .map(|i| (&x[i.as_u64().unwrap() as usize] - &state.mean) / state.step_size)
                 .collect();
-            let h_sigma = state.update(&constants, &roots, &steps);
+            let h_sigma = state.update(&constants, &roots, &DMatrix::from_columns(&steps));
             let want = &generation["h_sigma"];
             assert_eq!(h_sigma, want == true || want.as_f64() == Some(1.0), "{id}, {g}");
             let worst = [
