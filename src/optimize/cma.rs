@@ -22,6 +22,8 @@ const ON_FLOOR: f64 = 2.0;
 /// Most of a range that the clipped best point is moved by.
 const NEAR_BOUND: f64 = 0.1;
 
+/// Growth of the step size where the search is stuck on a plateau.
+const OFF_PLATEAU: f64 = 10.0;
 /// Most generations between clipped points.
 const LONGEST_PAUSE: u32 = 16;
 
@@ -181,8 +183,8 @@ impl Cma {
     /// Releases the floors of the standard deviations for the final polish, until the search ends.
     ///
     /// The search does so itself once it is on the floor, every deviation within twice its own, and
-    /// neither the best nor the median costs have fallen for 2 (10 + 30 n/λ) generations. The polish
-    /// is over where every deviation is below 10⁻³ of its floor: [`StopReason::TolX`].
+    /// neither the best nor the median costs have fallen for 2 (10 + 30 n/λ) generations, unless it is
+    /// stuck on a plateau, which widens it; see [`Self::tell`]. The polish is over where every deviation is below 10⁻³ of its floor: [`StopReason::TolX`].
     pub fn polish(&mut self) {
         self.polishing = true;
     }
@@ -232,7 +234,10 @@ impl Cma {
     /// Moves the distribution towards the candidates of low cost.
     ///
     /// Only the order of the costs matters; NaN ranks last, and equal costs rank in the order given.
-    /// A generation of equal costs teaches nothing and widens the search.
+    /// A generation of equal costs teaches nothing and widens the search; one whose best three quarters
+    /// are equal widens it, too. Where neither the best nor the median costs have fallen for
+    /// 2 (10 + 30 n/λ) generations and a best cost came back, as it does on plateaus alone, the step
+    /// size grows tenfold.
     ///
     /// # Errors
     /// Candidates of another number than λ, or costs of another number than candidates.
@@ -276,8 +281,7 @@ impl Cma {
         });
         let (first, last) = (ranks[order[0]], ranks[order[want - 1]]);
         if first == last || first.is_nan() {
-            let c = &self.constants;
-            self.state.step_size *= (0.2 + c.c_sigma / c.d_sigma).exp();
+            self.widen();
             self.state.generation += 1;
         } else {
             let mut steps = DMatrix::zeros(self.constants.n, want);
@@ -285,12 +289,24 @@ impl Cma {
                 self.step_of(&candidates[i], &roots, step.as_mut_slice());
             }
             self.state.update(&self.constants, &roots, &steps);
+            if ranks[order[want * 3 / 4]] == first {
+                self.widen();
+            }
+        }
+        if self.progress.stuck_on_plateau() {
+            self.state.step_size *= OFF_PLATEAU;
         }
         self.state.step_size = self.state.step_size.min(MAX_STEP_SIZE * self.first_step_size);
         self.raise_deviations();
         self.clip_next(candidates, &order);
         self.roots = self.state.roots();
         Ok(())
+    }
+
+    /// One step up, as the longest path would take.
+    fn widen(&mut self) {
+        let c = &self.constants;
+        self.state.step_size *= (0.2 + c.c_sigma / c.d_sigma).exp();
     }
 
     /// y = (x − m)/σ into `step`; that of a point from outside no longer than samples are.

@@ -156,6 +156,21 @@ impl Progress {
     pub(super) fn falls(&self) -> bool {
         self.recent.len() < 2 * self.window || falls(&self.recent)
     }
+
+    /// Whether nothing falls and a best cost came back, as it does on plateaus alone; the costs so far
+    /// are then not asked again.
+    pub(super) fn stuck_on_plateau(&mut self) -> bool {
+        if self.falls() {
+            return false;
+        }
+        let mut bests: Vec<f64> = self.recent.iter().map(|c| c.best).collect();
+        bests.sort_by(f64::total_cmp);
+        let stuck = bests.windows(2).any(|pair| pair[0] == pair[1]);
+        if stuck {
+            self.recent.clear();
+        }
+        stuck
+    }
 }
 
 fn push(past: &mut VecDeque<Costs>, costs: Costs, most: usize) {
