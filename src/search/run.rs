@@ -345,7 +345,7 @@ mod tests {
         let poses = [pose(0.5, 0.1), pose(-1.0, 0.2), pose(0.5, -0.3)];
         let placement = |order: [usize; 3]| Placement {
             name: "any".into(),
-            lidars: order.map(|k| poses[k].clone()).to_vec(),
+            lidars: order.map(|k| poses[k]).to_vec(),
         };
         let want = placement([1, 2, 0]);
         for order in [[0, 1, 2], [2, 1, 0], [1, 0, 2], [1, 2, 0]] {
