@@ -42,6 +42,8 @@ pub struct Candidate {
     x: DVector<f64>,
     point: Vec<f64>,
     origin: Origin,
+    /// ‖C^(−1/2) (x − m)/σ‖² of a sample, which is that of its z; 0 of others.
+    length: f64,
 }
 
 impl Candidate {
@@ -218,15 +220,17 @@ impl Cma {
                 point: self.point_of(&x),
                 x: DVector::from_vec(x),
                 origin,
+                length: 0.0,
             });
         }
         let samples = self.constants.population - candidates.len();
         let z = DMatrix::from_fn(n, samples, |_, _| StandardNormal.sample(&mut rng));
         // Eqs. 38 to 40: x = m + σ C^(1/2) z.
         let y = self.roots.as_ref().map_or_else(|| z.clone(), |roots| &roots.root * &z);
-        candidates.extend(y.column_iter().map(|y| {
+        candidates.extend(y.column_iter().zip(z.column_iter()).map(|(y, z)| {
             let x = &self.state.mean + y * self.state.step_size;
-            Candidate { point: self.point_of(x.as_slice()), x, origin: Origin::Sampled }
+            let (point, length) = (self.point_of(x.as_slice()), z.norm_squared());
+            Candidate { point, x, origin: Origin::Sampled, length }
         }));
         candidates
     }
@@ -285,10 +289,11 @@ impl Cma {
             self.state.generation += 1;
         } else {
             let mut steps = DMatrix::zeros(self.constants.n, want);
-            for (mut step, &i) in steps.column_iter_mut().zip(&order) {
-                self.step_of(&candidates[i], &roots, step.as_mut_slice());
-            }
-            self.state.update(&self.constants, &roots, &steps);
+            let columns = steps.column_iter_mut().zip(&order);
+            let lengths: Vec<f64> = columns
+                .map(|(mut step, &i)| self.step_of(&candidates[i], &roots, step.as_mut_slice()))
+                .collect();
+            self.state.update(&self.constants, &roots, &steps, &lengths);
             if ranks[order[want * 3 / 4]] == first {
                 self.widen();
             }
@@ -309,20 +314,23 @@ impl Cma {
         self.state.step_size *= (0.2 + c.c_sigma / c.d_sigma).exp();
     }
 
-    /// y = (x − m)/σ into `step`; that of a point from outside no longer than samples are.
-    fn step_of(&self, candidate: &Candidate, roots: &Roots, step: &mut [f64]) {
+    /// y = (x − m)/σ into `step`; that of a point from outside no longer than samples are. Returns
+    /// ‖C^(−1/2) y‖².
+    fn step_of(&self, candidate: &Candidate, roots: &Roots, step: &mut [f64]) -> f64 {
         let scale = 1.0 / self.state.step_size;
         for ((y, x), m) in step.iter_mut().zip(&candidate.x).zip(&self.state.mean) {
             *y = (x - m) * scale;
         }
-        if candidate.origin != Origin::Sampled {
-            let n = self.constants.n as f64;
-            let longest = n.sqrt() + 2.0 * n / (n + 2.0);
-            let length = (&roots.inverse_root * DVector::from_column_slice(step)).norm();
-            if length > longest {
-                step.iter_mut().for_each(|y| *y *= longest / length);
-            }
+        if candidate.origin == Origin::Sampled {
+            return candidate.length;
         }
+        let n = self.constants.n as f64;
+        let longest = n.sqrt() + 2.0 * n / (n + 2.0);
+        let length = (&roots.inverse_root * DVector::from_column_slice(step)).norm();
+        if length > longest {
+            step.iter_mut().for_each(|y| *y *= longest / length);
+        }
+        length.min(longest).powi(2)
     }
 
     /// Standard deviation of a variable in the search space.

@@ -67,8 +67,15 @@ impl State {
         })
     }
 
-    /// One update from the steps y_i = (x_i − m)/σ of all candidates `[n, λ]`, best first; returns h_σ.
-    pub(super) fn update(&mut self, c: &Constants, roots: &Roots, steps: &DMatrix<f64>) -> bool {
+    /// One update from the steps y_i = (x_i − m)/σ of all candidates `[n, λ]`, best first, and their
+    /// ‖C^(−1/2) y_i‖² `[λ]`; returns h_σ.
+    pub(super) fn update(
+        &mut self,
+        c: &Constants,
+        roots: &Roots,
+        steps: &DMatrix<f64>,
+        lengths: &[f64],
+    ) -> bool {
         let n = c.n as f64;
         // Eqs. 38 and 39, c_m = 1.
         let weights = DVector::from_column_slice(&c.weights);
@@ -91,17 +98,17 @@ impl State {
         // Eqs. 46 and 47, all steps in one product.
         let lost = (1.0 - h) * c.c_c * (2.0 - c.c_c);
         let used = c.weights.iter().rposition(|&w| w != 0.0).map_or(0, |last| last + 1);
-        let first_negative = c.weights[..used].partition_point(|&w| w >= 0.0);
-        let negative = steps.columns(first_negative, used - first_negative);
-        let whitened = &roots.inverse_root * negative;
         let mut scaled = steps.columns(0, used).into_owned();
         for (i, mut column) in scaled.column_iter_mut().enumerate() {
-            let w = match i.checked_sub(first_negative) {
-                None => weights[i],
-                Some(k) => {
-                    let length = whitened.column(k).norm_squared();
-                    // A step of no length teaches nothing.
-                    if length > 0.0 { weights[i] * n / length } else { 0.0 }
+            let w = match weights[i] {
+                w if w >= 0.0 => w,
+                // A step of no length teaches nothing.
+                w => {
+                    if lengths[i] > 0.0 {
+                        w * n / lengths[i]
+                    } else {
+                        0.0
+                    }
                 }
             };
             column *= c.c_mu * w;

@@ -77,7 +77,10 @@ fn updates_follow_the_reference_traces() {
             let steps: Vec<_> = order
                 .map(|i| (&x[i.as_u64().unwrap() as usize] - &state.mean) / state.step_size)
                 .collect();
-            let h_sigma = state.update(&constants, &roots, &DMatrix::from_columns(&steps));
+            let lengths: Vec<f64> =
+                steps.iter().map(|y| (&roots.inverse_root * y).norm_squared()).collect();
+            let steps = DMatrix::from_columns(&steps);
+            let h_sigma = state.update(&constants, &roots, &steps, &lengths);
             let want = &generation["h_sigma"];
             assert_eq!(h_sigma, want == true || want.as_f64() == Some(1.0), "{id}, {g}");
             let worst = [
