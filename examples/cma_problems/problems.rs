@@ -92,7 +92,7 @@ impl File {
             }),
             "linear_box" => Box::new(move |x| sum(x.to_vec(), &|i, x| scale[i] * (x + 5.0))),
             "sphere_box" => Box::new(move |x| {
-                let centre = |i: usize| if i % 2 == 0 { 7.0 } else { x_opt[i] };
+                let centre = |i: usize| if i.is_multiple_of(2) { 7.0 } else { x_opt[i] };
                 sum(x.to_vec(), &|i, x| (x - centre(i)).powi(2)) - 4.0 * n.div_ceil(2) as f64
             }),
             "step_sphere" => Box::new(move |x| sum(on_grid(x), &|_, z| step(z).powi(2))),
