@@ -84,6 +84,9 @@ pub struct Args {
     /// [default: Table 7 of the paper]
     #[arg(long, value_name = "FILE", conflicts_with = "resume")]
     baselines: Option<PathBuf>,
+    /// More placements to start from where the mount allows them; not compared with
+    #[arg(long, value_name = "FILE", conflicts_with = "resume")]
+    inject: Option<PathBuf>,
     /// How to print the result [default: text on a terminal, else json]
     #[arg(long, value_enum)]
     format: Option<Format>,
@@ -145,7 +148,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let (folder, search, history) = match resumed {
         Some(resumed) => (resumed.folder, resumed.search, resumed.history),
         None => {
-            let search = Search::new(settings.search.clone(), &constraints, &settings.baselines)?;
+            let mut start = settings.baselines.clone();
+            if let Some(file) = &args.inject {
+                start.extend(read_placements(file)?);
+            }
+            let search = Search::new(settings.search.clone(), &constraints, &start)?;
             // Before the search, so that a folder that cannot be written is found out now.
             let folder = RunFolder::create(args.out.as_deref(), &settings.scene)?;
             (folder, search, Vec::new())

@@ -41,10 +41,27 @@ impl BoundTransform {
         let mut point: Vec<f64> = self.bounds.iter().map(|b| b.0).collect();
         for (&x, &k) in x.iter().zip(&self.free) {
             let (low, high) = self.bounds[k];
-            // Rounding must not leave the box.
-            point[k] = (low + bend(x) * (high - low)).clamp(low, high);
+            let share = bend(x);
+            // Rounding must neither leave the box nor miss its upper bound.
+            point[k] = if share == 1.0 { high } else { (low + share * (high - low)).min(high) };
         }
         point
+    }
+
+    /// A point in the box with those coordinates on a bound that are within `near`, a share of the
+    /// range, of it, by variable of the search space; `None` where that changes nothing.
+    pub(super) fn clipped(&self, point: &[f64], near: impl Fn(usize) -> f64) -> Option<Vec<f64>> {
+        let mut clipped = point.to_vec();
+        for (k, &at) in self.free.iter().enumerate() {
+            let (low, high) = self.bounds[at];
+            let reach = near(k) * (high - low);
+            if clipped[at] - low <= reach {
+                clipped[at] = low;
+            } else if high - clipped[at] <= reach {
+                clipped[at] = high;
+            }
+        }
+        (clipped != point).then_some(clipped)
     }
 
     /// A search point of a point in the box; points outside are moved onto it.
@@ -55,10 +72,13 @@ impl BoundTransform {
 
 /// ℝ onto [0, 1].
 fn bend(x: f64) -> f64 {
-    let period = 2.0 * (1.0 + 2.0 * MARGIN);
-    let mut x = (x + MARGIN).rem_euclid(period) - MARGIN;
-    if x > 1.0 + MARGIN {
-        x = 2.0 + 2.0 * MARGIN - x;
+    let mut x = x;
+    if !(-MARGIN..=1.0 + MARGIN).contains(&x) {
+        let period = 2.0 * (1.0 + 2.0 * MARGIN);
+        x = (x + MARGIN).rem_euclid(period) - MARGIN;
+        if x > 1.0 + MARGIN {
+            x = 2.0 + 2.0 * MARGIN - x;
+        }
     }
     if x < MARGIN {
         (x + MARGIN).powi(2) / (4.0 * MARGIN)

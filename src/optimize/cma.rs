@@ -1,119 +1,39 @@
-use std::fmt;
-
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
+use super::options::{MAX_POPULATION, check_bounds, check_length};
 use super::state::Roots;
-use super::{BoundTransform, Constants, State};
+use super::stop::Progress;
+use super::{BoundTransform, CmaOptions, Constants, OptimizeError, State, StopReason};
 
 /// Condition number of C from which the decomposition is no longer trusted.
 const MAX_CONDITION: f64 = 1e14;
 /// Most a step size may grow to, in units of the search space: beyond it every point is random.
 const MAX_STEP_SIZE: f64 = 1e6;
-/// Largest population.
-const MAX_POPULATION: usize = 1_000_000;
+/// Share of the first deviation, with no floor, at which the search has shrunk to a point.
+const SHRUNK: f64 = 1e-12;
+/// Share of a released floor at which the polish is over.
+const POLISHED: f64 = 1e-3;
+/// Deviations of a coordinate above its floor that count as on it.
+const ON_FLOOR: f64 = 2.0;
+/// Most of a range that the clipped best point is moved by.
+const NEAR_BOUND: f64 = 0.1;
 
-/// How a [`Cma`] searches, beside mean and step size.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CmaOptions {
-    /// Candidates of a generation, λ; `None` takes 4 + ⌊3 ln n⌋.
-    pub population: Option<usize>,
-    /// Whether bad candidates take part in the covariance update with negative weights.
-    pub active: bool,
-    /// 1/4 for the tutorial of 2023, 0 for that of 2016.
-    pub c_mu_offset: f64,
-    /// Seed of all samples.
-    pub seed: u64,
-    /// (lower, upper) of each variable; the search space is then scaled to [0, 1] and every
-    /// candidate is feasible.
-    pub bounds: Option<Vec<(f64, f64)>>,
-    /// Least standard deviation of each variable in the caller's units.
-    pub min_std: Option<Vec<f64>>,
-}
+/// Growth of the step size where the search is stuck on a plateau.
+const OFF_PLATEAU: f64 = 10.0;
+/// Most generations between clipped points.
+const LONGEST_PAUSE: u32 = 16;
 
-impl Default for CmaOptions {
-    fn default() -> Self {
-        Self {
-            population: None,
-            active: true,
-            c_mu_offset: 0.25,
-            seed: 0,
-            bounds: None,
-            min_std: None,
-        }
-    }
-}
-
-/// What cannot be searched with.
-#[derive(Debug, thiserror::Error, PartialEq)]
-#[non_exhaustive]
-pub enum OptimizeError {
-    /// A number that must be finite, or positive.
-    #[error("{name} = {value} is not usable; give a finite {name}{}", positive(.name))]
-    BadNumber {
-        /// Which.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// A vector of another length than the mean.
-    #[error("{name} has {got} entries, the mean has {want}; give one for each variable")]
-    WrongLength {
-        /// Which.
-        name: &'static str,
-        /// Entries given.
-        got: usize,
-        /// Entries needed.
-        want: usize,
-    },
-    /// Bounds out of order, or not finite.
-    #[error("bounds {lower} to {upper} of variable {index} are not in order")]
-    BadBounds {
-        /// Variable.
-        index: usize,
-        /// Lower bound.
-        lower: f64,
-        /// Upper bound.
-        upper: f64,
-    },
-    /// No variable, or none with width.
-    #[error("there is nothing to search: no variable has room to vary")]
-    NoVariable,
-    /// Too few or too many candidates.
-    #[error("a population of {population} is not usable; take 2 to {MAX_POPULATION}")]
-    BadPopulation {
-        /// As given.
-        population: usize,
-    },
-}
-
-fn positive(name: &str) -> &'static str {
-    if name == "step size" { " above zero" } else { "" }
-}
-
-/// Why a search cannot go on by itself.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum StopReason {
-    /// The condition number of C passed 10¹⁴.
-    Condition,
-    /// C is not finite, or its eigenvectors were not found.
-    Decomposition,
-    /// Every standard deviation is below 10⁻¹² of the first one.
-    TolX,
-}
-
-impl fmt::Display for StopReason {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Condition => "condition: the covariance matrix is ill-conditioned",
-            Self::Decomposition => "decomposition: the covariance matrix has no eigenvectors",
-            Self::TolX => "tolx: the search distribution has shrunk to a point",
-        })
-    }
+/// Where a candidate is from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Origin {
+    Sampled,
+    Injected,
+    /// The best point of the generation before, moved onto the bounds that it was near.
+    Clipped,
 }
 
 /// A point to evaluate.
@@ -121,7 +41,9 @@ impl fmt::Display for StopReason {
 pub struct Candidate {
     x: DVector<f64>,
     point: Vec<f64>,
-    injected: bool,
+    origin: Origin,
+    /// ‖C^(−1/2) (x − m)/σ‖² of a sample, which is that of its z; 0 of others.
+    length: f64,
 }
 
 impl Candidate {
@@ -136,10 +58,13 @@ impl Candidate {
 /// Samples come from (seed, generation) alone, so equal seeds give equal bits, and a saved and loaded
 /// search goes on as if it had never stopped.
 ///
+/// With bounds, the best point of a generation joins the next one moved onto the bounds that it is
+/// within a standard deviation of, so that an optimum on a face is evaluated exactly there.
+///
 /// ```
 /// use sightline::optimize::{Cma, CmaOptions};
 /// let mut cma = Cma::new(&[3.0, 3.0], 1.0, CmaOptions::default())?;
-/// for _ in 0..60 {
+/// while cma.stop().is_none() {
 ///     let candidates = cma.ask();
 ///     let costs: Vec<f64> =
 ///         candidates.iter().map(|c| c.point().iter().map(|x| x * x).sum()).collect();
@@ -156,10 +81,18 @@ pub struct Cma {
     space: Option<BoundTransform>,
     /// Least standard deviations in the search space.
     min_std: Option<Vec<f64>>,
+    polishing: bool,
     first_step_size: f64,
     /// Points waiting to join a generation, in the caller's space.
     waiting: Vec<Vec<f64>>,
-    failed: bool,
+    /// The clipped best point that the next generation evaluates, and the last one that was.
+    clip: Option<Vec<f64>>,
+    last_clip: Option<Vec<f64>>,
+    /// Generations until the next clipped point, and those that a bad one will hold off the next.
+    clip_wait: u32,
+    clip_pause: u32,
+    progress: Progress,
+    /// Of C as it stands; `None` before the first use and where C does not decompose.
     #[serde(skip)]
     roots: Option<Roots>,
 }
@@ -172,10 +105,6 @@ impl Cma {
     /// A number that is not usable, lengths that differ, or nothing to search.
     pub fn new(mean: &[f64], step_size: f64, options: CmaOptions) -> Result<Self, OptimizeError> {
         let want = mean.len();
-        let length = |name, got| match got == want {
-            true => Ok(()),
-            false => Err(OptimizeError::WrongLength { name, got, want }),
-        };
         if let Some(&value) = mean.iter().find(|m| !m.is_finite()) {
             return Err(OptimizeError::BadNumber { name: "mean", value });
         }
@@ -183,20 +112,20 @@ impl Cma {
             return Err(OptimizeError::BadNumber { name: "step size", value: step_size });
         }
         if let Some(std) = &options.min_std {
-            length("the least standard deviation", std.len())?;
+            check_length("the least standard deviation", std.len(), want)?;
             if let Some(&value) = std.iter().find(|s| !s.is_finite()) {
                 return Err(OptimizeError::BadNumber { name: "least standard deviation", value });
             }
         }
-        let space = match options.bounds {
+        for (name, number) in [("target", options.target), ("tolerance", Some(options.tol_fun))] {
+            if let Some(value) = number.filter(|v| !v.is_finite()) {
+                return Err(OptimizeError::BadNumber { name, value });
+            }
+        }
+        let space = match &options.bounds {
             Some(bounds) => {
-                length("the bounds", bounds.len())?;
-                for (index, &(lower, upper)) in bounds.iter().enumerate() {
-                    if !(lower <= upper && lower.is_finite() && upper.is_finite()) {
-                        return Err(OptimizeError::BadBounds { index, lower, upper });
-                    }
-                }
-                Some(BoundTransform::new(bounds))
+                check_bounds("the bounds", bounds, want)?;
+                Some(BoundTransform::new(bounds.clone()))
             }
             None => None,
         };
@@ -208,24 +137,28 @@ impl Cma {
         if !(2..=MAX_POPULATION).contains(&population) {
             return Err(OptimizeError::BadPopulation { population });
         }
-        let min_std = options.min_std.map(|std| match &space {
-            Some(space) => space.free_part(&std, |s, (low, high)| s / (high - low)),
-            None => std,
+        let min_std = options.min_std.as_ref().map(|std| match &space {
+            Some(space) => space.free_part(std, |s, (low, high)| s / (high - low)),
+            None => std.clone(),
         });
         let start = match &space {
             Some(space) => space.preimage(mean),
             None => mean.to_vec(),
         };
-        let constants = Constants::new(n, population, options.active, options.c_mu_offset);
         Ok(Self {
+            constants: Constants::new(n, population, options.active, options.c_mu_offset),
             state: State::new(DVector::from_vec(start), step_size),
-            constants,
             seed: options.seed,
             space,
             min_std,
+            polishing: false,
             first_step_size: step_size,
             waiting: Vec::new(),
-            failed: false,
+            clip: None,
+            last_clip: None,
+            clip_wait: 0,
+            clip_pause: 1,
+            progress: Progress::new(&options, n, population),
             roots: None,
         })
     }
@@ -238,12 +171,9 @@ impl Cma {
     /// # Errors
     /// A point of another length than the mean, or not finite.
     pub fn inject(&mut self, points: &[Vec<f64>]) -> Result<(), OptimizeError> {
-        let want = self.point_of(&self.state.mean).len();
+        let want = self.mean_point().len();
         for point in points {
-            if point.len() != want {
-                let got = point.len();
-                return Err(OptimizeError::WrongLength { name: "an injected point", got, want });
-            }
+            check_length("an injected point", point.len(), want)?;
             if let Some(&value) = point.iter().find(|v| !v.is_finite()) {
                 return Err(OptimizeError::BadNumber { name: "injected point", value });
             }
@@ -252,19 +182,20 @@ impl Cma {
         Ok(())
     }
 
-    fn point_of(&self, x: &DVector<f64>) -> Vec<f64> {
-        match &self.space {
-            Some(space) => space.point(x.as_slice()),
-            None => x.as_slice().to_vec(),
-        }
+    /// Releases the floors of the standard deviations for the final polish, until the search ends.
+    ///
+    /// The search does so itself once it is on the floor, every deviation within twice its own, and
+    /// neither the best nor the median costs have fallen for 2 (10 + 30 n/λ) generations, unless it is
+    /// stuck on a plateau, which widens it; see [`Self::tell`]. The polish is over where every deviation is below 10⁻³ of its floor: [`StopReason::TolX`].
+    pub fn polish(&mut self) {
+        self.polishing = true;
     }
 
-    fn roots(&mut self) -> Option<&Roots> {
-        if self.roots.is_none() {
-            self.roots = self.state.roots();
-            self.failed = self.roots.is_none();
+    fn point_of(&self, x: &[f64]) -> Vec<f64> {
+        match &self.space {
+            Some(space) => space.point(x),
+            None => x.to_vec(),
         }
-        self.roots.as_ref()
     }
 
     /// λ candidates of the next generation; the same ones until they are told.
@@ -274,81 +205,173 @@ impl Cma {
         let n = self.constants.n;
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(self.state.generation);
-        let root = self.roots().map(|roots| roots.root.clone());
+        if self.roots.is_none() {
+            self.roots = self.state.roots();
+        }
         let injected = self.waiting.len().min(self.constants.population / 2);
-        let injections = self.waiting[..injected].iter().map(|point| {
+        let mut candidates = Vec::with_capacity(self.constants.population);
+        let given = self.waiting[..injected].iter().map(|point| (point, Origin::Injected));
+        for (point, origin) in given.chain(self.clip.iter().map(|p| (p, Origin::Clipped))) {
             let x = match &self.space {
                 Some(space) => space.preimage(point),
                 None => point.clone(),
             };
-            let x = DVector::from_vec(x);
-            Candidate { point: self.point_of(&x), x, injected: true }
-        });
-        let samples = (injected..self.constants.population).map(|_| {
-            let z = DVector::from_fn(n, |_, _| StandardNormal.sample(&mut rng));
-            // Eqs. 38 to 40: x = m + σ C^(1/2) z.
-            let y = root.as_ref().map_or_else(|| z.clone(), |root| root * &z);
+            candidates.push(Candidate {
+                point: self.point_of(&x),
+                x: DVector::from_vec(x),
+                origin,
+                length: 0.0,
+            });
+        }
+        let samples = self.constants.population - candidates.len();
+        let z = DMatrix::from_fn(n, samples, |_, _| StandardNormal.sample(&mut rng));
+        // Eqs. 38 to 40: x = m + σ C^(1/2) z.
+        let y = self.roots.as_ref().map_or_else(|| z.clone(), |roots| &roots.root * &z);
+        candidates.extend(y.column_iter().zip(z.column_iter()).map(|(y, z)| {
             let x = &self.state.mean + y * self.state.step_size;
-            Candidate { point: self.point_of(&x), x, injected: false }
-        });
-        injections.chain(samples).collect()
+            let (point, length) = (self.point_of(x.as_slice()), z.norm_squared());
+            Candidate { point, x, origin: Origin::Sampled, length }
+        }));
+        candidates
     }
 
     /// Moves the distribution towards the candidates of low cost.
     ///
     /// Only the order of the costs matters; NaN ranks last, and equal costs rank in the order given.
-    /// A generation of equal costs teaches nothing and widens the search.
+    /// A generation of equal costs teaches nothing and widens the search; one whose best three quarters
+    /// are equal widens it, too. Where neither the best nor the median costs have fallen for
+    /// 2 (10 + 30 n/λ) generations and a best cost came back, as it does on plateaus alone, the step
+    /// size grows tenfold.
     ///
     /// # Errors
     /// Candidates of another number than λ, or costs of another number than candidates.
     pub fn tell(&mut self, candidates: &[Candidate], costs: &[f64]) -> Result<(), OptimizeError> {
+        self.tell_ranked(candidates, costs, costs)
+    }
+
+    /// As [`Self::tell`], where the order of a generation is not that of one number: `ranks` orders
+    /// the candidates of this generation, and `costs` compare between generations, NaN where a
+    /// candidate has none. Only [`Self::stop`] and the release of the floors look at the latter.
+    ///
+    /// # Errors
+    /// Candidates of another number than λ, or ranks or costs of another number than candidates.
+    pub fn tell_ranked(
+        &mut self,
+        candidates: &[Candidate],
+        ranks: &[f64],
+        costs: &[f64],
+    ) -> Result<(), OptimizeError> {
         let want = self.constants.population;
-        for (name, got) in [("the generation", candidates.len()), ("the costs", costs.len())] {
+        for (name, got) in
+            [("candidates", candidates.len()), ("ranks", ranks.len()), ("costs", costs.len())]
+        {
             if got != want {
-                return Err(OptimizeError::WrongLength { name, got, want });
+                return Err(OptimizeError::WrongCount { name, got, want });
             }
         }
-        let injected = candidates.iter().filter(|c| c.injected).count();
+        let injected = candidates.iter().filter(|c| c.origin == Origin::Injected).count();
         self.waiting.drain(..injected.min(self.waiting.len()));
-        let Some(roots) = self.roots().cloned() else {
+        self.progress.note(costs);
+        if self.roots.is_none() {
+            self.roots = self.state.roots();
+        }
+        let Some(roots) = self.roots.take() else {
             self.state.generation += 1;
             return Ok(());
         };
         let mut order: Vec<usize> = (0..want).collect();
         order.sort_by(|&a, &b| {
-            costs[a].is_nan().cmp(&costs[b].is_nan()).then(costs[a].total_cmp(&costs[b]))
+            ranks[a].is_nan().cmp(&ranks[b].is_nan()).then(ranks[a].total_cmp(&ranks[b]))
         });
-        let (first, last) = (costs[order[0]], costs[order[want - 1]]);
+        let (first, last) = (ranks[order[0]], ranks[order[want - 1]]);
         if first == last || first.is_nan() {
-            let c = &self.constants;
-            self.state.step_size *= (0.2 + c.c_sigma / c.d_sigma).exp();
+            self.widen();
             self.state.generation += 1;
         } else {
-            let steps: Vec<DVector<f64>> =
-                order.iter().map(|&i| self.step_of(&candidates[i], &roots)).collect();
-            self.state.update(&self.constants, &roots, &steps);
+            let mut steps = DMatrix::zeros(self.constants.n, want);
+            let columns = steps.column_iter_mut().zip(&order);
+            let lengths: Vec<f64> = columns
+                .map(|(mut step, &i)| self.step_of(&candidates[i], &roots, step.as_mut_slice()))
+                .collect();
+            self.state.update(&self.constants, &roots, &steps, &lengths);
+            if ranks[order[want * 3 / 4]] == first {
+                self.widen();
+            }
+        }
+        if self.progress.stuck_on_plateau() {
+            self.state.step_size *= OFF_PLATEAU;
         }
         self.state.step_size = self.state.step_size.min(MAX_STEP_SIZE * self.first_step_size);
         self.raise_deviations();
-        self.roots = None;
+        self.clip_next(candidates, &order);
+        self.roots = self.state.roots();
         Ok(())
     }
 
-    /// y = (x − m)/σ; that of an injected point no longer than samples are.
-    fn step_of(&self, candidate: &Candidate, roots: &Roots) -> DVector<f64> {
-        let y = (&candidate.x - &self.state.mean) / self.state.step_size;
-        if !candidate.injected {
-            return y;
+    /// One step up, as the longest path would take.
+    fn widen(&mut self) {
+        let c = &self.constants;
+        self.state.step_size *= (0.2 + c.c_sigma / c.d_sigma).exp();
+    }
+
+    /// y = (x − m)/σ into `step`; that of a point from outside no longer than samples are. Returns
+    /// ‖C^(−1/2) y‖².
+    fn step_of(&self, candidate: &Candidate, roots: &Roots, step: &mut [f64]) -> f64 {
+        let scale = 1.0 / self.state.step_size;
+        for ((y, x), m) in step.iter_mut().zip(&candidate.x).zip(&self.state.mean) {
+            *y = (x - m) * scale;
+        }
+        if candidate.origin == Origin::Sampled {
+            return candidate.length;
         }
         let n = self.constants.n as f64;
         let longest = n.sqrt() + 2.0 * n / (n + 2.0);
-        let length = (&roots.inverse_root * &y).norm();
-        if length > longest { y * (longest / length) } else { y }
+        let length = (&roots.inverse_root * DVector::from_column_slice(step)).norm();
+        if length > longest {
+            step.iter_mut().for_each(|y| *y *= longest / length);
+        }
+        length.min(longest).powi(2)
     }
 
-    /// Keeps every standard deviation at its floor: the objective is constant on small scales.
+    /// Standard deviation of a variable in the search space.
+    fn deviation(&self, k: usize) -> f64 {
+        self.state.step_size * self.state.cov[(k, k)].sqrt()
+    }
+
+    /// Moves the best point onto the bounds that it is near, for the next generation to evaluate; not
+    /// twice the same one, and ever more seldom while such points end in the worse half.
+    fn clip_next(&mut self, candidates: &[Candidate], order: &[usize]) {
+        let Some(space) = &self.space else { return };
+        let rank = order.iter().position(|&i| candidates[i].origin == Origin::Clipped);
+        self.clip_wait = self.clip_wait.saturating_sub(1);
+        if let Some(rank) = rank {
+            self.last_clip = self.clip.take();
+            let good = rank < self.constants.mu;
+            self.clip_wait = if good { 0 } else { self.clip_pause };
+            self.clip_pause = if good { 1 } else { (2 * self.clip_pause).min(LONGEST_PAUSE) };
+        }
+        let near = |k: usize| self.deviation(k).min(NEAR_BOUND);
+        self.clip = if self.clip_wait > 0 || self.constants.population < 4 {
+            None
+        } else {
+            let clipped = space.clipped(candidates[order[0]].point(), near);
+            clipped.filter(|clipped| self.last_clip.as_ref() != Some(clipped))
+        };
+    }
+
+    /// Keeps every standard deviation at its floor, as the objective is constant on small scales, and
+    /// releases the floors when that has ceased to help; see [`Self::polish`].
     fn raise_deviations(&mut self) {
         let Some(floors) = &self.min_std else { return };
+        if self.polishing {
+            return;
+        }
+        let on_floor =
+            floors.iter().enumerate().all(|(k, floor)| self.deviation(k) <= ON_FLOOR * floor);
+        if on_floor && !self.progress.falls() {
+            self.polishing = true;
+            return;
+        }
         for (k, floor) in floors.iter().enumerate() {
             let least = (floor / self.state.step_size).powi(2);
             if least.is_finite() && self.state.cov[(k, k)] < least {
@@ -359,14 +382,24 @@ impl Cma {
 
     /// Why the search should end; `None` while it can go on.
     pub fn stop(&self) -> Option<StopReason> {
-        let Some(roots) = self.roots.clone().or_else(|| self.state.roots()) else {
-            return Some(StopReason::Decomposition);
-        };
-        if roots.condition > MAX_CONDITION {
-            return Some(StopReason::Condition);
+        if let Some(reason) = self.progress.stop() {
+            return Some(reason);
         }
-        let widest = self.state.cov.diagonal().max().sqrt() * self.state.step_size;
-        (widest < 1e-12 * self.first_step_size).then_some(StopReason::TolX)
+        let condition = match &self.roots {
+            Some(roots) => Some(roots.condition),
+            None => self.state.roots().map(|roots| roots.condition),
+        };
+        match condition {
+            None => return Some(StopReason::Decomposition),
+            Some(condition) if condition > MAX_CONDITION => return Some(StopReason::Condition),
+            Some(_) => {}
+        }
+        let polished = self.polishing.then_some(self.min_std.as_ref()).flatten();
+        let shrunk = (0..self.constants.n).all(|k| {
+            let least = SHRUNK * self.first_step_size;
+            self.deviation(k) < polished.map_or(least, |floors| least.max(POLISHED * floors[k]))
+        });
+        shrunk.then_some(StopReason::TolX)
     }
 
     /// Step size σ in units of the search space.
@@ -376,11 +409,21 @@ impl Cma {
 
     /// The mean in the caller's space.
     pub fn mean_point(&self) -> Vec<f64> {
-        self.point_of(&self.state.mean)
+        self.point_of(self.state.mean.as_slice())
     }
 
     /// Strategy parameters.
     pub fn constants(&self) -> &Constants {
         &self.constants
+    }
+
+    /// Candidates told so far.
+    pub fn evaluations(&self) -> u64 {
+        self.progress.evaluations()
+    }
+
+    /// Whether the floors of the standard deviations are released; see [`Self::polish`].
+    pub fn polishing(&self) -> bool {
+        self.polishing
     }
 }

@@ -6,11 +6,17 @@
 mod bounds;
 mod cma;
 mod constants;
+mod options;
+mod restarts;
 mod state;
+mod stop;
 #[cfg(test)]
 mod tests;
 
 pub use bounds::BoundTransform;
-pub use cma::{Candidate, Cma, CmaOptions, OptimizeError, StopReason};
+pub use cma::{Candidate, Cma};
 pub use constants::Constants;
+pub use options::{CmaOptions, OptimizeError};
+pub use restarts::{Ended, RestartOptions, RestartStrategy, Restarts};
 pub use state::State;
+pub use stop::StopReason;

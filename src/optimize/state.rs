@@ -67,14 +67,19 @@ impl State {
         })
     }
 
-    /// One update from the steps y_i = (x_i − m)/σ of all candidates, best first; returns h_σ.
-    pub(super) fn update(&mut self, c: &Constants, roots: &Roots, steps: &[DVector<f64>]) -> bool {
+    /// One update from the steps y_i = (x_i − m)/σ of all candidates `[n, λ]`, best first, and their
+    /// ‖C^(−1/2) y_i‖² `[λ]`; returns h_σ.
+    pub(super) fn update(
+        &mut self,
+        c: &Constants,
+        roots: &Roots,
+        steps: &DMatrix<f64>,
+        lengths: &[f64],
+    ) -> bool {
         let n = c.n as f64;
         // Eqs. 38 and 39, c_m = 1.
-        let mut step = DVector::zeros(c.n);
-        for (y, &w) in steps.iter().zip(&c.weights[..c.mu]) {
-            step += y * w;
-        }
+        let weights = DVector::from_column_slice(&c.weights);
+        let step = steps.columns(0, c.mu) * weights.rows(0, c.mu);
         self.mean += &step * self.step_size;
         // Eq. 43.
         self.path_sigma = &self.path_sigma * (1.0 - c.c_sigma)
@@ -90,21 +95,27 @@ impl State {
         // Eq. 45.
         self.path_c =
             &self.path_c * (1.0 - c.c_c) + &step * (h * (c.c_c * (2.0 - c.c_c) * c.mu_eff).sqrt());
-        // Eqs. 46 and 47.
+        // Eqs. 46 and 47, all steps in one product.
         let lost = (1.0 - h) * c.c_c * (2.0 - c.c_c);
-        let weight_sum: f64 = c.weights.iter().sum();
-        self.cov *= 1.0 + c.c_1 * lost - c.c_1 - c.c_mu * weight_sum;
-        self.cov.ger(c.c_1, &self.path_c, &self.path_c, 1.0);
-        for (y, &w) in steps.iter().zip(&c.weights) {
-            let scaled = if w >= 0.0 {
-                w
-            } else {
-                let length = (&roots.inverse_root * y).norm_squared();
+        let used = c.weights.iter().rposition(|&w| w != 0.0).map_or(0, |last| last + 1);
+        let mut scaled = steps.columns(0, used).into_owned();
+        for (i, mut column) in scaled.column_iter_mut().enumerate() {
+            let w = match weights[i] {
+                w if w >= 0.0 => w,
                 // A step of no length teaches nothing.
-                if length > 0.0 { w * n / length } else { 0.0 }
+                w => {
+                    if lengths[i] > 0.0 {
+                        w * n / lengths[i]
+                    } else {
+                        0.0
+                    }
+                }
             };
-            self.cov.ger(c.c_mu * scaled, y, y, 1.0);
+            column *= c.c_mu * w;
         }
+        self.cov *= 1.0 + c.c_1 * lost - c.c_1 - c.c_mu * weights.sum();
+        self.cov.ger(c.c_1, &self.path_c, &self.path_c, 1.0);
+        self.cov.gemm(1.0, &scaled, &steps.columns(0, used).transpose(), 1.0);
         self.cov = (&self.cov + self.cov.transpose()) * 0.5;
         h_sigma
     }

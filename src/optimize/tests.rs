@@ -5,6 +5,9 @@ use serde_json::Value;
 
 use super::*;
 
+mod restarts;
+mod robustness;
+
 fn golden(file: &str) -> Option<Value> {
     let folder = std::env::var_os("SIGHTLINE_GOLDEN").map_or_else(
         || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/golden"),
@@ -74,7 +77,10 @@ fn updates_follow_the_reference_traces() {
             let steps: Vec<_> = order
                 .map(|i| (&x[i.as_u64().unwrap() as usize] - &state.mean) / state.step_size)
                 .collect();
-            let h_sigma = state.update(&constants, &roots, &steps);
+            let lengths: Vec<f64> =
+                steps.iter().map(|y| (&roots.inverse_root * y).norm_squared()).collect();
+            let steps = DMatrix::from_columns(&steps);
+            let h_sigma = state.update(&constants, &roots, &steps, &lengths);
             let want = &generation["h_sigma"];
             assert_eq!(h_sigma, want == true || want.as_f64() == Some(1.0), "{id}, {g}");
             let worst = [
@@ -220,18 +226,36 @@ fn hostile_costs_and_sizes_end_in_a_stated_result() {
 }
 
 #[test]
-fn deviations_stay_above_their_floor() {
+fn deviations_stay_above_their_floor_until_the_polish() {
     let options = CmaOptions {
         bounds: Some(vec![(-5.0, 5.0); 3]),
         min_std: Some(vec![0.1; 3]),
         ..CmaOptions::default()
     };
     let mut cma = Cma::new(&[1.0; 3], 0.3, options).unwrap();
-    generations(&mut cma, sphere, 300);
-    let spread: Vec<f64> = cma.ask().iter().map(|c| c.point()[0]).collect();
-    let mean = spread.iter().sum::<f64>() / spread.len() as f64;
-    let deviation = spread.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / spread.len() as f64;
-    assert!(deviation.sqrt() > 0.03, "{}", deviation.sqrt());
+    let spread = |cma: &mut Cma| {
+        let x: Vec<f64> = cma.ask().iter().map(|c| c.point()[0]).collect();
+        let mean = x.iter().sum::<f64>() / x.len() as f64;
+        (x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / x.len() as f64).sqrt()
+    };
+    generations(&mut cma, sphere, 30);
+    assert!(!cma.polishing());
+    assert!(spread(&mut cma) > 0.03, "{}", spread(&mut cma));
+    let mut asked = cma.clone();
+    asked.polish();
+    // Nothing falls on the floor: it is released, and the polish ends where it has shrunk.
+    for cma in [&mut cma, &mut asked] {
+        let mut count = 0;
+        while cma.stop().is_none() {
+            generations(cma, sphere, 1);
+            count += 1;
+            assert!(count < 2000);
+        }
+        assert!(cma.polishing());
+        assert_eq!(cma.stop(), Some(StopReason::TolX));
+        assert!(spread(cma) < 2e-4);
+        assert!(cma.mean_point().iter().all(|x| x.abs() < 2e-4), "{:?}", cma.mean_point());
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Evaluator;
 use crate::backend::BackendError;
-use crate::optimize::{Cma, CmaOptions, OptimizeError};
+use crate::optimize::{Cma, CmaOptions, OptimizeError, RestartOptions, Restarts};
 use crate::placement::{Constraints, Placement, PoseGrid, PoseGridError, Spacing};
 use crate::score::{Objective, Scores};
 
@@ -13,6 +13,8 @@ const STEP_SIZE: f64 = 0.3;
 /// Standard deviation in each variable below which the scores no longer tell candidates apart, as a
 /// share of its range: beams and voxels are spaced some centimetres apart.
 const LEAST_DEVIATION: f64 = 0.01;
+/// Share of the evaluations that is left when the least deviation is given up for the final polish.
+const POLISH: f64 = 0.15;
 
 /// One line of `history.jsonl`.
 ///
@@ -83,11 +85,15 @@ pub enum SearchError {
 
 /// A CMA-ES over the free pose fields of all LiDARs; one generation is one batch.
 ///
+/// Where it stops by itself it restarts (BIPOP) while evaluations remain. LiDARs are alike, so the
+/// order within a placement means nothing: layouts to start from and the best placement are put into
+/// one order, see [`canonical`], so that layouts that differ by it alone are one point.
+///
 /// It saves and loads whole: a loaded search goes on to the same bits.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Search {
     settings: SearchSettings,
-    cma: Option<Cma>,
+    cma: Option<Restarts>,
     best: Option<Best>,
     generation: u64,
     evaluations: u64,
@@ -108,6 +114,13 @@ struct Standing {
 }
 
 impl Standing {
+    /// −objective of a candidate that violates nothing; NaN of the others, which compare with it by
+    /// standing alone.
+    fn cost(&self) -> f64 {
+        let value = self.value.filter(|_| self.violation == 0.0 && self.guards == 0);
+        value.map_or(f64::NAN, |value| -value)
+    }
+
     fn compare(&self, other: &Self) -> Ordering {
         let value = |s: &Self| s.value.unwrap_or(f64::NEG_INFINITY);
         self.violation
@@ -115,6 +128,17 @@ impl Standing {
             .then(self.guards.cmp(&other.guards))
             .then(value(other).total_cmp(&value(self)))
     }
+}
+
+/// A placement with its LiDARs ordered by x, then by the other pose fields.
+fn canonical(placement: &Placement) -> Placement {
+    let mut ordered = placement.clone();
+    ordered.lidars.sort_by(|a, b| {
+        let mut fields = a.fields().into_iter().zip(b.fields());
+        let order = fields.find_map(|(a, b)| Some(a.1.total_cmp(&b.1)).filter(|o| o.is_ne()));
+        order.unwrap_or(Ordering::Equal)
+    });
+    ordered
 }
 
 /// Costs for a strategy that only looks at ranks: equal standings get equal costs.
@@ -154,9 +178,10 @@ impl Search {
                 min_std: Some(floor),
                 ..CmaOptions::default()
             };
-            let mut cma = Cma::new(&middle, STEP_SIZE, options)?;
+            let mut cma = Restarts::new(&middle, STEP_SIZE, options, RestartOptions::default())?;
             let usable = start.iter().filter(|p| constraints.violations(p).is_empty());
-            let points: Vec<Vec<f64>> = usable.map(|p| constraints.variables_of(p)).collect();
+            let points: Vec<Vec<f64>> =
+                usable.map(|p| constraints.variables_of(&canonical(p))).collect();
             cma.inject(&points)?;
             Some(cma)
         };
@@ -199,7 +224,7 @@ impl Search {
     ) -> Result<GenerationRecord, SearchError> {
         let constraints = evaluator.constraints().clone();
         let mut cma = self.cma.clone();
-        let candidates = cma.as_mut().map(Cma::ask).unwrap_or_default();
+        let candidates = cma.as_mut().map(Restarts::ask).unwrap_or_default();
         let generation = self.generation + 1;
         let mut placements: Vec<Placement> = if cma.is_some() {
             let poses = candidates.iter().map(|c| constraints.poses_of(c.point()));
@@ -235,19 +260,25 @@ impl Search {
             })
             .collect();
         if let Some(cma) = &mut cma {
-            cma.tell(&candidates, &rank_costs(&standings))?;
+            let costs: Vec<f64> = standings.iter().map(Standing::cost).collect();
+            cma.tell_ranked(&candidates, &rank_costs(&standings), &costs)?;
+            let spent = self.evaluations + placements.len() as u64;
+            let left = self.settings.evaluations.saturating_sub(spent);
+            if left as f64 <= POLISH * self.settings.evaluations as f64 {
+                cma.polish();
+            }
         }
         self.generation = generation;
         self.evaluations += placements.len() as u64;
         self.keep_best(&placements, &standings);
-        let step_size = cma.as_ref().map_or(0.0, Cma::step_size);
-        let why = cma.as_ref().and_then(Cma::stop).map(|reason| reason.to_string());
+        let step_size =
+            cma.as_ref().and_then(|cma| cma.running().next()).map_or(0.0, Cma::step_size);
         self.stopped = if cma.is_none() {
             Some("no pose field is free".into())
         } else if self.evaluations >= self.settings.evaluations {
             Some(format!("{} evaluations", self.settings.evaluations))
         } else {
-            why
+            None
         };
         self.cma = cma;
         Ok(self.record(&standings, step_size))
@@ -280,7 +311,7 @@ impl Search {
             });
             if better {
                 self.best = Some(Best {
-                    placement: placement.clone(),
+                    placement: canonical(placement),
                     value,
                     guards: standing.guards,
                     generation: self.generation,
@@ -323,5 +354,29 @@ mod tests {
             standing(0.0, 0, None),
         ];
         assert_eq!(rank_costs(&standings), [3.0, 1.0, 5.0, 0.0, 4.0, 1.0, 2.0]);
+        let costs = standings.map(|standing| standing.cost());
+        assert!(costs[0].is_nan() && costs[2].is_nan() && costs[6].is_nan());
+        assert_eq!((costs[1], costs[3]), (2.0, 1.0));
+    }
+
+    #[test]
+    fn the_order_of_the_lidars_means_nothing() {
+        let pose = |x: f64, yaw: f64| crate::placement::SensorPose {
+            x,
+            y: 0.0,
+            z: 2.0,
+            roll: 0.0,
+            pitch: 0.0,
+            yaw,
+        };
+        let poses = [pose(0.5, 0.1), pose(-1.0, 0.2), pose(0.5, -0.3)];
+        let placement = |order: [usize; 3]| Placement {
+            name: "any".into(),
+            lidars: order.map(|k| poses[k]).to_vec(),
+        };
+        let want = placement([1, 2, 0]);
+        for order in [[0, 1, 2], [2, 1, 0], [1, 0, 2], [1, 2, 0]] {
+            assert_eq!(canonical(&placement(order)), want);
+        }
     }
 }

@@ -1,0 +1,231 @@
+use std::collections::VecDeque;
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::CmaOptions;
+
+/// Generations whose costs must all agree before the search counts as converged.
+const AGREEING: usize = 10;
+/// Generations kept to look for stagnation, evenly spread over all that it looks back on.
+const KEPT: usize = 40;
+/// Rounding of a cost, as a share of it: differences below it say nothing.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
+
+/// Why a search has ended, or cannot go on by itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum StopReason {
+    /// A cost reached the target.
+    Target,
+    /// The evaluations are used up.
+    Budget,
+    /// All costs of ten generations, and the best ones of many more, agree within the tolerance.
+    TolFun,
+    /// Neither the best nor the median costs have fallen for many generations.
+    Stagnation,
+    /// Every standard deviation is below 10⁻¹² of the first one, or, once the floors are released,
+    /// below 10⁻³ of its floor.
+    TolX,
+    /// The condition number of C passed 10¹⁴.
+    Condition,
+    /// C is not finite, or its eigenvectors were not found.
+    Decomposition,
+}
+
+impl fmt::Display for StopReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Target => "target: a cost reached the target",
+            Self::Budget => "budget: the evaluations are used up",
+            Self::TolFun => "tolfun: the costs agree within the tolerance",
+            Self::Stagnation => "stagnation: the costs have not fallen for long",
+            Self::TolX => "tolx: the search distribution has shrunk to a point",
+            Self::Condition => "condition: the covariance matrix is ill-conditioned",
+            Self::Decomposition => "decomposition: the covariance matrix has no eigenvectors",
+        })
+    }
+}
+
+/// Costs of one generation, of those that are numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+struct Costs {
+    best: f64,
+    median: f64,
+    worst: f64,
+}
+
+/// What the costs of the past say about going on. The search itself only looks at ranks.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Progress {
+    target: Option<f64>,
+    budget: Option<u64>,
+    tolerance: f64,
+    /// Generations whose best costs must agree before the search counts as converged.
+    window: usize,
+    /// Of so many generations, stagnation looks at one.
+    stride: u64,
+    /// The last two windows.
+    recent: VecDeque<Costs>,
+    /// One generation of each stride.
+    sparse: VecDeque<Costs>,
+    generations: u64,
+    best: Option<f64>,
+    evaluations: u64,
+}
+
+impl Progress {
+    pub(super) fn new(options: &CmaOptions, n: usize, population: usize) -> Self {
+        let (n, population) = (n as f64, population as f64);
+        let memory = 200.0 + 200.0 * n.powf(1.5) / population;
+        Self {
+            target: options.target,
+            budget: options.budget,
+            tolerance: options.tol_fun,
+            window: 10 + (30.0 * n / population).ceil() as usize,
+            stride: (memory / KEPT as f64).ceil() as u64,
+            recent: VecDeque::new(),
+            sparse: VecDeque::new(),
+            generations: 0,
+            best: None,
+            evaluations: 0,
+        }
+    }
+
+    /// Notes a generation; costs that are no numbers are left out, and infinities cut to size.
+    pub(super) fn note(&mut self, costs: &[f64]) {
+        self.evaluations += costs.len() as u64;
+        let mut known: Vec<f64> = costs.iter().copied().filter(|c| !c.is_nan()).collect();
+        if known.is_empty() {
+            return;
+        }
+        let middle = known.len() / 2;
+        let (lower, median, upper) = known.select_nth_unstable_by(middle, f64::total_cmp);
+        let best = lower.iter().copied().fold(*median, f64::min);
+        let worst = upper.iter().copied().fold(*median, f64::max);
+        // A saved search keeps no infinities: JSON has none.
+        let finite = |cost: f64| cost.clamp(f64::MIN, f64::MAX);
+        let costs = Costs { best: finite(best), median: finite(*median), worst: finite(worst) };
+        self.best = Some(self.best.map_or(costs.best, |best| best.min(costs.best)));
+        push(&mut self.recent, costs, 2 * self.window);
+        if self.generations.is_multiple_of(self.stride) {
+            push(&mut self.sparse, costs, KEPT);
+        }
+        self.generations += 1;
+    }
+
+    pub(super) fn evaluations(&self) -> u64 {
+        self.evaluations
+    }
+
+    pub(super) fn stop(&self) -> Option<StopReason> {
+        if self.target.is_some_and(|target| self.best.is_some_and(|best| best <= target)) {
+            Some(StopReason::Target)
+        } else if self.budget.is_some_and(|budget| self.evaluations >= budget) {
+            Some(StopReason::Budget)
+        } else if self.agree() {
+            Some(StopReason::TolFun)
+        } else if self.stagnates() {
+            Some(StopReason::Stagnation)
+        } else {
+            None
+        }
+    }
+
+    /// Whether the costs agree within the tolerance, other than by being equal: a search on a plateau
+    /// widens and goes on.
+    fn agree(&self) -> bool {
+        if self.recent.len() < self.window {
+            return false;
+        }
+        let bests = self.recent.iter().rev().take(self.window).map(|c| c.best);
+        let (low, high) = bests.fold((f64::MAX, f64::MIN), |(l, h), b| (l.min(b), h.max(b)));
+        let worsts = self.recent.iter().rev().take(AGREEING).map(|c| c.worst);
+        let range = worsts.fold(high, f64::max) - low;
+        range > 0.0 && range < self.tolerance.max(ROUNDING * low.abs())
+    }
+
+    /// Whether nothing has fallen for long, other than on a plateau without end.
+    fn stagnates(&self) -> bool {
+        let flat = |costs: &Costs| costs.best == costs.worst;
+        self.sparse.len() == KEPT && !self.sparse.iter().all(flat) && !falls(&self.sparse)
+    }
+
+    /// Whether the best or the median costs of the last 2 (10 + 30 n/λ) generations fall; true while
+    /// there are fewer.
+    pub(super) fn falls(&self) -> bool {
+        self.recent.len() < 2 * self.window || falls(&self.recent)
+    }
+
+    /// Whether nothing falls and a best cost came back, as it does on plateaus alone; the costs so far
+    /// are then not asked again.
+    pub(super) fn stuck_on_plateau(&mut self) -> bool {
+        if self.falls() {
+            return false;
+        }
+        let mut bests: Vec<f64> = self.recent.iter().map(|c| c.best).collect();
+        bests.sort_by(f64::total_cmp);
+        let stuck = bests.windows(2).any(|pair| pair[0] == pair[1]);
+        if stuck {
+            self.recent.clear();
+        }
+        stuck
+    }
+}
+
+fn push(past: &mut VecDeque<Costs>, costs: Costs, most: usize) {
+    if past.len() == most {
+        past.pop_front();
+    }
+    past.push_back(costs);
+}
+
+/// Whether the best or the median costs of the later half are below those of the earlier.
+fn falls(past: &VecDeque<Costs>) -> bool {
+    let half = past.len() / 2;
+    let middle = |of: fn(&Costs) -> f64, start: usize| {
+        let mut costs: Vec<f64> = past.iter().skip(start).take(half).map(of).collect();
+        *costs.select_nth_unstable_by(half / 2, f64::total_cmp).1
+    };
+    [|c: &Costs| c.best, |c: &Costs| c.median]
+        .into_iter()
+        .any(|of| middle(of, half) < middle(of, 0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn progress() -> Progress {
+        let options = CmaOptions { target: Some(-5.0), budget: Some(4000), ..Default::default() };
+        Progress::new(&options, 2, 4)
+    }
+
+    #[test]
+    fn each_reason_of_the_costs_is_found() {
+        let told = |generation: &dyn Fn(usize) -> [f64; 4], count: usize| {
+            let mut progress = progress();
+            (0..count).for_each(|g| progress.note(&generation(g)));
+            progress.stop()
+        };
+        assert_eq!(told(&|_| [0.0, 1.0, 2.0, f64::NAN], 100), None);
+        assert_eq!(told(&|g| [-(g as f64), 9.0, 9.0, 9.0], 6), Some(StopReason::Target));
+        assert_eq!(told(&|g| [9.0 / g as f64, 9.0, 9.0, 9.0], 1000), Some(StopReason::Budget));
+        assert_eq!(told(&|_| [1.0, 1.0, 1.0, 1.0 + 1e-14], 40), Some(StopReason::TolFun));
+        assert_eq!(told(&|_| [1.0, 1.0, 1.0, 2.0], 500), Some(StopReason::Stagnation));
+        assert_eq!(told(&|g| [1.0, 2.0, 3.0 - 1e-3 * g as f64, 3.0], 500), None);
+    }
+
+    #[test]
+    fn a_plateau_is_no_convergence_and_nonsense_no_progress() {
+        let mut progress = progress();
+        (0..60).for_each(|_| progress.note(&[1.0; 4]));
+        assert_eq!(progress.stop(), None);
+        (0..60).for_each(|_| progress.note(&[f64::NAN; 4]));
+        assert_eq!(progress.stop(), None);
+        progress.note(&[f64::NEG_INFINITY, f64::INFINITY, f64::NAN, 0.0]);
+        assert_eq!(progress.stop(), Some(StopReason::Target));
+        let text = serde_json::to_string(&progress).unwrap();
+        assert_eq!(serde_json::from_str::<Progress>(&text).unwrap(), progress);
+    }
+}
