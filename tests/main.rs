@@ -14,3 +14,4 @@ mod invariants;
 mod layers;
 mod main_job;
 mod packets;
+mod reference;

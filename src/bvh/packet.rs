@@ -6,7 +6,7 @@ use super::wide::{Child, WIDTH, WideNode};
 use super::{Bvh, Hit, MAX_DEPTH, NO_HIT, Ray, Triangle};
 
 /// Most rays of a packet.
-pub const PACKET_RAYS: usize = 64;
+pub const PACKET_RAYS: usize = 128;
 /// Lanes are worked on in whole chunks of this many.
 const CHUNK: usize = 16;
 /// Entries of the traversal stack: each level leaves at most all children but one behind.

@@ -209,15 +209,15 @@ impl Lanes {
                 let t = if xy < tz[i] { xy } else { tz[i] };
                 let on = t <= last[i];
                 let (on_x, on_y, on_z) = (on & (tx[i] == t), on & (ty[i] == t), on & (tz[i] == t));
-                bx[i] += if on_x { sx[i] } else { 0.0 };
-                by[i] += if on_y { sy[i] } else { 0.0 };
-                bz[i] += if on_z { sz[i] } else { 0.0 };
+                bx[i] = if on_x { bx[i] + sx[i] } else { bx[i] };
+                by[i] = if on_y { by[i] + sy[i] } else { by[i] };
+                bz[i] = if on_z { bz[i] + sz[i] } else { bz[i] };
                 tx[i] = (bx[i] - p[0]) * ix[i];
                 ty[i] = (by[i] - p[1]) * iy[i];
                 tz[i] = (bz[i] - p[2]) * iz[i];
-                index[i] += if on_x { jx[i] } else { 0 }
-                    + if on_y { jy[i] } else { 0 }
-                    + if on_z { jz[i] } else { 0 };
+                index[i] = if on_x { index[i] + jx[i] } else { index[i] };
+                index[i] = if on_y { index[i] + jy[i] } else { index[i] };
+                index[i] = if on_z { index[i] + jz[i] } else { index[i] };
                 goes_on[i] = u32::from(on);
             }
         }

@@ -14,11 +14,15 @@ const DIRECTIONS_PER_WRITE: usize = 8;
 /// which stretches their upward spread.
 const FLATNESS: f32 = 2.0;
 
+/// Triangles above which half a packet is faster: it is narrower, and meets fewer of them.
+const FINE_MESH: usize = 500_000;
 /// Sensors of one rotation from which on their equal directions are cast together.
 const PARALLEL_SENSORS: usize = 32;
 /// Sensors whose beams are sorted together. Fewer have too few beams in each direction: theirs are
 /// taken in the table's order, where neighbours mostly go the same way.
 const SORTED_SENSORS: usize = 16;
+/// Rays of a packet in sorted order.
+const SORTED_RAYS: usize = 64;
 /// Rays of a packet in the table's order, which is less narrow.
 const UNSORTED_RAYS: usize = 16;
 /// Least parallel tasks that are aimed at.
@@ -90,7 +94,9 @@ impl ParallelTask<'_> {
         let middle = directions[directions.len() / 2];
         let sideways = Vec3::Z.cross(middle).try_normalize().unwrap_or(Vec3::X);
         let upwards = middle.cross(sideways) * FLATNESS;
-        split(&mut self.rows, &[sideways, upwards], PACKET_RAYS, &mut |group| {
+        let fine = bvh.triangles.len() > FINE_MESH;
+        let most = if fine { PACKET_RAYS / 2 } else { PACKET_RAYS };
+        split(&mut self.rows, &[sideways, upwards], most, &mut |group| {
             cast_parallel(group, &directions, bvh, range);
         });
     }
@@ -137,7 +143,7 @@ impl MixedTask<'_> {
         }
         let keys: Vec<u32> = rays.iter().map(|(_, direction)| sort_key(*direction)).collect();
         let (order, most) = if self.sensors.len() > 1 {
-            (sorted(&keys), PACKET_RAYS)
+            (sorted(&keys), SORTED_RAYS)
         } else {
             ((0..keys.len() as u32).collect(), UNSORTED_RAYS)
         };
