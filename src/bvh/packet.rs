@@ -494,7 +494,7 @@ fn distances(
         let quotient = above / towards;
         let t = least(most(quotient, enter), leave);
         let closer = (t < best[i]) | ((t == best[i]) & (id < prim[i]));
-        let ahead = (towards != 0.0) & !(quotient <= 0.0) & (inside[i] != 0);
+        let ahead = (towards != 0.0) & ((quotient > 0.0) | quotient.is_nan()) & (inside[i] != 0);
         let beside = enter > leave;
         let takes = ahead & (t > 0.0) & closer & !beside;
         best[i] = if takes { t } else { best[i] };

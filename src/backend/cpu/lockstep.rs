@@ -181,12 +181,12 @@ impl Lanes {
     fn load(&mut self, lane: usize, start: &Start, inverse: [f32; 3], last: f32) {
         self.index[lane] = 0;
         self.last[lane] = last;
-        for k in 0..3 {
-            let way = usize::from(inverse[k] > 0.0);
+        for (k, inverse) in inverse.into_iter().enumerate() {
+            let way = usize::from(inverse > 0.0);
             self.index[lane] += start.index[k][way];
             self.plane[k][lane] = start.plane[k][way];
-            self.inverse[k][lane] = inverse[k];
-            self.next[k][lane] = (start.plane[k][way] - start.p[k]) * inverse[k];
+            self.inverse[k][lane] = inverse;
+            self.next[k][lane] = (start.plane[k][way] - start.p[k]) * inverse;
             self.step[k][lane] = [-1.0, 1.0][way];
             self.stride[k][lane] = start.stride[k][way];
         }
@@ -259,8 +259,8 @@ fn walk_all(start: &Start, scratch: &WalkScratch, bitmap: &mut [u64]) {
             continue;
         }
         let mut ended = 0;
-        for lane in 0..LANES {
-            if goes_on[lane] == 0 {
+        for (lane, on) in goes_on.into_iter().enumerate() {
+            if on == 0 {
                 match queue.next() {
                     Some(beam) => lanes.load(lane, start, slopes(beam), scratch.last[beam]),
                     None => ended += 1,
