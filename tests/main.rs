@@ -10,6 +10,7 @@ mod cli_optimize;
 mod cli_scene;
 mod common;
 mod cover;
+mod fast_stages;
 mod gpu_cpu;
 mod grid_search;
 mod hits;

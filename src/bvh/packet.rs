@@ -6,7 +6,7 @@ use super::wide::{Child, WIDTH, WideNode};
 use super::{Bvh, Hit, MAX_DEPTH, NO_HIT, Ray, Triangle};
 
 /// Most rays of a packet.
-pub const PACKET_RAYS: usize = 64;
+pub const PACKET_RAYS: usize = 128;
 /// Lanes are worked on in whole chunks of this many.
 const CHUNK: usize = 16;
 /// Entries of the traversal stack: each level leaves at most all children but one behind.
@@ -494,7 +494,7 @@ fn distances(
         let quotient = above / towards;
         let t = least(most(quotient, enter), leave);
         let closer = (t < best[i]) | ((t == best[i]) & (id < prim[i]));
-        let ahead = (towards != 0.0) & !(quotient <= 0.0) & (inside[i] != 0);
+        let ahead = (towards != 0.0) & ((quotient > 0.0) | quotient.is_nan()) & (inside[i] != 0);
         let beside = enter > leave;
         let takes = ahead & (t > 0.0) & closer & !beside;
         best[i] = if takes { t } else { best[i] };

@@ -181,12 +181,12 @@ impl Lanes {
     fn load(&mut self, lane: usize, start: &Start, inverse: [f32; 3], last: f32) {
         self.index[lane] = 0;
         self.last[lane] = last;
-        for k in 0..3 {
-            let way = usize::from(inverse[k] > 0.0);
+        for (k, inverse) in inverse.into_iter().enumerate() {
+            let way = usize::from(inverse > 0.0);
             self.index[lane] += start.index[k][way];
             self.plane[k][lane] = start.plane[k][way];
-            self.inverse[k][lane] = inverse[k];
-            self.next[k][lane] = (start.plane[k][way] - start.p[k]) * inverse[k];
+            self.inverse[k][lane] = inverse;
+            self.next[k][lane] = (start.plane[k][way] - start.p[k]) * inverse;
             self.step[k][lane] = [-1.0, 1.0][way];
             self.stride[k][lane] = start.stride[k][way];
         }
@@ -209,15 +209,15 @@ impl Lanes {
                 let t = if xy < tz[i] { xy } else { tz[i] };
                 let on = t <= last[i];
                 let (on_x, on_y, on_z) = (on & (tx[i] == t), on & (ty[i] == t), on & (tz[i] == t));
-                bx[i] += if on_x { sx[i] } else { 0.0 };
-                by[i] += if on_y { sy[i] } else { 0.0 };
-                bz[i] += if on_z { sz[i] } else { 0.0 };
+                bx[i] = if on_x { bx[i] + sx[i] } else { bx[i] };
+                by[i] = if on_y { by[i] + sy[i] } else { by[i] };
+                bz[i] = if on_z { bz[i] + sz[i] } else { bz[i] };
                 tx[i] = (bx[i] - p[0]) * ix[i];
                 ty[i] = (by[i] - p[1]) * iy[i];
                 tz[i] = (bz[i] - p[2]) * iz[i];
-                index[i] += if on_x { jx[i] } else { 0 }
-                    + if on_y { jy[i] } else { 0 }
-                    + if on_z { jz[i] } else { 0 };
+                index[i] = if on_x { index[i] + jx[i] } else { index[i] };
+                index[i] = if on_y { index[i] + jy[i] } else { index[i] };
+                index[i] = if on_z { index[i] + jz[i] } else { index[i] };
                 goes_on[i] = u32::from(on);
             }
         }
@@ -259,8 +259,8 @@ fn walk_all(start: &Start, scratch: &WalkScratch, bitmap: &mut [u64]) {
             continue;
         }
         let mut ended = 0;
-        for lane in 0..LANES {
-            if goes_on[lane] == 0 {
+        for (lane, on) in goes_on.into_iter().enumerate() {
+            if on == 0 {
                 match queue.next() {
                     Some(beam) => lanes.load(lane, start, slopes(beam), scratch.last[beam]),
                     None => ended += 1,

@@ -1,4 +1,13 @@
-//! The CPU reference: every stage as a plain function, run in parallel over sensors or placements.
+//! The CPU: every stage as a plain function, and a fast one beside it that gives the same bits.
+//!
+//! | reference, to be read | fast, what [`CpuBackend`] runs |
+//! |---|---|
+//! | [`cast_closest`]: a beam at a time | [`cast_packets`]: nodes a packet, triangles a lane a beam |
+//! | [`cover_voxels`]: a beam at a time | [`cover_sensor`]: sixteen beams in lockstep |
+//! | [`reduce`]: a voxel at a time | `take_sums`: a word of the bitmaps at a time |
+//!
+//! Lanes are plain arrays; each kernel is compiled for several instruction sets and picked at run time.
+//! None contracts a product and a sum, so all give the same bits.
 
 mod beam;
 mod cast;
@@ -51,6 +60,18 @@ struct Scratch {
     bitmaps: Vec<u64>,
 }
 
+/// Consecutive sensors of a chunk in one frame.
+struct Part<'a> {
+    poses: &'a [DevicePose],
+    /// Number of the first in the chunk.
+    first: usize,
+    frame: usize,
+    /// Metres.
+    range: f32,
+    /// Whether all threads share the sensors, because there are few parts.
+    spread: bool,
+}
+
 impl CpuBackend {
     /// A backend that uses at most about `memory` bytes beside the problem itself.
     pub fn new(problem: Arc<Problem>, memory: u64) -> Self {
@@ -86,22 +107,20 @@ impl CpuBackend {
         self.times.cast += start.elapsed();
     }
 
-    /// Covers the voxels of consecutive sensors, the first of which is number `first` of the chunk;
-    /// `bitmaps` is `[poses × words]` and zero.
-    fn cover(
-        &self,
-        poses: &[DevicePose],
-        first: usize,
-        frame: usize,
-        range: f32,
-        walk: &mut WalkScratch,
-        bitmaps: &mut [u64],
-    ) {
+    /// Covers the voxels of a part's sensors; `bitmaps` is `[sensors × words]` and zero.
+    fn cover(&self, part: &Part<'_>, walk: &mut WalkScratch, bitmaps: &mut [u64]) {
         let (problem, directions) = (&*self.problem, self.problem.table().directions());
         let words = bitmap_words(problem.roi());
-        for (index, (pose, bitmap)) in poses.iter().zip(bitmaps.chunks_mut(words)).enumerate() {
-            let hits = problem.bvh(frame).map(|_| self.hits_of(first + index));
-            cover_sensor(pose, directions, problem.roi(), hits, range, walk, bitmap);
+        let cover = |walk: &mut WalkScratch, index: usize, bitmap: &mut [u64]| {
+            let hits = problem.bvh(part.frame).map(|_| self.hits_of(part.first + index));
+            let pose = &part.poses[index];
+            cover_sensor(pose, directions, problem.roi(), hits, part.range, walk, bitmap);
+        };
+        let maps = bitmaps.par_chunks_mut(words).enumerate();
+        if part.spread {
+            maps.for_each_init(WalkScratch::default, |walk, (index, map)| cover(walk, index, map));
+        } else {
+            bitmaps.chunks_mut(words).enumerate().for_each(|(index, map)| cover(walk, index, map));
         }
     }
 
@@ -112,28 +131,21 @@ impl CpuBackend {
 
     /// Adds one placement's sums in one frame to its tally; returns the time of covering and that of
     /// both together.
-    fn add(
-        &self,
-        poses: &[DevicePose],
-        first: usize,
-        frame: usize,
-        range: f32,
-        tally: &mut Tally,
-    ) -> [Duration; 2] {
+    fn add(&self, part: &Part<'_>, tally: &mut Tally) -> [Duration; 2] {
         let start = Instant::now();
-        let mut scratch =
-            self.scratch.lock().map(|mut s| s.pop()).ok().flatten().unwrap_or_default();
-        let words = bitmap_words(self.problem.roi());
-        if scratch.bitmaps.len() < poses.len() * words {
-            scratch.bitmaps.resize(poses.len() * words, 0);
+        let kept = self.scratch.lock().ok().and_then(|mut kept| kept.pop());
+        let mut scratch = kept.unwrap_or_default();
+        let (words, sensors) = (bitmap_words(self.problem.roi()), part.poses.len());
+        if scratch.bitmaps.len() < sensors * words {
+            scratch.bitmaps.resize(sensors * words, 0);
         }
-        let bitmaps = &mut scratch.bitmaps[..poses.len() * words];
-        self.cover(poses, first, frame, range, &mut scratch.walk, bitmaps);
+        let bitmaps = &mut scratch.bitmaps[..sensors * words];
+        self.cover(part, &mut scratch.walk, bitmaps);
         let covered = start.elapsed();
         take_sums(bitmaps, words, &self.worth, tally);
-        tally.beams += (poses.len() * self.problem.table().directions().len()) as u64;
-        if self.problem.bvh(frame).is_some() {
-            let hits = (first..first + poses.len()).flat_map(|sensor| self.hits_of(sensor));
+        tally.beams += (sensors * self.problem.table().directions().len()) as u64;
+        if self.problem.bvh(part.frame).is_some() {
+            let hits = (0..sensors).flat_map(|index| self.hits_of(part.first + index));
             tally.hits += hits.filter(|hit| hit.is_hit()).count() as u64;
         }
         if let Ok(mut kept) = self.scratch.lock() {
@@ -161,22 +173,19 @@ impl Backend for CpuBackend {
             for frame in 0..self.problem.frame_count() {
                 self.cast_frame(&poses, frame, range);
                 let start = Instant::now();
+                let spread = chunk.placements.len() < rayon::current_num_threads();
                 let mut tasks = Vec::new();
                 let mut first = 0;
                 for (placement, tally) in placements[chunk.placements.clone()]
                     .iter()
                     .zip(&mut tallies[chunk.placements.clone()])
                 {
-                    let sensors = first..first + placement.lidars.len();
-                    first = sensors.end;
-                    tasks.push((sensors, tally));
+                    let poses = &poses[first..first + placement.lidars.len()];
+                    tasks.push((Part { poses, first, frame, range, spread }, tally));
+                    first += poses.len();
                 }
-                let of_tasks: Vec<[Duration; 2]> = tasks
-                    .into_par_iter()
-                    .map(|(sensors, tally)| {
-                        self.add(&poses[sensors.clone()], sensors.start, frame, range, tally)
-                    })
-                    .collect();
+                let of_tasks: Vec<[Duration; 2]> =
+                    tasks.into_par_iter().map(|(part, tally)| self.add(&part, tally)).collect();
                 // Both stages of a placement run in one task: the wall time is shared out.
                 let elapsed = start.elapsed();
                 let [cover, both] = [0, 1].map(|k| of_tasks.iter().map(|t| t[k]).sum::<Duration>());
@@ -208,14 +217,8 @@ impl Backend for CpuBackend {
         }
         let placements = std::slice::from_ref(placement);
         self.chunks(placements)?;
-        let range = self.problem.table().range();
-        let poses = self.poses(placements);
-        self.cast_frame(&poses, frame, range);
-        let start = Instant::now();
         let words = bitmap_words(self.problem.roi());
-        let mut bitmaps = vec![0; poses.len() * words];
-        self.cover(&poses, 0, frame, range, &mut WalkScratch::default(), &mut bitmaps);
-        self.times.cover += start.elapsed();
+        let bitmaps = self.bitmaps(&placement.lidars, frame)?;
         Ok(set_bits(|w| bitmaps[w..].iter().step_by(words).fold(0, |or, x| or | x), words))
     }
 
@@ -231,10 +234,8 @@ impl Backend for CpuBackend {
         let start = Instant::now();
         let words = bitmap_words(self.problem.roi());
         let mut bitmaps = vec![0; poses.len() * words];
-        bitmaps.par_chunks_mut(words).enumerate().for_each(|(index, bitmap)| {
-            let mut walk = WalkScratch::default();
-            self.cover(&poses[index..=index], index, frame, range, &mut walk, bitmap);
-        });
+        let part = Part { poses: &poses, first: 0, frame, range, spread: true };
+        self.cover(&part, &mut WalkScratch::default(), &mut bitmaps);
         self.times.cover += start.elapsed();
         Ok(bitmaps)
     }

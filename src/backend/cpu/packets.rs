@@ -14,11 +14,17 @@ const DIRECTIONS_PER_WRITE: usize = 8;
 /// which stretches their upward spread.
 const FLATNESS: f32 = 2.0;
 
+/// Triangles above which half a packet is faster: it is narrower, and meets fewer of them.
+const FINE_MESH: usize = 500_000;
 /// Sensors of one rotation from which on their equal directions are cast together.
 const PARALLEL_SENSORS: usize = 32;
-/// Sensors whose beams are sorted together. Fewer have too few beams in each direction: theirs are
-/// taken in the table's order, where neighbours mostly go the same way.
-const SORTED_SENSORS: usize = 16;
+/// Most sensors whose beams are sorted together.
+const SORTED_SENSORS: usize = 64;
+/// Sensors below which beams are not sorted, since few would go the same way: they are taken in the
+/// table's order, where neighbours mostly do.
+const FEW_SENSORS: usize = 16;
+/// Rays of a packet in sorted order.
+const SORTED_RAYS: usize = 64;
 /// Rays of a packet in the table's order, which is less narrow.
 const UNSORTED_RAYS: usize = 16;
 /// Least parallel tasks that are aimed at.
@@ -90,7 +96,9 @@ impl ParallelTask<'_> {
         let middle = directions[directions.len() / 2];
         let sideways = Vec3::Z.cross(middle).try_normalize().unwrap_or(Vec3::X);
         let upwards = middle.cross(sideways) * FLATNESS;
-        split(&mut self.rows, &[sideways, upwards], PACKET_RAYS, &mut |group| {
+        let fine = bvh.triangles.len() > FINE_MESH;
+        let most = if fine { PACKET_RAYS / 2 } else { PACKET_RAYS };
+        split(&mut self.rows, &[sideways, upwards], most, &mut |group| {
             cast_parallel(group, &directions, bvh, range);
         });
     }
@@ -107,11 +115,11 @@ fn mixed_tasks<'a>(
     directions: &'a [[f32; 3]],
 ) -> Vec<MixedTask<'a>> {
     let mut sensors: Vec<_> = sensors.into_iter().map(|s| (beam_origin(s.0), Some(s))).collect();
-    let most = if sensors.len() < SORTED_SENSORS { 1 } else { SORTED_SENSORS };
+    let most = if sensors.len() < FEW_SENSORS { 1 } else { SORTED_SENSORS };
     let groups = sensors.len().div_ceil(most).max(1);
     let block = directions.len().div_ceil(TASKS.div_ceil(groups)).max(PACKET_RAYS);
     let mut tasks = Vec::new();
-    split(&mut sensors, &[Vec3::X, Vec3::Y, Vec3::Z], most, &mut |group| {
+    split(&mut sensors, &[Vec3::X, Vec3::Y, FLATNESS * Vec3::Z], most, &mut |group| {
         let first = tasks.len();
         tasks.extend(
             directions
@@ -137,16 +145,16 @@ impl MixedTask<'_> {
         }
         let keys: Vec<u32> = rays.iter().map(|(_, direction)| sort_key(*direction)).collect();
         let (order, most) = if self.sensors.len() > 1 {
-            (sorted(&keys), PACKET_RAYS)
+            (sorted(&keys), SORTED_RAYS)
         } else {
             ((0..keys.len() as u32).collect(), UNSORTED_RAYS)
         };
         let mut packet = Packet::default();
         let mut scratch = Scratch::default();
         let mut gathered = Vec::with_capacity(PACKET_RAYS);
-        for same_way in order.chunk_by(|&a, &b| {
-            keys[a as usize] >> (2 * KEY_BITS - 2) == keys[b as usize] >> (2 * KEY_BITS - 2)
-        }) {
+        for same_way in
+            order.chunk_by(|&a, &b| keys[a as usize] >> CELL_BITS == keys[b as usize] >> CELL_BITS)
+        {
             for beams in same_way.chunks(most) {
                 gathered.clear();
                 gathered.extend(beams.iter().map(|&beam| rays[beam as usize]));
@@ -160,34 +168,24 @@ impl MixedTask<'_> {
     }
 }
 
-/// Bits of each coordinate of a sort key.
-const KEY_BITS: u32 = 6;
-const KEYS: usize = 6 << (2 * KEY_BITS);
+/// Bits of the upward and of the sideward cell of a sort key; narrow and high packets measured fastest.
+const UP_BITS: u32 = 5;
+const SIDE_BITS: u32 = 8;
+const CELL_BITS: u32 = UP_BITS + SIDE_BITS;
+const KEYS: usize = 24 << CELL_BITS;
 
-/// Directions of neighbouring keys are near each other; equal leading bits (all but the last
-/// 2 · [`KEY_BITS`] − 2) mean the same largest component and the same signs.
+/// Directions of neighbouring keys are near each other; bits above [`CELL_BITS`] are equal where the
+/// largest component and all signs are.
 fn sort_key(direction: Vec3) -> u32 {
     let major = major_axis(direction);
-    let along = direction[major];
-    let face = 2 * major as u32 + u32::from(along < 0.0);
-    let cells = (1 << (KEY_BITS - 1)) as f32;
-    let mut key = 0;
-    for axis in [(major + 1) % 3, (major + 2) % 3] {
-        // The sign first, then how far from the axis: zero and minus zero are one.
-        let slope = direction[axis] / along.abs();
-        let negative = direction[axis] < 0.0;
-        let cell = ((slope.abs() * cells) as u32).min((1 << (KEY_BITS - 1)) - 1);
-        let cell = u32::from(negative) << (KEY_BITS - 1) | cell;
-        key |= spread(cell) << (axis == (major + 1) % 3) as u32;
-    }
-    face << (2 * KEY_BITS) | key
-}
-
-/// Puts a zero before each bit.
-fn spread(cell: u32) -> u32 {
-    let cell = (cell | cell << 4) & 0x0f0f;
-    let cell = (cell | cell << 2) & 0x3333;
-    (cell | cell << 1) & 0x5555
+    let (up, side) = if major == 2 { (0, 1) } else { (2, 1 - major) };
+    let negative = |axis: usize| u32::from(direction[axis] < 0.0);
+    let cell = |axis: usize, bits: u32| {
+        let slope = direction[axis].abs() / direction[major].abs();
+        ((slope * (1 << bits) as f32) as u32).min((1 << bits) - 1)
+    };
+    let way = 8 * major as u32 + 4 * negative(major) + 2 * negative(up) + negative(side);
+    way << CELL_BITS | cell(up, UP_BITS) << SIDE_BITS | cell(side, SIDE_BITS)
 }
 
 /// Indices in rising order of their keys.

@@ -1,0 +1,121 @@
+//! The fast CPU stages against the reference that is written to be read: hits, voxels and sums.
+
+use std::sync::Arc;
+
+use sightline::backend::cpu::{
+    CpuBackend, WalkScratch, bitmap_words, cast_closest, cast_packets, cover_sensor, cover_voxels,
+    reduce,
+};
+use sightline::backend::{Backend, DevicePose, Problem};
+use sightline::bvh::Bvh;
+use sightline::grid::Roi;
+use sightline::placement::{BeamTable, Constraints, Placement};
+use sightline::scene::{EgoBody, Scene};
+use sightline::verify::{hostile_placements, random_placements as scattered};
+
+use crate::common::{MEMORY, random_content, random_placements, random_problem};
+
+/// Compares all stages of the backend with the reference; returns the voxels covered.
+fn compare(problem: &Arc<Problem>, placements: &[Placement], range: f32) -> u64 {
+    let (table, roi) = (problem.table(), problem.roi());
+    let words = bitmap_words(roi);
+    let poses: Vec<DevicePose> =
+        placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect();
+    let mut want = Vec::new();
+    for frame in 0..problem.frame_count() {
+        let bvh = problem.geometry(frame).filter(|_| problem.ends_at_hits());
+        let hits = bvh.map(|bvh| cast_closest(&poses, table, bvh, range));
+        if let (Some(bvh), Some(hits)) = (bvh, &hits) {
+            let mut fast = Vec::new();
+            cast_packets(&poses, table, bvh, range, &mut fast);
+            assert!(fast.iter().zip(hits).all(|(a, b)| a.t.to_bits() == b.t.to_bits()));
+            assert!(fast.iter().zip(hits).all(|(a, b)| a.prim == b.prim));
+        }
+        let mut bitmaps = Vec::new();
+        cover_voxels(&poses, table, roi, hits.as_deref(), range, &mut bitmaps);
+        let (mut scratch, beams) = (WalkScratch::default(), table.directions());
+        for (index, pose) in poses.iter().enumerate() {
+            let own = hits.as_ref().map(|h| &h[index * beams.len()..(index + 1) * beams.len()]);
+            let mut bitmap = vec![0; words];
+            cover_sensor(pose, beams, roi, own, range, &mut scratch, &mut bitmap);
+            assert!(bitmap == bitmaps[index * words..(index + 1) * words], "sensor {index}");
+        }
+        let sums = reduce(placements, problem.content(), &bitmaps, hits.as_deref(), beams.len());
+        if want.is_empty() {
+            want = sums;
+        } else {
+            want.iter_mut().zip(&sums).for_each(|(sum, tally)| *sum += tally);
+        }
+    }
+    let mut backend = CpuBackend::new(problem.clone(), MEMORY);
+    assert_eq!(backend.tally(placements, range).unwrap(), want);
+    // Again with the working memory of the first time, and one by one.
+    assert_eq!(backend.tally(placements, range).unwrap(), want);
+    for (placement, want) in placements.iter().zip(&want).take(3) {
+        let got = backend.tally(std::slice::from_ref(placement), range).unwrap();
+        assert_eq!(&got[0], want);
+    }
+    want.iter().map(|tally| tally.covered).sum()
+}
+
+#[test]
+fn random_problems_have_the_reference_s_bits() {
+    for (seed, ends_at_hits) in [(51, true), (52, false)] {
+        let problem = random_problem(seed, ends_at_hits);
+        let placements = random_placements(seed, 60, 6.0);
+        assert!(compare(&problem, &placements, 12.0) > 10_000);
+        assert!(compare(&problem, &placements, 0.4) > 100);
+    }
+}
+
+#[test]
+fn hostile_poses_have_the_reference_s_bits() {
+    let problem = random_problem(53, true);
+    assert!(compare(&problem, &hostile_placements(problem.roi(), 56, 1), 12.0) > 1000);
+    // Sensors on voxel faces of a grid with cubes, beams along the axes and into the corners.
+    let roi = Roi::new([-4.0; 3], [0.5; 3], [16; 3]).unwrap();
+    let channels = [(-90.0, 0.0), (-45.0, 0.0), (0.0, 0.0), (45.0, 0.0), (90.0, 0.0)];
+    let table = BeamTable::spinning(&channels, 8, 20.0).unwrap();
+    let problem = Arc::new(Problem::new(roi, random_content(54, &roi), table, vec![], false));
+    assert!(compare(&problem, &hostile_placements(&roi, 56, 2), 20.0) > 1000);
+}
+
+#[test]
+fn own_scenes_have_the_reference_s_bits() {
+    let scenes = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let mut compared = 0;
+    for entry in std::fs::read_dir(scenes).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|e| e != "json") || path.ends_with("placements.json") {
+            continue;
+        }
+        let scene = Scene::read(&path).unwrap();
+        let (bounds, mount) = (scene.roi(), scene.mount());
+        let roi = Roi::from_bounds(bounds.min, bounds.max, [0.5; 3]).unwrap();
+        let channels: Vec<_> = (0..16).map(|k| (-24.8 + 1.7 * f64::from(k), 0.0)).collect();
+        let table = BeamTable::spinning(&channels, 90, 100.0).unwrap();
+        let bvh = Arc::new(Bvh::build(&scene.frame(0, EgoBody::Include), 100.0));
+        let content = random_content(55, &roi);
+        let problem = Arc::new(Problem::new(roi, content, table, vec![bvh], true));
+        let angles = [mount.roll, mount.pitch, mount.yaw];
+        let bound = |side: usize| {
+            let place = [mount.min, mount.max][side];
+            [place[0], place[1], place[2], angles[0][side], angles[1][side], angles[2][side]]
+        };
+        let constraints = Constraints {
+            lower: bound(0),
+            upper: bound(1),
+            min_distance: mount.min_distance,
+            lidars: mount.lidars as usize,
+        };
+        // As many level ones, whose directions are the same.
+        let mut placements = scattered(&constraints, 24, 1);
+        for lidar in placements.iter_mut().take(12).flat_map(|p| &mut p.lidars) {
+            (lidar.roll, lidar.pitch, lidar.yaw) = (0.0, 0.0, 0.0);
+        }
+        placements.extend(hostile_placements(&roi, 14, 2));
+        assert!(compare(&problem, &placements, 100.0) > 10_000, "{}", scene.name());
+        compared += 1;
+    }
+    assert!(compared >= 4, "only {compared} scenes");
+}
