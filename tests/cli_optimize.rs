@@ -222,3 +222,23 @@ fn an_interrupted_auto_run_goes_on_to_the_same_bytes() {
     assert_eq!(whole["best"], resumed["best"]);
     assert_eq!(whole["fidelity"], resumed["fidelity"]);
 }
+
+#[test]
+fn a_damaged_checkpoint_is_refused() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    ok(dir.path(), &optimize_args("run", "30"));
+    let path = dir.path().join("run/checkpoint.json");
+    let whole = fs::read_to_string(&path).unwrap();
+    for (from, to) in
+        [("\"n\": ", "\"n\": 9"), ("\"population\": ", "\"population\": 7"), ("0.", "1.")]
+    {
+        let damaged = whole.replacen(from, to, 1);
+        assert_ne!(damaged, whole, "{from}");
+        fs::write(&path, damaged).unwrap();
+        let refused = sightline(dir.path(), &["optimize", "--resume", "run", "--backend", "cpu"]);
+        assert_eq!(refused.status.code(), Some(2), "{from}");
+        let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(message.contains("checkpoint.json"), "{message}");
+    }
+}

@@ -11,7 +11,7 @@ use crate::cli::error::Error;
 use crate::cli::output::{writable_folder, write_whole};
 
 /// Version of `checkpoint.json`.
-const CHECKPOINT: u32 = 1;
+const CHECKPOINT: u32 = 2;
 /// Numbered folders that are tried before giving up.
 const MOST_RUNS: u32 = 10_000;
 
@@ -24,6 +24,15 @@ pub(super) struct RunFolder {
 #[derive(Serialize)]
 struct Checkpoint<'a> {
     checkpoint: u32,
+    /// Of what follows, so that a file that was changed is refused: a search goes on from numbers that
+    /// belong together, or not at all.
+    digest: String,
+    #[serde(flatten)]
+    state: State<'a>,
+}
+
+#[derive(Serialize)]
+struct State<'a> {
     settings: &'a RunSettings,
     search: &'a Search,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -34,10 +43,21 @@ struct Checkpoint<'a> {
 #[serde(deny_unknown_fields)]
 struct SavedCheckpoint {
     checkpoint: u32,
+    #[serde(default)]
+    digest: String,
     settings: RunSettings,
     search: Search,
     #[serde(default)]
     auto: Option<Auto>,
+}
+
+impl State<'_> {
+    /// FNV-1a over the compact JSON.
+    fn digest(&self) -> Result<String, serde_json::Error> {
+        let text = serde_json::to_string(self)?;
+        let mix = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        Ok(format!("{:016x}", text.bytes().fold(0xcbf2_9ce4_8422_2325, mix)))
+    }
 }
 
 /// What an earlier sitting has left.
@@ -77,6 +97,13 @@ impl RunFolder {
                 "{}: is of version {}, this program reads {CHECKPOINT}; start a new run",
                 file.display(),
                 saved.checkpoint
+            )));
+        }
+        let state = State { settings: &saved.settings, search: &saved.search, auto: &saved.auto };
+        if state.digest().map_err(json)? != saved.digest {
+            return Err(Error::Usage(format!(
+                "{}: was changed after it was written, or is damaged; start a new run",
+                file.display()
             )));
         }
         let file = path.join("history.jsonl");
@@ -131,7 +158,10 @@ impl RunFolder {
             }
             Ok(())
         })?;
-        let checkpoint = Checkpoint { checkpoint: CHECKPOINT, settings, search, auto };
+        let state = State { settings, search, auto };
+        let path = self.path.join("checkpoint.json");
+        let digest = state.digest().map_err(|source| Error::Json { path, source })?;
+        let checkpoint = Checkpoint { checkpoint: CHECKPOINT, digest, state };
         self.write_json("checkpoint.json", &checkpoint)
     }
 
