@@ -3,7 +3,7 @@
 use super::packet::{Bounds, PACKET_RAYS, Packet, least, most};
 use super::{Hit, Triangle};
 
-/// [`Ray::intersect`] for every lane; returns the farthest of the best distances.
+/// `Ray::intersect` for every lane; returns the farthest of the best distances.
 #[inline(always)]
 pub(super) fn intersect(
     triangle: &Triangle,
@@ -146,7 +146,7 @@ fn distances(
     any_beside != 0
 }
 
-/// Asks [`Ray::intersect`] itself for the marked lanes that pass beside the bare box.
+/// Asks `Ray::intersect` itself for the marked lanes that pass beside the bare box.
 #[cold]
 #[inline(never)]
 fn retry(
