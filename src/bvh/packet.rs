@@ -27,7 +27,7 @@ type Stack = [(f32, Child); STACK];
 ///
 /// A node is tested once for all rays, with bounds that hold for each: it is skipped only where every
 /// ray misses it, or has a hit before it, by more than rounding could change (`SLACK`). A triangle
-/// is tested a lane a ray, with the operations of [`Ray::intersect`] in the same order. Since no hit
+/// is tested a lane a ray, with the operations of `Ray::intersect` in the same order. Since no hit
 /// depends on which triangles were tested before, the answer has the same bits.
 #[derive(Clone)]
 pub struct Packet {
