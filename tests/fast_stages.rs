@@ -109,11 +109,11 @@ fn own_scenes_have_the_reference_s_bits() {
             lidars: mount.lidars as usize,
         };
         // As many level ones, whose directions are the same.
-        let mut placements = scattered(&constraints, 24, 1);
-        for lidar in placements.iter_mut().take(12).flat_map(|p| &mut p.lidars) {
+        let mut placements = scattered(&constraints, 14, 1);
+        for lidar in placements.iter_mut().take(9).flat_map(|p| &mut p.lidars) {
             (lidar.roll, lidar.pitch, lidar.yaw) = (0.0, 0.0, 0.0);
         }
-        placements.extend(hostile_placements(&roi, 14, 2));
+        placements.extend(hostile_placements(&roi, 7, 2));
         assert!(compare(&problem, &placements, 100.0) > 10_000, "{}", scene.name());
         compared += 1;
     }

@@ -9,10 +9,11 @@
 //! arithmetic, so the interval of every ancestor box contains that of the triangle. A node that is
 //! skipped because it begins behind the best hit can therefore not hold a closer or an equal one: the
 //! answer is the same for every tree, every order of visits, and for no tree at all
-//! ([`Bvh::closest_hit_brute_force`]).
+//! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together ([`Packet`]).
 
 mod build;
 mod intersect;
+mod lanes;
 mod node;
 mod packet;
 mod traverse;

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`cast_closest`]: a beam at a time | [`cast_packets`]: nodes a packet, triangles a lane a beam |
 //! | [`cover_voxels`]: a beam at a time | [`cover_sensor`]: sixteen beams in lockstep |
-//! | [`reduce`]: a voxel at a time | `take_sums`: a word of the bitmaps at a time |
+//! | [`reduce()`]: a voxel at a time | `take_sums`: a word of the bitmaps at a time |
 //!
 //! Lanes are plain arrays; each kernel is compiled for several instruction sets and picked at run time.
 //! None contracts a product and a sum, so all give the same bits.

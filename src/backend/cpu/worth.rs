@@ -13,7 +13,7 @@ struct Word {
     mask: u64,
 }
 
-/// A [`Content`] by words of the bitmaps: what [`super::reduce`] looks up a voxel at a time.
+/// A [`Content`] by words of the bitmaps: what [`super::reduce()`] looks up a voxel at a time.
 pub(super) struct Worth {
     occupied: Vec<Word>,
     entropy: Vec<[u32; 3]>,
@@ -47,7 +47,7 @@ impl Worth {
 
 /// Adds the sums over the voxels that the sensors of one placement cover, and clears their bitmaps.
 ///
-/// `bitmaps` is `[sensors × words]`. The same sums as [`super::reduce`].
+/// `bitmaps` is `[sensors × words]`. The same sums as [`super::reduce()`].
 #[multiversion(targets(
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+avx512vpopcntdq+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
