@@ -39,6 +39,10 @@ fn hits_coverage_and_tallies_are_the_same_bits() {
         let tallies = cpu.tally(&placements, range).unwrap();
         assert!(tallies.iter().all(|t| t.entropy[0] > 0 && t.unique.iter().any(|&u| u > 0)));
         assert_eq!(tallies, gpu.tally(&placements, range).unwrap());
+        // Sums are taken by the host on a software device, and by the kernels when told so.
+        let mut by_kernels = crate::common::gpu(&problem);
+        by_kernels.reduce_on_device();
+        assert_eq!(tallies, by_kernels.tally(&placements, range).unwrap());
         // A shorter range is another answer, and again the same on both.
         let shorter = cpu.tally(&placements, 3.0).unwrap();
         assert!(shorter.iter().zip(&tallies).all(|(s, t)| s.covered < t.covered));

@@ -125,6 +125,12 @@ pub fn open_backend(
 ) -> Result<Box<dyn Backend>, Error> {
     let gpu = || -> Result<Box<dyn Backend>, BackendError> {
         let gpu = GpuBackend::new(problem.clone(), compute.adapter.as_deref(), budget)?;
+        if gpu.is_software() && compute.backend == BackendChoice::Auto {
+            compute.talk.note(
+                "the only Vulkan device is a program on the host; --backend cpu gives the same bits \
+                 sooner",
+            );
+        }
         Ok(surviving(doomed(gpu), problem, budget, compute))
     };
     let cpu = || Box::new(CpuBackend::new(problem.clone(), budget));

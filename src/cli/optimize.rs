@@ -329,9 +329,10 @@ impl Run {
     ) -> Result<(Option<Swapped>, Option<Bounds>), Error> {
         let delta = self.settings.search.delta;
         let spacing = delta.unwrap_or(SWAP_SPACING);
-        let start = self.best_baseline()?;
-        let mut starts: Vec<Placement> = start.into_iter().collect();
-        starts.extend(self.search.best().map(|best| best.placement.clone()));
+        // The result of the generations first: it has most to gain where casts run out.
+        let mut starts: Vec<Placement> =
+            self.search.best().map(|best| best.placement.clone()).into_iter().collect();
+        starts.extend(self.best_baseline()?);
         let casts = self.settings.search.evaluations * self.evaluator.constraints().lidars as u64;
         let mut stage = GridStage {
             evaluator: &mut self.evaluator,
@@ -341,8 +342,8 @@ impl Run {
         };
         let swaps = match self.settings.method {
             Method::Cma => None,
-            // Half of what the generations cast.
-            Method::Both => stage.climb(spacing, &starts, casts / 2)?,
+            // A quarter of what the generations cast.
+            Method::Both => stage.climb(spacing, &starts, casts / 4)?,
             Method::Swaps => stage.everywhere(spacing, &starts)?,
         };
         let bounds = stage.bounds(delta, self.settings.search.seed)?;

@@ -35,7 +35,7 @@ pub use lockstep::{WalkScratch, cover_sensor};
 pub use packets::cast_packets;
 pub use reduce::reduce;
 pub(super) use reduce::set_bits;
-use worth::{Worth, take_sums};
+pub(super) use worth::{Worth, take_sums};
 
 /// Bytes of hits that one chunk uses at most: more gains nothing, since a chunk of this size already
 /// fills packets and keeps every core busy.

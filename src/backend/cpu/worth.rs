@@ -14,7 +14,7 @@ struct Word {
 }
 
 /// A [`Content`] by words of the bitmaps: what [`super::reduce()`] looks up a voxel at a time.
-pub(super) struct Worth {
+pub(in crate::backend) struct Worth {
     occupied: Vec<Word>,
     entropy: Vec<[u32; 3]>,
     classes: Vec<Vec<Word>>,
@@ -34,7 +34,7 @@ fn words(voxels: impl Iterator<Item = u32>) -> Vec<Word> {
 }
 
 impl Worth {
-    pub(super) fn new(content: &Content) -> Self {
+    pub(in crate::backend) fn new(content: &Content) -> Self {
         let classes = (0..content.classes().len())
             .map(|class| words(content.voxels_of_class(class).iter().copied()));
         Self {
@@ -52,7 +52,12 @@ impl Worth {
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+avx512vpopcntdq+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
-pub(super) fn take_sums(bitmaps: &mut [u64], words: usize, worth: &Worth, tally: &mut Tally) {
+pub(in crate::backend) fn take_sums(
+    bitmaps: &mut [u64],
+    words: usize,
+    worth: &Worth,
+    tally: &mut Tally,
+) {
     let mut occupied = worth.occupied.as_slice();
     let mut classes: Vec<&[Word]> = worth.classes.iter().map(Vec::as_slice).collect();
     for first in (0..words).step_by(BLOCK) {

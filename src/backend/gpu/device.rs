@@ -82,6 +82,7 @@ pub(super) struct Device {
     device: wgpu::Device,
     queue: wgpu::Queue,
     adapter: String,
+    software: bool,
     failure: Arc<Mutex<Option<String>>>,
 }
 
@@ -122,7 +123,13 @@ impl Device {
             keep(&of_loss, format!("the device was lost ({reason:?}) {message}"));
         });
         let adapter = format!("{} ({} {})", info.name, info.driver, info.driver_info);
-        Ok(Self { device, queue, adapter, failure })
+        let software = info.device_type == wgpu::DeviceType::Cpu;
+        Ok(Self { device, queue, adapter, software, failure })
+    }
+
+    /// Whether the device is a program on the host.
+    pub(super) fn is_software(&self) -> bool {
+        self.software
     }
 
     pub(super) fn adapter(&self) -> &str {

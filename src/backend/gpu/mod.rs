@@ -13,6 +13,7 @@ use std::time::Instant;
 use super::{
     Backend, BackendError, Chunk, ChunkLimits, DevicePose, Problem, StageTimes, Tally, split,
 };
+use crate::backend::cpu::Worth;
 use crate::bvh::Hit;
 use crate::placement::{Placement, SensorPose};
 use device::Device;
@@ -22,6 +23,8 @@ use resources::{ChunkBuffers, SceneBuffers};
 /// Evaluates batches on a Vulkan device.
 ///
 /// Pipelines and scene buffers are made once; the buffers of a chunk grow to the largest chunk seen.
+/// The sums are taken on the device; where that is a software device, whose memory is the host's, they
+/// are taken by the host, which reads a word of the bitmaps at a time.
 pub struct GpuBackend {
     problem: Arc<Problem>,
     device: Device,
@@ -30,6 +33,8 @@ pub struct GpuBackend {
     chunk: Option<ChunkBuffers>,
     memory: u64,
     times: StageTimes,
+    /// Host twin of the reductions, where they run on the host.
+    worth: Option<Worth>,
     /// Batches until the device is destroyed, for tests and drills.
     doomed: Option<u32>,
 }
@@ -50,7 +55,19 @@ impl GpuBackend {
         let kernels = Kernels::new(&device)?;
         let scene = SceneBuffers::new(&device, &problem)?;
         let times = StageTimes::default();
-        Ok(Self { problem, device, kernels, scene, chunk: None, memory, times, doomed: None })
+        let worth = device.is_software().then(|| Worth::new(problem.content()));
+        let (chunk, doomed) = (None, None);
+        Ok(Self { problem, device, kernels, scene, chunk, memory, times, worth, doomed })
+    }
+
+    /// Whether the device is a program on the host, which the CPU backend outruns.
+    pub fn is_software(&self) -> bool {
+        self.device.is_software()
+    }
+
+    /// Takes the sums on the device, whatever it is; to compare both ways.
+    pub fn reduce_on_device(&mut self) {
+        self.worth = None;
     }
 
     /// Ends the device after so many more batches of placements, as a driver reset would; whatever is
@@ -73,10 +90,12 @@ impl GpuBackend {
         let widest = lidars.iter().copied().max().unwrap_or(1);
         let sizes = resources::Sizes::of(&self.problem);
         let binding = self.device.max_binding();
+        // A copy to map, and the host's own.
+        let read_back = if self.worth.is_some() { 2 * sizes.bitmap } else { 0 };
         let sensors = [
             ("coverage bitmaps", sizes.bitmap, binding),
             ("hits", sizes.hits, binding),
-            ("work buffers", sizes.per_sensor(), self.memory),
+            ("work buffers", sizes.per_sensor() + read_back, self.memory),
         ];
         let mut limits = ChunkLimits::from_bytes(widest, &sensors)?;
         let placements = [
@@ -106,7 +125,7 @@ impl GpuBackend {
         self.device.check("uploading placements")
     }
 
-    fn run(&mut self) -> run::Run<'_> {
+    fn run(&self) -> run::Run<'_> {
         run::Run {
             problem: &self.problem,
             device: &self.device,
@@ -145,7 +164,10 @@ impl Backend for GpuBackend {
                 run.cover(frame, range)?;
                 times.cover += start.elapsed();
                 let start = Instant::now();
-                run.reduce(&hits, &mut sums)?;
+                match &self.worth {
+                    Some(worth) => run.reduce_on_host(worth, &hits, &mut sums)?,
+                    None => run.reduce(&hits, &mut sums)?,
+                }
                 times.reduce += start.elapsed();
                 self.times = times;
             }

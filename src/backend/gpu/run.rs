@@ -1,7 +1,9 @@
+use rayon::prelude::*;
+
 use super::device::Device;
 use super::kernels::{Kernels, beam_workgroups, dispatch};
 use super::resources::{ChunkBuffers, SceneBuffers, occupied_workgroups, walk_passes};
-use crate::backend::cpu::{beam_direction, bitmap_words, set_bits};
+use crate::backend::cpu::{Worth, beam_direction, bitmap_words, set_bits, take_sums};
 use crate::backend::layout::{
     DevicePose, HALVED_SUMS, ITEMS_PER_WORKGROUP, PARTIAL_WORDS, UNFINISHED, Uniforms,
 };
@@ -185,11 +187,36 @@ impl Run<'_> {
                 add_partial(partial, tally);
             }
             let [first, lidars] = chunk.placements[index];
-            let own = &hits[first as usize..(first + lidars) as usize];
-            tally.hits += own.iter().map(|&h| u64::from(h)).sum::<u64>();
-            tally.beams += u64::from(lidars) * u64::from(self.directions());
+            self.add_beams(hits, first, lidars, tally);
         }
         Ok(())
+    }
+
+    /// As [`Self::reduce`], from bitmaps read back.
+    pub(super) fn reduce_on_host(
+        &self,
+        worth: &Worth,
+        hits: &[u32],
+        tallies: &mut [Tally],
+    ) -> Result<(), BackendError> {
+        let words = bitmap_words(self.problem.roi());
+        let mut bitmaps = self.read_bitmaps()?;
+        let mut rest = bitmaps.as_mut_slice();
+        let mut tasks = Vec::with_capacity(tallies.len());
+        for (tally, [first, lidars]) in tallies.iter_mut().zip(&self.chunk.placements) {
+            let (own, after) = rest.split_at_mut(*lidars as usize * words);
+            rest = after;
+            self.add_beams(hits, *first, *lidars, tally);
+            tasks.push((own, tally));
+        }
+        tasks.into_par_iter().for_each(|(own, tally)| take_sums(own, words, worth, tally));
+        Ok(())
+    }
+
+    fn add_beams(&self, hits: &[u32], first: u32, lidars: u32, tally: &mut Tally) {
+        let own = &hits[first as usize..(first + lidars) as usize];
+        tally.hits += own.iter().map(|&h| u64::from(h)).sum::<u64>();
+        tally.beams += u64::from(lidars) * u64::from(self.directions());
     }
 
     /// Voxels that any sensor of the chunk covers, rising.
@@ -203,6 +230,9 @@ impl Run<'_> {
     pub(super) fn read_bitmaps(&self) -> Result<Vec<u64>, BackendError> {
         let words = self.bitmap_words() as usize;
         let bytes = 4 * u64::from(self.chunk.sensors) * words as u64;
+        if words.is_multiple_of(2) {
+            return self.device.read("read-back", &self.chunk.bitmaps, bytes);
+        }
         let bitmaps: Vec<u32> = self.device.read("read-back", &self.chunk.bitmaps, bytes)?;
         let wide = |pair: &[u32]| {
             u64::from(pair[0]) | pair.get(1).map_or(0, |&high| u64::from(high) << 32)
