@@ -8,6 +8,7 @@ mod cli_chart;
 mod cli_errors;
 mod cli_optimize;
 mod cli_scene;
+mod cli_study;
 mod common;
 mod cover;
 mod fast_stages;

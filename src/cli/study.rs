@@ -109,6 +109,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             args.scenes.len()
         )));
     }
+    if args.scenes.len() < 2 && args.kind == Kind::Transfer {
+        return Err(Error::Usage(
+            "`study transfer` compares scenes; name two or more scene files".into(),
+        ));
+    }
     let objective: Objective = args.objective.parse()?;
     let interrupt = Interrupt::listen(args.compute.talk);
     let stem = args.scenes[0].file_stem().unwrap_or_default().to_string_lossy().into_owned();

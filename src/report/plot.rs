@@ -7,8 +7,9 @@ const LEFT: f64 = 90.0;
 const TOP: f64 = 50.0;
 const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 300.0;
-/// Categories from which on their names are turned.
+/// Categories from which on names longer than so many characters are turned.
 const MANY: usize = 7;
+const SHORT: usize = 4;
 
 /// What stands along the x axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -96,7 +97,8 @@ impl Plot {
                 ticks(x_range.0, x_range.1, 6).into_iter().map(|t| (t, number(t))).collect()
             }
         };
-        let turned = matches!(&self.x, Axis::Names(names) if names.len() >= MANY);
+        let long = |names: &[String]| names.iter().any(|name| name.chars().count() > SHORT);
+        let turned = matches!(&self.x, Axis::Names(names) if names.len() >= MANY && long(names));
         for (value, text) in &marks {
             let at = x(*value);
             let place = if turned {

@@ -99,11 +99,6 @@ fn words(value: Option<f64>) -> String {
 
 pub fn transfer(bench: &mut Bench, session: &mut Session) -> Result<Study, Error> {
     let paths = bench.args.scenes.clone();
-    if paths.len() < 2 {
-        return Err(Error::Usage(
-            "`study transfer` compares scenes; name two or more scene files".into(),
-        ));
-    }
     session.expect(2 * paths.len());
     let mut others = Vec::new();
     for path in &paths[1..] {
