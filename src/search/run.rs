@@ -87,7 +87,7 @@ pub enum SearchError {
 ///
 /// Where it stops by itself it restarts (BIPOP) while evaluations remain. LiDARs are alike, so the
 /// order within a placement means nothing: layouts to start from and the best placement are put into
-/// one order, see [`canonical`], so that layouts that differ by it alone are one point.
+/// one order, so that layouts that differ by it alone are one point.
 ///
 /// It saves and loads whole: a loaded search goes on to the same bits.
 #[derive(Debug, Clone, Serialize, Deserialize)]
