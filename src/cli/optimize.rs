@@ -1,40 +1,35 @@
 mod auto;
+mod finalists;
 mod folder;
 mod grid;
+mod outcome;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 use sightline::fidelity::World;
-use sightline::placement::{Constraints, Placement, Spacing, read_placements};
-use sightline::report::{
-    Figures, InformationMap, MethodRecord, RunRecord, RunTimes, Scored, certificate_in_words,
-    methods_in_words,
-};
-use sightline::scene::{EgoBody, Scene};
+use sightline::placement::{Placement, Spacing, read_placements};
+use sightline::report::{Figures, InformationMap, RunRecord, RunTimes, Scored};
+use sightline::scene::Scene;
 use sightline::score::Objective;
-use sightline::search::{
-    Certificate, Evaluator, GenerationRecord, SWAP_SPACING, Search, SearchSettings, Swapped,
-};
+use sightline::search::{Evaluator, GenerationRecord, Search, SearchSettings};
 
-use sightline::study::{Finding as LayoutFinding, findings};
-
-use super::args::{Compute, Format, Talk, format_or_default};
+use super::args::{Compute, Format, Talk};
 use super::error::Error;
 use super::interrupt::{INTERRUPTED, Interrupt};
-use super::{load, progress, table};
+use super::{load, progress};
 use auto::{Auto, FidelityChoice};
+use finalists::Finding;
 use folder::RunFolder;
-use grid::{Bounds, GridStage, Method, parse_spacing};
+use grid::{Method, parse_spacing};
+use outcome::{active_bounds, body_of, peak_memory, print};
 
 /// The layouts of Table 7 of the paper, in our frame.
 const TABLE_7: &str = include_str!("../../scenes/placements.json");
 /// Frames that the map of the gained information averages over.
 const MAP_FRAMES: u32 = 4;
-/// Distance from a bound, as a share of the range, that counts as on it.
-const ON_BOUND: f64 = 1e-3;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -259,15 +254,6 @@ pub fn table_7() -> Result<Vec<Placement>, Error> {
         .map_err(|source| Error::Json { path: "scenes/placements.json".into(), source })
 }
 
-/// What a run has come to.
-#[derive(Default)]
-struct Finding {
-    best: Option<Scored>,
-    methods: Vec<MethodRecord>,
-    certificate: Option<Certificate>,
-    findings: Vec<LayoutFinding>,
-}
-
 /// A run under way.
 struct Run {
     settings: RunSettings,
@@ -319,105 +305,6 @@ impl Run {
             ));
         }
         Ok(self.search.stopped().is_none())
-    }
-
-    /// Swaps and bounds over the frames of the search.
-    fn on_the_grid(
-        &mut self,
-        compute: &Compute,
-        interrupt: &Interrupt,
-    ) -> Result<(Option<Swapped>, Option<Bounds>), Error> {
-        let delta = self.settings.search.delta;
-        let spacing = delta.unwrap_or(SWAP_SPACING);
-        // The result of the generations first: it has most to gain where casts run out.
-        let mut starts: Vec<Placement> =
-            self.search.best().map(|best| best.placement.clone()).into_iter().collect();
-        starts.extend(self.best_baseline()?);
-        let casts = self.settings.search.evaluations * self.evaluator.constraints().lidars as u64;
-        let mut stage = GridStage {
-            evaluator: &mut self.evaluator,
-            objective: &self.objective,
-            compute,
-            interrupt,
-        };
-        let swaps = match self.settings.method {
-            Method::Cma => None,
-            // A quarter of what the generations cast.
-            Method::Both => stage.climb(spacing, &starts, casts / 4)?,
-            Method::Swaps => stage.everywhere(spacing, &starts)?,
-        };
-        let bounds = stage.bounds(delta, self.settings.search.seed)?;
-        Ok((swaps, Some(bounds)))
-    }
-
-    /// The best baseline that keeps every rule and violates no guard.
-    fn best_baseline(&mut self) -> Result<Option<Placement>, Error> {
-        let lidars = self.evaluator.constraints().lidars;
-        let baselines = self.settings.baselines.clone();
-        let scored = self.scored(&baselines)?.into_iter().filter(|scored| {
-            scored.violations.is_empty()
-                && scored.scores.guards.is_empty()
-                && scored.placement.lidars.len() == lidars
-        });
-        let best = scored
-            .filter_map(|scored| Some((scored.objective?, scored.placement)))
-            .max_by(|a, b| a.0.total_cmp(&b.0));
-        Ok(best.map(|(_, placement)| placement))
-    }
-
-    /// Scores what each method found over all frames and takes the best; `searched_with` is the
-    /// evaluator of the search where that was over fewer.
-    fn confirm(
-        &mut self,
-        swaps: Option<Swapped>,
-        bounds: Option<Bounds>,
-        mut searched_with: Option<Evaluator>,
-    ) -> Result<Finding, Error> {
-        let mut methods = Vec::new();
-        let mut finalists: Vec<Scored> = Vec::new();
-        let best = self.chosen.clone().or_else(|| self.search.best().map(|b| b.placement.clone()));
-        if let Some(best) = best {
-            let named = Placement { name: "optimized".into(), ..best };
-            let lidars = named.lidars.len() as u64;
-            let scored = self.scored(&[named])?.remove(0);
-            methods.push(MethodRecord {
-                method: "cma-es",
-                objective: scored.objective,
-                evaluations: self.search.evaluations(),
-                poses_cast: self.search.evaluations() * lidars,
-                won: false,
-            });
-            finalists.push(scored);
-        }
-        if let Some(swaps) = swaps {
-            let scored = self.scored(std::slice::from_ref(&swaps.placement))?.remove(0);
-            methods.push(MethodRecord {
-                method: "swaps",
-                objective: scored.objective,
-                evaluations: swaps.evaluations,
-                poses_cast: swaps.poses_cast,
-                won: false,
-            });
-            finalists.push(scored);
-        }
-        let standing = |scored: &Scored| {
-            let value = scored.objective.unwrap_or(f64::NEG_INFINITY);
-            (scored.scores.guards.is_empty(), value)
-        };
-        let best = (0..finalists.len()).max_by(|&a, &b| {
-            let (a, b) = (standing(&finalists[a]), standing(&finalists[b]));
-            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
-        });
-        let Some(best) = best else { return Ok(Finding::default()) };
-        methods[best].won = true;
-        let scored = finalists.swap_remove(best);
-        // The bounds are over the frames of the search, so the result is scored there as well.
-        let evaluator = searched_with.as_mut().unwrap_or(&mut self.evaluator);
-        let there = evaluator.scores(std::slice::from_ref(&scored.placement))?;
-        let value = self.objective.value(&there[0]).unwrap_or(f64::NAN);
-        let properties = bounds.as_ref().map(|b| findings(&b.sample.scored())).unwrap_or_default();
-        let certificate = bounds.map(|b| Certificate::new(b.sample.lipschitz(), b.gain, value));
-        Ok(Finding { best: Some(scored), methods, certificate, findings: properties })
     }
 
     fn scored(&mut self, placements: &[Placement]) -> Result<Vec<Scored>, Error> {
@@ -491,84 +378,4 @@ impl Run {
             peak_memory: peak_memory(),
         })
     }
-}
-
-/// Free pose fields that lie on a bound, in words.
-fn active_bounds(placement: &Placement, constraints: &Constraints) -> Vec<String> {
-    let mut found = Vec::new();
-    for (lidar, pose) in placement.lidars.iter().enumerate() {
-        let fields = pose.fields();
-        for k in constraints.free_fields() {
-            let (low, high) = (constraints.lower[k], constraints.upper[k]);
-            let (field, value) = fields[k];
-            let near = ON_BOUND * (high - low);
-            if value - low <= near {
-                found.push(format!("LiDAR {lidar}: {field} at its lower bound {low}"));
-            } else if high - value <= near {
-                found.push(format!("LiDAR {lidar}: {field} at its upper bound {high}"));
-            }
-        }
-    }
-    found
-}
-
-/// Triangles of the ego body, for the drawing.
-fn body_of(scene: &Scene) -> Vec<[[f32; 3]; 3]> {
-    if !scene.has_geometry() {
-        return Vec::new();
-    }
-    let without = scene.frame(0, EgoBody::Exclude).faces.len() as u32;
-    let soup = scene.frame(0, EgoBody::Include);
-    (without..soup.faces.len() as u32).map(|prim| soup.corners(prim)).collect()
-}
-
-/// Most bytes the process has held, where the kernel tells.
-fn peak_memory() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
-    let kilobytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kilobytes << 10)
-}
-
-fn print(args: &Args, record: &RunRecord, folder: &Path, interrupted: bool) {
-    if format_or_default(args.format) == Format::Json {
-        println!("{}", serde_json::json!(record));
-        return;
-    }
-    let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
-    rows.extend(record.baselines.iter().map(|baseline| baseline.scores.clone()));
-    println!("{}: maximizing {} over {} frame(s)", record.scene, record.objective, record.frames);
-    print!("{}", table::scores(&rows));
-    match &record.best {
-        Some(best) => {
-            println!("\noptimized placement (m, rad):");
-            let titles = ["LiDAR", "x", "y", "z", "roll", "pitch", "yaw"];
-            let mut rows = vec![titles.map(str::to_owned).to_vec()];
-            for (index, pose) in best.placement.lidars.iter().enumerate() {
-                let mut row = vec![index.to_string()];
-                row.extend(pose.fields().map(|(_, value)| format!("{value:.3}")));
-                rows.push(row);
-            }
-            print!("{}", table::align(&rows));
-            for bound in &record.active_bounds {
-                println!("  on a bound: {bound}");
-            }
-            println!("\nfound by: {}", methods_in_words(record));
-            println!("certificate: {}", certificate_in_words(record));
-            println!("\n{}", table::findings(&record.findings));
-        }
-        None => println!("\nno candidate kept the rules of the mount; widen it"),
-    }
-    if let Some(words) = record.fidelity.as_ref().and_then(|f| f["words"].as_str()) {
-        println!("\n{words}");
-    }
-    println!(
-        "\n{} after {} evaluations in {:.1} s ({:.1} placements × frames/s on {}); report: {}",
-        if interrupted { "interrupted" } else { "done" },
-        record.evaluations,
-        record.timings.total,
-        record.rate,
-        record.backend,
-        folder.join("report.html").display()
-    );
 }

@@ -1,0 +1,122 @@
+//! What each way of searching found, the better of them, and what is known of others.
+
+use sightline::placement::Placement;
+use sightline::report::{MethodRecord, Scored};
+use sightline::search::{Certificate, Evaluator, SWAP_SPACING, Swapped};
+use sightline::study::{Finding as LayoutFinding, findings};
+
+use super::Run;
+use super::grid::{Bounds, GridStage, Method};
+use crate::cli::args::Compute;
+use crate::cli::error::Error;
+use crate::cli::interrupt::Interrupt;
+
+/// What a run has come to.
+#[derive(Default)]
+pub(super) struct Finding {
+    pub(super) best: Option<Scored>,
+    pub(super) methods: Vec<MethodRecord>,
+    pub(super) certificate: Option<Certificate>,
+    pub(super) findings: Vec<LayoutFinding>,
+}
+
+impl Run {
+    /// Swaps and bounds over the frames of the search.
+    pub(super) fn on_the_grid(
+        &mut self,
+        compute: &Compute,
+        interrupt: &Interrupt,
+    ) -> Result<(Option<Swapped>, Option<Bounds>), Error> {
+        let delta = self.settings.search.delta;
+        let spacing = delta.unwrap_or(SWAP_SPACING);
+        // The result of the generations first: it has most to gain where casts run out.
+        let mut starts: Vec<Placement> =
+            self.search.best().map(|best| best.placement.clone()).into_iter().collect();
+        starts.extend(self.best_baseline()?);
+        let casts = self.settings.search.evaluations * self.evaluator.constraints().lidars as u64;
+        let mut stage = GridStage {
+            evaluator: &mut self.evaluator,
+            objective: &self.objective,
+            compute,
+            interrupt,
+        };
+        let swaps = match self.settings.method {
+            Method::Cma => None,
+            // A quarter of what the generations cast.
+            Method::Both => stage.climb(spacing, &starts, casts / 4)?,
+            Method::Swaps => stage.everywhere(spacing, &starts)?,
+        };
+        let bounds = stage.bounds(delta, self.settings.search.seed)?;
+        Ok((swaps, Some(bounds)))
+    }
+
+    /// The best baseline that keeps every rule and violates no guard.
+    fn best_baseline(&mut self) -> Result<Option<Placement>, Error> {
+        let lidars = self.evaluator.constraints().lidars;
+        let baselines = self.settings.baselines.clone();
+        let scored = self.scored(&baselines)?.into_iter().filter(|scored| {
+            scored.violations.is_empty()
+                && scored.scores.guards.is_empty()
+                && scored.placement.lidars.len() == lidars
+        });
+        let best = scored
+            .filter_map(|scored| Some((scored.objective?, scored.placement)))
+            .max_by(|a, b| a.0.total_cmp(&b.0));
+        Ok(best.map(|(_, placement)| placement))
+    }
+
+    /// Scores what each method found over all frames and takes the best; `searched_with` is the
+    /// evaluator of the search where that was over fewer.
+    pub(super) fn confirm(
+        &mut self,
+        swaps: Option<Swapped>,
+        bounds: Option<Bounds>,
+        mut searched_with: Option<Evaluator>,
+    ) -> Result<Finding, Error> {
+        let mut methods = Vec::new();
+        let mut finalists: Vec<Scored> = Vec::new();
+        let best = self.chosen.clone().or_else(|| self.search.best().map(|b| b.placement.clone()));
+        if let Some(best) = best {
+            let named = Placement { name: "optimized".into(), ..best };
+            let lidars = named.lidars.len() as u64;
+            let scored = self.scored(&[named])?.remove(0);
+            methods.push(MethodRecord {
+                method: "cma-es",
+                objective: scored.objective,
+                evaluations: self.search.evaluations(),
+                poses_cast: self.search.evaluations() * lidars,
+                won: false,
+            });
+            finalists.push(scored);
+        }
+        if let Some(swaps) = swaps {
+            let scored = self.scored(std::slice::from_ref(&swaps.placement))?.remove(0);
+            methods.push(MethodRecord {
+                method: "swaps",
+                objective: scored.objective,
+                evaluations: swaps.evaluations,
+                poses_cast: swaps.poses_cast,
+                won: false,
+            });
+            finalists.push(scored);
+        }
+        let standing = |scored: &Scored| {
+            let value = scored.objective.unwrap_or(f64::NEG_INFINITY);
+            (scored.scores.guards.is_empty(), value)
+        };
+        let best = (0..finalists.len()).max_by(|&a, &b| {
+            let (a, b) = (standing(&finalists[a]), standing(&finalists[b]));
+            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+        });
+        let Some(best) = best else { return Ok(Finding::default()) };
+        methods[best].won = true;
+        let scored = finalists.swap_remove(best);
+        // The bounds are over the frames of the search, so the result is scored there as well.
+        let evaluator = searched_with.as_mut().unwrap_or(&mut self.evaluator);
+        let there = evaluator.scores(std::slice::from_ref(&scored.placement))?;
+        let value = self.objective.value(&there[0]).unwrap_or(f64::NAN);
+        let properties = bounds.as_ref().map(|b| findings(&b.sample.scored())).unwrap_or_default();
+        let certificate = bounds.map(|b| Certificate::new(b.sample.lipschitz(), b.gain, value));
+        Ok(Finding { best: Some(scored), methods, certificate, findings: properties })
+    }
+}
