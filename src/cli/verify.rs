@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use serde_json::json;
 use sightline::backend::Backend;
-use sightline::backend::cpu::CpuBackend;
+use sightline::backend::cpu::ReferenceBackend;
 use sightline::backend::gpu::GpuBackend;
 use sightline::placement::read_placements;
 use sightline::verify::{
@@ -68,7 +68,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         }
     };
     let memory = args.compute.memory_budget() / 2;
-    let mut cpu = CpuBackend::new(problem.clone(), memory);
+    let mut cpu = ReferenceBackend::new(problem.clone());
     let mut gpu = GpuBackend::new(problem.clone(), args.compute.adapter.as_deref(), memory)?;
     let frames = problem.frame_count().max(problem.geometry_frame_count());
     let steps = (placements.len() * frames) as u64;

@@ -15,6 +15,7 @@ mod cover;
 mod lockstep;
 mod packets;
 mod reduce;
+mod reference;
 mod worth;
 
 use std::sync::{Arc, Mutex};
@@ -35,6 +36,7 @@ pub use lockstep::{WalkScratch, cover_sensor};
 pub use packets::cast_packets;
 pub use reduce::reduce;
 pub(super) use reduce::set_bits;
+pub use reference::ReferenceBackend;
 pub(super) use worth::{Worth, take_sums};
 
 /// Bytes of hits that one chunk uses at most: more gains nothing, since a chunk of this size already
