@@ -60,3 +60,17 @@ fn plot_of(table: &Table, column: &str, x_title: &str) -> Plot {
         }],
     }
 }
+
+/// One series a case, over its columns.
+fn series_by_row(table: &Table) -> Vec<Series> {
+    let values = |row: &Row| {
+        row.values.iter().enumerate().map(|(k, v)| (k as f64, v.unwrap_or(f64::NAN))).collect()
+    };
+    let series = table.rows.iter().map(|row| Series {
+        name: row.name.clone(),
+        points: values(row),
+        line: false,
+        labels: Vec::new(),
+    });
+    series.collect()
+}

@@ -7,7 +7,7 @@ use sightline::study::{
     Region, Row, Table, after_worst_loss, gains_by_region, most_robust, without_each,
 };
 
-use super::{columns, plot_of, title};
+use super::{columns, plot_of, series_by_row, title};
 use crate::cli::error::Error;
 use crate::cli::study::bench::Bench;
 use crate::cli::study::session::{Session, Study};
@@ -266,23 +266,12 @@ pub fn loss(bench: &mut Bench, session: &mut Session) -> Result<Study, Error> {
     let title = title(bench, "the loss of one LiDAR");
     let table = Table { title, columns: columns("placement", &more), rows, notes };
     let names: Vec<String> = more.iter().map(|s| (*s).to_owned()).collect();
-    let series = table.rows.iter().map(|row| Series {
-        name: row.name.clone(),
-        points: row
-            .values
-            .iter()
-            .enumerate()
-            .map(|(k, v)| (k as f64, v.unwrap_or(f64::NAN)))
-            .collect(),
-        line: false,
-        labels: Vec::new(),
-    });
     let plot = Plot {
         title: table.title.clone(),
         x_title: "what is left".into(),
         y_title: objective.to_string(),
         x: Axis::Names(names),
-        series: series.collect(),
+        series: series_by_row(&table),
     };
     Ok(Study { table, plot })
 }

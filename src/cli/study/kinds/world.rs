@@ -2,11 +2,11 @@
 
 use sightline::audit::{kendall_tau, mean_height, spearman};
 use sightline::placement::Placement;
-use sightline::report::{Axis, Plot, Series};
+use sightline::report::{Axis, Plot};
 use sightline::score::Scores;
 use sightline::study::{Row, TASKS, Table, results_of};
 
-use super::{columns, plot_of, title};
+use super::{columns, plot_of, series_by_row, title};
 use crate::cli::error::Error;
 use crate::cli::load;
 use crate::cli::study::bench::Bench;
@@ -72,23 +72,12 @@ pub fn voxels(bench: &mut Bench, session: &mut Session) -> Result<Study, Error> 
     }
     let title = title(bench, "four voxel sizes");
     let table = Table { title, columns: columns("voxel", &names), rows, notes };
-    let series = table.rows.iter().map(|row| Series {
-        name: row.name.clone(),
-        points: row
-            .values
-            .iter()
-            .enumerate()
-            .map(|(k, v)| (k as f64, v.unwrap_or(f64::NAN)))
-            .collect(),
-        line: false,
-        labels: Vec::new(),
-    });
     let plot = Plot {
         title: table.title.clone(),
         x_title: "placement".into(),
         y_title: "M-SOG/N ×1e-6".into(),
         x: Axis::Names(names.iter().map(|s| (*s).to_owned()).collect()),
-        series: series.collect(),
+        series: series_by_row(&table),
     };
     Ok(Study { table, plot })
 }
