@@ -1,6 +1,7 @@
 //! Runs of the search: their folder, their repeatability, Ctrl-C and resume.
 
 use std::fs;
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -67,20 +68,17 @@ fn optimize_writes_its_folder_and_repeats_itself() {
     assert!(String::from_utf8_lossy(&again.stderr).contains("--resume"));
 }
 
+/// Exit code of a run into `broken` that is interrupted after its first checkpoint.
 #[cfg(unix)]
-#[test]
-fn an_interrupted_run_goes_on_to_the_same_bytes() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
-    ok(dir.path(), &optimize_args("whole", "400"));
+fn interrupted(dir: &Path, args: &[&str]) -> Option<i32> {
     let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
-        .args(optimize_args("broken", "400"))
-        .current_dir(dir.path())
+        .args(args)
+        .current_dir(dir)
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    let checkpoint = dir.path().join("broken/checkpoint.json");
+    let checkpoint = dir.join("broken/checkpoint.json");
     let start = Instant::now();
     while !checkpoint.exists() {
         assert!(start.elapsed() < Duration::from_secs(60), "no checkpoint was written");
@@ -88,7 +86,16 @@ fn an_interrupted_run_goes_on_to_the_same_bytes() {
     }
     let pid = child.id().to_string();
     assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
-    let code = child.wait().unwrap().code();
+    child.wait().unwrap().code()
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_goes_on_to_the_same_bytes() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    ok(dir.path(), &optimize_args("whole", "400"));
+    let code = interrupted(dir.path(), &optimize_args("broken", "400"));
     // Too late an interrupt would prove nothing; 400 evaluations leave room for it.
     assert_eq!(code, Some(130));
     let state: Value =
@@ -197,22 +204,8 @@ fn an_interrupted_auto_run_goes_on_to_the_same_bytes() {
     let args =
         |out| ["optimize", "room.json", "--backend", "cpu", "--evaluations", "300", "--out", out];
     ok(dir.path(), &args("whole"));
-    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
-        .args(args("broken"))
-        .current_dir(dir.path())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    let checkpoint = dir.path().join("broken/checkpoint.json");
-    let start = Instant::now();
-    while !checkpoint.exists() {
-        assert!(start.elapsed() < Duration::from_secs(60), "no checkpoint was written");
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    let pid = child.id().to_string();
-    assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
-    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let code = interrupted(dir.path(), &args("broken"));
+    assert_eq!(code, Some(130));
     let resumed = ok(dir.path(), &["optimize", "--resume", "broken", "--backend", "cpu"]);
     let read = |run: &str, file: &str| fs::read(dir.path().join(run).join(file)).unwrap();
     for file in ["history.jsonl", "checkpoint.json", "placement.svg"] {

@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::OccupiedVoxel;
+use super::{BackendError, OccupiedVoxel};
 use crate::bvh::Bvh;
 use crate::grid::Roi;
 use crate::placement::BeamTable;
@@ -155,6 +155,11 @@ impl Problem {
     /// Frames over which a tally is summed.
     pub fn frame_count(&self) -> usize {
         if self.ends_at_hits { self.frames.len() } else { 1 }
+    }
+
+    pub(super) fn check_frame(&self, frame: usize) -> Result<(), BackendError> {
+        let frames = self.frame_count();
+        if frame < frames { Ok(()) } else { Err(BackendError::NoFrame { frame, frames }) }
     }
 
     /// Whether beams end at surfaces.

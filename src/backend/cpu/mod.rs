@@ -35,7 +35,7 @@ pub use cover::{bitmap_words, cover_voxels};
 pub use lockstep::{WalkScratch, cover_sensor};
 pub use packets::cast_packets;
 pub use reduce::reduce;
-pub(super) use reduce::set_bits;
+pub(super) use reduce::union_of;
 pub use reference::ReferenceBackend;
 pub(super) use worth::{Worth, take_sums};
 
@@ -213,22 +213,16 @@ impl Backend for CpuBackend {
     }
 
     fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {
-        let frames = self.problem.frame_count();
-        if frame >= frames {
-            return Err(BackendError::NoFrame { frame, frames });
-        }
+        self.problem.check_frame(frame)?;
         let placements = std::slice::from_ref(placement);
         self.chunks(placements)?;
         let words = bitmap_words(self.problem.roi());
         let bitmaps = self.bitmaps(&placement.lidars, frame)?;
-        Ok(set_bits(|w| bitmaps[w..].iter().step_by(words).fold(0, |or, x| or | x), words))
+        Ok(union_of(&bitmaps, words))
     }
 
     fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError> {
-        let frames = self.problem.frame_count();
-        if frame >= frames {
-            return Err(BackendError::NoFrame { frame, frames });
-        }
+        self.problem.check_frame(frame)?;
         let roi = self.problem.roi();
         let poses: Vec<DevicePose> = poses.iter().map(|pose| DevicePose::new(pose, roi)).collect();
         let range = self.problem.table().range();

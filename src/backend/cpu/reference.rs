@@ -1,7 +1,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::{bitmap_words, cast_closest, cover_voxels, reduce, set_bits};
+use super::{bitmap_words, cast_closest, cover_voxels, reduce, union_of};
 use crate::backend::{Backend, BackendError, DevicePose, Problem, StageTimes, Tally};
 use crate::bvh::Hit;
 use crate::placement::{Placement, SensorPose};
@@ -82,14 +82,11 @@ impl Backend for ReferenceBackend {
     fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {
         let words = bitmap_words(self.problem.roi());
         let bitmaps = self.bitmaps(&placement.lidars, frame)?;
-        Ok(set_bits(|w| bitmaps[w..].iter().step_by(words).fold(0, |or, x| or | x), words))
+        Ok(union_of(&bitmaps, words))
     }
 
     fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError> {
-        let frames = self.problem.frame_count();
-        if frame >= frames {
-            return Err(BackendError::NoFrame { frame, frames });
-        }
+        self.problem.check_frame(frame)?;
         let (poses, range) = (self.poses(poses), self.problem.table().range());
         let hits = self.cast(&poses, frame, range);
         Ok(self.cover(&poses, hits.as_deref(), range))

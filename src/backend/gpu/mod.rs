@@ -194,10 +194,7 @@ impl Backend for GpuBackend {
     }
 
     fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {
-        let frames = self.problem.frame_count();
-        if frame >= frames {
-            return Err(BackendError::NoFrame { frame, frames });
-        }
+        self.problem.check_frame(frame)?;
         let placements = std::slice::from_ref(placement);
         self.chunks(placements)?;
         self.load(placements)?;
@@ -209,10 +206,7 @@ impl Backend for GpuBackend {
     }
 
     fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError> {
-        let frames = self.problem.frame_count();
-        if frame >= frames {
-            return Err(BackendError::NoFrame { frame, frames });
-        }
+        self.problem.check_frame(frame)?;
         let single = |pose: &SensorPose| Placement { name: String::new(), lidars: vec![*pose] };
         let placements: Vec<Placement> = poses.iter().map(single).collect();
         let range = self.problem.table().range();

@@ -3,7 +3,7 @@ use rayon::prelude::*;
 use super::device::Device;
 use super::kernels::{Kernels, beam_workgroups, dispatch};
 use super::resources::{ChunkBuffers, SceneBuffers, occupied_workgroups, walk_passes};
-use crate::backend::cpu::{Worth, beam_direction, bitmap_words, set_bits, take_sums};
+use crate::backend::cpu::{Worth, beam_direction, bitmap_words, take_sums, union_of};
 use crate::backend::layout::{
     DevicePose, HALVED_SUMS, ITEMS_PER_WORKGROUP, PARTIAL_WORDS, UNFINISHED, Uniforms,
 };
@@ -223,7 +223,7 @@ impl Run<'_> {
     pub(super) fn read_covered(&self) -> Result<Vec<u64>, BackendError> {
         let words = bitmap_words(self.problem.roi());
         let bitmaps = self.read_bitmaps()?;
-        Ok(set_bits(|w| bitmaps[w..].iter().step_by(words).fold(0, |or, word| or | word), words))
+        Ok(union_of(&bitmaps, words))
     }
 
     /// Bitmaps of the chunk's sensors in words of 64 bits.
