@@ -122,7 +122,7 @@ fn a_packet_of_any_rays_gives_the_bits_of_all_triangles() {
             if rays.is_empty() {
                 continue;
             }
-            packet.gather(&rays, 30.0);
+            packet.gather(rays.len(), 30.0, |lane| rays[lane]);
             bvh.closest_hits(&mut packet, &mut scratch);
             assert_eq!(packet.hits().count(), rays.len());
             for (&(origin, direction), hit) in rays.iter().zip(packet.hits()) {

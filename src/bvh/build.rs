@@ -1,6 +1,6 @@
 use glam::Vec3;
 
-use super::wide::collapse;
+use super::wide::Wide;
 use super::{Bvh, MAX_DEPTH, Node, Triangle};
 use crate::geom::{Aabb, TriangleSoup};
 
@@ -54,7 +54,7 @@ impl Bvh {
             builder.nodes.push(Node { min: [0.0; 3], first: 0, max: [0.0; 3], count: 0 });
             builder.subdivide(0, &mut items, 1);
         }
-        let wide = collapse(&builder.nodes);
+        let wide = Wide::collapse(&builder.nodes, &builder.triangles);
         Self { nodes: builder.nodes, triangles: builder.triangles, pad, wide }
     }
 }

@@ -142,6 +142,7 @@ fn permute(v: Vec3, major: usize) -> Vec3 {
     }
 }
 
-fn safe_inverse(d: f32) -> f32 {
+#[inline(always)]
+pub(super) fn safe_inverse(d: f32) -> f32 {
     if d == 0.0 { FAR_INVERSE } else { 1.0 / d }
 }

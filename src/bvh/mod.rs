@@ -11,6 +11,7 @@
 //! answer is the same for every tree, every order of visits, and for no tree at all
 //! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together ([`Packet`]).
 
+mod bounds;
 mod build;
 mod intersect;
 mod lanes;
@@ -21,4 +22,4 @@ mod wide;
 
 pub use intersect::{Hit, NO_HIT, Ray, major_axis};
 pub use node::{Bvh, BvhError, MAX_DEPTH, Node, Triangle};
-pub use packet::{PACKET_RAYS, Packet, Scratch};
+pub use packet::{CHUNK, PACKET_RAYS, Packet, PacketHits, Scratch};

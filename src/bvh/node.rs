@@ -1,7 +1,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
-use super::wide::WideNode;
+use super::wide::Wide;
 use crate::geom::Aabb;
 
 /// Most nodes on a path from the root to a leaf; traversal stacks hold this many entries.
@@ -63,7 +63,7 @@ pub struct Bvh {
     /// Metres by which each triangle's box is grown; see [`Bvh::build`].
     pub pad: f32,
     /// The same tree for packets.
-    pub(super) wide: Vec<WideNode>,
+    pub(super) wide: Wide,
 }
 
 /// What [`Bvh::validate`] found broken.
@@ -110,9 +110,10 @@ impl Bvh {
         Aabb { min: bounds.min - pad, max: bounds.max + pad }
     }
 
-    /// Bytes of both arrays.
+    /// Bytes of the triangles and both trees.
     pub fn bytes(&self) -> u64 {
-        (size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice())) as u64
+        let own = size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice());
+        own as u64 + self.wide.bytes()
     }
 
     /// Checks that every triangle is in one leaf, boxes nest exactly, and no path is too deep.

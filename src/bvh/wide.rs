@@ -1,11 +1,18 @@
-use super::Node;
+use super::{Node, Triangle};
 
-/// Children of a wide node.
+/// Children of a wide node, and most triangles of a block.
 pub(super) const WIDTH: usize = 8;
-/// Bit of a child that marks a leaf: the other bits are its triangles' count and first index.
+/// Bit of a child that marks a block of triangles.
 const LEAF: u32 = 1 << 31;
-const COUNT_BITS: u32 = 3;
-const FIRST_BITS: u32 = 31 - COUNT_BITS;
+
+/// The binary tree for packets: its nodes merged into wide ones, its lowest leaves into blocks.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Wide {
+    /// The root comes first; none without triangles.
+    pub(super) nodes: Vec<WideNode>,
+    /// Leaves.
+    pub(super) blocks: Vec<Block>,
+}
 
 /// Eight children of the binary tree side by side, 224 bytes: one visit tests all of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,7 +22,18 @@ pub(super) struct WideNode {
     pub(super) children: [Child; WIDTH],
 }
 
-/// A wide node's child: another wide node or a range of triangles.
+/// Up to eight triangles side by side, 296 bytes: one visit sorts out those that a packet passes by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Block {
+    /// Corners by corner, axis and triangle; unused slots repeat the first triangle.
+    pub(super) corners: [[[f32; WIDTH]; 3]; 3],
+    /// First triangle in leaf order.
+    pub(super) first: u32,
+    /// Triangles.
+    pub(super) count: u32,
+}
+
+/// A wide node's child: another wide node or a block.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Child(u32);
 
@@ -23,53 +41,102 @@ impl Child {
     /// The root of a tree.
     pub(super) const ROOT: Self = Self(0);
 
-    /// Triangles of a leaf, or the index of a wide node.
-    pub(super) fn get(self) -> Result<std::ops::Range<usize>, usize> {
-        if self.0 & LEAF == 0 {
-            return Err(self.0 as usize);
-        }
-        let first = (self.0 & ((1 << FIRST_BITS) - 1)) as usize;
-        let count = (self.0 >> FIRST_BITS & ((1 << COUNT_BITS) - 1)) as usize;
-        Ok(first..first + count)
+    /// Index of a block, or of a wide node as the error.
+    pub(super) fn get(self) -> Result<usize, usize> {
+        if self.0 & LEAF != 0 { Ok((self.0 ^ LEAF) as usize) } else { Err(self.0 as usize) }
     }
 }
 
-/// Merges the binary tree's nodes into wide ones: each takes over the grandchildren of its largest
-/// children until eight are together. Boxes are the binary tree's own.
-pub(super) fn collapse(nodes: &[Node]) -> Vec<WideNode> {
-    let mut wide = Vec::new();
-    if !nodes.is_empty() {
-        wide.push(WideNode::EMPTY);
-        fill(nodes, 0, 0, &mut wide);
-    }
-    wide
+/// Triangles below a binary node: they are neighbours in leaf order.
+#[derive(Clone, Copy, Default)]
+struct Below {
+    first: u32,
+    count: u32,
 }
 
-/// Fills wide node `at` with the descendants of binary node `from`.
-fn fill(nodes: &[Node], from: usize, at: usize, wide: &mut Vec<WideNode>) {
-    let mut below = vec![from];
-    while below.len() < WIDTH {
-        let inner = below.iter().enumerate().filter(|&(_, &node)| nodes[node].count == 0);
-        let largest =
-            inner.max_by(|a, b| half_area(&nodes[*a.1]).total_cmp(&half_area(&nodes[*b.1])));
-        let Some((slot, &node)) = largest else { break };
-        below[slot] = nodes[node].first as usize;
-        below.push(nodes[node].first as usize + 1);
-    }
-    for (slot, node) in below.into_iter().enumerate() {
-        let (index, node) = (node, &nodes[node]);
-        for axis in 0..3 {
-            wide[at].planes[axis][0][slot] = node.min[axis];
-            wide[at].planes[axis][1][slot] = node.max[axis];
+struct Collapse<'a> {
+    nodes: &'a [Node],
+    triangles: &'a [Triangle],
+    below: Vec<Below>,
+    wide: Wide,
+}
+
+impl Wide {
+    /// Merges the binary tree's nodes into wide ones: each takes over the grandchildren of its largest
+    /// children until eight are together. Whatever holds at most eight triangles becomes a block.
+    /// Boxes are the binary tree's own.
+    pub(super) fn collapse(nodes: &[Node], triangles: &[Triangle]) -> Self {
+        let mut below = vec![Below::default(); nodes.len()];
+        // Children come after their parents.
+        for (index, node) in nodes.iter().enumerate().rev() {
+            below[index] = if node.count > 0 {
+                Below { first: node.first, count: node.count }
+            } else {
+                let left = node.first as usize;
+                let count = below[left].count + below[left + 1].count;
+                Below { first: below[left].first, count }
+            };
         }
-        wide[at].children[slot] = if node.count > 0 {
-            Child(LEAF | node.count << FIRST_BITS | node.first)
-        } else {
-            let child = wide.len();
-            wide.push(WideNode::EMPTY);
-            fill(nodes, index, child, wide);
-            Child(child as u32)
-        };
+        let mut collapse = Collapse { nodes, triangles, below, wide: Self::default() };
+        if !nodes.is_empty() {
+            collapse.wide.nodes.push(WideNode::EMPTY);
+            collapse.fill(0, 0);
+        }
+        collapse.wide
+    }
+
+    /// Bytes of nodes and blocks.
+    pub(super) fn bytes(&self) -> u64 {
+        (size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice())) as u64
+    }
+}
+
+impl Collapse<'_> {
+    /// Fills wide node `at` with the descendants of binary node `from`.
+    fn fill(&mut self, from: usize, at: usize) {
+        let is_block = |node: usize| self.below[node].count as usize <= WIDTH;
+        let area = |node: usize| half_area(&self.nodes[node]);
+        let mut children = vec![from];
+        while children.len() < WIDTH {
+            let inner = children.iter().enumerate().filter(|&(_, &node)| !is_block(node));
+            let largest = inner.max_by(|a, b| area(*a.1).total_cmp(&area(*b.1)));
+            let Some((slot, &node)) = largest else { break };
+            children[slot] = self.nodes[node].first as usize;
+            children.push(self.nodes[node].first as usize + 1);
+        }
+        for (slot, index) in children.into_iter().enumerate() {
+            let node = &self.nodes[index];
+            for axis in 0..3 {
+                self.wide.nodes[at].planes[axis][0][slot] = node.min[axis];
+                self.wide.nodes[at].planes[axis][1][slot] = node.max[axis];
+            }
+            let child = if self.below[index].count as usize <= WIDTH {
+                self.wide.blocks.push(Block::new(self.triangles, self.below[index]));
+                LEAF | (self.wide.blocks.len() - 1) as u32
+            } else {
+                self.wide.nodes.push(WideNode::EMPTY);
+                let child = self.wide.nodes.len() - 1;
+                self.fill(index, child);
+                child as u32
+            };
+            self.wide.nodes[at].children[slot] = Child(child);
+        }
+    }
+}
+
+impl Block {
+    fn new(triangles: &[Triangle], Below { first, count }: Below) -> Self {
+        let mut block = Self { corners: [[[0.0; WIDTH]; 3]; 3], first, count };
+        for slot in 0..WIDTH {
+            let triangle = first as usize + if slot < count as usize { slot } else { 0 };
+            let Triangle { a, b, c, .. } = triangles[triangle];
+            for (k, corner) in [a, b, c].into_iter().enumerate() {
+                for axis in 0..3 {
+                    block.corners[k][axis][slot] = corner[axis];
+                }
+            }
+        }
+        block
     }
 }
 

@@ -10,6 +10,7 @@
 //! None contracts a product and a sum, so all give the same bits.
 
 mod beam;
+mod beam_order;
 mod cast;
 mod cover;
 mod lockstep;

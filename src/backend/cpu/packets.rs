@@ -2,33 +2,24 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::beam::{beam_direction, beam_origin};
+use super::beam_order::sorted_beams;
 use crate::backend::DevicePose;
-use crate::bvh::{Bvh, Hit, NO_HIT, PACKET_RAYS, Packet, Scratch, major_axis};
+use crate::bvh::{Bvh, CHUNK, Hit, NO_HIT, PACKET_RAYS, Packet, PacketHits, Scratch};
 use crate::placement::BeamTable;
 
 /// Directions of one parallel task.
 const DIRECTIONS_PER_TASK: usize = 48;
-/// Directions whose hits are written together: a cache line of each sensor's row.
-const DIRECTIONS_PER_WRITE: usize = 8;
+/// Directions whose hits are written together: two cache lines of each sensor's row.
+const DIRECTIONS_PER_WRITE: usize = 16;
 /// How much narrower a packet is made upwards than sideways: beams meet the ground at a flat angle,
 /// which stretches their upward spread.
 const FLATNESS: f32 = 2.0;
-
-/// Triangles above which half a packet is faster: it is narrower, and meets fewer of them.
-const FINE_MESH: usize = 500_000;
 /// Sensors of one rotation from which on their equal directions are cast together.
 const PARALLEL_SENSORS: usize = 32;
 /// Most sensors whose beams are sorted together.
-const SORTED_SENSORS: usize = 64;
-/// Sensors below which beams are not sorted, since few would go the same way: they are taken in the
-/// table's order, where neighbours mostly do.
-const FEW_SENSORS: usize = 16;
-/// Rays of a packet in sorted order.
-const SORTED_RAYS: usize = 64;
-/// Rays of a packet in the table's order, which is less narrow.
-const UNSORTED_RAYS: usize = 16;
-/// Least parallel tasks that are aimed at.
-const TASKS: usize = 32;
+const SORTED_SENSORS: usize = 256;
+/// Parallel tasks that are aimed at for each thread.
+const TASKS: usize = 2;
 
 /// Origin of a sensor and the hits of its beams.
 type Row<'a> = (Vec3, &'a mut [Hit]);
@@ -36,8 +27,8 @@ type Row<'a> = (Vec3, &'a mut [Hit]);
 /// [`super::cast_closest`] with the beams of many sensors in packets: the same bits.
 ///
 /// Where many sensors share a rotation, a packet holds one direction from origins that lie side by
-/// side as seen along it. The beams of other sensors are sorted by direction, those of sensors near
-/// each other together, and cut into packets in that order. `hits` becomes `[poses × directions]`.
+/// side as seen along it. The beams of other sensors are sorted by where they are likely to end, and
+/// cut into packets in that order. `hits` becomes `[poses × directions]`.
 pub fn cast_packets(
     poses: &[DevicePose],
     table: &BeamTable,
@@ -96,11 +87,40 @@ impl ParallelTask<'_> {
         let middle = directions[directions.len() / 2];
         let sideways = Vec3::Z.cross(middle).try_normalize().unwrap_or(Vec3::X);
         let upwards = middle.cross(sideways) * FLATNESS;
-        let fine = bvh.triangles.len() > FINE_MESH;
-        let most = if fine { PACKET_RAYS / 2 } else { PACKET_RAYS };
-        split(&mut self.rows, &[sideways, upwards], most, &mut |group| {
-            cast_parallel(group, &directions, bvh, range);
+        // As seen along the directions.
+        let seen = |origin: Vec3| Vec3::new(origin.dot(sideways), origin.dot(upwards), 0.0);
+        let rows = self.rows.iter().enumerate();
+        let mut sensors: Vec<_> =
+            rows.map(|(row, (origin, _))| (seen(*origin), row as u32)).collect();
+        let axes = [Vec3::X, Vec3::Y];
+        split(&mut sensors, &axes, PACKET_RAYS, &mut |group| {
+            // Chunks of a packet lie side by side too.
+            split(group, &axes, CHUNK, &mut |_| ());
+            self.cast_group(group, &directions, bvh, range);
         });
+    }
+
+    /// Casts the directions from all origins of a group into its rows.
+    fn cast_group(&mut self, group: &[(Vec3, u32)], directions: &[Vec3], bvh: &Bvh, range: f32) {
+        let rows = || group.iter().map(|&(_, row)| row as usize);
+        let origins: Vec<Vec3> = rows().map(|row| self.rows[row].0).collect();
+        let mut scratch = Scratch::default();
+        let mut packet = Packet::from_origins(&origins);
+        let mut hits = [PacketHits::default(); DIRECTIONS_PER_WRITE];
+        for (block, directions) in directions.chunks(DIRECTIONS_PER_WRITE).enumerate() {
+            for (hits, &direction) in hits.iter_mut().zip(directions) {
+                packet.point(direction, range);
+                bvh.closest_hits(&mut packet, &mut scratch);
+                *hits = *packet.found();
+            }
+            let first = block * DIRECTIONS_PER_WRITE;
+            for (lane, row) in rows().enumerate() {
+                let row = &mut self.rows[row].1[first..first + directions.len()];
+                for (hit, hits) in row.iter_mut().zip(&hits) {
+                    *hit = hits.get(lane);
+                }
+            }
+        }
     }
 }
 
@@ -115,11 +135,11 @@ fn mixed_tasks<'a>(
     directions: &'a [[f32; 3]],
 ) -> Vec<MixedTask<'a>> {
     let mut sensors: Vec<_> = sensors.into_iter().map(|s| (beam_origin(s.0), Some(s))).collect();
-    let most = if sensors.len() < FEW_SENSORS { 1 } else { SORTED_SENSORS };
-    let groups = sensors.len().div_ceil(most).max(1);
-    let block = directions.len().div_ceil(TASKS.div_ceil(groups)).max(PACKET_RAYS);
+    let groups = sensors.len().div_ceil(SORTED_SENSORS).max(1);
+    let blocks = (TASKS * rayon::current_num_threads()).div_ceil(groups);
+    let block = directions.len().div_ceil(blocks).max(PACKET_RAYS);
     let mut tasks = Vec::new();
-    split(&mut sensors, &[Vec3::X, Vec3::Y, FLATNESS * Vec3::Z], most, &mut |group| {
+    split(&mut sensors, &[Vec3::X, Vec3::Y, FLATNESS * Vec3::Z], SORTED_SENSORS, &mut |group| {
         let first = tasks.len();
         tasks.extend(
             directions
@@ -137,92 +157,22 @@ fn mixed_tasks<'a>(
 
 impl MixedTask<'_> {
     fn cast(&mut self, bvh: &Bvh, range: f32) {
-        let count = self.directions.len();
-        let mut rays = Vec::with_capacity(self.sensors.len() * count);
-        for (pose, _) in &self.sensors {
-            let origin = beam_origin(pose);
-            rays.extend(self.directions.iter().map(|&d| (origin, beam_direction(pose, d))));
-        }
-        let keys: Vec<u32> = rays.iter().map(|(_, direction)| sort_key(*direction)).collect();
-        let (order, most) = if self.sensors.len() > 1 {
-            (sorted(&keys), SORTED_RAYS)
-        } else {
-            ((0..keys.len() as u32).collect(), UNSORTED_RAYS)
-        };
         let mut packet = Packet::default();
         let mut scratch = Scratch::default();
-        let mut gathered = Vec::with_capacity(PACKET_RAYS);
-        for same_way in
-            order.chunk_by(|&a, &b| keys[a as usize] >> CELL_BITS == keys[b as usize] >> CELL_BITS)
-        {
-            for beams in same_way.chunks(most) {
-                gathered.clear();
-                gathered.extend(beams.iter().map(|&beam| rays[beam as usize]));
-                packet.gather(&gathered, range);
+        let beams = sorted_beams(&self.sensors, self.directions);
+        for same_way in beams.chunk_by(|a, b| a.way() == b.way()) {
+            for beams in same_way.chunks(PACKET_RAYS) {
+                packet.gather(beams.len(), range, |lane| {
+                    let (sensor, beam) = beams[lane].of();
+                    let pose = self.sensors[sensor].0;
+                    (beam_origin(pose), beam_direction(pose, self.directions[beam]))
+                });
                 bvh.closest_hits(&mut packet, &mut scratch);
-                for (&beam, hit) in beams.iter().zip(packet.hits()) {
-                    self.sensors[beam as usize / count].1[beam as usize % count] = hit;
+                for (beam, hit) in beams.iter().zip(packet.hits()) {
+                    let (sensor, beam) = beam.of();
+                    self.sensors[sensor].1[beam] = hit;
                 }
             }
-        }
-    }
-}
-
-/// Bits of the upward and of the sideward cell of a sort key; narrow and high packets measured fastest.
-const UP_BITS: u32 = 5;
-const SIDE_BITS: u32 = 8;
-const CELL_BITS: u32 = UP_BITS + SIDE_BITS;
-const KEYS: usize = 24 << CELL_BITS;
-
-/// Directions of neighbouring keys are near each other; bits above [`CELL_BITS`] are equal where the
-/// largest component and all signs are.
-fn sort_key(direction: Vec3) -> u32 {
-    let major = major_axis(direction);
-    let (up, side) = if major == 2 { (0, 1) } else { (2, 1 - major) };
-    let negative = |axis: usize| u32::from(direction[axis] < 0.0);
-    let cell = |axis: usize, bits: u32| {
-        let slope = direction[axis].abs() / direction[major].abs();
-        ((slope * (1 << bits) as f32) as u32).min((1 << bits) - 1)
-    };
-    let way = 8 * major as u32 + 4 * negative(major) + 2 * negative(up) + negative(side);
-    way << CELL_BITS | cell(up, UP_BITS) << SIDE_BITS | cell(side, SIDE_BITS)
-}
-
-/// Indices in rising order of their keys.
-fn sorted(keys: &[u32]) -> Vec<u32> {
-    let mut ends = vec![0_u32; KEYS + 1];
-    for &key in keys {
-        ends[key as usize + 1] += 1;
-    }
-    for key in 0..KEYS {
-        ends[key + 1] += ends[key];
-    }
-    let mut order = vec![0; keys.len()];
-    for (index, &key) in keys.iter().enumerate() {
-        let end = &mut ends[key as usize];
-        order[*end as usize] = index as u32;
-        *end += 1;
-    }
-    order
-}
-
-/// Casts the same directions from all origins of a group into its rows.
-fn cast_parallel(group: &mut [Row<'_>], directions: &[Vec3], bvh: &Bvh, range: f32) {
-    let origins: Vec<Vec3> = group.iter().map(|(origin, _)| *origin).collect();
-    let mut scratch = Scratch::default();
-    let mut packet = Packet::from_origins(&origins);
-    let mut written = [[Hit { t: range, prim: NO_HIT }; DIRECTIONS_PER_WRITE]; PACKET_RAYS];
-    for (block, directions) in directions.chunks(DIRECTIONS_PER_WRITE).enumerate() {
-        for (column, &direction) in directions.iter().enumerate() {
-            packet.point(direction, range);
-            bvh.closest_hits(&mut packet, &mut scratch);
-            for (row, hit) in written.iter_mut().zip(packet.hits()) {
-                row[column] = hit;
-            }
-        }
-        let first = block * DIRECTIONS_PER_WRITE;
-        for ((_, row), written) in group.iter_mut().zip(&written) {
-            row[first..first + directions.len()].copy_from_slice(&written[..directions.len()]);
         }
     }
 }
