@@ -214,8 +214,8 @@ fn walk_all(start: &Start, scratch: &WalkScratch, bitmap: &mut [u32]) {
     for group in scratch.sorted.chunks(LANES) {
         let (mut inverse, mut last) = ([Wide([FAR; LANES]); 3], Wide([NEVER; LANES]));
         for (lane, &beam) in group.iter().enumerate() {
-            for k in 0..3 {
-                inverse[k].0[lane] = scratch.inverse[k][beam as usize];
+            for (to, from) in inverse.iter_mut().zip(&scratch.inverse) {
+                to.0[lane] = from[beam as usize];
             }
             last.0[lane] = scratch.last[beam as usize];
         }
@@ -228,6 +228,7 @@ fn walk_all(start: &Start, scratch: &WalkScratch, bitmap: &mut [u32]) {
 /// A lane whose beam has ended walks on, and marks nothing. Written so that a compiler sees vectors:
 /// a loop over the lanes for each thing that is done to all, what is chosen from loaded before.
 #[inline(always)]
+#[allow(clippy::needless_range_loop)]
 fn walk(start: &Start, inverse: &[Wide<f32>; 3], last: &Wide<f32>, bitmap: &mut [u32]) {
     let [px, py, pz] = start.p;
     let top = bitmap.len() as u32 - 1;
