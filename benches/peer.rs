@@ -1,8 +1,8 @@
-//! Embree as a child process on the same rays, or why it is missing.
+//! Other ray casters as child processes on the same rays, or why they are missing.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use bytemuck::{bytes_of, cast_slice};
@@ -10,32 +10,57 @@ use sightline::backend::DevicePose;
 use sightline::geom::TriangleSoup;
 use sightline::placement::BeamTable;
 
-/// A running `benches/embree.c` that holds a scene and its rays.
-pub struct Embree {
-    child: Child,
-    input: ChildStdin,
-    output: BufReader<ChildStdout>,
-    _folder: tempfile::TempDir,
+/// A scene and its rays in a file, as `benches/embree.c` describes it.
+pub struct Rays {
+    folder: tempfile::TempDir,
+    path: PathBuf,
 }
 
-impl Embree {
-    /// Compiles the peer, starts it and waits until its tree is built.
+impl Rays {
+    /// Writes the file, which goes when the value does.
     ///
     /// # Errors
-    /// In words, why there is no such row.
-    pub fn start(
-        library: Option<&Path>,
+    /// The disk is full.
+    pub fn write(
         soup: &TriangleSoup,
         poses: &[DevicePose],
         table: &BeamTable,
-        threads: usize,
-    ) -> Result<Self, String> {
+    ) -> std::io::Result<Self> {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("scene");
+        let mut file = BufWriter::new(File::create(&path)?);
+        let counts = [soup.vertices.len(), soup.faces.len(), poses.len(), table.directions().len()];
+        file.write_all(cast_slice(&counts.map(|n| n as u32)))?;
+        file.write_all(bytes_of(&table.range()))?;
+        file.write_all(cast_slice(&soup.vertices))?;
+        file.write_all(cast_slice(&soup.faces))?;
+        for pose in poses {
+            file.write_all(bytes_of(&pose.rows))?;
+        }
+        file.write_all(cast_slice(table.directions()))?;
+        file.flush()?;
+        Ok(Self { folder, path })
+    }
+}
+
+/// A running ray caster that holds a scene and its rays.
+pub struct Peer {
+    child: Child,
+    input: ChildStdin,
+    output: BufReader<ChildStdout>,
+}
+
+impl Peer {
+    /// Compiles `benches/embree.c`, starts it and waits until its tree is built.
+    ///
+    /// # Errors
+    /// In words, why there is no such row.
+    pub fn embree(library: Option<&Path>, rays: &Rays, threads: usize) -> Result<Self, String> {
         let library = library.ok_or(
             "no --embree LIBRARY given: `pip download embreex --no-deps` and unzip it; the library is \
              embreex.libs/libembree4-*.so.4",
         )?;
-        let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
-        let (program, data) = (folder.path().join("embree"), folder.path().join("scene"));
+        let program = rays.folder.path().join("embree");
         let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/embree.c");
         let built = Command::new("cc")
             .args(["-O2", "-o"])
@@ -46,55 +71,66 @@ impl Embree {
         if !built.success() {
             return Err("cc failed on benches/embree.c".into());
         }
-        write_scene(&data, soup, poses, table).map_err(|e| e.to_string())?;
-        let mut child = Command::new(&program)
-            .arg(library)
-            .arg(&data)
-            .arg(threads.to_string())
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .map_err(|e| e.to_string())?;
+        Self::start(Command::new(&program).arg(library).arg(&rays.path).arg(threads.to_string()))
+    }
+
+    /// Starts `benches/peer.py` with one of its packages.
+    ///
+    /// # Errors
+    /// In words, why there is no such row.
+    pub fn python(
+        interpreter: Option<&Path>,
+        package: &str,
+        rays: &Rays,
+        threads: usize,
+    ) -> Result<Self, String> {
+        let interpreter = interpreter.ok_or(
+            "no --python INTERPRETER given: `python -m venv peers`, \
+             `peers/bin/pip install open3d trimesh embreex`; the interpreter is peers/bin/python",
+        )?;
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peer.py");
+        Self::start(
+            Command::new(interpreter)
+                .arg(script)
+                .arg(package)
+                .arg(&rays.path)
+                .arg(threads.to_string()),
+        )
+    }
+
+    fn start(command: &mut Command) -> Result<Self, String> {
+        let child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
+        let program = command.get_program().to_string_lossy().into_owned();
+        let mut child = child.map_err(|e| format!("{program}: {e}"))?;
         let input = child.stdin.take().ok_or("no pipe")?;
         let output = BufReader::new(child.stdout.take().ok_or("no pipe")?);
-        let mut embree = Self { child, input, output, _folder: folder };
+        let mut peer = Self { child, input, output };
         // The first pass touches all memory once.
-        embree.pass().ok_or("Embree did not start: see the message above")?;
-        Ok(embree)
+        peer.pass()?;
+        Ok(peer)
     }
 
     /// Seconds for all rays, and how many hit.
-    pub fn pass(&mut self) -> Option<(f64, u64)> {
-        writeln!(self.input, "go").ok()?;
+    ///
+    /// # Errors
+    /// What the peer said instead.
+    pub fn pass(&mut self) -> Result<(f64, u64), String> {
+        // A peer that has ended may have said why.
+        let _ = writeln!(self.input, "go");
         let mut line = String::new();
-        self.output.read_line(&mut line).ok()?;
-        let (seconds, hits) = line.trim().split_once(' ')?;
-        Some((seconds.parse().ok()?, hits.parse().ok()?))
+        self.output.read_line(&mut line).map_err(|e| e.to_string())?;
+        let numbers = line.trim().split_once(' ');
+        let numbers = numbers.and_then(|(s, hits)| Some((s.parse().ok()?, hits.parse().ok()?)));
+        numbers.ok_or_else(|| match line.trim() {
+            "" => "it ended without a word: see the message above".into(),
+            said => said.into(),
+        })
     }
 }
 
-impl Drop for Embree {
+impl Drop for Peer {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
-}
-
-fn write_scene(
-    path: &Path,
-    soup: &TriangleSoup,
-    poses: &[DevicePose],
-    table: &BeamTable,
-) -> std::io::Result<()> {
-    let mut file = BufWriter::new(File::create(path)?);
-    let counts = [soup.vertices.len(), soup.faces.len(), poses.len(), table.directions().len()];
-    file.write_all(cast_slice(&counts.map(|n| n as u32)))?;
-    file.write_all(bytes_of(&table.range()))?;
-    file.write_all(cast_slice(&soup.vertices))?;
-    file.write_all(cast_slice(&soup.faces))?;
-    for pose in poses {
-        file.write_all(bytes_of(&pose.rows))?;
-    }
-    file.write_all(cast_slice(table.directions()))?;
-    file.flush()
 }

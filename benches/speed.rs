@@ -1,35 +1,40 @@
-//! Speed of the CPU stages against their references and against Embree, interleaved.
+//! Speed of the stages against their references and against other ray casters, interleaved.
 //!
 //! `cargo bench --bench speed` prints medians of alternating runs with their spread; `-- --help` lists
-//! what can be varied. Figures are of this machine in its state of the moment: the ratios count.
+//! what can be varied. A row that cannot be measured says why. Figures are of this machine in its state
+//! of the moment: the ratios count. A software device takes as many threads as `LP_NUM_THREADS` says.
 
 #![allow(clippy::unwrap_used)]
 
 mod peer;
 mod scene;
+mod setup;
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Parser;
-use glam::DVec3;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use serde_json::{Value, json};
+use setup::RANGE;
 use sightline::backend::cpu::{
-    CpuBackend, WalkScratch, beam_direction, bitmap_words, cast_closest, cast_packets,
-    cover_sensor, cover_voxels, reduce,
+    CpuBackend, WalkScratch, bitmap_words, cast_closest, cast_packets, cover_sensor, cover_voxels,
+    reduce,
 };
-use sightline::backend::{Backend, Content, DevicePose, OccupiedVoxel, Problem};
+use sightline::backend::gpu::GpuBackend;
+use sightline::backend::{Backend, Problem, Tally};
 use sightline::bvh::{Bvh, Hit};
-use sightline::grid::Roi;
-use sightline::placement::{BeamTable, Placement, SensorPose};
+use sightline::placement::Placement;
 
-/// Metres.
-const RANGE: f32 = 100.0;
+use peer::{Peer, Rays};
+
 /// Placements that the slow references are run on.
 const REFERENCE: usize = 4;
+/// Placements that a device is given, software as it may be.
+const DEVICE: usize = 16;
+/// Bytes of work buffers.
+const MEMORY: u64 = 8 << 30;
 
 #[derive(Parser)]
 struct Args {
@@ -51,6 +56,9 @@ struct Args {
     /// Embree 4, for example from `pip download embreex`
     #[arg(long, value_name = "LIBRARY")]
     embree: Option<PathBuf>,
+    /// Python with Open3D, or with trimesh and embreex
+    #[arg(long, value_name = "INTERPRETER")]
+    python: Option<PathBuf>,
     /// Where to write all runs
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -61,15 +69,17 @@ struct Args {
 
 /// Times of one way to do a stage, in seconds for one unit of work.
 struct Row {
-    name: &'static str,
+    name: String,
     runs: Vec<f64>,
+    /// Hits of a peer for each of ours.
+    hits: Option<f64>,
     /// Why there are no runs.
     missing: Option<String>,
 }
 
 impl Row {
-    fn new(name: &'static str) -> Self {
-        Self { name, runs: Vec::new(), missing: None }
+    fn new(name: impl Into<String>) -> Self {
+        Self { name: name.into(), runs: Vec::new(), hits: None, missing: None }
     }
 
     /// Runs and times one pass over `work` units.
@@ -114,57 +124,88 @@ fn print(stage: &str, rows: &[&Row], unit: &str, scale: impl Fn(f64) -> f64) -> 
                 format!("  x{:.1}", row.median() / own)
             },
         );
+        if let Some(hits) = row.hits {
+            println!("    {:<34} {:>9.3} hits for each of ours", "", hits);
+        }
     }
     let rows = rows
         .iter()
-        .map(|row| json!({ "name": row.name, "seconds": row.runs, "missing": row.missing }));
+        .map(|row| json!({ "name": row.name, "seconds": row.runs, "hits": row.hits, "missing": row.missing }));
     json!({ "stage": stage, "rows": rows.collect::<Vec<_>>() })
-}
-
-fn placements(count: usize, turn: f64, seed: u64) -> Vec<Placement> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut within = |low: f64, high: f64| rng.random_range(low..=high);
-    let mut pose = || SensorPose {
-        x: within(-0.6, 0.6),
-        y: within(-0.6, 0.6),
-        z: within(2.2, 2.8),
-        roll: within(-turn, turn),
-        pitch: within(-turn, turn),
-        yaw: 0.0,
-    };
-    (0..count)
-        .map(|i| Placement { name: format!("p{i}"), lidars: (0..4).map(|_| pose()).collect() })
-        .collect()
-}
-
-/// The voxels in which beams of some sensors end, with arbitrary entropies, in five classes.
-fn content(roi: &Roi, poses: &[DevicePose], table: &BeamTable, bvh: &Bvh, seed: u64) -> Content {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut hits = Vec::new();
-    cast_packets(poses, table, bvh, RANGE, &mut hits);
-    let mut voxels = Vec::new();
-    for (pose, hits) in poses.iter().zip(hits.chunks(table.directions().len())) {
-        let origin = DVec3::from(pose.rows.map(|row| f64::from(row[3])));
-        for (&direction, hit) in table.directions().iter().zip(hits).filter(|(_, hit)| hit.is_hit())
-        {
-            let along = beam_direction(pose, direction).as_dvec3() * f64::from(hit.t);
-            voxels.extend(roi.voxel_of_hit(origin, origin + along).map(|voxel| voxel as u32));
-        }
-    }
-    voxels.sort_unstable();
-    voxels.dedup();
-    let mut by_class = vec![Vec::new(); 5];
-    let mut occupied = Vec::new();
-    for index in voxels {
-        let entropy = [0; 3].map(|_| rng.random_range(0..1_u32 << 28));
-        occupied.push(OccupiedVoxel { index, entropy });
-        by_class[rng.random_range(0..5_usize)].push(index);
-    }
-    Content::new((0..5).map(|c| c.to_string()).collect(), occupied, &by_class, true)
 }
 
 fn same_bits(a: &[Hit], b: &[Hit]) -> bool {
     a.iter().zip(b).all(|(a, b)| (a.t.to_bits(), a.prim) == (b.t.to_bits(), b.prim))
+}
+
+/// A peer and its row.
+struct Rival {
+    row: Row,
+    peer: Result<Peer, String>,
+}
+
+impl Rival {
+    fn new(name: &str, peer: Result<Peer, String>) -> Self {
+        let mut row = Row::new(name);
+        row.missing = peer.as_ref().err().cloned();
+        Self { row, peer }
+    }
+
+    fn pass(&mut self, rays: usize, hits: usize) {
+        let Ok(peer) = &mut self.peer else { return };
+        match peer.pass() {
+            Ok((seconds, found)) => {
+                self.row.runs.push(seconds / rays as f64);
+                self.row.hits = Some(found as f64 / hits as f64);
+            }
+            Err(why) => (self.row.missing, self.peer) = (Some(why.clone()), Err(why)),
+        }
+    }
+}
+
+/// The GPU backend and its rows.
+struct Device {
+    backend: Result<GpuBackend, String>,
+    hits: Row,
+    score: Row,
+}
+
+impl Device {
+    fn open(problem: &Arc<Problem>) -> Self {
+        let backend =
+            GpuBackend::new(problem.clone(), None, MEMORY).map_err(|error| error.to_string());
+        let short =
+            |gpu: &GpuBackend| gpu.adapter().split(" (").next().unwrap_or_default().to_owned();
+        let name = match &backend {
+            Ok(gpu) if gpu.is_software() => format!("GPU backend, software {}", short(gpu)),
+            Ok(gpu) => format!("GPU backend, {}", short(gpu)),
+            Err(_) => "GPU backend".into(),
+        };
+        let row = || {
+            let mut row = Row::new(name.as_str());
+            row.missing = backend.as_ref().err().cloned();
+            row
+        };
+        let (hits, score) = (row(), row());
+        Self { backend, hits, score }
+    }
+
+    fn pass(&mut self, batch: &[Placement], beams: usize) -> Option<Vec<Tally>> {
+        let gpu = self.backend.as_mut().ok()?;
+        let before = gpu.times().cast;
+        let tallies = self.score.time(batch.len(), || gpu.tally(batch, RANGE));
+        let cast = (gpu.times().cast - before).as_secs_f64();
+        self.hits.runs.push(cast / (batch.len() * beams) as f64);
+        match tallies {
+            Ok(tallies) => Some(tallies),
+            Err(error) => {
+                (self.hits.missing, self.score.missing) =
+                    (Some(error.to_string()), Some(error.to_string()));
+                self.backend = Err(error.to_string());
+                None
+            }
+        }
+    }
 }
 
 fn run(args: &Args, triangles: usize) -> Value {
@@ -172,103 +213,106 @@ fn run(args: &Args, triangles: usize) -> Value {
     let start = Instant::now();
     let bvh = Arc::new(Bvh::build(&soup, RANGE));
     let build = start.elapsed();
-    let roi = Roi::from_bounds([-40.0, -40.0, -0.5], [40.0, 40.0, 5.5], [0.2; 3]).unwrap();
-    let channels: Vec<(f64, f64)> =
-        (0..16).map(|k| (-24.8 + 26.8 * f64::from(k) / 15.0, 0.0)).collect();
-    let table = BeamTable::spinning(&channels, 720, f64::from(RANGE)).unwrap();
-    let batch = placements(args.placements, args.turn, args.seed);
-    let poses: Vec<DevicePose> =
-        batch.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, &roi)).collect();
+    let (roi, table) = (setup::roi(0.2), setup::table(720));
+    let batch = setup::placements(args.placements, args.turn, args.seed);
+    let poses = setup::poses(&batch, &roi);
     let few = &batch[..REFERENCE.min(batch.len())];
     let few_poses = &poses[..4 * few.len()];
     let beams = table.directions().len();
-    let content = content(&roi, &poses, &table, &bvh, args.seed);
+    let content = setup::content(&roi, &poses, &table, &bvh, args.seed);
     let occupied = content.occupied().len();
-    let problem = Problem::new(roi, content.clone(), table.clone(), vec![bvh.clone()], true);
-    let mut backend = CpuBackend::new(Arc::new(problem), 8 << 30);
+    let problem =
+        Arc::new(Problem::new(roi, content.clone(), table.clone(), vec![bvh.clone()], true));
+    let mut backend = CpuBackend::new(problem.clone(), MEMORY);
     println!(
         "{} triangles, tree built in {build:.2?}, {occupied} occupied voxels, {} beams",
         soup.faces.len(),
         poses.len() * beams
     );
 
-    let [mut single, mut embree, mut packets] =
-        ["one beam at a time", "Embree 4, 16-wide coherent", "cast_packets"].map(Row::new);
+    let [mut single, mut packets] = ["one beam at a time", "cast_packets"].map(Row::new);
     let [mut walk, mut lockstep] = ["one beam at a time, dense", "cover_sensor"].map(Row::new);
     let [mut voxels, mut words, mut both] =
         ["reduce, a voxel at a time", "Embree and the references", "CpuBackend::tally"]
             .map(Row::new);
-    let mut peer = peer::Embree::start(args.embree.as_deref(), &soup, &poses, &table, args.threads);
-    let (mut hits, mut bitmaps, mut scratch) = (Vec::new(), Vec::new(), WalkScratch::default());
-    let mut bitmap = vec![0; bitmap_words(&roi)];
+    let rays = Rays::write(&soup, &poses, &table).expect("room for the rays");
+    let mut embree = Rival::new(
+        "Embree 4, 16-wide coherent",
+        Peer::embree(args.embree.as_deref(), &rays, args.threads),
+    );
+    let python = |package| Peer::python(args.python.as_deref(), package, &rays, args.threads);
+    let mut open3d = Rival::new("Open3D", python("open3d"));
+    let mut trimesh = Rival::new("trimesh, one thread, no range", python("trimesh"));
+    let mut device = Device::open(&problem);
+    let (mut hits, mut bitmaps) = (Vec::new(), Vec::new());
+    let len = bitmap_words(&roi);
+    let mut ours = vec![0; few_poses.len() * len];
     for round in 0..args.rounds + 1 {
         let want =
             single.time(few_poses.len() * beams, || cast_closest(few_poses, &table, &bvh, RANGE));
-        if let Ok(peer) = &mut peer {
-            let (seconds, _) = peer.pass().expect("Embree answers until it is told to stop");
-            embree.runs.push(seconds / (poses.len() * beams) as f64);
-        }
         packets.time(poses.len() * beams, || cast_packets(&poses, &table, &bvh, RANGE, &mut hits));
         assert!(same_bits(&want, &hits), "the hits differ");
+        let found = hits.iter().filter(|hit| hit.is_hit()).count();
+        for rival in [&mut embree, &mut open3d, &mut trimesh] {
+            rival.pass(poses.len() * beams, found);
+        }
         walk.time(few.len(), || {
             cover_voxels(few_poses, &table, &roi, Some(&want), RANGE, &mut bitmaps)
         });
-        for (index, pose) in few_poses.iter().enumerate() {
-            bitmap.fill(0);
-            let own = Some(&hits[index * beams..(index + 1) * beams]);
-            lockstep.time(1, || {
-                cover_sensor(pose, table.directions(), &roi, own, RANGE, &mut scratch, &mut bitmap)
+        lockstep.time(few.len(), || {
+            let sensors = ours.par_chunks_mut(len).zip(few_poses).zip(hits.par_chunks(beams));
+            sensors.for_each_init(WalkScratch::default, |scratch, ((bitmap, pose), hits)| {
+                bitmap.fill(0);
+                let beams = table.directions();
+                cover_sensor(pose, beams, &roi, Some(hits), RANGE, scratch, bitmap)
             });
-            assert!(
-                bitmap == bitmaps[index * bitmap.len()..(index + 1) * bitmap.len()],
-                "the voxels differ"
-            );
-        }
+        });
+        assert!(ours == bitmaps, "the voxels differ");
         let sums = voxels.time(few.len(), || reduce(few, &content, &bitmaps, Some(&want), beams));
         let tallies = both.time(batch.len(), || backend.tally(&batch, RANGE).unwrap());
         assert!(tallies.iter().zip(&sums).all(|(a, b)| a == b), "the sums differ");
+        if let Some(sums) = device.pass(&batch[..DEVICE.min(batch.len())], 4 * beams) {
+            assert!(tallies.iter().zip(&sums).all(|(a, b)| a == b), "the device's sums differ");
+        }
         // The first round warms up.
         if round == 0 {
             for row in [
                 &mut single,
-                &mut embree,
                 &mut packets,
                 &mut walk,
                 &mut lockstep,
                 &mut voxels,
                 &mut both,
+                &mut embree.row,
+                &mut open3d.row,
+                &mut trimesh.row,
+                &mut device.hits,
+                &mut device.score,
             ] {
                 row.runs.clear();
             }
         }
     }
-    // A placement has four sensors; `cover_voxels` and `reduce` share the threads, one walk does not.
-    lockstep.runs = lockstep
-        .runs
-        .chunks(few_poses.len())
-        .map(|r| r.iter().sum::<f64>() / few.len() as f64)
-        .collect();
     let slow = |k: usize| walk.runs[k] + voxels.runs[k];
-    match peer {
-        Ok(_) => {
-            words.runs =
-                (0..args.rounds).map(|k| embree.runs[k] * (4 * beams) as f64 + slow(k)).collect()
-        }
-        Err(why) => (embree.missing, words.missing) = (Some(why.clone()), Some(why)),
-    }
+    let with = |casting: &[f64]| {
+        let casting = casting.iter().enumerate();
+        casting.map(|(k, ray)| ray * (4 * beams) as f64 + slow(k)).collect()
+    };
+    words.runs = with(&embree.row.runs);
+    words.missing = embree.row.missing.clone();
     let mut all = Row::new("the references");
-    all.runs = (0..args.rounds).map(|k| single.runs[k] * (4 * beams) as f64 + slow(k)).collect();
+    all.runs = with(&single.runs);
     let times = backend.times();
     let rows = vec![
-        print("closest hit", &[&single, &embree, &packets], "million rays a second", |s| 1e-6 / s),
         print(
-            "coverage",
-            &[&walk, &lockstep],
-            "ms a placement (one thread for cover_sensor)",
-            |s| 1e3 * s,
+            "closest hit",
+            &[&single, &embree.row, &open3d.row, &trimesh.row, &device.hits, &packets],
+            "million rays a second",
+            |s| 1e-6 / s,
         ),
+        print("coverage", &[&walk, &lockstep], "ms a placement", |s| 1e3 * s),
         print("sums", &[&voxels], "ms a placement", |s| 1e3 * s),
-        print("whole score", &[&all, &words, &both], "ms a placement", |s| 1e3 * s),
+        print("whole score", &[&all, &words, &device.score, &both], "ms a placement", |s| 1e3 * s),
     ];
     let stages = [times.cast, times.cover, times.reduce]
         .map(|t| 1e3 * t.as_secs_f64() / (batch.len() * (args.rounds + 1)) as f64);

@@ -9,8 +9,13 @@ use crate::grid::Roi;
 
 /// Beams that walk at the same time.
 const LANES: usize = 16;
-/// Voxels that a lane is taken on between two looks at whether its beam has ended.
+/// Voxels that the lanes are taken on between two looks at whether all have ended.
 const STEPS: usize = 4;
+/// Kinds of beams by the number of voxels on their way.
+const LENGTHS: usize = 256;
+/// A bitmap of 64-bit words is marked by halves; this finds them on machines that store the high
+/// half first.
+const SWAP: u32 = cfg!(target_endian = "big") as u32;
 /// Planes and origins up to this many voxels from the corner: there, crossings of different planes
 /// are different numbers, so that a beam's end can be told from the time at which it leaves.
 const PLAIN: f32 = (1 << 22) as f32;
@@ -24,12 +29,16 @@ pub struct WalkScratch {
     inverse: [Vec<f32>; 3],
     /// Last crossing that a beam takes.
     last: Vec<f32>,
+    /// About how many voxels a beam crosses, as a share of the most in 1/[`LENGTHS`].
+    length: Vec<u8>,
     /// Table order with beams far from each other side by side.
     order: Vec<u32>,
+    /// That order by length: beams of a group end at about the same time.
+    sorted: Vec<u32>,
 }
 
-/// Marks the voxels that one sensor's beams traverse: [`super::cover_voxels`] with sixteen beams in
-/// lockstep, each lane taking the next beam when its own has ended. The same bits.
+/// Marks the voxels that one sensor's beams traverse: [`super::cover_voxels`] with sixteen beams of
+/// about the same number of voxels in lockstep. The same bits.
 ///
 /// `hits` is `[directions]`; `bitmap` must be zero and hold all voxels.
 pub fn cover_sensor(
@@ -57,7 +66,8 @@ pub fn cover_sensor(
     let start = Start::new(roi, p.to_array());
     scratch.fit(directions.len());
     prepare(pose, directions, roi, hits, range, &start, scratch);
-    walk_all(&start, scratch, bitmap);
+    sort(scratch);
+    walk_all(&start, scratch, bytemuck::cast_slice_mut(bitmap));
 }
 
 impl WalkScratch {
@@ -69,6 +79,8 @@ impl WalkScratch {
             inverse.resize(beams, 0.0);
         }
         self.last.resize(beams, 0.0);
+        self.length.resize(beams, 0);
+        self.sorted.resize(beams, 0);
         // Sixteen runs of the table, each begun elsewhere: lanes that mark the same word at the same
         // time would wait for each other.
         let run = beams.div_ceil(LANES);
@@ -83,8 +95,9 @@ impl WalkScratch {
 /// What a sensor's beams have in common: by axis, and by whether they go backward (0) or forward (1).
 struct Start {
     p: [f32; 3],
-    /// First plane ahead.
+    /// First plane ahead, and what leads from one to the next.
     plane: [[f32; 2]; 3],
+    step: [f32; 2],
     /// The plane at which the grid ends.
     exit: [[f32; 2]; 3],
     /// Part of the first voxel's linear index; negative outside the grid.
@@ -100,6 +113,7 @@ impl Start {
         let mut start = Self {
             p,
             plane: [[0.0; 2]; 3],
+            step: [-1.0, 1.0],
             exit: [[0.0; 2]; 3],
             index: [[0; 2]; 3],
             stride: [[0; 2]; 3],
@@ -116,7 +130,7 @@ impl Start {
     }
 }
 
-/// Fills in every beam's slopes and end.
+/// Fills in every beam's slopes, end and length.
 #[multiversion(targets(
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
@@ -162,113 +176,133 @@ fn prepare(
             exit.next_down()
         };
     }
-}
-
-/// Beams in flight, a lane each.
-struct Lanes {
-    index: [i32; LANES],
-    last: [f32; LANES],
-    plane: [[f32; LANES]; 3],
-    next: [[f32; LANES]; 3],
-    inverse: [[f32; LANES]; 3],
-    /// ±1, and what that is in linear indices.
-    step: [[f32; LANES]; 3],
-    stride: [[i32; LANES]; 3],
-}
-
-impl Lanes {
-    #[inline(always)]
-    fn load(&mut self, lane: usize, start: &Start, inverse: [f32; 3], last: f32) {
-        self.index[lane] = 0;
-        self.last[lane] = last;
-        for (k, inverse) in inverse.into_iter().enumerate() {
-            let way = usize::from(inverse > 0.0);
-            self.index[lane] += start.index[k][way];
-            self.plane[k][lane] = start.plane[k][way];
-            self.inverse[k][lane] = inverse;
-            self.next[k][lane] = (start.plane[k][way] - start.p[k]) * inverse;
-            self.step[k][lane] = [-1.0, 1.0][way];
-            self.stride[k][lane] = start.stride[k][way];
-        }
-    }
-
-    /// Takes every lane [`STEPS`] voxels on, or to its end, writing down where it has been; returns
-    /// whether each goes on.
-    #[inline(always)]
-    fn advance(&mut self, p: [f32; 3], seen: &mut [[i32; LANES]; STEPS]) -> [u32; LANES] {
-        // Copies stay in registers; the lanes themselves are loaded one by one.
-        let (mut index, last) = (self.index, self.last);
-        let ([mut bx, mut by, mut bz], [mut tx, mut ty, mut tz]) = (self.plane, self.next);
-        let ([ix, iy, iz], [sx, sy, sz]) = (self.inverse, self.step);
-        let [jx, jy, jz] = self.stride;
-        let mut goes_on = [0; LANES];
-        for seen in seen {
-            *seen = index;
-            for i in 0..LANES {
-                let xy = if tx[i] < ty[i] { tx[i] } else { ty[i] };
-                let t = if xy < tz[i] { xy } else { tz[i] };
-                let on = t <= last[i];
-                let (on_x, on_y, on_z) = (on & (tx[i] == t), on & (ty[i] == t), on & (tz[i] == t));
-                bx[i] = if on_x { bx[i] + sx[i] } else { bx[i] };
-                by[i] = if on_y { by[i] + sy[i] } else { by[i] };
-                bz[i] = if on_z { bz[i] + sz[i] } else { bz[i] };
-                tx[i] = (bx[i] - p[0]) * ix[i];
-                ty[i] = (by[i] - p[1]) * iy[i];
-                tz[i] = (bz[i] - p[2]) * iz[i];
-                index[i] = if on_x { index[i] + jx[i] } else { index[i] };
-                index[i] = if on_y { index[i] + jy[i] } else { index[i] };
-                index[i] = if on_z { index[i] + jz[i] } else { index[i] };
-                goes_on[i] = u32::from(on);
-            }
-        }
-        (self.index, self.plane, self.next) = (index, [bx, by, bz], [tx, ty, tz]);
-        goes_on
+    let most: f32 = roi.shape().iter().map(|&n| n as f32).sum();
+    let scale = LENGTHS as f32 / most;
+    for (beam, length) in scratch.length[..beams].iter_mut().enumerate() {
+        let slopes = ix[beam].abs().recip() + iy[beam].abs().recip() + iz[beam].abs().recip();
+        *length = (last[beam] * slopes * scale) as u8;
     }
 }
+
+/// Sorts the beams by length, those of one length in the order that keeps neighbours apart.
+fn sort(scratch: &mut WalkScratch) {
+    let mut next = [0_u32; LENGTHS];
+    for &length in &scratch.length {
+        next[usize::from(length)] += 1;
+    }
+    let mut first = 0;
+    for next in &mut next {
+        (*next, first) = (first, first + *next);
+    }
+    for &beam in &scratch.order {
+        let next = &mut next[usize::from(scratch.length[beam as usize])];
+        scratch.sorted[*next as usize] = beam;
+        *next += 1;
+    }
+}
+
+/// A number a lane.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Wide<T>([T; LANES]);
 
 #[multiversion(targets(
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
-fn walk_all(start: &Start, scratch: &WalkScratch, bitmap: &mut [u64]) {
-    let mut queue = scratch.order.iter().map(|&beam| beam as usize);
-    let mut queue = queue.by_ref().filter(|&beam| scratch.last[beam] > NEVER);
-    let slopes = |beam: usize| [0, 1, 2].map(|k| scratch.inverse[k][beam]);
-    let Some(first) = queue.next() else { return };
-    let mut lanes = Lanes {
-        index: [0; LANES],
-        last: [0.0; LANES],
-        plane: [[0.0; LANES]; 3],
-        next: [[0.0; LANES]; 3],
-        inverse: [[0.0; LANES]; 3],
-        step: [[0.0; LANES]; 3],
-        stride: [[0; LANES]; 3],
-    };
-    // Lanes without a beam of their own repeat the first.
-    for lane in 0..LANES {
-        let beam = if lane == 0 { first } else { queue.next().unwrap_or(first) };
-        lanes.load(lane, start, slopes(beam), scratch.last[beam]);
+fn walk_all(start: &Start, scratch: &WalkScratch, bitmap: &mut [u32]) {
+    for group in scratch.sorted.chunks(LANES) {
+        let (mut inverse, mut last) = ([Wide([FAR; LANES]); 3], Wide([NEVER; LANES]));
+        for (lane, &beam) in group.iter().enumerate() {
+            for (to, from) in inverse.iter_mut().zip(&scratch.inverse) {
+                to.0[lane] = from[beam as usize];
+            }
+            last.0[lane] = scratch.last[beam as usize];
+        }
+        walk(start, &inverse, &last, bitmap);
     }
-    let mut seen = [[0; LANES]; STEPS];
+}
+
+/// Marks the voxels of [`LANES`] beams.
+///
+/// A lane whose beam has ended walks on, and marks nothing. Written so that a compiler sees vectors:
+/// a loop over the lanes for each thing that is done to all, what is chosen from loaded before.
+#[inline(always)]
+#[allow(clippy::needless_range_loop)]
+fn walk(start: &Start, inverse: &[Wide<f32>; 3], last: &Wide<f32>, bitmap: &mut [u32]) {
+    let [px, py, pz] = start.p;
+    let top = bitmap.len() as u32 - 1;
+    // The plane after the next one and when it is crossed: known before the next one is, so that
+    // no step waits for it.
+    let (mut plane, mut after) = ([Wide([0.0; LANES]); 3], [Wide([0.0; LANES]); 3]);
+    let (mut next, mut step) = ([Wide([0.0; LANES]); 3], [Wide([0.0; LANES]); 3]);
+    let (mut index, mut stride) = (Wide([0_i32; LANES]), [Wide([0_i32; LANES]); 3]);
+    for k in 0..3 {
+        let (planes, strides, indices) = (start.plane[k], start.stride[k], start.index[k]);
+        for i in 0..LANES {
+            let forward = inverse[k].0[i] > 0.0;
+            let ahead = if forward { planes[1] } else { planes[0] };
+            step[k].0[i] = if forward { start.step[1] } else { start.step[0] };
+            stride[k].0[i] = if forward { strides[1] } else { strides[0] };
+            index.0[i] += if forward { indices[1] } else { indices[0] };
+            next[k].0[i] = (ahead - start.p[k]) * inverse[k].0[i];
+            plane[k].0[i] = ahead + step[k].0[i];
+            after[k].0[i] = (plane[k].0[i] - start.p[k]) * inverse[k].0[i];
+        }
+    }
+    let ([mut bx, mut by, mut bz], [mut ax, mut ay, mut az]) = (plane, after);
+    let ([mut tx, mut ty, mut tz], [sx, sy, sz]) = (next, step);
+    let ([ix, iy, iz], [jx, jy, jz]) = (*inverse, stride);
+    // When each lane came into its voxel.
+    let mut entered = Wide([0.0; LANES]);
+    let (mut words, mut masks) = ([Wide([0_u32; LANES]); STEPS], [Wide([0_u32; LANES]); STEPS]);
     loop {
-        let goes_on = lanes.advance(start.p, &mut seen);
-        for index in seen.as_flattened() {
-            bitmap[*index as usize >> 6] |= 1 << (index & 63);
+        // The sign of what is left of a beam is set behind its end.
+        let mut past = u32::MAX;
+        for i in 0..LANES {
+            past &= (last.0[i] - entered.0[i]).to_bits();
         }
-        if goes_on.iter().sum::<u32>() == LANES as u32 {
-            continue;
+        if past >> 31 == 1 {
+            return;
         }
-        let mut ended = 0;
-        for (lane, on) in goes_on.into_iter().enumerate() {
-            if on == 0 {
-                match queue.next() {
-                    Some(beam) => lanes.load(lane, start, slopes(beam), scratch.last[beam]),
-                    None => ended += 1,
-                }
+        for (words, masks) in words.iter_mut().zip(&mut masks) {
+            for i in 0..LANES {
+                let word = index.0[i] as u32 >> 5;
+                words.0[i] = if word < top { word } else { top } ^ SWAP;
+                let mask = 1 << (index.0[i] & 31);
+                masks.0[i] = if entered.0[i] <= last.0[i] { mask } else { 0 };
+            }
+            for i in 0..LANES {
+                let (now_x, now_y, now_z) = (tx.0[i], ty.0[i], tz.0[i]);
+                let (after_x, after_y, after_z) = (ax.0[i], ay.0[i], az.0[i]);
+                let xy = if now_x < now_y { now_x } else { now_y };
+                let t = if xy < now_z { xy } else { now_z };
+                let (on_x, on_y, on_z) = (now_x == t, now_y == t, now_z == t);
+                let (plane_x, plane_y, plane_z) = (bx.0[i], by.0[i], bz.0[i]);
+                let (far_x, far_y, far_z) =
+                    (plane_x + sx.0[i], plane_y + sy.0[i], plane_z + sz.0[i]);
+                let (stride_x, stride_y, stride_z) = (jx.0[i], jy.0[i], jz.0[i]);
+                tx.0[i] = if on_x { after_x } else { now_x };
+                ty.0[i] = if on_y { after_y } else { now_y };
+                tz.0[i] = if on_z { after_z } else { now_z };
+                let plane_x = if on_x { far_x } else { plane_x };
+                let plane_y = if on_y { far_y } else { plane_y };
+                let plane_z = if on_z { far_z } else { plane_z };
+                (bx.0[i], by.0[i], bz.0[i]) = (plane_x, plane_y, plane_z);
+                ax.0[i] = (plane_x - px) * ix.0[i];
+                ay.0[i] = (plane_y - py) * iy.0[i];
+                az.0[i] = (plane_z - pz) * iz.0[i];
+                let by_x = if on_x { stride_x } else { 0 };
+                let by_y = if on_y { stride_y } else { 0 };
+                let by_z = if on_z { stride_z } else { 0 };
+                index.0[i] = index.0[i].wrapping_add(by_x).wrapping_add(by_y).wrapping_add(by_z);
+                entered.0[i] = t;
             }
         }
-        if ended == LANES {
-            return;
+        for (words, masks) in words.iter().zip(&masks) {
+            for i in 0..LANES {
+                bitmap[words.0[i] as usize] |= masks.0[i];
+            }
         }
     }
 }

@@ -38,11 +38,14 @@ pub use packets::cast_packets;
 pub use reduce::reduce;
 pub(super) use reduce::union_of;
 pub use reference::ReferenceBackend;
+use worth::take_sums_spread;
 pub(super) use worth::{Worth, take_sums};
 
 /// Bytes of hits that one chunk uses at most: more gains nothing, since a chunk of this size already
 /// fills packets and keeps every core busy.
 const CHUNK_BYTES: u64 = 256 << 20;
+/// Placements a thread below which the threads share each placement: the last ones would leave some idle.
+const FEW: usize = 4;
 
 /// Evaluates batches on the host's cores.
 pub struct CpuBackend {
@@ -52,15 +55,25 @@ pub struct CpuBackend {
     times: StageTimes,
     /// Kept from batch to batch.
     hits: Vec<Hit>,
-    scratch: Mutex<Vec<Scratch>>,
+    walks: Pool<WalkScratch>,
+    /// `[sensors × words]`, zero between tasks.
+    bitmaps: Pool<Vec<u64>>,
 }
 
-/// Working memory of one task.
+/// Working memory of tasks, to be used again.
 #[derive(Default)]
-struct Scratch {
-    walk: WalkScratch,
-    /// `[sensors × words]`, zero between tasks.
-    bitmaps: Vec<u64>,
+struct Pool<T>(Mutex<Vec<T>>);
+
+impl<T: Default> Pool<T> {
+    fn take(&self) -> T {
+        self.0.lock().ok().and_then(|mut kept| kept.pop()).unwrap_or_default()
+    }
+
+    fn put_back(&self, memory: T) {
+        if let Ok(mut kept) = self.0.lock() {
+            kept.push(memory);
+        }
+    }
 }
 
 /// Consecutive sensors of a chunk in one frame.
@@ -71,7 +84,7 @@ struct Part<'a> {
     frame: usize,
     /// Metres.
     range: f32,
-    /// Whether all threads share the sensors, because there are few parts.
+    /// Whether all threads share the sensors and the sums, because there are few parts.
     spread: bool,
 }
 
@@ -80,7 +93,8 @@ impl CpuBackend {
     pub fn new(problem: Arc<Problem>, memory: u64) -> Self {
         let worth = Worth::new(problem.content());
         let times = StageTimes::default();
-        Self { problem, worth, memory, times, hits: Vec::new(), scratch: Mutex::default() }
+        let (walks, bitmaps) = (Pool::default(), Pool::default());
+        Self { problem, worth, memory, times, hits: Vec::new(), walks, bitmaps }
     }
 
     fn poses(&self, placements: &[Placement]) -> Vec<DevicePose> {
@@ -110,20 +124,29 @@ impl CpuBackend {
         self.times.cast += start.elapsed();
     }
 
+    /// Whether threads share each placement of a chunk, all of which then have bitmaps at a time.
+    fn shares(&self, placements: &[Placement]) -> bool {
+        let sensors: usize = placements.iter().map(|p| p.lidars.len()).sum();
+        let bytes = 8 * (bitmap_words(self.problem.roi()) * sensors) as u64;
+        let threads = rayon::current_num_threads();
+        threads > 1 && placements.len() < FEW * threads && bytes <= self.memory / 2
+    }
+
     /// Covers the voxels of a part's sensors; `bitmaps` is `[sensors × words]` and zero.
-    fn cover(&self, part: &Part<'_>, walk: &mut WalkScratch, bitmaps: &mut [u64]) {
+    fn cover(&self, part: &Part<'_>, bitmaps: &mut [u64]) {
         let (problem, directions) = (&*self.problem, self.problem.table().directions());
         let words = bitmap_words(problem.roi());
-        let cover = |walk: &mut WalkScratch, index: usize, bitmap: &mut [u64]| {
+        let cover = |(index, bitmap): (usize, &mut [u64])| {
             let hits = problem.bvh(part.frame).map(|_| self.hits_of(part.first + index));
             let pose = &part.poses[index];
-            cover_sensor(pose, directions, problem.roi(), hits, part.range, walk, bitmap);
+            let mut walk = self.walks.take();
+            cover_sensor(pose, directions, problem.roi(), hits, part.range, &mut walk, bitmap);
+            self.walks.put_back(walk);
         };
-        let maps = bitmaps.par_chunks_mut(words).enumerate();
         if part.spread {
-            maps.for_each_init(WalkScratch::default, |walk, (index, map)| cover(walk, index, map));
+            bitmaps.par_chunks_mut(words).enumerate().for_each(cover);
         } else {
-            bitmaps.chunks_mut(words).enumerate().for_each(|(index, map)| cover(walk, index, map));
+            bitmaps.chunks_mut(words).enumerate().for_each(cover);
         }
     }
 
@@ -136,23 +159,21 @@ impl CpuBackend {
     /// both together.
     fn add(&self, part: &Part<'_>, tally: &mut Tally) -> [Duration; 2] {
         let start = Instant::now();
-        let kept = self.scratch.lock().ok().and_then(|mut kept| kept.pop());
-        let mut scratch = kept.unwrap_or_default();
         let (words, sensors) = (bitmap_words(self.problem.roi()), part.poses.len());
-        if scratch.bitmaps.len() < sensors * words {
-            scratch.bitmaps.resize(sensors * words, 0);
+        let mut kept = self.bitmaps.take();
+        if kept.len() < sensors * words {
+            kept.resize(sensors * words, 0);
         }
-        let bitmaps = &mut scratch.bitmaps[..sensors * words];
-        self.cover(part, &mut scratch.walk, bitmaps);
+        let bitmaps = &mut kept[..sensors * words];
+        self.cover(part, bitmaps);
         let covered = start.elapsed();
-        take_sums(bitmaps, words, &self.worth, tally);
+        let sums = if part.spread { take_sums_spread } else { take_sums };
+        sums(bitmaps, words, &self.worth, tally);
+        self.bitmaps.put_back(kept);
         tally.beams += (sensors * self.problem.table().directions().len()) as u64;
         if self.problem.bvh(part.frame).is_some() {
             let hits = (0..sensors).flat_map(|index| self.hits_of(part.first + index));
             tally.hits += hits.filter(|hit| hit.is_hit()).count() as u64;
-        }
-        if let Ok(mut kept) = self.scratch.lock() {
-            kept.push(scratch);
         }
         [covered, start.elapsed()]
     }
@@ -176,7 +197,7 @@ impl Backend for CpuBackend {
             for frame in 0..self.problem.frame_count() {
                 self.cast_frame(&poses, frame, range);
                 let start = Instant::now();
-                let spread = chunk.placements.len() < rayon::current_num_threads();
+                let spread = self.shares(&placements[chunk.placements.clone()]);
                 let mut tasks = Vec::new();
                 let mut first = 0;
                 for (placement, tally) in placements[chunk.placements.clone()]
@@ -232,7 +253,7 @@ impl Backend for CpuBackend {
         let words = bitmap_words(self.problem.roi());
         let mut bitmaps = vec![0; poses.len() * words];
         let part = Part { poses: &poses, first: 0, frame, range, spread: true };
-        self.cover(&part, &mut WalkScratch::default(), &mut bitmaps);
+        self.cover(&part, &mut bitmaps);
         self.times.cover += start.elapsed();
         Ok(bitmaps)
     }

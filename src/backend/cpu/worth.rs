@@ -1,9 +1,12 @@
 use multiversion::multiversion;
+use rayon::prelude::*;
 
 use crate::backend::{Content, Tally};
 
 /// Words that are put together at a time: they stay in the first-level cache for all sums.
 const BLOCK: usize = 512;
+/// Tasks that the sums of one placement are cut into when threads share them, about.
+const PARTS: usize = 16;
 
 /// Voxels of one 64-bit word of a bitmap.
 struct Word {
@@ -13,32 +16,51 @@ struct Word {
     mask: u64,
 }
 
-/// A [`Content`] by words of the bitmaps: what [`super::reduce()`] looks up a voxel at a time.
-pub(in crate::backend) struct Worth {
-    occupied: Vec<Word>,
-    entropy: Vec<[u32; 3]>,
-    classes: Vec<Vec<Word>>,
+/// Words in rising order, by blocks.
+struct Words {
+    words: Vec<Word>,
+    /// Number of words before each block.
+    before: Vec<usize>,
 }
 
-/// The words that hold some voxels of rising linear index.
-fn words(voxels: impl Iterator<Item = u32>) -> Vec<Word> {
-    let mut words: Vec<Word> = Vec::new();
-    for (position, voxel) in voxels.enumerate() {
-        let (index, bit) = (voxel >> 6, 1 << (voxel & 63));
-        match words.last_mut() {
-            Some(word) if word.index == index => word.mask |= bit,
-            _ => words.push(Word { index, first: position as u32, mask: bit }),
+impl Words {
+    /// The words that hold some voxels of rising linear index.
+    fn new(voxels: impl Iterator<Item = u32>) -> Self {
+        let (mut words, mut before): (Vec<Word>, Vec<usize>) = (Vec::new(), vec![0]);
+        for (position, voxel) in voxels.enumerate() {
+            let (index, bit) = (voxel >> 6, 1 << (voxel & 63));
+            match words.last_mut() {
+                Some(word) if word.index == index => word.mask |= bit,
+                _ => {
+                    while before.len() <= index as usize / BLOCK {
+                        before.push(words.len());
+                    }
+                    words.push(Word { index, first: position as u32, mask: bit });
+                }
+            }
         }
+        Self { words, before }
     }
-    words
+
+    fn of_block(&self, block: usize) -> &[Word] {
+        let before = |block: usize| self.before.get(block).copied().unwrap_or(self.words.len());
+        &self.words[before(block)..before(block + 1)]
+    }
+}
+
+/// A [`Content`] by words of the bitmaps: what [`super::reduce()`] looks up a voxel at a time.
+pub(in crate::backend) struct Worth {
+    occupied: Words,
+    entropy: Vec<[u32; 3]>,
+    classes: Vec<Words>,
 }
 
 impl Worth {
     pub(in crate::backend) fn new(content: &Content) -> Self {
         let classes = (0..content.classes().len())
-            .map(|class| words(content.voxels_of_class(class).iter().copied()));
+            .map(|class| Words::new(content.voxels_of_class(class).iter().copied()));
         Self {
-            occupied: words(content.occupied().iter().map(|voxel| voxel.index)),
+            occupied: Words::new(content.occupied().iter().map(|voxel| voxel.index)),
             entropy: content.occupied().iter().map(|voxel| voxel.entropy).collect(),
             classes: classes.collect(),
         }
@@ -48,22 +70,52 @@ impl Worth {
 /// Adds the sums over the voxels that the sensors of one placement cover, and clears their bitmaps.
 ///
 /// `bitmaps` is `[sensors × words]`. The same sums as [`super::reduce()`].
-#[multiversion(targets(
-    "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+avx512vpopcntdq+bmi1+bmi2+popcnt+lzcnt",
-    "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
-))]
 pub(in crate::backend) fn take_sums(
     bitmaps: &mut [u64],
     words: usize,
     worth: &Worth,
     tally: &mut Tally,
 ) {
-    let mut occupied = worth.occupied.as_slice();
-    let mut classes: Vec<&[Word]> = worth.classes.iter().map(Vec::as_slice).collect();
+    let mut maps: Vec<&mut [u64]> = bitmaps.chunks_exact_mut(words).collect();
+    take_blocks(&mut maps, 0, worth, tally);
+}
+
+/// [`take_sums`] by all threads.
+pub(super) fn take_sums_spread(
+    bitmaps: &mut [u64],
+    words: usize,
+    worth: &Worth,
+    tally: &mut Tally,
+) {
+    let blocks = words.div_ceil(BLOCK * PARTS).max(1);
+    let mut parts: Vec<Vec<&mut [u64]>> = Vec::new();
+    for map in bitmaps.chunks_exact_mut(words) {
+        parts.resize_with(words.div_ceil(blocks * BLOCK), Vec::new);
+        parts.iter_mut().zip(map.chunks_mut(blocks * BLOCK)).for_each(|(part, m)| part.push(m));
+    }
+    let zero = || Tally::zero(tally.by_class.len(), tally.unique.len());
+    let sums = parts.into_par_iter().enumerate().map(|(index, mut maps)| {
+        let mut sums = zero();
+        take_blocks(&mut maps, index * blocks, worth, &mut sums);
+        sums
+    });
+    for sums in sums.collect::<Vec<_>>() {
+        *tally += &sums;
+    }
+}
+
+/// [`take_sums`] over some of the words of each sensor, the first of which begins `first_block`.
+#[multiversion(targets(
+    "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+avx512vpopcntdq+bmi1+bmi2+popcnt+lzcnt",
+    "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
+))]
+fn take_blocks(maps: &mut [&mut [u64]], first_block: usize, worth: &Worth, tally: &mut Tally) {
+    let words = maps.first().map_or(0, |map| map.len());
     for first in (0..words).step_by(BLOCK) {
         let len = BLOCK.min(words - first);
+        let block = first_block + first / BLOCK;
         let (mut any, mut twice) = ([0_u64; BLOCK], [0_u64; BLOCK]);
-        for map in bitmaps.chunks_exact(words) {
+        for map in maps.iter() {
             let map = &map[first..first + len];
             for i in 0..len {
                 twice[i] |= any[i] & map[i];
@@ -71,9 +123,8 @@ pub(in crate::backend) fn take_sums(
             }
         }
         tally.covered += any[..len].iter().map(|word| u64::from(word.count_ones())).sum::<u64>();
-        let block = take_below(&mut occupied, first + len);
-        for word in block {
-            let at = word.index as usize - first;
+        for word in worth.occupied.of_block(block) {
+            let at = word.index as usize % BLOCK;
             let mut bits = any[at] & word.mask;
             tally.covered_nonzero += u64::from(bits.count_ones());
             while bits != 0 {
@@ -85,7 +136,7 @@ pub(in crate::backend) fn take_sums(
             }
             let once = any[at] & !twice[at] & word.mask;
             if once != 0 {
-                for (map, sum) in bitmaps.chunks_exact(words).zip(&mut tally.unique) {
+                for (map, sum) in maps.iter().zip(&mut tally.unique) {
                     let mut bits = map[first + at] & once;
                     while bits != 0 {
                         *sum += u64::from(worth.entropy[rank(word, bits)][0]);
@@ -94,25 +145,16 @@ pub(in crate::backend) fn take_sums(
                 }
             }
         }
-        for (class, count) in classes.iter_mut().zip(&mut tally.by_class) {
-            for word in take_below(class, first + len) {
-                let covered = any[word.index as usize - first] & word.mask;
+        for (class, count) in worth.classes.iter().zip(&mut tally.by_class) {
+            for word in class.of_block(block) {
+                let covered = any[word.index as usize % BLOCK] & word.mask;
                 *count += u64::from(covered.count_ones());
             }
         }
-        for map in bitmaps.chunks_exact_mut(words) {
+        for map in maps.iter_mut() {
             map[first..first + len].fill(0);
         }
     }
-}
-
-/// Splits off the words before `end`.
-#[inline(always)]
-fn take_below<'a>(words: &mut &'a [Word], end: usize) -> &'a [Word] {
-    let count = words.partition_point(|word| (word.index as usize) < end);
-    let (below, rest) = words.split_at(count);
-    *words = rest;
-    below
 }
 
 /// Position in the list of all voxels of the lowest set bit.

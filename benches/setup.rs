@@ -1,0 +1,81 @@
+//! What the speed of the CPU stages is measured on: sensors, placements, worth of voxels.
+
+#![allow(clippy::unwrap_used)]
+
+use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use sightline::backend::cpu::{beam_direction, cast_packets};
+use sightline::backend::{Content, DevicePose, OccupiedVoxel};
+use sightline::bvh::Bvh;
+use sightline::grid::Roi;
+use sightline::placement::{BeamTable, Placement, SensorPose};
+
+/// Metres.
+pub const RANGE: f32 = 100.0;
+
+/// The region that is scored, with cubes of this edge in metres.
+pub fn roi(edge: f64) -> Roi {
+    Roi::from_bounds([-40.0, -40.0, -0.5], [40.0, 40.0, 5.5], [edge; 3]).unwrap()
+}
+
+/// Sixteen channels from −24.8° to 2°.
+pub fn table(azimuth_steps: u32) -> BeamTable {
+    let channels: Vec<(f64, f64)> =
+        (0..16).map(|k| (-24.8 + 26.8 * f64::from(k) / 15.0, 0.0)).collect();
+    BeamTable::spinning(&channels, azimuth_steps, f64::from(RANGE)).unwrap()
+}
+
+/// The sensors of all placements.
+pub fn poses(placements: &[Placement], roi: &Roi) -> Vec<DevicePose> {
+    placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect()
+}
+
+/// Placements of four LiDARs, rolled and pitched by up to `turn` radians.
+pub fn placements(count: usize, turn: f64, seed: u64) -> Vec<Placement> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut within = |low: f64, high: f64| rng.random_range(low..=high);
+    let mut pose = || SensorPose {
+        x: within(-0.6, 0.6),
+        y: within(-0.6, 0.6),
+        z: within(2.2, 2.8),
+        roll: within(-turn, turn),
+        pitch: within(-turn, turn),
+        yaw: 0.0,
+    };
+    (0..count)
+        .map(|i| Placement { name: format!("p{i}"), lidars: (0..4).map(|_| pose()).collect() })
+        .collect()
+}
+
+/// The voxels in which beams of some sensors end, with arbitrary entropies, in five classes.
+pub fn content(
+    roi: &Roi,
+    poses: &[DevicePose],
+    table: &BeamTable,
+    bvh: &Bvh,
+    seed: u64,
+) -> Content {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut hits = Vec::new();
+    cast_packets(poses, table, bvh, RANGE, &mut hits);
+    let mut voxels = Vec::new();
+    for (pose, hits) in poses.iter().zip(hits.chunks(table.directions().len())) {
+        let origin = DVec3::from(pose.rows.map(|row| f64::from(row[3])));
+        for (&direction, hit) in table.directions().iter().zip(hits).filter(|(_, hit)| hit.is_hit())
+        {
+            let along = beam_direction(pose, direction).as_dvec3() * f64::from(hit.t);
+            voxels.extend(roi.voxel_of_hit(origin, origin + along).map(|voxel| voxel as u32));
+        }
+    }
+    voxels.sort_unstable();
+    voxels.dedup();
+    let mut by_class = vec![Vec::new(); 5];
+    let mut occupied = Vec::new();
+    for index in voxels {
+        let entropy = [0; 3].map(|_| rng.random_range(0..1_u32 << 28));
+        occupied.push(OccupiedVoxel { index, entropy });
+        by_class[rng.random_range(0..5_usize)].push(index);
+    }
+    Content::new((0..5).map(|c| c.to_string()).collect(), occupied, &by_class, true)
+}
