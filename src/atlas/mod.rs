@@ -152,6 +152,20 @@ impl Atlas {
         Ok(())
     }
 
+    /// What a held pose covers of the occupied voxels, a bit each: frame after frame, in an order of
+    /// voxels whose worths are [`Self::worths`].
+    ///
+    /// # Panics
+    /// The pose is not held.
+    pub(crate) fn frames_of(&self, pose: u32) -> impl Iterator<Item = &[u64]> {
+        self.page(pose).chunks(self.frame_words()).map(|frame| &frame[..self.order.words()])
+    }
+
+    /// The fixed-point entropies of each bit of a frame; zero for bits without a voxel.
+    pub(crate) fn worths(&self) -> Vec<[u32; 3]> {
+        self.order.worths(self.problem.content())
+    }
+
     fn page(&self, pose: u32) -> &[u64] {
         &self.pages.get(&pose).expect("callers hold the poses they ask about").words
     }

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Evaluator, SearchError};
 use crate::atlas::{Atlas, Union};
+use crate::backend::Tally;
 use crate::placement::{Placement, PoseGrid};
 use crate::score::Objective;
 
@@ -111,6 +112,27 @@ impl GridSearch {
             (pose, value.unwrap_or(f64::NEG_INFINITY))
         };
         candidates.par_iter().map(value).collect()
+    }
+
+    /// The objective of held poses, 0 for none.
+    pub(super) fn held_value(&mut self, poses: &[u32]) -> f64 {
+        let Some((&last, others)) = poses.split_last() else { return 0.0 };
+        self.values_with(others, &[last])[0].1
+    }
+
+    /// What an information gain grows by with each unit of the two tasks' entropies; 0 where it does
+    /// not exist.
+    pub(super) fn worth_units(&self) -> [f64; 2] {
+        let problem = self.atlas.problem();
+        [0, 1].map(|task| {
+            // A power of two, and large: as exact as the objective's own factors.
+            let sum = 1u64 << 40;
+            let mut tally = Tally { covered: 1, covered_nonzero: 1, ..Tally::default() };
+            tally.entropy[task] = sum;
+            let content = problem.content();
+            let value = self.objective.value_of_tally(&tally, content, problem.frame_count());
+            value.unwrap_or(0.0) / sum as f64
+        })
     }
 
     /// The objective of a placement.
