@@ -14,18 +14,18 @@ const ROWS: usize = 8;
 const WORDS: usize = 256;
 
 /// The columns of a maximum coverage problem: every voxel of every frame that some pose covers, in
-/// groups by the share of the poses that cover it.
+/// groups by the share of some typical poses that cover it.
 pub(super) struct Columns {
     poses: usize,
     words: usize,
     /// `[poses × words]`.
     bitmaps: Vec<u64>,
     groups: Vec<Group>,
-    /// Σ worth of the columns that more poses cover than those of any group.
+    /// Σ worth of the columns that more typical poses cover than those of any group.
     pub rest: u64,
 }
 
-/// Columns that about as many poses cover.
+/// Columns that about as many typical poses cover.
 pub(super) struct Group {
     levels: Vec<Level>,
     /// Σ worth of the columns that each pose covers.
@@ -42,19 +42,22 @@ struct Level {
 
 impl Columns {
     /// The columns of held poses `0..poses`. `worths` holds the worth of each bit of a frame; a column
-    /// joins the first group whose entry of `shares`, rising, is not below the share of the poses that
-    /// cover it.
-    pub fn new(atlas: &Atlas, poses: u32, worths: &[u32], shares: &[f64]) -> Self {
+    /// joins the first group whose entry of `shares`, rising, is not below the share of the `typical`
+    /// poses that cover it.
+    pub fn new(atlas: &Atlas, poses: u32, worths: &[u32], shares: &[f64], typical: &[u32]) -> Self {
         let words = worths.len() / 64;
         let frames = atlas.problem().frame_count();
         let pages: Vec<Vec<&[u64]>> = (0..poses).map(|p| atlas.frames_of(p).collect()).collect();
-        let counts = counts(&pages, frames, words);
-        let limits: Vec<f64> = shares.iter().map(|share| share * f64::from(poses)).collect();
+        let covered = counts(&pages, frames, words);
+        let some: Vec<Vec<&[u64]>> =
+            typical.iter().map(|&pose| pages[pose as usize].clone()).collect();
+        let counts = counts(&some, frames, words);
+        let limits: Vec<f64> = shares.iter().map(|share| share * typical.len() as f64).collect();
         let mut rest = 0;
         let mut sorted = Vec::new();
         for (column, &count) in counts.iter().enumerate() {
             let worth = worths[column % worths.len()];
-            if count == 0 || worth == 0 {
+            if covered[column] == 0 || worth == 0 {
                 continue;
             }
             match limits.iter().position(|&limit| f64::from(count) <= limit) {
@@ -128,7 +131,7 @@ impl Columns {
         }
     }
 
-    /// Columns of few covering poses first.
+    /// Columns that few typical poses cover first.
     pub fn groups(&self) -> &[Group] {
         &self.groups
     }

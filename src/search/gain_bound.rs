@@ -12,6 +12,8 @@ use super::{Evaluator, GridPlacement, GridSearch, SearchError};
 const ROUNDING: f64 = 1e-12;
 /// Sets of sensors whose bounds are looked at for each set whose gains are.
 const CHEAP_NODES: u64 = 50;
+/// Of so many poses the best one alone is typical of those in good placements.
+const TYPICAL: usize = 4;
 
 /// Bound on the information gain of every placement on a grid.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -129,8 +131,12 @@ pub fn bound_gain(
     let beside: f64 = beside.iter().take(lidars).map(|c| c.1 - found.value).sum();
     let mut upper_at_root = (found.value + beside) * (1.0 + ROUNDING);
     let cheap = CHEAP_NODES * nodes;
+    let mut typical = search.values_with(&[], &all);
+    typical.sort_by(better_first);
+    typical.truncate(all.len().div_ceil(TYPICAL));
+    let typical: Vec<u32> = typical.into_iter().map(|(pose, _)| pose).collect();
     let units = search.worth_units();
-    let (pairs, upper) = PairBound::tightest(search.atlas(), lidars, units, |pairs| {
+    let (pairs, upper) = PairBound::tightest(search.atlas(), lidars, units, &typical, |pairs| {
         let mut open = Open { heap: BinaryHeap::new(), lidars, floor: best.value };
         open.push(root(pairs));
         let mut looked_at = 1;

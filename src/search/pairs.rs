@@ -1,8 +1,8 @@
 use super::columns::Columns;
 use crate::atlas::Atlas;
 
-/// Shares of the poses that cover a voxel by which voxels are grouped, as multiples of 1 / (k − 1) for
-/// k sensors: at that share the overlaps of random sensors make up for what they cover together.
+/// Shares of the typical poses that cover a voxel by which voxels are grouped, as multiples of
+/// 1 / (k − 1) for k sensors: at that share k random sensors less their overlaps come to one.
 const SHARES: [f64; 7] = [0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2];
 /// Words of bitmaps to read for the overlaps of all pairs, at most: some seconds.
 const MOST_WORDS: u64 = 30_000_000_000;
@@ -42,27 +42,26 @@ impl PairBound {
     /// The bound with the split of the voxels that `bound_of` likes best, of those tried, and its
     /// value.
     ///
-    /// The worth of a voxel is `units` × its entropies.
+    /// The worth of a voxel is `units` × its entropies. The bound holds whatever poses are `typical`; it
+    /// is tight if good placements are made of poses like them.
     pub fn tightest(
         atlas: &Atlas,
         lidars: usize,
         units: [f64; 2],
+        typical: &[u32],
         mut bound_of: impl FnMut(&Self) -> f64,
     ) -> (Self, f64) {
         let poses = atlas.grid().len();
         let n = poses as usize;
         let (worths, unit) = integer_worths(atlas, units);
         let each = 1.0 / (lidars.max(2) - 1) as f64;
-        let columns = Columns::new(atlas, poses, &worths, &SHARES.map(|share| share * each));
+        let shares = SHARES.map(|share| share * each);
+        let columns = Columns::new(atlas, poses, &worths, &shares, typical);
         let groups = columns.groups();
         let scaled = |sum: u64| unit * sum as f64;
         let base = columns.rest + groups.iter().map(|group| group.total).sum::<u64>();
-        let mut now = Self {
-            poses: n,
-            base: scaled(base),
-            singles: vec![0.0; n],
-            overlaps: vec![],
-        };
+        let mut now =
+            Self { poses: n, base: scaled(base), singles: vec![0.0; n], overlaps: vec![] };
         let mut overlaps = vec![0.0; n * n];
         let mut best = (now.clone(), now.base);
         let (mut base, mut singles) = (base, vec![0u64; n]);
