@@ -10,8 +10,8 @@ use super::{Evaluator, GridPlacement, GridSearch, SearchError};
 
 /// Rounding that the sums of gains behind a bound may have gathered, relative.
 const ROUNDING: f64 = 1e-12;
-/// Sets of sensors whose bounds are looked at for each set whose gains are.
-const CHEAP_NODES: u64 = 50;
+/// Sets of sensors that are looked at through pairs alone, at most.
+const PAIR_NODES: u64 = 20_000;
 /// Of so many poses the best one alone is typical of those in good placements.
 const TYPICAL: usize = 4;
 
@@ -57,6 +57,16 @@ impl Node {
         self.bound = self.bound.min(bound);
         true
     }
+
+    /// Forgets candidates that stay below `floor` even beside the best of the others.
+    fn drop_below(&mut self, floor: f64, lidars: usize) {
+        let others = lidars - self.chosen.len() - 1;
+        let rest = &self.candidates[self.next..];
+        let others: f64 = rest.iter().take(others).map(|c| c.1).sum();
+        let least = floor / (1.0 + ROUNDING) - self.value - others;
+        self.candidates.truncate(self.next + rest.partition_point(|c| c.1 > least));
+        self.candidates.shrink_to_fit();
+    }
 }
 
 impl PartialEq for Node {
@@ -86,6 +96,7 @@ struct Open {
 
 impl Open {
     fn push(&mut self, mut node: Node) {
+        node.drop_below(self.floor, self.lidars);
         if node.tighten(self.lidars) && node.bound > self.floor {
             self.heap.push(node);
         }
@@ -130,7 +141,6 @@ pub fn bound_gain(
     beside.sort_by(better_first);
     let beside: f64 = beside.iter().take(lidars).map(|c| c.1 - found.value).sum();
     let mut upper_at_root = (found.value + beside) * (1.0 + ROUNDING);
-    let cheap = CHEAP_NODES * nodes;
     let mut typical = search.values_with(&[], &all);
     typical.sort_by(better_first);
     typical.truncate(all.len().div_ceil(TYPICAL));
@@ -140,7 +150,7 @@ pub fn bound_gain(
         let mut open = Open { heap: BinaryHeap::new(), lidars, floor: best.value };
         open.push(root(pairs));
         let mut looked_at = 1;
-        while looked_at < cheap
+        while looked_at < PAIR_NODES
             && let Some(node) = open.pop()
         {
             if node.chosen.len() + 1 == lidars {
@@ -159,7 +169,7 @@ pub fn bound_gain(
     open.push(root(&pairs));
     let (mut looked_at, mut cheaply) = (1, 0);
     while looked_at < nodes
-        && cheaply < cheap
+        && cheaply < PAIR_NODES
         && go_on()
         && let Some(mut node) = open.pop()
     {
