@@ -110,9 +110,10 @@ impl Bvh {
         Aabb { min: bounds.min - pad, max: bounds.max + pad }
     }
 
-    /// Bytes of both arrays.
+    /// Bytes of all arrays.
     pub fn bytes(&self) -> u64 {
-        (size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice())) as u64
+        let trees = size_of_val(self.nodes.as_slice()) + size_of_val(self.wide.as_slice());
+        (trees + size_of_val(self.triangles.as_slice())) as u64
     }
 
     /// Checks that every triangle is in one leaf, boxes nest exactly, and no path is too deep.

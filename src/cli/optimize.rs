@@ -4,11 +4,13 @@ mod folder;
 mod grid;
 mod outcome;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
+use sightline::atlas::{PageStore, StoreReport};
 use sightline::fidelity::World;
 use sightline::placement::{Placement, Spacing, read_placements};
 use sightline::report::{Figures, InformationMap, RunRecord, RunTimes, Scored};
@@ -16,7 +18,7 @@ use sightline::scene::Scene;
 use sightline::score::Objective;
 use sightline::search::{Evaluator, GenerationRecord, Search, SearchSettings};
 
-use super::args::{Compute, Format, Talk};
+use super::args::{Compute, Format, Talk, parse_size};
 use super::error::Error;
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::{load, progress};
@@ -82,6 +84,13 @@ pub struct Args {
     /// More placements to start from where the mount allows them; not compared with
     #[arg(long, value_name = "FILE", conflicts_with = "resume")]
     inject: Option<PathBuf>,
+    /// Keep what each sensor pose of a grid covers in this folder, for later runs
+    #[arg(long, value_name = "DIR")]
+    atlas: Option<PathBuf>,
+    /// Size of that folder; what was used longest ago goes first
+    #[arg(long, value_name = "SIZE", default_value = "4G", requires = "atlas",
+          value_parser = parse_size)]
+    atlas_size: u64,
     /// How to print the result [default: text on a terminal, else json]
     #[arg(long, value_enum)]
     format: Option<Format>,
@@ -153,6 +162,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             (folder, search, Vec::new())
         }
     };
+    let store = open_store(args)?;
     let quiet = Compute { talk: Talk { quiet: true, verbose: false }, ..args.compute.clone() };
     let open = |frames: &[usize]| load::evaluator(&scene, &psog, frames, &quiet);
     let mut run =
@@ -167,7 +177,13 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let generations_seconds = searching.elapsed().as_secs_f64();
     let (mut swaps, mut bounds) = (None, None);
     if !interrupted {
+        if let Some(store) = &store {
+            run.evaluator.keep_pages(store.clone());
+        }
         (swaps, bounds) = run.on_the_grid(&args.compute, &interrupt)?;
+        if let (Some(store), Some(folder)) = (store, &args.atlas) {
+            note_store(&store.report(), folder, args.compute.talk);
+        }
         interrupted = interrupt.is_set();
     }
     let search_seconds = searching.elapsed().as_secs_f64();
@@ -217,6 +233,24 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     run.folder.finish(&record, &figures)?;
     print(args, &record, run.folder.path(), interrupted);
     Ok(if interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+}
+
+fn open_store(args: &Args) -> Result<Option<Arc<PageStore>>, Error> {
+    let Some(folder) = &args.atlas else { return Ok(None) };
+    let store = PageStore::open(folder, args.atlas_size).map_err(Error::io(folder))?;
+    Ok(Some(Arc::new(store)))
+}
+
+fn note_store(report: &StoreReport, folder: &Path, talk: Talk) {
+    let StoreReport { read, written, spoilt, trouble } = report;
+    let folder = folder.display();
+    talk.detail(format!("{folder}: {read} sensor poses read, {written} written"));
+    if *spoilt > 0 {
+        talk.note(format!("{folder}: {spoilt} damaged or foreign file(s) were cast again"));
+    }
+    if let Some(trouble) = trouble {
+        talk.note(format!("no more sensor poses are kept: {trouble}"));
+    }
 }
 
 fn settings_of(args: &Args) -> Result<RunSettings, Error> {

@@ -59,8 +59,11 @@ pub(super) fn better_first(a: &(u32, f64), b: &(u32, f64)) -> Ordering {
 
 impl GridSearch {
     /// A search of placements of as many LiDARs and at least as far apart as the evaluator's
-    /// constraints say.
-    pub fn new(atlas: Atlas, objective: Objective, evaluator: &Evaluator) -> Self {
+    /// constraints say. Pages of the atlas are kept in the evaluator's store, if it has one.
+    pub fn new(mut atlas: Atlas, objective: Objective, evaluator: &Evaluator) -> Self {
+        if let Some(store) = evaluator.page_store() {
+            atlas.keep_in(store.clone());
+        }
         let constraints = evaluator.constraints();
         let (min_distance, lidars) = (constraints.min_distance, constraints.lidars);
         Self { atlas, objective, min_distance, lidars, evaluations: 0 }
