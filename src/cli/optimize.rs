@@ -3,14 +3,13 @@ mod finalists;
 mod folder;
 mod grid;
 mod outcome;
+mod pages;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
-use sightline::atlas::{PageStore, StoreReport};
 use sightline::fidelity::World;
 use sightline::placement::{Placement, Spacing, read_placements};
 use sightline::report::{Figures, InformationMap, RunRecord, RunTimes, Scored};
@@ -162,7 +161,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             (folder, search, Vec::new())
         }
     };
-    let store = open_store(args)?;
+    let store = pages::open(args)?;
     let quiet = Compute { talk: Talk { quiet: true, verbose: false }, ..args.compute.clone() };
     let open = |frames: &[usize]| load::evaluator(&scene, &psog, frames, &quiet);
     let mut run =
@@ -182,7 +181,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         }
         (swaps, bounds) = run.on_the_grid(&args.compute, &interrupt)?;
         if let (Some(store), Some(folder)) = (store, &args.atlas) {
-            note_store(&store.report(), folder, args.compute.talk);
+            pages::note(&store.report(), folder, args.compute.talk);
         }
         interrupted = interrupt.is_set();
     }
@@ -233,24 +232,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     run.folder.finish(&record, &figures)?;
     print(args, &record, run.folder.path(), interrupted);
     Ok(if interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
-}
-
-fn open_store(args: &Args) -> Result<Option<Arc<PageStore>>, Error> {
-    let Some(folder) = &args.atlas else { return Ok(None) };
-    let store = PageStore::open(folder, args.atlas_size).map_err(Error::io(folder))?;
-    Ok(Some(Arc::new(store)))
-}
-
-fn note_store(report: &StoreReport, folder: &Path, talk: Talk) {
-    let StoreReport { read, written, spoilt, trouble } = report;
-    let folder = folder.display();
-    talk.detail(format!("{folder}: {read} sensor poses read, {written} written"));
-    if *spoilt > 0 {
-        talk.note(format!("{folder}: {spoilt} damaged or foreign file(s) were cast again"));
-    }
-    if let Some(trouble) = trouble {
-        talk.note(format!("no more sensor poses are kept: {trouble}"));
-    }
 }
 
 fn settings_of(args: &Args) -> Result<RunSettings, Error> {

@@ -10,8 +10,8 @@ use super::{Evaluator, GridPlacement, GridSearch, SearchError};
 
 /// Rounding that the sums of gains behind a bound may have gathered, relative.
 const ROUNDING: f64 = 1e-12;
-/// Sets of sensors that are looked at through pairs alone, at most.
-const PAIR_NODES: u64 = 20_000;
+/// Candidates that are looked at through pairs alone, at most.
+const PAIR_WORK: u64 = 1 << 24;
 /// Of so many poses the best one alone is typical of those in good placements.
 const TYPICAL: usize = 4;
 
@@ -139,8 +139,9 @@ pub fn bound_gain(
     // fit beside it too, since they may stand in another.
     let mut beside = search.values_with(&found.poses, &all);
     beside.sort_by(better_first);
-    let beside: f64 = beside.iter().take(lidars).map(|c| c.1 - found.value).sum();
-    let mut upper_at_root = (found.value + beside) * (1.0 + ROUNDING);
+    let value = found.value.max(0.0);
+    let beside: f64 = beside.iter().take(lidars).map(|c| c.1.max(value) - value).sum();
+    let mut upper_at_root = (value + beside) * (1.0 + ROUNDING);
     let mut typical = search.values_with(&[], &all);
     typical.sort_by(better_first);
     typical.truncate(all.len().div_ceil(TYPICAL));
@@ -149,8 +150,8 @@ pub fn bound_gain(
     let (pairs, upper) = PairBound::tightest(search.atlas(), lidars, units, &typical, |pairs| {
         let mut open = Open { heap: BinaryHeap::new(), lidars, floor: best.value };
         open.push(root(pairs));
-        let mut looked_at = 1;
-        while looked_at < PAIR_NODES
+        let (mut looked_at, most) = (1, pair_nodes(pairs));
+        while looked_at < most
             && let Some(node) = open.pop()
         {
             if node.chosen.len() + 1 == lidars {
@@ -169,7 +170,7 @@ pub fn bound_gain(
     open.push(root(&pairs));
     let (mut looked_at, mut cheaply) = (1, 0);
     while looked_at < nodes
-        && cheaply < PAIR_NODES
+        && cheaply < pair_nodes(&pairs)
         && go_on()
         && let Some(mut node) = open.pop()
     {
@@ -216,6 +217,11 @@ pub fn bound_gain(
     Ok(GainBound { poses, best, upper, upper_at_root, nodes: looked_at, proven })
 }
 
+/// Sets of sensors to look at through pairs: the root alone where no overlaps are known.
+fn pair_nodes(pairs: &PairBound) -> u64 {
+    if pairs.has_overlaps() { PAIR_WORK / pairs.singles().len() as u64 } else { 1 }
+}
+
 /// The empty set, extended by bounds from pairs.
 fn root(pairs: &PairBound) -> Node {
     let mut candidates = pairs.singles();
@@ -246,9 +252,11 @@ fn gains(
     candidates: &[u32],
     bound: f64,
 ) -> Node {
+    let value = value.max(0.0);
     let mut candidates = search.values_with(&chosen, candidates);
     for (_, gain) in &mut candidates {
-        *gain -= value;
+        // The objective does not exist where nothing is covered; the gain is zero there.
+        *gain = gain.max(value) - value;
     }
     candidates.sort_by(better_first);
     Node { chosen, value, candidates, next: 0, bound, exact: true }

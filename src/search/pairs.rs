@@ -7,6 +7,9 @@ const SHARES: [f64; 7] = [0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2];
 /// Words of bitmaps to read for the overlaps of all pairs, at most: some seconds.
 const MOST_WORDS: u64 = 30_000_000_000;
 
+/// Poses of which all pairs are remembered, at most: some hundred MiB.
+const MOST_POSES: usize = 3000;
+
 /// Bounds on what sets of sensors cover, from what single poses cover and what pairs have in common.
 ///
 /// Of a tree over the sensors, those that cover a voxel and the edges between them are a forest: they
@@ -25,6 +28,11 @@ pub(super) struct PairBound {
 }
 
 impl PairBound {
+    /// Whether it knows more than what single poses cover.
+    pub fn has_overlaps(&self) -> bool {
+        !self.overlaps.is_empty()
+    }
+
     /// What a pose adds at most to a set of sensors, the bound beside all of them being `added`.
     pub fn added(&self, pose: u32, beside: u32, added: f64) -> f64 {
         if self.overlaps.is_empty() {
@@ -62,7 +70,7 @@ impl PairBound {
         let base = columns.rest + groups.iter().map(|group| group.total).sum::<u64>();
         let mut now =
             Self { poses: n, base: scaled(base), singles: vec![0.0; n], overlaps: vec![] };
-        let mut overlaps = vec![0.0; n * n];
+        let mut overlaps = vec![0.0; if n <= MOST_POSES { n * n } else { 0 }];
         let mut best = (now.clone(), now.base);
         let (mut base, mut singles) = (base, vec![0u64; n]);
         let mut words = 0;
@@ -74,7 +82,7 @@ impl PairBound {
             now.base = scaled(base);
             now.singles = singles.iter().map(|&sum| scaled(sum)).collect();
             words += columns.group_words(index) * (n * n / 2) as u64;
-            if words <= MOST_WORDS {
+            if words <= MOST_WORDS && !overlaps.is_empty() {
                 columns.add_overlaps(index, &mut overlaps);
                 now.overlaps = overlaps.iter().map(|sum| unit * sum).collect();
             }
