@@ -20,9 +20,13 @@ fn optimize_writes_its_folder_and_repeats_itself() {
     let dir = TempDir::new().unwrap();
     room(dir.path());
     let first = ok(dir.path(), &optimize_args("first", "90"));
-    let second =
-        ok(dir.path(), &[&optimize_args("second", "90")[..], &["--threads", "1"]].concat());
-    let gpu: Vec<&str> = optimize_args("third", "90")
+    // Poses that the second run casts, the third one reads.
+    let kept = ["--atlas", "pages"];
+    let second = optimize_args("second", "90");
+    let second = ok(dir.path(), &[&second[..], &kept, &["--threads", "1"]].concat());
+    assert!(fs::read_dir(dir.path().join("pages")).unwrap().count() > 10);
+    let gpu: Vec<&str> = [&optimize_args("third", "90")[..], &kept]
+        .concat()
         .into_iter()
         .map(|arg| if arg == "cpu" { "gpu" } else { arg })
         .collect();
@@ -44,6 +48,10 @@ fn optimize_writes_its_folder_and_repeats_itself() {
     assert_eq!(history("first"), history("third"), "another backend");
     assert_eq!(first["best"], second["best"]);
     assert_eq!(first["best"], third["best"]);
+    for part in ["methods", "certificate"] {
+        assert_eq!(first[part], second[part]);
+        assert_eq!(first[part], third[part]);
+    }
     // The best so far never falls, and is the best of all generations.
     let records: Vec<Value> =
         history("first").lines().map(|line| serde_json::from_str(line).unwrap()).collect();

@@ -33,10 +33,19 @@ fn search(problem: &Arc<Problem>, rules: &Constraints, objective: &str) -> (Grid
 #[test]
 fn bounds_bracket_the_best_of_all_placements() {
     let go_on = || true;
-    for (seed, lidars, apart) in [(1, 2, 0.0), (2, 3, 0.0), (3, 3, 2.5), (4, 2, 3.0)] {
+    let gain = "information_gain";
+    let tasks = "0.5*information_gain + 2*detection.information_gain";
+    for (seed, lidars, apart, objective) in [
+        (1, 2, 0.0, gain),
+        (2, 3, 0.0, gain),
+        (3, 3, 2.5, gain),
+        (4, 2, 3.0, gain),
+        (5, 1, 0.0, gain),
+        (6, 4, 0.5, tasks),
+    ] {
         let problem = random_problem(seed, true);
         let rules = constraints(lidars, apart);
-        let (mut search, mut evaluator) = search(&problem, &rules, "information_gain");
+        let (mut search, mut evaluator) = search(&problem, &rules, objective);
         let all: Vec<u32> = (0..36).collect();
         let best = search.exhaustive(&mut evaluator, &all).unwrap().unwrap();
         let greedy = search.greedy(&mut evaluator, &all).unwrap().unwrap();
@@ -50,6 +59,8 @@ fn bounds_bracket_the_best_of_all_placements() {
             let bound = bound_gain(&mut search, &mut evaluator, &greedy, nodes, &go_on).unwrap();
             assert!(bound.upper >= best.value * (1.0 - 1e-12), "seed {seed}, {nodes} nodes");
             assert!(bound.best.value >= greedy.value && bound.upper <= bound.upper_at_root);
+            let root = bound.upper_at_root / best.value;
+            assert!(root <= 1.12, "seed {seed}: {root} times the best");
             uppers.push(bound.upper);
             if nodes == 100_000 {
                 assert!(bound.proven, "seed {seed}");

@@ -4,6 +4,7 @@
 //! The sums over a union are those that a [`Backend`] gives for the placement, to the bit.
 
 mod order;
+mod store;
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -13,6 +14,8 @@ use rayon::prelude::*;
 use crate::backend::{Backend, BackendError, Problem, Tally};
 use crate::placement::PoseGrid;
 use order::{LevelOrder, count_union};
+use store::{PageKey, hash_of};
+pub use store::{PageStore, StoreReport};
 
 /// Poses cast at once: enough to keep every core busy, few enough for their bitmaps to fit anywhere.
 const POSES_AT_ONCE: usize = 32;
@@ -30,6 +33,15 @@ pub struct Atlas {
     /// Counts requests; pages remember the last one that asked for them.
     clock: u64,
     cast: u64,
+    kept: Option<Kept>,
+}
+
+/// Where pages are kept between runs.
+struct Kept {
+    store: Arc<PageStore>,
+    problem: [u8; 32],
+    /// Whether a page read was like one cast; `None` before there was one.
+    trusted: Option<bool>,
 }
 
 /// What one pose covers: frame after frame, occupied voxels in level order, then all voxels.
@@ -56,7 +68,14 @@ impl Atlas {
             if counts_all { problem.roi().voxel_count().div_ceil(64) as usize } else { 0 };
         let page = 8 * (problem.frame_count() * (order.words() + all_words)).max(1) as u64;
         let capacity = (bytes / page).max(crate::placement::MAX_LIDARS as u64) as usize;
-        Self { problem, grid, order, all_words, pages: HashMap::new(), capacity, clock: 0, cast: 0 }
+        let pages = HashMap::new();
+        Self { problem, grid, order, all_words, pages, capacity, clock: 0, cast: 0, kept: None }
+    }
+
+    /// Reads pages from a store where it has them, and keeps those cast there. Nothing else changes.
+    pub fn keep_in(&mut self, store: Arc<PageStore>) {
+        let problem = hash_of(&self.problem, self.all_words);
+        self.kept = Some(Kept { store, problem, trusted: None });
     }
 
     /// The grid of its poses.
@@ -79,7 +98,8 @@ impl Atlas {
         8 * self.problem.frame_count() * self.frame_words()
     }
 
-    /// Poses cast so far, those cast again after they were dropped included.
+    /// Poses cast so far, those cast again after they were dropped included, and those that a store
+    /// spared a cast.
     pub fn poses_cast(&self) -> u64 {
         self.cast
     }
@@ -104,10 +124,64 @@ impl Atlas {
         missing.sort_unstable();
         missing.dedup();
         self.make_room(missing.len())?;
+        let missing = self.read(backend, missing)?;
         for some in missing.chunks(POSES_AT_ONCE) {
-            self.cast(backend, some)?;
+            let pages = self.cast(backend, some)?;
+            if let Some(Kept { store, problem, .. }) = &self.kept {
+                some.par_iter().zip(&pages).for_each(|(&pose, page)| {
+                    store.write(&PageKey::new(problem, &self.grid.pose(pose)), page);
+                });
+            }
+            self.insert(some, pages);
         }
         Ok(())
+    }
+
+    /// Takes what it can from the store; the poses that are still missing.
+    ///
+    /// The first page is compared with a cast: a store filled by a program that covers otherwise, as
+    /// no hash may know, is not used.
+    fn read(
+        &mut self,
+        backend: &mut dyn Backend,
+        missing: Vec<u32>,
+    ) -> Result<Vec<u32>, BackendError> {
+        let Some(kept) = &self.kept else { return Ok(missing) };
+        if kept.trusted == Some(false) {
+            return Ok(missing);
+        }
+        let words = self.problem.frame_count() * self.frame_words();
+        let read = |pose: &u32| {
+            kept.store.read(&PageKey::new(&kept.problem, &self.grid.pose(*pose)), words)
+        };
+        let read: Vec<Option<Vec<u64>>> = missing.par_iter().map(read).collect();
+        let (mut found, mut pages, mut left) = (Vec::new(), Vec::new(), Vec::new());
+        for (&pose, page) in missing.iter().zip(read) {
+            let Some(page) = page else {
+                left.push(pose);
+                continue;
+            };
+            found.push(pose);
+            pages.push(page);
+        }
+        if let (Some(&first), None) = (found.first(), kept.trusted) {
+            let trusted = self.cast(backend, &[first])?[0] == pages[0];
+            let kept = self.kept.as_mut().expect("there is a store");
+            kept.trusted = Some(trusted);
+            if !trusted {
+                kept.store.is_wrong();
+                return Ok(missing);
+            }
+        }
+        self.insert(&found, pages);
+        Ok(left)
+    }
+
+    fn insert(&mut self, numbers: &[u32], pages: Vec<Vec<u64>>) {
+        self.cast += numbers.len() as u64;
+        let used = self.clock;
+        let pages = pages.into_iter().map(|words| Page { words: words.into(), used });
+        self.pages.extend(numbers.iter().copied().zip(pages));
     }
 
     fn make_room(&mut self, wanted: usize) -> Result<(), BackendError> {
@@ -131,7 +205,12 @@ impl Atlas {
         Ok(())
     }
 
-    fn cast(&mut self, backend: &mut dyn Backend, numbers: &[u32]) -> Result<(), BackendError> {
+    /// The pages of poses.
+    fn cast(
+        &self,
+        backend: &mut dyn Backend,
+        numbers: &[u32],
+    ) -> Result<Vec<Vec<u64>>, BackendError> {
         let poses: Vec<_> = numbers.iter().map(|&number| self.grid.pose(number)).collect();
         let (frames, each) = (self.problem.frame_count(), self.frame_words());
         let mut pages = vec![vec![0u64; frames * each]; numbers.len()];
@@ -145,11 +224,21 @@ impl Atlas {
                 all.copy_from_slice(&bitmap[..self.all_words]);
             });
         }
-        self.cast += numbers.len() as u64;
-        let used = self.clock;
-        let pages = pages.into_iter().map(|words| Page { words: words.into(), used });
-        self.pages.extend(numbers.iter().copied().zip(pages));
-        Ok(())
+        Ok(pages)
+    }
+
+    /// What a held pose covers of the occupied voxels, a bit each: frame after frame, in an order of
+    /// voxels whose worths are [`Self::worths`].
+    ///
+    /// # Panics
+    /// The pose is not held.
+    pub(crate) fn frames_of(&self, pose: u32) -> impl Iterator<Item = &[u64]> {
+        self.page(pose).chunks(self.frame_words()).map(|frame| &frame[..self.order.words()])
+    }
+
+    /// The fixed-point entropies of each bit of a frame; zero for bits without a voxel.
+    pub(crate) fn worths(&self) -> Vec<[u32; 3]> {
+        self.order.worths(self.problem.content())
     }
 
     fn page(&self, pose: u32) -> &[u64] {
@@ -216,3 +305,6 @@ impl Atlas {
         tally
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -76,6 +76,15 @@ impl LevelOrder {
         self.words
     }
 
+    /// Worth of each bit; zero for bits without a voxel.
+    pub fn worths(&self, content: &Content) -> Vec<[u32; 3]> {
+        let mut worths = vec![[0; 3]; 64 * self.words];
+        for (voxel, &bit) in content.occupied().iter().zip(&self.bit_of) {
+            worths[bit as usize] = voxel.entropy;
+        }
+        worths
+    }
+
     /// Brings a bitmap of all voxels into this order; `ordered` starts empty of bits.
     pub fn reorder(&self, bitmap: &[u64], ordered: &mut [u64]) {
         for ((&word, &mask), &rank) in bitmap.iter().zip(&self.mask).zip(&self.rank) {

@@ -3,6 +3,7 @@ mod finalists;
 mod folder;
 mod grid;
 mod outcome;
+mod pages;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -16,7 +17,7 @@ use sightline::scene::Scene;
 use sightline::score::Objective;
 use sightline::search::{Evaluator, GenerationRecord, Search, SearchSettings};
 
-use super::args::{Compute, Format, Talk};
+use super::args::{Compute, Format, Talk, parse_size};
 use super::error::Error;
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::{load, progress};
@@ -82,6 +83,13 @@ pub struct Args {
     /// More placements to start from where the mount allows them; not compared with
     #[arg(long, value_name = "FILE", conflicts_with = "resume")]
     inject: Option<PathBuf>,
+    /// Keep what each sensor pose of a grid covers in this folder, for later runs
+    #[arg(long, value_name = "DIR")]
+    atlas: Option<PathBuf>,
+    /// Size of that folder; what was used longest ago goes first
+    #[arg(long, value_name = "SIZE", default_value = "4G", requires = "atlas",
+          value_parser = parse_size)]
+    atlas_size: u64,
     /// How to print the result [default: text on a terminal, else json]
     #[arg(long, value_enum)]
     format: Option<Format>,
@@ -153,6 +161,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             (folder, search, Vec::new())
         }
     };
+    let store = pages::open(args)?;
     let quiet = Compute { talk: Talk { quiet: true, verbose: false }, ..args.compute.clone() };
     let open = |frames: &[usize]| load::evaluator(&scene, &psog, frames, &quiet);
     let mut run =
@@ -167,7 +176,13 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let generations_seconds = searching.elapsed().as_secs_f64();
     let (mut swaps, mut bounds) = (None, None);
     if !interrupted {
+        if let Some(store) = &store {
+            run.evaluator.keep_pages(store.clone());
+        }
         (swaps, bounds) = run.on_the_grid(&args.compute, &interrupt)?;
+        if let (Some(store), Some(folder)) = (store, &args.atlas) {
+            pages::note(&store.report(), folder, args.compute.talk);
+        }
         interrupted = interrupt.is_set();
     }
     let search_seconds = searching.elapsed().as_secs_f64();

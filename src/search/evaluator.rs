@@ -3,6 +3,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use crate::atlas::PageStore;
 use crate::backend::{Backend, BackendError, Problem, Tally};
 use crate::placement::{Constraints, Placement};
 use crate::score::{Scores, reference_layout, short_sight};
@@ -16,12 +17,24 @@ pub struct Evaluator {
     references: BTreeMap<usize, Tally>,
     /// The last batch and its scores, where they are kept.
     last: Option<Vec<(Placement, Scores)>>,
+    /// Where the atlases of its searches keep their pages.
+    store: Option<Arc<PageStore>>,
 }
 
 impl Evaluator {
     /// An evaluator of a problem; the mount decides where the reference layout of the guards stands.
     pub fn new(problem: Arc<Problem>, backend: Box<dyn Backend>, constraints: Constraints) -> Self {
-        Self { problem, backend, constraints, references: BTreeMap::new(), last: None }
+        Self { problem, backend, constraints, references: BTreeMap::new(), last: None, store: None }
+    }
+
+    /// Lets searches on a grid keep what each pose covers in a store, and read it from there.
+    pub fn keep_pages(&mut self, store: Arc<PageStore>) {
+        self.store = Some(store);
+    }
+
+    /// The store of [`Self::keep_pages`].
+    pub fn page_store(&self) -> Option<&Arc<PageStore>> {
+        self.store.as_ref()
     }
 
     /// Keeps every batch with its scores until the next one, for [`Self::take_last`].

@@ -2,12 +2,16 @@
 
 mod best;
 mod certificate;
+mod columns;
 mod evaluator;
+mod gain_bound;
+mod pairs;
 mod run;
 mod swaps;
 
 pub use best::{SWAP_SPACING, Swapped, best_placement, swap_from};
-pub use certificate::{Certificate, GainBound, GridSample, LipschitzBound, bound_gain};
+pub use certificate::{Certificate, GridSample, LipschitzBound};
 pub use evaluator::Evaluator;
+pub use gain_bound::{GainBound, bound_gain};
 pub use run::{Best, GenerationRecord, Search, SearchError, SearchSettings};
 pub use swaps::{GridPlacement, GridSearch, Moves};

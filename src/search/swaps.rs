@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Evaluator, SearchError};
 use crate::atlas::{Atlas, Union};
+use crate::backend::Tally;
 use crate::placement::{Placement, PoseGrid};
 use crate::score::Objective;
 
@@ -58,8 +59,11 @@ pub(super) fn better_first(a: &(u32, f64), b: &(u32, f64)) -> Ordering {
 
 impl GridSearch {
     /// A search of placements of as many LiDARs and at least as far apart as the evaluator's
-    /// constraints say.
-    pub fn new(atlas: Atlas, objective: Objective, evaluator: &Evaluator) -> Self {
+    /// constraints say. Pages of the atlas are kept in the evaluator's store, if it has one.
+    pub fn new(mut atlas: Atlas, objective: Objective, evaluator: &Evaluator) -> Self {
+        if let Some(store) = evaluator.page_store() {
+            atlas.keep_in(store.clone());
+        }
         let constraints = evaluator.constraints();
         let (min_distance, lidars) = (constraints.min_distance, constraints.lidars);
         Self { atlas, objective, min_distance, lidars, evaluations: 0 }
@@ -111,6 +115,27 @@ impl GridSearch {
             (pose, value.unwrap_or(f64::NEG_INFINITY))
         };
         candidates.par_iter().map(value).collect()
+    }
+
+    /// The objective of held poses, 0 for none.
+    pub(super) fn held_value(&mut self, poses: &[u32]) -> f64 {
+        let Some((&last, others)) = poses.split_last() else { return 0.0 };
+        self.values_with(others, &[last])[0].1
+    }
+
+    /// What an information gain grows by with each unit of the two tasks' entropies; 0 where it does
+    /// not exist.
+    pub(super) fn worth_units(&self) -> [f64; 2] {
+        let problem = self.atlas.problem();
+        [0, 1].map(|task| {
+            // A power of two, and large: as exact as the objective's own factors.
+            let sum = 1u64 << 40;
+            let mut tally = Tally { covered: 1, covered_nonzero: 1, ..Tally::default() };
+            tally.entropy[task] = sum;
+            let content = problem.content();
+            let value = self.objective.value_of_tally(&tally, content, problem.frame_count());
+            value.unwrap_or(0.0) / sum as f64
+        })
     }
 
     /// The objective of a placement.
