@@ -51,15 +51,11 @@ pub fn swap_from(
 ) -> Result<Option<Swapped>, SearchError> {
     let grid = PoseGrid::new(evaluator.constraints(), spacing)?;
     let counts_all = objective.counts_all_covered();
-    let atlas = Atlas::new(evaluator.shared_problem(), grid.clone(), counts_all, memory);
+    let atlas = Atlas::new(evaluator.shared_problem(), grid, counts_all, memory);
     let mut search = GridSearch::new(atlas, objective.clone(), evaluator);
     let mut best: Option<GridPlacement> = None;
     for start in starts {
-        let snapped = grid.snapped(start);
-        if !evaluator.constraints().violations(&snapped).is_empty() {
-            continue;
-        }
-        let mut poses: Vec<u32> = snapped.lidars.iter().map(|pose| grid.nearest(pose)).collect();
+        let Some(mut poses) = search.start_of(start) else { continue };
         for moves in MOVES {
             let top = search.climb(evaluator, &poses, moves, &|cast| cast < casts && go_on())?;
             poses.clone_from(&top.poses);
@@ -89,9 +85,7 @@ pub fn best_placement(
     go_on: &dyn Fn() -> bool,
 ) -> Result<Option<(Placement, f64)>, SearchError> {
     let lidars = evaluator.constraints().lidars;
-    let starts: Vec<Placement> =
-        starts.iter().filter(|start| start.lidars.len() == lidars).cloned().collect();
-    let mut search = Search::new(settings.clone(), &evaluator.constraints().clone(), &starts)?;
+    let mut search = Search::new(settings.clone(), &evaluator.constraints().clone(), starts)?;
     while search.stopped().is_none() && go_on() {
         search.step(evaluator, objective)?;
     }

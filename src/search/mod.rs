@@ -2,12 +2,14 @@
 
 mod best;
 mod certificate;
+mod climb;
 mod evaluator;
 mod run;
 mod swaps;
 
 pub use best::{SWAP_SPACING, Swapped, best_placement, swap_from};
 pub use certificate::{Certificate, GainBound, GridSample, LipschitzBound, bound_gain};
+pub use climb::Moves;
 pub use evaluator::Evaluator;
-pub use run::{Best, GenerationRecord, Search, SearchError, SearchSettings};
-pub use swaps::{GridPlacement, GridSearch, Moves};
+pub use run::{Best, GenerationRecord, Search, SearchError, SearchSettings, SearchStop};
+pub use swaps::{GridPlacement, GridSearch};

@@ -44,7 +44,7 @@ impl Run {
             Method::Cma => None,
             // A quarter of what the generations cast.
             Method::Both => stage.climb(spacing, &starts, casts / 4)?,
-            Method::Swaps => stage.everywhere(spacing, &starts)?,
+            Method::Swaps => stage.everywhere(spacing, &starts, self.settings.search.seed)?,
         };
         let bounds = stage.bounds(delta, self.settings.search.seed)?;
         Ok((swaps, Some(bounds)))
