@@ -32,7 +32,7 @@ use rules::{Rules, active_bounds, left_out};
 /// The layouts of Table 7 of the paper, in our frame.
 const TABLE_7: &str = include_str!("../../scenes/placements.json");
 /// Share of `--max-seconds` that the generations may take; the swaps have what is left.
-const GENERATIONS_SHARE: f64 = 0.75;
+const GENERATIONS_SHARE: f64 = 0.4;
 /// Frames that the map of the gained information averages over.
 const MAP_FRAMES: u32 = 4;
 
@@ -55,11 +55,12 @@ pub struct Args {
     /// Score to maximize, or a weighted sum of several
     #[arg(long, default_value = "m_sog_scaled", conflicts_with = "resume")]
     objective: String,
-    /// Placements to evaluate
-    #[arg(long, value_name = "N", default_value_t = 360, conflicts_with = "resume",
+    /// Placements that the generations evaluate; the swaps then cast one and a half times as many
+    /// sensor poses as those did
+    #[arg(long, value_name = "N", default_value_t = 180, conflicts_with = "resume",
           value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: u64,
-    /// Seconds from the start after which the search ends, generations after three quarters of them;
+    /// Seconds from the start after which the search ends, generations after two fifths of them;
     /// --resume goes on from there. Confirming the result and writing it come on top
     #[arg(long, value_name = "S", visible_alias = "time", value_parser = parse_seconds)]
     max_seconds: Option<f64>,

@@ -1,3 +1,6 @@
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
 use super::{Evaluator, GridPlacement, GridSearch, Moves, Search, SearchError, SearchSettings};
 use crate::atlas::Atlas;
 use crate::placement::{Placement, PoseGrid, Spacing};
@@ -7,6 +10,9 @@ use crate::score::Objective;
 pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
 /// First steps along single pose fields, then a step along several at once.
 const MOVES: [Moves; 2] = [Moves::Along(3), Moves::Around(1)];
+
+/// Most times that a local optimum is left by a random move: on a small grid no casts end this.
+const KICKS: usize = 32;
 
 /// What swaps have found.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,7 +40,9 @@ impl Swapped {
 }
 
 /// Swaps single LiDARs to nearby poses of a grid, from each start that the mount allows, until no swap
-/// gains; at most about `casts` sensor poses are cast, and `memory` bytes of bitmaps kept.
+/// gains; then moves one LiDAR of the best anywhere at random and climbs from there, again and again,
+/// while poses may be cast (iterated local search). At most about `casts` sensor poses are cast, and
+/// `memory` bytes of bitmaps kept.
 ///
 /// `None` where no start, moved to the grid, keeps the rules of the mount.
 ///
@@ -46,6 +54,7 @@ pub fn swap_from(
     spacing: Spacing,
     starts: &[Placement],
     casts: u64,
+    seed: u64,
     memory: u64,
     go_on: &dyn Fn() -> bool,
 ) -> Result<Option<Swapped>, SearchError> {
@@ -53,19 +62,35 @@ pub fn swap_from(
     let counts_all = objective.counts_all_covered();
     let atlas = Atlas::new(evaluator.shared_problem(), grid, counts_all, memory);
     let mut search = GridSearch::new(atlas, objective.clone(), evaluator);
+    let go_on = |cast: u64| cast < casts && go_on();
     let mut best: Option<GridPlacement> = None;
     for start in starts {
-        let Some(mut poses) = search.start_of(start) else { continue };
-        for moves in MOVES {
-            let top = search.climb(evaluator, &poses, moves, &|cast| cast < casts && go_on())?;
-            poses.clone_from(&top.poses);
-            best = Some(match best {
-                Some(best) => search.preferred(evaluator, best, top)?,
-                None => top,
-            });
-        }
+        let Some(poses) = search.start_of(start) else { continue };
+        let top = climb_both(&mut search, evaluator, poses, &go_on)?;
+        best = Some(match best {
+            Some(best) => search.preferred(evaluator, best, top)?,
+            None => top,
+        });
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    for _ in 0..KICKS {
+        let Some(held) = best.take_if(|_| go_on(search.atlas().poses_cast())) else { break };
+        let poses = search.kicked(&held.poses, &mut rng);
+        let top = climb_both(&mut search, evaluator, poses, &go_on)?;
+        best = Some(search.preferred(evaluator, held, top)?);
     }
     Ok(best.map(|best| Swapped::new(&search, &best)))
+}
+
+/// Climbs by each of [`MOVES`] in turn.
+fn climb_both(
+    search: &mut GridSearch,
+    evaluator: &mut Evaluator,
+    poses: Vec<u32>,
+    go_on: &dyn Fn(u64) -> bool,
+) -> Result<GridPlacement, SearchError> {
+    let top = search.climb(evaluator, &poses, MOVES[0], go_on)?;
+    search.climb(evaluator, &top.poses, MOVES[1], go_on)
 }
 
 /// The best placement that CMA-ES and then swaps find within a number of evaluations: what `optimize`
@@ -93,7 +118,8 @@ pub fn best_placement(
     let casts = settings.evaluations * lidars as u64 / 2;
     let spacing = settings.delta.unwrap_or(SWAP_SPACING);
     let start = std::slice::from_ref(&best.placement);
-    let swapped = swap_from(evaluator, objective, spacing, start, casts, memory, go_on)?;
+    let swapped =
+        swap_from(evaluator, objective, spacing, start, casts, settings.seed, memory, go_on)?;
     let named = Placement { name: "optimized".into(), ..best.placement.clone() };
     Ok(Some(match swapped {
         Some(swapped) if swapped.value > best.value || best.guards > 0 => {

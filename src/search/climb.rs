@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use rand::{Rng, RngExt};
 use rayon::prelude::*;
 
 use super::{Evaluator, GridPlacement, GridSearch, SearchError};
@@ -87,6 +88,17 @@ impl GridSearch {
             turns.push(Turn::Height);
         }
         turns
+    }
+
+    /// The placement after one random turn: a LiDAR, or what is tied to it, moved anywhere.
+    pub(super) fn kicked(&self, poses: &[u32], rng: &mut impl Rng) -> Vec<u32> {
+        let turns = self.turns(poses);
+        let turn = turns[rng.random_range(0..turns.len())];
+        let mut candidates = self.candidates(poses, turn, Moves::Anywhere);
+        match candidates.len() {
+            0 => poses.to_vec(),
+            count => candidates.swap_remove(rng.random_range(0..count)),
+        }
     }
 
     /// Placements that a turn may lead to, those that keep the rules.

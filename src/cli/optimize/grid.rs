@@ -61,17 +61,18 @@ impl GridStage<'_> {
         Ok(GridSearch::new(atlas, self.objective.clone(), self.evaluator))
     }
 
-    /// Swaps near each start; `casts` bounds the poses cast.
+    /// Swaps near each start, then from random moves of the best; `casts` bounds the poses cast.
     pub fn climb(
         &mut self,
         spacing: Spacing,
         starts: &[Placement],
         casts: u64,
+        seed: u64,
     ) -> Result<Option<Swapped>, Error> {
         let memory = self.compute.memory_budget() / 2;
         let go_on = || !self.interrupt.is_set();
         let (evaluator, objective) = (&mut *self.evaluator, self.objective);
-        Ok(swap_from(evaluator, objective, spacing, starts, casts, memory, &go_on)?)
+        Ok(swap_from(evaluator, objective, spacing, starts, casts, seed, memory, &go_on)?)
     }
 
     /// Greedy over every pose of the grid, and swaps to any pose from there and from each start. Where
