@@ -208,9 +208,11 @@ fn injected_layouts_that_are_not_used_are_named_with_the_reason() {
 
 #[test]
 fn rules_that_contradict_each_other_are_answered_with_key_and_mend() {
+    /// Keys of the mount, options, and what the answer holds.
+    type Case<'a> = (&'a [(&'a str, Value)], &'a [&'a str], &'a str);
     let dir = TempDir::new().unwrap();
     let wide = json!([{ "min": [-9, -9, 0], "max": [9, 9, 9] }]);
-    let cases: &[(&[(&str, Value)], &[&str], &str)] = &[
+    let cases: &[Case] = &[
         (&[("keep_out", wide)], &[], "room.json: mount.keep_out: "),
         (&[("min", json!([-0.6, -0.5, 1.2]))], &["--symmetric"], "room.json: mount.symmetric: "),
         (&[("min_distance", json!(1.3))], &["--symmetric"], "min_distance, 1.3 m"),

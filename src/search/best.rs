@@ -14,6 +14,19 @@ const MOVES: [Moves; 2] = [Moves::Along(3), Moves::Around(1)];
 /// Most times that a local optimum is left by a random move: on a small grid no casts end this.
 const KICKS: usize = 32;
 
+/// What decides about swaps, beside problem and starts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SwapSettings {
+    /// Grid of the sensor poses.
+    pub spacing: Spacing,
+    /// Sensor poses to cast, at most about.
+    pub casts: u64,
+    /// Bytes of bitmaps to keep, at most.
+    pub memory: u64,
+    /// Seed of the random moves.
+    pub seed: u64,
+}
+
 /// What swaps have found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Swapped {
@@ -41,8 +54,7 @@ impl Swapped {
 
 /// Swaps single LiDARs to nearby poses of a grid, from each start that the mount allows, until no swap
 /// gains; then moves one LiDAR of the best anywhere at random and climbs from there, again and again,
-/// while poses may be cast (iterated local search). At most about `casts` sensor poses are cast, and
-/// `memory` bytes of bitmaps kept.
+/// while poses may be cast (iterated local search).
 ///
 /// `None` where no start, moved to the grid, keeps the rules of the mount.
 ///
@@ -51,13 +63,11 @@ impl Swapped {
 pub fn swap_from(
     evaluator: &mut Evaluator,
     objective: &Objective,
-    spacing: Spacing,
+    settings: &SwapSettings,
     starts: &[Placement],
-    casts: u64,
-    seed: u64,
-    memory: u64,
     go_on: &dyn Fn() -> bool,
 ) -> Result<Option<Swapped>, SearchError> {
+    let SwapSettings { spacing, casts, memory, seed } = *settings;
     let grid = PoseGrid::new(evaluator.constraints(), spacing)?;
     let counts_all = objective.counts_all_covered();
     let atlas = Atlas::new(evaluator.shared_problem(), grid, counts_all, memory);
@@ -115,11 +125,14 @@ pub fn best_placement(
         search.step(evaluator, objective)?;
     }
     let Some(best) = search.best() else { return Ok(None) };
-    let casts = settings.evaluations * lidars as u64 / 2;
-    let spacing = settings.delta.unwrap_or(SWAP_SPACING);
+    let swaps = SwapSettings {
+        spacing: settings.delta.unwrap_or(SWAP_SPACING),
+        casts: settings.evaluations * lidars as u64 / 2,
+        memory,
+        seed: settings.seed,
+    };
     let start = std::slice::from_ref(&best.placement);
-    let swapped =
-        swap_from(evaluator, objective, spacing, start, casts, settings.seed, memory, go_on)?;
+    let swapped = swap_from(evaluator, objective, &swaps, start, go_on)?;
     let named = Placement { name: "optimized".into(), ..best.placement.clone() };
     Ok(Some(match swapped {
         Some(swapped) if swapped.value > best.value || best.guards > 0 => {

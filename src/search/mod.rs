@@ -7,7 +7,7 @@ mod evaluator;
 mod run;
 mod swaps;
 
-pub use best::{SWAP_SPACING, Swapped, best_placement, swap_from};
+pub use best::{SWAP_SPACING, SwapSettings, Swapped, best_placement, swap_from};
 pub use certificate::{Certificate, GainBound, GridSample, LipschitzBound, bound_gain};
 pub use climb::Moves;
 pub use evaluator::Evaluator;

@@ -27,7 +27,7 @@ impl Run {
         // One generation at least, so that there is something to go on with.
         let goes_on = |search: &Search| {
             let begun = search.generation() > first;
-            !interrupt.is_pressed() && !(begun && interrupt.is_set())
+            !(interrupt.is_pressed() || begun && interrupt.is_set())
         };
         while self.search.stopped().is_none() && goes_on(&self.search) {
             let record = self.search.step(&mut self.evaluator, &self.objective)?;

@@ -9,8 +9,8 @@ use sightline::fidelity::candidates;
 use sightline::placement::{Placement, PoseGrid, Spacing};
 use sightline::score::Objective;
 use sightline::search::{
-    Evaluator, GainBound, GridPlacement, GridSample, GridSearch, Moves, SWAP_SPACING, Swapped,
-    bound_gain, swap_from,
+    Evaluator, GainBound, GridPlacement, GridSample, GridSearch, Moves, SWAP_SPACING, SwapSettings,
+    Swapped, bound_gain, swap_from,
 };
 
 use crate::cli::args::Compute;
@@ -70,9 +70,10 @@ impl GridStage<'_> {
         seed: u64,
     ) -> Result<Option<Swapped>, Error> {
         let memory = self.compute.memory_budget() / 2;
+        let settings = SwapSettings { spacing, casts, memory, seed };
         let go_on = || !self.interrupt.is_set();
         let (evaluator, objective) = (&mut *self.evaluator, self.objective);
-        Ok(swap_from(evaluator, objective, spacing, starts, casts, seed, memory, &go_on)?)
+        Ok(swap_from(evaluator, objective, &settings, starts, &go_on)?)
     }
 
     /// Greedy over every pose of the grid, and swaps to any pose from there and from each start. Where
