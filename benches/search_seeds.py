@@ -234,9 +234,9 @@ def table(entries, seeds):
         seconds = [run["seconds"] for run in runs]
         spent = sorted({run["evaluations"] for run in runs})
         lines.append(
-            f"| {name} | (optimize itself) | {statistics.median(mine.values()):.4e}; worst "
-            f"{min(mine.values()):.4e} | {statistics.median(seconds):.0f} s, at most "
-            f"{max(seconds):.0f} s | {spent[0]} to {spent[-1]} placements cast | |"
+            f"| {name} | `optimize` itself: {spent[0]} to {spent[-1]} placements cast, "
+            f"{statistics.median(seconds):.0f} s, at most {max(seconds):.0f} s "
+            f"| {statistics.median(mine.values()):.4e}, worst {min(mine.values()):.4e} | | | |"
         )
     return "\n".join(lines) + "\n"
 
