@@ -43,6 +43,7 @@ fn main() {
         upper: [mount.max[0], mount.max[1], mount.max[2], mount.roll[1], 0.0, 0.0],
         min_distance: mount.min_distance,
         lidars: 4,
+        ..Constraints::default()
     };
     let grid = PoseGrid::new(&constraints, Spacing { metres: 0.1, radians: 0.1 }).expect("a grid");
     println!(

@@ -20,6 +20,7 @@ fn grid() -> PoseGrid {
         upper: [0.5, 0.5, 0.5, 0.3, 0.0, 0.0],
         min_distance: 0.0,
         lidars: 3,
+        ..Constraints::default()
     };
     PoseGrid::new(&constraints, Spacing { metres: 0.5, radians: 0.3 }).unwrap()
 }

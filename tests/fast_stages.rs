@@ -107,6 +107,7 @@ fn own_scenes_have_the_reference_s_bits() {
             upper: bound(1),
             min_distance: mount.min_distance,
             lidars: mount.lidars as usize,
+            ..Constraints::default()
         };
         // As many level ones, whose directions are the same.
         let mut placements = scattered(&constraints, 14, 1);

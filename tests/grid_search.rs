@@ -5,7 +5,7 @@ use std::sync::Arc;
 use sightline::atlas::Atlas;
 use sightline::backend::Problem;
 use sightline::backend::cpu::CpuBackend;
-use sightline::placement::{Constraints, PoseGrid, Spacing};
+use sightline::placement::{Constraints, Placement, PoseGrid, SensorPose, Spacing, Ties};
 use sightline::score::Objective;
 use sightline::search::{Evaluator, GridPlacement, GridSample, GridSearch, Moves, bound_gain};
 
@@ -17,6 +17,7 @@ fn constraints(lidars: usize, min_distance: f64) -> Constraints {
         upper: [2.0, 2.0, 1.0, 0.3, 0.0, 0.0],
         min_distance,
         lidars,
+        ..Constraints::default()
     }
 }
 
@@ -139,4 +140,53 @@ fn the_sampled_constants_are_those_of_the_sample() {
     }
     let again = GridSample::draw(&mut evaluator, grid, &objective, 50, 3).unwrap();
     assert_eq!(sample, again, "same seed, same sample");
+}
+
+#[test]
+fn a_climb_keeps_ties_and_leaves_boxes_free() {
+    let pose = |x, y, z, roll| SensorPose { x, y, z, roll, pitch: 0.0, yaw: 0.0 };
+    let start = Placement {
+        name: "start".into(),
+        lidars: vec![
+            pose(-2.0, -2.0, -1.0, 0.0),
+            pose(2.0, 0.0, -1.0, 0.0),
+            pose(-2.0, 2.0, -1.0, 0.0),
+        ],
+    };
+    for (equal_height, symmetric) in [(true, false), (false, true), (true, true)] {
+        let rules = Constraints {
+            keep_out: vec![[[-0.5, -0.5, -2.0], [0.5, 0.5, 2.0]]],
+            ties: Ties { equal_height, symmetric },
+            ..constraints(3, 0.5)
+        };
+        for seed in 0..2 {
+            let problem = random_problem(20 + seed, true);
+            let backend = Box::new(CpuBackend::new(problem.clone(), MEMORY));
+            let mut evaluator = Evaluator::new(problem.clone(), backend, rules.clone());
+            let spacing = Spacing { metres: 1.0, radians: 0.15 };
+            let grid = PoseGrid::new(&rules, spacing).unwrap();
+            let objective: Objective = "information_gain".parse().unwrap();
+            // Room for few poses: they are cast in parts.
+            let room = Atlas::new(problem.clone(), grid.clone(), false, 0).page_bytes() as u64 * 40;
+            let atlas = Atlas::new(problem, grid, false, room);
+            let mut search = GridSearch::new(atlas, objective.clone(), &evaluator);
+            let from = search.start_of(&start).expect("it keeps the rules");
+            let least = search.value(&mut evaluator, &from).unwrap();
+            for moves in [Moves::Along(1), Moves::Around(1), Moves::Anywhere] {
+                let top = search.climb(&mut evaluator, &from, moves, &|_| true).unwrap();
+                let placement = top.placement(search.atlas().grid(), "top");
+                assert_eq!(rules.violations(&placement), [], "{rules:?}");
+                let scores = evaluator.scores(&[placement]).unwrap().remove(0);
+                assert_eq!(objective.value(&scores), Some(top.value), "as plain scoring says");
+                assert!(top.value > least, "it moves: {} and {least}", top.value);
+            }
+        }
+        let off = Placement { lidars: vec![pose(0.0, 0.0, 0.0, 0.0); 3], ..start.clone() };
+        let backend = Box::new(CpuBackend::new(random_problem(1, true), MEMORY));
+        let evaluator = Evaluator::new(random_problem(1, true), backend, rules.clone());
+        let grid = PoseGrid::new(&rules, Spacing { metres: 1.0, radians: 0.3 }).unwrap();
+        let atlas = Atlas::new(random_problem(1, true), grid, false, MEMORY);
+        let search = GridSearch::new(atlas, "information_gain".parse().unwrap(), &evaluator);
+        assert_eq!(search.start_of(&off), None, "in the box, and all in one place");
+    }
 }

@@ -161,6 +161,7 @@ fn a_guarded_placement_is_never_preferred() {
                 objective: objective.into(),
                 evaluations: 48,
                 population: Some(12),
+                batch: None,
                 seed: rng.random(),
                 delta: None,
             };

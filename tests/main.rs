@@ -7,6 +7,7 @@ mod cli;
 mod cli_chart;
 mod cli_errors;
 mod cli_optimize;
+mod cli_rules;
 mod cli_scene;
 mod cli_study;
 mod common;

@@ -73,6 +73,7 @@ impl Own {
             upper: bound(1, mount.max),
             min_distance: mount.min_distance,
             lidars: mount.lidars as usize,
+            ..Constraints::default()
         };
         Self { scene, psog, soups, problem: Arc::new(problem), constraints }
     }

@@ -24,6 +24,7 @@ fn atlas(problem: &Arc<Problem>, store: &Arc<PageStore>) -> Atlas {
         upper: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
         min_distance: 0.0,
         lidars: 1,
+        ..Constraints::default()
     };
     let grid = PoseGrid::new(&constraints, Spacing { metres: 0.5, radians: 1.0 }).unwrap();
     let mut atlas = Atlas::new(problem.clone(), grid, true, MEMORY);

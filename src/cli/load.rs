@@ -6,7 +6,7 @@ use sightline::backend::cpu::CpuBackend;
 use sightline::backend::gpu::GpuBackend;
 use sightline::backend::{Backend, BackendError, Failover, Problem};
 use sightline::grid::{BuildReport, Psog, Roi, read_psog, scan_scene};
-use sightline::placement::{BeamTable, Constraints};
+use sightline::placement::{BeamTable, Constraints, Ties};
 use sightline::scene::{Lidar, Mount, PsogSource, ScanSettings, Scene};
 use sightline::search::Evaluator;
 
@@ -230,6 +230,8 @@ pub fn constraints(mount: &Mount) -> Constraints {
         upper: bound(1, mount.max),
         min_distance: mount.min_distance,
         lidars: mount.lidars as usize,
+        keep_out: mount.keep_out.clone(),
+        ties: Ties { equal_height: mount.equal_height, symmetric: mount.symmetric },
     }
 }
 

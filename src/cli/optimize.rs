@@ -1,34 +1,39 @@
 mod auto;
 mod finalists;
 mod folder;
+mod generations;
 mod grid;
 mod outcome;
 mod pages;
+mod rules;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 use sightline::fidelity::World;
 use sightline::placement::{Placement, Spacing, read_placements};
-use sightline::report::{Figures, InformationMap, RunRecord, RunTimes, Scored};
-use sightline::scene::Scene;
+use sightline::report::{Figures, InformationMap, LeftOut, RunRecord, RunTimes, Scored};
+use sightline::scene::{MountRules, Scene};
 use sightline::score::Objective;
-use sightline::search::{Evaluator, GenerationRecord, Search, SearchSettings};
+use sightline::search::{Evaluator, GenerationRecord, Search, SearchSettings, SearchStop};
 
 use super::args::{Compute, Format, Talk, parse_size};
 use super::error::Error;
 use super::interrupt::{INTERRUPTED, Interrupt};
-use super::{load, progress};
+use super::load;
 use auto::{Auto, FidelityChoice};
 use finalists::Finding;
 use folder::RunFolder;
 use grid::{Method, parse_spacing};
-use outcome::{active_bounds, body_of, peak_memory, print};
+use outcome::{body_of, peak_memory, print};
+use rules::{Rules, active_bounds, left_out};
 
 /// The layouts of Table 7 of the paper, in our frame.
 const TABLE_7: &str = include_str!("../../scenes/placements.json");
+/// Share of `--max-seconds` that the generations may take; the swaps have what is left.
+const GENERATIONS_SHARE: f64 = 0.4;
 /// Frames that the map of the gained information averages over.
 const MAP_FRAMES: u32 = 4;
 
@@ -36,6 +41,7 @@ const MAP_FRAMES: u32 = 4;
 #[command(after_help = "Examples:
   sightline optimize scenes/urban-crossing.json
   sightline optimize scenes/highway.json --objective '0.5*m_sog_scaled + 0.5*detection.m_sog_scaled'
+  sightline optimize scenes/highway.json --symmetric --equal-height --max-seconds 30
   sightline optimize --resume runs/highway")]
 pub struct Args {
     /// Scene file
@@ -50,14 +56,27 @@ pub struct Args {
     /// Score to maximize, or a weighted sum of several
     #[arg(long, default_value = "m_sog_scaled", conflicts_with = "resume")]
     objective: String,
-    /// Placements to evaluate
-    #[arg(long, value_name = "N", default_value_t = 360, conflicts_with = "resume",
+    /// Placements that the generations evaluate; the swaps then cast one and a half times as many
+    /// sensor poses as those did
+    #[arg(long, value_name = "N", default_value_t = 180, conflicts_with = "resume",
           value_parser = clap::value_parser!(u64).range(1..))]
     evaluations: u64,
+    /// Seconds from the start after which the search ends, generations after two fifths of them;
+    /// --resume goes on from there. Confirming the result and writing it come on top
+    #[arg(long, value_name = "S", visible_alias = "time", value_parser = parse_seconds)]
+    max_seconds: Option<f64>,
+    /// Score over all frames at which the search ends
+    #[arg(long, value_name = "SCORE", conflicts_with = "resume", allow_negative_numbers = true)]
+    target: Option<f64>,
     /// Placements of a generation [default: chosen from the number of variables]
     #[arg(long, value_name = "N", conflicts_with = "resume",
           value_parser = clap::value_parser!(u32).range(4..=10_000))]
     population: Option<u32>,
+    /// Placements wanted at once: further instances of the CMA-ES run beside the first while they fit,
+    /// so that a large device is kept busy. It changes the result [default: one instance at a time]
+    #[arg(long, value_name = "N", conflicts_with = "resume",
+          value_parser = clap::value_parser!(u32).range(4..=1_000_000))]
+    batch: Option<u32>,
     /// How much of the scene the search models: as few frames as keep the ranking, more when they no
     /// longer tell the best apart (auto), or all (full); the result is confirmed over all
     #[arg(long, value_enum, default_value_t = FidelityChoice::Auto, conflicts_with = "resume")]
@@ -94,6 +113,8 @@ pub struct Args {
     #[arg(long, value_enum)]
     format: Option<Format>,
     #[command(flatten)]
+    rules: Rules,
+    #[command(flatten)]
     compute: Compute,
 }
 
@@ -105,13 +126,22 @@ struct RunSettings {
     frames: Option<u32>,
     baselines: Vec<Placement>,
     method: Method,
+    /// Beside those of the scene.
+    rules: MountRules,
+    /// Objective over all frames at which the search ends.
+    target: Option<f64>,
+    /// Layouts of `--inject` that were not used.
+    left_out: Vec<LeftOut>,
     search: SearchSettings,
 }
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let start = Instant::now();
     args.compute.start_threads()?;
-    let (settings, resumed) = match &args.resume {
+    let deadline = |share: f64| {
+        args.max_seconds.map(|seconds| start + Duration::from_secs_f64(share * seconds))
+    };
+    let (mut settings, resumed) = match &args.resume {
         Some(folder) => {
             let resumed = RunFolder::resume(folder)?;
             (resumed.settings.clone(), Some(resumed))
@@ -120,6 +150,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     };
     let objective: Objective = settings.search.objective.parse()?;
     let (scene, psog, mut times) = load::scene_and_psog(&settings.scene, args.compute.talk)?;
+    let scene = scene.with_rules(&settings.rules, &settings.scene.display().to_string())?;
     let building = Instant::now();
     let constraints = load::constraints(scene.mount());
     let auto = match (&resumed, settings.frames) {
@@ -153,7 +184,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         None => {
             let mut start = settings.baselines.clone();
             if let Some(file) = &args.inject {
-                start.extend(read_placements(file)?);
+                let injected = read_placements(file)?;
+                settings.left_out = left_out(&constraints, &injected, args.compute.talk);
+                start.extend(injected);
             }
             let search = Search::new(settings.search.clone(), &constraints, &start)?;
             // Before the search, so that a folder that cannot be written is found out now.
@@ -169,22 +202,32 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
 
     let searching = Instant::now();
     let interrupt = Interrupt::listen(args.compute.talk);
-    let mut interrupted = false;
     if run.settings.method != Method::Swaps {
-        interrupted = run.search(&args.compute, &interrupt, scene.frame_count(), &open)?;
+        let until = interrupt.until(deadline(GENERATIONS_SHARE));
+        run.search(&args.compute, &until, scene.frame_count(), &open)?;
     }
     let generations_seconds = searching.elapsed().as_secs_f64();
     let (mut swaps, mut bounds) = (None, None);
-    if !interrupted {
+    let until = interrupt.until(deadline(1.0));
+    if !interrupt.is_pressed() && run.search.stopped() != Some(SearchStop::Target) {
         if let Some(store) = &store {
             run.evaluator.keep_pages(store.clone());
         }
-        (swaps, bounds) = run.on_the_grid(&args.compute, &interrupt)?;
+        (swaps, bounds) = run.on_the_grid(&args.compute, &until)?;
         if let (Some(store), Some(folder)) = (store, &args.atlas) {
             pages::note(&store.report(), folder, args.compute.talk);
         }
-        interrupted = interrupt.is_set();
     }
+    let interrupted = interrupt.is_pressed();
+    let is_over = until.is_set() || run.is_cut_short();
+    let stopped = match run.search.stopped() {
+        _ if interrupted => "interrupted".to_owned(),
+        Some(SearchStop::Target) => SearchStop::Target.to_string(),
+        _ if is_over => "time: the seconds given are over".to_owned(),
+        Some(why) => why.to_string(),
+        None => "settled: no swap gains any more".to_owned(),
+    };
+    run.say_stopped(&stopped, interrupted || is_over, args.compute.talk);
     let search_seconds = searching.elapsed().as_secs_f64();
     let confirming = Instant::now();
     let all_frames: Vec<usize> = (0..scene.frame_count()).collect();
@@ -203,7 +246,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let finding = run.confirm(swaps, bounds, searched_with)?;
     let map = run.map(finding.best.as_ref())?;
     let evaluations = run.search.evaluations() - run.evaluations_before();
-    let mut record = run.record(&scene, finding, interrupted)?;
+    let mut record = run.record(&scene, finding, stopped)?;
     for change in run.evaluator.backend().changes() {
         // What confirms the result was opened without a word.
         if !searched_all {
@@ -230,7 +273,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         map.as_ref(),
     );
     run.folder.finish(&record, &figures)?;
-    print(args, &record, run.folder.path(), interrupted);
+    print(args, &record, run.folder.path());
     Ok(if interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
 
@@ -248,14 +291,26 @@ fn settings_of(args: &Args) -> Result<RunSettings, Error> {
         },
         baselines,
         method: args.method,
+        rules: args.rules.for_mount(),
+        target: args.target,
+        left_out: Vec::new(),
         search: SearchSettings {
             delta: args.delta,
+            batch: args.batch.map(|batch| batch as usize),
             objective: args.objective.clone(),
             evaluations: args.evaluations,
             population: args.population.map(|p| p as usize),
             seed: args.seed,
         },
     })
+}
+
+/// `--max-seconds`.
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.0..=1e9).contains(&seconds) => Ok(seconds),
+        _ => Err("give a number of seconds, as 30".into()),
+    }
 }
 
 /// The layouts of Table 7 of the paper.
@@ -288,40 +343,6 @@ impl Run {
         self.folder.evaluations_before()
     }
 
-    /// Runs generations until the search stops or Ctrl-C; true if interrupted.
-    ///
-    /// `open` opens an evaluator over some of the scene's `frames`.
-    fn search(
-        &mut self,
-        compute: &Compute,
-        interrupt: &Interrupt,
-        frames: usize,
-        open: &dyn Fn(&[usize]) -> Result<Evaluator, Error>,
-    ) -> Result<bool, Error> {
-        let bar = progress::bar(self.settings.search.evaluations, "placements", compute.talk);
-        bar.set_position(self.search.evaluations());
-        bar.reset_eta();
-        while self.search.stopped().is_none() && !interrupt.is_set() {
-            let record = self.search.step(&mut self.evaluator, &self.objective)?;
-            self.history.push(record);
-            self.widen(compute, frames, open)?;
-            self.folder.save(&self.settings, &self.search, &self.history, &self.auto)?;
-            bar.set_position(self.search.evaluations());
-            if let Some(best) = self.search.best() {
-                bar.set_message(format!("best {:.4e}", best.value));
-            }
-        }
-        bar.finish_and_clear();
-        if interrupt.is_set() {
-            compute.talk.note(format!(
-                "interrupted after generation {}; go on with --resume {}",
-                self.search.generation(),
-                self.folder.path().display()
-            ));
-        }
-        Ok(self.search.stopped().is_none())
-    }
-
     fn scored(&mut self, placements: &[Placement]) -> Result<Vec<Scored>, Error> {
         let scores = self.evaluator.scores(placements)?;
         let constraints = self.evaluator.constraints();
@@ -352,17 +373,17 @@ impl Run {
         &mut self,
         scene: &Scene,
         finding: Finding,
-        interrupted: bool,
+        stopped: String,
     ) -> Result<RunRecord, Error> {
         let baselines = self.settings.baselines.clone();
         let baselines = self.scored(&baselines)?;
-        let Finding { best, methods, certificate, findings } = finding;
-        let stopped = match (self.search.stopped(), interrupted) {
-            (_, true) => "interrupted",
-            (Some(why), _) => why,
-            (None, _) => "no swap gains any more",
-        };
+        let Finding { best, methods, mut certificate, findings } = finding;
         let constraints = self.evaluator.constraints();
+        if let Some(certificate) =
+            certificate.as_mut().filter(|c| c.gain.is_some() && constraints.ties.any())
+        {
+            certificate.gain_says += " (over placements that need not be symmetric or level)";
+        }
         Ok(RunRecord {
             sightline: env!("CARGO_PKG_VERSION"),
             scene: scene.name().to_owned(),
@@ -375,7 +396,10 @@ impl Run {
             objective: self.objective.to_string(),
             search_frames: 0,
             frames: self.evaluator.problem().frame_count(),
-            stopped: stopped.to_owned(),
+            stopped,
+            ended: self.ended_in_words(),
+            left_out: self.settings.left_out.clone(),
+            constraints: rules::in_words(constraints),
             generations: self.search.generation(),
             evaluations: self.search.evaluations(),
             active_bounds: best

@@ -1,10 +1,11 @@
+use super::variables::pairs;
 use super::{Placement, SensorPose};
 
 /// Slack for coordinates that a decimal file cannot give exactly: 0.6 − 0.4 is not 0.2.
-const SLACK: f64 = 1e-9;
+pub(super) const SLACK: f64 = 1e-9;
 
 /// Where LiDARs may be mounted and how far apart, in the ego frame.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Constraints {
     /// Lower bounds of x, y, z (m), roll, pitch, yaw (rad).
     pub lower: [f64; 6],
@@ -14,6 +15,27 @@ pub struct Constraints {
     pub min_distance: f64,
     /// LiDARs a placement has.
     pub lidars: usize,
+    /// Lower and upper corners of boxes in whose inside no LiDAR may stand, in metres.
+    pub keep_out: Vec<[[f64; 3]; 2]>,
+    /// What ties the LiDARs of a placement together.
+    pub ties: Ties,
+}
+
+/// Rules that hold between the LiDARs of a placement; a search keeps them by fewer variables.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Ties {
+    /// All stand at one height.
+    pub equal_height: bool,
+    /// They come in pairs mirrored at the plane y = 0: y, roll and yaw change sign. An odd one lies in
+    /// the plane, its roll and yaw 0.
+    pub symmetric: bool,
+}
+
+impl Ties {
+    /// Whether any rule ties LiDARs together.
+    pub fn any(&self) -> bool {
+        self.equal_height || self.symmetric
+    }
 }
 
 /// One broken rule of a placement.
@@ -36,13 +58,38 @@ pub enum Violation {
         /// Missing distance in metres.
         by: f64,
     },
+    /// A LiDAR lies within a box that is to be kept free.
+    KeptOut {
+        /// Index of the LiDAR.
+        lidar: usize,
+        /// Index of the box.
+        keep_out: usize,
+        /// Distance to its nearest face in metres.
+        by: f64,
+    },
+    /// The LiDARs are to stand at one height, and do not.
+    UnequalHeight {
+        /// Of the highest over the lowest, in metres.
+        by: f64,
+    },
+    /// A LiDAR has no mirror image among the others, and does not lie in the plane of symmetry.
+    NotMirrored {
+        /// Index of the LiDAR.
+        lidar: usize,
+        /// Sum of the differences of its pose fields from the nearest mirror image, in m and rad.
+        by: f64,
+    },
 }
 
 impl Violation {
     /// How far from being kept, in m or rad.
     pub fn amount(&self) -> f64 {
         match self {
-            Self::OutsideMount { by, .. } | Self::TooClose { by, .. } => *by,
+            Self::OutsideMount { by, .. }
+            | Self::TooClose { by, .. }
+            | Self::KeptOut { by, .. }
+            | Self::UnequalHeight { by }
+            | Self::NotMirrored { by, .. } => *by,
         }
     }
 }
@@ -55,6 +102,15 @@ impl std::fmt::Display for Violation {
             }
             Self::TooClose { lidars: [a, b], by } => {
                 write!(f, "LiDARs {a} and {b} are {by:.3} m too close")
+            }
+            Self::KeptOut { lidar, keep_out, by } => {
+                write!(f, "LiDAR {lidar} is {by:.3} m inside of keep_out[{keep_out}]")
+            }
+            Self::UnequalHeight { by } => {
+                write!(f, "heights differ by {by:.3} m, and are to be equal")
+            }
+            Self::NotMirrored { lidar, by } => {
+                write!(f, "LiDAR {lidar} is off by {by:.3} from a mirror image at the plane y = 0")
             }
         }
     }
@@ -80,48 +136,47 @@ impl Constraints {
                 }
             }
         }
+        for (lidar, pose) in placement.lidars.iter().enumerate() {
+            let inside = self.depths(pose.position().to_array());
+            found.extend(inside.map(|(keep_out, by)| Violation::KeptOut { lidar, keep_out, by }));
+        }
+        if self.ties.equal_height {
+            let heights = placement.lidars.iter().map(|pose| pose.z);
+            let by = heights.clone().fold(f64::MIN, f64::max) - heights.fold(f64::MAX, f64::min);
+            found.extend((by > SLACK).then_some(Violation::UnequalHeight { by }));
+        }
+        if self.ties.symmetric {
+            for lidar in pairs(&placement.lidars).alone {
+                let image = placement.lidars[lidar].mirrored();
+                let off = placement.lidars.iter().map(|other| image.difference(other));
+                let by = off.fold(f64::MAX, f64::min).max(SLACK);
+                found.push(Violation::NotMirrored { lidar, by });
+            }
+        }
         found
+    }
+
+    /// The boxes in which a point lies, and how deep.
+    fn depths(&self, point: [f64; 3]) -> impl Iterator<Item = (usize, f64)> {
+        let depths = self.keep_out.iter().enumerate().map(move |(index, [min, max])| {
+            let to_face = (0..3).map(|k| (point[k] - min[k]).min(max[k] - point[k]));
+            (index, to_face.fold(f64::MAX, f64::min))
+        });
+        depths.filter(|&(_, by)| by > SLACK)
+    }
+
+    /// Whether a LiDAR there is outside of every box that is to be kept free.
+    pub fn is_clear(&self, pose: &SensorPose) -> bool {
+        self.depths(pose.position().to_array()).next().is_none()
+    }
+
+    /// The rules without those that tie LiDARs together.
+    pub fn untied(&self) -> Self {
+        Self { ties: Ties::default(), ..self.clone() }
     }
 
     /// Indices of the pose fields that may vary.
     pub fn free_fields(&self) -> Vec<usize> {
         (0..6).filter(|&k| self.upper[k] > self.lower[k]).collect()
-    }
-
-    /// Bounds of the search variables: the free fields of every LiDAR, LiDAR after LiDAR.
-    pub fn variable_bounds(&self) -> Vec<(f64, f64)> {
-        let free = self.free_fields();
-        let one = free.iter().map(|&k| (self.lower[k], self.upper[k]));
-        (0..self.lidars).flat_map(|_| one.clone()).collect()
-    }
-
-    /// Poses from search variables, in the order of [`Self::variable_bounds`].
-    pub fn poses_of(&self, variables: &[f64]) -> Vec<SensorPose> {
-        let free = self.free_fields();
-        (0..self.lidars)
-            .map(|lidar| {
-                let mut pose = self.lower;
-                for (slot, &k) in free.iter().enumerate() {
-                    pose[k] = variables[lidar * free.len() + slot];
-                }
-                let [x, y, z, roll, pitch, yaw] = pose;
-                SensorPose { x, y, z, roll, pitch, yaw }
-            })
-            .collect()
-    }
-
-    /// Search variables of a placement, its poses moved into the bounds.
-    pub fn variables_of(&self, placement: &Placement) -> Vec<f64> {
-        let free = self.free_fields();
-        placement
-            .lidars
-            .iter()
-            .flat_map(|pose| {
-                let fields = pose.fields();
-                free.iter()
-                    .map(|&k| fields[k].1.clamp(self.lower[k], self.upper[k]))
-                    .collect::<Vec<_>>()
-            })
-            .collect()
     }
 }

@@ -1,4 +1,5 @@
-use super::{Constraints, Placement, SensorPose};
+use super::variables::{MIRRORED, pairs};
+use super::{Constraints, Placement, SensorPose, Ties};
 
 /// Grid values are rounded to this many steps a unit, so that 0.1 · 3 is printed as 0.3.
 const DECIMALS: f64 = 1e12;
@@ -17,7 +18,9 @@ pub struct Spacing {
 /// All sensor poses on a grid of density δ within a mount.
 ///
 /// Along each pose field the grid starts at the lower bound and ends at the last step that does not
-/// pass the upper one. Poses are numbered from 0, yaw running fastest and x slowest.
+/// pass the upper one. Where LiDARs come in mirrored pairs, y, roll and yaw run evenly to both sides of
+/// 0 instead, so that the mirror image of a pose is on the grid. Poses are numbered from 0, yaw running
+/// fastest and x slowest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseGrid {
     lower: [f64; 6],
@@ -58,17 +61,26 @@ impl PoseGrid {
         }
         let Spacing { metres, radians } = spacing;
         let step = [metres, metres, metres, radians, radians, radians];
-        let steps = |k: usize| {
+        let whole = |extent: f64, k: usize| {
             // Bounds are decimal numbers: 1.2 m hold 12 steps of 0.1 m, not 11.999….
-            let steps = (constraints.upper[k] - constraints.lower[k]) / step[k];
+            let steps = extent / step[k];
             if (steps - steps.round()).abs() < 1e-9 { steps.round() } else { steps.floor() }
+        };
+        let centred = |k: usize| constraints.ties.symmetric && MIRRORED.contains(&k);
+        let steps = |k: usize| match centred(k) {
+            true => 2.0 * whole(constraints.upper[k], k),
+            false => whole(constraints.upper[k] - constraints.lower[k], k),
         };
         let poses = (0..6).fold(1u128, |product, k| product.saturating_mul(steps(k) as u128 + 1));
         if poses > u128::from(MAX_POSES) {
             return Err(PoseGridError::TooManyPoses { poses });
         }
         let count = [0, 1, 2, 3, 4, 5].map(|k| steps(k) as u32 + 1);
-        Ok(Self { lower: constraints.lower, step, count })
+        let lower = [0, 1, 2, 3, 4, 5].map(|k| match centred(k) {
+            true => 0.0 - 0.5 * steps(k) * step[k],
+            false => constraints.lower[k],
+        });
+        Ok(Self { lower, step, count })
     }
 
     /// Number of poses.
@@ -106,9 +118,42 @@ impl PoseGrid {
         }))
     }
 
-    /// The placement with every LiDAR moved to the nearest pose of the grid.
-    pub fn snapped(&self, placement: &Placement) -> Placement {
-        let lidars = placement.lidars.iter().map(|pose| self.pose(self.nearest(pose))).collect();
+    /// Number of the mirror image of a pose, where the grid lies evenly about the plane y = 0.
+    pub fn mirrored(&self, number: u32) -> u32 {
+        let mut steps = self.steps_of(number);
+        MIRRORED.iter().for_each(|&k| steps[k] = self.count[k] - 1 - steps[k]);
+        self.number_of(steps)
+    }
+
+    /// Number of a pose moved to the height of another.
+    pub fn at_height_of(&self, number: u32, other: u32) -> u32 {
+        let mut steps = self.steps_of(number);
+        steps[2] = self.steps_of(other)[2];
+        self.number_of(steps)
+    }
+
+    /// Numbers of the poses nearest to those of a placement; of a mirrored pair that with the larger y
+    /// decides, and its image follows it.
+    pub fn numbers_of(&self, placement: &Placement, ties: Ties) -> Vec<u32> {
+        let lidars = &placement.lidars;
+        if !ties.symmetric {
+            return lidars.iter().map(|pose| self.nearest(pose)).collect();
+        }
+        let pairs = pairs(lidars);
+        let single = pairs.in_plane.iter().chain(&pairs.alone);
+        let single = single.map(|&lidar| self.nearest(&lidars[lidar]));
+        let both = pairs.mirrored.iter().flat_map(|&[left, _]| {
+            let left = self.nearest(&lidars[left]);
+            [left, self.mirrored(left)]
+        });
+        both.chain(single).collect()
+    }
+
+    /// The placement with every LiDAR moved to the nearest pose of the grid, as
+    /// [`Self::numbers_of`] says.
+    pub fn snapped(&self, placement: &Placement, ties: Ties) -> Placement {
+        let numbers = self.numbers_of(placement, ties);
+        let lidars = numbers.into_iter().map(|number| self.pose(number)).collect();
         Placement { name: placement.name.clone(), lidars }
     }
 
@@ -176,6 +221,7 @@ mod tests {
             upper: [0.6, 0.6, 2.8, 0.3, 0.0, 0.0],
             min_distance: 0.2,
             lidars: 4,
+            ..Constraints::default()
         }
     }
 

@@ -5,8 +5,9 @@ mod file;
 mod grid;
 mod pose;
 mod sensor;
+mod variables;
 
-pub use constraints::{Constraints, Violation};
+pub use constraints::{Constraints, Ties, Violation};
 pub use file::{PlacementReader, ReadError, read_placements};
 pub use grid::{PoseGrid, PoseGridError, Spacing};
 pub use pose::{MAX_LIDARS, Placement, PlacementError, SensorPose};

@@ -113,7 +113,8 @@ pub fn report_html(run: &RunRecord, figures: &Figures) -> String {
         html += "</table></div>\n";
         if !run.active_bounds.is_empty() {
             let bounds = run.active_bounds.join("; ");
-            let _ = writeln!(html, "<p>On a bound of the mount: {}.</p>", escape(&bounds));
+            let _ =
+                writeln!(html, "<p>On a bound or a rule of the mount: {}.</p>", escape(&bounds));
         }
     }
     if let Some(map) = &figures.map {
@@ -139,6 +140,15 @@ pub fn report_html(run: &RunRecord, figures: &Figures) -> String {
     }
     html += "<h2>The search</h2>\n";
     html += &figures.convergence;
+    for (title, lines) in [("Rules kept", &run.constraints), ("Restarts", &run.ended)] {
+        if !lines.is_empty() {
+            let _ = writeln!(html, "<p>{title}: {}.</p>", escape(&lines.join("; ")));
+        }
+    }
+    for layout in &run.left_out {
+        let (name, why) = (escape(&layout.name), escape(&layout.why.join("; ")));
+        let _ = writeln!(html, "<p>Not started from {name}: {why}.</p>");
+    }
     if let Some(words) = run.fidelity.as_ref().and_then(|f| f["words"].as_str()) {
         let _ = writeln!(html, "<p>Fidelity: {}.</p>", escape(words));
     }

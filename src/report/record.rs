@@ -1,4 +1,4 @@
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::placement::Placement;
@@ -49,6 +49,15 @@ pub struct MethodRecord {
     pub won: bool,
 }
 
+/// A layout to start from that was not used.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LeftOut {
+    /// Its name.
+    pub name: String,
+    /// Rules that it breaks, in words.
+    pub why: Vec<String>,
+}
+
 /// All of `result.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RunRecord {
@@ -75,8 +84,14 @@ pub struct RunRecord {
     pub search_frames: usize,
     /// Frames that the scores below average over.
     pub frames: usize,
-    /// Why the search ended.
+    /// Why the search ended: a name, and after a colon what it means.
     pub stopped: String,
+    /// Instances of the CMA-ES that ended before it, and why, in words.
+    pub ended: Vec<String>,
+    /// Layouts of `--inject` that were not used.
+    pub left_out: Vec<LeftOut>,
+    /// Rules that every placement of the search keeps, in words.
+    pub constraints: Vec<String>,
     /// Generations run.
     pub generations: u64,
     /// Placements evaluated by the search.
@@ -93,7 +108,8 @@ pub struct RunRecord {
     pub findings: Vec<Finding>,
     /// What `--fidelity auto` used, saved and risked; `None` where the frames were given.
     pub fidelity: Option<Value>,
-    /// Pose fields of the result that lie on a bound of the mount, in words.
+    /// Pose fields of the result that lie on a bound of the mount, and other rules that it just keeps,
+    /// in words.
     pub active_bounds: Vec<String>,
     /// Placements × frames a second during the search.
     pub rate: f64,

@@ -91,6 +91,19 @@ pub(crate) struct MountDescription {
     #[serde(default)]
     pub min_distance: f64,
     pub lidars: u64,
+    #[serde(default)]
+    pub keep_out: Vec<KeepOutDescription>,
+    #[serde(default)]
+    pub equal_height: bool,
+    #[serde(default)]
+    pub symmetric: bool,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct KeepOutDescription {
+    pub min: [f64; 3],
+    pub max: [f64; 3],
 }
 
 #[derive(Debug, Deserialize)]

@@ -12,6 +12,7 @@ mod error;
 mod json;
 mod lidar;
 mod mesh;
+mod mount;
 mod polygon;
 mod primitives;
 mod route;
@@ -32,7 +33,8 @@ use solid::Solid;
 pub use classes::DEFAULT_CLASSES;
 pub use error::{Place, SceneError};
 pub use lidar::Lidar;
-pub use settings::{Coverage, Mount, PsogSource, RoiBounds, ScanSettings};
+pub use mount::{Mount, MountRules};
+pub use settings::{Coverage, PsogSource, RoiBounds, ScanSettings};
 pub use street::{FEWEST_STREET_TRIANGLES, street};
 
 /// Largest scene file in bytes; ten million listed directions fit.
@@ -209,6 +211,20 @@ impl Scene {
     /// Where sensors may stand.
     pub fn mount(&self) -> &Mount {
         &self.mount
+    }
+
+    /// The scene with further rules for its mount; `name_for_errors` is what messages call it.
+    ///
+    /// # Errors
+    ///
+    /// A rule that the mount does not allow, or that leaves no room for a placement.
+    pub fn with_rules(
+        mut self,
+        rules: &MountRules,
+        name_for_errors: &str,
+    ) -> Result<Self, SceneError> {
+        self.mount = self.mount.narrowed(&Place::top(name_for_errors).key("mount"), rules)?;
+        Ok(self)
     }
 
     /// How far beams cover voxels.

@@ -1,17 +1,16 @@
-//! Everything of a scene that is not geometry: ROI, mount, coverage mode, origin of the P-SOG.
+//! Everything of a scene that is not geometry: ROI, coverage mode, origin of the P-SOG.
 
 use std::path::{Path, PathBuf};
 
+use super::Mount;
 use super::check::{self, bad};
-use super::description::{MountDescription, PsogDescription, RoiDescription, ScanDescription};
+use super::description::{PsogDescription, RoiDescription, ScanDescription};
 use super::error::{Place, SceneError};
 
 /// Voxels along one axis.
 const MAX_AXIS: f64 = 16_777_216.0;
 /// Voxels in all.
 const MAX_VOXELS: u64 = 1 << 31;
-/// How far above the ROI a mount may stand, in metres.
-const MOUNT_HEADROOM: f64 = 10.0;
 
 /// The region of interest of a scene: a box around the ego, cut into voxels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,70 +60,6 @@ impl RoiBounds {
                 mend: "take a smaller ROI or larger voxels",
             }),
         }
-    }
-}
-
-/// Where sensors may stand and how they may turn, in the ego frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Mount {
-    /// Lower corner of the box of sensor origins, metres.
-    pub min: [f64; 3],
-    /// Upper corner, metres; equal to `min` along an axis without freedom.
-    pub max: [f64; 3],
-    /// Allowed roll `[lower, upper]`, radians.
-    pub roll: [f64; 2],
-    /// Allowed pitch `[lower, upper]`, radians.
-    pub pitch: [f64; 2],
-    /// Allowed yaw `[lower, upper]`, radians.
-    pub yaw: [f64; 2],
-    /// Smallest distance between two sensors of a placement, metres.
-    pub min_distance: f64,
-    /// LiDARs of a placement, 1 to 16.
-    pub lidars: u32,
-}
-
-impl Mount {
-    pub(crate) fn new(
-        at: &Place,
-        mount: &MountDescription,
-        roi: &RoiBounds,
-    ) -> Result<Self, SceneError> {
-        let min = check::point(&at.key("min"), mount.min)?;
-        let max = check::point(&at.key("max"), mount.max)?;
-        for i in 0..3 {
-            if min[i] > max[i] {
-                let wanted = format!("{} or more, the lower corner of the mount", min[i]);
-                return Err(bad(&at.key("max").item(i), max[i], wanted));
-            }
-        }
-        // Across, the whole mount lies in the ROI; upwards it may stand over it.
-        let inside = |i: usize| roi.min[i] <= min[i] && max[i] <= roi.max[i];
-        let over = min[2] <= roi.max[2] + MOUNT_HEADROOM && max[2] >= roi.min[2];
-        for (axis, fits) in [('x', inside(0)), ('y', inside(1)), ('z', over)] {
-            if !fits {
-                return Err(SceneError::MountOutside {
-                    at: Box::new(at.clone()),
-                    axis,
-                    min,
-                    max,
-                    roi_min: roi.min,
-                    roi_max: roi.max,
-                });
-            }
-        }
-        let min_distance = mount.min_distance;
-        if !(0.0..=check::MAX_METRES).contains(&min_distance) {
-            return Err(bad(&at.key("min_distance"), min_distance, "a distance of 0 m or more"));
-        }
-        Ok(Self {
-            min,
-            max,
-            roll: check::radian_range(&at.key("roll"), mount.roll)?,
-            pitch: check::radian_range(&at.key("pitch"), mount.pitch)?,
-            yaw: check::radian_range(&at.key("yaw"), mount.yaw)?,
-            min_distance,
-            lidars: check::count(&at.key("lidars"), mount.lidars, 1, 16)?,
-        })
     }
 }
 

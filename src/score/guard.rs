@@ -202,6 +202,7 @@ mod tests {
             upper: [0.6, 0.4, 2.8, 0.3, 0.0, 0.0],
             min_distance: 0.2,
             lidars: 4,
+            ..Constraints::default()
         }
     }
 

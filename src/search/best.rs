@@ -1,3 +1,6 @@
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
 use super::{Evaluator, GridPlacement, GridSearch, Moves, Search, SearchError, SearchSettings};
 use crate::atlas::Atlas;
 use crate::placement::{Placement, PoseGrid, Spacing};
@@ -7,6 +10,22 @@ use crate::score::Objective;
 pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
 /// First steps along single pose fields, then a step along several at once.
 const MOVES: [Moves; 2] = [Moves::Along(3), Moves::Around(1)];
+
+/// Most times that a local optimum is left by a random move: on a small grid no casts end this.
+const KICKS: usize = 32;
+
+/// What decides about swaps, beside problem and starts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SwapSettings {
+    /// Grid of the sensor poses.
+    pub spacing: Spacing,
+    /// Sensor poses to cast, at most about.
+    pub casts: u64,
+    /// Bytes of bitmaps to keep, at most.
+    pub memory: u64,
+    /// Seed of the random moves.
+    pub seed: u64,
+}
 
 /// What swaps have found.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,7 +53,8 @@ impl Swapped {
 }
 
 /// Swaps single LiDARs to nearby poses of a grid, from each start that the mount allows, until no swap
-/// gains; at most about `casts` sensor poses are cast, and `memory` bytes of bitmaps kept.
+/// gains; then moves one LiDAR of the best anywhere at random and climbs from there, again and again,
+/// while poses may be cast (iterated local search).
 ///
 /// `None` where no start, moved to the grid, keeps the rules of the mount.
 ///
@@ -43,33 +63,44 @@ impl Swapped {
 pub fn swap_from(
     evaluator: &mut Evaluator,
     objective: &Objective,
-    spacing: Spacing,
+    settings: &SwapSettings,
     starts: &[Placement],
-    casts: u64,
-    memory: u64,
     go_on: &dyn Fn() -> bool,
 ) -> Result<Option<Swapped>, SearchError> {
+    let SwapSettings { spacing, casts, memory, seed } = *settings;
     let grid = PoseGrid::new(evaluator.constraints(), spacing)?;
     let counts_all = objective.counts_all_covered();
-    let atlas = Atlas::new(evaluator.shared_problem(), grid.clone(), counts_all, memory);
+    let atlas = Atlas::new(evaluator.shared_problem(), grid, counts_all, memory);
     let mut search = GridSearch::new(atlas, objective.clone(), evaluator);
+    let go_on = |cast: u64| cast < casts && go_on();
     let mut best: Option<GridPlacement> = None;
     for start in starts {
-        let snapped = grid.snapped(start);
-        if !evaluator.constraints().violations(&snapped).is_empty() {
-            continue;
-        }
-        let mut poses: Vec<u32> = snapped.lidars.iter().map(|pose| grid.nearest(pose)).collect();
-        for moves in MOVES {
-            let top = search.climb(evaluator, &poses, moves, &|cast| cast < casts && go_on())?;
-            poses.clone_from(&top.poses);
-            best = Some(match best {
-                Some(best) => search.preferred(evaluator, best, top)?,
-                None => top,
-            });
-        }
+        let Some(poses) = search.start_of(start) else { continue };
+        let top = climb_both(&mut search, evaluator, poses, &go_on)?;
+        best = Some(match best {
+            Some(best) => search.preferred(evaluator, best, top)?,
+            None => top,
+        });
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    for _ in 0..KICKS {
+        let Some(held) = best.take_if(|_| go_on(search.atlas().poses_cast())) else { break };
+        let poses = search.kicked(&held.poses, &mut rng);
+        let top = climb_both(&mut search, evaluator, poses, &go_on)?;
+        best = Some(search.preferred(evaluator, held, top)?);
     }
     Ok(best.map(|best| Swapped::new(&search, &best)))
+}
+
+/// Climbs by each of [`MOVES`] in turn.
+fn climb_both(
+    search: &mut GridSearch,
+    evaluator: &mut Evaluator,
+    poses: Vec<u32>,
+    go_on: &dyn Fn(u64) -> bool,
+) -> Result<GridPlacement, SearchError> {
+    let top = search.climb(evaluator, &poses, MOVES[0], go_on)?;
+    search.climb(evaluator, &top.poses, MOVES[1], go_on)
 }
 
 /// The best placement that CMA-ES and then swaps find within a number of evaluations: what `optimize`
@@ -89,17 +120,19 @@ pub fn best_placement(
     go_on: &dyn Fn() -> bool,
 ) -> Result<Option<(Placement, f64)>, SearchError> {
     let lidars = evaluator.constraints().lidars;
-    let starts: Vec<Placement> =
-        starts.iter().filter(|start| start.lidars.len() == lidars).cloned().collect();
-    let mut search = Search::new(settings.clone(), &evaluator.constraints().clone(), &starts)?;
+    let mut search = Search::new(settings.clone(), &evaluator.constraints().clone(), starts)?;
     while search.stopped().is_none() && go_on() {
         search.step(evaluator, objective)?;
     }
     let Some(best) = search.best() else { return Ok(None) };
-    let casts = settings.evaluations * lidars as u64 / 2;
-    let spacing = settings.delta.unwrap_or(SWAP_SPACING);
+    let swaps = SwapSettings {
+        spacing: settings.delta.unwrap_or(SWAP_SPACING),
+        casts: settings.evaluations * lidars as u64 / 2,
+        memory,
+        seed: settings.seed,
+    };
     let start = std::slice::from_ref(&best.placement);
-    let swapped = swap_from(evaluator, objective, spacing, start, casts, memory, go_on)?;
+    let swapped = swap_from(evaluator, objective, &swaps, start, go_on)?;
     let named = Placement { name: "optimized".into(), ..best.placement.clone() };
     Ok(Some(match swapped {
         Some(swapped) if swapped.value > best.value || best.guards > 0 => {

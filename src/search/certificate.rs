@@ -33,7 +33,8 @@ pub struct GridSample {
 impl GridSample {
     /// Samples placements, each with one neighbour a step along one pose field away.
     ///
-    /// Placements that break a rule of the mount are drawn again, but not for ever: the sample may be
+    /// Ties between LiDARs are left out: random poses never keep them.
+    /// Placements that break another rule of the mount are drawn again, but not for ever: the sample may be
     /// smaller than asked for, and is empty where nothing may vary.
     ///
     /// # Errors
@@ -45,7 +46,7 @@ impl GridSample {
         samples: usize,
         seed: u64,
     ) -> Result<Self, SearchError> {
-        let constraints = evaluator.constraints().clone();
+        let constraints = evaluator.constraints().untied();
         let free = constraints.free_fields();
         let delta = free.iter().map(|&k| grid.step()[k]).fold(0.0, f64::max);
         let mut rng = ChaCha8Rng::seed_from_u64(seed);

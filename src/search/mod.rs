@@ -2,6 +2,7 @@
 
 mod best;
 mod certificate;
+mod climb;
 mod columns;
 mod evaluator;
 mod gain_bound;
@@ -9,9 +10,10 @@ mod pairs;
 mod run;
 mod swaps;
 
-pub use best::{SWAP_SPACING, Swapped, best_placement, swap_from};
+pub use best::{SWAP_SPACING, SwapSettings, Swapped, best_placement, swap_from};
 pub use certificate::{Certificate, GridSample, LipschitzBound};
+pub use climb::Moves;
 pub use evaluator::Evaluator;
 pub use gain_bound::{GainBound, bound_gain};
-pub use run::{Best, GenerationRecord, Search, SearchError, SearchSettings};
-pub use swaps::{GridPlacement, GridSearch, Moves};
+pub use run::{Best, GenerationRecord, Search, SearchError, SearchSettings, SearchStop};
+pub use swaps::{GridPlacement, GridSearch};

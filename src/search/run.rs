@@ -1,10 +1,11 @@
 use std::cmp::Ordering;
+use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
 use super::Evaluator;
 use crate::backend::BackendError;
-use crate::optimize::{Cma, CmaOptions, OptimizeError, RestartOptions, Restarts};
+use crate::optimize::{Cma, CmaOptions, Ended, OptimizeError, RestartOptions, Restarts};
 use crate::placement::{Constraints, Placement, PoseGrid, PoseGridError, Spacing};
 use crate::score::{Objective, Scores};
 
@@ -48,11 +49,38 @@ pub struct SearchSettings {
     pub evaluations: u64,
     /// Candidates of a generation; `None` leaves it to the strategy.
     pub population: Option<usize>,
+    /// Candidates wanted at once: further instances of the strategy run beside the first while they
+    /// fit; `None` runs one at a time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub batch: Option<usize>,
     /// Seed of all randomness.
     pub seed: u64,
     /// Grid to whose poses candidates are moved before they are scored, as in Algorithm 1 of Place3D;
     /// `None` leaves them where they are.
     pub delta: Option<Spacing>,
+}
+
+/// Why a search has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum SearchStop {
+    /// The evaluations are used up.
+    Budget,
+    /// A placement reached the score that was wanted.
+    Target,
+    /// No pose field is free: there is one placement.
+    Fixed,
+}
+
+impl fmt::Display for SearchStop {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Budget => "budget: the evaluations are used up",
+            Self::Target => "target: a placement reached the score that was wanted",
+            Self::Fixed => "fixed: no pose field is free, so there is one placement",
+        })
+    }
 }
 
 /// The best placement so far that keeps every rule.
@@ -97,7 +125,7 @@ pub struct Search {
     best: Option<Best>,
     generation: u64,
     evaluations: u64,
-    stopped: Option<String>,
+    stopped: Option<SearchStop>,
 }
 
 /// How good a candidate is, worst rule first.
@@ -178,10 +206,11 @@ impl Search {
                 min_std: Some(floor),
                 ..CmaOptions::default()
             };
-            let mut cma = Restarts::new(&middle, STEP_SIZE, options, RestartOptions::default())?;
-            let usable = start.iter().filter(|p| constraints.violations(p).is_empty());
+            let restarts = RestartOptions { batch: settings.batch, ..RestartOptions::default() };
+            let mut cma = Restarts::new(&middle, STEP_SIZE, options, restarts)?;
+            let usable = start.iter().filter(|p| Self::why_left_out(constraints, p).is_empty());
             let points: Vec<Vec<f64>> =
-                usable.map(|p| constraints.variables_of(&canonical(p))).collect();
+                usable.filter_map(|p| constraints.variables_of(&canonical(p))).collect();
             cma.inject(&points)?;
             Some(cma)
         };
@@ -208,9 +237,34 @@ impl Search {
         self.evaluations
     }
 
-    /// Why the search has ended, in words; `None` while it has not.
-    pub fn stopped(&self) -> Option<&str> {
-        self.stopped.as_deref()
+    /// Why the search has ended; `None` while it has not.
+    pub fn stopped(&self) -> Option<SearchStop> {
+        self.stopped
+    }
+
+    /// Ends the search: its best placement is good enough.
+    pub fn stop_at_target(&mut self) {
+        self.stopped = Some(SearchStop::Target);
+    }
+
+    /// Instances of the strategy that have stopped, each followed by another.
+    pub fn ended(&self) -> &[Ended] {
+        self.cma.as_ref().map_or(&[], Restarts::ended)
+    }
+
+    /// Why a layout to start from is not used, in words; empty where it is.
+    pub fn why_left_out(constraints: &Constraints, start: &Placement) -> Vec<String> {
+        let (has, wanted) = (start.lidars.len(), constraints.lidars);
+        if has != wanted {
+            return vec![format!("it has {has} LiDAR(s), the mount {wanted}")];
+        }
+        let broken = constraints.violations(start);
+        if broken.is_empty() && constraints.variables_of(start).is_none() {
+            return vec![
+                "LiDARs in the plane of symmetry are none of the pairs that are moved".into(),
+            ];
+        }
+        broken.iter().map(ToString::to_string).collect()
     }
 
     /// Runs one generation: asks for candidates, scores those that keep the rules, tells the ranks.
@@ -238,7 +292,10 @@ impl Search {
         };
         if let Some(spacing) = self.settings.delta {
             let grid = PoseGrid::new(&constraints, spacing)?;
-            placements = placements.iter().map(|placement| grid.snapped(placement)).collect();
+            placements = placements
+                .iter()
+                .map(|placement| grid.snapped(placement, constraints.ties))
+                .collect();
         }
         let violation: Vec<f64> = placements
             .iter()
@@ -274,9 +331,9 @@ impl Search {
         let step_size =
             cma.as_ref().and_then(|cma| cma.running().next()).map_or(0.0, Cma::step_size);
         self.stopped = if cma.is_none() {
-            Some("no pose field is free".into())
+            Some(SearchStop::Fixed)
         } else if self.evaluations >= self.settings.evaluations {
-            Some(format!("{} evaluations", self.settings.evaluations))
+            Some(SearchStop::Budget)
         } else {
             None
         };

@@ -6,21 +6,18 @@ use serde::{Deserialize, Serialize};
 use super::{Evaluator, SearchError};
 use crate::atlas::{Atlas, Union};
 use crate::backend::Tally;
-use crate::placement::{Placement, PoseGrid};
+use crate::placement::{Constraints, Placement, PoseGrid};
 use crate::score::Objective;
 
 /// Stale gains that lazy greedy looks at again at once: enough to keep every core busy.
 const LAZY_BLOCK: usize = 64;
-/// Best swaps of a sensor that are offered to the guards before the sensor stays where it is.
-const OFFERS: usize = 4;
 
 /// Searches placements whose LiDARs stand on poses of a grid.
 pub struct GridSearch {
-    atlas: Atlas,
-    objective: Objective,
-    min_distance: f64,
-    lidars: usize,
-    evaluations: u64,
+    pub(super) atlas: Atlas,
+    pub(super) objective: Objective,
+    pub(super) constraints: Constraints,
+    pub(super) evaluations: u64,
 }
 
 /// A placement on the grid.
@@ -40,17 +37,6 @@ impl GridPlacement {
     }
 }
 
-/// To which poses a climb may move a LiDAR.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Moves {
-    /// As many steps along one pose field.
-    Along(u32),
-    /// As many steps along every field at once.
-    Around(u32),
-    /// Anywhere on the grid.
-    Anywhere,
-}
-
 /// A candidate pose and what the objective becomes with it; better ones come first, and of equal
 /// ones the lower number.
 pub(super) fn better_first(a: &(u32, f64), b: &(u32, f64)) -> Ordering {
@@ -58,15 +44,18 @@ pub(super) fn better_first(a: &(u32, f64), b: &(u32, f64)) -> Ordering {
 }
 
 impl GridSearch {
-    /// A search of placements of as many LiDARs and at least as far apart as the evaluator's
-    /// constraints say. Pages of the atlas are kept in the evaluator's store, if it has one.
+    /// A search of placements that keep the evaluator's constraints. Pages of the atlas are kept in
+    /// the evaluator's store, if it has one.
     pub fn new(mut atlas: Atlas, objective: Objective, evaluator: &Evaluator) -> Self {
         if let Some(store) = evaluator.page_store() {
             atlas.keep_in(store.clone());
         }
-        let constraints = evaluator.constraints();
-        let (min_distance, lidars) = (constraints.min_distance, constraints.lidars);
-        Self { atlas, objective, min_distance, lidars, evaluations: 0 }
+        Self { atlas, objective, constraints: evaluator.constraints().clone(), evaluations: 0 }
+    }
+
+    /// Drops the rules that tie LiDARs together: a bound over more placements bounds them, too.
+    pub fn untie(&mut self) {
+        self.constraints = self.constraints.untied();
     }
 
     /// The atlas it reads.
@@ -76,12 +65,22 @@ impl GridSearch {
 
     /// LiDARs of a placement.
     pub fn lidars(&self) -> usize {
-        self.lidars
+        self.constraints.lidars
     }
 
     /// Placements looked at so far.
     pub fn evaluations(&self) -> u64 {
         self.evaluations
+    }
+
+    /// Numbers of the poses of a placement moved to the grid, a LiDAR and its mirror image side by
+    /// side where the rules want pairs; `None` where it breaks a rule there.
+    pub fn start_of(&self, placement: &Placement) -> Option<Vec<u32>> {
+        let grid = self.atlas.grid();
+        let poses = grid.numbers_of(placement, self.constraints.ties);
+        let snapped = GridPlacement { poses, value: 0.0 };
+        let keeps = self.constraints.violations(&snapped.placement(grid, "start")).is_empty();
+        keeps.then_some(snapped.poses)
     }
 
     /// Casts the poses that are not held yet.
@@ -92,14 +91,17 @@ impl GridSearch {
         Ok(self.atlas.hold(evaluator.backend_mut(), poses)?)
     }
 
-    /// Whether a pose may stand beside others: another pose, and far enough away.
+    /// Whether a pose may stand beside others: in no box that is kept free, another pose, and far
+    /// enough away. Ties between LiDARs are not looked at.
     pub fn fits(&self, pose: u32, others: &[u32]) -> bool {
         // The same slack as in `Constraints::violations`.
-        let least = self.min_distance - 1e-9;
-        let position = self.atlas.grid().pose(pose).position();
-        others.iter().all(|&other| {
+        let least = self.constraints.min_distance - 1e-9;
+        let pose_itself = self.atlas.grid().pose(pose);
+        let position = pose_itself.position();
+        let apart = others.iter().all(|&other| {
             other != pose && position.distance(self.atlas.grid().pose(other).position()) >= least
-        })
+        });
+        apart && self.constraints.is_clear(&pose_itself)
     }
 
     /// What the objective becomes when each candidate joins held poses; `−∞` where it does not exist.
@@ -167,7 +169,7 @@ impl GridSearch {
         let lazy = self.objective.is_information_gain();
         let mut placement = GridPlacement { poses: Vec::new(), value: 0.0 };
         let mut bounds: Vec<(u32, f64)> = candidates.iter().map(|&c| (c, f64::INFINITY)).collect();
-        while placement.poses.len() < self.lidars {
+        while placement.poses.len() < self.lidars() {
             bounds.retain(|&(pose, _)| self.fits(pose, &placement.poses));
             if bounds.is_empty() {
                 return Ok(None);
@@ -192,51 +194,6 @@ impl GridSearch {
         }
         placement.value = self.value(evaluator, &placement.poses)?;
         Ok(Some(placement))
-    }
-
-    /// Moves one LiDAR at a time to the best pose it may move to, until none gains any more.
-    ///
-    /// A swap is only taken to a placement that violates no guard, so that the climb cannot game the
-    /// objective, and from one that violates a guard to any that does not. `go_on` is asked before each LiDAR, with the poses that the atlas has cast so far.
-    ///
-    /// # Errors
-    /// As [`Self::hold`].
-    pub fn climb(
-        &mut self,
-        evaluator: &mut Evaluator,
-        start: &[u32],
-        moves: Moves,
-        go_on: &dyn Fn(u64) -> bool,
-    ) -> Result<GridPlacement, SearchError> {
-        let value = self.value(evaluator, start)?;
-        let mut here = GridPlacement { poses: start.to_vec(), value };
-        let mut least =
-            if self.is_guarded(evaluator, &here)? { f64::NEG_INFINITY } else { here.value };
-        let mut settled = 0;
-        let mut lidar = 0;
-        while settled < here.poses.len() && go_on(self.atlas.poses_cast()) {
-            let mut others = here.poses.clone();
-            let old = others.remove(lidar);
-            let grid = self.atlas.grid();
-            let reach = match moves {
-                Moves::Along(radius) => grid.along(old, radius),
-                Moves::Around(radius) => grid.around(old, radius),
-                Moves::Anywhere => (0..grid.len()).collect(),
-            };
-            let fitting: Vec<u32> =
-                reach.into_iter().filter(|&pose| self.fits(pose, &others)).collect();
-            match self.best_swap(evaluator, &others, &fitting, least)? {
-                Some((pose, value)) => {
-                    here.poses[lidar] = pose;
-                    here.value = value;
-                    least = value;
-                    settled = 0;
-                }
-                None => settled += 1,
-            }
-            lidar = (lidar + 1) % here.poses.len();
-        }
-        Ok(here)
     }
 
     /// Whether a placement violates a guard.
@@ -267,31 +224,6 @@ impl GridSearch {
         Ok(if second_wins { second } else { first })
     }
 
-    /// The best candidate that beats `least` and leads to no violated guard.
-    fn best_swap(
-        &mut self,
-        evaluator: &mut Evaluator,
-        others: &[u32],
-        candidates: &[u32],
-        least: f64,
-    ) -> Result<Option<(u32, f64)>, SearchError> {
-        let room = self.atlas.capacity().saturating_sub(others.len()).max(1);
-        let mut values = Vec::with_capacity(candidates.len());
-        for some in candidates.chunks(room) {
-            self.hold(evaluator, &[others, some].concat())?;
-            values.extend(self.values_with(others, some));
-        }
-        values.retain(|&(_, value)| value > least);
-        values.sort_by(better_first);
-        for &(pose, value) in values.iter().take(OFFERS) {
-            let poses = [others, &[pose]].concat();
-            if !self.is_guarded(evaluator, &GridPlacement { poses, value })? {
-                return Ok(Some((pose, value)));
-            }
-        }
-        Ok(None)
-    }
-
     /// The best of all placements of the candidates, by trying each; for small grids.
     ///
     /// # Errors
@@ -317,7 +249,7 @@ impl GridSearch {
         let fitting = |search: &Self| -> Vec<u32> {
             candidates.iter().copied().filter(|&pose| search.fits(pose, chosen)).collect()
         };
-        if chosen.len() + 1 == self.lidars {
+        if chosen.len() + 1 == self.lidars() {
             let candidates = fitting(self);
             let values = self.values_with(chosen, &candidates);
             let Some(&(pose, value)) = values.iter().min_by(|a, b| better_first(a, b)) else {

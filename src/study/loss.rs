@@ -55,10 +55,8 @@ pub fn most_robust(
     let middle: Vec<f64> = bounds.iter().map(|(low, high)| 0.5 * (low + high)).collect();
     let options = CmaOptions { seed, bounds: Some(bounds), ..CmaOptions::default() };
     let mut cma = Cma::new(&middle, STEP_SIZE, options)?;
-    let usable = starts
-        .iter()
-        .filter(|p| p.lidars.len() == constraints.lidars && constraints.violations(p).is_empty());
-    cma.inject(&usable.map(|p| constraints.variables_of(p)).collect::<Vec<_>>())?;
+    let usable = starts.iter().filter(|p| constraints.violations(p).is_empty());
+    cma.inject(&usable.filter_map(|p| constraints.variables_of(p)).collect::<Vec<_>>())?;
     let mut best: Option<(Placement, f64)> = None;
     let mut done = 0;
     while done < evaluations && cma.stop().is_none() && go_on() {

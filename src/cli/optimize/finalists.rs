@@ -42,9 +42,11 @@ impl Run {
         };
         let swaps = match self.settings.method {
             Method::Cma => None,
-            // A quarter of what the generations cast.
-            Method::Both => stage.climb(spacing, &starts, casts / 4)?,
-            Method::Swaps => stage.everywhere(spacing, &starts)?,
+            // Half as much again as the generations cast: swaps gain more from a cast than they do.
+            Method::Both => {
+                stage.climb(spacing, &starts, casts / 2 * 3, self.settings.search.seed)?
+            }
+            Method::Swaps => stage.everywhere(spacing, &starts, self.settings.search.seed)?,
         };
         let bounds = stage.bounds(delta, self.settings.search.seed)?;
         Ok((swaps, Some(bounds)))

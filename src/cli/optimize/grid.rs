@@ -5,11 +5,12 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use sightline::atlas::Atlas;
 use sightline::backend::Problem;
+use sightline::fidelity::candidates;
 use sightline::placement::{Placement, PoseGrid, Spacing};
 use sightline::score::Objective;
 use sightline::search::{
-    Evaluator, GainBound, GridSample, GridSearch, Moves, SWAP_SPACING, Swapped, bound_gain,
-    swap_from,
+    Evaluator, GainBound, GridPlacement, GridSample, GridSearch, Moves, SWAP_SPACING, SwapSettings,
+    Swapped, bound_gain, swap_from,
 };
 
 use crate::cli::args::Compute;
@@ -22,6 +23,8 @@ const COARSE_SPACING: Spacing = Spacing { metres: 0.2, radians: 0.2 };
 const BOUND_NODES: u64 = 200;
 /// Pairs of placements sampled for the constants of the paper's bound and for the findings.
 const SAMPLES: usize = 24;
+/// Random placements of which the best is a start of the swaps where greedy has no place.
+const DRAWN: usize = 64;
 
 /// How placements are searched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -58,42 +61,56 @@ impl GridStage<'_> {
         Ok(GridSearch::new(atlas, self.objective.clone(), self.evaluator))
     }
 
-    /// Swaps near each start; `casts` bounds the poses cast.
+    /// Swaps near each start, then from random moves of the best; `casts` bounds the poses cast.
     pub fn climb(
         &mut self,
         spacing: Spacing,
         starts: &[Placement],
         casts: u64,
+        seed: u64,
     ) -> Result<Option<Swapped>, Error> {
         let memory = self.compute.memory_budget() / 2;
+        let settings = SwapSettings { spacing, casts, memory, seed };
         let go_on = || !self.interrupt.is_set();
         let (evaluator, objective) = (&mut *self.evaluator, self.objective);
-        Ok(swap_from(evaluator, objective, spacing, starts, casts, memory, &go_on)?)
+        Ok(swap_from(evaluator, objective, &settings, starts, &go_on)?)
     }
 
-    /// Greedy over every pose of the grid, and swaps to any pose from there and from each start.
+    /// Greedy over every pose of the grid, and swaps to any pose from there and from each start. Where
+    /// rules tie the LiDARs together the best of some random placements stands in for greedy.
     pub fn everywhere(
         &mut self,
         spacing: Spacing,
         starts: &[Placement],
+        seed: u64,
     ) -> Result<Option<Swapped>, Error> {
         let mut search = self.search(spacing)?;
-        let poses = search.atlas().grid().len();
-        self.compute.talk.note(format!("casting {poses} sensor poses on the grid"));
-        let all: Vec<u32> = (0..poses).collect();
-        let greedy = search.greedy(self.evaluator, &all)?;
+        let constraints = self.evaluator.constraints().clone();
+        let mut first: Vec<Vec<u32>> = Vec::new();
+        if constraints.ties.any() {
+            // One LiDAR after another does not keep the ties: the best of random placements instead.
+            let drawn = candidates(&constraints, &[], DRAWN, seed);
+            let drawn = drawn.iter().filter_map(|p| search.start_of(p));
+            let mut best: Option<GridPlacement> = None;
+            for poses in drawn.collect::<Vec<_>>() {
+                let value = search.value(self.evaluator, &poses)?;
+                let drawn = GridPlacement { poses, value };
+                best = Some(match best {
+                    Some(best) => search.preferred(self.evaluator, best, drawn)?,
+                    None => drawn,
+                });
+            }
+            first.extend(best.map(|best| best.poses));
+        } else {
+            let poses = search.atlas().grid().len();
+            self.compute.talk.note(format!("casting {poses} sensor poses on the grid"));
+            let all: Vec<u32> = (0..poses).collect();
+            first.extend(search.greedy(self.evaluator, &all)?.map(|greedy| greedy.poses));
+        }
+        first.extend(starts.iter().filter_map(|start| search.start_of(start)));
         let mut best = None;
-        let grid = search.atlas().grid().clone();
-        let snapped = starts.iter().map(|start| grid.snapped(start));
-        let constraints = self.evaluator.constraints();
-        let allowed = snapped.filter(|start| constraints.violations(start).is_empty());
-        let starts: Vec<Vec<u32>> = greedy
-            .map(|greedy| greedy.poses)
-            .into_iter()
-            .chain(allowed.map(|s| s.lidars.iter().map(|pose| grid.nearest(pose)).collect()))
-            .collect();
         let interrupt = self.interrupt.clone();
-        for start in starts {
+        for start in first {
             let top =
                 search.climb(self.evaluator, &start, Moves::Anywhere, &|_| !interrupt.is_set())?;
             best = Some(match best {
@@ -119,7 +136,11 @@ impl GridStage<'_> {
                 self.objective
             )));
         }
+        if self.interrupt.is_set() {
+            return Ok(Err("no bound was computed: the time was over before".into()));
+        }
         let mut search = self.search(spacing)?;
+        search.untie();
         let atlas = search.atlas();
         let poses = atlas.grid().len();
         if poses as usize > atlas.capacity() {

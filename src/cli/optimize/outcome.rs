@@ -2,35 +2,12 @@
 
 use std::path::Path;
 
-use sightline::placement::{Constraints, Placement};
 use sightline::report::{RunRecord, certificate_in_words, methods_in_words};
 use sightline::scene::{EgoBody, Scene};
 
 use super::Args;
 use crate::cli::args::{Format, format_or_default};
 use crate::cli::table;
-
-/// Distance from a bound, as a share of the range, that counts as on it.
-const ON_BOUND: f64 = 1e-3;
-
-/// Free pose fields that lie on a bound, in words.
-pub(super) fn active_bounds(placement: &Placement, constraints: &Constraints) -> Vec<String> {
-    let mut found = Vec::new();
-    for (lidar, pose) in placement.lidars.iter().enumerate() {
-        let fields = pose.fields();
-        for k in constraints.free_fields() {
-            let (low, high) = (constraints.lower[k], constraints.upper[k]);
-            let (field, value) = fields[k];
-            let near = ON_BOUND * (high - low);
-            if value - low <= near {
-                found.push(format!("LiDAR {lidar}: {field} at its lower bound {low}"));
-            } else if high - value <= near {
-                found.push(format!("LiDAR {lidar}: {field} at its upper bound {high}"));
-            }
-        }
-    }
-    found
-}
 
 /// Triangles of the ego body, for the drawing.
 pub(super) fn body_of(scene: &Scene) -> Vec<[[f32; 3]; 3]> {
@@ -50,7 +27,7 @@ pub(super) fn peak_memory() -> Option<u64> {
     Some(kilobytes << 10)
 }
 
-pub(super) fn print(args: &Args, record: &RunRecord, folder: &Path, interrupted: bool) {
+pub(super) fn print(args: &Args, record: &RunRecord, folder: &Path) {
     if format_or_default(args.format) == Format::Json {
         println!("{}", serde_json::json!(record));
         return;
@@ -71,7 +48,10 @@ pub(super) fn print(args: &Args, record: &RunRecord, folder: &Path, interrupted:
             }
             print!("{}", table::align(&rows));
             for bound in &record.active_bounds {
-                println!("  on a bound: {bound}");
+                println!("  active: {bound}");
+            }
+            if !record.constraints.is_empty() {
+                println!("\nrules kept: {}", record.constraints.join("; "));
             }
             println!("\nfound by: {}", methods_in_words(record));
             println!("certificate: {}", certificate_in_words(record));
@@ -83,8 +63,9 @@ pub(super) fn print(args: &Args, record: &RunRecord, folder: &Path, interrupted:
         println!("\n{words}");
     }
     println!(
-        "\n{} after {} evaluations in {:.1} s ({:.1} placements × frames/s on {}); report: {}",
-        if interrupted { "interrupted" } else { "done" },
+        "\nstopped: {}, after {} evaluations in {:.1} s ({:.1} placements × frames/s on {}); report: \
+         {}",
+        record.stopped,
         record.evaluations,
         record.timings.total,
         record.rate,

@@ -141,6 +141,7 @@ impl<'a> Bench<'a> {
             objective: objective.to_string(),
             evaluations: self.args.evaluations,
             population: None,
+            batch: None,
             seed: self.args.seed,
             delta: None,
         };

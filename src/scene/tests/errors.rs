@@ -32,6 +32,36 @@ fn bad_settings_are_named_with_their_place_and_mend() {
             "",
             "the key `sightline` is missing; this program reads version 1, write `\"sightline\": 1`",
         ),
+        (
+            "\"lidars\": 4",
+            "\"lidars\": 4, \"keep_out\": [{ \"min\": [0, 0, 2], \"max\": [1, 0, 3] }]",
+            "mount.keep_out[0].max[1]: 0 is not above min (0): the box would keep nothing out",
+        ),
+        (
+            "\"lidars\": 4",
+            "\"lidars\": 4, \"keep_out\": [{ \"min\": [-1, -1, 2], \"max\": [0.1, 1, 3] }, { \"min\": [0.1, -1, 2], \"max\": [1, 1, 3] }]",
+            "mount.keep_out: list of 2 is not a choice that leaves room for a sensor: the boxes cover the whole mount; make them smaller",
+        ),
+        (
+            "\"lidars\": 4",
+            "\"lidars\": 4, \"keep_out\": [{ \"min\": [0, 0, 2] }]",
+            "mount.keep_out[0]: missing key `max` (line 5, column 151)",
+        ),
+        (
+            "\"min\": [-0.6, -0.6, 2.2]",
+            "\"symmetric\": true, \"min\": [-0.6, -0.5, 2.2]",
+            "mount.symmetric: true is not possible where y runs from -0.5 to 0.6; mirrored sensors need a range from -a to a",
+        ),
+        (
+            "\"roll\": [-0.3, 0.3]",
+            "\"symmetric\": true, \"roll\": [0.1, 0.1]",
+            "mount.symmetric: true is not possible where roll runs from 0.1 to 0.1; mirrored sensors need a range from -a to a",
+        ),
+        (
+            "\"min_distance\": 0.2",
+            "\"symmetric\": true, \"min_distance\": 1.3",
+            "mount.symmetric: true is not possible where y runs from -0.6 to 0.6: two mirrored sensors need more than 0 m and at least min_distance, 1.3 m, between them; widen y",
+        ),
         ("\"lidars\": 4", "\"lidars\": 0", "mount.lidars: 0 is not a whole number from 1 to 16"),
         (
             "\"lidars\": 4",

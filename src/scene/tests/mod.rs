@@ -46,6 +46,7 @@ fn the_small_form_is_read() {
     let mount = scene.mount();
     assert_eq!((mount.roll, mount.pitch, mount.yaw), ([-0.3, 0.3], [0.0; 2], [0.0; 2]));
     assert_eq!((mount.min_distance, mount.lidars), (0.2, 4));
+    assert_eq!((mount.keep_out.len(), mount.equal_height, mount.symmetric), (0, false, false));
     let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, range } = scene.lidar()
     else {
         panic!("{:?}", scene.lidar());
@@ -199,4 +200,34 @@ fn meshes_are_scaled_turned_and_mapped_to_classes() {
     let end = "m.obj: material `Post` has no class; name it in `classes` or give the shape a \
                `class` for the rest";
     assert!(message.starts_with(start) && message.ends_with(end), "{message}");
+}
+
+#[test]
+fn further_rules_narrow_the_mount_and_are_checked_like_its_own() {
+    let scene = || Scene::from_json(SMALL, Path::new(""), "s.json").unwrap();
+    let rules = |fixed: &[(&str, f64)], symmetric| MountRules {
+        equal_height: true,
+        symmetric,
+        fixed: fixed.iter().map(|(field, value)| ((*field).to_owned(), *value)).collect(),
+    };
+    let narrowed = scene().with_rules(&rules(&[("z", 2.5), ("roll", 0.0)], true), "s.json");
+    let scene_before = scene();
+    let (old, narrowed) = (scene_before.mount(), narrowed.unwrap());
+    let new = narrowed.mount();
+    assert_eq!((new.min, new.max), ([-0.6, -0.6, 2.5], [0.6, 0.6, 2.5]));
+    assert_eq!(
+        (new.roll, new.yaw, new.equal_height, new.symmetric),
+        ([0.0; 2], [0.0; 2], true, true)
+    );
+    assert_eq!((new.lidars, new.min_distance), (old.lidars, old.min_distance));
+    for (fixed, wanted) in [
+        (("z", 3.0), "mount.z: 3 is not within the mount, which runs from 2.2 to 2.8"),
+        (("roll", f64::NAN), "mount.roll: NaN is not within the mount"),
+        (("height", 2.5), "mount.height: `height` is not one of x, y, z, roll, pitch and yaw"),
+        (("roll", 0.1), "mount.symmetric: true is not possible where roll runs from 0.1 to 0.1"),
+        (("y", 0.0), "mount.symmetric: true is not possible where y runs from 0 to 0"),
+    ] {
+        let error = scene().with_rules(&rules(&[fixed], true), "s.json").unwrap_err().to_string();
+        assert!(error.starts_with(&format!("s.json: {wanted}")), "{error}");
+    }
 }

@@ -1,0 +1,101 @@
+//! The generations of a run, and what ends them.
+
+use sightline::search::{Evaluator, Search};
+
+use super::{Method, Run};
+use crate::cli::args::{Compute, Talk};
+use crate::cli::error::Error;
+use crate::cli::interrupt::Interrupt;
+use crate::cli::{load, progress};
+
+impl Run {
+    /// Runs generations until the search stops, Ctrl-C, or the time is over.
+    ///
+    /// `open` opens an evaluator over some of the scene's `frames`.
+    pub(super) fn search(
+        &mut self,
+        compute: &Compute,
+        interrupt: &Interrupt,
+        frames: usize,
+        open: &dyn Fn(&[usize]) -> Result<Evaluator, Error>,
+    ) -> Result<(), Error> {
+        let bar = progress::bar(self.settings.search.evaluations, "placements", compute.talk);
+        bar.set_position(self.search.evaluations());
+        bar.reset_eta();
+        let mut ended = self.search.ended().len();
+        let first = self.search.generation();
+        // One generation at least, so that there is something to go on with.
+        let goes_on = |search: &Search| {
+            let begun = search.generation() > first;
+            !(interrupt.is_pressed() || begun && interrupt.is_set())
+        };
+        while self.search.stopped().is_none() && goes_on(&self.search) {
+            let record = self.search.step(&mut self.evaluator, &self.objective)?;
+            self.history.push(record);
+            self.widen(compute, frames, open)?;
+            self.stop_at_target(frames, open)?;
+            self.folder.save(&self.settings, &self.search, &self.history, &self.auto)?;
+            bar.set_position(self.search.evaluations());
+            if let Some(best) = self.search.best() {
+                bar.set_message(format!("best {:.4e}", best.value));
+            }
+            for line in self.ended_in_words().iter().skip(ended) {
+                compute.talk.note(format!("restart: {line}"));
+            }
+            ended = self.search.ended().len();
+        }
+        bar.finish_and_clear();
+        Ok(())
+    }
+
+    /// Ends the search where its best placement has the score that was wanted, over all frames.
+    fn stop_at_target(
+        &mut self,
+        frames: usize,
+        open: &dyn Fn(&[usize]) -> Result<Evaluator, Error>,
+    ) -> Result<(), Error> {
+        let (Some(target), Some(best)) = (self.settings.target, self.search.best()) else {
+            return Ok(());
+        };
+        let is_new = best.generation == self.search.generation();
+        if !is_new || best.value < target || best.guards > 0 {
+            return Ok(());
+        }
+        let searched = self.evaluator.problem();
+        if searched.frame_count() < frames && searched.ends_at_hits() {
+            let mut full = open(&load::spread(frames, None))?;
+            let scores = full.scores(std::slice::from_ref(&best.placement))?.remove(0);
+            let value = self.objective.value(&scores);
+            if value.is_none_or(|value| value < target) || !scores.guards.is_empty() {
+                return Ok(());
+            }
+        }
+        self.search.stop_at_target();
+        Ok(())
+    }
+
+    /// Instances of the CMA-ES that have ended.
+    pub(super) fn ended_in_words(&self) -> Vec<String> {
+        let ended = self.search.ended().iter();
+        let words = ended.map(|ended| {
+            let (population, evaluations) = (ended.population, ended.evaluations);
+            format!("of {population} candidates, after {evaluations} evaluations, {}", ended.reason)
+        });
+        words.collect()
+    }
+
+    /// Whether generations are left to run.
+    pub(super) fn is_cut_short(&self) -> bool {
+        self.settings.method != Method::Swaps && self.search.stopped().is_none()
+    }
+
+    /// Says why the search ended, and how to go on where something is left to do.
+    pub(super) fn say_stopped(&self, stopped: &str, unfinished: bool, talk: Talk) {
+        let generation = self.search.generation();
+        let mut line = format!("stopped after generation {generation}: {stopped}");
+        if unfinished {
+            line += &format!("; go on with --resume {}", self.folder.path().display());
+        }
+        talk.note(line);
+    }
+}

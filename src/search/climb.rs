@@ -1,0 +1,215 @@
+//! The climb of [`GridSearch`]: which LiDARs move, where to, and the best of it.
+
+use std::ops::Range;
+
+use rand::{Rng, RngExt};
+use rayon::prelude::*;
+
+use super::{Evaluator, GridPlacement, GridSearch, SearchError};
+use crate::atlas::Union;
+
+/// Best swaps of a sensor that are offered to the guards before the sensor stays where it is.
+const OFFERS: usize = 4;
+
+/// To which poses a climb may move a LiDAR.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Moves {
+    /// As many steps along one pose field.
+    Along(u32),
+    /// As many steps along every field at once.
+    Around(u32),
+    /// Anywhere on the grid.
+    Anywhere,
+}
+
+/// What moves at once.
+#[derive(Debug, Clone, Copy)]
+enum Turn {
+    /// A LiDAR, by index.
+    Lidar(usize),
+    /// A LiDAR and its mirror image, which follows it.
+    Pair(usize),
+    /// The height of all.
+    Height,
+}
+
+impl GridSearch {
+    /// Moves one LiDAR at a time to the best pose it may move to, until none gains any more.
+    ///
+    /// LiDARs that the rules tie move together: a mirrored pair as one, and where all are to stand at
+    /// one height a LiDAR stays at it, and all change it at once. `start` must keep the rules.
+    ///
+    /// A swap is only taken to a placement that violates no guard, so that the climb cannot game the
+    /// objective, and from one that violates a guard to any that does not. `go_on` is asked before each
+    /// LiDAR, with the poses that the atlas has cast so far.
+    ///
+    /// # Errors
+    /// As [`Self::hold`].
+    pub fn climb(
+        &mut self,
+        evaluator: &mut Evaluator,
+        start: &[u32],
+        moves: Moves,
+        go_on: &dyn Fn(u64) -> bool,
+    ) -> Result<GridPlacement, SearchError> {
+        let value = self.value(evaluator, start)?;
+        let mut here = GridPlacement { poses: start.to_vec(), value };
+        let mut least =
+            if self.is_guarded(evaluator, &here)? { f64::NEG_INFINITY } else { here.value };
+        let turns = self.turns(start);
+        let (mut settled, mut turn) = (0, 0);
+        while settled < turns.len() && go_on(self.atlas.poses_cast()) {
+            match self.best_swap(evaluator, &here.poses, turns[turn], moves, least)? {
+                Some(better) => {
+                    least = better.value;
+                    here = better;
+                    settled = 0;
+                }
+                None => settled += 1,
+            }
+            turn = (turn + 1) % turns.len();
+        }
+        Ok(here)
+    }
+
+    /// What may move by itself: a LiDAR, a mirrored pair (by its first), or the height of all.
+    fn turns(&self, poses: &[u32]) -> Vec<Turn> {
+        let grid = self.atlas.grid();
+        let symmetric = self.constraints.ties.symmetric;
+        let mut turns = Vec::new();
+        let mut lidar = 0;
+        while lidar < poses.len() {
+            let image = grid.mirrored(poses[lidar]);
+            let paired = symmetric && image != poses[lidar] && poses.get(lidar + 1) == Some(&image);
+            turns.push(if paired { Turn::Pair(lidar) } else { Turn::Lidar(lidar) });
+            lidar += if paired { 2 } else { 1 };
+        }
+        if self.constraints.ties.equal_height {
+            turns.push(Turn::Height);
+        }
+        turns
+    }
+
+    /// The placement after one random turn: a LiDAR, or what is tied to it, moved anywhere.
+    pub(super) fn kicked(&self, poses: &[u32], rng: &mut impl Rng) -> Vec<u32> {
+        let turns = self.turns(poses);
+        let turn = turns[rng.random_range(0..turns.len())];
+        let mut candidates = self.candidates(poses, turn, Moves::Anywhere);
+        match candidates.len() {
+            0 => poses.to_vec(),
+            count => candidates.swap_remove(rng.random_range(0..count)),
+        }
+    }
+
+    /// Placements that a turn may lead to, those that keep the rules.
+    fn candidates(&self, here: &[u32], turn: Turn, moves: Moves) -> Vec<Vec<u32>> {
+        let grid = self.atlas.grid();
+        let reach = |from: u32| -> Vec<u32> {
+            match moves {
+                Moves::Along(radius) => grid.along(from, radius),
+                Moves::Around(radius) => grid.around(from, radius),
+                Moves::Anywhere => (0..grid.len()).collect(),
+            }
+        };
+        let ties = self.constraints.ties;
+        let level = |from: u32, to: u32| !ties.equal_height || grid.at_height_of(to, from) == to;
+        match turn {
+            Turn::Lidar(lidar) => {
+                let from = here[lidar];
+                let in_place = |to: u32| !ties.symmetric || grid.mirrored(to) == to;
+                let others = without(here, lidar..lidar + 1);
+                let mut to = reach(from);
+                to.retain(|&to| level(from, to) && in_place(to) && self.fits(to, &others));
+                to.into_iter().map(|to| with(here, &[(lidar, to)])).collect()
+            }
+            Turn::Pair(lidar) => {
+                let from = here[lidar];
+                let others = without(here, lidar..lidar + 2);
+                let both = |to: u32| (to, grid.mirrored(to));
+                let mut to: Vec<(u32, u32)> = reach(from).into_iter().map(both).collect();
+                to.retain(|&(to, image)| {
+                    let fits = self.fits(to, &others) && self.fits(image, &others);
+                    level(from, to) && fits && self.fits(to, &[image])
+                });
+                let moved = |(to, image)| with(here, &[(lidar, to), (lidar + 1, image)]);
+                to.into_iter().map(moved).collect()
+            }
+            Turn::Height => {
+                let levels = reach(here[0]).into_iter().map(|to| grid.at_height_of(here[0], to));
+                let mut levels: Vec<u32> = levels.collect();
+                levels.sort_unstable();
+                levels.dedup();
+                let moved = |to: u32| here.iter().map(move |&pose| grid.at_height_of(pose, to));
+                let mut all: Vec<Vec<u32>> =
+                    levels.into_iter().map(|to| moved(to).collect()).collect();
+                all.retain(|poses| poses.iter().all(|&pose| self.fits(pose, &[])));
+                all
+            }
+        }
+    }
+
+    /// The objective of each candidate of a turn; `−∞` where it does not exist.
+    fn values_of(&mut self, candidates: &[Vec<u32>], turn: Turn) -> Vec<f64> {
+        if let (Turn::Lidar(lidar), Some(first)) = (turn, candidates.first()) {
+            // The others are the same in all: their union is made once.
+            let to: Vec<u32> = candidates.iter().map(|poses| poses[lidar]).collect();
+            let values = self.values_with(&without(first, lidar..lidar + 1), &to);
+            return values.into_iter().map(|(_, value)| value).collect();
+        }
+        self.evaluations += candidates.len() as u64;
+        let (problem, objective) = (self.atlas.problem(), &self.objective);
+        let value = |union: &mut Union, poses: &Vec<u32>| {
+            let (&last, others) = poses.split_last()?;
+            self.atlas.union(others, union);
+            let tally = self.atlas.tally_with(union, last);
+            objective.value_of_tally(&tally, problem.content(), problem.frame_count())
+        };
+        let values = candidates.par_iter().map_init(Union::default, value);
+        values.map(|value| value.unwrap_or(f64::NEG_INFINITY)).collect()
+    }
+
+    /// The best placement of a turn that beats `least` and violates no guard.
+    fn best_swap(
+        &mut self,
+        evaluator: &mut Evaluator,
+        here: &[u32],
+        turn: Turn,
+        moves: Moves,
+        least: f64,
+    ) -> Result<Option<GridPlacement>, SearchError> {
+        let moved = match turn {
+            Turn::Lidar(_) => 1,
+            Turn::Pair(_) => 2,
+            Turn::Height => here.len(),
+        };
+        let room = self.atlas.capacity().saturating_sub(here.len() - moved) / moved;
+        let candidates = self.candidates(here, turn, moves);
+        let mut better = Vec::new();
+        for some in candidates.chunks(room.max(1)) {
+            self.hold(evaluator, &some.concat())?;
+            let values = self.values_of(some, turn);
+            let placements = some.iter().zip(values).filter(|(_, value)| *value > least);
+            better.extend(placements.map(|(p, value)| GridPlacement { poses: p.clone(), value }));
+        }
+        // Stable: of equal ones the one with the lower number of a pose.
+        better.sort_by(|a, b| b.value.total_cmp(&a.value));
+        for placement in better.into_iter().take(OFFERS) {
+            if !self.is_guarded(evaluator, &placement)? {
+                return Ok(Some(placement));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// The poses but those of some LiDARs.
+fn without(poses: &[u32], lidars: Range<usize>) -> Vec<u32> {
+    [&poses[..lidars.start], &poses[lidars.end..]].concat()
+}
+
+/// The poses with some LiDARs moved.
+fn with(poses: &[u32], moved: &[(usize, u32)]) -> Vec<u32> {
+    let mut poses = poses.to_vec();
+    moved.iter().for_each(|&(lidar, pose)| poses[lidar] = pose);
+    poses
+}

@@ -1,0 +1,230 @@
+//! Rules of a run and what ends it: kept by every candidate, named in the result, the same on resume.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+use sightline::backend::cpu::CpuBackend;
+use sightline::placement::{Constraints, Ties};
+use sightline::score::Objective;
+use sightline::search::{Evaluator, Search, SearchSettings};
+use tempfile::TempDir;
+
+use crate::cli::{fails, ok, room, sightline};
+use crate::common::{MEMORY, random_problem};
+
+/// A room whose mount has other keys, too.
+fn room_with(dir: &Path, mount: &[(&str, Value)]) {
+    let mut scene: Value = serde_json::from_slice(&fs::read(room(dir)).unwrap()).unwrap();
+    for (key, value) in mount {
+        scene["mount"][*key] = value.clone();
+    }
+    fs::write(dir.join("room.json"), scene.to_string()).unwrap();
+}
+
+fn args<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let fixed = ["optimize", "room.json", "--backend", "cpu", "--evaluations", "120", "--out", out];
+    [&fixed[..], more].concat()
+}
+
+fn read(dir: &Path, run: &str, file: &str) -> String {
+    fs::read_to_string(dir.join(run).join(file)).unwrap()
+}
+
+fn keep_out() -> (&'static str, Value) {
+    ("keep_out", json!([{ "min": [-0.3, -0.3, 1.0], "max": [0.3, 0.3, 2.0] }]))
+}
+
+#[test]
+fn no_candidate_that_is_evaluated_breaks_a_rule() {
+    let ties = |equal_height, symmetric| Ties { equal_height, symmetric };
+    for (lidars, ties) in [
+        (3, ties(false, false)),
+        (3, ties(true, false)),
+        (4, ties(false, true)),
+        (3, ties(true, true)),
+    ] {
+        let rules = Constraints {
+            lower: [-2.0, -2.0, -1.0, -0.3, 0.0, -1.0],
+            upper: [2.0, 2.0, 1.0, 0.3, 0.0, 1.0],
+            min_distance: 0.8,
+            lidars,
+            keep_out: vec![[[-1.0, -1.5, -1.5], [1.0, 1.5, 0.5]]],
+            ties,
+        };
+        let problem = random_problem(3, true);
+        let backend = Box::new(CpuBackend::new(problem.clone(), MEMORY));
+        let mut evaluator = Evaluator::new(problem, backend, rules.clone());
+        evaluator.keep_last();
+        let objective: Objective = "information_gain".parse().unwrap();
+        let settings = SearchSettings {
+            objective: objective.to_string(),
+            evaluations: 400,
+            population: None,
+            batch: Some(30),
+            seed: 4,
+            delta: None,
+        };
+        let mut search = Search::new(settings, &rules, &[]).unwrap();
+        let (mut evaluated, mut infeasible) = (0, 0);
+        while search.stopped().is_none() {
+            infeasible += search.step(&mut evaluator, &objective).unwrap().infeasible;
+            for (placement, _) in evaluator.take_last() {
+                assert_eq!(rules.violations(&placement), [], "{placement:?}");
+                evaluated += 1;
+            }
+        }
+        assert!(evaluated > 100 && infeasible > 10, "{evaluated} and {infeasible}");
+        let best = search.best().unwrap();
+        assert_eq!(rules.violations(&best.placement), []);
+    }
+}
+
+#[test]
+fn rules_of_scene_and_options_are_kept_on_every_backend_and_named() {
+    let dir = TempDir::new().unwrap();
+    room_with(dir.path(), &[("lidars", json!(3)), keep_out(), ("symmetric", json!(true))]);
+    let more = ["--equal-height", "--fix", "roll=0.0", "--batch", "30"];
+    let first = ok(dir.path(), &args("first", &more));
+    let one = ok(dir.path(), &args("one", &[&more[..], &["--threads", "1"]].concat()));
+    let gpu: Vec<&str> =
+        args("gpu", &more).into_iter().map(|a| if a == "cpu" { "gpu" } else { a }).collect();
+    let gpu = ok(dir.path(), &gpu);
+    for (run, other) in [("one", &one), ("gpu", &gpu)] {
+        assert_eq!(
+            read(dir.path(), "first", "history.jsonl"),
+            read(dir.path(), run, "history.jsonl")
+        );
+        assert_eq!(first["best"], other["best"]);
+    }
+    assert_eq!(first["best"]["violations"], json!([]));
+    let lidars = first["best"]["placement"]["lidars"].as_array().unwrap();
+    let number = |lidar: &Value, key: &str| lidar[key].as_f64().unwrap();
+    let mut ys: Vec<f64> = lidars.iter().map(|lidar| number(lidar, "y")).collect();
+    ys.sort_by(f64::total_cmp);
+    assert_eq!((ys[0], ys[1]), (-ys[2], 0.0));
+    for lidar in lidars {
+        assert_eq!((number(lidar, "roll"), number(lidar, "z")), (0.0, number(&lidars[0], "z")));
+        let inside = |key: &str| number(lidar, key).abs() < 0.3;
+        assert!(!(inside("x") && inside("y")), "{lidar}");
+    }
+    let words = first["constraints"].to_string();
+    for word in ["keep_out[0]", "one height", "mirrored", "roll = 0", "0.2 m apart"] {
+        assert!(words.contains(word), "{word}: {words}");
+    }
+    assert!(read(dir.path(), "first", "report.html").contains("all LiDARs at one height"));
+    // Both ways of searching took part.
+    let methods = first["methods"].as_array().unwrap();
+    assert!(methods.iter().any(|m| m["method"] == "swaps" && m["poses_cast"].as_u64() > Some(10)));
+    let swaps = ok(dir.path(), &args("swaps", &["--method", "swaps", "--equal-height"]));
+    assert_eq!(swaps["best"]["violations"], json!([]));
+    let grid = ok(dir.path(), &args("grid", &["--delta", "0.25,0.2", "--equal-height"]));
+    assert_eq!(grid["best"]["violations"], json!([]));
+}
+
+#[test]
+fn a_run_out_of_time_says_so_and_goes_on_to_the_same_bytes() {
+    let dir = TempDir::new().unwrap();
+    room_with(dir.path(), &[("lidars", json!(4)), keep_out(), ("symmetric", json!(true))]);
+    ok(dir.path(), &args("whole", &[]));
+    let stopped = |args: &[&str]| {
+        let output = sightline(dir.path(), args);
+        assert_eq!(output.status.code(), Some(0));
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert!(stderr.contains("time: ") && stderr.contains("--resume broken"), "{stderr}");
+        let run: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert!(run["stopped"].as_str().unwrap().starts_with("time: "), "{}", run["stopped"]);
+        assert!(run["evaluations"].as_u64().unwrap() < 120);
+        assert_eq!(run["best"]["violations"], json!([]));
+        run["generations"].as_u64().unwrap()
+    };
+    assert_eq!(stopped(&args("broken", &["--max-seconds", "0"])), 1);
+    let resume = ["optimize", "--resume", "broken", "--backend", "cpu"];
+    assert_eq!(stopped(&[&resume[..], &["--time", "0"]].concat()), 2, "a generation a sitting");
+    let resumed = ok(dir.path(), &resume);
+    for file in ["history.jsonl", "checkpoint.json", "convergence.svg", "placement.svg", "map.svg"]
+    {
+        assert_eq!(read(dir.path(), "whole", file), read(dir.path(), "broken", file), "{file}");
+    }
+    let whole: Value = serde_json::from_str(&read(dir.path(), "whole", "result.json")).unwrap();
+    for key in ["best", "stopped", "constraints", "active_bounds", "ended"] {
+        assert_eq!(whole[key], resumed[key], "{key}");
+    }
+    assert_eq!(resumed["stopped"], "budget: the evaluations are used up");
+}
+
+#[test]
+fn a_target_ends_the_search_once_it_holds_over_all_frames() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let whole = ok(dir.path(), &args("whole", &["--method", "cma"]));
+    let best = whole["best"]["objective"].as_f64().unwrap();
+    let unreached = (0.5 * best).to_string();
+    let missed = ok(dir.path(), &args("missed", &["--target", &unreached]));
+    assert_eq!(missed["stopped"], "budget: the evaluations are used up");
+    for (out, more) in [("auto", &[][..]), ("one", &["--frames", "1"])] {
+        let target = (1.1 * best).to_string();
+        let run = ok(dir.path(), &args(out, &[more, &["--target", &target]].concat()));
+        assert_eq!(run["stopped"], "target: a placement reached the score that was wanted");
+        assert!(run["evaluations"].as_u64().unwrap() < 120);
+        assert!(run["best"]["objective"].as_f64().unwrap() >= 1.1 * best);
+        assert_eq!(run["best"]["scores"]["guards"], json!([]));
+        let again = ok(dir.path(), &["optimize", "--resume", out, "--backend", "cpu"]);
+        assert_eq!((&again["best"], &again["stopped"]), (&run["best"], &run["stopped"]));
+    }
+}
+
+#[test]
+fn injected_layouts_that_are_not_used_are_named_with_the_reason() {
+    let dir = TempDir::new().unwrap();
+    room_with(dir.path(), &[("symmetric", json!(true))]);
+    let lidar = |x: f64, y: f64| json!({ "x": x, "y": y, "z": 1.5 });
+    let file = json!({ "placements": [
+        { "name": "fine", "lidars": [lidar(0.1, 0.4), lidar(0.1, -0.4)] },
+        { "name": "far", "lidars": [lidar(0.9, 0.4), lidar(0.9, -0.4)] },
+        { "name": "single", "lidars": [lidar(0.0, 0.0)] },
+        { "name": "row", "lidars": [lidar(0.5, 0.0), lidar(-0.5, 0.0)] },
+        { "name": "askew", "lidars": [lidar(0.5, 0.3), lidar(-0.5, -0.3)] } ] });
+    fs::write(dir.path().join("mine.json"), file.to_string()).unwrap();
+    let output = sightline(dir.path(), &args("run", &["--inject", "mine.json"]));
+    assert!(output.status.success());
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    let run: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let left_out = run["left_out"].as_array().unwrap();
+    assert_eq!(left_out.len(), 4, "{left_out:?}");
+    for (name, why) in [
+        ("far", "x is 0.300 outside the mount"),
+        ("single", "it has 1 LiDAR(s), the mount 2"),
+        ("row", "plane of symmetry"),
+        ("askew", "from a mirror image at the plane y = 0"),
+    ] {
+        let found = left_out.iter().find(|l| l["name"] == name).expect(name);
+        assert!(found["why"].to_string().contains(why), "{found}");
+        assert!(stderr.contains(&format!("not starting from {name}: ")), "{stderr}");
+    }
+    let report = read(dir.path(), "run", "report.html");
+    assert!(report.contains("Not started from single"), "the report says it, too");
+}
+
+#[test]
+fn rules_that_contradict_each_other_are_answered_with_key_and_mend() {
+    /// Keys of the mount, options, and what the answer holds.
+    type Case<'a> = (&'a [(&'a str, Value)], &'a [&'a str], &'a str);
+    let dir = TempDir::new().unwrap();
+    let wide = json!([{ "min": [-9, -9, 0], "max": [9, 9, 9] }]);
+    let cases: &[Case] = &[
+        (&[("keep_out", wide)], &[], "room.json: mount.keep_out: "),
+        (&[("min", json!([-0.6, -0.5, 1.2]))], &["--symmetric"], "room.json: mount.symmetric: "),
+        (&[("min_distance", json!(1.3))], &["--symmetric"], "min_distance, 1.3 m"),
+        (&[], &["--fix", "z=9"], "room.json: mount.z: 9 is not within the mount"),
+        (&[], &["--symmetric", "--fix", "roll=0.1"], "room.json: mount.symmetric: "),
+        (&[], &["--fix", "tilt=1"], "as z=2.5"),
+        (&[], &["--max-seconds", "soon"], "a number of seconds, as 30"),
+    ];
+    for (mount, options, wanted) in cases {
+        room_with(dir.path(), mount);
+        let answer = fails(dir.path(), &args("run", options));
+        assert!(answer.contains(wanted), "{options:?}: {answer}");
+        assert!(!dir.path().join("run").exists(), "{options:?} left a folder");
+    }
+}
