@@ -99,15 +99,6 @@ impl World {
     /// As [`Self::psog`], or a sensor without beams.
     pub fn problem(&mut self, fidelity: &Fidelity) -> Result<Problem, FidelityError> {
         let frames = self.frames(fidelity);
-        self.problem_over(fidelity, &frames)
-    }
-
-    /// As [`Self::problem`], over the given frames.
-    pub(super) fn problem_over(
-        &mut self,
-        fidelity: &Fidelity,
-        frames: &[usize],
-    ) -> Result<Problem, FidelityError> {
         let psog = self.psog(fidelity.voxel)?;
         let table = table(self.scene.lidar(), fidelity.azimuth)?;
         let content = self.content(&psog);
@@ -126,7 +117,7 @@ impl World {
 }
 
 /// `wanted` of `count` frames, spread evenly from the first on.
-pub(super) fn spread(count: usize, wanted: usize) -> Vec<usize> {
+fn spread(count: usize, wanted: usize) -> Vec<usize> {
     let wanted = wanted.min(count);
     (0..wanted).map(|k| k * count / wanted).collect()
 }

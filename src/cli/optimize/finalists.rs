@@ -30,10 +30,12 @@ impl Run {
         let delta = self.settings.search.delta;
         let spacing = delta.unwrap_or(SWAP_SPACING);
         // The result of the generations first: it has most to gain where casts run out.
+        let best = self.search.best().map(|best| &best.placement);
         let mut starts: Vec<Placement> =
-            self.search.best().map(|best| best.placement.clone()).into_iter().collect();
+            self.chosen.as_ref().or(best).cloned().into_iter().collect();
         starts.extend(self.best_baseline()?);
-        let casts = self.settings.search.evaluations * self.evaluator.constraints().lidars as u64;
+        let lidars = self.evaluator.constraints().lidars as u64;
+        let casts = self.settings.search.evaluations * lidars;
         let mut stage = GridStage {
             evaluator: &mut self.evaluator,
             objective: &self.objective,
@@ -43,10 +45,17 @@ impl Run {
         let swaps = match self.settings.method {
             Method::Cma => None,
             // A quarter of what the generations cast.
-            Method::Both => stage.climb(spacing, &starts, casts / 4)?,
+            Method::Both => stage.climb(
+                spacing,
+                &starts,
+                casts / std::env::var("SW").map_or(4, |s| s.parse().unwrap()),
+            )?,
             Method::Swaps => stage.everywhere(spacing, &starts)?,
         };
         let bounds = stage.bounds(delta, self.settings.search.seed)?;
+        if let (Some(auto), Some(swaps)) = (&mut self.auto, &swaps) {
+            auto.note_swaps(swaps.poses_cast, lidars);
+        }
         Ok((swaps, Some(bounds)))
     }
 

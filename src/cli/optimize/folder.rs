@@ -11,7 +11,7 @@ use crate::cli::error::Error;
 use crate::cli::output::{writable_folder, write_whole};
 
 /// Version of `checkpoint.json`.
-const CHECKPOINT: u32 = 2;
+const CHECKPOINT: u32 = 3;
 /// Numbered folders that are tried before giving up.
 const MOST_RUNS: u32 = 10_000;
 
