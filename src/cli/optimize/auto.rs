@@ -94,7 +94,7 @@ impl Auto {
             let given: Vec<Placement> = alike.cloned().collect();
             let random = SAMPLE.saturating_sub(given.len());
             let pilot = Pilot::new(whole, candidates(constraints, &given, random, seed), memory)?;
-            let found = pilot.levels(objective, TOLERANCE);
+            let found = pilot.levels(objective, 2.0 * TOLERANCE);
             (levels, errors) = found.into_iter().map(|l| (l.frames, l.error)).unzip();
             (spent, known) = (pilot.work(), pilot.tallies());
         }
