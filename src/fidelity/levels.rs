@@ -182,3 +182,66 @@ fn with_one_more(chosen: &[usize], count: usize) -> Vec<Vec<usize>> {
     });
     longer.collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backend::Content;
+    use crate::bvh::Bvh;
+    use crate::geom::TriangleSoup;
+    use crate::grid::Roi;
+    use crate::placement::BeamTable;
+
+    /// A pilot whose gains by frame and placement are given; each placement covers ten voxels.
+    fn pilot(gains: &[&[u64]]) -> Pilot {
+        let roi = Roi::new([0.0; 3], [1.0; 3], [4, 4, 4]).unwrap();
+        let table =
+            BeamTable::from_directions(std::iter::once([1.0, 0.0, 0.0].into()), 10.0).unwrap();
+        let tree = Arc::new(Bvh::build(&TriangleSoup::default(), 10.0));
+        let content = Content::new(vec![], vec![], &[], false);
+        let frames = vec![tree; gains.len()];
+        let problem = Arc::new(Problem::new(roi, content, table, frames, true));
+        let placement = |k| Placement { name: format!("p{k}"), lidars: vec![] };
+        let tally =
+            |&gain: &u64| Tally { covered: 10, entropy: [gain << 28, 0, 0], ..Tally::default() };
+        Pilot {
+            problem,
+            placements: (0..gains[0].len()).map(placement).collect(),
+            by_frame: gains.iter().map(|frame| frame.iter().map(tally).collect()).collect(),
+        }
+    }
+
+    #[test]
+    fn the_frames_that_stand_for_all_are_chosen() {
+        // Over all frames the placements gain 7, 9 and 8: frame 2 alone has twice as much of each.
+        let gains: [&[u64]; 4] = [&[2, 0, 4], &[0, 14, 4], &[14, 18, 16], &[12, 4, 8]];
+        let levels = pilot(&gains).levels(&"information_gain".parse().unwrap(), 0.01);
+        let frames: Vec<&[usize]> = levels.iter().map(|level| &level.frames[..]).collect();
+        assert_eq!(frames[0], [2]);
+        assert!(levels[0].error.unwrap() < 1e-9, "{levels:?}");
+        assert_eq!(frames[2], [0, 1, 2, 3]);
+        // Where no frame alone will do, two are taken: here these balance each other.
+        let gains: [&[u64]; 4] = [&[1, 9], &[9, 1], &[0, 9], &[11, 2]];
+        let levels = pilot(&gains).levels(&"information_gain".parse().unwrap(), 0.01);
+        assert_eq!((&levels[0].frames[..], levels.len()), (&[0, 1][..], 2));
+    }
+
+    #[test]
+    fn large_sets_are_found_by_exchange() {
+        let gains: Vec<Vec<u64>> = (0..30_u64)
+            .map(|k| (0..6).map(|p| 100 + 10 * p + (k * (p + 3)) % 7 * 4).collect())
+            .collect();
+        let rows: Vec<&[u64]> = gains.iter().map(|row| &row[..]).collect();
+        let levels = pilot(&rows).levels(&"information_gain".parse().unwrap(), 1.0);
+        let sizes: Vec<usize> = levels.iter().map(|level| level.frames.len()).collect();
+        assert_eq!(sizes, [1, 2, 4, 8, 16, 30]);
+        for level in &levels {
+            let mut sorted = level.frames.clone();
+            sorted.sort_unstable();
+            sorted.dedup();
+            assert_eq!(sorted, level.frames);
+        }
+        assert!(levels[3].error < levels[0].error, "{levels:?}");
+        assert_eq!((sets(24, 4), subsets(5, 2).len()), (10626, 10));
+    }
+}

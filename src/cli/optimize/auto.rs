@@ -17,10 +17,12 @@ use crate::cli::error::Error;
 
 /// Fewest placements by which the frames are chosen: the baselines, or random ones beside them.
 const SAMPLE: usize = 8;
-/// Share of the best score that a level may lose.
+/// Share of the best score that a search may lose.
 const TOLERANCE: f64 = 0.01;
+/// Error of the level at which a search begins: candidates then differ by many times as much.
+const FIRST_ERROR: f64 = 2.0 * TOLERANCE;
 /// Placements that are confirmed over all frames at the end.
-const FINALISTS: usize = 8;
+const FINALISTS: usize = 6;
 /// Finalists whose order is checked over all frames.
 const CHECKED: usize = 3;
 /// Generations between two checks.
@@ -94,7 +96,7 @@ impl Auto {
             let given: Vec<Placement> = alike.cloned().collect();
             let random = SAMPLE.saturating_sub(given.len());
             let pilot = Pilot::new(whole, candidates(constraints, &given, random, seed), memory)?;
-            let found = pilot.levels(objective, 2.0 * TOLERANCE);
+            let found = pilot.levels(objective, FIRST_ERROR);
             (levels, errors) = found.into_iter().map(|l| (l.frames, l.error)).unzip();
             (spent, known) = (pilot.work(), pilot.tallies());
         }
@@ -166,8 +168,8 @@ impl Auto {
         self.finalists.sort_by(|a, b| a.guards.cmp(&b.guards).then(b.value.total_cmp(&a.value)));
     }
 
-    /// Scores the first finalists over all frames; true if following the level loses more than a
-    /// quarter of the tolerance.
+    /// Scores the first finalists over all frames; true if following the level loses more than half
+    /// the tolerance.
     fn is_unsure(&mut self, full: &mut Evaluator, objective: &Objective) -> Result<bool, Error> {
         self.confirm(CHECKED, full, objective)?;
         let of_all: Vec<f64> =
@@ -176,7 +178,7 @@ impl Auto {
         let lost =
             of_all.first().map_or(0.0, |first| (best - first) / best.abs().max(f64::MIN_POSITIVE));
         self.worst = self.worst.max(lost);
-        Ok(lost > 0.25 * TOLERANCE)
+        Ok(lost > 0.5 * TOLERANCE)
     }
 
     /// Goes on with more frames.

@@ -33,9 +33,12 @@ impl Run {
         let best = self.search.best().map(|best| &best.placement);
         let mut starts: Vec<Placement> =
             self.chosen.as_ref().or(best).cloned().into_iter().collect();
-        starts.extend(self.best_baseline()?);
+        starts.extend(self.good_baselines()?.into_iter().take(1));
         let lidars = self.evaluator.constraints().lidars as u64;
         let casts = self.settings.search.evaluations * lidars;
+        // A quarter of what the generations cast, or half of it over few frames: there the climbs
+        // mostly end before that is spent.
+        let casts = if self.auto.is_some() { casts / 2 } else { casts / 4 };
         let mut stage = GridStage {
             evaluator: &mut self.evaluator,
             objective: &self.objective,
@@ -44,12 +47,7 @@ impl Run {
         };
         let swaps = match self.settings.method {
             Method::Cma => None,
-            // A quarter of what the generations cast.
-            Method::Both => stage.climb(
-                spacing,
-                &starts,
-                casts / std::env::var("SW").map_or(4, |s| s.parse().unwrap()),
-            )?,
+            Method::Both => stage.climb(spacing, &starts, casts)?,
             Method::Swaps => stage.everywhere(spacing, &starts)?,
         };
         let bounds = stage.bounds(delta, self.settings.search.seed)?;
@@ -59,19 +57,25 @@ impl Run {
         Ok((swaps, Some(bounds)))
     }
 
-    /// The best baseline that keeps every rule and violates no guard.
-    fn best_baseline(&mut self) -> Result<Option<Placement>, Error> {
-        let lidars = self.evaluator.constraints().lidars;
-        let baselines = self.settings.baselines.clone();
-        let scored = self.scored(&baselines)?.into_iter().filter(|scored| {
-            scored.violations.is_empty()
-                && scored.scores.guards.is_empty()
-                && scored.placement.lidars.len() == lidars
+    /// Baselines that keep every rule and violate no guard, the best first; over all frames where
+    /// their scores there are known.
+    fn good_baselines(&mut self) -> Result<Vec<Placement>, Error> {
+        let baselines = &self.settings.baselines;
+        let evaluator = self.full.as_mut().unwrap_or(&mut self.evaluator);
+        let scores = evaluator.scores(baselines)?;
+        let constraints = evaluator.constraints();
+        let allowed = baselines.iter().zip(&scores).filter(|(placement, scores)| {
+            constraints.violations(placement).is_empty()
+                && scores.guards.is_empty()
+                && placement.lidars.len() == constraints.lidars
         });
-        let best = scored
-            .filter_map(|scored| Some((scored.objective?, scored.placement)))
-            .max_by(|a, b| a.0.total_cmp(&b.0));
-        Ok(best.map(|(_, placement)| placement))
+        let mut good: Vec<(f64, Placement)> = allowed
+            .filter_map(|(placement, scores)| {
+                Some((self.objective.value(scores)?, placement.clone()))
+            })
+            .collect();
+        good.sort_by(|a, b| b.0.total_cmp(&a.0));
+        Ok(good.into_iter().map(|(_, placement)| placement).collect())
     }
 
     /// Scores what each method found over all frames and takes the best; `searched_with` is the
