@@ -6,7 +6,7 @@ use super::{Fidelity, merge_vertices};
 use crate::backend::{BackendError, Content, Problem};
 use crate::bvh::Bvh;
 use crate::grid::{GridError, Psog, Roi, scan_scene};
-use crate::placement::{BeamTable, Constraints, Placement, SensorError};
+use crate::placement::{BeamTable, Constraints, Placement, PoseGridError, SensorError};
 use crate::scene::{EgoBody, Lidar, PsogSource, ScanSettings, Scene};
 use crate::verify::random_placements;
 
@@ -26,6 +26,9 @@ pub enum FidelityError {
     /// Scoring failed.
     #[error(transparent)]
     Backend(#[from] BackendError),
+    /// The mount has too many poses for an atlas.
+    #[error(transparent)]
+    Poses(#[from] PoseGridError),
     /// The P-SOG of another voxel size is wanted of a scene whose P-SOG is a file.
     #[error("the P-SOG is a file; its voxels cannot become {factor} times as large")]
     FixedVoxels {
