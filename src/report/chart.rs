@@ -185,7 +185,7 @@ impl Axes {
     fn number(&self, svg: &mut String, rated: &Rated, number: usize, taken: &mut Vec<(f64, f64)>) {
         let (x, y) = self.at(rated);
         let offsets =
-            [(11.0, -9.0), (-11.0, 10.0), (-11.0, -9.0), (11.0, 10.0), (0.0, -17.0), (0.0, 18.0)];
+            [(14.0, -9.0), (-14.0, 10.0), (-14.0, -9.0), (14.0, 10.0), (0.0, -17.0), (0.0, 18.0)];
         let free = |&(dx, dy): &(f64, f64)| {
             taken.iter().all(|t| (t.0 - x - dx).abs() > 12.0 || (t.1 - y - dy).abs() > 12.0)
         };
