@@ -47,7 +47,8 @@ fn chart_measures_the_ladder_of_a_scene() {
     // The verdict is a row within tolerance, and no row within it is cheaper.
     let chosen = &rows[answer["verdict"]["setting"].as_u64().unwrap() as usize];
     assert!(number(chosen, "/error/regret/high") <= 0.01);
-    for row in rows.iter().filter(|r| number(r, "/error/regret/high") <= 0.01) {
+    let general = || rows.iter().filter(|row| row["rung"]["engine"] != "atlas");
+    for row in general().filter(|r| number(r, "/error/regret/high") <= 0.01) {
         assert!(number(row, "/seconds") >= number(chosen, "/seconds"));
     }
     assert!(answer["words"][0].as_str().unwrap().contains(chosen["setting"].as_str().unwrap()));
@@ -59,7 +60,7 @@ fn chart_measures_the_ladder_of_a_scene() {
     let again =
         ok(dir.path(), &["chart", "--resume", "out", "--tolerance", "1", "--backend", "cpu"]);
     assert_eq!(again["measured"], answer["measured"]);
-    let cheapest = rows.iter().map(|r| number(r, "/seconds")).fold(f64::MAX, f64::min);
+    let cheapest = general().map(|r| number(r, "/seconds")).fold(f64::MAX, f64::min);
     let taken = &rows[again["verdict"]["setting"].as_u64().unwrap() as usize];
     assert_eq!(number(taken, "/seconds"), cheapest);
 }
@@ -84,6 +85,7 @@ fn a_scene_without_geometry_has_a_shorter_ladder() {
         [
             "1 m, through, f64",
             "1 m, through, CPU",
+            "1 m, through, atlas",
             "1 m, azimuth 1/2, through, CPU",
             "1 m, azimuth 1/4, through, CPU"
         ]
@@ -97,6 +99,33 @@ fn a_scene_without_geometry_has_a_shorter_ladder() {
     assert!(answer["measured"][0]["scores"][1].is_null());
     let detection = ["chart", "scene.json", "--objective", "detection.m_sog"];
     assert!(fails(dir.path(), &detection).contains("needs a detection target"));
+}
+
+#[test]
+fn an_atlas_scores_placements_on_its_grid_like_the_cpu() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let pose = |x: f64, y: f64, roll: f64| json!({ "x": x, "y": y, "z": 1.2, "roll": roll });
+    let placements = json!({ "placements": [
+        { "name": "apart", "lidars": [pose(-0.6, -0.6, -0.3), pose(0.6, 0.6, 0.3)] },
+        { "name": "level", "lidars": [pose(-0.6, 0.6, 0.0), pose(0.6, -0.6, 0.0)] },
+        { "name": "near", "lidars": [pose(0.0, 0.0, 0.1), pose(0.2, 0.0, -0.1)] },
+    ]});
+    fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
+    let args = ["chart", "room.json", "p.json", "--quick", "--placements", "0", "--backend", "cpu"];
+    let answer = ok(dir.path(), &[&args[..], &["--out", "out"]].concat());
+    let measured = answer["measured"].as_array().unwrap();
+    let atlases: Vec<&Value> = measured.iter().filter(|m| m["rung"]["engine"] == "atlas").collect();
+    assert_eq!(atlases.len(), 2, "three frames and one");
+    for atlas in atlases {
+        let same = |m: &&Value| {
+            m["rung"]["engine"] == "cpu" && m["rung"]["fidelity"] == atlas["rung"]["fidelity"]
+        };
+        let cpu = measured.iter().find(same).unwrap();
+        assert_eq!(cpu["scores"], atlas["scores"]);
+        assert_eq!(atlas["beams"], 0);
+        assert!(atlas["seconds"].as_f64().unwrap() < cpu["seconds"].as_f64().unwrap());
+    }
 }
 
 #[test]

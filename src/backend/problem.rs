@@ -127,6 +127,16 @@ impl Problem {
         Self { roi, content, table, frames, ends_at_hits }
     }
 
+    /// The same over some of its frames, whose trees are shared.
+    ///
+    /// # Panics
+    /// A frame that does not exist.
+    pub fn over(&self, frames: &[usize]) -> Self {
+        let frames = frames.iter().map(|&frame| self.frames[frame].clone()).collect();
+        let (content, table) = (self.content.clone(), self.table.clone());
+        Self { roi: self.roi, content, table, frames, ends_at_hits: self.ends_at_hits }
+    }
+
     /// The voxels.
     pub fn roi(&self) -> &Roi {
         &self.roi

@@ -65,9 +65,9 @@ impl Range {
 
     #[inline(always)]
     fn grow(&mut self, numbers: &[f32; CHUNKS]) {
-        for chunk in 0..CHUNKS {
-            self.low[chunk] = least(numbers[chunk], self.low[chunk]);
-            self.high[chunk] = most(numbers[chunk], self.high[chunk]);
+        for (chunk, &number) in numbers.iter().enumerate() {
+            self.low[chunk] = least(number, self.low[chunk]);
+            self.high[chunk] = most(number, self.high[chunk]);
         }
     }
 
@@ -253,8 +253,7 @@ impl Bounds {
         }
         bounds.slack = SLACK * (pad + largest * PAD_SHARE);
         bounds.start = -last - bounds.slack;
-        for axis in 0..3 {
-            let [low, high] = crossed[axis];
+        for (axis, &[low, high]) in crossed.iter().enumerate() {
             let inverse = if PARALLEL {
                 [packet.inverse[axis][0][0]; 2]
             } else {

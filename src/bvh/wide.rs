@@ -131,8 +131,8 @@ impl Block {
             let triangle = first as usize + if slot < count as usize { slot } else { 0 };
             let Triangle { a, b, c, .. } = triangles[triangle];
             for (k, corner) in [a, b, c].into_iter().enumerate() {
-                for axis in 0..3 {
-                    block.corners[k][axis][slot] = corner[axis];
+                for (axis, coordinate) in corner.into_iter().enumerate() {
+                    block.corners[k][axis][slot] = coordinate;
                 }
             }
         }

@@ -142,6 +142,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let workshop = Workshop::new(
         World::new(scene, psog),
         placements,
+        constraints,
         objective,
         Box::new(open),
         REPEATS[usize::from(state.settings.quick)],
@@ -269,8 +270,11 @@ impl Chart<'_> {
                         self.state.measured.push(measured);
                     }
                     Ok(None) => break,
-                    // A device that fails at one setting does not take the others along.
-                    Err(FidelityError::Backend(error)) if rung.engine == Engine::Gpu => {
+                    // A device that fails at one setting, or an atlas that is too large, does not take
+                    // the others along.
+                    Err(error @ (FidelityError::Backend(_) | FidelityError::Poses(_)))
+                        if matches!(rung.engine, Engine::Gpu | Engine::Atlas) =>
+                    {
                         self.ladder.left_out.push(format!("{words}: {error}"));
                     }
                     Err(error) => return Err(error.into()),

@@ -107,6 +107,15 @@ pub fn evaluator(
 ) -> Result<Evaluator, Error> {
     let table = beam_table(scene.lidar())?;
     let problem = Arc::new(Problem::from_scene(scene, psog, table, frames)?);
+    evaluator_of(problem, constraints(scene.mount()), compute)
+}
+
+/// An evaluator of a problem.
+pub fn evaluator_of(
+    problem: Arc<Problem>,
+    constraints: Constraints,
+    compute: &Compute,
+) -> Result<Evaluator, Error> {
     let budget = compute.memory_budget();
     compute.talk.detail(format!(
         "scene and P-SOG take {} MiB, work buffers at most {} MiB",
@@ -114,7 +123,7 @@ pub fn evaluator(
         budget >> 20
     ));
     let backend = open_backend(&problem, budget, compute)?;
-    Ok(Evaluator::new(problem, backend, constraints(scene.mount())))
+    Ok(Evaluator::new(problem, backend, constraints))
 }
 
 /// The backend asked for; a device that is lost while it computes is replaced.

@@ -9,10 +9,11 @@ mod rules;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
-use sightline::fidelity::World;
+use sightline::backend::Problem;
 use sightline::placement::{Placement, Spacing, read_placements};
 use sightline::report::{Figures, InformationMap, LeftOut, RunRecord, RunTimes, Scored};
 use sightline::scene::{MountRules, Scene};
@@ -153,11 +154,14 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let scene = scene.with_rules(&settings.rules, &settings.scene.display().to_string())?;
     let building = Instant::now();
     let constraints = load::constraints(scene.mount());
+    let all_frames: Vec<usize> = (0..scene.frame_count()).collect();
+    let table = load::beam_table(scene.lidar())?;
+    let whole = Arc::new(Problem::from_scene(&scene, &psog, table, &all_frames)?);
     let auto = match (&resumed, settings.frames) {
         (Some(resumed), _) => resumed.auto.clone(),
         (None, Some(_)) => None,
         (None, None) => Some(Auto::new(
-            &mut World::new(scene.clone(), psog.clone()),
+            &whole,
             &constraints,
             &settings.baselines,
             &objective,
@@ -165,9 +169,19 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             args.compute.memory_budget(),
         )?),
     };
-    let frames = settings.frames.or(auto.as_ref().map(Auto::frames));
-    let frames = load::spread(scene.frame_count(), frames);
-    let mut evaluator = load::evaluator(&scene, &psog, &frames, &args.compute)?;
+    let frames = match &auto {
+        Some(auto) => auto.frames().to_vec(),
+        None => load::spread(whole.frame_count(), settings.frames),
+    };
+    let open_on = |frames: &[usize], compute: &Compute| {
+        let problem = if frames.len() < whole.frame_count() {
+            Arc::new(whole.over(frames))
+        } else {
+            whole.clone()
+        };
+        load::evaluator_of(problem, constraints.clone(), compute)
+    };
+    let mut evaluator = open_on(&frames, &args.compute)?;
     if auto.is_some() {
         evaluator.keep_last();
     }
@@ -196,16 +210,19 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     };
     let store = pages::open(args)?;
     let quiet = Compute { talk: Talk { quiet: true, verbose: false }, ..args.compute.clone() };
-    let open = |frames: &[usize]| load::evaluator(&scene, &psog, frames, &quiet);
+    let open = |frames: &[usize]| open_on(frames, &quiet);
+    let whole = whole.clone();
+    let (full, chosen) = (None, None);
     let mut run =
-        Run { settings, objective, evaluator, search, history, folder, auto, chosen: None };
+        Run { settings, objective, evaluator, search, history, folder, auto, whole, full, chosen };
 
     let searching = Instant::now();
     let interrupt = Interrupt::listen(args.compute.talk);
     if run.settings.method != Method::Swaps {
         let until = interrupt.until(deadline(GENERATIONS_SHARE));
-        run.search(&args.compute, &until, scene.frame_count(), &open)?;
+        run.search(&args.compute, &until, &open)?;
     }
+    run.settle(&args.compute, &open)?;
     let generations_seconds = searching.elapsed().as_secs_f64();
     let (mut swaps, mut bounds) = (None, None);
     let until = interrupt.until(deadline(1.0));
@@ -230,18 +247,21 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     run.say_stopped(&stopped, interrupted || is_over, args.compute.talk);
     let search_seconds = searching.elapsed().as_secs_f64();
     let confirming = Instant::now();
-    let all_frames: Vec<usize> = (0..scene.frame_count()).collect();
-    let searched_all = run.evaluator.problem().frame_count() == all_frames.len()
-        || !run.evaluator.problem().ends_at_hits();
+    let searched_all = run.evaluator.problem().frame_count() == run.whole.frame_count();
     let search_frames = run.evaluator.problem().frame_count();
     let mut backend_changes = Vec::new();
     let mut searched_with = None;
     if !searched_all {
         backend_changes = run.evaluator.backend().changes().to_vec();
-        searched_with = Some(std::mem::replace(&mut run.evaluator, open(&all_frames)?));
-    }
-    if let Some(auto) = &mut run.auto {
-        run.chosen = auto.winner(&mut run.evaluator, &run.objective)?;
+        let on_cpu = run.evaluator.backend().name() == "cpu";
+        let mut all = match run.full.take().filter(|_| on_cpu) {
+            Some(full) => full,
+            None => open(&all_frames)?,
+        };
+        if let Some(auto) = &run.auto {
+            all.remember(auto.known());
+        }
+        searched_with = Some(std::mem::replace(&mut run.evaluator, all));
     }
     let finding = run.confirm(swaps, bounds, searched_with)?;
     let map = run.map(finding.best.as_ref())?;
@@ -324,6 +344,9 @@ pub fn table_7() -> Result<Vec<Placement>, Error> {
         .map_err(|source| Error::Json { path: "scenes/placements.json".into(), source })
 }
 
+/// Opens an evaluator over some of the scene's frames.
+type Open<'a> = dyn Fn(&[usize]) -> Result<Evaluator, Error> + 'a;
+
 /// A run under way.
 struct Run {
     settings: RunSettings,
@@ -333,6 +356,10 @@ struct Run {
     history: Vec<GenerationRecord>,
     folder: RunFolder,
     auto: Option<Auto>,
+    /// The problem over all frames.
+    whole: Arc<Problem>,
+    /// Scores over all frames, where `auto` has needed that.
+    full: Option<Evaluator>,
     /// The best finalist over all frames, where `auto` has confirmed some.
     chosen: Option<Placement>,
 }

@@ -1,84 +1,247 @@
 use std::sync::Arc;
 
-use super::setting::halvings;
-use super::world::spread;
-use super::{Fidelity, FidelityError, RankingError, World};
+use rayon::prelude::*;
+
 use crate::backend::cpu::CpuBackend;
-use crate::backend::{Backend, Tally};
+use crate::backend::{Backend, BackendError, Problem, Tally};
 use crate::placement::Placement;
-use crate::score::{Objective, Scores};
+use crate::score::Objective;
 
-/// Least Kendall τ of a level at which a search may begin.
-const LEAST_TAU: f64 = 0.9;
+/// Sets of frames that are all tried; of larger ones the best is looked for by exchanging frames.
+const ALL_SETS: u64 = 4000;
 
-/// A number of frames, and how far it is from all of them.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Some frames, and how well their score stands for that over all.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Level {
-    /// Frames, spread evenly from the first on.
-    pub frames: u32,
-    /// Against all frames; `None` where no placement has a score.
-    pub error: Option<RankingError>,
+    /// Frames in rising order.
+    pub frames: Vec<usize>,
+    /// Root mean square over the placements of 1 − a · score / score over all frames, with the a that
+    /// makes it least: what is left when the one is taken for the other in a ranking. `None` where no
+    /// placement has a score.
+    pub error: Option<f64>,
 }
 
-/// The fewest frames that keep the ranking of `placements`, then twice as many and so on to all.
-///
-/// Frames are kept fewer as long as top-1 regret stays within `tolerance` up to the upper end of its
-/// interval and τ at 0.9 or more. Each frame is scored once, on the CPU: tallies are sums over
-/// frames, so that every level comes from the same ones. Voxels, beams and coverage stay the scene's,
-/// because another of these would make the score another quantity. No time is measured: the same
-/// scene gives the same levels everywhere. `memory` is in bytes.
-///
-/// # Errors
-/// The scene cannot be scored.
-pub fn frame_levels(
-    world: &mut World,
-    placements: &[Placement],
-    objective: &Objective,
-    tolerance: f64,
-    seed: u64,
-    memory: u64,
-) -> Result<Vec<Level>, FidelityError> {
-    let own = Fidelity::of_scene(world.scene());
-    if own.through || own.frames == 1 {
-        return Ok(vec![Level { frames: own.frames, error: None }]);
-    }
-    let count = own.frames as usize;
-    let mut by_frame: Vec<Vec<Tally>> = Vec::with_capacity(count);
-    let content = {
-        let psog = world.psog(own.voxel)?;
-        world.content(&psog)
-    };
-    for frame in 0..count {
-        let problem = Arc::new(world.problem_over(&own, &[frame])?);
-        let range = problem.table().range();
-        by_frame.push(CpuBackend::new(problem, memory).tally(placements, range)?);
-    }
-    let values = |frames: u32| -> Vec<Option<f64>> {
-        let chosen = spread(count, frames as usize);
-        let sum = |index: usize| {
-            let mut sum = Tally::zero(content.classes().len(), placements[index].lidars.len());
-            chosen.iter().for_each(|&frame| sum += &by_frame[frame][index]);
-            sum
+/// Tallies of a few placements, frame by frame.
+pub struct Pilot {
+    problem: Arc<Problem>,
+    placements: Vec<Placement>,
+    by_frame: Vec<Vec<Tally>>,
+}
+
+impl Pilot {
+    /// Scores `placements` in every frame, on the CPU, within about `memory` bytes.
+    ///
+    /// # Errors
+    /// One placement does not fit.
+    pub fn new(
+        problem: &Arc<Problem>,
+        placements: Vec<Placement>,
+        memory: u64,
+    ) -> Result<Self, BackendError> {
+        let one = |frame: usize| {
+            let range = problem.table().range();
+            let alone = Arc::new(problem.over(&[frame]));
+            CpuBackend::new(alone, memory).tally(&placements, range)
         };
-        let scores = (0..placements.len())
-            .map(|index| Scores::new("", &sum(index), &content, chosen.len(), true, None));
-        scores.map(|scores| objective.value(&scores)).collect()
-    };
-    let reference = values(own.frames);
-    let all = halvings(own.frames).into_iter().map(|frames| {
-        let error = RankingError::new(&reference, &values(frames), seed);
-        Level { frames, error }
-    });
-    let mut levels: Vec<Level> = all.take_while(|level| keeps(level, tolerance)).collect();
-    if levels.is_empty() {
-        levels.push(Level { frames: own.frames, error: None });
+        let by_frame = (0..problem.frame_count()).map(one).collect::<Result<_, _>>()?;
+        Ok(Self { problem: problem.clone(), placements, by_frame })
     }
-    levels.reverse();
-    Ok(levels)
+
+    /// Placements × frames that were scored.
+    pub fn work(&self) -> u64 {
+        (self.placements.len() * self.by_frame.len()) as u64
+    }
+
+    /// The placements and their tallies over all frames: the same as a backend gives for them.
+    pub fn tallies(&self) -> Vec<(Placement, Tally)> {
+        let all: Vec<usize> = (0..self.by_frame.len()).collect();
+        let sums = (0..self.placements.len()).map(|index| self.sum(index, &all));
+        self.placements.iter().cloned().zip(sums).collect()
+    }
+
+    fn sum(&self, index: usize, frames: &[usize]) -> Tally {
+        let classes = self.problem.content().classes().len();
+        let mut sum = Tally::zero(classes, self.placements[index].lidars.len());
+        frames.iter().for_each(|&frame| sum += &self.by_frame[frame][index]);
+        sum
+    }
+
+    fn values(&self, objective: &Objective, frames: &[usize]) -> Vec<Option<f64>> {
+        let content = self.problem.content();
+        let value =
+            |index| objective.value_of_tally(&self.sum(index, frames), content, frames.len());
+        (0..self.placements.len()).map(value).collect()
+    }
+
+    /// Few frames that stand for all, then twice as many and so on to all of them.
+    ///
+    /// The first level is the smallest of 1, 2, 4, … whose error is within `tolerance`. The frames of
+    /// a level are those with the least error of all sets of that size, or of those reached from the
+    /// best smaller set by adding and exchanging frames where there are too many to try.
+    pub fn levels(&self, objective: &Objective, tolerance: f64) -> Vec<Level> {
+        let count = self.by_frame.len();
+        let all: Vec<usize> = (0..count).collect();
+        let choice = Choice { pilot: self, objective, reference: self.values(objective, &all) };
+        let mut levels: Vec<Level> = Vec::new();
+        let mut best: Vec<usize> = Vec::new();
+        let mut size = 1;
+        while size < count {
+            best = choice.best(size, best);
+            let error = choice.error(&best);
+            if !levels.is_empty() || error.is_some_and(|error| error <= tolerance) {
+                levels.push(Level { frames: best.clone(), error });
+            }
+            size *= 2;
+        }
+        levels.push(Level {
+            frames: all,
+            error: choice.reference.iter().flatten().next().map(|_| 0.0),
+        });
+        levels
+    }
 }
 
-fn keeps(level: &Level, tolerance: f64) -> bool {
-    level.error.is_some_and(|error| {
-        error.regret.high <= tolerance && error.tau.is_some_and(|tau| tau.value >= LEAST_TAU)
+/// The choice of frames.
+struct Choice<'a> {
+    pilot: &'a Pilot,
+    objective: &'a Objective,
+    /// Objective over all frames.
+    reference: Vec<Option<f64>>,
+}
+
+impl Choice<'_> {
+    fn error(&self, frames: &[usize]) -> Option<f64> {
+        let values = self.pilot.values(self.objective, frames);
+        let known = self.reference.iter().zip(values).filter(|(r, _)| r.is_some_and(|r| r != 0.0));
+        // What has a score over all frames and none over these is as far off as can be.
+        let ratios: Vec<f64> =
+            known.filter_map(|(r, value)| Some(value.unwrap_or(0.0) / (*r)?)).collect();
+        let squares: f64 = ratios.iter().map(|q| q * q).sum();
+        let a = ratios.iter().sum::<f64>() / squares.max(f64::MIN_POSITIVE);
+        let off = ratios.iter().map(|q| (1.0 - a * q).powi(2)).sum::<f64>();
+        (!ratios.is_empty()).then(|| (off / ratios.len() as f64).sqrt())
+    }
+
+    /// The best `size` frames, sorted.
+    fn best(&self, size: usize, from: Vec<usize>) -> Vec<usize> {
+        let count = self.pilot.by_frame.len();
+        if sets(count, size) <= ALL_SETS {
+            return self.first_of(subsets(count, size));
+        }
+        let mut chosen = from;
+        while chosen.len() < size {
+            chosen = self.first_of(with_one_more(&chosen, count));
+        }
+        loop {
+            let mut swapped = vec![chosen.clone()];
+            for index in 0..size {
+                let mut rest = chosen.clone();
+                rest.remove(index);
+                swapped.extend(with_one_more(&rest, count));
+            }
+            let better = self.first_of(swapped);
+            if better == chosen {
+                return chosen;
+            }
+            chosen = better;
+        }
+    }
+
+    /// The set of least error; of equal ones the first.
+    fn first_of(&self, sets: Vec<Vec<usize>>) -> Vec<usize> {
+        let errors: Vec<f64> =
+            sets.par_iter().map(|frames| self.error(frames).unwrap_or(f64::INFINITY)).collect();
+        let least =
+            (0..sets.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b]).then(a.cmp(&b)));
+        least.map(|index| sets[index].clone()).unwrap_or_default()
+    }
+}
+
+/// Ways to take `size` of `count`.
+fn sets(count: usize, size: usize) -> u64 {
+    (0..size as u64).fold(1, |ways: u64, k| ways.saturating_mul(count as u64 - k) / (k + 1))
+}
+
+/// All sets of `size` of `count` frames, in lexical order.
+fn subsets(count: usize, size: usize) -> Vec<Vec<usize>> {
+    (0..size).fold(vec![Vec::new()], |sets, _| {
+        let longer = |set: Vec<usize>| {
+            let first = set.last().map_or(0, |last| last + 1);
+            (first..count).map(move |frame| [&set[..], &[frame]].concat())
+        };
+        sets.into_iter().flat_map(longer).collect()
     })
+}
+
+fn with_one_more(chosen: &[usize], count: usize) -> Vec<Vec<usize>> {
+    let others = (0..count).filter(|frame| !chosen.contains(frame));
+    let longer = others.map(|frame| {
+        let mut set = [chosen, &[frame]].concat();
+        set.sort_unstable();
+        set
+    });
+    longer.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backend::Content;
+    use crate::bvh::Bvh;
+    use crate::geom::TriangleSoup;
+    use crate::grid::Roi;
+    use crate::placement::BeamTable;
+
+    /// A pilot whose gains by frame and placement are given; each placement covers ten voxels.
+    fn pilot(gains: &[&[u64]]) -> Pilot {
+        let roi = Roi::new([0.0; 3], [1.0; 3], [4, 4, 4]).unwrap();
+        let table =
+            BeamTable::from_directions(std::iter::once([1.0, 0.0, 0.0].into()), 10.0).unwrap();
+        let tree = Arc::new(Bvh::build(&TriangleSoup::default(), 10.0));
+        let content = Content::new(vec![], vec![], &[], false);
+        let frames = vec![tree; gains.len()];
+        let problem = Arc::new(Problem::new(roi, content, table, frames, true));
+        let placement = |k| Placement { name: format!("p{k}"), lidars: vec![] };
+        let tally =
+            |&gain: &u64| Tally { covered: 10, entropy: [gain << 28, 0, 0], ..Tally::default() };
+        Pilot {
+            problem,
+            placements: (0..gains[0].len()).map(placement).collect(),
+            by_frame: gains.iter().map(|frame| frame.iter().map(tally).collect()).collect(),
+        }
+    }
+
+    #[test]
+    fn the_frames_that_stand_for_all_are_chosen() {
+        // Over all frames the placements gain 7, 9 and 8: frame 2 alone has twice as much of each.
+        let gains: [&[u64]; 4] = [&[2, 0, 4], &[0, 14, 4], &[14, 18, 16], &[12, 4, 8]];
+        let levels = pilot(&gains).levels(&"information_gain".parse().unwrap(), 0.01);
+        let frames: Vec<&[usize]> = levels.iter().map(|level| &level.frames[..]).collect();
+        assert_eq!(frames[0], [2]);
+        assert!(levels[0].error.unwrap() < 1e-9, "{levels:?}");
+        assert_eq!(frames[2], [0, 1, 2, 3]);
+        // Where no frame alone will do, two are taken: here these balance each other.
+        let gains: [&[u64]; 4] = [&[1, 9], &[9, 1], &[0, 9], &[11, 2]];
+        let levels = pilot(&gains).levels(&"information_gain".parse().unwrap(), 0.01);
+        assert_eq!((&levels[0].frames[..], levels.len()), (&[0, 1][..], 2));
+    }
+
+    #[test]
+    fn large_sets_are_found_by_exchange() {
+        let gains: Vec<Vec<u64>> = (0..30_u64)
+            .map(|k| (0..6).map(|p| 100 + 10 * p + (k * (p + 3)) % 7 * 4).collect())
+            .collect();
+        let rows: Vec<&[u64]> = gains.iter().map(|row| &row[..]).collect();
+        let levels = pilot(&rows).levels(&"information_gain".parse().unwrap(), 1.0);
+        let sizes: Vec<usize> = levels.iter().map(|level| level.frames.len()).collect();
+        assert_eq!(sizes, [1, 2, 4, 8, 16, 30]);
+        for level in &levels {
+            let mut sorted = level.frames.clone();
+            sorted.sort_unstable();
+            sorted.dedup();
+            assert_eq!(sorted, level.frames);
+        }
+        assert!(levels[3].error < levels[0].error, "{levels:?}");
+        assert_eq!((sets(24, 4), subsets(5, 2).len()), (10626, 10));
+    }
 }

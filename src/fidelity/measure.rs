@@ -1,13 +1,16 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Engine, Exact, Fidelity, FidelityError, Rung, World};
+use crate::atlas::{Atlas, Union};
 use crate::backend::{Backend, BackendError, Problem, Tally};
 use crate::bvh::Hit;
-use crate::placement::Placement;
-use crate::score::{Objective, Scores};
+use crate::placement::{Constraints, Placement, PoseGrid};
+use crate::score::Objective;
+use crate::search::SWAP_SPACING;
 
 /// Placements scored between two looks at whether to stop.
 const BATCH: usize = 8;
@@ -17,6 +20,8 @@ const COMPARED: usize = 8;
 const TIMED: usize = 4;
 /// Least wall time of one repeat, in seconds, where there are placements enough.
 const REPEAT_SECONDS: f64 = 0.15;
+/// Bytes of bitmaps that an atlas keeps at most.
+const ATLAS_BYTES: u64 = 2 << 30;
 /// The yardstick casts into this share of the scene's frames.
 const YARDSTICK_FRAMES: u32 = 4;
 
@@ -29,11 +34,12 @@ pub struct Measured {
     /// The setting.
     pub rung: Rung,
     /// Wall time of a placement in seconds, all threads at work: the median of repeats, each divided by
-    /// a yardstick run just before it, times the yardstick's median.
+    /// a yardstick run just before it, times the yardstick's median. Of an atlas with every pose held.
     pub seconds: f64,
     /// Least and most of these repeats.
     pub spread: [f64; 2],
-    /// Bytes of scene, P-SOG and the work buffers of one placement.
+    /// Bytes of scene, P-SOG and the work buffers of one placement; of an atlas, with its poses'
+    /// bitmaps.
     pub bytes: u64,
     /// Beams of one placement over all frames.
     pub beams: u64,
@@ -47,6 +53,7 @@ pub struct Measured {
 pub struct Workshop<'a> {
     world: World,
     placements: Vec<Placement>,
+    constraints: Constraints,
     objective: Objective,
     open: Box<Open<'a>>,
     repeats: usize,
@@ -64,6 +71,7 @@ impl<'a> Workshop<'a> {
     pub fn new(
         mut world: World,
         placements: Vec<Placement>,
+        constraints: Constraints,
         objective: Objective,
         open: Box<Open<'a>>,
         repeats: usize,
@@ -71,8 +79,18 @@ impl<'a> Workshop<'a> {
     ) -> Result<Self, FidelityError> {
         let own = Fidelity::of_scene(world.scene());
         let fidelity = Fidelity { frames: own.frames.div_ceil(YARDSTICK_FRAMES), ..own };
-        let yardstick = Scorer::new(&mut world, &Rung { fidelity, engine: Engine::Cpu }, &open)?;
-        Ok(Self { world, placements, objective, open, repeats, yardstick, yardstick_seconds })
+        let rung = Rung { fidelity, engine: Engine::Cpu };
+        let yardstick = Scorer::new(&mut world, &rung, &constraints, &objective, &open)?;
+        Ok(Self {
+            world,
+            placements,
+            constraints,
+            objective,
+            open,
+            repeats,
+            yardstick,
+            yardstick_seconds,
+        })
     }
 
     /// The scene and its P-SOGs.
@@ -90,12 +108,16 @@ impl<'a> Workshop<'a> {
         self.yardstick_seconds
     }
 
+    fn scorer(&mut self, rung: &Rung) -> Result<Scorer, FidelityError> {
+        Scorer::new(&mut self.world, rung, &self.constraints, &self.objective, &self.open)
+    }
+
     /// The score of the first placement alone: what it was before tells whether the scene has changed.
     ///
     /// # Errors
     /// As [`Self::measure`].
     pub fn first_score(&mut self, rung: &Rung) -> Result<Option<f64>, FidelityError> {
-        let mut scorer = Scorer::new(&mut self.world, rung, &self.open)?;
+        let mut scorer = self.scorer(rung)?;
         let tallies = scorer.tallies(&self.placements[..1])?;
         Ok(scorer.value(&tallies[0], &self.objective))
     }
@@ -113,7 +135,7 @@ impl<'a> Workshop<'a> {
         done: &[Measured],
         go_on: &dyn Fn(usize) -> bool,
     ) -> Result<Option<Measured>, FidelityError> {
-        let mut scorer = Scorer::new(&mut self.world, rung, &self.open)?;
+        let mut scorer = self.scorer(rung)?;
         let twin = Rung { engine: Engine::Cpu, ..*rung };
         let twin = done.iter().find(|m| rung.engine == Engine::Gpu && m.rung == twin);
         let start = Instant::now();
@@ -156,9 +178,18 @@ impl<'a> Workshop<'a> {
 
     /// Seconds a placement of each repeat; `each` is a first estimate.
     fn time(&mut self, scorer: &mut Scorer, each: f64) -> Result<Vec<f64>, BackendError> {
-        let fewest = TIMED.min(self.placements.len());
+        let most = scorer.most().min(self.placements.len());
+        let fewest = TIMED.min(most);
+        let each = match scorer {
+            Scorer::Atlas { .. } => {
+                // The first pass warms it.
+                scorer.tallies(&self.placements[..most])?;
+                seconds_of(scorer, &self.placements[..most])?
+            }
+            _ => each,
+        };
         let wanted = |each: f64| (REPEAT_SECONDS / each).ceil() as usize;
-        let count = wanted(each).clamp(fewest, self.placements.len());
+        let count = wanted(each).clamp(fewest, most);
         let mut ratios = Vec::new();
         let mut yards = Vec::new();
         for _ in 0..self.repeats {
@@ -187,22 +218,62 @@ fn median(values: &[f64]) -> f64 {
 enum Scorer {
     Exact(Box<Exact>),
     Backend(Arc<Problem>, Box<dyn Backend>),
+    Atlas { atlas: Box<Atlas>, backend: Box<dyn Backend>, lidars: usize },
 }
 
 impl Scorer {
-    fn new(world: &mut World, rung: &Rung, open: &Open) -> Result<Self, FidelityError> {
+    fn new(
+        world: &mut World,
+        rung: &Rung,
+        constraints: &Constraints,
+        objective: &Objective,
+        open: &Open,
+    ) -> Result<Self, FidelityError> {
         if rung.engine == Engine::F64 {
             return Ok(Self::Exact(Box::new(Exact::new(world, &rung.fidelity)?)));
         }
         let problem = Arc::new(world.problem(&rung.fidelity)?);
         let backend = open(&problem, rung.engine)?;
+        if rung.engine == Engine::Atlas {
+            let grid = PoseGrid::new(constraints, SWAP_SPACING)?;
+            let atlas = Atlas::new(problem, grid, objective.counts_all_covered(), ATLAS_BYTES);
+            let (held, lidars) =
+                (atlas.page_bytes() * BATCH * constraints.lidars, constraints.lidars);
+            if held as u64 > ATLAS_BYTES {
+                let (what, need, limit) = ("the pose atlas", held as u64, ATLAS_BYTES);
+                return Err(BackendError::TooLarge { what, need, limit }.into());
+            }
+            return Ok(Self::Atlas { atlas: Box::new(atlas), backend, lidars });
+        }
         Ok(Self::Backend(problem, backend))
+    }
+
+    /// Placements that can be scored at once.
+    fn most(&self) -> usize {
+        match self {
+            Self::Atlas { atlas, lidars, .. } => (atlas.capacity() / (*lidars).max(1)).max(BATCH),
+            _ => usize::MAX,
+        }
     }
 
     fn tallies(&mut self, placements: &[Placement]) -> Result<Vec<Tally>, BackendError> {
         match self {
             Self::Exact(exact) => Ok(exact.tallies(placements)),
             Self::Backend(problem, backend) => backend.tally(placements, problem.table().range()),
+            Self::Atlas { atlas, backend, .. } => {
+                let grid = atlas.grid();
+                let poses = placements.iter().map(|p| p.lidars.iter().map(|l| grid.nearest(l)));
+                let poses: Vec<Vec<u32>> = poses.map(Iterator::collect).collect();
+                atlas.hold(&mut **backend, &poses.concat())?;
+                let tally = |union: &mut Union, poses: &Vec<u32>| match poses.split_last() {
+                    Some((last, others)) => {
+                        atlas.union(others, union);
+                        atlas.tally_with(union, *last)
+                    }
+                    None => Tally::default(),
+                };
+                Ok(poses.par_iter().map_init(Union::default, tally).collect())
+            }
         }
     }
 
@@ -210,8 +281,9 @@ impl Scorer {
         let (content, frames) = match self {
             Self::Exact(exact) => (exact.content(), exact.frame_count()),
             Self::Backend(problem, _) => (problem.content(), problem.frame_count()),
+            Self::Atlas { atlas, .. } => (atlas.problem().content(), atlas.problem().frame_count()),
         };
-        objective.value(&Scores::new("", tally, content, frames, false, None))
+        objective.value_of_tally(tally, content, frames)
     }
 
     fn bytes(&self, lidars: u64) -> u64 {
@@ -221,17 +293,20 @@ impl Scorer {
                 let hits = problem.table().directions().len() * size_of::<Hit>();
                 problem.bytes() + lidars * (problem.roi().voxel_count().div_ceil(8) + hits as u64)
             }
+            Self::Atlas { atlas, .. } => {
+                atlas.problem().bytes() + lidars * atlas.page_bytes() as u64
+            }
         }
     }
 
     fn triangles(&self) -> u64 {
-        match self {
-            Self::Exact(exact) => exact.triangles(),
-            Self::Backend(problem, _) => {
-                let frames = problem.geometry_frame_count();
-                let trees = (0..frames).filter_map(|frame| problem.geometry(frame));
-                trees.map(|bvh| bvh.triangles.len() as u64).sum::<u64>() / frames.max(1) as u64
-            }
-        }
+        let problem = match self {
+            Self::Exact(exact) => return exact.triangles(),
+            Self::Backend(problem, _) => problem,
+            Self::Atlas { atlas, .. } => atlas.problem(),
+        };
+        let frames = problem.geometry_frame_count();
+        let trees = (0..frames).filter_map(|frame| problem.geometry(frame));
+        trees.map(|bvh| bvh.triangles.len() as u64).sum::<u64>() / frames.max(1) as u64
     }
 }

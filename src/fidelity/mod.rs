@@ -9,7 +9,7 @@
 //! | `exact`, `exact_tree` | the finest setting: casting, coverage and sums in `f64` |
 //! | `ranking` | score error, Kendall's τ, top-1 regret, bootstrap intervals |
 //! | `measure` | cost and scores of one setting |
-//! | `levels` | how many frames a search needs |
+//! | `levels` | which frames stand for all in a search |
 //! | `verdict` | the Pareto front and the cheapest setting that keeps the ranking |
 
 mod exact;
@@ -23,7 +23,7 @@ mod verdict;
 mod world;
 
 pub use exact::Exact;
-pub use levels::{Level, frame_levels};
+pub use levels::{Level, Pilot};
 pub use measure::{Measured, Open, Workshop};
 pub use ranking::{Interval, RankingError};
 pub use setting::{Engine, Fidelity, Ladder, Rung};

@@ -38,6 +38,9 @@ pub enum Engine {
     Cpu,
     /// The GPU backend, in `f32`.
     Gpu,
+    /// A warm pose atlas of the CPU backend: placements are moved to the grid of the swaps, on which
+    /// every pose was cast before.
+    Atlas,
 }
 
 /// One setting of the ladder.
@@ -118,6 +121,7 @@ impl Rung {
             Engine::F64 => "f64",
             Engine::Cpu => "CPU",
             Engine::Gpu => "GPU",
+            Engine::Atlas => "atlas",
         };
         format!("{}, {engine}", self.fidelity.words(edge))
     }
@@ -176,6 +180,9 @@ impl Ladder {
             ladder.add(Fidelity { voxel, ..top }, Engine::Cpu);
         }
         ladder.add(own, Engine::Gpu);
+        for frames in [own.frames, own.frames.div_ceil(4), 1] {
+            ladder.add(Fidelity { frames, ..own }, Engine::Atlas);
+        }
         for &azimuth in &azimuths {
             ladder.add(Fidelity { azimuth, ..top }, Engine::Cpu);
         }
@@ -277,6 +284,7 @@ mod tests {
             "0.4 m, azimuth 1/2, 3 frames, CPU",
             "0.8 m, azimuth 1/4, 1 frame, CPU",
             "0.2 m, azimuth 1/2, 3 frames, GPU",
+            "0.2 m, 3 frames, atlas",
         ] {
             assert!(words.iter().any(|w| w == wanted), "{wanted} is missing in {words:?}");
         }

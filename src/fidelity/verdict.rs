@@ -45,9 +45,15 @@ fn misranked(rated: &Rated) -> f64 {
     rated.error.tau.map_or(1.0, |tau| 1.0 - tau.value)
 }
 
-/// Settings that no other one beats in both seconds a placement and 1 − τ, the cheapest first.
+/// Whether a setting scores any placement: a warm atlas only those whose poses were cast before.
+fn is_general(rated: &Rated) -> bool {
+    rated.measured.rung.engine != Engine::Atlas
+}
+
+/// Settings that no other one beats in both seconds a placement and 1 − τ, the cheapest first; a warm
+/// atlas is none of them.
 pub fn pareto(rated: &[Rated]) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..rated.len()).collect();
+    let mut order: Vec<usize> = (0..rated.len()).filter(|&i| is_general(&rated[i])).collect();
     let key = |i: usize| (rated[i].measured.seconds, misranked(&rated[i]));
     order.sort_by(|&a, &b| key(a).0.total_cmp(&key(b).0).then(key(a).1.total_cmp(&key(b).1)));
     let mut least = f64::INFINITY;
@@ -60,11 +66,12 @@ pub fn pareto(rated: &[Rated]) -> Vec<usize> {
 }
 
 /// The cheapest setting whose top-1 regret stays within `tolerance` up to the upper end of its
-/// interval; the reference itself always does. `None` of an empty list.
+/// interval; the reference itself always does, and a warm atlas is not asked. `None` of an empty list.
 pub fn cheapest(rated: &[Rated], tolerance: f64) -> Option<Verdict> {
     let reference = rated.first()?;
     let seconds = |i: usize| rated[i].measured.seconds;
     let setting = (0..rated.len())
+        .filter(|&i| is_general(&rated[i]))
         .filter(|&i| i == 0 || rated[i].error.regret.high <= tolerance)
         .min_by(|&a, &b| seconds(a).total_cmp(&seconds(b)))?;
     let finest = reference.measured.rung.fidelity;

@@ -6,7 +6,7 @@ use super::{Fidelity, merge_vertices};
 use crate::backend::{BackendError, Content, Problem};
 use crate::bvh::Bvh;
 use crate::grid::{GridError, Psog, Roi, scan_scene};
-use crate::placement::{BeamTable, Constraints, Placement, SensorError};
+use crate::placement::{BeamTable, Constraints, Placement, PoseGridError, SensorError};
 use crate::scene::{EgoBody, Lidar, PsogSource, ScanSettings, Scene};
 use crate::verify::random_placements;
 
@@ -26,6 +26,9 @@ pub enum FidelityError {
     /// Scoring failed.
     #[error(transparent)]
     Backend(#[from] BackendError),
+    /// The mount has too many poses for an atlas.
+    #[error(transparent)]
+    Poses(#[from] PoseGridError),
     /// The P-SOG of another voxel size is wanted of a scene whose P-SOG is a file.
     #[error("the P-SOG is a file; its voxels cannot become {factor} times as large")]
     FixedVoxels {
@@ -99,15 +102,6 @@ impl World {
     /// As [`Self::psog`], or a sensor without beams.
     pub fn problem(&mut self, fidelity: &Fidelity) -> Result<Problem, FidelityError> {
         let frames = self.frames(fidelity);
-        self.problem_over(fidelity, &frames)
-    }
-
-    /// As [`Self::problem`], over the given frames.
-    pub(super) fn problem_over(
-        &mut self,
-        fidelity: &Fidelity,
-        frames: &[usize],
-    ) -> Result<Problem, FidelityError> {
         let psog = self.psog(fidelity.voxel)?;
         let table = table(self.scene.lidar(), fidelity.azimuth)?;
         let content = self.content(&psog);
@@ -126,7 +120,7 @@ impl World {
 }
 
 /// `wanted` of `count` frames, spread evenly from the first on.
-pub(super) fn spread(count: usize, wanted: usize) -> Vec<usize> {
+fn spread(count: usize, wanted: usize) -> Vec<usize> {
     let wanted = wanted.min(count);
     (0..wanted).map(|k| k * count / wanted).collect()
 }

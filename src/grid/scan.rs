@@ -1,10 +1,10 @@
 use std::f64::consts::TAU;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::{BuildReport, FrameVotes, GridError, Psog, PsogBuilder, Roi};
-use crate::bvh::{Bvh, Ray};
+use crate::bvh::{Bvh, Hit, Packet, Scratch, major_axis};
 use crate::geom::Pose;
 use crate::scene::{EgoBody, ScanSettings, Scene};
 
@@ -38,10 +38,13 @@ pub fn scan_scene(
             let ego_from_stand = ego_from_world.compose(&scene.ego_pose(stand));
             let above = DVec3::new(0.0, 0.0, settings.height);
             let origin = ego_from_stand.apply(above);
-            votes.par_extend(directions.par_iter().filter_map(|&direction| {
-                let direction = ego_from_stand.rotation * direction;
-                let t_max = settings.range as f32;
-                let hit = bvh.closest_hit(&Ray::new(origin.as_vec3(), direction.as_vec3(), t_max));
+            let turned = directions.par_chunks(RAYS_PER_TASK).flat_map_iter(|directions| {
+                let turned: Vec<DVec3> =
+                    directions.iter().map(|&d| ego_from_stand.rotation * d).collect();
+                let hits = cast(&bvh, origin, &turned, settings.range as f32);
+                turned.into_iter().zip(hits)
+            });
+            votes.par_extend(turned.filter_map(|(direction, hit)| {
                 hit.is_hit().then(|| {
                     let point = origin + direction * f64::from(hit.t);
                     (roi.voxel_of_hit(origin, point), soup.face_class[hit.prim as usize])
@@ -52,6 +55,31 @@ pub fn scan_scene(
         done();
     }
     builder.finish()
+}
+
+/// Rays of one parallel task.
+const RAYS_PER_TASK: usize = 4096;
+/// Rays that are cast together; neighbours of a ring go roughly the same way.
+const RAYS_PER_PACKET: usize = 32;
+
+/// Closest hits of rays from one origin, in order.
+fn cast(bvh: &Bvh, origin: DVec3, directions: &[DVec3], range: f32) -> Vec<Hit> {
+    let origin = origin.as_vec3();
+    let rays: Vec<(Vec3, Vec3)> = directions.iter().map(|d| (origin, d.as_vec3())).collect();
+    // What the rays of a fast packet have in common.
+    let way =
+        |direction: Vec3| (major_axis(direction), direction.signum().to_array().map(f32::to_bits));
+    let mut packet = Packet::default();
+    let mut scratch = Scratch::default();
+    let mut hits = Vec::with_capacity(rays.len());
+    for same_way in rays.chunk_by(|a, b| way(a.1) == way(b.1)) {
+        for rays in same_way.chunks(RAYS_PER_PACKET) {
+            packet.gather(rays.len(), range, |lane| rays[lane]);
+            bvh.closest_hits(&mut packet, &mut scratch);
+            hits.extend(packet.hits());
+        }
+    }
+    hits
 }
 
 /// Distance of neighbouring points of one scan pose in voxel edges, where nothing else is said. The

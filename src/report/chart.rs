@@ -58,13 +58,16 @@ pub fn fidelity_svg(rated: &[Rated], chart: &ChartFrame) -> String {
     for (number, &i) in front.iter().enumerate() {
         axes.number(&mut svg, &rated[i], number + 1, &mut taken);
     }
-    // The setting to take may lie off the front, which knows τ and not the regret.
-    let extra = chart.chosen.filter(|c| !front.contains(c) && points.contains(c));
-    if let Some(i) = extra {
-        axes.point(&mut svg, &rated[i], ACCENT, 5.0);
-        axes.number(&mut svg, &rated[i], front.len() + 1, &mut taken);
+    // The setting to take may lie off the front, which knows τ and not the regret; an atlas does.
+    let atlas = points.iter().filter(|&&i| rated[i].measured.rung.engine == Engine::Atlas);
+    let off = chart.chosen.iter().filter(|c| !front.contains(c) && points.contains(c)).chain(atlas);
+    let mut listed = front.clone();
+    for &i in off {
+        let colour = if chart.chosen == Some(i) { ACCENT } else { INK };
+        axes.point(&mut svg, &rated[i], colour, 5.0);
+        listed.push(i);
+        axes.number(&mut svg, &rated[i], listed.len(), &mut taken);
     }
-    let listed: Vec<usize> = front.iter().copied().chain(extra).collect();
     key(&mut svg, rated, &listed, chart);
     svg += "</svg>\n";
     svg
@@ -135,7 +138,7 @@ impl Axes {
              <text x=\"{}\" y=\"{}\" text-anchor=\"end\">0</text>\
              <text x=\"{}\" y=\"{}\" text-anchor=\"middle\">wall time of a placement</text>\
              <text x=\"20\" y=\"50\">1 − Kendall τ against the finest setting in f64, with 95 % intervals</text>\
-             <text x=\"20\" y=\"560\" fill=\"#5a6b7b\">□ f64 · ○ CPU f32 · ◇ GPU f32 · \
+             <text x=\"20\" y=\"560\" fill=\"#5a6b7b\">□ f64 · ○ CPU f32 · ◇ GPU f32 · △ warm pose atlas · \
              line: Pareto front · 0: the same ranking · grey: not on the front</text>",
             left - 8.0,
             bottom + 4.5,
@@ -167,6 +170,14 @@ impl Axes {
                 y - 1.25 * r,
                 d = 1.25 * r
             ),
+            Engine::Atlas => writeln!(
+                svg,
+                "<path d=\"M{x:.1} {:.1}l{d} {h}h-{w}z\" {style}/>",
+                y - 1.3 * r,
+                d = 1.3 * r,
+                h = 2.2 * r,
+                w = 2.6 * r
+            ),
         };
     }
 
@@ -174,7 +185,7 @@ impl Axes {
     fn number(&self, svg: &mut String, rated: &Rated, number: usize, taken: &mut Vec<(f64, f64)>) {
         let (x, y) = self.at(rated);
         let offsets =
-            [(11.0, -9.0), (-11.0, 10.0), (-11.0, -9.0), (11.0, 10.0), (0.0, -17.0), (0.0, 18.0)];
+            [(14.0, -9.0), (-14.0, 10.0), (-14.0, -9.0), (14.0, 10.0), (0.0, -17.0), (0.0, 18.0)];
         let free = |&(dx, dy): &(f64, f64)| {
             taken.iter().all(|t| (t.0 - x - dx).abs() > 12.0 || (t.1 - y - dy).abs() > 12.0)
         };
@@ -270,6 +281,7 @@ pub fn fidelity_csv(rated: &[Rated], edge: f64) -> String {
                 Engine::F64 => "f64",
                 Engine::Cpu => "cpu",
                 Engine::Gpu => "gpu",
+                Engine::Atlas => "atlas",
             },
             trimmed(fidelity.voxel * edge),
             fidelity.azimuth,

@@ -15,6 +15,8 @@ pub struct Evaluator {
     constraints: Constraints,
     /// Tallies of the reference layout by number of LiDARs; see [`crate::score::Guard`].
     references: BTreeMap<usize, Tally>,
+    /// Placements whose tallies are known.
+    known: Vec<(Placement, Tally)>,
     /// The last batch and its scores, where they are kept.
     last: Option<Vec<(Placement, Scores)>>,
     /// Where the atlases of its searches keep their pages.
@@ -24,7 +26,8 @@ pub struct Evaluator {
 impl Evaluator {
     /// An evaluator of a problem; the mount decides where the reference layout of the guards stands.
     pub fn new(problem: Arc<Problem>, backend: Box<dyn Backend>, constraints: Constraints) -> Self {
-        Self { problem, backend, constraints, references: BTreeMap::new(), last: None, store: None }
+        let (references, known, last, store) = (BTreeMap::new(), Vec::new(), None, None);
+        Self { problem, backend, constraints, references, known, last, store }
     }
 
     /// Lets searches on a grid keep what each pose covers in a store, and read it from there.
@@ -35,6 +38,11 @@ impl Evaluator {
     /// The store of [`Self::keep_pages`].
     pub fn page_store(&self) -> Option<&Arc<PageStore>> {
         self.store.as_ref()
+    }
+
+    /// Takes tallies over all frames of the problem, which are then not computed again.
+    pub fn remember(&mut self, known: Vec<(Placement, Tally)>) {
+        self.known.extend(known);
     }
 
     /// Keeps every batch with its scores until the next one, for [`Self::take_last`].
@@ -99,7 +107,7 @@ impl Evaluator {
                 self.references.insert(lidars, tally);
             }
         }
-        let tallies = self.backend.tally(placements, range)?;
+        let tallies = self.tallies(placements, range)?;
         let unlimited = self.unlimited_tallies(placements, range)?;
         let scores =
             placements.iter().zip(&tallies).enumerate().map(|(index, (placement, tally))| {
@@ -120,6 +128,23 @@ impl Evaluator {
             *last = placements.iter().cloned().zip(scores.iter().cloned()).collect();
         }
         Ok(scores)
+    }
+
+    fn tallies(
+        &mut self,
+        placements: &[Placement],
+        range: f32,
+    ) -> Result<Vec<Tally>, BackendError> {
+        if self.known.is_empty() || range != self.problem.table().range() {
+            return self.backend.tally(placements, range);
+        }
+        let known = |p: &Placement| self.known.iter().find(|(k, _)| k.lidars == p.lidars);
+        let found: Vec<Option<Tally>> =
+            placements.iter().map(|p| known(p).map(|(_, tally)| tally.clone())).collect();
+        let missing = placements.iter().zip(&found).filter(|(_, found)| found.is_none());
+        let missing: Vec<Placement> = missing.map(|(placement, _)| placement.clone()).collect();
+        let mut computed = self.backend.tally(&missing, range)?.into_iter();
+        Ok(found.into_iter().filter_map(|found| found.or_else(|| computed.next())).collect())
     }
 
     /// Tallies without a limit of range of those placements that have voxels beyond it, by index.

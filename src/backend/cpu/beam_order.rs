@@ -102,7 +102,7 @@ fn write_keys(
         let [nx, ny, nz] = [dx, dy, dz].map(|d| u32::from(d < 0.0));
         // As `major_axis` has it.
         let x_leads = (x > y) & (x > z);
-        let y_leads = !(x > y) & (y > z);
+        let y_leads = (x <= y) & (y > z);
         let down = GROUND / dz;
         let away = if down > 0.0 { down.clamp(NEAREST, FARTHEST) } else { FARTHEST };
         let [tx, ty, tz] =

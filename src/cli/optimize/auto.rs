@@ -1,27 +1,35 @@
-//! `--fidelity auto`: search over few frames, more when they no longer tell the best apart, and confirm
-//! the finalists over all.
+//! `--fidelity auto`: search over a few frames that stand for all, over more when they no longer tell
+//! the best apart, and confirm the finalists over all.
+
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
-use sightline::fidelity::{Level, World, candidates, frame_levels};
+use sightline::backend::cpu::CpuBackend;
+use sightline::backend::{Problem, Tally};
+use sightline::fidelity::{Pilot, candidates};
 use sightline::placement::{Constraints, Placement};
 use sightline::score::{Objective, Scores};
 use sightline::search::Evaluator;
 
-use super::Run;
+use super::{Open, Run};
 use crate::cli::args::Compute;
 use crate::cli::error::Error;
-use crate::cli::load;
 
-/// Placements by which the levels are found, beside the baselines.
+/// Fewest placements by which the frames are chosen: the baselines, or random ones beside them.
 const SAMPLE: usize = 8;
-/// Share of the best score that a level may lose.
+/// Share of the best score that a search may lose.
 const TOLERANCE: f64 = 0.01;
+/// Error of the level at which a search begins: candidates then differ by many times as much.
+const FIRST_ERROR: f64 = 2.0 * TOLERANCE;
 /// Placements that are confirmed over all frames at the end.
-const FINALISTS: usize = 8;
+const FINALISTS: usize = 6;
 /// Finalists whose order is checked over all frames.
 const CHECKED: usize = 3;
 /// Generations between two checks.
-const GENERATIONS: u64 = 8;
+const GENERATIONS: u64 = 10;
+/// Share of the evaluations after which a search is over the second level or a later one, and swaps
+/// are: what is left to gain then is smaller than what the first one knows.
+const LATE: f64 = 0.5;
 
 /// Value of `--fidelity`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -31,12 +39,6 @@ pub(super) enum FidelityChoice {
     /// Every frame.
     Full,
 }
-
-/// Share of the evaluations after which a search is over no less than [`LATE_FRAMES`] of the frames:
-/// what is left to gain then is smaller than what few frames know.
-const LATE: f64 = 2.0 / 3.0;
-/// Share of all frames.
-const LATE_FRAMES: f64 = 0.25;
 
 /// A candidate for the result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -52,8 +54,10 @@ struct Finalist {
 /// What `auto` has decided so far; kept in the checkpoint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Auto {
-    /// Frames of each level, rising; the last is all of them.
-    levels: Vec<u32>,
+    /// Frames of each level, ever more; the last is all of them.
+    levels: Vec<Vec<usize>>,
+    /// How far each level is from all frames, as the pilot saw it; see [`sightline::fidelity::Level`].
+    errors: Vec<Option<f64>>,
     /// Present level.
     at: usize,
     finalists: Vec<Finalist>,
@@ -62,6 +66,12 @@ pub(super) struct Auto {
     /// Placements × frames of the search in this sitting.
     #[serde(skip)]
     pub(super) searched: u64,
+    /// Sensor poses cast by swaps, as so many placements.
+    #[serde(skip)]
+    swapped: u64,
+    /// What the pilot has scored over all frames in this sitting.
+    #[serde(skip)]
+    known: Vec<(Placement, Tally)>,
     /// (generation, frames from then on), the start first.
     steps: Vec<(u64, u32)>,
     /// Most that was lost by following a level, as a share of the best score, as the checks saw it.
@@ -69,36 +79,55 @@ pub(super) struct Auto {
 }
 
 impl Auto {
-    /// Finds the level to begin with.
+    /// Finds the level to begin with; `whole` is the problem over all frames.
     pub(super) fn new(
-        world: &mut World,
+        whole: &Arc<Problem>,
         constraints: &Constraints,
         baselines: &[Placement],
         objective: &Objective,
         seed: u64,
         memory: u64,
     ) -> Result<Self, Error> {
-        let sample = candidates(constraints, baselines, SAMPLE, seed);
-        let levels = frame_levels(world, &sample, objective, TOLERANCE, seed, memory)?;
-        let frames = |level: &Level| level.frames;
-        let levels: Vec<u32> = levels.iter().map(frames).collect();
-        let all = u64::from(levels[levels.len() - 1]);
-        let spent = if all > 1 { sample.len() as u64 * all } else { 0 };
-        let steps = vec![(0, levels[0])];
+        let count = whole.frame_count();
+        let (mut levels, mut errors) = (vec![(0..count).collect()], vec![None]);
+        let (mut spent, mut known) = (0, Vec::new());
+        if count > 1 {
+            let alike = baselines.iter().filter(|b| b.lidars.len() == constraints.lidars);
+            let given: Vec<Placement> = alike.cloned().collect();
+            let random = SAMPLE.saturating_sub(given.len());
+            let pilot = Pilot::new(whole, candidates(constraints, &given, random, seed), memory)?;
+            let found = pilot.levels(objective, FIRST_ERROR);
+            (levels, errors) = found.into_iter().map(|l| (l.frames, l.error)).unzip();
+            (spent, known) = (pilot.work(), pilot.tallies());
+        }
+        let steps = vec![(0, levels[0].len() as u32)];
         Ok(Self {
             levels,
+            errors,
             at: 0,
             finalists: vec![],
             spent: [spent, 0, 0],
             searched: 0,
+            swapped: 0,
+            known,
             steps,
             worst: 0.0,
         })
     }
 
     /// Frames of the present level.
-    pub(super) fn frames(&self) -> u32 {
-        self.levels[self.at]
+    pub(super) fn frames(&self) -> &[usize] {
+        &self.levels[self.at]
+    }
+
+    /// What the pilot has scored over all frames.
+    pub(super) fn known(&self) -> Vec<(Placement, Tally)> {
+        self.known.clone()
+    }
+
+    /// Takes note of the sensor poses that swaps cast over the present level.
+    pub(super) fn note_swaps(&mut self, poses: u64, lidars: u64) {
+        self.swapped = poses.div_ceil(lidars.max(1));
     }
 
     /// Position of the next level; that of the last one where there is none.
@@ -108,9 +137,7 @@ impl Auto {
 
     /// Position of the least level that is enough after this share of the evaluations.
     fn least(&self, progress: f64) -> usize {
-        let all = f64::from(self.levels[self.levels.len() - 1]);
-        let enough = |frames: &u32| progress < LATE || f64::from(*frames) >= LATE_FRAMES * all;
-        self.levels.iter().position(enough).unwrap_or(0)
+        if progress < LATE { 0 } else { 1.min(self.levels.len() - 1) }
     }
 
     /// Whether the present level is all frames.
@@ -125,7 +152,7 @@ impl Auto {
 
     /// Takes note of a generation: placements that keep the rules of the mount, and their scores.
     fn note(&mut self, scored: Vec<(Placement, Scores)>, objective: &Objective) {
-        let searched = scored.len() as u64 * u64::from(self.frames());
+        let searched = (scored.len() * self.frames().len()) as u64;
         self.spent[1] += searched;
         self.searched += searched;
         for (placement, scores) in scored {
@@ -141,8 +168,8 @@ impl Auto {
         self.finalists.sort_by(|a, b| a.guards.cmp(&b.guards).then(b.value.total_cmp(&a.value)));
     }
 
-    /// Scores the first finalists over all frames; true if following the level loses more than a
-    /// quarter of the tolerance.
+    /// Scores the first finalists over all frames; true if following the level loses more than half
+    /// the tolerance.
     fn is_unsure(&mut self, full: &mut Evaluator, objective: &Objective) -> Result<bool, Error> {
         self.confirm(CHECKED, full, objective)?;
         let of_all: Vec<f64> =
@@ -151,7 +178,7 @@ impl Auto {
         let lost =
             of_all.first().map_or(0.0, |first| (best - first) / best.abs().max(f64::MIN_POSITIVE));
         self.worst = self.worst.max(lost);
-        Ok(lost > 0.25 * TOLERANCE)
+        Ok(lost > 0.5 * TOLERANCE)
     }
 
     /// Goes on with more frames.
@@ -163,10 +190,10 @@ impl Auto {
         objective: &Objective,
     ) -> Result<(), Error> {
         self.at = level;
-        self.steps.push((generation, self.frames()));
+        self.steps.push((generation, self.frames().len() as u32));
         let placements: Vec<Placement> =
             self.finalists.iter().map(|f| f.placement.clone()).collect();
-        self.spent[2] += placements.len() as u64 * u64::from(self.frames());
+        self.spent[2] += (placements.len() * self.frames().len()) as u64;
         for (finalist, scores) in self.finalists.iter_mut().zip(evaluator.scores(&placements)?) {
             finalist.guards = scores.guards.len();
             finalist.value = objective.value(&scores).unwrap_or(f64::NEG_INFINITY);
@@ -211,15 +238,19 @@ impl Auto {
 
     /// What was used, saved and risked.
     pub(super) fn report(&self, evaluations: u64) -> serde_json::Value {
-        let all = self.levels[self.levels.len() - 1];
+        let all = self.levels[self.levels.len() - 1].len();
+        let counts: Vec<usize> = self.levels.iter().map(Vec::len).collect();
         let [levels, search, confirm] = self.spent;
-        let spent = levels + search + confirm;
-        let full = evaluations * u64::from(all);
+        let swaps = self.swapped * self.frames().len() as u64;
+        let spent = levels + search + swaps + confirm;
+        let full = (evaluations + self.swapped) * all as u64;
         let share = spent as f64 / full.max(1) as f64;
         serde_json::json!({
-            "levels": self.levels,
+            "levels": counts,
+            "frames": self.levels,
+            "errors": self.errors,
             "steps": self.steps,
-            "placement_frames": { "levels": levels, "search": search, "confirm": confirm, "full": full },
+            "placement_frames": { "levels": levels, "search": search, "swaps": swaps, "confirm": confirm, "full": full },
             "share_of_full": share,
             "finalists": self.finalists.len(),
             "worst_loss_seen": self.worst,
@@ -228,7 +259,7 @@ impl Auto {
     }
 
     fn words(&self, share: f64) -> String {
-        let all = self.levels[self.levels.len() - 1];
+        let all = self.levels[self.levels.len() - 1].len();
         if self.levels.len() == 1 {
             return format!("searched over all {all} frame(s): fewer would not keep the ranking");
         }
@@ -253,33 +284,54 @@ impl Auto {
 
 impl Run {
     /// Lets `auto` look at the last generation, and goes on with more frames where it wants them.
-    pub(super) fn widen(
-        &mut self,
-        compute: &Compute,
-        frames: usize,
-        open: &dyn Fn(&[usize]) -> Result<Evaluator, Error>,
-    ) -> Result<(), Error> {
-        let Some(auto) = &mut self.auto else { return Ok(()) };
+    pub(super) fn widen(&mut self, compute: &Compute, open: &Open) -> Result<(), Error> {
+        let Some(mut auto) = self.auto.take() else { return Ok(()) };
         let generation = self.search.generation();
         auto.note(self.evaluator.take_last(), &self.objective);
         let progress = self.search.evaluations() as f64 / self.settings.search.evaluations as f64;
         let mut level = auto.least(progress).max(auto.at);
         if level == auto.at && auto.is_due(generation) {
-            // Opened anew for each check: two evaluators at a time are two scenes on the device.
-            let mut full = open(&load::spread(frames, None))?;
+            let mut full = self.full(&auto, compute);
             if auto.is_unsure(&mut full, &self.objective)? {
                 level = auto.next();
             }
+            self.full = Some(full);
         }
-        if level == auto.at || self.search.stopped().is_some() {
-            return Ok(());
+        if level != auto.at && self.search.stopped().is_none() {
+            let wider = &auto.levels[level];
+            compute.talk.note(format!("generation {generation}: on with {} frames", wider.len()));
+            self.evaluator = open(wider)?;
+            auto.widen(level, generation, &mut self.evaluator, &self.objective)?;
+            self.search.rescore_best(&mut self.evaluator, &self.objective)?;
+            self.evaluator.keep_last();
         }
-        let wider = auto.levels[level];
-        compute.talk.note(format!("generation {generation}: on with {wider} frames"));
-        self.evaluator = open(&load::spread(frames, Some(wider)))?;
-        auto.widen(level, generation, &mut self.evaluator, &self.objective)?;
-        self.search.rescore_best(&mut self.evaluator, &self.objective)?;
-        self.evaluator.keep_last();
+        self.auto = Some(auto);
         Ok(())
+    }
+
+    /// Confirms the finalists of the generations over all frames, and goes on over those of the swaps.
+    pub(super) fn settle(&mut self, compute: &Compute, open: &Open) -> Result<(), Error> {
+        let Some(mut auto) = self.auto.take() else { return Ok(()) };
+        let mut full = self.full(&auto, compute);
+        self.chosen = auto.winner(&mut full, &self.objective)?;
+        self.full = Some(full);
+        let level = auto.least(1.0).max(auto.at);
+        if level != auto.at {
+            self.evaluator = open(&auto.levels[level])?;
+            auto.widen(level, self.search.generation(), &mut self.evaluator, &self.objective)?;
+        }
+        self.auto = Some(auto);
+        Ok(())
+    }
+
+    /// What scores over all frames, on the CPU: a second scene on a device would take its memory twice.
+    fn full(&mut self, auto: &Auto, compute: &Compute) -> Evaluator {
+        self.full.take().unwrap_or_else(|| {
+            let constraints = self.evaluator.constraints().clone();
+            let backend = Box::new(CpuBackend::new(self.whole.clone(), compute.memory_budget()));
+            let mut full = Evaluator::new(self.whole.clone(), backend, constraints);
+            full.remember(auto.known());
+            full
+        })
     }
 }

@@ -30,10 +30,12 @@ impl Run {
         let delta = self.settings.search.delta;
         let spacing = delta.unwrap_or(SWAP_SPACING);
         // The result of the generations first: it has most to gain where casts run out.
+        let best = self.search.best().map(|best| &best.placement);
         let mut starts: Vec<Placement> =
-            self.search.best().map(|best| best.placement.clone()).into_iter().collect();
-        starts.extend(self.best_baseline()?);
-        let casts = self.settings.search.evaluations * self.evaluator.constraints().lidars as u64;
+            self.chosen.as_ref().or(best).cloned().into_iter().collect();
+        starts.extend(self.good_baselines()?.into_iter().take(1));
+        let lidars = self.evaluator.constraints().lidars as u64;
+        let casts = self.settings.search.evaluations * lidars;
         let mut stage = GridStage {
             evaluator: &mut self.evaluator,
             objective: &self.objective,
@@ -49,22 +51,31 @@ impl Run {
             Method::Swaps => stage.everywhere(spacing, &starts, self.settings.search.seed)?,
         };
         let bounds = stage.bounds(delta, self.settings.search.seed)?;
+        if let (Some(auto), Some(swaps)) = (&mut self.auto, &swaps) {
+            auto.note_swaps(swaps.poses_cast, lidars);
+        }
         Ok((swaps, Some(bounds)))
     }
 
-    /// The best baseline that keeps every rule and violates no guard.
-    fn best_baseline(&mut self) -> Result<Option<Placement>, Error> {
-        let lidars = self.evaluator.constraints().lidars;
-        let baselines = self.settings.baselines.clone();
-        let scored = self.scored(&baselines)?.into_iter().filter(|scored| {
-            scored.violations.is_empty()
-                && scored.scores.guards.is_empty()
-                && scored.placement.lidars.len() == lidars
+    /// Baselines that keep every rule and violate no guard, the best first; over all frames where
+    /// their scores there are known.
+    fn good_baselines(&mut self) -> Result<Vec<Placement>, Error> {
+        let baselines = &self.settings.baselines;
+        let evaluator = self.full.as_mut().unwrap_or(&mut self.evaluator);
+        let scores = evaluator.scores(baselines)?;
+        let constraints = evaluator.constraints();
+        let allowed = baselines.iter().zip(&scores).filter(|(placement, scores)| {
+            constraints.violations(placement).is_empty()
+                && scores.guards.is_empty()
+                && placement.lidars.len() == constraints.lidars
         });
-        let best = scored
-            .filter_map(|scored| Some((scored.objective?, scored.placement)))
-            .max_by(|a, b| a.0.total_cmp(&b.0));
-        Ok(best.map(|(_, placement)| placement))
+        let mut good: Vec<(f64, Placement)> = allowed
+            .filter_map(|(placement, scores)| {
+                Some((self.objective.value(scores)?, placement.clone()))
+            })
+            .collect();
+        good.sort_by(|a, b| b.0.total_cmp(&a.0));
+        Ok(good.into_iter().map(|(_, placement)| placement).collect())
     }
 
     /// Scores what each method found over all frames and takes the best; `searched_with` is the

@@ -1,8 +1,8 @@
 //! The generations of a run, and what ends them.
 
-use sightline::search::{Evaluator, Search};
+use sightline::search::Search;
 
-use super::{Method, Run};
+use super::{Method, Open, Run};
 use crate::cli::args::{Compute, Talk};
 use crate::cli::error::Error;
 use crate::cli::interrupt::Interrupt;
@@ -10,14 +10,11 @@ use crate::cli::{load, progress};
 
 impl Run {
     /// Runs generations until the search stops, Ctrl-C, or the time is over.
-    ///
-    /// `open` opens an evaluator over some of the scene's `frames`.
     pub(super) fn search(
         &mut self,
         compute: &Compute,
         interrupt: &Interrupt,
-        frames: usize,
-        open: &dyn Fn(&[usize]) -> Result<Evaluator, Error>,
+        open: &Open,
     ) -> Result<(), Error> {
         let bar = progress::bar(self.settings.search.evaluations, "placements", compute.talk);
         bar.set_position(self.search.evaluations());
@@ -32,8 +29,8 @@ impl Run {
         while self.search.stopped().is_none() && goes_on(&self.search) {
             let record = self.search.step(&mut self.evaluator, &self.objective)?;
             self.history.push(record);
-            self.widen(compute, frames, open)?;
-            self.stop_at_target(frames, open)?;
+            self.widen(compute, open)?;
+            self.stop_at_target(open)?;
             self.folder.save(&self.settings, &self.search, &self.history, &self.auto)?;
             bar.set_position(self.search.evaluations());
             if let Some(best) = self.search.best() {
@@ -49,11 +46,7 @@ impl Run {
     }
 
     /// Ends the search where its best placement has the score that was wanted, over all frames.
-    fn stop_at_target(
-        &mut self,
-        frames: usize,
-        open: &dyn Fn(&[usize]) -> Result<Evaluator, Error>,
-    ) -> Result<(), Error> {
+    fn stop_at_target(&mut self, open: &Open) -> Result<(), Error> {
         let (Some(target), Some(best)) = (self.settings.target, self.search.best()) else {
             return Ok(());
         };
@@ -61,8 +54,8 @@ impl Run {
         if !is_new || best.value < target || best.guards > 0 {
             return Ok(());
         }
-        let searched = self.evaluator.problem();
-        if searched.frame_count() < frames && searched.ends_at_hits() {
+        let frames = self.whole.frame_count();
+        if self.evaluator.problem().frame_count() < frames {
             let mut full = open(&load::spread(frames, None))?;
             let scores = full.scores(std::slice::from_ref(&best.placement))?.remove(0);
             let value = self.objective.value(&scores);
