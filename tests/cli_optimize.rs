@@ -193,6 +193,12 @@ fn auto_searches_fewer_frames_and_ends_as_well() {
     let (auto, full) = (run("auto"), run("full"));
     assert!(full["fidelity"].is_null());
     assert_eq!(full["search_frames"], 8);
+    // The walker is elsewhere in each frame; of 16 × 12 × 6 voxels few are ever occupied.
+    let modelled = &full["modelled"];
+    assert_eq!((&modelled["voxels"], &modelled["distinct_frames"]), (&json!(1152), &json!(8)));
+    let count = |key: &str| modelled[key].as_u64().unwrap();
+    assert!(count("informative_voxels") < count("occupied_voxels"), "{modelled}");
+    assert_eq!(modelled, &auto["modelled"]);
     let report = &auto["fidelity"];
     let levels: Vec<u64> = serde_json::from_value(report["levels"].clone()).unwrap();
     assert!(levels.len() > 1 && levels.last() == Some(&8), "{report}");

@@ -26,7 +26,7 @@ pub use batch::{Chunk, ChunkLimits, split};
 pub use failover::{Failover, Reopen};
 pub use layout::{DevicePose, OccupiedVoxel};
 pub use memory::available_memory;
-pub use problem::{Content, Problem, ProblemError};
+pub use problem::{Content, Modelled, Problem, ProblemError};
 pub use tally::{StageTimes, Tally};
 
 use crate::bvh::Hit;

@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use glam::DVec3;
+use serde::Serialize;
 
 use super::{BackendError, OccupiedVoxel};
 use crate::bvh::Bvh;
@@ -100,6 +101,39 @@ pub enum ProblemError {
     },
 }
 
+/// How much of a scene a problem models.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Modelled {
+    /// Voxels of the region of interest.
+    pub voxels: u64,
+    /// Those that are occupied in some frame of the P-SOG: nothing is stored of the others.
+    pub occupied_voxels: u64,
+    /// Those of them that have an entropy above 0.
+    pub informative_voxels: u64,
+    /// Frames that beams are cast into.
+    pub frames: usize,
+    /// Those of them whose geometry differs from that of every earlier one.
+    pub distinct_frames: usize,
+    /// Triangles of a frame, a mean.
+    pub triangles: u64,
+}
+
+impl std::fmt::Display for Modelled {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "{} of {} voxels are occupied in some frame and stored, {} of them have an entropy; {} \
+             frame(s), {} distinct, of {} triangles",
+            self.occupied_voxels,
+            self.voxels,
+            self.informative_voxels,
+            self.frames,
+            self.distinct_frames,
+            self.triangles
+        )
+    }
+}
+
 /// All that is fixed while placements vary: sensor, voxels, their worth, and the geometry.
 #[derive(Debug)]
 pub struct Problem {
@@ -190,6 +224,25 @@ impl Problem {
     /// The tree at which beams end in a frame; `None` when they end at nothing.
     pub(super) fn bvh(&self, frame: usize) -> Option<&Bvh> {
         if self.ends_at_hits { self.geometry(frame) } else { None }
+    }
+
+    /// How much of the scene is modelled.
+    pub fn modelled(&self) -> Modelled {
+        let occupied = self.content.occupied();
+        let informative = occupied.iter().filter(|voxel| voxel.entropy != [0; 3]);
+        let frames = if self.ends_at_hits { &self.frames[..] } else { &[] };
+        let is_new = |&index: &usize| {
+            frames[..index].iter().all(|earlier| earlier.triangles != frames[index].triangles)
+        };
+        let triangles: usize = frames.iter().map(|bvh| bvh.triangles.len()).sum();
+        Modelled {
+            voxels: self.roi.voxel_count(),
+            occupied_voxels: occupied.len() as u64,
+            informative_voxels: informative.count() as u64,
+            frames: self.frame_count(),
+            distinct_frames: (0..frames.len()).filter(is_new).count().max(1),
+            triangles: (triangles / self.frame_count()) as u64,
+        }
     }
 
     /// Bytes held by the parts.

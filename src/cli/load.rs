@@ -117,6 +117,7 @@ pub fn evaluator_of(
     compute: &Compute,
 ) -> Result<Evaluator, Error> {
     let budget = compute.memory_budget();
+    compute.talk.detail(problem.modelled().to_string());
     compute.talk.detail(format!(
         "scene and P-SOG take {} MiB, work buffers at most {} MiB",
         problem.bytes() >> 20,

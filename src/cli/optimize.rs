@@ -421,6 +421,7 @@ impl Run {
             threads: rayon::current_num_threads(),
             seed: self.settings.search.seed,
             objective: self.objective.to_string(),
+            modelled: self.evaluator.problem().modelled(),
             search_frames: 0,
             frames: self.evaluator.problem().frame_count(),
             stopped,

@@ -180,6 +180,7 @@ fn print_head(
             "adapter": evaluator.backend().adapter(),
             "coverage": load::coverage_name(problem),
             "frames": problem.frame_count(),
+            "modelled": problem.modelled(),
             "threads": rayon::current_num_threads(),
         });
         let head = head.to_string();

@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::backend::Modelled;
 use crate::placement::Placement;
 use crate::score::Scores;
 use crate::search::Certificate;
@@ -80,6 +81,8 @@ pub struct RunRecord {
     pub seed: u64,
     /// What was maximized.
     pub objective: String,
+    /// How much of the scene the scores below are taken over.
+    pub modelled: Modelled,
     /// Frames that the search averaged over.
     pub search_frames: usize,
     /// Frames that the scores below average over.

@@ -27,9 +27,12 @@ const FINALISTS: usize = 6;
 const CHECKED: usize = 3;
 /// Generations between two checks.
 const GENERATIONS: u64 = 10;
-/// Share of the evaluations after which a search is over the second level or a later one, and swaps
-/// are: what is left to gain then is smaller than what the first one knows.
+/// Share of the evaluations after which a search is over the second level or a later one, unless the
+/// error of the first is below [`LATE_ERROR`]: what is left to gain then is smaller than what it knows.
 const LATE: f64 = 0.5;
+/// Error of a level that is enough for all generations. Swaps are over the second level at least: they
+/// end at the best placement they see, which one frame flatters most.
+const LATE_ERROR: f64 = 0.5 * TOLERANCE;
 
 /// Value of `--fidelity`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -137,7 +140,13 @@ impl Auto {
 
     /// Position of the least level that is enough after this share of the evaluations.
     fn least(&self, progress: f64) -> usize {
-        if progress < LATE { 0 } else { 1.min(self.levels.len() - 1) }
+        let exact = self.errors[0].is_some_and(|error| error <= LATE_ERROR);
+        if progress < LATE || exact { 0 } else { self.second() }
+    }
+
+    /// Position of the second level, or of the only one.
+    fn second(&self) -> usize {
+        1.min(self.levels.len() - 1)
     }
 
     /// Whether the present level is all frames.
@@ -268,7 +277,7 @@ impl Auto {
             .iter()
             .map(|(generation, frames)| match generation {
                 0 => format!("{frames} of {all} frames"),
-                _ => format!("{frames} from generation {} on", generation + 1),
+                _ => format!("{frames} after generation {generation}"),
             })
             .collect();
         format!(
@@ -315,7 +324,7 @@ impl Run {
         let mut full = self.full(&auto, compute);
         self.chosen = auto.winner(&mut full, &self.objective)?;
         self.full = Some(full);
-        let level = auto.least(1.0).max(auto.at);
+        let level = auto.second().max(auto.at);
         if level != auto.at {
             self.evaluator = open(&auto.levels[level])?;
             auto.widen(level, self.search.generation(), &mut self.evaluator, &self.objective)?;
