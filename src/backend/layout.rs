@@ -5,7 +5,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::bvh::{MAX_DEPTH, NO_HIT};
+use crate::bvh::{MAX_DEPTH, NO_HIT, SHAFTS};
 use crate::geom::Pose;
 use crate::grid::Roi;
 use crate::placement::{MAX_LIDARS, SensorPose};
@@ -28,6 +28,11 @@ const MAX_COORDINATE: f64 = 1e9;
 pub(crate) const STEP_BUDGET: u32 = 60_000;
 /// Triangle id of a beam whose traversal ran out of [`STEP_BUDGET`].
 pub(crate) const UNFINISHED: u32 = NO_HIT - 1;
+/// Neighbouring invocations of `cast_shafts` that cast beams of one shaft: what a software device works
+/// on at once.
+pub(crate) const SHAFT_LANES: u32 = 8;
+/// Slot of a beam whose hit goes nowhere, and shaft of a block without beams.
+pub(crate) const NO_SLOT: u32 = u32::MAX;
 /// State of a beam whose walk has ended.
 pub(crate) const WALK_DONE: u32 = u32::MAX;
 /// Voxels or words that one invocation of a reduction looks at: a workgroup's sums of 16-bit halves
@@ -117,6 +122,9 @@ pub(crate) fn prelude() -> String {
         ("MAX_LIDARS", MAX_LIDARS as u32),
         ("NO_HIT", NO_HIT),
         ("UNFINISHED", UNFINISHED),
+        ("SHAFT_LANES", SHAFT_LANES),
+        ("SHAFTS_OF_FACE", SHAFTS as u32 / 6),
+        ("NO_SLOT", NO_SLOT),
         ("WALK_DONE", WALK_DONE),
         ("STEP_BUDGET", STEP_BUDGET),
         ("ITEMS_PER_INVOCATION", ITEMS_PER_INVOCATION),

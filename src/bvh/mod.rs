@@ -16,9 +16,11 @@ mod intersect;
 mod lanes;
 mod node;
 mod packet;
+mod shafts;
 mod traverse;
 mod wide;
 
 pub use intersect::{Hit, NO_HIT, Ray, major_axis};
 pub use node::{Bvh, BvhError, MAX_DEPTH, Node, Triangle};
 pub use packet::{PACKET_RAYS, Packet, Scratch};
+pub use shafts::{Candidate, SHAFTS, Shafts};

@@ -1,10 +1,13 @@
 //! The GPU backend: everything that touches wgpu.
 
+mod bundles;
+mod casting;
 mod device;
 mod kernels;
 mod resources;
 mod run;
 
+pub use casting::Casting;
 pub use device::{AdapterSummary, list_adapters};
 
 use std::sync::Arc;
@@ -16,6 +19,8 @@ use super::{
 use crate::backend::cpu::Worth;
 use crate::bvh::Hit;
 use crate::placement::{Placement, SensorPose};
+use bundles::Bundles;
+use casting::Caster;
 use device::Device;
 use kernels::Kernels;
 use resources::{ChunkBuffers, SceneBuffers};
@@ -31,6 +36,9 @@ pub struct GpuBackend {
     kernels: Kernels,
     scene: SceneBuffers,
     chunk: Option<ChunkBuffers>,
+    caster: Caster,
+    /// Whether the batch is cast by shafts.
+    by_shafts: bool,
     memory: u64,
     times: StageTimes,
     /// Host twin of the reductions, where they run on the host.
@@ -56,8 +64,21 @@ impl GpuBackend {
         let scene = SceneBuffers::new(&device, &problem)?;
         let times = StageTimes::default();
         let worth = device.is_software().then(|| Worth::new(problem.content()));
-        let (chunk, doomed) = (None, None);
-        Ok(Self { problem, device, kernels, scene, chunk, memory, times, worth, doomed })
+        let (chunk, caster, doomed) = (None, Caster::default(), None);
+        let by_shafts = false;
+        Ok(Self {
+            problem,
+            device,
+            kernels,
+            scene,
+            chunk,
+            caster,
+            by_shafts,
+            memory,
+            times,
+            worth,
+            doomed,
+        })
     }
 
     /// Whether the device is a program on the host, which the CPU backend outruns.
@@ -68,6 +89,11 @@ impl GpuBackend {
     /// Takes the sums on the device, whatever it is; to compare both ways.
     pub fn reduce_on_device(&mut self) {
         self.worth = None;
+    }
+
+    /// Casts in one way, whatever it costs; by the tree still where lists take too much memory.
+    pub fn cast_by(&mut self, casting: Casting) {
+        self.caster = Caster::told(casting);
     }
 
     /// Ends the device after so many more batches of placements, as a driver reset would; whatever is
@@ -85,7 +111,17 @@ impl GpuBackend {
         }
     }
 
-    fn chunks(&self, placements: &[Placement]) -> Result<Vec<Chunk>, BackendError> {
+    /// Poses of all sensors in order.
+    fn poses(&self, placements: &[Placement]) -> Vec<DevicePose> {
+        let roi = self.problem.roi();
+        placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect()
+    }
+
+    /// Chooses how to cast a batch and cuts it into chunks.
+    fn chunks(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Chunk>, BackendError> {
+        let poses = self.poses(placements);
+        let (device, problem) = (&self.device, &self.problem);
+        self.by_shafts = self.caster.choose(device, problem, &poses, range, self.memory)?;
         let lidars: Vec<usize> = placements.iter().map(|p| p.lidars.len()).collect();
         let widest = lidars.iter().copied().max().unwrap_or(1);
         let sizes = resources::Sizes::of(&self.problem);
@@ -98,6 +134,21 @@ impl GpuBackend {
             ("work buffers", sizes.per_sensor() + read_back, self.memory),
         ];
         let mut limits = ChunkLimits::from_bytes(widest, &sensors)?;
+        if self.by_shafts {
+            let [each, rest] = Bundles::bytes(self.problem.table().directions().len() as u64);
+            let sorted = [
+                ("sorted beams", each, binding.saturating_sub(rest)),
+                (
+                    "work buffers",
+                    sizes.per_sensor() + read_back + each,
+                    (self.memory - self.memory / 4).saturating_sub(rest),
+                ),
+            ];
+            match ChunkLimits::from_bytes(widest, &sorted) {
+                Ok(sorted) => limits.sensors = limits.sensors.min(sorted.sensors),
+                Err(_) => self.by_shafts = false,
+            }
+        }
         let placements = [
             ("partial sums", sizes.partials, binding.min(self.memory)),
             ("totals", sizes.totals, binding),
@@ -108,9 +159,10 @@ impl GpuBackend {
 
     /// Uploads a chunk's poses and placements.
     fn load(&mut self, placements: &[Placement]) -> Result<(), BackendError> {
-        let roi = self.problem.roi();
-        let poses: Vec<DevicePose> =
-            placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect();
+        let poses = self.poses(placements);
+        if self.by_shafts {
+            self.caster.load(&self.device, &self.problem, &poses)?;
+        }
         let fits = self.chunk.as_ref().is_some_and(|c| c.holds(poses.len(), placements.len()));
         if !fits {
             // The old buffers go first, so that both never exist at once.
@@ -132,6 +184,7 @@ impl GpuBackend {
             kernels: &self.kernels,
             scene: &self.scene,
             chunk: self.chunk.as_ref().expect("a chunk is loaded before it runs"),
+            caster: self.by_shafts.then_some(&self.caster),
         }
     }
 }
@@ -149,7 +202,7 @@ impl Backend for GpuBackend {
         self.count_down();
         let mut tallies = Vec::with_capacity(placements.len());
         let classes = self.problem.content().classes().len();
-        for chunk in self.chunks(placements)? {
+        for chunk in self.chunks(placements, range)? {
             let placements = &placements[chunk.placements];
             self.load(placements)?;
             let mut sums: Vec<Tally> =
@@ -182,10 +235,10 @@ impl Backend for GpuBackend {
             return Err(BackendError::NoFrame { frame, frames });
         }
         let placements = std::slice::from_ref(placement);
-        self.chunks(placements)?;
+        let range = self.problem.table().range();
+        self.chunks(placements, range)?;
         self.load(placements)?;
         let start = Instant::now();
-        let range = self.problem.table().range();
         let run = self.run();
         run.cast_geometry(frame, range)?;
         let hits = run.read_hits()?;
@@ -196,9 +249,9 @@ impl Backend for GpuBackend {
     fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {
         self.problem.check_frame(frame)?;
         let placements = std::slice::from_ref(placement);
-        self.chunks(placements)?;
-        self.load(placements)?;
         let range = self.problem.table().range();
+        self.chunks(placements, range)?;
+        self.load(placements)?;
         let run = self.run();
         run.cast(frame, range)?;
         run.cover(frame, range)?;
@@ -211,7 +264,7 @@ impl Backend for GpuBackend {
         let placements: Vec<Placement> = poses.iter().map(single).collect();
         let range = self.problem.table().range();
         let mut bitmaps = Vec::new();
-        for chunk in self.chunks(&placements)? {
+        for chunk in self.chunks(&placements, range)? {
             self.load(&placements[chunk.placements])?;
             let run = self.run();
             run.cast(frame, range)?;

@@ -1,5 +1,6 @@
 use rayon::prelude::*;
 
+use super::casting::Caster;
 use super::device::Device;
 use super::kernels::{Kernels, beam_workgroups, dispatch};
 use super::resources::{ChunkBuffers, SceneBuffers, occupied_workgroups, walk_passes};
@@ -17,6 +18,8 @@ pub(super) struct Run<'a> {
     pub(super) kernels: &'a Kernels,
     pub(super) scene: &'a SceneBuffers,
     pub(super) chunk: &'a ChunkBuffers,
+    /// Where the chunk is cast by shafts.
+    pub(super) caster: Option<&'a Caster>,
 }
 
 impl Run<'_> {
@@ -62,19 +65,35 @@ impl Run<'_> {
         self.write_uniforms(frame, range, 0);
         let (chunk, scene) = (self.chunk, self.scene);
         let tree = &scene.frames[frame];
-        let buffers = [
-            &chunk.uniforms,
-            &chunk.poses,
-            &scene.directions,
-            &tree.nodes,
-            &tree.triangles,
-            &chunk.hits,
-            &chunk.counters,
-        ];
-        self.device.submit("cast_closest", |encoder| {
+        self.device.submit("casting", |encoder| {
             encoder.clear_buffer(&chunk.counters, 0, None);
-            let groups = beam_workgroups(self.directions(), chunk.sensors);
-            dispatch(self.device, encoder, &self.kernels.cast_closest, &buffers, groups);
+            let kernels = self.kernels;
+            if let Some((shafts, bundles)) = self.caster.and_then(|c| c.frame(frame)) {
+                let buffers = [
+                    &chunk.uniforms,
+                    &bundles.blocks,
+                    &bundles.beams,
+                    &bundles.slots,
+                    &shafts.starts,
+                    &shafts.candidates,
+                    &tree.triangles,
+                    &chunk.hits,
+                    &chunk.counters,
+                ];
+                dispatch(self.device, encoder, &kernels.cast_shafts, &buffers, bundles.workgroups);
+            } else {
+                let buffers = [
+                    &chunk.uniforms,
+                    &chunk.poses,
+                    &scene.directions,
+                    &tree.nodes,
+                    &tree.triangles,
+                    &chunk.hits,
+                    &chunk.counters,
+                ];
+                let groups = beam_workgroups(self.directions(), chunk.sensors);
+                dispatch(self.device, encoder, &kernels.cast_closest, &buffers, groups);
+            }
         })?;
         let bytes = 4 * (1 + u64::from(chunk.sensors));
         let mut counters: Vec<u32> = self.device.read("cast_closest", &chunk.counters, bytes)?;
