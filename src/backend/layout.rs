@@ -106,10 +106,10 @@ pub(crate) struct Uniforms {
     pub occupied_count: u32,
     /// Classes.
     pub class_count: u32,
-    /// Which pass of a walk that needs several; 0 starts it.
+    /// Which pass of walks that need several and keep their state, from 1; 0 where one is enough.
     pub walk_pass: u32,
-    /// 1 when walks need several passes and keep their state.
-    pub walk_resumes: u32,
+    /// Sensor of the chunk whose bitmap is the first.
+    pub first_sensor: u32,
     /// 1 when beams end at their hits.
     pub ends_at_hits: u32,
 }

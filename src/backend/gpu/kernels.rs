@@ -167,7 +167,7 @@ mod tests {
             shape => "shape", direction_count => "direction_count", voxel => "voxel",
             range => "range", bitmap_words => "bitmap_words", node_count => "node_count",
             pad => "pad", occupied_count => "occupied_count", class_count => "class_count",
-            walk_pass => "walk_pass", walk_resumes => "walk_resumes",
+            walk_pass => "walk_pass", first_sensor => "first_sensor",
             ends_at_hits => "ends_at_hits",
         ]);
         same_layout!("cast_closest", Node, [

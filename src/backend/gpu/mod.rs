@@ -1,5 +1,6 @@
 //! The GPU backend: everything that touches wgpu.
 
+mod bricks;
 mod bundles;
 mod casting;
 mod device;
@@ -16,14 +17,18 @@ use std::time::Instant;
 use super::{
     Backend, BackendError, Chunk, ChunkLimits, DevicePose, Problem, StageTimes, Tally, split,
 };
-use crate::backend::cpu::Worth;
+use crate::backend::cpu::{Worth, bitmap_words, union_of};
 use crate::bvh::Hit;
 use crate::placement::{Placement, SensorPose};
+use bricks::Bricks;
 use bundles::Bundles;
 use casting::Caster;
 use device::Device;
 use kernels::Kernels;
 use resources::{ChunkBuffers, SceneBuffers};
+
+/// Bytes of the bitmaps that are made at a time where the host sums them up: they stay in its caches.
+const SLICE_BYTES: u64 = 16 << 20;
 
 /// Evaluates batches on a Vulkan device.
 ///
@@ -63,7 +68,9 @@ impl GpuBackend {
         let kernels = Kernels::new(&device)?;
         let scene = SceneBuffers::new(&device, &problem)?;
         let times = StageTimes::default();
-        let worth = device.is_software().then(|| Worth::new(problem.content()));
+        let worth = device
+            .is_software()
+            .then(|| Worth::new(&Bricks::new(problem.roi()).content(problem.content())));
         let (chunk, caster, doomed) = (None, Caster::default(), None);
         let by_shafts = false;
         Ok(Self {
@@ -126,13 +133,20 @@ impl GpuBackend {
         let widest = lidars.iter().copied().max().unwrap_or(1);
         let sizes = resources::Sizes::of(&self.problem);
         let binding = self.device.max_binding();
-        // A copy to map, and the host's own.
-        let read_back = if self.worth.is_some() { 2 * sizes.bitmap } else { 0 };
-        let sensors = [
-            ("coverage bitmaps", sizes.bitmap, binding),
+        // On the device and copied to the host, twice where slices are in flight.
+        let slice = self.in_slice(widest, sizes.bitmap) as u64 * sizes.bitmap;
+        let (bitmap, fixed) =
+            if self.worth.is_some() { (0, 4 * slice) } else { (2 * sizes.bitmap, 0) };
+        let one = [("coverage bitmaps", sizes.bitmap, binding.min(self.memory))];
+        ChunkLimits::from_bytes(widest, &one)?;
+        let free = self.memory.saturating_sub(fixed);
+        let mut sensors = vec![
             ("hits", sizes.hits, binding),
-            ("work buffers", sizes.per_sensor() + read_back, self.memory),
+            ("work buffers", sizes.per_sensor() + bitmap, free),
         ];
+        if bitmap > 0 {
+            sensors.push(one[0]);
+        }
         let mut limits = ChunkLimits::from_bytes(widest, &sensors)?;
         if self.by_shafts {
             let [each, rest] = Bundles::bytes(self.problem.table().directions().len() as u64);
@@ -140,8 +154,8 @@ impl GpuBackend {
                 ("sorted beams", each, binding.saturating_sub(rest)),
                 (
                     "work buffers",
-                    sizes.per_sensor() + read_back + each,
-                    (self.memory - self.memory / 4).saturating_sub(rest),
+                    sizes.per_sensor() + bitmap + each,
+                    (free - free / 4).saturating_sub(rest),
                 ),
             ];
             match ChunkLimits::from_bytes(widest, &sorted) {
@@ -157,23 +171,37 @@ impl GpuBackend {
         Ok(split(&lidars, limits))
     }
 
+    /// Sensors whose bitmaps are made at a time, of placements of at most `widest`, where slices are
+    /// read by the host.
+    fn in_slice(&self, widest: usize, bitmap: u64) -> usize {
+        let bytes = SLICE_BYTES.min(self.memory / 16);
+        widest.max((bytes / bitmap) as usize)
+    }
+
     /// Uploads a chunk's poses and placements.
     fn load(&mut self, placements: &[Placement]) -> Result<(), BackendError> {
         let poses = self.poses(placements);
         if self.by_shafts {
             self.caster.load(&self.device, &self.problem, &poses)?;
         }
-        let fits = self.chunk.as_ref().is_some_and(|c| c.holds(poses.len(), placements.len()));
+        let sizes = resources::Sizes::of(&self.problem);
+        let widest = placements.iter().map(|p| p.lidars.len()).max().unwrap_or(1);
+        let in_slice = if self.worth.is_some() {
+            self.in_slice(widest, sizes.bitmap).min(poses.len())
+        } else {
+            poses.len()
+        };
+        let fits =
+            self.chunk.as_ref().is_some_and(|c| c.holds(poses.len(), placements.len(), in_slice));
         if !fits {
             // The old buffers go first, so that both never exist at once.
             self.chunk = None;
-            let sizes = resources::Sizes::of(&self.problem);
-            let chunk = ChunkBuffers::new(&self.device, &sizes, poses.len(), placements.len())?;
-            self.chunk = Some(chunk);
+            let (device, count) = (&self.device, placements.len());
+            self.chunk = Some(ChunkBuffers::new(device, &sizes, poses.len(), count, in_slice)?);
         }
         let lidars = placements.iter().map(|p| p.lidars.len() as u32);
         let chunk = self.chunk.as_mut().expect("made above");
-        chunk.load(&self.device, &poses, lidars);
+        chunk.load(&self.device, &poses, lidars, in_slice);
         self.device.check("uploading placements")
     }
 
@@ -214,14 +242,18 @@ impl Backend for GpuBackend {
                 let hits = run.cast(frame, range)?;
                 times.cast += start.elapsed();
                 let start = Instant::now();
-                run.cover(frame, range)?;
-                times.cover += start.elapsed();
-                let start = Instant::now();
-                match &self.worth {
-                    Some(worth) => run.reduce_on_host(worth, &hits, &mut sums)?,
-                    None => run.reduce(&hits, &mut sums)?,
+                if let Some(worth) = &self.worth {
+                    let sums =
+                        run.cover_and_reduce_on_host(frame, range, worth, &hits, &mut sums)?;
+                    times.cover += start.elapsed().saturating_sub(sums);
+                    times.reduce += sums;
+                } else {
+                    run.cover_all(frame, range)?;
+                    times.cover += start.elapsed();
+                    let start = Instant::now();
+                    run.reduce(&hits, &mut sums)?;
+                    times.reduce += start.elapsed();
                 }
-                times.reduce += start.elapsed();
                 self.times = times;
             }
             tallies.append(&mut sums);
@@ -254,8 +286,8 @@ impl Backend for GpuBackend {
         self.load(placements)?;
         let run = self.run();
         run.cast(frame, range)?;
-        run.cover(frame, range)?;
-        run.read_covered()
+        let bitmaps = run.bitmaps(frame, range)?;
+        Ok(union_of(&bitmaps, bitmap_words(self.problem.roi())))
     }
 
     fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError> {
@@ -268,8 +300,7 @@ impl Backend for GpuBackend {
             self.load(&placements[chunk.placements])?;
             let run = self.run();
             run.cast(frame, range)?;
-            run.cover(frame, range)?;
-            bitmaps.append(&mut run.read_bitmaps()?);
+            bitmaps.append(&mut run.bitmaps(frame, range)?);
         }
         Ok(bitmaps)
     }
