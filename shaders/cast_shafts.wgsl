@@ -1,7 +1,7 @@
 // cast_shafts: one invocation casts eight beams of a shaft and stores their closest hits.
 //
 // CPU twin   src/backend/cpu/cast.rs::cast_closest, src/bvh/{intersect,shafts}.rs
-// Reads      blocks (shaft of every SHAFT_LANES invocations), beams (per invocation two groups of four:
+// Reads      blocks (shaft and major axis of every SHAFT_LANES invocations), beams (per invocation two groups of four:
 //            x, y and z of the origins, then of the directions), slots (where the hits of a group go,
 //            NO_SLOT for none), starts (a shaft's first candidate), candidates, triangles
 // Writes     hits[sensors × direction_count] at the slots; counters[1 + sensor] += hits
@@ -180,11 +180,12 @@ fn cast_shafts(
     @builtin(local_invocation_index) local: u32,
 ) {
     let invocation = (group.y * groups.x + group.x) * WORKGROUP_SIZE + local;
-    let shaft = blocks[invocation / SHAFT_LANES];
-    if shaft == NO_SLOT {
+    let block = blocks[invocation / SHAFT_LANES];
+    if block == NO_SLOT {
         return;
     }
-    let major = shaft / (2u * SHAFTS_OF_FACE);
+    let shaft = block >> MAJOR_BITS;
+    let major = block & ((1u << MAJOR_BITS) - 1u);
     let left = four(12u * invocation, major);
     let right = four(12u * invocation + 6u, major);
     let left_slots = slots[2u * invocation];

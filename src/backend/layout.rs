@@ -5,7 +5,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::bvh::{MAX_DEPTH, NO_HIT, SHAFTS};
+use crate::bvh::{MAX_DEPTH, NO_HIT};
 use crate::geom::Pose;
 use crate::grid::Roi;
 use crate::placement::{MAX_LIDARS, SensorPose};
@@ -31,6 +31,8 @@ pub(crate) const UNFINISHED: u32 = NO_HIT - 1;
 /// Neighbouring invocations of `cast_shafts` that cast beams of one shaft: what a software device works
 /// on at once.
 pub(crate) const SHAFT_LANES: u32 = 8;
+/// Low bits of a block that hold the major axis of its beams; the others are the shaft.
+pub(crate) const MAJOR_BITS: u32 = 2;
 /// Slot of a beam whose hit goes nowhere, and shaft of a block without beams.
 pub(crate) const NO_SLOT: u32 = u32::MAX;
 /// State of a beam whose walk has ended.
@@ -123,7 +125,7 @@ pub(crate) fn prelude() -> String {
         ("NO_HIT", NO_HIT),
         ("UNFINISHED", UNFINISHED),
         ("SHAFT_LANES", SHAFT_LANES),
-        ("SHAFTS_OF_FACE", SHAFTS as u32 / 6),
+        ("MAJOR_BITS", MAJOR_BITS),
         ("NO_SLOT", NO_SLOT),
         ("WALK_DONE", WALK_DONE),
         ("STEP_BUDGET", STEP_BUDGET),

@@ -23,4 +23,4 @@ mod wide;
 pub use intersect::{Hit, NO_HIT, Ray, major_axis};
 pub use node::{Bvh, BvhError, MAX_DEPTH, Node, Triangle};
 pub use packet::{PACKET_RAYS, Packet, Scratch};
-pub use shafts::{Candidate, SHAFTS, Shafts};
+pub use shafts::{Candidate, Shafts};

@@ -5,11 +5,9 @@ use super::build::PAD_SHARE;
 use super::{Bvh, Ray};
 use crate::geom::Aabb;
 
-/// Squares along an edge of a face of the cube of directions, a power of two.
-const EDGE: u32 = 64;
-/// Shafts: six faces of squares.
-pub const SHAFTS: usize = 6 * (EDGE * EDGE) as usize;
-/// Squares of a face that are worked on in parallel, along an edge.
+/// Bits of a column or row.
+const BITS: u32 = 8;
+/// Parts of a face that are worked on in parallel, along an edge.
 const TASK_EDGE: u32 = 4;
 /// Longest list: far below the loop steps that every driver grants an invocation.
 const LONGEST: usize = 1 << 14;
@@ -31,14 +29,14 @@ pub struct Candidate {
 /// For every shaft the triangles that its rays can hit, nearest first.
 ///
 /// A shaft holds the rays that start in a box and whose direction goes through one square of the cube
-/// around it, numbered by [`Self::of`]. Whatever [`Ray`] hits is in the list of its shaft: a hit needs
+/// around it, each face of which is cut into `edge` × `edge`; see [`Self::of`]. Whatever [`Ray`] hits is in the list of its shaft: a hit needs
 /// a ray that is inside the triangle's padded box, and a triangle is left out only where that box lies
 /// beside the shaft by more than rounding could change. So the closest hit among the list is the
 /// closest of all, with the same bits, and a list may be left once the best hit is closer than the
 /// next entry.
 #[derive(Debug, Clone)]
 pub struct Shafts {
-    /// Where each shaft's list begins, and the end of the last; `[SHAFTS + 1]`.
+    /// Where each shaft's list begins, and the end of the last; `[shafts + 1]`.
     pub starts: Vec<u32>,
     /// The lists, shaft after shaft.
     pub candidates: Vec<Candidate>,
@@ -47,13 +45,16 @@ pub struct Shafts {
 impl Shafts {
     /// Lists for rays of up to `range` metres that start in `origins`; `None` when they would hold
     /// more than `most` candidates, or one of them very many, as for fine meshes near the box.
-    pub fn build(bvh: &Bvh, origins: &Aabb, range: f32, most: usize) -> Option<Self> {
+    ///
+    /// `edge` is a power of two from 4 on.
+    pub fn build(bvh: &Bvh, origins: &Aabb, range: f32, edge: u32, most: usize) -> Option<Self> {
         let boxes: Vec<Aabb> =
             bvh.triangles.iter().map(|triangle| Bvh::padded_box(triangle, bvh.pad)).collect();
         let farthest = origins.min.abs().max(origins.max.abs()).max_element();
         let slack = 4.0 * (bvh.pad + (farthest + range) * PAD_SHARE);
-        let side = EDGE / TASK_EDGE;
+        let side = edge / TASK_EDGE;
         let tasks = 6 * TASK_EDGE * TASK_EDGE;
+        // A part of a face that alone takes so much is a sign of too much in all.
         let share = most / 8;
         let lists = (0..tasks).into_par_iter().map(|task| {
             let face = task / (TASK_EDGE * TASK_EDGE);
@@ -62,6 +63,7 @@ impl Shafts {
                 boxes: &boxes,
                 origins,
                 range,
+                edge,
                 slack,
                 axes: [face / 2 + 1, face / 2 + 2, face / 2].map(|axis| (axis % 3) as usize),
                 backward: face % 2 == 1,
@@ -76,8 +78,7 @@ impl Shafts {
             fits.then_some((search.counts, search.found))
         });
         let lists = lists.collect::<Option<Vec<_>>>()?;
-        let mut shafts = Self { starts: Vec::with_capacity(SHAFTS + 1), candidates: Vec::new() };
-        shafts.starts.push(0);
+        let mut shafts = Self { starts: vec![0], candidates: Vec::new() };
         for (counts, mut found) in lists {
             for count in counts {
                 shafts.starts.push(shafts.starts[shafts.starts.len() - 1] + count);
@@ -87,32 +88,30 @@ impl Shafts {
         (shafts.candidates.len() <= most).then_some(shafts)
     }
 
-    /// Number of the shaft of a ray that starts in the box.
-    pub fn of(ray: &Ray) -> usize {
-        let backward = u32::from(ray.direction[ray.major] < 0.0);
-        let [column, row] = ray.shear.map(|slope| {
-            let at = (slope + 1.0) * (EDGE / 2) as f32;
-            (at as u32).min(EDGE - 1)
-        });
-        ((2 * ray.major as u32 + backward) * EDGE * EDGE + pack(column, row)) as usize
+    /// Shafts around a box.
+    pub fn count(edge: u32) -> usize {
+        6 * (edge * edge) as usize
     }
 
-    /// Bytes of both arrays.
-    pub fn bytes(&self) -> u64 {
-        (size_of_val(self.starts.as_slice()) + size_of_val(self.candidates.as_slice())) as u64
+    /// Number of the shaft of a ray that starts in the box.
+    pub fn of(ray: &Ray, edge: u32) -> u32 {
+        let backward = u32::from(ray.direction[ray.major] < 0.0);
+        let [column, row] = ray.shear.map(|slope| {
+            let at = (slope + 1.0) * (edge / 2) as f32;
+            (at as u32).min(edge - 1)
+        });
+        (2 * ray.major as u32 + backward) * edge * edge + pack(column, row)
     }
 }
 
 /// Bits of both numbers in turn: squares that are refined together have numbers that follow on.
 fn pack(column: u32, row: u32) -> u32 {
-    (0..EDGE.ilog2())
-        .map(|bit| (column >> bit & 1) << (2 * bit) | (row >> bit & 1) << (2 * bit + 1))
-        .sum()
+    (0..BITS).map(|bit| (column >> bit & 1) << (2 * bit) | (row >> bit & 1) << (2 * bit + 1)).sum()
 }
 
 fn unpack(number: u32) -> [u32; 2] {
     let every_other =
-        |from: u32| (0..EDGE.ilog2()).map(|bit| (number >> (2 * bit + from) & 1) << bit).sum();
+        |from: u32| (0..BITS).map(|bit| (number >> (2 * bit + from) & 1) << bit).sum();
     [every_other(0), every_other(1)]
 }
 
@@ -128,6 +127,7 @@ struct Search<'a> {
     boxes: &'a [Aabb],
     origins: &'a Aabb,
     range: f32,
+    edge: u32,
     slack: f32,
     /// The two axes along the face and the one across it.
     axes: [usize; 3],
@@ -190,7 +190,7 @@ impl Search<'_> {
     }
 
     fn frustum(&self, square: Square) -> Frustum {
-        let slope = |at: u32| at as f32 * (2.0 / EDGE as f32) - 1.0;
+        let slope = |at: u32| at as f32 * (2.0 / self.edge as f32) - 1.0;
         let slopes = [square.column, square.row]
             .map(|first| [slope(first) - SLOPE_SLACK, slope(first + square.side) + SLOPE_SLACK]);
         let [low, high] = [self.origins.min, self.origins.max];
@@ -250,18 +250,15 @@ mod tests {
 
     #[test]
     fn squares_are_numbered_in_the_order_of_refinement() {
-        for number in [0, 1, 2, 3, 77, EDGE * EDGE - 1] {
+        for number in [0, 1, 2, 3, 77, 4095] {
             let [column, row] = unpack(number);
             assert_eq!(pack(column, row), number);
         }
         let ray = |x: f32, y: f32, z: f32| {
-            Shafts::of(&Ray::new(Vec3::ZERO, Vec3::new(x, y, z).normalize(), 1.0))
+            Shafts::of(&Ray::new(Vec3::ZERO, Vec3::new(x, y, z).normalize(), 1.0), 64)
         };
-        assert_eq!(ray(0.0, 0.0, -1.0) / (EDGE * EDGE) as usize, 5);
-        assert!(
-            [ray(1.0, 1.0, 1.0), ray(-1.0, -1.0, -1.0), ray(1.0, 0.0, -0.0)]
-                .iter()
-                .all(|&shaft| shaft < SHAFTS)
-        );
+        assert_eq!(ray(0.0, 0.0, -1.0) / 4096, 5);
+        let corners = [ray(1.0, 1.0, 1.0), ray(-1.0, -1.0, -1.0), ray(1.0, 0.0, -0.0)];
+        assert!(corners.iter().all(|&shaft| (shaft as usize) < Shafts::count(64)));
     }
 }

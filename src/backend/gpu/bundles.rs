@@ -4,8 +4,8 @@ use rayon::prelude::*;
 use super::kernels::workgroups;
 use crate::backend::DevicePose;
 use crate::backend::cpu::beam_direction;
-use crate::backend::layout::{NO_SLOT, SHAFT_LANES, WORKGROUP_SIZE};
-use crate::bvh::{Ray, SHAFTS, Shafts};
+use crate::backend::layout::{MAJOR_BITS, NO_SLOT, SHAFT_LANES, WORKGROUP_SIZE};
+use crate::bvh::{Ray, Shafts};
 
 /// Beams of one invocation of `cast_shafts`.
 const BEAMS: usize = 8;
@@ -20,9 +20,9 @@ pub(super) struct Four([[f32; 4]; 6]);
 /// The beams of a chunk by shaft, in blocks; kept from chunk to chunk.
 #[derive(Default)]
 pub(super) struct Bundles {
-    shafts: Vec<u16>,
+    shafts: Vec<u32>,
     ends: Vec<usize>,
-    /// Shaft of each block.
+    /// Shaft and major axis of each block.
     pub(super) blocks: Vec<u32>,
     /// What `cast_shafts` is dispatched with.
     pub(super) workgroups: [u32; 3],
@@ -32,11 +32,14 @@ pub(super) struct Bundles {
 }
 
 impl Bundles {
+    /// Slots of a block.
+    pub(super) const BLOCK: u64 = BLOCK as u64;
+
     /// Bytes of the beams of one sensor on the device, and what the last blocks of all shafts may
     /// add.
-    pub(super) fn bytes(directions: u64) -> [u64; 2] {
+    pub(super) fn bytes(directions: u64, shafts: usize) -> [u64; 2] {
         let slot = size_of::<Four>() as u64 / 4 + 8;
-        [directions * slot, Self::most_slots(SHAFTS as u64) * slot]
+        [directions * slot, shafts as u64 * BLOCK as u64 * slot]
     }
 
     /// Bytes of the blocks of so many slots; a dispatch is a rectangle, which at worst doubles them.
@@ -45,13 +48,14 @@ impl Bundles {
     }
 
     /// Slots of so many beams at most: the last block of a shaft may hold a single beam.
-    pub(super) fn most_slots(beams: u64) -> u64 {
-        let blocks = beams.div_ceil(BLOCK as u64) + beams.min(SHAFTS as u64);
+    pub(super) fn most_slots(beams: u64, shafts: usize) -> u64 {
+        let blocks = beams.div_ceil(BLOCK as u64) + beams.min(shafts as u64);
         blocks * BLOCK as u64
     }
 
-    /// Sorts the beams of `poses` by shaft.
-    pub(super) fn sort(&mut self, poses: &[DevicePose], directions: &[[f32; 3]]) {
+    /// Sorts the beams of `poses` by shaft, where the faces of the cube of directions are cut into
+    /// `edge` × `edge`.
+    pub(super) fn sort(&mut self, poses: &[DevicePose], directions: &[[f32; 3]], edge: u32) {
         let ray = |pose: &DevicePose, direction: [f32; 3]| {
             let origin = pose.rows.map(|row| row[3]).into();
             Ray::new(origin, beam_direction(pose, direction), 0.0)
@@ -60,18 +64,20 @@ impl Bundles {
         let rows = self.shafts.par_chunks_mut(directions.len()).zip(poses);
         rows.for_each(|(row, pose)| {
             for (shaft, &direction) in row.iter_mut().zip(directions) {
-                *shaft = Shafts::of(&ray(pose, direction)) as u16;
+                *shaft = Shafts::of(&ray(pose, direction), edge);
             }
         });
         self.ends.clear();
-        self.ends.resize(SHAFTS, 0);
+        self.ends.resize(Shafts::count(edge), 0);
         for &shaft in &self.shafts {
-            self.ends[usize::from(shaft)] += 1;
+            self.ends[shaft as usize] += 1;
         }
         self.blocks.clear();
         for (shaft, end) in self.ends.iter_mut().enumerate() {
             let first = self.blocks.len();
-            self.blocks.resize(first + end.div_ceil(BLOCK), shaft as u32);
+            let major = shaft as u32 / (2 * edge * edge);
+            let block = (shaft as u32) << MAJOR_BITS | major;
+            self.blocks.resize(first + end.div_ceil(BLOCK), block);
             *end = first * BLOCK;
         }
         self.slots.clear();
@@ -85,7 +91,7 @@ impl Bundles {
         self.beams.clear();
         self.beams.resize(self.slots.len() / 4, idle);
         for (slot, &shaft) in self.shafts.iter().enumerate() {
-            let end = &mut self.ends[usize::from(shaft)];
+            let end = &mut self.ends[shaft as usize];
             let at = *end;
             *end += 1;
             self.slots[at] = slot as u32;

@@ -1,7 +1,7 @@
 use super::bundles::{Bundles, Four};
 use super::device::Device;
 use crate::backend::{BackendError, DevicePose, Problem};
-use crate::bvh::{Candidate, SHAFTS, Shafts};
+use crate::bvh::{Candidate, Shafts};
 use crate::geom::Aabb;
 
 /// How closest hits are found.
@@ -17,6 +17,13 @@ pub enum Casting {
 /// Beams of a frame that must have been cast since lists were made before they are made anew: about
 /// as many as the tree takes in the time of making them.
 const BEAMS_BEFORE_SHAFTS: u64 = 50_000;
+/// Beams of a batch for which a face of the cube of directions is cut into as many shafts as its edge
+/// has: enough of them share one to fill its blocks.
+const BEAMS_OF_EDGE: f64 = 160.0;
+/// Bounds of that edge.
+const EDGES: [u32; 2] = [8, 64];
+/// Beams that go down the tree in the time in which a block of beams follows a list.
+const BEAMS_OF_BLOCK: u64 = 6;
 /// Metres along an axis beyond which a box of origins holds too much of the scene for short lists.
 const LARGEST_BOX: f32 = 4.0;
 /// Share of the memory budget that lists may take.
@@ -35,6 +42,7 @@ pub(super) struct ShaftBuffers {
 /// The lists of all frames, for the box of origins seen so far.
 struct Lists {
     origins: Aabb,
+    edge: u32,
     frames: Vec<ShaftBuffers>,
 }
 
@@ -52,8 +60,9 @@ pub(super) struct BundleBuffers {
 pub(super) struct Caster {
     /// Says which, whatever it costs.
     told: Option<Casting>,
-    /// Beams of each frame cast since lists were made.
+    /// Beams of each frame cast since lists were made, and most of a batch.
     beams: u64,
+    largest: u64,
     /// Whether lists were found to take too much memory.
     unfit: bool,
     lists: Option<Lists>,
@@ -80,7 +89,10 @@ impl Caster {
         range: f32,
         memory: u64,
     ) -> Result<bool, BackendError> {
-        self.beams += poses.len() as u64 * problem.table().directions().len() as u64;
+        let beams = poses.len() as u64 * problem.table().directions().len() as u64;
+        self.beams += beams;
+        self.largest = self.largest.max(beams);
+        let edge = edge_for(self.largest);
         let allowed = self.told != Some(Casting::Tree) && !self.unfit;
         if !allowed || problem.geometry_frame_count() == 0 || range > problem.far_range() {
             return Ok(false);
@@ -91,7 +103,8 @@ impl Caster {
         }
         if let Some(lists) = &self.lists {
             let held = lists.origins;
-            if origins.min.cmpge(held.min).all() && origins.max.cmple(held.max).all() {
+            let inside = origins.min.cmpge(held.min).all() && origins.max.cmple(held.max).all();
+            if inside && (edge <= 2 * lists.edge || self.beams < BEAMS_BEFORE_SHAFTS) {
                 return Ok(true);
             }
             origins.merge(&held);
@@ -106,24 +119,37 @@ impl Caster {
         let growth = GROWTH * (origins.max - origins.min) + LEAST_GROWTH;
         let origins = Aabb { min: origins.min - growth, max: origins.max + growth };
         self.lists = None;
-        self.lists = Lists::new(device, problem, origins, memory / MEMORY_SHARE)?;
+        self.lists = Lists::new(device, problem, origins, edge, memory / MEMORY_SHARE)?;
         self.unfit = self.lists.is_none();
         Ok(!self.unfit)
     }
 
-    /// Sorts a chunk's beams and uploads them.
+    /// Bytes that sorting takes on the device: of one sensor's beams, and of blocks that are not full.
+    pub(super) fn bytes(&self, problem: &Problem) -> [u64; 2] {
+        let shafts = self.lists.as_ref().map_or(0, |lists| Shafts::count(lists.edge));
+        Bundles::bytes(problem.table().directions().len() as u64, shafts)
+    }
+
+    /// Sorts a chunk's beams and uploads them, where the tree would not be faster for so few; whether
+    /// it did.
     pub(super) fn load(
         &mut self,
         device: &Device,
         problem: &Problem,
         poses: &[DevicePose],
-    ) -> Result<(), BackendError> {
+    ) -> Result<bool, BackendError> {
+        let Some(Lists { edge, .. }) = self.lists else { return Ok(false) };
         let directions = problem.table().directions();
-        self.bundles.sort(poses, directions);
+        let beams = (poses.len() * directions.len()) as u64;
+        self.bundles.sort(poses, directions, edge);
         let slots = self.bundles.slots.len() as u64;
+        let blocks = slots / Bundles::BLOCK;
+        if self.told.is_none() && blocks * BEAMS_OF_BLOCK > beams {
+            return Ok(false);
+        }
         if self.buffers.as_ref().is_none_or(|buffers| buffers.slots_held < slots) {
             self.buffers = None;
-            let most = Bundles::most_slots((poses.len() * directions.len()) as u64);
+            let most = Bundles::most_slots(beams, Shafts::count(edge));
             self.buffers = Some(BundleBuffers::new(device, most)?);
         }
         if let Some(buffers) = &mut self.buffers {
@@ -132,7 +158,7 @@ impl Caster {
             device.write(&buffers.beams, &self.bundles.beams);
             device.write(&buffers.slots, &self.bundles.slots);
         }
-        Ok(())
+        Ok(true)
     }
 
     /// What a frame's beams are cast with, where it is by shafts.
@@ -141,20 +167,27 @@ impl Caster {
     }
 }
 
+/// The power of two that suits batches of so many beams.
+fn edge_for(beams: u64) -> u32 {
+    let edge = (beams as f64 / BEAMS_OF_EDGE).sqrt().max(1.0);
+    (1 << edge.log2().round() as u32).clamp(EDGES[0], EDGES[1])
+}
+
 impl Lists {
     fn new(
         device: &Device,
         problem: &Problem,
         origins: Aabb,
+        edge: u32,
         memory: u64,
     ) -> Result<Option<Self>, BackendError> {
         let frames = problem.geometry_frame_count();
-        let starts = 4 * (SHAFTS as u64 + 1);
+        let starts = 4 * (Shafts::count(edge) as u64 + 1);
         let bytes = (memory / frames as u64).saturating_sub(starts).min(device.max_binding());
         let most = (bytes / size_of::<Candidate>() as u64) as usize;
         let mut buffers = Vec::with_capacity(frames);
         for bvh in (0..frames).filter_map(|frame| problem.geometry(frame)) {
-            let Some(shafts) = Shafts::build(bvh, &origins, problem.far_range(), most) else {
+            let Some(shafts) = Shafts::build(bvh, &origins, problem.far_range(), edge, most) else {
                 return Ok(None);
             };
             buffers.push(ShaftBuffers {
@@ -162,7 +195,7 @@ impl Lists {
                 candidates: device.upload("candidates of shafts", &shafts.candidates)?,
             });
         }
-        Ok(Some(Self { origins, frames: buffers }))
+        Ok(Some(Self { origins, edge, frames: buffers }))
     }
 }
 

@@ -21,7 +21,6 @@ use crate::backend::cpu::{Worth, bitmap_words, union_of};
 use crate::bvh::Hit;
 use crate::placement::{Placement, SensorPose};
 use bricks::Bricks;
-use bundles::Bundles;
 use casting::Caster;
 use device::Device;
 use kernels::Kernels;
@@ -29,6 +28,9 @@ use resources::{ChunkBuffers, SceneBuffers};
 
 /// Bytes of the bitmaps that are made at a time where the host sums them up: they stay in its caches.
 const SLICE_BYTES: u64 = 16 << 20;
+
+/// Bytes of the largest bitmap whose bits have numbers of 32 bits.
+const MOST_BITMAP: u64 = 1 << 29;
 
 /// Evaluates batches on a Vulkan device.
 ///
@@ -44,6 +46,8 @@ pub struct GpuBackend {
     caster: Caster,
     /// Whether the batch is cast by shafts.
     by_shafts: bool,
+    /// Whether the loaded chunk is.
+    sorted: bool,
     memory: u64,
     times: StageTimes,
     /// Host twin of the reductions, where they run on the host.
@@ -65,6 +69,14 @@ impl GpuBackend {
         memory: u64,
     ) -> Result<Self, BackendError> {
         let device = Device::open(adapter)?;
+        let need = 4 * Bricks::new(problem.roi()).words();
+        if need > MOST_BITMAP {
+            return Err(BackendError::TooLarge {
+                what: "coverage bitmaps",
+                need,
+                limit: MOST_BITMAP,
+            });
+        }
         let kernels = Kernels::new(&device)?;
         let scene = SceneBuffers::new(&device, &problem)?;
         let times = StageTimes::default();
@@ -72,7 +84,6 @@ impl GpuBackend {
             .is_software()
             .then(|| Worth::new(&Bricks::new(problem.roi()).content(problem.content())));
         let (chunk, caster, doomed) = (None, Caster::default(), None);
-        let by_shafts = false;
         Ok(Self {
             problem,
             device,
@@ -80,7 +91,8 @@ impl GpuBackend {
             scene,
             chunk,
             caster,
-            by_shafts,
+            by_shafts: false,
+            sorted: false,
             memory,
             times,
             worth,
@@ -149,7 +161,7 @@ impl GpuBackend {
         }
         let mut limits = ChunkLimits::from_bytes(widest, &sensors)?;
         if self.by_shafts {
-            let [each, rest] = Bundles::bytes(self.problem.table().directions().len() as u64);
+            let [each, rest] = self.caster.bytes(&self.problem);
             let sorted = [
                 ("sorted beams", each, binding.saturating_sub(rest)),
                 (
@@ -181,8 +193,9 @@ impl GpuBackend {
     /// Uploads a chunk's poses and placements.
     fn load(&mut self, placements: &[Placement]) -> Result<(), BackendError> {
         let poses = self.poses(placements);
+        self.sorted = false;
         if self.by_shafts {
-            self.caster.load(&self.device, &self.problem, &poses)?;
+            self.sorted = self.caster.load(&self.device, &self.problem, &poses)?;
         }
         let sizes = resources::Sizes::of(&self.problem);
         let widest = placements.iter().map(|p| p.lidars.len()).max().unwrap_or(1);
@@ -212,7 +225,7 @@ impl GpuBackend {
             kernels: &self.kernels,
             scene: &self.scene,
             chunk: self.chunk.as_ref().expect("a chunk is loaded before it runs"),
-            caster: self.by_shafts.then_some(&self.caster),
+            caster: self.sorted.then_some(&self.caster),
         }
     }
 }

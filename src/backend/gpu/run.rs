@@ -171,7 +171,7 @@ impl Run<'_> {
         self.write_uniforms(frame, range, first, slice.first_sensor);
         self.device.enqueue(|encoder| encoder.clear_buffer(bitmaps, 0, None));
         for pass in first + 1..first + passes {
-            self.device.enqueue(&record);
+            self.device.enqueue(record);
             self.write_uniforms(frame, range, pass, slice.first_sensor);
         }
         record
