@@ -3,9 +3,10 @@
 // CPU twin   src/backend/cpu/cover.rs::cover_voxels
 // Reads      poses[sensors], directions[direction_count], hits[sensors × direction_count] where beams
 //            end at hits
-// Writes     bitmaps[sensors × bitmap_words], bits set by atomic or; walk_state, one word a beam,
+// Writes     bitmaps[dispatched sensors × bitmap_words], a word a brick of 4 × 4 × 2 voxels (see
+//            src/backend/gpu/bricks.rs), bits set by atomic or; walk_state, one word a beam,
 //            only where a walk can need more than STEP_BUDGET steps and is resumed by further passes
-// Dispatch   (ceil(direction_count / WORKGROUP_SIZE), sensors), x spilling into z
+// Dispatch   (ceil(direction_count / WORKGROUP_SIZE), sensors from first_sensor on), x spilling into z
 // Numerics   f32; plane i is crossed at (i − p) · inverse, from the plane's number alone
 
 @group(0) @binding(0) var<uniform> uniforms: Uniforms;
@@ -82,9 +83,10 @@ fn entry_of(walk: Walk) -> f32 {
     return entry;
 }
 
-fn flush(word: u32, bits: u32) {
-    // Reading first spares most atomics: near the sensor beams share their voxels.
-        atomicOr(&bitmaps[word], bits);
+// Bit of a voxel within its brick.
+fn bit_of(cell: vec3<i32>) -> u32 {
+    let at = vec3<u32>(cell) & vec3(3u, 3u, 1u);
+    return (at.x << 3u) | (at.y << 1u) | at.z;
 }
 
 @compute @workgroup_size(WORKGROUP_SIZE)
@@ -93,7 +95,7 @@ fn cover_voxels(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let sensor = group.y;
+    let sensor = uniforms.first_sensor + group.y;
     let beam = (group.z * groups.x + group.x) * WORKGROUP_SIZE + local;
     if beam >= uniforms.direction_count {
         return;
@@ -110,10 +112,10 @@ fn cover_voxels(
     let walk = new_walk(pose.in_grid.xyz, beam_direction(pose, directions[beam].xyz));
 
     var cell: vec3<i32>;
-    if uniforms.walk_pass == 0u {
+    if uniforms.walk_pass <= 1u {
         let entry = entry_of(walk);
         if entry > t_end {
-            if uniforms.walk_resumes == 1u {
+            if uniforms.walk_pass > 0u {
                 walk_state[slot] = WALK_DONE;
             }
             return;
@@ -130,13 +132,12 @@ fn cover_voxels(
     }
 
     if any(cell < vec3(0)) || any(cell >= walk.shape) {
-        if uniforms.walk_resumes == 1u {
+        if uniforms.walk_pass > 0u {
             walk_state[slot] = WALK_DONE;
         }
         return;
     }
-    let strides = vec3(walk.shape.y * walk.shape.z, walk.shape.z, 1);
-    let hop = select(-strides, strides, walk.forward);
+    let hop = select(vec3(-1), vec3(1), walk.forward);
     let step = select(vec3(-1.0), vec3(1.0), walk.forward);
     // The plane ahead of cell c is c + 1 going forward and c going backward.
     var plane = vec3<f32>(cell + select(vec3(0), vec3(1), walk.forward));
@@ -144,37 +145,44 @@ fn cover_voxels(
     let last = select(vec3(0.0), vec3<f32>(walk.shape), walk.forward);
     let exits = (last - walk.p) * walk.inverse;
     let exit = min(min(min(exits.x, exits.y), exits.z), FAR);
-    let base = sensor * uniforms.bitmap_words;
-    var voxel = cell.x * strides.x + cell.y * strides.y + cell.z;
-    var word = base + (u32(voxel) >> 5u);
-    var bits = 0u;
+    let bricks = (vec3<u32>(walk.shape) + vec3(3u, 3u, 1u)) >> vec3(2u, 2u, 1u);
+    let base = group.y * uniforms.bitmap_words;
     var state = WALK_DONE;
-    for (var steps = 0u;; steps++) {
-        if steps == STEP_BUDGET {
-            state = u32(voxel);
+    var steps = 0u;
+    loop {
+        // Bits of one brick are gathered before they are written.
+        let brick = vec3<u32>(cell) >> vec3(2u, 2u, 1u);
+        var bits = 0u;
+        var goes_on = true;
+        loop {
+            bits |= 1u << bit_of(cell);
+            let t = min(min(next.x, next.y), next.z);
+            // The crossing at `exit` leaves the grid.
+            goes_on = t <= t_end && t < exit;
+            let crosses = next == vec3(t);
+            plane += select(vec3(0.0), step, crosses);
+            cell += select(vec3(0), hop, crosses);
+            next = (plane - walk.p) * walk.inverse;
+            steps++;
+            if !goes_on || any((vec3<u32>(cell) >> vec3(2u, 2u, 1u)) != brick) {
+                break;
+            }
+        }
+        let word = (brick.x * bricks.y + brick.y) * bricks.z + brick.z;
+        atomicOr(&bitmaps[base + word], bits);
+        if !goes_on {
             break;
         }
-        // Bits of one word are gathered before they are written.
-        let word_of = base + (u32(voxel) >> 5u);
-        if word_of != word {
-            flush(word, bits);
-            word = word_of;
-            bits = 0u;
-        }
-        bits |= 1u << (u32(voxel) & 31u);
-        let t = min(min(next.x, next.y), next.z);
-        // The crossing at `exit` leaves the grid.
-        if t > t_end || t >= exit {
+        // Each brick is a loop step of its own for the driver's limit.
+        steps++;
+        if steps >= STEP_BUDGET {
+            let shape = uniforms.shape;
+            let at = vec3<u32>(cell);
+            state = (at.x * shape.y + at.y) * shape.z + at.z;
             break;
         }
-        let crosses = next == vec3(t);
-        plane += select(vec3(0.0), step, crosses);
-        let hops = select(vec3(0), hop, crosses);
-        voxel += hops.x + hops.y + hops.z;
-        next = (plane - walk.p) * walk.inverse;
     }
-    flush(word, bits);
-    if uniforms.walk_resumes == 1u {
+    if uniforms.walk_pass > 0u {
         walk_state[slot] = state;
     }
 }

@@ -6,7 +6,7 @@ use glam::Vec3;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sightline::backend::cpu::CpuBackend;
-use sightline::backend::gpu::GpuBackend;
+use sightline::backend::gpu::{Casting, GpuBackend};
 use sightline::backend::{Backend, Content, OccupiedVoxel, Problem};
 use sightline::bvh::Bvh;
 use sightline::geom::TriangleSoup;
@@ -99,6 +99,13 @@ pub fn cpu(problem: &Arc<Problem>) -> CpuBackend {
 /// themselves check nothing.
 pub fn gpu(problem: &Arc<Problem>) -> GpuBackend {
     GpuBackend::new(problem.clone(), None, MEMORY).expect("a Vulkan device: see the README")
+}
+
+/// [`gpu`] with lists of candidates even where the tree is faster.
+pub fn gpu_that_casts_by_shafts(problem: &Arc<Problem>) -> GpuBackend {
+    let mut gpu = gpu(problem);
+    gpu.cast_by(Casting::Shafts);
+    gpu
 }
 
 pub fn both(problem: &Arc<Problem>) -> [Box<dyn Backend>; 2] {

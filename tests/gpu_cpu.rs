@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use sightline::backend::gpu::GpuBackend;
+use sightline::backend::gpu::{Casting, GpuBackend};
 use sightline::backend::{Backend, BackendError, Problem};
 use sightline::bvh::{Bvh, Hit};
 use sightline::geom::TriangleSoup;
@@ -43,6 +43,15 @@ fn hits_coverage_and_tallies_are_the_same_bits() {
         let mut by_kernels = crate::common::gpu(&problem);
         by_kernels.reduce_on_device();
         assert_eq!(tallies, by_kernels.tally(&placements, range).unwrap());
+        for casting in [Casting::Tree, Casting::Shafts] {
+            let mut told = crate::common::gpu(&problem);
+            told.cast_by(casting);
+            assert_eq!(tallies, told.tally(&placements, range).unwrap(), "{casting:?}");
+            for placement in &placements[..8] {
+                let hits = cpu.hits(placement, 1).unwrap();
+                assert_eq!(bits(&hits), bits(&told.hits(placement, 1).unwrap()), "{casting:?}");
+            }
+        }
         // A shorter range is another answer, and again the same on both.
         let shorter = cpu.tally(&placements, 3.0).unwrap();
         assert!(shorter.iter().zip(&tallies).all(|(s, t)| s.covered < t.covered));

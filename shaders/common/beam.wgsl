@@ -14,7 +14,7 @@ struct Uniforms {
     occupied_count: u32,
     class_count: u32,
     walk_pass: u32,
-    walk_resumes: u32,
+    first_sensor: u32,
     ends_at_hits: u32,
 }
 

@@ -28,6 +28,13 @@ const MAX_COORDINATE: f64 = 1e9;
 pub(crate) const STEP_BUDGET: u32 = 60_000;
 /// Triangle id of a beam whose traversal ran out of [`STEP_BUDGET`].
 pub(crate) const UNFINISHED: u32 = NO_HIT - 1;
+/// Neighbouring invocations of `cast_shafts` that cast beams of one shaft: what a software device works
+/// on at once.
+pub(crate) const SHAFT_LANES: u32 = 8;
+/// Low bits of a block that hold the major axis of its beams; the others are the shaft.
+pub(crate) const MAJOR_BITS: u32 = 2;
+/// Slot of a beam whose hit goes nowhere, and shaft of a block without beams.
+pub(crate) const NO_SLOT: u32 = u32::MAX;
 /// State of a beam whose walk has ended.
 pub(crate) const WALK_DONE: u32 = u32::MAX;
 /// Voxels or words that one invocation of a reduction looks at: a workgroup's sums of 16-bit halves
@@ -101,10 +108,10 @@ pub(crate) struct Uniforms {
     pub occupied_count: u32,
     /// Classes.
     pub class_count: u32,
-    /// Which pass of a walk that needs several; 0 starts it.
+    /// Which pass of walks that need several and keep their state, from 1; 0 where one is enough.
     pub walk_pass: u32,
-    /// 1 when walks need several passes and keep their state.
-    pub walk_resumes: u32,
+    /// Sensor of the chunk whose bitmap is the first.
+    pub first_sensor: u32,
     /// 1 when beams end at their hits.
     pub ends_at_hits: u32,
 }
@@ -117,6 +124,9 @@ pub(crate) fn prelude() -> String {
         ("MAX_LIDARS", MAX_LIDARS as u32),
         ("NO_HIT", NO_HIT),
         ("UNFINISHED", UNFINISHED),
+        ("SHAFT_LANES", SHAFT_LANES),
+        ("MAJOR_BITS", MAJOR_BITS),
+        ("NO_SLOT", NO_SLOT),
         ("WALK_DONE", WALK_DONE),
         ("STEP_BUDGET", STEP_BUDGET),
         ("ITEMS_PER_INVOCATION", ITEMS_PER_INVOCATION),

@@ -20,6 +20,8 @@ const PARALLEL_SENSORS: usize = 32;
 const SORTED_SENSORS: usize = 256;
 /// Parallel tasks that are aimed at for each thread.
 const TASKS: usize = 2;
+/// Most beams that one task sorts: 16 bytes each while it does.
+const SORTED_BEAMS: usize = 4 << 20;
 
 /// Origin of a sensor and the hits of its beams.
 type Row<'a> = (Vec3, &'a mut [Hit]);
@@ -137,7 +139,8 @@ fn mixed_tasks<'a>(
     let mut sensors: Vec<_> = sensors.into_iter().map(|s| (beam_origin(s.0), Some(s))).collect();
     let groups = sensors.len().div_ceil(SORTED_SENSORS).max(1);
     let blocks = (TASKS * rayon::current_num_threads()).div_ceil(groups);
-    let block = directions.len().div_ceil(blocks).max(PACKET_RAYS);
+    let most = SORTED_BEAMS / sensors.len().clamp(1, SORTED_SENSORS);
+    let block = directions.len().div_ceil(blocks).max(PACKET_RAYS).min(most);
     let mut tasks = Vec::new();
     split(&mut sensors, &[Vec3::X, Vec3::Y, FLATNESS * Vec3::Z], SORTED_SENSORS, &mut |group| {
         let first = tasks.len();

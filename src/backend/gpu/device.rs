@@ -84,7 +84,12 @@ pub(super) struct Device {
     adapter: String,
     software: bool,
     failure: Arc<Mutex<Option<String>>>,
+    /// Buffers for copies to the host, kept from one to the next.
+    staging: Mutex<Vec<wgpu::Buffer>>,
 }
+
+/// Staging buffers that are kept: two copies may be under way at a time.
+const KEPT_STAGING: usize = 4;
 
 impl Device {
     pub(super) fn open(name: Option<&str>) -> Result<Self, BackendError> {
@@ -124,7 +129,8 @@ impl Device {
         });
         let adapter = format!("{} ({} {})", info.name, info.driver, info.driver_info);
         let software = info.device_type == wgpu::DeviceType::Cpu;
-        Ok(Self { device, queue, adapter, software, failure })
+        let staging = Mutex::default();
+        Ok(Self { device, queue, adapter, software, failure, staging })
     }
 
     /// Whether the device is a program on the host.
@@ -204,22 +210,39 @@ impl Device {
         &self.device
     }
 
+    /// Hands recorded commands to the device, which runs them after all before them.
+    pub(super) fn enqueue(
+        &self,
+        record: impl FnOnce(&mut wgpu::CommandEncoder),
+    ) -> wgpu::SubmissionIndex {
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        record(&mut encoder);
+        self.queue.submit([encoder.finish()])
+    }
+
     /// Runs recorded commands to their end.
     pub(super) fn submit(
         &self,
         stage: &'static str,
         record: impl FnOnce(&mut wgpu::CommandEncoder),
     ) -> Result<(), BackendError> {
-        let mut encoder = self.device.create_command_encoder(&Default::default());
-        record(&mut encoder);
-        self.queue.submit([encoder.finish()]);
-        self.wait(stage)
+        let submission = self.enqueue(record);
+        self.wait(stage, submission)
     }
 
-    /// Waits for all that was submitted.
-    fn wait(&self, stage: &'static str) -> Result<(), BackendError> {
+    /// Waits for a submission and all before it.
+    fn wait(
+        &self,
+        stage: &'static str,
+        submission: wgpu::SubmissionIndex,
+    ) -> Result<(), BackendError> {
+        let poll = wgpu::PollType::Wait { submission_index: Some(submission), timeout: None };
         // wgpu reports a device that a wait finds lost with a panic.
-        let waited = caught(|| self.device.poll(wgpu::PollType::wait_indefinitely()));
+        let waited = caught(|| self.device.poll(poll));
+        if !matches!(waited, Ok(Ok(_))) {
+            // A device that refused the submission says why once all before it has ended.
+            let _ = caught(|| self.device.poll(wgpu::PollType::wait_indefinitely()));
+        }
         // The callbacks know more than the panic.
         self.check(stage)?;
         match waited {
@@ -229,6 +252,71 @@ impl Device {
         }
     }
 
+    /// Starts recorded commands, after which the first `bytes` of a buffer are copied to the host.
+    pub(super) fn start(
+        &self,
+        stage: &'static str,
+        record: impl FnOnce(&mut wgpu::CommandEncoder),
+        buffer: &wgpu::Buffer,
+        bytes: u64,
+    ) -> Result<Reading, BackendError> {
+        let size = bytes.next_multiple_of(4);
+        let staging = self.staging(size)?;
+        let submission = self.enqueue(|encoder| {
+            record(encoder);
+            encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, size);
+        });
+        let answer = Arc::new(Mutex::new(None));
+        let sink = answer.clone();
+        staging.map_async(wgpu::MapMode::Read, 0..size, move |result| {
+            if let Ok(mut slot) = sink.lock() {
+                *slot = Some(result);
+            }
+        });
+        Ok(Reading { stage, staging, bytes, submission, answer })
+    }
+
+    /// Waits for a copy and hands it to `take`.
+    pub(super) fn finish<R>(
+        &self,
+        reading: Reading,
+        take: impl FnOnce(&[u8]) -> R,
+    ) -> Result<R, BackendError> {
+        let Reading { stage, staging, bytes, submission, answer } = reading;
+        self.wait(stage, submission)?;
+        match answer.lock().ok().and_then(|mut slot| slot.take()) {
+            Some(Ok(())) => {}
+            Some(Err(error)) => return Err(self.failed(stage, error.to_string())),
+            None => return Err(self.failed(stage, "the read-back never finished".into())),
+        }
+        let view = staging
+            .get_mapped_range(0..bytes.next_multiple_of(4))
+            .map_err(|error| self.failed(stage, error.to_string()))?;
+        let taken = take(&view[..bytes as usize]);
+        drop(view);
+        staging.unmap();
+        if let Ok(mut kept) = self.staging.lock()
+            && kept.len() < KEPT_STAGING
+        {
+            kept.push(staging);
+        }
+        Ok(taken)
+    }
+
+    /// A buffer to map, one used before where it is large enough.
+    fn staging(&self, size: u64) -> Result<wgpu::Buffer, BackendError> {
+        if let Ok(mut kept) = self.staging.lock() {
+            kept.sort_by_key(wgpu::Buffer::size);
+            if let Some(found) = kept.iter().position(|buffer| buffer.size() >= size) {
+                return Ok(kept.remove(found));
+            }
+            // The largest gives way to one that is large enough.
+            kept.pop();
+        }
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        self.buffer("read-back", size, usage)
+    }
+
     /// Copies the first `bytes` of a buffer to the host.
     pub(super) fn read<T: bytemuck::Pod>(
         &self,
@@ -236,30 +324,18 @@ impl Device {
         buffer: &wgpu::Buffer,
         bytes: u64,
     ) -> Result<Vec<T>, BackendError> {
-        let size = bytes.next_multiple_of(4);
-        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-        let staging = self.buffer("read-back", size, usage)?;
-        let answer = Arc::new(Mutex::new(None));
-        let mut encoder = self.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, size);
-        self.queue.submit([encoder.finish()]);
-        let sink = answer.clone();
-        staging.map_async(wgpu::MapMode::Read, 0..size, move |result| {
-            if let Ok(mut slot) = sink.lock() {
-                *slot = Some(result);
-            }
-        });
-        self.wait(stage)?;
-        match answer.lock().ok().and_then(|mut slot| slot.take()) {
-            Some(Ok(())) => {}
-            Some(Err(error)) => return Err(self.failed(stage, error.to_string())),
-            None => return Err(self.failed(stage, "the read-back never finished".into())),
-        }
-        let view = staging
-            .get_mapped_range(0..size)
-            .map_err(|error| self.failed(stage, error.to_string()))?;
-        Ok(bytemuck::pod_collect_to_vec(&view[..bytes as usize]))
+        let reading = self.start(stage, |_| {}, buffer, bytes)?;
+        self.finish(reading, bytemuck::pod_collect_to_vec)
     }
+}
+
+/// A copy to the host that is under way.
+pub(super) struct Reading {
+    stage: &'static str,
+    staging: wgpu::Buffer,
+    bytes: u64,
+    submission: wgpu::SubmissionIndex,
+    answer: Arc<Mutex<Option<Result<(), wgpu::BufferAsyncError>>>>,
 }
 
 /// The result of `work`, or the words of its panic.

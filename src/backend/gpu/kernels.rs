@@ -6,8 +6,9 @@ const BEAM: &str = include_str!("../../../shaders/common/beam.wgsl");
 const COVERED: &str = include_str!("../../../shaders/common/covered.wgsl");
 
 /// (kernel, parts of its source): the name is that of the file, the entry point and the CPU twin.
-pub(crate) const SOURCES: [(&str, &[&str]); 5] = [
+pub(crate) const SOURCES: [(&str, &[&str]); 6] = [
     ("cast_closest", &[BEAM, include_str!("../../../shaders/cast_closest.wgsl")]),
+    ("cast_shafts", &[BEAM, include_str!("../../../shaders/cast_shafts.wgsl")]),
     ("cover_voxels", &[BEAM, include_str!("../../../shaders/cover_voxels.wgsl")]),
     ("reduce_words", &[BEAM, include_str!("../../../shaders/reduce_words.wgsl"), COVERED]),
     ("reduce_occupied", &[BEAM, include_str!("../../../shaders/reduce_occupied.wgsl"), COVERED]),
@@ -22,6 +23,7 @@ pub(crate) fn source(parts: &[&str]) -> String {
 /// Compiled kernels.
 pub(super) struct Kernels {
     pub(super) cast_closest: wgpu::ComputePipeline,
+    pub(super) cast_shafts: wgpu::ComputePipeline,
     pub(super) cover_voxels: wgpu::ComputePipeline,
     pub(super) reduce_words: wgpu::ComputePipeline,
     pub(super) reduce_occupied: wgpu::ComputePipeline,
@@ -30,23 +32,37 @@ pub(super) struct Kernels {
 
 impl Kernels {
     pub(super) fn new(device: &Device) -> Result<Self, BackendError> {
-        let [cast_closest, cover_voxels, reduce_words, reduce_occupied, reduce_classes] = SOURCES
-            .map(|(name, parts)| {
-                let module = device.wgpu().create_shader_module(wgpu::ShaderModuleDescriptor {
-                    label: Some(name),
-                    source: wgpu::ShaderSource::Wgsl(source(parts).into()),
-                });
-                device.wgpu().create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                    label: Some(name),
-                    layout: None,
-                    module: &module,
-                    entry_point: Some(name),
-                    compilation_options: Default::default(),
-                    cache: None,
-                })
+        let pipelines = SOURCES.map(|(name, parts)| {
+            let module = device.wgpu().create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(name),
+                source: wgpu::ShaderSource::Wgsl(source(parts).into()),
             });
+            device.wgpu().create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(name),
+                layout: None,
+                module: &module,
+                entry_point: Some(name),
+                compilation_options: Default::default(),
+                cache: None,
+            })
+        });
         device.check("compiling kernels")?;
-        Ok(Self { cast_closest, cover_voxels, reduce_words, reduce_occupied, reduce_classes })
+        let [
+            cast_closest,
+            cast_shafts,
+            cover_voxels,
+            reduce_words,
+            reduce_occupied,
+            reduce_classes,
+        ] = pipelines;
+        Ok(Self {
+            cast_closest,
+            cast_shafts,
+            cover_voxels,
+            reduce_words,
+            reduce_occupied,
+            reduce_classes,
+        })
     }
 }
 
@@ -86,6 +102,12 @@ pub(super) fn beam_workgroups(directions: u32, sensors: u32) -> [u32; 3] {
     [groups.div_ceil(z), sensors, z]
 }
 
+/// So many workgroups, which spill into y beyond the limit of a dimension; the last may be spare.
+pub(super) fn workgroups(count: u32) -> [u32; 3] {
+    let y = count.div_ceil(MAX_WORKGROUPS);
+    [count.div_ceil(y.max(1)), y, 1]
+}
+
 #[cfg(test)]
 mod tests {
     use std::mem::offset_of;
@@ -94,7 +116,7 @@ mod tests {
 
     use super::*;
     use crate::backend::layout::{DevicePose, OccupiedVoxel, Uniforms};
-    use crate::bvh::{Node, Triangle};
+    use crate::bvh::{Candidate, Node, Triangle};
 
     fn parsed(parts: &[&str]) -> naga::Module {
         let source = source(parts);
@@ -145,7 +167,7 @@ mod tests {
             shape => "shape", direction_count => "direction_count", voxel => "voxel",
             range => "range", bitmap_words => "bitmap_words", node_count => "node_count",
             pad => "pad", occupied_count => "occupied_count", class_count => "class_count",
-            walk_pass => "walk_pass", walk_resumes => "walk_resumes",
+            walk_pass => "walk_pass", first_sensor => "first_sensor",
             ends_at_hits => "ends_at_hits",
         ]);
         same_layout!("cast_closest", Node, [
@@ -154,6 +176,7 @@ mod tests {
         same_layout!("cast_closest", Triangle, [
             a => "a", prim => "prim", b => "b", pad0 => "pad0", c => "c", pad1 => "pad1", normal => "normal", pad2 => "pad2",
         ]);
+        same_layout!("cast_shafts", Candidate, [triangle => "triangle", enter => "enter"]);
         let (fields, span) = layout("cast_closest", "DevicePose");
         let offsets: Vec<usize> = fields.iter().map(|f| f.1).collect();
         assert_eq!((offsets, span), (vec![0, 16, 32, 48], size_of::<DevicePose>()));

@@ -1,10 +1,14 @@
 //! The GPU backend: everything that touches wgpu.
 
+mod bricks;
+mod bundles;
+mod casting;
 mod device;
 mod kernels;
 mod resources;
 mod run;
 
+pub use casting::Casting;
 pub use device::{AdapterSummary, list_adapters};
 
 use std::sync::Arc;
@@ -13,12 +17,20 @@ use std::time::Instant;
 use super::{
     Backend, BackendError, Chunk, ChunkLimits, DevicePose, Problem, StageTimes, Tally, split,
 };
-use crate::backend::cpu::Worth;
+use crate::backend::cpu::{Worth, bitmap_words, union_of};
 use crate::bvh::Hit;
 use crate::placement::{Placement, SensorPose};
+use bricks::Bricks;
+use casting::Caster;
 use device::Device;
 use kernels::Kernels;
 use resources::{ChunkBuffers, SceneBuffers};
+
+/// Bytes of the bitmaps that are made at a time where the host sums them up: they stay in its caches.
+const SLICE_BYTES: u64 = 16 << 20;
+
+/// Bytes of the largest bitmap whose bits have numbers of 32 bits.
+const MOST_BITMAP: u64 = 1 << 29;
 
 /// Evaluates batches on a Vulkan device.
 ///
@@ -31,6 +43,11 @@ pub struct GpuBackend {
     kernels: Kernels,
     scene: SceneBuffers,
     chunk: Option<ChunkBuffers>,
+    caster: Caster,
+    /// Whether the batch is cast by shafts.
+    by_shafts: bool,
+    /// Whether the loaded chunk is.
+    sorted: bool,
     memory: u64,
     times: StageTimes,
     /// Host twin of the reductions, where they run on the host.
@@ -52,12 +69,35 @@ impl GpuBackend {
         memory: u64,
     ) -> Result<Self, BackendError> {
         let device = Device::open(adapter)?;
+        let need = 4 * Bricks::new(problem.roi()).words();
+        if need > MOST_BITMAP {
+            return Err(BackendError::TooLarge {
+                what: "coverage bitmaps",
+                need,
+                limit: MOST_BITMAP,
+            });
+        }
         let kernels = Kernels::new(&device)?;
         let scene = SceneBuffers::new(&device, &problem)?;
         let times = StageTimes::default();
-        let worth = device.is_software().then(|| Worth::new(problem.content()));
-        let (chunk, doomed) = (None, None);
-        Ok(Self { problem, device, kernels, scene, chunk, memory, times, worth, doomed })
+        let worth = device
+            .is_software()
+            .then(|| Worth::new(&Bricks::new(problem.roi()).content(problem.content())));
+        let (chunk, caster, doomed) = (None, Caster::default(), None);
+        Ok(Self {
+            problem,
+            device,
+            kernels,
+            scene,
+            chunk,
+            caster,
+            by_shafts: false,
+            sorted: false,
+            memory,
+            times,
+            worth,
+            doomed,
+        })
     }
 
     /// Whether the device is a program on the host, which the CPU backend outruns.
@@ -68,6 +108,11 @@ impl GpuBackend {
     /// Takes the sums on the device, whatever it is; to compare both ways.
     pub fn reduce_on_device(&mut self) {
         self.worth = None;
+    }
+
+    /// Casts in one way, whatever it costs; by the tree still where lists take too much memory.
+    pub fn cast_by(&mut self, casting: Casting) {
+        self.caster = Caster::told(casting);
     }
 
     /// Ends the device after so many more batches of placements, as a driver reset would; whatever is
@@ -85,19 +130,51 @@ impl GpuBackend {
         }
     }
 
-    fn chunks(&self, placements: &[Placement]) -> Result<Vec<Chunk>, BackendError> {
+    /// Poses of all sensors in order.
+    fn poses(&self, placements: &[Placement]) -> Vec<DevicePose> {
+        let roi = self.problem.roi();
+        placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect()
+    }
+
+    /// Chooses how to cast a batch and cuts it into chunks.
+    fn chunks(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Chunk>, BackendError> {
+        let poses = self.poses(placements);
+        let (device, problem) = (&self.device, &self.problem);
+        self.by_shafts = self.caster.choose(device, problem, &poses, range, self.memory)?;
         let lidars: Vec<usize> = placements.iter().map(|p| p.lidars.len()).collect();
         let widest = lidars.iter().copied().max().unwrap_or(1);
         let sizes = resources::Sizes::of(&self.problem);
         let binding = self.device.max_binding();
-        // A copy to map, and the host's own.
-        let read_back = if self.worth.is_some() { 2 * sizes.bitmap } else { 0 };
-        let sensors = [
-            ("coverage bitmaps", sizes.bitmap, binding),
+        // On the device and copied to the host, twice where slices are in flight.
+        let slice = self.in_slice(widest, sizes.bitmap) as u64 * sizes.bitmap;
+        let (bitmap, fixed) =
+            if self.worth.is_some() { (0, 4 * slice) } else { (2 * sizes.bitmap, 0) };
+        let one = [("coverage bitmaps", sizes.bitmap, binding.min(self.memory))];
+        ChunkLimits::from_bytes(widest, &one)?;
+        let free = self.memory.saturating_sub(fixed);
+        let mut sensors = vec![
             ("hits", sizes.hits, binding),
-            ("work buffers", sizes.per_sensor() + read_back, self.memory),
+            ("work buffers", sizes.per_sensor() + bitmap, free),
         ];
+        if bitmap > 0 {
+            sensors.push(one[0]);
+        }
         let mut limits = ChunkLimits::from_bytes(widest, &sensors)?;
+        if self.by_shafts {
+            let [each, rest] = self.caster.bytes(&self.problem);
+            let sorted = [
+                ("sorted beams", each, binding.saturating_sub(rest)),
+                (
+                    "work buffers",
+                    sizes.per_sensor() + bitmap + each,
+                    (free - free / 4).saturating_sub(rest),
+                ),
+            ];
+            match ChunkLimits::from_bytes(widest, &sorted) {
+                Ok(sorted) => limits.sensors = limits.sensors.min(sorted.sensors),
+                Err(_) => self.by_shafts = false,
+            }
+        }
         let placements = [
             ("partial sums", sizes.partials, binding.min(self.memory)),
             ("totals", sizes.totals, binding),
@@ -106,22 +183,38 @@ impl GpuBackend {
         Ok(split(&lidars, limits))
     }
 
+    /// Sensors whose bitmaps are made at a time, of placements of at most `widest`, where slices are
+    /// read by the host.
+    fn in_slice(&self, widest: usize, bitmap: u64) -> usize {
+        let bytes = SLICE_BYTES.min(self.memory / 16);
+        widest.max((bytes / bitmap) as usize)
+    }
+
     /// Uploads a chunk's poses and placements.
     fn load(&mut self, placements: &[Placement]) -> Result<(), BackendError> {
-        let roi = self.problem.roi();
-        let poses: Vec<DevicePose> =
-            placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect();
-        let fits = self.chunk.as_ref().is_some_and(|c| c.holds(poses.len(), placements.len()));
+        let poses = self.poses(placements);
+        self.sorted = false;
+        if self.by_shafts {
+            self.sorted = self.caster.load(&self.device, &self.problem, &poses)?;
+        }
+        let sizes = resources::Sizes::of(&self.problem);
+        let widest = placements.iter().map(|p| p.lidars.len()).max().unwrap_or(1);
+        let in_slice = if self.worth.is_some() {
+            self.in_slice(widest, sizes.bitmap).min(poses.len())
+        } else {
+            poses.len()
+        };
+        let fits =
+            self.chunk.as_ref().is_some_and(|c| c.holds(poses.len(), placements.len(), in_slice));
         if !fits {
             // The old buffers go first, so that both never exist at once.
             self.chunk = None;
-            let sizes = resources::Sizes::of(&self.problem);
-            let chunk = ChunkBuffers::new(&self.device, &sizes, poses.len(), placements.len())?;
-            self.chunk = Some(chunk);
+            let (device, count) = (&self.device, placements.len());
+            self.chunk = Some(ChunkBuffers::new(device, &sizes, poses.len(), count, in_slice)?);
         }
         let lidars = placements.iter().map(|p| p.lidars.len() as u32);
         let chunk = self.chunk.as_mut().expect("made above");
-        chunk.load(&self.device, &poses, lidars);
+        chunk.load(&self.device, &poses, lidars, in_slice);
         self.device.check("uploading placements")
     }
 
@@ -132,6 +225,7 @@ impl GpuBackend {
             kernels: &self.kernels,
             scene: &self.scene,
             chunk: self.chunk.as_ref().expect("a chunk is loaded before it runs"),
+            caster: self.sorted.then_some(&self.caster),
         }
     }
 }
@@ -149,7 +243,7 @@ impl Backend for GpuBackend {
         self.count_down();
         let mut tallies = Vec::with_capacity(placements.len());
         let classes = self.problem.content().classes().len();
-        for chunk in self.chunks(placements)? {
+        for chunk in self.chunks(placements, range)? {
             let placements = &placements[chunk.placements];
             self.load(placements)?;
             let mut sums: Vec<Tally> =
@@ -161,14 +255,18 @@ impl Backend for GpuBackend {
                 let hits = run.cast(frame, range)?;
                 times.cast += start.elapsed();
                 let start = Instant::now();
-                run.cover(frame, range)?;
-                times.cover += start.elapsed();
-                let start = Instant::now();
-                match &self.worth {
-                    Some(worth) => run.reduce_on_host(worth, &hits, &mut sums)?,
-                    None => run.reduce(&hits, &mut sums)?,
+                if let Some(worth) = &self.worth {
+                    let sums =
+                        run.cover_and_reduce_on_host(frame, range, worth, &hits, &mut sums)?;
+                    times.cover += start.elapsed().saturating_sub(sums);
+                    times.reduce += sums;
+                } else {
+                    run.cover_all(frame, range)?;
+                    times.cover += start.elapsed();
+                    let start = Instant::now();
+                    run.reduce(&hits, &mut sums)?;
+                    times.reduce += start.elapsed();
                 }
-                times.reduce += start.elapsed();
                 self.times = times;
             }
             tallies.append(&mut sums);
@@ -182,10 +280,10 @@ impl Backend for GpuBackend {
             return Err(BackendError::NoFrame { frame, frames });
         }
         let placements = std::slice::from_ref(placement);
-        self.chunks(placements)?;
+        let range = self.problem.table().range();
+        self.chunks(placements, range)?;
         self.load(placements)?;
         let start = Instant::now();
-        let range = self.problem.table().range();
         let run = self.run();
         run.cast_geometry(frame, range)?;
         let hits = run.read_hits()?;
@@ -196,13 +294,13 @@ impl Backend for GpuBackend {
     fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {
         self.problem.check_frame(frame)?;
         let placements = std::slice::from_ref(placement);
-        self.chunks(placements)?;
-        self.load(placements)?;
         let range = self.problem.table().range();
+        self.chunks(placements, range)?;
+        self.load(placements)?;
         let run = self.run();
         run.cast(frame, range)?;
-        run.cover(frame, range)?;
-        run.read_covered()
+        let bitmaps = run.bitmaps(frame, range)?;
+        Ok(union_of(&bitmaps, bitmap_words(self.problem.roi())))
     }
 
     fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError> {
@@ -211,12 +309,11 @@ impl Backend for GpuBackend {
         let placements: Vec<Placement> = poses.iter().map(single).collect();
         let range = self.problem.table().range();
         let mut bitmaps = Vec::new();
-        for chunk in self.chunks(&placements)? {
+        for chunk in self.chunks(&placements, range)? {
             self.load(&placements[chunk.placements])?;
             let run = self.run();
             run.cast(frame, range)?;
-            run.cover(frame, range)?;
-            bitmaps.append(&mut run.read_bitmaps()?);
+            bitmaps.append(&mut run.bitmaps(frame, range)?);
         }
         Ok(bitmaps)
     }

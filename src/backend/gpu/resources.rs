@@ -1,6 +1,9 @@
+use std::ops::Range;
+
+use super::bricks::Bricks;
 use super::device::Device;
 use crate::backend::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, STEP_BUDGET, Uniforms};
-use crate::backend::{BackendError, DevicePose, Problem};
+use crate::backend::{BackendError, ChunkLimits, DevicePose, Problem, split};
 use crate::bvh::Hit;
 
 /// Bytes that the buffers of a chunk need.
@@ -19,7 +22,7 @@ pub(super) struct Sizes {
 
 impl Sizes {
     pub(super) fn of(problem: &Problem) -> Self {
-        let words = problem.roi().voxel_count().div_ceil(32);
+        let words = Bricks::new(problem.roi()).words();
         let directions = problem.table().directions().len() as u64;
         let groups = occupied_workgroups(problem);
         Self {
@@ -35,15 +38,16 @@ impl Sizes {
         }
     }
 
+    /// Bytes of one sensor beside its bitmap.
     pub(super) fn per_sensor(&self) -> u64 {
-        self.bitmap + self.hits + self.walk_state
+        self.hits + self.walk_state
     }
 }
 
-/// Passes that the longest walk through the grid needs.
+/// Passes that the longest walk through the grid needs: at most two loop steps a voxel.
 pub(super) fn walk_passes(problem: &Problem) -> u32 {
     let steps: u64 = problem.roi().shape().iter().map(|&n| u64::from(n) + 1).sum();
-    steps.div_ceil(u64::from(STEP_BUDGET)) as u32
+    (2 * steps).div_ceil(u64::from(STEP_BUDGET)) as u32
 }
 
 pub(super) fn occupied_workgroups(problem: &Problem) -> u32 {
@@ -71,7 +75,7 @@ impl SceneBuffers {
         let directions: Vec<[f32; 4]> =
             problem.table().directions().iter().map(|&[x, y, z]| [x, y, z, 0.0]).collect();
         let frames = (0..problem.geometry_frame_count()).filter_map(|t| problem.geometry(t));
-        let content = problem.content();
+        let content = Bricks::new(problem.roi()).content(problem.content());
         let runs = class_runs(content.class_starts());
         Ok(Self {
             directions: device.upload("beam directions", &directions)?,
@@ -104,16 +108,25 @@ fn class_runs(starts: &[u32]) -> Vec<[u32; 4]> {
     runs
 }
 
+/// Placements of a chunk whose bitmaps are made at a time.
+pub(super) struct Slice {
+    pub(super) placements: Range<usize>,
+    pub(super) first_sensor: u32,
+    pub(super) sensors: u32,
+}
+
 /// Work buffers of one chunk.
 pub(super) struct ChunkBuffers {
-    capacity: (usize, usize),
+    capacity: [usize; 3],
+    pub(super) slices: Vec<Slice>,
     pub(super) sensors: u32,
     pub(super) placements: Vec<[u32; 2]>,
     pub(super) uniforms: wgpu::Buffer,
     pub(super) poses: wgpu::Buffer,
     pub(super) hits: wgpu::Buffer,
     pub(super) counters: wgpu::Buffer,
-    pub(super) bitmaps: wgpu::Buffer,
+    /// One for all slices in turn, two where a slice is read while the next is made.
+    pub(super) bitmaps: Vec<wgpu::Buffer>,
     pub(super) walk_state: wgpu::Buffer,
     pub(super) placement_sensors: wgpu::Buffer,
     pub(super) totals: wgpu::Buffer,
@@ -126,6 +139,7 @@ impl ChunkBuffers {
         sizes: &Sizes,
         sensors: usize,
         placements: usize,
+        in_slice: usize,
     ) -> Result<Self, BackendError> {
         let (s, p) = (sensors as u64, placements as u64);
         let usage = wgpu::BufferUsages::STORAGE
@@ -134,14 +148,17 @@ impl ChunkBuffers {
         let buffer = |what, bytes| device.buffer(what, bytes, usage);
         let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         Ok(Self {
-            capacity: (sensors, placements),
+            capacity: [sensors, placements, in_slice],
+            slices: Vec::new(),
             sensors: 0,
             placements: Vec::new(),
             uniforms: device.buffer("uniforms", size_of::<Uniforms>() as u64, uniform)?,
             poses: buffer("poses", s * size_of::<DevicePose>() as u64)?,
             hits: buffer("hits", s * sizes.hits)?,
             counters: buffer("hit counters", 4 * (1 + s))?,
-            bitmaps: buffer("coverage bitmaps", s * sizes.bitmap)?,
+            bitmaps: (0..if in_slice < sensors { 2 } else { 1 })
+                .map(|_| buffer("coverage bitmaps", in_slice as u64 * sizes.bitmap))
+                .collect::<Result<_, BackendError>>()?,
             walk_state: buffer("walk states", s * sizes.walk_state)?,
             placement_sensors: buffer("placements", 8 * p)?,
             totals: buffer("totals", p * sizes.totals)?,
@@ -149,8 +166,9 @@ impl ChunkBuffers {
         })
     }
 
-    pub(super) fn holds(&self, sensors: usize, placements: usize) -> bool {
-        sensors <= self.capacity.0 && placements <= self.capacity.1
+    pub(super) fn holds(&self, sensors: usize, placements: usize, in_slice: usize) -> bool {
+        let need = [sensors, placements, in_slice];
+        need.iter().zip(self.capacity).all(|(&need, held)| need <= held)
     }
 
     pub(super) fn load(
@@ -158,6 +176,7 @@ impl ChunkBuffers {
         device: &Device,
         poses: &[DevicePose],
         lidars: impl Iterator<Item = u32>,
+        in_slice: usize,
     ) {
         self.sensors = poses.len() as u32;
         self.placements = lidars
@@ -165,6 +184,16 @@ impl ChunkBuffers {
                 let entry = [*first, count];
                 *first += count;
                 Some(entry)
+            })
+            .collect();
+        let lidars: Vec<usize> = self.placements.iter().map(|[_, count]| *count as usize).collect();
+        let limits = ChunkLimits { sensors: in_slice, placements: usize::MAX };
+        self.slices = split(&lidars, limits)
+            .into_iter()
+            .map(|chunk| Slice {
+                placements: chunk.placements,
+                first_sensor: chunk.sensors.start as u32,
+                sensors: chunk.sensors.len() as u32,
             })
             .collect();
         device.write(&self.poses, poses);

@@ -1,9 +1,13 @@
+use std::time::{Duration, Instant};
+
 use rayon::prelude::*;
 
-use super::device::Device;
+use super::bricks::Bricks;
+use super::casting::Caster;
+use super::device::{Device, Reading};
 use super::kernels::{Kernels, beam_workgroups, dispatch};
-use super::resources::{ChunkBuffers, SceneBuffers, occupied_workgroups, walk_passes};
-use crate::backend::cpu::{Worth, beam_direction, bitmap_words, take_sums, union_of};
+use super::resources::{ChunkBuffers, SceneBuffers, Slice, occupied_workgroups, walk_passes};
+use crate::backend::cpu::{Worth, beam_direction, bitmap_words, take_sums};
 use crate::backend::layout::{
     DevicePose, HALVED_SUMS, ITEMS_PER_WORKGROUP, PARTIAL_WORDS, UNFINISHED, Uniforms,
 };
@@ -17,10 +21,12 @@ pub(super) struct Run<'a> {
     pub(super) kernels: &'a Kernels,
     pub(super) scene: &'a SceneBuffers,
     pub(super) chunk: &'a ChunkBuffers,
+    /// Where the chunk is cast by shafts.
+    pub(super) caster: Option<&'a Caster>,
 }
 
 impl Run<'_> {
-    fn write_uniforms(&self, frame: usize, range: f32, walk_pass: u32) {
+    fn write_uniforms(&self, frame: usize, range: f32, walk_pass: u32, first_sensor: u32) {
         let roi = self.problem.roi();
         let bvh = self.problem.geometry(frame);
         let uniforms = Uniforms {
@@ -34,7 +40,7 @@ impl Run<'_> {
             occupied_count: self.problem.content().occupied().len() as u32,
             class_count: self.problem.content().classes().len() as u32,
             walk_pass,
-            walk_resumes: u32::from(walk_passes(self.problem) > 1),
+            first_sensor,
             ends_at_hits: u32::from(self.problem.ends_at_hits()),
         };
         self.device.write(&self.chunk.uniforms, &[uniforms]);
@@ -45,7 +51,7 @@ impl Run<'_> {
     }
 
     fn bitmap_words(&self) -> u32 {
-        self.problem.roi().voxel_count().div_ceil(32) as u32
+        Bricks::new(self.problem.roi()).words() as u32
     }
 
     /// Casts the beams where the coverage needs hits; hits counted a sensor, else all zero.
@@ -59,22 +65,38 @@ impl Run<'_> {
 
     /// Casts every beam into a frame's geometry and counts the hits of each sensor.
     pub(super) fn cast_geometry(&self, frame: usize, range: f32) -> Result<Vec<u32>, BackendError> {
-        self.write_uniforms(frame, range, 0);
+        self.write_uniforms(frame, range, 0, 0);
         let (chunk, scene) = (self.chunk, self.scene);
         let tree = &scene.frames[frame];
-        let buffers = [
-            &chunk.uniforms,
-            &chunk.poses,
-            &scene.directions,
-            &tree.nodes,
-            &tree.triangles,
-            &chunk.hits,
-            &chunk.counters,
-        ];
-        self.device.submit("cast_closest", |encoder| {
+        self.device.submit("casting", |encoder| {
             encoder.clear_buffer(&chunk.counters, 0, None);
-            let groups = beam_workgroups(self.directions(), chunk.sensors);
-            dispatch(self.device, encoder, &self.kernels.cast_closest, &buffers, groups);
+            let kernels = self.kernels;
+            if let Some((shafts, bundles)) = self.caster.and_then(|c| c.frame(frame)) {
+                let buffers = [
+                    &chunk.uniforms,
+                    &bundles.blocks,
+                    &bundles.beams,
+                    &bundles.slots,
+                    &shafts.starts,
+                    &shafts.candidates,
+                    &tree.triangles,
+                    &chunk.hits,
+                    &chunk.counters,
+                ];
+                dispatch(self.device, encoder, &kernels.cast_shafts, &buffers, bundles.workgroups);
+            } else {
+                let buffers = [
+                    &chunk.uniforms,
+                    &chunk.poses,
+                    &scene.directions,
+                    &tree.nodes,
+                    &tree.triangles,
+                    &chunk.hits,
+                    &chunk.counters,
+                ];
+                let groups = beam_workgroups(self.directions(), chunk.sensors);
+                dispatch(self.device, encoder, &kernels.cast_closest, &buffers, groups);
+            }
         })?;
         let bytes = 4 * (1 + u64::from(chunk.sensors));
         let mut counters: Vec<u32> = self.device.read("cast_closest", &chunk.counters, bytes)?;
@@ -121,26 +143,71 @@ impl Run<'_> {
         Ok(words.iter().map(|&[t, prim]| Hit { t: f32::from_bits(t), prim }).collect())
     }
 
-    /// Marks the covered voxels of each sensor.
-    pub(super) fn cover(&self, frame: usize, range: f32) -> Result<(), BackendError> {
+    /// Marks the voxels that the sensors of a slice cover, up to the last pass, and returns what records
+    /// that one.
+    fn cover(
+        &self,
+        frame: usize,
+        range: f32,
+        slice: &Slice,
+        bitmaps: &wgpu::Buffer,
+    ) -> impl Fn(&mut wgpu::CommandEncoder) {
         let chunk = self.chunk;
-        let buffers = [
-            &chunk.uniforms,
-            &chunk.poses,
-            &self.scene.directions,
-            &chunk.hits,
-            &chunk.bitmaps,
-            &chunk.walk_state,
-        ];
-        for pass in 0..walk_passes(self.problem) {
-            self.write_uniforms(frame, range, pass);
-            self.device.submit("cover_voxels", |encoder| {
-                if pass == 0 {
-                    encoder.clear_buffer(&chunk.bitmaps, 0, None);
-                }
-                let groups = beam_workgroups(self.directions(), chunk.sensors);
-                dispatch(self.device, encoder, &self.kernels.cover_voxels, &buffers, groups);
-            })?;
+        let record = move |encoder: &mut wgpu::CommandEncoder| {
+            let buffers = [
+                &chunk.uniforms,
+                &chunk.poses,
+                &self.scene.directions,
+                &chunk.hits,
+                bitmaps,
+                &chunk.walk_state,
+            ];
+            let groups = beam_workgroups(self.directions(), slice.sensors);
+            dispatch(self.device, encoder, &self.kernels.cover_voxels, &buffers, groups);
+        };
+        let passes = walk_passes(self.problem);
+        // A walk of one pass keeps no state, which pass 0 tells.
+        let first = u32::from(passes > 1);
+        self.write_uniforms(frame, range, first, slice.first_sensor);
+        self.device.enqueue(|encoder| encoder.clear_buffer(bitmaps, 0, None));
+        for pass in first + 1..first + passes {
+            self.device.enqueue(record);
+            self.write_uniforms(frame, range, pass, slice.first_sensor);
+        }
+        record
+    }
+
+    /// Covers the chunk slice after slice and hands the bitmaps of each to `take`, while the next is
+    /// being covered.
+    pub(super) fn cover_slices(
+        &self,
+        frame: usize,
+        range: f32,
+        mut take: impl FnMut(&Slice, &[u32]),
+    ) -> Result<(), BackendError> {
+        let words = u64::from(self.bitmap_words());
+        let mut under_way: Option<(&Slice, Reading)> = None;
+        let mut finish = |under_way: Option<(&Slice, Reading)>| match under_way {
+            Some((slice, reading)) => {
+                self.device.finish(reading, |bytes| take(slice, bytemuck::cast_slice(bytes)))
+            }
+            None => Ok(()),
+        };
+        for (turn, slice) in self.chunk.slices.iter().enumerate() {
+            let bitmaps = &self.chunk.bitmaps[turn % self.chunk.bitmaps.len()];
+            let record = self.cover(frame, range, slice, bitmaps);
+            let bytes = 4 * u64::from(slice.sensors) * words;
+            let reading = self.device.start("cover_voxels", record, bitmaps, bytes)?;
+            finish(under_way.replace((slice, reading)))?;
+        }
+        finish(under_way)
+    }
+
+    /// Covers the chunk, which is one slice, and leaves the bitmaps on the device.
+    pub(super) fn cover_all(&self, frame: usize, range: f32) -> Result<(), BackendError> {
+        for slice in &self.chunk.slices {
+            let record = self.cover(frame, range, slice, &self.chunk.bitmaps[0]);
+            self.device.submit("cover_voxels", record)?;
         }
         Ok(())
     }
@@ -150,7 +217,7 @@ impl Run<'_> {
         let (chunk, scene) = (self.chunk, self.scene);
         let count = tallies.len() as u32;
         let occupied_groups = occupied_workgroups(self.problem);
-        let shared = [&chunk.uniforms, &chunk.placement_sensors, &chunk.bitmaps];
+        let shared = [&chunk.uniforms, &chunk.placement_sensors, &chunk.bitmaps[0]];
         let with = |more: &[_]| [&shared[..], more].concat();
         self.device.submit("reduce", |encoder| {
             encoder.clear_buffer(&chunk.totals, 0, None);
@@ -192,25 +259,39 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// As [`Self::reduce`], from bitmaps read back.
-    pub(super) fn reduce_on_host(
+    /// Covers the chunk and adds the sums of this frame to `tallies`, as [`Self::reduce`], on the
+    /// host; the time that the sums take.
+    pub(super) fn cover_and_reduce_on_host(
         &self,
+        frame: usize,
+        range: f32,
         worth: &Worth,
         hits: &[u32],
         tallies: &mut [Tally],
-    ) -> Result<(), BackendError> {
-        let words = bitmap_words(self.problem.roi());
-        let mut bitmaps = self.read_bitmaps()?;
-        let mut rest = bitmaps.as_mut_slice();
-        let mut tasks = Vec::with_capacity(tallies.len());
-        for (tally, [first, lidars]) in tallies.iter_mut().zip(&self.chunk.placements) {
-            let (own, after) = rest.split_at_mut(*lidars as usize * words);
-            rest = after;
-            self.add_beams(hits, *first, *lidars, tally);
-            tasks.push((own, tally));
-        }
-        tasks.into_par_iter().for_each(|(own, tally)| take_sums(own, words, worth, tally));
-        Ok(())
+    ) -> Result<Duration, BackendError> {
+        let words = self.bitmap_words() as usize;
+        let mut time = Duration::ZERO;
+        self.cover_slices(frame, range, |slice, bitmaps| {
+            let start = Instant::now();
+            let mut rest = bitmaps;
+            let mut tasks = Vec::with_capacity(slice.placements.len());
+            let placements = &self.chunk.placements[slice.placements.clone()];
+            for (tally, [first, lidars]) in
+                tallies[slice.placements.clone()].iter_mut().zip(placements)
+            {
+                let (own, after) = rest.split_at(*lidars as usize * words);
+                rest = after;
+                self.add_beams(hits, *first, *lidars, tally);
+                tasks.push((own, tally));
+            }
+            tasks.into_par_iter().for_each_init(Vec::new, |copy: &mut Vec<u64>, (own, tally)| {
+                copy.resize(own.len() / 2, 0);
+                bytemuck::cast_slice_mut(copy).copy_from_slice(own);
+                take_sums(copy, words / 2, worth, tally);
+            });
+            time += start.elapsed();
+        })?;
+        Ok(time)
     }
 
     fn add_beams(&self, hits: &[u32], first: u32, lidars: u32, tally: &mut Tally) {
@@ -219,25 +300,19 @@ impl Run<'_> {
         tally.beams += u64::from(lidars) * u64::from(self.directions());
     }
 
-    /// Voxels that any sensor of the chunk covers, rising.
-    pub(super) fn read_covered(&self) -> Result<Vec<u64>, BackendError> {
-        let words = bitmap_words(self.problem.roi());
-        let bitmaps = self.read_bitmaps()?;
-        Ok(union_of(&bitmaps, words))
-    }
-
-    /// Bitmaps of the chunk's sensors in words of 64 bits.
-    pub(super) fn read_bitmaps(&self) -> Result<Vec<u64>, BackendError> {
-        let words = self.bitmap_words() as usize;
-        let bytes = 4 * u64::from(self.chunk.sensors) * words as u64;
-        if words.is_multiple_of(2) {
-            return self.device.read("read-back", &self.chunk.bitmaps, bytes);
-        }
-        let bitmaps: Vec<u32> = self.device.read("read-back", &self.chunk.bitmaps, bytes)?;
-        let wide = |pair: &[u32]| {
-            u64::from(pair[0]) | pair.get(1).map_or(0, |&high| u64::from(high) << 32)
-        };
-        Ok(bitmaps.chunks(words).flat_map(|bitmap| bitmap.chunks(2).map(wide)).collect())
+    /// Covers the chunk; bitmaps of its sensors in the order of the grid, in words of 64 bits.
+    pub(super) fn bitmaps(&self, frame: usize, range: f32) -> Result<Vec<u64>, BackendError> {
+        let bricks = Bricks::new(self.problem.roi());
+        let (words, linear) = (self.bitmap_words() as usize, bitmap_words(self.problem.roi()));
+        let mut bitmaps = vec![0; self.chunk.sensors as usize * linear];
+        self.cover_slices(frame, range, |slice, made| {
+            let first = slice.first_sensor as usize * linear;
+            bitmaps[first..]
+                .par_chunks_mut(linear)
+                .zip(made.par_chunks(words))
+                .for_each(|(linear, made)| bricks.add_in_order(made, linear));
+        })?;
+        Ok(bitmaps)
     }
 }
 
