@@ -186,11 +186,22 @@ fn long_room(dir: &std::path::Path) {
 fn auto_searches_fewer_frames_and_ends_as_well() {
     let dir = TempDir::new().unwrap();
     long_room(dir.path());
-    let run = |fidelity: &str| {
+    let run = |fidelity: &str, seed: &str| {
         let args = ["optimize", "room.json", "--backend", "cpu", "--evaluations", "240"];
-        ok(dir.path(), &[&args[..], &["--out", fidelity, "--fidelity", fidelity]].concat())
+        let out = format!("{fidelity}-{seed}");
+        let _ = fs::remove_dir_all(dir.path().join(&out));
+        let own = ["--out", &out, "--fidelity", fidelity, "--seed", seed];
+        ok(dir.path(), &[&args[..], &own].concat())
     };
-    let (auto, full) = (run("auto"), run("full"));
+    let value = |run: &Value| run["best"]["objective"].as_f64().unwrap();
+    // One seed more or less lucky says nothing. The walker makes each frame unlike the others, so that
+    // few of them stand for all worse than in the own scenes: auto ends 4 % lower here.
+    let median = |fidelity: &str| {
+        let mut values = ["1", "2", "3"].map(|seed| value(&run(fidelity, seed)));
+        values.sort_by(f64::total_cmp);
+        values[1]
+    };
+    let (auto, full) = (run("auto", "1"), run("full", "1"));
     assert!(full["fidelity"].is_null());
     assert_eq!(full["search_frames"], 8);
     // The walker is elsewhere in each frame; of 16 × 12 × 6 voxels few are ever occupied.
@@ -206,8 +217,8 @@ fn auto_searches_fewer_frames_and_ends_as_well() {
     assert!(report["words"].as_str().unwrap().contains("finalists"));
     // Both are reported over all frames.
     assert_eq!((&auto["frames"], &full["frames"]), (&json!(8), &json!(8)));
-    let value = |run: &Value| run["best"]["objective"].as_f64().unwrap();
-    assert!(value(&auto) > 1.02 * value(&full), "{} and {}", value(&auto), value(&full));
+    let (auto, full) = (median("auto"), median("full"));
+    assert!(auto > 1.06 * full, "{auto} and {full}");
 }
 
 #[cfg(unix)]
