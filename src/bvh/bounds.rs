@@ -2,6 +2,7 @@
 
 use super::build::PAD_SHARE;
 use super::packet::{CHUNK, CHUNKS, Packet, least, most};
+use super::ranges::{Range, Ranges, fold, middle_of_origins, narrowest_plane};
 use super::wide::{Block, WIDTH};
 
 /// Farther than any plane, and finite, so that an empty box stays empty.
@@ -51,163 +52,6 @@ pub(super) struct Chunks {
     turn: [[f32; CHUNKS]; 2],
     /// The farthest of the best distances, counted from the plane; −∞ where there are no rays.
     farthest: [f32; CHUNKS],
-}
-
-/// Least and largest of a number over each chunk's rays.
-#[derive(Clone, Copy)]
-struct Range {
-    low: [f32; CHUNKS],
-    high: [f32; CHUNKS],
-}
-
-impl Range {
-    const EMPTY: Self = Self { low: [f32::INFINITY; CHUNKS], high: [f32::NEG_INFINITY; CHUNKS] };
-
-    #[inline(always)]
-    fn grow(&mut self, numbers: &[f32; CHUNKS]) {
-        for (chunk, &number) in numbers.iter().enumerate() {
-            self.low[chunk] = least(number, self.low[chunk]);
-            self.high[chunk] = most(number, self.high[chunk]);
-        }
-    }
-
-    /// From lanes that lie chunk by chunk; chunks without rays repeat the last one's range.
-    #[inline(always)]
-    fn of(lanes: &[[f32; CHUNK]]) -> Self {
-        let mut range = Self::EMPTY;
-        for chunk in 0..CHUNKS {
-            let lanes = &lanes[chunk.min(lanes.len() - 1)];
-            let (mut low, mut high) = ([0.0; 8], [0.0; 8]);
-            for i in 0..8 {
-                low[i] = least(lanes[i], lanes[i + 8]);
-                high[i] = most(lanes[i], lanes[i + 8]);
-            }
-            range.low[chunk] = fold(&low, least);
-            range.high[chunk] = fold(&high, most);
-        }
-        range
-    }
-
-    /// Over all rays.
-    #[inline(always)]
-    fn all(&self) -> [f32; 2] {
-        [fold(&self.low, least), fold(&self.high, most)]
-    }
-
-    #[inline(always)]
-    fn middle_and_half(&self) -> ([f32; CHUNKS], [f32; CHUNKS]) {
-        let (mut middle, mut half) = ([0.0; CHUNKS], [0.0; CHUNKS]);
-        for chunk in 0..CHUNKS {
-            middle[chunk] = 0.5 * (self.low[chunk] + self.high[chunk]);
-            half[chunk] = 0.5 * (self.high[chunk] - self.low[chunk]);
-        }
-        (middle, half)
-    }
-}
-
-/// Of every chunk: how far its origins lie before the plane, where rays cross it, how they are sheared.
-struct Ranges {
-    shift: Range,
-    crossing: [Range; 2],
-    /// Not set for parallel rays.
-    shear: [Range; 2],
-}
-
-impl Ranges {
-    #[inline(always)]
-    fn parallel(packet: &Packet, plane: f32) -> Self {
-        let axes = packet.axes();
-        let inverse = packet.inverse[axes[2]][0][0];
-        let shear = [packet.shear[0][0][0], packet.shear[1][0][0]];
-        let mut ranges =
-            Self { shift: Range::EMPTY, crossing: [Range::EMPTY; 2], shear: [Range::EMPTY; 2] };
-        for i in 0..CHUNK {
-            let (mut before, mut shift) = ([0.0; CHUNKS], [0.0; CHUNKS]);
-            for chunk in 0..CHUNKS {
-                before[chunk] = plane - packet.across[axes[2]][i][chunk];
-                shift[chunk] = before[chunk] * inverse;
-            }
-            ranges.shift.grow(&shift);
-            for k in 0..2 {
-                let mut at = [0.0; CHUNKS];
-                for chunk in 0..CHUNKS {
-                    at[chunk] = packet.across[axes[k]][i][chunk] + shear[k] * before[chunk];
-                }
-                ranges.crossing[k].grow(&at);
-            }
-        }
-        ranges
-    }
-
-    #[inline(always)]
-    fn any(packet: &Packet, plane: f32) -> Self {
-        let axes = packet.axes();
-        let filled = packet.chunks();
-        let mut shift = [[0.0; CHUNK]; CHUNKS];
-        let mut at = [[[0.0; CHUNK]; CHUNKS]; 2];
-        for chunk in 0..filled {
-            for i in 0..CHUNK {
-                let before = plane - packet.origin[axes[2]][chunk][i];
-                shift[chunk][i] = before * packet.inverse[axes[2]][chunk][i];
-                for k in 0..2 {
-                    at[k][chunk][i] =
-                        packet.origin[axes[k]][chunk][i] + packet.shear[k][chunk][i] * before;
-                }
-            }
-        }
-        Self {
-            shift: Range::of(&shift[..filled]),
-            crossing: [Range::of(&at[0][..filled]), Range::of(&at[1][..filled])],
-            shear: [Range::of(&packet.shear[0][..filled]), Range::of(&packet.shear[1][..filled])],
-        }
-    }
-}
-
-/// Where the plane is best for parallel rays: in the middle of their origins.
-#[inline(always)]
-fn middle_of_origins(packet: &Packet) -> f32 {
-    let mut range = Range::EMPTY;
-    for numbers in &packet.across[packet.major] {
-        range.grow(numbers);
-    }
-    let [low, high] = range.all();
-    0.5 * (low + high)
-}
-
-/// Where rays of several directions lie closest together, on their way up to `t_max`: the variance of
-/// the crossings x + s·(z − z₀) is least at z₀ − cov(x, s) / var(s).
-#[inline(always)]
-fn narrowest_plane(packet: &Packet) -> f32 {
-    let axes = packet.axes();
-    let filled = packet.chunks();
-    let rays = (filled * CHUNK) as f32;
-    let start = Range::of(&packet.origin[axes[2]][..filled]).all();
-    let start = 0.5 * (start[0] + start[1]);
-    let (mut covariance, mut variance) = (0.0, 0.0);
-    for k in 0..2 {
-        let (first_x, first_s) = (packet.origin[axes[k]][0][0], packet.shear[k][0][0]);
-        let (mut x, mut s, mut xs, mut ss) =
-            ([0.0; CHUNK], [0.0; CHUNK], [0.0; CHUNK], [0.0; CHUNK]);
-        for chunk in 0..filled {
-            for i in 0..CHUNK {
-                let shear = packet.shear[k][chunk][i];
-                let before = start - packet.origin[axes[2]][chunk][i];
-                let at = packet.origin[axes[k]][chunk][i] + shear * before - first_x;
-                let shear = shear - first_s;
-                x[i] += at;
-                s[i] += shear;
-                xs[i] += at * shear;
-                ss[i] += shear * shear;
-            }
-        }
-        let [x, s, xs, ss] = [x, s, xs, ss].map(|sums| sums.iter().sum::<f32>());
-        covariance += xs - x * s / rays;
-        variance += ss - s * s / rays;
-    }
-    let sign = packet.direction[axes[2]][0][0].signum();
-    let ahead = -covariance / variance * sign;
-    // Not a number where all directions are the same.
-    if ahead > 0.0 { start + sign * ahead.min(packet.t_max) } else { start }
 }
 
 impl Bounds {
@@ -442,16 +286,6 @@ fn passes_beside<const PARALLEL: bool>(
     let left = (u.0 + u.2 < 0.0) | (v.0 + v.2 < 0.0) | (w.0 + w.2 < 0.0);
     let right = (u.0 - u.2 > 0.0) | (v.0 - v.2 > 0.0) | (w.0 - w.2 > 0.0);
     ((area > doubt) & left) | ((area < -doubt) & right)
-}
-
-/// Puts eight together, halving them: what is joined at a time does not depend on each other.
-#[inline(always)]
-fn fold(numbers: &[f32; 8], join: impl Fn(f32, f32) -> f32) -> f32 {
-    let mut half = [0.0; 4];
-    for i in 0..4 {
-        half[i] = join(numbers[i], numbers[i + 4]);
-    }
-    join(join(half[0], half[1]), join(half[2], half[3]))
 }
 
 /// A bit for each flag; flags are all ones or zero.

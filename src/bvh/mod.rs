@@ -18,6 +18,7 @@ mod intersect;
 mod lanes;
 mod node;
 mod packet;
+mod ranges;
 mod shafts;
 mod traverse;
 mod wide;
