@@ -243,7 +243,8 @@ impl Chunks {
     }
 }
 
-/// Whether all rays surely miss a triangle, on the outer side of one of its edges.
+/// Whether all rays surely miss a triangle: beside its corners, or on the outer side of one of its
+/// edges.
 ///
 /// Seen along a ray, a corner lies at its coordinates less shear times depth. An edge function is
 /// affine in the origin and in the shear but for their product, so its spread over the rays is a
@@ -261,6 +262,14 @@ fn passes_beside<const PARALLEL: bool>(
         [corner[0] - middle[0] - shear[0] * z, corner[1] - middle[1] - shear[1] * z, z]
     };
     let (a, b, c) = (seen(corners[0]), seen(corners[1]), seen(corners[2]));
+    // Beside the rectangle that the rays fill, at the depth of each corner.
+    let mut apart = false;
+    for k in 0..2 {
+        let reach = |p: [f32; 3]| if PARALLEL { 0.0 } else { turn[k] * p[2].abs() };
+        let low = least(least(a[k] - reach(a), b[k] - reach(b)), c[k] - reach(c));
+        let high = most(most(a[k] + reach(a), b[k] + reach(b)), c[k] + reach(c));
+        apart |= (low > half[k] + slack) | (high < -half[k] - slack);
+    }
     let size = |p: [f32; 3]| p[0].abs() + p[1].abs();
     let mut widest = half[0] + half[1];
     if !PARALLEL {
@@ -285,7 +294,7 @@ fn passes_beside<const PARALLEL: bool>(
     let doubt = u.1 + v.1 + w.1 + 4.0 * error;
     let left = (u.0 + u.2 < 0.0) | (v.0 + v.2 < 0.0) | (w.0 + w.2 < 0.0);
     let right = (u.0 - u.2 > 0.0) | (v.0 - v.2 > 0.0) | (w.0 - w.2 > 0.0);
-    ((area > doubt) & left) | ((area < -doubt) & right)
+    apart | ((area > doubt) & left) | ((area < -doubt) & right)
 }
 
 /// A bit for each flag; flags are all ones or zero.
