@@ -57,7 +57,7 @@ pub enum BackendChoice {
     Auto,
     /// A Vulkan device.
     Gpu,
-    /// The CPU reference.
+    /// The host processor.
     Cpu,
 }
 

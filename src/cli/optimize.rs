@@ -151,7 +151,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     };
     let objective: Objective = settings.search.objective.parse()?;
     let (scene, psog, mut times) = load::scene_and_psog(&settings.scene, args.compute.talk)?;
-    let scene = scene.with_rules(&settings.rules, &settings.scene.display().to_string())?;
+    let scene = scene
+        .with_rules(&settings.rules, &settings.scene.display().to_string())
+        .map_err(|error| Error::Usage(format!("options for the mount: {error}")))?;
     let building = Instant::now();
     let constraints = load::constraints(scene.mount());
     let all_frames: Vec<usize> = (0..scene.frame_count()).collect();

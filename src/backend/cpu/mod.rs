@@ -185,7 +185,7 @@ impl Backend for CpuBackend {
     }
 
     fn adapter(&self) -> &str {
-        "CPU reference"
+        "host processor"
     }
 
     fn tally(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Tally>, BackendError> {

@@ -12,7 +12,12 @@ use crate::cli::error::Error;
 /// The store asked for.
 pub(super) fn open(args: &Args) -> Result<Option<Arc<PageStore>>, Error> {
     let Some(folder) = &args.atlas else { return Ok(None) };
-    let store = PageStore::open(folder, args.atlas_size).map_err(Error::io(folder))?;
+    let store = PageStore::open(folder, args.atlas_size).map_err(|error| {
+        Error::Usage(format!(
+            "--atlas {}: {error}; name a folder that exists or can be made",
+            folder.display()
+        ))
+    })?;
     Ok(Some(Arc::new(store)))
 }
 
