@@ -25,10 +25,10 @@ fn hits_coverage_and_tallies_are_the_same_bits() {
         let [mut cpu, mut gpu] = both(&problem);
         for placement in &placements[..8] {
             for frame in 0..2 {
-                let hits = cpu.hits(placement, frame).unwrap();
+                let hits = cpu.hits(&placement.lidars, frame).unwrap();
                 let share = hits.iter().filter(|h| h.is_hit()).count() as f64 / hits.len() as f64;
                 assert!(share > 0.2, "only {share} of the beams hit: the scene is trivial");
-                assert_eq!(bits(&hits), bits(&gpu.hits(placement, frame).unwrap()));
+                assert_eq!(bits(&hits), bits(&gpu.hits(&placement.lidars, frame).unwrap()));
             }
             let frame = problem.frame_count() - 1;
             let covered = cpu.covered(placement, frame).unwrap();
@@ -48,8 +48,12 @@ fn hits_coverage_and_tallies_are_the_same_bits() {
             told.cast_by(casting);
             assert_eq!(tallies, told.tally(&placements, range).unwrap(), "{casting:?}");
             for placement in &placements[..8] {
-                let hits = cpu.hits(placement, 1).unwrap();
-                assert_eq!(bits(&hits), bits(&told.hits(placement, 1).unwrap()), "{casting:?}");
+                let hits = cpu.hits(&placement.lidars, 1).unwrap();
+                assert_eq!(
+                    bits(&hits),
+                    bits(&told.hits(&placement.lidars, 1).unwrap()),
+                    "{casting:?}"
+                );
             }
         }
         // A shorter range is another answer, and again the same on both.
@@ -127,9 +131,9 @@ fn a_traversal_longer_than_an_invocation_may_loop_is_whole() {
     let problem = Arc::new(Problem::new(roi, content, table, frames, true));
     let [mut cpu, mut gpu] = both(&problem);
     let placement = one_sensor();
-    let hits = cpu.hits(&placement, 0).unwrap();
+    let hits = cpu.hits(&placement.lidars, 0).unwrap();
     assert!(hits.iter().any(Hit::is_hit));
-    assert_eq!(bits(&hits), bits(&gpu.hits(&placement, 0).unwrap()));
+    assert_eq!(bits(&hits), bits(&gpu.hits(&placement.lidars, 0).unwrap()));
     let placements = [placement];
     assert_eq!(cpu.tally(&placements, 100.0).unwrap(), gpu.tally(&placements, 100.0).unwrap());
 }
@@ -158,5 +162,5 @@ fn an_empty_frame_ends_no_beam() {
     let placements = random_placements(61, 5, 3.0);
     let tallies = cpu.tally(&placements, 20.0).unwrap();
     assert_eq!(tallies, gpu.tally(&placements, 20.0).unwrap());
-    assert!(cpu.hits(&placements[0], 0).unwrap().iter().all(|hit| !hit.is_hit()));
+    assert!(cpu.hits(&placements[0].lidars, 0).unwrap().iter().all(|hit| !hit.is_hit()));
 }

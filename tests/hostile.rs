@@ -256,10 +256,10 @@ fn hostile_geometry_has_a_stated_result_on_both_backends() {
         let problem = problem(&case);
         let placement = placement(case.sensor);
         let [mut cpu, mut gpu] = both(&problem);
-        let hits = cpu.hits(&placement, 0).unwrap();
-        assert_eq!(bits(&hits), bits(&gpu.hits(&placement, 0).unwrap()), "{}", case.name);
+        let hits = cpu.hits(&placement.lidars, 0).unwrap();
+        assert_eq!(bits(&hits), bits(&gpu.hits(&placement.lidars, 0).unwrap()), "{}", case.name);
         let mut by_shafts = gpu_that_casts_by_shafts(&problem);
-        let shafts = by_shafts.hits(&placement, 0).unwrap();
+        let shafts = by_shafts.hits(&placement.lidars, 0).unwrap();
         assert_eq!(bits(&hits), bits(&shafts), "{}", case.name);
         assert_eq!(hits.len(), case.want.len(), "{}", case.name);
         for (hit, (t, prim)) in hits.iter().zip(&case.want) {

@@ -109,10 +109,10 @@ fn no_beam_leaks_out_of_a_closed_mesh() {
             .collect();
         let problem = problem(roi, &directions, 100.0, Some(&soup));
         let [mut cpu, mut gpu] = both(&problem);
-        let hits = cpu.hits(&single(x, y, z), 0).unwrap();
+        let hits = cpu.hits(&single(x, y, z).lidars, 0).unwrap();
         let leaks = hits.iter().filter(|hit| !hit.is_hit()).count();
         assert_eq!(leaks, 0, "of {} beams from {origin}", hits.len());
-        assert_eq!(bits(&hits), bits(&gpu.hits(&single(x, y, z), 0).unwrap()));
+        assert_eq!(bits(&hits), bits(&gpu.hits(&single(x, y, z).lidars, 0).unwrap()));
         cast += hits.len();
     }
     assert!(cast >= sized(10_000_000, 600_000));
@@ -153,9 +153,9 @@ fn two_million_triangles_are_hit_where_brute_force_says() {
     let problem = problem(roi, &directions, 120.0, Some(&soup));
     let [mut cpu, mut gpu] = both(&problem);
     let placement = single(0.3, 0.7, 3.1);
-    let hits = cpu.hits(&placement, 0).unwrap();
+    let hits = cpu.hits(&placement.lidars, 0).unwrap();
     assert!(hits.iter().filter(|hit| hit.is_hit()).count() > hits.len() / 2);
-    assert_eq!(bits(&hits), bits(&gpu.hits(&placement, 0).unwrap()));
+    assert_eq!(bits(&hits), bits(&gpu.hits(&placement.lidars, 0).unwrap()));
     let bvh = problem.geometry(0).unwrap();
     // As the backends round it.
     let pose = DevicePose::new(&placement.lidars[0], problem.roi());
@@ -176,7 +176,7 @@ fn one_triangle_and_one_voxel_are_enough() {
     let roi = Roi::new([2.0, -0.5, -0.5], [1.0; 3], [1, 1, 1]).unwrap();
     let problem = problem(roi, &[DVec3::X, DVec3::NEG_X, DVec3::Y], 10.0, Some(&soup));
     for backend in &mut both(&problem) {
-        let hits = backend.hits(&single(0.0, 0.0, 0.0), 0).unwrap();
+        let hits = backend.hits(&single(0.0, 0.0, 0.0).lidars, 0).unwrap();
         assert_eq!(bits(&hits)[0], (2.5_f32.to_bits(), 0));
         assert_eq!(hits.iter().filter(|hit| hit.is_hit()).count(), 1);
         assert_eq!(backend.covered(&single(0.0, 0.0, 0.0), 0).unwrap(), [0]);

@@ -76,7 +76,7 @@ fn errors_that_are_not_the_devices_are_handed_on() {
     let problem = random_problem(82, true);
     let (mut backend, notes) = failing(&problem, &[Some(1000)]);
     let placement = &random_placements(82, 1, 6.0)[0];
-    let error = backend.hits(placement, 99).unwrap_err();
+    let error = backend.hits(&placement.lidars, 99).unwrap_err();
     assert!(matches!(error, BackendError::NoFrame { .. }), "{error}");
     assert!(notes.lock().unwrap().is_empty());
 }

@@ -97,8 +97,8 @@ impl Backend for Failover {
         self.attempt(|backend| backend.tally(placements, range))
     }
 
-    fn hits(&mut self, placement: &Placement, frame: usize) -> Result<Vec<Hit>, BackendError> {
-        self.attempt(|backend| backend.hits(placement, frame))
+    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
+        self.attempt(|backend| backend.hits(poses, frame))
     }
 
     fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {

@@ -95,11 +95,12 @@ pub trait Backend: Send {
     /// One placement does not fit, or the device failed.
     fn tally(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Tally>, BackendError>;
 
-    /// Closest hits of every beam of one placement in one frame, by LiDAR, channel, azimuth step.
+    /// Closest hits of every beam of each sensor pose in one frame, pose after pose, by channel and
+    /// azimuth step.
     ///
     /// # Errors
-    /// No such frame, the placement does not fit, or the device failed.
-    fn hits(&mut self, placement: &Placement, frame: usize) -> Result<Vec<Hit>, BackendError>;
+    /// No such frame, one sensor does not fit, or the device failed.
+    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError>;
 
     /// Voxels that one placement covers in one frame, as rising linear indices.
     ///

@@ -3,19 +3,23 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use npyz::WriterBuilder;
+use bytemuck::NoUninit;
 use npyz::npz::NpzWriter;
-use npyz::zip::{DateTime, write::FileOptions};
+use npyz::zip::{CompressionMethod, DateTime, write::FileOptions};
+use npyz::{AutoSerialize, WriterBuilder};
 use serde_json::json;
-use sightline::backend::{DevicePose, cpu::beam_direction};
-use sightline::bvh::NO_HIT;
-use sightline::placement::read_placements;
+use sightline::backend::{DevicePose, Problem, cpu::beam_direction};
+use sightline::bvh::{Hit, NO_HIT};
+use sightline::placement::{Placement, SensorPose, read_placements};
 use sightline::scene::EgoBody;
 
 use super::args::{Compute, Format, format_or_default};
 use super::error::Error;
 use super::load;
 use super::output::{writable_file, write_whole};
+
+/// Beams that are cast in one batch: sensors that share directions are cast together.
+const BEAMS_TOGETHER: usize = 16 << 20;
 
 #[derive(clap::Args)]
 #[command(after_help = "Example:
@@ -50,6 +54,40 @@ struct Columns {
     lidar: Vec<u16>,
 }
 
+/// A sensor and where it belongs.
+struct Sensor {
+    placement: u32,
+    lidar: u16,
+    pose: SensorPose,
+}
+
+fn sensors_of(placements: &[Placement]) -> Vec<Sensor> {
+    let mut sensors = Vec::new();
+    for (placement, of) in (0..).zip(placements) {
+        for (lidar, &pose) in (0..).zip(&of.lidars) {
+            sensors.push(Sensor { placement, lidar, pose });
+        }
+    }
+    sensors
+}
+
+impl Columns {
+    /// Adds the beams of a sensor.
+    fn add(&mut self, sensor: &Sensor, hits: &[Hit], problem: &Problem, face_class: &[u16]) {
+        let pose = DevicePose::new(&sensor.pose, problem.roi());
+        for (&direction, hit) in problem.table().directions().iter().zip(hits) {
+            self.origin.extend(pose.rows.map(|row| row[3]));
+            self.direction.extend(beam_direction(&pose, direction).to_array());
+            self.distance.push(if hit.is_hit() { hit.t } else { f32::INFINITY });
+            self.triangle.push(hit.prim);
+            let class = if hit.is_hit() { face_class[hit.prim as usize] } else { u16::MAX };
+            self.class.push(class);
+            self.placement.push(sensor.placement);
+            self.lidar.push(sensor.lidar);
+        }
+    }
+}
+
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let start = Instant::now();
     args.compute.start_threads()?;
@@ -60,24 +98,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let mut loaded = load::geometry(&args.scene, args.frame, &args.compute)?;
     let soup = loaded.scene.frame(args.frame as usize, EgoBody::Include);
     let mut columns = Columns::default();
-    for (index, placement) in placements.iter().enumerate() {
-        let hits = loaded.evaluator.backend_mut().hits(placement, 0)?;
-        let problem = loaded.evaluator.problem();
-        let table = problem.table();
-        let mut hits = hits.iter();
-        for (lidar, pose) in placement.lidars.iter().enumerate() {
-            let pose = DevicePose::new(pose, problem.roi());
-            for (&direction, hit) in table.directions().iter().zip(hits.by_ref()) {
-                columns.origin.extend(pose.rows.map(|row| row[3]));
-                columns.direction.extend(beam_direction(&pose, direction).to_array());
-                let is_hit = hit.prim != NO_HIT;
-                columns.distance.push(if is_hit { hit.t } else { f32::INFINITY });
-                columns.triangle.push(hit.prim);
-                let class = if is_hit { soup.face_class[hit.prim as usize] } else { u16::MAX };
-                columns.class.push(class);
-                columns.placement.push(index as u32);
-                columns.lidar.push(lidar as u16);
-            }
+    let beams = loaded.evaluator.problem().table().directions().len();
+    for sensors in sensors_of(&placements).chunks((BEAMS_TOGETHER / beams).max(1)) {
+        let poses: Vec<SensorPose> = sensors.iter().map(|sensor| sensor.pose).collect();
+        let hits = loaded.evaluator.backend_mut().hits(&poses, 0)?;
+        for (sensor, hits) in sensors.iter().zip(hits.chunks(beams)) {
+            columns.add(sensor, hits, loaded.evaluator.problem(), &soup.face_class);
         }
     }
     if let Some(path) = &args.out {
@@ -132,22 +158,21 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn put<W: Write + Seek, T>(
-    npz: &mut NpzWriter<W>,
+/// Writes one array as `numpy.savez` does, without compression: the header by `npyz`, the data at once
+/// (an element at a time is slow).
+fn put<T: AutoSerialize + NoUninit>(
+    npz: &mut NpzWriter<impl Write + Seek>,
     path: &Path,
     name: &str,
     shape: &[u64],
     data: &[T],
-) -> Result<(), Error>
-where
-    T: npyz::AutoSerialize + Copy,
-{
+) -> Result<(), Error> {
     // No time of writing: the same hits are the same bytes.
     let options = FileOptions::default()
+        .compression_method(CompressionMethod::Stored)
         .last_modified_time(DateTime::default())
         .large_file(size_of_val(data) as u64 > u64::from(u32::MAX) / 2);
-    let array = npz.array(name, options).map_err(Error::io(path))?;
-    let mut writer = array.default_dtype().shape(shape).begin_nd().map_err(Error::io(path))?;
-    writer.extend(data.iter().copied()).map_err(Error::io(path))?;
-    writer.finish().map_err(Error::io(path))
+    let array = npz.array::<T>(name, options).map_err(Error::io(path))?.default_dtype();
+    let out = array.shape(shape).write_header_only().map_err(Error::io(path))?;
+    out.write_all(bytemuck::cast_slice(data)).map_err(Error::io(path))
 }

@@ -1,6 +1,7 @@
 use std::io::{BufWriter, Seek, Write};
 use std::path::Path;
 
+use bytemuck::NoUninit;
 use npyz::npz::NpzWriter;
 use npyz::zip::{CompressionMethod, DateTime, write::FileOptions};
 use npyz::{AutoSerialize, WriterBuilder};
@@ -101,28 +102,27 @@ fn write(path: &Path, psog: &Psog) -> std::io::Result<()> {
     let mut file = builder.tempfile_in(folder)?;
     let mut npz = NpzWriter::new(BufWriter::with_capacity(1 << 16, file.as_file_mut()));
     let roi = psog.roi();
-    put(&mut npz, "roi_min", &[3], &roi.min(), f64::to_le_bytes)?;
-    put(&mut npz, "voxel", &[3], &roi.voxel(), f64::to_le_bytes)?;
-    put(&mut npz, "shape", &[3], &roi.shape(), u32::to_le_bytes)?;
-    put(&mut npz, "frames", &[], &[psog.frames()], u32::to_le_bytes)?;
+    put(&mut npz, "roi_min", &[3], &roi.min())?;
+    put(&mut npz, "voxel", &[3], &roi.voxel())?;
+    put(&mut npz, "shape", &[3], &roi.shape())?;
+    put(&mut npz, "frames", &[], &[psog.frames()])?;
     let names = psog.classes().join("\n");
-    put(&mut npz, "classes", &[names.len() as u64], names.as_bytes(), u8::to_le_bytes)?;
+    put(&mut npz, "classes", &[names.len() as u64], names.as_bytes())?;
     let (k, m) = (psog.index().len() as u64, psog.classes().len() as u64);
-    put(&mut npz, "index", &[k], psog.index(), u64::to_le_bytes)?;
-    put(&mut npz, "counts", &[k, m], psog.counts(), u16::to_le_bytes)?;
+    put(&mut npz, "index", &[k], psog.index())?;
+    put(&mut npz, "counts", &[k, m], psog.counts())?;
     npz.zip_writer().finish()?.flush()?;
     drop(npz);
     file.persist(path).map_err(|e| e.error)?;
     Ok(())
 }
 
-/// Writes one array: the header by `npyz`, the data in blocks (an element at a time is slow).
-fn put<T: AutoSerialize + Copy, W: Write + Seek, const N: usize>(
+/// Writes one array: the header by `npyz`, the data at once (an element at a time is slow).
+fn put<T: AutoSerialize + NoUninit, W: Write + Seek>(
     npz: &mut NpzWriter<W>,
     array: &'static str,
     shape: &[u64],
     data: &[T],
-    to_bytes: fn(T) -> [u8; N],
 ) -> std::io::Result<()> {
     let options = FileOptions::default()
         .compression_method(CompressionMethod::Deflated)
@@ -130,13 +130,7 @@ fn put<T: AutoSerialize + Copy, W: Write + Seek, const N: usize>(
         .unix_permissions(0o644)
         .large_file(size_of_val(data) as u64 + 4096 > u64::from(u32::MAX));
     let out = npz.array::<T>(array, options)?.default_dtype().shape(shape).write_header_only()?;
-    let mut block = Vec::with_capacity((1 << 16) * N);
-    for part in data.chunks(1 << 16) {
-        block.clear();
-        block.extend(part.iter().flat_map(|&v| to_bytes(v)));
-        out.write_all(&block)?;
-    }
-    Ok(())
+    out.write_all(bytemuck::cast_slice(data))
 }
 
 fn accept<T>(_: usize, _: T) -> Result<(), GridError> {

@@ -4,7 +4,10 @@ use serde::Serialize;
 
 use crate::backend::{Backend, BackendError, Problem, Tally};
 use crate::bvh::Hit;
-use crate::placement::Placement;
+use crate::placement::{Placement, SensorPose};
+
+/// Placements whose beams are cast in one batch, as a search casts them.
+const CAST_TOGETHER: usize = 32;
 
 /// How often two backends gave different bits.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
@@ -88,16 +91,19 @@ pub fn compare_backends(
 ) -> Result<Differences, BackendError> {
     let mut found = Differences::default();
     let frames = problem.frame_count().max(problem.geometry_frame_count());
-    for placement in placements {
+    for together in placements.chunks(CAST_TOGETHER) {
+        let poses: Vec<SensorPose> = together.iter().flat_map(|p| &p.lidars).copied().collect();
         for frame in 0..frames {
             if frame < problem.geometry_frame_count() {
-                found.add_hits(&ours.hits(placement, frame)?, &theirs.hits(placement, frame)?);
+                found.add_hits(&ours.hits(&poses, frame)?, &theirs.hits(&poses, frame)?);
             }
-            if frame < problem.frame_count() {
-                let (a, b) = (ours.covered(placement, frame)?, theirs.covered(placement, frame)?);
-                found.add_voxels(&a, &b);
+            for placement in together {
+                if frame < problem.frame_count() {
+                    let covered = ours.covered(placement, frame)?;
+                    found.add_voxels(&covered, &theirs.covered(placement, frame)?);
+                }
+                done();
             }
-            done();
         }
     }
     let range = problem.table().range();

@@ -222,12 +222,13 @@ impl Backend for CpuBackend {
         Ok(tallies)
     }
 
-    fn hits(&mut self, placement: &Placement, frame: usize) -> Result<Vec<Hit>, BackendError> {
+    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
         let frames = self.problem.geometry_frame_count();
         let bvh = self.problem.geometry(frame).ok_or(BackendError::NoFrame { frame, frames })?;
         let start = Instant::now();
         let table = self.problem.table();
-        let poses = self.poses(std::slice::from_ref(placement));
+        let poses: Vec<DevicePose> =
+            poses.iter().map(|pose| DevicePose::new(pose, self.problem.roi())).collect();
         let mut hits = Vec::new();
         cast_packets(&poses, table, bvh, table.range(), &mut hits);
         self.times.cast += start.elapsed();

@@ -72,11 +72,11 @@ impl Backend for ReferenceBackend {
         Ok(tallies)
     }
 
-    fn hits(&mut self, placement: &Placement, frame: usize) -> Result<Vec<Hit>, BackendError> {
+    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
         let frames = self.problem.geometry_frame_count();
         let bvh = self.problem.geometry(frame).ok_or(BackendError::NoFrame { frame, frames })?;
         let table = self.problem.table();
-        Ok(cast_closest(&self.poses(&placement.lidars), table, bvh, table.range()))
+        Ok(cast_closest(&self.poses(poses), table, bvh, table.range()))
     }
 
     fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {

@@ -274,20 +274,22 @@ impl Backend for GpuBackend {
         Ok(tallies)
     }
 
-    fn hits(&mut self, placement: &Placement, frame: usize) -> Result<Vec<Hit>, BackendError> {
+    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
         let frames = self.problem.geometry_frame_count();
         if frame >= frames {
             return Err(BackendError::NoFrame { frame, frames });
         }
-        let placements = std::slice::from_ref(placement);
+        let placements = one_by_one(poses);
         let range = self.problem.table().range();
-        self.chunks(placements, range)?;
-        self.load(placements)?;
-        let start = Instant::now();
-        let run = self.run();
-        run.cast_geometry(frame, range)?;
-        let hits = run.read_hits()?;
-        self.times.cast += start.elapsed();
+        let mut hits = Vec::new();
+        for chunk in self.chunks(&placements, range)? {
+            self.load(&placements[chunk.placements])?;
+            let start = Instant::now();
+            let run = self.run();
+            run.cast_geometry(frame, range)?;
+            hits.append(&mut run.read_hits()?);
+            self.times.cast += start.elapsed();
+        }
         Ok(hits)
     }
 
@@ -305,8 +307,7 @@ impl Backend for GpuBackend {
 
     fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError> {
         self.problem.check_frame(frame)?;
-        let single = |pose: &SensorPose| Placement { name: String::new(), lidars: vec![*pose] };
-        let placements: Vec<Placement> = poses.iter().map(single).collect();
+        let placements = one_by_one(poses);
         let range = self.problem.table().range();
         let mut bitmaps = Vec::new();
         for chunk in self.chunks(&placements, range)? {
@@ -321,4 +322,9 @@ impl Backend for GpuBackend {
     fn times(&self) -> StageTimes {
         self.times
     }
+}
+
+/// Each pose as a placement of its own.
+fn one_by_one(poses: &[SensorPose]) -> Vec<Placement> {
+    poses.iter().map(|&pose| Placement { name: String::new(), lidars: vec![pose] }).collect()
 }
