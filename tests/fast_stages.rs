@@ -13,7 +13,7 @@ use sightline::placement::{BeamTable, Constraints, Placement};
 use sightline::scene::{EgoBody, Scene};
 use sightline::verify::{hostile_placements, random_placements as scattered};
 
-use crate::common::{MEMORY, random_content, random_placements, random_problem};
+use crate::common::{MEMORY, random_content, random_placements, random_problem, random_soup};
 
 /// Compares all stages of the backend with the reference; returns the voxels covered.
 fn compare(problem: &Arc<Problem>, placements: &[Placement], range: f32) -> u64 {
@@ -78,6 +78,27 @@ fn hostile_poses_have_the_reference_s_bits() {
     let table = BeamTable::spinning(&channels, 8, 20.0).unwrap();
     let problem = Arc::new(Problem::new(roi, random_content(54, &roi), table, vec![], false));
     assert!(compare(&problem, &hostile_placements(&roi, 56, 2), 20.0) > 1000);
+}
+
+#[test]
+fn grids_of_any_shape_have_the_reference_s_bits() {
+    // Words of 32 voxels begun and ended anywhere, diagonals through all corners; one voxel thin, so
+    // that rows would be empty; too long for planes to be told apart by slopes.
+    let channels = [(-90.0, 0.0), (-45.0, 0.0), (-20.0, 0.1), (0.0, 0.0), (3.0, 0.0), (60.0, 0.2)];
+    let table = BeamTable::spinning(&channels, 24, 60.0).unwrap();
+    for (seed, shape) in
+        [[70, 41, 35], [41, 70, 35], [1, 1, 300_000], [33_000, 3, 2]].iter().enumerate()
+    {
+        let low = shape.map(|n| -0.25 * f64::from(n.min(100)));
+        let roi = Roi::new(low, [0.5; 3], *shape).unwrap();
+        let seed = 57 + seed as u64;
+        let bvh = Arc::new(Bvh::build(&random_soup(seed, 40, 20.0), 60.0));
+        let content = random_content(seed, &roi);
+        let problem = Arc::new(Problem::new(roi, content, table.clone(), vec![bvh], true));
+        let mut placements = hostile_placements(&roi, 21, 2);
+        placements.extend(random_placements(seed, 12, 0.4 * f64::from(shape[1].min(20))));
+        assert!(compare(&problem, &placements, 60.0) > 100, "{shape:?}");
+    }
 }
 
 #[test]

@@ -2,23 +2,35 @@ use multiversion::multiversion;
 
 use super::beam::beam_direction;
 use super::cover::{Walk, beam_end, grid_origin};
+use super::rows::Rows;
 use crate::backend::DevicePose;
-use crate::backend::layout::{FAR, TINY_COMPONENT};
-use crate::bvh::Hit;
+use crate::backend::layout::{FAR, PUSH, TINY_COMPONENT};
+use crate::bvh::{Hit, NO_HIT};
 use crate::grid::Roi;
 
 /// Beams that walk at the same time.
 const LANES: usize = 16;
-/// Voxels that the lanes are taken on between two looks at whether all have ended.
+/// Runs that the lanes are taken on between two looks at whether all have ended.
 const STEPS: usize = 4;
-/// Kinds of beams by the number of voxels on their way.
-const LENGTHS: usize = 256;
-/// A bitmap of 64-bit words is marked by halves; this finds them on machines that store the high
-/// half first.
-const SWAP: u32 = cfg!(target_endian = "big") as u32;
-/// Planes and origins up to this many voxels from the corner: there, crossings of different planes
-/// are different numbers, so that a beam's end can be told from the time at which it leaves.
-const PLAIN: f32 = (1 << 22) as f32;
+/// Neighbours among the beams of one length that walk one after another: beams that walk at the same
+/// time would wait for each other where they mark the same word.
+const APART: usize = 8;
+/// Ways a beam may go mainly: back and forth along y and x. A power of two.
+const WAYS: usize = 4;
+/// Kinds of beams of one way by the number of their runs.
+const LENGTHS: usize = 64;
+/// Parts of the table that are sorted side by side: neighbours are of one length, and each would wait
+/// until the last is counted.
+const STREAMS: usize = 4;
+/// Voxels of a row that are marked at once.
+const WORD: i32 = 32;
+/// Planes up to this many voxels from the corner: there, crossings of different planes are different
+/// numbers, and a crossing computed from a slope is off by less than [`SHY`] voxels.
+const PLAIN: f32 = (1 << 15) as f32;
+/// By how much too few planes a beam is thought to have crossed, so that they are never too many.
+const SHY: f32 = 1.0 / 64.0;
+/// Added to a number between −2²² and 2²² it leaves the nearest integer in the lowest bits.
+const ROUND: f32 = (3 << 22) as f32;
 /// End of a beam that covers nothing.
 const NEVER: f32 = f32::NEG_INFINITY;
 
@@ -27,18 +39,22 @@ const NEVER: f32 = f32::NEG_INFINITY;
 pub struct WalkScratch {
     /// Metres a voxel along each axis, by beam.
     inverse: [Vec<f32>; 3],
-    /// Last crossing that a beam takes.
-    last: Vec<f32>,
-    /// About how many voxels a beam crosses, as a share of the most in 1/[`LENGTHS`].
-    length: Vec<u8>,
-    /// Table order with beams far from each other side by side.
-    order: Vec<u32>,
-    /// That order by length: beams of a group end at about the same time.
+    /// Crossing before which a beam ends.
+    stop: Vec<f32>,
+    /// Way and length: `WAYS` × `LENGTHS`.
+    kind: Vec<u8>,
+    /// Beams by kind.
     sorted: Vec<u32>,
+    /// First beam of each way in that order, and the end.
+    ways: [usize; WAYS + 1],
+    /// Words along y, zero between sensors.
+    along_y: Vec<u32>,
+    /// A bitmap of [`Rows`], zero between sensors.
+    bitmap: Vec<u64>,
 }
 
 /// Marks the voxels that one sensor's beams traverse: [`super::cover_voxels`] with sixteen beams of
-/// about the same number of voxels in lockstep. The same bits.
+/// about the same number of runs in lockstep. The same bits.
 ///
 /// `hits` is `[directions]`; `bitmap` must be zero and hold all voxels.
 pub fn cover_sensor(
@@ -50,87 +66,109 @@ pub fn cover_sensor(
     scratch: &mut WalkScratch,
     bitmap: &mut [u64],
 ) {
-    let p = grid_origin(pose);
-    let plain = (0..3).all(|k| {
-        let n = roi.shape()[k] as f32;
-        p[k] >= 0.0 && p[k] < n && n < PLAIN
-    });
-    if !plain {
-        for (index, &direction) in directions.iter().enumerate() {
-            let t_end = beam_end(hits.map(|hits| hits[index]), range);
-            let walk = Walk::new(roi, p, beam_direction(pose, direction));
-            walk.visit(t_end, |voxel| bitmap[voxel >> 6] |= 1 << (voxel & 63));
-        }
+    let rows = Rows::new(roi);
+    if !walks_in_rows(pose, roi, &rows) {
+        visit_all(pose, directions, roi, hits, range, |voxel| {
+            bitmap[voxel >> 6] |= 1 << (voxel & 63);
+        });
         return;
     }
-    let start = Start::new(roi, p.to_array());
+    let mut marked = std::mem::take(&mut scratch.bitmap);
+    marked.resize(rows.words(), 0);
+    cover_rows(pose, directions, roi, hits, range, scratch, &mut marked);
+    rows.move_in_order(bytemuck::cast_slice_mut(&mut marked), bitmap);
+    scratch.bitmap = marked;
+}
+
+/// [`cover_sensor`] in the order of [`Rows`].
+pub(super) fn cover_rows(
+    pose: &DevicePose,
+    directions: &[[f32; 3]],
+    roi: &Roi,
+    hits: Option<&[Hit]>,
+    range: f32,
+    scratch: &mut WalkScratch,
+    bitmap: &mut [u64],
+) {
+    let rows = Rows::new(roi);
+    let bitmap: &mut [u32] = bytemuck::cast_slice_mut(bitmap);
+    if !walks_in_rows(pose, roi, &rows) {
+        visit_all(pose, directions, roi, hits, range, |voxel| {
+            let bit = rows.bit(voxel);
+            bitmap[bit >> 5] |= 1 << (bit & 31);
+        });
+        return;
+    }
     scratch.fit(directions.len());
+    let start = Start::new(roi, grid_origin(pose).to_array());
     prepare(pose, directions, roi, hits, range, &start, scratch);
     sort(scratch);
-    walk_all(&start, scratch, bytemuck::cast_slice_mut(bitmap));
+    let mut along_y = std::mem::take(&mut scratch.along_y);
+    along_y.resize(rows.words_along(1), 0);
+    walk_all::<true>(&Way::new(roi, &start, 1, true), scratch, 0, &mut along_y);
+    walk_all::<false>(&Way::new(roi, &start, 1, false), scratch, 1, &mut along_y);
+    rows.add_along_y(&mut along_y, bitmap);
+    walk_all::<true>(&Way::new(roi, &start, 0, true), scratch, 2, bitmap);
+    walk_all::<false>(&Way::new(roi, &start, 0, false), scratch, 3, bitmap);
+    scratch.along_y = along_y;
+}
+
+/// Whether a sensor is in the grid, and that one plain enough for beams in lockstep.
+fn walks_in_rows(pose: &DevicePose, roi: &Roi, rows: &Rows) -> bool {
+    let inside = |k: usize| {
+        let n = roi.shape()[k] as f32;
+        (0.0..n).contains(&grid_origin(pose)[k]) && n < PLAIN
+    };
+    rows.are_wide() && (0..3).all(inside)
+}
+
+/// Calls `mark` with the linear index of each voxel that a beam traverses.
+fn visit_all(
+    pose: &DevicePose,
+    directions: &[[f32; 3]],
+    roi: &Roi,
+    hits: Option<&[Hit]>,
+    range: f32,
+    mut mark: impl FnMut(usize),
+) {
+    for (index, &direction) in directions.iter().enumerate() {
+        let end = beam_end(hits.map(|hits| hits[index]), range);
+        Walk::new(roi, grid_origin(pose), beam_direction(pose, direction)).visit(end, &mut mark);
+    }
 }
 
 impl WalkScratch {
     fn fit(&mut self, beams: usize) {
-        if self.order.len() == beams {
-            return;
-        }
         for inverse in &mut self.inverse {
             inverse.resize(beams, 0.0);
         }
-        self.last.resize(beams, 0.0);
-        self.length.resize(beams, 0);
+        self.stop.resize(beams, 0.0);
+        self.kind.resize(beams, 0);
         self.sorted.resize(beams, 0);
-        // Sixteen runs of the table, each begun elsewhere: lanes that mark the same word at the same
-        // time would wait for each other.
-        let run = beams.div_ceil(LANES);
-        let beam = |at: usize| {
-            let (lane, turn) = (at % LANES, at / LANES);
-            lane * run + (turn + 8 * lane) % run
-        };
-        self.order = (0..run * LANES).map(beam).filter(|&b| b < beams).map(|b| b as u32).collect();
     }
 }
 
 /// What a sensor's beams have in common: by axis, and by whether they go backward (0) or forward (1).
 struct Start {
     p: [f32; 3],
-    /// First plane ahead, and what leads from one to the next.
+    /// First plane ahead.
     plane: [[f32; 2]; 3],
-    step: [f32; 2],
     /// The plane at which the grid ends.
     exit: [[f32; 2]; 3],
-    /// Part of the first voxel's linear index; negative outside the grid.
-    index: [[i32; 2]; 3],
-    /// From a voxel to the next in linear indices.
-    stride: [[i32; 2]; 3],
+    /// Coordinate of the first voxel; negative outside the grid.
+    cell: [[i32; 2]; 3],
 }
 
 impl Start {
     fn new(roi: &Roi, p: [f32; 3]) -> Self {
-        let [_, ny, nz] = roi.shape().map(|n| n as i32);
-        let strides = [ny * nz, nz, 1];
-        let mut start = Self {
-            p,
-            plane: [[0.0; 2]; 3],
-            step: [-1.0, 1.0],
-            exit: [[0.0; 2]; 3],
-            index: [[0; 2]; 3],
-            stride: [[0; 2]; 3],
-        };
-        for k in 0..3 {
-            // A beam that starts on a plane and goes backward has crossed it.
-            let cells = [p[k].ceil() as i32 - 1, p[k].floor() as i32];
-            start.plane[k] = [cells[0] as f32, (cells[1] + 1) as f32];
-            start.exit[k] = [0.0, roi.shape()[k] as f32];
-            start.index[k] = cells.map(|cell| cell * strides[k]);
-            start.stride[k] = [-strides[k], strides[k]];
-        }
-        start
+        // A beam that starts on a plane and goes backward has crossed it.
+        let cell = p.map(|p| [p.ceil() as i32 - 1, p.floor() as i32]);
+        let plane = cell.map(|[back, ahead]| [back as f32, (ahead + 1) as f32]);
+        Self { p, plane, exit: roi.shape().map(|n| [0.0, n as f32]), cell }
     }
 }
 
-/// Fills in every beam's slopes, end and length.
+/// Fills in every beam's slopes, end and kind.
 #[multiversion(targets(
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
@@ -154,50 +192,144 @@ fn prepare(
             *inverse = if d != 0.0 { voxel / d } else { FAR };
         }
     }
-    for beam in 0..beams {
-        scratch.last[beam] = beam_end(hits.map(|hits| hits[beam]), range);
+    // As `beam_end` has it.
+    match hits {
+        Some(hits) => {
+            for (stop, hit) in scratch.stop.iter_mut().zip(hits) {
+                *stop = if hit.prim != NO_HIT { hit.t + PUSH } else { range };
+            }
+        }
+        None => scratch.stop.fill(range),
     }
     let [ix, iy, iz] = &scratch.inverse;
     let (ix, iy, iz) = (&ix[..beams], &iy[..beams], &iz[..beams]);
-    let last = &mut scratch.last[..beams];
+    let stop = &mut scratch.stop[..beams];
+    let [px, py, pz] = start.p;
+    let [[back_x, ahead_x], [back_y, ahead_y], [back_z, ahead_z]] = start.exit;
+    let [no_x, no_y, no_z] = start.cell.map(|cell| cell.map(|cell| cell < 0));
+    let ([no_back_x, no_ahead_x], [no_back_y, no_ahead_y], [no_back_z, no_ahead_z]) =
+        (no_x, no_y, no_z);
     for beam in 0..beams {
-        let leaves = |k: usize, inverse: f32| {
-            (start.exit[k][usize::from(inverse > 0.0)] - start.p[k]) * inverse
-        };
-        let outside = |k: usize, inverse: f32| start.index[k][usize::from(inverse > 0.0)] < 0;
-        let exit = leaves(0, ix[beam]).min(leaves(1, iy[beam])).min(leaves(2, iz[beam]));
-        let nowhere = outside(0, ix[beam]) | outside(1, iy[beam]) | outside(2, iz[beam]);
-        let end = last[beam];
-        last[beam] = if nowhere | (end < 0.0) {
-            NEVER
-        } else if end < exit {
-            end
-        } else {
-            exit.next_down()
-        };
+        let (x, y, z) = (ix[beam], iy[beam], iz[beam]);
+        let exit_x = ((if x > 0.0 { ahead_x } else { back_x }) - px) * x;
+        let exit_y = ((if y > 0.0 { ahead_y } else { back_y }) - py) * y;
+        let exit_z = ((if z > 0.0 { ahead_z } else { back_z }) - pz) * z;
+        let exit = if exit_x < exit_y { exit_x } else { exit_y };
+        let exit = if exit < exit_z { exit } else { exit_z };
+        let nowhere = (if x > 0.0 { no_ahead_x } else { no_back_x })
+            | (if y > 0.0 { no_ahead_y } else { no_back_y })
+            | (if z > 0.0 { no_ahead_z } else { no_back_z });
+        let end = stop[beam];
+        // A crossing at the very end counts, the one by which a beam leaves the grid does not.
+        let until = if end < exit { end.next_up() } else { exit };
+        stop[beam] = if nowhere | (end < 0.0) { NEVER } else { until };
     }
     let most: f32 = roi.shape().iter().map(|&n| n as f32).sum();
-    let scale = LENGTHS as f32 / most;
-    for (beam, length) in scratch.length[..beams].iter_mut().enumerate() {
-        let slopes = ix[beam].abs().recip() + iy[beam].abs().recip() + iz[beam].abs().recip();
-        *length = (last[beam] * slopes * scale) as u8;
+    let scale = 1.5 * LENGTHS as f32 / most;
+    let (kinds, longest) = (&mut scratch.kind[..beams], (LENGTHS - 1) as f32);
+    for beam in 0..beams {
+        let (x, y, z) = (ix[beam], iy[beam], iz[beam]);
+        let (a, b, c) = (x.abs().recip(), y.abs().recip(), z.abs().recip());
+        let along_x = a >= b;
+        let (along, across) = if along_x { (a, b) } else { (b, a) };
+        let ahead = (if along_x { x } else { y }) > 0.0;
+        let way = (if along_x { 2 } else { 0 }) + (if ahead { 1 } else { 0 });
+        let length = stop[beam] * (along / WORD as f32 + across + c) * scale;
+        let length = if length < longest { length } else { longest };
+        let length = if length > 0.0 { length } else { 0.0 };
+        let length = (length + ROUND).to_bits() as u8 & (LENGTHS - 1) as u8;
+        kinds[beam] = way * LENGTHS as u8 | length;
     }
 }
 
-/// Sorts the beams by length, those of one length in the order that keeps neighbours apart.
+/// Sorts the beams by kind, those of one kind in the order of the table.
 fn sort(scratch: &mut WalkScratch) {
-    let mut next = [0_u32; LENGTHS];
-    for &length in &scratch.length {
-        next[usize::from(length)] += 1;
+    let mut next = [[0_u32; STREAMS]; WAYS * LENGTHS];
+    let length = scratch.kind.len().div_ceil(STREAMS).max(1);
+    let mut streams = [&scratch.kind[..0]; STREAMS];
+    for (stream, kinds) in streams.iter_mut().zip(scratch.kind.chunks(length)) {
+        *stream = kinds;
+    }
+    for at in 0..length {
+        for (stream, kinds) in streams.iter().enumerate() {
+            if let Some(&kind) = kinds.get(at) {
+                next[usize::from(kind)][stream] += 1;
+            }
+        }
     }
     let mut first = 0;
-    for next in &mut next {
-        (*next, first) = (first, first + *next);
+    for (kind, next) in next.iter_mut().enumerate() {
+        if kind % LENGTHS == 0 {
+            scratch.ways[kind / LENGTHS] = first as usize;
+        }
+        for next in next {
+            (*next, first) = (first, first + *next);
+        }
     }
-    for &beam in &scratch.order {
-        let next = &mut next[usize::from(scratch.length[beam as usize])];
-        scratch.sorted[*next as usize] = beam;
-        *next += 1;
+    scratch.ways[WAYS] = first as usize;
+    for at in 0..length {
+        for (stream, kinds) in streams.iter().enumerate() {
+            if let Some(&kind) = kinds.get(at) {
+                let next = &mut next[usize::from(kind)][stream];
+                scratch.sorted[*next as usize] = (stream * length + at) as u32;
+                *next += 1;
+            }
+        }
+    }
+}
+
+/// What the beams of one way have in common.
+///
+/// They go mainly along axis `u`, across along `v`. Where beams go backward along an axis, planes and
+/// voxels count down: plane i is −i, voxel i is −i − 1 (`!i`), so that both rise along every beam,
+/// and (i − p) · d⁻¹ is (−i + p) · |d⁻¹|, the same number.
+struct Way {
+    u: usize,
+    v: usize,
+    /// Minus the origin and the first plane along `u`, the first voxel.
+    minus_u: f32,
+    plane_u: f32,
+    cell_u: i32,
+    /// Minus the origin and the first plane, backward and forward.
+    minus_v: [f32; 2],
+    plane_v: [f32; 2],
+    minus_z: [f32; 2],
+    plane_z: [f32; 2],
+    /// Where the first word is, as a sum over the axes.
+    at_u: i32,
+    at_v: [i32; 2],
+    at_z: [i32; 2],
+    /// Words from one to the next.
+    step_u: i32,
+    step_v: [i32; 2],
+    step_z: [i32; 2],
+}
+
+impl Way {
+    fn new(roi: &Roi, start: &Start, u: usize, back: bool) -> Self {
+        let (v, side) = (1 - u, usize::from(!back));
+        let n = roi.shape().map(|n| n as i32);
+        let layer = (n[u] as u32).div_ceil(WORD as u32) as i32 * n[v];
+        let minus = start.p.map(|p| [p, -p]);
+        let plane = start.plane.map(|[back, ahead]| [-back, ahead]);
+        let cell = start.cell[u][side];
+        Self {
+            u,
+            v,
+            minus_u: minus[u][side],
+            plane_u: plane[u][side],
+            cell_u: if back { !cell } else { cell },
+            minus_v: minus[v],
+            plane_v: plane[v],
+            minus_z: minus[2],
+            plane_z: plane[2],
+            at_u: cell / WORD * n[v],
+            at_v: start.cell[v],
+            at_z: start.cell[2].map(|cell| cell * layer),
+            step_u: if back { -n[v] } else { n[v] },
+            step_v: [-1, 1],
+            step_z: [-layer, layer],
+        }
     }
 }
 
@@ -206,97 +338,132 @@ fn sort(scratch: &mut WalkScratch) {
 #[repr(align(64))]
 struct Wide<T>([T; LANES]);
 
+/// Marks the voxels of all beams of one way.
 #[multiversion(targets(
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
-fn walk_all(start: &Start, scratch: &WalkScratch, bitmap: &mut [u32]) {
-    for group in scratch.sorted.chunks(LANES) {
-        let (mut inverse, mut last) = ([Wide([FAR; LANES]); 3], Wide([NEVER; LANES]));
-        for (lane, &beam) in group.iter().enumerate() {
-            for (to, from) in inverse.iter_mut().zip(&scratch.inverse) {
-                to.0[lane] = from[beam as usize];
+fn walk_all<const BACK: bool>(way: &Way, scratch: &WalkScratch, number: usize, bitmap: &mut [u32]) {
+    let beams = &scratch.sorted[scratch.ways[number]..scratch.ways[number + 1]];
+    let [iu, iv, iz] = [way.u, way.v, 2].map(|k| &scratch.inverse[k][..]);
+    for chunk in beams.chunks(LANES * APART) {
+        let groups = chunk.len().div_ceil(LANES);
+        for group in 0..groups {
+            let (mut inverse, mut stop) = ([Wide([FAR; LANES]); 3], Wide([NEVER; LANES]));
+            for lane in 0..LANES {
+                let Some(&beam) = chunk.get(lane * groups + group) else { break };
+                let beam = beam as usize;
+                inverse[0].0[lane] = iu[beam];
+                inverse[1].0[lane] = iv[beam];
+                inverse[2].0[lane] = iz[beam];
+                stop.0[lane] = scratch.stop[beam];
             }
-            last.0[lane] = scratch.last[beam as usize];
+            walk::<BACK>(way, &inverse, &stop, bitmap);
         }
-        walk(start, &inverse, &last, bitmap);
     }
 }
 
 /// Marks the voxels of [`LANES`] beams.
 ///
-/// A lane whose beam has ended walks on, and marks nothing. Written so that a compiler sees vectors:
-/// a loop over the lanes for each thing that is done to all, what is chosen from loaded before.
+/// A beam is taken from row to row: it leaves one where it crosses a plane along `v` or z, or comes to
+/// the end of a word. The voxels in between follow from when that is: the planes along `u` crossed by
+/// then are as many as its slope says, or one more, which the crossing itself decides. A lane whose
+/// beam has ended stays where it is, and marks nothing. Written so that a compiler sees vectors: a
+/// loop over the lanes, what is chosen from loaded before.
 #[inline(always)]
 #[allow(clippy::needless_range_loop)]
-fn walk(start: &Start, inverse: &[Wide<f32>; 3], last: &Wide<f32>, bitmap: &mut [u32]) {
-    let [px, py, pz] = start.p;
+fn walk<const BACK: bool>(
+    way: &Way,
+    inverse: &[Wide<f32>; 3],
+    stop: &Wide<f32>,
+    bitmap: &mut [u32],
+) {
     let top = bitmap.len() as u32 - 1;
-    // The plane after the next one and when it is crossed: known before the next one is, so that
-    // no step waits for it.
-    let (mut plane, mut after) = ([Wide([0.0; LANES]); 3], [Wide([0.0; LANES]); 3]);
-    let (mut next, mut step) = ([Wide([0.0; LANES]); 3], [Wide([0.0; LANES]); 3]);
-    let (mut index, mut stride) = (Wide([0_i32; LANES]), [Wide([0_i32; LANES]); 3]);
-    for k in 0..3 {
-        let (planes, strides, indices) = (start.plane[k], start.stride[k], start.index[k]);
-        for i in 0..LANES {
-            let forward = inverse[k].0[i] > 0.0;
-            let ahead = if forward { planes[1] } else { planes[0] };
-            step[k].0[i] = if forward { start.step[1] } else { start.step[0] };
-            stride[k].0[i] = if forward { strides[1] } else { strides[0] };
-            index.0[i] += if forward { indices[1] } else { indices[0] };
-            next[k].0[i] = (ahead - start.p[k]) * inverse[k].0[i];
-            plane[k].0[i] = ahead + step[k].0[i];
-            after[k].0[i] = (plane[k].0[i] - start.p[k]) * inverse[k].0[i];
-        }
+    let [mut iu, mut iv, mut iz, mut slope] = [Wide([0.0; LANES]); 4];
+    // The next plane and when it is crossed: along v and z, and the end of the word.
+    let [mut bv, mut bz, mut bw] = [Wide([0.0; LANES]); 3];
+    let [mut tv, mut tz, mut tw] = [Wide([0.0; LANES]); 3];
+    let [mut minus_v, mut minus_z] = [Wide([0.0; LANES]); 2];
+    let [mut step_v, mut step_z] = [Wide([0_i32; LANES]); 2];
+    // The word, the voxel along u, and whether the beam goes on.
+    let [mut at, mut from] = [Wide([0_i32; LANES]); 2];
+    let mut goes_on = Wide([0_u32; LANES]);
+    let (minus_u, plane_u, step_u) = (way.minus_u, way.plane_u, way.step_u);
+    let word_end = ((way.cell_u | (WORD - 1)) + 1) as f32;
+    let ([minus_vb, minus_va], [minus_zb, minus_za]) = (way.minus_v, way.minus_z);
+    let ([plane_vb, plane_va], [plane_zb, plane_za]) = (way.plane_v, way.plane_z);
+    let ([at_vb, at_va], [at_zb, at_za]) = (way.at_v, way.at_z);
+    let ([step_vb, step_va], [step_zb, step_za]) = (way.step_v, way.step_z);
+    for i in 0..LANES {
+        let (ahead_v, ahead_z) = (inverse[1].0[i] > 0.0, inverse[2].0[i] > 0.0);
+        iu.0[i] = inverse[0].0[i].abs();
+        iv.0[i] = inverse[1].0[i].abs();
+        iz.0[i] = inverse[2].0[i].abs();
+        slope.0[i] = 1.0 / iu.0[i];
+        minus_v.0[i] = if ahead_v { minus_va } else { minus_vb };
+        minus_z.0[i] = if ahead_z { minus_za } else { minus_zb };
+        step_v.0[i] = if ahead_v { step_va } else { step_vb };
+        step_z.0[i] = if ahead_z { step_za } else { step_zb };
+        let at_v = if ahead_v { at_va } else { at_vb };
+        let at_z = if ahead_z { at_za } else { at_zb };
+        at.0[i] = way.at_u + at_v + at_z;
+        from.0[i] = way.cell_u;
+        bv.0[i] = if ahead_v { plane_va } else { plane_vb };
+        bz.0[i] = if ahead_z { plane_za } else { plane_zb };
+        bw.0[i] = word_end;
+        tv.0[i] = (bv.0[i] + minus_v.0[i]) * iv.0[i];
+        tz.0[i] = (bz.0[i] + minus_z.0[i]) * iz.0[i];
+        tw.0[i] = (word_end + minus_u) * iu.0[i];
+        goes_on.0[i] = if stop.0[i] > 0.0 { u32::MAX } else { 0 };
     }
-    let ([mut bx, mut by, mut bz], [mut ax, mut ay, mut az]) = (plane, after);
-    let ([mut tx, mut ty, mut tz], [sx, sy, sz]) = (next, step);
-    let ([ix, iy, iz], [jx, jy, jz]) = (*inverse, stride);
-    // When each lane came into its voxel.
-    let mut entered = Wide([0.0; LANES]);
+    // Planes crossed after t: t · slope and the part of the first voxel that lies behind the origin;
+    // less a half, since the sum is rounded, and not cut off.
+    let behind = 1.0 - (plane_u + minus_u) - 0.5 - SHY;
+    let to_plane = plane_u - ROUND;
+    let to_voxel = plane_u as i32 - 1 - ROUND.to_bits() as i32;
     let (mut words, mut masks) = ([Wide([0_u32; LANES]); STEPS], [Wide([0_u32; LANES]); STEPS]);
     loop {
-        // The sign of what is left of a beam is set behind its end.
-        let mut past = u32::MAX;
+        let mut any = 0;
         for i in 0..LANES {
-            past &= (last.0[i] - entered.0[i]).to_bits();
+            any |= goes_on.0[i];
         }
-        if past >> 31 == 1 {
+        if any == 0 {
             return;
         }
         for (words, masks) in words.iter_mut().zip(&mut masks) {
             for i in 0..LANES {
-                let word = index.0[i] as u32 >> 5;
-                words.0[i] = if word < top { word } else { top } ^ SWAP;
-                let mask = 1 << (index.0[i] & 31);
-                masks.0[i] = if entered.0[i] <= last.0[i] { mask } else { 0 };
-            }
-            for i in 0..LANES {
-                let (now_x, now_y, now_z) = (tx.0[i], ty.0[i], tz.0[i]);
-                let (after_x, after_y, after_z) = (ax.0[i], ay.0[i], az.0[i]);
-                let xy = if now_x < now_y { now_x } else { now_y };
-                let t = if xy < now_z { xy } else { now_z };
-                let (on_x, on_y, on_z) = (now_x == t, now_y == t, now_z == t);
-                let (plane_x, plane_y, plane_z) = (bx.0[i], by.0[i], bz.0[i]);
-                let (far_x, far_y, far_z) =
-                    (plane_x + sx.0[i], plane_y + sy.0[i], plane_z + sz.0[i]);
-                let (stride_x, stride_y, stride_z) = (jx.0[i], jy.0[i], jz.0[i]);
-                tx.0[i] = if on_x { after_x } else { now_x };
-                ty.0[i] = if on_y { after_y } else { now_y };
-                tz.0[i] = if on_z { after_z } else { now_z };
-                let plane_x = if on_x { far_x } else { plane_x };
-                let plane_y = if on_y { far_y } else { plane_y };
-                let plane_z = if on_z { far_z } else { plane_z };
-                (bx.0[i], by.0[i], bz.0[i]) = (plane_x, plane_y, plane_z);
-                ax.0[i] = (plane_x - px) * ix.0[i];
-                ay.0[i] = (plane_y - py) * iy.0[i];
-                az.0[i] = (plane_z - pz) * iz.0[i];
-                let by_x = if on_x { stride_x } else { 0 };
-                let by_y = if on_y { stride_y } else { 0 };
-                let by_z = if on_z { stride_z } else { 0 };
-                index.0[i] = index.0[i].wrapping_add(by_x).wrapping_add(by_y).wrapping_add(by_z);
-                entered.0[i] = t;
+                let (now_v, now_z, now_w, end) = (tv.0[i], tz.0[i], tw.0[i], stop.0[i]);
+                let vz = if now_v < now_z { now_v } else { now_z };
+                let we = if now_w < end { now_w } else { end };
+                let t = if vz < we { vz } else { we };
+                let crossed = (t * slope.0[i] + behind) + ROUND;
+                let crossing = ((crossed + to_plane) + minus_u) * iu.0[i];
+                let one_more = if crossing < t { 1 } else { 0 };
+                let to = (crossed.to_bits() as i32).wrapping_add(to_voxel).wrapping_add(one_more);
+                let (first, left) = (from.0[i] as u32 & 31, !to as u32 & 31);
+                let mask = if BACK {
+                    (u32::MAX >> first) & (u32::MAX << left)
+                } else {
+                    (u32::MAX << first) & (u32::MAX >> left)
+                };
+                masks.0[i] = mask & goes_on.0[i];
+                let word = at.0[i] as u32;
+                words.0[i] = if word < top { word } else { top };
+                // A plane along u that is crossed at the same time is behind the next run.
+                from.0[i] = to.wrapping_add(if crossing == t { 1 } else { 0 });
+                let (on_v, on_z, on_w) = (now_v == t, now_z == t, now_w == t);
+                let by_v = if on_v { step_v.0[i] } else { 0 };
+                let by_z = if on_z { step_z.0[i] } else { 0 };
+                let by_w = if on_w { step_u } else { 0 };
+                at.0[i] = at.0[i].wrapping_add(by_w).wrapping_add(by_v).wrapping_add(by_z);
+                let plane_v = bv.0[i] + if on_v { 1.0 } else { 0.0 };
+                let plane_z = bz.0[i] + if on_z { 1.0 } else { 0.0 };
+                let plane_w = bw.0[i] + if on_w { WORD as f32 } else { 0.0 };
+                (bv.0[i], bz.0[i], bw.0[i]) = (plane_v, plane_z, plane_w);
+                tv.0[i] = (plane_v + minus_v.0[i]) * iv.0[i];
+                tz.0[i] = (plane_z + minus_z.0[i]) * iz.0[i];
+                tw.0[i] = (plane_w + minus_u) * iu.0[i];
+                goes_on.0[i] = if end == t { 0 } else { goes_on.0[i] };
             }
         }
         for (words, masks) in words.iter().zip(&masks) {

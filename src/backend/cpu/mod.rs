@@ -3,7 +3,7 @@
 //! | reference, to be read | fast, what [`CpuBackend`] runs |
 //! |---|---|
 //! | [`cast_closest`]: a beam at a time | [`cast_packets`]: nodes a packet, triangles a lane a beam |
-//! | [`cover_voxels`]: a beam at a time | [`cover_sensor`]: sixteen beams in lockstep |
+//! | [`cover_voxels`]: a voxel at a time | [`cover_sensor`]: sixteen beams in lockstep, a row of voxels at a time |
 //! | [`reduce()`]: a voxel at a time | `take_sums`: a word of the bitmaps at a time |
 //!
 //! Lanes are plain arrays; each kernel is compiled for several instruction sets and picked at run time.
@@ -17,6 +17,7 @@ mod lockstep;
 mod packets;
 mod reduce;
 mod reference;
+mod rows;
 mod worth;
 
 use std::sync::{Arc, Mutex};
@@ -28,16 +29,19 @@ use super::{
     Backend, BackendError, Chunk, ChunkLimits, DevicePose, Problem, StageTimes, Tally, split,
 };
 use crate::bvh::Hit;
+use crate::grid::Roi;
 use crate::placement::{Placement, SensorPose};
 
 pub use beam::beam_direction;
 pub use cast::cast_closest;
 pub use cover::{bitmap_words, cover_voxels};
+use lockstep::cover_rows;
 pub use lockstep::{WalkScratch, cover_sensor};
 pub use packets::cast_packets;
 pub use reduce::reduce;
 pub(super) use reduce::union_of;
 pub use reference::ReferenceBackend;
+use rows::Rows;
 use worth::take_sums_spread;
 pub(super) use worth::{Worth, take_sums};
 
@@ -50,13 +54,14 @@ const FEW: usize = 4;
 /// Evaluates batches on the host's cores.
 pub struct CpuBackend {
     problem: Arc<Problem>,
+    rows: Rows,
     worth: Worth,
     memory: u64,
     times: StageTimes,
     /// Kept from batch to batch.
     hits: Vec<Hit>,
     walks: Pool<WalkScratch>,
-    /// `[sensors × words]`, zero between tasks.
+    /// `[sensors × words]` in the order of `rows`, zero between tasks.
     bitmaps: Pool<Vec<u64>>,
 }
 
@@ -76,6 +81,9 @@ impl<T: Default> Pool<T> {
     }
 }
 
+/// Marks the voxels of one sensor: [`cover_sensor`] or the like.
+type Cover = fn(&DevicePose, &[[f32; 3]], &Roi, Option<&[Hit]>, f32, &mut WalkScratch, &mut [u64]);
+
 /// Consecutive sensors of a chunk in one frame.
 struct Part<'a> {
     poses: &'a [DevicePose],
@@ -91,10 +99,11 @@ struct Part<'a> {
 impl CpuBackend {
     /// A backend that uses at most about `memory` bytes beside the problem itself.
     pub fn new(problem: Arc<Problem>, memory: u64) -> Self {
-        let worth = Worth::new(problem.content());
+        let rows = Rows::new(problem.roi());
+        let worth = Worth::by_bit(problem.content(), |voxel| rows.bit_of_64(voxel));
         let times = StageTimes::default();
         let (walks, bitmaps) = (Pool::default(), Pool::default());
-        Self { problem, worth, memory, times, hits: Vec::new(), walks, bitmaps }
+        Self { problem, rows, worth, memory, times, hits: Vec::new(), walks, bitmaps }
     }
 
     fn poses(&self, placements: &[Placement]) -> Vec<DevicePose> {
@@ -105,12 +114,13 @@ impl CpuBackend {
     fn chunks(&self, placements: &[Placement]) -> Result<Vec<Chunk>, BackendError> {
         let lidars: Vec<usize> = placements.iter().map(|p| p.lidars.len()).collect();
         let widest = lidars.iter().copied().max().unwrap_or(1);
-        let bitmap = 8 * bitmap_words(self.problem.roi()) as u64;
+        let bitmap = 8 * self.rows.words() as u64;
         let hits = size_of::<Hit>() as u64 * self.problem.table().directions().len() as u64;
         // Bitmaps of as many placements as are worked on at the same time, hits of all in a chunk.
         let tasks = (rayon::current_num_threads() as u64).min(placements.len() as u64).max(1);
+        // Each task has one more for the beams that go across.
         let bitmaps = [("coverage bitmaps", bitmap, self.memory / 2 / tasks)];
-        ChunkLimits::from_bytes(widest, &bitmaps)?;
+        ChunkLimits::from_bytes(widest + 1, &bitmaps)?;
         let limit = (self.memory / 2).min(CHUNK_BYTES.max(hits * widest as u64));
         Ok(split(&lidars, ChunkLimits::from_bytes(widest, &[("hits", hits, limit)])?))
     }
@@ -127,20 +137,19 @@ impl CpuBackend {
     /// Whether threads share each placement of a chunk, all of which then have bitmaps at a time.
     fn shares(&self, placements: &[Placement]) -> bool {
         let sensors: usize = placements.iter().map(|p| p.lidars.len()).sum();
-        let bytes = 8 * (bitmap_words(self.problem.roi()) * sensors) as u64;
+        let bytes = 8 * (self.rows.words() * sensors) as u64;
         let threads = rayon::current_num_threads();
         threads > 1 && placements.len() < FEW * threads && bytes <= self.memory / 2
     }
 
-    /// Covers the voxels of a part's sensors; `bitmaps` is `[sensors × words]` and zero.
-    fn cover(&self, part: &Part<'_>, bitmaps: &mut [u64]) {
+    /// Covers the voxels of a part's sensors by `cover`; `bitmaps` is `[sensors × words]` and zero.
+    fn cover(&self, part: &Part<'_>, words: usize, bitmaps: &mut [u64], cover: Cover) {
         let (problem, directions) = (&*self.problem, self.problem.table().directions());
-        let words = bitmap_words(problem.roi());
         let cover = |(index, bitmap): (usize, &mut [u64])| {
             let hits = problem.bvh(part.frame).map(|_| self.hits_of(part.first + index));
             let pose = &part.poses[index];
             let mut walk = self.walks.take();
-            cover_sensor(pose, directions, problem.roi(), hits, part.range, &mut walk, bitmap);
+            cover(pose, directions, problem.roi(), hits, part.range, &mut walk, bitmap);
             self.walks.put_back(walk);
         };
         if part.spread {
@@ -159,13 +168,13 @@ impl CpuBackend {
     /// both together.
     fn add(&self, part: &Part<'_>, tally: &mut Tally) -> [Duration; 2] {
         let start = Instant::now();
-        let (words, sensors) = (bitmap_words(self.problem.roi()), part.poses.len());
+        let (words, sensors) = (self.rows.words(), part.poses.len());
         let mut kept = self.bitmaps.take();
         if kept.len() < sensors * words {
             kept.resize(sensors * words, 0);
         }
         let bitmaps = &mut kept[..sensors * words];
-        self.cover(part, bitmaps);
+        self.cover(part, words, bitmaps, cover_rows);
         let covered = start.elapsed();
         let sums = if part.spread { take_sums_spread } else { take_sums };
         sums(bitmaps, words, &self.worth, tally);
@@ -254,7 +263,7 @@ impl Backend for CpuBackend {
         let words = bitmap_words(self.problem.roi());
         let mut bitmaps = vec![0; poses.len() * words];
         let part = Part { poses: &poses, first: 0, frame, range, spread: true };
-        self.cover(&part, &mut bitmaps);
+        self.cover(&part, words, &mut bitmaps, cover_sensor);
         self.times.cover += start.elapsed();
         Ok(bitmaps)
     }

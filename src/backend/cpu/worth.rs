@@ -24,7 +24,7 @@ struct Words {
 }
 
 impl Words {
-    /// The words that hold some voxels of rising linear index.
+    /// The words that hold some voxels, whose bits' numbers rise.
     fn new(voxels: impl Iterator<Item = u32>) -> Self {
         let (mut words, mut before): (Vec<Word>, Vec<usize>) = (Vec::new(), vec![0]);
         for (position, voxel) in voxels.enumerate() {
@@ -56,13 +56,26 @@ pub(in crate::backend) struct Worth {
 }
 
 impl Worth {
+    /// For bitmaps in the order of the voxels' indices.
     pub(in crate::backend) fn new(content: &Content) -> Self {
-        let classes = (0..content.classes().len())
-            .map(|class| Words::new(content.voxels_of_class(class).iter().copied()));
+        Self::by_bit(content, |voxel| voxel)
+    }
+
+    /// For bitmaps in which `bit` numbers the bit of each voxel.
+    pub(super) fn by_bit(content: &Content, bit: impl Fn(u32) -> u32) -> Self {
+        let occupied = content.occupied().iter();
+        let mut occupied: Vec<_> = occupied.map(|v| (bit(v.index), v.entropy)).collect();
+        occupied.sort_unstable_by_key(|&(bit, _)| bit);
+        let of_class = |class: usize| {
+            let mut voxels: Vec<u32> =
+                content.voxels_of_class(class).iter().map(|&voxel| bit(voxel)).collect();
+            voxels.sort_unstable();
+            Words::new(voxels.into_iter())
+        };
         Self {
-            occupied: Words::new(content.occupied().iter().map(|voxel| voxel.index)),
-            entropy: content.occupied().iter().map(|voxel| voxel.entropy).collect(),
-            classes: classes.collect(),
+            occupied: Words::new(occupied.iter().map(|&(bit, _)| bit)),
+            entropy: occupied.iter().map(|&(_, entropy)| entropy).collect(),
+            classes: (0..content.classes().len()).map(of_class).collect(),
         }
     }
 }
