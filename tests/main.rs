@@ -12,6 +12,7 @@ mod cli_scene;
 mod cli_study;
 mod common;
 mod cover;
+mod equal_frames;
 mod fast_stages;
 mod gpu_cpu;
 mod grid_search;

@@ -38,12 +38,15 @@ impl Pilot {
         placements: Vec<Placement>,
         memory: u64,
     ) -> Result<Self, BackendError> {
-        let one = |frame: usize| {
-            let range = problem.table().range();
-            let alone = Arc::new(problem.over(&[frame]));
-            CpuBackend::new(alone, memory).tally(&placements, range)
-        };
-        let by_frame = (0..problem.frame_count()).map(one).collect::<Result<_, _>>()?;
+        let mut by_frame: Vec<Vec<Tally>> = Vec::new();
+        for frame in 0..problem.frame_count() {
+            let twin = problem.twin(frame);
+            let alone = || CpuBackend::new(Arc::new(problem.over(&[frame])), memory);
+            by_frame.push(match by_frame.get(twin) {
+                Some(equal) => equal.clone(),
+                None => alone().tally(&placements, problem.table().range())?,
+            });
+        }
         Ok(Self { problem: problem.clone(), placements, by_frame })
     }
 
