@@ -24,7 +24,7 @@ mod world;
 
 pub use exact::Exact;
 pub use levels::{Level, Pilot};
-pub use measure::{Measured, Open, Workshop};
+pub use measure::{Measured, Open, PoseCost, Workshop};
 pub use ranking::{Interval, RankingError};
 pub use setting::{Engine, Fidelity, Ladder, Rung};
 pub use simplify::merge_vertices;
