@@ -189,7 +189,11 @@ impl Problem {
     /// # Panics
     /// A frame that does not exist.
     pub fn over(&self, frames: &[usize]) -> Self {
-        let frames = frames.iter().map(|&frame| self.frames[frame].clone()).collect();
+        self.with_trees(frames.iter().map(|&frame| self.frames[frame].clone()).collect())
+    }
+
+    /// The same with other geometry, a tree a frame.
+    pub fn with_trees(&self, frames: Vec<Arc<Bvh>>) -> Self {
         let (content, table) = (self.content.clone(), self.table.clone());
         Self::new(self.roi, content, table, frames, self.ends_at_hits)
     }

@@ -16,10 +16,10 @@ const TABLE: f64 = 560.0;
 /// Titles of the table's columns, and where each begins or, from the second on, ends.
 const COLUMNS: [(&str, f64); 7] = [
     ("setting", 50.0),
-    ("time", 432.0),
-    ("MiB", 488.0),
-    ("error %: median, most", 630.0),
-    ("τ (95 %)", 770.0),
+    ("time", 430.0),
+    ("MiB", 484.0),
+    ("error %: median, most", 624.0),
+    ("τ (95 %)", 776.0),
     ("regret % (to)", 876.0),
     ("", 34.0),
 ];
@@ -166,9 +166,8 @@ impl Axes {
              work</text>\
              <text x=\"20\" y=\"50\">1 − Kendall τ against the finest setting in f64, with 95 % intervals; \
              0: the same ranking</text>\
-             <text x=\"20\" y=\"{}\" fill=\"{SOFT}\">□ f64 · ○ CPU f32 · ◇ GPU f32 · △ warm pose atlas · \
-             line: Pareto front · red: cheapest within tolerance · grey: other settings, see \
-             chart.csv</text>",
+             <text x=\"20\" y=\"{}\" font-size=\"12\" fill=\"{SOFT}\">□ f64 · ○ CPU f32 · ◇ GPU f32 · △ warm pose atlas · \
+             line: Pareto front · red: cheapest within tolerance · grey: others, in chart.csv</text>",
             left - 8.0,
             bottom + 4.5,
             (left + right) / 2.0,
@@ -287,8 +286,12 @@ fn table(svg: &mut String, rated: &[Rated], listed: &[usize], chart: &ChartFrame
     for (number, &i) in listed.iter().enumerate() {
         let (measured, error) = (&rated[i].measured, &rated[i].error);
         let percent = |value: f64| format!("{:.2}", 100.0 * value);
+        let pose = measured.pose.map_or(String::new(), |pose| {
+            let bytes = pose.bytes as f64 / f64::from(1 << 20);
+            format!("; a pose {}, {bytes:.1} MiB", seconds(pose.seconds))
+        });
         let cells = [
-            measured.rung.words(chart.edge),
+            measured.rung.words(chart.edge) + &pose,
             seconds(measured.seconds),
             format!("{:.1}", measured.bytes as f64 / f64::from(1 << 20)),
             if measured.rung.fidelity.same_quantity(&finest) {
@@ -302,11 +305,8 @@ fn table(svg: &mut String, rated: &[Rated], listed: &[usize], chart: &ChartFrame
             format!("{} ({})", percent(error.regret.value), percent(error.regret.high)),
             (number + 1).to_string(),
         ];
-        let style = if chart.chosen == Some(i) {
-            format!("fill=\"{ACCENT}\" font-weight=\"600\"")
-        } else {
-            String::new()
-        };
+        let style =
+            if chart.chosen == Some(i) { format!("fill=\"{ACCENT}\"") } else { String::new() };
         row(TABLE + ROW * (number as f64 + 1.0), cells, &style);
     }
 }
