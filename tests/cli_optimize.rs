@@ -209,7 +209,9 @@ fn auto_searches_fewer_frames_and_ends_as_well() {
     assert_eq!((&modelled["voxels"], &modelled["distinct_frames"]), (&json!(1152), &json!(8)));
     let count = |key: &str| modelled[key].as_u64().unwrap();
     assert!(count("informative_voxels") < count("occupied_voxels"), "{modelled}");
-    assert_eq!(modelled, &auto["modelled"]);
+    for key in modelled.as_object().unwrap().keys() {
+        assert_eq!(modelled[key], auto["modelled"][key], "{key}");
+    }
     let report = &auto["fidelity"];
     let levels: Vec<u64> = serde_json::from_value(report["levels"].clone()).unwrap();
     assert!(levels.len() > 1 && levels.last() == Some(&8), "{report}");

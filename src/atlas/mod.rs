@@ -216,6 +216,12 @@ impl Atlas {
         let mut pages = vec![vec![0u64; frames * each]; numbers.len()];
         let voxel_words = self.problem.roi().voxel_count().div_ceil(64) as usize;
         for frame in 0..frames {
+            let twin = self.problem.twin(frame);
+            if twin < frame {
+                let equal = twin * each..(twin + 1) * each;
+                pages.iter_mut().for_each(|page| page.copy_within(equal.clone(), frame * each));
+                continue;
+            }
             let bitmaps = backend.bitmaps(&poses, frame)?;
             pages.par_iter_mut().zip(bitmaps.par_chunks(voxel_words)).for_each(|(page, bitmap)| {
                 let page = &mut page[frame * each..(frame + 1) * each];

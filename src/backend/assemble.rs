@@ -1,9 +1,12 @@
+use std::collections::HashMap;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use super::{Content, OccupiedVoxel, Problem, ProblemError};
 use crate::bvh::Bvh;
+use crate::geom::TriangleSoup;
 use crate::grid::{EntropyKind, EntropyTable, Psog, fixed};
 use crate::placement::BeamTable;
 use crate::scene::{Coverage, EgoBody, Scene};
@@ -89,13 +92,47 @@ impl Problem {
         let content = Content::from_psog(psog, &psog_detection(scene, psog));
         let far = Self::far_range_of(roi, table.range());
         let frames = if scene.has_geometry() { frames } else { &[] };
-        let frames: Vec<Arc<Bvh>> = frames
-            .par_iter()
-            .map(|&t| Arc::new(Bvh::build(&scene.frame(t, EgoBody::Include), far)))
-            .collect();
+        let frames = shared_trees(frames, far, |t| scene.frame(t, EgoBody::Include));
         let ends_at_hits = matches!(scene.coverage(), Coverage::FirstHit);
         Self::new(*roi, content, table, frames, ends_at_hits)
     }
+}
+
+/// The tree of each of `frames`, for hits up to `far` metres away; frames whose triangles are equal bit
+/// by bit share one.
+pub fn shared_trees(
+    frames: &[usize],
+    far: f32,
+    soup_of: impl Fn(usize) -> TriangleSoup + Sync,
+) -> Vec<Arc<Bvh>> {
+    let hash = |&t: &usize| {
+        let mut hasher = DefaultHasher::new();
+        bits(&soup_of(t)).hash(&mut hasher);
+        hasher.finish()
+    };
+    let hashes: Vec<u64> = frames.par_iter().map(hash).collect();
+    let mut first = HashMap::new();
+    let first: Vec<usize> =
+        hashes.iter().enumerate().map(|(k, hash)| *first.entry(hash).or_insert(k)).collect();
+    let build = |k: usize| {
+        let soup = soup_of(frames[k]);
+        let is_equal = first[k] < k && bits(&soup_of(frames[first[k]])) == bits(&soup);
+        (!is_equal).then(|| Arc::new(Bvh::build(&soup, far)))
+    };
+    let built: Vec<Option<Arc<Bvh>>> = (0..frames.len()).into_par_iter().map(build).collect();
+    let tree = |k: usize| built[k].as_ref().or(built[first[k]].as_ref());
+    (0..frames.len())
+        .map(|k| tree(k).expect("the first of equal frames is built").clone())
+        .collect()
+}
+
+/// All that a frame is.
+fn bits(soup: &TriangleSoup) -> [&[u8]; 3] {
+    [
+        bytemuck::cast_slice(&soup.vertices),
+        bytemuck::cast_slice(&soup.faces),
+        bytemuck::cast_slice(&soup.face_class),
+    ]
 }
 
 /// Detection classes of the scene by the P-SOG's class ids: the two may list classes differently.

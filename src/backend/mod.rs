@@ -22,6 +22,7 @@ mod memory;
 mod problem;
 mod tally;
 
+pub use assemble::shared_trees;
 pub use batch::{Chunk, ChunkLimits, split};
 pub use failover::{Failover, Reopen};
 pub use layout::{DevicePose, OccupiedVoxel};

@@ -1,3 +1,4 @@
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -112,24 +113,40 @@ pub struct Modelled {
     pub informative_voxels: u64,
     /// Frames that beams are cast into.
     pub frames: usize,
-    /// Those of them whose geometry differs from that of every earlier one.
+    /// Those of them whose geometry differs from that of every earlier one: the others are not cast
+    /// again.
     pub distinct_frames: usize,
     /// Triangles of a frame, a mean.
     pub triangles: u64,
+    /// Bytes of entropies and classes, which only occupied voxels have.
+    pub voxel_bytes: u64,
+    /// Bytes of what one sensor covers in one frame: a bit a voxel, the empty ones included, since
+    /// covered voxels are counted.
+    pub bitmap_bytes: u64,
+    /// Bytes of triangles and trees of the distinct frames.
+    pub tree_bytes: u64,
+}
+
+fn mebibytes(bytes: u64) -> String {
+    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }
 
 impl std::fmt::Display for Modelled {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
-            "{} of {} voxels are occupied in some frame and stored, {} of them have an entropy; {} \
-             frame(s), {} distinct, of {} triangles",
+            "{} of {} voxels are occupied in some frame and stored ({}), {} of them have an entropy; {} \
+             frame(s), {} distinct and cast, of {} triangles ({}); {} a sensor and frame for what it \
+             covers",
             self.occupied_voxels,
             self.voxels,
+            mebibytes(self.voxel_bytes),
             self.informative_voxels,
             self.frames,
             self.distinct_frames,
-            self.triangles
+            self.triangles,
+            mebibytes(self.tree_bytes),
+            mebibytes(self.bitmap_bytes)
         )
     }
 }
@@ -141,13 +158,16 @@ pub struct Problem {
     content: Content,
     table: BeamTable,
     frames: Vec<Arc<Bvh>>,
+    /// Of each frame, the first that shares its tree.
+    twins: Vec<usize>,
     ends_at_hits: bool,
 }
 
 impl Problem {
     /// Puts the parts together.
     ///
-    /// `frames` holds one tree a frame, in the ego frame, none for a scene without geometry. With
+    /// `frames` holds one tree a frame, in the ego frame, none for a scene without geometry. Frames that
+    /// share a tree are cast once and weigh as many; see [`shared_trees`](super::shared_trees). With
     /// `ends_at_hits` beams end at the first surface of each frame (coverage `first-hit`); otherwise
     /// they run on through all (`through`), and there is one frame to evaluate, whatever the geometry.
     pub fn new(
@@ -158,7 +178,10 @@ impl Problem {
         ends_at_hits: bool,
     ) -> Self {
         let ends_at_hits = ends_at_hits && !frames.is_empty();
-        Self { roi, content, table, frames, ends_at_hits }
+        let mut first = HashMap::new();
+        let trees = frames.iter().enumerate();
+        let twins = trees.map(|(t, tree)| *first.entry(Arc::as_ptr(tree)).or_insert(t)).collect();
+        Self { roi, content, table, frames, twins, ends_at_hits }
     }
 
     /// The same over some of its frames, whose trees are shared.
@@ -166,9 +189,13 @@ impl Problem {
     /// # Panics
     /// A frame that does not exist.
     pub fn over(&self, frames: &[usize]) -> Self {
-        let frames = frames.iter().map(|&frame| self.frames[frame].clone()).collect();
+        self.with_trees(frames.iter().map(|&frame| self.frames[frame].clone()).collect())
+    }
+
+    /// The same with other geometry, a tree a frame.
+    pub fn with_trees(&self, frames: Vec<Arc<Bvh>>) -> Self {
         let (content, table) = (self.content.clone(), self.table.clone());
-        Self { roi: self.roi, content, table, frames, ends_at_hits: self.ends_at_hits }
+        Self::new(self.roi, content, table, frames, self.ends_at_hits)
     }
 
     /// The voxels.
@@ -201,6 +228,21 @@ impl Problem {
         if self.ends_at_hits { self.frames.len() } else { 1 }
     }
 
+    /// The first frame whose geometry is that of `frame`: what is covered in one is covered in both.
+    ///
+    /// # Panics
+    /// A frame that does not exist.
+    pub fn twin(&self, frame: usize) -> usize {
+        if self.ends_at_hits { self.twins[frame] } else { 0 }
+    }
+
+    /// Frames to cast into, and how many each stands for; together these are [`Self::frame_count`].
+    pub fn distinct_frames(&self) -> Vec<(usize, u64)> {
+        let mut weights = vec![0; self.frame_count()];
+        (0..weights.len()).for_each(|frame| weights[self.twin(frame)] += 1);
+        weights.into_iter().enumerate().filter(|(_, weight)| *weight > 0).collect()
+    }
+
     pub(super) fn check_frame(&self, frame: usize) -> Result<(), BackendError> {
         let frames = self.frame_count();
         if frame < frames { Ok(()) } else { Err(BackendError::NoFrame { frame, frames }) }
@@ -231,22 +273,27 @@ impl Problem {
         let occupied = self.content.occupied();
         let informative = occupied.iter().filter(|voxel| voxel.entropy != [0; 3]);
         let frames = if self.ends_at_hits { &self.frames[..] } else { &[] };
-        let is_new = |&index: &usize| {
-            frames[..index].iter().all(|earlier| earlier.triangles != frames[index].triangles)
-        };
         let triangles: usize = frames.iter().map(|bvh| bvh.triangles.len()).sum();
         Modelled {
             voxels: self.roi.voxel_count(),
             occupied_voxels: occupied.len() as u64,
             informative_voxels: informative.count() as u64,
             frames: self.frame_count(),
-            distinct_frames: (0..frames.len()).filter(is_new).count().max(1),
+            distinct_frames: self.distinct_frames().len(),
             triangles: (triangles / self.frame_count()) as u64,
+            voxel_bytes: self.content.bytes(),
+            bitmap_bytes: self.roi.voxel_count().div_ceil(64) * 8,
+            tree_bytes: self.tree_bytes(),
         }
     }
 
     /// Bytes held by the parts.
     pub fn bytes(&self) -> u64 {
-        self.content.bytes() + self.frames.iter().map(|bvh| bvh.bytes()).sum::<u64>()
+        self.content.bytes() + self.tree_bytes()
+    }
+
+    fn tree_bytes(&self) -> u64 {
+        let own = self.frames.iter().zip(&self.twins).enumerate();
+        own.filter(|(t, (_, twin))| t == *twin).map(|(_, (bvh, _))| bvh.bytes()).sum()
     }
 }

@@ -27,23 +27,28 @@ impl Tally {
     pub fn zero(classes: usize, lidars: usize) -> Self {
         Self { by_class: vec![0; classes], unique: vec![0; lidars], ..Self::default() }
     }
+
+    /// Adds the sums of a frame that stands for `times` equal ones.
+    pub fn add_times(&mut self, other: &Self, times: u64) {
+        self.covered += times * other.covered;
+        self.covered_nonzero += times * other.covered_nonzero;
+        for (sum, value) in self.entropy.iter_mut().zip(other.entropy) {
+            *sum += times * value;
+        }
+        for (sum, value) in self.by_class.iter_mut().zip(&other.by_class) {
+            *sum += times * value;
+        }
+        for (sum, value) in self.unique.iter_mut().zip(&other.unique) {
+            *sum += times * value;
+        }
+        self.hits += times * other.hits;
+        self.beams += times * other.beams;
+    }
 }
 
 impl AddAssign<&Self> for Tally {
     fn add_assign(&mut self, other: &Self) {
-        self.covered += other.covered;
-        self.covered_nonzero += other.covered_nonzero;
-        for (sum, value) in self.entropy.iter_mut().zip(other.entropy) {
-            *sum += value;
-        }
-        for (sum, value) in self.by_class.iter_mut().zip(&other.by_class) {
-            *sum += value;
-        }
-        for (sum, value) in self.unique.iter_mut().zip(&other.unique) {
-            *sum += value;
-        }
-        self.hits += other.hits;
-        self.beams += other.beams;
+        self.add_times(other, 1);
     }
 }
 

@@ -14,8 +14,11 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 use sightline::backend::Problem;
+use sightline::fidelity::merged_over;
 use sightline::placement::{Placement, Spacing, read_placements};
-use sightline::report::{Figures, InformationMap, LeftOut, RunRecord, RunTimes, Scored};
+use sightline::report::{
+    Figures, InformationMap, LeftOut, ModelledRun, RunRecord, RunTimes, Scored,
+};
 use sightline::scene::{MountRules, Scene};
 use sightline::score::Objective;
 use sightline::search::{Evaluator, GenerationRecord, Search, SearchSettings, SearchStop};
@@ -163,7 +166,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         (Some(resumed), _) => resumed.auto.clone(),
         (None, Some(_)) => None,
         (None, None) => Some(Auto::new(
-            &whole,
+            (&scene, &whole),
             &constraints,
             &settings.baselines,
             &objective,
@@ -175,15 +178,18 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         Some(auto) => auto.frames().to_vec(),
         None => load::spread(whole.frame_count(), settings.frames),
     };
-    let open_on = |frames: &[usize], compute: &Compute| {
-        let problem = if frames.len() < whole.frame_count() {
-            Arc::new(whole.over(frames))
-        } else {
-            whole.clone()
+    let open_on = |frames: &[usize], cell: Option<f64>, compute: &Compute| {
+        let problem = match cell {
+            Some(cell) => Arc::new(merged_over(&whole, &scene, frames, cell)),
+            None if frames.len() < whole.frame_count() => Arc::new(whole.over(frames)),
+            None => whole.clone(),
         };
         load::evaluator_of(problem, constraints.clone(), compute)
     };
-    let mut evaluator = open_on(&frames, &args.compute)?;
+    let mut evaluator = open_on(&frames, auto.as_ref().and_then(Auto::cell), &args.compute)?;
+    if let Some(merging) = auto.as_ref().and_then(Auto::merging) {
+        args.compute.talk.detail(merging.words());
+    }
     if auto.is_some() {
         evaluator.keep_last();
     }
@@ -212,7 +218,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     };
     let store = pages::open(args)?;
     let quiet = Compute { talk: Talk { quiet: true, verbose: false }, ..args.compute.clone() };
-    let open = |frames: &[usize]| open_on(frames, &quiet);
+    let open = |frames: &[usize], cell: Option<f64>| open_on(frames, cell, &quiet);
     let whole = whole.clone();
     let (full, chosen) = (None, None);
     let mut run =
@@ -249,7 +255,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     run.say_stopped(&stopped, interrupted || is_over, args.compute.talk);
     let search_seconds = searching.elapsed().as_secs_f64();
     let confirming = Instant::now();
-    let searched_all = run.evaluator.problem().frame_count() == run.whole.frame_count();
+    let searched_all = run.is_over_all();
     let search_frames = run.evaluator.problem().frame_count();
     let mut backend_changes = Vec::new();
     let mut searched_with = None;
@@ -258,7 +264,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         let on_cpu = run.evaluator.backend().name() == "cpu";
         let mut all = match run.full.take().filter(|_| on_cpu) {
             Some(full) => full,
-            None => open(&all_frames)?,
+            None => open(&all_frames, None)?,
         };
         if let Some(auto) = &run.auto {
             all.remember(auto.known());
@@ -346,8 +352,8 @@ pub fn table_7() -> Result<Vec<Placement>, Error> {
         .map_err(|source| Error::Json { path: "scenes/placements.json".into(), source })
 }
 
-/// Opens an evaluator over some of the scene's frames.
-type Open<'a> = dyn Fn(&[usize]) -> Result<Evaluator, Error> + 'a;
+/// Opens an evaluator over some of the scene's frames, with vertices merged in cells of an edge.
+type Open<'a> = dyn Fn(&[usize], Option<f64>) -> Result<Evaluator, Error> + 'a;
 
 /// A run under way.
 struct Run {
@@ -370,6 +376,12 @@ impl Run {
     /// Evaluations of earlier sittings of a resumed run.
     fn evaluations_before(&self) -> u64 {
         self.folder.evaluations_before()
+    }
+
+    /// Whether the search is now over all frames with every triangle.
+    fn is_over_all(&self) -> bool {
+        let is_merged = self.auto.as_ref().and_then(Auto::cell).is_some();
+        !is_merged && self.evaluator.problem().frame_count() == self.whole.frame_count()
     }
 
     fn scored(&mut self, placements: &[Placement]) -> Result<Vec<Scored>, Error> {
@@ -413,6 +425,11 @@ impl Run {
         {
             certificate.gain_says += " (over placements that need not be symmetric or level)";
         }
+        if let (Some(certificate), Some(cell)) =
+            (&mut certificate, self.auto.as_ref().and_then(Auto::cell))
+        {
+            certificate.gain_says += &format!(" (over triangles merged within {cell} m)");
+        }
         Ok(RunRecord {
             sightline: env!("CARGO_PKG_VERSION"),
             scene: scene.name().to_owned(),
@@ -423,7 +440,10 @@ impl Run {
             threads: rayon::current_num_threads(),
             seed: self.settings.search.seed,
             objective: self.objective.to_string(),
-            modelled: self.evaluator.problem().modelled(),
+            modelled: ModelledRun {
+                scores: self.evaluator.problem().modelled(),
+                merging: self.auto.as_ref().and_then(Auto::merging),
+            },
             search_frames: 0,
             frames: self.evaluator.problem().frame_count(),
             stopped,

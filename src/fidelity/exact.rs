@@ -173,9 +173,10 @@ fn walk(roi: &Roi, origin: DVec3, direction: DVec3, end: f64, mut mark: impl FnM
         if (p - p.round()).abs() < ROUNDING { p.round() } else { p }
     });
     // When the beam crosses plane i of an axis; a level beam never does.
-    let crossing = |a: usize, i: i64| match direction[a] {
+    let along = [0, 1, 2].map(|a| if direction[a] == 0.0 { 0.0 } else { voxel[a] / direction[a] });
+    let crossing = |a: usize, i: i64| match along[a] {
         0.0 => f64::INFINITY,
-        d => (i as f64 - p[a]) * (voxel[a] / d),
+        along => (i as f64 - p[a]) * along,
     };
     let mut enter = 0.0_f64;
     for a in 0..3 {

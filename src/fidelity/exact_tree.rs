@@ -3,9 +3,13 @@ use glam::DVec3;
 use crate::geom::TriangleSoup;
 
 /// Most triangles of a leaf.
-const LEAF: usize = 4;
+const LEAF: usize = 2;
+/// Depth from which on ranges are halved by count, so that no input makes the recursion deep.
+const HALVING_DEPTH: usize = 40;
+/// Metres by which rounding may move where a ray enters or leaves a box.
+const SLACK: f64 = 1e-9;
 
-/// Triangles under a median-split tree, all in `f64`; shares no code with [`crate::bvh`].
+/// Triangles under a tree by surface area, all in `f64`; shares no code with [`crate::bvh`].
 #[derive(Debug, Clone)]
 pub(super) struct ExactTree {
     nodes: Vec<Node>,
@@ -30,7 +34,7 @@ impl ExactTree {
         let mut nodes = Vec::new();
         if !triangles.is_empty() {
             let count = triangles.len();
-            split(&mut triangles, 0, count, &mut nodes);
+            split(&mut triangles, [0, count], 0, &mut nodes);
         }
         Self { nodes, triangles }
     }
@@ -40,19 +44,27 @@ impl ExactTree {
         let inverse = direction.recip();
         let mut best = None;
         let mut limit = range;
+        // Nodes to visit and where the ray enters them, the nearest last.
         let mut stack = Vec::with_capacity(64);
+        let enters = |index: usize, limit: f64| enter(&self.nodes[index], origin, inverse, limit);
         if !self.nodes.is_empty() {
-            stack.push(0_usize);
+            stack.extend(enters(0, limit).map(|t| (t, 0)));
         }
-        while let Some(index) = stack.pop() {
-            let node = &self.nodes[index];
-            if !meets(node, origin, inverse, limit) {
+        while let Some((entered, index)) = stack.pop() {
+            if entered > limit + SLACK {
                 continue;
             }
+            let node = &self.nodes[index];
             let first = node.first as usize;
             if node.count == 0 {
-                stack.push(first);
-                stack.push(index + 1);
+                let children = [index + 1, first].map(|child| (enters(child, limit), child));
+                let [near, far] = match children {
+                    [(Some(left), _), (Some(right), _)] if right < left => {
+                        [children[1], children[0]]
+                    }
+                    _ => children,
+                };
+                stack.extend([far, near].into_iter().filter_map(|(t, child)| Some((t?, child))));
                 continue;
             }
             for triangle in &self.triangles[first..first + node.count as usize] {
@@ -78,7 +90,12 @@ impl ExactTree {
 }
 
 /// Appends the tree of `triangles[begin..end]`, which it reorders.
-fn split(triangles: &mut [[DVec3; 3]], begin: usize, end: usize, nodes: &mut Vec<Node>) {
+fn split(
+    triangles: &mut [[DVec3; 3]],
+    [begin, end]: [usize; 2],
+    depth: usize,
+    nodes: &mut Vec<Node>,
+) {
     let part = &mut triangles[begin..end];
     let corners = || part.iter().flatten();
     let min = corners().fold(DVec3::INFINITY, |low, c| low.min(*c));
@@ -89,19 +106,47 @@ fn split(triangles: &mut [[DVec3; 3]], begin: usize, end: usize, nodes: &mut Vec
         return;
     }
     let centre = |t: &[DVec3; 3]| t[0] + t[1] + t[2];
-    let low = part.iter().fold(DVec3::INFINITY, |low, t| low.min(centre(t)));
-    let high = part.iter().fold(DVec3::NEG_INFINITY, |high, t| high.max(centre(t)));
-    let axis = (high - low).max_position();
-    let middle = part.len() / 2;
-    part.select_nth_unstable_by(middle, |a, b| centre(a)[axis].total_cmp(&centre(b)[axis]));
-    split(triangles, begin, begin + middle, nodes);
+    let along = |axis: usize| {
+        move |a: &[DVec3; 3], b: &[DVec3; 3]| centre(a)[axis].total_cmp(&centre(b)[axis])
+    };
+    let mut best = (f64::INFINITY, 0, part.len() / 2);
+    for axis in 0..3 {
+        part.sort_unstable_by(along(axis));
+        let below = areas(part.iter());
+        let above = areas(part.iter().rev());
+        let middles = if depth < HALVING_DEPTH { 1..part.len() } else { 0..0 };
+        for middle in middles {
+            let rest = part.len() - middle;
+            let cost = below[middle - 1] * middle as f64 + above[rest - 1] * rest as f64;
+            if cost < best.0 {
+                best = (cost, axis, middle);
+            }
+        }
+    }
+    let (_, axis, middle) = best;
+    part.sort_unstable_by(along(axis));
+    split(triangles, [begin, begin + middle], depth + 1, nodes);
     let right = nodes.len() as u32;
-    split(triangles, begin + middle, end, nodes);
+    split(triangles, [begin + middle, end], depth + 1, nodes);
     (nodes[own].first, nodes[own].count) = (right, 0);
 }
 
-/// Whether the ray is in the box somewhere in 0 ≤ t ≤ `limit`; rounding and 0 · ∞ only add visits.
-fn meets(node: &Node, origin: DVec3, inverse: DVec3, limit: f64) -> bool {
+/// Half the surface of the box around the first triangle, the first two, …, all.
+fn areas<'a>(triangles: impl Iterator<Item = &'a [DVec3; 3]>) -> Vec<f64> {
+    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let grown = triangles.map(|corners| {
+        for corner in corners {
+            (min, max) = (min.min(*corner), max.max(*corner));
+        }
+        let edge = max - min;
+        edge.dot(DVec3::new(edge.y, edge.z, edge.x))
+    });
+    grown.collect()
+}
+
+/// Where the ray enters the box, if that is somewhere in 0 ≤ t ≤ `limit`; rounding and 0 · ∞ only add
+/// visits.
+fn enter(node: &Node, origin: DVec3, inverse: DVec3, limit: f64) -> Option<f64> {
     let (mut enter, mut leave) = (0.0_f64, limit);
     for axis in 0..3 {
         let a = (node.min[axis] - origin[axis]) * inverse[axis];
@@ -110,7 +155,7 @@ fn meets(node: &Node, origin: DVec3, inverse: DVec3, limit: f64) -> bool {
         enter = enter.max(a.min(b));
         leave = leave.min(a.max(b));
     }
-    enter <= leave + 1e-9
+    (enter <= leave + SLACK).then_some(enter)
 }
 
 /// Metres to the triangle if the ray's line meets it (Möller, Trumbore 1997).

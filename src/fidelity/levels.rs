@@ -38,12 +38,15 @@ impl Pilot {
         placements: Vec<Placement>,
         memory: u64,
     ) -> Result<Self, BackendError> {
-        let one = |frame: usize| {
-            let range = problem.table().range();
-            let alone = Arc::new(problem.over(&[frame]));
-            CpuBackend::new(alone, memory).tally(&placements, range)
-        };
-        let by_frame = (0..problem.frame_count()).map(one).collect::<Result<_, _>>()?;
+        let mut by_frame: Vec<Vec<Tally>> = Vec::new();
+        for frame in 0..problem.frame_count() {
+            let twin = problem.twin(frame);
+            let alone = || CpuBackend::new(Arc::new(problem.over(&[frame])), memory);
+            by_frame.push(match by_frame.get(twin) {
+                Some(equal) => equal.clone(),
+                None => alone().tally(&placements, problem.table().range())?,
+            });
+        }
         Ok(Self { problem: problem.clone(), placements, by_frame })
     }
 
@@ -59,6 +62,15 @@ impl Pilot {
         self.placements.iter().cloned().zip(sums).collect()
     }
 
+    /// What is scored.
+    pub(super) fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    pub(super) fn placements(&self) -> &[Placement] {
+        &self.placements
+    }
+
     fn sum(&self, index: usize, frames: &[usize]) -> Tally {
         let classes = self.problem.content().classes().len();
         let mut sum = Tally::zero(classes, self.placements[index].lidars.len());
@@ -66,7 +78,8 @@ impl Pilot {
         sum
     }
 
-    fn values(&self, objective: &Objective, frames: &[usize]) -> Vec<Option<f64>> {
+    /// Objective of each placement over some frames.
+    pub(super) fn values(&self, objective: &Objective, frames: &[usize]) -> Vec<Option<f64>> {
         let content = self.problem.content();
         let value =
             |index| objective.value_of_tally(&self.sum(index, frames), content, frames.len());
@@ -111,15 +124,7 @@ struct Choice<'a> {
 
 impl Choice<'_> {
     fn error(&self, frames: &[usize]) -> Option<f64> {
-        let values = self.pilot.values(self.objective, frames);
-        let known = self.reference.iter().zip(values).filter(|(r, _)| r.is_some_and(|r| r != 0.0));
-        // What has a score over all frames and none over these is as far off as can be.
-        let ratios: Vec<f64> =
-            known.filter_map(|(r, value)| Some(value.unwrap_or(0.0) / (*r)?)).collect();
-        let squares: f64 = ratios.iter().map(|q| q * q).sum();
-        let a = ratios.iter().sum::<f64>() / squares.max(f64::MIN_POSITIVE);
-        let off = ratios.iter().map(|q| (1.0 - a * q).powi(2)).sum::<f64>();
-        (!ratios.is_empty()).then(|| (off / ratios.len() as f64).sqrt())
+        scatter(&self.reference, self.pilot.values(self.objective, frames))
     }
 
     /// The best `size` frames, sorted.
@@ -155,6 +160,19 @@ impl Choice<'_> {
             (0..sets.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b]).then(a.cmp(&b)));
         least.map(|index| sets[index].clone()).unwrap_or_default()
     }
+}
+
+/// Root mean square of 1 − a · value / reference with the a that makes it least; `None` where no
+/// reference is known.
+pub(super) fn scatter(reference: &[Option<f64>], values: Vec<Option<f64>>) -> Option<f64> {
+    let known = reference.iter().zip(values).filter(|(r, _)| r.is_some_and(|r| r != 0.0));
+    // What has a reference and no value is as far off as can be.
+    let ratios: Vec<f64> =
+        known.filter_map(|(r, value)| Some(value.unwrap_or(0.0) / (*r)?)).collect();
+    let squares: f64 = ratios.iter().map(|q| q * q).sum();
+    let a = ratios.iter().sum::<f64>() / squares.max(f64::MIN_POSITIVE);
+    let off = ratios.iter().map(|q| (1.0 - a * q).powi(2)).sum::<f64>();
+    (!ratios.is_empty()).then(|| (off / ratios.len() as f64).sqrt())
 }
 
 /// Ways to take `size` of `count`.

@@ -28,6 +28,15 @@ const YARDSTICK_FRAMES: u32 = 4;
 /// Opens the backend of an engine over a problem.
 pub type Open<'a> = dyn Fn(&Arc<Problem>, Engine) -> Result<Box<dyn Backend>, BackendError> + 'a;
 
+/// What one pose of an atlas costs.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PoseCost {
+    /// Wall time of casting it, once, all threads at work.
+    pub seconds: f64,
+    /// Bytes of its bitmaps.
+    pub bytes: u64,
+}
+
 /// What one setting costs and gives.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
@@ -45,6 +54,9 @@ pub struct Measured {
     pub beams: u64,
     /// Triangles, a mean over frames.
     pub triangles: u64,
+    /// Of an atlas, what a pose costs before placements are as cheap as `seconds` says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose: Option<PoseCost>,
     /// Objective of each placement; `None` where it covers nothing.
     pub scores: Vec<Option<f64>>,
 }
@@ -153,7 +165,9 @@ impl<'a> Workshop<'a> {
                 break;
             }
         }
-        let each = start.elapsed().as_secs_f64() / scores.len() as f64;
+        let elapsed = start.elapsed().as_secs_f64();
+        let each = elapsed / scores.len() as f64;
+        let pose = scorer.pose(elapsed);
         if scores.len() < self.placements.len() {
             scores = twin.map(|twin| twin.scores.clone()).unwrap_or_default();
         }
@@ -172,6 +186,7 @@ impl<'a> Workshop<'a> {
             bytes: scorer.bytes(lidars),
             beams,
             triangles: scorer.triangles(),
+            pose,
             scores,
         }))
     }
@@ -297,6 +312,13 @@ impl Scorer {
                 atlas.problem().bytes() + lidars * atlas.page_bytes() as u64
             }
         }
+    }
+
+    /// What a pose costs, where all that were cast so far took so many seconds.
+    fn pose(&self, elapsed: f64) -> Option<PoseCost> {
+        let Self::Atlas { atlas, .. } = self else { return None };
+        let seconds = elapsed / atlas.poses_cast().max(1) as f64;
+        Some(PoseCost { seconds, bytes: atlas.page_bytes() as u64 })
     }
 
     fn triangles(&self) -> u64 {

@@ -180,8 +180,10 @@ impl Ladder {
             ladder.add(Fidelity { voxel, ..top }, Engine::Cpu);
         }
         ladder.add(own, Engine::Gpu);
-        for frames in [own.frames, own.frames.div_ceil(4), 1] {
-            ladder.add(Fidelity { frames, ..own }, Engine::Atlas);
+        for &voxel in &voxels {
+            for frames in [own.frames, own.frames.div_ceil(4), 1] {
+                ladder.add(Fidelity { voxel, frames, ..own }, Engine::Atlas);
+            }
         }
         for &azimuth in &azimuths {
             ladder.add(Fidelity { azimuth, ..top }, Engine::Cpu);
@@ -285,6 +287,7 @@ mod tests {
             "0.8 m, azimuth 1/4, 1 frame, CPU",
             "0.2 m, azimuth 1/2, 3 frames, GPU",
             "0.2 m, 3 frames, atlas",
+            "0.8 m, 12 frames, atlas",
         ] {
             assert!(words.iter().any(|w| w == wanted), "{wanted} is missing in {words:?}");
         }

@@ -1,11 +1,12 @@
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::DVec3;
 
 use crate::geom::TriangleSoup;
 
 /// Merges the vertices of each cubic cell of edge `cell` metres into their mean, and drops the
-/// triangles of which two corners have become one (Rossignac, Borrel 1993).
+/// triangles of which two corners have become one (Rossignac, Borrel 1993), and all but the first of
+/// those that have become the same.
 ///
 /// A vertex moves by less than the cell's diagonal and one alone in its cell stays, so that walls and
 /// roads keep their corners; what is smaller than a cell vanishes. Triangles keep their order and
@@ -42,9 +43,12 @@ pub fn merge_vertices(soup: &TriangleSoup, cell: f64) -> TriangleSoup {
             .collect(),
         ..TriangleSoup::default()
     };
+    let mut seen = HashSet::new();
     for (face, &class) in soup.faces.iter().zip(&soup.face_class) {
         let [a, b, c] = face.map(|v| slot_of[v as usize]);
-        if a != b && b != c && c != a {
+        let mut corners = [a, b, c];
+        corners.sort_unstable();
+        if a != b && b != c && c != a && seen.insert(corners) {
             merged.faces.push([a, b, c]);
             merged.face_class.push(class);
         }
@@ -70,6 +74,20 @@ mod tests {
         assert_eq!(merged.corners(0), wall);
         assert_eq!(merge_vertices(&soup, 0.0), soup);
         assert_eq!(merge_vertices(&soup, 0.01).faces.len(), 2);
+    }
+
+    #[test]
+    fn triangles_that_become_the_same_are_kept_once() {
+        let near = |d: f32| [[0.1 + d, 0.1, 0.1], [1.1 + d, 0.1, 0.1], [1.1, 1.1 + d, 0.1]];
+        let soup = TriangleSoup {
+            vertices: [near(0.0), near(0.1), near(0.2), near(2.0)].concat(),
+            // The second turns the other way round, the last lies elsewhere.
+            faces: vec![[0, 1, 2], [5, 4, 3], [7, 8, 6], [9, 10, 11]],
+            face_class: vec![1, 2, 3, 4],
+        };
+        let merged = merge_vertices(&soup, 1.0);
+        assert_eq!(merged.face_class, [1, 4]);
+        assert_eq!(merge_vertices(&soup, 0.01), soup);
     }
 
     #[test]

@@ -99,6 +99,7 @@ mod tests {
             bytes: 0,
             beams: 0,
             triangles: 0,
+            pose: None,
             scores: scores.iter().copied().map(Some).collect(),
         }
     }

@@ -1,9 +1,7 @@
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use super::{Fidelity, merge_vertices};
-use crate::backend::{BackendError, Content, Problem};
+use crate::backend::{BackendError, Content, Problem, shared_trees};
 use crate::bvh::Bvh;
 use crate::grid::{GridError, Psog, Roi, scan_scene};
 use crate::placement::{BeamTable, Constraints, Placement, PoseGridError, SensorError};
@@ -41,12 +39,14 @@ pub enum FidelityError {
 pub struct World {
     scene: Scene,
     grids: Vec<(f64, Arc<Psog>)>,
+    /// By the range for which they are built.
+    trees: Vec<(f32, Vec<Arc<Bvh>>)>,
 }
 
 impl World {
     /// A scene and the P-SOG on its own grid.
     pub fn new(scene: Scene, own: Arc<Psog>) -> Self {
-        Self { scene, grids: vec![(1.0, own)] }
+        Self { scene, grids: vec![(1.0, own)], trees: Vec::new() }
     }
 
     /// The scene.
@@ -96,6 +96,17 @@ impl World {
         Content::from_psog(psog, &names.filter_map(|name| psog.class_id(name)).collect::<Vec<_>>())
     }
 
+    /// Trees of all frames with every triangle, built on first use.
+    fn all_trees(&mut self, far: f32) -> &[Arc<Bvh>] {
+        if !self.trees.iter().any(|(f, _)| *f == far) {
+            let all: Vec<usize> = (0..self.scene.frame_count()).collect();
+            let trees = shared_trees(&all, far, |t| self.scene.frame(t, EgoBody::Include));
+            self.trees.push((far, trees));
+        }
+        let (_, trees) = self.trees.iter().find(|(f, _)| *f == far).expect("there now");
+        trees
+    }
+
     /// The problem that the scene poses at a setting.
     ///
     /// # Errors
@@ -110,11 +121,13 @@ impl World {
             return Ok(problem);
         }
         let (far, cell) = (problem.far_range(), fidelity.detail * psog.roi().voxel()[0]);
-        let trees = frames.par_iter().map(|&t| {
-            let soup = self.scene.frame(t, EgoBody::Include);
-            Arc::new(Bvh::build(&merge_vertices(&soup, cell), far))
-        });
-        let trees = trees.collect();
+        let trees = if cell > 0.0 {
+            let soup = |t| merge_vertices(&self.scene.frame(t, EgoBody::Include), cell);
+            shared_trees(&frames, far, soup)
+        } else {
+            let all = self.all_trees(far);
+            frames.iter().map(|&t| all[t].clone()).collect()
+        };
         Ok(Problem::new(*psog.roi(), content, table, trees, true))
     }
 }

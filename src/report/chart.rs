@@ -4,10 +4,25 @@ use super::svg::{ACCENT, FAINT, INK, SECOND, escape, open, scale};
 use crate::fidelity::{Engine, Rated, pareto};
 
 const GREY: &str = "#8a97a5";
-/// Left, right, top and bottom of the plot area in pixels.
-const PLOT: [f64; 4] = [86.0, 596.0, 62.0, 500.0];
-/// Where the key begins.
-const KEY_X: f64 = 624.0;
+const SOFT: &str = "#5a6b7b";
+const PALE: &str = "#e8edf2";
+/// Pixels of the picture's width, and of a row of its table.
+const WIDTH: f64 = 900.0;
+const ROW: f64 = 19.0;
+/// Left, right, top and bottom of the plot area.
+const PLOT: [f64; 4] = [76.0, 876.0, 62.0, 470.0];
+/// Where the titles of the table stand.
+const TABLE: f64 = 560.0;
+/// Titles of the table's columns, and where each begins or, from the second on, ends.
+const COLUMNS: [(&str, f64); 7] = [
+    ("setting", 50.0),
+    ("time", 430.0),
+    ("MiB", 484.0),
+    ("error %: median, most", 624.0),
+    ("τ (95 %)", 776.0),
+    ("regret % (to)", 876.0),
+    ("", 34.0),
+];
 
 /// What the chart says beside its points.
 #[derive(Debug, Clone, Copy)]
@@ -20,18 +35,25 @@ pub struct ChartFrame<'a> {
     pub chosen: Option<usize>,
 }
 
-/// Cost against ranking error of every setting, both logarithmic; the Pareto front numbered, with a key.
+/// Cost against ranking error of every setting, both logarithmic; the Pareto front, the setting to take
+/// and the atlases are numbered, with a table below.
 ///
 /// A point is at (seconds a placement, 1 − τ), its whisker the 95 % interval of 1 − τ; rankings equal
 /// to the reference's stand on the line marked 0. Settings whose τ does not exist are left out.
 pub fn fidelity_svg(rated: &[Rated], chart: &ChartFrame) -> String {
-    let mut svg = open(1040.0, 570.0, "Cost against ranking error");
+    let points: Vec<usize> = (0..rated.len()).filter(|&i| rated[i].error.tau.is_some()).collect();
+    let front: Vec<usize> = pareto(rated).into_iter().filter(|i| points.contains(i)).collect();
+    // The setting to take may lie off the front, which knows τ and not the regret; an atlas does.
+    let atlas = points.iter().filter(|&&i| rated[i].measured.rung.engine == Engine::Atlas);
+    let off = chart.chosen.iter().filter(|c| !front.contains(c) && points.contains(c)).chain(atlas);
+    let listed: Vec<usize> = front.iter().chain(off).copied().collect();
+    let height = TABLE + ROW * (listed.len() as f64 + 2.0);
+    let mut svg = open(WIDTH, height, "Cost against ranking error");
     let _ = writeln!(
         svg,
         "<text x=\"20\" y=\"26\" font-size=\"16\" font-weight=\"600\">{}</text>",
         escape(chart.title)
     );
-    let points: Vec<usize> = (0..rated.len()).filter(|&i| rated[i].error.tau.is_some()).collect();
     if points.is_empty() {
         svg +=
             "<text x=\"20\" y=\"60\">No two placements differ: there is no ranking.</text></svg>\n";
@@ -39,36 +61,27 @@ pub fn fidelity_svg(rated: &[Rated], chart: &ChartFrame) -> String {
     }
     let axes = Axes::around(rated, &points);
     axes.draw(&mut svg);
-    let front: Vec<usize> = pareto(rated).into_iter().filter(|i| points.contains(i)).collect();
-    for &i in points.iter().filter(|i| !front.contains(i)) {
-        axes.point(&mut svg, &rated[i], GREY, 4.0);
+    for &i in points.iter().filter(|i| !listed.contains(i)) {
+        axes.point(&mut svg, &rated[i], GREY, 3.5);
     }
-    let line: Vec<String> =
-        front.iter().map(|&i| axes.at(&rated[i])).map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+    let line: Vec<(f64, f64)> = front.iter().map(|&i| axes.at(&rated[i])).collect();
+    let corners: Vec<String> = line.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
     let _ = writeln!(
         svg,
         "<polyline points=\"{}\" fill=\"none\" stroke=\"{SECOND}\" stroke-width=\"1.6\"/>",
-        line.join(" ")
+        corners.join(" ")
     );
-    for &i in &front {
-        let colour = if chart.chosen == Some(i) { ACCENT } else { SECOND };
-        axes.point(&mut svg, &rated[i], colour, 5.0);
+    for &i in &listed {
+        let colour = if front.contains(&i) { SECOND } else { INK };
+        let colour = if chart.chosen == Some(i) { ACCENT } else { colour };
+        axes.point(&mut svg, &rated[i], colour, 4.5);
     }
-    let mut taken: Vec<(f64, f64)> = front.iter().map(|&i| axes.at(&rated[i])).collect();
-    for (number, &i) in front.iter().enumerate() {
-        axes.number(&mut svg, &rated[i], number + 1, &mut taken);
+    let mut labels =
+        Labels { taken: points.iter().map(|&i| axes.at(&rated[i])).collect(), line: &line };
+    for (number, &i) in listed.iter().enumerate() {
+        labels.write(&mut svg, axes.at(&rated[i]), number + 1);
     }
-    // The setting to take may lie off the front, which knows τ and not the regret; an atlas does.
-    let atlas = points.iter().filter(|&&i| rated[i].measured.rung.engine == Engine::Atlas);
-    let off = chart.chosen.iter().filter(|c| !front.contains(c) && points.contains(c)).chain(atlas);
-    let mut listed = front.clone();
-    for &i in off {
-        let colour = if chart.chosen == Some(i) { ACCENT } else { INK };
-        axes.point(&mut svg, &rated[i], colour, 5.0);
-        listed.push(i);
-        axes.number(&mut svg, &rated[i], listed.len(), &mut taken);
-    }
-    key(&mut svg, rated, &listed, chart);
+    table(&mut svg, rated, &listed, chart);
     svg += "</svg>\n";
     svg
 }
@@ -111,39 +124,55 @@ impl Axes {
 
     fn draw(&self, svg: &mut String) {
         let [left, right, top, bottom] = PLOT;
-        for tick in decades(self.x) {
+        for (tick, is_named) in ticks(self.x) {
+            let x = self.at_x(tick);
+            let (colour, width) = if is_named { (FAINT, ".8") } else { (PALE, ".6") };
             let _ = writeln!(
                 svg,
-                "<path d=\"M{x:.1} {top}V{bottom}\" stroke=\"{FAINT}\" stroke-width=\".6\"/>\
-                 <text x=\"{x:.1}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
-                bottom + 19.0,
-                seconds(tick),
-                x = self.at_x(tick),
+                "<path d=\"M{x:.1} {top}V{bottom}\" stroke=\"{colour}\" stroke-width=\"{width}\"/>"
             );
+            if is_named {
+                let _ = writeln!(
+                    svg,
+                    "<text x=\"{x:.1}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
+                    bottom + 19.0,
+                    seconds(tick)
+                );
+            }
         }
-        for tick in decades(self.y).into_iter().filter(|t| t.log10() > self.y.0 + 0.12) {
+        for (tick, is_named) in ticks(self.y).into_iter().filter(|t| t.0.log10() > self.y.0 + 0.12)
+        {
             let y = self.at_y(tick);
+            let (colour, width) = if is_named { (FAINT, ".8") } else { (PALE, ".6") };
             let _ = writeln!(
                 svg,
-                "<path d=\"M{left} {y:.1}H{right}\" stroke=\"{FAINT}\" stroke-width=\".6\"/>\
-                 <text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
-                left - 8.0,
-                y + 4.5,
-                trimmed(tick)
+                "<path d=\"M{left} {y:.1}H{right}\" stroke=\"{colour}\" stroke-width=\"{width}\"/>"
             );
+            if is_named {
+                let _ = writeln!(
+                    svg,
+                    "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
+                    left - 8.0,
+                    y + 4.5,
+                    trimmed(tick)
+                );
+            }
         }
         let _ = writeln!(
             svg,
             "<path d=\"M{left} {top}V{bottom}H{right}\" fill=\"none\" stroke=\"{INK}\"/>\
              <text x=\"{}\" y=\"{}\" text-anchor=\"end\">0</text>\
-             <text x=\"{}\" y=\"{}\" text-anchor=\"middle\">wall time of a placement</text>\
-             <text x=\"20\" y=\"50\">1 − Kendall τ against the finest setting in f64, with 95 % intervals</text>\
-             <text x=\"20\" y=\"560\" fill=\"#5a6b7b\">□ f64 · ○ CPU f32 · ◇ GPU f32 · △ warm pose atlas · \
-             line: Pareto front · 0: the same ranking · grey: not on the front</text>",
+             <text x=\"{}\" y=\"{}\" text-anchor=\"middle\">wall time of a placement, all threads at \
+             work</text>\
+             <text x=\"20\" y=\"50\">1 − Kendall τ against the finest setting in f64, with 95 % intervals; \
+             0: the same ranking</text>\
+             <text x=\"20\" y=\"{}\" font-size=\"12\" fill=\"{SOFT}\">□ f64 · ○ CPU f32 · ◇ GPU f32 · △ warm pose atlas · \
+             line: Pareto front · red: cheapest within tolerance · grey: others, in chart.csv</text>",
             left - 8.0,
             bottom + 4.5,
             (left + right) / 2.0,
             bottom + 40.0,
+            bottom + 62.0,
         );
     }
 
@@ -180,53 +209,105 @@ impl Axes {
             ),
         };
     }
+}
 
-    /// Writes a number beside a point, where nothing is written yet.
-    fn number(&self, svg: &mut String, rated: &Rated, number: usize, taken: &mut Vec<(f64, f64)>) {
-        let (x, y) = self.at(rated);
-        let offsets =
-            [(14.0, -9.0), (-14.0, 10.0), (-14.0, -9.0), (14.0, 10.0), (0.0, -17.0), (0.0, 18.0)];
-        let free = |&(dx, dy): &(f64, f64)| {
-            taken.iter().all(|t| (t.0 - x - dx).abs() > 12.0 || (t.1 - y - dy).abs() > 12.0)
-        };
-        let (dx, dy) = offsets.into_iter().find(free).unwrap_or((16.0, -20.0));
-        taken.push((x + dx, y + dy));
+/// Numbers beside points.
+struct Labels<'a> {
+    /// Points, and numbers written so far.
+    taken: Vec<(f64, f64)>,
+    /// The Pareto front.
+    line: &'a [(f64, f64)],
+}
+
+impl Labels<'_> {
+    /// Writes a number where least is in its way, joined to its point where that is not near.
+    fn write(&mut self, svg: &mut String, (x, y): (f64, f64), number: usize) {
+        let around = (0..16).map(|k| std::f64::consts::TAU * (f64::from(k) / 16.0 - 0.125));
+        let places = [15.0, 22.0, 30.0, 40.0].into_iter().flat_map(|r| {
+            around.clone().map(move |a: f64| (r, (x + r * a.cos(), y + r * a.sin())))
+        });
+        let best = places.min_by(|a, b| self.crowding(*a).total_cmp(&self.crowding(*b)));
+        let (radius, (to_x, to_y)) = best.unwrap_or((0.0, (x, y)));
+        self.taken.push((to_x, to_y));
+        if radius > 16.0 {
+            let near = |from: f64, to: f64, px: f64| from + (to - from) * px / radius;
+            let _ = write!(
+                svg,
+                "<path d=\"M{:.1} {:.1}L{:.1} {:.1}\" stroke=\"{INK}\" stroke-width=\".6\"/>",
+                near(x, to_x, 6.0),
+                near(y, to_y, 6.0),
+                near(x, to_x, radius - 8.0),
+                near(y, to_y, radius - 8.0)
+            );
+        }
         let _ = writeln!(
             svg,
-            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\" font-weight=\"600\">{number}</text>",
-            x + dx,
-            y + dy + 4.5
+            "<text x=\"{to_x:.1}\" y=\"{:.1}\" text-anchor=\"middle\" font-size=\"12\" \
+             font-weight=\"600\">{number}</text>",
+            to_y + 4.3
         );
+    }
+
+    /// How much is in the way of a number at a place so far from its point, and how far that is.
+    fn crowding(&self, (radius, at): (f64, (f64, f64))) -> f64 {
+        let [left, right, top, bottom] = PLOT;
+        let overlap = |distance: f64, free: f64| ((free - distance) / free).max(0.0);
+        let points = self.taken.iter().map(|t| overlap((t.0 - at.0).hypot(t.1 - at.1), 14.0));
+        let line =
+            self.line.windows(2).map(|ends| overlap(from_segment(at, ends[0], ends[1]), 9.0));
+        let is_inside = (left + 6.0..right).contains(&at.0) && (top..bottom - 6.0).contains(&at.1);
+        points.chain(line).sum::<f64>() + 0.004 * radius + if is_inside { 0.0 } else { 1.0 }
     }
 }
 
-/// What the numbers of the chart stand for.
-fn key(svg: &mut String, rated: &[Rated], listed: &[usize], chart: &ChartFrame) {
-    let _ = writeln!(
-        svg,
-        "<text x=\"{KEY_X}\" y=\"50\" fill=\"#5a6b7b\">setting: time a placement, τ, top-1 regret</text>"
-    );
-    let step = (440.0 / listed.len() as f64).min(40.0);
+/// Distance of a point from a line between two others.
+fn from_segment((x, y): (f64, f64), a: (f64, f64), b: (f64, f64)) -> f64 {
+    let (dx, dy) = (b.0 - a.0, b.1 - a.1);
+    let along = ((x - a.0) * dx + (y - a.1) * dy) / (dx * dx + dy * dy).max(f64::MIN_POSITIVE);
+    let along = along.clamp(0.0, 1.0);
+    (a.0 + along * dx - x).hypot(a.1 + along * dy - y)
+}
+
+/// What the numbers of the chart stand for: cost and error of each setting.
+fn table(svg: &mut String, rated: &[Rated], listed: &[usize], chart: &ChartFrame) {
+    let mut row = |y: f64, cells: [String; 7], style: &str| {
+        for (column, (cell, (_, x))) in cells.iter().zip(COLUMNS).enumerate() {
+            let anchor = if column == 0 { "start" } else { "end" };
+            let _ = write!(
+                svg,
+                "<text x=\"{x}\" y=\"{y:.1}\" font-size=\"12\" text-anchor=\"{anchor}\" {style}>{}</text>",
+                escape(cell)
+            );
+        }
+        *svg += "\n";
+    };
+    row(TABLE, COLUMNS.map(|(title, _)| title.to_owned()), &format!("fill=\"{SOFT}\""));
+    let finest = rated[0].measured.rung.fidelity;
     for (number, &i) in listed.iter().enumerate() {
-        let y = 76.0 + step * number as f64;
-        let error = &rated[i].error;
-        let (colour, weight) = if chart.chosen == Some(i) { (ACCENT, "600") } else { (INK, "400") };
-        let _ = writeln!(
-            svg,
-            "<text x=\"{:.1}\" y=\"{y:.1}\" font-weight=\"600\" text-anchor=\"end\">{}</text>\
-             <text x=\"{:.1}\" y=\"{y:.1}\" fill=\"{colour}\" font-weight=\"{weight}\">{}</text>\
-             <text x=\"{:.1}\" y=\"{:.1}\" fill=\"{colour}\" font-size=\"11.5\">{}, τ {:.3}, regret {:.2} %{}</text>",
-            KEY_X + 16.0,
-            number + 1,
-            KEY_X + 26.0,
-            escape(&rated[i].measured.rung.words(chart.edge)),
-            KEY_X + 26.0,
-            y + 0.4 * step,
-            seconds(rated[i].measured.seconds),
-            error.tau.map_or(0.0, |tau| tau.value),
-            100.0 * error.regret.value,
-            if chart.chosen == Some(i) { ": cheapest within tolerance" } else { "" },
-        );
+        let (measured, error) = (&rated[i].measured, &rated[i].error);
+        let percent = |value: f64| format!("{:.2}", 100.0 * value);
+        let pose = measured.pose.map_or(String::new(), |pose| {
+            let bytes = pose.bytes as f64 / f64::from(1 << 20);
+            format!("; a pose {}, {bytes:.1} MiB", seconds(pose.seconds))
+        });
+        let cells = [
+            measured.rung.words(chart.edge) + &pose,
+            seconds(measured.seconds),
+            format!("{:.1}", measured.bytes as f64 / f64::from(1 << 20)),
+            if measured.rung.fidelity.same_quantity(&finest) {
+                format!("{}, {}", percent(error.score_median), percent(error.score_largest))
+            } else {
+                "another quantity".to_owned()
+            },
+            error.tau.map_or(String::new(), |tau| {
+                format!("{:.3} ({:.3}–{:.3})", tau.value, tau.low, tau.high)
+            }),
+            format!("{} ({})", percent(error.regret.value), percent(error.regret.high)),
+            (number + 1).to_string(),
+        ];
+        let style =
+            if chart.chosen == Some(i) { format!("fill=\"{ACCENT}\"") } else { String::new() };
+        row(TABLE + ROW * (number as f64 + 1.0), cells, &style);
     }
 }
 
@@ -235,12 +316,15 @@ fn half_below(value: f64) -> f64 {
     (2.0 * value).floor() / 2.0
 }
 
-/// 1, and where there is room 2 and 5, times powers of ten within a range of logarithms.
-fn decades((low, high): (f64, f64)) -> Vec<f64> {
-    let digits: &[f64] = if high - low < 2.2 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+/// 1, 2, …, 9 times powers of ten within a range of logarithms, and whether each is written out: those
+/// of 1, and of 2 and 5 where there is room.
+fn ticks((low, high): (f64, f64)) -> Vec<(f64, bool)> {
+    let is_named = |digit: u32| digit == 1 || high - low < 2.2 && [2, 5].contains(&digit);
     let powers = low.floor() as i32..=high.ceil() as i32;
-    let all = powers.flat_map(|p| digits.iter().map(move |d| d * 10_f64.powi(p)));
-    all.filter(|v| (low..=high).contains(&v.log10())).collect()
+    let all = powers.flat_map(|power| {
+        (1..10).map(move |digit| (f64::from(digit) * 10_f64.powi(power), is_named(digit)))
+    });
+    all.filter(|(v, _)| (low..=high).contains(&v.log10())).collect()
 }
 
 fn trimmed(value: f64) -> String {
@@ -264,7 +348,7 @@ pub fn seconds(value: f64) -> String {
 pub fn fidelity_csv(rated: &[Rated], edge: f64) -> String {
     let mut csv = "setting,engine,voxel_m,azimuth_divisor,frames,coverage,merged_m,seconds,seconds_low,\
                    seconds_high,bytes,beams,triangles,score_error_median,score_error_largest,tau,tau_low,\
-                   tau_high,regret,regret_low,regret_high,on_front\n"
+                   tau_high,regret,regret_low,regret_high,pose_seconds,pose_bytes,on_front\n"
         .to_owned();
     for rated in rated {
         let (measured, error) = (&rated.measured, &rated.error);
@@ -273,9 +357,12 @@ pub fn fidelity_csv(rated: &[Rated], edge: f64) -> String {
             Some(tau) => format!("{},{},{}", tau.value, tau.low, tau.high),
             None => ",,".to_owned(),
         };
+        let pose = measured
+            .pose
+            .map_or(",".to_owned(), |pose| format!("{:.4e},{}", pose.seconds, pose.bytes));
         let _ = writeln!(
             csv,
-            "\"{}\",{},{},{},{},{},{},{:.4e},{:.4e},{:.4e},{},{},{},{},{},{tau},{},{},{},{}",
+            "\"{}\",{},{},{},{},{},{},{:.4e},{:.4e},{:.4e},{},{},{},{},{},{tau},{},{},{},{pose},{}",
             measured.rung.words(edge),
             match measured.rung.engine {
                 Engine::F64 => "f64",

@@ -2,6 +2,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::backend::Modelled;
+use crate::fidelity::Merging;
 use crate::placement::Placement;
 use crate::score::Scores;
 use crate::search::Certificate;
@@ -59,6 +60,18 @@ pub struct LeftOut {
     pub why: Vec<String>,
 }
 
+/// How much of a scene a run modelled.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ModelledRun {
+    /// By what it scored the result and the baselines.
+    #[serde(flatten)]
+    pub scores: Modelled,
+    /// What merging small triangles does to the search, and whether it went by them; `None` where that
+    /// was not asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub merging: Option<Merging>,
+}
+
 /// All of `result.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RunRecord {
@@ -82,7 +95,7 @@ pub struct RunRecord {
     /// What was maximized.
     pub objective: String,
     /// How much of the scene the scores below are taken over.
-    pub modelled: Modelled,
+    pub modelled: ModelledRun,
     /// Frames that the search averaged over.
     pub search_frames: usize,
     /// Frames that the scores below average over.

@@ -90,6 +90,8 @@ struct Part<'a> {
     /// Number of the first in the chunk.
     first: usize,
     frame: usize,
+    /// Equal frames that it stands for.
+    weight: u64,
     /// Metres.
     range: f32,
     /// Whether all threads share the sensors and the sums, because there are few parts.
@@ -177,13 +179,15 @@ impl CpuBackend {
         self.cover(part, words, bitmaps, cover_rows);
         let covered = start.elapsed();
         let sums = if part.spread { take_sums_spread } else { take_sums };
-        sums(bitmaps, words, &self.worth, tally);
+        let mut sum = Tally::zero(tally.by_class.len(), sensors);
+        sums(bitmaps, words, &self.worth, &mut sum);
         self.bitmaps.put_back(kept);
-        tally.beams += (sensors * self.problem.table().directions().len()) as u64;
+        sum.beams = (sensors * self.problem.table().directions().len()) as u64;
         if self.problem.bvh(part.frame).is_some() {
             let hits = (0..sensors).flat_map(|index| self.hits_of(part.first + index));
-            tally.hits += hits.filter(|hit| hit.is_hit()).count() as u64;
+            sum.hits = hits.filter(|hit| hit.is_hit()).count() as u64;
         }
+        tally.add_times(&sum, part.weight);
         [covered, start.elapsed()]
     }
 }
@@ -203,7 +207,7 @@ impl Backend for CpuBackend {
             placements.iter().map(|p| Tally::zero(classes, p.lidars.len())).collect();
         for chunk in self.chunks(placements)? {
             let poses = self.poses(&placements[chunk.placements.clone()]);
-            for frame in 0..self.problem.frame_count() {
+            for (frame, weight) in self.problem.distinct_frames() {
                 self.cast_frame(&poses, frame, range);
                 let start = Instant::now();
                 let spread = self.shares(&placements[chunk.placements.clone()]);
@@ -214,7 +218,7 @@ impl Backend for CpuBackend {
                     .zip(&mut tallies[chunk.placements.clone()])
                 {
                     let poses = &poses[first..first + placement.lidars.len()];
-                    tasks.push((Part { poses, first, frame, range, spread }, tally));
+                    tasks.push((Part { poses, first, frame, weight, range, spread }, tally));
                     first += poses.len();
                 }
                 let of_tasks: Vec<[Duration; 2]> =
@@ -262,7 +266,7 @@ impl Backend for CpuBackend {
         let start = Instant::now();
         let words = bitmap_words(self.problem.roi());
         let mut bitmaps = vec![0; poses.len() * words];
-        let part = Part { poses: &poses, first: 0, frame, range, spread: true };
+        let part = Part { poses: &poses, first: 0, frame, weight: 1, range, spread: true };
         self.cover(&part, words, &mut bitmaps, cover_sensor);
         self.times.cover += start.elapsed();
         Ok(bitmaps)

@@ -248,7 +248,9 @@ impl Backend for GpuBackend {
             self.load(placements)?;
             let mut sums: Vec<Tally> =
                 placements.iter().map(|p| Tally::zero(classes, p.lidars.len())).collect();
-            for frame in 0..self.problem.frame_count() {
+            for (frame, weight) in self.problem.distinct_frames() {
+                let zero = |p: &Placement| Tally::zero(classes, p.lidars.len());
+                let mut of_frame: Vec<Tally> = placements.iter().map(zero).collect();
                 let mut times = self.times;
                 let run = self.run();
                 let start = Instant::now();
@@ -257,15 +259,18 @@ impl Backend for GpuBackend {
                 let start = Instant::now();
                 if let Some(worth) = &self.worth {
                     let sums =
-                        run.cover_and_reduce_on_host(frame, range, worth, &hits, &mut sums)?;
+                        run.cover_and_reduce_on_host(frame, range, worth, &hits, &mut of_frame)?;
                     times.cover += start.elapsed().saturating_sub(sums);
                     times.reduce += sums;
                 } else {
                     run.cover_all(frame, range)?;
                     times.cover += start.elapsed();
                     let start = Instant::now();
-                    run.reduce(&hits, &mut sums)?;
+                    run.reduce(&hits, &mut of_frame)?;
                     times.reduce += start.elapsed();
+                }
+                for (sum, of_frame) in sums.iter_mut().zip(&of_frame) {
+                    sum.add_times(of_frame, weight);
                 }
                 self.times = times;
             }

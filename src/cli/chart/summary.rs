@@ -40,6 +40,7 @@ impl Summary {
                 "bytes": r.measured.bytes,
                 "beams": r.measured.beams,
                 "triangles": r.measured.triangles,
+                "pose": r.measured.pose,
                 "error": r.error,
                 "same_quantity": is_comparable(rated, r),
                 "on_front": r.on_front,

@@ -1,13 +1,15 @@
-//! `--fidelity auto`: search over a few frames that stand for all, over more when they no longer tell
-//! the best apart, and confirm the finalists over all.
+//! `--fidelity auto`: search over a few frames that stand for all, with merged triangles where these are
+//! many and small, over more frames when they no longer tell the best apart, and confirm the finalists
+//! over all with every triangle.
 
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use sightline::backend::cpu::CpuBackend;
 use sightline::backend::{Problem, Tally};
-use sightline::fidelity::{Pilot, candidates};
+use sightline::fidelity::{Merging, Pilot, candidates};
 use sightline::placement::{Constraints, Placement};
+use sightline::scene::Scene;
 use sightline::score::{Objective, Scores};
 use sightline::search::Evaluator;
 
@@ -33,6 +35,8 @@ const LATE: f64 = 0.5;
 /// Error of a level that is enough for all generations. Swaps are over the second level at least: they
 /// end at the best placement they see, which one frame flatters most.
 const LATE_ERROR: f64 = 0.5 * TOLERANCE;
+/// Error that merged triangles may add to that of few frames.
+const MERGING_ERROR: f64 = 0.5 * TOLERANCE;
 
 /// Value of `--fidelity`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -57,10 +61,12 @@ struct Finalist {
 /// What `auto` has decided so far; kept in the checkpoint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Auto {
-    /// Frames of each level, ever more; the last is all of them.
+    /// Frames of each level, ever more; the last is all of them, with every triangle.
     levels: Vec<Vec<usize>>,
     /// How far each level is from all frames, as the pilot saw it; see [`sightline::fidelity::Level`].
     errors: Vec<Option<f64>>,
+    /// What merging small triangles does in the first level; `None` without triangles.
+    merging: Option<Merging>,
     /// Present level.
     at: usize,
     finalists: Vec<Finalist>,
@@ -82,9 +88,9 @@ pub(super) struct Auto {
 }
 
 impl Auto {
-    /// Finds the level to begin with; `whole` is the problem over all frames.
+    /// Finds the level to begin with; `whole` is the problem over all frames of the scene.
     pub(super) fn new(
-        whole: &Arc<Problem>,
+        (scene, whole): (&Scene, &Arc<Problem>),
         constraints: &Constraints,
         baselines: &[Placement],
         objective: &Objective,
@@ -94,7 +100,9 @@ impl Auto {
         let count = whole.frame_count();
         let (mut levels, mut errors) = (vec![(0..count).collect()], vec![None]);
         let (mut spent, mut known) = (0, Vec::new());
-        if count > 1 {
+        let mut merging = Merging::count(whole, scene);
+        let may_merge = merging.as_ref().is_some_and(Merging::may_save);
+        if count > 1 || may_merge {
             let alike = baselines.iter().filter(|b| b.lidars.len() == constraints.lidars);
             let given: Vec<Placement> = alike.cloned().collect();
             let random = SAMPLE.saturating_sub(given.len());
@@ -102,11 +110,20 @@ impl Auto {
             let found = pilot.levels(objective, FIRST_ERROR);
             (levels, errors) = found.into_iter().map(|l| (l.frames, l.error)).unzip();
             (spent, known) = (pilot.work(), pilot.tallies());
+            if let Some(merging) = merging.as_mut().filter(|m| m.may_save()) {
+                let error = MERGING_ERROR;
+                spent += merging.measure(&pilot, scene, &levels[0], objective, error, memory)?;
+                if merging.used && levels.len() == 1 {
+                    levels.insert(0, levels[0].clone());
+                    errors.insert(0, merging.error);
+                }
+            }
         }
         let steps = vec![(0, levels[0].len() as u32)];
         Ok(Self {
             levels,
             errors,
+            merging,
             at: 0,
             finalists: vec![],
             spent: [spent, 0, 0],
@@ -121,6 +138,16 @@ impl Auto {
     /// Frames of the present level.
     pub(super) fn frames(&self) -> &[usize] {
         &self.levels[self.at]
+    }
+
+    /// Edge in metres of the cells within which vertices of the present level are merged, if they are.
+    pub(super) fn cell(&self) -> Option<f64> {
+        self.merging.as_ref().filter(|m| m.used && !self.is_full()).map(|m| m.cell)
+    }
+
+    /// What merging small triangles does.
+    pub(super) fn merging(&self) -> Option<Merging> {
+        self.merging.clone()
     }
 
     /// What the pilot has scored over all frames.
@@ -149,7 +176,7 @@ impl Auto {
         1.min(self.levels.len() - 1)
     }
 
-    /// Whether the present level is all frames.
+    /// Whether the present level is all frames with every triangle.
     fn is_full(&self) -> bool {
         self.at + 1 == self.levels.len()
     }
@@ -190,15 +217,13 @@ impl Auto {
         Ok(lost > 0.5 * TOLERANCE)
     }
 
-    /// Goes on with more frames.
+    /// Goes on over the present level, which has more frames than the last.
     fn widen(
         &mut self,
-        level: usize,
         generation: u64,
         evaluator: &mut Evaluator,
         objective: &Objective,
     ) -> Result<(), Error> {
-        self.at = level;
         self.steps.push((generation, self.frames().len() as u32));
         let placements: Vec<Placement> =
             self.finalists.iter().map(|f| f.placement.clone()).collect();
@@ -270,7 +295,7 @@ impl Auto {
     fn words(&self, share: f64) -> String {
         let all = self.levels[self.levels.len() - 1].len();
         if self.levels.len() == 1 {
-            return format!("searched over all {all} frame(s): fewer would not keep the ranking");
+            return format!("searched over all {all} frame(s): less would not keep the ranking");
         }
         let steps: Vec<String> = self
             .steps
@@ -280,8 +305,10 @@ impl Auto {
                 _ => format!("{frames} after generation {generation}"),
             })
             .collect();
+        let merging = self.merging.as_ref().filter(|m| m.used);
+        let merged = merging.map_or(String::new(), |m| format!(" ({})", m.words()));
         format!(
-            "searched over {}; with {} finalists confirmed over all frames this took {:.0} % of the \
+            "searched over {}{merged}; with {} finalists confirmed over all frames this took {:.0} % of the \
              placements × frames of a search over all; checks saw a loss of {:.3} % at most",
             steps.join(", "),
             self.finalists.len(),
@@ -307,10 +334,11 @@ impl Run {
             self.full = Some(full);
         }
         if level != auto.at && self.search.stopped().is_none() {
-            let wider = &auto.levels[level];
+            auto.at = level;
+            let wider = auto.frames();
             compute.talk.note(format!("generation {generation}: on with {} frames", wider.len()));
-            self.evaluator = open(wider)?;
-            auto.widen(level, generation, &mut self.evaluator, &self.objective)?;
+            self.evaluator = open(wider, auto.cell())?;
+            auto.widen(generation, &mut self.evaluator, &self.objective)?;
             self.search.rescore_best(&mut self.evaluator, &self.objective)?;
             self.evaluator.keep_last();
         }
@@ -326,8 +354,9 @@ impl Run {
         self.full = Some(full);
         let level = auto.second().max(auto.at);
         if level != auto.at {
-            self.evaluator = open(&auto.levels[level])?;
-            auto.widen(level, self.search.generation(), &mut self.evaluator, &self.objective)?;
+            auto.at = level;
+            self.evaluator = open(auto.frames(), auto.cell())?;
+            auto.widen(self.search.generation(), &mut self.evaluator, &self.objective)?;
         }
         self.auto = Some(auto);
         Ok(())

@@ -55,8 +55,8 @@ impl Run {
             return Ok(());
         }
         let frames = self.whole.frame_count();
-        if self.evaluator.problem().frame_count() < frames {
-            let mut full = open(&load::spread(frames, None))?;
+        if !self.is_over_all() {
+            let mut full = open(&load::spread(frames, None), None)?;
             let scores = full.scores(std::slice::from_ref(&best.placement))?.remove(0);
             let value = self.objective.value(&scores);
             if value.is_none_or(|value| value < target) || !scores.guards.is_empty() {
