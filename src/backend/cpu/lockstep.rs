@@ -18,7 +18,7 @@ const APART: usize = 8;
 /// Ways a beam may go mainly: back and forth along y and x. A power of two.
 const WAYS: usize = 4;
 /// Kinds of beams of one way by the number of their runs.
-const LENGTHS: usize = 64;
+const LENGTHS: usize = 256;
 /// Parts of the table that are sorted side by side: neighbours are of one length, and each would wait
 /// until the last is counted.
 const STREAMS: usize = 4;
@@ -42,7 +42,7 @@ pub struct WalkScratch {
     /// Crossing before which a beam ends.
     stop: Vec<f32>,
     /// Way and length: `WAYS` × `LENGTHS`.
-    kind: Vec<u8>,
+    kind: Vec<u16>,
     /// Beams by kind.
     sorted: Vec<u32>,
     /// First beam of each way in that order, and the end.
@@ -237,8 +237,8 @@ fn prepare(
         let length = stop[beam] * (along / WORD as f32 + across + c) * scale;
         let length = if length < longest { length } else { longest };
         let length = if length > 0.0 { length } else { 0.0 };
-        let length = (length + ROUND).to_bits() as u8 & (LENGTHS - 1) as u8;
-        kinds[beam] = way * LENGTHS as u8 | length;
+        let length = (length + ROUND).to_bits() as u16 & (LENGTHS - 1) as u16;
+        kinds[beam] = (way * LENGTHS as u16) | length;
     }
 }
 
