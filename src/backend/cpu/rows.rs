@@ -85,15 +85,10 @@ fn add_transposed([nx, ny, _]: [usize; 3], along_y: &mut [u32], along_x: &mut [u
     for (from, to) in along_y.chunks_exact_mut(from).zip(along_x.chunks_exact_mut(to)) {
         for (block_y, from) in from.chunks_exact_mut(nx).enumerate() {
             for (block_x, from) in from.chunks_mut(WORD).enumerate() {
-                let mut any = 0;
-                for &word in from.iter() {
-                    any |= word;
-                }
-                if any == 0 {
+                let mut block = load(from);
+                if or_of(&block) == 0 {
                     continue;
                 }
-                let mut block = [0; WORD];
-                block[..from.len()].copy_from_slice(from);
                 from.fill(0);
                 transpose(&mut block);
                 let first = block_x * ny + block_y * WORD;
@@ -123,11 +118,7 @@ fn move_in_order([nx, ny, nz]: [usize; 3], bitmap: &[u32], linear: &mut [u64]) {
                 let mut block = [[0; WORD]; WORD];
                 let mut any = [0; WORD];
                 for (row, layer) in block.iter_mut().zip(layers.chunks_exact(layer)) {
-                    let words = &layer[first..first + len];
-                    match words.first_chunk() {
-                        Some(words) => *row = *words,
-                        None => row[..len].copy_from_slice(words),
-                    }
+                    *row = load(&layer[first..first + len]);
                     for i in 0..WORD {
                         any[i] |= row[i];
                     }
@@ -171,6 +162,16 @@ fn put(words: &[u32], width: usize, first: usize, linear: &mut [u64]) {
     if bits != 0 {
         linear[at] |= bits;
     }
+}
+
+/// Up to 32 words and zeros: whole vectors where there are all, which the usual copy is not.
+#[inline(always)]
+fn load(words: &[u32]) -> [u32; WORD] {
+    words.first_chunk().copied().unwrap_or_else(|| {
+        let mut some = [0; WORD];
+        some[..words.len()].copy_from_slice(words);
+        some
+    })
 }
 
 #[inline(always)]
