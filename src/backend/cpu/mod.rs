@@ -18,6 +18,7 @@ mod packets;
 mod reduce;
 mod reference;
 mod rows;
+mod runs;
 mod worth;
 
 use std::sync::{Arc, Mutex};

@@ -7,6 +7,9 @@ const WORD: usize = 32;
 /// A bitmap of 64-bit words is marked by halves; this finds them on machines that store the high
 /// half first.
 const SWAP: u32 = cfg!(target_endian = "big") as u32;
+/// Distances at which bits are exchanged, and the lower bits of each pair.
+const HALVES: [(u32, u32); 5] =
+    [(16, 0x0000_ffff), (8, 0x00ff_00ff), (4, 0x0f0f_0f0f), (2, 0x3333_3333), (1, 0x5555_5555)];
 /// Bits up to which a grid's rows may be mostly empty.
 const FEW_BITS: u64 = 1 << 23;
 
@@ -82,15 +85,10 @@ fn add_transposed([nx, ny, _]: [usize; 3], along_y: &mut [u32], along_x: &mut [u
     for (from, to) in along_y.chunks_exact_mut(from).zip(along_x.chunks_exact_mut(to)) {
         for (block_y, from) in from.chunks_exact_mut(nx).enumerate() {
             for (block_x, from) in from.chunks_mut(WORD).enumerate() {
-                let mut any = 0;
-                for &word in from.iter() {
-                    any |= word;
-                }
-                if any == 0 {
+                let mut block = load(from);
+                if or_of(&block) == 0 {
                     continue;
                 }
-                let mut block = [0; WORD];
-                block[..from.len()].copy_from_slice(from);
                 from.fill(0);
                 transpose(&mut block);
                 let first = block_x * ny + block_y * WORD;
@@ -107,36 +105,93 @@ fn add_transposed([nx, ny, _]: [usize; 3], along_y: &mut [u32], along_x: &mut [u
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
+#[allow(clippy::needless_range_loop)]
 fn move_in_order([nx, ny, nz]: [usize; 3], bitmap: &[u32], linear: &mut [u64]) {
     let layer = nx.div_ceil(WORD) * ny;
-    let mut any = vec![0_u32; ny];
     for first_z in (0..nz).step_by(WORD) {
         let layers = &bitmap[first_z * layer..(first_z + WORD).min(nz) * layer];
         for first_x in (0..nx).step_by(WORD) {
-            let row = first_x / WORD * ny;
-            any.fill(0);
-            for layer in layers.chunks_exact(layer) {
-                for (any, word) in any.iter_mut().zip(&layer[row..row + ny]) {
-                    *any |= word;
+            for first_y in (0..ny).step_by(WORD) {
+                let first = first_x / WORD * ny + first_y;
+                let len = WORD.min(ny - first_y);
+                // Rows are layers, then voxels along x; a lane is a voxel along y.
+                let mut block = [[0; WORD]; WORD];
+                let mut any = [0; WORD];
+                for (row, layer) in block.iter_mut().zip(layers.chunks_exact(layer)) {
+                    *row = load(&layer[first..first + len]);
+                    for i in 0..WORD {
+                        any[i] |= row[i];
+                    }
                 }
-            }
-            for (y, _) in any.iter().enumerate().filter(|(_, any)| **any != 0) {
-                let mut block = [0; WORD];
-                for (word, layer) in block.iter_mut().zip(layers.chunks_exact(layer)) {
-                    *word = layer[row + y];
+                if or_of(&any) == 0 {
+                    continue;
                 }
-                transpose(&mut block);
-                for (x, &word) in (first_x..nx).zip(&block) {
-                    if word != 0 {
-                        let first = (x * ny + y) * nz + first_z;
-                        let bits = u128::from(word) << (first & 63);
-                        linear[first >> 6] |= bits as u64;
-                        if bits >> 64 != 0 {
-                            linear[(first >> 6) + 1] |= (bits >> 64) as u64;
+                transpose_lanes(&mut block);
+                for (x, row) in (first_x..nx).zip(&block) {
+                    if or_of(row) == 0 {
+                        continue;
+                    }
+                    let bit = (x * ny + first_y) * nz + first_z;
+                    if nz <= WORD {
+                        put(&row[..len], nz, bit, linear);
+                    } else {
+                        for (y, word) in row[..len].iter().enumerate() {
+                            put(std::slice::from_ref(word), WORD, bit + y * nz, linear);
                         }
                     }
                 }
             }
+        }
+    }
+}
+
+/// Adds the lowest bits of some words, `width` each, one after another from bit `first` on.
+#[inline(always)]
+fn put(words: &[u32], width: usize, first: usize, linear: &mut [u64]) {
+    let (mut at, mut fill, mut bits) = (first >> 6, first & 63, 0);
+    for &word in words {
+        let word = u64::from(word);
+        bits |= word << fill;
+        let rest = (word >> 1) >> (63 - fill);
+        fill += width;
+        if fill > 63 {
+            linear[at] |= bits;
+            (at, fill, bits) = (at + 1, fill - 64, rest);
+        }
+    }
+    if bits != 0 {
+        linear[at] |= bits;
+    }
+}
+
+/// Up to 32 words and zeros: whole vectors where there are all, which the usual copy is not.
+#[inline(always)]
+fn load(words: &[u32]) -> [u32; WORD] {
+    words.first_chunk().copied().unwrap_or_else(|| {
+        let mut some = [0; WORD];
+        some[..words.len()].copy_from_slice(words);
+        some
+    })
+}
+
+#[inline(always)]
+fn or_of(words: &[u32; WORD]) -> u32 {
+    words.iter().fold(0, |or, word| or | word)
+}
+
+/// [`transpose`] of 32 blocks side by side.
+#[inline(always)]
+#[allow(clippy::needless_range_loop)]
+fn transpose_lanes(rows: &mut [[u32; WORD]; WORD]) {
+    for (shift, low) in HALVES {
+        for at in (0..WORD).filter(|at| at & shift as usize == 0) {
+            let (mut a, mut b) = (rows[at], rows[at + shift as usize]);
+            for i in 0..WORD {
+                let exchange = ((a[i] >> shift) ^ b[i]) & low;
+                a[i] ^= exchange << shift;
+                b[i] ^= exchange;
+            }
+            (rows[at], rows[at + shift as usize]) = (a, b);
         }
     }
 }
@@ -148,14 +203,12 @@ fn move_in_order([nx, ny, nz]: [usize; 3], bitmap: &[u32], linear: &mut [u64]) {
 /// (The halving of Warren, Hacker's Delight, 7-3.)
 #[inline(always)]
 fn transpose(rows: &mut [u32; WORD]) {
-    for (shift, low) in
-        [(16, 0x0000_ffff), (8, 0x00ff_00ff), (4, 0x0f0f_0f0f), (2, 0x3333_3333), (1, 0x5555_5555)]
-    {
+    for (shift, low) in HALVES {
         let before = *rows;
         for i in 0..WORD / 2 {
             let (a, b) = (before[i], before[i + WORD / 2]);
-            rows[2 * i] = a & low | (b & low) << shift;
-            rows[2 * i + 1] = a >> shift & low | b & !low;
+            rows[2 * i] = (a & low) | ((b & low) << shift);
+            rows[2 * i + 1] = ((a >> shift) & low) | (b & !low);
         }
     }
 }
