@@ -218,9 +218,20 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let quiet = Compute { talk: Talk { quiet: true, verbose: false }, ..args.compute.clone() };
     let open = |frames: &[usize], cell: Option<f64>| open_on(frames, cell, &quiet);
     let whole = whole.clone();
-    let (full, chosen) = (None, None);
-    let mut run =
-        Run { settings, objective, evaluator, search, history, folder, auto, whole, full, chosen };
+    let (full, chosen, spent) = (None, None, RunTimes::default());
+    let mut run = Run {
+        settings,
+        objective,
+        evaluator,
+        search,
+        history,
+        folder,
+        auto,
+        whole,
+        full,
+        chosen,
+        spent,
+    };
 
     let searching = Instant::now();
     let interrupt = Interrupt::listen(args.compute.talk);
@@ -290,6 +301,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         search: search_seconds,
         confirm: confirming.elapsed().as_secs_f64(),
         total: start.elapsed().as_secs_f64(),
+        ..run.spent
     };
     let figures = Figures::new(
         &record,
@@ -368,6 +380,8 @@ struct Run {
     full: Option<Evaluator>,
     /// The best finalist over all frames, where `auto` has confirmed some.
     chosen: Option<Placement>,
+    /// Of the generations; the rest is filled in at the end.
+    spent: RunTimes,
 }
 
 impl Run {

@@ -1,5 +1,7 @@
 //! The generations of a run, and what ends them.
 
+use std::time::Instant;
+
 use sightline::search::Search;
 
 use super::{Method, Open, Run};
@@ -27,11 +29,18 @@ impl Run {
             !(interrupt.is_pressed() || begun && interrupt.is_set())
         };
         while self.search.stopped().is_none() && goes_on(&self.search) {
+            let (start, before) = (Instant::now(), self.evaluator.spent());
             let record = self.search.step(&mut self.evaluator, &self.objective)?;
+            let scoring = self.evaluator.spent() - before;
             self.history.push(record);
+            let stepped = start.elapsed();
             self.widen(compute, open)?;
             self.stop_at_target(open)?;
+            let saving = Instant::now();
             self.folder.save(&self.settings, &self.search, &self.history, &self.auto)?;
+            let generation = stepped + saving.elapsed();
+            self.spent.generations += generation.as_secs_f64();
+            self.spent.bookkeeping += (generation - scoring).as_secs_f64();
             bar.set_position(self.search.evaluations());
             if let Some(best) = self.search.best() {
                 bar.set_message(format!("best {:.4e}", best.value));
