@@ -9,9 +9,9 @@ use tempfile::TempDir;
 
 use crate::cli::{ok, room};
 
-/// The room with one wall made of 14 400 triangles of some centimetres that is not quite flat, in so
-/// many frames.
-fn fine_room(dir: &Path, frames: usize) {
+/// The room with one wall made of 14 400 triangles of some centimetres, in so many frames; `waves` are
+/// as deep as that, in metres.
+fn fine_room(dir: &Path, frames: usize, waves: f64) {
     room(dir);
     let text = fs::read_to_string(dir.join("room.json")).unwrap();
     let mut scene: Value = serde_json::from_str(&text).unwrap();
@@ -19,7 +19,7 @@ fn fine_room(dir: &Path, frames: usize) {
     for i in 0..=columns {
         for j in 0..=rows {
             let (y, z) = (-3.0 + 0.05 * f64::from(i), 0.05 * f64::from(j));
-            writeln!(obj, "v {} {y} {z}", 3.8 + 0.05 * (7.0 * y).sin() * (5.0 * z).sin()).unwrap();
+            writeln!(obj, "v {} {y} {z}", 3.3 + waves * (7.0 * y).sin() * (5.0 * z).sin()).unwrap();
         }
     }
     for (i, j) in (0..columns).flat_map(|i| (0..rows).map(move |j| (i, j))) {
@@ -49,7 +49,7 @@ fn optimize(dir: &Path, scene: &str, out: &str) -> Value {
 fn small_triangles_are_merged_for_the_search_and_not_for_the_result() {
     for frames in [1, 3] {
         let dir = TempDir::new().unwrap();
-        fine_room(dir.path(), frames);
+        fine_room(dir.path(), frames, 0.05);
         let run = optimize(dir.path(), "room.json", "out");
         let merging = &run["modelled"]["merging"];
         assert_eq!(merging["used"], true, "{merging}");
@@ -68,6 +68,15 @@ fn small_triangles_are_merged_for_the_search_and_not_for_the_result() {
         let again = optimize(dir.path(), "room.json", "again");
         assert_eq!((&again["best"], &again["modelled"]), (&run["best"], &run["modelled"]));
     }
+}
+
+#[test]
+fn triangles_that_matter_are_kept() {
+    let dir = TempDir::new().unwrap();
+    fine_room(dir.path(), 3, 0.4);
+    let merging = &optimize(dir.path(), "room.json", "out")["modelled"]["merging"];
+    assert_eq!(merging["used"], false, "{merging}");
+    assert!(merging["error"].as_f64().unwrap() > 0.005, "{merging}");
 }
 
 #[test]

@@ -16,10 +16,8 @@ use serde::{Deserialize, Serialize};
 use sightline::backend::Problem;
 use sightline::fidelity::merged_over;
 use sightline::placement::{Placement, Spacing, read_placements};
-use sightline::report::{
-    Figures, InformationMap, LeftOut, ModelledRun, RunRecord, RunTimes, Scored,
-};
-use sightline::scene::{MountRules, Scene};
+use sightline::report::{Figures, LeftOut, RunTimes, Scored};
+use sightline::scene::MountRules;
 use sightline::score::Objective;
 use sightline::search::{Evaluator, GenerationRecord, Search, SearchSettings, SearchStop};
 
@@ -28,18 +26,15 @@ use super::error::Error;
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::load;
 use auto::{Auto, FidelityChoice};
-use finalists::Finding;
 use folder::RunFolder;
 use grid::{Method, parse_spacing};
-use outcome::{body_of, peak_memory, print};
-use rules::{Rules, active_bounds, left_out};
+use outcome::{body_of, print};
+use rules::{Rules, left_out};
 
 /// The layouts of Table 7 of the paper, in our frame.
 const TABLE_7: &str = include_str!("../../scenes/placements.json");
 /// Share of `--max-seconds` that the generations may take; the swaps have what is left.
 const GENERATIONS_SHARE: f64 = 0.4;
-/// Frames that the map of the gained information averages over.
-const MAP_FRAMES: u32 = 4;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -220,9 +215,20 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let quiet = Compute { talk: Talk { quiet: true, verbose: false }, ..args.compute.clone() };
     let open = |frames: &[usize], cell: Option<f64>| open_on(frames, cell, &quiet);
     let whole = whole.clone();
-    let (full, chosen) = (None, None);
-    let mut run =
-        Run { settings, objective, evaluator, search, history, folder, auto, whole, full, chosen };
+    let (full, chosen, spent) = (None, None, RunTimes::default());
+    let mut run = Run {
+        settings,
+        objective,
+        evaluator,
+        search,
+        history,
+        folder,
+        auto,
+        whole,
+        full,
+        chosen,
+        spent,
+    };
 
     let searching = Instant::now();
     let interrupt = Interrupt::listen(args.compute.talk);
@@ -292,6 +298,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         search: search_seconds,
         confirm: confirming.elapsed().as_secs_f64(),
         total: start.elapsed().as_secs_f64(),
+        ..run.spent
     };
     let figures = Figures::new(
         &record,
@@ -370,6 +377,8 @@ struct Run {
     full: Option<Evaluator>,
     /// The best finalist over all frames, where `auto` has confirmed some.
     chosen: Option<Placement>,
+    /// Of the generations; the rest is filled in at the end.
+    spent: RunTimes,
 }
 
 impl Run {
@@ -394,77 +403,5 @@ impl Run {
             scores,
         });
         Ok(scored.collect())
-    }
-
-    /// What the result gains over some frames, seen from above.
-    fn map(&mut self, best: Option<&Scored>) -> Result<Option<InformationMap>, Error> {
-        let Some(best) = best else { return Ok(None) };
-        let frames = load::spread(self.evaluator.problem().frame_count(), Some(MAP_FRAMES));
-        let problem = self.evaluator.problem();
-        let (roi, mut map) =
-            (*problem.roi(), InformationMap::new(problem.roi(), problem.content()));
-        for &frame in &frames {
-            let covered = self.evaluator.backend_mut().covered(&best.placement, frame)?;
-            map.add_frame(&roi, self.evaluator.problem().content(), &covered, frames.len());
-        }
-        Ok(Some(map))
-    }
-
-    fn record(
-        &mut self,
-        scene: &Scene,
-        finding: Finding,
-        stopped: String,
-    ) -> Result<RunRecord, Error> {
-        let baselines = self.settings.baselines.clone();
-        let baselines = self.scored(&baselines)?;
-        let Finding { best, methods, mut certificate, findings } = finding;
-        let constraints = self.evaluator.constraints();
-        if let Some(certificate) =
-            certificate.as_mut().filter(|c| c.gain.is_some() && constraints.ties.any())
-        {
-            certificate.gain_says += " (over placements that need not be symmetric or level)";
-        }
-        if let (Some(certificate), Some(cell)) =
-            (&mut certificate, self.auto.as_ref().and_then(Auto::cell))
-        {
-            certificate.gain_says += &format!(" (over triangles merged within {cell} m)");
-        }
-        Ok(RunRecord {
-            sightline: env!("CARGO_PKG_VERSION"),
-            scene: scene.name().to_owned(),
-            settings: serde_json::json!(self.settings),
-            backend: self.evaluator.backend().name().to_owned(),
-            adapter: self.evaluator.backend().adapter().to_owned(),
-            backend_changes: Vec::new(),
-            threads: rayon::current_num_threads(),
-            seed: self.settings.search.seed,
-            objective: self.objective.to_string(),
-            modelled: ModelledRun {
-                scores: self.evaluator.problem().modelled(),
-                merging: self.auto.as_ref().and_then(Auto::merging),
-            },
-            search_frames: 0,
-            frames: self.evaluator.problem().frame_count(),
-            stopped,
-            ended: self.ended_in_words(),
-            left_out: self.settings.left_out.clone(),
-            constraints: rules::in_words(constraints),
-            generations: self.search.generation(),
-            evaluations: self.search.evaluations(),
-            active_bounds: best
-                .as_ref()
-                .map(|best| active_bounds(&best.placement, constraints))
-                .unwrap_or_default(),
-            best,
-            baselines,
-            fidelity: self.auto.as_ref().map(|auto| auto.report(self.search.evaluations())),
-            certificate,
-            methods,
-            findings,
-            rate: 0.0,
-            timings: RunTimes::default(),
-            peak_memory: peak_memory(),
-        })
     }
 }

@@ -245,6 +245,35 @@ mod tests {
     }
 
     #[test]
+    fn an_error_is_what_no_common_factor_explains() {
+        let some = |values: &[f64]| values.iter().copied().map(Some).collect::<Vec<_>>();
+        let close = |a: Option<f64>, b: f64| (a.unwrap() - b).abs() < 1e-12;
+        assert!(close(scatter(&some(&[-1.0, -2.0, -5.0]), some(&[-3.0, -6.0, -15.0])), 0.0));
+        // Ratios 1 and 2: a = 3 / 5 leaves 2 / 5 and 1 / 5, whose mean square is 1 / 10.
+        assert!(close(scatter(&some(&[2.0, 3.0]), some(&[2.0, 6.0])), 0.1_f64.sqrt()));
+        // Ratios 1 and 0: a = 1 leaves 0 and 1. What has no reference does not count.
+        let reference = [Some(2.0), Some(3.0), None, Some(0.0)];
+        let values = vec![Some(2.0), None, Some(9.0), Some(9.0)];
+        assert!(close(scatter(&reference, values), 0.5_f64.sqrt()));
+        assert_eq!(scatter(&[None], vec![Some(1.0)]), None);
+    }
+
+    #[test]
+    fn an_exchange_leaves_the_best_smaller_set() {
+        // By how much the first of two placements gains more in each frame. Frames 0 and 1 balance each
+        // other, but nothing balances them and two more; frames 2 to 5 balance each other.
+        let more = [&[-1, 1, 5, 5, 5, -15][..], &[1000; 16], &[-2000; 8]].concat();
+        let gains: Vec<[u64; 2]> = more.iter().map(|d| [(10_000 + d) as u64, 10_000]).collect();
+        let rows: Vec<&[u64]> = gains.iter().map(|row| &row[..]).collect();
+        let levels = pilot(&rows).levels(&"information_gain".parse().unwrap(), 1.0);
+        assert_eq!(
+            (&levels[1].frames[..], &levels[2].frames[..]),
+            (&[0, 1][..], &[2, 3, 4, 5][..])
+        );
+        assert!(levels[2].error.unwrap() < 1e-9, "{levels:?}");
+    }
+
+    #[test]
     fn large_sets_are_found_by_exchange() {
         let gains: Vec<Vec<u64>> = (0..30_u64)
             .map(|k| (0..6).map(|p| 100 + 10 * p + (k * (p + 3)) % 7 * 4).collect())

@@ -180,10 +180,10 @@ impl Ladder {
             ladder.add(Fidelity { voxel, ..top }, Engine::Cpu);
         }
         ladder.add(own, Engine::Gpu);
+        ladder.add(Fidelity { frames: own.frames.div_ceil(4), ..own }, Engine::Atlas);
         for &voxel in &voxels {
-            for frames in [own.frames, own.frames.div_ceil(4), 1] {
-                ladder.add(Fidelity { voxel, frames, ..own }, Engine::Atlas);
-            }
+            ladder.add(Fidelity { voxel, ..own }, Engine::Atlas);
+            ladder.add(Fidelity { voxel, frames: 1, ..own }, Engine::Atlas);
         }
         for &azimuth in &azimuths {
             ladder.add(Fidelity { azimuth, ..top }, Engine::Cpu);

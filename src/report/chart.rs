@@ -288,7 +288,7 @@ fn table(svg: &mut String, rated: &[Rated], listed: &[usize], chart: &ChartFrame
         let percent = |value: f64| format!("{:.2}", 100.0 * value);
         let pose = measured.pose.map_or(String::new(), |pose| {
             let bytes = pose.bytes as f64 / f64::from(1 << 20);
-            format!("; a pose {}, {bytes:.1} MiB", seconds(pose.seconds))
+            format!("; a pose {}, {bytes:.2} MiB", seconds(pose.seconds))
         });
         let cells = [
             measured.rung.words(chart.edge) + &pose,

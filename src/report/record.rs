@@ -30,6 +30,10 @@ pub struct RunTimes {
     pub build: f64,
     /// The search.
     pub search: f64,
+    /// Of it the generations, without what choosing other frames took.
+    pub generations: f64,
+    /// Of these all but scoring: asking, telling, ranking, writing the checkpoint.
+    pub bookkeeping: f64,
     /// Scoring result and baselines over all frames.
     pub confirm: f64,
     /// All together.

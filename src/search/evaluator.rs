@@ -1,5 +1,6 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use glam::DVec3;
 
@@ -21,13 +22,16 @@ pub struct Evaluator {
     last: Option<Vec<(Placement, Scores)>>,
     /// Where the atlases of its searches keep their pages.
     store: Option<Arc<PageStore>>,
+    /// Wall time spent on scores.
+    spent: Duration,
 }
 
 impl Evaluator {
     /// An evaluator of a problem; the mount decides where the reference layout of the guards stands.
     pub fn new(problem: Arc<Problem>, backend: Box<dyn Backend>, constraints: Constraints) -> Self {
         let (references, known, last, store) = (BTreeMap::new(), Vec::new(), None, None);
-        Self { problem, backend, constraints, references, known, last, store }
+        let spent = Duration::ZERO;
+        Self { problem, backend, constraints, references, known, last, store, spent }
     }
 
     /// Lets searches on a grid keep what each pose covers in a store, and read it from there.
@@ -38,6 +42,11 @@ impl Evaluator {
     /// The store of [`Self::keep_pages`].
     pub fn page_store(&self) -> Option<&Arc<PageStore>> {
         self.store.as_ref()
+    }
+
+    /// Wall time of all scores so far.
+    pub fn spent(&self) -> Duration {
+        self.spent
     }
 
     /// Takes tallies over all frames of the problem, which are then not computed again.
@@ -98,6 +107,7 @@ impl Evaluator {
         placements: &[Placement],
         range: f32,
     ) -> Result<Vec<Scores>, BackendError> {
+        let start = Instant::now();
         for lidars in placements.iter().map(|p| p.lidars.len()) {
             if !self.references.contains_key(&lidars) {
                 let layout = reference_layout(&self.constraints, lidars);
@@ -127,6 +137,7 @@ impl Evaluator {
         if let Some(last) = &mut self.last {
             *last = placements.iter().cloned().zip(scores.iter().cloned()).collect();
         }
+        self.spent += start.elapsed();
         Ok(scores)
     }
 

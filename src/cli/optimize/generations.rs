@@ -1,5 +1,7 @@
 //! The generations of a run, and what ends them.
 
+use std::time::{Duration, Instant};
+
 use sightline::search::Search;
 
 use super::{Method, Open, Run};
@@ -7,6 +9,10 @@ use crate::cli::args::{Compute, Talk};
 use crate::cli::error::Error;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::{load, progress};
+
+/// Time between two checkpoints: one after each generation would take longer than the search itself
+/// where generations are quick.
+const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(1);
 
 impl Run {
     /// Runs generations until the search stops, Ctrl-C, or the time is over.
@@ -21,17 +27,30 @@ impl Run {
         bar.reset_eta();
         let mut ended = self.search.ended().len();
         let first = self.search.generation();
+        let mut saved: Option<Instant> = None;
         // One generation at least, so that there is something to go on with.
         let goes_on = |search: &Search| {
             let begun = search.generation() > first;
             !(interrupt.is_pressed() || begun && interrupt.is_set())
         };
-        while self.search.stopped().is_none() && goes_on(&self.search) {
+        let mut is_over = self.search.stopped().is_some() || !goes_on(&self.search);
+        while !is_over {
+            let (start, before) = (Instant::now(), self.evaluator.spent());
             let record = self.search.step(&mut self.evaluator, &self.objective)?;
+            let scoring = self.evaluator.spent() - before;
             self.history.push(record);
+            let stepped = start.elapsed();
             self.widen(compute, open)?;
             self.stop_at_target(open)?;
-            self.folder.save(&self.settings, &self.search, &self.history, &self.auto)?;
+            let saving = Instant::now();
+            is_over = self.search.stopped().is_some() || !goes_on(&self.search);
+            if is_over || saved.is_none_or(|saved| saved.elapsed() > BETWEEN_CHECKPOINTS) {
+                self.folder.save(&self.settings, &self.search, &self.history, &self.auto)?;
+                saved = Some(Instant::now());
+            }
+            let generation = stepped + saving.elapsed();
+            self.spent.generations += generation.as_secs_f64();
+            self.spent.bookkeeping += (generation - scoring).as_secs_f64();
             bar.set_position(self.search.evaluations());
             if let Some(best) = self.search.best() {
                 bar.set_message(format!("best {:.4e}", best.value));

@@ -1,13 +1,96 @@
-//! What a run says at its end.
+//! What a run leaves and says at its end.
 
 use std::path::Path;
 
-use sightline::report::{RunRecord, certificate_in_words, methods_in_words};
+use sightline::report::{
+    InformationMap, ModelledRun, RunRecord, RunTimes, Scored, certificate_in_words,
+    methods_in_words,
+};
 use sightline::scene::{EgoBody, Scene};
 
-use super::Args;
+use super::auto::Auto;
+use super::finalists::Finding;
+use super::rules::{active_bounds, in_words};
+use super::{Args, Run};
 use crate::cli::args::{Format, format_or_default};
-use crate::cli::table;
+use crate::cli::error::Error;
+use crate::cli::{load, table};
+
+/// Frames that the map of the gained information averages over.
+const MAP_FRAMES: u32 = 4;
+
+impl Run {
+    /// What the result gains over some frames, seen from above.
+    pub(super) fn map(&mut self, best: Option<&Scored>) -> Result<Option<InformationMap>, Error> {
+        let Some(best) = best else { return Ok(None) };
+        let frames = load::spread(self.evaluator.problem().frame_count(), Some(MAP_FRAMES));
+        let problem = self.evaluator.problem();
+        let (roi, mut map) =
+            (*problem.roi(), InformationMap::new(problem.roi(), problem.content()));
+        for &frame in &frames {
+            let covered = self.evaluator.backend_mut().covered(&best.placement, frame)?;
+            map.add_frame(&roi, self.evaluator.problem().content(), &covered, frames.len());
+        }
+        Ok(Some(map))
+    }
+
+    /// All of `result.json` but the times.
+    pub(super) fn record(
+        &mut self,
+        scene: &Scene,
+        finding: Finding,
+        stopped: String,
+    ) -> Result<RunRecord, Error> {
+        let baselines = self.settings.baselines.clone();
+        let baselines = self.scored(&baselines)?;
+        let Finding { best, methods, mut certificate, findings } = finding;
+        let constraints = self.evaluator.constraints();
+        if let Some(certificate) = certificate.as_mut().filter(|c| c.gain.is_some()) {
+            if constraints.ties.any() {
+                certificate.gain_says += " (over placements that need not be symmetric or level)";
+            }
+            if let Some(cell) = self.auto.as_ref().and_then(Auto::cell) {
+                certificate.gain_says += &format!(" (over triangles merged within {cell} m)");
+            }
+        }
+        Ok(RunRecord {
+            sightline: env!("CARGO_PKG_VERSION"),
+            scene: scene.name().to_owned(),
+            settings: serde_json::json!(self.settings),
+            backend: self.evaluator.backend().name().to_owned(),
+            adapter: self.evaluator.backend().adapter().to_owned(),
+            backend_changes: Vec::new(),
+            threads: rayon::current_num_threads(),
+            seed: self.settings.search.seed,
+            objective: self.objective.to_string(),
+            modelled: ModelledRun {
+                scores: self.evaluator.problem().modelled(),
+                merging: self.auto.as_ref().and_then(Auto::merging),
+            },
+            search_frames: 0,
+            frames: self.evaluator.problem().frame_count(),
+            stopped,
+            ended: self.ended_in_words(),
+            left_out: self.settings.left_out.clone(),
+            constraints: in_words(constraints),
+            generations: self.search.generation(),
+            evaluations: self.search.evaluations(),
+            active_bounds: best
+                .as_ref()
+                .map(|best| active_bounds(&best.placement, constraints))
+                .unwrap_or_default(),
+            best,
+            baselines,
+            fidelity: self.auto.as_ref().map(|auto| auto.report(self.search.evaluations())),
+            certificate,
+            methods,
+            findings,
+            rate: 0.0,
+            timings: RunTimes::default(),
+            peak_memory: peak_memory(),
+        })
+    }
+}
 
 /// Triangles of the ego body, for the drawing.
 pub(super) fn body_of(scene: &Scene) -> Vec<[[f32; 3]; 3]> {
@@ -20,7 +103,7 @@ pub(super) fn body_of(scene: &Scene) -> Vec<[[f32; 3]; 3]> {
 }
 
 /// Most bytes the process has held, where the kernel tells.
-pub(super) fn peak_memory() -> Option<u64> {
+fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
     let kilobytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
