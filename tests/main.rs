@@ -14,6 +14,7 @@ mod common;
 mod cover;
 mod fast_stages;
 mod gpu_cpu;
+mod gpu_packets;
 mod grid_search;
 mod hits;
 mod hostile;
