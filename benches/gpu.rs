@@ -1,4 +1,4 @@
-//! Speed of the GPU backend's stages, by the tree and by shafts, beside the CPU backend's.
+//! Speed of the GPU backend's stages, cast beam by beam and in packets, beside the CPU backend's.
 //!
 //! `cargo bench --bench gpu` prints medians of alternating runs with their spread; `-- --help` lists
 //! what can be varied. A software device takes its threads from the environment: set
@@ -7,34 +7,31 @@
 #![allow(clippy::unwrap_used)]
 
 mod scene;
+mod setup;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use setup::RANGE;
 use sightline::backend::cpu::CpuBackend;
 use sightline::backend::gpu::{Casting, GpuBackend};
-use sightline::backend::{Backend, Content, OccupiedVoxel, Problem, StageTimes};
+use sightline::backend::{Backend, Problem, StageTimes, Tally};
 use sightline::bvh::Bvh;
-use sightline::grid::Roi;
-use sightline::placement::{BeamTable, Placement, SensorPose};
+use sightline::placement::Placement;
 
-/// Metres.
-const RANGE: f32 = 100.0;
 /// Bytes of work buffers.
 const MEMORY: u64 = 4 << 30;
 
 #[derive(Parser)]
 struct Args {
     /// Triangles of the scenes, about
-    #[arg(long, value_delimiter = ',', default_value = "2000,20000,200000")]
+    #[arg(long, value_delimiter = ',', default_value = "20000,200000")]
     triangles: Vec<usize>,
     /// Placements of a batch, four LiDARs of 16 x 720 beams each
     #[arg(long, default_value_t = 64)]
     placements: usize,
-    /// Largest roll, pitch and yaw in radians; 0 gives all sensors one rotation
+    /// Largest roll and pitch in radians; 0 gives all sensors one rotation
     #[arg(long, default_value_t = 0.0)]
     turn: f64,
     #[arg(long, default_value_t = 1)]
@@ -48,38 +45,6 @@ struct Args {
     bench: bool,
 }
 
-fn placements(args: &Args) -> Vec<Placement> {
-    let mut rng = ChaCha8Rng::seed_from_u64(args.seed);
-    let mut within = |low: f64, high: f64| rng.random_range(low..=high);
-    let mut pose = || SensorPose {
-        x: within(-0.6, 0.6),
-        y: within(-0.6, 0.6),
-        z: within(2.2, 2.8),
-        roll: within(-args.turn, args.turn),
-        pitch: within(-args.turn, args.turn),
-        yaw: within(-args.turn, args.turn),
-    };
-    (0..args.placements)
-        .map(|i| Placement { name: format!("p{i}"), lidars: (0..4).map(|_| pose()).collect() })
-        .collect()
-}
-
-fn problem(args: &Args, triangles: usize) -> Problem {
-    let roi = Roi::from_bounds([-40.0, -40.0, -0.5], [40.0, 40.0, 5.5], [0.2; 3]).unwrap();
-    let mut rng = ChaCha8Rng::seed_from_u64(args.seed);
-    let occupied: Vec<OccupiedVoxel> = (0..roi.voxel_count() as u32)
-        .filter(|_| rng.random_bool(0.03))
-        .map(|index| OccupiedVoxel { index, entropy: [index & 0xff_ffff; 3] })
-        .collect();
-    let voxels = occupied.iter().map(|voxel| voxel.index).collect();
-    let content = Content::new(vec!["any".into()], occupied, &[voxels], true);
-    let channels: Vec<(f64, f64)> =
-        (0..16).map(|k| (-24.8 + 26.8 * f64::from(k) / 15.0, 0.0)).collect();
-    let table = BeamTable::spinning(&channels, 720, f64::from(RANGE)).unwrap();
-    let bvh = Arc::new(Bvh::build(&scene::street_scene(triangles, args.seed), RANGE));
-    Problem::new(roi, content, table, vec![bvh], true)
-}
-
 /// One way to evaluate the batch, and what its stages and the whole took, round after round.
 struct Row {
     name: &'static str,
@@ -88,7 +53,7 @@ struct Row {
 }
 
 impl Row {
-    fn run(&mut self, batch: &[Placement]) -> Vec<sightline::backend::Tally> {
+    fn run(&mut self, batch: &[Placement]) -> Vec<Tally> {
         let before = self.backend.times();
         let start = Instant::now();
         let tallies = self.backend.tally(batch, RANGE).unwrap();
@@ -129,10 +94,14 @@ impl Row {
 fn main() {
     let args = Args::parse();
     rayon::ThreadPoolBuilder::new().num_threads(args.threads).build_global().unwrap();
-    let batch = placements(&args);
+    let (roi, table) = (setup::roi(0.2), setup::table(720));
+    let batch = setup::placements(args.placements, args.turn, args.seed);
+    let poses = setup::poses(&batch, &roi);
+    let beams = poses.len() * table.directions().len();
     for &triangles in &args.triangles {
-        let problem = Arc::new(problem(&args, triangles));
-        let beams = 4 * batch.len() * problem.table().directions().len();
+        let bvh = Arc::new(Bvh::build(&scene::street_scene(triangles, args.seed), RANGE));
+        let content = setup::content(&roi, &poses, &table, &bvh, args.seed);
+        let problem = Arc::new(Problem::new(roi, content, table.clone(), vec![bvh], true));
         println!(
             "{triangles} triangles, {} placements, turn {}, {} thread(s); ms a placement, medians of {} \
              rounds (range)",
@@ -140,14 +109,14 @@ fn main() {
         );
         let gpu = |casting| -> Box<dyn Backend> {
             let mut gpu = GpuBackend::new(problem.clone(), None, MEMORY).unwrap();
-            gpu.cast_by(casting);
+            gpu.cast_by(casting).unwrap();
             Box::new(gpu)
         };
         let row = |name, backend| Row { name, backend, rounds: Vec::new() };
         let mut rows = [
             row("CPU", Box::new(CpuBackend::new(problem.clone(), MEMORY))),
-            row("GPU, by the tree", gpu(Casting::Tree)),
-            row("GPU, by shafts", gpu(Casting::Shafts)),
+            row("GPU, beam by beam", gpu(Casting::Tree)),
+            row("GPU, in packets", gpu(Casting::Packets)),
         ];
         // The first round warms up.
         for round in 0..=args.rounds {

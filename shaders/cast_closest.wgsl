@@ -44,33 +44,8 @@ struct Ray {
 
 var<workgroup> hit_count: atomic<u32>;
 
-fn safe_inverse(d: f32) -> f32 {
-    if d == 0.0 {
-        return FAR;
-    }
-    return 1.0 / d;
-}
-
-// Products added from left to right, which `dot` does not promise.
-fn dot_in_order(a: vec3<f32>, b: vec3<f32>) -> f32 {
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-
-// Moves the major axis to z, keeping the handedness.
-fn permute(v: vec3<f32>, major: u32) -> vec3<f32> {
-    return select(select(v, v.zxy, major == 1u), v.yzx, major == 0u);
-}
-
 fn new_ray(origin: vec3<f32>, direction: vec3<f32>) -> Ray {
-    let size = abs(direction);
-    var major = 2u;
-    if size.x > size.y {
-        if size.x > size.z {
-            major = 0u;
-        }
-    } else if size.y > size.z {
-        major = 1u;
-    }
+    let major = major_axis(direction);
     let d = permute(direction, major);
     let inverse =
         vec3(safe_inverse(direction.x), safe_inverse(direction.y), safe_inverse(direction.z));

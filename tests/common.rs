@@ -101,10 +101,10 @@ pub fn gpu(problem: &Arc<Problem>) -> GpuBackend {
     GpuBackend::new(problem.clone(), None, MEMORY).expect("a Vulkan device: see the README")
 }
 
-/// [`gpu`] with lists of candidates even where the tree is faster.
-pub fn gpu_that_casts_by_shafts(problem: &Arc<Problem>) -> GpuBackend {
+/// [`gpu`] that casts in one way whatever the device is.
+pub fn gpu_that_casts_by(problem: &Arc<Problem>, casting: Casting) -> GpuBackend {
     let mut gpu = gpu(problem);
-    gpu.cast_by(Casting::Shafts);
+    gpu.cast_by(casting).expect("a device that holds the tree");
     gpu
 }
 

@@ -10,7 +10,8 @@ use sightline::grid::Roi;
 use sightline::placement::{BeamTable, Placement, SensorPose};
 
 use crate::common::{
-    both, cpu, gpu, random_content, random_placements, random_problem, random_soup,
+    both, cpu, gpu, gpu_that_casts_by, random_content, random_placements, random_problem,
+    random_soup,
 };
 
 fn bits(hits: &[Hit]) -> Vec<(u32, u32)> {
@@ -43,9 +44,8 @@ fn hits_coverage_and_tallies_are_the_same_bits() {
         let mut by_kernels = crate::common::gpu(&problem);
         by_kernels.reduce_on_device();
         assert_eq!(tallies, by_kernels.tally(&placements, range).unwrap());
-        for casting in [Casting::Tree, Casting::Shafts] {
-            let mut told = crate::common::gpu(&problem);
-            told.cast_by(casting);
+        for casting in [Casting::Tree, Casting::Packets] {
+            let mut told = gpu_that_casts_by(&problem, casting);
             assert_eq!(tallies, told.tally(&placements, range).unwrap(), "{casting:?}");
             for placement in &placements[..8] {
                 let hits = cpu.hits(&placement.lidars, 1).unwrap();
@@ -72,7 +72,7 @@ fn a_split_batch_is_the_whole_batch() {
     // Room for the buffers of five sensors at most: many chunks.
     let each = 4 * problem.roi().voxel_count().div_ceil(32) as usize
         + 8 * problem.table().directions().len();
-    let mut small = GpuBackend::new(problem.clone(), None, 5 * each as u64 + 8192).unwrap();
+    let mut small = GpuBackend::new(problem.clone(), None, 5 * each as u64 + 16384).unwrap();
     assert_eq!(small.tally(&placements, range).unwrap(), whole);
     let one_by_one: Vec<_> = placements
         .iter()

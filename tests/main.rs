@@ -16,6 +16,7 @@ mod cover;
 mod equal_frames;
 mod fast_stages;
 mod gpu_cpu;
+mod gpu_packets;
 mod grid_search;
 mod hits;
 mod hostile;

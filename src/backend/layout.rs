@@ -5,7 +5,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::bvh::{MAX_DEPTH, NO_HIT};
+use crate::bvh::{BOUNDS_SLACK, MAX_DEPTH, NO_HIT, PAD_SHARE, STACK, TRIANGLE, UNIT};
 use crate::geom::Pose;
 use crate::grid::Roi;
 use crate::placement::{MAX_LIDARS, SensorPose};
@@ -28,12 +28,14 @@ const MAX_COORDINATE: f64 = 1e9;
 pub(crate) const STEP_BUDGET: u32 = 60_000;
 /// Triangle id of a beam whose traversal ran out of [`STEP_BUDGET`].
 pub(crate) const UNFINISHED: u32 = NO_HIT - 1;
-/// Neighbouring invocations of `cast_shafts` that cast beams of one shaft: what a software device works
-/// on at once.
-pub(crate) const SHAFT_LANES: u32 = 8;
-/// Low bits of a block that hold the major axis of its beams; the others are the shaft.
-pub(crate) const MAJOR_BITS: u32 = 2;
-/// Slot of a beam whose hit goes nowhere, and shaft of a block without beams.
+/// Beams of a packet by four: what a software device loads of a tree serves so many at once.
+pub(crate) const PACKET_FOURS: u32 = 16;
+/// Loop steps that a packet may take: steps of packets that run side by side may add up, of sixteen on
+/// the widest vector units.
+pub(crate) const PACKET_STEPS: u32 = STEP_BUDGET / 16;
+/// Vectors in a row of the texture that holds a tree for packets.
+pub(crate) const TREE_ROW: u32 = 1 << 12;
+/// Slot of a packet without a beam.
 pub(crate) const NO_SLOT: u32 = u32::MAX;
 /// State of a beam whose walk has ended.
 pub(crate) const WALK_DONE: u32 = u32::MAX;
@@ -124,8 +126,12 @@ pub(crate) fn prelude() -> String {
         ("MAX_LIDARS", MAX_LIDARS as u32),
         ("NO_HIT", NO_HIT),
         ("UNFINISHED", UNFINISHED),
-        ("SHAFT_LANES", SHAFT_LANES),
-        ("MAJOR_BITS", MAJOR_BITS),
+        ("PACKET_FOURS", PACKET_FOURS),
+        ("PACKET_STEPS", PACKET_STEPS),
+        ("QUAD_STACK", STACK as u32),
+        ("TRIANGLE_ITEM", TRIANGLE),
+        ("ITEM_TEXELS", UNIT as u32),
+        ("TREE_ROW", TREE_ROW),
         ("NO_SLOT", NO_SLOT),
         ("WALK_DONE", WALK_DONE),
         ("STEP_BUDGET", STEP_BUDGET),
@@ -134,7 +140,13 @@ pub(crate) fn prelude() -> String {
         ("HALVED_SUMS", HALVED_SUMS),
         ("PARTIAL_WORDS", PARTIAL_WORDS),
     ];
-    let floats = [("PUSH", PUSH), ("TINY_COMPONENT", TINY_COMPONENT), ("FAR", FAR)];
+    let floats = [
+        ("PUSH", PUSH),
+        ("TINY_COMPONENT", TINY_COMPONENT),
+        ("FAR", FAR),
+        ("BOUNDS_SLACK", BOUNDS_SLACK),
+        ("PAD_SHARE", PAD_SHARE),
+    ];
     let mut text = String::new();
     for (name, value) in words {
         text += &format!("const {name}: u32 = {value}u;\n");

@@ -10,7 +10,7 @@ const UNBOUNDED: f32 = 1e30;
 /// Slack of bounds, in units of 2⁻²⁰ of the largest number that enters a test. An origin moved along
 /// its ray, a plane's distance and `Ray::slab`'s own result are each off by a few roundings, that is
 /// by a few 2⁻²⁴ of that number: together less than one unit.
-const SLACK: f32 = 8.0;
+pub(crate) const SLACK: f32 = 8.0;
 
 /// What holds for every ray of a packet.
 ///

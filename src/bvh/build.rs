@@ -13,7 +13,7 @@ const MAX_LEAF: usize = 4;
 const HALVING_DEPTH: usize = MAX_DEPTH / 2;
 /// Pad as a share of the largest distance that enters a hit test: several times the rounding of
 /// `(bound − origin) · inverse`.
-pub(super) const PAD_SHARE: f32 = 1.0 / (1 << 20) as f32;
+pub(crate) const PAD_SHARE: f32 = 1.0 / (1 << 20) as f32;
 
 struct Item {
     bounds: Aabb,

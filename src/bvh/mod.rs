@@ -9,8 +9,7 @@
 //! arithmetic, so the interval of every ancestor box contains that of the triangle. A node that is
 //! skipped because it begins behind the best hit can therefore not hold a closer or an equal one: the
 //! answer is the same for every tree, every order of visits, and for no tree at all
-//! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together ([`Packet`]), and for
-//! lists of candidates ([`Shafts`]).
+//! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together ([`Packet`]).
 
 mod bounds;
 mod build;
@@ -18,12 +17,14 @@ mod intersect;
 mod lanes;
 mod node;
 mod packet;
+mod quads;
 mod ranges;
-mod shafts;
 mod traverse;
 mod wide;
 
+pub(crate) use bounds::SLACK as BOUNDS_SLACK;
+pub(crate) use build::PAD_SHARE;
 pub use intersect::{Hit, NO_HIT, Ray, major_axis};
 pub use node::{Bvh, BvhError, MAX_DEPTH, Node, Triangle};
 pub use packet::{CHUNK, PACKET_RAYS, Packet, PacketHits, Scratch};
-pub use shafts::{Candidate, Shafts};
+pub use quads::{Quads, STACK, TRIANGLE, UNIT};

@@ -1,213 +1,203 @@
-use super::bundles::{Bundles, Four};
+use rayon::prelude::*;
+
 use super::device::Device;
-use crate::backend::{BackendError, DevicePose, Problem};
-use crate::bvh::{Candidate, Shafts};
-use crate::geom::Aabb;
+use super::kernels::{Kernels, dispatch};
+use super::packets::{Fans, Plan};
+use super::resources::ChunkBuffers;
+use crate::backend::layout::{NO_SLOT, PACKET_FOURS, WORKGROUP_SIZE};
+use crate::backend::{BackendError, DevicePose};
 
 /// How closest hits are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Casting {
-    /// Each beam goes down the tree of its frame.
+    /// Each beam goes down a binary tree: an invocation is a beam.
     Tree,
-    /// Beams are sorted by direction, and those of a shaft follow its list of candidates; see
-    /// [`Shafts`].
-    Shafts,
+    /// Beams that lie close go down a tree of four children a node together: an invocation is a
+    /// packet. A device whose lanes are those of a host's vector unit loads each lane's part of the
+    /// tree one by one, and so for many beams at once.
+    Packets,
 }
 
-/// Beams of a frame that must have been cast since lists were made before they are made anew: about
-/// as many as the tree takes in the time of making them.
-const BEAMS_BEFORE_SHAFTS: u64 = 50_000;
-/// Beams of a batch for which a face of the cube of directions is cut into as many shafts as its edge
-/// has: enough of them share one to fill its blocks.
-const BEAMS_OF_EDGE: f64 = 160.0;
-/// Bounds of that edge.
-const EDGES: [u32; 2] = [8, 64];
-/// Beams that go down the tree in the time in which a block of beams follows a list.
-const BEAMS_OF_BLOCK: u64 = 6;
-/// Metres along an axis beyond which a box of origins holds too much of the scene for short lists.
-const LARGEST_BOX: f32 = 4.0;
-/// Share of the memory budget that lists may take.
-const MEMORY_SHARE: u64 = 4;
-/// Growth of the box of the origins seen so far, as a share of its size and in metres, so that later
-/// origins seldom lie outside.
-const GROWTH: f32 = 0.05;
-const LEAST_GROWTH: f32 = 0.02;
+/// Slots of a packet or fan.
+const RAYS: usize = 4 * PACKET_FOURS as usize;
 
-/// A frame's lists on the device.
-pub(super) struct ShaftBuffers {
-    pub(super) starts: wgpu::Buffer,
-    pub(super) candidates: wgpu::Buffer,
+/// What an invocation says of its beams: which hit, and which are left to the host.
+type Marks = [u32; 4];
+
+/// Casts a chunk in packets; its buffers are kept from chunk to chunk.
+pub(super) struct PacketCaster {
+    fans: Fans,
+    plan: Plan,
+    buffers: Vec<wgpu::Buffer>,
 }
 
-/// The lists of all frames, for the box of origins seen so far.
-struct Lists {
-    origins: Aabb,
-    edge: u32,
-    frames: Vec<ShaftBuffers>,
-}
+/// Places of the buffers.
+const BLOCKS: usize = 0;
+const SLOTS: usize = 1;
+const ORIGINS: usize = 2;
+const ALONE: usize = 3;
+const PACKET_MARKS: usize = 4;
+const FAN_MARKS: usize = 5;
+const NAMES: [&str; 6] = [
+    "blocks of directions",
+    "slots of packets",
+    "origins of packets",
+    "sensors of fans",
+    "marks of packets",
+    "marks of fans",
+];
 
-/// A chunk's beams by shaft, on the device.
-pub(super) struct BundleBuffers {
-    slots_held: u64,
-    pub(super) workgroups: [u32; 3],
-    pub(super) blocks: wgpu::Buffer,
-    pub(super) beams: wgpu::Buffer,
-    pub(super) slots: wgpu::Buffer,
-}
+/// A beam that the host is to cast: sensor and direction.
+pub(super) type Left = (u32, u32);
 
-/// Chooses how to cast, and keeps what casting by shafts needs.
-#[derive(Default)]
-pub(super) struct Caster {
-    /// Says which, whatever it costs.
-    told: Option<Casting>,
-    /// Beams of each frame cast since lists were made, and most of a batch.
-    beams: u64,
-    largest: u64,
-    /// Whether lists were found to take too much memory.
-    unfit: bool,
-    lists: Option<Lists>,
-    bundles: Bundles,
-    buffers: Option<BundleBuffers>,
-}
-
-impl Caster {
-    pub(super) fn told(casting: Casting) -> Self {
-        Self { told: Some(casting), ..Self::default() }
+impl PacketCaster {
+    pub(super) fn new(device: &Device, directions: &[[f32; 3]]) -> Result<Self, BackendError> {
+        let fans = Fans::new(device, directions)?;
+        Ok(Self { fans, plan: Plan::default(), buffers: Vec::new() })
     }
 
-    /// Chooses how beams of `poses` are cast and makes the lists where they are to be used and are
-    /// not there yet; whether they are used.
-    ///
-    /// The tree costs nothing to begin with, lists cost little a beam, but their making pays only
-    /// after many beams; and only where neighbouring invocations run in lockstep on a host's vector
-    /// unit, which loads each lane's triangle one by one, are they sure to be faster.
-    pub(super) fn choose(
-        &mut self,
-        device: &Device,
-        problem: &Problem,
-        poses: &[DevicePose],
-        range: f32,
-        memory: u64,
-    ) -> Result<bool, BackendError> {
-        let beams = poses.len() as u64 * problem.table().directions().len() as u64;
-        self.beams += beams;
-        self.largest = self.largest.max(beams);
-        let edge = edge_for(self.largest);
-        let allowed = self.told != Some(Casting::Tree) && !self.unfit;
-        if !allowed || problem.geometry_frame_count() == 0 || range > problem.far_range() {
-            return Ok(false);
-        }
-        let mut origins = Aabb::EMPTY;
-        for pose in poses {
-            origins.grow(pose.rows.map(|row| row[3]).into());
-        }
-        if let Some(lists) = &self.lists {
-            let held = lists.origins;
-            let inside = origins.min.cmpge(held.min).all() && origins.max.cmple(held.max).all();
-            if inside && (edge <= 2 * lists.edge || self.beams < BEAMS_BEFORE_SHAFTS) {
-                return Ok(true);
-            }
-            origins.merge(&held);
-        }
-        let pays = device.is_software()
-            && self.beams >= BEAMS_BEFORE_SHAFTS
-            && (origins.max - origins.min).max_element() <= LARGEST_BOX;
-        if self.told.is_none() && !pays {
-            return Ok(false);
-        }
-        self.beams = 0;
-        let growth = GROWTH * (origins.max - origins.min) + LEAST_GROWTH;
-        let origins = Aabb { min: origins.min - growth, max: origins.max + growth };
-        self.lists = None;
-        self.lists = Lists::new(device, problem, origins, edge, memory / MEMORY_SHARE)?;
-        self.unfit = self.lists.is_none();
-        Ok(!self.unfit)
-    }
-
-    /// Bytes that sorting takes on the device: of one sensor's beams, and of blocks that are not full.
-    pub(super) fn bytes(&self, problem: &Problem) -> [u64; 2] {
-        let shafts = self.lists.as_ref().map_or(0, |lists| Shafts::count(lists.edge));
-        Bundles::bytes(problem.table().directions().len() as u64, shafts)
-    }
-
-    /// Sorts a chunk's beams and uploads them, where the tree would not be faster for so few; whether
-    /// it did.
+    /// Puts the beams of a chunk's sensors together and uploads how.
     pub(super) fn load(
         &mut self,
         device: &Device,
-        problem: &Problem,
         poses: &[DevicePose],
-    ) -> Result<bool, BackendError> {
-        let Some(Lists { edge, .. }) = self.lists else { return Ok(false) };
-        let directions = problem.table().directions();
-        let beams = (poses.len() * directions.len()) as u64;
-        self.bundles.sort(poses, directions, edge);
-        let slots = self.bundles.slots.len() as u64;
-        let blocks = slots / Bundles::BLOCK;
-        if self.told.is_none() && blocks * BEAMS_OF_BLOCK > beams {
-            return Ok(false);
+        directions: &[[f32; 3]],
+    ) -> Result<(), BackendError> {
+        self.plan = Plan::new(poses, directions);
+        let plan = &self.plan;
+        let blocks = directions.len().div_ceil(WORKGROUP_SIZE as usize) as u64;
+        let packets = u64::from(plan.packets) * blocks * u64::from(WORKGROUP_SIZE);
+        let fans = (plan.alone.len() * self.fans.count()) as u64;
+        let mark = size_of::<Marks>() as u64;
+        let bytes = [
+            size_of_val(plan.blocks.as_slice()) as u64,
+            size_of_val(plan.slots.as_slice()) as u64,
+            size_of_val(plan.origins.as_slice()) as u64,
+            size_of_val(plan.alone.as_slice()) as u64,
+            packets * mark,
+            fans * mark,
+        ];
+        let held = self.buffers.iter().map(wgpu::Buffer::size).zip(bytes);
+        if self.buffers.is_empty() || held.into_iter().any(|(held, need)| held < need) {
+            self.buffers.clear();
+            let usage = wgpu::BufferUsages::STORAGE
+                | wgpu::BufferUsages::COPY_DST
+                | wgpu::BufferUsages::COPY_SRC;
+            for (name, bytes) in NAMES.into_iter().zip(bytes) {
+                self.buffers.push(device.buffer(name, bytes, usage)?);
+            }
         }
-        if self.buffers.as_ref().is_none_or(|buffers| buffers.slots_held < slots) {
-            self.buffers = None;
-            let most = Bundles::most_slots(beams, Shafts::count(edge));
-            self.buffers = Some(BundleBuffers::new(device, most)?);
-        }
-        if let Some(buffers) = &mut self.buffers {
-            buffers.workgroups = self.bundles.workgroups;
-            device.write(&buffers.blocks, &self.bundles.blocks);
-            device.write(&buffers.beams, &self.bundles.beams);
-            device.write(&buffers.slots, &self.bundles.slots);
-        }
-        Ok(true)
+        device.write(&self.buffers[BLOCKS], &plan.blocks);
+        device.write(&self.buffers[SLOTS], &plan.slots);
+        device.write(&self.buffers[ORIGINS], &plan.origins);
+        device.write(&self.buffers[ALONE], &plan.alone);
+        Ok(())
     }
 
-    /// What a frame's beams are cast with, where it is by shafts.
-    pub(super) fn frame(&self, frame: usize) -> Option<(&ShaftBuffers, &BundleBuffers)> {
-        Some((&self.lists.as_ref()?.frames[frame], self.buffers.as_ref()?))
-    }
-}
-
-/// The power of two that suits batches of so many beams.
-fn edge_for(beams: u64) -> u32 {
-    let edge = (beams as f64 / BEAMS_OF_EDGE).sqrt().max(1.0);
-    (1 << edge.log2().round() as u32).clamp(EDGES[0], EDGES[1])
-}
-
-impl Lists {
-    fn new(
+    /// Records the casting of the loaded chunk.
+    pub(super) fn record(
+        &self,
         device: &Device,
-        problem: &Problem,
-        origins: Aabb,
-        edge: u32,
-        memory: u64,
-    ) -> Result<Option<Self>, BackendError> {
-        let frames = problem.geometry_frame_count();
-        let starts = 4 * (Shafts::count(edge) as u64 + 1);
-        let bytes = (memory / frames as u64).saturating_sub(starts).min(device.max_binding());
-        let most = (bytes / size_of::<Candidate>() as u64) as usize;
-        let mut buffers = Vec::with_capacity(frames);
-        for bvh in (0..frames).filter_map(|frame| problem.geometry(frame)) {
-            let Some(shafts) = Shafts::build(bvh, &origins, problem.far_range(), edge, most) else {
-                return Ok(None);
-            };
-            buffers.push(ShaftBuffers {
-                starts: device.upload("starts of shafts", &shafts.starts)?,
-                candidates: device.upload("candidates of shafts", &shafts.candidates)?,
-            });
+        kernels: &Kernels,
+        encoder: &mut wgpu::CommandEncoder,
+        chunk: &ChunkBuffers,
+        directions: &wgpu::Buffer,
+        tree: &wgpu::TextureView,
+    ) {
+        let plan = &self.plan;
+        if plan.packets > 0 {
+            let buffers = [
+                &chunk.uniforms,
+                &chunk.poses,
+                directions,
+                &self.buffers[BLOCKS],
+                &self.buffers[SLOTS],
+                &self.buffers[ORIGINS],
+                &chunk.hits,
+                &self.buffers[PACKET_MARKS],
+            ];
+            let groups = [plan.packets, plan.blocks.len() as u32, 1];
+            dispatch(device, encoder, &kernels.cast_packets, &buffers, Some(tree), groups);
         }
-        Ok(Some(Self { origins, edge, frames: buffers }))
+        if !plan.alone.is_empty() {
+            let buffers = [
+                &chunk.uniforms,
+                &chunk.poses,
+                &self.buffers[ALONE],
+                &self.fans.slot_buffer,
+                &self.fans.directions,
+                &chunk.hits,
+                &self.buffers[FAN_MARKS],
+            ];
+            let groups = (self.fans.count() as u32).div_ceil(WORKGROUP_SIZE);
+            let groups = [groups, plan.alone.len() as u32, 1];
+            dispatch(device, encoder, &kernels.cast_fans, &buffers, Some(tree), groups);
+        }
+    }
+
+    /// Hits of each sensor in the chunk that was cast, and the beams that are left to the host.
+    pub(super) fn read(
+        &self,
+        device: &Device,
+        sensors: usize,
+        directions: usize,
+    ) -> Result<(Vec<u32>, Vec<Left>), BackendError> {
+        let mut hits = vec![0; sensors];
+        let mut left = Vec::new();
+        let plan = &self.plan;
+        let lanes = WORKGROUP_SIZE as usize;
+        let marks = plan.packets as usize * plan.blocks.len() * lanes;
+        let bytes = (marks * size_of::<Marks>()) as u64;
+        let packets: Vec<Marks> =
+            device.read("cast_packets", &self.buffers[PACKET_MARKS], bytes)?;
+        let groups = packets.par_chunks(lanes).enumerate().map(|(group, marks)| {
+            let block = group / plan.packets as usize;
+            let first = 4 * plan.blocks[block] as usize + group % plan.packets as usize * RAYS;
+            let valid = lanes.min(directions - block * lanes);
+            let mut counts = [0; RAYS];
+            let mut left = Vec::new();
+            for (lane, mark) in marks[..valid].iter().enumerate() {
+                count(mark, &mut counts);
+                each_left(mark, |slot| {
+                    left.push((plan.slots[first + slot], (block * lanes + lane) as u32));
+                });
+            }
+            (first, counts, left)
+        });
+        for (first, counts, mut some) in groups.collect::<Vec<_>>() {
+            let slots = plan.slots[first..first + RAYS].iter().zip(counts);
+            for (&sensor, count) in slots.filter(|(sensor, _)| **sensor != NO_SLOT) {
+                hits[sensor as usize] += count;
+            }
+            left.append(&mut some);
+        }
+        let bytes = (plan.alone.len() * self.fans.count() * size_of::<Marks>()) as u64;
+        let fans: Vec<Marks> = device.read("cast_fans", &self.buffers[FAN_MARKS], bytes)?;
+        for (&sensor, marks) in plan.alone.iter().zip(fans.chunks(self.fans.count().max(1))) {
+            for (fan, mark) in marks.iter().enumerate() {
+                hits[sensor as usize] += mark[0].count_ones() + mark[1].count_ones();
+                each_left(mark, |slot| left.push((sensor, self.fans.slots[fan * RAYS + slot])));
+            }
+        }
+        Ok((hits, left))
     }
 }
 
-impl BundleBuffers {
-    fn new(device: &Device, slots: u64) -> Result<Self, BackendError> {
-        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-        Ok(Self {
-            slots_held: slots,
-            workgroups: [0; 3],
-            blocks: device.buffer("blocks of beams", Bundles::block_bytes(slots), usage)?,
-            beams: device.buffer("sorted beams", slots / 4 * size_of::<Four>() as u64, usage)?,
-            slots: device.buffer("slots of beams", 4 * slots, usage)?,
-        })
+/// Adds the hits of a packet, slot by slot.
+fn count(mark: &Marks, counts: &mut [u32; RAYS]) {
+    for (counts, word) in counts.chunks_mut(32).zip(mark) {
+        for (bit, count) in counts.iter_mut().enumerate() {
+            *count += word >> bit & 1;
+        }
+    }
+}
+
+fn each_left(mark: &Marks, mut take: impl FnMut(usize)) {
+    for word in 0..2 {
+        let mut bits = mark[2 + word];
+        while bits != 0 {
+            take(32 * word + bits.trailing_zeros() as usize);
+            bits &= bits - 1;
+        }
     }
 }

@@ -200,6 +200,62 @@ impl Device {
         Ok(buffer)
     }
 
+    /// A texture that holds vectors of four numbers for good, in rows of `row`.
+    pub(super) fn upload_texels(
+        &self,
+        what: &'static str,
+        mut texels: Vec<[f32; 4]>,
+        row: u32,
+    ) -> Result<wgpu::TextureView, BackendError> {
+        let rows = texels.len().div_ceil(row as usize);
+        if rows > self.device.limits().max_texture_dimension_2d as usize {
+            let limit = self.max_texels(row) * size_of::<[f32; 4]>() as u64;
+            let need = size_of_val(texels.as_slice()) as u64;
+            return Err(BackendError::TooLarge { what, need, limit });
+        }
+        texels.resize(rows * row as usize, [0.0; 4]);
+        let size = wgpu::Extent3d { width: row, height: rows as u32, depth_or_array_layers: 1 };
+        let texture = self.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(what),
+            size,
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::Rgba32Float,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        });
+        let layout = wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(row * size_of::<[f32; 4]>() as u32),
+            rows_per_image: None,
+        };
+        self.queue.write_texture(
+            texture.as_image_copy(),
+            bytemuck::cast_slice(&texels),
+            layout,
+            size,
+        );
+        self.queue.submit([]);
+        self.check("uploading a texture")?;
+        Ok(texture.create_view(&Default::default()))
+    }
+
+    /// Most vectors of a texture in rows of `row`.
+    pub(super) fn max_texels(&self, row: u32) -> u64 {
+        u64::from(row) * u64::from(self.device.limits().max_texture_dimension_2d)
+    }
+
+    /// Writes one value, `index` values behind the beginning.
+    pub(super) fn write_at<T: bytemuck::NoUninit>(
+        &self,
+        buffer: &wgpu::Buffer,
+        index: u64,
+        value: &T,
+    ) {
+        self.queue.write_buffer(buffer, index * size_of::<T>() as u64, bytemuck::bytes_of(value));
+    }
+
     pub(super) fn write<T: bytemuck::NoUninit>(&self, buffer: &wgpu::Buffer, data: &[T]) {
         if !data.is_empty() {
             self.queue.write_buffer(buffer, 0, bytemuck::cast_slice(data));

@@ -3,12 +3,15 @@ use crate::backend::BackendError;
 use crate::backend::layout::{MAX_WORKGROUPS, WORKGROUP_SIZE, prelude};
 
 const BEAM: &str = include_str!("../../../shaders/common/beam.wgsl");
+const RAY: &str = include_str!("../../../shaders/common/ray.wgsl");
+const PACKET: &str = include_str!("../../../shaders/common/packet.wgsl");
 const COVERED: &str = include_str!("../../../shaders/common/covered.wgsl");
 
 /// (kernel, parts of its source): the name is that of the file, the entry point and the CPU twin.
-pub(crate) const SOURCES: [(&str, &[&str]); 6] = [
-    ("cast_closest", &[BEAM, include_str!("../../../shaders/cast_closest.wgsl")]),
-    ("cast_shafts", &[BEAM, include_str!("../../../shaders/cast_shafts.wgsl")]),
+pub(crate) const SOURCES: [(&str, &[&str]); 7] = [
+    ("cast_closest", &[BEAM, RAY, include_str!("../../../shaders/cast_closest.wgsl")]),
+    ("cast_packets", &[BEAM, RAY, PACKET, include_str!("../../../shaders/cast_packets.wgsl")]),
+    ("cast_fans", &[BEAM, RAY, PACKET, include_str!("../../../shaders/cast_fans.wgsl")]),
     ("cover_voxels", &[BEAM, include_str!("../../../shaders/cover_voxels.wgsl")]),
     ("reduce_words", &[BEAM, include_str!("../../../shaders/reduce_words.wgsl"), COVERED]),
     ("reduce_occupied", &[BEAM, include_str!("../../../shaders/reduce_occupied.wgsl"), COVERED]),
@@ -23,7 +26,8 @@ pub(crate) fn source(parts: &[&str]) -> String {
 /// Compiled kernels.
 pub(super) struct Kernels {
     pub(super) cast_closest: wgpu::ComputePipeline,
-    pub(super) cast_shafts: wgpu::ComputePipeline,
+    pub(super) cast_packets: wgpu::ComputePipeline,
+    pub(super) cast_fans: wgpu::ComputePipeline,
     pub(super) cover_voxels: wgpu::ComputePipeline,
     pub(super) reduce_words: wgpu::ComputePipeline,
     pub(super) reduce_occupied: wgpu::ComputePipeline,
@@ -49,7 +53,8 @@ impl Kernels {
         device.check("compiling kernels")?;
         let [
             cast_closest,
-            cast_shafts,
+            cast_packets,
+            cast_fans,
             cover_voxels,
             reduce_words,
             reduce_occupied,
@@ -57,7 +62,8 @@ impl Kernels {
         ] = pipelines;
         Ok(Self {
             cast_closest,
-            cast_shafts,
+            cast_packets,
+            cast_fans,
             cover_voxels,
             reduce_words,
             reduce_occupied,
@@ -66,21 +72,21 @@ impl Kernels {
     }
 }
 
-/// Records one dispatch; buffers are bound in the order of the kernel's binding numbers.
+/// Records one dispatch; buffers are bound in the order of the kernel's binding numbers, the texture of
+/// a tree after them.
 pub(super) fn dispatch(
     device: &Device,
     encoder: &mut wgpu::CommandEncoder,
     pipeline: &wgpu::ComputePipeline,
     buffers: &[&wgpu::Buffer],
+    tree: Option<&wgpu::TextureView>,
     workgroups: [u32; 3],
 ) {
+    let buffers = buffers.iter().map(|buffer| buffer.as_entire_binding());
     let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
-        .iter()
-        .enumerate()
-        .map(|(binding, buffer)| wgpu::BindGroupEntry {
-            binding: binding as u32,
-            resource: buffer.as_entire_binding(),
-        })
+        .chain(tree.map(wgpu::BindingResource::TextureView))
+        .zip(0..)
+        .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource })
         .collect();
     let group = device.wgpu().create_bind_group(&wgpu::BindGroupDescriptor {
         label: None,
@@ -102,12 +108,6 @@ pub(super) fn beam_workgroups(directions: u32, sensors: u32) -> [u32; 3] {
     [groups.div_ceil(z), sensors, z]
 }
 
-/// So many workgroups, which spill into y beyond the limit of a dimension; the last may be spare.
-pub(super) fn workgroups(count: u32) -> [u32; 3] {
-    let y = count.div_ceil(MAX_WORKGROUPS);
-    [count.div_ceil(y.max(1)), y, 1]
-}
-
 #[cfg(test)]
 mod tests {
     use std::mem::offset_of;
@@ -116,7 +116,7 @@ mod tests {
 
     use super::*;
     use crate::backend::layout::{DevicePose, OccupiedVoxel, Uniforms};
-    use crate::bvh::{Candidate, Node, Triangle};
+    use crate::bvh::{Node, Triangle};
 
     fn parsed(parts: &[&str]) -> naga::Module {
         let source = source(parts);
@@ -176,7 +176,6 @@ mod tests {
         same_layout!("cast_closest", Triangle, [
             a => "a", prim => "prim", b => "b", pad0 => "pad0", c => "c", pad1 => "pad1", normal => "normal", pad2 => "pad2",
         ]);
-        same_layout!("cast_shafts", Candidate, [triangle => "triangle", enter => "enter"]);
         let (fields, span) = layout("cast_closest", "DevicePose");
         let offsets: Vec<usize> = fields.iter().map(|f| f.1).collect();
         assert_eq!((offsets, span), (vec![0, 16, 32, 48], size_of::<DevicePose>()));

@@ -1,10 +1,10 @@
 //! The GPU backend: everything that touches wgpu.
 
 mod bricks;
-mod bundles;
 mod casting;
 mod device;
 mod kernels;
+mod packets;
 mod resources;
 mod run;
 
@@ -21,9 +21,10 @@ use crate::backend::cpu::{Worth, bitmap_words, union_of};
 use crate::bvh::Hit;
 use crate::placement::{Placement, SensorPose};
 use bricks::Bricks;
-use casting::Caster;
+use casting::PacketCaster;
 use device::Device;
 use kernels::Kernels;
+use packets::Plan;
 use resources::{ChunkBuffers, SceneBuffers};
 
 /// Bytes of the bitmaps that are made at a time where the host sums them up: they stay in its caches.
@@ -43,11 +44,8 @@ pub struct GpuBackend {
     kernels: Kernels,
     scene: SceneBuffers,
     chunk: Option<ChunkBuffers>,
-    caster: Caster,
-    /// Whether the batch is cast by shafts.
-    by_shafts: bool,
-    /// Whether the loaded chunk is.
-    sorted: bool,
+    /// Where beams are cast in packets.
+    caster: Option<PacketCaster>,
     memory: u64,
     times: StageTimes,
     /// Host twin of the reductions, where they run on the host.
@@ -78,26 +76,26 @@ impl GpuBackend {
             });
         }
         let kernels = Kernels::new(&device)?;
-        let scene = SceneBuffers::new(&device, &problem)?;
+        let casting = if device.is_software() { Casting::Packets } else { Casting::Tree };
+        let (scene, caster) = Self::prepare(&device, &problem, casting)?;
         let times = StageTimes::default();
         let worth = device
             .is_software()
             .then(|| Worth::new(&Bricks::new(problem.roi()).content(problem.content())));
-        let (chunk, caster, doomed) = (None, Caster::default(), None);
-        Ok(Self {
-            problem,
-            device,
-            kernels,
-            scene,
-            chunk,
-            caster,
-            by_shafts: false,
-            sorted: false,
-            memory,
-            times,
-            worth,
-            doomed,
-        })
+        let (chunk, doomed) = (None, None);
+        Ok(Self { problem, device, kernels, scene, chunk, caster, memory, times, worth, doomed })
+    }
+
+    fn prepare(
+        device: &Device,
+        problem: &Problem,
+        casting: Casting,
+    ) -> Result<(SceneBuffers, Option<PacketCaster>), BackendError> {
+        let scene = SceneBuffers::new(device, problem, casting)?;
+        let caster = (casting == Casting::Packets)
+            .then(|| PacketCaster::new(device, problem.table().directions()))
+            .transpose()?;
+        Ok((scene, caster))
     }
 
     /// Whether the device is a program on the host, which the CPU backend outruns.
@@ -110,9 +108,13 @@ impl GpuBackend {
         self.worth = None;
     }
 
-    /// Casts in one way, whatever it costs; by the tree still where lists take too much memory.
-    pub fn cast_by(&mut self, casting: Casting) {
-        self.caster = Caster::told(casting);
+    /// Casts in one way, whatever the device is; to compare both.
+    ///
+    /// # Errors
+    /// The device cannot hold what this way needs.
+    pub fn cast_by(&mut self, casting: Casting) -> Result<(), BackendError> {
+        (self.scene, self.caster) = Self::prepare(&self.device, &self.problem, casting)?;
+        Ok(())
     }
 
     /// Ends the device after so many more batches of placements, as a driver reset would; whatever is
@@ -136,11 +138,8 @@ impl GpuBackend {
         placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect()
     }
 
-    /// Chooses how to cast a batch and cuts it into chunks.
-    fn chunks(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Chunk>, BackendError> {
-        let poses = self.poses(placements);
-        let (device, problem) = (&self.device, &self.problem);
-        self.by_shafts = self.caster.choose(device, problem, &poses, range, self.memory)?;
+    /// Cuts a batch into chunks.
+    fn chunks(&self, placements: &[Placement]) -> Result<Vec<Chunk>, BackendError> {
         let lidars: Vec<usize> = placements.iter().map(|p| p.lidars.len()).collect();
         let widest = lidars.iter().copied().max().unwrap_or(1);
         let sizes = resources::Sizes::of(&self.problem);
@@ -152,29 +151,18 @@ impl GpuBackend {
         let one = [("coverage bitmaps", sizes.bitmap, binding.min(self.memory))];
         ChunkLimits::from_bytes(widest, &one)?;
         let free = self.memory.saturating_sub(fixed);
+        let packets = match self.caster {
+            Some(_) => Plan::bytes(self.problem.table().directions().len()),
+            None => 0,
+        };
         let mut sensors = vec![
             ("hits", sizes.hits, binding),
-            ("work buffers", sizes.per_sensor() + bitmap, free),
+            ("work buffers", sizes.per_sensor() + bitmap + packets, free),
         ];
         if bitmap > 0 {
             sensors.push(one[0]);
         }
         let mut limits = ChunkLimits::from_bytes(widest, &sensors)?;
-        if self.by_shafts {
-            let [each, rest] = self.caster.bytes(&self.problem);
-            let sorted = [
-                ("sorted beams", each, binding.saturating_sub(rest)),
-                (
-                    "work buffers",
-                    sizes.per_sensor() + bitmap + each,
-                    (free - free / 4).saturating_sub(rest),
-                ),
-            ];
-            match ChunkLimits::from_bytes(widest, &sorted) {
-                Ok(sorted) => limits.sensors = limits.sensors.min(sorted.sensors),
-                Err(_) => self.by_shafts = false,
-            }
-        }
         let placements = [
             ("partial sums", sizes.partials, binding.min(self.memory)),
             ("totals", sizes.totals, binding),
@@ -193,9 +181,10 @@ impl GpuBackend {
     /// Uploads a chunk's poses and placements.
     fn load(&mut self, placements: &[Placement]) -> Result<(), BackendError> {
         let poses = self.poses(placements);
-        self.sorted = false;
-        if self.by_shafts {
-            self.sorted = self.caster.load(&self.device, &self.problem, &poses)?;
+        if let Some(caster) = &mut self.caster {
+            let start = Instant::now();
+            caster.load(&self.device, &poses, self.problem.table().directions())?;
+            self.times.cast += start.elapsed();
         }
         let sizes = resources::Sizes::of(&self.problem);
         let widest = placements.iter().map(|p| p.lidars.len()).max().unwrap_or(1);
@@ -225,7 +214,7 @@ impl GpuBackend {
             kernels: &self.kernels,
             scene: &self.scene,
             chunk: self.chunk.as_ref().expect("a chunk is loaded before it runs"),
-            caster: self.sorted.then_some(&self.caster),
+            caster: self.caster.as_ref(),
         }
     }
 }
@@ -243,7 +232,7 @@ impl Backend for GpuBackend {
         self.count_down();
         let mut tallies = Vec::with_capacity(placements.len());
         let classes = self.problem.content().classes().len();
-        for chunk in self.chunks(placements, range)? {
+        for chunk in self.chunks(placements)? {
             let placements = &placements[chunk.placements];
             self.load(placements)?;
             let mut sums: Vec<Tally> =
@@ -287,7 +276,7 @@ impl Backend for GpuBackend {
         let placements = one_by_one(poses);
         let range = self.problem.table().range();
         let mut hits = Vec::new();
-        for chunk in self.chunks(&placements, range)? {
+        for chunk in self.chunks(&placements)? {
             self.load(&placements[chunk.placements])?;
             let start = Instant::now();
             let run = self.run();
@@ -302,7 +291,7 @@ impl Backend for GpuBackend {
         self.problem.check_frame(frame)?;
         let placements = std::slice::from_ref(placement);
         let range = self.problem.table().range();
-        self.chunks(placements, range)?;
+        self.chunks(placements)?;
         self.load(placements)?;
         let run = self.run();
         run.cast(frame, range)?;
@@ -315,7 +304,7 @@ impl Backend for GpuBackend {
         let placements = one_by_one(poses);
         let range = self.problem.table().range();
         let mut bitmaps = Vec::new();
-        for chunk in self.chunks(&placements, range)? {
+        for chunk in self.chunks(&placements)? {
             self.load(&placements[chunk.placements])?;
             let run = self.run();
             run.cast(frame, range)?;

@@ -1,10 +1,11 @@
 use std::ops::Range;
 
 use super::bricks::Bricks;
+use super::casting::Casting;
 use super::device::Device;
-use crate::backend::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, STEP_BUDGET, Uniforms};
+use crate::backend::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, STEP_BUDGET, TREE_ROW, Uniforms};
 use crate::backend::{BackendError, ChunkLimits, DevicePose, Problem, split};
-use crate::bvh::Hit;
+use crate::bvh::{Bvh, Hit, Quads};
 
 /// Bytes that the buffers of a chunk need.
 pub(super) struct Sizes {
@@ -55,15 +56,32 @@ pub(super) fn occupied_workgroups(problem: &Problem) -> u32 {
 }
 
 /// A frame's tree on the device.
-pub(super) struct FrameBuffers {
-    pub(super) nodes: wgpu::Buffer,
-    pub(super) triangles: wgpu::Buffer,
+pub(super) enum FrameTree {
+    /// For beams that are cast one by one.
+    Binary { nodes: wgpu::Buffer, triangles: wgpu::Buffer },
+    /// For packets; see [`Quads`].
+    Quads(wgpu::TextureView),
+}
+
+impl FrameTree {
+    fn new(device: &Device, bvh: &Bvh, casting: Casting) -> Result<Self, BackendError> {
+        match casting {
+            Casting::Tree => Ok(Self::Binary {
+                nodes: device.upload("BVH nodes", &bvh.nodes)?,
+                triangles: device.upload("triangles", &bvh.triangles)?,
+            }),
+            Casting::Packets => {
+                let texels = Quads::new(bvh).texels;
+                Ok(Self::Quads(device.upload_texels("tree", texels, TREE_ROW)?))
+            }
+        }
+    }
 }
 
 /// What does not change between batches.
 pub(super) struct SceneBuffers {
     pub(super) directions: wgpu::Buffer,
-    pub(super) frames: Vec<FrameBuffers>,
+    pub(super) frames: Vec<FrameTree>,
     pub(super) occupied: wgpu::Buffer,
     pub(super) class_voxels: wgpu::Buffer,
     pub(super) class_runs: wgpu::Buffer,
@@ -71,7 +89,11 @@ pub(super) struct SceneBuffers {
 }
 
 impl SceneBuffers {
-    pub(super) fn new(device: &Device, problem: &Problem) -> Result<Self, BackendError> {
+    pub(super) fn new(
+        device: &Device,
+        problem: &Problem,
+        casting: Casting,
+    ) -> Result<Self, BackendError> {
         let directions: Vec<[f32; 4]> =
             problem.table().directions().iter().map(|&[x, y, z]| [x, y, z, 0.0]).collect();
         let frames = (0..problem.geometry_frame_count()).filter_map(|t| problem.geometry(t));
@@ -80,12 +102,7 @@ impl SceneBuffers {
         Ok(Self {
             directions: device.upload("beam directions", &directions)?,
             frames: frames
-                .map(|bvh| {
-                    Ok(FrameBuffers {
-                        nodes: device.upload("BVH nodes", &bvh.nodes)?,
-                        triangles: device.upload("triangles", &bvh.triangles)?,
-                    })
-                })
+                .map(|bvh| FrameTree::new(device, bvh, casting))
                 .collect::<Result<_, BackendError>>()?,
             occupied: device.upload("occupied voxels", content.occupied())?,
             class_voxels: device.upload("voxels by class", content.class_voxels())?,

@@ -3,16 +3,18 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 
 use super::bricks::Bricks;
-use super::casting::Caster;
+use super::casting::{Left, PacketCaster};
 use super::device::{Device, Reading};
 use super::kernels::{Kernels, beam_workgroups, dispatch};
-use super::resources::{ChunkBuffers, SceneBuffers, Slice, occupied_workgroups, walk_passes};
+use super::resources::{
+    ChunkBuffers, FrameTree, SceneBuffers, Slice, occupied_workgroups, walk_passes,
+};
 use crate::backend::cpu::{Worth, beam_direction, bitmap_words, take_sums};
 use crate::backend::layout::{
     DevicePose, HALVED_SUMS, ITEMS_PER_WORKGROUP, PARTIAL_WORDS, UNFINISHED, Uniforms,
 };
 use crate::backend::{BackendError, Problem, Tally};
-use crate::bvh::{Hit, NO_HIT, Ray};
+use crate::bvh::{Hit, Ray};
 
 /// One loaded chunk and all that its stages read.
 pub(super) struct Run<'a> {
@@ -21,8 +23,8 @@ pub(super) struct Run<'a> {
     pub(super) kernels: &'a Kernels,
     pub(super) scene: &'a SceneBuffers,
     pub(super) chunk: &'a ChunkBuffers,
-    /// Where the chunk is cast by shafts.
-    pub(super) caster: Option<&'a Caster>,
+    /// Where beams are cast in packets.
+    pub(super) caster: Option<&'a PacketCaster>,
 }
 
 impl Run<'_> {
@@ -67,72 +69,75 @@ impl Run<'_> {
     pub(super) fn cast_geometry(&self, frame: usize, range: f32) -> Result<Vec<u32>, BackendError> {
         self.write_uniforms(frame, range, 0, 0);
         let (chunk, scene) = (self.chunk, self.scene);
-        let tree = &scene.frames[frame];
-        self.device.submit("casting", |encoder| {
-            encoder.clear_buffer(&chunk.counters, 0, None);
-            let kernels = self.kernels;
-            if let Some((shafts, bundles)) = self.caster.and_then(|c| c.frame(frame)) {
-                let buffers = [
-                    &chunk.uniforms,
-                    &bundles.blocks,
-                    &bundles.beams,
-                    &bundles.slots,
-                    &shafts.starts,
-                    &shafts.candidates,
-                    &tree.triangles,
-                    &chunk.hits,
-                    &chunk.counters,
-                ];
-                dispatch(self.device, encoder, &kernels.cast_shafts, &buffers, bundles.workgroups);
-            } else {
-                let buffers = [
-                    &chunk.uniforms,
-                    &chunk.poses,
-                    &scene.directions,
-                    &tree.nodes,
-                    &tree.triangles,
-                    &chunk.hits,
-                    &chunk.counters,
-                ];
-                let groups = beam_workgroups(self.directions(), chunk.sensors);
-                dispatch(self.device, encoder, &kernels.cast_closest, &buffers, groups);
+        let (mut hits, left) = match (&scene.frames[frame], self.caster) {
+            (FrameTree::Quads(tree), Some(caster)) => {
+                self.device.submit("casting", |encoder| {
+                    let (device, kernels) = (self.device, self.kernels);
+                    caster.record(device, kernels, encoder, chunk, &scene.directions, tree);
+                })?;
+                caster.read(self.device, chunk.sensors as usize, self.directions() as usize)?
             }
-        })?;
-        let bytes = 4 * (1 + u64::from(chunk.sensors));
-        let mut counters: Vec<u32> = self.device.read("cast_closest", &chunk.counters, bytes)?;
-        let unfinished = counters.remove(0);
-        if unfinished > 0 {
-            self.finish_on_the_host(frame, range, &mut counters)?;
+            (FrameTree::Binary { nodes, triangles }, _) => {
+                self.device.submit("casting", |encoder| {
+                    encoder.clear_buffer(&chunk.counters, 0, None);
+                    let buffers = [
+                        &chunk.uniforms,
+                        &chunk.poses,
+                        &scene.directions,
+                        nodes,
+                        triangles,
+                        &chunk.hits,
+                        &chunk.counters,
+                    ];
+                    let kernel = &self.kernels.cast_closest;
+                    let groups = beam_workgroups(self.directions(), chunk.sensors);
+                    dispatch(self.device, encoder, kernel, &buffers, None, groups);
+                })?;
+                let bytes = 4 * (1 + u64::from(chunk.sensors));
+                let mut hits: Vec<u32> = self.device.read("casting", &chunk.counters, bytes)?;
+                let unfinished = hits.remove(0);
+                (hits, if unfinished > 0 { self.unfinished()? } else { Vec::new() })
+            }
+            (FrameTree::Quads(_), None) => unreachable!("made together with its caster"),
+        };
+        if !left.is_empty() {
+            self.finish_on_the_host(frame, range, &left, &mut hits)?;
         }
-        Ok(counters)
+        Ok(hits)
     }
 
-    /// Casts the beams whose traversal needs more steps than an invocation may take, with the CPU
-    /// twin, and puts their hits where the kernel would have.
+    /// The beams of the chunk that ran out of steps.
+    fn unfinished(&self) -> Result<Vec<Left>, BackendError> {
+        let directions = self.directions();
+        let hits = self.read_hits()?;
+        let beams = hits.iter().zip(0_u32..).filter(|(hit, _)| hit.prim == UNFINISHED);
+        Ok(beams.map(|(_, beam)| (beam / directions, beam % directions)).collect())
+    }
+
+    /// Casts the beams that the kernel left, with the CPU twin, and puts their hits where the kernel
+    /// would have.
     fn finish_on_the_host(
         &self,
         frame: usize,
         range: f32,
-        counters: &mut [u32],
+        left: &[Left],
+        hits: &mut [u32],
     ) -> Result<(), BackendError> {
-        let mut hits = self.read_hits()?;
         let bytes = u64::from(self.chunk.sensors) * size_of::<DevicePose>() as u64;
-        let poses: Vec<DevicePose> = self.device.read("cast_closest", &self.chunk.poses, bytes)?;
-        let table = self.problem.table();
+        let poses: Vec<DevicePose> = self.device.read("casting", &self.chunk.poses, bytes)?;
+        let directions = self.problem.table().directions();
         let bvh = self.problem.geometry(frame).expect("only frames with geometry are cast");
-        for (sensor, row) in hits.chunks_mut(table.directions().len()).enumerate() {
-            let pose = &poses[sensor];
+        let cast = left.par_iter().map(|&(sensor, direction)| {
+            let pose = &poses[sensor as usize];
             let origin = pose.rows.map(|row| row[3]).into();
-            for (hit, &direction) in row.iter_mut().zip(table.directions()) {
-                if hit.prim == UNFINISHED {
-                    let ray = Ray::new(origin, beam_direction(pose, direction), range);
-                    *hit = bvh.closest_hit(&ray);
-                    counters[sensor] += u32::from(hit.prim != NO_HIT);
-                }
-            }
+            let direction = beam_direction(pose, directions[direction as usize]);
+            bvh.closest_hit(&Ray::new(origin, direction, range))
+        });
+        for (hit, &(sensor, direction)) in cast.collect::<Vec<_>>().iter().zip(left) {
+            hits[sensor as usize] += u32::from(hit.is_hit());
+            let beam = u64::from(sensor) * directions.len() as u64 + u64::from(direction);
+            self.device.write_at(&self.chunk.hits, beam, &[hit.t.to_bits(), hit.prim]);
         }
-        let words: Vec<[u32; 2]> = hits.iter().map(|hit| [hit.t.to_bits(), hit.prim]).collect();
-        self.device.write(&self.chunk.hits, &words);
         Ok(())
     }
 
@@ -163,7 +168,7 @@ impl Run<'_> {
                 &chunk.walk_state,
             ];
             let groups = beam_workgroups(self.directions(), slice.sensors);
-            dispatch(self.device, encoder, &self.kernels.cover_voxels, &buffers, groups);
+            dispatch(self.device, encoder, &self.kernels.cover_voxels, &buffers, None, groups);
         };
         let passes = walk_passes(self.problem);
         // A walk of one pass keeps no state, which pass 0 tells.
@@ -223,14 +228,35 @@ impl Run<'_> {
             encoder.clear_buffer(&chunk.totals, 0, None);
             let words = self.bitmap_words().div_ceil(ITEMS_PER_WORKGROUP);
             let buffers = with(&[&chunk.totals]);
-            dispatch(self.device, encoder, &self.kernels.reduce_words, &buffers, [words, count, 1]);
+            dispatch(
+                self.device,
+                encoder,
+                &self.kernels.reduce_words,
+                &buffers,
+                None,
+                [words, count, 1],
+            );
             if occupied_groups > 0 {
                 let buffers = with(&[&scene.occupied, &chunk.partials]);
                 let groups = [occupied_groups, count, 1];
-                dispatch(self.device, encoder, &self.kernels.reduce_occupied, &buffers, groups);
+                dispatch(
+                    self.device,
+                    encoder,
+                    &self.kernels.reduce_occupied,
+                    &buffers,
+                    None,
+                    groups,
+                );
                 let buffers = with(&[&scene.class_voxels, &scene.class_runs, &chunk.totals]);
                 let groups = [scene.class_run_count, count, 1];
-                dispatch(self.device, encoder, &self.kernels.reduce_classes, &buffers, groups);
+                dispatch(
+                    self.device,
+                    encoder,
+                    &self.kernels.reduce_classes,
+                    &buffers,
+                    None,
+                    groups,
+                );
             }
         })?;
         let stride = 1 + self.problem.content().classes().len();
