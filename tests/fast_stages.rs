@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
 use sightline::backend::cpu::{
     CpuBackend, WalkScratch, bitmap_words, cast_closest, cast_packets, cover_sensor, cover_voxels,
     reduce,
@@ -98,6 +99,32 @@ fn grids_of_any_shape_have_the_reference_s_bits() {
         let mut placements = hostile_placements(&roi, 21, 2);
         placements.extend(random_placements(seed, 12, 0.4 * f64::from(shape[1].min(20))));
         assert!(compare(&problem, &placements, 60.0) > 100, "{shape:?}");
+    }
+}
+
+#[test]
+fn long_beams_have_the_reference_s_bits() {
+    // Far from the sensor, where crossings that are computed from slopes are least exact.
+    for (axis, low) in [(0, -10.0), (0, -16_300.0), (1, -10.0), (1, -16_300.0)] {
+        let (mut shape, mut min) = ([40, 40, 9], [-10.0, -10.0, -2.0]);
+        (shape[axis], min[axis]) = (32_700, low);
+        let roi = Roi::new(min, [0.5; 3], shape).unwrap();
+        let directions = (0..600).map(|k| {
+            let turn = f64::from(k) * 2.399_963;
+            let slope = 1e-3 * f64::from(k) / 600.0;
+            let mut direction =
+                DVec3::new(slope * turn.cos(), slope * turn.cos(), slope * turn.sin());
+            direction[axis] = if low > -100.0 { 1.0 } else { -1.0 };
+            direction.normalize()
+        });
+        let table = BeamTable::from_directions(directions, 2e4).unwrap();
+        let content = random_content(61, &roi);
+        let problem = Arc::new(Problem::new(roi, content, table, vec![], false));
+        let mut placements = random_placements(62, 6, 1.5);
+        for lidar in placements.iter_mut().flat_map(|p| &mut p.lidars) {
+            (lidar.roll, lidar.pitch, lidar.yaw) = (0.0, 0.0, 0.0);
+        }
+        assert!(compare(&problem, &placements, 2e4) > 1_000_000);
     }
 }
 
