@@ -1,6 +1,6 @@
 use super::device::Device;
 use crate::backend::BackendError;
-use crate::backend::layout::{MAX_WORKGROUPS, WORKGROUP_SIZE, prelude};
+use crate::backend::layout::{MAX_WORKGROUPS, PACKET_FOURS, WORKGROUP_SIZE, prelude};
 
 const BEAM: &str = include_str!("../../../shaders/common/beam.wgsl");
 const RAY: &str = include_str!("../../../shaders/common/ray.wgsl");
@@ -11,7 +11,7 @@ const COVERED: &str = include_str!("../../../shaders/common/covered.wgsl");
 pub(crate) const SOURCES: [(&str, &[&str]); 7] = [
     ("cast_closest", &[BEAM, RAY, include_str!("../../../shaders/cast_closest.wgsl")]),
     ("cast_packets", &[BEAM, RAY, PACKET, include_str!("../../../shaders/cast_packets.wgsl")]),
-    ("cast_fans", &[BEAM, RAY, PACKET, include_str!("../../../shaders/cast_fans.wgsl")]),
+    ("cast_mixed", &[BEAM, RAY, PACKET, include_str!("../../../shaders/cast_mixed.wgsl")]),
     ("cover_voxels", &[BEAM, include_str!("../../../shaders/cover_voxels.wgsl")]),
     ("reduce_words", &[BEAM, include_str!("../../../shaders/reduce_words.wgsl"), COVERED]),
     ("reduce_occupied", &[BEAM, include_str!("../../../shaders/reduce_occupied.wgsl"), COVERED]),
@@ -20,14 +20,33 @@ pub(crate) const SOURCES: [(&str, &[&str]); 7] = [
 
 /// Source of a kernel as it is compiled.
 pub(crate) fn source(parts: &[&str]) -> String {
-    prelude() + &parts.concat()
+    prelude() + &unrolled(&parts.concat())
+}
+
+/// Repeats what is done with each four of a packet, so that their numbers stay in registers: drivers
+/// that unroll such a loop by themselves do so for small bodies only.
+fn unrolled(source: &str) -> String {
+    const LOOP: &str = "for (var k = 0u; k < PACKET_FOURS; k++) {";
+    let mut text = String::with_capacity(2 * source.len());
+    let mut lines = source.lines();
+    while let Some(line) = lines.next() {
+        if line.trim_start() == LOOP {
+            let end = line.replace(LOOP, "}");
+            let body: Vec<&str> = lines.by_ref().take_while(|line| *line != end).collect();
+            let body = body.join("\n");
+            text.extend((0..PACKET_FOURS).map(|k| format!("{{ const k = {k}u;\n{body}\n}}\n")));
+        } else {
+            text.extend([line, "\n"]);
+        }
+    }
+    text
 }
 
 /// Compiled kernels.
 pub(super) struct Kernels {
     pub(super) cast_closest: wgpu::ComputePipeline,
     pub(super) cast_packets: wgpu::ComputePipeline,
-    pub(super) cast_fans: wgpu::ComputePipeline,
+    pub(super) cast_mixed: wgpu::ComputePipeline,
     pub(super) cover_voxels: wgpu::ComputePipeline,
     pub(super) reduce_words: wgpu::ComputePipeline,
     pub(super) reduce_occupied: wgpu::ComputePipeline,
@@ -54,7 +73,7 @@ impl Kernels {
         let [
             cast_closest,
             cast_packets,
-            cast_fans,
+            cast_mixed,
             cover_voxels,
             reduce_words,
             reduce_occupied,
@@ -63,7 +82,7 @@ impl Kernels {
         Ok(Self {
             cast_closest,
             cast_packets,
-            cast_fans,
+            cast_mixed,
             cover_voxels,
             reduce_words,
             reduce_occupied,

@@ -108,10 +108,9 @@ impl Run<'_> {
 
     /// The beams of the chunk that ran out of steps.
     fn unfinished(&self) -> Result<Vec<Left>, BackendError> {
-        let directions = self.directions();
         let hits = self.read_hits()?;
         let beams = hits.iter().zip(0_u32..).filter(|(hit, _)| hit.prim == UNFINISHED);
-        Ok(beams.map(|(_, beam)| (beam / directions, beam % directions)).collect())
+        Ok(beams.map(|(_, beam)| beam).collect())
     }
 
     /// Casts the beams that the kernel left, with the CPU twin, and puts their hits where the kernel
@@ -127,16 +126,16 @@ impl Run<'_> {
         let poses: Vec<DevicePose> = self.device.read("casting", &self.chunk.poses, bytes)?;
         let directions = self.problem.table().directions();
         let bvh = self.problem.geometry(frame).expect("only frames with geometry are cast");
-        let cast = left.par_iter().map(|&(sensor, direction)| {
-            let pose = &poses[sensor as usize];
+        let cast = left.par_iter().map(|&beam| {
+            let pose = &poses[beam as usize / directions.len()];
             let origin = pose.rows.map(|row| row[3]).into();
-            let direction = beam_direction(pose, directions[direction as usize]);
+            let direction = beam_direction(pose, directions[beam as usize % directions.len()]);
             bvh.closest_hit(&Ray::new(origin, direction, range))
         });
-        for (hit, &(sensor, direction)) in cast.collect::<Vec<_>>().iter().zip(left) {
-            hits[sensor as usize] += u32::from(hit.is_hit());
-            let beam = u64::from(sensor) * directions.len() as u64 + u64::from(direction);
-            self.device.write_at(&self.chunk.hits, beam, &[hit.t.to_bits(), hit.prim]);
+        for (hit, &beam) in cast.collect::<Vec<_>>().iter().zip(left) {
+            hits[beam as usize / directions.len()] += u32::from(hit.is_hit());
+            let words = [[hit.t.to_bits(), hit.prim]];
+            self.device.write_at(&self.chunk.hits, u64::from(beam), &words);
         }
         Ok(())
     }
