@@ -103,20 +103,19 @@ fn new_bounds(
     return bounds;
 }
 
-// Where beams are this far away from their origins, at the earliest or, of the opposite sign, at the
-// latest.
-fn soonest(way: vec4<f32>, low: f32, high: f32) -> vec4<f32> {
+// Where beams have gone so far along an axis, at the earliest and at the latest.
+fn soonest(distance: vec4<f32>, low: f32, high: f32) -> vec4<f32> {
     if BEAMS_SPREAD {
-        return least(way * low, way * high);
+        return least(distance * low, distance * high);
     }
-    return way * low;
+    return distance * low;
 }
 
-fn latest(way: vec4<f32>, low: f32, high: f32) -> vec4<f32> {
+fn latest(distance: vec4<f32>, low: f32, high: f32) -> vec4<f32> {
     if BEAMS_SPREAD {
-        return most(way * low, way * high);
+        return most(distance * low, distance * high);
     }
-    return way * low;
+    return distance * low;
 }
 
 fn texel(x: u32, y: u32) -> vec4<f32> {

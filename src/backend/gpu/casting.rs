@@ -130,7 +130,7 @@ impl PacketCaster {
                 &self.buffers[MARKS],
             ];
             let groups = [plan.packets, plan.blocks.len() as u32, 1];
-            dispatch(device, encoder, &kernels.cast_packets, &buffers, Some(tree), groups);
+            dispatch(device, encoder, kernels, "cast_packets", &buffers, Some(tree), groups);
         }
         if !self.slots.is_empty() {
             let buffers = [
@@ -140,8 +140,8 @@ impl PacketCaster {
                 &chunk.hits,
                 &self.buffers[MIXED_MARKS],
             ];
-            let kernel = &kernels.cast_mixed;
-            dispatch(device, encoder, kernel, &buffers, Some(tree), self.workgroups);
+            let groups = self.workgroups;
+            dispatch(device, encoder, kernels, "cast_mixed", &buffers, Some(tree), groups);
         }
     }
 

@@ -1,5 +1,6 @@
+use std::sync::OnceLock;
+
 use super::device::Device;
-use crate::backend::BackendError;
 use crate::backend::layout::{MAX_WORKGROUPS, PACKET_FOURS, WORKGROUP_SIZE, prelude};
 
 const BEAM: &str = include_str!("../../../shaders/common/beam.wgsl");
@@ -23,8 +24,8 @@ pub(crate) fn source(parts: &[&str]) -> String {
     prelude() + &unrolled(&parts.concat())
 }
 
-/// Repeats what is done with each four of a packet, so that their numbers stay in registers: drivers
-/// that unroll such a loop by themselves do so for small bodies only.
+/// Repeats what is done with each four of a packet, so that no number is looked up by its index: drivers
+/// unroll such a loop by themselves for small bodies only.
 fn unrolled(source: &str) -> String {
     const LOOP: &str = "for (var k = 0u; k < PACKET_FOURS; k++) {";
     let mut text = String::with_capacity(2 * source.len());
@@ -42,51 +43,27 @@ fn unrolled(source: &str) -> String {
     text
 }
 
-/// Compiled kernels.
-pub(super) struct Kernels {
-    pub(super) cast_closest: wgpu::ComputePipeline,
-    pub(super) cast_packets: wgpu::ComputePipeline,
-    pub(super) cast_mixed: wgpu::ComputePipeline,
-    pub(super) cover_voxels: wgpu::ComputePipeline,
-    pub(super) reduce_words: wgpu::ComputePipeline,
-    pub(super) reduce_occupied: wgpu::ComputePipeline,
-    pub(super) reduce_classes: wgpu::ComputePipeline,
-}
+/// Kernels, each compiled when it is first dispatched.
+#[derive(Default)]
+pub(super) struct Kernels([OnceLock<wgpu::ComputePipeline>; SOURCES.len()]);
 
 impl Kernels {
-    pub(super) fn new(device: &Device) -> Result<Self, BackendError> {
-        let pipelines = SOURCES.map(|(name, parts)| {
+    fn get(&self, device: &Device, kernel: &'static str) -> &wgpu::ComputePipeline {
+        let named = SOURCES.iter().position(|(name, _)| *name == kernel);
+        let index = named.expect("a kernel of the list above");
+        self.0[index].get_or_init(|| {
             let module = device.wgpu().create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(name),
-                source: wgpu::ShaderSource::Wgsl(source(parts).into()),
+                label: Some(kernel),
+                source: wgpu::ShaderSource::Wgsl(source(SOURCES[index].1).into()),
             });
             device.wgpu().create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(name),
+                label: Some(kernel),
                 layout: None,
                 module: &module,
-                entry_point: Some(name),
+                entry_point: Some(kernel),
                 compilation_options: Default::default(),
                 cache: None,
             })
-        });
-        device.check("compiling kernels")?;
-        let [
-            cast_closest,
-            cast_packets,
-            cast_mixed,
-            cover_voxels,
-            reduce_words,
-            reduce_occupied,
-            reduce_classes,
-        ] = pipelines;
-        Ok(Self {
-            cast_closest,
-            cast_packets,
-            cast_mixed,
-            cover_voxels,
-            reduce_words,
-            reduce_occupied,
-            reduce_classes,
         })
     }
 }
@@ -96,11 +73,13 @@ impl Kernels {
 pub(super) fn dispatch(
     device: &Device,
     encoder: &mut wgpu::CommandEncoder,
-    pipeline: &wgpu::ComputePipeline,
+    kernels: &Kernels,
+    kernel: &'static str,
     buffers: &[&wgpu::Buffer],
     tree: Option<&wgpu::TextureView>,
     workgroups: [u32; 3],
 ) {
+    let pipeline = kernels.get(device, kernel);
     let buffers = buffers.iter().map(|buffer| buffer.as_entire_binding());
     let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
         .chain(tree.map(wgpu::BindingResource::TextureView))

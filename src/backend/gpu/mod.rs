@@ -75,7 +75,7 @@ impl GpuBackend {
                 limit: MOST_BITMAP,
             });
         }
-        let kernels = Kernels::new(&device)?;
+        let kernels = Kernels::default();
         let casting = if device.is_software() { Casting::Packets } else { Casting::Tree };
         let (scene, caster) = Self::prepare(&device, &problem, casting)?;
         let times = StageTimes::default();

@@ -89,9 +89,9 @@ impl Run<'_> {
                         &chunk.hits,
                         &chunk.counters,
                     ];
-                    let kernel = &self.kernels.cast_closest;
+                    let kernels = self.kernels;
                     let groups = beam_workgroups(self.directions(), chunk.sensors);
-                    dispatch(self.device, encoder, kernel, &buffers, None, groups);
+                    dispatch(self.device, encoder, kernels, "cast_closest", &buffers, None, groups);
                 })?;
                 let bytes = 4 * (1 + u64::from(chunk.sensors));
                 let mut hits: Vec<u32> = self.device.read("casting", &chunk.counters, bytes)?;
@@ -167,7 +167,7 @@ impl Run<'_> {
                 &chunk.walk_state,
             ];
             let groups = beam_workgroups(self.directions(), slice.sensors);
-            dispatch(self.device, encoder, &self.kernels.cover_voxels, &buffers, None, groups);
+            dispatch(self.device, encoder, self.kernels, "cover_voxels", &buffers, None, groups);
         };
         let passes = walk_passes(self.problem);
         // A walk of one pass keeps no state, which pass 0 tells.
@@ -230,7 +230,8 @@ impl Run<'_> {
             dispatch(
                 self.device,
                 encoder,
-                &self.kernels.reduce_words,
+                self.kernels,
+                "reduce_words",
                 &buffers,
                 None,
                 [words, count, 1],
@@ -241,7 +242,8 @@ impl Run<'_> {
                 dispatch(
                     self.device,
                     encoder,
-                    &self.kernels.reduce_occupied,
+                    self.kernels,
+                    "reduce_occupied",
                     &buffers,
                     None,
                     groups,
@@ -251,7 +253,8 @@ impl Run<'_> {
                 dispatch(
                     self.device,
                     encoder,
-                    &self.kernels.reduce_classes,
+                    self.kernels,
+                    "reduce_classes",
                     &buffers,
                     None,
                     groups,
