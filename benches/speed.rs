@@ -31,8 +31,8 @@ use peer::{Peer, Rays};
 
 /// Placements that the slow references are run on.
 const REFERENCE: usize = 4;
-/// Placements that a device is given, software as it may be.
-const DEVICE: usize = 16;
+/// Most placements that a device is given, software as it may be.
+const DEVICE: usize = 256;
 /// Bytes of work buffers.
 const MEMORY: u64 = 8 << 30;
 

@@ -9,6 +9,8 @@
 // Dispatch   (packets of sensors, ceil(direction_count / WORKGROUP_SIZE))
 // Numerics   that of cast_closest; beams that pass beside a box through rounding are UNFINISHED
 
+const BEAMS_SPREAD: bool = false;
+
 struct Four {
     // Origins, turned so that the major axis is the last.
     x: vec4<f32>,
@@ -163,7 +165,6 @@ fn cast_packets(
         low_shift = least(low_shift, shift);
         high_shift = most(high_shift, shift);
     }
-    let inverse = permute_back(way.inverse, way.major);
     let shift = vec2(least_of(low_shift), most_of(high_shift));
     let bounds = new_bounds(
         way.major,
@@ -172,8 +173,8 @@ fn cast_packets(
         vec2(most_of(high_x), most_of(high_y)),
         way.shear,
         way.shear,
-        inverse,
-        inverse,
+        way.inverse,
+        way.inverse,
         shift,
     );
     var farthest = uniforms.range - shift.x + bounds.slack;

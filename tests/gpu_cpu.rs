@@ -71,8 +71,8 @@ fn a_split_batch_is_the_whole_batch() {
     let whole = cpu(&problem).tally(&placements, range).unwrap();
     // Room for the buffers of five sensors at most: many chunks.
     let each = 4 * problem.roi().voxel_count().div_ceil(32) as usize
-        + 8 * problem.table().directions().len();
-    let mut small = GpuBackend::new(problem.clone(), None, 5 * each as u64 + 16384).unwrap();
+        + 64 * problem.table().directions().len();
+    let mut small = GpuBackend::new(problem.clone(), None, 5 * each as u64 + 8192).unwrap();
     assert_eq!(small.tally(&placements, range).unwrap(), whole);
     let one_by_one: Vec<_> = placements
         .iter()

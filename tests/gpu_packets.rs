@@ -1,4 +1,4 @@
-//! Casting in packets and fans against the CPU's single beams, bit by bit.
+//! Casting in packets against the CPU's single beams, bit by bit.
 
 use std::sync::Arc;
 
@@ -58,7 +58,7 @@ fn ground(squares: u32, half: f32, height: impl Fn(f32, f32) -> f32) -> Triangle
 }
 
 #[test]
-fn packets_fans_and_what_is_left_of_both() {
+fn packets_of_one_direction_and_mixed_ones() {
     // Two rotations of more than a packet, one of less, and sensors on their own.
     let mut rng = rng(71);
     let mut lidars = Vec::new();

@@ -2,7 +2,7 @@
 // triangles.
 //
 // CPU twins  src/bvh/{bounds,packet}.rs, without chunks
-// Reads      tree (src/bvh/quads.rs)
+// Reads      tree (src/bvh/quads.rs); BEAMS_SPREAD, whether a packet's directions may differ
 
 const NOTHING: u32 = 0xffffffffu;
 // Farther than any plane.
@@ -25,13 +25,14 @@ struct Bounds {
     half: vec2<f32>,
     shear: vec2<f32>,
     turn: vec2<f32>,
-    // The origin for which a near side is closest and that for which a far one is farthest.
+    // By axis, turned as the beams: the side of a box that is met first and the other, among the vectors
+    // of a node; the origin for which they are closest and farthest; least and largest inverse direction.
+    near_side: vec3<u32>,
+    far_side: vec3<u32>,
     near: vec3<f32>,
     far: vec3<f32>,
     inverse_low: vec3<f32>,
     inverse_high: vec3<f32>,
-    // Which side of a box is met first.
-    side: vec3<u32>,
     // Metres by which everything may be off through rounding.
     slack: f32,
     start: f32,
@@ -61,7 +62,8 @@ fn most_of(v: vec4<f32>) -> f32 {
     return max(max(v.x, v.y), max(v.z, v.w));
 }
 
-// Bounds of beams that cross the plane between `low` and `high` and start up to `last` metres before it.
+// Bounds of beams that cross the plane between `low` and `high`, turned so that the major axis is the
+// last, and start between `shift.x` and `shift.y` before it.
 fn new_bounds(
     major: u32,
     plane: f32,
@@ -75,32 +77,45 @@ fn new_bounds(
 ) -> Bounds {
     let sides = max(abs(low), abs(high));
     let largest = max(sides.x, sides.y) + abs(plane) + max(abs(shift.x), abs(shift.y));
+    let slack = BOUNDS_SLACK * (uniforms.pad + largest * PAD_SHARE);
+    let first = vec3(low, plane) - slack;
+    let last = vec3(high, plane) + slack;
+    let backward = inverse_high < vec3(0.0);
+    // Where some beams go up and some down an axis, it bounds nothing.
+    let bound = backward | (inverse_low > vec3(0.0));
+    let axis = vec3<u32>(permute(vec3(0.0, 2.0, 4.0), major));
+    let back = select(vec3(0u), vec3(1u), backward);
     var bounds: Bounds;
     bounds.major = major;
     bounds.plane = plane;
-    bounds.slack = BOUNDS_SLACK * (uniforms.pad + largest * PAD_SHARE);
-    bounds.start = -shift.y - bounds.slack;
+    bounds.slack = slack;
+    bounds.start = -shift.y - slack;
     bounds.middle = 0.5 * (low + high);
-    bounds.half = 0.5 * (high - low) + bounds.slack;
+    bounds.half = 0.5 * (high - low) + slack;
     bounds.shear = 0.5 * (shear_low + shear_high);
     bounds.turn = 0.5 * (shear_high - shear_low);
-    let first = permute_back(vec3(low, plane), major) - bounds.slack;
-    let last = permute_back(vec3(high, plane), major) + bounds.slack;
-    let forward = inverse_low > vec3(0.0);
-    let backward = inverse_high < vec3(0.0);
-    // Where some beams go up and some down an axis, it bounds nothing.
-    let bound = forward | backward;
+    bounds.near_side = axis + back;
+    bounds.far_side = axis + vec3(1u) - back;
     bounds.near = select(vec3(UNBOUNDED), select(last, first, backward), bound);
     bounds.far = select(vec3(-UNBOUNDED), select(first, last, backward), bound);
     bounds.inverse_low = select(vec3(1.0), inverse_low, bound);
     bounds.inverse_high = select(vec3(1.0), inverse_high, bound);
-    bounds.side = select(vec3(0u), vec3(1u), backward);
     return bounds;
 }
 
-// The inverse of `permute`.
-fn permute_back(v: vec3<f32>, major: u32) -> vec3<f32> {
-    return select(select(v, v.yzx, major == 1u), v.zxy, major == 0u);
+// Where beams have gone so far along an axis, at the earliest and at the latest.
+fn soonest(distance: vec4<f32>, low: f32, high: f32) -> vec4<f32> {
+    if BEAMS_SPREAD {
+        return least(distance * low, distance * high);
+    }
+    return distance * low;
+}
+
+fn latest(distance: vec4<f32>, low: f32, high: f32) -> vec4<f32> {
+    if BEAMS_SPREAD {
+        return most(distance * low, distance * high);
+    }
+    return distance * low;
 }
 
 fn texel(x: u32, y: u32) -> vec4<f32> {
@@ -122,19 +137,19 @@ fn push_children(
 ) {
     let low = bounds.inverse_low;
     let high = bounds.inverse_high;
-    let x0 = near_x - bounds.near.x;
-    let y0 = near_y - bounds.near.y;
-    let z0 = near_z - bounds.near.z;
-    let x1 = far_x - bounds.far.x;
-    let y1 = far_y - bounds.far.y;
-    let z1 = far_z - bounds.far.z;
     let near = most(
-        most(least(x0 * low.x, x0 * high.x), least(y0 * low.y, y0 * high.y)),
-        most(least(z0 * low.z, z0 * high.z), vec4(bounds.start)),
+        most(
+            soonest(near_x - bounds.near.x, low.x, high.x),
+            soonest(near_y - bounds.near.y, low.y, high.y),
+        ),
+        most(soonest(near_z - bounds.near.z, low.z, high.z), vec4(bounds.start)),
     );
     let far = least(
-        least(most(x1 * low.x, x1 * high.x), most(y1 * low.y, y1 * high.y)),
-        most(z1 * low.z, z1 * high.z),
+        least(
+            latest(far_x - bounds.far.x, low.x, high.x),
+            latest(far_y - bounds.far.y, low.y, high.y),
+        ),
+        latest(far_z - bounds.far.z, low.z, high.z),
     );
     // Equal to the best distance is still visited: a tie may have a lower id.
     let meets = (near <= far) & (near <= vec4(farthest));
@@ -173,13 +188,12 @@ fn misses(bounds: Bounds, farthest: f32, triangle: Triangle) -> bool {
     let a = permute(triangle.a, bounds.major);
     let b = permute(triangle.b, bounds.major);
     let c = permute(triangle.c, bounds.major);
-    let origin = permute(bounds.near, bounds.major).z;
-    let along = vec3(a.z, b.z, c.z) - origin;
-    let nearest = min(
-        along * permute(bounds.inverse_low, bounds.major).z,
-        along * permute(bounds.inverse_high, bounds.major).z,
+    let along = soonest(
+        vec4(a.z, b.z, c.z, c.z) - bounds.near.z,
+        bounds.inverse_low.z,
+        bounds.inverse_high.z,
     );
-    let behind = min(min(nearest.x, nearest.y), nearest.z) > farthest;
+    let behind = least_of(along) > farthest;
 
     // As seen along the beams.
     let az = a.z - bounds.plane;
@@ -243,16 +257,17 @@ fn next_triangle(bounds: Bounds, farthest: f32, triangle: ptr<function, Triangle
         next = NOTHING;
         let x = first & (TREE_ROW - 1u);
         let y = first / TREE_ROW;
-        let side = select(vec3(0u), bounds.side, is_node);
-        let t0 = texel(x + side.x, y);
-        let t1 = texel((x + 1u) - side.x, y);
-        let t2 = texel(x + 2u + side.y, y);
-        let t3 = texel((x + 3u) - side.y, y);
-        let t4 = texel(x + 4u + side.z, y);
-        let t5 = texel((x + 5u) - side.z, y);
+        let near = select(vec3(0u, 1u, 2u), bounds.near_side, is_node);
+        let far = select(vec3(3u), bounds.far_side, is_node);
+        let t0 = texel(x + near.x, y);
+        let t1 = texel(x + near.y, y);
+        let t2 = texel(x + near.z, y);
+        let t3 = texel(x + far.x, y);
+        let t4 = texel(x + far.y, y);
+        let t5 = texel(x + far.z, y);
         let t6 = texel(x + 6u, y);
         if is_node {
-            push_children(bounds, farthest, t0, t1, t2, t3, t4, t5, bitcast<vec4<u32>>(t6));
+            push_children(bounds, farthest, t0, t3, t1, t4, t2, t5, bitcast<vec4<u32>>(t6));
         } else {
             let read = Triangle(t0.xyz, t1.xyz, t2.xyz, t3.xyz, bitcast<u32>(t0.w));
             found = !misses(bounds, farthest, read);

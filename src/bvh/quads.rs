@@ -131,8 +131,10 @@ mod tests {
         }
         let node = &quads.texels[at..at + 8];
         let mut depth = 0;
-        for slot in 0..WIDTH {
-            let own: Sides = std::array::from_fn(|side| node[side][slot]);
+        let child = |slot: usize| -> (Sides, f32) {
+            (std::array::from_fn(|side| node[side][slot]), node[6][slot])
+        };
+        for (own, item) in (0..WIDTH).map(child) {
             if own[0] > own[1] {
                 continue;
             }
@@ -143,7 +145,7 @@ mod tests {
                     outer[2 * axis] <= own[2 * axis] && own[2 * axis + 1] <= outer[2 * axis + 1]
                 );
             }
-            depth = depth.max(below(quads, node[6][slot].to_bits(), found, Some(own)));
+            depth = depth.max(below(quads, item.to_bits(), found, Some(own)));
         }
         depth + 1
     }

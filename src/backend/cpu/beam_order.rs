@@ -26,23 +26,23 @@ const FARTHEST: f32 = 30.0;
 
 /// A beam of a sensor with its key: way, cell, sensor, beam, from the highest bits down.
 #[derive(Clone, Copy, Default)]
-pub(super) struct KeyedBeam(u64);
+pub(in crate::backend) struct KeyedBeam(u64);
 
 impl KeyedBeam {
     /// The largest component and all signs: equal within a packet.
-    pub(super) fn way(self) -> u64 {
+    pub(in crate::backend) fn way(self) -> u64 {
         self.0 >> (64 - WAY_BITS)
     }
 
     /// Number of the sensor, and of the beam in its table.
-    pub(super) fn of(self) -> (usize, usize) {
+    pub(in crate::backend) fn of(self) -> (usize, usize) {
         let sensor = self.0 >> BEAM_BITS & ((1 << SENSOR_BITS) - 1);
         (sensor as usize, (self.0 & ((1 << BEAM_BITS) - 1)) as usize)
     }
 }
 
 /// All beams of some sensors, fewer than 2¹², by way and by where they are likely to end.
-pub(super) fn sorted_beams(
+pub(in crate::backend) fn sorted_beams(
     sensors: &[(&DevicePose, &mut [Hit])],
     directions: &[[f32; 3]],
 ) -> Vec<KeyedBeam> {

@@ -10,7 +10,7 @@
 //! None contracts a product and a sum, so all give the same bits.
 
 mod beam;
-mod beam_order;
+pub(super) mod beam_order;
 mod cast;
 mod cover;
 mod lockstep;

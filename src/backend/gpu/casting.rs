@@ -2,9 +2,9 @@ use rayon::prelude::*;
 
 use super::device::Device;
 use super::kernels::{Kernels, dispatch};
-use super::packets::{Fans, Plan};
+use super::packets::{Mixed, Plan, RAYS};
 use super::resources::ChunkBuffers;
-use crate::backend::layout::{NO_SLOT, PACKET_FOURS, WORKGROUP_SIZE};
+use crate::backend::layout::{MAX_WORKGROUPS, NO_SLOT, WORKGROUP_SIZE};
 use crate::backend::{BackendError, DevicePose};
 
 /// How closest hits are found.
@@ -18,16 +18,20 @@ pub enum Casting {
     Packets,
 }
 
-/// Slots of a packet or fan.
-const RAYS: usize = 4 * PACKET_FOURS as usize;
+/// Invocations of a workgroup.
+const LANES: usize = WORKGROUP_SIZE as usize;
 
 /// What an invocation says of its beams: which hit, and which are left to the host.
 type Marks = [u32; 4];
 
 /// Casts a chunk in packets; its buffers are kept from chunk to chunk.
+#[derive(Default)]
 pub(super) struct PacketCaster {
-    fans: Fans,
     plan: Plan,
+    /// Where the hits of the mixed packets go.
+    slots: Vec<u32>,
+    /// Dispatch of the mixed packets.
+    workgroups: [u32; 3],
     buffers: Vec<wgpu::Buffer>,
 }
 
@@ -35,27 +39,24 @@ pub(super) struct PacketCaster {
 const BLOCKS: usize = 0;
 const SLOTS: usize = 1;
 const ORIGINS: usize = 2;
-const ALONE: usize = 3;
-const PACKET_MARKS: usize = 4;
-const FAN_MARKS: usize = 5;
-const NAMES: [&str; 6] = [
+const MARKS: usize = 3;
+const MIXED_SLOTS: usize = 4;
+const MIXED_BEAMS: usize = 5;
+const MIXED_MARKS: usize = 6;
+const NAMES: [&str; 7] = [
     "blocks of directions",
     "slots of packets",
     "origins of packets",
-    "sensors of fans",
     "marks of packets",
-    "marks of fans",
+    "slots of mixed packets",
+    "beams of mixed packets",
+    "marks of mixed packets",
 ];
 
-/// A beam that the host is to cast: sensor and direction.
-pub(super) type Left = (u32, u32);
+/// A beam that the host is to cast: sensor × directions + direction.
+pub(super) type Left = u32;
 
 impl PacketCaster {
-    pub(super) fn new(device: &Device, directions: &[[f32; 3]]) -> Result<Self, BackendError> {
-        let fans = Fans::new(device, directions)?;
-        Ok(Self { fans, plan: Plan::default(), buffers: Vec::new() })
-    }
-
     /// Puts the beams of a chunk's sensors together and uploads how.
     pub(super) fn load(
         &mut self,
@@ -65,20 +66,27 @@ impl PacketCaster {
     ) -> Result<(), BackendError> {
         self.plan = Plan::new(poses, directions);
         let plan = &self.plan;
-        let blocks = directions.len().div_ceil(WORKGROUP_SIZE as usize) as u64;
-        let packets = u64::from(plan.packets) * blocks * u64::from(WORKGROUP_SIZE);
-        let fans = (plan.alone.len() * self.fans.count()) as u64;
-        let mark = size_of::<Marks>() as u64;
+        let mixed = Mixed::of(&plan.alone, poses, directions);
+        self.slots.clear();
+        mixed.iter().for_each(|part| self.slots.extend_from_slice(&part.slots));
+        let groups = self.slots.len().div_ceil(RAYS * LANES) as u32;
+        let rows = groups.div_ceil(MAX_WORKGROUPS).max(1);
+        self.workgroups = [groups.div_ceil(rows), rows, 1];
+        let mixed_packets = (groups.div_ceil(rows) * rows) as usize * LANES;
+        self.slots.resize(mixed_packets * RAYS, NO_SLOT);
+
+        let packets = plan.packets as usize * plan.blocks.len() * LANES;
         let bytes = [
             size_of_val(plan.blocks.as_slice()) as u64,
             size_of_val(plan.slots.as_slice()) as u64,
             size_of_val(plan.origins.as_slice()) as u64,
-            size_of_val(plan.alone.as_slice()) as u64,
-            packets * mark,
-            fans * mark,
+            (packets * size_of::<Marks>()) as u64,
+            size_of_val(self.slots.as_slice()) as u64,
+            self.slots.len() as u64 * Mixed::BEAM,
+            (mixed_packets * size_of::<Marks>()) as u64,
         ];
-        let held = self.buffers.iter().map(wgpu::Buffer::size).zip(bytes);
-        if self.buffers.is_empty() || held.into_iter().any(|(held, need)| held < need) {
+        let held = self.buffers.iter().map(wgpu::Buffer::size);
+        if self.buffers.is_empty() || held.zip(bytes).any(|(held, need)| held < need) {
             self.buffers.clear();
             let usage = wgpu::BufferUsages::STORAGE
                 | wgpu::BufferUsages::COPY_DST
@@ -90,7 +98,12 @@ impl PacketCaster {
         device.write(&self.buffers[BLOCKS], &plan.blocks);
         device.write(&self.buffers[SLOTS], &plan.slots);
         device.write(&self.buffers[ORIGINS], &plan.origins);
-        device.write(&self.buffers[ALONE], &plan.alone);
+        device.write(&self.buffers[MIXED_SLOTS], &self.slots);
+        let mut first = 0;
+        for part in &mixed {
+            device.write_at(&self.buffers[MIXED_BEAMS], first, &part.beams);
+            first += part.beams.len() as u64;
+        }
         Ok(())
     }
 
@@ -114,24 +127,21 @@ impl PacketCaster {
                 &self.buffers[SLOTS],
                 &self.buffers[ORIGINS],
                 &chunk.hits,
-                &self.buffers[PACKET_MARKS],
+                &self.buffers[MARKS],
             ];
             let groups = [plan.packets, plan.blocks.len() as u32, 1];
-            dispatch(device, encoder, &kernels.cast_packets, &buffers, Some(tree), groups);
+            dispatch(device, encoder, kernels, "cast_packets", &buffers, Some(tree), groups);
         }
-        if !plan.alone.is_empty() {
+        if !self.slots.is_empty() {
             let buffers = [
                 &chunk.uniforms,
-                &chunk.poses,
-                &self.buffers[ALONE],
-                &self.fans.slot_buffer,
-                &self.fans.directions,
+                &self.buffers[MIXED_SLOTS],
+                &self.buffers[MIXED_BEAMS],
                 &chunk.hits,
-                &self.buffers[FAN_MARKS],
+                &self.buffers[MIXED_MARKS],
             ];
-            let groups = (self.fans.count() as u32).div_ceil(WORKGROUP_SIZE);
-            let groups = [groups, plan.alone.len() as u32, 1];
-            dispatch(device, encoder, &kernels.cast_fans, &buffers, Some(tree), groups);
+            let groups = self.workgroups;
+            dispatch(device, encoder, kernels, "cast_mixed", &buffers, Some(tree), groups);
         }
     }
 
@@ -145,21 +155,24 @@ impl PacketCaster {
         let mut hits = vec![0; sensors];
         let mut left = Vec::new();
         let plan = &self.plan;
-        let lanes = WORKGROUP_SIZE as usize;
-        let marks = plan.packets as usize * plan.blocks.len() * lanes;
+        let marks = plan.packets as usize * plan.blocks.len() * LANES;
         let bytes = (marks * size_of::<Marks>()) as u64;
-        let packets: Vec<Marks> =
-            device.read("cast_packets", &self.buffers[PACKET_MARKS], bytes)?;
-        let groups = packets.par_chunks(lanes).enumerate().map(|(group, marks)| {
+        let marks: Vec<Marks> = device.read("cast_packets", &self.buffers[MARKS], bytes)?;
+        let groups = marks.par_chunks(LANES).enumerate().map(|(group, marks)| {
             let block = group / plan.packets as usize;
             let first = 4 * plan.blocks[block] as usize + group % plan.packets as usize * RAYS;
-            let valid = lanes.min(directions - block * lanes);
+            let valid = LANES.min(directions - block * LANES);
             let mut counts = [0; RAYS];
             let mut left = Vec::new();
             for (lane, mark) in marks[..valid].iter().enumerate() {
-                count(mark, &mut counts);
-                each_left(mark, |slot| {
-                    left.push((plan.slots[first + slot], (block * lanes + lane) as u32));
+                for (counts, word) in counts.chunks_mut(32).zip(mark) {
+                    for (bit, count) in counts.iter_mut().enumerate() {
+                        *count += word >> bit & 1;
+                    }
+                }
+                each_bit(&mark[2..], |slot| {
+                    let row = plan.slots[first + slot] as usize * directions;
+                    left.push((row + block * LANES + lane) as Left);
                 });
             }
             (first, counts, left)
@@ -171,30 +184,22 @@ impl PacketCaster {
             }
             left.append(&mut some);
         }
-        let bytes = (plan.alone.len() * self.fans.count() * size_of::<Marks>()) as u64;
-        let fans: Vec<Marks> = device.read("cast_fans", &self.buffers[FAN_MARKS], bytes)?;
-        for (&sensor, marks) in plan.alone.iter().zip(fans.chunks(self.fans.count().max(1))) {
-            for (fan, mark) in marks.iter().enumerate() {
-                hits[sensor as usize] += mark[0].count_ones() + mark[1].count_ones();
-                each_left(mark, |slot| left.push((sensor, self.fans.slots[fan * RAYS + slot])));
+        let bytes = (self.slots.len() / RAYS * size_of::<Marks>()) as u64;
+        let marks: Vec<Marks> = device.read("cast_mixed", &self.buffers[MIXED_MARKS], bytes)?;
+        for (mark, slots) in marks.iter().zip(self.slots.chunks(RAYS)) {
+            if slots[0] != NO_SLOT {
+                each_bit(&mark[..2], |slot| hits[slots[slot] as usize / directions] += 1);
+                each_bit(&mark[2..], |slot| left.push(slots[slot]));
             }
         }
         Ok((hits, left))
     }
 }
 
-/// Adds the hits of a packet, slot by slot.
-fn count(mark: &Marks, counts: &mut [u32; RAYS]) {
-    for (counts, word) in counts.chunks_mut(32).zip(mark) {
-        for (bit, count) in counts.iter_mut().enumerate() {
-            *count += word >> bit & 1;
-        }
-    }
-}
-
-fn each_left(mark: &Marks, mut take: impl FnMut(usize)) {
-    for word in 0..2 {
-        let mut bits = mark[2 + word];
+/// Numbers of the bits that are set.
+fn each_bit(words: &[u32], mut take: impl FnMut(usize)) {
+    for (word, &bits) in words.iter().enumerate() {
+        let mut bits = bits;
         while bits != 0 {
             take(32 * word + bits.trailing_zeros() as usize);
             bits &= bits - 1;

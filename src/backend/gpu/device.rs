@@ -246,14 +246,15 @@ impl Device {
         u64::from(row) * u64::from(self.device.limits().max_texture_dimension_2d)
     }
 
-    /// Writes one value, `index` values behind the beginning.
+    /// Writes `data` behind `index` such values.
     pub(super) fn write_at<T: bytemuck::NoUninit>(
         &self,
         buffer: &wgpu::Buffer,
         index: u64,
-        value: &T,
+        data: &[T],
     ) {
-        self.queue.write_buffer(buffer, index * size_of::<T>() as u64, bytemuck::bytes_of(value));
+        let offset = index * size_of::<T>() as u64;
+        self.queue.write_buffer(buffer, offset, bytemuck::cast_slice(data));
     }
 
     pub(super) fn write<T: bytemuck::NoUninit>(&self, buffer: &wgpu::Buffer, data: &[T]) {

@@ -1,6 +1,7 @@
+use std::sync::OnceLock;
+
 use super::device::Device;
-use crate::backend::BackendError;
-use crate::backend::layout::{MAX_WORKGROUPS, WORKGROUP_SIZE, prelude};
+use crate::backend::layout::{MAX_WORKGROUPS, PACKET_FOURS, WORKGROUP_SIZE, prelude};
 
 const BEAM: &str = include_str!("../../../shaders/common/beam.wgsl");
 const RAY: &str = include_str!("../../../shaders/common/ray.wgsl");
@@ -11,7 +12,7 @@ const COVERED: &str = include_str!("../../../shaders/common/covered.wgsl");
 pub(crate) const SOURCES: [(&str, &[&str]); 7] = [
     ("cast_closest", &[BEAM, RAY, include_str!("../../../shaders/cast_closest.wgsl")]),
     ("cast_packets", &[BEAM, RAY, PACKET, include_str!("../../../shaders/cast_packets.wgsl")]),
-    ("cast_fans", &[BEAM, RAY, PACKET, include_str!("../../../shaders/cast_fans.wgsl")]),
+    ("cast_mixed", &[BEAM, RAY, PACKET, include_str!("../../../shaders/cast_mixed.wgsl")]),
     ("cover_voxels", &[BEAM, include_str!("../../../shaders/cover_voxels.wgsl")]),
     ("reduce_words", &[BEAM, include_str!("../../../shaders/reduce_words.wgsl"), COVERED]),
     ("reduce_occupied", &[BEAM, include_str!("../../../shaders/reduce_occupied.wgsl"), COVERED]),
@@ -20,54 +21,49 @@ pub(crate) const SOURCES: [(&str, &[&str]); 7] = [
 
 /// Source of a kernel as it is compiled.
 pub(crate) fn source(parts: &[&str]) -> String {
-    prelude() + &parts.concat()
+    prelude() + &unrolled(&parts.concat())
 }
 
-/// Compiled kernels.
-pub(super) struct Kernels {
-    pub(super) cast_closest: wgpu::ComputePipeline,
-    pub(super) cast_packets: wgpu::ComputePipeline,
-    pub(super) cast_fans: wgpu::ComputePipeline,
-    pub(super) cover_voxels: wgpu::ComputePipeline,
-    pub(super) reduce_words: wgpu::ComputePipeline,
-    pub(super) reduce_occupied: wgpu::ComputePipeline,
-    pub(super) reduce_classes: wgpu::ComputePipeline,
+/// Repeats what is done with each four of a packet, so that no number is looked up by its index: drivers
+/// unroll such a loop by themselves for small bodies only.
+fn unrolled(source: &str) -> String {
+    const LOOP: &str = "for (var k = 0u; k < PACKET_FOURS; k++) {";
+    let mut text = String::with_capacity(2 * source.len());
+    let mut lines = source.lines();
+    while let Some(line) = lines.next() {
+        if line.trim_start() == LOOP {
+            let end = line.replace(LOOP, "}");
+            let body: Vec<&str> = lines.by_ref().take_while(|line| *line != end).collect();
+            let body = body.join("\n");
+            text.extend((0..PACKET_FOURS).map(|k| format!("{{ const k = {k}u;\n{body}\n}}\n")));
+        } else {
+            text.extend([line, "\n"]);
+        }
+    }
+    text
 }
+
+/// Kernels, each compiled when it is first dispatched.
+#[derive(Default)]
+pub(super) struct Kernels([OnceLock<wgpu::ComputePipeline>; SOURCES.len()]);
 
 impl Kernels {
-    pub(super) fn new(device: &Device) -> Result<Self, BackendError> {
-        let pipelines = SOURCES.map(|(name, parts)| {
+    fn get(&self, device: &Device, kernel: &'static str) -> &wgpu::ComputePipeline {
+        let named = SOURCES.iter().position(|(name, _)| *name == kernel);
+        let index = named.expect("a kernel of the list above");
+        self.0[index].get_or_init(|| {
             let module = device.wgpu().create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(name),
-                source: wgpu::ShaderSource::Wgsl(source(parts).into()),
+                label: Some(kernel),
+                source: wgpu::ShaderSource::Wgsl(source(SOURCES[index].1).into()),
             });
             device.wgpu().create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(name),
+                label: Some(kernel),
                 layout: None,
                 module: &module,
-                entry_point: Some(name),
+                entry_point: Some(kernel),
                 compilation_options: Default::default(),
                 cache: None,
             })
-        });
-        device.check("compiling kernels")?;
-        let [
-            cast_closest,
-            cast_packets,
-            cast_fans,
-            cover_voxels,
-            reduce_words,
-            reduce_occupied,
-            reduce_classes,
-        ] = pipelines;
-        Ok(Self {
-            cast_closest,
-            cast_packets,
-            cast_fans,
-            cover_voxels,
-            reduce_words,
-            reduce_occupied,
-            reduce_classes,
         })
     }
 }
@@ -77,11 +73,13 @@ impl Kernels {
 pub(super) fn dispatch(
     device: &Device,
     encoder: &mut wgpu::CommandEncoder,
-    pipeline: &wgpu::ComputePipeline,
+    kernels: &Kernels,
+    kernel: &'static str,
     buffers: &[&wgpu::Buffer],
     tree: Option<&wgpu::TextureView>,
     workgroups: [u32; 3],
 ) {
+    let pipeline = kernels.get(device, kernel);
     let buffers = buffers.iter().map(|buffer| buffer.as_entire_binding());
     let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
         .chain(tree.map(wgpu::BindingResource::TextureView))

@@ -24,7 +24,7 @@ use bricks::Bricks;
 use casting::PacketCaster;
 use device::Device;
 use kernels::Kernels;
-use packets::Plan;
+use packets::{Mixed, Plan};
 use resources::{ChunkBuffers, SceneBuffers};
 
 /// Bytes of the bitmaps that are made at a time where the host sums them up: they stay in its caches.
@@ -75,7 +75,7 @@ impl GpuBackend {
                 limit: MOST_BITMAP,
             });
         }
-        let kernels = Kernels::new(&device)?;
+        let kernels = Kernels::default();
         let casting = if device.is_software() { Casting::Packets } else { Casting::Tree };
         let (scene, caster) = Self::prepare(&device, &problem, casting)?;
         let times = StageTimes::default();
@@ -92,10 +92,7 @@ impl GpuBackend {
         casting: Casting,
     ) -> Result<(SceneBuffers, Option<PacketCaster>), BackendError> {
         let scene = SceneBuffers::new(device, problem, casting)?;
-        let caster = (casting == Casting::Packets)
-            .then(|| PacketCaster::new(device, problem.table().directions()))
-            .transpose()?;
-        Ok((scene, caster))
+        Ok((scene, (casting == Casting::Packets).then(PacketCaster::default)))
     }
 
     /// Whether the device is a program on the host, which the CPU backend outruns.
@@ -151,13 +148,18 @@ impl GpuBackend {
         let one = [("coverage bitmaps", sizes.bitmap, binding.min(self.memory))];
         ChunkLimits::from_bytes(widest, &one)?;
         let free = self.memory.saturating_sub(fixed);
-        let packets = match self.caster {
-            Some(_) => Plan::bytes(self.problem.table().directions().len()),
-            None => 0,
+        let directions = self.problem.table().directions().len();
+        let (packets, mixed) = match self.caster {
+            Some(_) if Plan::mixes(&self.poses(placements)) => {
+                (Plan::bytes(directions), Mixed::bytes(directions))
+            }
+            Some(_) => (Plan::bytes(directions), 0),
+            None => (0, 0),
         };
         let mut sensors = vec![
             ("hits", sizes.hits, binding),
-            ("work buffers", sizes.per_sensor() + bitmap + packets, free),
+            ("beams of mixed packets", mixed, binding),
+            ("work buffers", sizes.per_sensor() + bitmap + packets + mixed, free),
         ];
         if bitmap > 0 {
             sensors.push(one[0]);

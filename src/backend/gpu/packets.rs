@@ -1,21 +1,24 @@
-use std::f32::consts::PI;
+use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::device::Device;
+use crate::backend::DevicePose;
 use crate::backend::cpu::beam_direction;
+use crate::backend::cpu::beam_order::sorted_beams;
 use crate::backend::layout::{NO_SLOT, PACKET_FOURS, WORKGROUP_SIZE};
-use crate::backend::{BackendError, DevicePose};
+use crate::bvh::Hit;
 
-/// Beams of a packet or fan.
-const RAYS: usize = 4 * PACKET_FOURS as usize;
-/// Sensors of one rotation from which on a packet of them is cast faster than as many fans.
+/// Beams of a packet.
+pub(super) const RAYS: usize = 4 * PACKET_FOURS as usize;
+/// Sensors of one rotation from which on packets of one direction are faster than mixed ones.
 const LEAST_PARALLEL: usize = 24;
+/// Most sensors whose beams are sorted together.
+const SORTED_SENSORS: usize = 256;
 /// Most orders that the sensors are put in, each for neighbouring directions.
 const ORDERS: usize = 256;
-/// How much narrower packets and fans are made upwards than sideways: beams meet the ground at a flat
+/// How much narrower packets are made upwards than sideways: beams meet the ground at a flat
 /// angle, which stretches their upward spread.
 const FLATNESS: f32 = 2.0;
 
@@ -24,8 +27,8 @@ const FLATNESS: f32 = 2.0;
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 pub(super) struct Four([[f32; 4]; 3]);
 
-/// How the beams of a chunk are put together: packets of sensors of one rotation, and fans of the
-/// directions of all other sensors.
+/// How the beams of a chunk are put together: packets of one direction where many sensors share a
+/// rotation; the beams of all other sensors are mixed.
 #[derive(Default)]
 pub(super) struct Plan {
     /// Packets of sensors.
@@ -35,7 +38,7 @@ pub(super) struct Plan {
     pub(super) origins: Vec<Four>,
     /// For each block of directions, the first four of its order.
     pub(super) blocks: Vec<u32>,
-    /// Sensors that are cast by fans.
+    /// The other sensors.
     pub(super) alone: Vec<u32>,
 }
 
@@ -49,14 +52,17 @@ impl Plan {
         ((blocks.min(ORDERS) * slot * RAYS + marks) / LEAST_PARALLEL) as u64
     }
 
+    /// Whether some sensors' beams are mixed.
+    pub(super) fn mixes(poses: &[DevicePose]) -> bool {
+        equal_rotations(poses).iter().any(|sensors| in_packets(sensors.len()) < sensors.len())
+    }
+
     pub(super) fn new(poses: &[DevicePose], directions: &[[f32; 3]]) -> Self {
         let mut plan = Self::default();
         let mut packed = Vec::new();
         for mut sensors in equal_rotations(poses) {
-            let rest = sensors.len() % RAYS;
-            let full = if rest < LEAST_PARALLEL { sensors.len() - rest } else { sensors.len() };
-            plan.alone.extend(sensors.drain(full..));
-            plan.packets += full.div_ceil(RAYS) as u32;
+            plan.alone.extend(sensors.drain(in_packets(sensors.len())..));
+            plan.packets += sensors.len().div_ceil(RAYS) as u32;
             packed.push(sensors);
         }
         if plan.packets == 0 {
@@ -92,6 +98,12 @@ impl Plan {
     }
 }
 
+/// How many of so many sensors of one rotation are put in packets of one direction.
+fn in_packets(sensors: usize) -> usize {
+    let rest = sensors % RAYS;
+    if rest < LEAST_PARALLEL { sensors - rest } else { sensors }
+}
+
 /// Hands out the sensors in groups of a packet, which lie side by side as seen along a direction.
 fn put_in_order(
     sensors: &[u32],
@@ -106,14 +118,18 @@ fn put_in_order(
         ([origin.dot(sideways), origin.dot(upwards)], sensor)
     };
     let mut sensors: Vec<_> = sensors.iter().map(seen).collect();
-    split(&mut sensors, &mut |group| {
+    split(&mut sensors, RAYS, &mut |group| {
         take(&group.iter().map(|&(_, sensor)| sensor).collect::<Vec<_>>());
     });
 }
 
-/// Halves along the longer side until groups fill a packet; only the last may be smaller.
-fn split(members: &mut [([f32; 2], u32)], take: &mut impl FnMut(&mut [([f32; 2], u32)])) {
-    if members.len() <= RAYS {
+/// Halves along the longer side until groups have at most so many members; only the last may have less.
+fn split(
+    members: &mut [([f32; 2], u32)],
+    most: usize,
+    take: &mut impl FnMut(&mut [([f32; 2], u32)]),
+) {
+    if members.len() <= most {
         take(members);
         return;
     }
@@ -123,11 +139,11 @@ fn split(members: &mut [([f32; 2], u32)], take: &mut impl FnMut(&mut [([f32; 2],
         high - low
     };
     let axis = usize::from(extent(1) > extent(0));
-    let middle = (members.len() / 2).next_multiple_of(RAYS).min(members.len() - 1);
+    let middle = (members.len() / 2).next_multiple_of(most).min(members.len() - 1);
     members.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]));
     let (below, above) = members.split_at_mut(middle);
-    split(below, take);
-    split(above, take);
+    split(below, most, take);
+    split(above, most, take);
 }
 
 /// Sensors by rotation.
@@ -139,44 +155,86 @@ fn equal_rotations(poses: &[DevicePose]) -> Vec<Vec<u32>> {
     sensors.chunk_by(|a, b| rotation(a) == rotation(b)).map(<[u32]>::to_vec).collect()
 }
 
-/// The directions of a table in fans, on the device.
-pub(super) struct Fans {
-    /// Directions by fan; [`NO_SLOT`] where there is none.
+/// Packets of beams that go roughly the same way, of any sensors.
+#[derive(Default)]
+pub(super) struct Mixed {
+    /// Where the hits go, by packet: sensor × directions + direction; [`NO_SLOT`] for no beam.
     pub(super) slots: Vec<u32>,
-    pub(super) slot_buffer: wgpu::Buffer,
-    pub(super) directions: wgpu::Buffer,
+    /// The beams of each four slots: x, y and z of the origins, then of the directions.
+    pub(super) beams: Vec<[Four; 2]>,
 }
 
-impl Fans {
-    pub(super) fn new(device: &Device, directions: &[[f32; 3]]) -> Result<Self, BackendError> {
-        let seen = |(index, &[x, y, z]): (usize, &[f32; 3])| {
-            let up = z.clamp(-1.0, 1.0).asin();
-            ([if up.abs() < PI / 2.0 { y.atan2(x) } else { 0.0 }, FLATNESS * up], index as u32)
-        };
-        let mut members: Vec<_> = directions.iter().enumerate().map(seen).collect();
-        let (mut slots, mut fours) = (Vec::new(), Vec::new());
-        split(&mut members, &mut |fan| {
-            for first in (0..RAYS).step_by(4) {
-                let mut four = Four::default();
-                for lane in 0..4 {
-                    // Slots that are left over repeat the last direction.
-                    let index = fan[(first + lane).min(fan.len() - 1)].1;
-                    slots.push(if first + lane < fan.len() { index } else { NO_SLOT });
-                    for (row, &coordinate) in four.0.iter_mut().zip(&directions[index as usize]) {
-                        row[lane] = coordinate;
-                    }
-                }
-                fours.push(four);
-            }
-        });
-        Ok(Self {
-            slot_buffer: device.upload("slots of fans", &slots)?,
-            directions: device.upload("directions of fans", &fours)?,
-            slots,
-        })
+impl Mixed {
+    /// Bytes of the beams on the device for each slot.
+    pub(super) const BEAM: u64 = (size_of::<[Four; 2]>() / 4) as u64;
+
+    /// Bytes of a sensor's beams on the device, with those of their slots and marks.
+    pub(super) fn bytes(directions: usize) -> u64 {
+        // An eighth is what packets that are not full add.
+        let slots = (directions + directions / 8) as u64;
+        slots * (Self::BEAM + 4) + slots / 4
     }
 
-    pub(super) fn count(&self) -> usize {
-        self.slots.len() / RAYS
+    /// Packets of the beams of some sensors, in parts.
+    pub(super) fn of(sensors: &[u32], poses: &[DevicePose], directions: &[[f32; 3]]) -> Vec<Self> {
+        let mut groups = Vec::new();
+        let seen = |&sensor: &u32| {
+            let [x, y, _] = poses[sensor as usize].rows.map(|row| row[3]);
+            ([x, y], sensor)
+        };
+        let mut sensors: Vec<_> = sensors.iter().map(seen).collect();
+        if !sensors.is_empty() {
+            split(&mut sensors, SORTED_SENSORS, &mut |group| {
+                groups.push(group.iter().map(|&(_, sensor)| sensor).collect::<Vec<_>>());
+            });
+        }
+        let blocks = (2 * rayon::current_num_threads()).div_ceil(groups.len().max(1));
+        let block = directions.len().div_ceil(blocks).max(RAYS);
+        let tasks: Vec<_> = groups
+            .iter()
+            .flat_map(|group| (0..directions.len()).step_by(block).map(move |first| (group, first)))
+            .collect();
+        let parts = tasks.into_par_iter().map(|(group, first)| {
+            let end = directions.len().min(first + block);
+            Self::sorted(group, poses, directions, first..end)
+        });
+        parts.collect()
+    }
+
+    fn sorted(
+        sensors: &[u32],
+        poses: &[DevicePose],
+        directions: &[[f32; 3]],
+        block: Range<usize>,
+    ) -> Self {
+        let own: Vec<(&DevicePose, &mut [Hit])> =
+            sensors.iter().map(|&sensor| (&poses[sensor as usize], &mut [][..])).collect();
+        let beams = sorted_beams(&own, &directions[block.clone()]);
+        let mut mixed = Self::default();
+        mixed.slots.reserve(beams.len() + beams.len() / 8);
+        mixed.beams.reserve((beams.len() + beams.len() / 8) / 4);
+        for same_way in beams.chunk_by(|a, b| a.way() == b.way()) {
+            for packet in same_way.chunks(RAYS) {
+                for first in (0..RAYS).step_by(4) {
+                    let mut four = [Four::default(); 2];
+                    for lane in 0..4 {
+                        // Slots that are left over repeat the last beam.
+                        let (sensor, beam) = packet[(first + lane).min(packet.len() - 1)].of();
+                        let (sensor, beam) = (sensors[sensor], block.start + beam);
+                        let slot = sensor * directions.len() as u32 + beam as u32;
+                        let filled = first + lane < packet.len();
+                        mixed.slots.push(if filled { slot } else { NO_SLOT });
+                        let pose = &poses[sensor as usize];
+                        let direction = beam_direction(pose, directions[beam]);
+                        for axis in 0..3 {
+                            four[0].0[axis][lane] = pose.rows[axis][3];
+                            four[1].0[axis][lane] = direction[axis];
+                        }
+                    }
+                    mixed.beams.push(four);
+                }
+            }
+        }
+        mixed
     }
 }

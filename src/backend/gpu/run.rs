@@ -89,9 +89,9 @@ impl Run<'_> {
                         &chunk.hits,
                         &chunk.counters,
                     ];
-                    let kernel = &self.kernels.cast_closest;
+                    let kernels = self.kernels;
                     let groups = beam_workgroups(self.directions(), chunk.sensors);
-                    dispatch(self.device, encoder, kernel, &buffers, None, groups);
+                    dispatch(self.device, encoder, kernels, "cast_closest", &buffers, None, groups);
                 })?;
                 let bytes = 4 * (1 + u64::from(chunk.sensors));
                 let mut hits: Vec<u32> = self.device.read("casting", &chunk.counters, bytes)?;
@@ -108,10 +108,9 @@ impl Run<'_> {
 
     /// The beams of the chunk that ran out of steps.
     fn unfinished(&self) -> Result<Vec<Left>, BackendError> {
-        let directions = self.directions();
         let hits = self.read_hits()?;
         let beams = hits.iter().zip(0_u32..).filter(|(hit, _)| hit.prim == UNFINISHED);
-        Ok(beams.map(|(_, beam)| (beam / directions, beam % directions)).collect())
+        Ok(beams.map(|(_, beam)| beam).collect())
     }
 
     /// Casts the beams that the kernel left, with the CPU twin, and puts their hits where the kernel
@@ -127,16 +126,16 @@ impl Run<'_> {
         let poses: Vec<DevicePose> = self.device.read("casting", &self.chunk.poses, bytes)?;
         let directions = self.problem.table().directions();
         let bvh = self.problem.geometry(frame).expect("only frames with geometry are cast");
-        let cast = left.par_iter().map(|&(sensor, direction)| {
-            let pose = &poses[sensor as usize];
+        let cast = left.par_iter().map(|&beam| {
+            let pose = &poses[beam as usize / directions.len()];
             let origin = pose.rows.map(|row| row[3]).into();
-            let direction = beam_direction(pose, directions[direction as usize]);
+            let direction = beam_direction(pose, directions[beam as usize % directions.len()]);
             bvh.closest_hit(&Ray::new(origin, direction, range))
         });
-        for (hit, &(sensor, direction)) in cast.collect::<Vec<_>>().iter().zip(left) {
-            hits[sensor as usize] += u32::from(hit.is_hit());
-            let beam = u64::from(sensor) * directions.len() as u64 + u64::from(direction);
-            self.device.write_at(&self.chunk.hits, beam, &[hit.t.to_bits(), hit.prim]);
+        for (hit, &beam) in cast.collect::<Vec<_>>().iter().zip(left) {
+            hits[beam as usize / directions.len()] += u32::from(hit.is_hit());
+            let words = [[hit.t.to_bits(), hit.prim]];
+            self.device.write_at(&self.chunk.hits, u64::from(beam), &words);
         }
         Ok(())
     }
@@ -168,7 +167,7 @@ impl Run<'_> {
                 &chunk.walk_state,
             ];
             let groups = beam_workgroups(self.directions(), slice.sensors);
-            dispatch(self.device, encoder, &self.kernels.cover_voxels, &buffers, None, groups);
+            dispatch(self.device, encoder, self.kernels, "cover_voxels", &buffers, None, groups);
         };
         let passes = walk_passes(self.problem);
         // A walk of one pass keeps no state, which pass 0 tells.
@@ -231,7 +230,8 @@ impl Run<'_> {
             dispatch(
                 self.device,
                 encoder,
-                &self.kernels.reduce_words,
+                self.kernels,
+                "reduce_words",
                 &buffers,
                 None,
                 [words, count, 1],
@@ -242,7 +242,8 @@ impl Run<'_> {
                 dispatch(
                     self.device,
                     encoder,
-                    &self.kernels.reduce_occupied,
+                    self.kernels,
+                    "reduce_occupied",
                     &buffers,
                     None,
                     groups,
@@ -252,7 +253,8 @@ impl Run<'_> {
                 dispatch(
                     self.device,
                     encoder,
-                    &self.kernels.reduce_classes,
+                    self.kernels,
+                    "reduce_classes",
                     &buffers,
                     None,
                     groups,
