@@ -2,8 +2,9 @@
 
 use super::build::PAD_SHARE;
 use super::packet::{CHUNK, CHUNKS, Packet, least, most};
-use super::ranges::{Range, Ranges, fold, middle_of_origins, narrowest_plane};
+use super::ranges::{FanRanges, Range, Ranges, fold, narrowest_plane};
 use super::wide::{Block, WIDTH};
+use super::{Ray, Triangle};
 
 /// Farther than any plane, and finite, so that an empty box stays empty.
 const UNBOUNDED: f32 = 1e30;
@@ -16,6 +17,7 @@ const SLACK: f32 = 8.0;
 ///
 /// Origins are moved along their rays into one plane, so that a packet is as narrow as its rays are
 /// close, however far apart they start; distances count from that plane.
+#[derive(Clone)]
 pub(super) struct Bounds {
     /// Which side of a box is met first, by axis.
     near_side: [usize; 3],
@@ -25,7 +27,7 @@ pub(super) struct Bounds {
     /// Least and largest inverse direction.
     inverse: [[f32; 2]; 3],
     /// The two sheared axes and the one along which the rays go.
-    axes: [usize; 3],
+    pub(super) axes: [usize; 3],
     /// The plane's place on the last axis.
     plane: f32,
     all: Spread,
@@ -52,73 +54,26 @@ pub(super) struct Chunks {
     turn: [[f32; CHUNKS]; 2],
     /// The farthest of the best distances, counted from the plane; −∞ where there are no rays.
     farthest: [f32; CHUNKS],
+    /// How far after the first ray of a chunk the plane lies, at least; only set for a fan.
+    start: [f32; CHUNKS],
 }
 
 impl Bounds {
     #[inline(always)]
-    pub(super) fn new<const PARALLEL: bool>(packet: &Packet, pad: f32) -> (Self, Chunks) {
+    pub(super) fn new(packet: &Packet, pad: f32) -> (Self, Chunks) {
         let axes = packet.axes();
-        let plane = if PARALLEL { middle_of_origins(packet) } else { narrowest_plane(packet) };
-        let mut bounds = Self {
-            near_side: [0; 3],
-            near_origin: [UNBOUNDED; 3],
-            far_origin: [-UNBOUNDED; 3],
-            inverse: [[1.0; 2]; 3],
-            axes,
-            plane,
-            all: Spread::default(),
-            slack: 0.0,
-            start: 0.0,
-        };
-        let Ranges { shift, crossing, shear } =
-            if PARALLEL { Ranges::parallel(packet, plane) } else { Ranges::any(packet, plane) };
-        let mut crossed = [[plane; 2]; 3];
-        let mut chunks = Chunks {
-            middle: [[0.0; CHUNKS]; 2],
-            half: [[0.0; CHUNKS]; 2],
-            shear: [[0.0; CHUNKS]; 2],
-            turn: [[0.0; CHUNKS]; 2],
-            farthest: [f32::NEG_INFINITY; CHUNKS],
-        };
-        let [first, last] = shift.all();
-        let mut largest = plane.abs() + first.abs().max(last.abs());
-        for (k, &axis) in axes[..2].iter().enumerate() {
-            crossed[axis] = crossing[k].all();
-            largest = largest.max(crossed[axis][0].abs()).max(crossed[axis][1].abs());
+        let plane = narrowest_plane(packet);
+        let Ranges { shift, crossing, shear } = Ranges::new(packet, plane);
+        let mut inverse = [[0.0; 2]; 3];
+        for (inverse, lanes) in inverse.iter_mut().zip(&packet.inverse) {
+            *inverse = Range::of(&lanes[..packet.chunks()]).all();
+        }
+        let [across, turned] = [&crossing, &shear].map(|k| [k[0].all(), k[1].all()]);
+        let bounds = Self::of_ranges(axes, plane, shift.all(), across, turned, inverse, pad);
+        let mut chunks = Chunks::EMPTY;
+        for k in 0..2 {
             (chunks.middle[k], chunks.half[k]) = crossing[k].middle_and_half();
-            bounds.all.shear[k] = packet.shear[k][0][0];
-            chunks.shear[k] = [packet.shear[k][0][0]; CHUNKS];
-            if !PARALLEL {
-                let [low, high] = shear[k].all();
-                bounds.all.shear[k] = 0.5 * (low + high);
-                bounds.all.turn[k] = 0.5 * (high - low);
-                (chunks.shear[k], chunks.turn[k]) = shear[k].middle_and_half();
-            }
-        }
-        bounds.slack = SLACK * (pad + largest * PAD_SHARE);
-        bounds.start = -last - bounds.slack;
-        for (axis, &[low, high]) in crossed.iter().enumerate() {
-            let inverse = if PARALLEL {
-                [packet.inverse[axis][0][0]; 2]
-            } else {
-                Range::of(&packet.inverse[axis][..packet.chunks()]).all()
-            };
-            if inverse[0] > 0.0 {
-                bounds.near_origin[axis] = high + bounds.slack;
-                bounds.far_origin[axis] = low - bounds.slack;
-                bounds.inverse[axis] = inverse;
-            } else if inverse[1] < 0.0 {
-                bounds.near_side[axis] = 1;
-                bounds.near_origin[axis] = low - bounds.slack;
-                bounds.far_origin[axis] = high + bounds.slack;
-                bounds.inverse[axis] = inverse;
-            }
-            // Otherwise some rays go up and some down this axis: it bounds nothing.
-        }
-        for (k, &axis) in axes[..2].iter().enumerate() {
-            let [low, high] = crossed[axis];
-            bounds.all.middle[k] = 0.5 * (low + high);
-            bounds.all.half[k] = 0.5 * (high - low) + bounds.slack;
+            (chunks.shear[k], chunks.turn[k]) = shear[k].middle_and_half();
             for half in &mut chunks.half[k] {
                 *half += bounds.slack;
             }
@@ -127,6 +82,102 @@ impl Bounds {
             chunks.farthest[chunk] = packet.t_max - shift.low[chunk] + bounds.slack;
         }
         (bounds, chunks)
+    }
+
+    /// Bounds of all rays of a fan.
+    #[inline(always)]
+    pub(super) fn of_fan(ranges: &FanRanges, pad: f32) -> Self {
+        let FanRanges { axes, plane, before, shear, inverse, crossing } = ranges;
+        let across = [0, 1].map(|k| {
+            let ([a, b], [c, d]) = (crossing[k][0].all(), crossing[k][1].all());
+            [least(a, c), most(b, d)]
+        });
+        let ([a, b], [low, high]) = (before.all(), inverse[axes[2]]);
+        let ends = [a * low, a * high, b * low, b * high];
+        let shift = [
+            least(least(ends[0], ends[1]), least(ends[2], ends[3])),
+            most(most(ends[0], ends[1]), most(ends[2], ends[3])),
+        ];
+        Self::of_ranges(*axes, *plane, shift, across, *shear, *inverse, pad)
+    }
+
+    /// Bounds of the rays of a fan in one of its directions, of which the first chunks are filled.
+    #[inline(always)]
+    pub(super) fn of_direction(
+        shaft: &Self,
+        ranges: &FanRanges,
+        ray: &Ray,
+        filled: usize,
+    ) -> (Self, Chunks) {
+        let mut bounds = shaft.clone();
+        let mut chunks = Chunks::EMPTY;
+        let inverse = ray.inverse[ray.major];
+        bounds.inverse[ray.major] = [inverse; 2];
+        bounds.near_origin[ray.major] = shaft.plane + shaft.slack.copysign(inverse);
+        for k in 0..2 {
+            let crossing = ranges.crossing(k, ray.shear[k]);
+            bounds.all.spread(k, crossing.all(), [ray.shear[k]; 2], shaft.slack);
+            (chunks.middle[k], chunks.half[k]) = crossing.middle_and_half();
+            chunks.shear[k] = [ray.shear[k]; CHUNKS];
+            for half in &mut chunks.half[k] {
+                *half += shaft.slack;
+            }
+        }
+        let Range { low, high } = &ranges.before;
+        for chunk in 0..filled {
+            chunks.start[chunk] = least(low[chunk] * inverse, high[chunk] * inverse) - shaft.slack;
+            chunks.farthest[chunk] = ray.t_max - chunks.start[chunk];
+        }
+        (bounds, chunks)
+    }
+
+    /// From least and largest: how far before the plane rays start, where they cross it, and how they
+    /// go.
+    #[inline(always)]
+    fn of_ranges(
+        axes: [usize; 3],
+        plane: f32,
+        [first, last]: [f32; 2],
+        across: [[f32; 2]; 2],
+        shear: [[f32; 2]; 2],
+        inverse: [[f32; 2]; 3],
+        pad: f32,
+    ) -> Self {
+        let mut crossed = [[plane; 2]; 3];
+        let mut largest = plane.abs() + first.abs().max(last.abs());
+        for (&axis, [low, high]) in axes.iter().zip(across) {
+            crossed[axis] = [low, high];
+            largest = largest.max(low.abs()).max(high.abs());
+        }
+        let slack = SLACK * (pad + largest * PAD_SHARE);
+        let mut bounds = Self {
+            near_side: [0; 3],
+            near_origin: [UNBOUNDED; 3],
+            far_origin: [-UNBOUNDED; 3],
+            inverse: [[1.0; 2]; 3],
+            axes,
+            plane,
+            all: Spread::default(),
+            slack,
+            start: -last - slack,
+        };
+        for k in 0..2 {
+            bounds.all.spread(k, across[k], shear[k], slack);
+        }
+        for (axis, &[low, high]) in crossed.iter().enumerate() {
+            if inverse[axis][0] > 0.0 {
+                bounds.near_origin[axis] = high + slack;
+                bounds.far_origin[axis] = low - slack;
+                bounds.inverse[axis] = inverse[axis];
+            } else if inverse[axis][1] < 0.0 {
+                bounds.near_side[axis] = 1;
+                bounds.near_origin[axis] = low - slack;
+                bounds.far_origin[axis] = high + slack;
+                bounds.inverse[axis] = inverse[axis];
+            }
+            // Otherwise some rays go up and some down this axis: it bounds nothing.
+        }
+        bounds
     }
 
     /// Bounds of where the rays are inside boxes: no ray enters box `i` before `near[i]` or leaves
@@ -164,7 +215,7 @@ impl Bounds {
                 [c[x][i], c[y][i], c[z][i]],
             ];
             let behind = self.nearest(triangle) > farthest;
-            let beside = passes_beside::<PARALLEL>(triangle, self.plane, &self.all, self.slack);
+            let (beside, _) = passes::<PARALLEL>(triangle, self.plane, &self.all, self.slack);
             meets[i] = if behind | beside { 0 } else { u32::MAX };
         }
         to_bits(meets) & ((1 << block.count) - 1)
@@ -183,7 +234,26 @@ impl Bounds {
     }
 }
 
+impl Spread {
+    #[inline(always)]
+    fn spread(&mut self, k: usize, crossing: [f32; 2], shear: [f32; 2], slack: f32) {
+        self.middle[k] = 0.5 * (crossing[0] + crossing[1]);
+        self.half[k] = 0.5 * (crossing[1] - crossing[0]) + slack;
+        self.shear[k] = 0.5 * (shear[0] + shear[1]);
+        self.turn[k] = 0.5 * (shear[1] - shear[0]);
+    }
+}
+
 impl Chunks {
+    const EMPTY: Self = Self {
+        middle: [[0.0; CHUNKS]; 2],
+        half: [[0.0; CHUNKS]; 2],
+        shear: [[0.0; CHUNKS]; 2],
+        turn: [[0.0; CHUNKS]; 2],
+        farthest: [f32::NEG_INFINITY; CHUNKS],
+        start: [0.0; CHUNKS],
+    };
+
     /// The farthest of the best distances of all rays.
     #[inline(always)]
     pub(super) fn farthest(&self) -> f32 {
@@ -194,16 +264,15 @@ impl Chunks {
     #[inline(always)]
     pub(super) fn look_again<const PARALLEL: bool>(
         &mut self,
-        packet: &Packet,
+        t: &[f32; CHUNK],
+        origin: &[f32; CHUNK],
+        inverse: &[f32; CHUNK],
         chunk: usize,
         bounds: &Bounds,
     ) {
-        let origin = &packet.origin[bounds.axes[2]][chunk];
-        let inverse = &packet.inverse[bounds.axes[2]];
-        let t = &packet.hits.t[chunk];
         let mut farthest = [0.0; CHUNK];
         for i in 0..CHUNK {
-            let inverse = if PARALLEL { inverse[0][0] } else { inverse[chunk][i] };
+            let inverse = inverse[if PARALLEL { 0 } else { i }];
             farthest[i] = t[i] - (bounds.plane - origin[i]) * inverse;
         }
         let mut halves = [0.0; CHUNK / 2];
@@ -213,20 +282,21 @@ impl Chunks {
         self.farthest[chunk] = fold(&halves, most) + bounds.slack;
     }
 
-    /// Bits of the chunks whose rays may hit a triangle of a block.
+    /// Bits of the chunks whose rays may hit a triangle of a block, and of those whose rays all surely
+    /// pass between its edges.
     #[inline(always)]
     pub(super) fn meet<const PARALLEL: bool>(
         &self,
         bounds: &Bounds,
         block: &Block,
         slot: usize,
-    ) -> u32 {
+    ) -> (u32, u32) {
         let [x, y, z] = bounds.axes;
         let at = |corner: &[[f32; WIDTH]; 3]| [corner[x][slot], corner[y][slot], corner[z][slot]];
         let [a, b, c] = &block.corners;
         let triangle = [at(a), at(b), at(c)];
         let nearest = bounds.nearest(triangle);
-        let mut meets = [0; CHUNKS];
+        let (mut meets, mut sure) = ([0; CHUNKS], [0; CHUNKS]);
         for i in 0..CHUNKS {
             let at = |both: &[[f32; CHUNKS]; 2]| [both[0][i], both[1][i]];
             let spread = Spread {
@@ -236,26 +306,64 @@ impl Chunks {
                 turn: at(&self.turn),
             };
             let behind = nearest > self.farthest[i];
-            let beside = passes_beside::<PARALLEL>(triangle, bounds.plane, &spread, bounds.slack);
+            let (beside, inside) =
+                passes::<PARALLEL>(triangle, bounds.plane, &spread, bounds.slack);
             meets[i] = if behind | beside { 0 } else { u32::MAX };
+            sure[i] = if inside { u32::MAX } else { 0 };
         }
-        to_bits(meets)
+        (to_bits(meets), to_bits(sure))
+    }
+
+    /// Takes over the distances of a triangle where all rays of a chunk, which are parallel, surely pass
+    /// between its edges: bits of `sure` but for the chunks whose rays all have a hit before it.
+    ///
+    /// Distances come from the plane and are clamped to the box. Rays that pass the edges by more than
+    /// twice the slack leave the box no earlier than they meet the plane, but for three times what slack
+    /// makes of that distance.
+    #[inline(always)]
+    pub(super) fn settle(
+        &mut self,
+        bounds: &Bounds,
+        triangle: &Triangle,
+        direction: [f32; 3],
+        sure: u32,
+    ) -> u32 {
+        let [x, y, z] = bounds.axes;
+        let (n, a) = (triangle.normal, triangle.a);
+        let (n, a) = ([n[x], n[y], n[z]], [a[x], a[y], a[z] - bounds.plane]);
+        let inverse = 1.0 / (n[0] * direction[x] + n[1] * direction[y] + n[2] * direction[z]);
+        let mut late = [0; CHUNKS];
+        for (i, late) in late.iter_mut().enumerate() {
+            let above =
+                n[0] * (a[0] - self.middle[0][i]) + n[1] * (a[1] - self.middle[1][i]) + n[2] * a[2];
+            let spread =
+                n[0].abs() * self.half[0][i] + n[1].abs() * self.half[1][i] + 4.0 * bounds.slack;
+            // Not numbers where the rays pass along the plane: then nothing follows.
+            let (middle, half) = (above * inverse, spread * inverse.abs());
+            let ahead = middle - half + self.start[i] > 0.0;
+            let behind = middle - half > self.farthest[i];
+            let farthest = least(middle + half, self.farthest[i]);
+            let sure = sure & (1 << i) != 0;
+            self.farthest[i] = if sure & ahead { farthest } else { self.farthest[i] };
+            *late = if behind { u32::MAX } else { 0 };
+        }
+        sure & !to_bits(late)
     }
 }
 
-/// Whether all rays surely miss a triangle: beside its corners, or on the outer side of one of its
-/// edges.
+/// Whether all rays surely miss a triangle, beside its corners or on the outer side of one of its
+/// edges; and whether all surely pass between its edges.
 ///
 /// Seen along a ray, a corner lies at its coordinates less shear times depth. An edge function is
 /// affine in the origin and in the shear but for their product, so its spread over the rays is a
 /// sum of absolute values.
 #[inline(always)]
-fn passes_beside<const PARALLEL: bool>(
+fn passes<const PARALLEL: bool>(
     corners: [[f32; 3]; 3],
     plane: f32,
     rays: &Spread,
     slack: f32,
-) -> bool {
+) -> (bool, bool) {
     let Spread { middle, half, shear, turn } = *rays;
     let seen = |corner: [f32; 3]| {
         let z = corner[2] - plane;
@@ -294,7 +402,10 @@ fn passes_beside<const PARALLEL: bool>(
     let doubt = u.1 + v.1 + w.1 + 4.0 * error;
     let left = (u.0 + u.2 < 0.0) | (v.0 + v.2 < 0.0) | (w.0 + w.2 < 0.0);
     let right = (u.0 - u.2 > 0.0) | (v.0 - v.2 > 0.0) | (w.0 - w.2 > 0.0);
-    apart | ((area > doubt) & left) | ((area < -doubt) & right)
+    let beside = apart | ((area > doubt) & left) | ((area < -doubt) & right);
+    let all_right = (u.0 - u.2 > 0.0) & (v.0 - v.2 > 0.0) & (w.0 - w.2 > 0.0);
+    let all_left = (u.0 + u.2 < 0.0) & (v.0 + v.2 < 0.0) & (w.0 + w.2 < 0.0);
+    (beside, all_right | all_left)
 }
 
 /// A bit for each flag; flags are all ones or zero.

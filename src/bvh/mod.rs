@@ -14,6 +14,7 @@
 
 mod bounds;
 mod build;
+mod fan;
 mod intersect;
 mod lanes;
 mod node;
@@ -23,6 +24,9 @@ mod shafts;
 mod traverse;
 mod wide;
 
+use intersect::axes_of;
+
+pub use fan::{FAN_DIRECTIONS, Fan};
 pub use intersect::{Hit, NO_HIT, Ray, major_axis};
 pub use node::{Bvh, BvhError, MAX_DEPTH, Node, Triangle};
 pub use packet::{CHUNK, PACKET_RAYS, Packet, PacketHits, Scratch};
