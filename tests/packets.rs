@@ -139,10 +139,30 @@ fn a_packet_of_any_rays_gives_the_bits_of_all_triangles() {
     }
 }
 
+/// Large triangles close behind each other that cross: which one is hit changes from ray to ray.
+fn sheets() -> TriangleSoup {
+    let mut rng = rng(10);
+    let mut soup = TriangleSoup::default();
+    for sheet in 0..90 {
+        let corners = [[-20.0, -20.0], [30.0, -20.0], [-20.0, 30.0]];
+        for corner in corners {
+            let height = 0.02 * (sheet / 3) as f32 + rng.random_range(-0.3..0.3);
+            let mut vertex = [height; 3];
+            vertex[(sheet + 1) % 3] = corner[0];
+            vertex[(sheet + 2) % 3] = corner[1];
+            soup.vertices.push(vertex);
+        }
+        let first = 3 * sheet as u32;
+        soup.faces.push([first, first + 1, first + 2]);
+    }
+    soup.face_class = vec![0; soup.faces.len()];
+    soup
+}
+
 #[test]
 fn a_fan_gives_the_bits_of_all_triangles() {
     let mut rng = rng(9);
-    for soup in soups() {
+    for soup in soups().into_iter().chain([sheets()]) {
         let bvh = Bvh::build(&soup, 30.0);
         let mut hits = vec![PacketHits::default(); FAN_DIRECTIONS];
         for round in 0..120 {

@@ -1,10 +1,10 @@
 //! What holds for all rays of a packet or of a chunk, so that most of a scene is sorted out at once.
 
 use super::build::PAD_SHARE;
+use super::fan_bounds::FanRanges;
 use super::packet::{CHUNK, CHUNKS, Packet, least, most};
-use super::ranges::{FanRanges, Range, Ranges, fold, narrowest_plane};
+use super::ranges::{Range, Ranges, fold, narrowest_plane};
 use super::wide::{Block, WIDTH};
-use super::{Ray, Triangle};
 
 /// Farther than any plane, and finite, so that an empty box stays empty.
 const UNBOUNDED: f32 = 1e30;
@@ -17,7 +17,6 @@ const SLACK: f32 = 8.0;
 ///
 /// Origins are moved along their rays into one plane, so that a packet is as narrow as its rays are
 /// close, however far apart they start; distances count from that plane.
-#[derive(Clone)]
 pub(super) struct Bounds {
     /// Which side of a box is met first, by axis.
     near_side: [usize; 3],
@@ -29,10 +28,10 @@ pub(super) struct Bounds {
     /// The two sheared axes and the one along which the rays go.
     pub(super) axes: [usize; 3],
     /// The plane's place on the last axis.
-    plane: f32,
+    pub(super) plane: f32,
     all: Spread,
     /// Metres by which everything may be off through rounding.
-    slack: f32,
+    pub(super) slack: f32,
     /// Where the first ray starts, counted from the plane.
     start: f32,
 }
@@ -54,8 +53,6 @@ pub(super) struct Chunks {
     turn: [[f32; CHUNKS]; 2],
     /// The farthest of the best distances, counted from the plane; −∞ where there are no rays.
     farthest: [f32; CHUNKS],
-    /// How far after the first ray of a chunk the plane lies, at least; only set for a fan.
-    start: [f32; CHUNKS],
 }
 
 impl Bounds {
@@ -87,11 +84,8 @@ impl Bounds {
     /// Bounds of all rays of a fan.
     #[inline(always)]
     pub(super) fn of_fan(ranges: &FanRanges, pad: f32) -> Self {
-        let FanRanges { axes, plane, before, shear, inverse, crossing } = ranges;
-        let across = [0, 1].map(|k| {
-            let ([a, b], [c, d]) = (crossing[k][0].all(), crossing[k][1].all());
-            [least(a, c), most(b, d)]
-        });
+        let FanRanges { axes, plane, before, shear, inverse, .. } = ranges;
+        let across = [ranges.across(0), ranges.across(1)];
         let ([a, b], [low, high]) = (before.all(), inverse[axes[2]]);
         let ends = [a * low, a * high, b * low, b * high];
         let shift = [
@@ -99,36 +93,6 @@ impl Bounds {
             most(most(ends[0], ends[1]), most(ends[2], ends[3])),
         ];
         Self::of_ranges(*axes, *plane, shift, across, *shear, *inverse, pad)
-    }
-
-    /// Bounds of the rays of a fan in one of its directions, of which the first chunks are filled.
-    #[inline(always)]
-    pub(super) fn of_direction(
-        shaft: &Self,
-        ranges: &FanRanges,
-        ray: &Ray,
-        filled: usize,
-    ) -> (Self, Chunks) {
-        let mut bounds = shaft.clone();
-        let mut chunks = Chunks::EMPTY;
-        let inverse = ray.inverse[ray.major];
-        bounds.inverse[ray.major] = [inverse; 2];
-        bounds.near_origin[ray.major] = shaft.plane + shaft.slack.copysign(inverse);
-        for k in 0..2 {
-            let crossing = ranges.crossing(k, ray.shear[k]);
-            bounds.all.spread(k, crossing.all(), [ray.shear[k]; 2], shaft.slack);
-            (chunks.middle[k], chunks.half[k]) = crossing.middle_and_half();
-            chunks.shear[k] = [ray.shear[k]; CHUNKS];
-            for half in &mut chunks.half[k] {
-                *half += shaft.slack;
-            }
-        }
-        let Range { low, high } = &ranges.before;
-        for chunk in 0..filled {
-            chunks.start[chunk] = least(low[chunk] * inverse, high[chunk] * inverse) - shaft.slack;
-            chunks.farthest[chunk] = ray.t_max - chunks.start[chunk];
-        }
-        (bounds, chunks)
     }
 
     /// From least and largest: how far before the plane rays start, where they cross it, and how they
@@ -204,7 +168,7 @@ impl Bounds {
 
     /// Bits of a block's triangles that rays may hit, up to the distance `farthest`.
     #[inline(always)]
-    pub(super) fn meets<const PARALLEL: bool>(&self, block: &Block, farthest: f32) -> u32 {
+    pub(super) fn meets(&self, block: &Block, farthest: f32) -> u32 {
         let [x, y, z] = self.axes;
         let [a, b, c] = &block.corners;
         let mut meets = [0; WIDTH];
@@ -215,7 +179,7 @@ impl Bounds {
                 [c[x][i], c[y][i], c[z][i]],
             ];
             let behind = self.nearest(triangle) > farthest;
-            let (beside, _) = passes::<PARALLEL>(triangle, self.plane, &self.all, self.slack);
+            let beside = passes_beside(triangle, self.plane, &self.all, self.slack);
             meets[i] = if behind | beside { 0 } else { u32::MAX };
         }
         to_bits(meets) & ((1 << block.count) - 1)
@@ -251,7 +215,6 @@ impl Chunks {
         shear: [[0.0; CHUNKS]; 2],
         turn: [[0.0; CHUNKS]; 2],
         farthest: [f32::NEG_INFINITY; CHUNKS],
-        start: [0.0; CHUNKS],
     };
 
     /// The farthest of the best distances of all rays.
@@ -262,7 +225,7 @@ impl Chunks {
 
     /// Takes over the best distances of a chunk's rays.
     #[inline(always)]
-    pub(super) fn look_again<const PARALLEL: bool>(
+    pub(super) fn look_again(
         &mut self,
         t: &[f32; CHUNK],
         origin: &[f32; CHUNK],
@@ -272,7 +235,7 @@ impl Chunks {
     ) {
         let mut farthest = [0.0; CHUNK];
         for i in 0..CHUNK {
-            let inverse = inverse[if PARALLEL { 0 } else { i }];
+            let inverse = inverse[i];
             farthest[i] = t[i] - (bounds.plane - origin[i]) * inverse;
         }
         let mut halves = [0.0; CHUNK / 2];
@@ -282,21 +245,15 @@ impl Chunks {
         self.farthest[chunk] = fold(&halves, most) + bounds.slack;
     }
 
-    /// Bits of the chunks whose rays may hit a triangle of a block, and of those whose rays all surely
-    /// pass between its edges.
+    /// Bits of the chunks whose rays may hit a triangle of a block.
     #[inline(always)]
-    pub(super) fn meet<const PARALLEL: bool>(
-        &self,
-        bounds: &Bounds,
-        block: &Block,
-        slot: usize,
-    ) -> (u32, u32) {
+    pub(super) fn meet(&self, bounds: &Bounds, block: &Block, slot: usize) -> u32 {
         let [x, y, z] = bounds.axes;
         let at = |corner: &[[f32; WIDTH]; 3]| [corner[x][slot], corner[y][slot], corner[z][slot]];
         let [a, b, c] = &block.corners;
         let triangle = [at(a), at(b), at(c)];
         let nearest = bounds.nearest(triangle);
-        let (mut meets, mut sure) = ([0; CHUNKS], [0; CHUNKS]);
+        let mut meets = [0; CHUNKS];
         for i in 0..CHUNKS {
             let at = |both: &[[f32; CHUNKS]; 2]| [both[0][i], both[1][i]];
             let spread = Spread {
@@ -306,64 +263,21 @@ impl Chunks {
                 turn: at(&self.turn),
             };
             let behind = nearest > self.farthest[i];
-            let (beside, inside) =
-                passes::<PARALLEL>(triangle, bounds.plane, &spread, bounds.slack);
+            let beside = passes_beside(triangle, bounds.plane, &spread, bounds.slack);
             meets[i] = if behind | beside { 0 } else { u32::MAX };
-            sure[i] = if inside { u32::MAX } else { 0 };
         }
-        (to_bits(meets), to_bits(sure))
-    }
-
-    /// Takes over the distances of a triangle where all rays of a chunk, which are parallel, surely pass
-    /// between its edges: bits of `sure` but for the chunks whose rays all have a hit before it.
-    ///
-    /// Distances come from the plane and are clamped to the box. Rays that pass the edges by more than
-    /// twice the slack leave the box no earlier than they meet the plane, but for three times what slack
-    /// makes of that distance.
-    #[inline(always)]
-    pub(super) fn settle(
-        &mut self,
-        bounds: &Bounds,
-        triangle: &Triangle,
-        direction: [f32; 3],
-        sure: u32,
-    ) -> u32 {
-        let [x, y, z] = bounds.axes;
-        let (n, a) = (triangle.normal, triangle.a);
-        let (n, a) = ([n[x], n[y], n[z]], [a[x], a[y], a[z] - bounds.plane]);
-        let inverse = 1.0 / (n[0] * direction[x] + n[1] * direction[y] + n[2] * direction[z]);
-        let mut late = [0; CHUNKS];
-        for (i, late) in late.iter_mut().enumerate() {
-            let above =
-                n[0] * (a[0] - self.middle[0][i]) + n[1] * (a[1] - self.middle[1][i]) + n[2] * a[2];
-            let spread =
-                n[0].abs() * self.half[0][i] + n[1].abs() * self.half[1][i] + 4.0 * bounds.slack;
-            // Not numbers where the rays pass along the plane: then nothing follows.
-            let (middle, half) = (above * inverse, spread * inverse.abs());
-            let ahead = middle - half + self.start[i] > 0.0;
-            let behind = middle - half > self.farthest[i];
-            let farthest = least(middle + half, self.farthest[i]);
-            let sure = sure & (1 << i) != 0;
-            self.farthest[i] = if sure & ahead { farthest } else { self.farthest[i] };
-            *late = if behind { u32::MAX } else { 0 };
-        }
-        sure & !to_bits(late)
+        to_bits(meets)
     }
 }
 
-/// Whether all rays surely miss a triangle, beside its corners or on the outer side of one of its
-/// edges; and whether all surely pass between its edges.
+/// Whether all rays surely miss a triangle: beside its corners, or on the outer side of one of its
+/// edges.
 ///
 /// Seen along a ray, a corner lies at its coordinates less shear times depth. An edge function is
 /// affine in the origin and in the shear but for their product, so its spread over the rays is a
 /// sum of absolute values.
 #[inline(always)]
-fn passes<const PARALLEL: bool>(
-    corners: [[f32; 3]; 3],
-    plane: f32,
-    rays: &Spread,
-    slack: f32,
-) -> (bool, bool) {
+fn passes_beside(corners: [[f32; 3]; 3], plane: f32, rays: &Spread, slack: f32) -> bool {
     let Spread { middle, half, shear, turn } = *rays;
     let seen = |corner: [f32; 3]| {
         let z = corner[2] - plane;
@@ -373,25 +287,19 @@ fn passes<const PARALLEL: bool>(
     // Beside the rectangle that the rays fill, at the depth of each corner.
     let mut apart = false;
     for k in 0..2 {
-        let reach = |p: [f32; 3]| if PARALLEL { 0.0 } else { turn[k] * p[2].abs() };
+        let reach = |p: [f32; 3]| turn[k] * p[2].abs();
         let low = least(least(a[k] - reach(a), b[k] - reach(b)), c[k] - reach(c));
         let high = most(most(a[k] + reach(a), b[k] + reach(b)), c[k] + reach(c));
         apart |= (low > half[k] + slack) | (high < -half[k] - slack);
     }
     let size = |p: [f32; 3]| p[0].abs() + p[1].abs();
-    let mut widest = half[0] + half[1];
-    if !PARALLEL {
-        let deepest = most(most(a[2].abs(), b[2].abs()), c[2].abs());
-        widest += deepest * (turn[0] + turn[1]);
-    }
+    let deepest = most(most(a[2].abs(), b[2].abs()), c[2].abs());
+    let widest = half[0] + half[1] + deepest * (turn[0] + turn[1]);
     let error = 2.0 * slack * (size(a) + size(b) + size(c) + widest);
     // Value in the middle, spread of the area's share, spread.
     let edge = |from: [f32; 3], to: [f32; 3]| {
         let value = from[0] * to[1] - from[1] * to[0];
         let moved = (to[1] - from[1]).abs() * half[0] + (to[0] - from[0]).abs() * half[1];
-        if PARALLEL {
-            return (value, 0.0, moved + error);
-        }
         let turned = turn[0] * (from[2] * to[1] - to[2] * from[1]).abs()
             + turn[1] * (to[2] * from[0] - from[2] * to[0]).abs();
         let both = (turn[0] * half[1] + turn[1] * half[0]) * (to[2] - from[2]).abs();
@@ -402,15 +310,12 @@ fn passes<const PARALLEL: bool>(
     let doubt = u.1 + v.1 + w.1 + 4.0 * error;
     let left = (u.0 + u.2 < 0.0) | (v.0 + v.2 < 0.0) | (w.0 + w.2 < 0.0);
     let right = (u.0 - u.2 > 0.0) | (v.0 - v.2 > 0.0) | (w.0 - w.2 > 0.0);
-    let beside = apart | ((area > doubt) & left) | ((area < -doubt) & right);
-    let all_right = (u.0 - u.2 > 0.0) & (v.0 - v.2 > 0.0) & (w.0 - w.2 > 0.0);
-    let all_left = (u.0 + u.2 < 0.0) & (v.0 + v.2 < 0.0) & (w.0 + w.2 < 0.0);
-    (beside, all_right | all_left)
+    apart | ((area > doubt) & left) | ((area < -doubt) & right)
 }
 
 /// A bit for each flag; flags are all ones or zero.
 #[inline(always)]
-fn to_bits(flags: [u32; 8]) -> u32 {
+pub(super) fn to_bits(flags: [u32; 8]) -> u32 {
     let mut bits = [0; 8];
     for i in 0..8 {
         bits[i] = flags[i] & (1 << i);

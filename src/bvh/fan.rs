@@ -6,11 +6,12 @@ use glam::Vec3;
 use multiversion::multiversion;
 
 use super::bounds::Bounds;
+use super::fan_bounds::{Facing, FanRanges, Seen};
 use super::lanes::{ALL_INSIDE, Inside, Prepared, Rays};
 use super::packet::{Across, CHUNK, CHUNKS, Lanes, NOTHING, PACKET_RAYS, PacketHits};
-use super::ranges::FanRanges;
+
 use super::wide::{Block, Child, WIDTH, Wide};
-use super::{Bvh, NO_HIT, Ray, Triangle};
+use super::{Bvh, NO_HIT, Triangle};
 
 /// Most directions of a fan.
 pub const FAN_DIRECTIONS: usize = 16;
@@ -34,8 +35,8 @@ pub struct Fan {
 #[derive(Clone, Default)]
 struct Near {
     groups: Vec<Group>,
-    /// Is being filled.
-    open: Group,
+    /// Groups of the list; the next one is being filled.
+    len: usize,
     /// Parts of the tree that are not in the list yet, by where rays enter them at the earliest.
     queue: BinaryHeap<Reverse<u64>>,
 }
@@ -121,29 +122,29 @@ fn cast(
     hits: &mut [PacketHits],
 ) {
     let Fan { len, origin, across, near, inside } = fan;
-    let ranges = FanRanges::new(across, directions);
+    let ranges = FanRanges::new(across, directions, t_max);
     let shaft = Bounds::of_fan(&ranges, pad);
     near.restart();
     let filled = len.div_ceil(CHUNK);
-    for (&direction, hits) in directions.iter().zip(hits) {
-        let ray = Ray::new(Vec3::ZERO, direction, t_max);
-        let (bounds, mut chunks) = Bounds::of_direction(&shaft, &ranges, &ray, filled);
+    let mut seen = Seen::NOTHING;
+    for (ray, hits) in ranges.rays(directions.len()).iter().zip(hits) {
+        let mut facing = Facing::new(&shaft, &ranges, ray, filled);
         let splat = |x: f32| [[x; CHUNK]];
-        let turned = [direction.x, direction.y, direction.z].map(splat);
-        let inverse = [ray.inverse.x, ray.inverse.y, ray.inverse.z].map(splat);
+        let turned = ray.direction.to_array().map(splat);
+        let inverse = ray.inverse.to_array().map(splat);
         let shear = ray.shear.map(splat);
         let rays = Rays::<true> {
-            axes: bounds.axes,
+            axes: ranges.axes,
             enters: [0, 1, 2].map(|axis| usize::from(ray.inverse[axis] < 0.0)),
             origin,
             direction: [&turned[0], &turned[1], &turned[2]],
             inverse: [&inverse[0], &inverse[1], &inverse[2]],
             shear: [&shear[0], &shear[1]],
         };
-        let mut farthest = chunks.farthest();
+        let mut farthest = facing.farthest();
         let mut at = 0;
         loop {
-            if at == near.groups.len() && !near.extend(wide, triangles, &shaft, farthest) {
+            if at == near.len && !near.extend(wide, triangles, &shaft, farthest) {
                 break;
             }
             let group = &near.groups[at];
@@ -152,22 +153,16 @@ fn cast(
             if group.enter > farthest {
                 break;
             }
-            let block = &group.block;
-            let mut left = bounds.meets::<true>(block, farthest);
+            let mut left = facing.look(&group.block, farthest, &mut seen);
             let (mut meets, mut sure) = (0, 0);
             while left != 0 {
                 let slot = left.trailing_zeros() as usize;
                 left &= left - 1;
-                let (mut meet, mut settled) = chunks.meet::<true>(&bounds, block, slot);
+                let (mut meet, mut settled) = facing.meet(&seen, slot);
                 settled &= meet;
                 if settled != 0 {
                     meet ^= settled;
-                    settled = chunks.settle(
-                        &bounds,
-                        &group.triangles[slot].triangle,
-                        direction.to_array(),
-                        settled,
-                    );
+                    settled = facing.settle(&group.triangles[slot].triangle, settled);
                     meet |= settled;
                 }
                 meets |= u64::from(meet) << (slot * CHUNKS);
@@ -177,15 +172,9 @@ fn cast(
             while hit != 0 {
                 let chunk = hit.trailing_zeros() as usize;
                 hit &= hit - 1;
-                chunks.look_again::<true>(
-                    &hits.t[chunk],
-                    &origin[bounds.axes[2]][chunk],
-                    &[ray.inverse[ray.major]; CHUNK],
-                    chunk,
-                    &bounds,
-                );
+                facing.look_again(chunk, &hits.t[chunk], &origin[ranges.axes[2]][chunk]);
             }
-            farthest = chunks.farthest();
+            farthest = facing.farthest();
         }
     }
 }
@@ -194,8 +183,8 @@ impl Near {
     /// Starts over with the whole tree.
     #[inline(always)]
     fn restart(&mut self) {
-        self.groups.clear();
-        self.open.block.count = 0;
+        self.len = 0;
+        self.open();
         self.queue.clear();
         self.queue.push(Reverse(key(f32::NEG_INFINITY, Child::ROOT)));
     }
@@ -209,8 +198,8 @@ impl Near {
         shaft: &Bounds,
         farthest: f32,
     ) -> bool {
-        let before = self.groups.len();
-        while self.groups.len() == before {
+        let before = self.len;
+        while self.len == before {
             let Some(&Reverse(top)) = self.queue.peek() else { break };
             let enter = from_key(top);
             if enter > farthest {
@@ -220,11 +209,11 @@ impl Near {
             match Child::from_bits(top as u32).get() {
                 Ok(block) => {
                     let block = &wide.blocks[block];
-                    let mut left = shaft.meets::<false>(block, f32::INFINITY);
+                    let mut left = shaft.meets(block, f32::INFINITY);
                     while left != 0 {
                         let slot = left.trailing_zeros();
                         left &= left - 1;
-                        self.add(triangles[(block.first + slot) as usize], enter, shaft);
+                        self.add(&triangles[(block.first + slot) as usize], enter, shaft);
                     }
                 }
                 Err(index) => {
@@ -238,29 +227,37 @@ impl Near {
                 }
             }
         }
-        if self.groups.len() == before && self.open.block.count > 0 && self.open.enter <= farthest {
-            self.seal();
+        let open = &self.groups[self.len];
+        if self.len == before && open.block.count > 0 && open.enter <= farthest {
+            self.len += 1;
+            self.open();
         }
-        self.groups.len() > before
+        self.len > before
     }
 
     #[inline(always)]
-    fn add(&mut self, triangle: Triangle, enter: f32, shaft: &Bounds) {
-        let slot = self.open.block.count as usize;
+    fn add(&mut self, triangle: &Triangle, enter: f32, shaft: &Bounds) {
+        let open = &mut self.groups[self.len];
+        let slot = open.block.count as usize % WIDTH;
         if slot == 0 {
-            self.open.enter = enter;
+            open.enter = enter;
         }
-        self.open.triangles[slot] = Prepared::new(&triangle, shaft.axes);
-        self.open.block.set(slot, &triangle);
-        self.open.block.count += 1;
+        open.triangles[slot] = Prepared::new(triangle, shaft.axes);
+        open.block.set(slot, triangle);
+        open.block.count += 1;
         if slot + 1 == WIDTH {
-            self.seal();
+            self.len += 1;
+            self.open();
         }
     }
 
-    fn seal(&mut self) {
-        self.groups.push(self.open.clone());
-        self.open.block.count = 0;
+    /// Begins the group after the list.
+    #[inline(always)]
+    fn open(&mut self) {
+        if self.len == self.groups.len() {
+            self.groups.push(Group::default());
+        }
+        self.groups[self.len].block.count = 0;
     }
 }
 

@@ -61,13 +61,13 @@ impl<const PARALLEL: bool> Rays<'_, PARALLEL> {
         if PARALLEL { lanes[0][0] } else { lanes[chunk][i] }
     }
 
-    /// `Ray::intersect` for every ray of the pairs `meets`; those of `sure` are known to pass between
-    /// the triangle's edges. Bits of the chunks in which a ray does. `inside` is working memory,
-    /// the last of which stays all ones.
+    /// `Ray::intersect` for every ray of the pairs `meets` with up to eight triangles; those of `sure`
+    /// are known to pass between the edges. Bits of the chunks in which a ray of another pair does.
+    /// `inside` is working memory, of which the last stays all ones.
     #[inline(always)]
     pub(super) fn intersect(
         &self,
-        triangles: &[Prepared; 8],
+        triangles: &[Prepared],
         pad: f32,
         meets: u64,
         sure: u64,
@@ -93,7 +93,7 @@ impl<const PARALLEL: bool> Rays<'_, PARALLEL> {
                 self.retry(&triangles[slot], pad, chunk, inside, hits);
             }
         }
-        let hit = if PARALLEL { hit & !sure } else { hit };
+        let hit = hit & !sure;
         let hit = hit | hit >> 32;
         let hit = hit | hit >> 16;
         (hit | hit >> 8) as u32 & ((1 << CHUNKS) - 1)

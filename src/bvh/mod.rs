@@ -15,6 +15,7 @@
 mod bounds;
 mod build;
 mod fan;
+mod fan_bounds;
 mod intersect;
 mod lanes;
 mod node;

@@ -1,4 +1,3 @@
-use bytemuck::Zeroable;
 use glam::Vec3;
 use multiversion::multiversion;
 
@@ -106,17 +105,12 @@ pub struct Packet {
 /// Working memory of [`Bvh::closest_hits`], to be used again.
 pub struct Scratch {
     stack: Stack,
-    triangles: [Prepared; WIDTH],
     inside: Inside,
 }
 
 impl Default for Scratch {
     fn default() -> Self {
-        Self {
-            stack: [(0.0, Child::ROOT); STACK],
-            triangles: [Prepared::new(&Triangle::zeroed(), [0; 3]); WIDTH],
-            inside: ALL_INSIDE,
-        }
+        Self { stack: [(0.0, Child::ROOT); STACK], inside: ALL_INSIDE }
     }
 }
 
@@ -218,7 +212,7 @@ fn traverse(
 ) {
     let (bounds, mut chunks) = Bounds::new(packet, pad);
     let mut farthest = chunks.farthest();
-    let Scratch { stack, triangles: prepared, inside } = scratch;
+    let Scratch { stack, inside } = scratch;
     stack[0] = (f32::NEG_INFINITY, Child::ROOT);
     let mut depth = 1;
     while depth > 0 {
@@ -231,17 +225,7 @@ fn traverse(
         match child.get() {
             Ok(block) => {
                 let block = &wide.blocks[block];
-                let mut left = bounds.meets::<false>(block, farthest);
-                let (mut meets, mut sure) = (0, 0);
-                while left != 0 {
-                    let slot = left.trailing_zeros() as usize;
-                    left &= left - 1;
-                    let triangle = &triangles[block.first as usize + slot];
-                    prepared[slot] = Prepared::new(triangle, bounds.axes);
-                    let of_chunks = chunks.meet::<false>(&bounds, block, slot);
-                    meets |= u64::from(of_chunks.0) << (slot * CHUNKS);
-                    sure |= u64::from(of_chunks.1) << (slot * CHUNKS);
-                }
+                let mut left = bounds.meets(block, farthest);
                 let Packet { origin, direction, inverse, shear, hits, .. } = &mut *packet;
                 let rays = Rays::<false> {
                     axes: bounds.axes,
@@ -251,11 +235,19 @@ fn traverse(
                     inverse: [&inverse[0], &inverse[1], &inverse[2]],
                     shear: [&shear[0], &shear[1]],
                 };
-                let mut hit = rays.intersect(prepared, pad, meets, sure, inside, hits);
+                let mut hit = 0;
+                while left != 0 {
+                    let slot = left.trailing_zeros() as usize;
+                    left &= left - 1;
+                    let meets = chunks.meet(&bounds, block, slot);
+                    let triangle = &triangles[block.first as usize + slot];
+                    let triangle = [Prepared::new(triangle, bounds.axes)];
+                    hit |= rays.intersect(&triangle, pad, meets.into(), 0, inside, hits);
+                }
                 while hit != 0 {
                     let chunk = hit.trailing_zeros() as usize;
                     hit &= hit - 1;
-                    chunks.look_again::<false>(
+                    chunks.look_again(
                         &packet.hits.t[chunk],
                         &packet.origin[bounds.axes[2]][chunk],
                         &packet.inverse[bounds.axes[2]][chunk],

@@ -1,9 +1,6 @@
 //! Ranges of what a packet's rays have, chunk by chunk, and the plane that bounds are taken in.
 
-use glam::Vec3;
-
-use super::packet::{Across, CHUNK, CHUNKS, Packet, least, most};
-use super::{Ray, axes_of, major_axis};
+use super::packet::{CHUNK, CHUNKS, Packet, least, most};
 
 /// Least and largest of a number over each chunk's rays.
 #[derive(Clone, Copy)]
@@ -13,10 +10,11 @@ pub(super) struct Range {
 }
 
 impl Range {
-    const EMPTY: Self = Self { low: [f32::INFINITY; CHUNKS], high: [f32::NEG_INFINITY; CHUNKS] };
+    pub(super) const EMPTY: Self =
+        Self { low: [f32::INFINITY; CHUNKS], high: [f32::NEG_INFINITY; CHUNKS] };
 
     #[inline(always)]
-    fn grow(&mut self, numbers: &[f32; CHUNKS]) {
+    pub(super) fn grow(&mut self, numbers: &[f32; CHUNKS]) {
         for (chunk, &number) in numbers.iter().enumerate() {
             self.low[chunk] = least(number, self.low[chunk]);
             self.high[chunk] = most(number, self.high[chunk]);
@@ -133,80 +131,4 @@ pub(super) fn fold(numbers: &[f32; 8], join: impl Fn(f32, f32) -> f32) -> f32 {
         half[i] = join(numbers[i], numbers[i + 4]);
     }
     join(join(half[0], half[1]), join(half[2], half[3]))
-}
-
-/// What holds for the rays of a fan.
-pub(super) struct FanRanges {
-    /// The two axes of the shear, and the one of the largest component.
-    pub(super) axes: [usize; 3],
-    /// In the middle of the origins, on the last axis.
-    pub(super) plane: f32,
-    /// How far before the plane the origins of each chunk lie.
-    pub(super) before: Range,
-    /// Least and largest of all directions, by axis of the shear and by axis.
-    pub(super) shear: [[f32; 2]; 2],
-    pub(super) inverse: [[f32; 2]; 3],
-    /// Where the plane is crossed with the least shear and with the largest.
-    pub(super) crossing: [[Range; 2]; 2],
-}
-
-impl FanRanges {
-    #[inline(always)]
-    pub(super) fn new(across: &[Across; 3], directions: &[Vec3]) -> Self {
-        let axes = axes_of(major_axis(directions[0]));
-        let mut inverse = [[f32::INFINITY, f32::NEG_INFINITY]; 3];
-        let mut shear = [[f32::INFINITY, f32::NEG_INFINITY]; 2];
-        for &direction in directions {
-            let ray = Ray::new(Vec3::ZERO, direction, 0.0);
-            for ([low, high], x) in inverse.iter_mut().zip(ray.inverse.to_array()) {
-                (*low, *high) = (least(x, *low), most(x, *high));
-            }
-            for ([low, high], x) in shear.iter_mut().zip(ray.shear) {
-                (*low, *high) = (least(x, *low), most(x, *high));
-            }
-        }
-        let mut depths = Range::EMPTY;
-        for numbers in &across[axes[2]] {
-            depths.grow(numbers);
-        }
-        let [low, high] = depths.all();
-        let plane = 0.5 * (low + high);
-        let mut before_all = Range::EMPTY;
-        let mut crossing = [[Range::EMPTY; 2]; 2];
-        let [x, y, z] = axes.map(|axis| &across[axis]);
-        for ((x, y), z) in x.iter().zip(y).zip(z) {
-            let mut before = [0.0; CHUNKS];
-            for chunk in 0..CHUNKS {
-                before[chunk] = plane - z[chunk];
-            }
-            before_all.grow(&before);
-            for (k, from) in [x, y].into_iter().enumerate() {
-                for (range, shear) in crossing[k].iter_mut().zip(shear[k]) {
-                    let mut at = [0.0; CHUNKS];
-                    for chunk in 0..CHUNKS {
-                        at[chunk] = from[chunk] + shear * before[chunk];
-                    }
-                    range.grow(&at);
-                }
-            }
-        }
-        Self { axes, plane, before: before_all, shear, inverse, crossing }
-    }
-
-    /// Where the rays of each chunk cross the plane on an axis of the shear, in one direction.
-    ///
-    /// With the shear each ray's crossing grows or falls evenly, so the largest of several lies nowhere
-    /// above the line between its ends, and the least nowhere below.
-    #[inline(always)]
-    pub(super) fn crossing(&self, k: usize, shear: f32) -> Range {
-        let [first, last] = &self.crossing[k];
-        let span = self.shear[k][1] - self.shear[k][0];
-        let share = if span > 0.0 { (shear - self.shear[k][0]) / span } else { 0.0 };
-        let mut range = Range::EMPTY;
-        for chunk in 0..CHUNKS {
-            range.low[chunk] = first.low[chunk] + share * (last.low[chunk] - first.low[chunk]);
-            range.high[chunk] = first.high[chunk] + share * (last.high[chunk] - first.high[chunk]);
-        }
-        range
-    }
 }

@@ -23,16 +23,14 @@ pub enum Casting {
 }
 
 /// Directions that follow one another, cast by one parallel task and written together.
-const DIRECTIONS_PER_BLOCK: usize = 48;
-/// Most blocks of one parallel task, which sorts its sensors once.
-const BLOCKS_PER_TASK: usize = 2;
-/// Cells that a component of the direction is cut into from 0 to 1: blocks of a task lie in one.
-const CELLS: f32 = 3.0;
+const DIRECTIONS_PER_BLOCK: usize = 96;
+/// Bytes that the memory moves at a time.
+const CACHE_LINE: usize = 64;
 /// Farthest that a direction of a fan is from its first one, as a share of a unit vector.
 const FAN_WIDTH: f32 = 0.3;
 /// How much narrower a packet is made upwards than sideways: beams meet the ground at a flat angle,
 /// which stretches their upward spread.
-const FLATNESS: f32 = 2.0;
+const FLATNESS: f32 = 3.0;
 /// Sensors of one rotation from which on their equal directions are cast together.
 const PARALLEL_SENSORS: usize = 32;
 /// Most sensors whose beams are sorted together.
@@ -86,107 +84,81 @@ pub fn cast_packets_by(
             .filter_map(|&sensor| Some((&poses[sensor], rows[sensor].take()?)))
             .collect();
         if rows.len() >= fans_from {
-            parallel.extend(parallel_tasks(rows, directions));
+            parallel.extend(blocks(rows, directions));
         } else {
             alone.extend(rows);
         }
     }
-    parallel.into_par_iter().for_each(|mut task| task.cast(bvh, range));
+    parallel.into_par_iter().for_each(|mut block| block.cast(bvh, range));
     mixed_tasks(alone, directions).into_par_iter().for_each(|mut task| task.cast(bvh, range));
 }
 
 /// Directions that follow one another, with the hits of every sensor of one rotation.
 struct Block<'a> {
-    directions: &'a [[f32; 3]],
-    rows: Vec<&'a mut [Hit]>,
-}
-
-/// Blocks whose directions are near each other.
-struct ParallelTask<'a> {
     rotation: &'a DevicePose,
-    origins: Vec<Vec3>,
-    blocks: Vec<Block<'a>>,
+    directions: &'a [[f32; 3]],
+    /// Origin of each sensor and the hits of its beams.
+    rows: Vec<(Vec3, &'a mut [Hit])>,
 }
 
-fn parallel_tasks<'a>(
+fn blocks<'a>(
     sensors: Vec<(&'a DevicePose, &'a mut [Hit])>,
     directions: &'a [[f32; 3]],
-) -> Vec<ParallelTask<'a>> {
+) -> Vec<Block<'a>> {
     let rotation = sensors[0].0;
-    let origins: Vec<Vec3> = sensors.iter().map(|(pose, _)| beam_origin(pose)).collect();
-    let mut blocks: Vec<Block<'a>> = directions
-        .chunks(DIRECTIONS_PER_BLOCK)
-        .map(|directions| Block { directions, rows: Vec::with_capacity(sensors.len()) })
+    // Blocks begin where cache lines do: two that share one would each fetch and write it.
+    let begin = sensors[0].1.as_ptr().align_offset(CACHE_LINE).min(directions.len());
+    let (first, others) = directions.split_at(begin);
+    let mut blocks: Vec<Block<'a>> = std::iter::once(first)
+        .chain(others.chunks(DIRECTIONS_PER_BLOCK))
+        .map(|directions| Block { rotation, directions, rows: Vec::with_capacity(sensors.len()) })
         .collect();
-    for (_, row) in sensors {
-        for (block, row) in blocks.iter_mut().zip(row.chunks_mut(DIRECTIONS_PER_BLOCK)) {
-            block.rows.push(row);
+    for (pose, row) in sensors {
+        let (first, others) = row.split_at_mut(begin);
+        let rows = std::iter::once(first).chain(others.chunks_mut(DIRECTIONS_PER_BLOCK));
+        for (block, row) in blocks.iter_mut().zip(rows) {
+            block.rows.push((beam_origin(pose), row));
         }
     }
-    let cell = |block: &Block<'_>| {
-        let direction = beam_direction(rotation, block.directions[block.directions.len() / 2]);
-        (direction * CELLS).round().to_array().map(|cell| cell as i32)
-    };
-    blocks.sort_by_cached_key(cell);
-    let mut tasks: Vec<ParallelTask<'a>> = Vec::new();
-    let mut last = None;
-    for block in blocks {
-        let key = Some(cell(&block));
-        match tasks.last_mut() {
-            Some(task) if key == last && task.blocks.len() < BLOCKS_PER_TASK => {
-                task.blocks.push(block)
-            }
-            _ => {
-                tasks.push(ParallelTask { rotation, origins: origins.clone(), blocks: vec![block] })
-            }
-        }
-        last = key;
-    }
-    tasks
+    blocks.retain(|block| !block.directions.is_empty());
+    blocks
 }
 
-impl ParallelTask<'_> {
+impl Block<'_> {
     fn cast(&mut self, bvh: &Bvh, range: f32) {
-        let middle = &self.blocks[self.blocks.len() / 2].directions;
-        let middle = beam_direction(self.rotation, middle[middle.len() / 2]);
+        let directions = self.directions.iter();
+        let directions: Vec<Vec3> = directions.map(|&d| beam_direction(self.rotation, d)).collect();
+        let middle = directions[directions.len() / 2];
         let sideways = Vec3::Z.cross(middle).try_normalize().unwrap_or(Vec3::X);
         let upwards = middle.cross(sideways) * FLATNESS;
         // As seen along the directions.
         let seen = |origin: Vec3| [origin.dot(sideways), origin.dot(upwards)];
-        let sensors = self.origins.iter().zip(0..);
-        let mut sensors: Vec<([f32; 2], u32)> = sensors.map(|(&o, row)| (seen(o), row)).collect();
-        let mut hits = Vec::new();
+        let rows = self.rows.iter().zip(0..);
+        let mut sensors: Vec<([f32; 2], u32)> = rows.map(|((o, _), row)| (seen(*o), row)).collect();
+        let mut hits =
+            vec![PacketHits::default(); directions.len().next_multiple_of(FAN_DIRECTIONS)];
         split(&mut sensors, PACKET_RAYS, &mut |group| {
             // Chunks of a packet lie side by side too.
             split(group, CHUNK, &mut |_| ());
-            let origins: Vec<Vec3> =
-                group.iter().map(|&(_, row)| self.origins[row as usize]).collect();
-            let mut fan = Fan::new(&origins);
-            for block in &mut self.blocks {
-                block.cast(self.rotation, group, &mut fan, &mut hits, bvh, range);
-            }
+            self.cast_group(group, &directions, &mut hits, bvh, range);
         });
     }
-}
 
-impl Block<'_> {
-    /// Casts the directions from all origins of a group, which are those of the fan, into its rows.
-    fn cast(
+    /// Casts the directions from all origins of a group into its rows; `hits` is working memory.
+    fn cast_group(
         &mut self,
-        rotation: &DevicePose,
         group: &[([f32; 2], u32)],
-        fan: &mut Fan,
-        hits: &mut Vec<PacketHits>,
+        directions: &[Vec3],
+        hits: &mut [PacketHits],
         bvh: &Bvh,
         range: f32,
     ) {
-        let directions = self.directions.iter();
-        let directions: Vec<Vec3> = directions.map(|&d| beam_direction(rotation, d)).collect();
-        hits.resize(directions.len().next_multiple_of(FAN_DIRECTIONS), PacketHits::default());
+        let origins: Vec<Vec3> = group.iter().map(|&(_, row)| self.rows[row as usize].0).collect();
+        let mut fan = Fan::new(&origins);
         let mut first = 0;
         while first < directions.len() {
             let next = fan_of(&directions[first..]);
-            bvh.closest_hits_of_fan(fan, next, range, &mut hits[first..]);
+            bvh.closest_hits_of_fan(&mut fan, next, range, &mut hits[first..]);
             first += next.len();
         }
         // A few rows at a time: the lines of many would push each other out of the cache, since rows lie
@@ -197,7 +169,7 @@ impl Block<'_> {
                 PacketHits::by_ray(&hits[first..first + FAN_DIRECTIONS], chunk, &mut by_ray);
                 let end = directions.len().min(first + FAN_DIRECTIONS);
                 for (&(_, row), hits) in group.iter().zip(&by_ray) {
-                    self.rows[row as usize][first..end].copy_from_slice(&hits[..end - first]);
+                    self.rows[row as usize].1[first..end].copy_from_slice(&hits[..end - first]);
                 }
             }
         }
