@@ -9,7 +9,6 @@ use super::bounds::Bounds;
 use super::fan_bounds::{Facing, FanRanges, Seen};
 use super::lanes::{ALL_INSIDE, Inside, Prepared, Rays};
 use super::packet::{Across, CHUNK, CHUNKS, Lanes, NOTHING, PACKET_RAYS, PacketHits};
-
 use super::wide::{Block, Child, WIDTH, Wide};
 use super::{Bvh, NO_HIT, Triangle};
 
@@ -23,11 +22,12 @@ pub const FAN_DIRECTIONS: usize = 16;
 /// the way, and why the bits are the same, is as with [`super::Packet`].
 #[derive(Clone)]
 pub struct Fan {
-    pub(super) len: usize,
-    pub(super) origin: [Lanes; 3],
+    len: usize,
+    origin: [Lanes; 3],
     /// The origins again.
-    pub(super) across: [Across; 3],
+    across: [Across; 3],
     near: Near,
+    /// Working memory of the tests.
     inside: Inside,
 }
 
@@ -64,28 +64,35 @@ impl Fan {
     /// Rays from `origins` (1 to [`PACKET_RAYS`]).
     pub fn new(origins: &[Vec3]) -> Self {
         let mut fan = Self {
-            len: origins.len(),
+            len: 0,
             origin: [NOTHING; 3],
             across: [[[0.0; CHUNKS]; CHUNK]; 3],
             near: Near::default(),
             inside: ALL_INSIDE,
         };
+        fan.set_origins(origins);
+        fan
+    }
+
+    /// Rays from other origins (1 to [`PACKET_RAYS`]).
+    pub fn set_origins(&mut self, origins: &[Vec3]) {
+        self.len = origins.len();
         for lane in 0..PACKET_RAYS {
             // Lanes that are left over repeat the last ray.
             let origin = origins[lane.min(origins.len() - 1)];
             let (chunk, i) = (lane / CHUNK, lane % CHUNK);
             for axis in 0..3 {
-                fan.origin[axis][chunk][i] = origin[axis];
-                fan.across[axis][i][chunk] = origin[axis];
+                self.origin[axis][chunk][i] = origin[axis];
+                self.across[axis][i][chunk] = origin[axis];
             }
         }
-        fan
     }
 }
 
 impl Bvh {
     /// [`Self::closest_hit`] from every origin of a fan in each of some directions, 1 to
     /// [`FAN_DIRECTIONS`] unit vectors whose [`super::major_axis`] is the same; hits count up to `t_max`.
+    /// Those of each direction go to `hits`, which holds as many.
     ///
     /// Fast where no component changes its sign, and where the directions are neighbours.
     pub fn closest_hits_of_fan(

@@ -9,8 +9,8 @@
 //! arithmetic, so the interval of every ancestor box contains that of the triangle. A node that is
 //! skipped because it begins behind the best hit can therefore not hold a closer or an equal one: the
 //! answer is the same for every tree, every order of visits, and for no tree at all
-//! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together ([`Packet`]), and for
-//! lists of candidates ([`Shafts`]).
+//! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together ([`Packet`],
+//! [`Fan`]), and for lists of candidates ([`Shafts`]).
 
 mod bounds;
 mod build;

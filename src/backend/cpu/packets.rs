@@ -101,6 +101,7 @@ struct Block<'a> {
     rows: Vec<(Vec3, &'a mut [Hit])>,
 }
 
+/// The directions of sensors of one rotation, cut into blocks.
 fn blocks<'a>(
     sensors: Vec<(&'a DevicePose, &'a mut [Hit])>,
     directions: &'a [[f32; 3]],
@@ -137,28 +138,32 @@ impl Block<'_> {
         let mut sensors: Vec<([f32; 2], u32)> = rows.map(|((o, _), row)| (seen(*o), row)).collect();
         let mut hits =
             vec![PacketHits::default(); directions.len().next_multiple_of(FAN_DIRECTIONS)];
+        let mut fan = Fan::new(&[Vec3::ZERO]);
         split(&mut sensors, PACKET_RAYS, &mut |group| {
             // Chunks of a packet lie side by side too.
             split(group, CHUNK, &mut |_| ());
-            self.cast_group(group, &directions, &mut hits, bvh, range);
+            let origins: Vec<Vec3> =
+                group.iter().map(|&(_, row)| self.rows[row as usize].0).collect();
+            fan.set_origins(&origins);
+            self.cast_group(group, &directions, &mut fan, &mut hits, bvh, range);
         });
     }
 
-    /// Casts the directions from all origins of a group into its rows; `hits` is working memory.
+    /// Casts the directions from the origins of a fan, which are those of a group, into the group's
+    /// rows; `hits` is working memory.
     fn cast_group(
         &mut self,
         group: &[([f32; 2], u32)],
         directions: &[Vec3],
+        fan: &mut Fan,
         hits: &mut [PacketHits],
         bvh: &Bvh,
         range: f32,
     ) {
-        let origins: Vec<Vec3> = group.iter().map(|&(_, row)| self.rows[row as usize].0).collect();
-        let mut fan = Fan::new(&origins);
         let mut first = 0;
         while first < directions.len() {
             let next = fan_of(&directions[first..]);
-            bvh.closest_hits_of_fan(&mut fan, next, range, &mut hits[first..]);
+            bvh.closest_hits_of_fan(fan, next, range, &mut hits[first..]);
             first += next.len();
         }
         // A few rows at a time: the lines of many would push each other out of the cache, since rows lie
