@@ -23,7 +23,7 @@ pub enum Casting {
 }
 
 /// Directions that follow one another, cast by one parallel task and written together.
-const DIRECTIONS_PER_BLOCK: usize = 96;
+const DIRECTIONS_PER_BLOCK: usize = 112;
 /// Bytes that the memory moves at a time.
 const CACHE_LINE: usize = 64;
 /// Farthest that a direction of a fan is from its first one, as a share of a unit vector.
