@@ -21,6 +21,7 @@ use sightline::backend::cpu::{
 };
 use sightline::backend::{Backend, DevicePose, Problem};
 use sightline::bvh::{Bvh, Hit};
+use sightline::geom::TriangleSoup;
 use sightline::grid::Roi;
 use sightline::placement::BeamTable;
 
@@ -94,26 +95,55 @@ fn seconds(run: impl FnOnce()) -> f64 {
     start.elapsed().as_secs_f64()
 }
 
-/// Closest hits of a batch in scenes of 10 000 to 1.3 million triangles.
+/// Metres from one copy of a street scene to the next: as long as the scene.
+const SCENE: f32 = 300.0;
+/// Copies along either side of the larger scenes, odd so that the sensors stand in the middle.
+const COPIES: [i32; 4] = [1, 3, 5, 11];
+
+/// Copies of a scene side by side, so many along either side.
+fn side_by_side(scene: &TriangleSoup, copies: i32) -> TriangleSoup {
+    let mut soup = TriangleSoup::default();
+    let half = copies / 2;
+    for (column, row) in (-half..=half).flat_map(|x| (-half..=half).map(move |y| (x, y))) {
+        let base = soup.vertices.len() as u32;
+        let (x, y) = (SCENE * column as f32, SCENE * row as f32);
+        soup.vertices.extend(scene.vertices.iter().map(|v| [v[0] + x, v[1] + y, v[2]]));
+        soup.faces.extend(scene.faces.iter().map(|face| face.map(|v| base + v)));
+        soup.face_class.extend(&scene.face_class);
+    }
+    soup
+}
+
+/// Closest hits of a batch in scenes of 10 000 to 1.3 million triangles: in one that becomes finer, so
+/// that rays pass more triangles on the same way, and in one that becomes larger.
 fn triangles(args: &Args) -> Vec<Value> {
     let (roi, table) = (setup::roi(0.2), setup::table(720));
     let poses = setup::poses(&setup::placements(args.placements, 0.0, args.seed), &roi);
-    let trees: Vec<Bvh> = (0..4)
-        .map(|k| Bvh::build(&scene::street_scene((TRIANGLES / 2) << (7 * k / 3), args.seed), RANGE))
-        .collect();
-    let mut hits = vec![Vec::new(); trees.len()];
+    let street = |triangles: usize| scene::street_scene(triangles, args.seed);
+    let coarse = street(TRIANGLES / 2);
+    let finer: Vec<_> = (0..4).map(|k| street((TRIANGLES / 2) << (7 * k / 3))).collect();
+    let larger: Vec<_> = COPIES.iter().map(|&copies| side_by_side(&coarse, copies)).collect();
+    let trees = [finer, larger]
+        .map(|scenes| scenes.iter().map(|soup| Bvh::build(soup, RANGE)).collect::<Vec<Bvh>>());
+    let mut hits = Vec::new();
+    let hits = std::cell::RefCell::new(&mut hits);
     let mut ways: Vec<Timed<'_>> = Vec::new();
-    for (bvh, hits) in trees.iter().zip(&mut hits) {
-        let (poses, table) = (&poses, &table);
-        ways.push(Box::new(move || seconds(|| cast_packets(poses, table, bvh, RANGE, hits))));
+    for bvh in trees.iter().flatten() {
+        let (poses, table, hits) = (&poses, &table, &hits);
+        ways.push(Box::new(move || {
+            seconds(|| cast_packets(poses, table, bvh, RANGE, &mut hits.borrow_mut()))
+        }));
     }
-    let y = medians(args.rounds, &mut ways);
-    let x: Vec<f64> = trees.iter().map(|bvh| bvh.triangles.len() as f64).collect();
-    let logs: Vec<f64> = x.iter().map(|n| n.log2()).collect();
-    vec![
-        series("closest hits", "triangles", &x, &y),
-        series("closest hits", "log2 of triangles", &logs, &y),
-    ]
+    let all = medians(args.rounds, &mut ways);
+    let mut values = Vec::new();
+    for ((trees, y), scene) in trees.iter().zip(all.chunks(COPIES.len())).zip(["finer", "larger"]) {
+        let x: Vec<f64> = trees.iter().map(|bvh| bvh.triangles.len() as f64).collect();
+        let logs: Vec<f64> = x.iter().map(|n| n.log2()).collect();
+        let what = format!("closest hits in a {scene} scene");
+        values.push(series(&what, "triangles", &x, y));
+        values.push(series(&what, "log2 of triangles", &logs, y));
+    }
+    values
 }
 
 /// A grid, its sensors' beams and hits, to be covered.

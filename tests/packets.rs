@@ -3,8 +3,11 @@
 use glam::{DVec3, Vec3};
 use rand::RngExt;
 use sightline::backend::DevicePose;
-use sightline::backend::cpu::{cast_closest, cast_packets};
-use sightline::bvh::{Bvh, Hit, NO_HIT, Packet, Ray, Scratch, major_axis};
+use sightline::backend::cpu::{Casting, cast_closest, cast_packets_by};
+use sightline::bvh::{
+    Bvh, FAN_DIRECTIONS, Fan, Hit, NO_HIT, PACKET_RAYS, Packet, PacketHits, Ray, Scratch,
+    major_axis,
+};
 use sightline::geom::TriangleSoup;
 use sightline::grid::Roi;
 use sightline::placement::{BeamTable, SensorPose};
@@ -88,10 +91,13 @@ fn packets_give_the_bits_of_single_beams() {
                 let poses: Vec<_> = poses.iter().map(|p| DevicePose::new(p, &roi())).collect();
                 for range in [30.0, 2.5] {
                     let want = cast_closest(&poses, &table, &bvh, range);
-                    // What was there before must not shine through.
-                    let mut got = vec![Hit { t: f32::NAN, prim: 77 }; 5000];
-                    cast_packets(&poses, &table, &bvh, range, &mut got);
-                    assert!(bits(&got) == bits(&want), "{} triangles", soup.faces.len());
+                    for way in [None, Some(Casting::Mixed), Some(Casting::Fans)] {
+                        // What was there before must not shine through.
+                        let mut got = vec![Hit { t: f32::NAN, prim: 77 }; 5000];
+                        cast_packets_by(way, &poses, &table, &bvh, range, &mut got);
+                        let faces = soup.faces.len();
+                        assert!(bits(&got) == bits(&want), "{way:?}, {faces} triangles");
+                    }
                     beams += want.len();
                     found += want.iter().filter(|h| h.is_hit()).count();
                 }
@@ -133,6 +139,57 @@ fn a_packet_of_any_rays_gives_the_bits_of_all_triangles() {
     }
 }
 
+/// Large triangles close behind each other that cross: which one is hit changes from ray to ray.
+fn sheets() -> TriangleSoup {
+    let mut rng = rng(10);
+    let mut soup = TriangleSoup::default();
+    for sheet in 0..90 {
+        let corners = [[-20.0, -20.0], [30.0, -20.0], [-20.0, 30.0]];
+        for corner in corners {
+            let height = 0.02 * (sheet / 3) as f32 + rng.random_range(-0.3..0.3);
+            let mut vertex = [height; 3];
+            vertex[(sheet + 1) % 3] = corner[0];
+            vertex[(sheet + 2) % 3] = corner[1];
+            soup.vertices.push(vertex);
+        }
+        let first = 3 * sheet as u32;
+        soup.faces.push([first, first + 1, first + 2]);
+    }
+    soup.face_class = vec![0; soup.faces.len()];
+    soup
+}
+
+#[test]
+fn a_fan_gives_the_bits_of_all_triangles() {
+    let mut rng = rng(9);
+    for soup in soups().into_iter().chain([sheets()]) {
+        let bvh = Bvh::build(&soup, 30.0);
+        let mut hits = vec![PacketHits::default(); FAN_DIRECTIONS];
+        for round in 0..120 {
+            // Narrow and wide, far from the triangles and between them, and with signs that change.
+            let spread = [1e-3, 0.1, 3.0][round % 3];
+            let turn = [1e-4, 0.02, 0.3, 1.5][round % 4];
+            let (middle, towards) = (random_vec(&mut rng, 8.0), random_vec(&mut rng, 1.0));
+            let origins: Vec<Vec3> = (0..rng.random_range(1..=PACKET_RAYS))
+                .map(|_| middle + random_vec(&mut rng, spread))
+                .collect();
+            let directions: Vec<Vec3> = (0..FAN_DIRECTIONS)
+                .map(|_| (towards + random_vec(&mut rng, turn)).normalize())
+                .filter(|&direction| major_axis(direction) == major_axis(towards))
+                .collect();
+            let mut fan = Fan::new(&origins);
+            bvh.closest_hits_of_fan(&mut fan, &directions, 30.0, &mut hits);
+            for (&direction, hits) in directions.iter().zip(&hits) {
+                for (lane, &origin) in origins.iter().enumerate() {
+                    let want = bvh.closest_hit(&Ray::new(origin, direction, 30.0));
+                    let hit = hits.get(lane);
+                    assert_eq!((hit.t.to_bits(), hit.prim), (want.t.to_bits(), want.prim));
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn one_square_is_hit_at_its_distance() {
     let corners = [[5.0, -1.0, -1.0], [5.0, 1.0, -1.0], [5.0, 1.0, 1.0], [5.0, -1.0, 1.0]];
@@ -142,9 +199,9 @@ fn one_square_is_hit_at_its_distance() {
         face_class: vec![0; 2],
     };
     let bvh = Bvh::build(&soup, 10.0);
-    let mut packet = Packet::from_origins(&[Vec3::ZERO, Vec3::new(1.0, -0.5, 0.2), Vec3::Y * 3.0]);
-    packet.point(Vec3::X, 10.0);
-    bvh.closest_hits(&mut packet, &mut Scratch::default());
+    let mut fan = Fan::new(&[Vec3::ZERO, Vec3::new(1.0, -0.5, 0.2), Vec3::Y * 3.0]);
+    let mut hits = [PacketHits::default()];
+    bvh.closest_hits_of_fan(&mut fan, &[Vec3::X], 10.0, &mut hits);
     let want = [Hit { t: 5.0, prim: 0 }, Hit { t: 4.0, prim: 1 }, Hit { t: 10.0, prim: NO_HIT }];
-    assert_eq!(packet.hits().collect::<Vec<_>>(), want);
+    assert_eq!([0, 1, 2].map(|lane| hits[0].get(lane)), want);
 }

@@ -1,8 +1,9 @@
 //! What holds for all rays of a packet or of a chunk, so that most of a scene is sorted out at once.
 
 use super::build::PAD_SHARE;
+use super::fan_bounds::FanRanges;
 use super::packet::{CHUNK, CHUNKS, Packet, least, most};
-use super::ranges::{Range, Ranges, fold, middle_of_origins, narrowest_plane};
+use super::ranges::{Range, Ranges, fold, narrowest_plane};
 use super::wide::{Block, WIDTH};
 
 /// Farther than any plane, and finite, so that an empty box stays empty.
@@ -25,12 +26,12 @@ pub(super) struct Bounds {
     /// Least and largest inverse direction.
     inverse: [[f32; 2]; 3],
     /// The two sheared axes and the one along which the rays go.
-    axes: [usize; 3],
+    pub(super) axes: [usize; 3],
     /// The plane's place on the last axis.
-    plane: f32,
+    pub(super) plane: f32,
     all: Spread,
     /// Metres by which everything may be off through rounding.
-    slack: f32,
+    pub(super) slack: f32,
     /// Where the first ray starts, counted from the plane.
     start: f32,
 }
@@ -56,69 +57,20 @@ pub(super) struct Chunks {
 
 impl Bounds {
     #[inline(always)]
-    pub(super) fn new<const PARALLEL: bool>(packet: &Packet, pad: f32) -> (Self, Chunks) {
+    pub(super) fn new(packet: &Packet, pad: f32) -> (Self, Chunks) {
         let axes = packet.axes();
-        let plane = if PARALLEL { middle_of_origins(packet) } else { narrowest_plane(packet) };
-        let mut bounds = Self {
-            near_side: [0; 3],
-            near_origin: [UNBOUNDED; 3],
-            far_origin: [-UNBOUNDED; 3],
-            inverse: [[1.0; 2]; 3],
-            axes,
-            plane,
-            all: Spread::default(),
-            slack: 0.0,
-            start: 0.0,
-        };
-        let Ranges { shift, crossing, shear } =
-            if PARALLEL { Ranges::parallel(packet, plane) } else { Ranges::any(packet, plane) };
-        let mut crossed = [[plane; 2]; 3];
-        let mut chunks = Chunks {
-            middle: [[0.0; CHUNKS]; 2],
-            half: [[0.0; CHUNKS]; 2],
-            shear: [[0.0; CHUNKS]; 2],
-            turn: [[0.0; CHUNKS]; 2],
-            farthest: [f32::NEG_INFINITY; CHUNKS],
-        };
-        let [first, last] = shift.all();
-        let mut largest = plane.abs() + first.abs().max(last.abs());
-        for (k, &axis) in axes[..2].iter().enumerate() {
-            crossed[axis] = crossing[k].all();
-            largest = largest.max(crossed[axis][0].abs()).max(crossed[axis][1].abs());
+        let plane = narrowest_plane(packet);
+        let Ranges { shift, crossing, shear } = Ranges::new(packet, plane);
+        let mut inverse = [[0.0; 2]; 3];
+        for (inverse, lanes) in inverse.iter_mut().zip(&packet.inverse) {
+            *inverse = Range::of(&lanes[..packet.chunks()]).all();
+        }
+        let [across, turned] = [&crossing, &shear].map(|k| [k[0].all(), k[1].all()]);
+        let bounds = Self::of_ranges(axes, plane, shift.all(), across, turned, inverse, pad);
+        let mut chunks = Chunks::EMPTY;
+        for k in 0..2 {
             (chunks.middle[k], chunks.half[k]) = crossing[k].middle_and_half();
-            bounds.all.shear[k] = packet.shear[k][0][0];
-            chunks.shear[k] = [packet.shear[k][0][0]; CHUNKS];
-            if !PARALLEL {
-                let [low, high] = shear[k].all();
-                bounds.all.shear[k] = 0.5 * (low + high);
-                bounds.all.turn[k] = 0.5 * (high - low);
-                (chunks.shear[k], chunks.turn[k]) = shear[k].middle_and_half();
-            }
-        }
-        bounds.slack = SLACK * (pad + largest * PAD_SHARE);
-        bounds.start = -last - bounds.slack;
-        for (axis, &[low, high]) in crossed.iter().enumerate() {
-            let inverse = if PARALLEL {
-                [packet.inverse[axis][0][0]; 2]
-            } else {
-                Range::of(&packet.inverse[axis][..packet.chunks()]).all()
-            };
-            if inverse[0] > 0.0 {
-                bounds.near_origin[axis] = high + bounds.slack;
-                bounds.far_origin[axis] = low - bounds.slack;
-                bounds.inverse[axis] = inverse;
-            } else if inverse[1] < 0.0 {
-                bounds.near_side[axis] = 1;
-                bounds.near_origin[axis] = low - bounds.slack;
-                bounds.far_origin[axis] = high + bounds.slack;
-                bounds.inverse[axis] = inverse;
-            }
-            // Otherwise some rays go up and some down this axis: it bounds nothing.
-        }
-        for (k, &axis) in axes[..2].iter().enumerate() {
-            let [low, high] = crossed[axis];
-            bounds.all.middle[k] = 0.5 * (low + high);
-            bounds.all.half[k] = 0.5 * (high - low) + bounds.slack;
+            (chunks.shear[k], chunks.turn[k]) = shear[k].middle_and_half();
             for half in &mut chunks.half[k] {
                 *half += bounds.slack;
             }
@@ -127,6 +79,69 @@ impl Bounds {
             chunks.farthest[chunk] = packet.t_max - shift.low[chunk] + bounds.slack;
         }
         (bounds, chunks)
+    }
+
+    /// Bounds of all rays of a fan.
+    #[inline(always)]
+    pub(super) fn of_fan(ranges: &FanRanges, pad: f32) -> Self {
+        let FanRanges { axes, plane, before, shear, inverse, .. } = ranges;
+        let across = [ranges.across(0), ranges.across(1)];
+        let ([a, b], [low, high]) = (before.all(), inverse[axes[2]]);
+        let ends = [a * low, a * high, b * low, b * high];
+        let shift = [
+            least(least(ends[0], ends[1]), least(ends[2], ends[3])),
+            most(most(ends[0], ends[1]), most(ends[2], ends[3])),
+        ];
+        Self::of_ranges(*axes, *plane, shift, across, *shear, *inverse, pad)
+    }
+
+    /// From least and largest: how far before the plane rays start, where they cross it, and how they
+    /// go.
+    #[inline(always)]
+    fn of_ranges(
+        axes: [usize; 3],
+        plane: f32,
+        [first, last]: [f32; 2],
+        across: [[f32; 2]; 2],
+        shear: [[f32; 2]; 2],
+        inverse: [[f32; 2]; 3],
+        pad: f32,
+    ) -> Self {
+        let mut crossed = [[plane; 2]; 3];
+        let mut largest = plane.abs() + first.abs().max(last.abs());
+        for (&axis, [low, high]) in axes.iter().zip(across) {
+            crossed[axis] = [low, high];
+            largest = largest.max(low.abs()).max(high.abs());
+        }
+        let slack = SLACK * (pad + largest * PAD_SHARE);
+        let mut bounds = Self {
+            near_side: [0; 3],
+            near_origin: [UNBOUNDED; 3],
+            far_origin: [-UNBOUNDED; 3],
+            inverse: [[1.0; 2]; 3],
+            axes,
+            plane,
+            all: Spread::default(),
+            slack,
+            start: -last - slack,
+        };
+        for k in 0..2 {
+            bounds.all.spread(k, across[k], shear[k], slack);
+        }
+        for (axis, &[low, high]) in crossed.iter().enumerate() {
+            if inverse[axis][0] > 0.0 {
+                bounds.near_origin[axis] = high + slack;
+                bounds.far_origin[axis] = low - slack;
+                bounds.inverse[axis] = inverse[axis];
+            } else if inverse[axis][1] < 0.0 {
+                bounds.near_side[axis] = 1;
+                bounds.near_origin[axis] = low - slack;
+                bounds.far_origin[axis] = high + slack;
+                bounds.inverse[axis] = inverse[axis];
+            }
+            // Otherwise some rays go up and some down this axis: it bounds nothing.
+        }
+        bounds
     }
 
     /// Bounds of where the rays are inside boxes: no ray enters box `i` before `near[i]` or leaves
@@ -153,7 +168,7 @@ impl Bounds {
 
     /// Bits of a block's triangles that rays may hit, up to the distance `farthest`.
     #[inline(always)]
-    pub(super) fn meets<const PARALLEL: bool>(&self, block: &Block, farthest: f32) -> u32 {
+    pub(super) fn meets(&self, block: &Block, farthest: f32) -> u32 {
         let [x, y, z] = self.axes;
         let [a, b, c] = &block.corners;
         let mut meets = [0; WIDTH];
@@ -164,7 +179,7 @@ impl Bounds {
                 [c[x][i], c[y][i], c[z][i]],
             ];
             let behind = self.nearest(triangle) > farthest;
-            let beside = passes_beside::<PARALLEL>(triangle, self.plane, &self.all, self.slack);
+            let beside = passes_beside(triangle, self.plane, &self.all, self.slack);
             meets[i] = if behind | beside { 0 } else { u32::MAX };
         }
         to_bits(meets) & ((1 << block.count) - 1)
@@ -183,7 +198,25 @@ impl Bounds {
     }
 }
 
+impl Spread {
+    #[inline(always)]
+    fn spread(&mut self, k: usize, crossing: [f32; 2], shear: [f32; 2], slack: f32) {
+        self.middle[k] = 0.5 * (crossing[0] + crossing[1]);
+        self.half[k] = 0.5 * (crossing[1] - crossing[0]) + slack;
+        self.shear[k] = 0.5 * (shear[0] + shear[1]);
+        self.turn[k] = 0.5 * (shear[1] - shear[0]);
+    }
+}
+
 impl Chunks {
+    const EMPTY: Self = Self {
+        middle: [[0.0; CHUNKS]; 2],
+        half: [[0.0; CHUNKS]; 2],
+        shear: [[0.0; CHUNKS]; 2],
+        turn: [[0.0; CHUNKS]; 2],
+        farthest: [f32::NEG_INFINITY; CHUNKS],
+    };
+
     /// The farthest of the best distances of all rays.
     #[inline(always)]
     pub(super) fn farthest(&self) -> f32 {
@@ -192,18 +225,17 @@ impl Chunks {
 
     /// Takes over the best distances of a chunk's rays.
     #[inline(always)]
-    pub(super) fn look_again<const PARALLEL: bool>(
+    pub(super) fn look_again(
         &mut self,
-        packet: &Packet,
+        t: &[f32; CHUNK],
+        origin: &[f32; CHUNK],
+        inverse: &[f32; CHUNK],
         chunk: usize,
         bounds: &Bounds,
     ) {
-        let origin = &packet.origin[bounds.axes[2]][chunk];
-        let inverse = &packet.inverse[bounds.axes[2]];
-        let t = &packet.hits.t[chunk];
         let mut farthest = [0.0; CHUNK];
         for i in 0..CHUNK {
-            let inverse = if PARALLEL { inverse[0][0] } else { inverse[chunk][i] };
+            let inverse = inverse[i];
             farthest[i] = t[i] - (bounds.plane - origin[i]) * inverse;
         }
         let mut halves = [0.0; CHUNK / 2];
@@ -215,12 +247,7 @@ impl Chunks {
 
     /// Bits of the chunks whose rays may hit a triangle of a block.
     #[inline(always)]
-    pub(super) fn meet<const PARALLEL: bool>(
-        &self,
-        bounds: &Bounds,
-        block: &Block,
-        slot: usize,
-    ) -> u32 {
+    pub(super) fn meet(&self, bounds: &Bounds, block: &Block, slot: usize) -> u32 {
         let [x, y, z] = bounds.axes;
         let at = |corner: &[[f32; WIDTH]; 3]| [corner[x][slot], corner[y][slot], corner[z][slot]];
         let [a, b, c] = &block.corners;
@@ -236,7 +263,7 @@ impl Chunks {
                 turn: at(&self.turn),
             };
             let behind = nearest > self.farthest[i];
-            let beside = passes_beside::<PARALLEL>(triangle, bounds.plane, &spread, bounds.slack);
+            let beside = passes_beside(triangle, bounds.plane, &spread, bounds.slack);
             meets[i] = if behind | beside { 0 } else { u32::MAX };
         }
         to_bits(meets)
@@ -250,12 +277,7 @@ impl Chunks {
 /// affine in the origin and in the shear but for their product, so its spread over the rays is a
 /// sum of absolute values.
 #[inline(always)]
-fn passes_beside<const PARALLEL: bool>(
-    corners: [[f32; 3]; 3],
-    plane: f32,
-    rays: &Spread,
-    slack: f32,
-) -> bool {
+fn passes_beside(corners: [[f32; 3]; 3], plane: f32, rays: &Spread, slack: f32) -> bool {
     let Spread { middle, half, shear, turn } = *rays;
     let seen = |corner: [f32; 3]| {
         let z = corner[2] - plane;
@@ -265,25 +287,19 @@ fn passes_beside<const PARALLEL: bool>(
     // Beside the rectangle that the rays fill, at the depth of each corner.
     let mut apart = false;
     for k in 0..2 {
-        let reach = |p: [f32; 3]| if PARALLEL { 0.0 } else { turn[k] * p[2].abs() };
+        let reach = |p: [f32; 3]| turn[k] * p[2].abs();
         let low = least(least(a[k] - reach(a), b[k] - reach(b)), c[k] - reach(c));
         let high = most(most(a[k] + reach(a), b[k] + reach(b)), c[k] + reach(c));
         apart |= (low > half[k] + slack) | (high < -half[k] - slack);
     }
     let size = |p: [f32; 3]| p[0].abs() + p[1].abs();
-    let mut widest = half[0] + half[1];
-    if !PARALLEL {
-        let deepest = most(most(a[2].abs(), b[2].abs()), c[2].abs());
-        widest += deepest * (turn[0] + turn[1]);
-    }
+    let deepest = most(most(a[2].abs(), b[2].abs()), c[2].abs());
+    let widest = half[0] + half[1] + deepest * (turn[0] + turn[1]);
     let error = 2.0 * slack * (size(a) + size(b) + size(c) + widest);
     // Value in the middle, spread of the area's share, spread.
     let edge = |from: [f32; 3], to: [f32; 3]| {
         let value = from[0] * to[1] - from[1] * to[0];
         let moved = (to[1] - from[1]).abs() * half[0] + (to[0] - from[0]).abs() * half[1];
-        if PARALLEL {
-            return (value, 0.0, moved + error);
-        }
         let turned = turn[0] * (from[2] * to[1] - to[2] * from[1]).abs()
             + turn[1] * (to[2] * from[0] - from[2] * to[0]).abs();
         let both = (turn[0] * half[1] + turn[1] * half[0]) * (to[2] - from[2]).abs();
@@ -299,7 +315,7 @@ fn passes_beside<const PARALLEL: bool>(
 
 /// A bit for each flag; flags are all ones or zero.
 #[inline(always)]
-fn to_bits(flags: [u32; 8]) -> u32 {
+pub(super) fn to_bits(flags: [u32; 8]) -> u32 {
     let mut bits = [0; 8];
     for i in 0..8 {
         bits[i] = flags[i] & (1 << i);

@@ -1,3 +1,4 @@
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 use super::Triangle;
@@ -10,7 +11,8 @@ pub const NO_HIT: u32 = u32::MAX;
 pub const FAR_INVERSE: f32 = 1e20;
 
 /// Closest hit of a ray.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Hit {
     /// Metres along the unit direction; the ray's `t_max` when nothing was hit.
     pub t: f32,
@@ -126,6 +128,12 @@ pub fn major_axis(direction: Vec3) -> usize {
     } else {
         2
     }
+}
+
+/// The two axes of the shear, and the one of the largest component.
+#[inline(always)]
+pub(super) fn axes_of(major: usize) -> [usize; 3] {
+    [(major + 1) % 3, (major + 2) % 3, major]
 }
 
 /// Products added from left to right, as the shader does.

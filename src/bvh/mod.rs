@@ -5,14 +5,17 @@
 //!
 //! # Why every traversal gives the same bits
 //! A triangle's hit distance is clamped to the interval in which the ray is inside the triangle's own
-//! box, or inside its padded one where rounding lets the ray pass beside the bare one. `(bound − origin) · inverse` never decreases when `bound` grows, also in rounded
-//! arithmetic, so the interval of every ancestor box contains that of the triangle. A node that is
+//! box, or inside its padded one where rounding lets the ray pass beside the bare one.
+//! `(bound − origin) · inverse` never decreases when `bound` grows, also in rounded arithmetic, so the
+//! interval of every ancestor box contains that of the triangle. A node that is
 //! skipped because it begins behind the best hit can therefore not hold a closer or an equal one: the
 //! answer is the same for every tree, every order of visits, and for no tree at all
-//! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together ([`Packet`]).
+//! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together ([`Packet`], [`Fan`]).
 
 mod bounds;
 mod build;
+mod fan;
+mod fan_bounds;
 mod intersect;
 mod lanes;
 mod node;
@@ -22,8 +25,11 @@ mod ranges;
 mod traverse;
 mod wide;
 
+use intersect::axes_of;
+
 pub(crate) use bounds::SLACK as BOUNDS_SLACK;
 pub(crate) use build::PAD_SHARE;
+pub use fan::{FAN_DIRECTIONS, Fan};
 pub use intersect::{Hit, NO_HIT, Ray, major_axis};
 pub use node::{Bvh, BvhError, MAX_DEPTH, Node, Triangle};
 pub use packet::{CHUNK, PACKET_RAYS, Packet, PacketHits, Scratch};

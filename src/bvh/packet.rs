@@ -3,9 +3,9 @@ use multiversion::multiversion;
 
 use super::bounds::Bounds;
 use super::intersect::safe_inverse;
-use super::lanes::intersect;
+use super::lanes::{ALL_INSIDE, Inside, Prepared, Rays};
 use super::wide::{Child, WIDTH, Wide};
-use super::{Bvh, Hit, MAX_DEPTH, NO_HIT, Ray, Triangle, major_axis};
+use super::{Bvh, FAN_DIRECTIONS, Hit, MAX_DEPTH, NO_HIT, Triangle, axes_of, major_axis};
 
 /// Most rays of a packet.
 pub const PACKET_RAYS: usize = 128;
@@ -18,7 +18,7 @@ const STACK: usize = MAX_DEPTH * (WIDTH - 1) + 1;
 
 /// A number of each ray, by chunk.
 pub(super) type Lanes = [[f32; CHUNK]; CHUNKS];
-const NOTHING: Lanes = [[0.0; CHUNK]; CHUNKS];
+pub(super) const NOTHING: Lanes = [[0.0; CHUNK]; CHUNKS];
 
 /// Closest hits of a packet's rays.
 #[derive(Debug, Clone, Copy)]
@@ -38,6 +38,41 @@ impl PacketHits {
     #[inline]
     pub fn get(&self, lane: usize) -> Hit {
         Hit { t: self.t.as_flattened()[lane], prim: self.prim.as_flattened()[lane] }
+    }
+
+    /// Hits of a chunk's rays in [`FAN_DIRECTIONS`] directions, those of each ray side by side.
+    pub fn by_ray(hits: &[Self], chunk: usize, by_ray: &mut [[Hit; FAN_DIRECTIONS]; CHUNK]) {
+        transpose(hits, chunk, by_ray);
+    }
+}
+
+#[multiversion(targets(
+    "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
+    "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
+))]
+fn transpose(hits: &[PacketHits], chunk: usize, by_ray: &mut [[Hit; FAN_DIRECTIONS]; CHUNK]) {
+    let (mut t, mut prim) = ([[0.0; CHUNK]; FAN_DIRECTIONS], [[0; CHUNK]; FAN_DIRECTIONS]);
+    for (direction, hits) in hits.iter().enumerate() {
+        (t[direction], prim[direction]) = (hits.t[chunk], hits.prim[chunk]);
+    }
+    let mut pairs = [0_u64; CHUNK * FAN_DIRECTIONS];
+    for (i, (t, prim)) in t.as_flattened().iter().zip(prim.as_flattened()).enumerate() {
+        pairs[i] = u64::from(t.to_bits()) | u64::from(*prim) << 32;
+    }
+    // Both halves in turn: as many times as a row's number has bits, that swaps rows and columns. Moving
+    // each to its place instead is compiled to scattered stores, which are slower.
+    let mut other = [0_u64; CHUNK * FAN_DIRECTIONS];
+    shuffle(&pairs, &mut other);
+    shuffle(&other, &mut pairs);
+    shuffle(&pairs, &mut other);
+    shuffle(&other, bytemuck::cast_mut(by_ray));
+}
+
+#[inline(always)]
+fn shuffle<const N: usize>(from: &[u64; N], to: &mut [u64; N]) {
+    for i in 0..N / 2 {
+        to[2 * i] = from[i];
+        to[2 * i + 1] = from[i + N / 2];
     }
 }
 
@@ -65,18 +100,17 @@ pub struct Packet {
     pub(super) shear: [Lanes; 2],
     pub(super) t_max: f32,
     pub(super) hits: PacketHits,
-    /// Whether all directions are the same; only the first lane of what depends on them is then set.
-    pub(super) parallel: bool,
-    /// The origins again, which stay while directions change; only set for parallel rays.
-    pub(super) across: [Across; 3],
 }
 
 /// Working memory of [`Bvh::closest_hits`], to be used again.
-pub struct Scratch(Stack);
+pub struct Scratch {
+    stack: Stack,
+    inside: Inside,
+}
 
 impl Default for Scratch {
     fn default() -> Self {
-        Self([(0.0, Child::ROOT); STACK])
+        Self { stack: [(0.0, Child::ROOT); STACK], inside: ALL_INSIDE }
     }
 }
 
@@ -91,50 +125,17 @@ impl Default for Packet {
             shear: [NOTHING; 2],
             t_max: 0.0,
             hits: PacketHits::default(),
-            parallel: true,
-            across: [[[0.0; CHUNKS]; CHUNK]; 3],
         }
     }
 }
 
 impl Packet {
-    /// A packet of rays from `origins` (1 to [`PACKET_RAYS`]) without directions as yet.
-    pub fn from_origins(origins: &[Vec3]) -> Self {
-        let mut packet = Self { len: origins.len(), ..Self::default() };
-        for lane in 0..PACKET_RAYS {
-            // Lanes that are left over repeat the last ray.
-            let origin = origins[lane.min(origins.len() - 1)];
-            let (chunk, i) = (lane / CHUNK, lane % CHUNK);
-            for axis in 0..3 {
-                packet.origin[axis][chunk][i] = origin[axis];
-                packet.across[axis][i][chunk] = origin[axis];
-            }
-        }
-        packet
-    }
-
-    /// Turns all rays into one direction, of unit length; hits count up to `t_max`.
-    pub fn point(&mut self, direction: Vec3, t_max: f32) {
-        let ray = Ray::new(Vec3::ZERO, direction, t_max);
-        self.parallel = true;
-        self.major = ray.major;
-        self.t_max = t_max;
-        for axis in 0..3 {
-            self.direction[axis][0][0] = direction[axis];
-            self.inverse[axis][0][0] = ray.inverse[axis];
-        }
-        for axis in 0..2 {
-            self.shear[axis][0][0] = ray.shear[axis];
-        }
-    }
-
     /// Takes `rays` (1 to [`PACKET_RAYS`]) of any origins and unit directions whose [`major_axis`] is
     /// the same, asking for each by its number; hits count up to `t_max`.
     ///
     /// The packet is fast where no component changes its sign from ray to ray.
     pub fn gather(&mut self, rays: usize, t_max: f32, ray: impl Fn(usize) -> (Vec3, Vec3)) {
         self.len = rays;
-        self.parallel = false;
         self.t_max = t_max;
         for lane in 0..CHUNK * self.chunks() {
             let (chunk, i) = (lane / CHUNK, lane % CHUNK);
@@ -154,34 +155,14 @@ impl Packet {
         (0..self.len).map(|lane| self.hits.get(lane))
     }
 
-    /// The same, as they lie.
-    pub fn found(&self) -> &PacketHits {
-        &self.hits
-    }
-
     /// The two axes of the shear, and the one of the largest component.
     pub(super) fn axes(&self) -> [usize; 3] {
-        [(self.major + 1) % 3, (self.major + 2) % 3, self.major]
+        axes_of(self.major)
     }
 
     /// Chunks that hold rays.
     pub(super) fn chunks(&self) -> usize {
         self.len.div_ceil(CHUNK)
-    }
-
-    pub(super) fn ray(&self, chunk: usize, i: usize) -> Ray {
-        let at = |[x, y, z]: &[Lanes; 3], chunk: usize, i: usize| {
-            Vec3::new(x[chunk][i], y[chunk][i], z[chunk][i])
-        };
-        let (turned, j) = if self.parallel { (0, 0) } else { (chunk, i) };
-        Ray {
-            origin: at(&self.origin, chunk, i),
-            direction: at(&self.direction, turned, j),
-            t_max: self.t_max,
-            inverse: at(&self.inverse, turned, j),
-            major: self.major,
-            shear: [self.shear[0][turned][j], self.shear[1][turned][j]],
-        }
     }
 }
 
@@ -191,7 +172,7 @@ impl Bvh {
         packet.hits.t = [[packet.t_max; CHUNK]; CHUNKS];
         packet.hits.prim = [[NO_HIT; CHUNK]; CHUNKS];
         if !self.wide.nodes.is_empty() {
-            traverse(&self.wide, &self.triangles, self.pad, packet, &mut scratch.0);
+            traverse(&self.wide, &self.triangles, self.pad, packet, scratch);
         }
     }
 }
@@ -222,24 +203,16 @@ fn prepare(packet: &mut Packet) {
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
-fn traverse(wide: &Wide, triangles: &[Triangle], pad: f32, packet: &mut Packet, stack: &mut Stack) {
-    if packet.parallel {
-        visit::<true>(wide, triangles, pad, packet, stack);
-    } else {
-        visit::<false>(wide, triangles, pad, packet, stack);
-    }
-}
-
-#[inline(always)]
-fn visit<const PARALLEL: bool>(
+fn traverse(
     wide: &Wide,
     triangles: &[Triangle],
     pad: f32,
     packet: &mut Packet,
-    stack: &mut Stack,
+    scratch: &mut Scratch,
 ) {
-    let (bounds, mut chunks) = Bounds::new::<PARALLEL>(packet, pad);
+    let (bounds, mut chunks) = Bounds::new(packet, pad);
     let mut farthest = chunks.farthest();
+    let Scratch { stack, inside } = scratch;
     stack[0] = (f32::NEG_INFINITY, Child::ROOT);
     let mut depth = 1;
     while depth > 0 {
@@ -252,24 +225,35 @@ fn visit<const PARALLEL: bool>(
         match child.get() {
             Ok(block) => {
                 let block = &wide.blocks[block];
-                let mut left = bounds.meets::<PARALLEL>(block, farthest);
-                let mut hit = 0_u32;
+                let mut left = bounds.meets(block, farthest);
+                let Packet { origin, direction, inverse, shear, hits, .. } = &mut *packet;
+                let rays = Rays::<false> {
+                    axes: bounds.axes,
+                    enters: [0; 3],
+                    origin,
+                    direction: [&direction[0], &direction[1], &direction[2]],
+                    inverse: [&inverse[0], &inverse[1], &inverse[2]],
+                    shear: [&shear[0], &shear[1]],
+                };
+                let mut hit = 0;
                 while left != 0 {
                     let slot = left.trailing_zeros() as usize;
                     left &= left - 1;
+                    let meets = chunks.meet(&bounds, block, slot);
                     let triangle = &triangles[block.first as usize + slot];
-                    let mut meets = chunks.meet::<PARALLEL>(&bounds, block, slot);
-                    while meets != 0 {
-                        let chunk = meets.trailing_zeros() as usize;
-                        meets &= meets - 1;
-                        let any = intersect::<PARALLEL>(triangle, pad, packet, chunk);
-                        hit |= u32::from(any) << chunk;
-                    }
+                    let triangle = [Prepared::new(triangle, bounds.axes)];
+                    hit |= rays.intersect(&triangle, pad, meets.into(), 0, inside, hits);
                 }
                 while hit != 0 {
                     let chunk = hit.trailing_zeros() as usize;
                     hit &= hit - 1;
-                    chunks.look_again::<PARALLEL>(packet, chunk, &bounds);
+                    chunks.look_again(
+                        &packet.hits.t[chunk],
+                        &packet.origin[bounds.axes[2]][chunk],
+                        &packet.inverse[bounds.axes[2]][chunk],
+                        chunk,
+                        &bounds,
+                    );
                 }
                 farthest = chunks.farthest();
             }

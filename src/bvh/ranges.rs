@@ -10,10 +10,11 @@ pub(super) struct Range {
 }
 
 impl Range {
-    const EMPTY: Self = Self { low: [f32::INFINITY; CHUNKS], high: [f32::NEG_INFINITY; CHUNKS] };
+    pub(super) const EMPTY: Self =
+        Self { low: [f32::INFINITY; CHUNKS], high: [f32::NEG_INFINITY; CHUNKS] };
 
     #[inline(always)]
-    fn grow(&mut self, numbers: &[f32; CHUNKS]) {
+    pub(super) fn grow(&mut self, numbers: &[f32; CHUNKS]) {
         for (chunk, &number) in numbers.iter().enumerate() {
             self.low[chunk] = least(number, self.low[chunk]);
             self.high[chunk] = most(number, self.high[chunk]);
@@ -58,38 +59,12 @@ impl Range {
 pub(super) struct Ranges {
     pub(super) shift: Range,
     pub(super) crossing: [Range; 2],
-    /// Not set for parallel rays.
     pub(super) shear: [Range; 2],
 }
 
 impl Ranges {
     #[inline(always)]
-    pub(super) fn parallel(packet: &Packet, plane: f32) -> Self {
-        let axes = packet.axes();
-        let inverse = packet.inverse[axes[2]][0][0];
-        let shear = [packet.shear[0][0][0], packet.shear[1][0][0]];
-        let mut ranges =
-            Self { shift: Range::EMPTY, crossing: [Range::EMPTY; 2], shear: [Range::EMPTY; 2] };
-        for i in 0..CHUNK {
-            let (mut before, mut shift) = ([0.0; CHUNKS], [0.0; CHUNKS]);
-            for chunk in 0..CHUNKS {
-                before[chunk] = plane - packet.across[axes[2]][i][chunk];
-                shift[chunk] = before[chunk] * inverse;
-            }
-            ranges.shift.grow(&shift);
-            for k in 0..2 {
-                let mut at = [0.0; CHUNKS];
-                for chunk in 0..CHUNKS {
-                    at[chunk] = packet.across[axes[k]][i][chunk] + shear[k] * before[chunk];
-                }
-                ranges.crossing[k].grow(&at);
-            }
-        }
-        ranges
-    }
-
-    #[inline(always)]
-    pub(super) fn any(packet: &Packet, plane: f32) -> Self {
+    pub(super) fn new(packet: &Packet, plane: f32) -> Self {
         let axes = packet.axes();
         let filled = packet.chunks();
         let mut shift = [[0.0; CHUNK]; CHUNKS];
@@ -110,17 +85,6 @@ impl Ranges {
             shear: [Range::of(&packet.shear[0][..filled]), Range::of(&packet.shear[1][..filled])],
         }
     }
-}
-
-/// Where the plane is best for parallel rays: in the middle of their origins.
-#[inline(always)]
-pub(super) fn middle_of_origins(packet: &Packet) -> f32 {
-    let mut range = Range::EMPTY;
-    for numbers in &packet.across[packet.major] {
-        range.grow(numbers);
-    }
-    let [low, high] = range.all();
-    0.5 * (low + high)
 }
 
 /// Where rays of several directions lie closest together, on their way up to `t_max`: the variance of

@@ -41,6 +41,14 @@ impl Child {
     /// The root of a tree.
     pub(super) const ROOT: Self = Self(0);
 
+    pub(super) fn bits(self) -> u32 {
+        self.0
+    }
+
+    pub(super) fn from_bits(bits: u32) -> Self {
+        Self(bits)
+    }
+
     /// Index of a block, or of a wide node as the error.
     pub(super) fn get(self) -> Result<usize, usize> {
         if self.0 & LEAF != 0 { Ok((self.0 ^ LEAF) as usize) } else { Err(self.0 as usize) }
@@ -125,18 +133,24 @@ impl Collapse<'_> {
 }
 
 impl Block {
+    pub(super) const EMPTY: Self = Self { corners: [[[0.0; WIDTH]; 3]; 3], first: 0, count: 0 };
+
     fn new(triangles: &[Triangle], Below { first, count }: Below) -> Self {
-        let mut block = Self { corners: [[[0.0; WIDTH]; 3]; 3], first, count };
+        let mut block = Self { first, count, ..Self::EMPTY };
         for slot in 0..WIDTH {
             let triangle = first as usize + if slot < count as usize { slot } else { 0 };
-            let Triangle { a, b, c, .. } = triangles[triangle];
-            for (k, corner) in [a, b, c].into_iter().enumerate() {
-                for (axis, coordinate) in corner.into_iter().enumerate() {
-                    block.corners[k][axis][slot] = coordinate;
-                }
-            }
+            block.set(slot, &triangles[triangle]);
         }
         block
+    }
+
+    #[inline(always)]
+    pub(super) fn set(&mut self, slot: usize, triangle: &Triangle) {
+        for (k, corner) in [triangle.a, triangle.b, triangle.c].into_iter().enumerate() {
+            for (axis, coordinate) in corner.into_iter().enumerate() {
+                self.corners[k][axis][slot] = coordinate;
+            }
+        }
     }
 }
 

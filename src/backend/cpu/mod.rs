@@ -38,7 +38,7 @@ pub use cast::cast_closest;
 pub use cover::{bitmap_words, cover_voxels};
 use lockstep::cover_rows;
 pub use lockstep::{WalkScratch, cover_sensor};
-pub use packets::cast_packets;
+pub use packets::{Casting, cast_packets, cast_packets_by};
 pub use reduce::reduce;
 pub(super) use reduce::union_of;
 pub use reference::ReferenceBackend;

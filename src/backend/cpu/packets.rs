@@ -3,17 +3,34 @@ use rayon::prelude::*;
 
 use super::beam::{beam_direction, beam_origin};
 use super::beam_order::sorted_beams;
+use super::cast::cast_closest;
 use crate::backend::DevicePose;
-use crate::bvh::{Bvh, CHUNK, Hit, NO_HIT, PACKET_RAYS, Packet, PacketHits, Scratch};
+use crate::bvh::{
+    Bvh, CHUNK, FAN_DIRECTIONS, Fan, Hit, NO_HIT, PACKET_RAYS, Packet, PacketHits, Scratch,
+    major_axis,
+};
 use crate::placement::BeamTable;
 
-/// Directions of one parallel task.
-const DIRECTIONS_PER_TASK: usize = 48;
-/// Directions whose hits are written together: two cache lines of each sensor's row.
-const DIRECTIONS_PER_WRITE: usize = 16;
+/// How closest hits are found on the CPU: each way gives the same bits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Casting {
+    /// Beam by beam, as [`super::cast_closest`] does.
+    Beams,
+    /// Packets of beams that are likely to end near each other.
+    Mixed,
+    /// Packets of one direction, where sensors share a rotation; see [`Fan`].
+    Fans,
+}
+
+/// Directions that follow one another, cast by one parallel task and written together.
+const DIRECTIONS_PER_BLOCK: usize = 112;
+/// Bytes that the memory moves at a time.
+const CACHE_LINE: usize = 64;
+/// Farthest that a direction of a fan is from its first one, as a share of a unit vector.
+const FAN_WIDTH: f32 = 0.3;
 /// How much narrower a packet is made upwards than sideways: beams meet the ground at a flat angle,
 /// which stretches their upward spread.
-const FLATNESS: f32 = 2.0;
+const FLATNESS: f32 = 3.0;
 /// Sensors of one rotation from which on their equal directions are cast together.
 const PARALLEL_SENSORS: usize = 32;
 /// Most sensors whose beams are sorted together.
@@ -23,13 +40,10 @@ const TASKS: usize = 2;
 /// Most beams that one task sorts: 16 bytes each while it does.
 const SORTED_BEAMS: usize = 4 << 20;
 
-/// Origin of a sensor and the hits of its beams.
-type Row<'a> = (Vec3, &'a mut [Hit]);
-
 /// [`super::cast_closest`] with the beams of many sensors in packets: the same bits.
 ///
 /// Where many sensors share a rotation, a packet holds one direction from origins that lie side by
-/// side as seen along it. The beams of other sensors are sorted by where they are likely to end, and
+/// side as seen along it, and those of neighbouring directions go down the tree together. The beams of other sensors are sorted by where they are likely to end, and
 /// cut into packets in that order. `hits` becomes `[poses × directions]`.
 pub fn cast_packets(
     poses: &[DevicePose],
@@ -38,6 +52,27 @@ pub fn cast_packets(
     range: f32,
     hits: &mut Vec<Hit>,
 ) {
+    cast_packets_by(None, poses, table, bvh, range, hits);
+}
+
+/// [`cast_packets`] in the way that is told, however slow; chosen by the rotations where there is none.
+pub fn cast_packets_by(
+    told: Option<Casting>,
+    poses: &[DevicePose],
+    table: &BeamTable,
+    bvh: &Bvh,
+    range: f32,
+    hits: &mut Vec<Hit>,
+) {
+    let fans_from = match told {
+        None => PARALLEL_SENSORS,
+        Some(Casting::Fans) => 1,
+        Some(Casting::Mixed) => usize::MAX,
+        Some(Casting::Beams) => {
+            *hits = cast_closest(poses, table, bvh, range);
+            return;
+        }
+    };
     let directions = table.directions();
     hits.resize(poses.len() * directions.len(), Hit { t: range, prim: NO_HIT });
     let mut rows: Vec<Option<&mut [Hit]>> = hits.chunks_mut(directions.len()).map(Some).collect();
@@ -48,41 +83,49 @@ pub fn cast_packets(
             .iter()
             .filter_map(|&sensor| Some((&poses[sensor], rows[sensor].take()?)))
             .collect();
-        if rows.len() >= PARALLEL_SENSORS {
-            parallel.extend(parallel_tasks(rows, directions));
+        if rows.len() >= fans_from {
+            parallel.extend(blocks(rows, directions));
         } else {
             alone.extend(rows);
         }
     }
-    parallel.into_par_iter().for_each(|mut task| task.cast(bvh, range));
+    parallel.into_par_iter().for_each(|mut block| block.cast(bvh, range));
     mixed_tasks(alone, directions).into_par_iter().for_each(|mut task| task.cast(bvh, range));
 }
 
-/// Some directions of all sensors of one rotation.
-struct ParallelTask<'a> {
+/// Directions that follow one another, with the hits of every sensor of one rotation.
+struct Block<'a> {
     rotation: &'a DevicePose,
     directions: &'a [[f32; 3]],
-    rows: Vec<Row<'a>>,
+    /// Origin of each sensor and the hits of its beams.
+    rows: Vec<(Vec3, &'a mut [Hit])>,
 }
 
-fn parallel_tasks<'a>(
+/// The directions of sensors of one rotation, cut into blocks.
+fn blocks<'a>(
     sensors: Vec<(&'a DevicePose, &'a mut [Hit])>,
     directions: &'a [[f32; 3]],
-) -> Vec<ParallelTask<'a>> {
+) -> Vec<Block<'a>> {
     let rotation = sensors[0].0;
-    let mut tasks: Vec<ParallelTask<'a>> = directions
-        .chunks(DIRECTIONS_PER_TASK)
-        .map(|directions| ParallelTask { rotation, directions, rows: Vec::new() })
+    // Blocks begin where cache lines do: two that share one would each fetch and write it.
+    let begin = sensors[0].1.as_ptr().align_offset(CACHE_LINE).min(directions.len());
+    let (first, others) = directions.split_at(begin);
+    let mut blocks: Vec<Block<'a>> = std::iter::once(first)
+        .chain(others.chunks(DIRECTIONS_PER_BLOCK))
+        .map(|directions| Block { rotation, directions, rows: Vec::with_capacity(sensors.len()) })
         .collect();
     for (pose, row) in sensors {
-        for (task, row) in tasks.iter_mut().zip(row.chunks_mut(DIRECTIONS_PER_TASK)) {
-            task.rows.push((beam_origin(pose), row));
+        let (first, others) = row.split_at_mut(begin);
+        let rows = std::iter::once(first).chain(others.chunks_mut(DIRECTIONS_PER_BLOCK));
+        for (block, row) in blocks.iter_mut().zip(rows) {
+            block.rows.push((beam_origin(pose), row));
         }
     }
-    tasks
+    blocks.retain(|block| !block.directions.is_empty());
+    blocks
 }
 
-impl ParallelTask<'_> {
+impl Block<'_> {
     fn cast(&mut self, bvh: &Bvh, range: f32) {
         let directions = self.directions.iter();
         let directions: Vec<Vec3> = directions.map(|&d| beam_direction(self.rotation, d)).collect();
@@ -90,40 +133,64 @@ impl ParallelTask<'_> {
         let sideways = Vec3::Z.cross(middle).try_normalize().unwrap_or(Vec3::X);
         let upwards = middle.cross(sideways) * FLATNESS;
         // As seen along the directions.
-        let seen = |origin: Vec3| Vec3::new(origin.dot(sideways), origin.dot(upwards), 0.0);
-        let rows = self.rows.iter().enumerate();
-        let mut sensors: Vec<_> =
-            rows.map(|(row, (origin, _))| (seen(*origin), row as u32)).collect();
-        let axes = [Vec3::X, Vec3::Y];
-        split(&mut sensors, &axes, PACKET_RAYS, &mut |group| {
+        let seen = |origin: Vec3| [origin.dot(sideways), origin.dot(upwards)];
+        let rows = self.rows.iter().zip(0..);
+        let mut sensors: Vec<([f32; 2], u32)> = rows.map(|((o, _), row)| (seen(*o), row)).collect();
+        let mut hits =
+            vec![PacketHits::default(); directions.len().next_multiple_of(FAN_DIRECTIONS)];
+        let mut fan = Fan::new(&[Vec3::ZERO]);
+        split(&mut sensors, PACKET_RAYS, &mut |group| {
             // Chunks of a packet lie side by side too.
-            split(group, &axes, CHUNK, &mut |_| ());
-            self.cast_group(group, &directions, bvh, range);
+            split(group, CHUNK, &mut |_| ());
+            let origins: Vec<Vec3> =
+                group.iter().map(|&(_, row)| self.rows[row as usize].0).collect();
+            fan.set_origins(&origins);
+            self.cast_group(group, &directions, &mut fan, &mut hits, bvh, range);
         });
     }
 
-    /// Casts the directions from all origins of a group into its rows.
-    fn cast_group(&mut self, group: &[(Vec3, u32)], directions: &[Vec3], bvh: &Bvh, range: f32) {
-        let rows = || group.iter().map(|&(_, row)| row as usize);
-        let origins: Vec<Vec3> = rows().map(|row| self.rows[row].0).collect();
-        let mut scratch = Scratch::default();
-        let mut packet = Packet::from_origins(&origins);
-        let mut hits = [PacketHits::default(); DIRECTIONS_PER_WRITE];
-        for (block, directions) in directions.chunks(DIRECTIONS_PER_WRITE).enumerate() {
-            for (hits, &direction) in hits.iter_mut().zip(directions) {
-                packet.point(direction, range);
-                bvh.closest_hits(&mut packet, &mut scratch);
-                *hits = *packet.found();
-            }
-            let first = block * DIRECTIONS_PER_WRITE;
-            for (lane, row) in rows().enumerate() {
-                let row = &mut self.rows[row].1[first..first + directions.len()];
-                for (hit, hits) in row.iter_mut().zip(&hits) {
-                    *hit = hits.get(lane);
+    /// Casts the directions from the origins of a fan, which are those of a group, into the group's
+    /// rows; `hits` is working memory.
+    fn cast_group(
+        &mut self,
+        group: &[([f32; 2], u32)],
+        directions: &[Vec3],
+        fan: &mut Fan,
+        hits: &mut [PacketHits],
+        bvh: &Bvh,
+        range: f32,
+    ) {
+        let mut first = 0;
+        while first < directions.len() {
+            let next = fan_of(&directions[first..]);
+            bvh.closest_hits_of_fan(fan, next, range, &mut hits[first..]);
+            first += next.len();
+        }
+        // A few rows at a time: the lines of many would push each other out of the cache, since rows lie
+        // a multiple of many lines apart.
+        let mut by_ray = [[Hit { t: 0.0, prim: NO_HIT }; FAN_DIRECTIONS]; CHUNK];
+        for (chunk, group) in group.chunks(CHUNK).enumerate() {
+            for first in (0..directions.len()).step_by(FAN_DIRECTIONS) {
+                PacketHits::by_ray(&hits[first..first + FAN_DIRECTIONS], chunk, &mut by_ray);
+                let end = directions.len().min(first + FAN_DIRECTIONS);
+                for (&(_, row), hits) in group.iter().zip(&by_ray) {
+                    self.rows[row as usize].1[first..end].copy_from_slice(&hits[..end - first]);
                 }
             }
         }
     }
+}
+
+/// The first of some directions that make a narrow fan.
+fn fan_of(directions: &[Vec3]) -> &[Vec3] {
+    let first = directions[0];
+    let fits = |&direction: &Vec3| {
+        major_axis(direction) == major_axis(first)
+            && direction.signum() == first.signum()
+            && direction.distance(first) < FAN_WIDTH
+    };
+    let count = directions.iter().take(FAN_DIRECTIONS).take_while(|d| fits(d)).count();
+    &directions[..count.max(1)]
 }
 
 /// Some directions of sensors that are near each other.
@@ -136,13 +203,15 @@ fn mixed_tasks<'a>(
     sensors: Vec<(&'a DevicePose, &'a mut [Hit])>,
     directions: &'a [[f32; 3]],
 ) -> Vec<MixedTask<'a>> {
-    let mut sensors: Vec<_> = sensors.into_iter().map(|s| (beam_origin(s.0), Some(s))).collect();
+    let flat = |origin: Vec3| [origin.x, origin.y, FLATNESS * origin.z];
+    let mut sensors: Vec<_> =
+        sensors.into_iter().map(|s| (flat(beam_origin(s.0)), Some(s))).collect();
     let groups = sensors.len().div_ceil(SORTED_SENSORS).max(1);
     let blocks = (TASKS * rayon::current_num_threads()).div_ceil(groups);
     let most = SORTED_BEAMS / sensors.len().clamp(1, SORTED_SENSORS);
     let block = directions.len().div_ceil(blocks).max(PACKET_RAYS).min(most);
     let mut tasks = Vec::new();
-    split(&mut sensors, &[Vec3::X, Vec3::Y, FLATNESS * Vec3::Z], SORTED_SENSORS, &mut |group| {
+    split(&mut sensors, SORTED_SENSORS, &mut |group| {
         let first = tasks.len();
         tasks.extend(
             directions
@@ -189,12 +258,11 @@ fn equal_rotations(poses: &[DevicePose]) -> Vec<Vec<usize>> {
     sensors.chunk_by(|a, b| rotation(a) == rotation(b)).map(<[usize]>::to_vec).collect()
 }
 
-/// Halves along the longest of some axes until a group has at most `most` members.
-fn split<T>(
-    members: &mut [(Vec3, T)],
-    axes: &[Vec3],
+/// Halves along the longest axis until a group has at most `most` members.
+fn split<const AXES: usize, T>(
+    members: &mut [([f32; AXES], T)],
     most: usize,
-    done: &mut impl FnMut(&mut [(Vec3, T)]),
+    done: &mut impl FnMut(&mut [([f32; AXES], T)]),
 ) {
     if members.len() <= most {
         if !members.is_empty() {
@@ -202,17 +270,19 @@ fn split<T>(
         }
         return;
     }
-    let extent = |axis: Vec3| {
-        let along = members.iter().map(|(origin, _)| origin.dot(axis));
-        let (low, high) = along.fold((f32::MAX, f32::MIN), |(l, h), x| (l.min(x), h.max(x)));
-        high - low
-    };
-    let longest = axes.iter().copied().max_by(|a, b| extent(*a).total_cmp(&extent(*b)));
-    let axis = longest.unwrap_or(Vec3::X);
+    let (mut low, mut high) = ([f32::MAX; AXES], [f32::MIN; AXES]);
+    for (at, _) in members.iter() {
+        for axis in 0..AXES {
+            low[axis] = low[axis].min(at[axis]);
+            high[axis] = high[axis].max(at[axis]);
+        }
+    }
+    let extent = |axis: usize| high[axis] - low[axis];
+    let axis = (0..AXES).max_by(|&a, &b| extent(a).total_cmp(&extent(b))).unwrap_or(0);
     // Whole groups below, so that only the last one is partly filled.
     let middle = (members.len() / 2).next_multiple_of(most).min(members.len() - 1);
-    members.select_nth_unstable_by(middle, |a, b| a.0.dot(axis).total_cmp(&b.0.dot(axis)));
+    members.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]));
     let (below, above) = members.split_at_mut(middle);
-    split(below, axes, most, done);
-    split(above, axes, most, done);
+    split(below, most, done);
+    split(above, most, done);
 }
