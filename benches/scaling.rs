@@ -231,7 +231,8 @@ fn placements(args: &Args, bvh: &Arc<Bvh>) -> Vec<Value> {
     let poses = setup::poses(&batch[..16], &roi);
     let content = setup::content(&roi, &poses, &table, bvh, args.seed);
     let problem = |frames: usize| {
-        let frames = vec![bvh.clone(); frames];
+        // Trees of their own: frames that share one would be cast once.
+        let frames = (0..frames).map(|_| Arc::new(Bvh::clone(bvh))).collect();
         Arc::new(Problem::new(roi, content.clone(), table.clone(), frames, true))
     };
     let (one, three) = (problem(1), problem(3));

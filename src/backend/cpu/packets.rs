@@ -42,9 +42,9 @@ const SORTED_BEAMS: usize = 4 << 20;
 
 /// [`super::cast_closest`] with the beams of many sensors in packets: the same bits.
 ///
-/// Where many sensors share a rotation, a packet holds one direction from origins that lie side by
-/// side as seen along it, and those of neighbouring directions go down the tree together. The beams of other sensors are sorted by where they are likely to end, and
-/// cut into packets in that order. `hits` becomes `[poses × directions]`.
+/// Where many sensors share a rotation, neighbouring directions from origins that lie side by side as
+/// seen along them go down the tree together. The beams of other sensors are sorted by where they are
+/// likely to end, and cut into packets in that order. `hits` becomes `[poses × directions]`.
 pub fn cast_packets(
     poses: &[DevicePose],
     table: &BeamTable,
