@@ -1,7 +1,7 @@
 // cast_closest: one invocation casts one beam and stores its closest hit.
 //
 // CPU twin   src/backend/cpu/cast.rs::cast_closest, src/bvh/{intersect,traverse}.rs
-// Reads      poses[sensors], directions[direction_count], nodes, triangles
+// Reads      poses[sensors], directions[direction_count], nodes (the root first), triangles
 // Writes     hits[sensors × direction_count], every element; counters[0] += beams that ran out of
 //            steps (their prim is UNFINISHED), counters[1 + sensor] += hits
 // Dispatch   (ceil(direction_count / WORKGROUP_SIZE), sensors), x spilling into z; spare invocations
@@ -9,10 +9,13 @@
 // Numerics   f32, no transcendental functions, no infinities; equal distances go to the lower prim
 
 struct Node {
-    min: vec3<f32>,
-    first: u32,
-    max: vec3<f32>,
-    count: u32,
+    corner: vec3<f32>,
+    low_x: u32,
+    step: vec3<f32>,
+    low_y: u32,
+    high: vec3<u32>,
+    low_z: u32,
+    children: vec4<u32>,
 }
 
 struct Triangle {
@@ -105,48 +108,78 @@ fn intersect(ray: Ray, triangle: Triangle, best: Hit) -> Hit {
     return best;
 }
 
+// Four sides in metres: whole numbers of steps from the corner, a byte each.
+fn planes(corner: f32, bytes: u32, step: f32) -> vec4<f32> {
+    return corner + vec4<f32>((vec4(bytes) >> vec4(0u, 8u, 16u, 24u)) & vec4(255u)) * step;
+}
+
+// Where the ray enters each child's box; FAR where it does not, or not before `limit`. Equal to it
+// counts: a tie may have a lower id.
+fn enter_children(ray: Ray, node: Node, limit: f32) -> vec4<f32> {
+    let back = ray.inverse < vec3(0.0);
+    let low = vec3(node.low_x, node.low_y, node.low_z);
+    let near = select(low, node.high, back);
+    let far = select(node.high, low, back);
+    let near_x = planes(node.corner.x, near.x, node.step.x) - ray.origin.x;
+    let near_y = planes(node.corner.y, near.y, node.step.y) - ray.origin.y;
+    let near_z = planes(node.corner.z, near.z, node.step.z) - ray.origin.z;
+    let far_x = planes(node.corner.x, far.x, node.step.x) - ray.origin.x;
+    let far_y = planes(node.corner.y, far.y, node.step.y) - ray.origin.y;
+    let far_z = planes(node.corner.z, far.z, node.step.z) - ray.origin.z;
+    let inverse = ray.inverse;
+    let enter =
+        max(max(near_x * inverse.x, near_y * inverse.y), max(near_z * inverse.z, vec4(0.0)));
+    let leave = min(min(far_x * inverse.x, far_y * inverse.y), min(far_z * inverse.z, vec4(limit)));
+    return select(vec4(FAR), enter, enter <= leave & node.children != vec4(0u));
+}
+
 fn closest_hit(ray: Ray) -> Hit {
     var best = Hit(uniforms.range, NO_HIT);
     if uniforms.node_count == 0u {
         return best;
     }
-    var stack: array<u32, MAX_DEPTH>;
-    var depth = 0u;
-    var index = 0u;
-    for (var step = 0u; step < STEP_BUDGET; step++) {
-        let node = nodes[index];
-        if node.count > 0u {
-            // Every triangle is a loop step of its own for the driver's limit.
-            step += node.count;
-            for (var k = 0u; k < node.count && step < STEP_BUDGET; k++) {
-                best = intersect(ray, triangles[node.first + k], best);
-            }
-        } else {
-            let left = node.first;
-            let left_node = nodes[left];
-            let right_node = nodes[left + 1u];
-            let left_t = slab(ray, left_node.min, left_node.max);
-            let right_t = slab(ray, right_node.min, right_node.max);
-            // Equal to the best distance is still visited: a tie may have a lower id.
-            let visit_left = left_t.x <= left_t.y && left_t.x <= best.t;
-            let visit_right = right_t.x <= right_t.y && right_t.x <= best.t;
-            if visit_left && visit_right {
-                let left_first = left_t.x <= right_t.x;
-                stack[depth] = select(left, left + 1u, left_first);
-                depth++;
-                index = select(left + 1u, left, left_first);
-                continue;
-            }
-            if visit_left || visit_right {
-                index = select(left + 1u, left, visit_left);
-                continue;
-            }
-        }
+    var stack: array<u32, TREE_STACK>;
+    var depth = 1u;
+    // Beams side by side look for their next triangles together, then test them together.
+    for (var step = 0u; step < NESTED_STEPS; step += 2u) {
         if depth == 0u {
             return best;
         }
         depth--;
-        index = stack[depth];
+        var item = stack[depth];
+        loop {
+            if (item >= TRIANGLE_ITEM) | (step >= NESTED_STEPS) {
+                break;
+            }
+            step++;
+            // The nearest child is next; which of the others comes first decides little.
+            let node = nodes[item];
+            let enter = enter_children(ray, node, best.t);
+            let child = node.children;
+            let swap_low = enter.y < enter.x;
+            let swap_high = enter.w < enter.z;
+            let low = min(enter.x, enter.y);
+            let high = min(enter.z, enter.w);
+            let low_child = select(child.x, child.y, swap_low);
+            let high_child = select(child.z, child.w, swap_high);
+            let swap = high < low;
+            item = select(low_child, high_child, swap);
+            // Stored in any case, kept where entered: cheaper than a branch.
+            stack[depth] = select(child.w, child.z, swap_high);
+            depth += u32(max(enter.z, enter.w) < FAR);
+            stack[depth] = select(high_child, low_child, swap);
+            depth += u32(max(low, high) < FAR);
+            stack[depth] = select(child.y, child.x, swap_low);
+            depth += u32(max(enter.x, enter.y) < FAR);
+            if min(low, high) == FAR {
+                if depth == 0u {
+                    return best;
+                }
+                depth--;
+                item = stack[depth];
+            }
+        }
+        best = intersect(ray, triangles[item ^ TRIANGLE_ITEM], best);
     }
     return Hit(0.0, UNFINISHED);
 }

@@ -187,7 +187,7 @@ fn cast_packets(
         }
         farthest = most_of(reach) + bounds.slack;
     }
-    let out_of_steps = steps >= PACKET_STEPS;
+    let out_of_steps = steps >= NESTED_STEPS;
     var mark = vec4(0u);
     for (var k = 0u; k < PACKET_FOURS; k++) {
         let at = slots[first + k];

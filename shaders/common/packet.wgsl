@@ -248,7 +248,7 @@ fn next_triangle(bounds: Bounds, farthest: f32, triangle: ptr<function, Triangle
         }
         // One for this loop and one for that above, which drivers may run once for nothing.
         steps += 2u;
-        if (next == NOTHING) | (steps >= PACKET_STEPS) {
+        if (next == NOTHING) | (steps >= NESTED_STEPS) {
             break;
         }
         // A triangle is read as it lies, a node's sides in the order in which they are met.

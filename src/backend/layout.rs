@@ -5,7 +5,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::bvh::{BOUNDS_SLACK, MAX_DEPTH, NO_HIT, PAD_SHARE, STACK, TRIANGLE, UNIT};
+use crate::bvh::{BOUNDS_SLACK, NO_HIT, PAD_SHARE, STACK, TRIANGLE, UNIT};
 use crate::geom::Pose;
 use crate::grid::Roi;
 use crate::placement::{MAX_LIDARS, SensorPose};
@@ -30,9 +30,10 @@ pub(crate) const STEP_BUDGET: u32 = 60_000;
 pub(crate) const UNFINISHED: u32 = NO_HIT - 1;
 /// Beams of a packet by four: what a software device loads of a tree serves so many at once.
 pub(crate) const PACKET_FOURS: u32 = 16;
-/// Loop steps that a packet may take: steps of packets that run side by side may add up, of sixteen on
-/// the widest vector units.
-pub(crate) const PACKET_STEPS: u32 = STEP_BUDGET / 16;
+/// Loop steps that an invocation with loops in loops may take: where invocations run side by side, each
+/// inner loop takes as long as the longest, so that their steps may add up, of sixteen on the widest
+/// vector units.
+pub(crate) const NESTED_STEPS: u32 = STEP_BUDGET / 16;
 /// Vectors in a row of the texture that holds a tree for packets.
 pub(crate) const TREE_ROW: u32 = 1 << 12;
 /// Slot of a packet without a beam.
@@ -122,12 +123,11 @@ pub(crate) struct Uniforms {
 pub(crate) fn prelude() -> String {
     let words = [
         ("WORKGROUP_SIZE", WORKGROUP_SIZE),
-        ("MAX_DEPTH", MAX_DEPTH as u32),
         ("MAX_LIDARS", MAX_LIDARS as u32),
         ("NO_HIT", NO_HIT),
         ("UNFINISHED", UNFINISHED),
         ("PACKET_FOURS", PACKET_FOURS),
-        ("PACKET_STEPS", PACKET_STEPS),
+        ("NESTED_STEPS", NESTED_STEPS),
         ("QUAD_STACK", STACK as u32),
         ("TRIANGLE_ITEM", TRIANGLE),
         ("ITEM_TEXELS", UNIT as u32),

@@ -1,7 +1,7 @@
 //! Bounding volume hierarchy over one frame's triangles, and the closest-hit reference.
 //!
-//! Built once on the host with a binned surface-area heuristic (Wald 2007) and flattened to two plain
-//! arrays that the CPU and the shaders read alike.
+//! Built once on the host as a binary tree with a binned surface-area heuristic (Wald 2007). From it come
+//! the trees of four or eight children a node that packets and devices go down.
 //!
 //! # Why every traversal gives the same bits
 //! A triangle's hit distance is clamped to the interval in which the ray is inside the triangle's own
@@ -21,6 +21,7 @@ mod lanes;
 mod node;
 mod packet;
 mod quads;
+mod quantized;
 mod ranges;
 mod traverse;
 mod wide;
@@ -34,3 +35,4 @@ pub use intersect::{Hit, NO_HIT, Ray, major_axis};
 pub use node::{Bvh, BvhError, MAX_DEPTH, Node, Triangle};
 pub use packet::{CHUNK, PACKET_RAYS, Packet, PacketHits, Scratch};
 pub use quads::{Quads, STACK, TRIANGLE, UNIT};
+pub use quantized::QuantizedNode;

@@ -1,7 +1,7 @@
 use super::{Bvh, MAX_DEPTH, Triangle};
 
 /// Children of a node.
-const WIDTH: usize = 4;
+pub(super) const WIDTH: usize = 4;
 /// Vectors of an item's unit of address: a triangle is one, a node two.
 pub const UNIT: usize = 4;
 const NODE_UNITS: u32 = 2;
@@ -32,43 +32,55 @@ enum Child {
 }
 
 /// Lower and upper side by axis.
-type Sides = [f32; 6];
+pub(super) type Sides = [f32; 6];
+const EMPTY: Sides = [OUTSIDE, -OUTSIDE, OUTSIDE, -OUTSIDE, OUTSIDE, -OUTSIDE];
+
+/// Boxes and items of a node's children: a triangle's index with [`TRIANGLE`], or a node's index.
+pub(super) type FourNode = [Option<(u32, Sides)>; WIDTH];
 
 impl Quads {
-    /// Merges the binary tree's nodes into nodes of four: each takes over the grandchildren of its
-    /// largest child for as long as there is room, and the triangles of leaves.
+    /// Writes the binary tree, its nodes merged into nodes of four.
     pub fn new(bvh: &Bvh) -> Self {
-        let mut nodes =
-            vec![[(0, [OUTSIDE, -OUTSIDE, OUTSIDE, -OUTSIDE, OUTSIDE, -OUTSIDE]); WIDTH]];
-        let empty = nodes[0];
-        let mut work: Vec<(usize, usize)> =
-            if bvh.nodes.is_empty() { vec![] } else { vec![(0, 0)] };
-        while let Some((from, at)) = work.pop() {
-            for (slot, (child, sides)) in children(bvh, from).into_iter().enumerate() {
-                let item = match child {
-                    Child::Triangle(triangle) => TRIANGLE | triangle as u32,
-                    Child::Inner { node, .. } => {
-                        work.push((node, nodes.len()));
-                        nodes.push(empty);
-                        (nodes.len() as u32 - 1) * NODE_UNITS
-                    }
-                };
-                nodes[at][slot] = (item, sides);
-            }
-        }
+        let nodes = collapse(bvh);
+        let texel = |node: &FourNode, side: usize| {
+            node.map(|child| child.map_or(EMPTY[side], |(_, sides)| sides[side]))
+        };
         // Triangles come after the nodes.
         let first = nodes.len() as u32 * NODE_UNITS;
         let mut texels = Vec::with_capacity(UNIT * (first as usize + bvh.triangles.len()));
         for node in &nodes {
-            texels.extend((0..6).map(|side| node.map(|(_, sides)| sides[side])));
-            texels.push(node.map(|(item, _)| {
-                f32::from_bits(if item & TRIANGLE != 0 { item + first } else { item })
+            texels.extend((0..6).map(|side| texel(node, side)));
+            texels.push(node.map(|child| {
+                let item = child.map_or(0, |(item, _)| item);
+                f32::from_bits(if item & TRIANGLE != 0 { item + first } else { item * NODE_UNITS })
             }));
             texels.push([0.0; 4]);
         }
         texels.extend_from_slice(bytemuck::cast_slice::<Triangle, [f32; 4]>(&bvh.triangles));
         Self { texels }
     }
+}
+
+/// Merges the binary tree's nodes into nodes of four: each takes over the grandchildren of its largest
+/// child for as long as there is room, and the triangles of leaves. The root comes first, also of a tree
+/// without triangles.
+pub(super) fn collapse(bvh: &Bvh) -> Vec<FourNode> {
+    let mut nodes = vec![[None; WIDTH]];
+    let mut work: Vec<(usize, usize)> = if bvh.nodes.is_empty() { vec![] } else { vec![(0, 0)] };
+    while let Some((from, at)) = work.pop() {
+        for (slot, (child, sides)) in children(bvh, from).into_iter().enumerate() {
+            let item = match child {
+                Child::Triangle(triangle) => TRIANGLE | triangle as u32,
+                Child::Inner { node, .. } => {
+                    work.push((node, nodes.len()));
+                    nodes.push([None; WIDTH]);
+                    nodes.len() as u32 - 1
+                }
+            };
+            nodes[at][slot] = Some((item, sides));
+        }
+    }
+    nodes
 }
 
 /// Up to four descendants of a binary node that together hold all below it.

@@ -10,7 +10,7 @@ use crate::backend::{BackendError, DevicePose};
 /// How closest hits are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Casting {
-    /// Each beam goes down a binary tree: an invocation is a beam.
+    /// Each beam goes down a tree of quantized nodes: an invocation is a beam.
     Tree,
     /// Beams that lie close go down a tree of four children a node together: an invocation is a
     /// packet. A device whose lanes are those of a host's vector unit loads each lane's part of the

@@ -19,9 +19,11 @@ pub(crate) const SOURCES: [(&str, &[&str]); 7] = [
     ("reduce_classes", &[BEAM, include_str!("../../../shaders/reduce_classes.wgsl"), COVERED]),
 ];
 
-/// Source of a kernel as it is compiled.
-pub(crate) fn source(parts: &[&str]) -> String {
-    prelude() + &unrolled(&parts.concat())
+/// Source of a kernel as it is compiled, with room for `stack` entries where beams go down a tree one
+/// by one.
+pub(crate) fn source(parts: &[&str], stack: usize) -> String {
+    let stack = format!("const TREE_STACK: u32 = {stack}u;\n");
+    prelude() + &stack + &unrolled(&parts.concat())
 }
 
 /// Repeats what is done with each four of a packet, so that no number is looked up by its index: drivers
@@ -44,17 +46,24 @@ fn unrolled(source: &str) -> String {
 }
 
 /// Kernels, each compiled when it is first dispatched.
-#[derive(Default)]
-pub(super) struct Kernels([OnceLock<wgpu::ComputePipeline>; SOURCES.len()]);
+pub(super) struct Kernels {
+    stack: usize,
+    pipelines: [OnceLock<wgpu::ComputePipeline>; SOURCES.len()],
+}
 
 impl Kernels {
+    /// Kernels whose traversal stacks hold `stack` entries.
+    pub(super) fn new(stack: usize) -> Self {
+        Self { stack, pipelines: Default::default() }
+    }
+
     fn get(&self, device: &Device, kernel: &'static str) -> &wgpu::ComputePipeline {
         let named = SOURCES.iter().position(|(name, _)| *name == kernel);
         let index = named.expect("a kernel of the list above");
-        self.0[index].get_or_init(|| {
+        self.pipelines[index].get_or_init(|| {
             let module = device.wgpu().create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(kernel),
-                source: wgpu::ShaderSource::Wgsl(source(SOURCES[index].1).into()),
+                source: wgpu::ShaderSource::Wgsl(source(SOURCES[index].1, self.stack).into()),
             });
             device.wgpu().create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(kernel),
@@ -114,10 +123,10 @@ mod tests {
 
     use super::*;
     use crate::backend::layout::{DevicePose, OccupiedVoxel, Uniforms};
-    use crate::bvh::{Node, Triangle};
+    use crate::bvh::{QuantizedNode as Node, Triangle};
 
     fn parsed(parts: &[&str]) -> naga::Module {
-        let source = source(parts);
+        let source = source(parts, 48);
         naga::front::wgsl::parse_str(&source)
             .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&source)))
     }
@@ -169,7 +178,8 @@ mod tests {
             ends_at_hits => "ends_at_hits",
         ]);
         same_layout!("cast_closest", Node, [
-            min => "min", first => "first", max => "max", count => "count",
+            corner => "corner", low_x => "low_x", step => "step", low_y => "low_y",
+            high => "high", low_z => "low_z", children => "children",
         ]);
         same_layout!("cast_closest", Triangle, [
             a => "a", prim => "prim", b => "b", pad0 => "pad0", c => "c", pad1 => "pad1", normal => "normal", pad2 => "pad2",

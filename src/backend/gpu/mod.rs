@@ -75,9 +75,8 @@ impl GpuBackend {
                 limit: MOST_BITMAP,
             });
         }
-        let kernels = Kernels::default();
         let casting = if device.is_software() { Casting::Packets } else { Casting::Tree };
-        let (scene, caster) = Self::prepare(&device, &problem, casting)?;
+        let (scene, kernels, caster) = Self::prepare(&device, &problem, casting)?;
         let times = StageTimes::default();
         let worth = device
             .is_software()
@@ -90,9 +89,10 @@ impl GpuBackend {
         device: &Device,
         problem: &Problem,
         casting: Casting,
-    ) -> Result<(SceneBuffers, Option<PacketCaster>), BackendError> {
+    ) -> Result<(SceneBuffers, Kernels, Option<PacketCaster>), BackendError> {
         let scene = SceneBuffers::new(device, problem, casting)?;
-        Ok((scene, (casting == Casting::Packets).then(PacketCaster::default)))
+        let kernels = Kernels::new(scene.stack);
+        Ok((scene, kernels, (casting == Casting::Packets).then(PacketCaster::default)))
     }
 
     /// Whether the device is a program on the host, which the CPU backend outruns.
@@ -110,7 +110,8 @@ impl GpuBackend {
     /// # Errors
     /// The device cannot hold what this way needs.
     pub fn cast_by(&mut self, casting: Casting) -> Result<(), BackendError> {
-        (self.scene, self.caster) = Self::prepare(&self.device, &self.problem, casting)?;
+        (self.scene, self.kernels, self.caster) =
+            Self::prepare(&self.device, &self.problem, casting)?;
         Ok(())
     }
 

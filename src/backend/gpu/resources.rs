@@ -5,7 +5,7 @@ use super::casting::Casting;
 use super::device::Device;
 use crate::backend::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, STEP_BUDGET, TREE_ROW, Uniforms};
 use crate::backend::{BackendError, ChunkLimits, DevicePose, Problem, split};
-use crate::bvh::{Bvh, Hit, Quads};
+use crate::bvh::{Bvh, Hit, Quads, QuantizedNode};
 
 /// Bytes that the buffers of a chunk need.
 pub(super) struct Sizes {
@@ -57,19 +57,27 @@ pub(super) fn occupied_workgroups(problem: &Problem) -> u32 {
 
 /// A frame's tree on the device.
 pub(super) enum FrameTree {
-    /// For beams that are cast one by one.
-    Binary { nodes: wgpu::Buffer, triangles: wgpu::Buffer },
+    /// For beams that are cast one by one; see [`QuantizedNode`].
+    Quantized { nodes: wgpu::Buffer, triangles: wgpu::Buffer },
     /// For packets; see [`Quads`].
     Quads(wgpu::TextureView),
 }
 
 impl FrameTree {
-    fn new(device: &Device, bvh: &Bvh, casting: Casting) -> Result<Self, BackendError> {
+    /// Uploads a tree; `stack` grows to the entries that a traversal of it needs.
+    fn new(
+        device: &Device,
+        bvh: &Bvh,
+        casting: Casting,
+        stack: &mut usize,
+    ) -> Result<Self, BackendError> {
         match casting {
-            Casting::Tree => Ok(Self::Binary {
-                nodes: device.upload("BVH nodes", &bvh.nodes)?,
-                triangles: device.upload("triangles", &bvh.triangles)?,
-            }),
+            Casting::Tree => {
+                let nodes = QuantizedNode::tree(bvh);
+                *stack = QuantizedNode::stack(&nodes).max(*stack);
+                let triangles = device.upload("triangles", &bvh.triangles)?;
+                Ok(Self::Quantized { nodes: device.upload("tree", &nodes)?, triangles })
+            }
             Casting::Packets => {
                 let texels = Quads::new(bvh).texels;
                 Ok(Self::Quads(device.upload_texels("tree", texels, TREE_ROW)?))
@@ -86,6 +94,8 @@ pub(super) struct SceneBuffers {
     pub(super) class_voxels: wgpu::Buffer,
     pub(super) class_runs: wgpu::Buffer,
     pub(super) class_run_count: u32,
+    /// Entries that a traversal stack needs for every frame's tree.
+    pub(super) stack: usize,
 }
 
 impl SceneBuffers {
@@ -99,15 +109,17 @@ impl SceneBuffers {
         let frames = (0..problem.geometry_frame_count()).filter_map(|t| problem.geometry(t));
         let content = Bricks::new(problem.roi()).content(problem.content());
         let runs = class_runs(content.class_starts());
+        let mut stack = 1;
         Ok(Self {
             directions: device.upload("beam directions", &directions)?,
             frames: frames
-                .map(|bvh| FrameTree::new(device, bvh, casting))
+                .map(|bvh| FrameTree::new(device, bvh, casting, &mut stack))
                 .collect::<Result<_, BackendError>>()?,
             occupied: device.upload("occupied voxels", content.occupied())?,
             class_voxels: device.upload("voxels by class", content.class_voxels())?,
             class_runs: device.upload("class runs", &runs)?,
             class_run_count: runs.len() as u32,
+            stack,
         })
     }
 }

@@ -77,7 +77,7 @@ impl Run<'_> {
                 })?;
                 caster.read(self.device, chunk.sensors as usize, self.directions() as usize)?
             }
-            (FrameTree::Binary { nodes, triangles }, _) => {
+            (FrameTree::Quantized { nodes, triangles }, _) => {
                 self.device.submit("casting", |encoder| {
                     encoder.clear_buffer(&chunk.counters, 0, None);
                     let buffers = [
