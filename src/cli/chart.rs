@@ -51,9 +51,10 @@ pub struct Args {
     objective: String,
     /// Random placements within the mount, ranked together with the given ones
     #[arg(long = "placements", value_name = "N", default_value_t = 100, conflicts_with = "resume",
-          value_parser = clap::value_parser!(u32).range(0..=10_000))]
+          value_parser = clap::value_parser!(u32).range(0..=2_000))]
     random: u32,
-    /// Share of the best score that taking a setting's best placement may lose
+    /// Share of the best score that taking a setting's best placement may lose; placements farther apart
+    /// must keep their order, but for 5 % of their pairs
     #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = share)]
     tolerance: f64,
     /// Edge of the finest voxels in metres, to which all else is compared
@@ -320,7 +321,7 @@ impl Chart<'_> {
     }
 
     fn finish(&self, args: &Args, interrupted: bool) -> Result<(), Error> {
-        let rated = rate(&self.state.measured, self.state.settings.seed);
+        let rated = rate(&self.state.measured, self.tolerance, self.state.settings.seed);
         let verdict = cheapest(&rated, self.tolerance);
         let summary = Summary::new(self, &rated, verdict, interrupted);
         let frame = ChartFrame {

@@ -8,8 +8,9 @@ use crate::grid::{ENTROPY_ONE, EntropyKind, EntropyTable, PUSH, Psog, Roi};
 use crate::placement::{Placement, SensorPose};
 use crate::scene::{EgoBody, Lidar, Scene};
 
-/// Direction components and grid coordinates closer than this to zero, or to a whole number, are meant
-/// to be it: cos 90° is 6e-17.
+/// Numbers closer than this are meant to be one: direction components and zero (cos 90° is 6e-17), grid
+/// coordinates and whole numbers, metres at which a beam crosses planes (cos 45° and sin 45° differ in
+/// the last digit).
 const ROUNDING: f64 = 1e-9;
 
 /// The scorer that others are compared with: every number from the pose to the sum is an `f64`.
@@ -200,7 +201,7 @@ fn walk(roi: &Roi, origin: DVec3, direction: DVec3, end: f64, mut mark: impl FnM
         // One voxel too early at most; then on to the one after every crossing up to `enter`.
         let guess = (p[a] + enter * direction[a] / voxel[a]).floor() as i64;
         let mut i = guess - step[a];
-        while ahead(a, i) <= enter {
+        while ahead(a, i) <= enter + ROUNDING {
             i += step[a];
         }
         if direction[a] == 0.0 { guess } else { i }
@@ -213,7 +214,7 @@ fn walk(roi: &Roi, origin: DVec3, direction: DVec3, end: f64, mut mark: impl FnM
             return;
         }
         for a in 0..3 {
-            if next[a] == t {
+            if next[a] <= t + ROUNDING {
                 cell[a] += step[a];
                 next[a] = ahead(a, cell[a]);
             }
@@ -247,6 +248,12 @@ mod tests {
             cells([3.5, 3.5, 1.5], [-1.0, -1.0, 0.0], 100.0),
             [[3, 3, 1], [2, 2, 1], [1, 1, 1], [0, 0, 1]]
         );
+        // At 45° through edges, from inside and from outside, where cos and sin differ by rounding.
+        let (sin, cos) = std::f64::consts::FRAC_PI_4.sin_cos();
+        assert_ne!(sin, cos);
+        let diagonal = [[0, 0, 1], [1, 1, 1], [2, 2, 1], [3, 3, 1]];
+        assert_eq!(cells([0.3, 0.3, 1.5], [cos, sin, 0.0], 100.0), diagonal);
+        assert_eq!(cells([-1.7, -1.7, 1.5], [cos, sin, 0.0], 100.0), diagonal);
         assert_eq!(cells([0.5, 0.5, 0.5], [0.0, 1.0, 0.0], 1.5), [[0, 0, 0], [0, 1, 0], [0, 2, 0]]);
         assert_eq!(cells([0.5, 0.5, 0.5], [0.0, 1.0, 0.0], 1.4999), [[0, 0, 0], [0, 1, 0]]);
     }

@@ -31,5 +31,5 @@ pub use merging::{Merging, merged_over};
 pub use ranking::{Interval, RankingError};
 pub use setting::{Engine, Fidelity, Ladder, Rung};
 pub use simplify::merge_vertices;
-pub use verdict::{Rated, Verdict, cheapest, pareto, rate};
+pub use verdict::{MOST_SWAPPED, Rated, Verdict, cheapest, pareto, rate};
 pub use world::{FidelityError, World, candidates};

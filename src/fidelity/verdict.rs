@@ -1,3 +1,4 @@
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{Engine, Measured, RankingError};
@@ -24,13 +25,18 @@ pub struct Verdict {
     pub saves_over_f32: Option<f64>,
 }
 
-/// Compares every setting with the first, which is the reference.
-pub fn rate(measured: &[Measured], seed: u64) -> Vec<Rated> {
+/// Of the pairs farther apart than the tolerance, the largest share that may change places in a ranking
+/// that counts as kept.
+pub const MOST_SWAPPED: f64 = 0.05;
+
+/// Compares every setting with the first, which is the reference; scores within `tolerance` of the best
+/// one of each other need not be told apart.
+pub fn rate(measured: &[Measured], tolerance: f64, seed: u64) -> Vec<Rated> {
     let Some(reference) = measured.first() else { return Vec::new() };
     let mut rated: Vec<Rated> = measured
-        .iter()
+        .par_iter()
         .filter_map(|m| {
-            let error = RankingError::new(&reference.scores, &m.scores, seed)?;
+            let error = RankingError::new(&reference.scores, &m.scores, tolerance, seed)?;
             Some(Rated { measured: m.clone(), error, on_front: false })
         })
         .collect();
@@ -65,14 +71,15 @@ pub fn pareto(rated: &[Rated]) -> Vec<usize> {
     order
 }
 
-/// The cheapest setting whose top-1 regret stays within `tolerance` up to the upper end of its
-/// interval; the reference itself always does, and a warm atlas is not asked. `None` of an empty list.
+/// The cheapest setting that keeps the ranking: up to the upper ends of the intervals, its top-1 regret
+/// stays within `tolerance`, and of the pairs farther apart at most [`MOST_SWAPPED`] change places. The
+/// reference itself always does, and a warm atlas is not asked. `None` of an empty list.
 pub fn cheapest(rated: &[Rated], tolerance: f64) -> Option<Verdict> {
     let reference = rated.first()?;
     let seconds = |i: usize| rated[i].measured.seconds;
     let setting = (0..rated.len())
         .filter(|&i| is_general(&rated[i]))
-        .filter(|&i| i == 0 || rated[i].error.regret.high <= tolerance)
+        .filter(|&i| i == 0 || keeps_ranking(&rated[i].error, tolerance))
         .min_by(|&a, &b| seconds(a).total_cmp(&seconds(b)))?;
     let finest = reference.measured.rung.fidelity;
     let f32 = rated
@@ -83,6 +90,10 @@ pub fn cheapest(rated: &[Rated], tolerance: f64) -> Option<Verdict> {
         saves_over_f64: reference.measured.seconds / seconds(setting),
         saves_over_f32: f32.map(|f32| f32.measured.seconds / seconds(setting)),
     })
+}
+
+fn keeps_ranking(error: &RankingError, tolerance: f64) -> bool {
+    error.regret.high <= tolerance && error.swapped.high <= MOST_SWAPPED
 }
 
 #[cfg(test)]
@@ -113,15 +124,28 @@ mod tests {
             measured(2.0, &[-1.02, -1.00, -1.3, -1.4]),
             measured(1.0, &[-1.4, -1.3, -1.02, -1.00]),
         ];
-        let rated = rate(&all, 1);
+        let rated = rate(&all, 0.03, 1);
         assert_eq!(pareto(&rated), [4, 3, 1]);
         let front: Vec<bool> = rated.iter().map(|r| r.on_front).collect();
         assert_eq!(front, [false, true, false, true, true]);
         // Setting 3 takes the second best, which is 2 % worse.
         let verdict = cheapest(&rated, 0.03).unwrap();
         assert_eq!((verdict.setting, verdict.saves_over_f64), (3, 4.0));
-        assert_eq!(cheapest(&rated, 0.001).unwrap().setting, 1);
+        assert_eq!(cheapest(&rate(&all, 0.001, 1), 0.001).unwrap().setting, 1);
         assert_eq!(cheapest(&[], 0.1), None);
-        assert!(rate(&[], 1).is_empty());
+        assert!(rate(&[], 0.1, 1).is_empty());
+    }
+
+    #[test]
+    fn a_setting_that_finds_the_best_but_mixes_up_the_others_does_not_keep_the_ranking() {
+        let best = [-1.0, -1.004, -1.008, -1.012, -1.016];
+        let scores = |others: [f64; 3]| [&best[..], &others].concat();
+        let finest = scores([-1.3, -1.4, -1.5]);
+        let mixed = scores([-1.5, -1.4, -1.3]);
+        let all = [measured(8.0, &finest), measured(2.0, &finest), measured(1.0, &mixed)];
+        let rated = rate(&all, 0.03, 1);
+        assert_eq!(rated[2].error.regret.high, 0.0);
+        assert_eq!(rated[2].error.swapped.value, 3.0 / 18.0);
+        assert_eq!(cheapest(&rated, 0.03).unwrap().setting, 1);
     }
 }

@@ -12,15 +12,16 @@ const ROW: f64 = 19.0;
 /// Left, right, top and bottom of the plot area.
 const PLOT: [f64; 4] = [76.0, 876.0, 62.0, 470.0];
 /// Where the titles of the table stand.
-const TABLE: f64 = 560.0;
+const TABLE: f64 = 578.0;
 /// Titles of the table's columns, and where each begins or, from the second on, ends.
-const COLUMNS: [(&str, f64); 7] = [
+const COLUMNS: [(&str, f64); 8] = [
     ("setting", 50.0),
-    ("time", 430.0),
-    ("MiB", 484.0),
-    ("error %: median, most", 624.0),
-    ("τ (95 %)", 776.0),
-    ("regret % (to)", 876.0),
+    ("time", 408.0),
+    ("MiB", 452.0),
+    ("error %: median, most", 588.0),
+    ("τ (95 %)", 712.0),
+    ("regret % (to)", 796.0),
+    ("swapped % (to)", 886.0),
     ("", 34.0),
 ];
 
@@ -62,7 +63,7 @@ pub fn fidelity_svg(rated: &[Rated], chart: &ChartFrame) -> String {
     let axes = Axes::around(rated, &points);
     axes.draw(&mut svg);
     for &i in points.iter().filter(|i| !listed.contains(i)) {
-        axes.point(&mut svg, &rated[i], GREY, 3.5);
+        axes.point(&mut svg, &rated[i], GREY, "#fff", 3.5);
     }
     let line: Vec<(f64, f64)> = front.iter().map(|&i| axes.at(&rated[i])).collect();
     let corners: Vec<String> = line.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
@@ -73,8 +74,9 @@ pub fn fidelity_svg(rated: &[Rated], chart: &ChartFrame) -> String {
     );
     for &i in &listed {
         let colour = if front.contains(&i) { SECOND } else { INK };
-        let colour = if chart.chosen == Some(i) { ACCENT } else { colour };
-        axes.point(&mut svg, &rated[i], colour, 4.5);
+        let (colour, fill) =
+            if chart.chosen == Some(i) { (ACCENT, ACCENT) } else { (colour, "#fff") };
+        axes.point(&mut svg, &rated[i], colour, fill, 4.5);
     }
     let mut labels =
         Labels { taken: points.iter().map(|&i| axes.at(&rated[i])).collect(), line: &line };
@@ -166,24 +168,27 @@ impl Axes {
              work</text>\
              <text x=\"20\" y=\"50\">1 − Kendall τ against the finest setting in f64, with 95 % intervals; \
              0: the same ranking</text>\
-             <text x=\"20\" y=\"{}\" font-size=\"12\" fill=\"{SOFT}\">□ f64 · ○ CPU f32 · ◇ GPU f32 · △ warm pose atlas · \
-             line: Pareto front · red: cheapest within tolerance · grey: others, in chart.csv</text>",
+             <text x=\"20\" y=\"{}\" font-size=\"12\" fill=\"{SOFT}\">□ f64 · ○ CPU f32 · ◇ GPU f32 · line: Pareto front \
+             · filled, red: cheapest that keeps the ranking within the tolerance · grey: others, in chart.csv</text>\
+             <text x=\"20\" y=\"{}\" font-size=\"12\" fill=\"{SOFT}\">△ warm pose atlas: scores only poses it has, \
+             snapped to its grid, which is most of its error; not on the front</text>",
             left - 8.0,
             bottom + 4.5,
             (left + right) / 2.0,
             bottom + 40.0,
             bottom + 62.0,
+            bottom + 78.0,
         );
     }
 
-    fn point(&self, svg: &mut String, rated: &Rated, colour: &str, r: f64) {
+    fn point(&self, svg: &mut String, rated: &Rated, colour: &str, fill: &str, r: f64) {
         let (x, y) = self.at(rated);
         let [_, low, high] = misranked(rated).map(|m| self.at_y(m));
         let _ = write!(
             svg,
             "<path d=\"M{x:.1} {low:.1}V{high:.1}\" stroke=\"{colour}\" stroke-width=\".8\" opacity=\".7\"/>"
         );
-        let style = format!("fill=\"#fff\" stroke=\"{colour}\" stroke-width=\"1.8\"");
+        let style = format!("fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"1.8\"");
         let _ = match rated.measured.rung.engine {
             Engine::F64 => writeln!(
                 svg,
@@ -270,7 +275,7 @@ fn from_segment((x, y): (f64, f64), a: (f64, f64), b: (f64, f64)) -> f64 {
 
 /// What the numbers of the chart stand for: cost and error of each setting.
 fn table(svg: &mut String, rated: &[Rated], listed: &[usize], chart: &ChartFrame) {
-    let mut row = |y: f64, cells: [String; 7], style: &str| {
+    let mut row = |y: f64, cells: [String; 8], style: &str| {
         for (column, (cell, (_, x))) in cells.iter().zip(COLUMNS).enumerate() {
             let anchor = if column == 0 { "start" } else { "end" };
             let _ = write!(
@@ -303,10 +308,14 @@ fn table(svg: &mut String, rated: &[Rated], listed: &[usize], chart: &ChartFrame
                 format!("{:.3} ({:.3}–{:.3})", tau.value, tau.low, tau.high)
             }),
             format!("{} ({})", percent(error.regret.value), percent(error.regret.high)),
+            format!("{:.1} ({:.1})", 100.0 * error.swapped.value, 100.0 * error.swapped.high),
             (number + 1).to_string(),
         ];
-        let style =
-            if chart.chosen == Some(i) { format!("fill=\"{ACCENT}\"") } else { String::new() };
+        let style = if chart.chosen == Some(i) {
+            format!("fill=\"{ACCENT}\" font-weight=\"600\"")
+        } else {
+            String::new()
+        };
         row(TABLE + ROW * (number as f64 + 1.0), cells, &style);
     }
 }
@@ -348,7 +357,7 @@ pub fn seconds(value: f64) -> String {
 pub fn fidelity_csv(rated: &[Rated], edge: f64) -> String {
     let mut csv = "setting,engine,voxel_m,azimuth_divisor,frames,coverage,merged_m,seconds,seconds_low,\
                    seconds_high,bytes,beams,triangles,score_error_median,score_error_largest,tau,tau_low,\
-                   tau_high,regret,regret_low,regret_high,pose_seconds,pose_bytes,on_front\n"
+                   tau_high,regret,regret_low,regret_high,swapped,swapped_low,swapped_high,pose_seconds,pose_bytes,on_front\n"
         .to_owned();
     for rated in rated {
         let (measured, error) = (&rated.measured, &rated.error);
@@ -362,7 +371,7 @@ pub fn fidelity_csv(rated: &[Rated], edge: f64) -> String {
             .map_or(",".to_owned(), |pose| format!("{:.4e},{}", pose.seconds, pose.bytes));
         let _ = writeln!(
             csv,
-            "\"{}\",{},{},{},{},{},{},{:.4e},{:.4e},{:.4e},{},{},{},{},{},{tau},{},{},{},{pose},{}",
+            "\"{}\",{},{},{},{},{},{},{:.4e},{:.4e},{:.4e},{},{},{},{},{},{tau},{},{},{},{},{},{},{pose},{}",
             measured.rung.words(edge),
             match measured.rung.engine {
                 Engine::F64 => "f64",
@@ -386,6 +395,9 @@ pub fn fidelity_csv(rated: &[Rated], edge: f64) -> String {
             error.regret.value,
             error.regret.low,
             error.regret.high,
+            error.swapped.value,
+            error.swapped.low,
+            error.swapped.high,
             rated.on_front
         );
     }

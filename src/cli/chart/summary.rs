@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use serde_json::json;
-use sightline::fidelity::{Rated, Verdict};
+use sightline::fidelity::{MOST_SWAPPED, Rated, Verdict};
 use sightline::report::seconds;
 
 use super::Chart;
@@ -74,13 +74,17 @@ fn in_words(chart: &Chart, rated: &[Rated], verdict: &Verdict) -> Vec<String> {
         None => "there is no ranking to keep".to_owned(),
     };
     let kept = format!(
-        "Cheapest setting that keeps the ranking: {}, {} a placement; its best placement loses {:.2} % \
-         of the best score ({:.2} % at most in 95 % of resamples, {} % allowed), {tau}.",
+        "Cheapest setting that keeps the ranking within {0} %: {1}, {2} a placement; its best placement \
+         loses {3:.2} % of the best score (at most {4:.2} % in 95 % of resamples, {0} % allowed), of the \
+         pairs farther apart than {0} % it swaps {5:.1} % (at most {6:.1} %, {7} % allowed), {tau}.",
+        100.0 * chart.tolerance,
         taken.measured.rung.words(chart.edge),
         seconds(taken.measured.seconds),
         100.0 * taken.error.regret.value,
         100.0 * taken.error.regret.high,
-        100.0 * chart.tolerance,
+        100.0 * taken.error.swapped.value,
+        100.0 * taken.error.swapped.high,
+        100.0 * MOST_SWAPPED,
     );
     let f32 = verdict.saves_over_f32.map_or(String::new(), |times| {
         format!(" and {times:.1} times as fast as the same in f32 on the CPU")
@@ -118,6 +122,8 @@ impl Chart<'_> {
             "95 %",
             "regret %",
             "95 %",
+            "swapped %",
+            "95 %",
             "front",
         ];
         let mut rows = vec![titles.map(str::to_owned).to_vec()];
@@ -138,12 +144,18 @@ impl Chart<'_> {
                 range,
                 format!("{:.2}", 100.0 * error.regret.value),
                 format!("{:.2}–{:.2}", 100.0 * error.regret.low, 100.0 * error.regret.high),
+                format!("{:.1}", 100.0 * error.swapped.value),
+                format!("{:.1}–{:.1}", 100.0 * error.swapped.low, 100.0 * error.swapped.high),
                 if r.on_front { "front" } else { "" }.to_owned(),
             ]
         }));
         print!("{}", table::align(&rows));
         println!(
             "* other voxels, beams or coverage make the score another quantity; only the ranking compares"
+        );
+        println!(
+            "swapped: of the pairs farther apart than {} % of the best score, those in another order",
+            100.0 * self.tolerance
         );
         for line in &summary.left_out {
             println!("left out: {line}");
