@@ -106,6 +106,9 @@ fn scores_of_a_corridor_worked_out_by_hand() {
         close("s_mig", -bernoulli);
         assert_eq!((&ahead["covered"], &ahead["covered_nonzero"]), (&json!(10), &json!(3)));
         assert_eq!(ahead["covered_by_class"], json!({ "car": 3, "pole": 1 }));
+        // The target is the P-SOG's `car`; all others together are its `pole`.
+        let detection = ahead["detection"]["information_gain"].as_f64().unwrap();
+        assert!((detection - gain).abs() <= 1e-6 * gain, "{detection} is not {gain}");
         assert_eq!(ahead["beams"], 1);
         assert!(ahead["hit_share"].is_null());
         assert_eq!(ahead["guards"], json!([]));

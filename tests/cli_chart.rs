@@ -99,6 +99,8 @@ fn a_scene_without_geometry_has_a_shorter_ladder() {
     // What covers nothing has no score.
     assert!(answer["measured"][0]["scores"][0].is_f64());
     assert!(answer["measured"][0]["scores"][1].is_null());
+    scene["detection"] = json!([]);
+    fs::write(dir.path().join("scene.json"), scene.to_string()).unwrap();
     let detection = ["chart", "scene.json", "--objective", "detection.m_sog"];
     assert!(fails(dir.path(), &detection).contains("needs a detection target"));
 }

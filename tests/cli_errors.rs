@@ -39,6 +39,7 @@ fn a_bad_scene_is_answered_with_place_and_mend() {
         ("/mount/min_distanse", json!(1), &["scene.json", "min_distanse", "min_distance"]),
         ("/sightline", json!(2), &["scene.json", "sightline"]),
         ("/roi/voxel", json!([0.5, 1, 1]), &["P-SOG", "roi"]),
+        ("/detection", json!(["pole", "cat"]), &["scene.json", "detection[1]", "cat", "`car`"]),
     ];
     for (pointer, value, words) in cases {
         let answer = with_scene(pointer, value.clone());

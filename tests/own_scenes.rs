@@ -114,7 +114,7 @@ impl Own {
             directions.map(|&[x, y, z]| glam::DVec3::new(x.into(), -f64::from(y), z.into()));
         let range = self.scene.lidar().range();
         let table = BeamTable::from_directions(directions, range).unwrap();
-        let detection: Vec<u16> = self.scene.detection_classes().to_vec();
+        let detection: Vec<u16> = self.scene.detection_among(psog.classes());
         let content = sightline::backend::Content::from_psog(&psog, &detection);
         let far = self.problem.far_range();
         let frames = soups.iter().map(|soup| Arc::new(Bvh::build(soup, far))).collect();

@@ -89,7 +89,7 @@ impl Problem {
     /// As [`Self::from_scene`], over the P-SOG's own grid, whatever the scene's region of interest is.
     pub fn on_grid_of(psog: &Psog, scene: &Scene, table: BeamTable, frames: &[usize]) -> Self {
         let roi = psog.roi();
-        let content = Content::from_psog(psog, &psog_detection(scene, psog));
+        let content = Content::from_psog(psog, &scene.detection_among(psog.classes()));
         let far = Self::far_range_of(roi, table.range());
         let frames = if scene.has_geometry() { frames } else { &[] };
         let frames = shared_trees(frames, far, |t| scene.frame(t, EgoBody::Include));
@@ -133,10 +133,4 @@ fn bits(soup: &TriangleSoup) -> [&[u8]; 3] {
         bytemuck::cast_slice(&soup.faces),
         bytemuck::cast_slice(&soup.face_class),
     ]
-}
-
-/// Detection classes of the scene by the P-SOG's class ids: the two may list classes differently.
-fn psog_detection(scene: &Scene, psog: &Psog) -> Vec<u16> {
-    let names = scene.detection_classes().iter().map(|&class| &scene.classes()[class as usize]);
-    names.filter_map(|name| psog.class_id(name)).collect()
 }

@@ -113,8 +113,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     };
     let objective: Objective = state.settings.objective.parse()?;
     let (scene, psog, _) = load::scene_and_psog(&state.settings.scene, args.compute.talk)?;
-    let named = |&class: &u16| psog.class_id(&scene.classes()[usize::from(class)]).is_some();
-    if objective.needs_detection() && !scene.detection_classes().iter().any(named) {
+    if objective.needs_detection() && scene.detection_among(psog.classes()).is_empty() {
         return Err(Error::Usage(format!(
             "{}: the objective `{objective}` needs a detection target; name its classes under \
              `detection` in the scene",

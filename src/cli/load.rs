@@ -191,7 +191,11 @@ fn doomed(mut gpu: GpuBackend) -> GpuBackend {
 /// The P-SOG file that the scene names, if it names one.
 fn psog_file(scene: &Scene) -> Result<Option<Psog>, Error> {
     match scene.psog_source() {
-        PsogSource::File(path) => Ok(Some(read_psog(path)?)),
+        PsogSource::File(path) => {
+            let psog = read_psog(path)?;
+            scene.check_detection(psog.classes())?;
+            Ok(Some(psog))
+        }
         PsogSource::Scan(_) => Ok(None),
     }
 }

@@ -146,8 +146,7 @@ fn directions(lidar: &Lidar, divisor: u32) -> Vec<DVec3> {
 
 fn occupied(scene: &Scene, psog: &Psog) -> Vec<(u64, [f64; 3])> {
     let table = EntropyTable::new(psog.frames());
-    let named = |&class: &u16| psog.class_id(&scene.classes()[usize::from(class)]);
-    let targets: Vec<u16> = scene.detection_classes().iter().filter_map(named).collect();
+    let targets = scene.detection_among(psog.classes());
     let rows = psog.index().iter().zip(psog.rows());
     let worth = |row: &[u16]| {
         let target = targets.iter().map(|&c| row[usize::from(c)]).sum();

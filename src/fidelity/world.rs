@@ -91,9 +91,7 @@ impl World {
 
     /// What covering the voxels of one of the scene's P-SOGs is worth.
     pub(super) fn content(&self, psog: &Psog) -> Content {
-        let names = self.scene.detection_classes().iter();
-        let names = names.map(|&class| &self.scene.classes()[usize::from(class)]);
-        Content::from_psog(psog, &names.filter_map(|name| psog.class_id(name)).collect::<Vec<_>>())
+        Content::from_psog(psog, &self.scene.detection_among(psog.classes()))
     }
 
     /// Trees of all frames with every triangle, built on first use.

@@ -4,13 +4,15 @@ use super::{InformationMap, RunRecord, Scored, convergence_svg, placement_svg};
 use crate::placement::Constraints;
 use crate::search::GenerationRecord;
 
-const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;color:#1b2a3a;max-width:60rem;\
+const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;color:#1b2a3a;max-width:64rem;\
 margin:2rem auto;padding:0 1rem}h1{margin:0}table{border-collapse:collapse;margin:1rem 0;\
-font-variant-numeric:tabular-nums}th,td{padding:.25rem .7rem;text-align:right;\
-border-bottom:1px solid #dde4ea;white-space:nowrap}th:first-child,td:first-child{text-align:left}\
-tr.best{background:#fbecee;font-weight:600}.guard{color:#a32638;font-size:.9rem;text-align:left;\
-white-space:normal}svg{max-width:100%;height:auto}.wide{overflow-x:auto}dl{display:grid;\
-grid-template-columns:max-content 1fr;gap:.1rem 1rem}dt{color:#5a6b7b}dd{margin:0}";
+font-size:.9rem;font-variant-numeric:tabular-nums}th,td{padding:.25rem .5rem;text-align:right;\
+border-bottom:1px solid #dde4ea;white-space:nowrap}th{white-space:normal;vertical-align:bottom}\
+th:first-child,td:first-child{text-align:left}tr.best{background:#fbecee;font-weight:600}\
+.guard{color:#a32638;text-align:left;white-space:normal}svg{max-width:100%;height:auto}\
+.wide{overflow-x:auto}dl{display:grid;grid-template-columns:max-content 1fr;gap:.1rem 1rem}\
+dt{color:#5a6b7b}dd{margin:0}@media print{body{font-size:12px;max-width:none;margin:0;padding:0}\
+.wide{overflow:visible}th,td{padding:.1rem .3rem}h2{break-after:avoid}svg,tr{break-inside:avoid}}";
 
 fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
@@ -68,7 +70,7 @@ impl Figures {
     ) -> Self {
         let best = run.best.as_ref();
         Self {
-            convergence: convergence_svg(history, &run.objective, &run.baselines),
+            convergence: convergence_svg(history, &run.objective, &run.baselines, best),
             placement: best.map(|best| placement_svg(best, constraints, body)),
             map: best.zip(map).map(|(best, map)| map.svg(&best.placement)),
         }

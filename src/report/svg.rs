@@ -13,6 +13,9 @@ pub(super) const SECOND: &str = "#2f7ebc";
 pub(super) const LIDAR_COLOURS: [&str; 8] =
     ["#d1495b", "#2f7ebc", "#3d8f5f", "#c98a1b", "#7a4fa3", "#1f9e9e", "#8a5a3b", "#5a6b7b"];
 
+/// Name of the result's line.
+const RESULT: &str = "the result";
+
 /// Pixels of a chart's plot area.
 struct Frame {
     left: f64,
@@ -61,16 +64,20 @@ pub(super) fn open(width: f64, height: f64, title: &str) -> String {
     )
 }
 
-/// The best and the median objective against evaluations, the baselines as lines across.
+/// The best and the median objective against evaluations; the baselines and the result, which swaps may
+/// have found after the generations, as lines across.
 pub fn convergence_svg(
     history: &[GenerationRecord],
     objective: &str,
     baselines: &[Scored],
+    best: Option<&Scored>,
 ) -> String {
     let frame = Frame { left: 90.0, top: 30.0, width: 560.0, height: 300.0 };
     let mut svg = open(860.0, 390.0, "Convergence of the search");
-    let lines: Vec<(&str, f64)> =
+    let mut lines: Vec<(&str, f64)> =
         baselines.iter().filter_map(|b| Some((b.placement.name.as_str(), b.objective?))).collect();
+    let result = best.and_then(|best| best.objective);
+    lines.extend(result.map(|value| (RESULT, value)));
     let best: Vec<(f64, f64)> =
         history.iter().filter_map(|r| Some((r.evaluations as f64, r.best_so_far?))).collect();
     let median: Vec<(f64, f64)> =
@@ -117,11 +124,12 @@ pub fn convergence_svg(
     for (name, value) in sorted {
         let at = y(value);
         label_y = at.max(label_y + 15.0);
+        let (line, text) = if name == RESULT { (ACCENT, INK) } else { ("#8a97a5", "#5a6b7b") };
         let _ = writeln!(
             svg,
-            "<path d=\"M{} {at:.1}H{right}L{} {label_y:.1}\" stroke=\"#8a97a5\" fill=\"none\" \
+            "<path d=\"M{} {at:.1}H{right}L{} {label_y:.1}\" stroke=\"{line}\" fill=\"none\" \
              stroke-width=\".8\" stroke-dasharray=\"4 3\"/>\
-             <text x=\"{}\" y=\"{:.1}\" fill=\"#5a6b7b\">{}</text>",
+             <text x=\"{}\" y=\"{:.1}\" fill=\"{text}\">{}</text>",
             frame.left,
             right + 12.0,
             right + 16.0,
@@ -143,8 +151,8 @@ pub fn convergence_svg(
         "<path d=\"M{0} {1}V{bottom}H{right}\" fill=\"none\" stroke=\"{INK}\"/>\
          <text x=\"{2}\" y=\"{3}\" text-anchor=\"middle\">placements evaluated</text>\
          <text x=\"{0}\" y=\"18\">{4} (larger is better)</text>\
-         <text x=\"{5}\" y=\"18\" text-anchor=\"end\"><tspan fill=\"{ACCENT}\">best so far</tspan>  \
-         <tspan fill=\"{SECOND}\">median of a generation</tspan></text></svg>",
+         <text x=\"{5}\" y=\"18\" text-anchor=\"end\"><tspan fill=\"{ACCENT}\">thick: best so far</tspan> · \
+         <tspan fill=\"{SECOND}\">thin: median of a generation</tspan></text></svg>",
         frame.left,
         frame.top,
         frame.left + frame.width / 2.0,

@@ -39,16 +39,17 @@ const MAX_CLASSES: usize = 256;
 #[derive(Debug, Clone)]
 pub(crate) struct Classes {
     pub names: Vec<String>,
-    /// Ids of the detection target, rising.
-    pub detection: Vec<u16>,
+    /// Names that the scene's `detection` lists, and where it stands; `None` takes the defaults.
+    detection: Option<(Place, Vec<String>)>,
 }
 
 impl Classes {
-    /// Checks the `classes` and `detection` lists of a scene; `None` takes the defaults.
+    /// Checks the `classes` list of a scene; `None` takes the defaults. Whether the names of `detection`
+    /// exist is left to [`Self::check_detection`].
     pub fn new(
         top: &Place,
         names: Option<Vec<String>>,
-        detection: Option<&[String]>,
+        detection: Option<Vec<String>>,
     ) -> Result<Self, SceneError> {
         let names =
             names.unwrap_or_else(|| DEFAULT_CLASSES.iter().map(|&n| n.to_owned()).collect());
@@ -69,19 +70,26 @@ impl Classes {
                 return Err(bad(&at.item(i), format!("{name:?}"), "a name used once in the list"));
             }
         }
-        let mut classes = Self { names, detection: Vec::new() };
-        let mut ids = match detection {
-            None => DETECTION.iter().filter_map(|n| classes.find(n)).collect(),
-            Some(list) => {
-                let at = top.key("detection");
-                let ids = list.iter().enumerate().map(|(i, n)| classes.id(&at.item(i), n));
-                ids.collect::<Result<Vec<_>, _>>()?
-            }
+        Ok(Self { names, detection: detection.map(|list| (top.key("detection"), list)) })
+    }
+
+    /// Whether `classes` has every name that `detection` lists.
+    pub fn check_detection(&self, classes: &[String]) -> Result<(), SceneError> {
+        let (at, list) = match &self.detection {
+            Some((at, list)) => (at, list.as_slice()),
+            None => return Ok(()),
         };
-        ids.sort_unstable();
-        ids.dedup();
-        classes.detection = ids;
-        Ok(classes)
+        let missing = list.iter().enumerate().find(|(_, name)| !classes.contains(name));
+        missing.map_or(Ok(()), |(i, name)| Err(unknown(&at.item(i), name, classes)))
+    }
+
+    /// Ids in `classes` of the detection target, rising.
+    pub fn detection_among(&self, classes: &[String]) -> Vec<u16> {
+        let counts = |name: &str| match &self.detection {
+            Some((_, list)) => list.iter().any(|n| n == name),
+            None => DETECTION.contains(&name),
+        };
+        (0_u16..).zip(classes).filter(|(_, name)| counts(name)).map(|(id, _)| id).collect()
     }
 
     fn find(&self, name: &str) -> Option<u16> {
@@ -90,12 +98,16 @@ impl Classes {
 
     /// The id of `name`, which stands at `at`.
     pub fn id(&self, at: &Place, name: &str) -> Result<u16, SceneError> {
-        self.find(name).ok_or_else(|| SceneError::UnknownName {
-            at: Box::new(at.clone()),
-            kind: "class",
-            name: name.to_owned(),
-            nearest: nearest(name, self.names.iter().map(String::as_str)),
-            known: self.names.clone(),
-        })
+        self.find(name).ok_or_else(|| unknown(at, name, &self.names))
+    }
+}
+
+fn unknown(at: &Place, name: &str, classes: &[String]) -> SceneError {
+    SceneError::UnknownName {
+        at: Box::new(at.clone()),
+        kind: "class",
+        name: name.to_owned(),
+        nearest: nearest(name, classes.iter().map(String::as_str)),
+        known: classes.to_vec(),
     }
 }

@@ -114,7 +114,7 @@ impl Scene {
         let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
         let mount = Mount::new(&top.key("mount"), &scene.mount, &roi)?;
         let lidar = Lidar::new(&top.key("lidar"), scene.lidar, dir)?;
-        let classes = Classes::new(&top, scene.classes, scene.detection.as_deref())?;
+        let classes = Classes::new(&top, scene.classes, scene.detection)?;
 
         let mut builder = Builder::new(&top, &classes, &scene.shapes, dir);
         builder.check_named()?;
@@ -167,6 +167,9 @@ impl Scene {
             Coverage::new(&top.key("coverage"), scene.coverage.as_deref(), has_geometry)?;
         let psog = scene.psog.as_ref();
         let psog = PsogSource::new(&top, psog, has_geometry, dir, lidar.range(), &mount)?;
+        if matches!(psog, PsogSource::Scan(_)) {
+            classes.check_detection(&classes.names)?;
+        }
         Ok(Self {
             name,
             classes,
@@ -193,9 +196,18 @@ impl Scene {
         &self.classes.names
     }
 
-    /// Ids of the classes that count as the detection target, rising; may be empty.
-    pub fn detection_classes(&self) -> &[u16] {
-        &self.classes.detection
+    /// Ids, in a P-SOG's list of `classes`, of those that count as the detection target, rising; may be
+    /// empty.
+    pub fn detection_among(&self, classes: &[String]) -> Vec<u16> {
+        self.classes.detection_among(classes)
+    }
+
+    /// Checks that a P-SOG with these `classes` has every one that the scene's `detection` names.
+    ///
+    /// # Errors
+    /// The first that it has not.
+    pub fn check_detection(&self, classes: &[String]) -> Result<(), SceneError> {
+        self.classes.check_detection(classes)
     }
 
     /// The region of interest.

@@ -294,8 +294,11 @@ impl Auto {
 
     fn words(&self, share: f64) -> String {
         let all = self.levels[self.levels.len() - 1].len();
+        if all == 1 {
+            return "searched over the only frame that there is".to_owned();
+        }
         if self.levels.len() == 1 {
-            return format!("searched over all {all} frame(s): less would not keep the ranking");
+            return format!("searched over all {all} frames: less would not keep the ranking");
         }
         let steps: Vec<String> = self
             .steps

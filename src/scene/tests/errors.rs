@@ -226,11 +226,6 @@ fn bad_settings_are_named_with_their_place_and_mend() {
             "classes: a list of 0 is not 1 to 256 class names",
         ),
         (
-            "\"coverage\"",
-            "\"detection\": [\"vehicles\"], \"coverage\"",
-            "detection[0]: no class is called `vehicles`; did you mean `vehicle`?",
-        ),
-        (
             "\"name\": \"two-walls\"",
             "\"name\": \"a\", \"name\": \"b\"",
             "this key comes twice: `name` (line 1, column 37)",

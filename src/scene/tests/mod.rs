@@ -42,7 +42,9 @@ fn the_small_form_is_read() {
     assert_eq!((scene.has_geometry(), scene.frame_count()), (false, 1));
     assert_eq!(scene.frame(0, EgoBody::Include), TriangleSoup::default());
     assert_eq!(scene.classes().len(), 21);
-    assert_eq!(scene.detection_classes(), [9]);
+    assert_eq!(scene.detection_among(scene.classes()), [9]);
+    // The classes of a P-SOG count, whatever the scene calls its own.
+    assert_eq!(scene.detection_among(&["road".into(), "car".into()]), [1]);
     let mount = scene.mount();
     assert_eq!((mount.roll, mount.pitch, mount.yaw), ([-0.3, 0.3], [0.0; 2], [0.0; 2]));
     assert_eq!((mount.min_distance, mount.lidars), (0.2, 4));
