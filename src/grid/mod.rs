@@ -11,6 +11,7 @@
 //! | `scan` | a P-SOG from virtual scans of a scene |
 //! | `info` | what `psog info` prints |
 
+mod bundle;
 mod entropy;
 mod error;
 mod info;
