@@ -15,6 +15,7 @@ const HALVING_DEPTH: usize = MAX_DEPTH / 2;
 /// `(bound − origin) · inverse`.
 pub(crate) const PAD_SHARE: f32 = 1.0 / (1 << 20) as f32;
 
+#[derive(Clone, Copy)]
 struct Item {
     bounds: Aabb,
     centroid: Vec3,
@@ -25,6 +26,8 @@ struct Builder<'a> {
     source: &'a [Triangle],
     nodes: Vec<Node>,
     triangles: Vec<Triangle>,
+    /// Working memory of a split.
+    above: Vec<Item>,
 }
 
 impl Bvh {
@@ -49,6 +52,7 @@ impl Bvh {
             source: &source,
             nodes: Vec::new(),
             triangles: Vec::with_capacity(items.len()),
+            above: Vec::new(),
         };
         if !items.is_empty() {
             builder.nodes.push(Node { min: [0.0; 3], first: 0, max: [0.0; 3], count: 0 });
@@ -70,7 +74,7 @@ impl Builder<'_> {
         } else if depth >= HALVING_DEPTH {
             (items.len() > MAX_LEAF).then_some(items.len() / 2)
         } else {
-            best_split(items, &bounds)
+            best_split(items, &bounds, &mut self.above)
         };
         let Some(middle) = split else {
             let first = self.triangles.len() as u32;
@@ -95,7 +99,7 @@ impl Builder<'_> {
 }
 
 /// Reorders `items` and returns where to cut them, or `None` where a leaf is cheaper.
-fn best_split(items: &mut [Item], bounds: &Aabb) -> Option<usize> {
+fn best_split(items: &mut [Item], bounds: &Aabb, aside: &mut Vec<Item>) -> Option<usize> {
     let mut centroids = Aabb::EMPTY;
     for item in items.iter() {
         centroids.grow(item.centroid);
@@ -116,16 +120,21 @@ fn best_split(items: &mut [Item], bounds: &Aabb) -> Option<usize> {
         let mut above_cost = [0.0_f32; BINS];
         let (mut above, mut count) = (Aabb::EMPTY, 0);
         for bin in (1..BINS).rev() {
+            if counts[bin] == 0 {
+                above_cost[bin] = above_cost.get(bin + 1).copied().unwrap_or(0.0);
+                continue;
+            }
             above.merge(&boxes[bin]);
             count += counts[bin];
             above_cost[bin] = above.half_area() * count as f32;
         }
         let (mut below, mut count) = (Aabb::EMPTY, 0);
-        for bin in 0..BINS - 1 {
+        // A cut behind an empty bin is the cut before it.
+        for bin in (0..BINS - 1).filter(|&bin| counts[bin] > 0) {
             below.merge(&boxes[bin]);
             count += counts[bin];
             let cost = below.half_area() * count as f32 + above_cost[bin + 1];
-            if count > 0 && count < items.len() && best.is_none_or(|(c, ..)| cost < c) {
+            if count < items.len() && best.is_none_or(|(c, ..)| cost < c) {
                 best = Some((cost, axis, bin));
             }
         }
@@ -139,8 +148,19 @@ fn best_split(items: &mut [Item], bounds: &Aabb) -> Option<usize> {
         return None;
     }
     // A stable partition keeps equal input in input order, so that the tree is reproducible.
-    items.sort_by_key(|item| bin_of(item, axis, &centroids) > last_below);
-    Some(items.partition_point(|item| bin_of(item, axis, &centroids) <= last_below))
+    aside.clear();
+    let mut below = 0;
+    for at in 0..items.len() {
+        let item = items[at];
+        if bin_of(&item, axis, &centroids) <= last_below {
+            items[below] = item;
+            below += 1;
+        } else {
+            aside.push(item);
+        }
+    }
+    items[below..].copy_from_slice(aside);
+    Some(below)
 }
 
 fn bin_of(item: &Item, axis: usize, centroids: &Aabb) -> usize {

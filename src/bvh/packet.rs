@@ -150,6 +150,25 @@ impl Packet {
         prepare(self);
     }
 
+    /// [`Self::gather`] for the first `rays` of rays from one origin, their directions given axis by axis.
+    /// Those that are left over are cast too, and must have the same [`major_axis`].
+    pub fn gather_from(
+        &mut self,
+        origin: Vec3,
+        directions: &[[f32; PACKET_RAYS]; 3],
+        rays: usize,
+        t_max: f32,
+    ) {
+        self.len = rays;
+        self.t_max = t_max;
+        for axis in 0..3 {
+            self.origin[axis] = [[origin[axis]; CHUNK]; CHUNKS];
+            self.direction[axis].as_flattened_mut().copy_from_slice(&directions[axis]);
+        }
+        self.major = major_axis(Vec3::from(directions.map(|components| components[0])));
+        prepare(self);
+    }
+
     /// Closest hit of each ray after [`Bvh::closest_hits`], in order.
     pub fn hits(&self) -> impl Iterator<Item = Hit> {
         (0..self.len).map(|lane| self.hits.get(lane))

@@ -8,9 +8,10 @@
 //! | `entropy` | entropy of each voxel, in nats and in fixed point |
 //! | `vote` | labelled points to one class a voxel and frame, frames to a P-SOG |
 //! | `kitti`, `kitti_labels`, `kitti_psog` | labelled frames in the SemanticKITTI layout |
-//! | `scan` | a P-SOG from virtual scans of a scene |
+//! | `scan`, `bundle` | a P-SOG from virtual scans of a scene, and rays of a scan that are cast together |
 //! | `info` | what `psog info` prints |
 
+mod bundle;
 mod entropy;
 mod error;
 mod info;

@@ -159,6 +159,29 @@ impl Roi {
         Some(self.linear(coords))
     }
 
+    /// [`Self::voxel_of`] of many points, axis by axis; `u32::MAX` outside the grid.
+    #[inline(always)]
+    pub(super) fn voxels_of<const N: usize>(&self, points: &[[f64; N]; 3], voxels: &mut [u32; N]) {
+        let mut linear = [0.0; N];
+        let mut inside = [true; N];
+        for (a, points) in points.iter().enumerate() {
+            let (min, edge, count) = (self.min[a], self.voxel[a], f64::from(self.shape[a]));
+            let max = self.face(a, self.shape[a]);
+            for (n, &p) in points.iter().enumerate() {
+                let i = ((p - min) / edge).trunc().min(count - 1.0);
+                let below = p < min + i * edge;
+                let above = !below && p >= min + (i + 1.0) * edge;
+                let i = i + f64::from(u8::from(above)) - f64::from(u8::from(below));
+                inside[n] &= p >= min && p < max;
+                // Whole numbers below 2³¹, so exact.
+                linear[n] = linear[n] * count + i;
+            }
+        }
+        for n in 0..N {
+            voxels[n] = if inside[n] { linear[n] as u32 } else { u32::MAX };
+        }
+    }
+
     /// Linear index of the voxel that a hit at `point`, seen from `origin`, belongs to.
     ///
     /// The voxel of `point + PUSH·(point − origin)/|point − origin|`: the one rule shared by scoring

@@ -4,11 +4,18 @@ use serde::Serialize;
 use super::psog::check_classes;
 use super::{GridError, Psog, Roi};
 
+/// Votes that [`FrameVotes`] adds up before it lists them, a power of two.
+const RECENT: usize = 512;
+
 /// The labelled points of one frame as votes: each point votes for its class in its voxel.
 #[derive(Debug, Clone, Default)]
 pub struct FrameVotes {
-    /// `voxel << 16 | class`, so that sorting groups voxels and, in them, classes.
-    keys: Vec<u64>,
+    /// `voxel << 32 | class << 16 | votes`, so that sorting groups voxels and, in them, classes. The same
+    /// voxel and class may be listed several times.
+    entries: Vec<u64>,
+    /// Entries that may still grow, each where its voxel and class put it: points that are near each
+    /// other follow one another, and what is added up need not be sorted. None until the first vote.
+    recent: Vec<u64>,
     outside: u64,
 }
 
@@ -34,23 +41,43 @@ impl FrameVotes {
                 part
             })
             .collect();
-        for part in parts {
-            self.keys.extend_from_slice(&part.keys);
-            self.outside += part.outside;
-        }
+        parts.into_iter().for_each(|part| self.append(part));
+    }
+
+    /// Adds the votes of other points of the frame.
+    pub(super) fn append(&mut self, other: Self) {
+        self.entries.extend(other.entries);
+        self.entries.extend(other.recent.into_iter().filter(|entry| *entry as u16 > 0));
+        self.outside += other.outside;
+    }
+
+    /// Sorts the votes, as [`PsogBuilder::frame`] does with those that are not.
+    pub(super) fn sort(&mut self) {
+        self.entries.extend(self.recent.drain(..).filter(|entry| *entry as u16 > 0));
+        self.entries.par_sort_unstable();
     }
 }
 
 impl Extend<(Option<u64>, u16)> for FrameVotes {
     fn extend<I: IntoIterator<Item = (Option<u64>, u16)>>(&mut self, votes: I) {
+        self.recent.resize(RECENT, 0);
         for (voxel, class) in votes {
-            match voxel {
-                // No grid reaches 2⁴⁸ voxels; a number that large stays wrong, and is reported.
-                Some(voxel) => {
-                    self.keys.push((voxel.min((1 << 48) - 1) << 16) | u64::from(class));
+            let Some(voxel) = voxel else {
+                self.outside += 1;
+                continue;
+            };
+            // No grid reaches 2³² voxels; a number that large stays wrong, and is reported.
+            let key = voxel.min(u32::MAX.into()) << 16 | u64::from(class);
+            // Knuth, The Art of Computer Programming 3, §6.4: the golden ratio spreads neighbours.
+            let slot = key.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> (64 - RECENT.ilog2());
+            let recent = &mut self.recent[slot as usize];
+            if *recent >> 16 != key || *recent as u16 == u16::MAX {
+                if *recent as u16 > 0 {
+                    self.entries.push(*recent);
                 }
-                None => self.outside += 1,
+                *recent = key << 16;
             }
+            *recent += 1;
         }
     }
 }
@@ -123,21 +150,21 @@ impl PsogBuilder {
     /// # Errors
     /// A vote for a class or voxel that does not exist, or more than 65 535 frames; the frame is
     /// then not added.
-    pub fn frame(&mut self, votes: FrameVotes) -> Result<(), GridError> {
+    pub fn frame(&mut self, mut votes: FrameVotes) -> Result<(), GridError> {
         let frame = self.report.frames;
         if frame >= u64::from(u16::MAX) {
             return Err(GridError::TooManyFrames { frame: frame + 1, limit: u16::MAX.into() });
         }
-        let FrameVotes { mut keys, outside } = votes;
-        self.check(frame, &keys)?;
-        keys.par_sort_unstable();
-        let (run, ties) = winners(&keys);
+        votes.sort();
+        let FrameVotes { entries, outside, .. } = votes;
+        self.check(frame, &entries)?;
+        let (run, ties) = winners(&entries);
         self.report.frames += 1;
         self.report.voxels_voted += run.len() as u64;
         self.report.ties += ties;
-        self.report.points_in += keys.len() as u64;
+        self.report.points_in += votes_of(&entries);
         self.report.points_outside += outside;
-        drop(keys);
+        drop(entries);
         self.runs.push(run);
         while let [.., a, b] = &self.runs[..]
             && a.len() < 2 * b.len()
@@ -169,10 +196,10 @@ impl PsogBuilder {
         Ok((psog, self.report))
     }
 
-    fn check(&self, frame: u64, keys: &[u64]) -> Result<(), GridError> {
+    fn check(&self, frame: u64, entries: &[u64]) -> Result<(), GridError> {
         let (voxels, classes) = (self.roi.voxel_count(), self.classes.len());
-        for &key in keys {
-            let (voxel, class) = (key >> 16, key as u16);
+        for &entry in entries {
+            let (voxel, class) = (entry >> 32, (entry >> 16) as u16);
             if usize::from(class) >= classes {
                 return Err(GridError::VoteClass { frame, class, classes });
             }
@@ -190,15 +217,20 @@ impl PsogBuilder {
     }
 }
 
+fn votes_of(entries: &[u64]) -> u64 {
+    entries.iter().map(|entry| entry & 0xFFFF).sum()
+}
+
 /// The winning class of each voxel of sorted votes, as entries of one frame, and the number of ties.
-fn winners(keys: &[u64]) -> (Vec<u64>, u64) {
+fn winners(entries: &[u64]) -> (Vec<u64>, u64) {
     let (mut run, mut ties) = (Vec::new(), 0);
-    for votes in keys.chunk_by(|a, b| a >> 16 == b >> 16) {
-        let (mut best, mut most, mut tied) = (votes[0], 0, false);
-        for same in votes.chunk_by(|a, b| a == b) {
-            if same.len() > most {
-                (best, most, tied) = (same[0], same.len(), false);
-            } else if same.len() == most {
+    for voxel in entries.chunk_by(|a, b| a >> 32 == b >> 32) {
+        let (mut best, mut most, mut tied) = (0, 0, false);
+        for same in voxel.chunk_by(|a, b| a >> 16 == b >> 16) {
+            let votes = votes_of(same);
+            if votes > most {
+                (best, most, tied) = (same[0] >> 16, votes, false);
+            } else if votes == most {
                 tied = true;
             }
         }

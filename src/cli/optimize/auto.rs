@@ -376,3 +376,38 @@ impl Run {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two levels of which the second is all frames, and a merging that is used in the first.
+    fn auto() -> Auto {
+        let merging =
+            Merging { cell: 0.2, triangles: 100, merged: 10, error: Some(0.001), used: true };
+        Auto {
+            levels: vec![vec![1], vec![0, 1]],
+            errors: vec![Some(0.01), Some(0.0)],
+            merging: Some(merging),
+            at: 0,
+            finalists: vec![],
+            spent: [0; 3],
+            searched: 0,
+            swapped: 0,
+            known: vec![],
+            steps: vec![(0, 1)],
+            worst: 0.0,
+        }
+    }
+
+    #[test]
+    fn a_search_over_all_frames_is_over_every_triangle() {
+        let mut auto = auto();
+        assert_eq!((auto.frames(), auto.cell()), (&[1][..], Some(0.2)));
+        auto.at = auto.next();
+        assert_eq!((auto.frames(), auto.cell()), (&[0, 1][..], None));
+        auto.at = 0;
+        auto.merging.as_mut().unwrap().used = false;
+        assert_eq!(auto.cell(), None);
+    }
+}

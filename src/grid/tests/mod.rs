@@ -1,3 +1,4 @@
+mod bundle;
 mod entropy;
 mod kitti;
 mod kitti_real;

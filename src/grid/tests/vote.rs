@@ -44,7 +44,7 @@ fn wrong_votes_are_refused_and_leave_no_trace() {
     for (vote, wanted) in [
         ((Some(3), 2), "a point of frame 0 votes for class 2, but there are 2 classes"),
         ((Some(128), 1), "a point of frame 0 votes in voxel 128, but the grid has 128"),
-        ((Some(1 << 50), 1), "a point of frame 0 votes in voxel 281474976710655"),
+        ((Some(1 << 50), 1), "a point of frame 0 votes in voxel 4294967295"),
     ] {
         let mut votes = FrameVotes::new();
         votes.push(Some(5), 0);
