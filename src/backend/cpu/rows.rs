@@ -72,7 +72,6 @@ impl Rows {
     /// Moves the bits of a bitmap, which it clears, to one in the order of the grid.
     pub(super) fn move_in_order(&self, bitmap: &mut [u32], linear: &mut [u64]) {
         move_in_order(self.shape, bitmap, linear);
-        bitmap.fill(0);
     }
 }
 
@@ -105,38 +104,55 @@ fn add_transposed([nx, ny, _]: [usize; 3], along_y: &mut [u32], along_x: &mut [u
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
-#[allow(clippy::needless_range_loop)]
-fn move_in_order([nx, ny, nz]: [usize; 3], bitmap: &[u32], linear: &mut [u64]) {
+fn move_in_order([nx, ny, nz]: [usize; 3], bitmap: &mut [u32], linear: &mut [u64]) {
     let layer = nx.div_ceil(WORD) * ny;
-    for first_z in (0..nz).step_by(WORD) {
-        let layers = &bitmap[first_z * layer..(first_z + WORD).min(nz) * layer];
+    // Layers that hold bits, by blocks along y.
+    let mut filled = vec![0_u64; ny.div_ceil(WORD)];
+    for (group, layers) in bitmap.chunks_mut(2 * WORD * layer).enumerate() {
+        let first_z = group * 2 * WORD;
         for first_x in (0..nx).step_by(WORD) {
-            for first_y in (0..ny).step_by(WORD) {
-                let first = first_x / WORD * ny + first_y;
-                let len = WORD.min(ny - first_y);
-                // Rows are layers, then voxels along x; a lane is a voxel along y.
-                let mut block = [[0; WORD]; WORD];
-                let mut any = [0; WORD];
-                for (row, layer) in block.iter_mut().zip(layers.chunks_exact(layer)) {
-                    *row = load(&layer[first..first + len]);
-                    for i in 0..WORD {
-                        any[i] |= row[i];
-                    }
+            // Layer by layer, since they lie far apart; what is empty is not looked at again.
+            let first = first_x / WORD * ny;
+            filled.fill(0);
+            for (z, layer) in layers.chunks_exact(layer).enumerate() {
+                for (filled, words) in filled.iter_mut().zip(layer[first..first + ny].chunks(WORD))
+                {
+                    *filled |= u64::from(or_of(&load(words)) != 0) << z;
                 }
-                if or_of(&any) == 0 {
+            }
+            for (first_y, &filled) in (0..ny).step_by(WORD).zip(&filled) {
+                if filled == 0 {
                     continue;
                 }
-                transpose_lanes(&mut block);
-                for (x, row) in (first_x..nx).zip(&block) {
-                    if or_of(row) == 0 {
+                let len = WORD.min(ny - first_y);
+                let first = first + first_y;
+                // Rows are layers, then voxels along x; a lane is a voxel along y.
+                let mut halves = [[[0; WORD]; WORD]; 2];
+                let mut left = filled;
+                while left != 0 {
+                    let z = left.trailing_zeros() as usize;
+                    left &= left - 1;
+                    let words = &mut layers[z * layer + first..z * layer + first + len];
+                    halves[z / WORD % 2][z % WORD] = load(words);
+                    words.fill(0);
+                }
+                for (half, rows) in halves.iter_mut().enumerate() {
+                    if (filled >> (half * WORD)) as u32 != 0 {
+                        transpose_lanes(rows);
+                    }
+                }
+                let [low, high] = &halves;
+                for (x, (low, high)) in (first_x..nx).zip(low.iter().zip(high)) {
+                    let (columns, any) = join(low, high);
+                    if any == 0 {
                         continue;
                     }
                     let bit = (x * ny + first_y) * nz + first_z;
-                    if nz <= WORD {
-                        put(&row[..len], nz, bit, linear);
+                    if nz <= 2 * WORD {
+                        put(&columns[..len], nz, bit, linear);
                     } else {
-                        for (y, word) in row[..len].iter().enumerate() {
-                            put(std::slice::from_ref(word), WORD, bit + y * nz, linear);
+                        for (y, &column) in columns[..len].iter().enumerate() {
+                            put(&[column], nz, bit + y * nz, linear);
                         }
                     }
                 }
@@ -145,17 +161,28 @@ fn move_in_order([nx, ny, nz]: [usize; 3], bitmap: &[u32], linear: &mut [u64]) {
     }
 }
 
-/// Adds the lowest bits of some words, `width` each, one after another from bit `first` on.
+/// The lower and the upper halves of some columns together, and the bits that any of them has.
 #[inline(always)]
-fn put(words: &[u32], width: usize, first: usize, linear: &mut [u64]) {
-    let (mut at, mut fill, mut bits) = (first >> 6, first & 63, 0);
-    for &word in words {
-        let word = u64::from(word);
-        bits |= word << fill;
-        let rest = (word >> 1) >> (63 - fill);
-        fill += width;
+fn join(low: &[u32; WORD], high: &[u32; WORD]) -> ([u64; WORD], u64) {
+    let (mut columns, mut any) = ([0; WORD], 0);
+    for i in 0..WORD {
+        columns[i] = u64::from(low[i]) | u64::from(high[i]) << WORD;
+        any |= columns[i];
+    }
+    (columns, any)
+}
+
+/// Adds the lowest bits of some columns, `height` (up to 64) each, one after another from bit `first` on.
+#[inline(always)]
+fn put(columns: &[u64], height: usize, first: usize, linear: &mut [u64]) {
+    let (mut at, mut fill) = (first >> 6, first & 63);
+    let mut bits = linear[at];
+    for &column in columns {
+        bits |= column << fill;
+        let rest = (column >> 1) >> (63 - fill);
+        fill += height;
         if fill > 63 {
-            linear[at] |= bits;
+            linear[at] = bits;
             (at, fill, bits) = (at + 1, fill - 64, rest);
         }
     }
@@ -233,7 +260,7 @@ mod tests {
 
     #[test]
     fn bits_are_moved_to_the_same_voxels() {
-        for shape in [[5, 6, 3], [33, 40, 2], [64, 1, 35], [1, 33, 33], [70, 45, 67]] {
+        for shape in [[5, 6, 3], [33, 40, 2], [64, 1, 35], [1, 33, 33], [70, 45, 67], [3, 5, 130]] {
             let roi = Roi::new([0.0; 3], [1.0; 3], shape).unwrap();
             let rows = Rows::new(&roi);
             let [nx, ny, nz] = rows.shape;
