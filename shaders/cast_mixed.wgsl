@@ -1,9 +1,9 @@
 // cast_mixed: one invocation casts up to PACKET_RAYS beams that go roughly the same way.
 //
 // CPU twin   src/backend/cpu/packets.rs::cast_packets, src/bvh/{packet,bounds,ranges,lanes}.rs
-// Reads      slots (where the hits of each four go, NO_SLOT for none), beams (of each four x, y and z of
-//            the origins, then of the directions, whose major axis and signs are those of all beams of
-//            the packet), tree
+// Reads      order (by workgroup, which packets are its), slots (where the hits of each four go, NO_SLOT
+//            for none), beams (of each four x, y and z of the origins, then of the directions, whose
+//            major axis and signs are those of all beams of the packet), tree
 // Writes     hits at the slots; marks[packets]: which beams hit, and which are left to the host (their prim
 //            is UNFINISHED)
 // Dispatch   (ceil(packets / WORKGROUP_SIZE)), spilling into y; packets without beams are spare
@@ -29,11 +29,12 @@ struct Four {
 }
 
 @group(0) @binding(0) var<uniform> uniforms: Uniforms;
-@group(0) @binding(1) var<storage, read> slots: array<vec4<u32>>;
-@group(0) @binding(2) var<storage, read> beams: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read_write> hits: array<Hit>;
-@group(0) @binding(4) var<storage, read_write> marks: array<vec4<u32>>;
-@group(0) @binding(5) var tree: texture_2d<f32>;
+@group(0) @binding(1) var<storage, read> order: array<u32>;
+@group(0) @binding(2) var<storage, read> slots: array<vec4<u32>>;
+@group(0) @binding(3) var<storage, read> beams: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> hits: array<Hit>;
+@group(0) @binding(5) var<storage, read_write> marks: array<vec4<u32>>;
+@group(0) @binding(6) var tree: texture_2d<f32>;
 
 fn inverse_four(d: vec4<f32>) -> vec4<f32> {
     let zero = d == vec4(0.0);
@@ -51,12 +52,12 @@ fn new_four(at: u32, major: u32) -> Four {
     let dx = beams[6u * at + 3u];
     let dy = beams[6u * at + 4u];
     let dz = beams[6u * at + 5u];
-    let x = pick(dy, dz, dx, major);
-    let y = pick(dz, dx, dy, major);
+    let x = pick(dy, dx, dx, major);
+    let y = pick(dz, dz, dy, major);
     let z = pick(dx, dy, dz, major);
     return Four(
-        pick(oy, oz, ox, major),
-        pick(oz, ox, oy, major),
+        pick(oy, ox, ox, major),
+        pick(oz, oz, oy, major),
         pick(ox, oy, oz, major),
         x,
         y,
@@ -66,16 +67,9 @@ fn new_four(at: u32, major: u32) -> Four {
         inverse_four(z),
         x / z,
         y / z,
-        // Slots without a beam have a hit before all others.
-        select(vec4(uniforms.range), vec4(-1.0), slots[at] == vec4(NO_SLOT)),
+        vec4(uniforms.range),
         vec4(NO_HIT),
     );
-}
-
-// The sum of turned products, added in the order of the axes as they were before.
-fn sum_in_order(x: vec4<f32>, y: vec4<f32>, z: vec4<f32>, major: u32) -> vec4<f32> {
-    return select(x, y, major == 1u) + select(z, y, major == 2u)
-        + select(select(z, y, major == 0u), x, major == 1u);
 }
 
 // Four beams after one triangle (Woop, Benthin, Wald 2013).
@@ -102,8 +96,8 @@ fn intersect(four: Four, major: u32, triangle: Triangle) -> Four {
     let v = ax * cy - ay * cx;
     let w = bx * ay - by * ax;
     let zero = vec4(0.0);
-    let one_side = (least(least(u, v), w) >= zero) | (most(most(u, v), w) <= zero);
-    let inside = one_side & (u + v + w != zero);
+    // On one side of all edges; on both only where all three are zero.
+    let inside = (least(least(u, v), w) >= zero) != (most(most(u, v), w) <= zero);
 
     let x0 = (low.x - four.x) * four.inverse_x;
     let x1 = (high.x - four.x) * four.inverse_x;
@@ -121,7 +115,7 @@ fn intersect(four: Four, major: u32, triangle: Triangle) -> Four {
     let quotient = height / select(towards, vec4(1.0), level);
     let t = least(most(quotient, enter), leave);
     let closer = (t < four.t) | ((t == four.t) & (vec4(triangle.prim) < four.prim));
-    let ahead = inside & !level & (quotient > zero) & (four.t >= zero);
+    let ahead = inside & !level & (quotient > zero);
     // The host decides what passes beside the bare box: that of a padded one costs a fifth of this.
     let beside = ahead & (enter > leave);
     let is_hit = ahead & (t > zero) & closer;
@@ -151,7 +145,7 @@ fn cast_mixed(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let packet = (group.y * groups.x + group.x) * WORKGROUP_SIZE + local;
+    let packet = order[group.y * groups.x + group.x] * WORKGROUP_SIZE + local;
     let first = packet * PACKET_FOURS;
     if slots[first].x == NO_SLOT {
         return;
@@ -264,8 +258,9 @@ fn cast_mixed(
         let slot = slots[first + k];
         let prim = select(fours[k].prim, vec4(UNFINISHED), out_of_steps);
         store(slot, fours[k].t, prim);
-        let left = (prim == vec4(UNFINISHED)) & (slot != vec4(NO_SLOT));
-        mark |= vec4(marks_of(prim < vec4(UNFINISHED), k), marks_of(left, k));
+        let some = slot != vec4(NO_SLOT);
+        let left = (prim == vec4(UNFINISHED)) & some;
+        mark |= vec4(marks_of((prim < vec4(UNFINISHED)) & some, k), marks_of(left, k));
     }
     marks[packet] = mark;
 }

@@ -1,9 +1,9 @@
 // cast_packets: one invocation casts one direction from up to PACKET_RAYS sensors of one rotation.
 //
 // CPU twin   src/backend/cpu/packets.rs::cast_packets, src/bvh/{packet,bounds,lanes}.rs
-// Reads      poses, directions, blocks (the order of sensors that is best for the directions of a
-//            workgroup: where it begins), slots (sensors in that order by four, NO_SLOT for none),
-//            origins (x, y and z of each four), tree
+// Reads      poses, directions, blocks (where the order of sensors begins that is best for a workgroup's
+//            directions, and the block of these), slots (sensors in that order by four, NO_SLOT for
+//            none), origins (x, y and z of each four), tree
 // Writes     hits[sensors × direction_count] of the sensors in slots; marks[packets]: which beams hit,
 //            and which are left to the host (their prim is UNFINISHED)
 // Dispatch   (packets of sensors, ceil(direction_count / WORKGROUP_SIZE))
@@ -31,7 +31,7 @@ struct Way {
 @group(0) @binding(0) var<uniform> uniforms: Uniforms;
 @group(0) @binding(1) var<storage, read> poses: array<DevicePose>;
 @group(0) @binding(2) var<storage, read> directions: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read> blocks: array<u32>;
+@group(0) @binding(3) var<storage, read> blocks: array<vec2<u32>>;
 @group(0) @binding(4) var<storage, read> slots: array<vec4<u32>>;
 @group(0) @binding(5) var<storage, read> origins: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> hits: array<Hit>;
@@ -49,15 +49,14 @@ fn new_four(at: u32, major: u32) -> Four {
     let x = origins[3u * at];
     let y = origins[3u * at + 1u];
     let z = origins[3u * at + 2u];
-    // Slots without a sensor have a hit before all others.
-    let t = select(vec4(uniforms.range), vec4(-1.0), slots[at] == vec4(NO_SLOT));
     let first = major == 0u;
     let second = major == 1u;
+    let third = major == 2u;
     return Four(
-        select(select(x, z, second), y, first),
-        select(select(y, x, second), z, first),
+        select(x, y, first),
+        select(z, y, third),
         select(select(z, y, second), x, first),
-        t,
+        vec4(uniforms.range),
         vec4(NO_HIT),
     );
 }
@@ -67,13 +66,14 @@ fn intersect(four: Four, way: Way, triangle: Triangle) -> Four {
     let a = permute(triangle.a, way.major);
     let b = permute(triangle.b, way.major);
     let c = permute(triangle.c, way.major);
-    let normal = permute(triangle.normal, way.major);
     let low = min(min(a, b), c);
     let high = max(max(a, b), c);
     let backward = way.inverse < vec3(0.0);
     let near = select(low, high, backward);
     let far = select(high, low, backward);
     let towards = dot_in_order(triangle.normal, way.direction);
+    // No hit is ahead of beams along the plane: all heights become zero.
+    let normal = permute(select(triangle.normal, vec3(0.0), towards == 0.0), way.major);
 
     let dx = a.x - four.x;
     let dy = a.y - four.y;
@@ -90,8 +90,8 @@ fn intersect(four: Four, way: Way, triangle: Triangle) -> Four {
     let v = ax * cy - ay * cx;
     let w = bx * ay - by * ax;
     let zero = vec4(0.0);
-    let one_side = (least(least(u, v), w) >= zero) | (most(most(u, v), w) <= zero);
-    let inside = one_side & (u + v + w != zero);
+    // On one side of all edges; on both only where all three are zero.
+    let inside = (least(least(u, v), w) >= zero) != (most(most(u, v), w) <= zero);
 
     let enter = most(
         most((near.x - four.x) * way.inverse.x, (near.y - four.y) * way.inverse.y),
@@ -101,16 +101,11 @@ fn intersect(four: Four, way: Way, triangle: Triangle) -> Four {
         least((far.x - four.x) * way.inverse.x, (far.y - four.y) * way.inverse.y),
         (far.z - four.z) * way.inverse.z,
     );
-    // Added in the order of the axes as they were before they were turned.
-    let px = normal.x * dx;
-    let py = normal.y * dy;
-    let pz = normal.z * az;
-    let height = select(px, py, way.major == 1u) + select(pz, py, way.major == 2u)
-        + select(select(pz, py, way.major == 0u), px, way.major == 1u);
+    let height = sum_in_order(normal.x * dx, normal.y * dy, normal.z * az, way.major);
     let quotient = height / select(towards, 1.0, towards == 0.0);
     let t = least(most(quotient, enter), leave);
     let closer = (t < four.t) | ((t == four.t) & (vec4(triangle.prim) < four.prim));
-    let ahead = inside & vec4(towards != 0.0) & (quotient > zero) & (four.t >= zero);
+    let ahead = inside & (quotient > zero);
     // The host decides what passes beside the bare box: that of a padded one costs a fifth of this.
     let beside = ahead & (enter > leave);
     let is_hit = ahead & (t > zero) & closer;
@@ -131,11 +126,12 @@ fn cast_packets(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let beam = group.y * WORKGROUP_SIZE + local;
+    let block = blocks[group.y];
+    let beam = block.y * WORKGROUP_SIZE + local;
     if beam >= uniforms.direction_count {
         return;
     }
-    let first = blocks[group.y] + group.x * PACKET_FOURS;
+    let first = block.x + group.x * PACKET_FOURS;
     let way = new_way(beam_direction(poses[slots[first].x], directions[beam].xyz));
     var fours: array<Four, PACKET_FOURS>;
     var low = vec4(UNBOUNDED);

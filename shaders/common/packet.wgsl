@@ -54,6 +54,12 @@ fn most(a: vec4<f32>, b: vec4<f32>) -> vec4<f32> {
     return select(b, a, a > b);
 }
 
+// The sum of turned products, added in the order of the axes as they were before.
+fn sum_in_order(x: vec4<f32>, y: vec4<f32>, z: vec4<f32>, major: u32) -> vec4<f32> {
+    let upright = major == 2u;
+    return x + select(z, y, upright) + select(y, z, upright);
+}
+
 fn least_of(v: vec4<f32>) -> f32 {
     return min(min(v.x, v.y), min(v.z, v.w));
 }

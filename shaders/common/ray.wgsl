@@ -18,9 +18,10 @@ fn major_axis(direction: vec3<f32>) -> u32 {
     return select(2u, 1u, size.y > size.z);
 }
 
-// Moves the major axis to z, keeping the handedness.
+// Moves the major axis to z, so that of the others x stays before y. Mirrored for one of the axes, which
+// turns the signs of all edge functions and no more.
 fn permute(v: vec3<f32>, major: u32) -> vec3<f32> {
-    return select(select(v, v.zxy, major == 1u), v.yzx, major == 0u);
+    return select(select(v, v.xzy, major == 1u), v.yzx, major == 0u);
 }
 
 // Products added from left to right, which `dot` does not promise.

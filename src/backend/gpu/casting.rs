@@ -2,7 +2,7 @@ use rayon::prelude::*;
 
 use super::device::Device;
 use super::kernels::{Kernels, dispatch};
-use super::packets::{Mixed, Plan, RAYS};
+use super::packets::{Mixed, Plan, RAYS, scattered};
 use super::resources::ChunkBuffers;
 use crate::backend::layout::{MAX_WORKGROUPS, NO_SLOT, WORKGROUP_SIZE};
 use crate::backend::{BackendError, DevicePose};
@@ -43,7 +43,8 @@ const MARKS: usize = 3;
 const MIXED_SLOTS: usize = 4;
 const MIXED_BEAMS: usize = 5;
 const MIXED_MARKS: usize = 6;
-const NAMES: [&str; 7] = [
+const MIXED_ORDER: usize = 7;
+const NAMES: [&str; 8] = [
     "blocks of directions",
     "slots of packets",
     "origins of packets",
@@ -51,6 +52,7 @@ const NAMES: [&str; 7] = [
     "slots of mixed packets",
     "beams of mixed packets",
     "marks of mixed packets",
+    "order of mixed packets",
 ];
 
 /// A beam that the host is to cast: sensor × directions + direction.
@@ -74,6 +76,7 @@ impl PacketCaster {
         self.workgroups = [groups.div_ceil(rows), rows, 1];
         let mixed_packets = (groups.div_ceil(rows) * rows) as usize * LANES;
         self.slots.resize(mixed_packets * RAYS, NO_SLOT);
+        let order = scattered(mixed_packets / LANES);
 
         let packets = plan.packets as usize * plan.blocks.len() * LANES;
         let bytes = [
@@ -84,6 +87,7 @@ impl PacketCaster {
             size_of_val(self.slots.as_slice()) as u64,
             self.slots.len() as u64 * Mixed::BEAM,
             (mixed_packets * size_of::<Marks>()) as u64,
+            size_of_val(order.as_slice()) as u64,
         ];
         let held = self.buffers.iter().map(wgpu::Buffer::size);
         if self.buffers.is_empty() || held.zip(bytes).any(|(held, need)| held < need) {
@@ -98,6 +102,7 @@ impl PacketCaster {
         device.write(&self.buffers[BLOCKS], &plan.blocks);
         device.write(&self.buffers[SLOTS], &plan.slots);
         device.write(&self.buffers[ORIGINS], &plan.origins);
+        device.write(&self.buffers[MIXED_ORDER], &order);
         device.write(&self.buffers[MIXED_SLOTS], &self.slots);
         let mut first = 0;
         for part in &mixed {
@@ -135,6 +140,7 @@ impl PacketCaster {
         if !self.slots.is_empty() {
             let buffers = [
                 &chunk.uniforms,
+                &self.buffers[MIXED_ORDER],
                 &self.buffers[MIXED_SLOTS],
                 &self.buffers[MIXED_BEAMS],
                 &chunk.hits,
@@ -159,8 +165,8 @@ impl PacketCaster {
         let bytes = (marks * size_of::<Marks>()) as u64;
         let marks: Vec<Marks> = device.read("cast_packets", &self.buffers[MARKS], bytes)?;
         let groups = marks.par_chunks(LANES).enumerate().map(|(group, marks)| {
-            let block = group / plan.packets as usize;
-            let first = 4 * plan.blocks[block] as usize + group % plan.packets as usize * RAYS;
+            let [first, block] = plan.blocks[group / plan.packets as usize].map(|at| at as usize);
+            let first = 4 * first + group % plan.packets as usize * RAYS;
             let valid = LANES.min(directions - block * LANES);
             let mut counts = [0; RAYS];
             let mut left = Vec::new();

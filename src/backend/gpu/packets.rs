@@ -36,8 +36,9 @@ pub(super) struct Plan {
     /// By order of sensors, packet and slot; [`NO_SLOT`] where there is none.
     pub(super) slots: Vec<u32>,
     pub(super) origins: Vec<Four>,
-    /// For each block of directions, the first four of its order.
-    pub(super) blocks: Vec<u32>,
+    /// Blocks of directions in the order of [`scattered`]: the first four of the block's order of
+    /// sensors, and the block.
+    pub(super) blocks: Vec<[u32; 2]>,
     /// The other sensors.
     pub(super) alone: Vec<u32>,
 }
@@ -71,7 +72,10 @@ impl Plan {
         let blocks = directions.len().div_ceil(WORKGROUP_SIZE as usize);
         let orders = blocks.min(ORDERS);
         let fours = plan.packets as usize * PACKET_FOURS as usize;
-        plan.blocks = (0..blocks).map(|block| (block * orders / blocks * fours) as u32).collect();
+        plan.blocks = scattered(blocks)
+            .into_iter()
+            .map(|block| [(block as usize * orders / blocks * fours) as u32, block])
+            .collect();
         plan.slots = vec![NO_SLOT; orders * 4 * fours];
         plan.origins = vec![Four::default(); orders * fours];
         let parts = plan.slots.par_chunks_mut(4 * fours).zip(plan.origins.par_chunks_mut(fours));
@@ -96,6 +100,16 @@ impl Plan {
         });
         plan
     }
+}
+
+/// So many numbers from 0, in an order in which every stretch holds numbers from everywhere: a software
+/// device gives each of its threads a stretch of the workgroups, and these are to take equally long.
+pub(super) fn scattered(count: usize) -> Vec<u32> {
+    /// The golden ratio's share of 2³²: its multiples lie apart from each other.
+    const STEP: u32 = 0x9e37_79b9;
+    let mut numbers: Vec<u32> = (0..count as u32).collect();
+    numbers.sort_unstable_by_key(|number| number.wrapping_mul(STEP));
+    numbers
 }
 
 /// How many of so many sensors of one rotation are put in packets of one direction.
