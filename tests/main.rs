@@ -15,6 +15,7 @@ mod common;
 mod cover;
 mod equal_frames;
 mod fast_stages;
+mod gpu_cover;
 mod gpu_cpu;
 mod gpu_packets;
 mod grid_search;

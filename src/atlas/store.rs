@@ -14,10 +14,11 @@ use crate::placement::SensorPose;
 /// First bytes of a page's file; the digit counts the formats.
 const MAGIC: &[u8; 16] = b"sightline page 1";
 /// What decides about the bits a pose covers: other kernels, other pages.
-const KERNELS: [&str; 4] = [
+const KERNELS: [&str; 5] = [
     env!("CARGO_PKG_VERSION"),
     include_str!("../../shaders/common/beam.wgsl"),
     include_str!("../../shaders/cast_closest.wgsl"),
+    include_str!("../../shaders/cover_bricks.wgsl"),
     include_str!("../../shaders/cover_voxels.wgsl"),
 ];
 /// Length of a SHA-256.

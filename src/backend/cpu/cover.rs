@@ -14,7 +14,7 @@ use crate::placement::BeamTable;
 /// nothing or `hits` is `None`. `bitmaps` becomes `[poses × words]`; bit b of word w is the voxel of
 /// linear index 64 w + b.
 ///
-/// CPU twin of `shaders/cover_voxels.wgsl`.
+/// CPU twin of `shaders/cover_bricks.wgsl` and of `shaders/cover_voxels.wgsl`.
 pub fn cover_voxels(
     poses: &[DevicePose],
     table: &BeamTable,

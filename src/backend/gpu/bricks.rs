@@ -1,8 +1,11 @@
-use crate::backend::{Content, OccupiedVoxel};
+use crate::backend::{Content, DevicePose, OccupiedVoxel};
 use crate::grid::Roi;
 
 /// Voxels along each axis of a brick, as powers of two.
 const SHIFT: [u32; 3] = [2, 2, 1];
+/// Voxels along an axis below which crossings of different planes are different numbers, and a walk from
+/// brick to brick ends within [`STEP_BUDGET`](crate::backend::layout::STEP_BUDGET).
+const PLAIN: f32 = (1 << 15) as f32;
 
 /// Order of the voxels in a device's bitmaps: bricks of 4 × 4 × 2 voxels, a 32-bit word each.
 ///
@@ -24,6 +27,14 @@ impl Bricks {
     /// 32-bit words of a bitmap; an even number, so that it is also one of 64-bit words.
     pub(super) fn words(&self) -> u64 {
         self.count.iter().map(|&n| u64::from(n)).product::<u64>().next_multiple_of(2)
+    }
+
+    /// Whether beams may go from brick to brick: those of a sensor in the grid, and that a plain one.
+    pub(super) fn lead_from(&self, pose: &DevicePose) -> bool {
+        self.shape.iter().zip(pose.in_grid).all(|(&n, p)| {
+            let n = n as f32;
+            n < PLAIN && (0.0..n).contains(&p)
+        })
     }
 
     /// Number of the bit of a voxel, from its linear index.

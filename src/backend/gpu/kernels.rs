@@ -9,10 +9,11 @@ const PACKET: &str = include_str!("../../../shaders/common/packet.wgsl");
 const COVERED: &str = include_str!("../../../shaders/common/covered.wgsl");
 
 /// (kernel, parts of its source): the name is that of the file, the entry point and the CPU twin.
-pub(crate) const SOURCES: [(&str, &[&str]); 7] = [
+pub(crate) const SOURCES: [(&str, &[&str]); 8] = [
     ("cast_closest", &[BEAM, RAY, include_str!("../../../shaders/cast_closest.wgsl")]),
     ("cast_packets", &[BEAM, RAY, PACKET, include_str!("../../../shaders/cast_packets.wgsl")]),
     ("cast_mixed", &[BEAM, RAY, PACKET, include_str!("../../../shaders/cast_mixed.wgsl")]),
+    ("cover_bricks", &[BEAM, include_str!("../../../shaders/cover_bricks.wgsl")]),
     ("cover_voxels", &[BEAM, include_str!("../../../shaders/cover_voxels.wgsl")]),
     ("reduce_words", &[BEAM, include_str!("../../../shaders/reduce_words.wgsl"), COVERED]),
     ("reduce_occupied", &[BEAM, include_str!("../../../shaders/reduce_occupied.wgsl"), COVERED]),

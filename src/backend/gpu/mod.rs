@@ -206,7 +206,7 @@ impl GpuBackend {
         }
         let lidars = placements.iter().map(|p| p.lidars.len() as u32);
         let chunk = self.chunk.as_mut().expect("made above");
-        chunk.load(&self.device, &poses, lidars, in_slice);
+        chunk.load(&self.device, &Bricks::new(self.problem.roi()), &poses, lidars, in_slice);
         self.device.check("uploading placements")
     }
 

@@ -142,6 +142,8 @@ pub(super) struct Slice {
     pub(super) placements: Range<usize>,
     pub(super) first_sensor: u32,
     pub(super) sensors: u32,
+    /// Whether all beams go from brick to brick, or some voxel by voxel.
+    pub(super) in_bricks: bool,
 }
 
 /// Work buffers of one chunk.
@@ -203,6 +205,7 @@ impl ChunkBuffers {
     pub(super) fn load(
         &mut self,
         device: &Device,
+        bricks: &Bricks,
         poses: &[DevicePose],
         lidars: impl Iterator<Item = u32>,
         in_slice: usize,
@@ -223,6 +226,7 @@ impl ChunkBuffers {
                 placements: chunk.placements,
                 first_sensor: chunk.sensors.start as u32,
                 sensors: chunk.sensors.len() as u32,
+                in_bricks: poses[chunk.sensors].iter().all(|pose| bricks.lead_from(pose)),
             })
             .collect();
         device.write(&self.poses, poses);

@@ -166,10 +166,14 @@ impl Run<'_> {
                 bitmaps,
                 &chunk.walk_state,
             ];
+            let (kernel, buffers) = match slice.in_bricks {
+                true => ("cover_bricks", &buffers[..5]),
+                false => ("cover_voxels", &buffers[..]),
+            };
             let groups = beam_workgroups(self.directions(), slice.sensors);
-            dispatch(self.device, encoder, self.kernels, "cover_voxels", &buffers, None, groups);
+            dispatch(self.device, encoder, self.kernels, kernel, buffers, None, groups);
         };
-        let passes = walk_passes(self.problem);
+        let passes = if slice.in_bricks { 1 } else { walk_passes(self.problem) };
         // A walk of one pass keeps no state, which pass 0 tells.
         let first = u32::from(passes > 1);
         self.write_uniforms(frame, range, first, slice.first_sensor);
@@ -201,7 +205,7 @@ impl Run<'_> {
             let bitmaps = &self.chunk.bitmaps[turn % self.chunk.bitmaps.len()];
             let record = self.cover(frame, range, slice, bitmaps);
             let bytes = 4 * u64::from(slice.sensors) * words;
-            let reading = self.device.start("cover_voxels", record, bitmaps, bytes)?;
+            let reading = self.device.start("covering", record, bitmaps, bytes)?;
             finish(under_way.replace((slice, reading)))?;
         }
         finish(under_way)
@@ -211,7 +215,7 @@ impl Run<'_> {
     pub(super) fn cover_all(&self, frame: usize, range: f32) -> Result<(), BackendError> {
         for slice in &self.chunk.slices {
             let record = self.cover(frame, range, slice, &self.chunk.bitmaps[0]);
-            self.device.submit("cover_voxels", record)?;
+            self.device.submit("covering", record)?;
         }
         Ok(())
     }

@@ -1,0 +1,123 @@
+// cover_bricks: one invocation walks one beam from brick to brick and marks the voxels it traverses.
+//
+// CPU twin   src/backend/cpu/cover.rs::cover_voxels
+// Reads      poses[sensors], directions[direction_count], hits[sensors × direction_count] where beams
+//            end at hits
+// Writes     bitmaps[dispatched sensors × bitmap_words], a word a brick of 4 × 4 × 2 voxels (see
+//            src/backend/gpu/bricks.rs), bits set by atomic or
+// Dispatch   (ceil(direction_count / WORKGROUP_SIZE), sensors from first_sensor on), x spilling into z;
+//            sensors that `Bricks::lead_from` allows
+// Numerics   f32; plane i is crossed at (i − p) · inverse, from the plane's number alone
+//
+// Which voxels of a brick the beam traverses follows from the order in which it crosses the planes in it,
+// without a walk: those voxels are left that no plane and no pair of planes rules out. A plane that is
+// crossed when the beam comes rules out what lies before it; one that is not crossed when it leaves or
+// ends, what lies behind. Where plane a is crossed no later than plane b, nothing is traversed that
+// lies before a and behind b.
+
+@group(0) @binding(0) var<uniform> uniforms: Uniforms;
+@group(0) @binding(1) var<storage, read> poses: array<DevicePose>;
+@group(0) @binding(2) var<storage, read> directions: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> hits: array<Hit>;
+@group(0) @binding(4) var<storage, read_write> bitmaps: array<atomic<u32>>;
+
+// Voxels of a brick below each of the planes in it.
+const BELOW_X: vec3<u32> = vec3(0x000000ffu, 0x0000ffffu, 0x00ffffffu);
+const BELOW_Y: vec3<u32> = vec3(0x03030303u, 0x0f0f0f0fu, 0x3f3f3f3fu);
+const BELOW_Z: u32 = 0x55555555u;
+const SIZE: vec3<f32> = vec3(4.0, 4.0, 2.0);
+const PLANES: vec3<f32> = vec3(1.0, 2.0, 3.0);
+const NONE: vec3<u32> = vec3(0u);
+
+@compute @workgroup_size(WORKGROUP_SIZE)
+fn cover_bricks(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let sensor = uniforms.first_sensor + group.y;
+    let beam = (group.z * groups.x + group.x) * WORKGROUP_SIZE + local;
+    if beam >= uniforms.direction_count {
+        return;
+    }
+    var t_end = uniforms.range;
+    if uniforms.ends_at_hits == 1u {
+        let hit = hits[sensor * uniforms.direction_count + beam];
+        if hit.prim != NO_HIT {
+            t_end = hit.t + PUSH;
+        }
+    }
+    let pose = poses[sensor];
+    let p = pose.in_grid.xyz;
+    let direction = beam_direction(pose, directions[beam].xyz);
+    let forward = direction >= vec3(0.0);
+    // A beam that starts on a plane and goes backward has crossed it.
+    let cell = select(ceil(p) - 1.0, floor(p), forward);
+    if t_end < 0.0 || any(cell < vec3(0.0)) {
+        return;
+    }
+    let level = direction == vec3(0.0);
+    // Divides by one where the beam stays level, to keep infinities out.
+    let divisor = select(direction, vec3(1.0), level);
+    let inverse = select(uniforms.voxel / divisor, vec3(FAR), level);
+    let last = select(vec3(0.0), vec3<f32>(uniforms.shape), forward);
+    let exits = (last - p) * inverse;
+    let exit = min(min(min(exits.x, exits.y), exits.z), FAR);
+    // A crossing at the very end counts, the one by which the beam leaves the grid does not.
+    let stop = select(exit, bitcast<f32>(bitcast<u32>(t_end) + 1u), t_end < exit);
+
+    // Voxels before each plane and behind it, and between planes in both orders.
+    let back = select(vec3(~0u), NONE, forward);
+    let before_x = BELOW_X ^ back.xxx;
+    let before_y = BELOW_Y ^ back.yyy;
+    let before_z = BELOW_Z ^ back.z;
+    let behind_x = ~before_x;
+    let behind_y = ~before_y;
+    let behind_z = ~before_z;
+    let x_y1 = before_x & behind_y.xxx;
+    let y1_x = before_y.xxx & behind_x;
+    let x_y2 = before_x & behind_y.yyy;
+    let y2_x = before_y.yyy & behind_x;
+    let x_y3 = before_x & behind_y.zzz;
+    let y3_x = before_y.zzz & behind_x;
+    let x_z = before_x & vec3(behind_z);
+    let z_x = vec3(before_z) & behind_x;
+    let y_z = before_y & vec3(behind_z);
+    let z_y = vec3(before_z) & behind_y;
+
+    let at = vec3<u32>(cell) >> vec3(2u, 2u, 1u);
+    let bricks = (uniforms.shape + vec3(3u, 3u, 1u)) >> vec3(2u, 2u, 1u);
+    let stride = vec3(bricks.y * bricks.z, bricks.z, 1u);
+    let base = group.y * uniforms.bitmap_words;
+    var word = base + at.x * stride.x + at.y * stride.y + at.z * stride.z;
+    var corner = vec3<f32>(at) * SIZE;
+    let next_word = select(NONE - stride, stride, forward);
+    let next_corner = select(-SIZE, SIZE, forward);
+    let ahead = select(vec3(0.0), SIZE, forward);
+    var t = 0.0;
+    loop {
+        let x = (corner.xxx + PLANES - p.xxx) * inverse.xxx;
+        let y = (corner.yyy + PLANES - p.yyy) * inverse.yyy;
+        let z = (corner.z + 1.0 - p.z) * inverse.z;
+        let exits = (corner + ahead - p) * inverse;
+        let exit = min(min(exits.x, exits.y), exits.z);
+        let until = min(exit, stop);
+        var out = select(NONE, before_x, x <= vec3(t)) | select(NONE, behind_x, x >= vec3(until));
+        out |= select(NONE, before_y, y <= vec3(t)) | select(NONE, behind_y, y >= vec3(until));
+        out |= select(NONE, x_y1, x <= y.xxx) | select(NONE, y1_x, y.xxx <= x);
+        out |= select(NONE, x_y2, x <= y.yyy) | select(NONE, y2_x, y.yyy <= x);
+        out |= select(NONE, x_y3, x <= y.zzz) | select(NONE, y3_x, y.zzz <= x);
+        out |= select(NONE, x_z, x <= vec3(z)) | select(NONE, z_x, vec3(z) <= x);
+        out |= select(NONE, y_z, y <= vec3(z)) | select(NONE, z_y, vec3(z) <= y);
+        let out_z = select(0u, before_z, z <= t) | select(0u, behind_z, z >= until);
+        atomicOr(&bitmaps[word], ~(out.x | out.y | out.z | out_z));
+        if exit >= stop {
+            break;
+        }
+        t = exit;
+        let crosses = exits == vec3(exit);
+        corner += select(vec3(0.0), next_corner, crosses);
+        let on = select(NONE, next_word, crosses);
+        word += on.x + on.y + on.z;
+    }
+}
