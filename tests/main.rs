@@ -6,6 +6,7 @@ mod atlas;
 mod cli;
 mod cli_chart;
 mod cli_errors;
+mod cli_inputs;
 mod cli_merging;
 mod cli_optimize;
 mod cli_rules;

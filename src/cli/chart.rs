@@ -18,13 +18,14 @@ use sightline::score::Objective;
 
 use super::args::{BackendChoice, Compute, Format, format_or_default};
 use super::error::Error;
+use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::output::{writable_folder, write_whole};
 use super::{load, optimize, progress};
 use summary::Summary;
 
 /// Version of the state in `chart.json`.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Repeats of a timing, and of a quick one.
 const REPEATS: [usize; 2] = [5, 3];
 
@@ -100,18 +101,24 @@ struct Settings {
 struct State {
     chart: u32,
     settings: Settings,
+    inputs: Vec<Input>,
     yardstick_seconds: Option<f64>,
     measured: Vec<Measured>,
 }
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     args.compute.start_threads()?;
-    let (folder, state) = match &args.resume {
+    let (folder, mut state) = match &args.resume {
         Some(folder) => (folder.clone(), saved(folder)?),
         None => (new_folder(args)?, fresh(args)?),
     };
     let objective: Objective = state.settings.objective.parse()?;
     let (scene, psog, _) = load::scene_and_psog(&state.settings.scene, args.compute.talk)?;
+    let inputs = Input::of(&scene)?;
+    if args.resume.is_some() {
+        Input::check(&folder, &state.inputs, &inputs)?;
+    }
+    state.inputs = inputs;
     let named = |&class: &u16| psog.class_id(&scene.classes()[usize::from(class)]).is_some();
     if objective.needs_detection() && !scene.detection_classes().iter().any(named) {
         return Err(Error::Usage(format!(
@@ -169,7 +176,8 @@ fn fresh(args: &Args) -> Result<State, Error> {
         quick: args.quick,
         seed: args.seed,
     };
-    Ok(State { chart: VERSION, settings, yardstick_seconds: None, measured: Vec::new() })
+    let (inputs, measured) = (Vec::new(), Vec::new());
+    Ok(State { chart: VERSION, settings, inputs, yardstick_seconds: None, measured })
 }
 
 fn new_folder(args: &Args) -> Result<PathBuf, Error> {

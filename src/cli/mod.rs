@@ -6,6 +6,7 @@ mod cast;
 mod chart;
 mod devices;
 mod error;
+mod inputs;
 mod interrupt;
 mod load;
 mod optimize;

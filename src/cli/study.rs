@@ -6,11 +6,13 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use serde_json::json;
+use sightline::scene::Scene;
 use sightline::score::Objective;
 use sightline::study::Region;
 
 use super::args::{Compute, Format, format_or_default};
 use super::error::Error;
+use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::table;
 use bench::Bench;
@@ -156,10 +158,18 @@ fn settings(args: &Args) -> Result<serde_json::Value, Error> {
     let absolute = |paths: &[PathBuf]| -> Result<Vec<PathBuf>, Error> {
         paths.iter().map(|p| std::path::absolute(p).map_err(Error::io(p))).collect()
     };
+    let mut inputs = Vec::new();
+    for scene in &args.scenes {
+        inputs.extend(Input::of(&Scene::read(scene)?)?);
+    }
+    for sensor in &args.sensor {
+        inputs.push(Input::read(sensor)?);
+    }
     Ok(json!({
         "sightline": env!("CARGO_PKG_VERSION"),
         "study": args.kind.name(),
         "scenes": absolute(&args.scenes)?,
+        "inputs": inputs,
         "objective": args.objective,
         "evaluations": args.evaluations,
         "frames": args.frames,
