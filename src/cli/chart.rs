@@ -16,7 +16,7 @@ use sightline::placement::{Placement, read_placements};
 use sightline::report::{ChartFrame, fidelity_csv, fidelity_svg};
 use sightline::score::Objective;
 
-use super::args::{BackendChoice, Compute, Format, format_or_default};
+use super::args::{BackendChoice, Compute, Format, format_or_default, whole};
 use super::error::Error;
 use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
@@ -65,7 +65,7 @@ pub struct Args {
     #[arg(long, conflicts_with = "resume")]
     quick: bool,
     /// Seed of the random placements and of the bootstrap
-    #[arg(long, default_value_t = 1, conflicts_with = "resume")]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>, conflicts_with = "resume")]
     seed: u64,
     /// How to print the result [default: text on a terminal, else json]
     #[arg(long, value_enum)]
@@ -345,8 +345,8 @@ impl Chart<'_> {
         self.write_text("chart.csv", &fidelity_csv(&rated, self.edge))?;
         self.write_json(Some(&summary))?;
         match format_or_default(args.format) {
-            Format::Json => println!("{}", self.json(Some(&summary))),
-            Format::Text => self.print(&rated, &summary),
+            Format::Json => outln!("{}", self.json(Some(&summary)))?,
+            Format::Text => self.print(&rated, &summary)?,
         }
         Ok(())
     }

@@ -21,7 +21,7 @@ use sightline::scene::MountRules;
 use sightline::score::Objective;
 use sightline::search::{Evaluator, GenerationRecord, Search, SearchSettings, SearchStop};
 
-use super::args::{Compute, Format, Talk, parse_size};
+use super::args::{Compute, Format, Talk, at_least_one, finite, parse_size, whole};
 use super::error::Error;
 use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
@@ -59,14 +59,15 @@ pub struct Args {
     /// Placements that the generations evaluate; the swaps then cast one and a half times as many
     /// sensor poses as those did
     #[arg(long, value_name = "N", default_value_t = 180, conflicts_with = "resume",
-          value_parser = clap::value_parser!(u64).range(1..))]
+          value_parser = at_least_one)]
     evaluations: u64,
     /// Seconds from the start after which the search ends, generations after two fifths of them;
     /// --resume goes on from there. Confirming the result and writing it come on top
     #[arg(long, value_name = "S", visible_alias = "time", value_parser = parse_seconds)]
     max_seconds: Option<f64>,
     /// Score over all frames at which the search ends
-    #[arg(long, value_name = "SCORE", conflicts_with = "resume", allow_negative_numbers = true)]
+    #[arg(long, value_name = "SCORE", conflicts_with = "resume", allow_hyphen_values = true,
+          value_parser = finite)]
     target: Option<f64>,
     /// Placements of a generation [default: chosen from the number of variables]
     #[arg(long, value_name = "N", conflicts_with = "resume",
@@ -93,7 +94,7 @@ pub struct Args {
     #[arg(long, value_name = "M[,RAD]", conflicts_with = "resume", value_parser = parse_spacing)]
     delta: Option<Spacing>,
     /// Seed of all randomness
-    #[arg(long, default_value_t = 1, conflicts_with = "resume")]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>, conflicts_with = "resume")]
     seed: u64,
     /// Placements to compare with, and to start from where the mount allows them
     /// [default: Table 7 of the paper]
@@ -312,7 +313,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     );
     let spent = Spent { times: record.timings, ..generations_spent };
     run.folder.finish(&record, &figures, &spent)?;
-    print(args, &record, run.folder.path());
+    print(args, &record, run.folder.path())?;
     Ok(if interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
 

@@ -10,7 +10,7 @@ use sightline::scene::Scene;
 use sightline::score::Objective;
 use sightline::study::Region;
 
-use super::args::{Compute, Format, format_or_default};
+use super::args::{Compute, Format, at_least_one, format_or_default, whole};
 use super::error::Error;
 use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
@@ -42,7 +42,7 @@ pub struct Args {
     objective: String,
     /// Placements that each search evaluates before swaps
     #[arg(long, value_name = "N", default_value_t = 120,
-          value_parser = clap::value_parser!(u64).range(1..))]
+          value_parser = at_least_one)]
     evaluations: u64,
     /// Frames to average over, spread evenly
     #[arg(long, value_name = "N", default_value_t = 2,
@@ -62,7 +62,7 @@ pub struct Args {
     #[arg(long, value_name = "M", value_parser = parse_length)]
     voxel: Option<f64>,
     /// Seed of all randomness
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>)]
     seed: u64,
     /// How to print the result [default: text on a terminal, else json]
     #[arg(long, value_enum)]
@@ -139,11 +139,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     }?;
     session.finish(&study)?;
     match format_or_default(args.format) {
-        Format::Json => println!("{}", json!(study.table)),
+        Format::Json => outln!("{}", json!(study.table))?,
         Format::Text => {
-            println!("{}", study.table.title);
-            print!("{}", table::study(&study.table));
-            println!("\n{}: study.json, table.csv, chart.svg", folder.display());
+            outln!("{}", study.table.title)?;
+            out!("{}", table::study(&study.table))?;
+            outln!("\n{}: study.json, table.csv, chart.svg", folder.display())?;
         }
     }
     if interrupt.is_set() {
