@@ -1,5 +1,8 @@
 //! The `sightline` program: maps what [`cli::run`] returns to an exit code.
 
+// Both panic where nothing can be written; `cli` has its own.
+#![warn(clippy::print_stdout, clippy::print_stderr)]
+
 mod cli;
 
 use std::process::ExitCode;
@@ -15,7 +18,7 @@ fn main() -> ExitCode {
     match cli::run() {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("sightline: {error}");
+            cli::say(&error.to_string());
             ExitCode::from(2)
         }
     }

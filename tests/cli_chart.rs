@@ -195,5 +195,5 @@ fn an_interrupted_chart_keeps_what_it_measured() {
     let moved = fs::read_to_string(dir.path().join("room.json")).unwrap();
     fs::write(dir.path().join("room.json"), moved.replace("[3.9,", "[3.2,")).unwrap();
     let error = fails(dir.path(), &["chart", "--resume", "out", "--backend", "cpu"]);
-    assert!(error.contains("another scene"), "{error}");
+    assert!(error.contains("room.json: has changed; out was begun"), "{error}");
 }

@@ -6,8 +6,11 @@ mod atlas;
 mod cli;
 mod cli_chart;
 mod cli_errors;
+mod cli_inputs;
 mod cli_merging;
 mod cli_optimize;
+#[cfg(unix)]
+mod cli_output;
 mod cli_rules;
 mod cli_scene;
 mod cli_study;

@@ -1,8 +1,10 @@
 use std::io::IsTerminal;
+use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 
 use super::error::Error;
+use super::output::say;
 
 /// Options of every command that computes scores.
 #[derive(Args, Debug, Clone)]
@@ -38,14 +40,14 @@ impl Talk {
     /// A line for stderr that is of interest by default.
     pub fn note(&self, line: impl AsRef<str>) {
         if !self.quiet {
-            eprintln!("sightline: {}", line.as_ref());
+            say(line.as_ref());
         }
     }
 
     /// A line for stderr that was asked for.
     pub fn detail(&self, line: impl AsRef<str>) {
         if self.verbose {
-            eprintln!("sightline: {}", line.as_ref());
+            say(line.as_ref());
         }
     }
 }
@@ -77,6 +79,21 @@ pub fn format_or_default(format: Option<Format>) -> Format {
             if std::io::stdout().is_terminal() { Format::Text } else { Format::Json }
         },
     )
+}
+
+/// A whole number, as of a seed.
+pub fn whole<T: FromStr>(text: &str) -> Result<T, String> {
+    text.parse().map_err(|_| "give a whole number, 0 or more".to_owned())
+}
+
+/// A count of something without which nothing is done.
+pub fn at_least_one(text: &str) -> Result<u64, String> {
+    text.parse().ok().filter(|n| *n > 0).ok_or("give a whole number, 1 or more".to_owned())
+}
+
+/// A number below, at or above 0.
+pub fn finite(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|v: &f64| v.is_finite()).ok_or("give a number, as in -8e-8".to_owned())
 }
 
 /// Bytes from `4096`, `800M`, `2G` or `2GiB`; K, M, G and T are powers of 1024.

@@ -100,7 +100,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let null = spearman(&values, &ranking.heights());
     let passed = trials.iter().all(|t| t.verdict != Verdict::Fooled);
     match format_or_default(args.format) {
-        Format::Json => println!(
+        Format::Json => outln!(
             "{}",
             json!({
                 "scene": loaded.scene.name(),
@@ -110,8 +110,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
                 "ranking_against_mean_height": null,
                 "passed": passed,
             })
-        ),
-        Format::Text => print_text(&loaded.scene, base_scores, &trials, &rows, null, passed),
+        )?,
+        Format::Text => print_text(&loaded.scene, base_scores, &trials, &rows, null, passed)?,
     }
     Ok(if passed { ExitCode::SUCCESS } else { ExitCode::from(FAILED) })
 }
@@ -202,8 +202,8 @@ fn print_text(
     stability: &[Stability],
     null: Option<f64>,
     passed: bool,
-) {
-    println!("{}: attempts to look better than {} while seeing less", scene.name(), base.name);
+) -> Result<(), Error> {
+    outln!("{}: attempts to look better than {} while seeing less", scene.name(), base.name)?;
     let metrics = ["M-SOG", "M-SOG/N ×1e-6", "det ×1e-6", "gain nats", "S-MIG"];
     let titles = [&["attempt"][..], &metrics, &["verdict", "fooled", "guards"]].concat();
     let mut rows = vec![titles.into_iter().map(str::to_owned).collect::<Vec<_>>()];
@@ -222,12 +222,12 @@ fn print_text(
         row.push(guard_names(&trial.scores));
         rows.push(row);
     }
-    print!("{}", table::align(&rows));
-    println!(
+    out!("{}", table::align(&rows))?;
+    outln!(
         "\n{} under changes of the model, and m_sog_scaled of all honest placements: its change and \
          Kendall's τ with the unchanged ranking (median and worst), Spearman with mean height alone",
         base.name
-    );
+    )?;
     let changes = ["median %", "worst %", "τ median", "τ worst", "height", "first", "guards"];
     let titles = [&["change"][..], &metrics, &changes].concat();
     let mut rows = vec![titles.into_iter().map(str::to_owned).collect::<Vec<_>>()];
@@ -248,8 +248,8 @@ fn print_text(
         ]);
         row
     }));
-    print!("{}", table::align(&rows));
-    println!("{}", if passed { "\npassed" } else { "\nFAILED: a score was fooled unnoticed" });
+    out!("{}", table::align(&rows))?;
+    outln!("{}", if passed { "\npassed" } else { "\nFAILED: a score was fooled unnoticed" })
 }
 
 /// A name and the value of each metric.

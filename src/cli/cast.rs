@@ -1,5 +1,5 @@
 use std::io::{Seek, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -10,6 +10,7 @@ use npyz::{AutoSerialize, WriterBuilder};
 use serde_json::json;
 use sightline::backend::{DevicePose, Problem, cpu::beam_direction};
 use sightline::bvh::{Hit, NO_HIT};
+use sightline::geom::TriangleSoup;
 use sightline::placement::{Placement, SensorPose, read_placements};
 use sightline::scene::EgoBody;
 
@@ -92,10 +93,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let start = Instant::now();
     args.compute.start_threads()?;
     let placements = read_placements(&args.placements)?;
-    if let Some(path) = &args.out {
-        writable_file(path)?;
-    }
     let mut loaded = load::geometry(&args.scene, args.frame, &args.compute)?;
+    if let Some(path) = &args.out {
+        writable_file(path, loaded.inputs(&args.placements))?;
+    }
     let soup = loaded.scene.frame(args.frame as usize, EgoBody::Include);
     let mut columns = Columns::default();
     let beams = loaded.evaluator.problem().table().directions().len();
@@ -109,25 +110,20 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     if let Some(path) = &args.out {
         write_whole(path, |file| {
             let mut npz = NpzWriter::new(file);
-            let beams = columns.distance.len() as u64;
-            put(&mut npz, path, "origin", &[beams, 3], &columns.origin)?;
-            put(&mut npz, path, "direction", &[beams, 3], &columns.direction)?;
-            put(&mut npz, path, "distance", &[beams], &columns.distance)?;
-            put(&mut npz, path, "triangle", &[beams], &columns.triangle)?;
-            put(&mut npz, path, "class", &[beams], &columns.class)?;
-            put(&mut npz, path, "placement", &[beams], &columns.placement)?;
-            put(&mut npz, path, "lidar", &[beams], &columns.lidar)?;
-            let vertices = soup.vertices.as_flattened();
-            put(&mut npz, path, "vertices", &[soup.vertices.len() as u64, 3], vertices)?;
-            put(&mut npz, path, "faces", &[soup.faces.len() as u64, 3], soup.faces.as_flattened())?;
-            put(&mut npz, path, "face_class", &[soup.face_class.len() as u64], &soup.face_class)
+            let end = |npz: &mut NpzWriter<_>| Ok(npz.zip_writer().finish().map(drop)?);
+            let written = put_all(&mut npz, &columns, &soup).and_then(|()| end(&mut npz));
+            if written.is_err() {
+                // Dropped, it would try to write its end again and complain on stderr.
+                std::mem::forget(npz);
+            }
+            written.map_err(Error::io(path))
         })?;
     }
     let stages = loaded.evaluator.backend().times();
     let beams = columns.distance.len();
     let hits = columns.triangle.iter().filter(|&&t| t != NO_HIT).count();
     match format_or_default(args.format) {
-        Format::Json => println!(
+        Format::Json => outln!(
             "{}",
             json!({
                 "scene": loaded.scene.name(),
@@ -148,31 +144,48 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
                     "total": start.elapsed().as_secs_f64(),
                 },
             })
-        ),
-        Format::Text => println!(
+        )?,
+        Format::Text => outln!(
             "{}: {beams} beams, {hits} hits on {} triangles",
             loaded.scene.name(),
             soup.faces.len()
-        ),
+        )?,
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn put_all(
+    npz: &mut NpzWriter<impl Write + Seek>,
+    columns: &Columns,
+    soup: &TriangleSoup,
+) -> std::io::Result<()> {
+    let beams = columns.distance.len() as u64;
+    put(npz, "origin", &[beams, 3], &columns.origin)?;
+    put(npz, "direction", &[beams, 3], &columns.direction)?;
+    put(npz, "distance", &[beams], &columns.distance)?;
+    put(npz, "triangle", &[beams], &columns.triangle)?;
+    put(npz, "class", &[beams], &columns.class)?;
+    put(npz, "placement", &[beams], &columns.placement)?;
+    put(npz, "lidar", &[beams], &columns.lidar)?;
+    put(npz, "vertices", &[soup.vertices.len() as u64, 3], soup.vertices.as_flattened())?;
+    put(npz, "faces", &[soup.faces.len() as u64, 3], soup.faces.as_flattened())?;
+    put(npz, "face_class", &[soup.face_class.len() as u64], &soup.face_class)
 }
 
 /// Writes one array as `numpy.savez` does, without compression: the header by `npyz`, the data at once
 /// (an element at a time is slow).
 fn put<T: AutoSerialize + NoUninit>(
     npz: &mut NpzWriter<impl Write + Seek>,
-    path: &Path,
     name: &str,
     shape: &[u64],
     data: &[T],
-) -> Result<(), Error> {
+) -> std::io::Result<()> {
     // No time of writing: the same hits are the same bytes.
     let options = FileOptions::default()
         .compression_method(CompressionMethod::Stored)
         .last_modified_time(DateTime::default())
         .large_file(size_of_val(data) as u64 > u64::from(u32::MAX) / 2);
-    let array = npz.array::<T>(name, options).map_err(Error::io(path))?.default_dtype();
-    let out = array.shape(shape).write_header_only().map_err(Error::io(path))?;
-    out.write_all(bytemuck::cast_slice(data)).map_err(Error::io(path))
+    let array = npz.array::<T>(name, options)?.default_dtype();
+    let out = array.shape(shape).write_header_only()?;
+    out.write_all(bytemuck::cast_slice(data))
 }

@@ -16,15 +16,16 @@ use sightline::placement::{Placement, read_placements};
 use sightline::report::{ChartFrame, fidelity_csv, fidelity_svg};
 use sightline::score::Objective;
 
-use super::args::{BackendChoice, Compute, Format, format_or_default};
+use super::args::{BackendChoice, Compute, Format, format_or_default, whole};
 use super::error::Error;
+use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::output::{writable_folder, write_whole};
 use super::{load, optimize, progress};
 use summary::Summary;
 
 /// Version of the state in `chart.json`.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Repeats of a timing, and of a quick one.
 const REPEATS: [usize; 2] = [5, 3];
 
@@ -65,7 +66,7 @@ pub struct Args {
     #[arg(long, conflicts_with = "resume")]
     quick: bool,
     /// Seed of the random placements and of the bootstrap
-    #[arg(long, default_value_t = 1, conflicts_with = "resume")]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>, conflicts_with = "resume")]
     seed: u64,
     /// How to print the result [default: text on a terminal, else json]
     #[arg(long, value_enum)]
@@ -101,18 +102,24 @@ struct Settings {
 struct State {
     chart: u32,
     settings: Settings,
+    inputs: Vec<Input>,
     yardstick_seconds: Option<f64>,
     measured: Vec<Measured>,
 }
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     args.compute.start_threads()?;
-    let (folder, state) = match &args.resume {
+    let (folder, mut state) = match &args.resume {
         Some(folder) => (folder.clone(), saved(folder)?),
         None => (new_folder(args)?, fresh(args)?),
     };
     let objective: Objective = state.settings.objective.parse()?;
     let (scene, psog, _) = load::scene_and_psog(&state.settings.scene, args.compute.talk)?;
+    let inputs = Input::of(&scene)?;
+    if args.resume.is_some() {
+        Input::check(&folder, &state.inputs, &inputs)?;
+    }
+    state.inputs = inputs;
     if objective.needs_detection() && scene.detection_among(psog.classes()).is_empty() {
         return Err(Error::Usage(format!(
             "{}: the objective `{objective}` needs a detection target; name its classes under \
@@ -169,7 +176,8 @@ fn fresh(args: &Args) -> Result<State, Error> {
         quick: args.quick,
         seed: args.seed,
     };
-    Ok(State { chart: VERSION, settings, yardstick_seconds: None, measured: Vec::new() })
+    let (inputs, measured) = (Vec::new(), Vec::new());
+    Ok(State { chart: VERSION, settings, inputs, yardstick_seconds: None, measured })
 }
 
 fn new_folder(args: &Args) -> Result<PathBuf, Error> {
@@ -337,8 +345,8 @@ impl Chart<'_> {
         self.write_text("chart.csv", &fidelity_csv(&rated, self.edge))?;
         self.write_json(Some(&summary))?;
         match format_or_default(args.format) {
-            Format::Json => println!("{}", self.json(Some(&summary))),
-            Format::Text => self.print(&rated, &summary),
+            Format::Json => outln!("{}", self.json(Some(&summary)))?,
+            Format::Text => self.print(&rated, &summary)?,
         }
         Ok(())
     }

@@ -18,10 +18,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let adapters = list_adapters();
     match format_or_default(args.format) {
         Format::Json => {
-            println!("{}", serde_json::json!({ "devices": adapters }));
+            outln!("{}", serde_json::json!({ "devices": adapters }))?;
         }
         Format::Text if adapters.is_empty() => {
-            println!("no Vulkan device: --backend auto computes on the CPU");
+            outln!("no Vulkan device: --backend auto computes on the CPU")?;
         }
         Format::Text => {
             let titles = ["device", "kind", "driver", "max binding", "max workgroup", "auto"];
@@ -36,7 +36,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
                     if a.auto { "yes" } else { "" }.to_owned(),
                 ]
             }));
-            print!("{}", table::align(&rows));
+            out!("{}", table::align(&rows))?;
         }
     }
     Ok(ExitCode::SUCCESS)

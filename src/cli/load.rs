@@ -1,4 +1,4 @@
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -29,6 +29,13 @@ pub struct Loaded {
     pub evaluator: Evaluator,
     pub psog: Arc<Psog>,
     pub times: LoadTimes,
+}
+
+impl Loaded {
+    /// Every file that was read for the scene, and one beside them.
+    pub fn inputs<'a>(&'a self, placements: &'a Path) -> impl Iterator<Item = &'a Path> {
+        self.scene.files().iter().map(PathBuf::as_path).chain([placements])
+    }
 }
 
 /// Reads a scene and its P-SOG, and opens a backend over `frames` of its frames (all if `None`).

@@ -1,15 +1,18 @@
 //! Arguments and commands; one file a command.
 
+#[macro_use]
+mod output;
+
 mod args;
 mod audit;
 mod cast;
 mod chart;
 mod devices;
 mod error;
+mod inputs;
 mod interrupt;
 mod load;
 mod optimize;
-mod output;
 mod progress;
 mod psog;
 mod scene;
@@ -20,9 +23,11 @@ mod verify;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use error::Error;
+
+pub use output::say;
 
 /// Where on this vehicle should the LiDARs go?
 ///
@@ -62,7 +67,8 @@ enum Command {
 
 /// Parses the arguments and runs the command.
 pub fn run() -> Result<ExitCode, Error> {
-    match Cli::parse().command {
+    let matches = taking_negative_numbers(Cli::command()).get_matches();
+    match Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command {
         Command::Optimize(args) => optimize::run(&args),
         Command::Score(args) => score::run(&args),
         Command::Cast(args) => cast::run(&args),
@@ -74,4 +80,14 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Scene(args) => scene::run(&args),
         Command::Devices(args) => devices::run(&args),
     }
+}
+
+/// Lets numbers below 0 reach the options, which say what they want instead.
+fn taking_negative_numbers(command: clap::Command) -> clap::Command {
+    command
+        .mut_args(|arg| {
+            let is_value = !arg.is_positional() && arg.get_action().takes_values();
+            if is_value { arg.allow_negative_numbers(true) } else { arg }
+        })
+        .mut_subcommands(taking_negative_numbers)
 }

@@ -21,12 +21,13 @@ use sightline::scene::MountRules;
 use sightline::score::Objective;
 use sightline::search::{Evaluator, GenerationRecord, Search, SearchSettings, SearchStop};
 
-use super::args::{Compute, Format, Talk, parse_size};
+use super::args::{Compute, Format, Talk, at_least_one, finite, parse_size, whole};
 use super::error::Error;
+use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::load;
 use auto::{Auto, FidelityChoice};
-use folder::RunFolder;
+use folder::{RunFolder, Spent};
 use grid::{Method, parse_spacing};
 use outcome::{body_of, print};
 use rules::{Rules, left_out};
@@ -58,14 +59,15 @@ pub struct Args {
     /// Placements that the generations evaluate; the swaps then cast one and a half times as many
     /// sensor poses as those did
     #[arg(long, value_name = "N", default_value_t = 180, conflicts_with = "resume",
-          value_parser = clap::value_parser!(u64).range(1..))]
+          value_parser = at_least_one)]
     evaluations: u64,
     /// Seconds from the start after which the search ends, generations after two fifths of them;
     /// --resume goes on from there. Confirming the result and writing it come on top
     #[arg(long, value_name = "S", visible_alias = "time", value_parser = parse_seconds)]
     max_seconds: Option<f64>,
     /// Score over all frames at which the search ends
-    #[arg(long, value_name = "SCORE", conflicts_with = "resume", allow_negative_numbers = true)]
+    #[arg(long, value_name = "SCORE", conflicts_with = "resume", allow_hyphen_values = true,
+          value_parser = finite)]
     target: Option<f64>,
     /// Placements of a generation [default: chosen from the number of variables]
     #[arg(long, value_name = "N", conflicts_with = "resume",
@@ -92,7 +94,7 @@ pub struct Args {
     #[arg(long, value_name = "M[,RAD]", conflicts_with = "resume", value_parser = parse_spacing)]
     delta: Option<Spacing>,
     /// Seed of all randomness
-    #[arg(long, default_value_t = 1, conflicts_with = "resume")]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>, conflicts_with = "resume")]
     seed: u64,
     /// Placements to compare with, and to start from where the mount allows them
     /// [default: Table 7 of the paper]
@@ -149,6 +151,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     };
     let objective: Objective = settings.search.objective.parse()?;
     let (scene, psog, mut times) = load::scene_and_psog(&settings.scene, args.compute.talk)?;
+    let inputs = Input::of(&scene)?;
+    if let Some(resumed) = &resumed {
+        resumed.folder.check(&inputs)?;
+    }
     let scene = scene
         .with_rules(&settings.rules, &settings.scene.display().to_string())
         .map_err(|error| Error::Usage(format!("options for the mount: {error}")))?;
@@ -196,8 +202,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             settings.scene.display()
         )));
     }
-    let (folder, search, history) = match resumed {
-        Some(resumed) => (resumed.folder, resumed.search, resumed.history),
+    let (folder, search, history, mut spent) = match resumed {
+        Some(resumed) => (resumed.folder, resumed.search, resumed.history, resumed.spent),
         None => {
             let mut start = settings.baselines.clone();
             if let Some(file) = &args.inject {
@@ -207,15 +213,17 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             }
             let search = Search::new(settings.search.clone(), &constraints, &start)?;
             // Before the search, so that a folder that cannot be written is found out now.
-            let folder = RunFolder::create(args.out.as_deref(), &settings.scene)?;
-            (folder, search, Vec::new())
+            let folder = RunFolder::create(args.out.as_deref(), &settings.scene, inputs)?;
+            (folder, search, Vec::new(), Spent::default())
         }
     };
     let store = pages::open(args)?;
     let quiet = Compute { talk: Talk { quiet: true, verbose: false }, ..args.compute.clone() };
     let open = |frames: &[usize], cell: Option<f64>| open_on(frames, cell, &quiet);
     let whole = whole.clone();
-    let (full, chosen, spent) = (None, None, RunTimes::default());
+    spent.times.load += times.load;
+    spent.times.build += times.build;
+    let (full, chosen, searching) = (None, None, Instant::now());
     let mut run = Run {
         settings,
         objective,
@@ -228,16 +236,17 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         full,
         chosen,
         spent,
+        start,
+        searching,
     };
 
-    let searching = Instant::now();
     let interrupt = Interrupt::listen(args.compute.talk);
     if run.settings.method != Method::Swaps {
         let until = interrupt.until(deadline(GENERATIONS_SHARE));
         run.search(&args.compute, &until, &open)?;
     }
     run.settle(&args.compute, &open)?;
-    let generations_seconds = searching.elapsed().as_secs_f64();
+    let generations_spent = run.spent_so_far();
     let (mut swaps, mut bounds) = (None, None);
     let until = interrupt.until(deadline(1.0));
     if !interrupt.is_pressed() && run.search.stopped() != Some(SearchStop::Target) {
@@ -259,7 +268,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         None => "settled: no swap gains any more".to_owned(),
     };
     run.say_stopped(&stopped, interrupted || is_over, args.compute.talk);
-    let search_seconds = searching.elapsed().as_secs_f64();
+    let search_spent = run.spent_so_far();
     let confirming = Instant::now();
     let searched_all = run.is_over_all();
     let search_frames = run.evaluator.problem().frame_count();
@@ -279,7 +288,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     }
     let finding = run.confirm(swaps, bounds, searched_with)?;
     let map = run.map(finding.best.as_ref())?;
-    let evaluations = run.search.evaluations() - run.evaluations_before();
     let mut record = run.record(&scene, finding, stopped)?;
     for change in run.evaluator.backend().changes() {
         // What confirms the result was opened without a word.
@@ -290,15 +298,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     }
     record.backend_changes = backend_changes;
     record.search_frames = search_frames;
-    let searched = run.auto.as_ref().map_or(evaluations * search_frames as u64, |a| a.searched);
-    record.rate = searched as f64 / generations_seconds;
+    record.rate = generations_spent.searched as f64 / generations_spent.seconds;
     record.timings = RunTimes {
-        load: times.load,
-        build: times.build,
-        search: search_seconds,
-        confirm: confirming.elapsed().as_secs_f64(),
-        total: start.elapsed().as_secs_f64(),
-        ..run.spent
+        confirm: run.spent.times.confirm + confirming.elapsed().as_secs_f64(),
+        total: run.spent_so_far().times.total,
+        ..search_spent.times
     };
     let figures = Figures::new(
         &record,
@@ -307,8 +311,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         &body_of(&scene),
         map.as_ref(),
     );
-    run.folder.finish(&record, &figures)?;
-    print(args, &record, run.folder.path());
+    let spent = Spent { times: record.timings, ..generations_spent };
+    run.folder.finish(&record, &figures, &spent)?;
+    print(args, &record, run.folder.path())?;
     Ok(if interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
 
@@ -377,14 +382,25 @@ struct Run {
     full: Option<Evaluator>,
     /// The best finalist over all frames, where `auto` has confirmed some.
     chosen: Option<Placement>,
-    /// Of the generations; the rest is filled in at the end.
-    spent: RunTimes,
+    /// Of earlier sittings, and of this one until the search began; of the generations up to now.
+    spent: Spent,
+    start: Instant,
+    /// When the search of this sitting began.
+    searching: Instant,
 }
 
 impl Run {
-    /// Evaluations of earlier sittings of a resumed run.
-    fn evaluations_before(&self) -> u64 {
-        self.folder.evaluations_before()
+    /// What all sittings have taken up to now.
+    fn spent_so_far(&self) -> Spent {
+        let mut spent = self.spent;
+        let evaluations = self.search.evaluations() - self.folder.evaluations_before();
+        let frames = self.evaluator.problem().frame_count() as u64;
+        spent.searched += self.auto.as_ref().map_or(evaluations * frames, |auto| auto.searched);
+        let searching = self.searching.elapsed().as_secs_f64();
+        spent.seconds += searching;
+        spent.times.search += searching;
+        spent.times.total += self.start.elapsed().as_secs_f64();
+        spent
     }
 
     /// Whether the search is now over all frames with every triangle.

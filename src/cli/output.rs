@@ -1,55 +1,146 @@
-//! Files that are either whole or not there.
+//! What leaves the program: lines on stdout and stderr, and files that are either whole or not there.
 
+use std::fmt::Arguments;
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
-
-use tempfile::NamedTempFile;
 
 use super::error::Error;
 
-/// Writes a file beside its place and moves it there once `write` has succeeded.
+/// As `print!`, but what cannot be written is an [`Error`] instead of a panic.
+macro_rules! out {
+    ($($text:tt)*) => { $crate::cli::output::print(format_args!($($text)*)) };
+}
+
+/// As `println!`, but what cannot be written is an [`Error`] instead of a panic.
+macro_rules! outln {
+    () => { out!("\n") };
+    ($($text:tt)*) => { out!("{}\n", format_args!($($text)*)) };
+}
+
+/// Writes to stdout; to be called by `out!` and `outln!`.
+pub fn print(text: Arguments) -> Result<(), Error> {
+    let mut out = std::io::stdout().lock();
+    let written = out.write_fmt(text).and_then(|()| out.flush());
+    unless_closed(written.map_err(Error::io(Path::new("stdout"))))
+}
+
+/// Whoever read us has seen enough, as `head` does: that is no error.
+pub fn unless_closed(written: Result<(), Error>) -> Result<(), Error> {
+    match written {
+        Err(Error::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => Ok(()),
+        written => written,
+    }
+}
+
+/// Writes a line to stderr; where that cannot be written, the work goes on.
+pub fn say(line: &str) {
+    let _ = writeln!(std::io::stderr(), "sightline: {line}");
+}
+
+/// Links that are followed before a path is taken for a loop.
+const MOST_LINKS: usize = 40;
+
+/// Where a path leads when links are followed. The links to open files in `/proc` name no place.
+fn target(path: &Path) -> Result<PathBuf, Error> {
+    let mut at = path.to_owned();
+    for _ in 0..MOST_LINKS {
+        match std::fs::read_link(&at) {
+            Ok(link) if !is_open_file(&at) => at = folder_of(&at).join(link),
+            _ => return Ok(at),
+        }
+    }
+    let message = "a loop of symbolic links; name a file";
+    Err(Error::io(path)(std::io::Error::other(message)))
+}
+
+fn is_open_file(path: &Path) -> bool {
+    path.starts_with("/proc") || path.starts_with("/dev/fd")
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Whether a path stands for something to write into, a pipe or a device, that must stay what it is.
+fn is_sink(path: &Path) -> bool {
+    is_open_file(path)
+        || std::fs::metadata(path).is_ok_and(|meta| !meta.is_file() && !meta.is_dir())
+}
+
+/// Writes a file beside its place and moves it there once `write` has succeeded. Links are followed, an
+/// existing file keeps its permissions, and what is no regular file gets the bytes once they are whole.
 pub fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), Error>,
 ) -> Result<(), Error> {
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
-        _ => PathBuf::from("."),
-    };
-    let mut file = NamedTempFile::new_in(&folder).map_err(Error::io(path))?;
-    let mut writer = BufWriter::new(file.as_file_mut());
-    write(&mut writer)?;
-    writer.flush().map_err(Error::io(path))?;
-    drop(writer);
-    // Temporary files are private; a result is as readable as any file the user makes.
+    let io = |error| Error::io(path)(error);
+    let target = target(path)?;
+    let sink = is_sink(&target);
+    let mut builder = tempfile::Builder::new();
+    // As readable as any new file of the user, or as the one that is there.
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
-        let permissions = std::fs::Permissions::from_mode(0o644);
-        file.as_file().set_permissions(permissions).map_err(Error::io(path))?;
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    file.persist(path).map_err(|error| Error::Io { path: path.to_owned(), source: error.error })?;
+    let file = if sink { builder.tempfile() } else { builder.tempfile_in(folder_of(&target)) };
+    let mut file = file.map_err(io)?;
+    let mut writer = BufWriter::new(file.as_file_mut());
+    write(&mut writer)?;
+    writer.flush().map_err(io)?;
+    drop(writer);
+    if sink {
+        let mut whole = file.reopen().map_err(io)?;
+        let is_stdout = is_open_file(&target) && target.file_name().is_some_and(|name| name == "1");
+        // Opened a second time, a file that is stdout would be written from its start.
+        let mut sink: Box<dyn Write> = if is_stdout {
+            Box::new(std::io::stdout())
+        } else {
+            Box::new(File::options().append(true).open(&target).map_err(io)?)
+        };
+        let copied = std::io::copy(&mut whole, &mut sink).and_then(|_| sink.flush());
+        return unless_closed(copied.map_err(io));
+    }
+    if let Ok(before) = std::fs::metadata(&target) {
+        file.as_file().set_permissions(before.permissions()).map_err(io)?;
+    }
+    file.persist(&target).map_err(|error| io(error.error))?;
     Ok(())
 }
 
 /// Makes a folder and checks that files can be written into it, before long work begins.
 pub fn writable_folder(path: &Path) -> Result<(), Error> {
+    if path.exists() && !path.is_dir() {
+        let message = "is a file where a folder is wanted; name another place";
+        return Err(Error::io(path)(std::io::Error::other(message)));
+    }
     std::fs::create_dir_all(path).map_err(Error::io(path))?;
     tempfile::tempfile_in(path).map_err(Error::io(path))?;
     Ok(())
 }
 
-/// Checks that a file could be written at `path`, before long work begins.
-pub fn writable_file(path: &Path) -> Result<(), Error> {
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    if path.is_dir() {
-        let source = std::io::Error::from(std::io::ErrorKind::IsADirectory);
-        return Err(Error::Io { path: path.to_owned(), source });
+/// Checks that a file could be written at `path` and that it is none of `inputs`, before long work
+/// begins.
+pub fn writable_file<'a>(
+    path: &Path,
+    inputs: impl IntoIterator<Item = &'a Path>,
+) -> Result<(), Error> {
+    let target = target(path)?;
+    if is_sink(&target) {
+        return Ok(());
     }
-    tempfile::tempfile_in(folder).map_err(Error::io(path))?;
+    if target.is_dir() {
+        let message = "is a directory; name a file in it";
+        return Err(Error::io(path)(std::io::Error::other(message)));
+    }
+    let place = target.canonicalize().ok();
+    if place.is_some() && inputs.into_iter().any(|input| input.canonicalize().ok() == place) {
+        return Err(Error::Usage(format!(
+            "{}: is read by this command and would be overwritten; name another file",
+            path.display()
+        )));
+    }
+    tempfile::tempfile_in(folder_of(&target)).map_err(Error::io(path))?;
     Ok(())
 }

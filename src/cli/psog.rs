@@ -1,16 +1,16 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use serde_json::json;
 use sightline::grid::{
     BuildReport, KittiPsogOptions, KittiSequence, Psog, PsogInfo, build_kitti_psog, read_psog,
-    write_psog,
+    write_psog_to,
 };
 use sightline::scene::Scene;
 
-use super::args::{Format, Talk, format_or_default};
+use super::args::{Format, Talk, finite, format_or_default};
 use super::error::Error;
-use super::output::writable_file;
+use super::output::{writable_file, write_whole};
 use super::{load, table};
 
 #[derive(clap::Subcommand)]
@@ -39,7 +39,7 @@ pub struct BuildArgs {
     #[arg(long, value_name = "N", requires = "kitti")]
     window: Option<u32>,
     /// Height of the recording LiDAR above the ground, in metres
-    #[arg(long, value_name = "M", requires = "kitti", default_value_t = 1.73)]
+    #[arg(long, value_name = "M", requires = "kitti", default_value_t = 1.73, value_parser = finite)]
     lidar_height: f64,
     /// Lower corner of the region of interest, in metres
     #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_hyphen_values = true)]
@@ -99,7 +99,7 @@ fn corner(values: Option<&Vec<f64>>, option: &str) -> Result<[f64; 3], Error> {
 }
 
 fn build(args: &BuildArgs) -> Result<(), Error> {
-    writable_file(&args.out)?;
+    writable_file(&args.out, args.scene.as_deref())?;
     let (psog, report) = match (&args.scene, &args.kitti) {
         (_, Some(folder)) => {
             let roi = sightline::grid::Roi::from_bounds(
@@ -126,12 +126,12 @@ fn build(args: &BuildArgs) -> Result<(), Error> {
         }
         (None, None) => unreachable!("clap requires one of them"),
     };
-    write_psog(&args.out, &psog)?;
+    write(&args.out, &psog)?;
     print(&psog, Some(&report), args.format)
 }
 
 fn merge(args: &MergeArgs) -> Result<(), Error> {
-    writable_file(&args.out)?;
+    writable_file(&args.out, args.psogs.iter().map(PathBuf::as_path))?;
     let mut psogs = args.psogs.iter();
     let mut sum = match psogs.next() {
         Some(path) => read_psog(path)?,
@@ -140,18 +140,22 @@ fn merge(args: &MergeArgs) -> Result<(), Error> {
     for path in psogs {
         sum = sum.merge(&read_psog(path)?)?;
     }
-    Ok(write_psog(&args.out, &sum)?)
+    write(&args.out, &sum)
+}
+
+fn write(path: &Path, psog: &Psog) -> Result<(), Error> {
+    write_whole(path, |file| write_psog_to(file, psog).map_err(Error::io(path)))
 }
 
 fn print(psog: &Psog, report: Option<&BuildReport>, format: Option<Format>) -> Result<(), Error> {
     let info = PsogInfo::new(psog, report);
     match format_or_default(format) {
-        Format::Json => println!("{}", json!(info)),
+        Format::Json => outln!("{}", json!(info))?,
         Format::Text => {
             let value = json!(info);
             let mut rows = Vec::new();
             flatten("", &value, &mut rows);
-            print!("{}", table::align(&rows));
+            out!("{}", table::align(&rows))?;
         }
     }
     Ok(())

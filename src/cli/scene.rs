@@ -7,12 +7,12 @@ use serde_json::{Value, json};
 use sightline::geom::TriangleSoup;
 use sightline::scene::{DEFAULT_CLASSES, FEWEST_STREET_TRIANGLES, street};
 
-use super::args::Talk;
+use super::args::{Talk, whole};
 use super::error::Error;
 use super::output::{writable_file, write_whole};
 
 /// Most triangles: what a frame can hold with room to spare.
-const MOST: u64 = 50_000_000;
+const MOST: i64 = 50_000_000;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -21,10 +21,10 @@ const MOST: u64 = 50_000_000;
 pub struct Args {
     /// Triangles of the static world
     #[arg(long, value_name = "N", default_value_t = 200_000,
-          value_parser = clap::value_parser!(u64).range(FEWEST_STREET_TRIANGLES as u64..=MOST))]
-    triangles: u64,
+          value_parser = clap::value_parser!(u32).range(FEWEST_STREET_TRIANGLES as i64..=MOST))]
+    triangles: u32,
     /// Seed of where things stand and how large they are
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>)]
     seed: u64,
     /// Frames, three metres apart along the street
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1000))]
@@ -44,7 +44,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             args.out.display()
         )));
     }
-    writable_file(&args.out)?;
+    writable_file(&args.out, [])?;
     let soup = street(args.triangles as usize, args.seed);
     write_whole(&mesh, |file| write_ply(&soup, file).map_err(Error::io(&mesh)))?;
     let scene = scene(args, &mesh, &soup);

@@ -12,7 +12,7 @@ use sightline::search::Evaluator;
 use super::args::{Compute, Format, format_or_default};
 use super::error::Error;
 use super::load::{self, Loaded};
-use super::output::{writable_file, writable_folder, write_whole};
+use super::output::{unless_closed, writable_file, writable_folder, write_whole};
 use super::{progress, table};
 
 /// Placements that are read, scored and printed at a time.
@@ -52,10 +52,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     if let Some(folder) = &args.coverage_out {
         writable_folder(folder)?;
     }
-    if let Some(file) = &args.out {
-        writable_file(file)?;
-    }
     let loaded = load::scene(&args.scene, args.frames, &args.compute)?;
+    if let Some(file) = &args.out {
+        writable_file(file, loaded.inputs(&args.placements))?;
+    }
     let format = match &args.out {
         Some(_) => args.format.unwrap_or(Format::Json),
         None => format_or_default(args.format),
@@ -67,15 +67,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         None => {
             let path = Path::new("stdout");
             let mut out = std::io::stdout().lock();
-            match print(args, loaded, total, start, format, path, &mut out) {
-                // Whoever read us has seen enough, as `head` does.
-                Err(Error::Io { source, .. })
-                    if source.kind() == std::io::ErrorKind::BrokenPipe =>
-                {
-                    Ok(())
-                }
-                result => result,
-            }
+            unless_closed(print(args, loaded, total, start, format, path, &mut out))
         }
     }?;
     Ok(ExitCode::SUCCESS)

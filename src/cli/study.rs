@@ -6,11 +6,13 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use serde_json::json;
+use sightline::scene::Scene;
 use sightline::score::Objective;
 use sightline::study::Region;
 
-use super::args::{Compute, Format, format_or_default};
+use super::args::{Compute, Format, at_least_one, format_or_default, whole};
 use super::error::Error;
+use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::table;
 use bench::Bench;
@@ -40,7 +42,7 @@ pub struct Args {
     objective: String,
     /// Placements that each search evaluates before swaps
     #[arg(long, value_name = "N", default_value_t = 120,
-          value_parser = clap::value_parser!(u64).range(1..))]
+          value_parser = at_least_one)]
     evaluations: u64,
     /// Frames to average over, spread evenly
     #[arg(long, value_name = "N", default_value_t = 2,
@@ -60,7 +62,7 @@ pub struct Args {
     #[arg(long, value_name = "M", value_parser = parse_length)]
     voxel: Option<f64>,
     /// Seed of all randomness
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>)]
     seed: u64,
     /// How to print the result [default: text on a terminal, else json]
     #[arg(long, value_enum)]
@@ -137,11 +139,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     }?;
     session.finish(&study)?;
     match format_or_default(args.format) {
-        Format::Json => println!("{}", json!(study.table)),
+        Format::Json => outln!("{}", json!(study.table))?,
         Format::Text => {
-            println!("{}", study.table.title);
-            print!("{}", table::study(&study.table));
-            println!("\n{}: study.json, table.csv, chart.svg", folder.display());
+            outln!("{}", study.table.title)?;
+            out!("{}", table::study(&study.table))?;
+            outln!("\n{}: study.json, table.csv, chart.svg", folder.display())?;
         }
     }
     if interrupt.is_set() {
@@ -156,10 +158,18 @@ fn settings(args: &Args) -> Result<serde_json::Value, Error> {
     let absolute = |paths: &[PathBuf]| -> Result<Vec<PathBuf>, Error> {
         paths.iter().map(|p| std::path::absolute(p).map_err(Error::io(p))).collect()
     };
+    let mut inputs = Vec::new();
+    for scene in &args.scenes {
+        inputs.extend(Input::of(&Scene::read(scene)?)?);
+    }
+    for sensor in &args.sensor {
+        inputs.push(Input::read(sensor)?);
+    }
     Ok(json!({
         "sightline": env!("CARGO_PKG_VERSION"),
         "study": args.kind.name(),
         "scenes": absolute(&args.scenes)?,
+        "inputs": inputs,
         "objective": args.objective,
         "evaluations": args.evaluations,
         "frames": args.frames,

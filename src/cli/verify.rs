@@ -12,7 +12,7 @@ use sightline::verify::{
     EDGE_TOLERANCE, compare_backends, hostile_placements, random_placements, sample_reference,
 };
 
-use super::args::{Compute, Format, format_or_default};
+use super::args::{Compute, Format, format_or_default, whole};
 use super::error::Error;
 use super::{load, optimize, progress, table};
 
@@ -32,16 +32,16 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
     /// Random placements
-    #[arg(long, value_name = "N", default_value_t = 200, conflicts_with = "placements")]
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = whole::<usize>, conflicts_with = "placements")]
     random: usize,
     /// Hostile placements: on voxel faces, along axes, in solids, underground, far away
-    #[arg(long, value_name = "N", default_value_t = 50, conflicts_with = "placements")]
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = whole::<usize>, conflicts_with = "placements")]
     hostile: usize,
     /// Beams of the CPU reference that are compared with brute force in f64
-    #[arg(long, value_name = "N", default_value_t = 20_000)]
+    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = whole::<u64>)]
     sample: u64,
     /// Seed of the random placements and of the sample
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>)]
     seed: u64,
     /// How to print [default: text on a terminal, else json]
     #[arg(long, value_enum)]
@@ -79,7 +79,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let passed = !found.any() && reference.unexplained == 0;
     let format = if args.json { Format::Json } else { format_or_default(args.format) };
     match format {
-        Format::Json => println!(
+        Format::Json => outln!(
             "{}",
             json!({
                 "scene": scene.name,
@@ -92,12 +92,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
                 "passed": passed,
                 "seconds": start.elapsed().as_secs_f64(),
             })
-        ),
+        )?,
         Format::Text => {
             let row = |name: &str, value: String| vec![name.to_owned(), value];
-            println!("{}: {} placements × {frames} frame(s)", scene.name, placements.len());
-            println!("GPU ({}) against the CPU reference:", gpu.adapter());
-            print!(
+            outln!("{}: {} placements × {frames} frame(s)", scene.name, placements.len())?;
+            outln!("GPU ({}) against the CPU reference:", gpu.adapter())?;
+            out!(
                 "{}",
                 table::align(&[
                     row("  beams", found.beams.to_string()),
@@ -112,9 +112,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
                     row("  scores", found.scores.to_string()),
                     row("  differing scores", found.differing_scores.to_string()),
                 ])
-            );
-            println!("CPU reference against all triangles in f64:");
-            print!(
+            )?;
+            outln!("CPU reference against all triangles in f64:")?;
+            out!(
                 "{}",
                 table::align(&[
                     row("  beams", reference.beams.to_string()),
@@ -125,8 +125,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
                     row("  differing, tie", reference.tie.to_string()),
                     row("  differing, unexplained", reference.unexplained.to_string()),
                 ])
-            );
-            println!("{}", if passed { "passed" } else { "FAILED" });
+            )?;
+            outln!("{}", if passed { "passed" } else { "FAILED" })?;
         }
     }
     Ok(if passed { ExitCode::SUCCESS } else { ExitCode::from(FAILED) })

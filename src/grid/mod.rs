@@ -33,7 +33,7 @@ pub use info::{ClassEntropy, PsogInfo};
 pub use kitti::{KittiError, KittiSequence, LabelledScan};
 pub use kitti_labels::{KITTI_CLASSES, KittiLabel, kitti_label};
 pub use kitti_psog::{KITTI_LIDAR_HEIGHT, KittiPsogOptions, build_kitti_psog};
-pub use npz::{read_psog, write_psog};
+pub use npz::{read_psog, write_psog, write_psog_to};
 pub use npz_member::PsogFileError;
 pub use psog::Psog;
 pub use roi::{AXIS_LIMIT, PUSH, Roi, VOXEL_LIMIT};

@@ -100,21 +100,39 @@ fn write(path: &Path, psog: &Psog) -> std::io::Result<()> {
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
     let mut file = builder.tempfile_in(folder)?;
-    let mut npz = NpzWriter::new(BufWriter::with_capacity(1 << 16, file.as_file_mut()));
-    let roi = psog.roi();
-    put(&mut npz, "roi_min", &[3], &roi.min())?;
-    put(&mut npz, "voxel", &[3], &roi.voxel())?;
-    put(&mut npz, "shape", &[3], &roi.shape())?;
-    put(&mut npz, "frames", &[], &[psog.frames()])?;
-    let names = psog.classes().join("\n");
-    put(&mut npz, "classes", &[names.len() as u64], names.as_bytes())?;
-    let (k, m) = (psog.index().len() as u64, psog.classes().len() as u64);
-    put(&mut npz, "index", &[k], psog.index())?;
-    put(&mut npz, "counts", &[k, m], psog.counts())?;
-    npz.zip_writer().finish()?.flush()?;
-    drop(npz);
+    let mut out = BufWriter::with_capacity(1 << 16, file.as_file_mut());
+    write_psog_to(&mut out, psog)?;
+    out.flush()?;
+    drop(out);
     file.persist(path).map_err(|e| e.error)?;
     Ok(())
+}
+
+/// Writes what [`write_psog`] writes to something else than a file of its own; the caller flushes it.
+///
+/// # Errors
+/// As of `out`.
+pub fn write_psog_to(out: &mut (impl Write + Seek), psog: &Psog) -> std::io::Result<()> {
+    let mut npz = NpzWriter::new(out);
+    let written = put_all(&mut npz, psog).and_then(|()| Ok(npz.zip_writer().finish().map(drop)?));
+    if written.is_err() {
+        // Dropped, it would try to write its end again and complain on stderr.
+        std::mem::forget(npz);
+    }
+    written
+}
+
+fn put_all<W: Write + Seek>(npz: &mut NpzWriter<W>, psog: &Psog) -> std::io::Result<()> {
+    let roi = psog.roi();
+    put(npz, "roi_min", &[3], &roi.min())?;
+    put(npz, "voxel", &[3], &roi.voxel())?;
+    put(npz, "shape", &[3], &roi.shape())?;
+    put(npz, "frames", &[], &[psog.frames()])?;
+    let names = psog.classes().join("\n");
+    put(npz, "classes", &[names.len() as u64], names.as_bytes())?;
+    let (k, m) = (psog.index().len() as u64, psog.classes().len() as u64);
+    put(npz, "index", &[k], psog.index())?;
+    put(npz, "counts", &[k, m], psog.counts())
 }
 
 /// Writes one array: the header by `npyz`, the data at once (an element at a time is slow).

@@ -22,7 +22,7 @@ pub struct Scored {
 }
 
 /// Wall times of a run in seconds.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct RunTimes {
     /// Reading files.
     pub load: f64,

@@ -21,7 +21,7 @@ mod shapes;
 mod solid;
 mod street;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::geom::{Pose, TriangleSoup};
 use classes::Classes;
@@ -58,6 +58,7 @@ pub struct Scene {
     /// In the ego frame.
     body: Solid,
     ego: Motion,
+    files: Vec<PathBuf>,
 }
 
 /// Something that moves: triangles in its own frame, and a pose a frame.
@@ -93,7 +94,9 @@ impl Scene {
             line: 1,
             column: 1,
         })?;
-        Self::from_json(&text, path.parent().unwrap_or(Path::new("")), &name)
+        let mut scene = Self::from_json(&text, path.parent().unwrap_or(Path::new("")), &name)?;
+        scene.files.insert(0, path.to_owned());
+        Ok(scene)
     }
 
     /// Reads a scene from JSON text; `dir` is where its file names start, `name_for_errors` is
@@ -113,6 +116,7 @@ impl Scene {
 
         let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
         let mount = Mount::new(&top.key("mount"), &scene.mount, &roi)?;
+        let mut files: Vec<PathBuf> = scene.lidar.file.iter().map(|file| dir.join(file)).collect();
         let lidar = Lidar::new(&top.key("lidar"), scene.lidar, dir)?;
         let classes = Classes::new(&top, scene.classes, scene.detection)?;
 
@@ -136,6 +140,8 @@ impl Scene {
         let ego = scene.ego.as_ref().unwrap_or(&none);
         let body = builder.list(&ego_at.key("body"), &ego.body)?;
         let ego = Motion::new(&ego_at, ego.poses.as_deref(), ego.route.as_ref())?;
+
+        files.extend(builder.files());
 
         let has_geometry = !world.faces.is_empty()
             || !body.faces.is_empty()
@@ -167,8 +173,9 @@ impl Scene {
             Coverage::new(&top.key("coverage"), scene.coverage.as_deref(), has_geometry)?;
         let psog = scene.psog.as_ref();
         let psog = PsogSource::new(&top, psog, has_geometry, dir, lidar.range(), &mount)?;
-        if matches!(psog, PsogSource::Scan(_)) {
-            classes.check_detection(&classes.names)?;
+        match &psog {
+            PsogSource::File(file) => files.push(file.clone()),
+            PsogSource::Scan(_) => classes.check_detection(&classes.names)?,
         }
         Ok(Self {
             name,
@@ -183,6 +190,7 @@ impl Scene {
             actors,
             body,
             ego,
+            files,
         })
     }
 
@@ -247,6 +255,12 @@ impl Scene {
     /// Where the P-SOG comes from.
     pub fn psog_source(&self) -> &PsogSource {
         &self.psog
+    }
+
+    /// Every file that decides about the scene: its own, the sensor's, meshes with their buffers, the
+    /// P-SOG.
+    pub fn files(&self) -> &[PathBuf] {
+        &self.files
     }
 
     /// Whether there is any triangle: static, of an actor or of the ego body.

@@ -51,6 +51,13 @@ impl<'a> Builder<'a> {
         Self { classes, named, by_name, named_at, dir, meshes, built, triangles: 0 }
     }
 
+    /// The files of all meshes, in alphabetical order.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let mut files: Vec<PathBuf> = self.meshes.values().flat_map(|m| m.files.clone()).collect();
+        files.sort();
+        files
+    }
+
     /// Builds the named shapes, used or not.
     pub fn check_named(&mut self) -> Result<(), SceneError> {
         for (name, _) in &self.named.0 {

@@ -6,6 +6,7 @@ use sightline::fidelity::{MOST_SWAPPED, Rated, Verdict};
 use sightline::report::seconds;
 
 use super::Chart;
+use crate::cli::error::Error;
 use crate::cli::table;
 
 /// What is added to the state for the reader.
@@ -104,14 +105,14 @@ fn mebibytes(bytes: u64) -> String {
 }
 
 impl Chart<'_> {
-    pub(super) fn print(&self, rated: &[Rated], summary: &Summary) {
-        println!(
+    pub(super) fn print(&self, rated: &[Rated], summary: &Summary) -> Result<(), Error> {
+        outln!(
             "{}: {} placements ranked by {}, against {}",
             summary.scene,
             summary.placements.len(),
             self.state.settings.objective,
             summary.reference.as_deref().unwrap_or("nothing")
-        );
+        )?;
         let titles = [
             "setting",
             "s a placement",
@@ -149,21 +150,21 @@ impl Chart<'_> {
                 if r.on_front { "front" } else { "" }.to_owned(),
             ]
         }));
-        print!("{}", table::align(&rows));
-        println!(
+        out!("{}", table::align(&rows))?;
+        outln!(
             "* other voxels, beams or coverage make the score another quantity; only the ranking compares"
-        );
-        println!(
+        )?;
+        outln!(
             "swapped: of the pairs farther apart than {} % of the best score, those in another order",
             100.0 * self.tolerance
-        );
+        )?;
         for line in &summary.left_out {
-            println!("left out: {line}");
+            outln!("left out: {line}")?;
         }
-        println!();
+        outln!()?;
         for line in &summary.words {
-            println!("{line}");
+            outln!("{line}")?;
         }
-        println!("chart: {}", self.folder.join("chart.svg").display());
+        outln!("chart: {}", self.folder.join("chart.svg").display())
     }
 }

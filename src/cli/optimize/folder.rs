@@ -2,22 +2,27 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use sightline::report::{Figures, RunRecord, report_html};
+use sightline::report::{Figures, RunRecord, RunTimes, report_html};
 use sightline::search::{GenerationRecord, Search};
 
 use super::RunSettings;
 use super::auto::Auto;
 use crate::cli::error::Error;
+use crate::cli::inputs::Input;
 use crate::cli::output::{writable_folder, write_whole};
 
 /// Version of `checkpoint.json`.
-const CHECKPOINT: u32 = 3;
+const CHECKPOINT: u32 = 4;
+/// File of the times of earlier sittings.
+const TIMES: &str = "times.json";
 /// Numbered folders that are tried before giving up.
 const MOST_RUNS: u32 = 10_000;
 
 /// A run's folder; every file in it is whole at any time.
 pub(super) struct RunFolder {
     path: PathBuf,
+    /// Files that the run was begun with.
+    inputs: Vec<Input>,
     evaluations_before: u64,
 }
 
@@ -34,6 +39,7 @@ struct Checkpoint<'a> {
 #[derive(Serialize)]
 struct State<'a> {
     settings: &'a RunSettings,
+    inputs: &'a [Input],
     search: &'a Search,
     #[serde(skip_serializing_if = "Option::is_none")]
     auto: &'a Option<Auto>,
@@ -46,6 +52,7 @@ struct SavedCheckpoint {
     #[serde(default)]
     digest: String,
     settings: RunSettings,
+    inputs: Vec<Input>,
     search: Search,
     #[serde(default)]
     auto: Option<Auto>,
@@ -60,6 +67,17 @@ impl State<'_> {
     }
 }
 
+/// What all sittings of a run have taken together. Not in the checkpoint: that is the same bytes
+/// however often a run was interrupted.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+pub(super) struct Spent {
+    /// Placements × frames that the generations scored.
+    pub(super) searched: u64,
+    /// Seconds of the generations, with what choosing frames took.
+    pub(super) seconds: f64,
+    pub(super) times: RunTimes,
+}
+
 /// What an earlier sitting has left.
 pub(super) struct Resumed {
     pub(super) folder: RunFolder,
@@ -67,11 +85,16 @@ pub(super) struct Resumed {
     pub(super) search: Search,
     pub(super) history: Vec<GenerationRecord>,
     pub(super) auto: Option<Auto>,
+    pub(super) spent: Spent,
 }
 
 impl RunFolder {
     /// Makes the folder asked for, which must not hold a run yet, or a numbered one of the scene.
-    pub(super) fn create(out: Option<&Path>, scene: &Path) -> Result<Self, Error> {
+    pub(super) fn create(
+        out: Option<&Path>,
+        scene: &Path,
+        inputs: Vec<Input>,
+    ) -> Result<Self, Error> {
         let path = match out {
             Some(path) if path.join("checkpoint.json").exists() => {
                 return Err(Error::Usage(format!(
@@ -83,7 +106,7 @@ impl RunFolder {
             None => free_folder(scene)?,
         };
         writable_folder(&path)?;
-        Ok(Self { path, evaluations_before: 0 })
+        Ok(Self { path, inputs, evaluations_before: 0 })
     }
 
     /// Reads what an earlier sitting has left.
@@ -99,7 +122,8 @@ impl RunFolder {
                 saved.checkpoint
             )));
         }
-        let state = State { settings: &saved.settings, search: &saved.search, auto: &saved.auto };
+        let SavedCheckpoint { settings, inputs, search, auto, .. } = &saved;
+        let state = State { settings, inputs, search, auto };
         if state.digest().map_err(json)? != saved.digest {
             return Err(Error::Usage(format!(
                 "{}: was changed after it was written, or is damaged; start a new run",
@@ -122,15 +146,24 @@ impl RunFolder {
                 saved.search.generation()
             )));
         }
+        // A run that was killed before it wrote its first times has none.
+        let spent = std::fs::read(path.join(TIMES)).ok();
+        let spent = spent.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default();
         writable_folder(path)?;
         let evaluations_before = saved.search.evaluations();
         Ok(Resumed {
-            folder: Self { path: path.to_owned(), evaluations_before },
+            folder: Self { path: path.to_owned(), inputs: saved.inputs, evaluations_before },
             settings: saved.settings,
             search: saved.search,
             history,
             auto: saved.auto,
+            spent,
         })
+    }
+
+    /// Refuses to go on with files that have changed.
+    pub(super) fn check(&self, inputs: &[Input]) -> Result<(), Error> {
+        Input::check(&self.path, &self.inputs, inputs)
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -148,6 +181,7 @@ impl RunFolder {
         search: &Search,
         history: &[GenerationRecord],
         auto: &Option<Auto>,
+        spent: &Spent,
     ) -> Result<(), Error> {
         let path = self.path.join("history.jsonl");
         write_whole(&path, |file| {
@@ -158,11 +192,12 @@ impl RunFolder {
             }
             Ok(())
         })?;
-        let state = State { settings, search, auto };
+        let state = State { settings, inputs: &self.inputs, search, auto };
         let path = self.path.join("checkpoint.json");
         let digest = state.digest().map_err(|source| Error::Json { path, source })?;
         let checkpoint = Checkpoint { checkpoint: CHECKPOINT, digest, state };
-        self.write_json("checkpoint.json", &checkpoint)
+        self.write_json("checkpoint.json", &checkpoint)?;
+        self.write_json(TIMES, spent)
     }
 
     fn write_json(&self, name: &str, value: &impl Serialize) -> Result<(), Error> {
@@ -180,7 +215,13 @@ impl RunFolder {
     }
 
     /// Writes the result, the charts and the page.
-    pub(super) fn finish(&self, record: &RunRecord, figures: &Figures) -> Result<(), Error> {
+    pub(super) fn finish(
+        &self,
+        record: &RunRecord,
+        figures: &Figures,
+        spent: &Spent,
+    ) -> Result<(), Error> {
+        self.write_json(TIMES, spent)?;
         self.write_json("result.json", record)?;
         self.write_text("convergence.svg", &figures.convergence)?;
         for (name, figure) in [("placement.svg", &figures.placement), ("map.svg", &figures.map)] {

@@ -45,12 +45,14 @@ impl Run {
             let saving = Instant::now();
             is_over = self.search.stopped().is_some() || !goes_on(&self.search);
             if is_over || saved.is_none_or(|saved| saved.elapsed() > BETWEEN_CHECKPOINTS) {
-                self.folder.save(&self.settings, &self.search, &self.history, &self.auto)?;
+                let (settings, search) = (&self.settings, &self.search);
+                let spent = self.spent_so_far();
+                self.folder.save(settings, search, &self.history, &self.auto, &spent)?;
                 saved = Some(Instant::now());
             }
             let generation = stepped + saving.elapsed();
-            self.spent.generations += generation.as_secs_f64();
-            self.spent.bookkeeping += (generation - scoring).as_secs_f64();
+            self.spent.times.generations += generation.as_secs_f64();
+            self.spent.times.bookkeeping += (generation - scoring).as_secs_f64();
             bar.set_position(self.search.evaluations());
             if let Some(best) = self.search.best() {
                 bar.set_message(format!("best {:.4e}", best.value));

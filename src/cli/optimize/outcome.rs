@@ -110,18 +110,17 @@ fn peak_memory() -> Option<u64> {
     Some(kilobytes << 10)
 }
 
-pub(super) fn print(args: &Args, record: &RunRecord, folder: &Path) {
+pub(super) fn print(args: &Args, record: &RunRecord, folder: &Path) -> Result<(), Error> {
     if format_or_default(args.format) == Format::Json {
-        println!("{}", serde_json::json!(record));
-        return;
+        return outln!("{}", serde_json::json!(record));
     }
     let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
     rows.extend(record.baselines.iter().map(|baseline| baseline.scores.clone()));
-    println!("{}: maximizing {} over {} frame(s)", record.scene, record.objective, record.frames);
-    print!("{}", table::scores(&rows));
+    outln!("{}: maximizing {} over {} frame(s)", record.scene, record.objective, record.frames)?;
+    out!("{}", table::scores(&rows))?;
     match &record.best {
         Some(best) => {
-            println!("\noptimized placement (m, rad):");
+            outln!("\noptimized placement (m, rad):")?;
             let titles = ["LiDAR", "x", "y", "z", "roll", "pitch", "yaw"];
             let mut rows = vec![titles.map(str::to_owned).to_vec()];
             for (index, pose) in best.placement.lidars.iter().enumerate() {
@@ -129,23 +128,23 @@ pub(super) fn print(args: &Args, record: &RunRecord, folder: &Path) {
                 row.extend(pose.fields().map(|(_, value)| format!("{value:.3}")));
                 rows.push(row);
             }
-            print!("{}", table::align(&rows));
+            out!("{}", table::align(&rows))?;
             for bound in &record.active_bounds {
-                println!("  active: {bound}");
+                outln!("  active: {bound}")?;
             }
             if !record.constraints.is_empty() {
-                println!("\nrules kept: {}", record.constraints.join("; "));
+                outln!("\nrules kept: {}", record.constraints.join("; "))?;
             }
-            println!("\nfound by: {}", methods_in_words(record));
-            println!("certificate: {}", certificate_in_words(record));
-            println!("\n{}", table::findings(&record.findings));
+            outln!("\nfound by: {}", methods_in_words(record))?;
+            outln!("certificate: {}", certificate_in_words(record))?;
+            outln!("\n{}", table::findings(&record.findings))?;
         }
-        None => println!("\nno candidate kept the rules of the mount; widen it"),
+        None => outln!("\nno candidate kept the rules of the mount; widen it")?,
     }
     if let Some(words) = record.fidelity.as_ref().and_then(|f| f["words"].as_str()) {
-        println!("\n{words}");
+        outln!("\n{words}")?;
     }
-    println!(
+    outln!(
         "\nstopped: {}, after {} evaluations in {:.1} s ({:.1} placements × frames/s on {}); report: \
          {}",
         record.stopped,
@@ -154,5 +153,5 @@ pub(super) fn print(args: &Args, record: &RunRecord, folder: &Path) {
         record.rate,
         record.backend,
         folder.join("report.html").display()
-    );
+    )
 }

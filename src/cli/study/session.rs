@@ -53,7 +53,7 @@ impl Session {
             let saved: Saved = serde_json::from_str(&text).map_err(json)?;
             if saved.settings != *settings {
                 return Err(Error::Usage(format!(
-                    "{}: holds a study of other settings; name another folder with --out",
+                    "{}: holds a study of other settings or other files; name another folder with --out",
                     folder.display()
                 )));
             }

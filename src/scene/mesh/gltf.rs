@@ -1,6 +1,6 @@
 //! glTF 2.0, `.gltf` and `.glb`: the triangles of the default scene, node transforms applied.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
 use gltf::accessor::{DataType, Dimensions};
@@ -38,12 +38,13 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
         }
     }
     let document = gltf::Document::from_json(json).map_err(whole)?;
-    let buffers = read_buffers(&document, dir, blob)?;
+    let mut files = Vec::new();
+    let buffers = read_buffers(&document, dir, blob, &mut files)?;
     let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) else {
         return Err(Fault::new("file", "holds no scene"));
     };
     let mut walk = Walk {
-        mesh: RawMesh::default(),
+        mesh: RawMesh { files, ..RawMesh::default() },
         buffers: &buffers,
         seen: vec![false; document.nodes().len()],
     };
@@ -54,11 +55,12 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
 }
 
 /// The bytes of each buffer. The crate's own import opens whatever a file names, devices included,
-/// and does not survive a name that is not UTF-8.
+/// and does not survive a name that is not UTF-8. `files` gets what was opened.
 fn read_buffers(
     document: &gltf::Document,
     dir: &Path,
     mut blob: Option<Vec<u8>>,
+    files: &mut Vec<PathBuf>,
 ) -> Result<Vec<Vec<u8>>, Fault> {
     let mut buffers: Vec<Vec<u8>> = Vec::new();
     let mut left = MAX_FILE;
@@ -77,6 +79,7 @@ fn read_buffers(
                 let path = path.strip_prefix("//").unwrap_or(path);
                 let path = urlencoding::decode(path)
                     .map_err(|_| fault(format!("names {uri:?}, which is not UTF-8")))?;
+                files.push(dir.join(&*path));
                 read_limited(&dir.join(&*path), left).map_err(|e| fault(e.to_string()))?
             }
         };

@@ -5,7 +5,7 @@ mod obj;
 mod ply;
 
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
@@ -25,6 +25,8 @@ pub(crate) struct RawMesh {
     pub materials: Vec<Option<String>>,
     /// Places in `materials`: a hostile file names one for each face.
     by_name: HashMap<Option<String>, u32>,
+    /// The files that it was read from.
+    pub files: Vec<PathBuf>,
 }
 
 impl RawMesh {
@@ -76,7 +78,8 @@ pub(crate) fn load(at: &Place, file: &Path) -> Result<RawMesh, SceneError> {
     };
     let bytes = read_limited(file, MAX_FILE)?;
     let dir = file.parent().unwrap_or(Path::new(""));
-    let mesh = read(&bytes, dir).map_err(fault)?;
+    let mut mesh = read(&bytes, dir).map_err(fault)?;
+    mesh.files.push(file.to_owned());
     check(&mesh).map_err(fault)?;
     Ok(mesh)
 }

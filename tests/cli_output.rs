@@ -1,0 +1,103 @@
+//! Where results go: pipes that are closed or full, files that are none, and numbers below 0.
+
+use std::fs::{self, File};
+use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use crate::cli::{corridor, fails, ok, sightline};
+
+const SCORE: [&str; 5] = ["score", "scene.json", "placements.json", "--backend", "cpu"];
+
+fn with_stdout(dir: &Path, args: &[&str], stdout: impl Into<Stdio>) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sightline"));
+    let child = command.args(args).current_dir(dir).stdout(stdout).stderr(Stdio::piped()).spawn();
+    child.unwrap().wait_with_output().unwrap()
+}
+
+#[test]
+fn a_closed_pipe_ends_quietly_and_a_full_disk_in_a_sentence() {
+    let dir = corridor();
+    let optimize = ["optimize", "scene.json", "--evaluations", "4", "--backend", "cpu", "--quiet"];
+    for args in [&SCORE[..], &["psog", "info", "corridor.psog.npz"], &["devices"], &optimize] {
+        for format in ["text", "json"] {
+            let args = [args, &["--format", format]].concat();
+            let (reader, writer) = std::io::pipe().unwrap();
+            drop(reader);
+            let closed = with_stdout(dir.path(), &args, writer);
+            assert!(closed.status.success(), "{args:?}: {closed:?}");
+            if cfg!(target_os = "linux") {
+                let full = File::options().write(true).open("/dev/full").unwrap();
+                let full = with_stdout(dir.path(), &args, full);
+                let message = String::from_utf8_lossy(&full.stderr).into_owned();
+                assert_eq!(full.status.code(), Some(2), "{args:?}: {message}");
+                assert!(message.contains("sightline: stdout: No space left"), "{message}");
+            }
+        }
+    }
+    // What is said on stderr is lost with it, and no more than that.
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sightline"));
+    let deaf = command.args(SCORE).current_dir(dir.path()).stderr(writer).output().unwrap();
+    assert!(deaf.status.success() && deaf.stdout.ends_with(b"}\n"), "{deaf:?}");
+}
+
+#[test]
+fn out_leaves_pipes_links_and_permissions_as_they_are() {
+    let dir = corridor();
+    let at = |name: &str| dir.path().join(name);
+    let to = |name: &str| {
+        let output = sightline(dir.path(), &[&SCORE[..], &["--out", name]].concat());
+        assert!(output.status.success(), "{name}: {output:?}");
+        output.stdout
+    };
+    assert!(Command::new("mkfifo").arg(at("pipe")).status().unwrap().success());
+    let reader = std::thread::spawn({
+        let pipe = at("pipe");
+        move || fs::read(pipe).unwrap()
+    });
+    to("pipe");
+    let is_scores = |bytes: &[u8]| bytes.starts_with(b"{\"scene\"") && bytes.ends_with(b"}\n");
+    assert!(is_scores(&reader.join().unwrap()));
+    assert!(fs::symlink_metadata(at("pipe")).unwrap().file_type().is_fifo());
+
+    fs::write(at("private"), "").unwrap();
+    fs::set_permissions(at("private"), fs::Permissions::from_mode(0o600)).unwrap();
+    symlink("private", at("link")).unwrap();
+    symlink("new", at("dangling")).unwrap();
+    to("link");
+    to("dangling");
+    for (link, file) in [("link", "private"), ("dangling", "new")] {
+        assert!(fs::symlink_metadata(at(link)).unwrap().is_symlink());
+        assert!(is_scores(&fs::read(at(file)).unwrap()));
+    }
+    assert_eq!(fs::metadata(at("private")).unwrap().permissions().mode() & 0o777, 0o600);
+    assert!(is_scores(&to("/dev/stdout")));
+
+    for input in ["scene.json", "./placements.json", "corridor.psog.npz"] {
+        let before = fs::read(at(input)).unwrap();
+        let message = fails(dir.path(), &[&SCORE[..], &["--out", input]].concat());
+        assert!(message.contains("is read by this command"), "{message}");
+        assert_eq!(fs::read(at(input)).unwrap(), before);
+    }
+}
+
+#[test]
+fn numbers_below_0_reach_the_options() {
+    let dir = corridor();
+    let optimize = ["optimize", "scene.json", "--evaluations", "4", "--backend", "cpu"];
+    let run = ok(dir.path(), &[&optimize[..], &["--target", "-8e-8"]].concat());
+    assert_eq!(run["settings"]["target"], -8e-8);
+    for (option, value, words) in [
+        ("--target", "nan", "give a number"),
+        ("--threads", "-1", "-1 is not in 1.."),
+        ("--seed", "-1", "give a whole number, 0 or more"),
+        ("--max-seconds", "-1", "give a number of seconds"),
+    ] {
+        let message = fails(dir.path(), &[&optimize[..], &[option, value]].concat());
+        assert!(message.contains(option) && message.contains(words), "{message}");
+    }
+    let message = fails(dir.path(), &["chart", "scene.json", "--tolerance", "-1"]);
+    assert!(message.contains("give 0 to 1"), "{message}");
+}
