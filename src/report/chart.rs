@@ -7,21 +7,21 @@ const GREY: &str = "#8a97a5";
 const SOFT: &str = "#5a6b7b";
 const PALE: &str = "#e8edf2";
 /// Pixels of the picture's width, and of a row of its table.
-const WIDTH: f64 = 900.0;
+const WIDTH: f64 = 1000.0;
 const ROW: f64 = 19.0;
 /// Left, right, top and bottom of the plot area.
-const PLOT: [f64; 4] = [76.0, 876.0, 62.0, 470.0];
+const PLOT: [f64; 4] = [76.0, 976.0, 62.0, 490.0];
 /// Where the titles of the table stand.
-const TABLE: f64 = 578.0;
+const TABLE: f64 = 600.0;
 /// Titles of the table's columns, and where each begins or, from the second on, ends.
 const COLUMNS: [(&str, f64); 8] = [
     ("setting", 50.0),
-    ("time", 408.0),
-    ("MiB", 452.0),
-    ("error %: median, most", 588.0),
-    ("τ (95 %)", 712.0),
-    ("regret % (to)", 796.0),
-    ("swapped % (to)", 886.0),
+    ("time", 430.0),
+    ("MiB", 486.0),
+    ("error % (most)", 606.0),
+    ("τ (95 %)", 752.0),
+    ("regret % (to)", 862.0),
+    ("swapped % (to)", 976.0),
     ("", 34.0),
 ];
 
@@ -300,7 +300,7 @@ fn table(svg: &mut String, rated: &[Rated], listed: &[usize], chart: &ChartFrame
             seconds(measured.seconds),
             format!("{:.1}", measured.bytes as f64 / f64::from(1 << 20)),
             if measured.rung.fidelity.same_quantity(&finest) {
-                format!("{}, {}", percent(error.score_median), percent(error.score_largest))
+                format!("{} ({})", percent(error.score_median), percent(error.score_largest))
             } else {
                 "another quantity".to_owned()
             },
