@@ -205,7 +205,7 @@ fn print_text(
 ) -> Result<(), Error> {
     outln!("{}: attempts to look better than {} while seeing less", scene.name(), base.name)?;
     let metrics = ["M-SOG", "M-SOG/N ×1e-6", "det ×1e-6", "gain nats", "S-MIG"];
-    let titles = [&["attempt"][..], &metrics, &["verdict", "fooled", "guards"]].concat();
+    let titles = [&["attempt"][..], &metrics, &["verdict", "looks better by", "guards"]].concat();
     let mut rows = vec![titles.into_iter().map(str::to_owned).collect::<Vec<_>>()];
     rows.push(cells(&base.name, base));
     for trial in trials {

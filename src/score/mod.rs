@@ -148,7 +148,7 @@ impl Tasks {
         Self {
             segmentation: task(0),
             detection: content.has_detection().then(|| task(1)),
-            s_mig: (tally.covered > 0).then(|| -gain(2)),
+            s_mig: (tally.covered > 0).then(|| negated(gain(2))),
         }
     }
 }
