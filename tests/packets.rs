@@ -178,10 +178,13 @@ fn a_fan_gives_the_bits_of_all_triangles() {
                 .filter(|&direction| major_axis(direction) == major_axis(towards))
                 .collect();
             let mut fan = Fan::new(&origins);
-            bvh.closest_hits_of_fan(&mut fan, &directions, 30.0, &mut hits);
+            // Ranges that end at a triangle too, right before it and soon after.
+            let first = bvh.closest_hit(&Ray::new(origins[0], directions[0], 30.0)).t;
+            let range = [30.0, first, first.next_down(), first + 0.1][round / 12 % 4];
+            bvh.closest_hits_of_fan(&mut fan, &directions, range, &mut hits);
             for (&direction, hits) in directions.iter().zip(&hits) {
                 for (lane, &origin) in origins.iter().enumerate() {
-                    let want = bvh.closest_hit(&Ray::new(origin, direction, 30.0));
+                    let want = bvh.closest_hit(&Ray::new(origin, direction, range));
                     let hit = hits.get(lane);
                     assert_eq!((hit.t.to_bits(), hit.prim), (want.t.to_bits(), want.prim));
                 }
@@ -204,4 +207,10 @@ fn one_square_is_hit_at_its_distance() {
     bvh.closest_hits_of_fan(&mut fan, &[Vec3::X], 10.0, &mut hits);
     let want = [Hit { t: 5.0, prim: 0 }, Hit { t: 4.0, prim: 1 }, Hit { t: 10.0, prim: NO_HIT }];
     assert_eq!([0, 1, 2].map(|lane| hits[0].get(lane)), want);
+    // The list of what may be hit ends where the range does, and not before.
+    let mut fan = Fan::new(&[Vec3::ZERO, Vec3::Y * 0.5]);
+    for range in [5.2, 5.001, 5.0, 4.999] {
+        bvh.closest_hits_of_fan(&mut fan, &[Vec3::X], range, &mut hits);
+        assert_eq!([0, 1].map(|lane| hits[0].get(lane).is_hit()), [range >= 5.0; 2], "{range}");
+    }
 }

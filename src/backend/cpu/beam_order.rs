@@ -13,8 +13,8 @@ const CELL_BITS: u32 = 14;
 const SIDE_BITS: u32 = 8;
 /// Six directions of the largest component with the signs of the others.
 const WAY_BITS: u32 = 5;
-const SENSOR_BITS: u32 = 12;
-const BEAM_BITS: u32 = 64 - WAY_BITS - CELL_BITS - SENSOR_BITS;
+const ROW_BITS: u32 = 15;
+const BEAM_BITS: u32 = 64 - WAY_BITS - CELL_BITS - ROW_BITS;
 /// Keys are sorted by half of their bits at a time.
 const DIGIT_BITS: u32 = (WAY_BITS + CELL_BITS).div_ceil(2);
 
@@ -24,7 +24,7 @@ const GROUND: f32 = -2.4;
 const NEAREST: f32 = 4.0;
 const FARTHEST: f32 = 30.0;
 
-/// A beam of a sensor with its key: way, cell, sensor, beam, from the highest bits down.
+/// A beam of a row with its key: way, cell, row, beam, from the highest bits down.
 #[derive(Clone, Copy, Default)]
 pub(in crate::backend) struct KeyedBeam(u64);
 
@@ -34,29 +34,41 @@ impl KeyedBeam {
         self.0 >> (64 - WAY_BITS)
     }
 
-    /// Number of the sensor, and of the beam in its table.
+    /// Number of the row, and of the beam in it.
     pub(in crate::backend) fn of(self) -> (usize, usize) {
-        let sensor = self.0 >> BEAM_BITS & ((1 << SENSOR_BITS) - 1);
-        (sensor as usize, (self.0 & ((1 << BEAM_BITS) - 1)) as usize)
+        let row = self.0 >> BEAM_BITS & ((1 << ROW_BITS) - 1);
+        (row as usize, (self.0 & ((1 << BEAM_BITS) - 1)) as usize)
     }
 }
 
-/// All beams of some sensors, fewer than 2¹², by way and by where they are likely to end.
+/// All beams of some sensors, a row each: [`sorted_rows`].
 pub(in crate::backend) fn sorted_beams(
     sensors: &[(&DevicePose, &mut [Hit])],
     directions: &[[f32; 3]],
 ) -> Vec<KeyedBeam> {
+    let rows = sensors.iter().map(|&(pose, _)| (pose, directions));
+    sorted_rows(rows, sensors.len() * directions.len())
+}
+
+/// All beams of some rows, fewer than 2¹⁵, by way and by where they are likely to end. A row is a
+/// sensor with some of its directions, `all_around` the number of beams of all sides together.
+pub(super) fn sorted_rows<'a>(
+    rows: impl ExactSizeIterator<Item = (&'a DevicePose, &'a [[f32; 3]])> + Clone,
+    all_around: usize,
+) -> Vec<KeyedBeam> {
     // Four times the beams share cells of half the height; measured with 128 beams a packet.
-    let count = sensors.len() * directions.len();
-    let up_bits = (count.max(1).ilog2().saturating_sub(9) / 2).min(CELL_BITS - SIDE_BITS);
-    let origins = || sensors.iter().map(|(pose, _)| beam_origin(pose));
-    let middle = origins().sum::<Vec3>() / sensors.len() as f32;
+    let up_bits = (all_around.max(1).ilog2().saturating_sub(9) / 2).min(CELL_BITS - SIDE_BITS);
+    let origins = rows.clone().map(|(pose, _)| beam_origin(pose));
+    let middle = origins.sum::<Vec3>() / rows.len() as f32;
+    let count = rows.clone().map(|(_, directions)| directions.len()).sum();
     let mut beams = vec![KeyedBeam::default(); count];
-    let rows = beams.chunks_exact_mut(directions.len());
-    for (sensor, (row, (pose, _))) in rows.zip(sensors).enumerate() {
+    let mut left = &mut beams[..];
+    for (row, (pose, directions)) in rows.enumerate() {
+        let (beams, others) = std::mem::take(&mut left).split_at_mut(directions.len());
+        left = others;
         let from = beam_origin(pose) - middle;
-        let sensor = (sensor as u64) << BEAM_BITS;
-        write_keys(pose, directions, from.to_array(), up_bits, sensor, row);
+        let row = (row as u64) << BEAM_BITS;
+        write_keys(pose, directions, from.to_array(), up_bits, row, beams);
     }
     let mut other = vec![KeyedBeam::default(); beams.len()];
     for digit in 0..2 {
@@ -77,7 +89,7 @@ pub(in crate::backend) fn sorted_beams(
     beams
 }
 
-/// Keys of one sensor's beams, with `sensor` in its place.
+/// Keys of one row's beams, with its number in its place.
 #[multiversion(targets(
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
@@ -87,14 +99,14 @@ fn write_keys(
     directions: &[[f32; 3]],
     from: [f32; 3],
     up_bits: u32,
-    sensor: u64,
-    row: &mut [KeyedBeam],
+    row: u64,
+    beams: &mut [KeyedBeam],
 ) {
     let turned = |row: [f32; 4], [x, y, z]: [f32; 3]| {
         let d = row[0] * x + row[1] * y + row[2] * z;
         if d.abs() < TINY_COMPONENT { 0.0 } else { d }
     };
-    for (index, (&direction, keyed)) in directions.iter().zip(row).enumerate() {
+    for (index, (&direction, keyed)) in directions.iter().zip(beams).enumerate() {
         let dx = turned(pose.rows[0], direction);
         let dy = turned(pose.rows[1], direction);
         let dz = turned(pose.rows[2], direction);
@@ -125,8 +137,11 @@ fn write_keys(
         let cell = |slope: f32, bits: u32| {
             (slope * (1 << bits) as f32).clamp(0.0, ((1 << bits) - 1) as f32) as i32 as u32
         };
-        let cells = cell(up * scale, up_bits) << SIDE_BITS | cell(side * scale, SIDE_BITS);
+        let (up, side) = (cell(up * scale, up_bits), cell(side * scale, SIDE_BITS));
+        // To and fro, so that what follows the end of a row of cells is near it.
+        let turn = ((1 << SIDE_BITS) - 1) * (up & 1);
+        let cells = up << SIDE_BITS | (side ^ turn);
         let key = u64::from(way << CELL_BITS | cells);
-        *keyed = KeyedBeam(key << (64 - WAY_BITS - CELL_BITS) | sensor | index as u64);
+        *keyed = KeyedBeam(key << (64 - WAY_BITS - CELL_BITS) | row | index as u64);
     }
 }

@@ -1,8 +1,9 @@
 use glam::Vec3;
+use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::beam::{beam_direction, beam_origin};
-use super::beam_order::sorted_beams;
+use super::beam_order::sorted_rows;
 use super::cast::cast_closest;
 use crate::backend::DevicePose;
 use crate::bvh::{
@@ -22,8 +23,17 @@ pub enum Casting {
     Fans,
 }
 
-/// Directions that follow one another, cast by one parallel task and written together.
+/// Hits of a chunk's rays in some directions, those of each ray side by side.
+type HitsByRay = [[Hit; FAN_DIRECTIONS]; CHUNK];
+const NO_HITS: HitsByRay = [[Hit { t: 0.0, prim: NO_HIT }; FAN_DIRECTIONS]; CHUNK];
+
+/// Directions that follow one another, cast by one parallel task and written together: sensors are
+/// sorted once for all of them, which is closer to each where there are fewer.
 const DIRECTIONS_PER_BLOCK: usize = 112;
+/// The same in scenes of many triangles, where rays have to lie closer to meet the same ones.
+const DIRECTIONS_AMONG_MANY: usize = 48;
+/// Triangles from which on a scene has many; measured.
+const MANY_TRIANGLES: usize = 1 << 18;
 /// Bytes that the memory moves at a time.
 const CACHE_LINE: usize = 64;
 /// Farthest that a direction of a fan is from its first one, as a share of a unit vector.
@@ -35,8 +45,12 @@ const FLATNESS: f32 = 3.0;
 const PARALLEL_SENSORS: usize = 32;
 /// Most sensors whose beams are sorted together.
 const SORTED_SENSORS: usize = 256;
-/// Parallel tasks that are aimed at for each thread.
-const TASKS: usize = 2;
+/// Parallel tasks that are aimed at for each of several threads.
+const TASKS: usize = 4;
+/// Pieces that a sensor's directions are cut into, to be shared out among tasks.
+const PIECES: usize = 64;
+/// Fewest beams of a task, about: fewer hardly fill packets.
+const LEAST_BEAMS: usize = 2048;
 /// Most beams that one task sorts: 16 bytes each while it does.
 const SORTED_BEAMS: usize = 4 << 20;
 
@@ -84,7 +98,7 @@ pub fn cast_packets_by(
             .filter_map(|&sensor| Some((&poses[sensor], rows[sensor].take()?)))
             .collect();
         if rows.len() >= fans_from {
-            parallel.extend(blocks(rows, directions));
+            parallel.extend(blocks(rows, directions, bvh));
         } else {
             alone.extend(rows);
         }
@@ -105,18 +119,21 @@ struct Block<'a> {
 fn blocks<'a>(
     sensors: Vec<(&'a DevicePose, &'a mut [Hit])>,
     directions: &'a [[f32; 3]],
+    bvh: &Bvh,
 ) -> Vec<Block<'a>> {
+    let many = bvh.triangles.len() >= MANY_TRIANGLES;
+    let per_block = if many { DIRECTIONS_AMONG_MANY } else { DIRECTIONS_PER_BLOCK };
     let rotation = sensors[0].0;
     // Blocks begin where cache lines do: two that share one would each fetch and write it.
     let begin = sensors[0].1.as_ptr().align_offset(CACHE_LINE).min(directions.len());
     let (first, others) = directions.split_at(begin);
     let mut blocks: Vec<Block<'a>> = std::iter::once(first)
-        .chain(others.chunks(DIRECTIONS_PER_BLOCK))
+        .chain(others.chunks(per_block))
         .map(|directions| Block { rotation, directions, rows: Vec::with_capacity(sensors.len()) })
         .collect();
     for (pose, row) in sensors {
         let (first, others) = row.split_at_mut(begin);
-        let rows = std::iter::once(first).chain(others.chunks_mut(DIRECTIONS_PER_BLOCK));
+        let rows = std::iter::once(first).chain(others.chunks_mut(per_block));
         for (block, row) in blocks.iter_mut().zip(rows) {
             block.rows.push((beam_origin(pose), row));
         }
@@ -136,8 +153,9 @@ impl Block<'_> {
         let seen = |origin: Vec3| [origin.dot(sideways), origin.dot(upwards)];
         let rows = self.rows.iter().zip(0..);
         let mut sensors: Vec<([f32; 2], u32)> = rows.map(|((o, _), row)| (seen(*o), row)).collect();
-        let mut hits =
-            vec![PacketHits::default(); directions.len().next_multiple_of(FAN_DIRECTIONS)];
+        let mut hits = vec![PacketHits::default(); FAN_DIRECTIONS];
+        let pieces = directions.len().div_ceil(FAN_DIRECTIONS);
+        let mut by_ray = vec![NO_HITS; pieces * PACKET_RAYS / CHUNK];
         let mut fan = Fan::new(&[Vec3::ZERO]);
         split(&mut sensors, PACKET_RAYS, &mut |group| {
             // Chunks of a packet lie side by side too.
@@ -145,40 +163,50 @@ impl Block<'_> {
             let origins: Vec<Vec3> =
                 group.iter().map(|&(_, row)| self.rows[row as usize].0).collect();
             fan.set_origins(&origins);
-            self.cast_group(group, &directions, &mut fan, &mut hits, bvh, range);
+            // Hits of few directions, to be turned round while they are in the nearest cache.
+            for (piece, directions) in directions.chunks(FAN_DIRECTIONS).enumerate() {
+                let mut first = 0;
+                while first < directions.len() {
+                    let next = fan_of(&directions[first..]);
+                    bvh.closest_hits_of_fan(&mut fan, next, range, &mut hits[first..]);
+                    first += next.len();
+                }
+                let chunks = by_ray.chunks_exact_mut(pieces).take(group.len().div_ceil(CHUNK));
+                for (chunk, by_ray) in chunks.enumerate() {
+                    PacketHits::by_ray(&hits, chunk, &mut by_ray[piece]);
+                }
+            }
+            // A few rows at a time: the lines of many would push each other out of the cache, since rows
+            // lie a multiple of many lines apart.
+            for (group, by_ray) in group.chunks(CHUNK).zip(by_ray.chunks_exact(pieces)) {
+                write_rows(by_ray, group, &mut self.rows);
+            }
         });
     }
+}
 
-    /// Casts the directions from the origins of a fan, which are those of a group, into the group's
-    /// rows; `hits` is working memory.
-    fn cast_group(
-        &mut self,
-        group: &[([f32; 2], u32)],
-        directions: &[Vec3],
-        fan: &mut Fan,
-        hits: &mut [PacketHits],
-        bvh: &Bvh,
-        range: f32,
-    ) {
-        let mut first = 0;
-        while first < directions.len() {
-            let next = fan_of(&directions[first..]);
-            bvh.closest_hits_of_fan(fan, next, range, &mut hits[first..]);
-            first += next.len();
-        }
-        // A few rows at a time: the lines of many would push each other out of the cache, since rows lie
-        // a multiple of many lines apart.
-        let mut by_ray = [[Hit { t: 0.0, prim: NO_HIT }; FAN_DIRECTIONS]; CHUNK];
-        for (chunk, group) in group.chunks(CHUNK).enumerate() {
-            for first in (0..directions.len()).step_by(FAN_DIRECTIONS) {
-                PacketHits::by_ray(&hits[first..first + FAN_DIRECTIONS], chunk, &mut by_ray);
-                let end = directions.len().min(first + FAN_DIRECTIONS);
-                for (&(_, row), hits) in group.iter().zip(&by_ray) {
-                    self.rows[row as usize].1[first..end].copy_from_slice(&hits[..end - first]);
-                }
+/// Writes what a chunk's rays hit in some directions into their rows.
+#[multiversion(targets(
+    "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
+    "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
+))]
+fn write_rows(by_ray: &[HitsByRay], group: &[([f32; 2], u32)], rows: &mut [(Vec3, &mut [Hit])]) {
+    for (piece, by_ray) in by_ray.iter().enumerate() {
+        for (&(_, row), hits) in group.iter().zip(by_ray) {
+            let row = &mut rows[row as usize].1[piece * FAN_DIRECTIONS..];
+            match row.first_chunk_mut() {
+                Some(row) => *row = *hits,
+                None => write_some(row, hits),
             }
         }
     }
+}
+
+/// Apart, so that copies of whole lines keep their fixed length: those need no call.
+#[cold]
+#[inline(never)]
+fn write_some(row: &mut [Hit], hits: &[Hit; FAN_DIRECTIONS]) {
+    row.copy_from_slice(&hits[..row.len()]);
 }
 
 /// The first of some directions that make a narrow fan.
@@ -193,10 +221,18 @@ fn fan_of(directions: &[Vec3]) -> &[Vec3] {
     &directions[..count.max(1)]
 }
 
-/// Some directions of sensors that are near each other.
-struct MixedTask<'a> {
+/// Some directions of a sensor and what its beams hit there.
+struct Piece<'a> {
+    pose: &'a DevicePose,
     directions: &'a [[f32; 3]],
-    sensors: Vec<(&'a DevicePose, &'a mut [Hit])>,
+    hits: &'a mut [Hit],
+}
+
+/// Pieces of sensors that are near each other, seen to one side.
+struct MixedTask<'a> {
+    pieces: Vec<Piece<'a>>,
+    /// Beams of the sensors to all sides.
+    all_around: usize,
 }
 
 fn mixed_tasks<'a>(
@@ -207,21 +243,28 @@ fn mixed_tasks<'a>(
     let mut sensors: Vec<_> =
         sensors.into_iter().map(|s| (flat(beam_origin(s.0)), Some(s))).collect();
     let groups = sensors.len().div_ceil(SORTED_SENSORS).max(1);
-    let blocks = (TASKS * rayon::current_num_threads()).div_ceil(groups);
-    let most = SORTED_BEAMS / sensors.len().clamp(1, SORTED_SENSORS);
-    let block = directions.len().div_ceil(blocks).max(PACKET_RAYS).min(most);
+    let threads = rayon::current_num_threads();
+    let wanted = if threads > 1 { (TASKS * threads).div_ceil(groups) } else { 1 };
     let mut tasks = Vec::new();
     split(&mut sensors, SORTED_SENSORS, &mut |group| {
-        let first = tasks.len();
-        tasks.extend(
-            directions
-                .chunks(block)
-                .map(|directions| MixedTask { directions, sensors: Vec::new() }),
-        );
+        let beams = group.len() * directions.len();
+        let most = wanted.min(beams / LEAST_BEAMS).max(beams.div_ceil(SORTED_BEAMS)).max(1);
+        let length = if most > 1 { directions.len().div_ceil(PIECES) } else { directions.len() };
+        let mut pieces = Vec::new();
         for (pose, row) in group.iter_mut().filter_map(|(_, sensor)| sensor.take()) {
-            for (task, row) in tasks[first..].iter_mut().zip(row.chunks_mut(block)) {
-                task.sensors.push((pose, row));
+            for (directions, hits) in directions.chunks(length).zip(row.chunks_mut(length)) {
+                let middle = beam_direction(pose, directions[directions.len() / 2]);
+                pieces.push((middle.y.atan2(middle.x), Piece { pose, directions, hits }));
             }
+        }
+        // Side by side as seen from above: what a task holds is as near to each other as in one of all,
+        // and about as much work as another's.
+        pieces.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let length = pieces.len().div_ceil(most);
+        let mut pieces = pieces.into_iter().map(|(_, piece)| piece).peekable();
+        while pieces.peek().is_some() {
+            let pieces = pieces.by_ref().take(length).collect();
+            tasks.push(MixedTask { pieces, all_around: beams });
         }
     });
     tasks
@@ -231,18 +274,19 @@ impl MixedTask<'_> {
     fn cast(&mut self, bvh: &Bvh, range: f32) {
         let mut packet = Packet::default();
         let mut scratch = Scratch::default();
-        let beams = sorted_beams(&self.sensors, self.directions);
+        let rows = self.pieces.iter().map(|piece| (piece.pose, piece.directions));
+        let beams = sorted_rows(rows, self.all_around);
         for same_way in beams.chunk_by(|a, b| a.way() == b.way()) {
             for beams in same_way.chunks(PACKET_RAYS) {
                 packet.gather(beams.len(), range, |lane| {
-                    let (sensor, beam) = beams[lane].of();
-                    let pose = self.sensors[sensor].0;
-                    (beam_origin(pose), beam_direction(pose, self.directions[beam]))
+                    let (piece, beam) = beams[lane].of();
+                    let Piece { pose, directions, .. } = &self.pieces[piece];
+                    (beam_origin(pose), beam_direction(pose, directions[beam]))
                 });
                 bvh.closest_hits(&mut packet, &mut scratch);
                 for (beam, hit) in beams.iter().zip(packet.hits()) {
-                    let (sensor, beam) = beam.of();
-                    self.sensors[sensor].1[beam] = hit;
+                    let (piece, beam) = beam.of();
+                    self.pieces[piece].hits[beam] = hit;
                 }
             }
         }
