@@ -73,13 +73,15 @@ fn new_four(at: u32, major: u32) -> Four {
 }
 
 // Four beams after one triangle (Woop, Benthin, Wald 2013).
-fn intersect(four: Four, major: u32, triangle: Triangle) -> Four {
+fn intersect(four: Four, major: u32, backward: vec3<bool>, triangle: Triangle) -> Four {
     let a = permute(triangle.a, major);
     let b = permute(triangle.b, major);
     let c = permute(triangle.c, major);
     let n = permute(triangle.normal, major);
     let low = min(min(a, b), c);
     let high = max(max(a, b), c);
+    let near = select(low, high, backward);
+    let far = select(high, low, backward);
 
     let dx = a.x - four.x;
     let dy = a.y - four.y;
@@ -99,14 +101,14 @@ fn intersect(four: Four, major: u32, triangle: Triangle) -> Four {
     // On one side of all edges; on both only where all three are zero.
     let inside = (least(least(u, v), w) >= zero) != (most(most(u, v), w) <= zero);
 
-    let x0 = (low.x - four.x) * four.inverse_x;
-    let x1 = (high.x - four.x) * four.inverse_x;
-    let y0 = (low.y - four.y) * four.inverse_y;
-    let y1 = (high.y - four.y) * four.inverse_y;
-    let z0 = (low.z - four.z) * four.inverse_z;
-    let z1 = (high.z - four.z) * four.inverse_z;
-    let enter = most(most(least(x0, x1), least(y0, y1)), most(least(z0, z1), zero));
-    let leave = least(least(most(x0, x1), most(y0, y1)), most(z0, z1));
+    let enter = most(
+        most((near.x - four.x) * four.inverse_x, (near.y - four.y) * four.inverse_y),
+        most((near.z - four.z) * four.inverse_z, zero),
+    );
+    let leave = least(
+        least((far.x - four.x) * four.inverse_x, (far.y - four.y) * four.inverse_y),
+        (far.z - four.z) * four.inverse_z,
+    );
 
     let towards =
         sum_in_order(n.x * four.direction_x, n.y * four.direction_y, n.z * four.direction_z, major);
@@ -243,11 +245,13 @@ fn cast_mixed(
         shift,
     );
     var farthest = uniforms.range - shift.x + bounds.slack;
+    let backward =
+        vec3(fours[0].inverse_x.x, fours[0].inverse_y.x, fours[0].inverse_z.x) < vec3(0.0);
     var triangle: Triangle;
     while next_triangle(bounds, farthest, &triangle) {
         var reach = vec4(-UNBOUNDED);
         for (var k = 0u; k < PACKET_FOURS; k++) {
-            fours[k] = intersect(fours[k], major, triangle);
+            fours[k] = intersect(fours[k], major, backward, triangle);
             reach = most(reach, fours[k].t - (plane - fours[k].z) * fours[k].inverse_z);
         }
         farthest = most_of(reach) + bounds.slack;

@@ -141,6 +141,14 @@ fn cast_packets(
         low = least(low, fours[k].z);
         high = most(high, fours[k].z);
     }
+    // Hits lie a row apart from sensor to sensor. Loads bring their cache lines at the same time, each lane
+    // those of other sensors; stores would wait for one line after the other.
+    let lane = local % 8u;
+    var loaded = 0u;
+    for (var k = 0u; k < PACKET_FOURS / 2u; k++) {
+        let sensor = slots[first + 2u * k + lane / 4u][lane % 4u];
+        loaded |= hits[sensor * uniforms.direction_count + beam - lane].prim;
+    }
     // Beams are moved to where they cross a plane amid the origins.
     let plane = 0.5 * (least_of(low) + most_of(high));
     var low_x = vec4(UNBOUNDED);
@@ -183,6 +191,8 @@ fn cast_packets(
         }
         farthest = most_of(reach) + bounds.slack;
     }
+    // No walk is under way: this adds nothing, which no compiler knows.
+    steps += loaded * uniforms.walk_pass;
     let out_of_steps = steps >= NESTED_STEPS;
     var mark = vec4(0u);
     for (var k = 0u; k < PACKET_FOURS; k++) {
