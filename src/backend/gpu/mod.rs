@@ -141,10 +141,11 @@ impl GpuBackend {
         let widest = lidars.iter().copied().max().unwrap_or(1);
         let sizes = resources::Sizes::of(&self.problem);
         let binding = self.device.max_binding();
-        // On the device and copied to the host, twice where slices are in flight.
+        // Two slices in flight, on the device and, unless mapped, copied to the host.
         let slice = self.in_slice(widest, sizes.bitmap) as u64 * sizes.bitmap;
+        let copies = if self.device.maps() { 1 } else { 2 };
         let (bitmap, fixed) =
-            if self.worth.is_some() { (0, 4 * slice) } else { (2 * sizes.bitmap, 0) };
+            if self.worth.is_some() { (0, 2 * copies * slice) } else { (2 * sizes.bitmap, 0) };
         let one = [("coverage bitmaps", sizes.bitmap, binding.min(self.memory))];
         ChunkLimits::from_bytes(widest, &one)?;
         let free = self.memory.saturating_sub(fixed);
