@@ -149,9 +149,10 @@ fn take_blocks(maps: &mut [&mut [u64]], first_block: usize, worth: &Worth, tally
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
 fn add_block(maps: &[&[u64]], block: usize, worth: &Worth, tally: &mut Tally) {
-    let len = maps.first().map_or(0, |map| map.len());
+    let len = maps.first().map_or(0, |map| map.len().min(BLOCK));
     let (mut any, mut twice) = ([0_u64; BLOCK], [0_u64; BLOCK]);
     for map in maps {
+        let map = &map[..len];
         for i in 0..len {
             twice[i] |= any[i] & map[i];
             any[i] |= map[i];

@@ -37,7 +37,7 @@ const MOST_BITMAP: u64 = 1 << 29;
 ///
 /// Pipelines and scene buffers are made once; the buffers of a chunk grow to the largest chunk seen.
 /// The sums are taken on the device; where that is a software device, whose memory is the host's, they
-/// are taken by the host, which reads a word of the bitmaps at a time.
+/// are taken by the host, which reads the bitmaps where they lie, a word at a time.
 pub struct GpuBackend {
     problem: Arc<Problem>,
     device: Device,
