@@ -9,7 +9,7 @@ use sightline::backend::{Backend, DevicePose, Problem};
 use sightline::grid::Roi;
 use sightline::placement::{BeamTable, Placement, SensorPose};
 
-use crate::common::{gpu, random_content, rng};
+use crate::common::{cpu, gpu, random_content, rng};
 
 /// Along the axes, through edges and corners of voxels all the way, through some of them, and any.
 fn directions(seed: u64) -> Vec<DVec3> {
@@ -57,7 +57,7 @@ fn compare(roi: Roi, poses: &[SensorPose], range: f64, seed: u64) -> u64 {
     let name = String::new;
     let placements: Vec<Placement> =
         poses.chunks(3).map(|p| Placement { name: name(), lidars: p.to_vec() }).collect();
-    let tallies = crate::common::cpu(&problem).tally(&placements, range as f32).unwrap();
+    let tallies = cpu(&problem).tally(&placements, range as f32).unwrap();
     assert_eq!(tallies, gpu(&problem).tally(&placements, range as f32).unwrap());
     let mut by_kernels = gpu(&problem);
     by_kernels.reduce_on_device();

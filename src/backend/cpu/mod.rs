@@ -43,8 +43,9 @@ pub use reduce::reduce;
 pub(super) use reduce::union_of;
 pub use reference::ReferenceBackend;
 use rows::Rows;
+use worth::take_sums;
 use worth::take_sums_spread;
-pub(super) use worth::{Worth, take_sums};
+pub(super) use worth::{Worth, add_sums};
 
 /// Bytes of hits that one chunk uses at most: more gains nothing, since a chunk of this size already
 /// fills packets and keeps every core busy.

@@ -93,6 +93,21 @@ pub(in crate::backend) fn take_sums(
     take_blocks(&mut maps, 0, worth, tally);
 }
 
+/// [`take_sums`] that leaves the bitmaps as they are.
+pub(in crate::backend) fn add_sums(
+    bitmaps: &[u64],
+    words: usize,
+    worth: &Worth,
+    tally: &mut Tally,
+) {
+    for (block, first) in (0..words).step_by(BLOCK).enumerate() {
+        let range = first..words.min(first + BLOCK);
+        let maps = bitmaps.chunks_exact(words).map(|map| &map[range.clone()]);
+        let maps: Vec<&[u64]> = maps.collect();
+        add_block(&maps, block, worth, tally);
+    }
+}
+
 /// [`take_sums`] by all threads.
 pub(super) fn take_sums_spread(
     bitmaps: &mut [u64],
@@ -118,54 +133,57 @@ pub(super) fn take_sums_spread(
 }
 
 /// [`take_sums`] over some of the words of each sensor, the first of which begins `first_block`.
+fn take_blocks(maps: &mut [&mut [u64]], first_block: usize, worth: &Worth, tally: &mut Tally) {
+    let words = maps.first().map_or(0, |map| map.len());
+    for (block, first) in (first_block..).zip((0..words).step_by(BLOCK)) {
+        let range = first..words.min(first + BLOCK);
+        let parts: Vec<&[u64]> = maps.iter().map(|map| &map[range.clone()]).collect();
+        add_block(&parts, block, worth, tally);
+        maps.iter_mut().for_each(|map| map[range.clone()].fill(0));
+    }
+}
+
+/// Adds the sums over one block of words; `maps` holds those words of each sensor.
 #[multiversion(targets(
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+avx512vpopcntdq+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
-fn take_blocks(maps: &mut [&mut [u64]], first_block: usize, worth: &Worth, tally: &mut Tally) {
-    let words = maps.first().map_or(0, |map| map.len());
-    for first in (0..words).step_by(BLOCK) {
-        let len = BLOCK.min(words - first);
-        let block = first_block + first / BLOCK;
-        let (mut any, mut twice) = ([0_u64; BLOCK], [0_u64; BLOCK]);
-        for map in maps.iter() {
-            let map = &map[first..first + len];
-            for i in 0..len {
-                twice[i] |= any[i] & map[i];
-                any[i] |= map[i];
-            }
+fn add_block(maps: &[&[u64]], block: usize, worth: &Worth, tally: &mut Tally) {
+    let len = maps.first().map_or(0, |map| map.len().min(BLOCK));
+    let (mut any, mut twice) = ([0_u64; BLOCK], [0_u64; BLOCK]);
+    for map in maps {
+        let map = &map[..len];
+        for i in 0..len {
+            twice[i] |= any[i] & map[i];
+            any[i] |= map[i];
         }
-        tally.covered += any[..len].iter().map(|word| u64::from(word.count_ones())).sum::<u64>();
-        for word in worth.occupied.of_block(block) {
-            let at = word.index as usize % BLOCK;
-            let mut bits = any[at] & word.mask;
-            tally.covered_nonzero += u64::from(bits.count_ones());
-            while bits != 0 {
-                for (sum, entropy) in tally.entropy.iter_mut().zip(worth.entropy[rank(word, bits)])
-                {
-                    *sum += u64::from(entropy);
-                }
-                bits &= bits - 1;
+    }
+    tally.covered += any[..len].iter().map(|word| u64::from(word.count_ones())).sum::<u64>();
+    for word in worth.occupied.of_block(block) {
+        let at = word.index as usize % BLOCK;
+        let mut bits = any[at] & word.mask;
+        tally.covered_nonzero += u64::from(bits.count_ones());
+        while bits != 0 {
+            for (sum, entropy) in tally.entropy.iter_mut().zip(worth.entropy[rank(word, bits)]) {
+                *sum += u64::from(entropy);
             }
-            let once = any[at] & !twice[at] & word.mask;
-            if once != 0 {
-                for (map, sum) in maps.iter().zip(&mut tally.unique) {
-                    let mut bits = map[first + at] & once;
-                    while bits != 0 {
-                        *sum += u64::from(worth.entropy[rank(word, bits)][0]);
-                        bits &= bits - 1;
-                    }
+            bits &= bits - 1;
+        }
+        let once = any[at] & !twice[at] & word.mask;
+        if once != 0 {
+            for (map, sum) in maps.iter().zip(&mut tally.unique) {
+                let mut bits = map[at] & once;
+                while bits != 0 {
+                    *sum += u64::from(worth.entropy[rank(word, bits)][0]);
+                    bits &= bits - 1;
                 }
             }
         }
-        for (class, count) in worth.classes.iter().zip(&mut tally.by_class) {
-            for word in class.of_block(block) {
-                let covered = any[word.index as usize % BLOCK] & word.mask;
-                *count += u64::from(covered.count_ones());
-            }
-        }
-        for map in maps.iter_mut() {
-            map[first..first + len].fill(0);
+    }
+    for (class, count) in worth.classes.iter().zip(&mut tally.by_class) {
+        for word in class.of_block(block) {
+            let covered = any[word.index as usize % BLOCK] & word.mask;
+            *count += u64::from(covered.count_ones());
         }
     }
 }

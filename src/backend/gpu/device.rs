@@ -83,6 +83,7 @@ pub(super) struct Device {
     queue: wgpu::Queue,
     adapter: String,
     software: bool,
+    maps: bool,
     failure: Arc<Mutex<Option<String>>>,
     /// Buffers for copies to the host, kept from one to the next.
     staging: Mutex<Vec<wgpu::Buffer>>,
@@ -102,8 +103,12 @@ impl Device {
             })
             .ok_or_else(|| BackendError::NoDevice { name: name.map(str::to_owned) })?;
         let info = adapter.get_info();
+        let software = info.device_type == wgpu::DeviceType::Cpu;
+        let mapping = wgpu::Features::MAPPABLE_PRIMARY_BUFFERS;
+        let maps = software && adapter.features().contains(mapping);
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("sightline"),
+            required_features: if maps { mapping } else { wgpu::Features::empty() },
             required_limits: adapter.limits(),
             ..Default::default()
         };
@@ -128,14 +133,18 @@ impl Device {
             keep(&of_loss, format!("the device was lost ({reason:?}) {message}"));
         });
         let adapter = format!("{} ({} {})", info.name, info.driver, info.driver_info);
-        let software = info.device_type == wgpu::DeviceType::Cpu;
         let staging = Mutex::default();
-        Ok(Self { device, queue, adapter, software, failure, staging })
+        Ok(Self { device, queue, adapter, software, maps, failure, staging })
     }
 
     /// Whether the device is a program on the host.
     pub(super) fn is_software(&self) -> bool {
         self.software
+    }
+
+    /// Whether the host reads what kernels write where it lies: a program on the host has its memory.
+    pub(super) fn maps(&self) -> bool {
+        self.maps
     }
 
     pub(super) fn adapter(&self) -> &str {
@@ -309,7 +318,8 @@ impl Device {
         }
     }
 
-    /// Starts recorded commands, after which the first `bytes` of a buffer are copied to the host.
+    /// Starts recorded commands, after which the first `bytes` of a buffer are copied to the host, or
+    /// mapped where it allows that; no commands may use it then before [`Self::finish`].
     pub(super) fn start(
         &self,
         stage: &'static str,
@@ -318,10 +328,13 @@ impl Device {
         bytes: u64,
     ) -> Result<Reading, BackendError> {
         let size = bytes.next_multiple_of(4);
-        let staging = self.staging(size)?;
+        let mapped = buffer.usage().contains(wgpu::BufferUsages::MAP_READ);
+        let staging = if mapped { buffer.clone() } else { self.staging(size)? };
         let submission = self.enqueue(|encoder| {
             record(encoder);
-            encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, size);
+            if !mapped {
+                encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, size);
+            }
         });
         let answer = Arc::new(Mutex::new(None));
         let sink = answer.clone();
@@ -330,16 +343,16 @@ impl Device {
                 *slot = Some(result);
             }
         });
-        Ok(Reading { stage, staging, bytes, submission, answer })
+        Ok(Reading { stage, staging, mapped, bytes, submission, answer })
     }
 
-    /// Waits for a copy and hands it to `take`.
+    /// Waits for a copy, or for what is mapped, and hands it to `take`.
     pub(super) fn finish<R>(
         &self,
         reading: Reading,
         take: impl FnOnce(&[u8]) -> R,
     ) -> Result<R, BackendError> {
-        let Reading { stage, staging, bytes, submission, answer } = reading;
+        let Reading { stage, staging, mapped, bytes, submission, answer } = reading;
         self.wait(stage, submission)?;
         match answer.lock().ok().and_then(|mut slot| slot.take()) {
             Some(Ok(())) => {}
@@ -352,7 +365,8 @@ impl Device {
         let taken = take(&view[..bytes as usize]);
         drop(view);
         staging.unmap();
-        if let Ok(mut kept) = self.staging.lock()
+        if !mapped
+            && let Ok(mut kept) = self.staging.lock()
             && kept.len() < KEPT_STAGING
         {
             kept.push(staging);
@@ -386,10 +400,11 @@ impl Device {
     }
 }
 
-/// A copy to the host that is under way.
+/// A copy to the host that is under way, or a buffer that is about to be mapped.
 pub(super) struct Reading {
     stage: &'static str,
     staging: wgpu::Buffer,
+    mapped: bool,
     bytes: u64,
     submission: wgpu::SubmissionIndex,
     answer: Arc<Mutex<Option<Result<(), wgpu::BufferAsyncError>>>>,

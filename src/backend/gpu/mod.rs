@@ -37,7 +37,7 @@ const MOST_BITMAP: u64 = 1 << 29;
 ///
 /// Pipelines and scene buffers are made once; the buffers of a chunk grow to the largest chunk seen.
 /// The sums are taken on the device; where that is a software device, whose memory is the host's, they
-/// are taken by the host, which reads a word of the bitmaps at a time.
+/// are taken by the host, which reads the bitmaps where they lie, a word at a time.
 pub struct GpuBackend {
     problem: Arc<Problem>,
     device: Device,
@@ -142,10 +142,11 @@ impl GpuBackend {
         let widest = lidars.iter().copied().max().unwrap_or(1);
         let sizes = resources::Sizes::of(&self.problem);
         let binding = self.device.max_binding();
-        // On the device and copied to the host, twice where slices are in flight.
+        // Two slices in flight, on the device and, unless mapped, copied to the host.
         let slice = self.in_slice(widest, sizes.bitmap) as u64 * sizes.bitmap;
+        let copies = if self.device.maps() { 1 } else { 2 };
         let (bitmap, fixed) =
-            if self.worth.is_some() { (0, 4 * slice) } else { (2 * sizes.bitmap, 0) };
+            if self.worth.is_some() { (0, 2 * copies * slice) } else { (2 * sizes.bitmap, 0) };
         let one = [("coverage bitmaps", sizes.bitmap, binding.min(self.memory))];
         ChunkLimits::from_bytes(widest, &one)?;
         let free = self.memory.saturating_sub(fixed);

@@ -177,6 +177,7 @@ impl ChunkBuffers {
             | wgpu::BufferUsages::COPY_DST
             | wgpu::BufferUsages::COPY_SRC;
         let buffer = |what, bytes| device.buffer(what, bytes, usage);
+        let mapped = if device.maps() { usage | wgpu::BufferUsages::MAP_READ } else { usage };
         let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         Ok(Self {
             capacity: [sensors, placements, in_slice],
@@ -188,7 +189,7 @@ impl ChunkBuffers {
             hits: buffer("hits", s * sizes.hits)?,
             counters: buffer("hit counters", 4 * (1 + s))?,
             bitmaps: (0..if in_slice < sensors { 2 } else { 1 })
-                .map(|_| buffer("coverage bitmaps", in_slice as u64 * sizes.bitmap))
+                .map(|_| device.buffer("coverage bitmaps", in_slice as u64 * sizes.bitmap, mapped))
                 .collect::<Result<_, BackendError>>()?,
             walk_state: buffer("walk states", s * sizes.walk_state)?,
             placement_sensors: buffer("placements", 8 * p)?,
@@ -199,7 +200,9 @@ impl ChunkBuffers {
 
     pub(super) fn holds(&self, sensors: usize, placements: usize, in_slice: usize) -> bool {
         let need = [sensors, placements, in_slice];
-        need.iter().zip(self.capacity).all(|(&need, held)| need <= held)
+        // A slice that is mapped must not be the one that is made.
+        let in_turn = in_slice >= sensors || self.bitmaps.len() > 1;
+        in_turn && need.iter().zip(self.capacity).all(|(&need, held)| need <= held)
     }
 
     pub(super) fn load(

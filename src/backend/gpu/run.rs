@@ -9,7 +9,7 @@ use super::kernels::{Kernels, beam_workgroups, dispatch};
 use super::resources::{
     ChunkBuffers, FrameTree, SceneBuffers, Slice, occupied_workgroups, walk_passes,
 };
-use crate::backend::cpu::{Worth, beam_direction, bitmap_words, take_sums};
+use crate::backend::cpu::{Worth, add_sums, beam_direction, bitmap_words};
 use crate::backend::layout::{
     DevicePose, HALVED_SUMS, ITEMS_PER_WORKGROUP, PARTIAL_WORDS, UNFINISHED, Uniforms,
 };
@@ -314,13 +314,9 @@ impl Run<'_> {
                 let (own, after) = rest.split_at(*lidars as usize * words);
                 rest = after;
                 self.add_beams(hits, *first, *lidars, tally);
-                tasks.push((own, tally));
+                tasks.push((bytemuck::cast_slice(own), tally));
             }
-            tasks.into_par_iter().for_each_init(Vec::new, |copy: &mut Vec<u64>, (own, tally)| {
-                copy.resize(own.len() / 2, 0);
-                bytemuck::cast_slice_mut(copy).copy_from_slice(own);
-                take_sums(copy, words / 2, worth, tally);
-            });
+            tasks.into_par_iter().for_each(|(own, tally)| add_sums(own, words / 2, worth, tally));
             time += start.elapsed();
         })?;
         Ok(time)
