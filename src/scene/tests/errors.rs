@@ -138,9 +138,13 @@ fn bad_settings_are_named_with_their_place_and_mend() {
         (
             "[0.2, 0.2, 0.2]",
             "[0.2, 1e999, 0.2]",
-            "roi.voxel[1]: number out of range (line 2, column 79)",
+            "roi.voxel[1]: a number too large; write a finite one, as 1.5 (line 2, column 79)",
         ),
-        ("[0.2, 0.2, 0.2]", "[0.2, NaN, 0.2]", "roi: expected value (line 2, column 75)"),
+        (
+            "[0.2, 0.2, 0.2]",
+            "[0.2, NaN, 0.2]",
+            "roi: no value that JSON knows; numbers are finite, as 1.5 (line 2, column 75)",
+        ),
         (
             "\"channels\": 16",
             "\"channels\": 0",
