@@ -354,8 +354,8 @@ fn bad_geometry_is_named_with_its_place_and_mend() {
             "ego.poses: a list of 1 is not one pose for each of the 2 frames",
         ),
         (
-            r#""ego": { "poses": [{ "x": 0, "y": 0, "yaw": 90 }] }"#,
-            "ego.poses[0].yaw: 90 is not an angle in radians within one turn (-6.2832 to 6.2832)",
+            r#""ego": { "poses": [{ "x": 0, "y": 0, "pitch": 90 }] }"#,
+            "ego.poses[0].pitch: 90 is not an angle in radians within one turn (-6.2832 to 6.2832)",
         ),
         (
             r#""ego": { "poses": [], "route": { "points": [], "spacing": 1 } }"#,
