@@ -104,6 +104,7 @@ pub fn problem(path: &Path, frames: u32, talk: Talk) -> Result<Posed, Error> {
         Some(psog) => psog,
         None => build_psog(&scene, talk)?.0,
     };
+    note_frames(&scene, Some(frames), talk);
     let frames = spread(scene.frame_count(), Some(frames));
     let problem = problem_of(&scene, &psog, beam_table(scene.lidar())?, &frames)?;
     Ok(Posed { name: scene.name().to_owned(), problem, constraints: constraints(scene.mount()) })
