@@ -1,11 +1,13 @@
 //! Files that are read: what they are taken for, and what a run does when they change.
 
 use std::fs;
+use std::io::Write;
+use std::process::{Command, Output, Stdio};
 
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::cli::{fails, ok, room};
+use crate::cli::{corridor, fails, ok, room, scene, sightline};
 
 #[test]
 fn a_run_does_not_go_on_with_other_files() {
@@ -36,4 +38,158 @@ fn a_run_does_not_go_on_with_other_files() {
     assert_eq!(resumed["timings"]["generations"], begun["timings"]["generations"]);
     assert!(resumed["rate"].as_f64() > Some(0.0), "{}", resumed["rate"]);
     assert!(resumed["timings"]["total"].as_f64() > begun["timings"]["total"].as_f64());
+}
+
+fn line(name: &str) -> String {
+    format!("{{\"name\":\"{name}\",\"lidars\":[{{\"x\":0.5,\"y\":0.5,\"z\":0.5}}]}}\n")
+}
+
+/// Scores placements that come through a pipe.
+fn piped(dir: &TempDir, input: &str, more: &[&str]) -> Output {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
+        .args(["score", "scene.json", "-", "--backend", "cpu"])
+        .args(more)
+        .current_dir(dir.path())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // Whatever ends early does not read all of it.
+    let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
+    child.wait_with_output().unwrap()
+}
+
+#[test]
+fn placements_come_through_pipes_as_lines_or_as_a_document() {
+    let dir = corridor();
+    let names = |output: Output| -> Vec<String> {
+        let answer: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| {
+            panic!("{}", String::from_utf8_lossy(&output.stderr));
+        });
+        let names = answer["scores"].as_array().unwrap().iter();
+        names.map(|score| score["name"].as_str().unwrap().to_owned()).collect()
+    };
+    let many: String = (0..1500).map(|n| line(&format!("p{n}"))).collect();
+    assert_eq!(names(piped(&dir, &many, &[])).len(), 1500);
+    let document = format!(" {{\n \"placements\":\n[{},{}]}}", line("a"), line("b"));
+    assert_eq!(names(piped(&dir, &document, &[])), ["a", "b"]);
+    assert_eq!(names(piped(&dir, &format!("\u{feff}{}", line("a")), &[])), ["a"]);
+    // What is wrong late in a stream leaves no file; nor does an empty one.
+    for (end, words) in [
+        (line("p7"), "-, line 1501: the name `p7` is used twice"),
+        ("{\"name\": 3}".to_owned(), "-, line 1501, column 10: name: the number `3` stands where"),
+    ] {
+        let late = piped(&dir, &(many.clone() + &end), &["--out", "scores.json"]);
+        let message = String::from_utf8_lossy(&late.stderr).into_owned();
+        assert_eq!(late.status.code(), Some(2), "{message}");
+        assert!(message.contains(words), "{message}");
+        assert!(!dir.path().join("scores.json").exists());
+    }
+    let none = piped(&dir, "\n", &[]);
+    assert_eq!((none.status.code(), none.stdout.len()), (Some(2), 0));
+}
+
+#[test]
+fn wrong_placements_are_answered_with_place_and_mend() {
+    let dir = corridor();
+    let lidar = "{\"x\":0,\"y\":0,\"z\":1}";
+    for (name, text, words) in [
+        ("a.json", format!("[{}]", line("a")), "is a bare list; write {\"placements\""),
+        (
+            "b.json",
+            format!("{{\"placements\":[{},{{\"lidars\":[{lidar}]}}]}}", line("a")),
+            "placements[1]: missing key `name`",
+        ),
+        (
+            "c.jsonl",
+            line("a") + "{\"name\":\"b\",\"lidars\":[{\"x\":\"far\",\"y\":0,\"z\":1}]}",
+            "line 2, column 32, placement `b`: lidars[0].x: string \"far\" stands where a number belongs",
+        ),
+        ("d.jsonl", line("a") + "{\"name\"", "line 2, column 7: the text ends inside of an object"),
+        (
+            "e.jsonl",
+            line("a").replace("\"x\":0.5", "\"x\":NaN"),
+            "line 1, column 28, placement `a`: lidars[0].x: no value that JSON knows; numbers are finite",
+        ),
+    ] {
+        fs::write(dir.path().join(name), text).unwrap();
+        let message = fails(dir.path(), &["score", "scene.json", name, "--backend", "cpu"]);
+        assert!(message.contains(name) && message.contains(words), "{message}");
+    }
+    fs::write(dir.path().join("f.json"), b"{\"placements\": [\xff]}").unwrap();
+    let message = fails(dir.path(), &["score", "scene.json", "f.json"]);
+    assert!(message.contains("f.json: is not UTF-8 text from byte 16 on"), "{message}");
+}
+
+/// What the program answers to a scene with another value at a JSON pointer.
+fn with_scene(pointer: &str, value: Value, args: &[&str]) -> String {
+    let dir = corridor();
+    let mut scene = scene();
+    *scene.pointer_mut(pointer).unwrap() = value;
+    fs::write(dir.path().join("scene.json"), scene.to_string()).unwrap();
+    fails(dir.path(), args)
+}
+
+#[test]
+fn what_cannot_be_is_named_with_its_file_and_leaves_nothing() {
+    let score = ["score", "scene.json", "placements.json", "--backend", "cpu"];
+    let message = with_scene("/name", json!("a\u{1}b"), &score);
+    assert!(message.contains("scene.json: name: \"a\\u{1}b\" is not a text without"), "{message}");
+    let message = with_scene("/roi/max/0", json!(20), &score);
+    assert!(message.contains("scene.json and corridor.psog.npz: the P-SOG has"), "{message}");
+
+    let dir = TempDir::new().unwrap();
+    let path = room(dir.path());
+    let optimize = ["optimize", "room.json", "--backend", "cpu", "--evaluations", "8"];
+    fs::write(dir.path().join("file"), "").unwrap();
+    for (more, words) in [
+        (["--delta", "1e-9"], "widen --delta"),
+        (["--atlas", "file"], "--atlas file"),
+        (["--adapter", "X"], "leave one of them out"),
+        (["--memory", "16"], "--memory"),
+    ] {
+        let message = fails(dir.path(), &[&optimize[..], &more].concat());
+        assert!(message.contains(words), "{message}");
+        assert!(!dir.path().join("runs").exists(), "{more:?} left a folder");
+    }
+    fs::write(dir.path().join("p.json"), format!("{{\"placements\":[{}]}}", line("a"))).unwrap();
+    let message = fails(dir.path(), &["cast", "room.json", "p.json", "--frame", "99"]);
+    assert!(message.contains("room.json: there is no frame 99; give --frame 0 to 2"), "{message}");
+    let many = sightline(dir.path(), &["score", "room.json", "p.json", "--frames", "99"]);
+    let message = String::from_utf8_lossy(&many.stderr).into_owned();
+    assert!(many.status.success() && message.contains("--frames 99: the scene has 3"), "{message}");
+
+    // Headings of a log count turns on.
+    let mut scene: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    let tau = std::f64::consts::TAU;
+    let poses = [0, 1, 2].map(|turn| json!({ "x": 0, "y": 0, "yaw": f64::from(turn) * tau }));
+    scene["ego"] = json!({ "poses": poses });
+    fs::write(&path, scene.to_string()).unwrap();
+    ok(dir.path(), &["score", "room.json", "p.json", "--backend", "cpu"]);
+    // Further apart than the mount is long; and not, but still further than two can be.
+    scene["mount"]["min_distance"] = json!(50);
+    fs::write(&path, scene.to_string()).unwrap();
+    let message = fails(dir.path(), &optimize);
+    assert!(message.contains("room.json: mount.min_distance: 50 is not"), "{message}");
+    scene["mount"]["keep_out"] = json!([{ "min": [-1, -1, 1], "max": [0.5, 1, 2] }]);
+    scene["mount"]["min_distance"] = json!(1.5);
+    fs::write(&path, scene.to_string()).unwrap();
+    let message = fails(dir.path(), &optimize);
+    assert!(message.contains("kept its rules (LiDARs at least 1.5 m apart;"), "{message}");
+}
+
+#[test]
+fn an_atlas_shrinks_to_its_size_though_nothing_is_new() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let run = |size: &str| {
+        let args = ["optimize", "room.json", "--backend", "cpu", "--evaluations", "8"];
+        ok(dir.path(), &[&args[..], &["--atlas", "pages", "--atlas-size", size]].concat());
+        let pages = fs::read_dir(dir.path().join("pages")).unwrap();
+        pages.map(|page| page.unwrap().metadata().unwrap().len()).sum::<u64>()
+    };
+    let whole = run("1G");
+    let size = whole / 2;
+    assert!(run(&size.to_string()) <= size, "{whole} bytes were not brought below {size}");
 }

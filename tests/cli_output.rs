@@ -101,3 +101,10 @@ fn numbers_below_0_reach_the_options() {
     let message = fails(dir.path(), &["chart", "scene.json", "--tolerance", "-1"]);
     assert!(message.contains("give 0 to 1"), "{message}");
 }
+
+#[test]
+fn a_street_is_not_written_where_its_mesh_cannot_stand_beside_it() {
+    let dir = corridor();
+    let message = fails(dir.path(), &["scene", "--triangles", "20000", "--out", "/dev/stdout"]);
+    assert!(message.contains("/dev/stdout: is no regular file"), "{message}");
+}

@@ -163,7 +163,20 @@ impl PageStore {
             }
             Ok(())
         });
-        if let Err(error) = trimmed {
+        self.note_trouble(&mut state, trimmed);
+    }
+
+    /// Brings a folder that holds more than the limit below it, be there anything new to keep or not.
+    pub fn shrink(&self) {
+        let mut state = self.lock();
+        if state.bytes > self.limit {
+            let trimmed = self.trim().map(|bytes| state.bytes = bytes);
+            self.note_trouble(&mut state, trimmed);
+        }
+    }
+
+    fn note_trouble(&self, state: &mut State, done: io::Result<()>) {
+        if let Err(error) = done {
             state.report.trouble.get_or_insert(format!("{}: {error}", self.folder.display()));
         }
     }

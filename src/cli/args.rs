@@ -96,6 +96,14 @@ pub fn finite(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|v: &f64| v.is_finite()).ok_or("give a number, as in -8e-8".to_owned())
 }
 
+/// `--max-seconds`.
+pub fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.0..=1e9).contains(&seconds) => Ok(seconds),
+        _ => Err("give a number of seconds, as 30".into()),
+    }
+}
+
 /// Bytes from `4096`, `800M`, `2G` or `2GiB`; K, M, G and T are powers of 1024.
 pub fn parse_size(text: &str) -> Result<u64, String> {
     let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
@@ -122,8 +130,14 @@ impl Compute {
         self.memory.unwrap_or_else(|| sightline::backend::available_memory().unwrap_or(2 << 30) / 2)
     }
 
-    /// Starts the threads of the CPU backend.
-    pub fn start_threads(&self) -> Result<(), Error> {
+    /// Checks the options against each other and starts the threads of the CPU backend.
+    pub fn start(&self) -> Result<(), Error> {
+        if let (Some(adapter), BackendChoice::Cpu) = (&self.adapter, self.backend) {
+            return Err(Error::Usage(format!(
+                "--adapter {adapter}: picks a Vulkan device, which --backend cpu does not use; leave one of \
+                 them out"
+            )));
+        }
         if let Some(threads) = self.threads {
             rayon::ThreadPoolBuilder::new()
                 .num_threads(usize::from(threads))

@@ -45,7 +45,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
-    args.compute.start_threads()?;
+    args.compute.start()?;
     let honest = match &args.placements {
         Some(path) => read_placements(path)?,
         None => optimize::table_7()?,

@@ -91,7 +91,7 @@ impl Columns {
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let start = Instant::now();
-    args.compute.start_threads()?;
+    args.compute.start()?;
     let placements = read_placements(&args.placements)?;
     let mut loaded = load::geometry(&args.scene, args.frame, &args.compute)?;
     if let Some(path) = &args.out {

@@ -108,7 +108,7 @@ struct State {
 }
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
-    args.compute.start_threads()?;
+    args.compute.start()?;
     let (folder, mut state) = match &args.resume {
         Some(folder) => (folder.clone(), saved(folder)?),
         None => (new_folder(args)?, fresh(args)?),
@@ -127,7 +127,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             state.settings.scene.display()
         )));
     }
-    writable_folder(&folder)?;
     let edge = scene.roi().voxel[0];
     let finest = state.settings.finest.or(state.settings.quick.then_some(edge));
     if let Some(finest) = finest.filter(|f| *f > edge * (1.0 + 1e-9)) {
@@ -135,6 +134,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             "--finest {finest}: is coarser than the scene's own voxels of {edge} m; give at most that"
         )));
     }
+    writable_folder(&folder)?;
     let mut ladder = Ladder::new(&scene, finest, state.settings.quick);
     leave_out_engines(&mut ladder, &args.compute);
     let constraints = load::constraints(scene.mount());
@@ -258,7 +258,7 @@ impl Chart<'_> {
         let count = self.workshop.placements().len();
         // The bar counts millionths of the whole work.
         let unit = 1e6 / (efforts.iter().sum::<f64>() * count as f64);
-        let bar = progress::bar(1_000_000, "of the work", compute.talk);
+        let bar = progress::share(1_000_000, compute.talk);
         let mut position = 0.0;
         for (index, rung) in self.ladder.rungs.clone().into_iter().enumerate() {
             let whole = efforts[index] * unit * count as f64;

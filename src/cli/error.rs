@@ -1,3 +1,4 @@
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use sightline::backend::{BackendError, ProblemError};
@@ -37,8 +38,13 @@ pub enum Error {
     #[error(transparent)]
     Sensor(#[from] SensorError),
     /// From putting scene and P-SOG together.
-    #[error(transparent)]
-    Problem(#[from] ProblemError),
+    #[error("{files}: {source}")]
+    Problem {
+        /// Of the scene, and of the P-SOG where it has one.
+        files: String,
+        /// Why they do not fit.
+        source: ProblemError,
+    },
     /// From evaluating.
     #[error(transparent)]
     Backend(#[from] BackendError),
@@ -75,6 +81,11 @@ pub enum Error {
 impl Error {
     /// Names the file or folder in an error of the operating system.
     pub fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
-        move |source| Self::Io { path: path.to_owned(), source }
+        move |source| match source.kind() {
+            ErrorKind::InvalidData => {
+                Self::Usage(format!("{}: is not UTF-8 text; save it as UTF-8", path.display()))
+            }
+            _ => Self::Io { path: path.to_owned(), source },
+        }
     }
 }

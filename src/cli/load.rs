@@ -75,7 +75,11 @@ pub fn geometry(path: &Path, frame: u32, compute: &Compute) -> Result<Loaded, Er
     }
     let (frame, frames) = (frame as usize, scene.frame_count());
     if frame >= frames {
-        return Err(BackendError::NoFrame { frame, frames }.into());
+        return Err(Error::Usage(format!(
+            "{}: there is no frame {frame}; give --frame 0 to {}",
+            path.display(),
+            frames - 1
+        )));
     }
     let psog = Psog::new(roi_of(&scene)?, 1, scene.classes().to_vec(), vec![], vec![])?;
     let psog = Arc::new(psog);
@@ -100,9 +104,36 @@ pub fn problem(path: &Path, frames: u32, talk: Talk) -> Result<Posed, Error> {
         Some(psog) => psog,
         None => build_psog(&scene, talk)?.0,
     };
+    note_frames(&scene, Some(frames), talk);
     let frames = spread(scene.frame_count(), Some(frames));
-    let problem = Problem::from_scene(&scene, &psog, beam_table(scene.lidar())?, &frames)?;
+    let problem = problem_of(&scene, &psog, beam_table(scene.lidar())?, &frames)?;
     Ok(Posed { name: scene.name().to_owned(), problem, constraints: constraints(scene.mount()) })
+}
+
+/// The problem of a scene over the given frames.
+pub fn problem_of(
+    scene: &Scene,
+    psog: &Psog,
+    table: BeamTable,
+    frames: &[usize],
+) -> Result<Problem, Error> {
+    Problem::from_scene(scene, psog, table, frames).map_err(|source| {
+        let psog = match scene.psog_source() {
+            PsogSource::File(file) => Some(file),
+            PsogSource::Scan(_) => None,
+        };
+        let files = scene.files().iter().take(1).chain(psog);
+        let files: Vec<String> = files.map(|file| file.display().to_string()).collect();
+        Error::Problem { files: files.join(" and "), source }
+    })
+}
+
+/// Says where `--frames` asks for more than there are.
+pub fn note_frames(scene: &Scene, wanted: Option<u32>, talk: Talk) {
+    let count = scene.frame_count();
+    if let Some(wanted) = wanted.filter(|wanted| *wanted as usize > count) {
+        talk.note(format!("--frames {wanted}: the scene has {count}; all of them are used"));
+    }
 }
 
 /// An evaluator of a scene over the given frames.
@@ -112,8 +143,7 @@ pub fn evaluator(
     frames: &[usize],
     compute: &Compute,
 ) -> Result<Evaluator, Error> {
-    let table = beam_table(scene.lidar())?;
-    let problem = Arc::new(Problem::from_scene(scene, psog, table, frames)?);
+    let problem = Arc::new(problem_of(scene, psog, beam_table(scene.lidar())?, frames)?);
     evaluator_of(problem, constraints(scene.mount()), compute)
 }
 

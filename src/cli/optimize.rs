@@ -15,17 +15,19 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use sightline::backend::Problem;
 use sightline::fidelity::merged_over;
-use sightline::placement::{Placement, Spacing, read_placements};
+use sightline::placement::{Placement, PoseGrid, Spacing, read_placements};
 use sightline::report::{Figures, LeftOut, RunTimes, Scored};
 use sightline::scene::MountRules;
 use sightline::score::Objective;
-use sightline::search::{Evaluator, GenerationRecord, Search, SearchSettings, SearchStop};
+use sightline::search::{
+    Evaluator, GenerationRecord, SWAP_SPACING, Search, SearchSettings, SearchStop,
+};
 
-use super::args::{Compute, Format, Talk, at_least_one, finite, parse_size, whole};
+use super::args::{Compute, Format, Talk, at_least_one, finite, parse_seconds, parse_size, whole};
 use super::error::Error;
 use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
-use super::load;
+use super::{load, progress};
 use auto::{Auto, FidelityChoice};
 use folder::{RunFolder, Spent};
 use grid::{Method, parse_spacing};
@@ -138,7 +140,7 @@ struct RunSettings {
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let start = Instant::now();
-    args.compute.start_threads()?;
+    args.compute.start()?;
     let deadline = |share: f64| {
         args.max_seconds.map(|seconds| start + Duration::from_secs_f64(share * seconds))
     };
@@ -151,6 +153,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     };
     let objective: Objective = settings.search.objective.parse()?;
     let (scene, psog, mut times) = load::scene_and_psog(&settings.scene, args.compute.talk)?;
+    load::note_frames(&scene, args.frames, args.compute.talk);
     let inputs = Input::of(&scene)?;
     if let Some(resumed) = &resumed {
         resumed.folder.check(&inputs)?;
@@ -162,7 +165,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let constraints = load::constraints(scene.mount());
     let all_frames: Vec<usize> = (0..scene.frame_count()).collect();
     let table = load::beam_table(scene.lidar())?;
-    let whole = Arc::new(Problem::from_scene(&scene, &psog, table, &all_frames)?);
+    let whole = Arc::new(load::problem_of(&scene, &psog, table, &all_frames)?);
     let auto = match (&resumed, settings.frames) {
         (Some(resumed), _) => resumed.auto.clone(),
         (None, Some(_)) => None,
@@ -202,6 +205,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             settings.scene.display()
         )));
     }
+    let store = pages::open(args)?;
+    PoseGrid::new(&constraints, settings.search.delta.unwrap_or(SWAP_SPACING))?;
     let (folder, search, history, mut spent) = match resumed {
         Some(resumed) => (resumed.folder, resumed.search, resumed.history, resumed.spent),
         None => {
@@ -217,7 +222,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             (folder, search, Vec::new(), Spent::default())
         }
     };
-    let store = pages::open(args)?;
     let quiet = Compute { talk: Talk { quiet: true, verbose: false }, ..args.compute.clone() };
     let open = |frames: &[usize], cell: Option<f64>| open_on(frames, cell, &quiet);
     let whole = whole.clone();
@@ -245,7 +249,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         let until = interrupt.until(deadline(GENERATIONS_SHARE));
         run.search(&args.compute, &until, &open)?;
     }
+    let words = format!("confirming over all {} frames", all_frames.len());
+    let bar = progress::wait(words.clone(), args.compute.talk);
     run.settle(&args.compute, &open)?;
+    bar.finish_and_clear();
     let generations_spent = run.spent_so_far();
     let (mut swaps, mut bounds) = (None, None);
     let until = interrupt.until(deadline(1.0));
@@ -254,9 +261,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             run.evaluator.keep_pages(store.clone());
         }
         (swaps, bounds) = run.on_the_grid(&args.compute, &until)?;
-        if let (Some(store), Some(folder)) = (store, &args.atlas) {
-            pages::note(&store.report(), folder, args.compute.talk);
-        }
+    }
+    if let (Some(store), Some(folder)) = (store, &args.atlas) {
+        store.shrink();
+        pages::note(&store.report(), folder, args.compute.talk);
     }
     let interrupted = interrupt.is_pressed();
     let is_over = until.is_set() || run.is_cut_short();
@@ -270,6 +278,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     run.say_stopped(&stopped, interrupted || is_over, args.compute.talk);
     let search_spent = run.spent_so_far();
     let confirming = Instant::now();
+    let bar = progress::wait(words, args.compute.talk);
     let searched_all = run.is_over_all();
     let search_frames = run.evaluator.problem().frame_count();
     let mut backend_changes = Vec::new();
@@ -287,6 +296,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         searched_with = Some(std::mem::replace(&mut run.evaluator, all));
     }
     let finding = run.confirm(swaps, bounds, searched_with)?;
+    bar.finish_and_clear();
     let map = run.map(finding.best.as_ref())?;
     let mut record = run.record(&scene, finding, stopped)?;
     for change in run.evaluator.backend().changes() {
@@ -313,6 +323,13 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     );
     let spent = Spent { times: record.timings, ..generations_spent };
     run.folder.finish(&record, &figures, &spent)?;
+    if record.best.is_none() && !interrupted {
+        return Err(Error::Usage(format!(
+            "{}: mount: no candidate kept its rules ({}); widen the mount or relax them",
+            run.settings.scene.display(),
+            record.constraints.join("; ")
+        )));
+    }
     print(args, &record, run.folder.path())?;
     Ok(if interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
@@ -343,14 +360,6 @@ fn settings_of(args: &Args) -> Result<RunSettings, Error> {
             seed: args.seed,
         },
     })
-}
-
-/// `--max-seconds`.
-fn parse_seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if (0.0..=1e9).contains(&seconds) => Ok(seconds),
-        _ => Err("give a number of seconds, as 30".into()),
-    }
 }
 
 /// The layouts of Table 7 of the paper.
@@ -390,19 +399,6 @@ struct Run {
 }
 
 impl Run {
-    /// What all sittings have taken up to now.
-    fn spent_so_far(&self) -> Spent {
-        let mut spent = self.spent;
-        let evaluations = self.search.evaluations() - self.folder.evaluations_before();
-        let frames = self.evaluator.problem().frame_count() as u64;
-        spent.searched += self.auto.as_ref().map_or(evaluations * frames, |auto| auto.searched);
-        let searching = self.searching.elapsed().as_secs_f64();
-        spent.seconds += searching;
-        spent.times.search += searching;
-        spent.times.total += self.start.elapsed().as_secs_f64();
-        spent
-    }
-
     /// Whether the search is now over all frames with every triangle.
     fn is_over_all(&self) -> bool {
         let is_merged = self.auto.as_ref().and_then(Auto::cell).is_some();

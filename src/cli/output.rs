@@ -42,7 +42,7 @@ pub fn say(line: &str) {
 const MOST_LINKS: usize = 40;
 
 /// Where a path leads when links are followed. The links to open files in `/proc` name no place.
-fn target(path: &Path) -> Result<PathBuf, Error> {
+pub fn target(path: &Path) -> Result<PathBuf, Error> {
     let mut at = path.to_owned();
     for _ in 0..MOST_LINKS {
         match std::fs::read_link(&at) {
@@ -63,7 +63,7 @@ fn folder_of(path: &Path) -> &Path {
 }
 
 /// Whether a path stands for something to write into, a pipe or a device, that must stay what it is.
-fn is_sink(path: &Path) -> bool {
+pub fn is_sink(path: &Path) -> bool {
     is_open_file(path)
         || std::fs::metadata(path).is_ok_and(|meta| !meta.is_file() && !meta.is_dir())
 }

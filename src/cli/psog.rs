@@ -132,13 +132,12 @@ fn build(args: &BuildArgs) -> Result<(), Error> {
 
 fn merge(args: &MergeArgs) -> Result<(), Error> {
     writable_file(&args.out, args.psogs.iter().map(PathBuf::as_path))?;
-    let mut psogs = args.psogs.iter();
-    let mut sum = match psogs.next() {
-        Some(path) => read_psog(path)?,
-        None => unreachable!("clap requires two"),
-    };
-    for path in psogs {
-        sum = sum.merge(&read_psog(path)?)?;
+    let Some((first, rest)) = args.psogs.split_first() else { unreachable!("clap requires two") };
+    let mut sum = read_psog(first)?;
+    for path in rest {
+        sum = sum.merge(&read_psog(path)?).map_err(|error| {
+            Error::Usage(format!("{} and {}: {error}", first.display(), path.display()))
+        })?;
     }
     write(&args.out, &sum)
 }

@@ -9,7 +9,7 @@ use sightline::scene::{DEFAULT_CLASSES, FEWEST_STREET_TRIANGLES, street};
 
 use super::args::{Talk, whole};
 use super::error::Error;
-use super::output::{writable_file, write_whole};
+use super::output::{is_sink, target, writable_file, write_whole};
 
 /// Most triangles: what a frame can hold with room to spare.
 const MOST: i64 = 50_000_000;
@@ -41,6 +41,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     if mesh == args.out {
         return Err(Error::Usage(format!(
             "{}: is the name of the mesh; give the scene the ending .json",
+            args.out.display()
+        )));
+    }
+    if is_sink(&target(&args.out)?) {
+        return Err(Error::Usage(format!(
+            "{}: is no regular file, and the mesh is to stand beside it; name a file",
             args.out.display()
         )));
     }

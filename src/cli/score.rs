@@ -25,7 +25,8 @@ const BLOCK: usize = 1024;
 pub struct Args {
     /// Scene file
     scene: PathBuf,
-    /// Placements: a .json document, or a .jsonl file with one placement a line, read as a stream
+    /// Placements: a .json document, or a .jsonl file with one placement a line, read as a stream; - is
+    /// stdin
     placements: PathBuf,
     /// How to print [default: text on a terminal, else json]
     #[arg(long, value_enum)]
@@ -46,15 +47,18 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let start = Instant::now();
-    args.compute.start_threads()?;
-    // Everything that can be wrong is found before the first score is computed or printed.
-    let total = count_placements(&args.placements)?;
-    if let Some(folder) = &args.coverage_out {
-        writable_folder(folder)?;
-    }
+    args.compute.start()?;
+    // Everything that can be wrong is found before the first score is computed or printed; a pipe can
+    // be read only once.
+    let is_file = args.placements != Path::new("-") && args.placements.is_file();
+    let total = if is_file { count_placements(&args.placements)? } else { 0 };
     let loaded = load::scene(&args.scene, args.frames, &args.compute)?;
+    load::note_frames(&loaded.scene, args.frames, args.compute.talk);
     if let Some(file) = &args.out {
         writable_file(file, loaded.inputs(&args.placements))?;
+    }
+    if let Some(folder) = &args.coverage_out {
+        writable_folder(folder)?;
     }
     let format = match &args.out {
         Some(_) => args.format.unwrap_or(Format::Json),
@@ -97,7 +101,7 @@ fn print(
 ) -> Result<(), Error> {
     let io = |error| Error::io(path)(error);
     let Loaded { scene, mut evaluator, times, .. } = loaded;
-    let bar = progress::bar(total, "placements", args.compute.talk);
+    let (bar, mut count) = (progress::bar(total, "placements", args.compute.talk), 0);
     let mut reader = PlacementReader::open(&args.placements)?.peekable();
     let mut first = true;
     while reader.peek().is_some() {
@@ -125,7 +129,12 @@ fn print(
             write!(out, "{body}").map_err(io)?;
             first = false;
         }
-        bar.inc(block.len() as u64);
+        count += block.len() as u64;
+        bar.set_length(total.max(count));
+        bar.set_position(count);
+    }
+    if first {
+        return Err(ReadError::Empty { path: args.placements.clone() }.into());
     }
     bar.finish_and_clear();
     let stages = evaluator.backend().times();
@@ -133,8 +142,8 @@ fn print(
     let search_seconds = total_seconds - times.load - times.build;
     let frames = evaluator.problem().frame_count() as u64;
     args.compute.talk.note(format!(
-        "{total} placements × {frames} frame(s) in {search_seconds:.2} s: {:.1} placements × frames/s",
-        (total * frames) as f64 / search_seconds
+        "{count} placements × {frames} frame(s) in {search_seconds:.2} s: {:.1} placements × frames/s",
+        (count * frames) as f64 / search_seconds
     ));
     if format == Format::Json {
         let timings = json!({

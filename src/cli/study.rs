@@ -103,7 +103,7 @@ impl Kind {
 }
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
-    args.compute.start_threads()?;
+    args.compute.start()?;
     if args.scenes.len() > 1 && args.kind != Kind::Transfer {
         return Err(Error::Usage(format!(
             "`study {}` takes one scene, not {}; only `transfer` compares several",
@@ -123,8 +123,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         .out
         .clone()
         .unwrap_or_else(|| PathBuf::from("studies").join(format!("{stem}-{}", args.kind.name())));
-    let mut session = Session::open(&folder, &settings(args)?, &interrupt, args.compute.talk)?;
     let mut bench = Bench::new(args, &objective, &interrupt)?;
+    let mut session = Session::open(&folder, &settings(args)?, &interrupt, args.compute.talk)?;
     let study = match args.kind {
         Kind::Lidars => kinds::lidars(&mut bench, &mut session),
         Kind::Channels => kinds::channels(&mut bench, &mut session),

@@ -55,7 +55,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let start = Instant::now();
-    args.compute.start_threads()?;
+    args.compute.start()?;
     let scene = load::problem(&args.scene, args.frames, args.compute.talk)?;
     let (problem, constraints) = (Arc::new(scene.problem), scene.constraints);
     let placements = match &args.placements {

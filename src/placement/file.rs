@@ -1,11 +1,13 @@
 use std::collections::HashSet;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 
 use super::{Placement, PlacementError};
+use crate::scene::plain_words;
 
 /// Longest line of a `.jsonl` file, in bytes: 16 LiDARs need far less.
 const MAX_LINE: u64 = 1 << 20;
@@ -25,16 +27,32 @@ pub enum ReadError {
         source: std::io::Error,
     },
     /// Not JSON, or not of the form of a placement.
-    #[error("{}{}{}: {source}", path.display(), at_line(*line), in_placement(near))]
+    #[error("{}, line {line}, column {column}{}: {problem}", path.display(), in_placement(near))]
     Json {
         /// File.
         path: PathBuf,
-        /// Line of a `.jsonl` file, from 1.
-        line: Option<u64>,
+        /// From 1.
+        line: u64,
+        /// From 1.
+        column: usize,
         /// Name of the placement that is being read, as far as the text tells.
         near: Option<String>,
-        /// Where and why.
-        source: serde_json::Error,
+        /// Place inside of the document or line, and what is wrong there.
+        problem: String,
+    },
+    /// Placements without the object around them.
+    #[error("{}: is a bare list; write {{\"placements\": [ … ]}} around it", path.display())]
+    BareList {
+        /// File.
+        path: PathBuf,
+    },
+    /// Not text.
+    #[error("{}: is not UTF-8 text from byte {byte} on; save it as UTF-8", path.display())]
+    NotText {
+        /// File.
+        path: PathBuf,
+        /// From 0.
+        byte: usize,
     },
     /// A placement that cannot be used.
     #[error("{}{}: {source}", path.display(), at_line(*line))]
@@ -45,6 +63,14 @@ pub enum ReadError {
         line: Option<u64>,
         /// Which and why.
         source: PlacementError,
+    },
+    /// A line that is not text.
+    #[error("{}, line {line}: is not UTF-8 text; save it as UTF-8", path.display())]
+    LineNotText {
+        /// File.
+        path: PathBuf,
+        /// From 1.
+        line: u64,
     },
     /// A line too long to be a placement.
     #[error("{}, line {line}: longer than {MAX_LINE} bytes; give one placement a line", path.display())]
@@ -80,20 +106,40 @@ fn in_placement(name: &Option<String>) -> String {
     name.as_ref().map(|n| format!(", placement `{n}`")).unwrap_or_default()
 }
 
-/// The last name given before a line and column of a text, or else the first one in it: a text with
-/// NaN in it is no JSON, but its user still wants to know where.
-fn name_near(text: &str, line: usize, column: usize) -> Option<String> {
-    let before: usize =
-        text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum::<usize>()
-            + column;
-    let value = |at: usize| {
-        let rest = text[at..].strip_prefix("\"name\"")?.trim_start().strip_prefix(':')?;
-        let name = rest.trim_start().strip_prefix('"')?.split('"').next()?;
-        Some(name.chars().take(64).collect())
-    };
-    let mut names = text.match_indices("\"name\"").map(|(at, _)| at).peekable();
-    let first = names.peek().copied();
-    names.take_while(|&at| at < before).last().or(first).and_then(value)
+/// The `index`-th name in a text: one with NaN in it is no JSON, but its user still wants to know where.
+fn name_in(text: &str, index: usize) -> Option<String> {
+    let (at, _) = text.match_indices("\"name\"").nth(index)?;
+    let rest = text[at..].strip_prefix("\"name\"")?.trim_start().strip_prefix(':')?;
+    let name = rest.trim_start().strip_prefix('"')?.split('"').next()?;
+    Some(name.chars().take(64).collect())
+}
+
+/// A document, or one line of several; `line` is the number of its first.
+fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, ReadError> {
+    // Keeping track of the place takes time: only where it is needed.
+    serde_json::from_str(text).map_err(|error| {
+        let mut json = serde_json::Deserializer::from_str(text);
+        let place = match serde_path_to_error::deserialize::<_, T>(&mut json) {
+            Err(error) => error.path().to_string(),
+            Ok(_) => ".".to_owned(),
+        };
+        let full = error.to_string();
+        let words = full.rsplit_once(" at line ").map_or(&full[..], |(words, _)| words);
+        let problem = plain_words(words)
+            .replace("unknown field", "unknown key")
+            .replace("the file ends", "the text ends");
+        let place = place.trim_end_matches('?').trim_end_matches('.');
+        let index = place.strip_prefix("placements[").and_then(|rest| rest.split(']').next());
+        let index = index.map_or(Some(0), |index| index.parse().ok());
+        let near = index.filter(|_| !(place.is_empty() || problem.contains("`name`")));
+        ReadError::Json {
+            path: path.to_owned(),
+            line: line - 1 + error.line() as u64,
+            column: error.column(),
+            near: near.and_then(|index| name_in(text, index)),
+            problem: if place.is_empty() { problem } else { format!("{place}: {problem}") },
+        }
+    })
 }
 
 #[derive(Deserialize)]
@@ -102,10 +148,10 @@ struct PlacementFile {
     placements: Vec<Placement>,
 }
 
-/// Placements of a file one by one, each checked, in order.
+/// Placements of a file one by one, each checked, in order; `-` is stdin.
 ///
-/// `.jsonl` is read a line at a time and holds no more than one placement in memory; anything else is
-/// read as one JSON document `{"placements": […]}`.
+/// `.jsonl` is read a line at a time and holds no more than one placement in memory, `.json` as one
+/// document `{"placements": […]}`. Under any other name, as of a pipe, the first bytes tell which it is.
 pub struct PlacementReader {
     path: PathBuf,
     source: Source,
@@ -114,30 +160,56 @@ pub struct PlacementReader {
 
 enum Source {
     Whole(std::vec::IntoIter<Placement>),
-    Lines { reader: BufReader<File>, line: u64 },
+    Lines { reader: Box<dyn BufRead>, line: u64 },
+}
+
+/// How a document begins, spaces aside.
+const DOCUMENT: &[u8] = b"{\"placements\"";
+/// What some editors put before a text.
+const BYTE_ORDER_MARK: &str = "\u{feff}";
+
+/// The first bytes of a stream, until they tell whether it is a document; and whether it is.
+fn sniff(reader: &mut impl BufRead) -> io::Result<(Vec<u8>, bool)> {
+    let (mut head, mut seen) = (Vec::new(), Vec::new());
+    for byte in reader.bytes().take(MAX_LINE as usize) {
+        let byte = byte?;
+        head.push(byte);
+        if !byte.is_ascii_whitespace() && !BYTE_ORDER_MARK.as_bytes().contains(&byte) {
+            seen.push(byte);
+        }
+        if seen.len() == DOCUMENT.len() || !DOCUMENT.starts_with(&seen) {
+            break;
+        }
+    }
+    let is_document = seen == DOCUMENT || seen.starts_with(b"[");
+    Ok((head, is_document))
 }
 
 impl PlacementReader {
-    /// Opens a file; a JSON document is parsed here, a `.jsonl` file while it is read.
+    /// Opens a file; a JSON document is parsed here, lines while they are read.
     ///
     /// # Errors
     /// The file cannot be opened, or is no JSON of the expected form.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         let io = |source| ReadError::Io { path: path.to_owned(), source };
-        let file = File::open(path).map_err(io)?;
-        let source = if path.extension().is_some_and(|e| e == "jsonl") {
-            Source::Lines { reader: BufReader::new(file), line: 0 }
+        let mut reader: Box<dyn BufRead> = if path == Path::new("-") {
+            Box::new(BufReader::new(io::stdin()))
         } else {
-            let mut text = String::new();
-            BufReader::new(file).take(MAX_DOCUMENT + 1).read_to_string(&mut text).map_err(io)?;
-            if text.len() as u64 > MAX_DOCUMENT {
-                return Err(ReadError::TooLarge { path: path.to_owned() });
+            Box::new(BufReader::new(File::open(path).map_err(io)?))
+        };
+        let is_document = match path.extension().and_then(|ending| ending.to_str()) {
+            Some("jsonl") => false,
+            Some("json") => true,
+            _ => {
+                let (head, is_document) = sniff(&mut reader).map_err(io)?;
+                reader = Box::new(io::Cursor::new(head).chain(reader));
+                is_document
             }
-            let parsed: PlacementFile = serde_json::from_str(&text).map_err(|source| {
-                let near = name_near(&text, source.line(), source.column());
-                ReadError::Json { path: path.to_owned(), line: None, near, source }
-            })?;
-            Source::Whole(parsed.placements.into_iter())
+        };
+        let source = if is_document {
+            Source::Whole(document(reader, path)?.placements.into_iter())
+        } else {
+            Source::Lines { reader, line: 0 }
         };
         Ok(Self { path: path.to_owned(), source, names: HashSet::new() })
     }
@@ -164,8 +236,24 @@ impl PlacementReader {
     }
 }
 
+fn document(reader: impl Read, path: &Path) -> Result<PlacementFile, ReadError> {
+    let mut bytes = Vec::new();
+    let read = reader.take(MAX_DOCUMENT + 1).read_to_end(&mut bytes);
+    read.map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
+    if bytes.len() as u64 > MAX_DOCUMENT {
+        return Err(ReadError::TooLarge { path: path.to_owned() });
+    }
+    let text = std::str::from_utf8(&bytes)
+        .map_err(|error| ReadError::NotText { path: path.to_owned(), byte: error.valid_up_to() })?;
+    let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
+    if text.trim_start().starts_with('[') {
+        return Err(ReadError::BareList { path: path.to_owned() });
+    }
+    parse(text, 1, path)
+}
+
 fn next_line(
-    reader: &mut BufReader<File>,
+    reader: &mut impl BufRead,
     line: &mut u64,
     path: &Path,
 ) -> Option<Result<Placement, ReadError>> {
@@ -180,13 +268,14 @@ fn next_line(
         if bytes.len() as u64 > MAX_LINE {
             return Some(Err(ReadError::LongLine { path: path.to_owned(), line: *line }));
         }
-        if !bytes.trim_ascii().is_empty() {
-            return Some(serde_json::from_slice(&bytes).map_err(|source| ReadError::Json {
-                path: path.to_owned(),
-                line: Some(*line),
-                near: name_near(&String::from_utf8_lossy(&bytes), source.line(), source.column()),
-                source,
-            }));
+        let text = match std::str::from_utf8(&bytes) {
+            Ok(text) => text.trim_start_matches(BYTE_ORDER_MARK),
+            Err(_) => {
+                return Some(Err(ReadError::LineNotText { path: path.to_owned(), line: *line }));
+            }
+        };
+        if !text.trim_ascii().is_empty() {
+            return Some(parse(text, *line, path));
         }
     }
 }

@@ -12,6 +12,14 @@ pub(crate) fn bad(at: &Place, value: impl ToString, wanted: impl Into<String>) -
     SceneError::Value { at: Box::new(at.clone()), value: value.to_string(), wanted: wanted.into() }
 }
 
+/// A text that can stand in tables and drawings.
+pub(crate) fn text(at: &Place, value: String) -> Result<String, SceneError> {
+    if !value.contains(char::is_control) {
+        return Ok(value);
+    }
+    Err(bad(at, format!("{value:?}"), "a text without control characters; leave them out"))
+}
+
 /// A coordinate in metres.
 pub(crate) fn metres(at: &Place, value: f64) -> Result<f64, SceneError> {
     if value.abs() <= MAX_METRES {
@@ -26,6 +34,15 @@ pub(crate) fn length(at: &Place, value: f64) -> Result<f64, SceneError> {
         return Ok(value);
     }
     Err(bad(at, value, "a positive length"))
+}
+
+/// A heading in radians: logs count turns on.
+pub(crate) fn heading(at: &Place, value: f64) -> Result<f64, SceneError> {
+    // As far as an `f64` still tells 1e-6 rad apart, and more turns than any drive makes.
+    if value.abs() <= MAX_METRES {
+        return Ok(value);
+    }
+    Err(bad(at, value, "a heading in radians within ±1e9"))
 }
 
 /// An angle in radians.

@@ -65,7 +65,16 @@ fn explain(file: &str, path: &str, error: &serde_json::Error) -> SceneError {
 }
 
 /// serde's words for Rust types, in the words of someone who writes JSON.
-fn plain_words(text: &str) -> String {
+pub(crate) fn plain_words(text: &str) -> String {
+    match text {
+        "expected value" => {
+            return "no value that JSON knows; numbers are finite, as 1.5".to_owned();
+        }
+        "number out of range" => {
+            return "a number too large; write a finite one, as 1.5".to_owned();
+        }
+        _ => (),
+    }
     let (head, expected) = text.split_once(", expected ").unwrap_or((text, ""));
     let head = head
         .replace("EOF while parsing", "the file ends inside of")

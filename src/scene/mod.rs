@@ -32,6 +32,7 @@ use solid::Solid;
 
 pub use classes::DEFAULT_CLASSES;
 pub use error::{Place, SceneError};
+pub(crate) use json::plain_words;
 pub use lidar::Lidar;
 pub use mount::{Mount, MountRules};
 pub use settings::{Coverage, PsogSource, RoiBounds, ScanSettings};
@@ -94,7 +95,8 @@ impl Scene {
             line: 1,
             column: 1,
         })?;
-        let mut scene = Self::from_json(&text, path.parent().unwrap_or(Path::new("")), &name)?;
+        let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+        let mut scene = Self::from_json(text, path.parent().unwrap_or(Path::new("")), &name)?;
         scene.files.insert(0, path.to_owned());
         Ok(scene)
     }
@@ -111,8 +113,11 @@ impl Scene {
         json::check_version(text, name_for_errors)?;
         let scene: SceneDescription = json::parse(text, name_for_errors)?;
         let top = Place::top(name_for_errors);
-        let stem = || Path::new(name_for_errors).file_stem().map(|s| s.to_string_lossy().into());
-        let name = scene.name.or_else(stem).unwrap_or_default();
+        let stem = || Path::new(name_for_errors).file_stem().unwrap_or_default().to_string_lossy();
+        let name = match scene.name {
+            Some(name) => check::text(&top.key("name"), name)?,
+            None => stem().replace(char::is_control, "-"),
+        };
 
         let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
         let mount = Mount::new(&top.key("mount"), &scene.mount, &roi)?;

@@ -150,6 +150,17 @@ impl Mount {
             let boxes = format!("list of {}", self.keep_out.len());
             return Err(bad(&at.key("keep_out"), boxes, wanted));
         }
+        let diagonal = [0, 1, 2].map(|k| (self.max[k] - self.min[k]).powi(2));
+        let diagonal = diagonal.iter().sum::<f64>().sqrt();
+        // The same slack as where placements are checked.
+        if self.lidars > 1 && self.min_distance > diagonal + 1e-9 {
+            let wanted = format!(
+                "a distance that {} LiDARs in this mount can keep: it measures {diagonal:.3} m from corner \
+                 to corner; lower it or widen the mount",
+                self.lidars
+            );
+            return Err(bad(&at.key("min_distance"), self.min_distance, wanted));
+        }
         if !self.symmetric {
             return Ok(());
         }

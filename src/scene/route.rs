@@ -72,7 +72,7 @@ fn pose(at: &Place, p: &PoseDescription) -> Result<Pose, SceneError> {
     let z = check::metres(&at.key("z"), p.z)?;
     let roll = check::radians(&at.key("roll"), p.roll)?;
     let pitch = check::radians(&at.key("pitch"), p.pitch)?;
-    let yaw = check::radians(&at.key("yaw"), p.yaw)?;
+    let yaw = check::heading(&at.key("yaw"), p.yaw)?;
     Ok(Pose::new(DVec3::new(x, y, z), roll, pitch, yaw))
 }
 

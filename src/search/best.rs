@@ -56,7 +56,8 @@ impl Swapped {
 /// gains; then moves one LiDAR of the best anywhere at random and climbs from there, again and again,
 /// while poses may be cast (iterated local search).
 ///
-/// `None` where no start, moved to the grid, keeps the rules of the mount.
+/// `None` where no start, moved to the grid, keeps the rules of the mount. `go_on` is asked before each
+/// LiDAR, with the poses cast so far.
 ///
 /// # Errors
 /// A spacing that gives no grid, or from the backend.
@@ -65,14 +66,14 @@ pub fn swap_from(
     objective: &Objective,
     settings: &SwapSettings,
     starts: &[Placement],
-    go_on: &dyn Fn() -> bool,
+    go_on: &dyn Fn(u64) -> bool,
 ) -> Result<Option<Swapped>, SearchError> {
     let SwapSettings { spacing, casts, memory, seed } = *settings;
     let grid = PoseGrid::new(evaluator.constraints(), spacing)?;
     let counts_all = objective.counts_all_covered();
     let atlas = Atlas::new(evaluator.shared_problem(), grid, counts_all, memory);
     let mut search = GridSearch::new(atlas, objective.clone(), evaluator);
-    let go_on = |cast: u64| cast < casts && go_on();
+    let go_on = |cast: u64| cast < casts && go_on(cast);
     let mut best: Option<GridPlacement> = None;
     for start in starts {
         let Some(poses) = search.start_of(start) else { continue };
@@ -132,7 +133,7 @@ pub fn best_placement(
         seed: settings.seed,
     };
     let start = std::slice::from_ref(&best.placement);
-    let swapped = swap_from(evaluator, objective, &swaps, start, go_on)?;
+    let swapped = swap_from(evaluator, objective, &swaps, start, &|_| go_on())?;
     let named = Placement { name: "optimized".into(), ..best.placement.clone() };
     Ok(Some(match swapped {
         Some(swapped) if swapped.value > best.value || best.guards > 0 => {

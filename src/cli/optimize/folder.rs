@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 use sightline::report::{Figures, RunRecord, RunTimes, report_html};
 use sightline::search::{GenerationRecord, Search};
 
-use super::RunSettings;
 use super::auto::Auto;
+use super::{Run, RunSettings};
 use crate::cli::error::Error;
 use crate::cli::inputs::Input;
 use crate::cli::output::{writable_folder, write_whole};
@@ -24,6 +24,15 @@ pub(super) struct RunFolder {
     /// Files that the run was begun with.
     inputs: Vec<Input>,
     evaluations_before: u64,
+    /// Folders made for the run, the innermost first.
+    made: Vec<PathBuf>,
+}
+
+impl Drop for RunFolder {
+    /// A run that came to nothing leaves nothing; folders that hold something stay.
+    fn drop(&mut self) {
+        let _ = self.made.iter().try_for_each(std::fs::remove_dir);
+    }
 }
 
 #[derive(Serialize)]
@@ -78,6 +87,21 @@ pub(super) struct Spent {
     pub(super) times: RunTimes,
 }
 
+impl Run {
+    /// What all sittings have taken up to now.
+    pub(super) fn spent_so_far(&self) -> Spent {
+        let mut spent = self.spent;
+        let evaluations = self.search.evaluations() - self.folder.evaluations_before;
+        let frames = self.evaluator.problem().frame_count() as u64;
+        spent.searched += self.auto.as_ref().map_or(evaluations * frames, |auto| auto.searched);
+        let searching = self.searching.elapsed().as_secs_f64();
+        spent.seconds += searching;
+        spent.times.search += searching;
+        spent.times.total += self.start.elapsed().as_secs_f64();
+        spent
+    }
+}
+
 /// What an earlier sitting has left.
 pub(super) struct Resumed {
     pub(super) folder: RunFolder,
@@ -105,8 +129,11 @@ impl RunFolder {
             Some(path) => path.to_owned(),
             None => free_folder(scene)?,
         };
-        writable_folder(&path)?;
-        Ok(Self { path, inputs, evaluations_before: 0 })
+        let missing = path.ancestors().take_while(|folder| !folder.exists());
+        let made = missing.filter(|f| !f.as_os_str().is_empty()).map(Path::to_owned).collect();
+        let folder = Self { path, inputs, evaluations_before: 0, made };
+        writable_folder(&folder.path)?;
+        Ok(folder)
     }
 
     /// Reads what an earlier sitting has left.
@@ -152,7 +179,12 @@ impl RunFolder {
         writable_folder(path)?;
         let evaluations_before = saved.search.evaluations();
         Ok(Resumed {
-            folder: Self { path: path.to_owned(), inputs: saved.inputs, evaluations_before },
+            folder: Self {
+                path: path.to_owned(),
+                inputs: saved.inputs,
+                evaluations_before,
+                made: Vec::new(),
+            },
             settings: saved.settings,
             search: saved.search,
             history,
@@ -168,10 +200,6 @@ impl RunFolder {
 
     pub(super) fn path(&self) -> &Path {
         &self.path
-    }
-
-    pub(super) fn evaluations_before(&self) -> u64 {
-        self.evaluations_before
     }
 
     /// Saves the state after a generation: the history first, so that it is never behind.

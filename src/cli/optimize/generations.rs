@@ -55,7 +55,7 @@ impl Run {
             self.spent.times.bookkeeping += (generation - scoring).as_secs_f64();
             bar.set_position(self.search.evaluations());
             if let Some(best) = self.search.best() {
-                bar.set_message(format!("best {:.4e}", best.value));
+                bar.set_message(format!("· best {:.4e}", best.value));
             }
             for line in self.ended_in_words().iter().skip(ended) {
                 compute.talk.note(format!("restart: {line}"));

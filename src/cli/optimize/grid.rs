@@ -16,6 +16,7 @@ use sightline::search::{
 use crate::cli::args::Compute;
 use crate::cli::error::Error;
 use crate::cli::interrupt::Interrupt;
+use crate::cli::progress;
 
 /// Grid of the bound where nothing else is said: every pose of it is cast.
 const COARSE_SPACING: Spacing = Spacing { metres: 0.2, radians: 0.2 };
@@ -71,9 +72,15 @@ impl GridStage<'_> {
     ) -> Result<Option<Swapped>, Error> {
         let memory = self.compute.memory_budget() / 2;
         let settings = SwapSettings { spacing, casts, memory, seed };
-        let go_on = || !self.interrupt.is_set();
+        let bar = progress::bar(casts, "poses for swaps", self.compute.talk);
+        let go_on = |cast: u64| {
+            bar.set_position(cast.min(casts));
+            !self.interrupt.is_set()
+        };
         let (evaluator, objective) = (&mut *self.evaluator, self.objective);
-        Ok(swap_from(evaluator, objective, &settings, starts, &go_on)?)
+        let swapped = swap_from(evaluator, objective, &settings, starts, &go_on)?;
+        bar.finish_and_clear();
+        Ok(swapped)
     }
 
     /// Greedy over every pose of the grid, and swaps to any pose from there and from each start. Where

@@ -97,7 +97,7 @@ impl<'a> Bench<'a> {
     ) -> Result<Evaluator, Error> {
         let frames = self.frames();
         let problem = if std::ptr::eq(psog, &*self.psog) {
-            Problem::from_scene(&self.scene, psog, table, &frames)?
+            load::problem_of(&self.scene, psog, table, &frames)?
         } else {
             Problem::on_grid_of(psog, &self.scene, table, &frames)
         };

@@ -138,9 +138,13 @@ fn bad_settings_are_named_with_their_place_and_mend() {
         (
             "[0.2, 0.2, 0.2]",
             "[0.2, 1e999, 0.2]",
-            "roi.voxel[1]: number out of range (line 2, column 79)",
+            "roi.voxel[1]: a number too large; write a finite one, as 1.5 (line 2, column 79)",
         ),
-        ("[0.2, 0.2, 0.2]", "[0.2, NaN, 0.2]", "roi: expected value (line 2, column 75)"),
+        (
+            "[0.2, 0.2, 0.2]",
+            "[0.2, NaN, 0.2]",
+            "roi: no value that JSON knows; numbers are finite, as 1.5 (line 2, column 75)",
+        ),
         (
             "\"channels\": 16",
             "\"channels\": 0",
@@ -345,8 +349,8 @@ fn bad_geometry_is_named_with_its_place_and_mend() {
             "ego.poses: a list of 1 is not one pose for each of the 2 frames",
         ),
         (
-            r#""ego": { "poses": [{ "x": 0, "y": 0, "yaw": 90 }] }"#,
-            "ego.poses[0].yaw: 90 is not an angle in radians within one turn (-6.2832 to 6.2832)",
+            r#""ego": { "poses": [{ "x": 0, "y": 0, "pitch": 90 }] }"#,
+            "ego.poses[0].pitch: 90 is not an angle in radians within one turn (-6.2832 to 6.2832)",
         ),
         (
             r#""ego": { "poses": [], "route": { "points": [], "spacing": 1 } }"#,
