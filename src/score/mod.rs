@@ -153,13 +153,16 @@ impl Tasks {
     }
 }
 
+/// −`value`, without a minus before zero.
+fn negated(value: f64) -> f64 {
+    0.0 - value
+}
+
 fn task_scores(gain: f64, total: f64, covered: f64, nonzero: f64) -> TaskScores {
     if covered == 0.0 {
         return TaskScores::default();
     }
     let of_nonzero = |value: f64| (nonzero > 0.0).then_some(value);
-    // Minus zero would be printed as such.
-    let negated = |value: f64| 0.0 - value;
     TaskScores {
         m_sog: Some(negated(gain / covered)),
         m_sog_scaled: Some(negated(gain / (covered * covered))),
