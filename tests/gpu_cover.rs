@@ -43,7 +43,7 @@ fn poses(roi: &Roi, outside: f64, count: usize, seed: u64) -> Vec<SensorPose> {
 
 /// Compares the bitmaps and the sums, by the host and by kernels; returns the voxels covered.
 fn compare(roi: Roi, poses: &[SensorPose], range: f64, seed: u64) -> u64 {
-    let table = BeamTable::from_directions(directions(seed).into_iter(), range).unwrap();
+    let table = BeamTable::from_directions(directions(seed), range).unwrap();
     let content = random_content(seed, &roi);
     let problem = Arc::new(Problem::new(roi, content, table, vec![], false));
     let on_device: Vec<DevicePose> = poses.iter().map(|pose| DevicePose::new(pose, &roi)).collect();
