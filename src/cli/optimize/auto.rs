@@ -296,7 +296,7 @@ impl Auto {
 
     fn words(&self, share: f64) -> String {
         let all = self.levels[self.levels.len() - 1].len();
-        if all == 1 {
+        if self.levels.len() == 1 && all == 1 {
             return "searched over the only frame that there is".to_owned();
         }
         if self.levels.len() == 1 {
