@@ -175,14 +175,14 @@ fn join(low: &[u32; WORD], high: &[u32; WORD]) -> ([u64; WORD], u64) {
 /// Adds the lowest bits of some columns, `height` (up to 64) each, one after another from bit `first` on.
 #[inline(always)]
 fn put(columns: &[u64], height: usize, first: usize, linear: &mut [u64]) {
-    let (mut at, mut fill) = (first >> 6, first & 63);
-    let mut bits = linear[at];
+    let (mut at, mut fill, mut bits) = (first >> 6, first & 63, 0);
     for &column in columns {
         bits |= column << fill;
         let rest = (column >> 1) >> (63 - fill);
         fill += height;
         if fill > 63 {
-            linear[at] = bits;
+            // In one go: a page that is read before it is first written faults twice.
+            linear[at] |= bits;
             (at, fill, bits) = (at + 1, fill - 64, rest);
         }
     }
