@@ -217,6 +217,7 @@ mod tests {
         close(scores.segmentation.m_sog_scaled, -1.5 * ln2 / 64.0);
         close(scores.segmentation.m_sog_nonzero, -1.5 * ln2 / 2.0);
         close(scores.s_mig, -0.75 * ln2);
+        assert!(negated(0.0).is_sign_positive());
         assert_eq!((scores.covered, scores.covered_nonzero), (8.0, 2.0));
         assert_eq!(scores.covered_by_class, [("a".into(), 1.5), ("b".into(), 0.5)]);
         assert_eq!((scores.beams, scores.hit_share), (40, Some(0.375)));
