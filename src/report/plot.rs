@@ -7,9 +7,22 @@ const LEFT: f64 = 90.0;
 const TOP: f64 = 50.0;
 const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 300.0;
-/// Categories from which on names longer than so many characters are turned.
-const MANY: usize = 7;
-const SHORT: usize = 4;
+/// Pixels of the whole.
+const ALL: (f64, f64) = (900.0, 470.0);
+/// Pixels that a character takes at most, on average.
+const LETTER: f64 = 7.0;
+/// Characters that have room: over the chart, in the legend, turned under the axis.
+const TITLE: usize = 100;
+const LEGEND: usize = 30;
+const TURNED: usize = 22;
+
+/// A text of at most so many characters; the rest is left out.
+fn cut(text: &str, most: usize) -> String {
+    if text.chars().count() <= most {
+        return text.to_owned();
+    }
+    text.chars().take(most - 1).chain(['…']).collect()
+}
 
 /// What stands along the x axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,7 +64,7 @@ pub struct Plot {
 impl Plot {
     /// As SVG, to stand alone or in a page.
     pub fn svg(&self) -> String {
-        let mut svg = open(860.0, 450.0, &self.title);
+        let mut svg = open(ALL.0, ALL.1, &self.title);
         let (right, bottom) = (LEFT + WIDTH, TOP + HEIGHT);
         let points = || self.series.iter().flat_map(|s| &s.points);
         let finite = |v: &f64| v.is_finite();
@@ -65,7 +78,7 @@ impl Plot {
         let _ = writeln!(
             svg,
             "<text x=\"{LEFT}\" y=\"20\" font-weight=\"600\">{}</text>",
-            escape(&self.title)
+            escape(&cut(&self.title, TITLE))
         );
         if points().next().is_none() {
             svg += "<text x=\"90\" y=\"60\">There is nothing to draw.</text></svg>\n";
@@ -97,8 +110,9 @@ impl Plot {
                 ticks(x_range.0, x_range.1, 6).into_iter().map(|t| (t, number(t))).collect()
             }
         };
-        let long = |names: &[String]| names.iter().any(|name| name.chars().count() > SHORT);
-        let turned = matches!(&self.x, Axis::Names(names) if names.len() >= MANY && long(names));
+        let room = WIDTH / marks.len().max(1) as f64;
+        let wide = |(_, name): &(f64, String)| name.chars().count() as f64 * LETTER > room;
+        let turned = matches!(self.x, Axis::Names(_)) && marks.iter().any(wide);
         for (value, text) in &marks {
             let at = x(*value);
             let place = if turned {
@@ -114,7 +128,7 @@ impl Plot {
                 "<path d=\"M{at:.1} {bottom}v5\" stroke=\"{INK}\"/>\
                  <text x=\"{at:.1}\" y=\"{:.1}\" {place}>{}</text>",
                 bottom + 20.0,
-                escape(text)
+                escape(&cut(text, TURNED))
             );
         }
         for (index, series) in self.series.iter().enumerate() {
@@ -128,15 +142,16 @@ impl Plot {
                 right + 20.0,
                 right + 32.0,
                 at + 4.5,
-                escape(&series.name)
+                escape(&cut(&series.name, LEGEND))
             );
         }
         let _ = writeln!(
             svg,
             "<path d=\"M{LEFT} {TOP}V{bottom}H{right}\" fill=\"none\" stroke=\"{INK}\"/>\
-             <text x=\"{}\" y=\"438\" text-anchor=\"middle\">{}</text>\
+             <text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>\
              <text x=\"{LEFT}\" y=\"40\">{}</text></svg>",
             LEFT + WIDTH / 2.0,
+            ALL.1 - 12.0,
             escape(&self.x_title),
             escape(&self.y_title)
         );
@@ -166,14 +181,22 @@ impl Plot {
             let _ =
                 writeln!(svg, "<circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"4\" fill=\"{colour}\"/>");
         }
+        // Points in one place share a line of words.
+        let mut places: Vec<((f64, f64), String)> = Vec::new();
         for (point, words) in &series.labels {
             let Some(&(px, py)) = series.points.get(*point) else { continue };
+            let at = (x(px) + 7.0, y(py) - 7.0);
+            let near = |place: (f64, f64)| (place.0 - at.0).abs().max((place.1 - at.1).abs()) < 1.0;
+            match places.iter_mut().find(|(place, _)| near(*place)) {
+                Some((_, others)) => *others += &format!(", {words}"),
+                None => places.push((at, words.clone())),
+            }
+        }
+        for ((px, py), words) in places {
             let _ = writeln!(
                 svg,
-                "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"12\">{}</text>",
-                x(px) + 7.0,
-                y(py) - 7.0,
-                escape(words)
+                "<text x=\"{px:.1}\" y=\"{py:.1}\" font-size=\"12\">{}</text>",
+                escape(&words)
             );
         }
     }
@@ -204,5 +227,31 @@ mod tests {
         assert!(svg.contains(&format!("cy=\"{low:.1}\"")), "{svg}");
         assert!(svg.contains("a &lt; b") && svg.contains(">best<") && !svg.contains("NaN"));
         assert!(Plot { series: vec![], ..plot }.svg().contains("nothing to draw"));
+    }
+
+    #[test]
+    fn words_that_have_no_room_are_turned_shared_or_cut() {
+        let series = Series {
+            name: "n".repeat(40),
+            points: vec![(0.0, 1.0), (1.0, 3.0), (1.0, 3.0)],
+            line: false,
+            labels: vec![(1, "a".into()), (2, "b".into())],
+        };
+        let names = ["without LiDAR 0", "without LiDAR 1", "without LiDAR 2", "all", "worst"];
+        let plot = Plot {
+            title: "t".repeat(200),
+            x_title: "x".into(),
+            y_title: "y".into(),
+            x: Axis::Names(names.map(String::from).to_vec()),
+            series: vec![series],
+        };
+        let svg = plot.svg();
+        assert_eq!(svg.matches("rotate(-30").count(), 5);
+        assert!(svg.contains(">a, b<"), "{svg}");
+        assert!(svg.contains(&format!(">{}…<", "n".repeat(29))));
+        assert!(svg.contains(&format!(">{}…<", "t".repeat(99))), "the whole stands in <title>");
+        let short =
+            Plot { x: Axis::Names(names[3..].iter().map(|n| (*n).into()).collect()), ..plot };
+        assert!(!short.svg().contains("rotate"));
     }
 }
