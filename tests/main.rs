@@ -5,6 +5,8 @@
 mod atlas;
 mod cli;
 mod cli_chart;
+#[cfg(unix)]
+mod cli_edges;
 mod cli_errors;
 mod cli_inputs;
 mod cli_merging;

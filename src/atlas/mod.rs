@@ -239,7 +239,7 @@ impl Atlas {
     /// # Panics
     /// The pose is not held.
     pub(crate) fn frames_of(&self, pose: u32) -> impl Iterator<Item = &[u64]> {
-        self.page(pose).chunks(self.frame_words()).map(|frame| &frame[..self.order.words()])
+        self.page(pose).chunks(self.frame_words().max(1)).map(|frame| &frame[..self.order.words()])
     }
 
     /// The fixed-point entropies of each bit of a frame; zero for bits without a voxel.
@@ -296,7 +296,8 @@ impl Atlas {
 
     #[inline(always)]
     fn tally_with_any(&self, union: &Union, pose: u32) -> Tally {
-        let each = self.frame_words();
+        // No words at all where no voxel is ever occupied.
+        let each = self.frame_words().max(1);
         let mut tally = Tally::default();
         let page = self.page(pose);
         for (a, b) in union.words.chunks(each).zip(page.chunks(each)) {

@@ -20,7 +20,7 @@ use super::args::{BackendChoice, Compute, Format, format_or_default, whole};
 use super::error::Error;
 use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
-use super::output::{writable_folder, write_whole};
+use super::output::{Missing, writable_folder, write_whole};
 use super::{load, optimize, progress};
 use summary::Summary;
 
@@ -28,6 +28,8 @@ use summary::Summary;
 const VERSION: u32 = 2;
 /// Repeats of a timing, and of a quick one.
 const REPEATS: [usize; 2] = [5, 3];
+/// Numbered folders that are tried before giving up.
+const MOST_RUNS: u32 = 10_000;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -41,7 +43,7 @@ pub struct Args {
     /// Placements to rank beside the random ones [default: Table 7 of the paper]
     #[arg(conflicts_with = "resume")]
     placements: Option<PathBuf>,
-    /// Folder for chart.svg, chart.csv and chart.json [default: runs/SCENE-chart]
+    /// Folder for chart.svg, chart.csv and chart.json [default: runs/SCENE-chart, numbered if it is taken]
     #[arg(long, value_name = "DIR", conflicts_with = "resume")]
     out: Option<PathBuf>,
     /// Go on with an interrupted run; settings that were measured are kept
@@ -134,6 +136,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             "--finest {finest}: is coarser than the scene's own voxels of {edge} m; give at most that"
         )));
     }
+    let _made = Missing::of(&folder);
     writable_folder(&folder)?;
     let mut ladder = Ladder::new(&scene, finest, state.settings.quick);
     leave_out_engines(&mut ladder, &args.compute);
@@ -181,18 +184,22 @@ fn fresh(args: &Args) -> Result<State, Error> {
 }
 
 fn new_folder(args: &Args) -> Result<PathBuf, Error> {
-    let folder = args.out.clone().unwrap_or_else(|| {
+    let Some(folder) = &args.out else {
         let scene = args.scene.as_deref().unwrap_or(Path::new("scene"));
         let stem = scene.file_stem().unwrap_or_default().to_string_lossy();
-        Path::new("runs").join(format!("{stem}-chart"))
-    });
+        let first = Path::new("runs").join(format!("{stem}-chart"));
+        let numbered = (2..MOST_RUNS).map(|n| Path::new("runs").join(format!("{stem}-chart-{n}")));
+        let free = std::iter::once(first.clone()).chain(numbered).find(|path| !path.exists());
+        let full = || format!("{}: too many charts; name a folder with --out", first.display());
+        return free.ok_or_else(|| Error::Usage(full()));
+    };
     if folder.join("chart.json").exists() {
         return Err(Error::Usage(format!(
-            "{}: already holds a chart; go on with --resume, or name another folder with --out",
+            "{}: already holds a chart; go on with --resume, or name another folder",
             folder.display()
         )));
     }
-    Ok(folder)
+    Ok(folder.clone())
 }
 
 fn saved(folder: &Path) -> Result<State, Error> {

@@ -48,10 +48,17 @@ pub fn scene(path: &Path, frames: Option<u32>, compute: &Compute) -> Result<Load
     Ok(Loaded { scene, evaluator, psog, times })
 }
 
+/// Reads a scene and says what in it is most likely not meant.
+pub fn read(path: &Path, talk: Talk) -> Result<Scene, Error> {
+    let scene = Scene::read(path)?;
+    scene.notes().iter().for_each(|note| talk.note(note));
+    Ok(scene)
+}
+
 /// Reads a scene and reads or builds its P-SOG.
 pub fn scene_and_psog(path: &Path, talk: Talk) -> Result<(Scene, Arc<Psog>, LoadTimes), Error> {
     let start = Instant::now();
-    let scene = Scene::read(path)?;
+    let scene = read(path, talk)?;
     let file = psog_file(&scene)?;
     let load = start.elapsed().as_secs_f64();
     let start = Instant::now();
@@ -59,6 +66,14 @@ pub fn scene_and_psog(path: &Path, talk: Talk) -> Result<(Scene, Arc<Psog>, Load
         Some(psog) => psog,
         None => build_psog(&scene, talk)?.0,
     };
+    let same = |&count: &u16| count == 0 || u32::from(count) == psog.frames();
+    if psog.counts().iter().all(same) {
+        talk.note(format!(
+            "the P-SOG tells nothing: each voxel is the same in all of its {} frame(s), so that every \
+             entropy is 0; give it frames in which something moves",
+            psog.frames()
+        ));
+    }
     let times = LoadTimes { load, build: start.elapsed().as_secs_f64() };
     Ok((scene, Arc::new(psog), times))
 }
@@ -66,7 +81,7 @@ pub fn scene_and_psog(path: &Path, talk: Talk) -> Result<(Scene, Arc<Psog>, Load
 /// Reads a scene for its geometry in one frame; its P-SOG is not needed and stays empty.
 pub fn geometry(path: &Path, frame: u32, compute: &Compute) -> Result<Loaded, Error> {
     let start = Instant::now();
-    let scene = Scene::read(path)?;
+    let scene = read(path, compute.talk)?;
     if !scene.has_geometry() {
         return Err(Error::Usage(format!(
             "{}: has no geometry to cast into; add static shapes, actors or an ego body",
@@ -99,7 +114,7 @@ pub struct Posed {
 
 /// Reads a scene and its P-SOG and puts the problem over `frames` of its frames together.
 pub fn problem(path: &Path, frames: u32, talk: Talk) -> Result<Posed, Error> {
-    let scene = Scene::read(path)?;
+    let scene = read(path, talk)?;
     let psog = match psog_file(&scene)? {
         Some(psog) => psog,
         None => build_psog(&scene, talk)?.0,

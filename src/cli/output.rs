@@ -1,7 +1,7 @@
 //! What leaves the program: lines on stdout and stderr, and files that are either whole or not there.
 
 use std::fmt::Arguments;
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
@@ -33,8 +33,11 @@ pub fn unless_closed(written: Result<(), Error>) -> Result<(), Error> {
     }
 }
 
-/// Writes a line to stderr; where that cannot be written, the work goes on.
+/// Writes a line to stderr; where that cannot be written, the work goes on. What a file calls its things
+/// may hold control characters, which are spelled out: a terminal would obey them.
 pub fn say(line: &str) {
+    let spell = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.into() };
+    let line: String = line.chars().map(spell).collect();
     let _ = writeln!(std::io::stderr(), "sightline: {line}");
 }
 
@@ -109,8 +112,42 @@ pub fn write_whole(
     Ok(())
 }
 
-/// Makes a folder and checks that files can be written into it, before long work begins.
+/// Folders that are missing before a run makes them; those that are empty at its end go again.
+pub struct Missing(Vec<PathBuf>);
+
+impl Missing {
+    /// The folder and those around it.
+    pub fn of(path: &Path) -> Self {
+        let missing = path.ancestors().take_while(|folder| !folder.exists());
+        Self(missing.filter(|f| !f.as_os_str().is_empty()).map(Path::to_owned).collect())
+    }
+}
+
+impl Drop for Missing {
+    fn drop(&mut self) {
+        let _ = self.0.iter().try_for_each(std::fs::remove_dir);
+    }
+}
+
+/// As [`shared_folder`], for the files of one run: as long as this program runs, a second one that
+/// names the folder is refused, since the files of two would not belong together.
 pub fn writable_folder(path: &Path) -> Result<(), Error> {
+    shared_folder(path)?;
+    // Where folders cannot be opened or locked, as on some network drives, nobody is kept out.
+    let Ok(folder) = File::open(path) else { return Ok(()) };
+    if let Err(TryLockError::WouldBlock) = folder.try_lock() {
+        return Err(Error::Usage(format!(
+            "{}: another run writes into it; wait for its end, or name another folder",
+            path.display()
+        )));
+    }
+    // Closing it would end the lock.
+    std::mem::forget(folder);
+    Ok(())
+}
+
+/// Makes a folder and checks that files can be written into it, before long work begins.
+pub fn shared_folder(path: &Path) -> Result<(), Error> {
     if path.exists() && !path.is_dir() {
         let message = "is a file where a folder is wanted; name another place";
         return Err(Error::io(path)(std::io::Error::other(message)));

@@ -6,7 +6,6 @@ use sightline::grid::{
     BuildReport, KittiPsogOptions, KittiSequence, Psog, PsogInfo, build_kitti_psog, read_psog,
     write_psog_to,
 };
-use sightline::scene::Scene;
 
 use super::args::{Format, Talk, finite, format_or_default};
 use super::error::Error;
@@ -115,7 +114,7 @@ fn build(args: &BuildArgs) -> Result<(), Error> {
             build_kitti_psog(&KittiSequence::open(folder)?, &options)?
         }
         (Some(path), None) => {
-            let scene = Scene::read(path)?;
+            let scene = load::read(path, args.talk)?;
             if !scene.has_geometry() {
                 return Err(Error::Usage(format!(
                     "{}: has no geometry to scan; a P-SOG is built from static shapes and actors",

@@ -12,7 +12,7 @@ use sightline::search::Evaluator;
 use super::args::{Compute, Format, format_or_default};
 use super::error::Error;
 use super::load::{self, Loaded};
-use super::output::{unless_closed, writable_file, writable_folder, write_whole};
+use super::output::{shared_folder, unless_closed, writable_file, write_whole};
 use super::{progress, table};
 
 /// Placements that are read, scored and printed at a time.
@@ -58,7 +58,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         writable_file(file, loaded.inputs(&args.placements))?;
     }
     if let Some(folder) = &args.coverage_out {
-        writable_folder(folder)?;
+        shared_folder(folder)?;
     }
     let format = match &args.out {
         Some(_) => args.format.unwrap_or(Format::Json),

@@ -14,6 +14,7 @@ use super::args::{Compute, Format, at_least_one, format_or_default, whole};
 use super::error::Error;
 use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
+use super::output::Missing;
 use super::table;
 use bench::Bench;
 use session::Session;
@@ -124,6 +125,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         .clone()
         .unwrap_or_else(|| PathBuf::from("studies").join(format!("{stem}-{}", args.kind.name())));
     let mut bench = Bench::new(args, &objective, &interrupt)?;
+    let _made = Missing::of(&folder);
     let mut session = Session::open(&folder, &settings(args)?, &interrupt, args.compute.talk)?;
     let study = match args.kind {
         Kind::Lidars => kinds::lidars(&mut bench, &mut session),

@@ -52,9 +52,9 @@ pub enum GridError {
     /// More classes than fit in 16 bits.
     #[error("classes has {classes} names, at most {limit} fit; merge some classes")]
     TooManyClasses { classes: usize, limit: usize },
-    /// A class name that is empty or holds a line break.
+    /// A class name that is empty or holds a control character, as a line break is.
     #[error(
-        "classes[{position}] is {name:?}; a class name is not empty and holds no line break (the list ends without one)"
+        "classes[{position}] is {name:?}; a class name is not empty and holds no control character (names are joined by line breaks, the last one ends without)"
     )]
     ClassName { position: usize, name: String },
     /// The class "empty" is listed.

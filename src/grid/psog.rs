@@ -176,7 +176,7 @@ pub(super) fn check_classes(classes: &[String]) -> Result<(), GridError> {
     }
     let mut seen = HashMap::new();
     for (position, name) in classes.iter().enumerate() {
-        if name.is_empty() || name.contains('\n') {
+        if name.is_empty() || name.contains(char::is_control) {
             return Err(GridError::ClassName { position, name: name.clone() });
         }
         if name == "empty" {

@@ -246,6 +246,9 @@ fn document(reader: impl Read, path: &Path) -> Result<PlacementFile, ReadError> 
     let text = std::str::from_utf8(&bytes)
         .map_err(|error| ReadError::NotText { path: path.to_owned(), byte: error.valid_up_to() })?;
     let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
+    if text.trim_ascii().is_empty() {
+        return Err(ReadError::Empty { path: path.to_owned() });
+    }
     if text.trim_start().starts_with('[') {
         return Err(ReadError::BareList { path: path.to_owned() });
     }

@@ -218,11 +218,20 @@ fn verdict(run: &RunRecord) -> String {
     let (Some(ours), Some((theirs, name))) = (best.objective, strongest) else {
         return format!("The search found a placement of {} LiDARs.", best.placement.lidars.len());
     };
-    let change = 100.0 * (ours - theirs) / theirs.abs();
-    let against = if change >= 0.0 {
-        format!("{change:.1} % better than the best hand-made layout, {name}")
+    let rival = if run.baselines.iter().all(|b| b.scores.guards.is_empty()) {
+        format!("the best baseline, {name}")
     } else {
-        format!("{:.1} % worse than the best hand-made layout, {name}", -change)
+        format!("{name}, the best baseline that no guard speaks against")
+    };
+    let word = if ours > theirs { "better" } else { "worse" };
+    let change = 100.0 * (ours - theirs).abs() / theirs.abs();
+    let against = if ours == theirs {
+        format!("as good as {rival}")
+    } else if theirs == 0.0 {
+        // Nothing to take a share of.
+        format!("{word} than {rival}")
+    } else {
+        format!("{change:.1} % {word} than {rival}")
     };
     let guard = match best.scores.guards.len() {
         0 => "No guard speaks against it.".to_owned(),

@@ -8,8 +8,17 @@ pub(crate) const MAX_METRES: f64 = 1.0e9;
 /// Largest angle in radians; more is most likely degrees.
 pub(crate) const MAX_RADIANS: f64 = std::f64::consts::TAU;
 
+const MOST_DIGITS: usize = 20;
+
 pub(crate) fn bad(at: &Place, value: impl ToString, wanted: impl Into<String>) -> SceneError {
-    SceneError::Value { at: Box::new(at.clone()), value: value.to_string(), wanted: wanted.into() }
+    let mut value = value.to_string();
+    // A number of hundreds of digits is read in the form in which it was most likely written.
+    if value.len() > MOST_DIGITS
+        && let Ok(number) = value.parse::<f64>()
+    {
+        value = format!("{number:e}");
+    }
+    SceneError::Value { at: Box::new(at.clone()), value, wanted: wanted.into() }
 }
 
 /// A text that can stand in tables and drawings.

@@ -7,6 +7,10 @@ use super::error::{Place, SceneError, nearest};
 
 /// Reads `text` as a `T`, naming `file` in errors.
 pub(crate) fn parse<T: DeserializeOwned>(text: &str, file: &str) -> Result<T, SceneError> {
+    if text.trim_ascii().is_empty() {
+        let (at, problem) = (Box::new(Place::top(file)), "the file is empty".to_owned());
+        return Err(SceneError::Json { at, problem, line: 1, column: 1 });
+    }
     let mut json = serde_json::Deserializer::from_str(text);
     let value = serde_path_to_error::deserialize(&mut json).map_err(|e| {
         let path = e.path().to_string();
@@ -44,6 +48,12 @@ fn explain(file: &str, path: &str, error: &serde_json::Error) -> SceneError {
     // Where serde did not get to a key, the path ends in a question mark.
     let path = path.trim_end_matches('?').trim_end_matches('.');
     let at = Box::new(Place { file: file.to_owned(), path: path.to_owned() });
+    // Said of what follows the whole, and of a list with more items than were asked for.
+    let text = match text {
+        "trailing characters" if path.is_empty() => "something follows the end of the object",
+        "trailing characters" => "the list is longer than it should be",
+        other => other,
+    };
     let unknown = text.strip_prefix("unknown field `").and_then(|rest| {
         // Without known keys serde writes "there are no fields"; no struct here is empty.
         rest.split_once("`, expected ")

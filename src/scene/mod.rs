@@ -60,6 +60,7 @@ pub struct Scene {
     body: Solid,
     ego: Motion,
     files: Vec<PathBuf>,
+    notes: Vec<String>,
 }
 
 /// Something that moves: triangles in its own frame, and a pose a frame.
@@ -147,6 +148,7 @@ impl Scene {
         let ego = Motion::new(&ego_at, ego.poses.as_deref(), ego.route.as_ref())?;
 
         files.extend(builder.files());
+        let notes = builder.notes();
 
         let has_geometry = !world.faces.is_empty()
             || !body.faces.is_empty()
@@ -196,7 +198,13 @@ impl Scene {
             body,
             ego,
             files,
+            notes,
         })
+    }
+
+    /// What is no error, but most likely not meant: a sentence each, with file and place.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     /// The name that the scene gives itself, or that of its file.

@@ -36,6 +36,7 @@ pub(crate) struct Builder<'a> {
     built: HashMap<&'a str, Rc<Solid>>,
     /// Built so far, named shapes included.
     triangles: u64,
+    notes: Vec<String>,
 }
 
 impl<'a> Builder<'a> {
@@ -48,7 +49,7 @@ impl<'a> Builder<'a> {
         let named_at = top.key("shapes");
         let (meshes, built) = (HashMap::new(), HashMap::new());
         let by_name = named.0.iter().enumerate().map(|(i, (name, _))| (name.as_str(), i)).collect();
-        Self { classes, named, by_name, named_at, dir, meshes, built, triangles: 0 }
+        Self { classes, named, by_name, named_at, dir, meshes, built, triangles: 0, notes: vec![] }
     }
 
     /// The files of all meshes, in alphabetical order.
@@ -56,6 +57,11 @@ impl<'a> Builder<'a> {
         let mut files: Vec<PathBuf> = self.meshes.values().flat_map(|m| m.files.clone()).collect();
         files.sort();
         files
+    }
+
+    /// What was passed over.
+    pub fn notes(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notes)
     }
 
     /// Builds the named shapes, used or not.
@@ -225,6 +231,7 @@ impl<'a> Builder<'a> {
                 raw
             }
         };
+        self.note_unused(&at.key("classes"), &file, &map, &raw);
         let class_of = |name: &Option<String>| {
             let mapped = name.as_deref().and_then(|n| map.get(n).copied());
             mapped.or(default).ok_or_else(|| SceneError::Unclassed {
@@ -252,6 +259,26 @@ impl<'a> Builder<'a> {
             faces: raw.faces.clone(),
             classes: raw.face_material.iter().map(|&m| ids[m as usize]).collect(),
         })
+    }
+}
+
+impl Builder<'_> {
+    /// Notes names that a mesh does not have: one map may serve several meshes, or hold a slip.
+    fn note_unused(&mut self, at: &Place, file: &Path, map: &HashMap<&str, u16>, raw: &RawMesh) {
+        let has = || raw.materials.iter().flatten().map(String::as_str);
+        let mut unused: Vec<&str> =
+            map.keys().copied().filter(|name| has().all(|known| known != *name)).collect();
+        if unused.is_empty() {
+            return;
+        }
+        unused.sort_unstable();
+        let guess = unused.iter().find_map(|name| nearest(name, has()));
+        let guess = guess.map(|known| format!("; did you mean `{known}`?")).unwrap_or_default();
+        self.notes.push(format!(
+            "{at}: {} has no material or label `{}`{guess}",
+            file.display(),
+            unused.join("`, `")
+        ));
     }
 }
 

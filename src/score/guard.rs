@@ -68,7 +68,7 @@ impl std::fmt::Display for Guard {
                 f,
                 "low_information: gains {:.1} % of the reference layout's information, less than \
                  {:.0} %",
-                100.0 * share,
+                (1e3 * share).floor() / 10.0,
                 100.0 * LEAST_INFORMATION
             ),
             Self::FewHits { hit_share, reference } => write!(
@@ -87,14 +87,16 @@ impl std::fmt::Display for Guard {
                 f,
                 "short_sight: misses {:.1} % of the information because of its range, more than \
                  {:.0} %",
-                100.0 * lost,
+                // Rounded up, so that it reads as more.
+                (1e3 * lost).ceil() / 10.0,
                 100.0 * MOST_OUT_OF_RANGE
             ),
             Self::RedundantLidar { lidar, share } => write!(
                 f,
                 "redundant_lidar: LiDAR {lidar} alone gains {:.2} % of the information, less than \
                  {:.0} %",
-                100.0 * share,
+                // Rounded down, so that it reads as less.
+                (1e4 * share).floor() / 100.0,
                 100.0 * LEAST_UNIQUE
             ),
         }

@@ -113,7 +113,7 @@ impl<'a> Bench<'a> {
             return Err(Error::Usage(format!(
                 "{}: its P-SOG is a file, which has voxels of one size; a scene with geometry can be \
                  scanned again",
-                self.scene.name()
+                self.args.scenes[0].display()
             )));
         };
         let bounds = self.scene.roi();

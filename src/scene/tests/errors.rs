@@ -188,6 +188,7 @@ fn bad_settings_are_named_with_their_place_and_mend() {
             "lidar: `azimuth_steps` is missing: give the measurements of one channel in a turn, 250 for example",
         ),
         ("100.0", "0", "lidar.range: 0 is not a range above 0 and at most 100000 m"),
+        ("100.0", "1e300", "lidar.range: 1e300 is not a range above 0 and at most 100000 m"),
         (
             "\"through\"",
             "\"first-hit\"",

@@ -1,0 +1,128 @@
+//! What is at the edge of use: P-SOGs that tell nothing, folders that two runs want, names that a
+//! terminal would obey.
+
+use std::fs::{self, File};
+
+use serde_json::json;
+use sightline::grid::{Psog, Roi, write_psog};
+use tempfile::TempDir;
+
+use crate::cli::{corridor, fails, ok, scene, sightline};
+
+const OPTIMIZE: [&str; 6] = ["optimize", "scene.json", "--evaluations", "4", "--backend", "cpu"];
+
+/// The corridor with a P-SOG of one frame, in which the voxels of these indices are occupied.
+fn certain_corridor(index: Vec<u64>) -> TempDir {
+    let dir = corridor();
+    let roi = Roi::new([0.0; 3], [1.0; 3], [10, 2, 1]).unwrap();
+    let counts = vec![1; index.len()];
+    let psog = Psog::new(roi, 1, vec!["car".to_owned()], index, counts).unwrap();
+    write_psog(&dir.path().join("corridor.psog.npz"), &psog).unwrap();
+    dir
+}
+
+#[test]
+fn a_psog_that_tells_nothing_is_said_and_ends_nothing() {
+    for index in [vec![4, 6, 7], vec![]] {
+        let dir = certain_corridor(index);
+        let score = ["score", "scene.json", "placements.json", "--backend", "cpu"];
+        let output = sightline(dir.path(), &score);
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(stderr.contains("the P-SOG tells nothing"), "{stderr}");
+        for objective in ["m_sog_scaled", "information_gain"] {
+            let args =
+                ["--objective", objective, "--out", objective, "--baselines", "placements.json"];
+            let run = ok(dir.path(), &[&OPTIMIZE[..], &args].concat());
+            assert_eq!(run["best"]["objective"].as_f64(), Some(0.0), "{objective}");
+            let page = fs::read_to_string(dir.path().join(objective).join("report.html")).unwrap();
+            assert!(page.contains("The placement found is as good as "), "{objective}");
+        }
+        let args = ["study", "lidars", "scene.json", "--evaluations", "4", "--backend", "cpu"];
+        ok(dir.path(), &args);
+    }
+}
+
+#[test]
+fn a_folder_belongs_to_one_run_at_a_time() {
+    let dir = corridor();
+    ok(dir.path(), &[&OPTIMIZE[..], &["--out", "run"]].concat());
+    fs::create_dir(dir.path().join("new")).unwrap();
+    let new = ["--out", "new"];
+    let commands = [
+        [&OPTIMIZE[..], &new].concat(),
+        vec!["optimize", "--resume", "run", "--backend", "cpu"],
+        [&["study", "lidars", "scene.json", "--backend", "cpu"][..], &new].concat(),
+        [&["chart", "scene.json", "--quick", "--backend", "cpu"][..], &new].concat(),
+    ];
+    let held = ["run", "new"].map(|name| File::open(dir.path().join(name)).unwrap());
+    held.iter().for_each(|folder| folder.lock().unwrap());
+    for args in &commands {
+        let message = fails(dir.path(), args);
+        assert!(message.contains("another run writes into it"), "{args:?}: {message}");
+    }
+    // Scores of several commands may go into one folder.
+    let score = ["score", "scene.json", "placements.json", "--backend", "cpu"];
+    ok(dir.path(), &[&score[..], &["--coverage-out", "new"]].concat());
+    drop(held);
+    ok(dir.path(), &commands[1]);
+}
+
+#[test]
+fn a_study_that_cannot_be_leaves_no_folder_and_names_the_file() {
+    let dir = corridor();
+    let message = fails(dir.path(), &["study", "voxels", "scene.json", "--backend", "cpu"]);
+    assert!(message.contains("scene.json: its P-SOG is a file"), "{message}");
+    assert!(!dir.path().join("studies").exists());
+}
+
+#[test]
+fn a_second_chart_gets_a_folder_of_its_own() {
+    let dir = corridor();
+    let chart = ["chart", "scene.json", "--quick", "--placements", "2", "--backend", "cpu"];
+    ok(dir.path(), &chart);
+    ok(dir.path(), &chart);
+    assert!(dir.path().join("runs/scene-chart-2/chart.svg").is_file());
+}
+
+#[test]
+fn no_name_reaches_a_terminal_as_a_command() {
+    let dir = corridor();
+    let placement = json!({ "name": "\u{1b}[31mred", "lidars": [{ "x": 0, "y": 0, "z": 0 }] });
+    let file = dir.path().join("odd.json");
+    fs::write(file, json!({ "placements": [placement] }).to_string()).unwrap();
+    let message = fails(dir.path(), &["score", "scene.json", "odd.json", "--backend", "cpu"]);
+    assert!(message.contains("`\\u{1b}[31mred` is not a placement name"), "{message}");
+    let roi = Roi::new([0.0; 3], [1.0; 3], [10, 2, 1]).unwrap();
+    assert!(Psog::new(roi, 1, vec!["\u{1b}[31mred".to_owned()], vec![], vec![]).is_err());
+}
+
+#[test]
+fn what_is_empty_too_long_or_called_otherwise_is_said_in_plain_words() {
+    let dir = corridor();
+    let at = |name: &str| dir.path().join(name);
+    fs::write(at("empty.json"), " \n").unwrap();
+    let empty = fails(dir.path(), &["score", "empty.json", "placements.json"]);
+    assert!(empty.contains("empty.json: the file is empty"), "{empty}");
+    let none = fails(dir.path(), &["score", "scene.json", "empty.json", "--backend", "cpu"]);
+    assert!(none.contains("empty.json: holds no placement"), "{none}");
+
+    let mut three = scene();
+    three["lidar"]["fov"] = json!([0, 0, 0]);
+    fs::write(at("three.json"), three.to_string()).unwrap();
+    let three = fails(dir.path(), &["score", "three.json", "placements.json"]);
+    assert!(three.contains("lidar.fov: the list is longer than it should be"), "{three}");
+
+    let mut mesh = scene();
+    mesh["coverage"] = json!("first-hit");
+    let classes = json!({ "Raod": "road", "Wall": "wall" });
+    mesh["static"] =
+        json!([{ "class": "static", "mesh": { "file": "town.obj", "classes": classes } }]);
+    fs::write(at("mesh.json"), mesh.to_string()).unwrap();
+    let town = "v 5 0 0\nv 5 2 0\nv 5 0 2\nusemtl Road\nf 1 2 3\nusemtl Wall\nf 1 3 2\n";
+    fs::write(at("town.obj"), town).unwrap();
+    let output = sightline(dir.path(), &["score", "mesh.json", "placements.json"]);
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    let note = "mesh.json: static[0].mesh.classes: town.obj has no material or label `Raod`; did you \
+                mean `Road`?";
+    assert!(output.status.success() && stderr.contains(note), "{stderr}");
+}
