@@ -237,7 +237,13 @@ mod tests {
             line: false,
             labels: vec![(1, "a".into()), (2, "b".into())],
         };
-        let names = ["without LiDAR 0", "without LiDAR 1", "without LiDAR 2", "all", "worst"];
+        let names = [
+            "without LiDAR 0",
+            "without LiDAR 1",
+            "without LiDAR 2",
+            "all",
+            "after the worst loss",
+        ];
         let plot = Plot {
             title: "t".repeat(200),
             x_title: "x".into(),
