@@ -126,3 +126,14 @@ fn what_is_empty_too_long_or_called_otherwise_is_said_in_plain_words() {
                 mean `Road`?";
     assert!(output.status.success() && stderr.contains(note), "{stderr}");
 }
+
+#[test]
+fn a_chart_whose_scores_are_incomplete_is_refused() {
+    let dir = corridor();
+    let chart = ["chart", "scene.json", "--quick", "--placements", "2", "--backend", "cpu"];
+    let mut saved = ok(dir.path(), &[&chart[..], &["--out", "chart"]].concat());
+    saved["measured"][1]["scores"].as_array_mut().unwrap().pop();
+    fs::write(dir.path().join("chart/chart.json"), saved.to_string()).unwrap();
+    let message = fails(dir.path(), &["chart", "--resume", "chart", "--backend", "cpu"]);
+    assert!(message.contains("other placements"), "{message}");
+}

@@ -5,7 +5,7 @@ use std::fs;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::cli::{ok, room, sightline};
+use crate::cli::{fails, ok, room, sightline};
 
 fn study(dir: &std::path::Path, kind: &str, more: &[&str]) -> Value {
     let fixed =
@@ -97,4 +97,28 @@ fn wrong_input_is_named() {
         let message = String::from_utf8_lossy(&refused.stderr).into_owned();
         assert!(message.contains(says), "{message}");
     }
+}
+
+#[test]
+fn cases_of_one_name_would_share_numbers_and_are_refused() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    fs::copy(dir.path().join("room.json"), dir.path().join("copy.json")).unwrap();
+    for folder in ["a", "b"] {
+        fs::create_dir(dir.path().join(folder)).unwrap();
+        let sensor = format!("{{ \"elevation_deg\": [0, {}] }}", folder.len());
+        fs::write(dir.path().join(folder).join("vlp.json"), sensor).unwrap();
+    }
+    let sensors = ["--sensor", "a/vlp.json", "--sensor", "b/vlp.json"];
+    let boxes = ["--box", "near:0,0,0,1,1,1"];
+    for (args, says) in [
+        (&["transfer", "room.json", "copy.json"][..], "two scenes are called `room`"),
+        (&[&["channels", "room.json"][..], &sensors].concat(), "two sensors are called `vlp`"),
+        (&[&["regions", "room.json"][..], &boxes].concat(), "two regions are called `near`"),
+    ] {
+        let args = [&["study"][..], args, &["--backend", "cpu"]].concat();
+        let message = fails(dir.path(), &args);
+        assert!(message.contains(says), "{message}");
+    }
+    assert!(!dir.path().join("studies").exists());
 }

@@ -322,7 +322,8 @@ impl Chart<'_> {
     /// A scene that has changed since must not be mixed with what was measured.
     fn check_resumed(&mut self) -> Result<(), Error> {
         let Some(first) = self.state.measured.first() else { return Ok(()) };
-        let same = first.scores.len() == self.workshop.placements().len()
+        let count = self.workshop.placements().len();
+        let same = self.state.measured.iter().all(|measured| measured.scores.len() == count)
             && self.ladder.rungs.first() == Some(&first.rung)
             && first.scores[0] == self.workshop.first_score(&first.rung)?;
         if same {

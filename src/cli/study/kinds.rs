@@ -8,12 +8,15 @@ pub(super) use compare::{loss, random, regions, tasks};
 pub(super) use sensors::{channels, height, lidars};
 pub(super) use world::{published, transfer, voxels};
 
+use std::collections::HashSet;
+
 use sightline::placement::Placement;
 use sightline::report::{Axis, Plot, Series};
 use sightline::score::Scores;
 use sightline::study::{Row, Table};
 
 use super::bench::Bench;
+use crate::cli::error::Error;
 
 /// Columns that most studies show of a placement.
 const SCORE_COLUMNS: [&str; 5] =
@@ -36,6 +39,19 @@ fn score_row(name: &str, scores: &Scores, placement: Option<Placement>) -> Row {
 
 fn columns(first: &str, more: &[&str]) -> Vec<String> {
     std::iter::once(first).chain(more.iter().copied()).map(str::to_owned).collect()
+}
+
+/// Refuses names used twice: cases are told apart by them, and would share their numbers.
+fn check_distinct<'a>(
+    names: impl IntoIterator<Item = &'a str>,
+    what: &str,
+    mend: &str,
+) -> Result<(), Error> {
+    let mut seen = HashSet::new();
+    match names.into_iter().find(|name| !seen.insert(*name)) {
+        Some(name) => Err(Error::Usage(format!("two {what} are called `{name}`; {mend}"))),
+        None => Ok(()),
+    }
 }
 
 /// Title of a study of one scene.

@@ -7,7 +7,7 @@ use sightline::study::{
     Region, Row, Table, after_worst_loss, gains_by_region, most_robust, without_each,
 };
 
-use super::{columns, plot_of, series_by_row, title};
+use super::{check_distinct, columns, plot_of, series_by_row, title};
 use crate::cli::error::Error;
 use crate::cli::study::bench::Bench;
 use crate::cli::study::session::{Session, Study};
@@ -88,7 +88,7 @@ pub fn tasks(bench: &mut Bench, session: &mut Session) -> Result<Study, Error> {
     if !evaluator.problem().content().has_detection() {
         return Err(Error::Usage(format!(
             "{}: has no detection target; name its classes under `detection` in the scene",
-            bench.scene.name()
+            bench.args.scenes[0].display()
         )));
     }
     let mut rows = Vec::new();
@@ -151,6 +151,8 @@ pub fn tasks(bench: &mut Bench, session: &mut Session) -> Result<Study, Error> {
 pub fn regions(bench: &mut Bench, session: &mut Session) -> Result<Study, Error> {
     let mut regions = Region::standard();
     regions.extend(bench.args.boxes.iter().cloned());
+    let names = regions.iter().map(|region| region.name.as_str());
+    check_distinct(names, "regions", "give each --box a name of its own")?;
     session.expect(bench.table_7.len() + 1);
     let mut evaluator = bench.evaluator()?;
     let mut placements: Vec<(String, Option<Placement>)> =
@@ -221,7 +223,7 @@ pub fn loss(bench: &mut Bench, session: &mut Session) -> Result<Study, Error> {
     if bench.constraints().lidars < 2 {
         return Err(Error::Usage(format!(
             "{}: its mount has one LiDAR; without it nothing is left to score",
-            bench.scene.name()
+            bench.args.scenes[0].display()
         )));
     }
     let objective = bench.objective.clone();

@@ -4,7 +4,7 @@ use sightline::placement::Placement;
 use sightline::scene::Lidar;
 use sightline::study::{Row, Table, knee};
 
-use super::{SCORE_COLUMNS, columns, plot_of, score_row, title};
+use super::{SCORE_COLUMNS, check_distinct, columns, plot_of, score_row, title};
 use crate::cli::error::Error;
 use crate::cli::load;
 use crate::cli::study::bench::Bench;
@@ -88,7 +88,7 @@ pub fn channels(bench: &mut Bench, session: &mut Session) -> Result<Study, Error
     let Lidar::Spinning { elevations, azimuth_steps, range, .. } = bench.scene.lidar() else {
         return Err(Error::Usage(format!(
             "{}: its LiDAR is a list of directions, which has no channels to vary",
-            bench.scene.name()
+            bench.args.scenes[0].display()
         )));
     };
     let fold = |f: fn(f64, f64) -> f64| elevations.iter().copied().reduce(f).unwrap_or(0.0);
@@ -110,6 +110,8 @@ pub fn channels(bench: &mut Bench, session: &mut Session) -> Result<Study, Error
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         sensors.push((name, Lidar::from_sensor_file(path, *azimuth_steps, *range)?));
     }
+    let names = sensors.iter().map(|(name, _)| name.as_str());
+    check_distinct(names, "sensors", "rename one of the files")?;
     session.expect(sensors.len());
     let mut rows = Vec::new();
     for (name, lidar) in sensors {

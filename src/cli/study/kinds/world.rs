@@ -6,7 +6,7 @@ use sightline::report::{Axis, Plot};
 use sightline::score::Scores;
 use sightline::study::{Row, TASKS, Table, results_of};
 
-use super::{columns, plot_of, series_by_row, title};
+use super::{check_distinct, columns, plot_of, series_by_row, title};
 use crate::cli::error::Error;
 use crate::cli::load;
 use crate::cli::study::bench::Bench;
@@ -95,6 +95,8 @@ pub fn transfer(bench: &mut Bench, session: &mut Session) -> Result<Study, Error
     }
     let benches: Vec<&Bench> = std::iter::once(&*bench).chain(&others).collect();
     let names: Vec<&str> = benches.iter().map(|b| b.scene.name()).collect();
+    let mend = "give each scene file a `name` of its own";
+    check_distinct(names.iter().copied(), "scenes", mend)?;
     let mut found: Vec<Option<Placement>> = Vec::new();
     let mut rows = Vec::new();
     for one in &benches {
