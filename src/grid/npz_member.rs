@@ -39,7 +39,7 @@ pub enum PsogFileError {
     #[error("{}: array `{array}` has no usable .npy header ({cause}); write the file with np.savez", path.display())]
     Header { path: PathBuf, array: &'static str, cause: String },
     /// The element type is not the contract's.
-    #[error("{}: array `{array}` has dtype {found}, wanted {wanted}; convert it with .astype(np.{wanted})", path.display())]
+    #[error("{}: array `{array}` has dtype {found}, wanted {wanted}; {}", path.display(), conversion(found, wanted))]
     Dtype { path: PathBuf, array: &'static str, found: String, wanted: &'static str },
     /// The shape is not the contract's.
     #[error("{}: array `{array}` has shape {found}, wanted {wanted}", path.display())]
@@ -56,6 +56,14 @@ pub enum PsogFileError {
     /// The file cannot be written.
     #[error("cannot write {}: {cause}; nothing was left behind", path.display())]
     Write { path: PathBuf, cause: std::io::Error },
+}
+
+/// How to come from one element type to another in NumPy, whose `astype` takes no texts for bytes.
+fn conversion(found: &str, wanted: &str) -> String {
+    if wanted == "uint8" && found.contains(['U', 'S', 'O']) {
+        return "join the names by \\n and write np.frombuffer(text.encode(), np.uint8)".to_owned();
+    }
+    format!("convert it with .astype(np.{wanted})")
 }
 
 /// An element type of the P-SOG file.
