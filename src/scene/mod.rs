@@ -105,7 +105,7 @@ impl Scene {
     /// Reads a scene from JSON text; `dir` is where its file names start, `name_for_errors` is
     /// what messages call it.
     ///
-    /// A scene without `name` takes the file name without folder and ending.
+    /// A scene without `name`, or with a blank one, takes the file name without folder and ending.
     ///
     /// # Errors
     ///
@@ -115,7 +115,7 @@ impl Scene {
         let scene: SceneDescription = json::parse(text, name_for_errors)?;
         let top = Place::top(name_for_errors);
         let stem = || Path::new(name_for_errors).file_stem().unwrap_or_default().to_string_lossy();
-        let name = match scene.name {
+        let name = match scene.name.filter(|name| !name.trim().is_empty()) {
             Some(name) => check::text(&top.key("name"), name)?,
             None => stem().replace(char::is_control, "-"),
         };

@@ -36,6 +36,7 @@ const BOX: &str = r#"{ "class": "building", "box": { "foot": [10, 0, 0], "size":
 fn the_small_form_is_read() {
     let scene = read(SMALL).unwrap();
     assert_eq!(scene.name(), "two-walls");
+    assert_eq!(read(&SMALL.replace("two-walls\",", " \",")).unwrap().name(), "s");
     assert_eq!(scene.roi().shape, [400, 400, 30]);
     assert_eq!(scene.coverage(), Coverage::Through);
     assert_eq!(*scene.psog_source(), PsogSource::File("dir/two-walls.psog.npz".into()));
