@@ -2,6 +2,7 @@
 //! terminal would obey.
 
 use std::fs::{self, File};
+use std::process::{Command, Stdio};
 
 use serde_json::json;
 use sightline::grid::{Psog, Roi, write_psog};
@@ -65,6 +66,28 @@ fn a_folder_belongs_to_one_run_at_a_time() {
     ok(dir.path(), &[&score[..], &["--coverage-out", "new"]].concat());
     drop(held);
     ok(dir.path(), &commands[1]);
+}
+
+#[test]
+fn of_two_runs_that_begin_at_once_one_ends_well() {
+    let dir = corridor();
+    for attempt in 0..4 {
+        let folder = format!("run-{attempt}");
+        let args = [&OPTIMIZE[..], &["--out", &folder]].concat();
+        let start = || {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_sightline"));
+            command
+                .args(&args)
+                .current_dir(dir.path())
+                .stdout(Stdio::null())
+                .stderr(Stdio::piped());
+            command.spawn().unwrap()
+        };
+        let ends = [start(), start()].map(|run| run.wait_with_output().unwrap());
+        // Both, where one has ended before the other comes to look.
+        assert!(ends.iter().any(|end| end.status.success()), "{ends:?}");
+        assert!(dir.path().join(folder).join("report.html").is_file());
+    }
 }
 
 #[test]

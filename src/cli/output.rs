@@ -87,8 +87,17 @@ pub fn write_whole(
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    let file = if sink { builder.tempfile() } else { builder.tempfile_in(folder_of(&target)) };
-    let mut file = file.map_err(io)?;
+    let beside = || {
+        let folder = folder_of(&target);
+        builder.tempfile_in(folder).or_else(|error| {
+            // A folder that was taken away since the work began is made anew: the work is worth it.
+            if error.kind() == ErrorKind::NotFound {
+                std::fs::create_dir_all(folder)?;
+            }
+            builder.tempfile_in(folder)
+        })
+    };
+    let mut file = if sink { builder.tempfile() } else { beside() }.map_err(io)?;
     let mut writer = BufWriter::new(file.as_file_mut());
     write(&mut writer)?;
     writer.flush().map_err(io)?;
