@@ -283,7 +283,11 @@ fn audit_catches_what_games_the_scores() {
         assert!(change["base"]["m_sog"].is_number(), "{change}");
         assert!(["a", "b", "c"].contains(&change["first"].as_str().unwrap()));
     }
-    let text = sightline(dir.path(), &["audit", "room.json", "p.json", "--format", "text"]);
+    let more = ["audit", "room.json", "p.json", "--format", "text", "--frames", "5"];
+    let text = sightline(dir.path(), &more);
+    let notes = [&output, &text].map(|o| String::from_utf8_lossy(&o.stderr).into_owned());
+    let words = "--frames 5: the scene has 3; all of them are used";
+    assert_eq!(notes.map(|note| note.contains(words)), [false, true]);
     let text = String::from_utf8(text.stdout).unwrap();
     for title in ["S-MIG", "τ median", "τ worst", "height", "first"] {
         assert!(text.contains(title), "no column {title}: {text}");

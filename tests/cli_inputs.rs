@@ -86,6 +86,13 @@ fn placements_come_through_pipes_as_lines_or_as_a_document() {
         assert!(message.contains(words), "{message}");
         assert!(!dir.path().join("scores.json").exists());
     }
+    // On stdout it comes after scores, which say so and are no whole document.
+    let late = piped(&dir, &(many + "{}"), &[]);
+    let message = String::from_utf8_lossy(&late.stderr);
+    assert_eq!(late.status.code(), Some(2), "{message}");
+    assert!(message.contains("only the scores of the first 1024 placements"), "{message}");
+    assert!(message.contains("-, line 1501, column 2: missing key"), "{message}");
+    assert!(serde_json::from_slice::<Value>(&late.stdout).is_err());
     let none = piped(&dir, "\n", &[]);
     assert_eq!((none.status.code(), none.stdout.len()), (Some(2), 0));
 }

@@ -7,7 +7,9 @@ use sightline::backend::Problem;
 use sightline::backend::cpu::CpuBackend;
 use sightline::placement::{Constraints, Placement, PoseGrid, SensorPose, Spacing, Ties};
 use sightline::score::Objective;
-use sightline::search::{Evaluator, GridPlacement, GridSample, GridSearch, Moves, bound_gain};
+use sightline::search::{
+    Evaluator, GridPlacement, GridSample, GridSearch, Moves, SwapSettings, bound_gain, swap_from,
+};
 
 use crate::common::{MEMORY, random_problem};
 
@@ -189,4 +191,41 @@ fn a_climb_keeps_ties_and_leaves_boxes_free() {
         let search = GridSearch::new(atlas, "information_gain".parse().unwrap(), &evaluator);
         assert_eq!(search.start_of(&off), None, "in the box, and all in one place");
     }
+}
+
+#[test]
+fn swaps_tell_other_ends_that_are_about_as_good() {
+    let objective: Objective = "information_gain".parse().unwrap();
+    let spacing = Spacing { metres: 1.0, radians: 0.3 };
+    let mut told = 0;
+    for seed in 1..=6 {
+        let problem = random_problem(seed, true);
+        let rules = constraints(3, 0.0);
+        let backend = Box::new(CpuBackend::new(problem.clone(), MEMORY));
+        let mut evaluator = Evaluator::new(problem.clone(), backend, rules);
+        let start = [-1.0, 0.0, 1.0].map(|x| SensorPose {
+            x,
+            y: 0.0,
+            z: 0.0,
+            roll: 0.0,
+            pitch: 0.0,
+            yaw: 0.0,
+        });
+        let start = Placement { name: "start".into(), lidars: start.to_vec() };
+        let settings = SwapSettings { spacing, casts: 2000, memory: MEMORY, seed };
+        let swapped = swap_from(&mut evaluator, &objective, &settings, &[start], &|_| true);
+        let swapped = swapped.unwrap().unwrap();
+        let all = [vec![swapped.placement], swapped.others].concat();
+        let scores = evaluator.scores(&all).unwrap();
+        let values: Vec<f64> = scores.iter().map(|s| objective.value(s).unwrap()).collect();
+        assert!((values[0] - swapped.value).abs() <= 1e-9 * swapped.value);
+        assert!(values[1..].is_sorted_by(|a, b| a >= b), "{values:?}");
+        assert!(values.iter().all(|v| (v - values[0]).abs() <= 0.0101 * values[0]), "{values:?}");
+        for (index, other) in all.iter().enumerate() {
+            let same = |p: &Placement| other.lidars.iter().all(|l| p.lidars.contains(l));
+            assert_eq!(all.iter().position(same), Some(index), "told twice");
+        }
+        told += all.len() - 1;
+    }
+    assert!(told > 0);
 }

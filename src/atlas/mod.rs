@@ -19,6 +19,8 @@ pub use store::{PageStore, StoreReport};
 
 /// Poses cast at once: enough to keep every core busy, few enough for their bitmaps to fit anywhere.
 const POSES_AT_ONCE: usize = 32;
+/// Words of a union that are put together at a time: they stay in the first-level cache for all poses.
+const UNION_WORDS: usize = 2048;
 
 /// Bitmaps of poses of a [`PoseGrid`], within a bound of memory.
 pub struct Atlas {
@@ -213,7 +215,8 @@ impl Atlas {
     ) -> Result<Vec<Vec<u64>>, BackendError> {
         let poses: Vec<_> = numbers.iter().map(|&number| self.grid.pose(number)).collect();
         let (frames, each) = (self.problem.frame_count(), self.frame_words());
-        let mut pages = vec![vec![0u64; frames * each]; numbers.len()];
+        // By the threads that fill them: the first touch of new memory takes as long as the copy.
+        let mut pages: Vec<Vec<u64>> = numbers.par_iter().map(|_| vec![0; frames * each]).collect();
         let voxel_words = self.problem.roi().voxel_count().div_ceil(64) as usize;
         for frame in 0..frames {
             let twin = self.problem.twin(frame);
@@ -256,19 +259,18 @@ impl Atlas {
     /// # Panics
     /// A pose is not held.
     pub fn union(&self, poses: &[u32], union: &mut Union) {
-        let mut pages = poses.iter().map(|&pose| self.page(pose));
-        union.words.clear();
-        // The first two at once: the union is as long as the caches are large, every pass counts.
-        match (pages.next(), pages.next()) {
-            (Some(a), Some(b)) => union.words.extend(a.iter().zip(b).map(|(a, b)| a | b)),
-            (Some(a), None) => union.words.extend_from_slice(a),
-            _ => union.words.resize(self.problem.frame_count() * self.frame_words(), 0),
-        }
-        for page in pages {
-            for (or, word) in union.words.iter_mut().zip(page) {
-                *or |= word;
+        let pages: Vec<&[u64]> = poses.iter().map(|&pose| self.page(pose)).collect();
+        union.words.resize(self.problem.frame_count() * self.frame_words(), 0);
+        let blocks = union.words.par_chunks_mut(UNION_WORDS).enumerate();
+        blocks.for_each(|(block, words)| {
+            let first = block * UNION_WORDS;
+            words.fill(0);
+            for page in &pages {
+                for (or, word) in words.iter_mut().zip(&page[first..]) {
+                    *or |= word;
+                }
             }
-        }
+        });
     }
 
     /// Sums over what the union and one more held pose cover, added up over frames.
@@ -310,6 +312,13 @@ impl Atlas {
             tally.covered = u64::from(tally.covered_nonzero > 0);
         }
         tally
+    }
+}
+
+impl Drop for Atlas {
+    /// By all threads: there are gigabytes to hand back.
+    fn drop(&mut self) {
+        std::mem::take(&mut self.pages).into_par_iter().for_each(drop);
     }
 }
 

@@ -155,7 +155,7 @@ impl std::fmt::Display for Modelled {
 #[derive(Debug)]
 pub struct Problem {
     roi: Roi,
-    content: Content,
+    content: Arc<Content>,
     table: BeamTable,
     frames: Vec<Arc<Bvh>>,
     /// Of each frame, the first that shares its tree.
@@ -172,11 +172,12 @@ impl Problem {
     /// they run on through all (`through`), and there is one frame to evaluate, whatever the geometry.
     pub fn new(
         roi: Roi,
-        content: Content,
+        content: impl Into<Arc<Content>>,
         table: BeamTable,
         frames: Vec<Arc<Bvh>>,
         ends_at_hits: bool,
     ) -> Self {
+        let content = content.into();
         let ends_at_hits = ends_at_hits && !frames.is_empty();
         let mut first = HashMap::new();
         let trees = frames.iter().enumerate();
@@ -184,7 +185,7 @@ impl Problem {
         Self { roi, content, table, frames, twins, ends_at_hits }
     }
 
-    /// The same over some of its frames, whose trees are shared.
+    /// The same over some of its frames, whose trees are shared, as the content is.
     ///
     /// # Panics
     /// A frame that does not exist.

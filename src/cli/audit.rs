@@ -20,6 +20,8 @@ use stability::{Ranking, Stability, preferred, value_of};
 
 /// Exit code of a check that failed.
 const FAILED: u8 = 1;
+/// Frames to average over where nothing else is said.
+const FRAMES: u32 = 2;
 /// Mountings that are drawn within the tolerance.
 const MOUNTINGS: u64 = 12;
 /// Mounting tolerance: a millimetre and a tenth of a degree.
@@ -34,9 +36,9 @@ pub struct Args {
     scene: PathBuf,
     /// Honest placements; of those without a violated guard, the first that gains most is the base [default: Table 7 of the paper]
     placements: Option<PathBuf>,
-    /// Frames to average over, spread evenly over the scene
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..))]
-    frames: u32,
+    /// Frames to average over, spread evenly over the scene [default: 2]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    frames: Option<u32>,
     /// How to print [default: text on a terminal, else json]
     #[arg(long, value_enum)]
     format: Option<Format>,
@@ -50,7 +52,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         Some(path) => read_placements(path)?,
         None => optimize::table_7()?,
     };
-    let mut loaded = load::scene(&args.scene, Some(args.frames), &args.compute)?;
+    let wanted = args.frames.unwrap_or(FRAMES);
+    let mut loaded = load::scene(&args.scene, Some(wanted), &args.compute)?;
+    load::note_frames(&loaded.scene, args.frames, args.compute.talk);
     let bar = progress::bar(4, "parts", args.compute.talk);
     let scores = loaded.evaluator.scores(&honest)?;
     let gain = |s: &Scores| s.segmentation.information_gain.unwrap_or(0.0);
@@ -90,7 +94,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let scored = loaded.evaluator.scores(&turned)?;
     rows.push(ranking.under("azimuth phase by half a step", &[scored]));
     bar.inc(1);
-    for (name, psog, frames) in changed_worlds(&loaded.scene, &loaded.psog, args.frames)? {
+    for (name, psog, frames) in changed_worlds(&loaded.scene, &loaded.psog, wanted)? {
         let mut evaluator = audited(&loaded.scene, &psog, &frames, args)?;
         rows.push(ranking.under(&name, &[evaluator.scores(&honest)?]));
     }
@@ -139,9 +143,9 @@ fn changed_worlds(
     frames: u32,
 ) -> Result<Vec<(String, Psog, Vec<usize>)>, Error> {
     let all = load::spread(scene.frame_count(), Some(frames));
-    let half = load::spread(scene.frame_count(), Some(frames.div_ceil(2)));
+    let half = load::spread(scene.frame_count(), Some((all.len() as u32).div_ceil(2)));
     let mut worlds = Vec::new();
-    if frames > 1 {
+    if all.len() > 1 {
         worlds.push(("frames halved".to_owned(), psog.clone(), half));
     }
     let mut largest: Vec<u64> = vec![0; psog.classes().len()];

@@ -1,41 +1,41 @@
 mod auto;
 mod finalists;
 mod folder;
+mod follow;
 mod generations;
 mod grid;
 mod outcome;
 mod pages;
 mod rules;
+mod settings;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use serde::{Deserialize, Serialize};
+use indicatif::ProgressBar;
 use sightline::backend::Problem;
 use sightline::fidelity::merged_over;
 use sightline::placement::{Placement, PoseGrid, Spacing, read_placements};
-use sightline::report::{Figures, LeftOut, RunTimes, Scored};
-use sightline::scene::MountRules;
+use sightline::report::{Figures, RunTimes, Scored};
 use sightline::score::Objective;
-use sightline::search::{
-    Evaluator, GenerationRecord, SWAP_SPACING, Search, SearchSettings, SearchStop,
-};
+use sightline::search::{Evaluator, GenerationRecord, SWAP_SPACING, Search, SearchStop};
 
 use super::args::{Compute, Format, Talk, at_least_one, finite, parse_seconds, parse_size, whole};
 use super::error::Error;
 use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
-use super::{load, progress};
+use super::load;
 use auto::{Auto, FidelityChoice};
 use folder::{RunFolder, Spent};
+use follow::scores_with;
 use grid::{Method, parse_spacing};
 use outcome::{body_of, print};
 use rules::{Rules, left_out};
+use settings::RunSettings;
+pub use settings::table_7;
 
-/// The layouts of Table 7 of the paper, in our frame.
-const TABLE_7: &str = include_str!("../../scenes/placements.json");
 /// Share of `--max-seconds` that the generations may take; the swaps have what is left.
 const GENERATIONS_SHARE: f64 = 0.4;
 
@@ -121,23 +121,6 @@ pub struct Args {
     compute: Compute,
 }
 
-/// Everything that decides about a run's result; kept in its checkpoint.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct RunSettings {
-    scene: PathBuf,
-    /// Frames of the search; `None` leaves them to `auto`.
-    frames: Option<u32>,
-    baselines: Vec<Placement>,
-    method: Method,
-    /// Beside those of the scene.
-    rules: MountRules,
-    /// Objective over all frames at which the search ends.
-    target: Option<f64>,
-    /// Layouts of `--inject` that were not used.
-    left_out: Vec<LeftOut>,
-    search: SearchSettings,
-}
-
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let start = Instant::now();
     args.compute.start()?;
@@ -149,7 +132,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             let resumed = RunFolder::resume(folder)?;
             (resumed.settings.clone(), Some(resumed))
         }
-        None => (settings_of(args)?, None),
+        None => (RunSettings::of(args)?, None),
     };
     let objective: Objective = settings.search.objective.parse()?;
     let (scene, psog, mut times) = load::scene_and_psog(&settings.scene, args.compute.talk)?;
@@ -249,10 +232,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         let until = interrupt.until(deadline(GENERATIONS_SHARE));
         run.search(&args.compute, &until, &open)?;
     }
-    let words = format!("confirming over all {} frames", all_frames.len());
-    let bar = progress::wait(words.clone(), args.compute.talk);
     run.settle(&args.compute, &open)?;
-    bar.finish_and_clear();
     let generations_spent = run.spent_so_far();
     let (mut swaps, mut bounds) = (None, None);
     let until = interrupt.until(deadline(1.0));
@@ -278,7 +258,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     run.say_stopped(&stopped, interrupted || is_over, args.compute.talk);
     let search_spent = run.spent_so_far();
     let confirming = Instant::now();
-    let bar = progress::wait(words, args.compute.talk);
     let searched_all = run.is_over_all();
     let search_frames = run.evaluator.problem().frame_count();
     let mut backend_changes = Vec::new();
@@ -295,10 +274,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         }
         searched_with = Some(std::mem::replace(&mut run.evaluator, all));
     }
-    let finding = run.confirm(swaps, bounds, searched_with)?;
+    let others = swaps.as_ref().map_or(0, |swaps| 1 + swaps.others.len());
+    let bar = run.confirming(1 + others + run.settings.baselines.len(), args.compute.talk);
+    let finding = run.confirm(swaps, bounds, searched_with, &bar)?;
+    let mut record = run.record(&scene, finding, stopped, &bar)?;
     bar.finish_and_clear();
-    let map = run.map(finding.best.as_ref())?;
-    let mut record = run.record(&scene, finding, stopped)?;
+    let map = run.map(record.best.as_ref())?;
     for change in run.evaluator.backend().changes() {
         // What confirms the result was opened without a word.
         if !searched_all {
@@ -334,45 +315,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     Ok(if interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
 
-fn settings_of(args: &Args) -> Result<RunSettings, Error> {
-    let scene = args.scene.clone().expect("clap requires a scene or --resume");
-    let baselines = match &args.baselines {
-        Some(file) => read_placements(file)?,
-        None => table_7()?,
-    };
-    Ok(RunSettings {
-        scene: std::path::absolute(&scene).map_err(Error::io(&scene))?,
-        frames: match args.fidelity {
-            FidelityChoice::Full => Some(u32::MAX),
-            FidelityChoice::Auto => args.frames,
-        },
-        baselines,
-        method: args.method,
-        rules: args.rules.for_mount(),
-        target: args.target,
-        left_out: Vec::new(),
-        search: SearchSettings {
-            delta: args.delta,
-            batch: args.batch.map(|batch| batch as usize),
-            objective: args.objective.clone(),
-            evaluations: args.evaluations,
-            population: args.population.map(|p| p as usize),
-            seed: args.seed,
-        },
-    })
-}
-
-/// The layouts of Table 7 of the paper.
-pub fn table_7() -> Result<Vec<Placement>, Error> {
-    #[derive(Deserialize)]
-    struct File {
-        placements: Vec<Placement>,
-    }
-    serde_json::from_str(TABLE_7)
-        .map(|file: File| file.placements)
-        .map_err(|source| Error::Json { path: "scenes/placements.json".into(), source })
-}
-
 /// Opens an evaluator over some of the scene's frames, with vertices merged in cells of an edge.
 type Open<'a> = dyn Fn(&[usize], Option<f64>) -> Result<Evaluator, Error> + 'a;
 
@@ -405,8 +347,12 @@ impl Run {
         !is_merged && self.evaluator.problem().frame_count() == self.whole.frame_count()
     }
 
-    fn scored(&mut self, placements: &[Placement]) -> Result<Vec<Scored>, Error> {
-        let scores = self.evaluator.scores(placements)?;
+    fn scored(
+        &mut self,
+        placements: &[Placement],
+        bar: &ProgressBar,
+    ) -> Result<Vec<Scored>, Error> {
+        let scores = scores_with(bar, &mut self.evaluator, placements)?;
         let constraints = self.evaluator.constraints();
         let scored = placements.iter().zip(scores).map(|(placement, scores)| Scored {
             objective: self.objective.value(&scores),

@@ -19,13 +19,6 @@ pub fn share(total: u64, talk: Talk) -> ProgressBar {
     styled(total, "{bar:16} {percent} %, {eta} left {wide_msg}", talk)
 }
 
-/// A line for work of which only the end tells; it ends with what is returned.
-pub fn wait(words: String, talk: Talk) -> ProgressBar {
-    let bar = styled(0, "{spinner} {wide_msg} {elapsed}", talk);
-    bar.set_message(words);
-    bar
-}
-
 fn styled(total: u64, template: &str, talk: Talk) -> ProgressBar {
     let bar = ProgressBar::new(total);
     if talk.quiet || !std::io::stderr().is_terminal() {

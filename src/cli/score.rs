@@ -105,7 +105,13 @@ fn print(
     let mut reader = PlacementReader::open(&args.placements)?.peekable();
     let mut first = true;
     while reader.peek().is_some() {
-        let block: Vec<Placement> = reader.by_ref().take(BLOCK).collect::<Result<_, _>>()?;
+        let block: Result<Vec<Placement>, _> = reader.by_ref().take(BLOCK).collect();
+        if block.is_err() && count > 0 && args.out.is_none() {
+            // Of a stream only: a file was read to its end before.
+            let words = format!("only the scores of the first {count} placements were printed");
+            args.compute.talk.note(words);
+        }
+        let block = block?;
         let scores = evaluator.scores(&block)?;
         if first {
             // Not before the first scores: what cannot be computed prints nothing.

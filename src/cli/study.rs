@@ -19,6 +19,9 @@ use super::table;
 use bench::Bench;
 use session::Session;
 
+/// Frames to average over where nothing else is said.
+const FRAMES: u32 = 2;
+
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   sightline study lidars scenes/highway.json
@@ -45,10 +48,9 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 120,
           value_parser = at_least_one)]
     evaluations: u64,
-    /// Frames to average over, spread evenly
-    #[arg(long, value_name = "N", default_value_t = 2,
-          value_parser = clap::value_parser!(u32).range(1..))]
-    frames: u32,
+    /// Frames to average over, spread evenly [default: 2]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    frames: Option<u32>,
     /// Random placements, where the study draws some
     #[arg(long, value_name = "N", default_value_t = 200,
           value_parser = clap::value_parser!(u32).range(2..=100_000))]
@@ -174,7 +176,7 @@ fn settings(args: &Args) -> Result<serde_json::Value, Error> {
         "inputs": inputs,
         "objective": args.objective,
         "evaluations": args.evaluations,
-        "frames": args.frames,
+        "frames": args.frames.unwrap_or(FRAMES),
         "random": args.random,
         "sensors": absolute(&args.sensor)?,
         "boxes": args.boxes.iter().map(|region| format!("{region:?}")).collect::<Vec<_>>(),

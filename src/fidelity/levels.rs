@@ -3,7 +3,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use crate::backend::cpu::CpuBackend;
-use crate::backend::{Backend, BackendError, Problem, Tally};
+use crate::backend::{BackendError, Problem, Tally};
 use crate::placement::Placement;
 use crate::score::Objective;
 
@@ -39,12 +39,11 @@ impl Pilot {
         memory: u64,
     ) -> Result<Self, BackendError> {
         let mut by_frame: Vec<Vec<Tally>> = Vec::new();
+        let mut backend = CpuBackend::new(problem.clone(), memory);
         for frame in 0..problem.frame_count() {
-            let twin = problem.twin(frame);
-            let alone = || CpuBackend::new(Arc::new(problem.over(&[frame])), memory);
-            by_frame.push(match by_frame.get(twin) {
+            by_frame.push(match by_frame.get(problem.twin(frame)) {
                 Some(equal) => equal.clone(),
-                None => alone().tally(&placements, problem.table().range())?,
+                None => backend.tally_frame(&placements, frame)?,
             });
         }
         Ok(Self { problem: problem.clone(), placements, by_frame })

@@ -13,6 +13,10 @@ const MOVES: [Moves; 2] = [Moves::Along(3), Moves::Around(1)];
 
 /// Most times that a local optimum is left by a random move: on a small grid no casts end this.
 const KICKS: usize = 32;
+/// Ends of climbs that are told beside the best, at most.
+const OTHERS: usize = 3;
+/// How far their objective is from the best, at most, as a share of it.
+const AS_GOOD: f64 = 0.01;
 
 /// What decides about swaps, beside problem and starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,6 +38,9 @@ pub struct Swapped {
     pub placement: Placement,
     /// Its objective.
     pub value: f64,
+    /// Where other climbs ended that are about as good, the best first: over more frames, or with other
+    /// triangles, one of these may be the best.
+    pub others: Vec<Placement>,
     /// Placements looked at.
     pub evaluations: u64,
     /// Sensor poses cast.
@@ -41,11 +48,27 @@ pub struct Swapped {
 }
 
 impl Swapped {
-    /// A placement of a search, with its counts.
-    pub fn new(search: &GridSearch, best: &GridPlacement) -> Self {
+    /// The best placement of a search, with its counts; `ends` are the ends of all climbs.
+    pub fn new(search: &GridSearch, best: &GridPlacement, mut ends: Vec<GridPlacement>) -> Self {
+        ends.sort_by(|a, b| b.value.total_cmp(&a.value));
+        ends.retain(|end| (end.value - best.value).abs() <= AS_GOOD * best.value.abs());
+        let sorted = |end: &GridPlacement| {
+            let mut poses = end.poses.clone();
+            poses.sort_unstable();
+            poses
+        };
+        let mut seen = vec![sorted(best)];
+        ends.retain(|end| {
+            let is_new = !seen.contains(&sorted(end));
+            seen.push(sorted(end));
+            is_new
+        });
+        ends.truncate(OTHERS);
+        let placed = |end: &GridPlacement| end.placement(search.atlas().grid(), "optimized");
         Self {
-            placement: best.placement(search.atlas().grid(), "optimized"),
+            placement: placed(best),
             value: best.value,
+            others: ends.iter().map(placed).collect(),
             evaluations: search.evaluations(),
             poses_cast: search.atlas().poses_cast(),
         }
@@ -75,9 +98,11 @@ pub fn swap_from(
     let mut search = GridSearch::new(atlas, objective.clone(), evaluator);
     let go_on = |cast: u64| cast < casts && go_on(cast);
     let mut best: Option<GridPlacement> = None;
+    let mut ends = Vec::new();
     for start in starts {
         let Some(poses) = search.start_of(start) else { continue };
         let top = climb_both(&mut search, evaluator, poses, &go_on)?;
+        ends.push(top.clone());
         best = Some(match best {
             Some(best) => search.preferred(evaluator, best, top)?,
             None => top,
@@ -88,9 +113,10 @@ pub fn swap_from(
         let Some(held) = best.take_if(|_| go_on(search.atlas().poses_cast())) else { break };
         let poses = search.kicked(&held.poses, &mut rng);
         let top = climb_both(&mut search, evaluator, poses, &go_on)?;
+        ends.push(top.clone());
         best = Some(search.preferred(evaluator, held, top)?);
     }
-    Ok(best.map(|best| Swapped::new(&search, &best)))
+    Ok(best.map(|best| Swapped::new(&search, &best, ends)))
 }
 
 /// Climbs by each of [`MOVES`] in turn.

@@ -138,6 +138,59 @@ impl CpuBackend {
         self.times.cast += start.elapsed();
     }
 
+    /// Tallies of `placements` in one frame alone.
+    ///
+    /// # Errors
+    /// As [`Backend::tally`], or no such frame.
+    pub fn tally_frame(
+        &mut self,
+        placements: &[Placement],
+        frame: usize,
+    ) -> Result<Vec<Tally>, BackendError> {
+        self.problem.check_frame(frame)?;
+        self.tally_over(&[(frame, 1)], placements, self.problem.table().range())
+    }
+
+    /// Tallies of `placements` over some frames, each with the equal ones that it stands for.
+    fn tally_over(
+        &mut self,
+        frames: &[(usize, u64)],
+        placements: &[Placement],
+        range: f32,
+    ) -> Result<Vec<Tally>, BackendError> {
+        let classes = self.problem.content().classes().len();
+        let mut tallies: Vec<Tally> =
+            placements.iter().map(|p| Tally::zero(classes, p.lidars.len())).collect();
+        for chunk in self.chunks(placements)? {
+            let poses = self.poses(&placements[chunk.placements.clone()]);
+            for &(frame, weight) in frames {
+                self.cast_frame(&poses, frame, range);
+                let start = Instant::now();
+                let spread = self.shares(&placements[chunk.placements.clone()]);
+                let mut tasks = Vec::new();
+                let mut first = 0;
+                for (placement, tally) in placements[chunk.placements.clone()]
+                    .iter()
+                    .zip(&mut tallies[chunk.placements.clone()])
+                {
+                    let poses = &poses[first..first + placement.lidars.len()];
+                    tasks.push((Part { poses, first, frame, weight, range, spread }, tally));
+                    first += poses.len();
+                }
+                let of_tasks: Vec<[Duration; 2]> =
+                    tasks.into_par_iter().map(|(part, tally)| self.add(&part, tally)).collect();
+                // Both stages of a placement run in one task: the wall time is shared out.
+                let elapsed = start.elapsed();
+                let [cover, both] = [0, 1].map(|k| of_tasks.iter().map(|t| t[k]).sum::<Duration>());
+                let share = cover.as_secs_f64() / both.as_secs_f64().max(f64::MIN_POSITIVE);
+                let cover = elapsed.mul_f64(share.clamp(0.0, 1.0));
+                self.times.cover += cover;
+                self.times.reduce += elapsed - cover;
+            }
+        }
+        Ok(tallies)
+    }
+
     /// Whether threads share each placement of a chunk, all of which then have bitmaps at a time.
     fn shares(&self, placements: &[Placement]) -> bool {
         let sensors: usize = placements.iter().map(|p| p.lidars.len()).sum();
@@ -204,37 +257,7 @@ impl Backend for CpuBackend {
     }
 
     fn tally(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Tally>, BackendError> {
-        let classes = self.problem.content().classes().len();
-        let mut tallies: Vec<Tally> =
-            placements.iter().map(|p| Tally::zero(classes, p.lidars.len())).collect();
-        for chunk in self.chunks(placements)? {
-            let poses = self.poses(&placements[chunk.placements.clone()]);
-            for (frame, weight) in self.problem.distinct_frames() {
-                self.cast_frame(&poses, frame, range);
-                let start = Instant::now();
-                let spread = self.shares(&placements[chunk.placements.clone()]);
-                let mut tasks = Vec::new();
-                let mut first = 0;
-                for (placement, tally) in placements[chunk.placements.clone()]
-                    .iter()
-                    .zip(&mut tallies[chunk.placements.clone()])
-                {
-                    let poses = &poses[first..first + placement.lidars.len()];
-                    tasks.push((Part { poses, first, frame, weight, range, spread }, tally));
-                    first += poses.len();
-                }
-                let of_tasks: Vec<[Duration; 2]> =
-                    tasks.into_par_iter().map(|(part, tally)| self.add(&part, tally)).collect();
-                // Both stages of a placement run in one task: the wall time is shared out.
-                let elapsed = start.elapsed();
-                let [cover, both] = [0, 1].map(|k| of_tasks.iter().map(|t| t[k]).sum::<Duration>());
-                let share = cover.as_secs_f64() / both.as_secs_f64().max(f64::MIN_POSITIVE);
-                let cover = elapsed.mul_f64(share.clamp(0.0, 1.0));
-                self.times.cover += cover;
-                self.times.reduce += elapsed - cover;
-            }
-        }
-        Ok(tallies)
+        self.tally_over(&self.problem.distinct_frames(), placements, range)
     }
 
     fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {

@@ -62,20 +62,20 @@ impl Worth {
     }
 
     /// For bitmaps in which `bit` numbers the bit of each voxel.
-    pub(super) fn by_bit(content: &Content, bit: impl Fn(u32) -> u32) -> Self {
-        let occupied = content.occupied().iter();
+    pub(super) fn by_bit(content: &Content, bit: impl Fn(u32) -> u32 + Sync) -> Self {
+        let occupied = content.occupied().par_iter();
         let mut occupied: Vec<_> = occupied.map(|v| (bit(v.index), v.entropy)).collect();
-        occupied.sort_unstable_by_key(|&(bit, _)| bit);
+        occupied.par_sort_unstable_by_key(|&(bit, _)| bit);
         let of_class = |class: usize| {
             let mut voxels: Vec<u32> =
-                content.voxels_of_class(class).iter().map(|&voxel| bit(voxel)).collect();
-            voxels.sort_unstable();
+                content.voxels_of_class(class).par_iter().map(|&voxel| bit(voxel)).collect();
+            voxels.par_sort_unstable();
             Words::new(voxels.into_iter())
         };
         Self {
             occupied: Words::new(occupied.iter().map(|&(bit, _)| bit)),
             entropy: occupied.iter().map(|&(_, entropy)| entropy).collect(),
-            classes: (0..content.classes().len()).map(of_class).collect(),
+            classes: (0..content.classes().len()).into_par_iter().map(of_class).collect(),
         }
     }
 }

@@ -4,8 +4,8 @@
 
 use std::sync::Arc;
 
+use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
-use sightline::backend::cpu::CpuBackend;
 use sightline::backend::{Problem, Tally};
 use sightline::fidelity::{Merging, Pilot, candidates};
 use sightline::placement::{Constraints, Placement};
@@ -13,8 +13,7 @@ use sightline::scene::Scene;
 use sightline::score::{Objective, Scores};
 use sightline::search::Evaluator;
 
-use super::{Open, Run};
-use crate::cli::args::Compute;
+use super::follow::scores_with;
 use crate::cli::error::Error;
 
 /// Fewest placements by which the frames are chosen: the baselines, or random ones beside them.
@@ -70,7 +69,7 @@ pub(super) struct Auto {
     /// What merging small triangles does in the first level; `None` without triangles.
     merging: Option<Merging>,
     /// Present level.
-    at: usize,
+    pub(super) at: usize,
     finalists: Vec<Finalist>,
     /// Placements × frames: to find the levels, to search, to check and confirm.
     spent: [u64; 3],
@@ -163,18 +162,18 @@ impl Auto {
     }
 
     /// Position of the next level; that of the last one where there is none.
-    fn next(&self) -> usize {
+    pub(super) fn next(&self) -> usize {
         (self.at + 1).min(self.levels.len() - 1)
     }
 
     /// Position of the least level that is enough after this share of the evaluations.
-    fn least(&self, progress: f64) -> usize {
+    pub(super) fn least(&self, progress: f64) -> usize {
         let exact = self.errors[0].is_some_and(|error| error <= LATE_ERROR);
         if progress < LATE || exact { 0 } else { self.second() }
     }
 
     /// Position of the second level, or of the only one.
-    fn second(&self) -> usize {
+    pub(super) fn second(&self) -> usize {
         1.min(self.levels.len() - 1)
     }
 
@@ -184,12 +183,12 @@ impl Auto {
     }
 
     /// Whether the order of the finalists is to be checked after this generation.
-    fn is_due(&self, generation: u64) -> bool {
+    pub(super) fn is_due(&self, generation: u64) -> bool {
         !self.is_full() && generation.is_multiple_of(GENERATIONS)
     }
 
     /// Takes note of a generation: placements that keep the rules of the mount, and their scores.
-    fn note(&mut self, scored: Vec<(Placement, Scores)>, objective: &Objective) {
+    pub(super) fn note(&mut self, scored: Vec<(Placement, Scores)>, objective: &Objective) {
         let searched = (scored.len() * self.frames().len()) as u64;
         self.spent[1] += searched;
         self.searched += searched;
@@ -208,8 +207,12 @@ impl Auto {
 
     /// Scores the first finalists over all frames; true if following the level loses more than half
     /// the tolerance.
-    fn is_unsure(&mut self, full: &mut Evaluator, objective: &Objective) -> Result<bool, Error> {
-        self.confirm(CHECKED, full, objective)?;
+    pub(super) fn is_unsure(
+        &mut self,
+        full: &mut Evaluator,
+        objective: &Objective,
+    ) -> Result<bool, Error> {
+        self.confirm(CHECKED, full, objective, &ProgressBar::hidden())?;
         let of_all: Vec<f64> =
             self.finalists.iter().take(CHECKED).filter_map(|f| f.confirmed).collect();
         let best = of_all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -220,7 +223,7 @@ impl Auto {
     }
 
     /// Goes on over the present level, which has more frames than the last.
-    fn widen(
+    pub(super) fn widen(
         &mut self,
         generation: u64,
         evaluator: &mut Evaluator,
@@ -238,16 +241,23 @@ impl Auto {
         Ok(())
     }
 
+    /// Finalists that are still to be confirmed; none where the search itself is over all frames.
+    pub(super) fn unconfirmed(&self) -> usize {
+        let open = self.finalists.iter().filter(|f| f.confirmed.is_none()).count();
+        if self.levels.len() == 1 { 0 } else { open }
+    }
+
     /// The best of the finalists over all frames; `None` where the search itself was over all.
     pub(super) fn winner(
         &mut self,
         full: &mut Evaluator,
         objective: &Objective,
+        bar: &ProgressBar,
     ) -> Result<Option<Placement>, Error> {
         if self.levels.len() == 1 {
             return Ok(None);
         }
-        self.confirm(FINALISTS, full, objective)?;
+        self.confirm(FINALISTS, full, objective, bar)?;
         let value = |f: &Finalist| f.confirmed.unwrap_or(f64::NEG_INFINITY);
         let order = |a: &&Finalist, b: &&Finalist| {
             a.guards.cmp(&b.guards).then(value(b).total_cmp(&value(a)))
@@ -260,12 +270,13 @@ impl Auto {
         count: usize,
         full: &mut Evaluator,
         objective: &Objective,
+        bar: &ProgressBar,
     ) -> Result<(), Error> {
         let mut open: Vec<&mut Finalist> =
             self.finalists.iter_mut().take(count).filter(|f| f.confirmed.is_none()).collect();
         let placements: Vec<Placement> = open.iter().map(|f| f.placement.clone()).collect();
         self.spent[2] += (placements.len() * full.problem().frame_count()) as u64;
-        for (finalist, scores) in open.iter_mut().zip(full.scores(&placements)?) {
+        for (finalist, scores) in open.iter_mut().zip(scores_with(bar, full, &placements)?) {
             finalist.guards = scores.guards.len();
             finalist.confirmed = objective.value(&scores);
         }
@@ -320,62 +331,6 @@ impl Auto {
             100.0 * share,
             100.0 * self.worst
         )
-    }
-}
-
-impl Run {
-    /// Lets `auto` look at the last generation, and goes on with more frames where it wants them.
-    pub(super) fn widen(&mut self, compute: &Compute, open: &Open) -> Result<(), Error> {
-        let Some(mut auto) = self.auto.take() else { return Ok(()) };
-        let generation = self.search.generation();
-        auto.note(self.evaluator.take_last(), &self.objective);
-        let progress = self.search.evaluations() as f64 / self.settings.search.evaluations as f64;
-        let mut level = auto.least(progress).max(auto.at);
-        if level == auto.at && auto.is_due(generation) {
-            let mut full = self.full(&auto, compute);
-            if auto.is_unsure(&mut full, &self.objective)? {
-                level = auto.next();
-            }
-            self.full = Some(full);
-        }
-        if level != auto.at && self.search.stopped().is_none() {
-            auto.at = level;
-            let wider = auto.frames();
-            compute.talk.note(format!("generation {generation}: on with {} frames", wider.len()));
-            self.evaluator = open(wider, auto.cell())?;
-            auto.widen(generation, &mut self.evaluator, &self.objective)?;
-            self.search.rescore_best(&mut self.evaluator, &self.objective)?;
-            self.evaluator.keep_last();
-        }
-        self.auto = Some(auto);
-        Ok(())
-    }
-
-    /// Confirms the finalists of the generations over all frames, and goes on over those of the swaps.
-    pub(super) fn settle(&mut self, compute: &Compute, open: &Open) -> Result<(), Error> {
-        let Some(mut auto) = self.auto.take() else { return Ok(()) };
-        let mut full = self.full(&auto, compute);
-        self.chosen = auto.winner(&mut full, &self.objective)?;
-        self.full = Some(full);
-        let level = auto.second().max(auto.at);
-        if level != auto.at {
-            auto.at = level;
-            self.evaluator = open(auto.frames(), auto.cell())?;
-            auto.widen(self.search.generation(), &mut self.evaluator, &self.objective)?;
-        }
-        self.auto = Some(auto);
-        Ok(())
-    }
-
-    /// What scores over all frames, on the CPU: a second scene on a device would take its memory twice.
-    fn full(&mut self, auto: &Auto, compute: &Compute) -> Evaluator {
-        self.full.take().unwrap_or_else(|| {
-            let constraints = self.evaluator.constraints().clone();
-            let backend = Box::new(CpuBackend::new(self.whole.clone(), compute.memory_budget()));
-            let mut full = Evaluator::new(self.whole.clone(), backend, constraints);
-            full.remember(auto.known());
-            full
-        })
     }
 }
 

@@ -1,5 +1,6 @@
 //! What each way of searching found, the better of them, and what is known of others.
 
+use indicatif::ProgressBar;
 use sightline::placement::Placement;
 use sightline::report::{MethodRecord, Scored};
 use sightline::search::{Certificate, Evaluator, SWAP_SPACING, Swapped};
@@ -85,6 +86,7 @@ impl Run {
         swaps: Option<Swapped>,
         bounds: Option<Bounds>,
         mut searched_with: Option<Evaluator>,
+        bar: &ProgressBar,
     ) -> Result<Finding, Error> {
         let mut methods = Vec::new();
         let mut finalists: Vec<Scored> = Vec::new();
@@ -92,7 +94,7 @@ impl Run {
         if let Some(best) = best {
             let named = Placement { name: "optimized".into(), ..best };
             let lidars = named.lidars.len() as u64;
-            let scored = self.scored(&[named])?.remove(0);
+            let scored = self.scored(&[named], bar)?.remove(0);
             methods.push(MethodRecord {
                 method: "cma-es",
                 objective: scored.objective,
@@ -103,7 +105,13 @@ impl Run {
             finalists.push(scored);
         }
         if let Some(swaps) = swaps {
-            let scored = self.scored(std::slice::from_ref(&swaps.placement))?.remove(0);
+            let mut ends = vec![swaps.placement];
+            if searched_with.is_some() {
+                // What the frames and triangles of the search cannot tell apart.
+                ends.extend(swaps.others);
+            }
+            let mut scored = self.scored(&ends, bar)?;
+            let scored = scored.swap_remove(best_of(&scored).unwrap_or(0));
             methods.push(MethodRecord {
                 method: "swaps",
                 objective: scored.objective,
@@ -113,15 +121,7 @@ impl Run {
             });
             finalists.push(scored);
         }
-        let standing = |scored: &Scored| {
-            let value = scored.objective.unwrap_or(f64::NEG_INFINITY);
-            (scored.scores.guards.is_empty(), value)
-        };
-        let best = (0..finalists.len()).max_by(|&a, &b| {
-            let (a, b) = (standing(&finalists[a]), standing(&finalists[b]));
-            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
-        });
-        let Some(best) = best else { return Ok(Finding::default()) };
+        let Some(best) = best_of(&finalists) else { return Ok(Finding::default()) };
         methods[best].won = true;
         let scored = finalists.swap_remove(best);
         // The bounds are over the frames of the search, so the result is scored there as well.
@@ -132,4 +132,16 @@ impl Run {
         let certificate = bounds.map(|b| Certificate::new(b.sample.lipschitz(), b.gain, value));
         Ok(Finding { best: Some(scored), methods, certificate, findings: properties })
     }
+}
+
+/// Position of the best: one that violates a guard comes after any that does not.
+fn best_of(finalists: &[Scored]) -> Option<usize> {
+    let standing = |scored: &Scored| {
+        let value = scored.objective.unwrap_or(f64::NEG_INFINITY);
+        (scored.scores.guards.is_empty(), value)
+    };
+    (0..finalists.len()).max_by(|&a, &b| {
+        let (a, b) = (standing(&finalists[a]), standing(&finalists[b]));
+        a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+    })
 }

@@ -116,16 +116,18 @@ impl GridStage<'_> {
         }
         first.extend(starts.iter().filter_map(|start| search.start_of(start)));
         let mut best = None;
+        let mut ends = Vec::new();
         let interrupt = self.interrupt.clone();
         for start in first {
             let top =
                 search.climb(self.evaluator, &start, Moves::Anywhere, &|_| !interrupt.is_set())?;
+            ends.push(top.clone());
             best = Some(match best {
                 Some(best) => search.preferred(self.evaluator, best, top)?,
                 None => top,
             });
         }
-        Ok(best.map(|best| Swapped::new(&search, &best)))
+        Ok(best.map(|best| Swapped::new(&search, &best, ends)))
     }
 
     /// Both bounds; that on the grid for information gain only.

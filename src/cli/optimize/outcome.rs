@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use indicatif::ProgressBar;
 use sightline::report::{
     InformationMap, ModelledRun, RunRecord, RunTimes, Scored, certificate_in_words,
     methods_in_words,
@@ -40,9 +41,10 @@ impl Run {
         scene: &Scene,
         finding: Finding,
         stopped: String,
+        bar: &ProgressBar,
     ) -> Result<RunRecord, Error> {
         let baselines = self.settings.baselines.clone();
-        let baselines = self.scored(&baselines)?;
+        let baselines = self.scored(&baselines, bar)?;
         let Finding { best, methods, mut certificate, findings } = finding;
         let constraints = self.evaluator.constraints();
         if let Some(certificate) = certificate.as_mut().filter(|c| c.gain.is_some()) {

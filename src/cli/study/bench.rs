@@ -10,7 +10,7 @@ use sightline::scene::{PsogSource, Scene};
 use sightline::score::{Objective, Scores};
 use sightline::search::{Evaluator, SearchSettings, best_placement};
 
-use super::Args;
+use super::{Args, FRAMES};
 use crate::cli::args::{Compute, Talk};
 use crate::cli::error::Error;
 use crate::cli::interrupt::Interrupt;
@@ -49,6 +49,7 @@ impl<'a> Bench<'a> {
         interrupt: &Interrupt,
     ) -> Result<Self, Error> {
         let (scene, psog, _) = load::scene_and_psog(path, args.compute.talk)?;
+        load::note_frames(&scene, args.frames, args.compute.talk);
         // Backends are opened again and again; which one is said once would be said each time.
         let quiet = Talk { quiet: true, verbose: false };
         let bench = Self {
@@ -80,7 +81,7 @@ impl<'a> Bench<'a> {
 
     /// Frames of the study.
     pub fn frames(&self) -> Vec<usize> {
-        load::spread(self.scene.frame_count(), Some(self.args.frames))
+        load::spread(self.scene.frame_count(), Some(self.args.frames.unwrap_or(FRAMES)))
     }
 
     /// An evaluator of the scene as it is.
