@@ -87,9 +87,8 @@ pub fn cast_packets_by(
     let groups: Vec<Group> = rotations.iter().map(|sensors| group(sensors)).collect();
     let choice = match told {
         Some(casting) => Choice::of(casting, &groups),
-        None => {
-            Costs::new(bvh, directions).choose(&groups, Group::new(poses.iter().map(beam_origin)))
-        }
+        None => Costs::new(bvh.triangles.len(), directions)
+            .choose(&groups, Group::new(poses.iter().map(beam_origin))),
     };
     let mut others = Vec::new();
     let mut parallel = Vec::new();
