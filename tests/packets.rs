@@ -91,7 +91,8 @@ fn packets_give_the_bits_of_single_beams() {
                 let poses: Vec<_> = poses.iter().map(|p| DevicePose::new(p, &roi())).collect();
                 for range in [30.0, 2.5] {
                     let want = cast_closest(&poses, &table, &bvh, range);
-                    for way in [None, Some(Casting::Mixed), Some(Casting::Fans)] {
+                    let ways = [Casting::Beams, Casting::Mixed, Casting::Fans].map(Some);
+                    for way in ways.into_iter().chain([None]) {
                         // What was there before must not shine through.
                         let mut got = vec![Hit { t: f32::NAN, prim: 77 }; 5000];
                         cast_packets_by(way, &poses, &table, &bvh, range, &mut got);

@@ -12,6 +12,7 @@
 mod beam;
 pub(super) mod beam_order;
 mod cast;
+pub(super) mod costs;
 mod cover;
 mod lockstep;
 mod packets;

@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use super::beam::{beam_direction, beam_origin};
 use super::beam_order::sorted_rows;
-use super::cast::cast_closest;
+use super::cast::cast_rows;
+use super::costs::{Choice, Costs, Group};
 use crate::backend::DevicePose;
 use crate::bvh::{
     Bvh, CHUNK, FAN_DIRECTIONS, Fan, Hit, NO_HIT, PACKET_RAYS, Packet, PacketHits, Scratch,
@@ -19,7 +20,7 @@ pub enum Casting {
     Beams,
     /// Packets of beams that are likely to end near each other.
     Mixed,
-    /// Packets of one direction, where sensors share a rotation; see [`Fan`].
+    /// Packets of one direction, of sensors that share a rotation; see [`Fan`].
     Fans,
 }
 
@@ -41,8 +42,6 @@ const FAN_WIDTH: f32 = 0.3;
 /// How much narrower a packet is made upwards than sideways: beams meet the ground at a flat angle,
 /// which stretches their upward spread.
 const FLATNESS: f32 = 3.0;
-/// Sensors of one rotation from which on their equal directions are cast together.
-const PARALLEL_SENSORS: usize = 32;
 /// Most sensors whose beams are sorted together.
 const SORTED_SENSORS: usize = 256;
 /// Parallel tasks that are aimed at for each of several threads.
@@ -56,9 +55,11 @@ const SORTED_BEAMS: usize = 4 << 20;
 
 /// [`super::cast_closest`] with the beams of many sensors in packets: the same bits.
 ///
-/// Where many sensors share a rotation, neighbouring directions from origins that lie side by side as
-/// seen along them go down the tree together. The beams of other sensors are sorted by where they are
-/// likely to end, and cut into packets in that order. `hits` becomes `[poses × directions]`.
+/// Where sensors share a rotation, neighbouring directions from origins that lie side by side as seen
+/// along them may go down the tree together. The beams of other sensors are sorted by where they are
+/// likely to end, and cut into packets in that order; beams that are few among many triangles are cast
+/// one by one. Which sensors go which way is chosen by an estimate of the cost from the numbers of
+/// triangles, directions and sensors of each rotation. `hits` becomes `[poses × directions]`.
 pub fn cast_packets(
     poses: &[DevicePose],
     table: &BeamTable,
@@ -69,7 +70,7 @@ pub fn cast_packets(
     cast_packets_by(None, poses, table, bvh, range, hits);
 }
 
-/// [`cast_packets`] in the way that is told, however slow; chosen by the rotations where there is none.
+/// [`cast_packets`] in the way that is told, however slow; chosen by its cost where there is none.
 pub fn cast_packets_by(
     told: Option<Casting>,
     poses: &[DevicePose],
@@ -78,33 +79,35 @@ pub fn cast_packets_by(
     range: f32,
     hits: &mut Vec<Hit>,
 ) {
-    let fans_from = match told {
-        None => PARALLEL_SENSORS,
-        Some(Casting::Fans) => 1,
-        Some(Casting::Mixed) => usize::MAX,
-        Some(Casting::Beams) => {
-            *hits = cast_closest(poses, table, bvh, range);
-            return;
-        }
-    };
     let directions = table.directions();
     hits.resize(poses.len() * directions.len(), Hit { t: range, prim: NO_HIT });
     let mut rows: Vec<Option<&mut [Hit]>> = hits.chunks_mut(directions.len()).map(Some).collect();
-    let mut alone = Vec::new();
+    let rotations = equal_rotations(poses);
+    let group = |sensors: &[usize]| Group::new(sensors.iter().map(|&s| beam_origin(&poses[s])));
+    let groups: Vec<Group> = rotations.iter().map(|sensors| group(sensors)).collect();
+    let choice = match told {
+        Some(casting) => Choice::of(casting, &groups),
+        None => Costs::new(bvh.triangles.len(), directions)
+            .choose(&groups, Group::new(poses.iter().map(beam_origin))),
+    };
+    let mut others = Vec::new();
     let mut parallel = Vec::new();
-    for sensors in equal_rotations(poses) {
-        let rows: Vec<_> = sensors
+    for (sensors, in_fans) in rotations.iter().zip(choice.in_fans) {
+        let mut rows: Vec<_> = sensors
             .iter()
             .filter_map(|&sensor| Some((&poses[sensor], rows[sensor].take()?)))
             .collect();
-        if rows.len() >= fans_from {
+        others.extend(rows.drain(in_fans..));
+        if !rows.is_empty() {
             parallel.extend(blocks(rows, directions, bvh));
-        } else {
-            alone.extend(rows);
         }
     }
     parallel.into_par_iter().for_each(|mut block| block.cast(bvh, range));
-    mixed_tasks(alone, directions).into_par_iter().for_each(|mut task| task.cast(bvh, range));
+    if choice.others == Casting::Beams {
+        cast_rows(others, directions, bvh, range);
+    } else {
+        mixed_tasks(others, directions).into_par_iter().for_each(|mut task| task.cast(bvh, range));
+    }
 }
 
 /// Directions that follow one another, with the hits of every sensor of one rotation.
@@ -210,7 +213,7 @@ fn write_some(row: &mut [Hit], hits: &[Hit; FAN_DIRECTIONS]) {
 }
 
 /// The first of some directions that make a narrow fan.
-fn fan_of(directions: &[Vec3]) -> &[Vec3] {
+pub(super) fn fan_of(directions: &[Vec3]) -> &[Vec3] {
     let first = directions[0];
     let fits = |&direction: &Vec3| {
         major_axis(direction) == major_axis(first)

@@ -5,7 +5,7 @@ use super::kernels::{Kernels, dispatch};
 use super::packets::{Mixed, Plan, RAYS, scattered};
 use super::resources::ChunkBuffers;
 use crate::backend::layout::{MAX_WORKGROUPS, NO_SLOT, WORKGROUP_SIZE};
-use crate::backend::{BackendError, DevicePose};
+use crate::backend::{BackendError, DevicePose, Problem};
 
 /// How closest hits are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,9 +64,10 @@ impl PacketCaster {
         &mut self,
         device: &Device,
         poses: &[DevicePose],
-        directions: &[[f32; 3]],
+        problem: &Problem,
     ) -> Result<(), BackendError> {
-        self.plan = Plan::new(poses, directions);
+        let directions = problem.table().directions();
+        self.plan = Plan::new(poses, problem);
         let plan = &self.plan;
         let mixed = Mixed::of(&plan.alone, poses, directions);
         self.slots.clear();

@@ -152,7 +152,7 @@ impl GpuBackend {
         let free = self.memory.saturating_sub(fixed);
         let directions = self.problem.table().directions().len();
         let (packets, mixed) = match self.caster {
-            Some(_) if Plan::mixes(&self.poses(placements)) => {
+            Some(_) if Plan::mixes(&self.poses(placements), &self.problem) => {
                 (Plan::bytes(directions), Mixed::bytes(directions))
             }
             Some(_) => (Plan::bytes(directions), 0),
@@ -187,7 +187,7 @@ impl GpuBackend {
         let poses = self.poses(placements);
         if let Some(caster) = &mut self.caster {
             let start = Instant::now();
-            caster.load(&self.device, &poses, self.problem.table().directions())?;
+            caster.load(&self.device, &poses, &self.problem)?;
             self.times.cast += start.elapsed();
         }
         let sizes = resources::Sizes::of(&self.problem);

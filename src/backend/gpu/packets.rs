@@ -4,16 +4,17 @@ use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::backend::DevicePose;
 use crate::backend::cpu::beam_direction;
 use crate::backend::cpu::beam_order::sorted_beams;
+use crate::backend::cpu::costs::{Costs, DEVICE, Group};
 use crate::backend::layout::{NO_SLOT, PACKET_FOURS, WORKGROUP_SIZE};
+use crate::backend::{DevicePose, Problem};
 use crate::bvh::Hit;
 
 /// Beams of a packet.
 pub(super) const RAYS: usize = 4 * PACKET_FOURS as usize;
-/// Sensors of one rotation from which on packets of one direction are faster than mixed ones.
-const LEAST_PARALLEL: usize = 24;
+/// Fewest sensors of a packet of one direction.
+const LEAST_PARALLEL: usize = DEVICE.least;
 /// Most sensors whose beams are sorted together.
 const SORTED_SENSORS: usize = 256;
 /// Most orders that the sensors are put in, each for neighbouring directions.
@@ -54,15 +55,20 @@ impl Plan {
     }
 
     /// Whether some sensors' beams are mixed.
-    pub(super) fn mixes(poses: &[DevicePose]) -> bool {
-        equal_rotations(poses).iter().any(|sensors| in_packets(sensors.len()) < sensors.len())
+    pub(super) fn mixes(poses: &[DevicePose], problem: &Problem) -> bool {
+        let rotations = equal_rotations(poses);
+        let in_packets = in_packets(&rotations, poses, problem);
+        rotations.iter().zip(in_packets).any(|(sensors, packed)| packed < sensors.len())
     }
 
-    pub(super) fn new(poses: &[DevicePose], directions: &[[f32; 3]]) -> Self {
+    pub(super) fn new(poses: &[DevicePose], problem: &Problem) -> Self {
+        let directions = problem.table().directions();
         let mut plan = Self::default();
         let mut packed = Vec::new();
-        for mut sensors in equal_rotations(poses) {
-            plan.alone.extend(sensors.drain(in_packets(sensors.len())..));
+        let rotations = equal_rotations(poses);
+        let in_packets = in_packets(&rotations, poses, problem);
+        for (mut sensors, in_packets) in rotations.into_iter().zip(in_packets) {
+            plan.alone.extend(sensors.drain(in_packets..));
             plan.packets += sensors.len().div_ceil(RAYS) as u32;
             packed.push(sensors);
         }
@@ -112,10 +118,17 @@ pub(super) fn scattered(count: usize) -> Vec<u32> {
     numbers
 }
 
-/// How many of so many sensors of one rotation are put in packets of one direction.
-fn in_packets(sensors: usize) -> usize {
-    let rest = sensors % RAYS;
-    if rest < LEAST_PARALLEL { sensors - rest } else { sensors }
+/// How many sensors of each rotation are put in packets of one direction: what costs least in the frame
+/// of the most triangles.
+fn in_packets(rotations: &[Vec<u32>], poses: &[DevicePose], problem: &Problem) -> Vec<usize> {
+    let origin = |pose: &DevicePose| Vec3::from(pose.rows.map(|row| row[3]));
+    let group =
+        |sensors: &Vec<u32>| Group::new(sensors.iter().map(|&s| origin(&poses[s as usize])));
+    let groups: Vec<Group> = rotations.iter().map(group).collect();
+    let frames = (0..problem.geometry_frame_count()).filter_map(|frame| problem.geometry(frame));
+    let triangles = frames.map(|bvh| bvh.triangles.len()).max().unwrap_or(0);
+    let costs = Costs::of_device(triangles, problem.table().directions().len());
+    costs.choose(&groups, Group::new(poses.iter().map(origin))).in_fans
 }
 
 /// Hands out the sensors in groups of a packet, which lie side by side as seen along a direction.
