@@ -9,11 +9,11 @@ use super::run::Run;
 use super::transfer::Reading;
 use crate::backend::{BackendError, Chunk, Problem, StageTimes};
 
-/// A batch on its way through the device.
+/// A batch on its way through the device, job after job: a chunk in a frame each.
 ///
-/// While the device casts a chunk into a frame, the host takes up what was made of the frame before, and
-/// puts the next chunk together. The beams of the next frame are handed over once those of this one have
-/// ended, and what they cover is being marked: until then the host may have to cast some itself.
+/// While the device casts a job, the host takes up what was made of the one before, and puts the next
+/// chunk together. The next job is handed over once the beams of this one have ended, and what they
+/// cover is being marked: until then the host may have to cast some of them.
 pub(super) struct Flow<'a> {
     pub(super) problem: &'a Problem,
     pub(super) device: &'a Device,
@@ -25,7 +25,7 @@ pub(super) struct Flow<'a> {
     pub(super) sums: bool,
 }
 
-/// What the device made of a chunk in a frame.
+/// What the device made of a job.
 pub(super) enum Made<'a> {
     /// Hits of each sensor.
     Hits(&'a [u32]),
@@ -35,11 +35,20 @@ pub(super) enum Made<'a> {
     Sums { totals: &'a [u32], partials: &'a [u32] },
 }
 
-/// A slice of a chunk in a frame that the device works on.
-struct Step {
+#[derive(Clone)]
+struct Job {
     chunk: Rc<Prepared>,
+    frame: usize,
+    /// Number of the frame in the list.
     turn: usize,
+}
+
+/// A slice of a job that the device works on.
+struct Step {
+    job: Job,
     slice: usize,
+    /// Number of the step, which tells whose turn the bitmaps are.
+    number: usize,
     /// End of the covering, where more follows.
     covered: Option<wgpu::SubmissionIndex>,
     made: Reading,
@@ -61,13 +70,9 @@ impl Clock {
 }
 
 impl Flow<'_> {
-    fn run(&self) -> Run<'_> {
-        let Self { problem, device, kernels, scene, range, .. } = *self;
-        Run { problem, device, kernels, scene, work: self.work, range }
-    }
-
     /// Runs all chunks in all `frames`; `take` is told the chunk, the number of the frame in the list,
-    /// and what was made, hits before what they lead to.
+    /// and what was made, hits before what they lead to. Returns where the host's time went: to a stage
+    /// what it waited for that.
     pub(super) fn batch(
         self,
         chunks: &[Chunk],
@@ -76,82 +81,89 @@ impl Flow<'_> {
         mut take: impl FnMut(&Prepared, usize, Made<'_>),
     ) -> Result<StageTimes, BackendError> {
         let mut clock = Clock { since: Instant::now(), times: StageTimes::default() };
-        let mut under_way = None;
-        let mut turns = 0;
+        let mut last: Option<Step> = None;
         let mut rest = chunks.iter();
         let mut next = rest.next().map(&prepare);
         while let Some(mut chunk) = next.take() {
             self.work.upload(self.device, self.kernels, &mut chunk)?;
             let chunk = Rc::new(chunk);
             for (turn, &frame) in frames.iter().enumerate() {
-                let mut cast = self.cast(&chunk, frame)?;
+                let job = Job { chunk: chunk.clone(), frame, turn };
+                let mut cast = self.cast(&job)?;
                 for slice in 0..chunk.slices.len() {
-                    let step = self.cover(&chunk, turn, frame, slice, turns)?;
+                    let number = last.as_ref().map_or(0, |step| step.number + 1);
+                    let mut step = self.cover(&job, slice, number)?;
                     clock.lap(|times| &mut times.cast);
-                    if let Some(last) = under_way.replace(step) {
+                    if let Some(last) = last.take() {
                         self.finish(last, &mut clock, &mut take)?;
                     }
-                    if slice == 0 {
-                        if turn == 0 {
-                            next = rest.next().map(&prepare);
-                        }
-                        let hits = match cast.take() {
-                            Some(cast) => {
-                                let (hits, late) = self.run().settle(&chunk, frame, cast)?;
-                                if late && let Some(void) = under_way.take() {
-                                    self.device.finish(void.made, |_| ())?;
-                                    let step = self.cover(&chunk, turn, frame, slice, turns)?;
-                                    under_way = Some(step);
-                                }
-                                hits
-                            }
-                            None => vec![0; chunk.poses.len()],
-                        };
-                        take(&chunk, turn, Made::Hits(&hits));
-                        clock.lap(|times| &mut times.cast);
+                    if slice == 0 && turn == 0 {
+                        next = rest.next().map(&prepare);
                     }
-                    turns += 1;
+                    if let Some(cast) = cast.take() {
+                        step = self.settle(step, cast, &mut take)?;
+                    }
+                    clock.lap(|times| &mut times.cast);
+                    last = Some(step);
                 }
             }
         }
-        if let Some(last) = under_way {
+        if let Some(last) = last {
             self.finish(last, &mut clock, &mut take)?;
         }
         Ok(clock.times)
     }
 
-    /// Starts casting where beams end at hits.
-    fn cast(&self, chunk: &Prepared, frame: usize) -> Result<Option<Reading>, BackendError> {
-        let run = self.run();
-        run.compile(chunk, self.problem.ends_at_hits(), self.sums);
-        self.problem.ends_at_hits().then(|| run.cast(chunk, frame)).transpose()
+    fn run(&self) -> Run<'_> {
+        let Self { problem, device, kernels, scene, range, .. } = *self;
+        Run { problem, device, kernels, scene, work: self.work, range }
     }
 
-    fn cover(
-        &self,
-        chunk: &Rc<Prepared>,
-        turn: usize,
-        frame: usize,
-        slice: usize,
-        turns: usize,
-    ) -> Result<Step, BackendError> {
+    /// Hands over the casting, where beams end at hits.
+    fn cast(&self, job: &Job) -> Result<Option<Reading>, BackendError> {
+        let (run, hits) = (self.run(), self.problem.ends_at_hits());
+        run.compile(&job.chunk, hits, self.sums);
+        hits.then(|| run.cast(&job.chunk, job.frame)).transpose()
+    }
+
+    /// Hands over what follows the casting.
+    fn cover(&self, job: &Job, slice: usize, number: usize) -> Result<Step, BackendError> {
         let run = self.run();
-        let part = &chunk.slices[slice];
+        let part = &job.chunk.slices[slice];
         let (covered, made) = if self.sums {
-            (Some(run.cover_on_device(part, frame)), run.reduce(chunk)?)
+            (Some(run.cover_on_device(part, job.frame)), run.reduce(&job.chunk)?)
         } else {
-            (None, run.cover(part, frame, turns)?)
+            (None, run.cover(part, job.frame, number)?)
         };
-        Ok(Step { chunk: chunk.clone(), turn, slice, covered, made })
+        Ok(Step { job: job.clone(), slice, number, covered, made })
     }
 
+    /// Waits for the hits of a job whose first step was handed over; that step, once more if it went by
+    /// hits that were not all known.
+    fn settle(
+        &self,
+        step: Step,
+        cast: Reading,
+        take: &mut impl FnMut(&Prepared, usize, Made<'_>),
+    ) -> Result<Step, BackendError> {
+        let Job { chunk, frame, turn } = &step.job;
+        let (hits, late) = self.run().settle(chunk, *frame, cast)?;
+        take(chunk, *turn, Made::Hits(&hits));
+        if !late {
+            return Ok(step);
+        }
+        self.device.finish(step.made, |_| ())?;
+        self.cover(&step.job, step.slice, step.number)
+    }
+
+    /// Waits for a step and takes up what it made.
     fn finish(
         &self,
         step: Step,
         clock: &mut Clock,
         take: &mut impl FnMut(&Prepared, usize, Made<'_>),
     ) -> Result<(), BackendError> {
-        let Step { chunk, turn, slice, covered, made } = step;
+        let Step { job, slice, covered, made, .. } = step;
         self.device.wait("covering", covered.as_ref().unwrap_or(made.submission()))?;
         clock.lap(|times| &mut times.cover);
         self.device.finish(made, |parts| {
@@ -159,9 +171,9 @@ impl Flow<'_> {
             let made = if self.sums {
                 Made::Sums { totals: words(0), partials: words(1) }
             } else {
-                Made::Bitmaps(&chunk.slices[slice], words(0))
+                Made::Bitmaps(&job.chunk.slices[slice], words(0))
             };
-            take(&chunk, turn, made);
+            take(&job.chunk, job.turn, made);
         })?;
         clock.lap(|times| &mut times.reduce);
         Ok(())

@@ -11,7 +11,6 @@ use crate::placement::Placement;
 
 /// Tallies of a batch, to which the host adds what the device made.
 pub(super) struct Sums {
-    beams: u64,
     classes: usize,
     /// Host twin of the reductions, where they run on the host.
     worth: Option<Arc<Worth>>,
@@ -28,27 +27,31 @@ impl Sums {
         placements: &[Placement],
     ) -> Self {
         let classes = problem.content().classes().len();
-        let beams = problem.table().directions().len() as u64;
-        let tallies = placements.iter().map(|p| Tally::zero(classes, p.lidars.len())).collect();
-        Self { beams, classes, worth, weights, tallies }
+        // Cast or not, where they end nowhere.
+        let beams = weights.iter().sum::<u64>() * problem.table().directions().len() as u64;
+        let of_placement = |placement: &Placement| {
+            let lidars = placement.lidars.len();
+            Tally { beams: lidars as u64 * beams, ..Tally::zero(classes, lidars) }
+        };
+        let tallies = placements.iter().map(of_placement).collect();
+        Self { classes, worth, weights, tallies }
     }
 
     /// Adds what was made of a chunk in the frame of so many turns.
     pub(super) fn add(&mut self, chunk: &Prepared, turn: usize, made: Made<'_>) {
         let weight = self.weights[turn];
         match made {
-            Made::Hits(hits) => self.add_beams(chunk, weight, hits),
+            Made::Hits(hits) => self.add_hits(chunk, weight, hits),
             Made::Bitmaps(slice, bitmaps) => self.add_bitmaps(chunk, weight, slice, bitmaps),
             Made::Sums { totals, partials } => self.add_sums(chunk, weight, totals, partials),
         }
     }
 
-    fn add_beams(&mut self, chunk: &Prepared, weight: u64, hits: &[u32]) {
+    fn add_hits(&mut self, chunk: &Prepared, weight: u64, hits: &[u32]) {
         let tallies = &mut self.tallies[chunk.batch.clone()];
         for (tally, [first, lidars]) in tallies.iter_mut().zip(&chunk.placements) {
             let own = &hits[*first as usize..(first + lidars) as usize];
             tally.hits += weight * own.iter().map(|&h| u64::from(h)).sum::<u64>();
-            tally.beams += weight * u64::from(*lidars) * self.beams;
         }
     }
 
