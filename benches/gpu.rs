@@ -37,6 +37,9 @@ struct Args {
     /// Take the sums on the device, as on a device with memory of its own
     #[arg(long)]
     device_sums: bool,
+    /// Rows to run, of `cpu`, `tree` and `packets`
+    #[arg(long, value_delimiter = ',', default_value = "cpu,tree,packets")]
+    rows: Vec<String>,
     #[arg(long, default_value_t = 1)]
     threads: usize,
     #[arg(long, default_value_t = 5)]
@@ -120,11 +123,12 @@ fn main() {
             Box::new(gpu)
         };
         let row = |name, backend| Row { name, backend, rounds: Vec::new() };
-        let mut rows = [
-            row("CPU", Box::new(CpuBackend::new(problem.clone(), memory))),
-            row("GPU, beam by beam", gpu(Casting::Tree)),
-            row("GPU, in packets", gpu(Casting::Packets)),
-        ];
+        let rows = args.rows.iter().map(|name| match name.as_str() {
+            "tree" => row("GPU, beam by beam", gpu(Casting::Tree)),
+            "packets" => row("GPU, in packets", gpu(Casting::Packets)),
+            _ => row("CPU", Box::new(CpuBackend::new(problem.clone(), memory))),
+        });
+        let mut rows: Vec<Row> = rows.collect();
         // The first round warms up.
         for round in 0..=args.rounds {
             let tallies: Vec<_> = rows.iter_mut().map(|row| row.run(&batch)).collect();

@@ -173,8 +173,12 @@ impl GpuBackend {
         // Two slices in flight, on the device and, unless mapped, copied to the host.
         let slice = self.in_slice(widest, sizes.bitmap) as u64 * sizes.bitmap;
         let copies = if self.device.maps() { 1 } else { 2 };
-        let (bitmap, fixed) =
-            if self.worth.is_some() { (0, 2 * copies * slice) } else { (2 * sizes.bitmap, 0) };
+        // Sums of two jobs are copied to the host while those of a third are taken.
+        let sums = 3 * (sizes.partials + sizes.totals);
+        let (each, fixed) = match self.worth {
+            Some(_) => (0, 2 * copies * slice),
+            None => (2 * sizes.bitmap + sums, 0),
+        };
         let one = [("coverage bitmaps", sizes.bitmap, binding.min(self.memory))];
         ChunkLimits::from_bytes(widest, &one)?;
         let free = self.memory.saturating_sub(fixed);
@@ -189,9 +193,9 @@ impl GpuBackend {
         let mut sensors = vec![
             ("hits", sizes.hits, binding),
             ("beams of mixed packets", mixed, binding),
-            ("work buffers", sizes.per_sensor() + bitmap + packets + mixed, free),
+            ("work buffers", sizes.per_sensor() + each + packets + mixed, free),
         ];
-        if bitmap > 0 {
+        if self.worth.is_none() {
             sensors.push(one[0]);
         }
         let mut limits = ChunkLimits::from_bytes(widest, &sensors)?;

@@ -1,3 +1,5 @@
+use std::cell::Cell;
+
 use super::bricks::Bricks;
 use super::casting::{Casting, PacketBuffers};
 use super::device::Device;
@@ -153,6 +155,8 @@ pub(super) struct Room {
 pub(super) struct WorkBuffers {
     room: Room,
     pub(super) uniforms: wgpu::Buffer,
+    /// What they hold.
+    pub(super) written: Cell<Option<Uniforms>>,
     pub(super) poses: wgpu::Buffer,
     pub(super) hits: wgpu::Buffer,
     pub(super) counters: wgpu::Buffer,
@@ -186,6 +190,7 @@ impl WorkBuffers {
         Ok(Self {
             room,
             uniforms: device.buffer("uniforms", size_of::<Uniforms>() as u64, uniform)?,
+            written: Cell::new(None),
             poses: buffer("poses", s * size_of::<DevicePose>() as u64)?,
             hits: buffer("hits", s * sizes.hits)?,
             counters: buffer("hit counters", 4 * (1 + s))?,
