@@ -74,7 +74,7 @@ impl Flow<'_> {
     /// and what was made, hits before what they lead to. Returns where the host's time went: to a stage
     /// what it waited for that.
     pub(super) fn batch(
-        self,
+        mut self,
         chunks: &[Chunk],
         prepare: impl Fn(&Chunk) -> Prepared,
         frames: &[usize],
@@ -83,9 +83,9 @@ impl Flow<'_> {
         let mut clock = Clock { since: Instant::now(), times: StageTimes::default() };
         let mut last: Option<Step> = None;
         let mut rest = chunks.iter();
-        let mut next = rest.next().map(&prepare);
-        while let Some(mut chunk) = next.take() {
-            self.work.upload(self.device, self.kernels, &mut chunk)?;
+        let mut next = self.ready(rest.next().map(&prepare))?;
+        while let Some(chunk) = next.take() {
+            self.work.upload(self.device, &chunk)?;
             let chunk = Rc::new(chunk);
             for (turn, &frame) in frames.iter().enumerate() {
                 let job = Job { chunk: chunk.clone(), frame, turn };
@@ -97,8 +97,9 @@ impl Flow<'_> {
                     if let Some(last) = last.take() {
                         self.finish(last, &mut clock, &mut take)?;
                     }
-                    if slice == 0 && turn == 0 {
-                        next = rest.next().map(&prepare);
+                    if slice == 0 && turn + 1 == frames.len() {
+                        // Nothing more is cast with the packets of this chunk.
+                        next = self.ready(rest.next().map(&prepare))?;
                     }
                     if let Some(cast) = cast.take() {
                         step = self.settle(step, cast, &mut take)?;
@@ -112,6 +113,14 @@ impl Flow<'_> {
             self.finish(last, &mut clock, &mut take)?;
         }
         Ok(clock.times)
+    }
+
+    /// Uploads the packets of a chunk.
+    fn ready(&mut self, chunk: Option<Prepared>) -> Result<Option<Prepared>, BackendError> {
+        let ready = |mut chunk: Prepared| {
+            self.work.upload_packets(self.device, self.kernels, &mut chunk).map(|()| chunk)
+        };
+        chunk.map(ready).transpose()
     }
 
     fn run(&self) -> Run<'_> {

@@ -285,7 +285,8 @@ impl Backend for GpuBackend {
             let start = Instant::now();
             let mut chunk = Prepared::new(&self.problem, &placements, &chunk, in_slice, in_packets);
             let work = self.work.as_mut().expect("made with the cut");
-            work.upload(&self.device, &self.kernels, &mut chunk)?;
+            work.upload_packets(&self.device, &self.kernels, &mut chunk)?;
+            work.upload(&self.device, &chunk)?;
             let run = Run {
                 problem: &self.problem,
                 device: &self.device,

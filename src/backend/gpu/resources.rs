@@ -210,8 +210,8 @@ impl WorkBuffers {
         self.room.in_turn >= room.in_turn && need.iter().zip(held).all(|(&need, held)| need <= held)
     }
 
-    /// Uploads a chunk, for all that is handed to the device from now on.
-    pub(super) fn upload(
+    /// Uploads a chunk's packets, for all that is cast from now on.
+    pub(super) fn upload_packets(
         &mut self,
         device: &Device,
         kernels: &Kernels,
@@ -225,6 +225,11 @@ impl WorkBuffers {
             }
             self.packets.upload(device, packing);
         }
+        device.check("uploading packets")
+    }
+
+    /// Uploads the rest of a chunk, for all that is handed to the device from now on.
+    pub(super) fn upload(&self, device: &Device, chunk: &Prepared) -> Result<(), BackendError> {
         device.write(&self.poses, &chunk.poses);
         device.write(&self.placement_sensors, &chunk.placements);
         device.check("uploading placements")
