@@ -71,8 +71,8 @@ impl Clock {
 
 impl Flow<'_> {
     /// Runs all chunks in all `frames`; `take` is told the chunk, the number of the frame in the list,
-    /// and what was made, hits before what they lead to. Returns where the host's time went: to a stage
-    /// what it waited for that.
+    /// and what was made, hits before what they lead to. Returns the host's time by the stage that it
+    /// worked for or waited for.
     pub(super) fn batch(
         mut self,
         chunks: &[Chunk],
