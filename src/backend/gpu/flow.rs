@@ -82,6 +82,7 @@ impl Flow<'_> {
     ) -> Result<StageTimes, BackendError> {
         let mut clock = Clock { since: Instant::now(), times: StageTimes::default() };
         let mut last: Option<Step> = None;
+        let mut number = 0;
         let mut rest = chunks.iter();
         let mut next = self.ready(rest.next().map(&prepare))?;
         while let Some(chunk) = next.take() {
@@ -90,16 +91,21 @@ impl Flow<'_> {
             for (turn, &frame) in frames.iter().enumerate() {
                 let job = Job { chunk: chunk.clone(), frame, turn };
                 let mut cast = self.cast(&job)?;
+                // Before more is handed over: some software devices take that only once this is done.
+                clock.lap(|times| &mut times.cast);
+                if let Some(last) = last.take() {
+                    self.finish(last, &mut clock, &mut take)?;
+                }
+                if turn + 1 == frames.len() {
+                    // Nothing more is cast with the packets of this chunk.
+                    next = self.ready(rest.next().map(&prepare))?;
+                }
                 for slice in 0..chunk.slices.len() {
-                    let number = last.as_ref().map_or(0, |step| step.number + 1);
                     let mut step = self.cover(&job, slice, number)?;
+                    number += 1;
                     clock.lap(|times| &mut times.cast);
                     if let Some(last) = last.take() {
                         self.finish(last, &mut clock, &mut take)?;
-                    }
-                    if slice == 0 && turn + 1 == frames.len() {
-                        // Nothing more is cast with the packets of this chunk.
-                        next = self.ready(rest.next().map(&prepare))?;
                     }
                     if let Some(cast) = cast.take() {
                         step = self.settle(step, cast, &mut take)?;
