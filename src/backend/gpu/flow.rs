@@ -93,7 +93,9 @@ impl Flow<'_> {
                 let mut cast = self.cast(&job)?;
                 // Before more is handed over: some software devices take that only once this is done.
                 clock.lap(|times| &mut times.cast);
-                if let Some(last) = last.take() {
+                if cast.is_some()
+                    && let Some(last) = last.take()
+                {
                     self.finish(last, &mut clock, &mut take)?;
                 }
                 if turn + 1 == frames.len() {
