@@ -20,9 +20,6 @@ use sightline::backend::{Backend, Problem, StageTimes, Tally};
 use sightline::bvh::Bvh;
 use sightline::placement::Placement;
 
-/// Bytes of work buffers.
-const MEMORY: u64 = 4 << 30;
-
 #[derive(Parser)]
 struct Args {
     /// Triangles of the scenes, about
@@ -34,6 +31,15 @@ struct Args {
     /// Largest roll and pitch in radians; 0 gives all sensors one rotation
     #[arg(long, default_value_t = 0.0)]
     turn: f64,
+    /// MiB of work buffers: what a batch needs beyond them is cut into chunks
+    #[arg(long, default_value_t = 4096)]
+    memory: u64,
+    /// Take the sums on the device, as on a device with memory of its own
+    #[arg(long)]
+    device_sums: bool,
+    /// Rows to run, of `cpu`, `tree` and `packets`
+    #[arg(long, value_delimiter = ',', default_value = "cpu,tree,packets")]
+    rows: Vec<String>,
     #[arg(long, default_value_t = 1)]
     threads: usize,
     #[arg(long, default_value_t = 5)]
@@ -93,6 +99,7 @@ impl Row {
 
 fn main() {
     let args = Args::parse();
+    let memory = args.memory << 20;
     rayon::ThreadPoolBuilder::new().num_threads(args.threads).build_global().unwrap();
     let (roi, table) = (setup::roi(0.2), setup::table(720));
     let batch = setup::placements(args.placements, args.turn, args.seed);
@@ -108,16 +115,20 @@ fn main() {
             args.placements, args.turn, args.threads, args.rounds
         );
         let gpu = |casting| -> Box<dyn Backend> {
-            let mut gpu = GpuBackend::new(problem.clone(), None, MEMORY).unwrap();
+            let mut gpu = GpuBackend::new(problem.clone(), None, memory).unwrap();
             gpu.cast_by(casting).unwrap();
+            if args.device_sums {
+                gpu.reduce_on_device();
+            }
             Box::new(gpu)
         };
         let row = |name, backend| Row { name, backend, rounds: Vec::new() };
-        let mut rows = [
-            row("CPU", Box::new(CpuBackend::new(problem.clone(), MEMORY))),
-            row("GPU, beam by beam", gpu(Casting::Tree)),
-            row("GPU, in packets", gpu(Casting::Packets)),
-        ];
+        let rows = args.rows.iter().map(|name| match name.as_str() {
+            "tree" => row("GPU, beam by beam", gpu(Casting::Tree)),
+            "packets" => row("GPU, in packets", gpu(Casting::Packets)),
+            _ => row("CPU", Box::new(CpuBackend::new(problem.clone(), memory))),
+        });
+        let mut rows: Vec<Row> = rows.collect();
         // The first round warms up.
         for round in 0..=args.rounds {
             let tallies: Vec<_> = rows.iter_mut().map(|row| row.run(&batch)).collect();

@@ -22,6 +22,7 @@ mod equal_frames;
 mod fast_stages;
 mod gpu_cover;
 mod gpu_cpu;
+mod gpu_flow;
 mod gpu_packets;
 mod grid_search;
 mod hits;

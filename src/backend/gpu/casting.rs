@@ -1,9 +1,8 @@
 use rayon::prelude::*;
 
 use super::device::Device;
-use super::kernels::{Kernels, dispatch};
+use super::kernels::Kernels;
 use super::packets::{Mixed, Plan, RAYS, scattered};
-use super::resources::ChunkBuffers;
 use crate::backend::layout::{MAX_WORKGROUPS, NO_SLOT, WORKGROUP_SIZE};
 use crate::backend::{BackendError, DevicePose, Problem};
 
@@ -24,63 +23,54 @@ const LANES: usize = WORKGROUP_SIZE as usize;
 /// What an invocation says of its beams: which hit, and which are left to the host.
 type Marks = [u32; 4];
 
-/// Casts a chunk in packets; its buffers are kept from chunk to chunk.
-#[derive(Default)]
-pub(super) struct PacketCaster {
-    plan: Plan,
-    /// Where the hits of the mixed packets go.
-    slots: Vec<u32>,
-    /// Dispatch of the mixed packets.
-    workgroups: [u32; 3],
-    buffers: Vec<wgpu::Buffer>,
-}
-
-/// Places of the buffers.
-const BLOCKS: usize = 0;
-const SLOTS: usize = 1;
-const ORIGINS: usize = 2;
-const MARKS: usize = 3;
-const MIXED_SLOTS: usize = 4;
-const MIXED_BEAMS: usize = 5;
-const MIXED_MARKS: usize = 6;
-const MIXED_ORDER: usize = 7;
-const NAMES: [&str; 8] = [
-    "blocks of directions",
-    "slots of packets",
-    "origins of packets",
-    "marks of packets",
-    "slots of mixed packets",
-    "beams of mixed packets",
-    "marks of mixed packets",
-    "order of mixed packets",
-];
-
 /// A beam that the host is to cast: sensor × directions + direction.
 pub(super) type Left = u32;
 
-impl PacketCaster {
-    /// Puts the beams of a chunk's sensors together and uploads how.
-    pub(super) fn load(
-        &mut self,
-        device: &Device,
-        poses: &[DevicePose],
-        problem: &Problem,
-    ) -> Result<(), BackendError> {
-        let directions = problem.table().directions();
-        self.plan = Plan::new(poses, problem);
-        let plan = &self.plan;
-        let mixed = Mixed::of(&plan.alone, poses, directions);
-        self.slots.clear();
-        mixed.iter().for_each(|part| self.slots.extend_from_slice(&part.slots));
-        let groups = self.slots.len().div_ceil(RAYS * LANES) as u32;
-        let rows = groups.div_ceil(MAX_WORKGROUPS).max(1);
-        self.workgroups = [groups.div_ceil(rows), rows, 1];
-        let mixed_packets = (groups.div_ceil(rows) * rows) as usize * LANES;
-        self.slots.resize(mixed_packets * RAYS, NO_SLOT);
-        let order = scattered(mixed_packets / LANES);
+/// How the beams of a chunk are put together.
+pub(super) struct Packing {
+    plan: Plan,
+    /// The beams of mixed packets, until they are uploaded.
+    mixed: Vec<Mixed>,
+    /// Where their hits go.
+    slots: Vec<u32>,
+    /// Which packets each workgroup casts.
+    order: Vec<u32>,
+    /// Dispatch of the mixed packets.
+    workgroups: [u32; 3],
+    directions: usize,
+    sensors: usize,
+}
 
+impl Packing {
+    pub(super) fn new(poses: &[DevicePose], problem: &Problem) -> Self {
+        let directions = problem.table().directions();
+        let plan = Plan::new(poses, problem);
+        let mixed = Mixed::of(&plan.alone, poses, directions);
+        let count = mixed.iter().map(|part| part.slots.len()).sum::<usize>();
+        let groups = count.div_ceil(RAYS * LANES) as u32;
+        let rows = groups.div_ceil(MAX_WORKGROUPS).max(1);
+        let workgroups = [groups.div_ceil(rows), rows, 1];
+        let packets = (groups.div_ceil(rows) * rows) as usize * LANES;
+        let mut slots = Vec::with_capacity(packets * RAYS);
+        mixed.iter().for_each(|part| slots.extend_from_slice(&part.slots));
+        slots.resize(packets * RAYS, NO_SLOT);
+        let order = scattered(packets / LANES);
+        let (directions, sensors) = (directions.len(), poses.len());
+        Self { plan, mixed, slots, order, workgroups, directions, sensors }
+    }
+
+    /// Kernels that cast them.
+    pub(super) fn kernels(&self) -> impl Iterator<Item = &'static str> {
+        let parallel = (self.plan.packets > 0).then_some("cast_packets");
+        parallel.into_iter().chain((!self.slots.is_empty()).then_some("cast_mixed"))
+    }
+
+    /// Bytes of each buffer.
+    fn bytes(&self) -> [u64; NAMES.len()] {
+        let plan = &self.plan;
         let packets = plan.packets as usize * plan.blocks.len() * LANES;
-        let bytes = [
+        let mixed_packets = self.slots.len() / RAYS;
+        [
             size_of_val(plan.blocks.as_slice()) as u64,
             size_of_val(plan.slots.as_slice()) as u64,
             size_of_val(plan.origins.as_slice()) as u64,
@@ -88,83 +78,17 @@ impl PacketCaster {
             size_of_val(self.slots.as_slice()) as u64,
             self.slots.len() as u64 * Mixed::BEAM,
             (mixed_packets * size_of::<Marks>()) as u64,
-            size_of_val(order.as_slice()) as u64,
-        ];
-        let held = self.buffers.iter().map(wgpu::Buffer::size);
-        if self.buffers.is_empty() || held.zip(bytes).any(|(held, need)| held < need) {
-            self.buffers.clear();
-            let usage = wgpu::BufferUsages::STORAGE
-                | wgpu::BufferUsages::COPY_DST
-                | wgpu::BufferUsages::COPY_SRC;
-            for (name, bytes) in NAMES.into_iter().zip(bytes) {
-                self.buffers.push(device.buffer(name, bytes, usage)?);
-            }
-        }
-        device.write(&self.buffers[BLOCKS], &plan.blocks);
-        device.write(&self.buffers[SLOTS], &plan.slots);
-        device.write(&self.buffers[ORIGINS], &plan.origins);
-        device.write(&self.buffers[MIXED_ORDER], &order);
-        device.write(&self.buffers[MIXED_SLOTS], &self.slots);
-        let mut first = 0;
-        for part in &mixed {
-            device.write_at(&self.buffers[MIXED_BEAMS], first, &part.beams);
-            first += part.beams.len() as u64;
-        }
-        Ok(())
+            size_of_val(self.order.as_slice()) as u64,
+        ]
     }
 
-    /// Records the casting of the loaded chunk.
-    pub(super) fn record(
-        &self,
-        device: &Device,
-        kernels: &Kernels,
-        encoder: &mut wgpu::CommandEncoder,
-        chunk: &ChunkBuffers,
-        directions: &wgpu::Buffer,
-        tree: &wgpu::TextureView,
-    ) {
-        let plan = &self.plan;
-        if plan.packets > 0 {
-            let buffers = [
-                &chunk.uniforms,
-                &chunk.poses,
-                directions,
-                &self.buffers[BLOCKS],
-                &self.buffers[SLOTS],
-                &self.buffers[ORIGINS],
-                &chunk.hits,
-                &self.buffers[MARKS],
-            ];
-            let groups = [plan.packets, plan.blocks.len() as u32, 1];
-            dispatch(device, encoder, kernels, "cast_packets", &buffers, Some(tree), groups);
-        }
-        if !self.slots.is_empty() {
-            let buffers = [
-                &chunk.uniforms,
-                &self.buffers[MIXED_ORDER],
-                &self.buffers[MIXED_SLOTS],
-                &self.buffers[MIXED_BEAMS],
-                &chunk.hits,
-                &self.buffers[MIXED_MARKS],
-            ];
-            let groups = self.workgroups;
-            dispatch(device, encoder, kernels, "cast_mixed", &buffers, Some(tree), groups);
-        }
-    }
-
-    /// Hits of each sensor in the chunk that was cast, and the beams that are left to the host.
-    pub(super) fn read(
-        &self,
-        device: &Device,
-        sensors: usize,
-        directions: usize,
-    ) -> Result<(Vec<u32>, Vec<Left>), BackendError> {
-        let mut hits = vec![0; sensors];
+    /// Hits of each sensor, and the beams that are left to the host, from the marks of both kinds of
+    /// packets.
+    pub(super) fn read(&self, marks: &[u8], mixed: &[u8]) -> (Vec<u32>, Vec<Left>) {
+        let mut hits = vec![0; self.sensors];
         let mut left = Vec::new();
-        let plan = &self.plan;
-        let marks = plan.packets as usize * plan.blocks.len() * LANES;
-        let bytes = (marks * size_of::<Marks>()) as u64;
-        let marks: Vec<Marks> = device.read("cast_packets", &self.buffers[MARKS], bytes)?;
+        let (plan, directions) = (&self.plan, self.directions);
+        let marks: &[Marks] = bytemuck::cast_slice(marks);
         let groups = marks.par_chunks(LANES).enumerate().map(|(group, marks)| {
             let [first, block] = plan.blocks[group / plan.packets as usize].map(|at| at as usize);
             let first = 4 * first + group % plan.packets as usize * RAYS;
@@ -191,15 +115,106 @@ impl PacketCaster {
             }
             left.append(&mut some);
         }
-        let bytes = (self.slots.len() / RAYS * size_of::<Marks>()) as u64;
-        let marks: Vec<Marks> = device.read("cast_mixed", &self.buffers[MIXED_MARKS], bytes)?;
+        let marks: &[Marks] = bytemuck::cast_slice(mixed);
         for (mark, slots) in marks.iter().zip(self.slots.chunks(RAYS)) {
             if slots[0] != NO_SLOT {
                 each_bit(&mark[..2], |slot| hits[slots[slot] as usize / directions] += 1);
                 each_bit(&mark[2..], |slot| left.push(slots[slot]));
             }
         }
-        Ok((hits, left))
+        (hits, left)
+    }
+}
+
+/// Device side of a [`Packing`]; the buffers are kept from chunk to chunk.
+#[derive(Default)]
+pub(super) struct PacketBuffers(Vec<wgpu::Buffer>);
+
+/// Places of the buffers.
+const BLOCKS: usize = 0;
+const SLOTS: usize = 1;
+const ORIGINS: usize = 2;
+const MARKS: usize = 3;
+const MIXED_SLOTS: usize = 4;
+const MIXED_BEAMS: usize = 5;
+const MIXED_MARKS: usize = 6;
+const MIXED_ORDER: usize = 7;
+const NAMES: [&str; 8] = [
+    "blocks of directions",
+    "slots of packets",
+    "origins of packets",
+    "marks of packets",
+    "slots of mixed packets",
+    "beams of mixed packets",
+    "marks of mixed packets",
+    "order of mixed packets",
+];
+
+impl PacketBuffers {
+    pub(super) fn hold(&self, packing: &Packing) -> bool {
+        let held = self.0.iter().map(wgpu::Buffer::size);
+        !self.0.is_empty() && held.zip(packing.bytes()).all(|(held, need)| held >= need)
+    }
+
+    /// Makes room for a chunk's packets.
+    pub(super) fn grow(&mut self, device: &Device, packing: &Packing) -> Result<(), BackendError> {
+        // The old buffers go first, so that both never exist at once.
+        self.0.clear();
+        let usage = wgpu::BufferUsages::STORAGE
+            | wgpu::BufferUsages::COPY_DST
+            | wgpu::BufferUsages::COPY_SRC;
+        for (name, bytes) in NAMES.into_iter().zip(packing.bytes()) {
+            self.0.push(device.buffer(name, bytes, usage)?);
+        }
+        Ok(())
+    }
+
+    /// Uploads a chunk's packets; what only the device needs of them goes.
+    pub(super) fn upload(&self, device: &Device, packing: &mut Packing) {
+        let plan = &mut packing.plan;
+        device.write(&self.0[BLOCKS], &plan.blocks);
+        device.write(&self.0[SLOTS], &plan.slots);
+        device.write(&self.0[ORIGINS], &std::mem::take(&mut plan.origins));
+        device.write(&self.0[MIXED_ORDER], &packing.order);
+        device.write(&self.0[MIXED_SLOTS], &packing.slots);
+        let mut first = 0;
+        for part in std::mem::take(&mut packing.mixed) {
+            device.write_at(&self.0[MIXED_BEAMS], first, &part.beams);
+            first += part.beams.len() as u64;
+        }
+    }
+
+    /// Records the casting of the chunk that was uploaded.
+    pub(super) fn record(
+        &self,
+        packing: &Packing,
+        kernels: &Kernels,
+        device: &Device,
+        encoder: &mut wgpu::CommandEncoder,
+        [uniforms, poses, directions, hits]: [&wgpu::Buffer; 4],
+        tree: &wgpu::TextureView,
+    ) {
+        let plan = &packing.plan;
+        if plan.packets > 0 {
+            let [blocks, slots, origins] = [BLOCKS, SLOTS, ORIGINS].map(|place| &self.0[place]);
+            let marks = &self.0[MARKS];
+            let buffers = [uniforms, poses, directions, blocks, slots, origins, hits, marks];
+            let groups = [plan.packets, plan.blocks.len() as u32, 1];
+            kernels.dispatch(device, encoder, "cast_packets", &buffers, Some(tree), groups);
+        }
+        if !packing.slots.is_empty() {
+            let [order, slots, beams] =
+                [MIXED_ORDER, MIXED_SLOTS, MIXED_BEAMS].map(|place| &self.0[place]);
+            let buffers = [uniforms, order, slots, beams, hits, &self.0[MIXED_MARKS]];
+            let groups = packing.workgroups;
+            kernels.dispatch(device, encoder, "cast_mixed", &buffers, Some(tree), groups);
+        }
+    }
+
+    /// The marks of both kinds of packets, and their bytes.
+    pub(super) fn marks(&self, packing: &Packing) -> [(&wgpu::Buffer, u64); 2] {
+        let bytes = packing.bytes();
+        [MARKS, MIXED_MARKS].map(|place| (&self.0[place], bytes[place]))
     }
 }
 

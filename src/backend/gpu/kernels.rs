@@ -1,4 +1,5 @@
-use std::sync::OnceLock;
+use std::collections::HashMap;
+use std::sync::{Mutex, OnceLock};
 
 use super::device::Device;
 use crate::backend::layout::{MAX_WORKGROUPS, PACKET_FOURS, WORKGROUP_SIZE, prelude};
@@ -46,66 +47,108 @@ fn unrolled(source: &str) -> String {
     text
 }
 
-/// Kernels, each compiled when it is first dispatched.
+/// What a bind group binds: the number of a kernel, its buffers and its texture.
+type Bound = (usize, Vec<wgpu::Buffer>, Option<wgpu::TextureView>);
+
+/// Kernels, each compiled when it is first needed, and what they were bound to.
 pub(super) struct Kernels {
     stack: usize,
     pipelines: [OnceLock<wgpu::ComputePipeline>; SOURCES.len()],
+    groups: Mutex<HashMap<Bound, wgpu::BindGroup>>,
 }
 
 impl Kernels {
     /// Kernels whose traversal stacks hold `stack` entries.
     pub(super) fn new(stack: usize) -> Self {
-        Self { stack, pipelines: Default::default() }
+        Self { stack, pipelines: Default::default(), groups: Mutex::default() }
     }
 
-    fn get(&self, device: &Device, kernel: &'static str) -> &wgpu::ComputePipeline {
-        let named = SOURCES.iter().position(|(name, _)| *name == kernel);
-        let index = named.expect("a kernel of the list above");
-        self.pipelines[index].get_or_init(|| {
+    /// Compiles those of some kernels that are not yet, side by side.
+    pub(super) fn compile(&self, device: &Device, kernels: &[&str]) {
+        let missing = (0..SOURCES.len())
+            .filter(|&k| kernels.contains(&SOURCES[k].0) && self.pipelines[k].get().is_none());
+        std::thread::scope(|scope| {
+            missing.for_each(|kernel| {
+                scope.spawn(move || self.pipeline(device, kernel));
+            });
+        });
+    }
+
+    fn pipeline(&self, device: &Device, kernel: usize) -> &wgpu::ComputePipeline {
+        let (name, parts) = SOURCES[kernel];
+        self.pipelines[kernel].get_or_init(|| {
             let module = device.wgpu().create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(kernel),
-                source: wgpu::ShaderSource::Wgsl(source(SOURCES[index].1, self.stack).into()),
+                label: Some(name),
+                source: wgpu::ShaderSource::Wgsl(source(parts, self.stack).into()),
             });
             device.wgpu().create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(kernel),
+                label: Some(name),
                 layout: None,
                 module: &module,
-                entry_point: Some(kernel),
+                entry_point: Some(name),
                 compilation_options: Default::default(),
                 cache: None,
             })
         })
     }
-}
 
-/// Records one dispatch; buffers are bound in the order of the kernel's binding numbers, the texture of
-/// a tree after them.
-pub(super) fn dispatch(
-    device: &Device,
-    encoder: &mut wgpu::CommandEncoder,
-    kernels: &Kernels,
-    kernel: &'static str,
-    buffers: &[&wgpu::Buffer],
-    tree: Option<&wgpu::TextureView>,
-    workgroups: [u32; 3],
-) {
-    let pipeline = kernels.get(device, kernel);
-    let buffers = buffers.iter().map(|buffer| buffer.as_entire_binding());
-    let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
-        .chain(tree.map(wgpu::BindingResource::TextureView))
-        .zip(0..)
-        .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource })
-        .collect();
-    let group = device.wgpu().create_bind_group(&wgpu::BindGroupDescriptor {
-        label: None,
-        layout: &pipeline.get_bind_group_layout(0),
-        entries: &entries,
-    });
-    let mut pass = encoder.begin_compute_pass(&Default::default());
-    pass.set_pipeline(pipeline);
-    pass.set_bind_group(0, &group, &[]);
-    let [x, y, z] = workgroups;
-    pass.dispatch_workgroups(x, y, z);
+    /// Records one dispatch; buffers are bound in the order of the kernel's binding numbers, the texture
+    /// of a tree after them.
+    pub(super) fn dispatch(
+        &self,
+        device: &Device,
+        encoder: &mut wgpu::CommandEncoder,
+        kernel: &str,
+        buffers: &[&wgpu::Buffer],
+        tree: Option<&wgpu::TextureView>,
+        workgroups: [u32; 3],
+    ) {
+        let named = SOURCES.iter().position(|(name, _)| *name == kernel);
+        let kernel = named.expect("a kernel of the list above");
+        let pipeline = self.pipeline(device, kernel);
+        let group = self.group(device, pipeline, kernel, buffers, tree);
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        let [x, y, z] = workgroups;
+        pass.dispatch_workgroups(x, y, z);
+    }
+
+    /// The bind group of what is bound, made once.
+    fn group(
+        &self,
+        device: &Device,
+        pipeline: &wgpu::ComputePipeline,
+        kernel: usize,
+        buffers: &[&wgpu::Buffer],
+        tree: Option<&wgpu::TextureView>,
+    ) -> wgpu::BindGroup {
+        let bound = (kernel, buffers.iter().map(|&buffer| buffer.clone()).collect(), tree.cloned());
+        let make = || {
+            let buffers = buffers.iter().map(|buffer| buffer.as_entire_binding());
+            let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
+                .chain(tree.map(wgpu::BindingResource::TextureView))
+                .zip(0..)
+                .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource })
+                .collect();
+            device.wgpu().create_bind_group(&wgpu::BindGroupDescriptor {
+                label: None,
+                layout: &pipeline.get_bind_group_layout(0),
+                entries: &entries,
+            })
+        };
+        match self.groups.lock() {
+            Ok(mut groups) => groups.entry(bound).or_insert_with(make).clone(),
+            Err(_) => make(),
+        }
+    }
+
+    /// Lets go of the buffers that were bound, which are about to be replaced.
+    pub(super) fn unbind(&self) {
+        if let Ok(mut groups) = self.groups.lock() {
+            groups.clear();
+        }
+    }
 }
 
 /// Workgroups for `directions` beams of each of `sensors` sensors: x holds the beams and spills into

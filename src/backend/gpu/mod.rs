@@ -1,31 +1,39 @@
 //! The GPU backend: everything that touches wgpu.
 
+mod adapters;
 mod bricks;
 mod casting;
 mod device;
+mod flow;
 mod kernels;
 mod packets;
+mod prepared;
 mod resources;
 mod run;
+mod sums;
+mod transfer;
 
+pub use adapters::{AdapterSummary, list_adapters};
 pub use casting::Casting;
-pub use device::{AdapterSummary, list_adapters};
 
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::{
-    Backend, BackendError, Chunk, ChunkLimits, DevicePose, Problem, StageTimes, Tally, split,
-};
+use rayon::prelude::*;
+
+use super::{Backend, BackendError, Chunk, ChunkLimits, Problem, StageTimes, Tally, split};
 use crate::backend::cpu::{Worth, bitmap_words, union_of};
 use crate::bvh::Hit;
 use crate::placement::{Placement, SensorPose};
 use bricks::Bricks;
-use casting::PacketCaster;
 use device::Device;
+use flow::{Flow, Made};
 use kernels::Kernels;
 use packets::{Mixed, Plan};
-use resources::{ChunkBuffers, SceneBuffers};
+use prepared::Prepared;
+use resources::{Room, SceneBuffers, Sizes, WorkBuffers};
+use run::Run;
+use sums::Sums;
 
 /// Bytes of the bitmaps that are made at a time where the host sums them up: they stay in its caches.
 const SLICE_BYTES: u64 = 16 << 20;
@@ -35,7 +43,8 @@ const MOST_BITMAP: u64 = 1 << 29;
 
 /// Evaluates batches on a Vulkan device.
 ///
-/// Pipelines and scene buffers are made once; the buffers of a chunk grow to the largest chunk seen.
+/// Pipelines and scene buffers are made once; work buffers grow to the largest chunk seen. While the
+/// device works on a chunk, the host puts the next together and takes up what became of the last.
 /// The sums are taken on the device; where that is a software device, whose memory is the host's, they
 /// are taken by the host, which reads the bitmaps where they lie, a word at a time.
 pub struct GpuBackend {
@@ -43,13 +52,12 @@ pub struct GpuBackend {
     device: Device,
     kernels: Kernels,
     scene: SceneBuffers,
-    chunk: Option<ChunkBuffers>,
-    /// Where beams are cast in packets.
-    caster: Option<PacketCaster>,
+    casting: Casting,
+    work: Option<WorkBuffers>,
     memory: u64,
     times: StageTimes,
     /// Host twin of the reductions, where they run on the host.
-    worth: Option<Worth>,
+    worth: Option<Arc<Worth>>,
     /// Batches until the device is destroyed, for tests and drills.
     doomed: Option<u32>,
 }
@@ -76,23 +84,14 @@ impl GpuBackend {
             });
         }
         let casting = if device.is_software() { Casting::Packets } else { Casting::Tree };
-        let (scene, kernels, caster) = Self::prepare(&device, &problem, casting)?;
+        let scene = SceneBuffers::new(&device, &problem, casting)?;
+        let kernels = Kernels::new(scene.stack);
         let times = StageTimes::default();
         let worth = device
             .is_software()
-            .then(|| Worth::new(&Bricks::new(problem.roi()).content(problem.content())));
-        let (chunk, doomed) = (None, None);
-        Ok(Self { problem, device, kernels, scene, chunk, caster, memory, times, worth, doomed })
-    }
-
-    fn prepare(
-        device: &Device,
-        problem: &Problem,
-        casting: Casting,
-    ) -> Result<(SceneBuffers, Kernels, Option<PacketCaster>), BackendError> {
-        let scene = SceneBuffers::new(device, problem, casting)?;
-        let kernels = Kernels::new(scene.stack);
-        Ok((scene, kernels, (casting == Casting::Packets).then(PacketCaster::default)))
+            .then(|| Arc::new(Worth::new(&Bricks::new(problem.roi()).content(problem.content()))));
+        let (work, doomed) = (None, None);
+        Ok(Self { problem, device, kernels, scene, casting, work, memory, times, worth, doomed })
     }
 
     /// Whether the device is a program on the host, which the CPU backend outruns.
@@ -102,6 +101,7 @@ impl GpuBackend {
 
     /// Takes the sums on the device, whatever it is; to compare both ways.
     pub fn reduce_on_device(&mut self) {
+        self.renew();
         self.worth = None;
     }
 
@@ -110,9 +110,17 @@ impl GpuBackend {
     /// # Errors
     /// The device cannot hold what this way needs.
     pub fn cast_by(&mut self, casting: Casting) -> Result<(), BackendError> {
-        (self.scene, self.kernels, self.caster) =
-            Self::prepare(&self.device, &self.problem, casting)?;
+        self.renew();
+        self.scene = SceneBuffers::new(&self.device, &self.problem, casting)?;
+        self.kernels = Kernels::new(self.scene.stack);
+        self.casting = casting;
         Ok(())
+    }
+
+    /// Lets go of the work buffers.
+    fn renew(&mut self) {
+        self.kernels.unbind();
+        self.work = None;
     }
 
     /// Ends the device after so many more batches of placements, as a driver reset would; whatever is
@@ -130,40 +138,64 @@ impl GpuBackend {
         }
     }
 
-    /// Poses of all sensors in order.
-    fn poses(&self, placements: &[Placement]) -> Vec<DevicePose> {
-        let roi = self.problem.roi();
-        placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect()
-    }
-
-    /// Cuts a batch into chunks.
-    fn chunks(&self, placements: &[Placement]) -> Result<Vec<Chunk>, BackendError> {
+    /// Cuts a batch into chunks that are run so many times each, and makes room for them.
+    fn cut(&mut self, placements: &[Placement], times: usize) -> Result<Cut, BackendError> {
         let lidars: Vec<usize> = placements.iter().map(|p| p.lidars.len()).collect();
         let widest = lidars.iter().copied().max().unwrap_or(1);
-        let sizes = resources::Sizes::of(&self.problem);
+        let sizes = Sizes::of(&self.problem);
+        let chunks = split(&lidars, self.limits(placements, widest, &sizes)?);
+        let most = |of: fn(&Chunk) -> usize| chunks.iter().map(of).max().unwrap_or(0);
+        let sensors = most(|chunk| chunk.sensors.len());
+        let in_slice = match self.worth {
+            Some(_) => self.in_slice(widest, sizes.bitmap).min(sensors),
+            None => sensors,
+        };
+        let in_turn = chunks.len() * times > 1 || in_slice < sensors;
+        let placements = most(|chunk| chunk.placements.len());
+        let room = Room { sensors, placements, in_slice, in_turn };
+        if !self.work.as_ref().is_some_and(|work| work.hold(&room)) {
+            // The old buffers go first, so that both never exist at once.
+            self.renew();
+            let sums = self.worth.is_some();
+            self.work = Some(WorkBuffers::new(&self.device, &sizes, room, sums)?);
+        }
+        Ok(Cut { chunks, in_slice })
+    }
+
+    /// What bounds a chunk of a batch whose placements have at most `widest` sensors.
+    fn limits(
+        &self,
+        placements: &[Placement],
+        widest: usize,
+        sizes: &Sizes,
+    ) -> Result<ChunkLimits, BackendError> {
         let binding = self.device.max_binding();
         // Two slices in flight, on the device and, unless mapped, copied to the host.
         let slice = self.in_slice(widest, sizes.bitmap) as u64 * sizes.bitmap;
         let copies = if self.device.maps() { 1 } else { 2 };
-        let (bitmap, fixed) =
-            if self.worth.is_some() { (0, 2 * copies * slice) } else { (2 * sizes.bitmap, 0) };
+        // Sums of two jobs are copied to the host while those of a third are taken.
+        let sums = 3 * (sizes.partials + sizes.totals);
+        let (each, fixed) = match self.worth {
+            Some(_) => (0, 2 * copies * slice),
+            None => (2 * sizes.bitmap + sums, 0),
+        };
         let one = [("coverage bitmaps", sizes.bitmap, binding.min(self.memory))];
         ChunkLimits::from_bytes(widest, &one)?;
         let free = self.memory.saturating_sub(fixed);
         let directions = self.problem.table().directions().len();
-        let (packets, mixed) = match self.caster {
-            Some(_) if Plan::mixes(&self.poses(placements), &self.problem) => {
+        let (packets, mixed) = match self.casting {
+            Casting::Packets if Plan::mixes(&prepared::poses(&self.problem, placements), &self.problem) => {
                 (Plan::bytes(directions), Mixed::bytes(directions))
             }
-            Some(_) => (Plan::bytes(directions), 0),
-            None => (0, 0),
+            Casting::Packets => (Plan::bytes(directions), 0),
+            Casting::Tree => (0, 0),
         };
         let mut sensors = vec![
             ("hits", sizes.hits, binding),
             ("beams of mixed packets", mixed, binding),
-            ("work buffers", sizes.per_sensor() + bitmap + packets + mixed, free),
+            ("work buffers", sizes.per_sensor() + each + packets + mixed, free),
         ];
-        if bitmap > 0 {
+        if self.worth.is_none() {
             sensors.push(one[0]);
         }
         let mut limits = ChunkLimits::from_bytes(widest, &sensors)?;
@@ -172,7 +204,7 @@ impl GpuBackend {
             ("totals", sizes.totals, binding),
         ];
         limits.placements = ChunkLimits::from_bytes(1, &placements)?.sensors;
-        Ok(split(&lidars, limits))
+        Ok(limits)
     }
 
     /// Sensors whose bitmaps are made at a time, of placements of at most `widest`, where slices are
@@ -182,45 +214,41 @@ impl GpuBackend {
         widest.max((bytes / bitmap) as usize)
     }
 
-    /// Uploads a chunk's poses and placements.
-    fn load(&mut self, placements: &[Placement]) -> Result<(), BackendError> {
-        let poses = self.poses(placements);
-        if let Some(caster) = &mut self.caster {
-            let start = Instant::now();
-            caster.load(&self.device, &poses, &self.problem)?;
-            self.times.cast += start.elapsed();
-        }
-        let sizes = resources::Sizes::of(&self.problem);
-        let widest = placements.iter().map(|p| p.lidars.len()).max().unwrap_or(1);
-        let in_slice = if self.worth.is_some() {
-            self.in_slice(widest, sizes.bitmap).min(poses.len())
-        } else {
-            poses.len()
-        };
-        let fits =
-            self.chunk.as_ref().is_some_and(|c| c.holds(poses.len(), placements.len(), in_slice));
-        if !fits {
-            // The old buffers go first, so that both never exist at once.
-            self.chunk = None;
-            let (device, count) = (&self.device, placements.len());
-            self.chunk = Some(ChunkBuffers::new(device, &sizes, poses.len(), count, in_slice)?);
-        }
-        let lidars = placements.iter().map(|p| p.lidars.len() as u32);
-        let chunk = self.chunk.as_mut().expect("made above");
-        chunk.load(&self.device, &Bricks::new(self.problem.roi()), &poses, lidars, in_slice);
-        self.device.check("uploading placements")
-    }
-
-    fn run(&self) -> run::Run<'_> {
-        run::Run {
+    /// Runs a batch in some frames; `take` is told what [`Flow::batch`] tells.
+    fn run(
+        &mut self,
+        placements: &[Placement],
+        frames: &[usize],
+        range: f32,
+        sums: bool,
+        take: impl FnMut(&Prepared, usize, Made<'_>),
+    ) -> Result<StageTimes, BackendError> {
+        let Cut { chunks, in_slice } = self.cut(placements, frames.len())?;
+        let in_packets = self.casting == Casting::Packets;
+        let flow = Flow {
             problem: &self.problem,
             device: &self.device,
             kernels: &self.kernels,
             scene: &self.scene,
-            chunk: self.chunk.as_ref().expect("a chunk is loaded before it runs"),
-            caster: self.caster.as_ref(),
+            work: self.work.as_mut().expect("made with the cut"),
+            range,
+            sums,
+        };
+        let prepare =
+            |chunk: &Chunk| Prepared::new(&self.problem, placements, chunk, in_slice, in_packets);
+        let times = flow.batch(&chunks, prepare, frames, take);
+        if times.is_err() {
+            // Some may still be mapped.
+            self.renew();
         }
+        times
     }
+}
+
+/// A batch in chunks, and the sensors whose bitmaps are made at a time.
+struct Cut {
+    chunks: Vec<Chunk>,
+    in_slice: usize,
 }
 
 impl Backend for GpuBackend {
@@ -234,42 +262,14 @@ impl Backend for GpuBackend {
 
     fn tally(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Tally>, BackendError> {
         self.count_down();
-        let mut tallies = Vec::with_capacity(placements.len());
-        let classes = self.problem.content().classes().len();
-        for chunk in self.chunks(placements)? {
-            let placements = &placements[chunk.placements];
-            self.load(placements)?;
-            let mut sums: Vec<Tally> =
-                placements.iter().map(|p| Tally::zero(classes, p.lidars.len())).collect();
-            for (frame, weight) in self.problem.distinct_frames() {
-                let zero = |p: &Placement| Tally::zero(classes, p.lidars.len());
-                let mut of_frame: Vec<Tally> = placements.iter().map(zero).collect();
-                let mut times = self.times;
-                let run = self.run();
-                let start = Instant::now();
-                let hits = run.cast(frame, range)?;
-                times.cast += start.elapsed();
-                let start = Instant::now();
-                if let Some(worth) = &self.worth {
-                    let sums =
-                        run.cover_and_reduce_on_host(frame, range, worth, &hits, &mut of_frame)?;
-                    times.cover += start.elapsed().saturating_sub(sums);
-                    times.reduce += sums;
-                } else {
-                    run.cover_all(frame, range)?;
-                    times.cover += start.elapsed();
-                    let start = Instant::now();
-                    run.reduce(&hits, &mut of_frame)?;
-                    times.reduce += start.elapsed();
-                }
-                for (sum, of_frame) in sums.iter_mut().zip(&of_frame) {
-                    sum.add_times(of_frame, weight);
-                }
-                self.times = times;
-            }
-            tallies.append(&mut sums);
-        }
-        Ok(tallies)
+        let (frames, weights): (Vec<usize>, Vec<u64>) =
+            self.problem.distinct_frames().into_iter().unzip();
+        let on_device = self.worth.is_none();
+        let mut sums = Sums::new(&self.problem, self.worth.clone(), weights, placements);
+        let take = |chunk: &Prepared, turn: usize, made: Made<'_>| sums.add(chunk, turn, made);
+        let times = self.run(placements, &frames, range, on_device, take)?;
+        self.times += times;
+        Ok(sums.tallies)
     }
 
     fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
@@ -278,42 +278,53 @@ impl Backend for GpuBackend {
             return Err(BackendError::NoFrame { frame, frames });
         }
         let placements = one_by_one(poses);
-        let range = self.problem.table().range();
+        let Cut { chunks, in_slice } = self.cut(&placements, 1)?;
+        let in_packets = self.casting == Casting::Packets;
         let mut hits = Vec::new();
-        for chunk in self.chunks(&placements)? {
-            self.load(&placements[chunk.placements])?;
+        for chunk in chunks {
             let start = Instant::now();
-            let run = self.run();
-            run.cast_geometry(frame, range)?;
-            hits.append(&mut run.read_hits()?);
+            let mut chunk = Prepared::new(&self.problem, &placements, &chunk, in_slice, in_packets);
+            let work = self.work.as_mut().expect("made with the cut");
+            work.upload_packets(&self.device, &self.kernels, &mut chunk)?;
+            work.upload(&self.device, &chunk)?;
+            let run = Run {
+                problem: &self.problem,
+                device: &self.device,
+                kernels: &self.kernels,
+                scene: &self.scene,
+                work,
+                range: self.problem.table().range(),
+            };
+            let cast = run.cast(&chunk, frame)?;
+            run.settle(&chunk, frame, cast)?;
+            hits.append(&mut run.read_hits(&chunk)?);
             self.times.cast += start.elapsed();
         }
         Ok(hits)
     }
 
     fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {
-        self.problem.check_frame(frame)?;
-        let placements = std::slice::from_ref(placement);
-        let range = self.problem.table().range();
-        self.chunks(placements)?;
-        self.load(placements)?;
-        let run = self.run();
-        run.cast(frame, range)?;
-        let bitmaps = run.bitmaps(frame, range)?;
+        let bitmaps = self.bitmaps(&placement.lidars, frame)?;
         Ok(union_of(&bitmaps, bitmap_words(self.problem.roi())))
     }
 
     fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError> {
         self.problem.check_frame(frame)?;
-        let placements = one_by_one(poses);
-        let range = self.problem.table().range();
-        let mut bitmaps = Vec::new();
-        for chunk in self.chunks(&placements)? {
-            self.load(&placements[chunk.placements])?;
-            let run = self.run();
-            run.cast(frame, range)?;
-            bitmaps.append(&mut run.bitmaps(frame, range)?);
-        }
+        let problem = self.problem.clone();
+        let bricks = Bricks::new(problem.roi());
+        let (words, linear) = (bricks.words() as usize, bitmap_words(problem.roi()));
+        let mut bitmaps = vec![0; poses.len() * linear];
+        let range = problem.table().range();
+        self.run(&one_by_one(poses), &[frame], range, false, |chunk, _, made| {
+            // A placement is a sensor.
+            if let Made::Bitmaps(slice, made) = made {
+                let first = (chunk.batch.start + slice.first_sensor as usize) * linear;
+                bitmaps[first..]
+                    .par_chunks_mut(linear)
+                    .zip(made.par_chunks(words))
+                    .for_each(|(linear, made)| bricks.add_in_order(made, linear));
+            }
+        })?;
         Ok(bitmaps)
     }
 

@@ -1,10 +1,12 @@
-use std::ops::Range;
+use std::cell::Cell;
 
 use super::bricks::Bricks;
-use super::casting::Casting;
+use super::casting::{Casting, PacketBuffers};
 use super::device::Device;
+use super::kernels::Kernels;
+use super::prepared::Prepared;
 use crate::backend::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, STEP_BUDGET, TREE_ROW, Uniforms};
-use crate::backend::{BackendError, ChunkLimits, DevicePose, Problem, split};
+use crate::backend::{BackendError, DevicePose, Problem};
 use crate::bvh::{Bvh, Hit, Quads, QuantizedNode};
 
 /// Bytes that the buffers of a chunk need.
@@ -137,22 +139,24 @@ fn class_runs(starts: &[u32]) -> Vec<[u32; 4]> {
     runs
 }
 
-/// Placements of a chunk whose bitmaps are made at a time.
-pub(super) struct Slice {
-    pub(super) placements: Range<usize>,
-    pub(super) first_sensor: u32,
-    pub(super) sensors: u32,
-    /// Whether all beams go from brick to brick, or some voxel by voxel.
-    pub(super) in_bricks: bool,
+/// What work buffers have room for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Room {
+    pub(super) sensors: usize,
+    pub(super) placements: usize,
+    /// Sensors whose bitmaps are made at a time.
+    pub(super) in_slice: usize,
+    /// Whether the host reads bitmaps where they lie while the next are made.
+    pub(super) in_turn: bool,
 }
 
-/// Work buffers of one chunk.
-pub(super) struct ChunkBuffers {
-    capacity: [usize; 3],
-    pub(super) slices: Vec<Slice>,
-    pub(super) sensors: u32,
-    pub(super) placements: Vec<[u32; 2]>,
+/// Work buffers of one chunk. The device runs what it is handed one after the other, so that one chunk's
+/// may be written while another's commands wait: what the host reads of it was copied before.
+pub(super) struct WorkBuffers {
+    room: Room,
     pub(super) uniforms: wgpu::Buffer,
+    /// What they hold.
+    pub(super) written: Cell<Option<Uniforms>>,
     pub(super) poses: wgpu::Buffer,
     pub(super) hits: wgpu::Buffer,
     pub(super) counters: wgpu::Buffer,
@@ -162,77 +166,72 @@ pub(super) struct ChunkBuffers {
     pub(super) placement_sensors: wgpu::Buffer,
     pub(super) totals: wgpu::Buffer,
     pub(super) partials: wgpu::Buffer,
+    pub(super) packets: PacketBuffers,
 }
 
-impl ChunkBuffers {
+impl WorkBuffers {
+    /// The host reads bitmaps where they lie if it `sums` them and the device allows that.
     pub(super) fn new(
         device: &Device,
         sizes: &Sizes,
-        sensors: usize,
-        placements: usize,
-        in_slice: usize,
+        room: Room,
+        sums: bool,
     ) -> Result<Self, BackendError> {
+        let Room { sensors, placements, in_slice, in_turn } = room;
         let (s, p) = (sensors as u64, placements as u64);
         let usage = wgpu::BufferUsages::STORAGE
             | wgpu::BufferUsages::COPY_DST
             | wgpu::BufferUsages::COPY_SRC;
         let buffer = |what, bytes| device.buffer(what, bytes, usage);
-        let mapped = if device.maps() { usage | wgpu::BufferUsages::MAP_READ } else { usage };
+        let mapped = sums && device.maps();
+        let for_bitmaps = if mapped { usage | wgpu::BufferUsages::MAP_READ } else { usage };
         let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let bitmaps = in_slice as u64 * sizes.bitmap;
         Ok(Self {
-            capacity: [sensors, placements, in_slice],
-            slices: Vec::new(),
-            sensors: 0,
-            placements: Vec::new(),
+            room,
             uniforms: device.buffer("uniforms", size_of::<Uniforms>() as u64, uniform)?,
+            written: Cell::new(None),
             poses: buffer("poses", s * size_of::<DevicePose>() as u64)?,
             hits: buffer("hits", s * sizes.hits)?,
             counters: buffer("hit counters", 4 * (1 + s))?,
-            bitmaps: (0..if in_slice < sensors { 2 } else { 1 })
-                .map(|_| device.buffer("coverage bitmaps", in_slice as u64 * sizes.bitmap, mapped))
+            bitmaps: (0..if in_turn && mapped { 2 } else { 1 })
+                .map(|_| device.buffer("coverage bitmaps", bitmaps, for_bitmaps))
                 .collect::<Result<_, BackendError>>()?,
             walk_state: buffer("walk states", s * sizes.walk_state)?,
             placement_sensors: buffer("placements", 8 * p)?,
             totals: buffer("totals", p * sizes.totals)?,
             partials: buffer("partial sums", p * sizes.partials)?,
+            packets: PacketBuffers::default(),
         })
     }
 
-    pub(super) fn holds(&self, sensors: usize, placements: usize, in_slice: usize) -> bool {
-        let need = [sensors, placements, in_slice];
-        // A slice that is mapped must not be the one that is made.
-        let in_turn = in_slice >= sensors || self.bitmaps.len() > 1;
-        in_turn && need.iter().zip(self.capacity).all(|(&need, held)| need <= held)
+    pub(super) fn hold(&self, room: &Room) -> bool {
+        let [need, held] = [room, &self.room].map(|r| [r.sensors, r.placements, r.in_slice]);
+        self.room.in_turn >= room.in_turn && need.iter().zip(held).all(|(&need, held)| need <= held)
     }
 
-    pub(super) fn load(
+    /// Uploads a chunk's packets, for all that is cast from now on.
+    pub(super) fn upload_packets(
         &mut self,
         device: &Device,
-        bricks: &Bricks,
-        poses: &[DevicePose],
-        lidars: impl Iterator<Item = u32>,
-        in_slice: usize,
-    ) {
-        self.sensors = poses.len() as u32;
-        self.placements = lidars
-            .scan(0, |first, count| {
-                let entry = [*first, count];
-                *first += count;
-                Some(entry)
-            })
-            .collect();
-        let lidars: Vec<usize> = self.placements.iter().map(|[_, count]| *count as usize).collect();
-        let limits = ChunkLimits { sensors: in_slice, placements: usize::MAX };
-        self.slices = split(&lidars, limits)
-            .into_iter()
-            .map(|chunk| Slice {
-                placements: chunk.placements,
-                first_sensor: chunk.sensors.start as u32,
-                sensors: chunk.sensors.len() as u32,
-                in_bricks: poses[chunk.sensors].iter().all(|pose| bricks.lead_from(pose)),
-            })
-            .collect();
-        device.write(&self.poses, poses);
-        device.write(&self.placement_sensors, &self.placements);
+        kernels: &Kernels,
+        chunk: &mut Prepared,
+    ) -> Result<(), BackendError> {
+        if let Some(packing) = &mut chunk.packing {
+            if !self.packets.hold(packing) {
+                device.idle("casting")?;
+                kernels.unbind();
+                self.packets.grow(device, packing)?;
+            }
+            self.packets.upload(device, packing);
+        }
+        device.check("uploading packets")
+    }
+
+    /// Uploads the rest of a chunk, for all that is handed to the device from now on.
+    pub(super) fn upload(&self, device: &Device, chunk: &Prepared) -> Result<(), BackendError> {
+        device.write(&self.poses, &chunk.poses);
+        device.write(&self.placement_sensors, &chunk.placements);
+        device.check("uploading placements")
     }
 }
