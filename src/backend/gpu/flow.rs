@@ -12,8 +12,8 @@ use crate::backend::{BackendError, Chunk, Problem, StageTimes};
 /// A batch on its way through the device, job after job: a chunk in a frame each.
 ///
 /// While the device casts a job, the host takes up what was made of the one before, and puts the next
-/// chunk together. The next job is handed over once the beams of this one have ended, and what they
-/// cover is being marked: until then the host may have to cast some of them.
+/// chunk together. The covering is handed over once the beams have ended, since the host may have to cast
+/// some of them, and the next casting right behind it.
 pub(super) struct Flow<'a> {
     pub(super) problem: &'a Problem,
     pub(super) device: &'a Device,
@@ -47,8 +47,6 @@ struct Job {
 struct Step {
     job: Job,
     slice: usize,
-    /// Number of the step, which tells whose turn the bitmaps are.
-    number: usize,
     /// End of the covering, where more follows.
     covered: Option<wgpu::SubmissionIndex>,
     made: Reading,
@@ -90,9 +88,12 @@ impl Flow<'_> {
             let chunk = Rc::new(chunk);
             for (turn, &frame) in frames.iter().enumerate() {
                 let job = Job { chunk: chunk.clone(), frame, turn };
-                let mut cast = self.cast(&job)?;
-                // Before more is handed over: some software devices take that only once this is done.
-                clock.lap(|times| &mut times.cast);
+                let cast = self.cast(&job)?;
+                // Some software devices take more only once the last is done.
+                match last {
+                    Some(_) => clock.lap(|times| &mut times.cover),
+                    None => clock.lap(|times| &mut times.cast),
+                }
                 if cast.is_some()
                     && let Some(last) = last.take()
                 {
@@ -102,18 +103,18 @@ impl Flow<'_> {
                     // Nothing more is cast with the packets of this chunk.
                     next = self.ready(rest.next().map(&prepare))?;
                 }
+                if let Some(cast) = cast {
+                    let hits = self.run().settle(&job.chunk, job.frame, cast)?;
+                    take(&job.chunk, job.turn, Made::Hits(&hits));
+                }
+                clock.lap(|times| &mut times.cast);
                 for slice in 0..chunk.slices.len() {
-                    let mut step = self.cover(&job, slice, number)?;
+                    let step = self.cover(&job, slice, number)?;
                     number += 1;
-                    clock.lap(|times| &mut times.cast);
-                    if let Some(last) = last.take() {
+                    clock.lap(|times| &mut times.cover);
+                    if let Some(last) = last.replace(step) {
                         self.finish(last, &mut clock, &mut take)?;
                     }
-                    if let Some(cast) = cast.take() {
-                        step = self.settle(step, cast, &mut take)?;
-                    }
-                    clock.lap(|times| &mut times.cast);
-                    last = Some(step);
                 }
             }
         }
@@ -152,25 +153,7 @@ impl Flow<'_> {
         } else {
             (None, run.cover(part, job.frame, number)?)
         };
-        Ok(Step { job: job.clone(), slice, number, covered, made })
-    }
-
-    /// Waits for the hits of a job whose first step was handed over; that step, once more if it went by
-    /// hits that were not all known.
-    fn settle(
-        &self,
-        step: Step,
-        cast: Reading,
-        take: &mut impl FnMut(&Prepared, usize, Made<'_>),
-    ) -> Result<Step, BackendError> {
-        let Job { chunk, frame, turn } = &step.job;
-        let (hits, late) = self.run().settle(chunk, *frame, cast)?;
-        take(chunk, *turn, Made::Hits(&hits));
-        if !late {
-            return Ok(step);
-        }
-        self.device.finish(step.made, |_| ())?;
-        self.cover(&step.job, step.slice, step.number)
+        Ok(Step { job: job.clone(), slice, covered, made })
     }
 
     /// Waits for a step and takes up what it made.

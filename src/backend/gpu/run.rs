@@ -110,14 +110,13 @@ impl Run<'_> {
         }
     }
 
-    /// Waits for the hits of each sensor; whether some beams had to be cast by the host, so that what
-    /// was handed over since [`Self::cast`] is void.
+    /// Waits for the hits of each sensor, and casts the beams that the kernel left.
     pub(super) fn settle(
         &self,
         chunk: &Prepared,
         frame: usize,
         cast: Reading,
-    ) -> Result<(Vec<u32>, bool), BackendError> {
+    ) -> Result<Vec<u32>, BackendError> {
         let read = |parts: &[&[u8]]| match &chunk.packing {
             Some(packing) => packing.read(parts[0], parts[1]),
             None => (bytemuck::pod_collect_to_vec(parts[0]), Vec::new()),
@@ -129,7 +128,7 @@ impl Run<'_> {
         if !left.is_empty() {
             self.finish_on_the_host(chunk, frame, &left, &mut hits);
         }
-        Ok((hits, !left.is_empty()))
+        Ok(hits)
     }
 
     /// The beams of the chunk that ran out of steps.
