@@ -126,6 +126,7 @@ fn main() {
         let rows = args.rows.iter().map(|name| match name.as_str() {
             "tree" => row("GPU, beam by beam", gpu(Casting::Tree)),
             "packets" => row("GPU, in packets", gpu(Casting::Packets)),
+            "sifted" => row("GPU, sifted", gpu(Casting::Sifted)),
             _ => row("CPU", Box::new(CpuBackend::new(problem.clone(), memory))),
         });
         let mut rows: Vec<Row> = rows.collect();

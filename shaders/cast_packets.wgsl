@@ -6,19 +6,27 @@
 //            none), origins (x, y and z of each four), tree
 // Writes     hits[sensors × direction_count] of the sensors in slots; marks[packets]: which beams hit,
 //            and which are left to the host (their prim is UNFINISHED)
+// Constants  BEAMS_SIFTED: a triangle is tested for those beams only that may hit it, which its edges tell;
+//            for scenes whose triangles are smaller than a packet is wide
 // Dispatch   (packets of sensors, ceil(direction_count / WORKGROUP_SIZE))
 // Numerics   that of cast_closest; beams that pass beside a box through rounding are UNFINISHED
 
 const BEAMS_SPREAD: bool = false;
+const SIFTS: bool = BEAMS_SIFTED;
 
-struct Four {
-    // Origins, turned so that the major axis is the last.
-    x: vec4<f32>,
-    y: vec4<f32>,
-    z: vec4<f32>,
-    t: vec4<f32>,
-    prim: vec4<u32>,
-}
+const RAYS: u32 = 4u * PACKET_FOURS;
+
+// The packet, a number a beam: origins, turned so that the major axis is the last; where beams cross the
+// plane of the bounds, from the middle of all; best hits, and how far it is to them from that plane. Only
+// sifted beams are looked up by their index.
+var<private> origin_x: array<f32, RAYS>;
+var<private> origin_y: array<f32, RAYS>;
+var<private> origin_z: array<f32, RAYS>;
+var<private> cross_x: array<f32, RAYS>;
+var<private> cross_y: array<f32, RAYS>;
+var<private> best_t: array<f32, RAYS>;
+var<private> best_prim: array<u32, RAYS>;
+var<private> reach: array<f32, RAYS>;
 
 struct Way {
     direction: vec3<f32>,
@@ -36,7 +44,7 @@ struct Way {
 @group(0) @binding(5) var<storage, read> origins: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> hits: array<Hit>;
 @group(0) @binding(7) var<storage, read_write> marks: array<vec4<u32>>;
-@group(0) @binding(8) var tree: texture_2d<f32>;
+@group(0) @binding(8) var tree: texture_2d<u32>;
 
 fn new_way(direction: vec3<f32>) -> Way {
     let major = major_axis(direction);
@@ -45,24 +53,44 @@ fn new_way(direction: vec3<f32>) -> Way {
     return Way(direction, major, inverse, vec2(d.x / d.z, d.y / d.z));
 }
 
-fn new_four(at: u32, major: u32) -> Four {
+fn load_four(k: u32, at: u32, major: u32) {
     let x = origins[3u * at];
     let y = origins[3u * at + 1u];
     let z = origins[3u * at + 2u];
     let first = major == 0u;
     let second = major == 1u;
     let third = major == 2u;
-    return Four(
-        select(x, y, first),
-        select(z, y, third),
-        select(select(z, y, second), x, first),
-        vec4(uniforms.range),
-        vec4(NO_HIT),
-    );
+    let turned_x = select(x, y, first);
+    let turned_y = select(z, y, third);
+    let turned_z = select(select(z, y, second), x, first);
+    for (var lane = 0u; lane < 4u; lane++) {
+        origin_x[4u * k + lane] = turned_x[lane];
+        origin_y[4u * k + lane] = turned_y[lane];
+        origin_z[4u * k + lane] = turned_z[lane];
+        best_t[4u * k + lane] = uniforms.range;
+        best_prim[4u * k + lane] = NO_HIT;
+    }
 }
 
-// Four beams after one triangle (Woop, Benthin, Wald 2013).
-fn intersect(four: Four, way: Way, triangle: Triangle) -> Four {
+fn four_of(numbers: ptr<private, array<f32, RAYS>>, k: u32) -> vec4<f32> {
+    let at = 4u * k;
+    return vec4((*numbers)[at], (*numbers)[at + 1u], (*numbers)[at + 2u], (*numbers)[at + 3u]);
+}
+
+// A triangle as all beams of a packet see it, turned as the beams.
+struct Seen {
+    a: vec3<f32>,
+    b: vec3<f32>,
+    c: vec3<f32>,
+    // The corners of its box that are met first and last.
+    near: vec3<f32>,
+    far: vec3<f32>,
+    normal: vec3<f32>,
+    towards: f32,
+    prim: u32,
+}
+
+fn new_seen(triangle: Triangle, way: Way) -> Seen {
     let a = permute(triangle.a, way.major);
     let b = permute(triangle.b, way.major);
     let c = permute(triangle.c, way.major);
@@ -74,50 +102,114 @@ fn intersect(four: Four, way: Way, triangle: Triangle) -> Four {
     let towards = dot_in_order(triangle.normal, way.direction);
     // No hit is ahead of beams along the plane: all heights become zero.
     let normal = permute(select(triangle.normal, vec3(0.0), towards == 0.0), way.major);
+    return Seen(a, b, c, near, far, normal, select(towards, 1.0, towards == 0.0), triangle.prim);
+}
 
-    let dx = a.x - four.x;
-    let dy = a.y - four.y;
-    let az = a.z - four.z;
-    let bz = b.z - four.z;
-    let cz = c.z - four.z;
+fn lower(a: f32, b: f32) -> f32 {
+    return select(b, a, a < b);
+}
+
+fn higher(a: f32, b: f32) -> f32 {
+    return select(b, a, a > b);
+}
+
+// Tests one beam of the packet after one triangle (Woop, Benthin, Wald 2013).
+fn intersect(beam: u32, way: Way, plane: f32, seen: Seen) {
+    let x = origin_x[beam];
+    let y = origin_y[beam];
+    let z = origin_z[beam];
+    let old_t = best_t[beam];
+    let old_prim = best_prim[beam];
+    let dx = seen.a.x - x;
+    let dy = seen.a.y - y;
+    let az = seen.a.z - z;
+    let bz = seen.b.z - z;
+    let cz = seen.c.z - z;
     let ax = dx - way.shear.x * az;
     let ay = dy - way.shear.y * az;
-    let bx = (b.x - four.x) - way.shear.x * bz;
-    let by = (b.y - four.y) - way.shear.y * bz;
-    let cx = (c.x - four.x) - way.shear.x * cz;
-    let cy = (c.y - four.y) - way.shear.y * cz;
+    let bx = (seen.b.x - x) - way.shear.x * bz;
+    let by = (seen.b.y - y) - way.shear.y * bz;
+    let cx = (seen.c.x - x) - way.shear.x * cz;
+    let cy = (seen.c.y - y) - way.shear.y * cz;
     let u = cx * by - cy * bx;
     let v = ax * cy - ay * cx;
     let w = bx * ay - by * ax;
-    let zero = vec4(0.0);
     // On one side of all edges; on both only where all three are zero.
-    let inside = (least(least(u, v), w) >= zero) != (most(most(u, v), w) <= zero);
+    let inside = (lower(lower(u, v), w) >= 0.0) != (higher(higher(u, v), w) <= 0.0);
 
-    let enter = most(
-        most((near.x - four.x) * way.inverse.x, (near.y - four.y) * way.inverse.y),
-        most((near.z - four.z) * way.inverse.z, zero),
+    let enter = higher(
+        higher((seen.near.x - x) * way.inverse.x, (seen.near.y - y) * way.inverse.y),
+        higher((seen.near.z - z) * way.inverse.z, 0.0),
     );
-    let leave = least(
-        least((far.x - four.x) * way.inverse.x, (far.y - four.y) * way.inverse.y),
-        (far.z - four.z) * way.inverse.z,
+    let leave = lower(
+        lower((seen.far.x - x) * way.inverse.x, (seen.far.y - y) * way.inverse.y),
+        (seen.far.z - z) * way.inverse.z,
     );
-    let height = sum_in_order(normal.x * dx, normal.y * dy, normal.z * az, way.major);
-    let quotient = height / select(towards, 1.0, towards == 0.0);
-    let t = least(most(quotient, enter), leave);
-    let closer = (t < four.t) | ((t == four.t) & (vec4(triangle.prim) < four.prim));
-    let ahead = inside & (quotient > zero);
+    // Added in the order of the axes as they were before.
+    let across = seen.normal.y * dy;
+    let ahead_of = seen.normal.z * az;
+    let upright = way.major == 2u;
+    let height =
+        seen.normal.x * dx + select(ahead_of, across, upright) + select(across, ahead_of, upright);
+    let quotient = height / seen.towards;
+    let t = lower(higher(quotient, enter), leave);
+    let closer = (t < old_t) | ((t == old_t) & (seen.prim < old_prim));
+    let ahead = inside & (quotient > 0.0);
     // The host decides what passes beside the bare box: that of a padded one costs a fifth of this.
     let beside = ahead & (enter > leave);
-    let is_hit = ahead & (t > zero) & closer;
-    let best_t = select(four.t, t, is_hit);
-    let best_prim = select(four.prim, vec4(triangle.prim), is_hit);
-    return Four(
-        four.x,
-        four.y,
-        four.z,
-        select(best_t, vec4(-1.0), beside),
-        select(best_prim, vec4(UNFINISHED), beside),
-    );
+    let is_hit = ahead & (t > 0.0) & closer;
+    let new_t = select(select(old_t, t, is_hit), -1.0, beside);
+    best_t[beam] = new_t;
+    best_prim[beam] = select(select(old_prim, seen.prim, is_hit), UNFINISHED, beside);
+    reach[beam] = new_t - (plane - z) * way.inverse.z;
+}
+
+// Three lines on the plane of the bounds, on one side of which all beams cross it that may hit a triangle:
+// start + along_x · x + along_y · y is not negative.
+struct Sieve {
+    start: vec3<f32>,
+    along_x: vec3<f32>,
+    along_y: vec3<f32>,
+}
+
+// The sieve of a triangle. All that is rounded on the way to an edge function, here and in `intersect`,
+// moves a corner by less than fourteen units in the last place of the largest coordinate, and the products
+// add no more than as much again: twice sixteen are allowed for.
+fn new_sieve(bounds: Bounds, largest: f32, seen: Seen) -> Sieve {
+    let a = seen.a.xy - bounds.middle - bounds.shear * (seen.a.z - bounds.plane);
+    let b = seen.b.xy - bounds.middle - bounds.shear * (seen.b.z - bounds.plane);
+    let c = seen.c.xy - bounds.middle - bounds.shear * (seen.c.z - bounds.plane);
+    let reach = max(abs(seen.near), abs(seen.far));
+    let off = PAD_SHARE * (max(max(reach.x, reach.y), reach.z) + largest);
+    let size = abs(a) + abs(b) + abs(c) + bounds.half;
+    let error = 2.0 * off * (size.x + size.y);
+    let edges = vec3(a.x * b.y - a.y * b.x, b.x * c.y - b.y * c.x, c.x * a.y - c.y * a.x);
+    let area = edges.x + edges.y + edges.z;
+    let sign = select(1.0, -1.0, area < 0.0);
+    var start = sign * edges + error;
+    var along_x = sign * vec3(a.y - b.y, b.y - c.y, c.y - a.y);
+    var along_y = sign * vec3(b.x - a.x, c.x - b.x, a.x - c.x);
+    // Seen edge-on, it lies between both sides of its box along the axis where that is narrower.
+    if abs(area) <= 4.0 * error {
+        let low = min(min(a, b), c) - 2.0 * off;
+        let high = max(max(a, b), c) + 2.0 * off;
+        let upright = high.x - low.x < high.y - low.y;
+        start = select(vec3(-low.y, high.y, -low.x), vec3(-low.x, high.x, -low.y), upright);
+        along_x = select(vec3(0.0, 0.0, 1.0), vec3(1.0, -1.0, 0.0), upright);
+        along_y = select(vec3(1.0, -1.0, 0.0), vec3(0.0, 0.0, 1.0), upright);
+    }
+    return Sieve(start, along_x, along_y);
+}
+
+// Which of four beams pass through the sieve and go at least so far.
+fn passes(k: u32, sieve: Sieve, nearest: f32) -> vec4<bool> {
+    let x = four_of(&cross_x, k);
+    let y = four_of(&cross_y, k);
+    let u = sieve.start.x + sieve.along_x.x * x + sieve.along_y.x * y;
+    let v = sieve.start.y + sieve.along_x.y * x + sieve.along_y.y * y;
+    let w = sieve.start.z + sieve.along_x.z * x + sieve.along_y.z * y;
+    let zero = vec4(0.0);
+    return (u >= zero) & (v >= zero) & (w >= zero) & (four_of(&reach, k) >= vec4(nearest));
 }
 
 @compute @workgroup_size(WORKGROUP_SIZE)
@@ -133,13 +225,12 @@ fn cast_packets(
     }
     let first = block.x + group.x * PACKET_FOURS;
     let way = new_way(beam_direction(poses[slots[first].x], directions[beam].xyz));
-    var fours: array<Four, PACKET_FOURS>;
     var low = vec4(UNBOUNDED);
     var high = vec4(-UNBOUNDED);
     for (var k = 0u; k < PACKET_FOURS; k++) {
-        fours[k] = new_four(first + k, way.major);
-        low = least(low, fours[k].z);
-        high = most(high, fours[k].z);
+        load_four(k, first + k, way.major);
+        low = least(low, four_of(&origin_z, k));
+        high = most(high, four_of(&origin_z, k));
     }
     // Hits lie a row apart from sensor to sensor. Loads bring their cache lines at the same time, each lane
     // those of other sensors; stores would wait for one line after the other.
@@ -158,9 +249,9 @@ fn cast_packets(
     var low_shift = vec4(UNBOUNDED);
     var high_shift = vec4(-UNBOUNDED);
     for (var k = 0u; k < PACKET_FOURS; k++) {
-        let before = plane - fours[k].z;
-        let x = fours[k].x + way.shear.x * before;
-        let y = fours[k].y + way.shear.y * before;
+        let before = plane - four_of(&origin_z, k);
+        let x = four_of(&origin_x, k) + way.shear.x * before;
+        let y = four_of(&origin_y, k) + way.shear.y * before;
         let shift = before * way.inverse.z;
         low_x = least(low_x, x);
         high_x = most(high_x, x);
@@ -181,15 +272,54 @@ fn cast_packets(
         way.inverse,
         shift,
     );
+    for (var k = 0u; k < PACKET_FOURS; k++) {
+        let before = plane - four_of(&origin_z, k);
+        let x = four_of(&origin_x, k) + way.shear.x * before - bounds.middle.x;
+        let y = four_of(&origin_y, k) + way.shear.y * before - bounds.middle.y;
+        for (var lane = 0u; lane < 4u; lane++) {
+            cross_x[4u * k + lane] = x[lane];
+            cross_y[4u * k + lane] = y[lane];
+            reach[4u * k + lane] = uniforms.range - before[lane] * way.inverse.z;
+        }
+    }
+    let sides = abs(bounds.middle) + bounds.half;
+    let largest = max(sides.x, sides.y) + abs(plane) + max(abs(shift.x), abs(shift.y));
     var farthest = uniforms.range - shift.x + bounds.slack;
     var triangle: Triangle;
     while next_triangle(bounds, farthest, &triangle) {
-        var reach = vec4(-UNBOUNDED);
-        for (var k = 0u; k < PACKET_FOURS; k++) {
-            fours[k] = intersect(fours[k], way, triangle);
-            reach = most(reach, fours[k].t - (plane - fours[k].z) * way.inverse.z);
+        let seen = new_seen(triangle, way);
+        if BEAMS_SIFTED {
+            let sieve = new_sieve(bounds, largest, seen);
+            let corners = (vec3(seen.a.z, seen.b.z, seen.c.z) - bounds.near_plane) * way.inverse.z;
+            let nearest = min(min(corners.x, corners.y), corners.z) - bounds.slack;
+            var may = vec2(0u);
+            for (var k = 0u; k < PACKET_FOURS; k++) {
+                may |= marks_of(passes(k, sieve, nearest), k);
+            }
+            loop {
+                if (may.x | may.y) == 0u {
+                    break;
+                }
+                steps++;
+                let in_first = may.x != 0u;
+                let word = select(may.y, may.x, in_first);
+                let rest = word & (word - 1u);
+                may = select(vec2(0u, rest), vec2(rest, may.y), in_first);
+                intersect(firstTrailingBit(word) + select(32u, 0u, in_first), way, plane, seen);
+            }
+        } else {
+            for (var k = 0u; k < PACKET_FOURS; k++) {
+                intersect(4u * k, way, plane, seen);
+                intersect(4u * k + 1u, way, plane, seen);
+                intersect(4u * k + 2u, way, plane, seen);
+                intersect(4u * k + 3u, way, plane, seen);
+            }
         }
-        farthest = most_of(reach) + bounds.slack;
+        var reaches = vec4(-UNBOUNDED);
+        for (var k = 0u; k < PACKET_FOURS; k++) {
+            reaches = most(reaches, four_of(&reach, k));
+        }
+        farthest = most_of(reaches) + bounds.slack;
     }
     // No walk is under way: this adds nothing, which no compiler knows.
     steps += loaded * uniforms.walk_pass;
@@ -198,8 +328,15 @@ fn cast_packets(
     for (var k = 0u; k < PACKET_FOURS; k++) {
         let at = slots[first + k];
         let none = at == vec4(NO_SLOT);
-        let prim = select(fours[k].prim, vec4(UNFINISHED), out_of_steps);
-        store(select(at * uniforms.direction_count + beam, at, none), fours[k].t, prim);
+        let best = vec4(
+            best_prim[4u * k],
+            best_prim[4u * k + 1u],
+            best_prim[4u * k + 2u],
+            best_prim[4u * k + 3u],
+        );
+        let prim = select(best, vec4(UNFINISHED), out_of_steps);
+        let t = four_of(&best_t, k);
+        store(select(at * uniforms.direction_count + beam, at, none), t, prim);
         let left = (prim == vec4(UNFINISHED)) & !none;
         mark |= vec4(marks_of(prim < vec4(UNFINISHED), k), marks_of(left, k));
     }

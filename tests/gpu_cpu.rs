@@ -44,7 +44,7 @@ fn hits_coverage_and_tallies_are_the_same_bits() {
         let mut by_kernels = crate::common::gpu(&problem);
         by_kernels.reduce_on_device();
         assert_eq!(tallies, by_kernels.tally(&placements, range).unwrap());
-        for casting in [Casting::Tree, Casting::Packets] {
+        for casting in [Casting::Tree, Casting::Packets, Casting::Sifted] {
             let mut told = gpu_that_casts_by(&problem, casting);
             assert_eq!(tallies, told.tally(&placements, range).unwrap(), "{casting:?}");
             for placement in &placements[..8] {

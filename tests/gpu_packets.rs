@@ -29,7 +29,7 @@ fn assert_same_hits(soup: &TriangleSoup, table: BeamTable, lidars: Vec<SensorPos
     let problem = Problem::new(roi, random_content(1, &roi), table, vec![bvh], true);
     let problem = Arc::new(problem);
     let placement = Placement { name: "all".into(), lidars };
-    for casting in [Casting::Tree, Casting::Packets] {
+    for casting in [Casting::Tree, Casting::Packets, Casting::Sifted] {
         let got = gpu_that_casts_by(&problem, casting).hits(&placement.lidars, 0).unwrap();
         let differ = want.iter().zip(&got);
         let differ = differ.filter(|(a, b)| (a.t.to_bits(), a.prim) != (b.t.to_bits(), b.prim));

@@ -259,7 +259,7 @@ fn hostile_geometry_has_a_stated_result_on_both_backends() {
         let [mut cpu, mut gpu] = both(&problem);
         let hits = cpu.hits(&placement.lidars, 0).unwrap();
         assert_eq!(bits(&hits), bits(&gpu.hits(&placement.lidars, 0).unwrap()), "{}", case.name);
-        for casting in [Casting::Tree, Casting::Packets] {
+        for casting in [Casting::Tree, Casting::Packets, Casting::Sifted] {
             let mut told = gpu_that_casts_by(&problem, casting);
             let cast = told.hits(&placement.lidars, 0).unwrap();
             assert_eq!(bits(&hits), bits(&cast), "{casting:?} {}", case.name);

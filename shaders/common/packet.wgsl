@@ -2,7 +2,8 @@
 // triangles.
 //
 // CPU twins  src/bvh/{bounds,packet}.rs, without chunks
-// Reads      tree (src/bvh/quads.rs); BEAMS_SPREAD, whether a packet's directions may differ
+// Reads      tree (src/bvh/quads.rs); BEAMS_SPREAD, whether a packet's directions may differ; SIFTS, whether
+//            beams are sifted before they are tested
 
 const NOTHING: u32 = 0xffffffffu;
 // Farther than any plane.
@@ -25,14 +26,19 @@ struct Bounds {
     half: vec2<f32>,
     shear: vec2<f32>,
     turn: vec2<f32>,
-    // By axis, turned as the beams: the side of a box that is met first and the other, among the vectors
-    // of a node; the origin for which they are closest and farthest; least and largest inverse direction.
-    near_side: vec3<u32>,
-    far_side: vec3<u32>,
+    // By axis, turned as the beams: the axis itself; how far the side of a box that is met first is shifted
+    // in a word of a node; the origin for which boxes are closest and farthest, in steps of the tree; least
+    // and largest inverse direction a step.
+    axis: vec3<u32>,
+    near_shift: vec3<u32>,
     near: vec3<f32>,
     far: vec3<f32>,
     inverse_low: vec3<f32>,
     inverse_high: vec3<f32>,
+    // The same along the major axis in metres.
+    near_plane: f32,
+    major_low: f32,
+    major_high: f32,
     // Metres by which everything may be off through rounding.
     slack: f32,
     start: f32,
@@ -42,7 +48,7 @@ struct Bounds {
 var<private> items: array<u32, QUAD_STACK>;
 var<private> enters: array<f32, QUAD_STACK>;
 var<private> depth: u32;
-var<private> next: u32;
+var<private> next: u32 = ROOT_ITEM;
 var<private> steps: u32;
 
 // One compare and select; `min` and `max` look for NaN, too.
@@ -89,8 +95,8 @@ fn new_bounds(
     let backward = inverse_high < vec3(0.0);
     // Where some beams go up and some down an axis, it bounds nothing.
     let bound = backward | (inverse_low > vec3(0.0));
-    let axis = vec3<u32>(permute(vec3(0.0, 2.0, 4.0), major));
-    let back = select(vec3(0u), vec3(1u), backward);
+    let corner = permute(bitcast<vec4<f32>>(texel(0u, 0u)).xyz, major);
+    let step = permute(bitcast<vec4<f32>>(texel(1u, 0u)).xyz, major);
     var bounds: Bounds;
     bounds.major = major;
     bounds.plane = plane;
@@ -100,12 +106,15 @@ fn new_bounds(
     bounds.half = 0.5 * (high - low) + slack;
     bounds.shear = 0.5 * (shear_low + shear_high);
     bounds.turn = 0.5 * (shear_high - shear_low);
-    bounds.near_side = axis + back;
-    bounds.far_side = axis + vec3(1u) - back;
-    bounds.near = select(vec3(UNBOUNDED), select(last, first, backward), bound);
-    bounds.far = select(vec3(-UNBOUNDED), select(first, last, backward), bound);
-    bounds.inverse_low = select(vec3(1.0), inverse_low, bound);
-    bounds.inverse_high = select(vec3(1.0), inverse_high, bound);
+    bounds.axis = vec3<u32>(permute(vec3(0.0, 1.0, 2.0), major));
+    bounds.near_shift = select(vec3(0u), vec3(16u), backward);
+    bounds.near = select(vec3(UNBOUNDED), (select(last, first, backward) - corner) / step, bound);
+    bounds.far = select(vec3(-UNBOUNDED), (select(first, last, backward) - corner) / step, bound);
+    bounds.inverse_low = select(vec3(1.0), inverse_low * step, bound);
+    bounds.inverse_high = select(vec3(1.0), inverse_high * step, bound);
+    bounds.near_plane = select(last.z, first.z, backward.z);
+    bounds.major_low = inverse_low.z;
+    bounds.major_high = inverse_high.z;
     return bounds;
 }
 
@@ -124,8 +133,13 @@ fn latest(distance: vec4<f32>, low: f32, high: f32) -> vec4<f32> {
     return distance * low;
 }
 
-fn texel(x: u32, y: u32) -> vec4<f32> {
+fn texel(x: u32, y: u32) -> vec4<u32> {
     return textureLoad(tree, vec2(x, y), 0);
+}
+
+// One side of four boxes, in steps.
+fn side(word: vec4<u32>, shift: u32) -> vec4<f32> {
+    return vec4<f32>(bitcast<vec4<i32>>((word >> vec4(shift)) & vec4(0xffffu)));
 }
 
 // The nearest child of a node that the beams may enter is next; the others go on the stack, farthest
@@ -133,16 +147,20 @@ fn texel(x: u32, y: u32) -> vec4<f32> {
 fn push_children(
     bounds: Bounds,
     farthest: f32,
-    near_x: vec4<f32>,
-    far_x: vec4<f32>,
-    near_y: vec4<f32>,
-    far_y: vec4<f32>,
-    near_z: vec4<f32>,
-    far_z: vec4<f32>,
+    x: vec4<u32>,
+    y: vec4<u32>,
+    z: vec4<u32>,
     children: vec4<u32>,
 ) {
     let low = bounds.inverse_low;
     let high = bounds.inverse_high;
+    let shift = bounds.near_shift;
+    let near_x = side(x, shift.x);
+    let near_y = side(y, shift.y);
+    let near_z = side(z, shift.z);
+    let far_x = side(x, 16u - shift.x);
+    let far_y = side(y, 16u - shift.y);
+    let far_z = side(z, 16u - shift.z);
     let near = most(
         most(
             soonest(near_x - bounds.near.x, low.x, high.x),
@@ -195,9 +213,9 @@ fn misses(bounds: Bounds, farthest: f32, triangle: Triangle) -> bool {
     let b = permute(triangle.b, bounds.major);
     let c = permute(triangle.c, bounds.major);
     let along = soonest(
-        vec4(a.z, b.z, c.z, c.z) - bounds.near.z,
-        bounds.inverse_low.z,
-        bounds.inverse_high.z,
+        vec4(a.z, b.z, c.z, c.z) - bounds.near_plane,
+        bounds.major_low,
+        bounds.major_high,
     );
     let behind = least_of(along) > farthest;
 
@@ -263,20 +281,27 @@ fn next_triangle(bounds: Bounds, farthest: f32, triangle: ptr<function, Triangle
         next = NOTHING;
         let x = first & (TREE_ROW - 1u);
         let y = first / TREE_ROW;
-        let near = select(vec3(0u, 1u, 2u), bounds.near_side, is_node);
-        let far = select(vec3(3u), bounds.far_side, is_node);
-        let t0 = texel(x + near.x, y);
-        let t1 = texel(x + near.y, y);
-        let t2 = texel(x + near.z, y);
-        let t3 = texel(x + far.x, y);
-        let t4 = texel(x + far.y, y);
-        let t5 = texel(x + far.z, y);
-        let t6 = texel(x + 6u, y);
+        let order = select(vec3(0u, 1u, 2u), bounds.axis, is_node);
+        let t0 = texel(x + order.x, y);
+        let t1 = texel(x + order.y, y);
+        let t2 = texel(x + order.z, y);
+        let t3 = texel(x + 3u, y);
         if is_node {
-            push_children(bounds, farthest, t0, t3, t1, t4, t2, t5, bitcast<vec4<u32>>(t6));
+            push_children(bounds, farthest, t0, t1, t2, t3);
         } else {
-            let read = Triangle(t0.xyz, t1.xyz, t2.xyz, t3.xyz, bitcast<u32>(t0.w));
-            found = !misses(bounds, farthest, read);
+            let read = Triangle(
+                bitcast<vec4<f32>>(t0).xyz,
+                bitcast<vec4<f32>>(t1).xyz,
+                bitcast<vec4<f32>>(t2).xyz,
+                bitcast<vec4<f32>>(t3).xyz,
+                t0.w,
+            );
+            // What sifts the beams of a triangle need not know that it is for none.
+            if SIFTS {
+                found = true;
+            } else {
+                found = !misses(bounds, farthest, read);
+            }
             if found {
                 *triangle = read;
             }

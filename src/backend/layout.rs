@@ -5,7 +5,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::bvh::{BOUNDS_SLACK, NO_HIT, PAD_SHARE, STACK, TRIANGLE, UNIT};
+use crate::bvh::{BOUNDS_SLACK, NO_HIT, PAD_SHARE, ROOT, STACK, TRIANGLE, UNIT};
 use crate::geom::Pose;
 use crate::grid::Roi;
 use crate::placement::{MAX_LIDARS, SensorPose};
@@ -129,6 +129,7 @@ pub(crate) fn prelude() -> String {
         ("PACKET_FOURS", PACKET_FOURS),
         ("NESTED_STEPS", NESTED_STEPS),
         ("QUAD_STACK", STACK as u32),
+        ("ROOT_ITEM", ROOT),
         ("TRIANGLE_ITEM", TRIANGLE),
         ("ITEM_TEXELS", UNIT as u32),
         ("TREE_ROW", TREE_ROW),

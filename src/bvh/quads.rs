@@ -1,28 +1,30 @@
-use super::{Bvh, MAX_DEPTH, Triangle};
+use super::{Bvh, MAX_DEPTH, NO_HIT, Triangle};
 
 /// Children of a node.
 pub(super) const WIDTH: usize = 4;
-/// Vectors of an item's unit of address: a triangle is one, a node two.
+/// Vectors of an item.
 pub const UNIT: usize = 4;
-const NODE_UNITS: u32 = 2;
+/// The root.
+pub const ROOT: u32 = 1;
+/// Steps from the lower corner of the scene to the upper one, at most.
+const STEPS: f64 = 65_535.0;
 /// Bit of an item that marks a triangle.
 pub const TRIANGLE: u32 = 1 << 31;
 /// Entries of a traversal stack: each level leaves at most all children but one behind, and a leaf of
 /// the binary tree may become a level more.
 pub const STACK: usize = (WIDTH - 1) * (MAX_DEPTH + 1);
-/// Corners of an empty box: outside of all scenes, and finite even when divided by a direction.
-const OUTSIDE: f32 = 1e15;
-
-/// The tree for packets on a device, in vectors of four numbers: nodes, then triangles.
+/// The tree for packets on a device, in items of four vectors of four words: a header, nodes, triangles.
 ///
-/// A node is eight vectors: for each axis the lower sides of its children's boxes and the upper ones,
-/// the children, and nothing. A triangle is four, which hold [`Triangle`] as it is. An item is the
-/// address of a node or, with [`TRIANGLE`], of a triangle, in units of four vectors; the root is item
-/// 0. Boxes are padded as the binary tree's, and every triangle has one of its own.
+/// Sides of boxes are whole numbers of steps from the lower corner of the scene, 16 bits each; a step is a
+/// power of two, and boxes are those of the binary tree rounded outwards. The header holds that corner and
+/// the steps. A node holds for each axis its children's sides, the lower one in the lower half of a word,
+/// and the children. A triangle lies there as [`Triangle`] does. A child is the number of an item, with
+/// [`TRIANGLE`] where that is a triangle; where there is none it is the header as a triangle, which has no
+/// normal and is never hit, in a box that ends before it begins. Every triangle has a box of its own.
 #[derive(Debug, Clone)]
 pub struct Quads {
-    /// Nodes and triangles.
-    pub texels: Vec<[f32; 4]>,
+    /// Four to an item.
+    pub texels: Vec<[u32; 4]>,
 }
 
 #[derive(Clone, Copy)]
@@ -33,7 +35,8 @@ enum Child {
 
 /// Lower and upper side by axis.
 pub(super) type Sides = [f32; 6];
-const EMPTY: Sides = [OUTSIDE, -OUTSIDE, OUTSIDE, -OUTSIDE, OUTSIDE, -OUTSIDE];
+/// Sides of no box: the lower one is the last step, the upper one the first.
+const EMPTY: u32 = 0xffff;
 
 /// Boxes and items of a node's children: a triangle's index with [`TRIANGLE`], or a node's index.
 pub(super) type FourNode = [Option<(u32, Sides)>; WIDTH];
@@ -42,22 +45,57 @@ impl Quads {
     /// Writes the binary tree, its nodes merged into nodes of four.
     pub fn new(bvh: &Bvh) -> Self {
         let nodes = collapse(bvh);
-        let texel = |node: &FourNode, side: usize| {
-            node.map(|child| child.map_or(EMPTY[side], |(_, sides)| sides[side]))
-        };
+        let grid: [Grid; 3] = std::array::from_fn(|axis| Grid::new(&nodes[0], axis));
         // Triangles come after the nodes.
-        let first = nodes.len() as u32 * NODE_UNITS;
+        let first = ROOT + nodes.len() as u32;
         let mut texels = Vec::with_capacity(UNIT * (first as usize + bvh.triangles.len()));
+        let header = |of: fn(&Grid) -> f32| {
+            let [x, y, z] = [0, 1, 2].map(|axis| of(&grid[axis]).to_bits());
+            [x, y, z, NO_HIT]
+        };
+        texels.extend([header(|grid| grid.corner), header(|grid| grid.step), [0; 4], [0; 4]]);
         for node in &nodes {
-            texels.extend((0..6).map(|side| texel(node, side)));
-            texels.push(node.map(|child| {
-                let item = child.map_or(0, |(item, _)| item);
-                f32::from_bits(if item & TRIANGLE != 0 { item + first } else { item * NODE_UNITS })
+            texels.extend(
+                grid.iter().map(|grid| node.map(|c| c.map_or(EMPTY, |(_, s)| grid.sides(&s)))),
+            );
+            texels.push(node.map(|child| match child {
+                Some((item, _)) if item & TRIANGLE != 0 => item + first,
+                Some((item, _)) => item + ROOT,
+                None => TRIANGLE,
             }));
-            texels.push([0.0; 4]);
         }
-        texels.extend_from_slice(bytemuck::cast_slice::<Triangle, [f32; 4]>(&bvh.triangles));
+        texels.extend_from_slice(bytemuck::cast_slice::<Triangle, [u32; 4]>(&bvh.triangles));
         Self { texels }
+    }
+}
+
+/// The steps along an axis.
+struct Grid {
+    axis: usize,
+    corner: f32,
+    step: f32,
+}
+
+impl Grid {
+    /// Steps over the boxes of the root's children.
+    fn new(root: &FourNode, axis: usize) -> Self {
+        let sides = || root.iter().flatten().map(|(_, sides)| sides);
+        let low = sides().map(|sides| sides[2 * axis]).fold(f32::INFINITY, f32::min);
+        let high = sides().map(|sides| sides[2 * axis + 1]).fold(f32::NEG_INFINITY, f32::max);
+        if low > high {
+            return Self { axis, corner: 0.0, step: 1.0 };
+        }
+        let step = ((f64::from(high) - f64::from(low)) / STEPS).max(f64::from(f32::MIN_POSITIVE));
+        Self { axis, corner: low, step: step.log2().ceil().exp2() as f32 }
+    }
+
+    /// Both sides of a box in steps, rounded outwards: differences and quotients are exact enough in
+    /// `f64`, since the corner is an `f32` and the step a power of two.
+    fn sides(&self, sides: &Sides) -> u32 {
+        let steps = |side: f32| (f64::from(side) - f64::from(self.corner)) / f64::from(self.step);
+        let low = steps(sides[2 * self.axis]).floor().clamp(0.0, STEPS) as u32;
+        let high = steps(sides[2 * self.axis + 1]).ceil().clamp(0.0, STEPS) as u32;
+        low | high << 16
     }
 }
 
@@ -127,61 +165,93 @@ mod tests {
     use super::*;
     use crate::geom::TriangleSoup;
 
+    /// Lower and upper side by axis in metres, as the steps say; none where the box is empty.
+    fn sides(quads: &Quads, at: usize, slot: usize) -> Option<[f64; 6]> {
+        let mut sides = [0.0; 6];
+        for axis in 0..3 {
+            let word = quads.texels[at + axis][slot];
+            let [low, high] = [word & 0xffff, word >> 16];
+            if low > high {
+                return None;
+            }
+            let [corner, step] =
+                [0, 1].map(|row| f64::from(f32::from_bits(quads.texels[row][axis])));
+            sides[2 * axis] = corner + f64::from(low) * step;
+            sides[2 * axis + 1] = corner + f64::from(high) * step;
+        }
+        Some(sides)
+    }
+
     /// Triangles below an item, each inside the boxes above it; and how deep it is.
-    fn below(quads: &Quads, item: u32, found: &mut Vec<Triangle>, outer: Option<Sides>) -> usize {
+    fn below(
+        quads: &Quads,
+        item: u32,
+        found: &mut Vec<Triangle>,
+        outer: Option<[f64; 6]>,
+    ) -> usize {
         let at = (item & !TRIANGLE) as usize * UNIT;
         if item & TRIANGLE != 0 {
             let triangle: Triangle = bytemuck::cast_slice(&quads.texels[at..at + UNIT])[0];
             for corner in [triangle.a, triangle.b, triangle.c] {
                 for axis in 0..3 {
                     let sides = outer.unwrap();
-                    assert!((sides[2 * axis]..=sides[2 * axis + 1]).contains(&corner[axis]));
+                    let within = sides[2 * axis]..=sides[2 * axis + 1];
+                    assert!(within.contains(&f64::from(corner[axis])));
                 }
             }
             found.push(triangle);
             return 0;
         }
-        let node = &quads.texels[at..at + 8];
         let mut depth = 0;
-        let child = |slot: usize| -> (Sides, f32) {
-            (std::array::from_fn(|side| node[side][slot]), node[6][slot])
-        };
-        for (own, item) in (0..WIDTH).map(child) {
-            if own[0] > own[1] {
+        for slot in 0..WIDTH {
+            let item = quads.texels[at + 3][slot];
+            let Some(own) = sides(quads, at, slot) else {
+                assert_eq!(item, TRIANGLE);
                 continue;
-            }
+            };
             for axis in 0..3 {
-                let outer =
-                    outer.unwrap_or([-OUTSIDE, OUTSIDE, -OUTSIDE, OUTSIDE, -OUTSIDE, OUTSIDE]);
-                assert!(
-                    outer[2 * axis] <= own[2 * axis] && own[2 * axis + 1] <= outer[2 * axis + 1]
-                );
+                let [low, high] = [2 * axis, 2 * axis + 1];
+                assert!(outer.is_none_or(|o| o[low] <= own[low] && own[high] <= o[high]));
             }
-            depth = depth.max(below(quads, item.to_bits(), found, Some(own)));
+            depth = depth.max(below(quads, item, found, Some(own)));
         }
         depth + 1
     }
 
     #[test]
     fn every_triangle_is_below_one_item_inside_all_boxes_above() {
-        // From none over a single leaf to many, with a heap of equal ones that no plane separates.
-        for faces in [0, 1, 3, 4, 5, 200] {
+        // From none over a single leaf to many, with a heap of equal ones that no plane separates, near
+        // the origin and far from it.
+        for (faces, far) in
+            [(0, 0.0), (1, 0.0), (3, 0.0), (4, -3e4), (5, 0.0), (200, 0.0), (200, 4e5)]
+        {
             let mut soup = TriangleSoup::default();
             for face in 0..faces {
-                let x = if face % 3 == 0 { 1.0 } else { face as f32 };
-                soup.vertices.extend([[x, 0.0, 0.0], [x + 1.0, 2.0, 0.0], [x, 1.0, 3.0]]);
+                let x = far + if face % 3 == 0 { 1.0 } else { face as f32 };
+                soup.vertices.extend([
+                    [x, far, 0.0],
+                    [x + 1.0, far + 2.0, 0.0],
+                    [x, far + 1.0, 3.0],
+                ]);
                 soup.faces.push([3 * face, 3 * face + 1, 3 * face + 2]);
                 soup.face_class.push(0);
             }
             let bvh = Bvh::build(&soup, 50.0);
             let quads = Quads::new(&bvh);
             let mut found = Vec::new();
-            let depth = below(&quads, 0, &mut found, None);
+            let depth = below(&quads, ROOT, &mut found, None);
             assert!((WIDTH - 1) * depth <= STACK);
             found.sort_by_key(|triangle| triangle.prim);
             let mut all = bvh.triangles.clone();
             all.sort_by_key(|triangle| triangle.prim);
             assert_eq!(found, all);
         }
+    }
+
+    #[test]
+    fn what_stands_for_no_child_has_no_normal() {
+        let quads = Quads::new(&Bvh::build(&TriangleSoup::default(), 50.0));
+        let triangle: Triangle = bytemuck::cast_slice(&quads.texels[..UNIT])[0];
+        assert_eq!((triangle.normal, triangle.prim), ([0.0; 3], NO_HIT));
     }
 }

@@ -15,6 +15,25 @@ pub enum Casting {
     /// packet. A device whose lanes are those of a host's vector unit loads each lane's part of the
     /// tree one by one, and so for many beams at once.
     Packets,
+    /// As packets, but a triangle is tested only for those beams of one direction that pass on the
+    /// inner side of its edges, up to rounding.
+    Sifted,
+}
+
+/// Triangles of a frame from which on sifting is faster: they are then smaller than a packet is wide.
+/// Measured on lavapipe with the street scene of the benchmarks, 256 placements: with 200 000 triangles it
+/// takes 1.15 of the time, with 2 million 0.83.
+const SIFTED_FROM: usize = 600_000;
+
+impl Casting {
+    /// The faster way on a device that is a program on the host, for frames of so many triangles.
+    pub(super) fn on_software(triangles: usize) -> Self {
+        if triangles < SIFTED_FROM { Self::Packets } else { Self::Sifted }
+    }
+
+    pub(super) fn is_in_packets(self) -> bool {
+        self != Self::Tree
+    }
 }
 
 /// Invocations of a workgroup.

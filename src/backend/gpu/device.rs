@@ -137,16 +137,16 @@ impl Device {
     pub(super) fn upload_texels(
         &self,
         what: &'static str,
-        mut texels: Vec<[f32; 4]>,
+        mut texels: Vec<[u32; 4]>,
         row: u32,
     ) -> Result<wgpu::TextureView, BackendError> {
         let rows = texels.len().div_ceil(row as usize);
         if rows > self.device.limits().max_texture_dimension_2d as usize {
-            let limit = self.max_texels(row) * size_of::<[f32; 4]>() as u64;
+            let limit = self.max_texels(row) * size_of::<[u32; 4]>() as u64;
             let need = size_of_val(texels.as_slice()) as u64;
             return Err(BackendError::TooLarge { what, need, limit });
         }
-        texels.resize(rows * row as usize, [0.0; 4]);
+        texels.resize(rows * row as usize, [0; 4]);
         let size = wgpu::Extent3d { width: row, height: rows as u32, depth_or_array_layers: 1 };
         let texture = self.device.create_texture(&wgpu::TextureDescriptor {
             label: Some(what),
@@ -154,13 +154,13 @@ impl Device {
             mip_level_count: 1,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Rgba32Float,
+            format: wgpu::TextureFormat::Rgba32Uint,
             usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
             view_formats: &[],
         });
         let layout = wgpu::TexelCopyBufferLayout {
             offset: 0,
-            bytes_per_row: Some(row * size_of::<[f32; 4]>() as u32),
+            bytes_per_row: Some(row * size_of::<[u32; 4]>() as u32),
             rows_per_image: None,
         };
         self.queue.write_texture(

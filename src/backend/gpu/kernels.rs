@@ -21,11 +21,20 @@ pub(crate) const SOURCES: [(&str, &[&str]); 8] = [
     ("reduce_classes", &[BEAM, include_str!("../../../shaders/reduce_classes.wgsl"), COVERED]),
 ];
 
-/// Source of a kernel as it is compiled, with room for `stack` entries where beams go down a tree one
-/// by one.
-pub(crate) fn source(parts: &[&str], stack: usize) -> String {
-    let stack = format!("const TREE_STACK: u32 = {stack}u;\n");
-    prelude() + &stack + &unrolled(&parts.concat())
+/// What of the kernels' source depends on the scene.
+#[derive(Clone, Copy)]
+pub(crate) struct SceneConstants {
+    /// Entries of the stack where beams go down a tree one by one.
+    pub(crate) stack: usize,
+    /// Whether the beams of a packet are sifted before they are tested.
+    pub(crate) sifted: bool,
+}
+
+/// Source of a kernel as it is compiled.
+pub(crate) fn source(parts: &[&str], constants: SceneConstants) -> String {
+    let SceneConstants { stack, sifted } = constants;
+    let own = format!("const TREE_STACK: u32 = {stack}u;\nconst BEAMS_SIFTED: bool = {sifted};\n");
+    prelude() + &own + &unrolled(&parts.concat())
 }
 
 /// Repeats what is done with each four of a packet, so that no number is looked up by its index: drivers
@@ -52,15 +61,15 @@ type Bound = (usize, Vec<wgpu::Buffer>, Option<wgpu::TextureView>);
 
 /// Kernels, each compiled when it is first needed, and what they were bound to.
 pub(super) struct Kernels {
-    stack: usize,
+    constants: SceneConstants,
     pipelines: [OnceLock<wgpu::ComputePipeline>; SOURCES.len()],
     groups: Mutex<HashMap<Bound, wgpu::BindGroup>>,
 }
 
 impl Kernels {
-    /// Kernels whose traversal stacks hold `stack` entries.
-    pub(super) fn new(stack: usize) -> Self {
-        Self { stack, pipelines: Default::default(), groups: Mutex::default() }
+    /// Kernels for a scene.
+    pub(super) fn new(constants: SceneConstants) -> Self {
+        Self { constants, pipelines: Default::default(), groups: Mutex::default() }
     }
 
     /// Compiles those of some kernels that are not yet, side by side.
@@ -79,7 +88,7 @@ impl Kernels {
         self.pipelines[kernel].get_or_init(|| {
             let module = device.wgpu().create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(name),
-                source: wgpu::ShaderSource::Wgsl(source(parts, self.stack).into()),
+                source: wgpu::ShaderSource::Wgsl(source(parts, self.constants).into()),
             });
             device.wgpu().create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(name),
@@ -169,8 +178,8 @@ mod tests {
     use crate::backend::layout::{DevicePose, OccupiedVoxel, Uniforms};
     use crate::bvh::{QuantizedNode as Node, Triangle};
 
-    fn parsed(parts: &[&str]) -> naga::Module {
-        let source = source(parts, 48);
+    fn parsed(parts: &[&str], sifted: bool) -> naga::Module {
+        let source = source(parts, SceneConstants { stack: 48, sifted });
         naga::front::wgsl::parse_str(&source)
             .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&source)))
     }
@@ -178,17 +187,19 @@ mod tests {
     #[test]
     fn kernels_need_no_extra_capabilities() {
         for (name, parts) in SOURCES {
-            let module = parsed(parts);
-            let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
-            validator.validate(&module).unwrap_or_else(|error| panic!("{name}: {error:?}"));
-            assert_eq!(module.entry_points[0].name, name);
+            for sifted in [false, true] {
+                let module = parsed(parts, sifted);
+                let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+                validator.validate(&module).unwrap_or_else(|error| panic!("{name}: {error:?}"));
+                assert_eq!(module.entry_points[0].name, name);
+            }
         }
     }
 
     /// (field, offset) of a struct, and its stride, as the shader compiler lays it out.
     fn layout(kernel: &str, name: &str) -> (Vec<(String, usize)>, usize) {
         let parts = SOURCES.iter().find(|(k, _)| *k == kernel).unwrap().1;
-        let module = parsed(parts);
+        let module = parsed(parts, false);
         let (_, found) = module
             .types
             .iter()

@@ -83,9 +83,15 @@ impl GpuBackend {
                 limit: MOST_BITMAP,
             });
         }
-        let casting = if device.is_software() { Casting::Packets } else { Casting::Tree };
+        let frames =
+            (0..problem.geometry_frame_count()).filter_map(|frame| problem.geometry(frame));
+        let triangles = frames.map(|bvh| bvh.triangles.len()).max().unwrap_or(0);
+        let casting = match device.is_software() {
+            true => Casting::on_software(triangles),
+            false => Casting::Tree,
+        };
         let scene = SceneBuffers::new(&device, &problem, casting)?;
-        let kernels = Kernels::new(scene.stack);
+        let kernels = Kernels::new(scene.constants);
         let times = StageTimes::default();
         let worth = device
             .is_software()
@@ -112,7 +118,7 @@ impl GpuBackend {
     pub fn cast_by(&mut self, casting: Casting) -> Result<(), BackendError> {
         self.renew();
         self.scene = SceneBuffers::new(&self.device, &self.problem, casting)?;
-        self.kernels = Kernels::new(self.scene.stack);
+        self.kernels = Kernels::new(self.scene.constants);
         self.casting = casting;
         Ok(())
     }
@@ -183,12 +189,12 @@ impl GpuBackend {
         ChunkLimits::from_bytes(widest, &one)?;
         let free = self.memory.saturating_sub(fixed);
         let directions = self.problem.table().directions().len();
-        let (packets, mixed) = match self.casting {
-            Casting::Packets if Plan::mixes(&prepared::poses(&self.problem, placements), &self.problem) => {
-                (Plan::bytes(directions), Mixed::bytes(directions))
-            }
-            Casting::Packets => (Plan::bytes(directions), 0),
-            Casting::Tree => (0, 0),
+        let (packets, mixed) = if !self.casting.is_in_packets() {
+            (0, 0)
+        } else if Plan::mixes(&prepared::poses(&self.problem, placements), &self.problem) {
+            (Plan::bytes(directions), Mixed::bytes(directions))
+        } else {
+            (Plan::bytes(directions), 0)
         };
         let mut sensors = vec![
             ("hits", sizes.hits, binding),
@@ -224,7 +230,7 @@ impl GpuBackend {
         take: impl FnMut(&Prepared, usize, Made<'_>),
     ) -> Result<StageTimes, BackendError> {
         let Cut { chunks, in_slice } = self.cut(placements, frames.len())?;
-        let in_packets = self.casting == Casting::Packets;
+        let in_packets = self.casting.is_in_packets();
         let flow = Flow {
             problem: &self.problem,
             device: &self.device,
@@ -279,7 +285,7 @@ impl Backend for GpuBackend {
         }
         let placements = one_by_one(poses);
         let Cut { chunks, in_slice } = self.cut(&placements, 1)?;
-        let in_packets = self.casting == Casting::Packets;
+        let in_packets = self.casting.is_in_packets();
         let mut hits = Vec::new();
         for chunk in chunks {
             let start = Instant::now();

@@ -4,6 +4,7 @@ use super::bricks::Bricks;
 use super::casting::{Casting, PacketBuffers};
 use super::device::Device;
 use super::kernels::Kernels;
+use super::kernels::SceneConstants;
 use super::prepared::Prepared;
 use crate::backend::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, STEP_BUDGET, TREE_ROW, Uniforms};
 use crate::backend::{BackendError, DevicePose, Problem};
@@ -80,7 +81,7 @@ impl FrameTree {
                 let triangles = device.upload("triangles", &bvh.triangles)?;
                 Ok(Self::Quantized { nodes: device.upload("tree", &nodes)?, triangles })
             }
-            Casting::Packets => {
+            Casting::Packets | Casting::Sifted => {
                 let texels = Quads::new(bvh).texels;
                 Ok(Self::Quads(device.upload_texels("tree", texels, TREE_ROW)?))
             }
@@ -96,8 +97,8 @@ pub(super) struct SceneBuffers {
     pub(super) class_voxels: wgpu::Buffer,
     pub(super) class_runs: wgpu::Buffer,
     pub(super) class_run_count: u32,
-    /// Entries that a traversal stack needs for every frame's tree.
-    pub(super) stack: usize,
+    /// What the kernels have to know of it.
+    pub(super) constants: SceneConstants,
 }
 
 impl SceneBuffers {
@@ -121,7 +122,7 @@ impl SceneBuffers {
             class_voxels: device.upload("voxels by class", content.class_voxels())?,
             class_runs: device.upload("class runs", &runs)?,
             class_run_count: runs.len() as u32,
-            stack,
+            constants: SceneConstants { stack, sifted: casting == Casting::Sifted },
         })
     }
 }
