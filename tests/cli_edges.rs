@@ -30,12 +30,15 @@ fn a_psog_that_tells_nothing_is_said_and_ends_nothing() {
         let output = sightline(dir.path(), &score);
         let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(stderr.contains("the P-SOG tells nothing"), "{stderr}");
-        for objective in ["m_sog_scaled", "information_gain"] {
-            let args =
-                ["--objective", objective, "--out", objective, "--baselines", "placements.json"];
+        let objectives =
+            [("scaled", "m_sog_scaled"), ("gain", "information_gain"), ("negative", "-1*m_sog")];
+        for (out, objective) in objectives {
+            let args = ["--objective", objective, "--out", out, "--baselines", "placements.json"];
             let run = ok(dir.path(), &[&OPTIMIZE[..], &args].concat());
             assert_eq!(run["best"]["objective"].as_f64(), Some(0.0), "{objective}");
-            let page = fs::read_to_string(dir.path().join(objective).join("report.html")).unwrap();
+            let says = run["certificate"]["gain_says"].as_str().unwrap();
+            assert!(!says.contains("NaN"), "{says}");
+            let page = fs::read_to_string(dir.path().join(out).join("report.html")).unwrap();
             assert!(page.contains("The placement found is as good as "), "{objective}");
         }
         let args = ["study", "lidars", "scene.json", "--evaluations", "4", "--backend", "cpu"];

@@ -56,7 +56,12 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     resume: Option<PathBuf>,
     /// Score to maximize, or a weighted sum of several
-    #[arg(long, default_value = "m_sog_scaled", conflicts_with = "resume")]
+    #[arg(
+        long,
+        default_value = "m_sog_scaled",
+        allow_hyphen_values = true,
+        conflicts_with = "resume"
+    )]
     objective: String,
     /// Placements that the generations evaluate; the swaps then cast one and a half times as many
     /// sensor poses as those did

@@ -140,9 +140,15 @@ impl Certificate {
             Ok(gain) => {
                 let more = 100.0 * (gain.upper / found - 1.0);
                 let poses = gain.poses;
-                let says = if more <= 0.0 {
+                let says = if gain.upper <= found {
                     format!(
                         "no placement on the grid of {poses} sensor poses is better than the result"
+                    )
+                } else if found <= 0.0 {
+                    format!(
+                        "the best placement on the grid of {poses} sensor poses gains {:.3e} at most, \
+                         the result nothing",
+                        gain.upper
                     )
                 } else if gain.proven {
                     format!(

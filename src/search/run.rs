@@ -206,7 +206,10 @@ impl Search {
                 min_std: Some(floor),
                 ..CmaOptions::default()
             };
-            let restarts = RestartOptions { batch: settings.batch, ..RestartOptions::default() };
+            // More instances than evaluations would end before they begin.
+            let most = usize::try_from(settings.evaluations).unwrap_or(usize::MAX);
+            let batch = settings.batch.map(|batch| batch.min(most));
+            let restarts = RestartOptions { batch, ..RestartOptions::default() };
             let mut cma = Restarts::new(&middle, STEP_SIZE, options, restarts)?;
             let usable = start.iter().filter(|p| Self::why_left_out(constraints, p).is_empty());
             let points: Vec<Vec<f64>> =

@@ -46,10 +46,13 @@ impl Run {
         let swaps = match self.settings.method {
             Method::Cma => None,
             // Half as much again as the generations cast: swaps gain more from a cast than they do.
-            Method::Both => {
+            Method::Both if !starts.is_empty() => {
                 stage.climb(spacing, &starts, casts / 2 * 3, self.settings.search.seed)?
             }
-            Method::Swaps => stage.everywhere(spacing, &starts, self.settings.search.seed)?,
+            // Where no candidate of the generations kept the rules, greedy may find one that does.
+            Method::Both | Method::Swaps => {
+                stage.everywhere(spacing, &starts, self.settings.search.seed)?
+            }
         };
         let bounds = stage.bounds(delta, self.settings.search.seed)?;
         if let (Some(auto), Some(swaps)) = (&mut self.auto, &swaps) {
