@@ -189,10 +189,14 @@ fn new_sieve(bounds: Bounds, largest: f32, seen: Seen) -> Sieve {
     var start = sign * edges + error;
     var along_x = sign * vec3(a.y - b.y, b.y - c.y, c.y - a.y);
     var along_y = sign * vec3(b.x - a.x, c.x - b.x, a.x - c.x);
-    // Seen edge-on, it lies between both sides of its box along the axis where that is narrower.
+    // Seen edge-on, where rounding alone gives edge functions their signs: hits are inside its padded box, of
+    // which both sides count along the axis where it is narrower.
     if abs(area) <= 4.0 * error {
-        let low = min(min(a, b), c) - 2.0 * off;
-        let high = max(max(a, b), c) + 2.0 * off;
+        let first = bounds.shear * (seen.near.z - bounds.plane);
+        let last = bounds.shear * (seen.far.z - bounds.plane);
+        let margin = 2.0 * (off + uniforms.pad);
+        let low = min(seen.near.xy, seen.far.xy) - bounds.middle - max(first, last) - margin;
+        let high = max(seen.near.xy, seen.far.xy) - bounds.middle - min(first, last) + margin;
         let upright = high.x - low.x < high.y - low.y;
         start = select(vec3(-low.y, high.y, -low.x), vec3(-low.x, high.x, -low.y), upright);
         along_x = select(vec3(0.0, 0.0, 1.0), vec3(1.0, -1.0, 0.0), upright);
