@@ -37,7 +37,7 @@ struct Args {
     /// Take the sums on the device, as on a device with memory of its own
     #[arg(long)]
     device_sums: bool,
-    /// Rows to run, of `cpu`, `tree` and `packets`
+    /// Rows to run, of `cpu`, `tree`, `packets` and `sifted`
     #[arg(long, value_delimiter = ',', default_value = "cpu,tree,packets")]
     rows: Vec<String>,
     #[arg(long, default_value_t = 1)]
