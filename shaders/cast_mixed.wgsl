@@ -35,7 +35,7 @@ struct Four {
 @group(0) @binding(3) var<storage, read> beams: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> hits: array<Hit>;
 @group(0) @binding(5) var<storage, read_write> marks: array<vec4<u32>>;
-@group(0) @binding(6) var tree: texture_2d<u32>;
+@group(0) @binding(6) var tree: texture_storage_2d<rgba32uint, read>;
 
 fn inverse_four(d: vec4<f32>) -> vec4<f32> {
     let zero = d == vec4(0.0);

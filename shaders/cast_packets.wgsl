@@ -44,7 +44,7 @@ struct Way {
 @group(0) @binding(5) var<storage, read> origins: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> hits: array<Hit>;
 @group(0) @binding(7) var<storage, read_write> marks: array<vec4<u32>>;
-@group(0) @binding(8) var tree: texture_2d<u32>;
+@group(0) @binding(8) var tree: texture_storage_2d<rgba32uint, read>;
 
 fn new_way(direction: vec3<f32>) -> Way {
     let major = major_axis(direction);

@@ -41,15 +41,30 @@ struct Bounds {
     major_high: f32,
     // Metres by which everything may be off through rounding.
     slack: f32,
+    // Where the first beam begins, and keys a metre from there on.
     start: f32,
+    scale: f32,
 }
 
-// What is still to be visited, and where the beams enter it at the earliest.
-var<private> items: array<u32, QUAD_STACK>;
-var<private> enters: array<f32, QUAD_STACK>;
+// What is still to be visited: of each node on the way down, its word and the keys of the children that are
+// left, nearest first. A key says where the beams enter a child at the earliest, and which one it is. Two
+// numbers a node: a software device writes what is looked up by an index one lane after the other.
+var<private> words: array<u32, QUAD_STACK>;
+var<private> keys: array<u32, QUAD_STACK>;
 var<private> depth: u32;
+// The node whose children are visited now.
+var<private> word: u32;
+var<private> left: u32 = NO_KEYS;
 var<private> next: u32 = ROOT_ITEM;
 var<private> steps: u32;
+
+const KEY_BITS: u32 = 10u;
+const NO_KEY: u32 = (1u << KEY_BITS) - 1u;
+const NO_KEYS: u32 = (1u << (3u * KEY_BITS)) - 1u;
+// A number of quarters is in the lower bits of its sum with this.
+const QUARTERS: f32 = 2097152.0;
+// Largest distance in a key: one more is for what is rounded, and one for no key.
+const LONGEST: f32 = 253.0;
 
 // One compare and select; `min` and `max` look for NaN, too.
 fn least(a: vec4<f32>, b: vec4<f32>) -> vec4<f32> {
@@ -102,6 +117,7 @@ fn new_bounds(
     bounds.plane = plane;
     bounds.slack = slack;
     bounds.start = -shift.y - slack;
+    bounds.scale = LONGEST / (uniforms.range + shift.y - shift.x + 2.0 * slack);
     bounds.middle = 0.5 * (low + high);
     bounds.half = 0.5 * (high - low) + slack;
     bounds.shear = 0.5 * (shear_low + shear_high);
@@ -134,7 +150,7 @@ fn latest(distance: vec4<f32>, low: f32, high: f32) -> vec4<f32> {
 }
 
 fn texel(x: u32, y: u32) -> vec4<u32> {
-    return textureLoad(tree, vec2(x, y), 0);
+    return textureLoad(tree, vec2(x, y));
 }
 
 // One side of four boxes, in steps.
@@ -142,9 +158,24 @@ fn side(word: vec4<u32>, shift: u32) -> vec4<f32> {
     return vec4<f32>(bitcast<vec4<i32>>((word >> vec4(shift)) & vec4(0xffffu)));
 }
 
-// The nearest child of a node that the beams may enter is next; the others go on the stack, farthest
-// first.
-fn push_children(
+// Keys of distances that are not before the start, without the slot; what is farther has no lower key.
+fn keys_of(bounds: Bounds, distance: vec4<f32>) -> vec4<u32> {
+    let quarters = bitcast<vec4<u32>>((distance - bounds.start) * bounds.scale + QUARTERS);
+    return quarters & vec4(NO_KEY - 3u);
+}
+
+// The last key of what may still be hit; one more, should a driver round differently here and there.
+fn last_key(bounds: Bounds, farthest: f32) -> u32 {
+    return keys_of(bounds, vec4(max(farthest, bounds.start))).x + 4u + 3u;
+}
+
+// A child of the present node.
+fn child(slot: u32) -> u32 {
+    return ((word & CHILD_ITEM) + slot) | ((word << (3u - slot)) & TRIANGLE_ITEM);
+}
+
+// Visits the nearest child of a node that the beams may enter, then the others, then what was left.
+fn enter(
     bounds: Bounds,
     farthest: f32,
     x: vec4<u32>,
@@ -152,6 +183,10 @@ fn push_children(
     z: vec4<u32>,
     children: vec4<u32>,
 ) {
+    words[depth] = word;
+    keys[depth] = left;
+    depth += select(1u, 0u, (left & NO_KEY) == NO_KEY);
+    word = children.x;
     let low = bounds.inverse_low;
     let high = bounds.inverse_high;
     let shift = bounds.near_shift;
@@ -176,34 +211,17 @@ fn push_children(
         latest(far_z - bounds.far.z, low.z, high.z),
     );
     // Equal to the best distance is still visited: a tie may have a lower id.
-    let meets = (near <= far) & (near <= vec4(farthest));
-    var enter = select(vec4(UNBOUNDED), near, meets);
-    var child = children;
-    var swap = enter.x < enter.y;
-    enter = select(enter, enter.yxzw, swap);
-    child = select(child, child.yxzw, swap);
-    swap = enter.z < enter.w;
-    enter = select(enter, enter.xywz, swap);
-    child = select(child, child.xywz, swap);
-    swap = enter.x < enter.z;
-    enter = select(enter, enter.zyxw, swap);
-    child = select(child, child.zyxw, swap);
-    swap = enter.y < enter.w;
-    enter = select(enter, enter.xwzy, swap);
-    child = select(child, child.xwzy, swap);
-    swap = enter.y < enter.z;
-    enter = select(enter, enter.xzyw, swap);
-    child = select(child, child.xzyw, swap);
-    push(enter.x, child.x);
-    push(enter.y, child.y);
-    push(enter.z, child.z);
-    next = select(NOTHING, child.w, enter.w < UNBOUNDED);
-}
-
-fn push(enter: f32, child: u32) {
-    enters[depth] = enter;
-    items[depth] = child;
-    depth += select(0u, 1u, enter < UNBOUNDED);
+    let slots = vec4(0u, 1u, 2u, 3u);
+    let meets = (near <= far) & (near <= vec4(farthest)) & (slots < vec4(children.y));
+    let own = select(vec4(NO_KEY), keys_of(bounds, near) | slots, meets);
+    let lower = min(own.xz, own.yw);
+    let upper = max(own.xz, own.yw);
+    let nearest = min(lower.x, lower.y);
+    let last = max(upper.x, upper.y);
+    let second = max(lower.x, lower.y);
+    let third = min(upper.x, upper.y);
+    left = min(second, third) | (max(second, third) << KEY_BITS) | (last << (2u * KEY_BITS));
+    next = select(child(nearest & 3u), NOTHING, nearest == NO_KEY);
 }
 
 // Whether all beams surely miss a triangle: beside its corners, on the outer side of one of its edges,
@@ -263,16 +281,29 @@ fn edge(bounds: Bounds, p: vec2<f32>, pz: f32, q: vec2<f32>, qz: f32) -> vec3<f3
 // Goes on to the next triangle that the beams may hit; false where there is none, or no step left.
 fn next_triangle(bounds: Bounds, farthest: f32, triangle: ptr<function, Triangle>) -> bool {
     var found = false;
+    let last = last_key(bounds, farthest);
     steps++;
     while !found {
-        while (next == NOTHING) & (depth > 0u) {
-            depth--;
-            steps++;
-            next = select(items[depth], NOTHING, enters[depth] > farthest);
+        steps++;
+        if next == NOTHING {
+            // The nearest is too far, and so are the others.
+            if (left & NO_KEY) > last {
+                if depth == 0u {
+                    break;
+                }
+                depth--;
+                word = words[depth];
+                left = keys[depth];
+            }
+            let key = left & NO_KEY;
+            if key > last {
+                left = NO_KEYS;
+                continue;
+            }
+            next = child(key & 3u);
+            left = (left >> KEY_BITS) | (NO_KEY << (2u * KEY_BITS));
         }
-        // One for this loop and one for that above, which drivers may run once for nothing.
-        steps += 2u;
-        if (next == NOTHING) | (steps >= NESTED_STEPS) {
+        if steps >= NESTED_STEPS {
             break;
         }
         // A triangle is read as it lies, a node's sides in the order in which they are met.
@@ -287,7 +318,7 @@ fn next_triangle(bounds: Bounds, farthest: f32, triangle: ptr<function, Triangle
         let t2 = texel(x + order.z, y);
         let t3 = texel(x + 3u, y);
         if is_node {
-            push_children(bounds, farthest, t0, t1, t2, t3);
+            enter(bounds, farthest, t0, t1, t2, t3);
         } else {
             let read = Triangle(
                 bitcast<vec4<f32>>(t0).xyz,

@@ -5,7 +5,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::bvh::{BOUNDS_SLACK, NO_HIT, PAD_SHARE, ROOT, STACK, TRIANGLE, UNIT};
+use crate::bvh::{BOUNDS_SLACK, KINDS, NO_HIT, PAD_SHARE, ROOT, STACK, TRIANGLE, UNIT};
 use crate::geom::Pose;
 use crate::grid::Roi;
 use crate::placement::{MAX_LIDARS, SensorPose};
@@ -131,6 +131,7 @@ pub(crate) fn prelude() -> String {
         ("QUAD_STACK", STACK as u32),
         ("ROOT_ITEM", ROOT),
         ("TRIANGLE_ITEM", TRIANGLE),
+        ("CHILD_ITEM", (1 << KINDS) - 1),
         ("ITEM_TEXELS", UNIT as u32),
         ("TREE_ROW", TREE_ROW),
         ("NO_SLOT", NO_SLOT),

@@ -34,5 +34,5 @@ pub use fan::{FAN_DIRECTIONS, Fan};
 pub use intersect::{Hit, NO_HIT, Ray, major_axis};
 pub use node::{Bvh, BvhError, MAX_DEPTH, Node, Triangle};
 pub use packet::{CHUNK, PACKET_RAYS, Packet, PacketHits, Scratch};
-pub use quads::{Quads, ROOT, STACK, TRIANGLE, UNIT};
+pub use quads::{KINDS, Quads, ROOT, STACK, TRIANGLE, UNIT};
 pub use quantized::QuantizedNode;

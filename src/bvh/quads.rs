@@ -1,4 +1,4 @@
-use super::{Bvh, MAX_DEPTH, NO_HIT, Triangle};
+use super::{Bvh, MAX_DEPTH, Triangle};
 
 /// Children of a node.
 pub(super) const WIDTH: usize = 4;
@@ -10,17 +10,21 @@ pub const ROOT: u32 = 1;
 const STEPS: f64 = 65_535.0;
 /// Bit of an item that marks a triangle.
 pub const TRIANGLE: u32 = 1 << 31;
-/// Entries of a traversal stack: each level leaves at most all children but one behind, and a leaf of
-/// the binary tree may become a level more.
-pub const STACK: usize = (WIDTH - 1) * (MAX_DEPTH + 1);
-/// The tree for packets on a device, in items of four vectors of four words: a header, nodes, triangles.
+/// Bit of a node's word from which on each of its children has one that says whether it is a triangle.
+pub const KINDS: u32 = 28;
+/// Entries of a traversal stack: each level leaves at most one for its children, and a leaf of the binary
+/// tree may become a level more.
+pub const STACK: usize = MAX_DEPTH + 1;
+
+/// The tree for packets on a device, in items of four vectors of four words: a header, then nodes and
+/// triangles.
 ///
 /// Sides of boxes are whole numbers of steps from the lower corner of the scene, 16 bits each; a step is a
 /// power of two, and boxes are those of the binary tree rounded outwards. The header holds that corner and
-/// the steps. A node holds for each axis its children's sides, the lower one in the lower half of a word,
-/// and the children. A triangle lies there as [`Triangle`] does. A child is the number of an item, with
-/// [`TRIANGLE`] where that is a triangle; where there is none it is the header as a triangle, which has no
-/// normal and is never hit, in a box that ends before it begins. Every triangle has a box of its own.
+/// the steps. A triangle lies there as [`Triangle`] does, and has a box of its own. A node's children lie
+/// side by side, so that all of them that are still to be visited fit in two words. It holds for each axis
+/// their sides, the lower one in the lower half of a word; then the item of the first child, with the
+/// kinds of all from bit [`KINDS`] on, and how many there are.
 #[derive(Debug, Clone)]
 pub struct Quads {
     /// Four to an item.
@@ -46,25 +50,40 @@ impl Quads {
     pub fn new(bvh: &Bvh) -> Self {
         let nodes = collapse(bvh);
         let grid: [Grid; 3] = std::array::from_fn(|axis| Grid::new(&nodes[0], axis));
-        // Triangles come after the nodes.
-        let first = ROOT + nodes.len() as u32;
-        let mut texels = Vec::with_capacity(UNIT * (first as usize + bvh.triangles.len()));
         let header = |of: fn(&Grid) -> f32| {
             let [x, y, z] = [0, 1, 2].map(|axis| of(&grid[axis]).to_bits());
-            [x, y, z, NO_HIT]
+            [x, y, z, 0]
         };
+        let items = ROOT as usize + nodes.len() + bvh.triangles.len();
+        let mut texels = Vec::with_capacity(UNIT * items);
         texels.extend([header(|grid| grid.corner), header(|grid| grid.step), [0; 4], [0; 4]]);
-        for node in &nodes {
-            texels.extend(
-                grid.iter().map(|grid| node.map(|c| c.map_or(EMPTY, |(_, s)| grid.sides(&s)))),
-            );
-            texels.push(node.map(|child| match child {
-                Some((item, _)) if item & TRIANGLE != 0 => item + first,
-                Some((item, _)) => item + ROOT,
-                None => TRIANGLE,
-            }));
+        texels.resize(UNIT * (ROOT as usize + 1), [0; 4]);
+        let mut work = vec![(0, ROOT)];
+        while let Some((node, item)) = work.pop() {
+            let first = (texels.len() / UNIT) as u32;
+            let (mut kinds, mut count) = (0, 0);
+            let mut sides = [[EMPTY; WIDTH]; 3];
+            let inner = work.len();
+            for &(child, own) in nodes[node].iter().flatten() {
+                for (sides, grid) in sides.iter_mut().zip(&grid) {
+                    sides[count] = grid.sides(&own);
+                }
+                if child & TRIANGLE == 0 {
+                    work.push((child as usize, first + count as u32));
+                    texels.extend([[0; 4]; UNIT]);
+                } else {
+                    kinds |= 1 << count;
+                    let triangle = bvh.triangles[(child ^ TRIANGLE) as usize];
+                    texels.extend(bytemuck::cast::<Triangle, [[u32; 4]; UNIT]>(triangle));
+                }
+                count += 1;
+            }
+            // What is below the first child follows at once.
+            work[inner..].reverse();
+            let at = UNIT * item as usize;
+            texels[at..at + 3].copy_from_slice(&sides);
+            texels[at + 3] = [first | kinds << KINDS, count as u32, 0, 0];
         }
-        texels.extend_from_slice(bytemuck::cast_slice::<Triangle, [u32; 4]>(&bvh.triangles));
         Self { texels }
     }
 }
@@ -165,21 +184,17 @@ mod tests {
     use super::*;
     use crate::geom::TriangleSoup;
 
-    /// Lower and upper side by axis in metres, as the steps say; none where the box is empty.
-    fn sides(quads: &Quads, at: usize, slot: usize) -> Option<[f64; 6]> {
+    /// Lower and upper side by axis in metres, as the steps say.
+    fn sides(quads: &Quads, at: usize, slot: usize) -> [f64; 6] {
         let mut sides = [0.0; 6];
         for axis in 0..3 {
             let word = quads.texels[at + axis][slot];
-            let [low, high] = [word & 0xffff, word >> 16];
-            if low > high {
-                return None;
-            }
             let [corner, step] =
                 [0, 1].map(|row| f64::from(f32::from_bits(quads.texels[row][axis])));
-            sides[2 * axis] = corner + f64::from(low) * step;
-            sides[2 * axis + 1] = corner + f64::from(high) * step;
+            sides[2 * axis] = corner + f64::from(word & 0xffff) * step;
+            sides[2 * axis + 1] = corner + f64::from(word >> 16) * step;
         }
-        Some(sides)
+        sides
     }
 
     /// Triangles below an item, each inside the boxes above it; and how deep it is.
@@ -203,16 +218,15 @@ mod tests {
             return 0;
         }
         let mut depth = 0;
-        for slot in 0..WIDTH {
-            let item = quads.texels[at + 3][slot];
-            let Some(own) = sides(quads, at, slot) else {
-                assert_eq!(item, TRIANGLE);
-                continue;
-            };
+        let [word, count, ..] = quads.texels[at + 3];
+        for slot in 0..count as usize {
+            let own = sides(quads, at, slot);
             for axis in 0..3 {
                 let [low, high] = [2 * axis, 2 * axis + 1];
                 assert!(outer.is_none_or(|o| o[low] <= own[low] && own[high] <= o[high]));
             }
+            let kind = word >> (KINDS as usize + slot) & 1;
+            let item = (word & ((1 << KINDS) - 1)) + slot as u32 + kind * TRIANGLE;
             depth = depth.max(below(quads, item, found, Some(own)));
         }
         depth + 1
@@ -240,18 +254,12 @@ mod tests {
             let quads = Quads::new(&bvh);
             let mut found = Vec::new();
             let depth = below(&quads, ROOT, &mut found, None);
-            assert!((WIDTH - 1) * depth <= STACK);
+            assert!(depth <= STACK);
+            assert_eq!(quads.texels.len(), quads.texels.capacity());
             found.sort_by_key(|triangle| triangle.prim);
             let mut all = bvh.triangles.clone();
             all.sort_by_key(|triangle| triangle.prim);
             assert_eq!(found, all);
         }
-    }
-
-    #[test]
-    fn what_stands_for_no_child_has_no_normal() {
-        let quads = Quads::new(&Bvh::build(&TriangleSoup::default(), 50.0));
-        let triangle: Triangle = bytemuck::cast_slice(&quads.texels[..UNIT])[0];
-        assert_eq!((triangle.normal, triangle.prim), ([0.0; 3], NO_HIT));
     }
 }

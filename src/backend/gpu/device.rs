@@ -133,7 +133,8 @@ impl Device {
         Ok(buffer)
     }
 
-    /// A texture that holds vectors of four numbers for good, in rows of `row`.
+    /// A storage texture that holds vectors of four numbers for good, in rows of `row`: a software device
+    /// loads such a vector at once, without looking for levels of detail as in a sampled one.
     pub(super) fn upload_texels(
         &self,
         what: &'static str,
@@ -155,7 +156,7 @@ impl Device {
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
             format: wgpu::TextureFormat::Rgba32Uint,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_DST,
             view_formats: &[],
         });
         let layout = wgpu::TexelCopyBufferLayout {
