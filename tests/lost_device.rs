@@ -81,6 +81,34 @@ fn errors_that_are_not_the_devices_are_handed_on() {
     assert!(notes.lock().unwrap().is_empty());
 }
 
+#[test]
+fn what_is_too_large_for_a_device_goes_to_the_cpu_where_that_is_allowed() {
+    let problem = random_problem(84, true);
+    let placements = random_placements(84, 4, 6.0);
+    let want = cpu(&problem).tally(&placements, 12.0).unwrap();
+    for allowed in [false, true] {
+        let tiny = Box::new(GpuBackend::new(problem.clone(), None, 1000).unwrap());
+        let reopen = Box::new(|| panic!("a device that is too small is not opened again"));
+        let for_cpu = problem.clone();
+        let cpu = move || Box::new(CpuBackend::new(for_cpu.clone(), MEMORY)) as Box<dyn Backend>;
+        let mut backend = Failover::new(tiny, reopen, cpu, |_| ());
+        if allowed {
+            backend = backend.take_what_is_too_large();
+        }
+        match backend.tally(&placements, 12.0) {
+            Ok(got) => {
+                assert!(allowed && got == want);
+                assert_eq!(backend.name(), "cpu");
+                assert!(backend.changes()[0].starts_with("too large for `"));
+            }
+            Err(error) => {
+                assert!(!allowed && matches!(error, BackendError::TooLarge { .. }), "{error}");
+                assert_eq!(backend.changes().len(), 0);
+            }
+        }
+    }
+}
+
 /// The program on a device that is lost after so many batches: JSON answer and stderr.
 fn losing(dir: &Path, args: &[&str], batches: &str) -> (Value, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_sightline"))

@@ -16,10 +16,13 @@ pub type Reopen = Box<dyn FnMut() -> Result<Box<dyn Backend>, BackendError> + Se
 /// The batch that failed is asked for once more, of the same device newly opened, and, if that fails as
 /// well or the device was lost three times before, of the CPU; what was scored before stays as it is.
 /// Both give the same bits, so that nothing of a result tells of the change but [`Backend::changes`].
-/// Errors that are not the device's, as of a batch that is too large, are handed on.
+/// Errors that are not the device's, as of a frame that does not exist, are handed on; so is that of a
+/// placement too large for the device, unless [`Self::take_what_is_too_large`] says otherwise.
 pub struct Failover {
     backend: Box<dyn Backend>,
     on_cpu: bool,
+    /// Whether the CPU takes what is too large for the device.
+    takes_too_large: bool,
     reopen: Reopen,
     cpu: Box<dyn Fn() -> Box<dyn Backend> + Send>,
     note: Box<dyn Fn(&str) + Send>,
@@ -39,12 +42,19 @@ impl Failover {
         Self {
             backend,
             on_cpu: false,
+            takes_too_large: false,
             reopen,
             cpu: Box::new(cpu),
             note: Box::new(note),
             changes: Vec::new(),
             past: StageTimes::default(),
         }
+    }
+
+    /// Lets the CPU take what is too large for the device, for a device that nobody asked for.
+    pub fn take_what_is_too_large(mut self) -> Self {
+        self.takes_too_large = true;
+        self
     }
 
     fn attempt<T>(
@@ -58,12 +68,17 @@ impl Failover {
                     self.replace(format!("`{adapter}` failed at {stage}: {message}"), again);
                     again = true;
                 }
+                Err(error @ BackendError::TooLarge { .. })
+                    if self.takes_too_large && !self.on_cpu =>
+                {
+                    self.replace(format!("too large for `{}`: {error}", self.adapter()), true);
+                }
                 result => return result,
             }
         }
     }
 
-    /// Takes the next backend after a failure; `again` when the same batch has failed before.
+    /// Takes the next backend after a failure, which is the CPU where the device would fail `again`.
     fn replace(&mut self, mut why: String, again: bool) {
         self.past += self.backend.times();
         let lost = std::mem::replace(&mut self.backend, (self.cpu)());

@@ -227,7 +227,9 @@ fn surviving(
     };
     let cpu = move || -> Box<dyn Backend> { Box::new(CpuBackend::new(for_cpu.clone(), budget)) };
     let note = move |line: &str| talk.note(line);
-    Box::new(Failover::new(Box::new(gpu), Box::new(reopen), cpu, note))
+    let failover = Failover::new(Box::new(gpu), Box::new(reopen), cpu, note);
+    let is_asked_for = compute.backend == BackendChoice::Gpu || compute.adapter.is_some();
+    Box::new(if is_asked_for { failover } else { failover.take_what_is_too_large() })
 }
 
 /// A drill: `SIGHTLINE_LOSE_DEVICE_AFTER=N` destroys the first device after N batches, so that anybody
