@@ -9,13 +9,15 @@ use std::time::Instant;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use sightline::atlas::{Atlas, PageStore, Union};
-use sightline::backend::cpu::CpuBackend;
-use sightline::backend::{Backend, Problem, Tally};
-use sightline::grid::{Roi, scan_scene};
-use sightline::placement::{BeamTable, Constraints, Placement, PoseGrid, Spacing};
+use sightline::engine::Backend;
+use sightline::engine::CpuBackend;
+use sightline::problem::{Problem, Tally};
+use sightline::psog::Roi;
+use sightline::scan::scan_scene;
 use sightline::scene::{Lidar, ScanSettings, Scene};
 use sightline::score::Objective;
+use sightline::search::atlas::{Atlas, PageStore, Union};
+use sightline::vehicle::{BeamTable, Constraints, Placement, PoseGrid, Spacing};
 
 const ROUNDS: usize = 15;
 /// Poses of the grid that are held, drawn at random.

@@ -14,11 +14,12 @@ use std::time::{Duration, Instant};
 
 use clap::Parser;
 use setup::RANGE;
-use sightline::backend::cpu::CpuBackend;
-use sightline::backend::gpu::{Casting, GpuBackend};
-use sightline::backend::{Backend, Problem, StageTimes, Tally};
 use sightline::bvh::Bvh;
-use sightline::placement::Placement;
+use sightline::engine::Backend;
+use sightline::engine::CpuBackend;
+use sightline::engine::gpu::{Casting, GpuBackend};
+use sightline::problem::{Problem, StageTimes, Tally};
+use sightline::vehicle::Placement;
 
 #[derive(Parser)]
 struct Args {

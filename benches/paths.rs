@@ -17,12 +17,12 @@ use clap::Parser;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use setup::RANGE;
-use sightline::backend::DevicePose;
-use sightline::backend::cpu::{Casting, cast_packets_by};
 use sightline::bvh::{Bvh, Hit};
+use sightline::cast::{Casting, cast_packets_by};
 use sightline::geom::TriangleSoup;
-use sightline::placement::SensorPose;
+use sightline::problem::DevicePose;
 use sightline::scene::{EgoBody, Scene};
+use sightline::vehicle::SensorPose;
 
 /// Most beams that are cast one by one.
 const SINGLE: usize = 60_000;

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use bytemuck::{bytes_of, cast_slice};
-use sightline::backend::DevicePose;
 use sightline::geom::TriangleSoup;
-use sightline::placement::BeamTable;
+use sightline::problem::DevicePose;
+use sightline::vehicle::BeamTable;
 
 /// A scene and its rays in a file, as `benches/embree.c` describes it.
 pub struct Rays {

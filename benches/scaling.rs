@@ -16,14 +16,15 @@ use clap::Parser;
 use glam::Vec3;
 use serde_json::{Value, json};
 use setup::RANGE;
-use sightline::backend::cpu::{
-    CpuBackend, WalkScratch, bitmap_words, cast_packets, cover_sensor, cover_voxels,
-};
-use sightline::backend::{Backend, DevicePose, Problem};
 use sightline::bvh::{Bvh, Hit};
+use sightline::cast::cast_packets;
+use sightline::cover::{WalkScratch, bitmap_words, cover_sensor, cover_voxels};
+use sightline::engine::Backend;
+use sightline::engine::CpuBackend;
 use sightline::geom::TriangleSoup;
-use sightline::grid::Roi;
-use sightline::placement::BeamTable;
+use sightline::problem::{DevicePose, Problem};
+use sightline::psog::Roi;
+use sightline::vehicle::BeamTable;
 
 /// Triangles where they are not what varies.
 const TRIANGLES: usize = 20_000;

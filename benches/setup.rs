@@ -5,11 +5,12 @@
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use sightline::backend::cpu::{beam_direction, cast_packets};
-use sightline::backend::{Content, DevicePose, OccupiedVoxel};
 use sightline::bvh::Bvh;
-use sightline::grid::Roi;
-use sightline::placement::{BeamTable, Placement, SensorPose};
+use sightline::cast::cast_packets;
+use sightline::problem::beam_direction;
+use sightline::problem::{Content, DevicePose, OccupiedVoxel};
+use sightline::psog::Roi;
+use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
 /// Metres.
 pub const RANGE: f32 = 100.0;

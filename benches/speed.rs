@@ -18,14 +18,15 @@ use clap::Parser;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use setup::RANGE;
-use sightline::backend::cpu::{
-    CpuBackend, WalkScratch, bitmap_words, cast_closest, cast_packets, cover_sensor, cover_voxels,
-    reduce,
-};
-use sightline::backend::gpu::GpuBackend;
-use sightline::backend::{Backend, Problem, Tally};
 use sightline::bvh::{Bvh, Hit};
-use sightline::placement::Placement;
+use sightline::cast::{cast_closest, cast_packets};
+use sightline::cover::{WalkScratch, bitmap_words, cover_sensor, cover_voxels};
+use sightline::engine::Backend;
+use sightline::engine::CpuBackend;
+use sightline::engine::gpu::GpuBackend;
+use sightline::problem::{Problem, Tally};
+use sightline::reduce::reduce;
+use sightline::vehicle::Placement;
 
 use peer::{Peer, Rays};
 

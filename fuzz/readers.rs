@@ -6,11 +6,11 @@
 use std::fs;
 use std::path::Path;
 
-use sightline::grid::{
+use sightline::psog::{
     KittiPsogOptions, KittiSequence, Roi, build_kitti_psog, read_psog, write_psog,
 };
-use sightline::placement::read_placements;
 use sightline::scene::{EgoBody, Scene};
+use sightline::vehicle::read_placements;
 
 /// Triangles up to which the frames of an accepted scene are looked at.
 const MAX_FACES: usize = 200_000;

@@ -6,32 +6,38 @@
 //! |---|---|
 //! | [`geom`] | rigid transforms, boxes, triangle soups |
 //! | [`scene`] | the scene file, meshes and primitives, one triangle soup a frame |
-//! | [`bvh`] | bounding volume hierarchy and the closest-hit reference |
-//! | [`grid`] | region of interest, voxels, P-SOG, entropy |
-//! | [`placement`] | beam tables, sensor poses, mount and constraints |
-//! | [`backend`] | casting, coverage and integer sums on the CPU and on the GPU |
-//! | [`atlas`] | coverage of sensor poses on a grid, cast once and kept |
+//! | [`bvh`] | bounding volume hierarchy, flat and wide |
+//! | [`psog`] | region of interest, voxels, P-SOG, entropy |
+//! | [`vehicle`] | beam tables, sensor poses, mount and constraints |
+//! | [`problem`] | what is asked, ready to be computed |
+//! | [`cast`] | closest hits of all beams |
+//! | [`cover`] | voxels that beams cover |
+//! | [`reduce`] | integer sums over covered voxels |
+//! | [`scan`] | scans of a scene by virtual sensors |
+//! | [`engine`] | the three stages on the CPU and on the GPU behind one trait |
 //! | [`score`] | scores, guards and objectives from the sums |
-//! | [`optimize`] | CMA-ES: pure numbers, knows no GPU and no scene |
-//! | [`search`] | ask, evaluate, score, tell |
+//! | [`search`] | CMA-ES and swaps over a problem, bounds on what they leave |
 //! | [`audit`] | trials against the metric itself |
-//! | [`verify`] | comparisons of backends bit by bit, and with `f64` |
-//! | [`fidelity`] | settings from fine to coarse, their cost and their error |
+//! | [`verify`] | comparisons of engines bit by bit, and with `f64` |
+//! | [`chart`] | settings from fine to coarse, their cost and their error |
 //! | [`study`] | how many LiDARs, which sensor, what if one fails |
 //! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
 
-pub mod atlas;
 pub mod audit;
-pub mod backend;
 pub mod bvh;
-pub mod fidelity;
+pub mod cast;
+pub mod chart;
+pub mod cover;
+pub mod engine;
 pub mod geom;
-pub mod grid;
-pub mod optimize;
-pub mod placement;
+pub mod problem;
+pub mod psog;
+pub mod reduce;
 pub mod report;
+pub mod scan;
 pub mod scene;
 pub mod score;
 pub mod search;
 pub mod study;
+pub mod vehicle;
 pub mod verify;

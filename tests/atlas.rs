@@ -4,13 +4,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use sightline::atlas::{Atlas, PageStore, StoreReport, Union};
-use sightline::backend::cpu::CpuBackend;
-use sightline::backend::gpu::GpuBackend;
-use sightline::backend::{Backend, Content, OccupiedVoxel, Problem, Tally};
 use sightline::bvh::Bvh;
-use sightline::grid::Roi;
-use sightline::placement::{BeamTable, Constraints, Placement, PoseGrid, Spacing};
+use sightline::engine::Backend;
+use sightline::engine::CpuBackend;
+use sightline::engine::gpu::GpuBackend;
+use sightline::problem::{Content, OccupiedVoxel, Problem, Tally};
+use sightline::psog::Roi;
+use sightline::search::atlas::{Atlas, PageStore, StoreReport, Union};
+use sightline::vehicle::{BeamTable, Constraints, Placement, PoseGrid, Spacing};
 
 use crate::common::{MEMORY, random_content, random_soup};
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
 use serde_json::{Value, json};
-use sightline::grid::{Psog, Roi, write_psog};
+use sightline::psog::{Psog, Roi, write_psog};
 use tempfile::TempDir;
 
 pub fn sightline(dir: &Path, args: &[&str]) -> Output {

@@ -5,7 +5,7 @@ use std::fs::{self, File};
 use std::process::{Command, Stdio};
 
 use serde_json::json;
-use sightline::grid::{Psog, Roi, write_psog};
+use sightline::psog::{Psog, Roi, write_psog};
 use tempfile::TempDir;
 
 use crate::cli::{corridor, fails, ok, scene, sightline};

@@ -4,10 +4,10 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::{Value, json};
-use sightline::backend::cpu::CpuBackend;
-use sightline::placement::{Constraints, Ties};
+use sightline::engine::CpuBackend;
 use sightline::score::Objective;
 use sightline::search::{Evaluator, Search, SearchSettings};
+use sightline::vehicle::{Constraints, Ties};
 use tempfile::TempDir;
 
 use crate::cli::{fails, ok, room, sightline};

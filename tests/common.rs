@@ -5,13 +5,14 @@ use std::sync::Arc;
 use glam::Vec3;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use sightline::backend::cpu::CpuBackend;
-use sightline::backend::gpu::{Casting, GpuBackend};
-use sightline::backend::{Backend, Content, OccupiedVoxel, Problem};
 use sightline::bvh::Bvh;
+use sightline::engine::Backend;
+use sightline::engine::CpuBackend;
+use sightline::engine::gpu::{Casting, GpuBackend};
 use sightline::geom::TriangleSoup;
-use sightline::grid::Roi;
-use sightline::placement::{BeamTable, Placement, SensorPose};
+use sightline::problem::{Content, OccupiedVoxel, Problem};
+use sightline::psog::Roi;
+use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
 /// Memory that a test backend may use.
 pub const MEMORY: u64 = 1 << 30;

@@ -1,10 +1,12 @@
 //! Covered voxels against a slab test of every voxel in f64.
 
 use glam::{DVec3, Vec3};
-use sightline::backend::cpu::{beam_direction, cast_closest};
-use sightline::backend::{Backend, DevicePose};
 use sightline::bvh::NO_HIT;
-use sightline::grid::Roi;
+use sightline::cast::cast_closest;
+use sightline::engine::Backend;
+use sightline::problem::DevicePose;
+use sightline::problem::beam_direction;
+use sightline::psog::Roi;
 
 use crate::common::{cpu, random_placements, random_problem};
 

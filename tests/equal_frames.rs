@@ -3,14 +3,16 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use sightline::atlas::{Atlas, Union};
-use sightline::backend::cpu::ReferenceBackend;
-use sightline::backend::{Backend, Problem, Tally};
 use sightline::bvh::Bvh;
-use sightline::fidelity::Pilot;
-use sightline::grid::{Roi, scan_scene};
-use sightline::placement::{BeamTable, Constraints, Placement, PoseGrid, Spacing};
+use sightline::chart::Pilot;
+use sightline::engine::Backend;
+use sightline::engine::ReferenceBackend;
+use sightline::problem::{Problem, Tally};
+use sightline::psog::Roi;
+use sightline::scan::scan_scene;
 use sightline::scene::{EgoBody, PsogSource, Scene};
+use sightline::search::atlas::{Atlas, Union};
+use sightline::vehicle::{BeamTable, Constraints, Placement, PoseGrid, Spacing};
 use sightline::verify::random_placements;
 
 use crate::common::{MEMORY, both};

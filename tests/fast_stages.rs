@@ -3,15 +3,16 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use sightline::backend::cpu::{
-    CpuBackend, WalkScratch, bitmap_words, cast_closest, cast_packets, cover_sensor, cover_voxels,
-    reduce,
-};
-use sightline::backend::{Backend, DevicePose, Problem};
 use sightline::bvh::Bvh;
-use sightline::grid::Roi;
-use sightline::placement::{BeamTable, Constraints, Placement};
+use sightline::cast::{cast_closest, cast_packets};
+use sightline::cover::{WalkScratch, bitmap_words, cover_sensor, cover_voxels};
+use sightline::engine::Backend;
+use sightline::engine::CpuBackend;
+use sightline::problem::{DevicePose, Problem};
+use sightline::psog::Roi;
+use sightline::reduce::reduce;
 use sightline::scene::{EgoBody, Scene};
+use sightline::vehicle::{BeamTable, Constraints, Placement};
 use sightline::verify::{hostile_placements, random_placements as scattered};
 
 use crate::common::{MEMORY, random_content, random_placements, random_problem, random_soup};

@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use rand::RngExt;
-use sightline::backend::cpu::{bitmap_words, cover_voxels};
-use sightline::backend::{Backend, DevicePose, Problem};
-use sightline::grid::Roi;
-use sightline::placement::{BeamTable, Placement, SensorPose};
+use sightline::cover::{bitmap_words, cover_voxels};
+use sightline::engine::Backend;
+use sightline::problem::{DevicePose, Problem};
+use sightline::psog::Roi;
+use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
 use crate::common::{cpu, gpu, random_content, rng};
 

@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use sightline::backend::gpu::{Casting, GpuBackend};
-use sightline::backend::{Backend, BackendError, Problem};
 use sightline::bvh::{Bvh, Hit};
+use sightline::engine::gpu::{Casting, GpuBackend};
+use sightline::engine::{Backend, BackendError};
 use sightline::geom::TriangleSoup;
-use sightline::grid::Roi;
-use sightline::placement::{BeamTable, Placement, SensorPose};
+use sightline::problem::Problem;
+use sightline::psog::Roi;
+use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
 use crate::common::{
     both, cpu, gpu, gpu_that_casts_by, random_content, random_placements, random_problem,

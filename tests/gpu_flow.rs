@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use rand::RngExt;
-use sightline::backend::gpu::{Casting, GpuBackend};
-use sightline::backend::{Backend, Problem};
 use sightline::bvh::Bvh;
+use sightline::engine::Backend;
+use sightline::engine::gpu::{Casting, GpuBackend};
 use sightline::geom::TriangleSoup;
-use sightline::grid::Roi;
-use sightline::placement::{BeamTable, Placement, SensorPose};
+use sightline::problem::Problem;
+use sightline::psog::Roi;
+use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
 use crate::common::{MEMORY, cpu, random_content, random_soup, rng};
 

@@ -3,12 +3,14 @@
 use std::sync::Arc;
 
 use rand::RngExt;
-use sightline::backend::gpu::Casting;
-use sightline::backend::{Backend, DevicePose, Problem, cpu::cast_closest};
 use sightline::bvh::Bvh;
+use sightline::cast::cast_closest;
+use sightline::engine::Backend;
+use sightline::engine::gpu::Casting;
 use sightline::geom::TriangleSoup;
-use sightline::grid::Roi;
-use sightline::placement::{BeamTable, Placement, SensorPose};
+use sightline::problem::{DevicePose, Problem};
+use sightline::psog::Roi;
+use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
 use crate::common::{gpu_that_casts_by, random_content, random_soup, rng};
 

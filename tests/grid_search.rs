@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use sightline::atlas::Atlas;
-use sightline::backend::Problem;
-use sightline::backend::cpu::CpuBackend;
-use sightline::placement::{Constraints, Placement, PoseGrid, SensorPose, Spacing, Ties};
+use sightline::engine::CpuBackend;
+use sightline::problem::Problem;
 use sightline::score::Objective;
+use sightline::search::atlas::Atlas;
 use sightline::search::{
     Evaluator, GridPlacement, GridSample, GridSearch, Moves, SwapSettings, bound_gain, swap_from,
 };
+use sightline::vehicle::{Constraints, Placement, PoseGrid, SensorPose, Spacing, Ties};
 
 use crate::common::{MEMORY, random_problem};
 

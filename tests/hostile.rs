@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use sightline::backend::gpu::Casting;
-use sightline::backend::{Backend, Problem};
 use sightline::bvh::{Bvh, Hit, NO_HIT};
+use sightline::engine::Backend;
+use sightline::engine::gpu::Casting;
 use sightline::geom::TriangleSoup;
-use sightline::grid::Roi;
-use sightline::placement::{BeamTable, Placement, SensorPose};
+use sightline::problem::Problem;
+use sightline::psog::Roi;
+use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
 use crate::common::{both, gpu_that_casts_by, random_content};
 

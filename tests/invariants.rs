@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use rand::seq::SliceRandom;
-use sightline::backend::{Backend, Problem, Tally};
-use sightline::grid::Roi;
-use sightline::placement::{BeamTable, Placement, SensorPose};
+use sightline::engine::Backend;
+use sightline::problem::{Problem, Tally};
+use sightline::psog::Roi;
 use sightline::score::Scores;
+use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
 use crate::common::{cpu, random_content, random_placements, random_problem, rng};
 

@@ -4,12 +4,13 @@ use std::sync::LazyLock;
 
 use rand::RngExt;
 use rand::seq::SliceRandom;
-use sightline::atlas::Atlas;
 use sightline::audit::{Trial, Verdict};
-use sightline::backend::{Backend, Tally};
-use sightline::placement::{Placement, PoseGrid, Spacing};
+use sightline::engine::Backend;
+use sightline::problem::Tally;
 use sightline::score::{Objective, Scores};
+use sightline::search::atlas::Atlas;
 use sightline::search::{Evaluator, GridPlacement, GridSearch, Moves, Search, SearchSettings};
+use sightline::vehicle::{Placement, PoseGrid, Spacing};
 use sightline::verify::{hostile_placements, random_placements};
 
 use crate::common::{MEMORY, cpu, rng};

@@ -4,20 +4,23 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Top to bottom.
-const ORDER: [&str; 15] = [
+const ORDER: [&str; 18] = [
     "geom",
     "scene",
+    "psog",
+    "vehicle",
     "bvh",
-    "grid",
-    "placement",
-    "backend",
-    "atlas",
+    "problem",
+    "cast",
+    "cover",
+    "reduce",
+    "scan",
+    "engine",
     "score",
-    "optimize",
     "search",
     "audit",
     "verify",
-    "fidelity",
+    "chart",
     "study",
     "report",
 ];
@@ -72,7 +75,7 @@ fn modules_import_only_what_stands_above_them() {
 fn crates_stay_where_they_belong() {
     for (file, text, _) in library() {
         let path = file.to_string_lossy().replace('\\', "/");
-        if !path.contains("/backend/gpu/") {
+        if !path.contains("/engine/gpu/") {
             assert!(!text.contains("wgpu::"), "{path} uses wgpu");
         }
         for foreign in ["tobj::", "gltf::", "ply_rs_bw::"] {

@@ -7,9 +7,10 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 
 use serde_json::Value;
-use sightline::backend::cpu::CpuBackend;
-use sightline::backend::gpu::GpuBackend;
-use sightline::backend::{Backend, BackendError, Failover, Problem};
+use sightline::engine::CpuBackend;
+use sightline::engine::gpu::GpuBackend;
+use sightline::engine::{Backend, BackendError, Failover};
+use sightline::problem::Problem;
 use tempfile::TempDir;
 
 use crate::cli::{ok, room};

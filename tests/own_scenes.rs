@@ -4,15 +4,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde_json::{Value, json};
-use sightline::backend::Problem;
-use sightline::backend::cpu::CpuBackend;
 use sightline::bvh::Bvh;
+use sightline::engine::CpuBackend;
 use sightline::geom::TriangleSoup;
-use sightline::grid::{Psog, Roi, scan_scene};
-use sightline::placement::{BeamTable, Constraints, Placement, read_placements};
+use sightline::problem::Problem;
+use sightline::psog::{Psog, Roi};
+use sightline::scan::scan_scene;
 use sightline::scene::{EgoBody, Lidar, PsogSource, Scene};
 use sightline::score::Scores;
 use sightline::search::Evaluator;
+use sightline::vehicle::{BeamTable, Constraints, Placement, read_placements};
 
 use crate::common::MEMORY;
 
@@ -115,7 +116,7 @@ impl Own {
         let range = self.scene.lidar().range();
         let table = BeamTable::from_directions(directions, range).unwrap();
         let detection: Vec<u16> = self.scene.detection_among(psog.classes());
-        let content = sightline::backend::Content::from_psog(&psog, &detection);
+        let content = sightline::problem::Content::from_psog(&psog, &detection);
         let far = self.problem.far_range();
         let frames = soups.iter().map(|soup| Arc::new(Bvh::build(soup, far))).collect();
         let problem = Problem::new(roi, content, table, frames, self.problem.ends_at_hits());

@@ -2,15 +2,13 @@
 
 use glam::{DVec3, Vec3};
 use rand::RngExt;
-use sightline::backend::DevicePose;
-use sightline::backend::cpu::{Casting, cast_closest, cast_packets_by};
-use sightline::bvh::{
-    Bvh, FAN_DIRECTIONS, Fan, Hit, NO_HIT, PACKET_RAYS, Packet, PacketHits, Ray, Scratch,
-    major_axis,
-};
+use sightline::bvh::{Bvh, Hit, NO_HIT, Ray, major_axis};
+use sightline::cast::{Casting, cast_closest, cast_packets_by};
+use sightline::cast::{FAN_DIRECTIONS, Fan, PACKET_RAYS, Packet, PacketHits, Scratch};
 use sightline::geom::TriangleSoup;
-use sightline::grid::Roi;
-use sightline::placement::{BeamTable, SensorPose};
+use sightline::problem::DevicePose;
+use sightline::psog::Roi;
+use sightline::vehicle::{BeamTable, SensorPose};
 use sightline::verify::hostile_placements;
 
 use crate::common::{random_soup, random_vec, rng};

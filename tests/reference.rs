@@ -7,10 +7,10 @@
 use std::collections::BTreeSet;
 
 use glam::{DVec3, Vec3};
-use sightline::backend::Tally;
 use sightline::geom::Pose;
-use sightline::grid::{EntropyKind, PUSH};
-use sightline::placement::Placement;
+use sightline::problem::Tally;
+use sightline::psog::{EntropyKind, PUSH};
+use sightline::vehicle::Placement;
 
 use crate::own_scenes::Own;
 

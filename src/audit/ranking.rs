@@ -1,4 +1,4 @@
-use crate::placement::Placement;
+use crate::vehicle::Placement;
 
 /// Mean height of a placement's LiDARs above the ground, in metres: the null model that every
 /// correlation stands beside, because it alone says much of what a score says.

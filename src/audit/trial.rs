@@ -2,8 +2,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-use crate::placement::{MAX_LIDARS, Placement, SensorPose};
 use crate::score::Scores;
+use crate::vehicle::{MAX_LIDARS, Placement, SensorPose};
 
 /// An attempt that loses less than this share of the information has done no harm.
 const HARMLESS: f64 = 0.01;
@@ -105,7 +105,7 @@ pub fn jittered(placement: &Placement, metres: f64, radians: f64, seed: u64) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::backend::{Content, Tally};
+    use crate::problem::{Content, Tally};
 
     fn scores(covered: u64, gain: u64, reference: Option<&Tally>) -> Scores {
         let content = Content::new(vec!["a".into()], vec![], &[vec![]], false);

@@ -38,11 +38,11 @@ pub struct Ray {
     pub direction: Vec3,
     /// Farthest hit that counts, in metres.
     pub t_max: f32,
-    pub(super) inverse: Vec3,
+    pub(crate) inverse: Vec3,
     /// Axis of the largest component; the other two follow cyclically, swapped for a negative one.
-    pub(super) major: usize,
+    pub(crate) major: usize,
     /// x and y over z, in the permuted axes.
-    pub(super) shear: [f32; 2],
+    pub(crate) shear: [f32; 2],
 }
 
 impl Ray {
@@ -59,7 +59,7 @@ impl Ray {
     }
 
     /// Where the ray is inside a box, clipped to t ≥ 0: (enter, leave), empty when enter > leave.
-    pub(super) fn slab(&self, min: Vec3, max: Vec3) -> (f32, f32) {
+    pub(crate) fn slab(&self, min: Vec3, max: Vec3) -> (f32, f32) {
         let t0 = (min - self.origin) * self.inverse;
         let t1 = (max - self.origin) * self.inverse;
         let near = t0.min(t1);
@@ -72,7 +72,7 @@ impl Ray {
     /// Woop, Benthin, Wald: "Watertight ray/triangle intersection", JCGT 2013: the edge function of
     /// a shared edge is the same number for both neighbours but for its sign, so no ray passes
     /// between them. Departure: the distance comes from the triangle's plane, clamped to its box (see the module).
-    pub(super) fn intersect(&self, triangle: &Triangle, pad: f32, best: &mut Hit) {
+    pub(crate) fn intersect(&self, triangle: &Triangle, pad: f32, best: &mut Hit) {
         let a = permute(Vec3::from(triangle.a) - self.origin, self.major);
         let b = permute(Vec3::from(triangle.b) - self.origin, self.major);
         let c = permute(Vec3::from(triangle.c) - self.origin, self.major);
@@ -132,7 +132,7 @@ pub fn major_axis(direction: Vec3) -> usize {
 
 /// The two axes of the shear, and the one of the largest component.
 #[inline(always)]
-pub(super) fn axes_of(major: usize) -> [usize; 3] {
+pub(crate) fn axes_of(major: usize) -> [usize; 3] {
     [(major + 1) % 3, (major + 2) % 3, major]
 }
 
@@ -151,6 +151,6 @@ fn permute(v: Vec3, major: usize) -> Vec3 {
 }
 
 #[inline(always)]
-pub(super) fn safe_inverse(d: f32) -> f32 {
+pub(crate) fn safe_inverse(d: f32) -> f32 {
     if d == 0.0 { FAR_INVERSE } else { 1.0 / d }
 }

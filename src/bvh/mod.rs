@@ -10,29 +10,20 @@
 //! interval of every ancestor box contains that of the triangle. A node that is
 //! skipped because it begins behind the best hit can therefore not hold a closer or an equal one: the
 //! answer is the same for every tree, every order of visits, and for no tree at all
-//! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together ([`Packet`], [`Fan`]).
+//! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together (`cast::Packet`, `cast::Fan`).
 
-mod bounds;
 mod build;
-mod fan;
-mod fan_bounds;
 mod intersect;
-mod lanes;
 mod node;
-mod packet;
 mod quads;
 mod quantized;
-mod ranges;
 mod traverse;
-mod wide;
+pub(crate) mod wide;
 
-use intersect::axes_of;
+pub(crate) use intersect::{axes_of, safe_inverse};
 
-pub(crate) use bounds::SLACK as BOUNDS_SLACK;
 pub(crate) use build::PAD_SHARE;
-pub use fan::{FAN_DIRECTIONS, Fan};
 pub use intersect::{Hit, NO_HIT, Ray, major_axis};
 pub use node::{Bvh, BvhError, MAX_DEPTH, Node, Triangle};
-pub use packet::{CHUNK, PACKET_RAYS, Packet, PacketHits, Scratch};
 pub use quads::{KINDS, Quads, ROOT, STACK, TRIANGLE, UNIT};
 pub use quantized::QuantizedNode;

@@ -63,7 +63,7 @@ pub struct Bvh {
     /// Metres by which each triangle's box is grown; see [`Bvh::build`].
     pub pad: f32,
     /// The same tree for packets.
-    pub(super) wide: Wide,
+    pub(crate) wide: Wide,
 }
 
 /// What [`Bvh::validate`] found broken.
@@ -102,7 +102,7 @@ pub enum BvhError {
 
 impl Bvh {
     /// The padded box of a triangle: what its leaf and all nodes above contain.
-    pub(super) fn padded_box(triangle: &Triangle, pad: f32) -> Aabb {
+    pub(crate) fn padded_box(triangle: &Triangle, pad: f32) -> Aabb {
         let mut bounds = Aabb::EMPTY;
         for corner in [triangle.a, triangle.b, triangle.c] {
             bounds.grow(corner.into());

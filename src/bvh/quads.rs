@@ -1,7 +1,7 @@
 use super::{Bvh, MAX_DEPTH, Triangle};
 
 /// Children of a node.
-pub(super) const WIDTH: usize = 4;
+pub(crate) const WIDTH: usize = 4;
 /// Vectors of an item.
 pub const UNIT: usize = 4;
 /// The root.
@@ -38,12 +38,12 @@ enum Child {
 }
 
 /// Lower and upper side by axis.
-pub(super) type Sides = [f32; 6];
+pub(crate) type Sides = [f32; 6];
 /// Sides of no box: the lower one is the last step, the upper one the first.
 const EMPTY: u32 = 0xffff;
 
 /// Boxes and items of a node's children: a triangle's index with [`TRIANGLE`], or a node's index.
-pub(super) type FourNode = [Option<(u32, Sides)>; WIDTH];
+pub(crate) type FourNode = [Option<(u32, Sides)>; WIDTH];
 
 impl Quads {
     /// Writes the binary tree, its nodes merged into nodes of four.
@@ -121,7 +121,7 @@ impl Grid {
 /// Merges the binary tree's nodes into nodes of four: each takes over the grandchildren of its largest
 /// child for as long as there is room, and the triangles of leaves. The root comes first, also of a tree
 /// without triangles.
-pub(super) fn collapse(bvh: &Bvh) -> Vec<FourNode> {
+pub(crate) fn collapse(bvh: &Bvh) -> Vec<FourNode> {
     let mut nodes = vec![[None; WIDTH]];
     let mut work: Vec<(usize, usize)> = if bvh.nodes.is_empty() { vec![] } else { vec![(0, 0)] };
     while let Some((from, at)) = work.pop() {

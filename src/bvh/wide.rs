@@ -1,56 +1,56 @@
 use super::{Node, Triangle};
 
 /// Children of a wide node, and most triangles of a block.
-pub(super) const WIDTH: usize = 8;
+pub(crate) const WIDTH: usize = 8;
 /// Bit of a child that marks a block of triangles.
 const LEAF: u32 = 1 << 31;
 
 /// The binary tree for packets: its nodes merged into wide ones, its lowest leaves into blocks.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Wide {
+pub(crate) struct Wide {
     /// The root comes first; none without triangles.
-    pub(super) nodes: Vec<WideNode>,
+    pub(crate) nodes: Vec<WideNode>,
     /// Leaves.
-    pub(super) blocks: Vec<Block>,
+    pub(crate) blocks: Vec<Block>,
 }
 
 /// Eight children of the binary tree side by side, 224 bytes: one visit tests all of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct WideNode {
+pub(crate) struct WideNode {
     /// Lower and upper corners by axis, side and child; unused slots hold the empty box.
-    pub(super) planes: [[[f32; WIDTH]; 2]; 3],
-    pub(super) children: [Child; WIDTH],
+    pub(crate) planes: [[[f32; WIDTH]; 2]; 3],
+    pub(crate) children: [Child; WIDTH],
 }
 
 /// Up to eight triangles side by side, 296 bytes: one visit sorts out those that a packet passes by.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Block {
+pub(crate) struct Block {
     /// Corners by corner, axis and triangle; unused slots repeat the first triangle.
-    pub(super) corners: [[[f32; WIDTH]; 3]; 3],
+    pub(crate) corners: [[[f32; WIDTH]; 3]; 3],
     /// First triangle in leaf order.
-    pub(super) first: u32,
+    pub(crate) first: u32,
     /// Triangles.
-    pub(super) count: u32,
+    pub(crate) count: u32,
 }
 
 /// A wide node's child: another wide node or a block.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Child(u32);
+pub(crate) struct Child(u32);
 
 impl Child {
     /// The root of a tree.
-    pub(super) const ROOT: Self = Self(0);
+    pub(crate) const ROOT: Self = Self(0);
 
-    pub(super) fn bits(self) -> u32 {
+    pub(crate) fn bits(self) -> u32 {
         self.0
     }
 
-    pub(super) fn from_bits(bits: u32) -> Self {
+    pub(crate) fn from_bits(bits: u32) -> Self {
         Self(bits)
     }
 
     /// Index of a block, or of a wide node as the error.
-    pub(super) fn get(self) -> Result<usize, usize> {
+    pub(crate) fn get(self) -> Result<usize, usize> {
         if self.0 & LEAF != 0 { Ok((self.0 ^ LEAF) as usize) } else { Err(self.0 as usize) }
     }
 }
@@ -73,7 +73,7 @@ impl Wide {
     /// Merges the binary tree's nodes into wide ones: each takes over the grandchildren of its largest
     /// children until eight are together. Whatever holds at most eight triangles becomes a block.
     /// Boxes are the binary tree's own.
-    pub(super) fn collapse(nodes: &[Node], triangles: &[Triangle]) -> Self {
+    pub(crate) fn collapse(nodes: &[Node], triangles: &[Triangle]) -> Self {
         let mut below = vec![Below::default(); nodes.len()];
         // Children come after their parents.
         for (index, node) in nodes.iter().enumerate().rev() {
@@ -94,7 +94,7 @@ impl Wide {
     }
 
     /// Bytes of nodes and blocks.
-    pub(super) fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         (size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice())) as u64
     }
 }
@@ -133,7 +133,7 @@ impl Collapse<'_> {
 }
 
 impl Block {
-    pub(super) const EMPTY: Self = Self { corners: [[[0.0; WIDTH]; 3]; 3], first: 0, count: 0 };
+    pub(crate) const EMPTY: Self = Self { corners: [[[0.0; WIDTH]; 3]; 3], first: 0, count: 0 };
 
     fn new(triangles: &[Triangle], Below { first, count }: Below) -> Self {
         let mut block = Self { first, count, ..Self::EMPTY };
@@ -145,7 +145,7 @@ impl Block {
     }
 
     #[inline(always)]
-    pub(super) fn set(&mut self, slot: usize, triangle: &Triangle) {
+    pub(crate) fn set(&mut self, slot: usize, triangle: &Triangle) {
         for (k, corner) in [triangle.a, triangle.b, triangle.c].into_iter().enumerate() {
             for (axis, coordinate) in corner.into_iter().enumerate() {
                 self.corners[k][axis][slot] = coordinate;

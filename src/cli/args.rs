@@ -127,7 +127,7 @@ impl Compute {
     /// Bytes that work buffers may take.
     pub fn memory_budget(&self) -> u64 {
         // A machine that does not tell what is free is taken for a small one.
-        self.memory.unwrap_or_else(|| sightline::backend::available_memory().unwrap_or(2 << 30) / 2)
+        self.memory.unwrap_or_else(|| sightline::engine::available_memory().unwrap_or(2 << 30) / 2)
     }
 
     /// Checks the options against each other and starts the threads of the CPU backend.

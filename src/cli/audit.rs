@@ -6,12 +6,13 @@ use std::sync::Arc;
 
 use serde_json::json;
 use sightline::audit::{Trial, Verdict, gaming_placements, jittered, spearman};
-use sightline::backend::Problem;
-use sightline::grid::{Psog, Roi, scan_scene};
-use sightline::placement::{Placement, read_placements};
+use sightline::problem::Problem;
+use sightline::psog::{Psog, Roi};
+use sightline::scan::scan_scene;
 use sightline::scene::{PsogSource, ScanSettings, Scene};
 use sightline::score::Scores;
 use sightline::search::Evaluator;
+use sightline::vehicle::{Placement, read_placements};
 
 use super::args::{Compute, Format, format_or_default};
 use super::error::Error;

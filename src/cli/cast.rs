@@ -8,11 +8,12 @@ use npyz::npz::NpzWriter;
 use npyz::zip::{CompressionMethod, DateTime, write::FileOptions};
 use npyz::{AutoSerialize, WriterBuilder};
 use serde_json::json;
-use sightline::backend::{DevicePose, Problem, cpu::beam_direction};
 use sightline::bvh::{Hit, NO_HIT};
 use sightline::geom::TriangleSoup;
-use sightline::placement::{Placement, SensorPose, read_placements};
+use sightline::problem::beam_direction;
+use sightline::problem::{DevicePose, Problem};
 use sightline::scene::EgoBody;
+use sightline::vehicle::{Placement, SensorPose, read_placements};
 
 use super::args::{Compute, Format, format_or_default};
 use super::error::Error;

@@ -8,13 +8,14 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use serde_json::json;
-use sightline::backend::{Backend, BackendError, Problem};
-use sightline::fidelity::{
+use sightline::chart::{
     Engine, FidelityError, Ladder, Measured, Rung, Workshop, World, candidates, cheapest, rate,
 };
-use sightline::placement::{Placement, read_placements};
+use sightline::engine::{Backend, BackendError};
+use sightline::problem::Problem;
 use sightline::report::{ChartFrame, fidelity_csv, fidelity_svg};
 use sightline::score::Objective;
+use sightline::vehicle::{Placement, read_placements};
 
 use super::args::{BackendChoice, Compute, Format, format_or_default, whole};
 use super::error::Error;
@@ -219,7 +220,7 @@ fn saved(folder: &Path) -> Result<State, Error> {
 
 /// Drops the engines that `--backend` excludes or the machine lacks.
 fn leave_out_engines(ladder: &mut Ladder, compute: &Compute) {
-    let gpu = || !sightline::backend::gpu::list_adapters().is_empty();
+    let gpu = || !sightline::engine::gpu::list_adapters().is_empty();
     let why = match compute.backend {
         BackendChoice::Cpu => Some("--backend cpu"),
         _ => (!gpu()).then_some("no Vulkan device"),
@@ -235,7 +236,7 @@ fn open_engine(
     engine: Engine,
     compute: &Compute,
 ) -> Result<Box<dyn Backend>, BackendError> {
-    use sightline::backend::{cpu::CpuBackend, gpu::GpuBackend};
+    use sightline::engine::{CpuBackend, gpu::GpuBackend};
     let budget = compute.memory_budget();
     Ok(match engine {
         Engine::Gpu => {

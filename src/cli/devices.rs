@@ -1,6 +1,6 @@
 use std::process::ExitCode;
 
-use sightline::backend::gpu::list_adapters;
+use sightline::engine::gpu::list_adapters;
 
 use super::args::{Format, format_or_default};
 use super::error::Error;

@@ -1,13 +1,14 @@
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use sightline::backend::{BackendError, ProblemError};
-use sightline::fidelity::FidelityError;
-use sightline::grid::{GridError, KittiError, PsogFileError};
-use sightline::placement::{PlacementError, PoseGridError, ReadError, SensorError};
+use sightline::chart::FidelityError;
+use sightline::engine::BackendError;
+use sightline::problem::ProblemError;
+use sightline::psog::{GridError, KittiError, PsogFileError};
 use sightline::scene::SceneError;
 use sightline::score::ObjectiveError;
 use sightline::search::SearchError;
+use sightline::vehicle::{PlacementError, PoseGridError, ReadError, SensorError};
 
 /// Everything that ends a command with exit code 2; printed as one sentence.
 #[derive(Debug, thiserror::Error)]

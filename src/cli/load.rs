@@ -2,13 +2,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-use sightline::backend::cpu::CpuBackend;
-use sightline::backend::gpu::GpuBackend;
-use sightline::backend::{Backend, BackendError, Failover, Problem};
-use sightline::grid::{BuildReport, Psog, Roi, read_psog, scan_scene};
-use sightline::placement::{BeamTable, Constraints, Ties};
+use sightline::engine::CpuBackend;
+use sightline::engine::gpu::GpuBackend;
+use sightline::engine::{Backend, BackendError, Failover};
+use sightline::problem::Problem;
+use sightline::psog::{BuildReport, Psog, Roi, read_psog};
+use sightline::scan::scan_scene;
 use sightline::scene::{Lidar, Mount, PsogSource, ScanSettings, Scene};
 use sightline::search::Evaluator;
+use sightline::vehicle::{BeamTable, Constraints, Ties};
 
 use super::args::{BackendChoice, Compute, Talk};
 use super::error::Error;

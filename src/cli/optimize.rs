@@ -15,12 +15,12 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
-use sightline::backend::Problem;
-use sightline::fidelity::merged_over;
-use sightline::placement::{Placement, PoseGrid, Spacing, read_placements};
+use sightline::chart::merged_over;
+use sightline::problem::Problem;
 use sightline::report::{Figures, RunTimes, Scored};
 use sightline::score::Objective;
 use sightline::search::{Evaluator, GenerationRecord, SWAP_SPACING, Search, SearchStop};
+use sightline::vehicle::{Placement, PoseGrid, Spacing, read_placements};
 
 use super::args::{Compute, Format, Talk, at_least_one, finite, parse_seconds, parse_size, whole};
 use super::error::Error;

@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use serde_json::json;
-use sightline::grid::{
+use sightline::psog::{
     BuildReport, KittiPsogOptions, KittiSequence, Psog, PsogInfo, build_kitti_psog, read_psog,
     write_psog_to,
 };
@@ -101,7 +101,7 @@ fn build(args: &BuildArgs) -> Result<(), Error> {
     writable_file(&args.out, args.scene.as_deref())?;
     let (psog, report) = match (&args.scene, &args.kitti) {
         (_, Some(folder)) => {
-            let roi = sightline::grid::Roi::from_bounds(
+            let roi = sightline::psog::Roi::from_bounds(
                 corner(args.roi_min.as_ref(), "--roi-min")?,
                 corner(args.roi_max.as_ref(), "--roi-max")?,
                 corner(args.voxel.as_ref(), "--voxel")?,

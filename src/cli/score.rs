@@ -6,8 +6,8 @@ use std::time::Instant;
 
 use npyz::WriterBuilder;
 use serde_json::json;
-use sightline::placement::{Placement, PlacementReader, ReadError};
 use sightline::search::Evaluator;
+use sightline::vehicle::{Placement, PlacementReader, ReadError};
 
 use super::args::{Compute, Format, format_or_default};
 use super::error::Error;

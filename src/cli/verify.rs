@@ -4,10 +4,10 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::json;
-use sightline::backend::Backend;
-use sightline::backend::cpu::ReferenceBackend;
-use sightline::backend::gpu::GpuBackend;
-use sightline::placement::read_placements;
+use sightline::engine::Backend;
+use sightline::engine::ReferenceBackend;
+use sightline::engine::gpu::GpuBackend;
+use sightline::vehicle::read_placements;
 use sightline::verify::{
     EDGE_TOLERANCE, compare_backends, hostile_placements, random_placements, sample_reference,
 };

@@ -1,7 +1,7 @@
 use std::fmt::Write;
 
 use super::svg::{ACCENT, FAINT, INK, SECOND, escape, open, scale};
-use crate::fidelity::{Engine, Rated, pareto};
+use crate::chart::{Engine, Rated, pareto};
 
 const GREY: &str = "#8a97a5";
 const SOFT: &str = "#5a6b7b";

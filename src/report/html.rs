@@ -1,8 +1,8 @@
 use std::fmt::Write;
 
 use super::{InformationMap, RunRecord, Scored, convergence_svg, placement_svg};
-use crate::placement::Constraints;
 use crate::search::GenerationRecord;
+use crate::vehicle::Constraints;
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;color:#1b2a3a;max-width:64rem;\
 margin:2rem auto;padding:0 1rem}h1{margin:0}table{border-collapse:collapse;margin:1rem 0;\

@@ -1,9 +1,9 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use crate::backend::Content;
-use crate::grid::{Roi, to_nats};
-use crate::placement::Placement;
+use crate::problem::Content;
+use crate::psog::{Roi, to_nats};
+use crate::vehicle::Placement;
 
 /// Cells along the longer side of the map.
 const CELLS: u32 = 160;
@@ -162,8 +162,8 @@ fn rgb(information: u32, share: u32) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::backend::OccupiedVoxel;
-    use crate::grid::fixed;
+    use crate::problem::OccupiedVoxel;
+    use crate::psog::fixed;
 
     #[test]
     fn gained_nats_fall_into_their_cells() {

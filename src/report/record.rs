@@ -1,12 +1,12 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::backend::Modelled;
-use crate::fidelity::Merging;
-use crate::placement::Placement;
+use crate::chart::Merging;
+use crate::problem::Modelled;
 use crate::score::Scores;
 use crate::search::Certificate;
 use crate::study::Finding;
+use crate::vehicle::Placement;
 
 /// A placement with its scores.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -1,8 +1,8 @@
 use std::fmt::Write;
 
 use super::Scored;
-use crate::placement::Constraints;
 use crate::search::GenerationRecord;
+use crate::vehicle::Constraints;
 
 pub(super) const FONT: &str = "font-family=\"system-ui,sans-serif\" font-size=\"13\"";
 pub(super) const INK: &str = "#1b2a3a";

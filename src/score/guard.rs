@@ -1,7 +1,7 @@
 use serde::{Serialize, Serializer};
 
-use crate::backend::{Content, Tally};
-use crate::placement::{Constraints, Placement, SensorPose};
+use crate::problem::{Content, Tally};
+use crate::vehicle::{Constraints, Placement, SensorPose};
 
 /// Information below this share of the reference layout's is too little.
 const LEAST_INFORMATION: f64 = 0.5;
@@ -224,7 +224,7 @@ mod tests {
                 constraints()
                     .violations(&reference_layout(&constraints(), count))
                     .iter()
-                    .all(|v| !matches!(v, crate::placement::Violation::OutsideMount { .. }))
+                    .all(|v| !matches!(v, crate::vehicle::Violation::OutsideMount { .. }))
             );
         }
     }

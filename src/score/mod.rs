@@ -8,8 +8,8 @@ mod objective;
 
 use serde::{Serialize, Serializer};
 
-use crate::backend::{Content, Tally};
-use crate::grid::to_nats;
+use crate::problem::{Content, Tally};
+use crate::psog::to_nats;
 
 pub use guard::{Guard, guards_of, reference_layout, short_sight};
 pub use objective::{Objective, ObjectiveError};
@@ -176,8 +176,8 @@ fn task_scores(gain: f64, total: f64, covered: f64, nonzero: f64) -> TaskScores 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::backend::OccupiedVoxel;
-    use crate::grid::fixed;
+    use crate::problem::OccupiedVoxel;
+    use crate::psog::fixed;
 
     /// Two voxels worth ln 2 and one worth nothing, seen in classes a, a and b.
     fn content() -> Content {

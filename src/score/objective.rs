@@ -1,7 +1,7 @@
 use std::str::FromStr;
 
 use super::{Scores, TaskScores, Tasks};
-use crate::backend::{Content, Tally};
+use crate::problem::{Content, Tally};
 
 /// One score by name, of segmentation or of detection.
 #[derive(Debug, Clone, Copy)]
@@ -146,7 +146,7 @@ impl Objective {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::backend::{Content, Tally};
+    use crate::problem::{Content, Tally};
 
     #[test]
     fn a_weighted_sum_of_two_tasks() {

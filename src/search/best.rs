@@ -2,9 +2,9 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::{Evaluator, GridPlacement, GridSearch, Moves, Search, SearchError, SearchSettings};
-use crate::atlas::Atlas;
-use crate::placement::{Placement, PoseGrid, Spacing};
 use crate::score::Objective;
+use crate::search::atlas::Atlas;
+use crate::vehicle::{Placement, PoseGrid, Spacing};
 
 /// Grid of the swaps where nothing else is said: that of the published placements.
 pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };

@@ -6,7 +6,7 @@ use rand::{Rng, RngExt};
 use rayon::prelude::*;
 
 use super::{Evaluator, GridPlacement, GridSearch, SearchError};
-use crate::atlas::Union;
+use crate::search::atlas::Union;
 
 /// Best swaps of a sensor that are offered to the guards before the sensor stays where it is.
 const OFFERS: usize = 4;

@@ -4,10 +4,11 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 
-use crate::atlas::PageStore;
-use crate::backend::{Backend, BackendError, Problem, Tally};
-use crate::placement::{Constraints, Placement};
+use crate::engine::{Backend, BackendError};
+use crate::problem::{Problem, Tally};
 use crate::score::{Scores, reference_layout, short_sight};
+use crate::search::atlas::PageStore;
+use crate::vehicle::{Constraints, Placement};
 
 /// Scores placements on one backend.
 pub struct Evaluator {
@@ -69,7 +70,7 @@ impl Evaluator {
         &self.problem
     }
 
-    /// What is scored, to be shared with an [`crate::atlas::Atlas`].
+    /// What is scored, to be shared with an [`crate::search::atlas::Atlas`].
     pub fn shared_problem(&self) -> Arc<Problem> {
         self.problem.clone()
     }

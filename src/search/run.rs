@@ -4,10 +4,10 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::Evaluator;
-use crate::backend::BackendError;
-use crate::optimize::{Cma, CmaOptions, Ended, OptimizeError, RestartOptions, Restarts};
-use crate::placement::{Constraints, Placement, PoseGrid, PoseGridError, Spacing};
+use crate::engine::BackendError;
 use crate::score::{Objective, Scores};
+use crate::vehicle::{Constraints, Placement, PoseGrid, PoseGridError, Spacing};
+use sightline_cma::{Cma, CmaOptions, Ended, OptimizeError, RestartOptions, Restarts};
 
 /// Step size at the start, in the search space scaled to [0, 1]: most of each range is reached.
 const STEP_SIZE: f64 = 0.3;
@@ -421,7 +421,7 @@ mod tests {
 
     #[test]
     fn the_order_of_the_lidars_means_nothing() {
-        let pose = |x: f64, yaw: f64| crate::placement::SensorPose {
+        let pose = |x: f64, yaw: f64| crate::vehicle::SensorPose {
             x,
             y: 0.0,
             z: 2.0,

@@ -4,10 +4,10 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Evaluator, SearchError};
-use crate::atlas::{Atlas, Union};
-use crate::backend::Tally;
-use crate::placement::{Constraints, Placement, PoseGrid};
+use crate::problem::Tally;
 use crate::score::Objective;
+use crate::search::atlas::{Atlas, Union};
+use crate::vehicle::{Constraints, Placement, PoseGrid};
 
 /// Stale gains that lazy greedy looks at again at once: enough to keep every core busy.
 const LAZY_BLOCK: usize = 64;

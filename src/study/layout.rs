@@ -1,5 +1,5 @@
 use crate::audit::{mean_height, spearman};
-use crate::placement::Placement;
+use crate::vehicle::Placement;
 
 /// Numbers that describe a layout, by name.
 pub type Descriptor = (&'static str, fn(&Placement) -> f64);
@@ -62,7 +62,7 @@ fn partial(ab: f64, ac: f64, bc: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::placement::SensorPose;
+    use crate::vehicle::SensorPose;
 
     fn placement(poses: &[(f64, f64, f64, f64)]) -> Placement {
         let pose = |&(x, y, z, roll): &(f64, f64, f64, f64)| SensorPose {

@@ -1,7 +1,7 @@
-use crate::optimize::{Cma, CmaOptions};
-use crate::placement::{Constraints, Placement};
 use crate::score::Objective;
 use crate::search::{Evaluator, SearchError};
+use crate::vehicle::{Constraints, Placement};
+use sightline_cma::{Cma, CmaOptions};
 
 /// Step size at the start, in shares of each range.
 const STEP_SIZE: f64 = 0.3;
@@ -99,7 +99,7 @@ pub fn most_robust(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::placement::SensorPose;
+    use crate::vehicle::SensorPose;
 
     #[test]
     fn one_lidar_less_each_time() {

@@ -1,5 +1,5 @@
-use crate::backend::Content;
-use crate::grid::{Roi, to_nats};
+use crate::problem::Content;
+use crate::psog::{Roi, to_nats};
 
 /// A part of the region of interest, by the centres of its voxels in the ego frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,8 +97,8 @@ pub fn gains_by_region(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::backend::OccupiedVoxel;
-    use crate::grid::fixed;
+    use crate::problem::OccupiedVoxel;
+    use crate::psog::fixed;
 
     #[test]
     fn regions_part_the_plane() {

@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use crate::placement::Placement;
+use crate::vehicle::Placement;
 
 /// One line of a study: a case and what was measured of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -2,9 +2,10 @@ use std::ops::AddAssign;
 
 use serde::Serialize;
 
-use crate::backend::{Backend, BackendError, Problem, Tally};
 use crate::bvh::Hit;
-use crate::placement::{Placement, SensorPose};
+use crate::engine::{Backend, BackendError};
+use crate::problem::{Problem, Tally};
+use crate::vehicle::{Placement, SensorPose};
 
 /// Placements whose beams are cast in one batch, as a search casts them.
 const CAST_TOGETHER: usize = 32;

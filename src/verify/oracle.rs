@@ -4,10 +4,11 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::backend::cpu::beam_direction;
-use crate::backend::{BackendError, DevicePose, Problem};
 use crate::bvh::{Bvh, Hit, Ray, Triangle};
-use crate::placement::Placement;
+use crate::engine::BackendError;
+use crate::problem::beam_direction;
+use crate::problem::{DevicePose, Problem};
+use crate::vehicle::Placement;
 
 /// A beam that passes an edge closer than this is grazing: rounding may decide either way. Metres at
 /// ranges up to 100 m; `f32` keeps a hundredth of it there.

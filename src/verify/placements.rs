@@ -1,8 +1,8 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::grid::Roi;
-use crate::placement::{Constraints, Placement, SensorPose};
+use crate::psog::Roi;
+use crate::vehicle::{Constraints, Placement, SensorPose};
 
 /// Placements drawn evenly from the mount; they need not keep the minimum distance.
 pub fn random_placements(constraints: &Constraints, count: usize, seed: u64) -> Vec<Placement> {

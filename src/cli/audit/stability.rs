@@ -1,7 +1,7 @@
 use serde_json::{Value, json};
 use sightline::audit::{kendall_tau, mean_height, spearman};
-use sightline::placement::Placement;
 use sightline::score::Scores;
+use sightline::vehicle::Placement;
 
 /// The default objective, which ranks; the worst there is where it does not exist.
 pub(super) fn value_of(scores: &Scores) -> f64 {
@@ -98,7 +98,7 @@ impl Stability {
 
 #[cfg(test)]
 mod tests {
-    use sightline::backend::{Content, Tally};
+    use sightline::problem::{Content, Tally};
 
     use super::*;
 
@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn several_draws_give_the_worst_and_the_median() {
-        let pose = |z| sightline::placement::SensorPose {
+        let pose = |z| sightline::vehicle::SensorPose {
             x: 0.0,
             y: 0.0,
             z,

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use serde_json::json;
-use sightline::fidelity::{MOST_SWAPPED, Rated, Verdict};
+use sightline::chart::{MOST_SWAPPED, Rated, Verdict};
 use sightline::report::seconds;
 
 use super::Chart;

@@ -6,12 +6,12 @@ use std::sync::Arc;
 
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
-use sightline::backend::{Problem, Tally};
-use sightline::fidelity::{Merging, Pilot, candidates};
-use sightline::placement::{Constraints, Placement};
+use sightline::chart::{Merging, Pilot, candidates};
+use sightline::problem::{Problem, Tally};
 use sightline::scene::Scene;
 use sightline::score::{Objective, Scores};
 use sightline::search::Evaluator;
+use sightline::vehicle::{Constraints, Placement};
 
 use super::follow::scores_with;
 use crate::cli::error::Error;
@@ -64,7 +64,7 @@ struct Finalist {
 pub(super) struct Auto {
     /// Frames of each level, ever more; the last is all of them, with every triangle.
     levels: Vec<Vec<usize>>,
-    /// How far each level is from all frames, as the pilot saw it; see [`sightline::fidelity::Level`].
+    /// How far each level is from all frames, as the pilot saw it; see [`sightline::chart::Level`].
     errors: Vec<Option<f64>>,
     /// What merging small triangles does in the first level; `None` without triangles.
     merging: Option<Merging>,

@@ -1,10 +1,10 @@
 //! What each way of searching found, the better of them, and what is known of others.
 
 use indicatif::ProgressBar;
-use sightline::placement::Placement;
 use sightline::report::{MethodRecord, Scored};
 use sightline::search::{Certificate, Evaluator, SWAP_SPACING, Swapped};
 use sightline::study::{Finding as LayoutFinding, findings};
+use sightline::vehicle::Placement;
 
 use super::Run;
 use super::grid::{Bounds, GridStage, Method};

@@ -3,11 +3,11 @@
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
-use sightline::backend::BackendError;
-use sightline::backend::cpu::CpuBackend;
-use sightline::placement::Placement;
+use sightline::engine::BackendError;
+use sightline::engine::CpuBackend;
 use sightline::score::Scores;
 use sightline::search::Evaluator;
+use sightline::vehicle::Placement;
 
 use super::auto::Auto;
 use super::{Open, Run};

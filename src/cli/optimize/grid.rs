@@ -3,15 +3,15 @@
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
-use sightline::atlas::Atlas;
-use sightline::backend::Problem;
-use sightline::fidelity::candidates;
-use sightline::placement::{Placement, PoseGrid, Spacing};
+use sightline::chart::candidates;
+use sightline::problem::Problem;
 use sightline::score::Objective;
+use sightline::search::atlas::Atlas;
 use sightline::search::{
     Evaluator, GainBound, GridPlacement, GridSample, GridSearch, Moves, SWAP_SPACING, SwapSettings,
     Swapped, bound_gain, swap_from,
 };
+use sightline::vehicle::{Placement, PoseGrid, Spacing};
 
 use crate::cli::args::Compute;
 use crate::cli::error::Error;

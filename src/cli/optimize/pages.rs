@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use sightline::atlas::{PageStore, StoreReport};
+use sightline::search::atlas::{PageStore, StoreReport};
 
 use super::Args;
 use crate::cli::args::Talk;

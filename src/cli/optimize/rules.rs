@@ -1,9 +1,9 @@
 //! Rules of a run beside those of its scene: what the options say, and how results stand to them.
 
-use sightline::placement::{Constraints, Placement};
 use sightline::report::LeftOut;
 use sightline::scene::MountRules;
 use sightline::search::Search;
+use sightline::vehicle::{Constraints, Placement};
 
 use crate::cli::args::Talk;
 

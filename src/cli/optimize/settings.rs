@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
-use sightline::placement::{Placement, read_placements};
 use sightline::report::LeftOut;
 use sightline::scene::MountRules;
 use sightline::search::SearchSettings;
+use sightline::vehicle::{Placement, read_placements};
 
 use super::Args;
 use super::auto::FidelityChoice;

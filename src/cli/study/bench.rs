@@ -3,12 +3,13 @@ use std::sync::Arc;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use sightline::backend::Problem;
-use sightline::grid::{Psog, Roi, scan_scene};
-use sightline::placement::{BeamTable, Constraints, Placement};
+use sightline::problem::Problem;
+use sightline::psog::{Psog, Roi};
+use sightline::scan::scan_scene;
 use sightline::scene::{PsogSource, Scene};
 use sightline::score::{Objective, Scores};
 use sightline::search::{Evaluator, SearchSettings, best_placement};
+use sightline::vehicle::{BeamTable, Constraints, Placement};
 
 use super::{Args, FRAMES};
 use crate::cli::args::{Compute, Talk};

@@ -10,10 +10,10 @@ pub(super) use world::{published, transfer, voxels};
 
 use std::collections::HashSet;
 
-use sightline::placement::Placement;
 use sightline::report::{Axis, Plot, Series};
 use sightline::score::Scores;
 use sightline::study::{Row, Table};
+use sightline::vehicle::Placement;
 
 use super::bench::Bench;
 use crate::cli::error::Error;

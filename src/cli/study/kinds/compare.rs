@@ -1,11 +1,11 @@
 //! Placements of one scene against each other.
 
-use sightline::placement::Placement;
 use sightline::report::{Axis, Plot, Series};
 use sightline::score::Objective;
 use sightline::study::{
     Region, Row, Table, after_worst_loss, gains_by_region, most_robust, without_each,
 };
+use sightline::vehicle::Placement;
 
 use super::{check_distinct, columns, plot_of, series_by_row, title};
 use crate::cli::error::Error;

@@ -1,8 +1,8 @@
 //! How many LiDARs, of which kind, how high.
 
-use sightline::placement::Placement;
 use sightline::scene::Lidar;
 use sightline::study::{Row, Table, knee};
+use sightline::vehicle::Placement;
 
 use super::{SCORE_COLUMNS, check_distinct, columns, plot_of, score_row, title};
 use crate::cli::error::Error;
@@ -24,7 +24,7 @@ pub fn lidars(bench: &mut Bench, session: &mut Session) -> Result<Study, Error> 
         let before = rows.last().and_then(|row| row.placement.clone());
         let case = session.case(&count.to_string(), || {
             let constraints =
-                sightline::placement::Constraints { lidars: count, ..bench.constraints() };
+                sightline::vehicle::Constraints { lidars: count, ..bench.constraints() };
             let table = load::beam_table(bench.scene.lidar())?;
             let mut evaluator = bench.evaluator_with(&bench.psog, table, constraints)?;
             // The best of one LiDAR less, with one more at each corner of the mount in turn.

@@ -1,10 +1,10 @@
 //! Other voxels, other scenes, and the published results.
 
 use sightline::audit::{kendall_tau, mean_height, spearman};
-use sightline::placement::Placement;
 use sightline::report::{Axis, Plot};
 use sightline::score::Scores;
 use sightline::study::{Row, TASKS, Table, results_of};
+use sightline::vehicle::Placement;
 
 use super::{check_distinct, columns, plot_of, series_by_row, title};
 use crate::cli::error::Error;

@@ -1,0 +1,325 @@
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use super::options::{MAX_POPULATION, check_bounds};
+use super::{Candidate, Cma, CmaOptions, OptimizeError, StopReason};
+
+/// Least population of a small instance, where the first one is no smaller.
+const LEAST_POPULATION: usize = 4;
+
+/// Which instance follows one that has stopped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RestartStrategy {
+    /// Each with twice the population of the one before: Auger and Hansen, CEC 2005.
+    Ipop,
+    /// Large ones, each of twice the population, and small ones of random population and step size, in
+    /// turn so that both use as many evaluations: Hansen, BBOB 2009.
+    Bipop,
+}
+
+/// How [`Restarts`] go on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RestartOptions {
+    /// Which instance follows.
+    pub strategy: RestartStrategy,
+    /// (lower, upper) of each variable between which the means of later instances are drawn; `None`
+    /// takes the bounds, and without bounds the first mean.
+    pub region: Option<Vec<(f64, f64)>>,
+    /// Candidates wanted at once: further instances start beside the first while they fit. `None` runs
+    /// one at a time.
+    pub batch: Option<usize>,
+}
+
+impl Default for RestartOptions {
+    fn default() -> Self {
+        Self { strategy: RestartStrategy::Bipop, region: None, batch: None }
+    }
+}
+
+/// An instance that has stopped.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Ended {
+    /// Its candidates of a generation.
+    pub population: usize,
+    /// Candidates it was told.
+    pub evaluations: u64,
+    /// Why it stopped.
+    pub reason: StopReason,
+}
+
+/// An instance to come.
+#[derive(Debug, Clone, PartialEq)]
+struct Plan {
+    small: bool,
+    population: usize,
+    step_size: f64,
+    mean: Vec<f64>,
+    seed: u64,
+    budget: Option<u64>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Instance {
+    small: bool,
+    cma: Cma,
+}
+
+/// Evaluations and instances of one regime.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+struct Spent {
+    evaluations: u64,
+    instances: u32,
+}
+
+/// CMA-ES that starts again where an instance stops, with the interface of [`Cma`].
+///
+/// Only the target and the budget of the options end it; they count over all instances. The first
+/// instance is the [`Cma`] of the same options. All that follows comes from the seed, so equal seeds
+/// give equal bits, and a saved and loaded search goes on as if it had never stopped.
+///
+/// ```
+/// use sightline_cma::{CmaOptions, RestartOptions, Restarts};
+/// let options =
+///     CmaOptions { bounds: Some(vec![(-5.0, 5.0); 2]), budget: Some(9000), ..Default::default() };
+/// let mut search = Restarts::new(&[4.0, -4.0], 0.2, options, RestartOptions::default())?;
+/// let mut best = f64::INFINITY;
+/// while search.stop().is_none() {
+///     let candidates = search.ask();
+///     let rastrigin = |x: &f64| 10.0 + x * x - 10.0 * (std::f64::consts::TAU * x).cos();
+///     let costs: Vec<f64> =
+///         candidates.iter().map(|c| c.point().iter().map(rastrigin).sum()).collect();
+///     best = costs.iter().copied().fold(best, f64::min);
+///     search.tell(&candidates, &costs)?;
+/// }
+/// assert!(best < 1e-6);
+/// # Ok::<(), sightline_cma::OptimizeError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Restarts {
+    mean: Vec<f64>,
+    step_size: f64,
+    options: CmaOptions,
+    restarts: RestartOptions,
+    first_population: usize,
+    running: Vec<Instance>,
+    ended: Vec<Ended>,
+    large: Spent,
+    small: Spent,
+    /// Evaluations of the large instance that stopped last.
+    last_large: Option<u64>,
+    polishing: bool,
+    evaluations: u64,
+    target_reached: bool,
+}
+
+impl Restarts {
+    /// A search whose first instance is [`Cma::new`] of the same mean, step size and options.
+    ///
+    /// # Errors
+    /// As [`Cma::new`], or a region that does not fit the mean.
+    pub fn new(
+        mean: &[f64],
+        step_size: f64,
+        options: CmaOptions,
+        restarts: RestartOptions,
+    ) -> Result<Self, OptimizeError> {
+        if let Some(region) = &restarts.region {
+            check_bounds("the region of restarts", region, mean.len())?;
+        }
+        let first = Cma::new(mean, step_size, options.clone())?;
+        let mut search = Self {
+            mean: mean.to_vec(),
+            step_size,
+            options,
+            restarts,
+            first_population: first.constants().population,
+            running: Vec::new(),
+            ended: Vec::new(),
+            large: Spent::default(),
+            small: Spent::default(),
+            last_large: None,
+            polishing: false,
+            evaluations: 0,
+            target_reached: false,
+        };
+        search.fill()?;
+        Ok(search)
+    }
+
+    /// Starts instances: one if none runs, and further ones while they fit the batch.
+    fn fill(&mut self) -> Result<(), OptimizeError> {
+        while self.running.is_empty() || self.restarts.batch.is_some() {
+            let small = self.restarts.strategy == RestartStrategy::Bipop && self.small < self.large;
+            let mut plan = self.plan(small);
+            if !self.running.is_empty() {
+                let used: usize = self.running.iter().map(|i| i.cma.constants().population).sum();
+                let fits = |plan: &Plan| {
+                    self.restarts.batch.is_some_and(|batch| used + plan.population <= batch)
+                };
+                if !fits(&plan) && self.restarts.strategy == RestartStrategy::Bipop {
+                    plan = self.plan(true);
+                }
+                if !fits(&plan) {
+                    return Ok(());
+                }
+            }
+            let options = CmaOptions {
+                population: Some(plan.population),
+                seed: plan.seed,
+                target: None,
+                budget: plan.budget,
+                ..self.options.clone()
+            };
+            let mut cma = Cma::new(&plan.mean, plan.step_size, options)?;
+            if self.polishing {
+                cma.polish();
+            }
+            let spent = if plan.small { &mut self.small } else { &mut self.large };
+            spent.instances += 1;
+            self.running.push(Instance { small: plan.small, cma });
+        }
+        Ok(())
+    }
+
+    /// The next instance of a regime.
+    fn plan(&self, small: bool) -> Plan {
+        let first = self.first_population;
+        let index = u64::from(self.large.instances + self.small.instances);
+        let doubled = |times: u32| {
+            let population = 1_usize.checked_shl(times).and_then(|f| first.checked_mul(f));
+            population.unwrap_or(MAX_POPULATION).min(MAX_POPULATION)
+        };
+        if index == 0 {
+            return Plan {
+                small: false,
+                population: first,
+                step_size: self.step_size,
+                mean: self.mean.clone(),
+                seed: self.options.seed,
+                budget: None,
+            };
+        }
+        // Streams that no generation uses.
+        let mut rng = ChaCha8Rng::seed_from_u64(self.options.seed);
+        rng.set_stream(u64::MAX - index);
+        let seed = rng.random();
+        let region = self.restarts.region.as_ref().or(self.options.bounds.as_ref());
+        let mean = region.map_or_else(
+            || self.mean.clone(),
+            |region| {
+                let draw = |&(low, high): &(f64, f64)| low + rng.random::<f64>() * (high - low);
+                region.iter().map(draw).collect()
+            },
+        );
+        let (population, step_size, budget) = if small {
+            let (u, v): (f64, f64) = (rng.random(), rng.random());
+            let largest = doubled(self.large.instances.saturating_sub(1)) as f64;
+            let population = first as f64 * (0.5 * largest / first as f64).powf(u * u);
+            (
+                (population as usize).max(LEAST_POPULATION.min(first)),
+                self.step_size * 10_f64.powf(-2.0 * v),
+                self.last_large.map(|evaluations| evaluations / 2),
+            )
+        } else {
+            (doubled(self.large.instances), self.step_size, None)
+        };
+        Plan { small, population, step_size, mean, seed, budget }
+    }
+
+    /// Candidates of the next generation of every running instance, one instance after another; the
+    /// same ones until they are told.
+    pub fn ask(&mut self) -> Vec<Candidate> {
+        self.running.iter_mut().flat_map(|instance| instance.cma.ask()).collect()
+    }
+
+    /// As [`Cma::tell`], for all running instances; those that stop make room for others.
+    ///
+    /// # Errors
+    /// Candidates or costs of another number than were asked for.
+    pub fn tell(&mut self, candidates: &[Candidate], costs: &[f64]) -> Result<(), OptimizeError> {
+        self.tell_ranked(candidates, costs, costs)
+    }
+
+    /// As [`Cma::tell_ranked`], for all running instances; those that stop make room for others.
+    ///
+    /// # Errors
+    /// Candidates, ranks or costs of another number than were asked for.
+    pub fn tell_ranked(
+        &mut self,
+        candidates: &[Candidate],
+        ranks: &[f64],
+        costs: &[f64],
+    ) -> Result<(), OptimizeError> {
+        let want = self.running.iter().map(|i| i.cma.constants().population).sum();
+        for (name, got) in
+            [("candidates", candidates.len()), ("ranks", ranks.len()), ("costs", costs.len())]
+        {
+            if got != want {
+                return Err(OptimizeError::WrongCount { name, got, want });
+            }
+        }
+        self.evaluations += want as u64;
+        let target = self.options.target;
+        self.target_reached |= target.is_some_and(|target| costs.iter().any(|&c| c <= target));
+        let mut start = 0;
+        for Instance { small, cma } in &mut self.running {
+            let own = start..start + cma.constants().population;
+            start = own.end;
+            cma.tell_ranked(&candidates[own.clone()], &ranks[own.clone()], &costs[own.clone()])?;
+            let spent = if *small { &mut self.small } else { &mut self.large };
+            spent.evaluations += own.len() as u64;
+        }
+        let (ended, last_large) = (&mut self.ended, &mut self.last_large);
+        self.running.retain(|Instance { small, cma }| {
+            let Some(reason) = cma.stop() else { return true };
+            let evaluations = cma.evaluations();
+            if !small {
+                *last_large = Some(evaluations);
+            }
+            ended.push(Ended { population: cma.constants().population, evaluations, reason });
+            false
+        });
+        self.fill()
+    }
+
+    /// As [`Cma::inject`], for the instance that has run longest.
+    ///
+    /// # Errors
+    /// A point of another length than the mean, or not finite.
+    pub fn inject(&mut self, points: &[Vec<f64>]) -> Result<(), OptimizeError> {
+        self.running[0].cma.inject(points)
+    }
+
+    /// Releases the floors of the standard deviations of this and all later instances; see
+    /// [`Cma::polish`].
+    pub fn polish(&mut self) {
+        self.polishing = true;
+        self.running.iter_mut().for_each(|instance| instance.cma.polish());
+    }
+
+    /// [`StopReason::Target`] or [`StopReason::Budget`]; nothing else ends the search.
+    pub fn stop(&self) -> Option<StopReason> {
+        if self.target_reached {
+            return Some(StopReason::Target);
+        }
+        let spent = self.options.budget.is_some_and(|budget| self.evaluations >= budget);
+        spent.then_some(StopReason::Budget)
+    }
+
+    /// Instances that have stopped, in that order.
+    pub fn ended(&self) -> &[Ended] {
+        &self.ended
+    }
+
+    /// Instances that run, the longest running first.
+    pub fn running(&self) -> impl ExactSizeIterator<Item = &Cma> {
+        self.running.iter().map(|instance| &instance.cma)
+    }
+
+    /// Candidates told so far.
+    pub fn evaluations(&self) -> u64 {
+        self.evaluations
+    }
+}

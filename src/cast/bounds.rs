@@ -1,0 +1,327 @@
+//! What holds for all rays of a packet or of a chunk, so that most of a scene is sorted out at once.
+
+use super::fan_bounds::FanRanges;
+use super::packet::{CHUNK, CHUNKS, Packet, least, most};
+use super::ranges::{Range, Ranges, fold, narrowest_plane};
+use crate::bvh::PAD_SHARE;
+use crate::bvh::wide::{Block, WIDTH};
+
+/// Farther than any plane, and finite, so that an empty box stays empty.
+const UNBOUNDED: f32 = 1e30;
+/// Slack of bounds, in units of 2⁻²⁰ of the largest number that enters a test. An origin moved along
+/// its ray, a plane's distance and `Ray::slab`'s own result are each off by a few roundings, that is
+/// by a few 2⁻²⁴ of that number: together less than one unit.
+pub(crate) const SLACK: f32 = 8.0;
+
+/// What holds for every ray of a packet.
+///
+/// Origins are moved along their rays into one plane, so that a packet is as narrow as its rays are
+/// close, however far apart they start; distances count from that plane.
+pub(super) struct Bounds {
+    /// Which side of a box is met first, by axis.
+    near_side: [usize; 3],
+    /// The origin for which the near plane is closest and that for which the far one is farthest.
+    near_origin: [f32; 3],
+    far_origin: [f32; 3],
+    /// Least and largest inverse direction.
+    inverse: [[f32; 2]; 3],
+    /// The two sheared axes and the one along which the rays go.
+    pub(super) axes: [usize; 3],
+    /// The plane's place on the last axis.
+    pub(super) plane: f32,
+    all: Spread,
+    /// Metres by which everything may be off through rounding.
+    pub(super) slack: f32,
+    /// Where the first ray starts, counted from the plane.
+    start: f32,
+}
+
+/// Where some rays cross the plane and how they are sheared: middle and half of the range, on both axes.
+#[derive(Clone, Copy, Default)]
+struct Spread {
+    middle: [f32; 2],
+    half: [f32; 2],
+    shear: [f32; 2],
+    turn: [f32; 2],
+}
+
+/// What holds for every ray of a chunk, for all chunks side by side.
+pub(super) struct Chunks {
+    middle: [[f32; CHUNKS]; 2],
+    half: [[f32; CHUNKS]; 2],
+    shear: [[f32; CHUNKS]; 2],
+    turn: [[f32; CHUNKS]; 2],
+    /// The farthest of the best distances, counted from the plane; −∞ where there are no rays.
+    farthest: [f32; CHUNKS],
+}
+
+impl Bounds {
+    #[inline(always)]
+    pub(super) fn new(packet: &Packet, pad: f32) -> (Self, Chunks) {
+        let axes = packet.axes();
+        let plane = narrowest_plane(packet);
+        let Ranges { shift, crossing, shear } = Ranges::new(packet, plane);
+        let mut inverse = [[0.0; 2]; 3];
+        for (inverse, lanes) in inverse.iter_mut().zip(&packet.inverse) {
+            *inverse = Range::of(&lanes[..packet.chunks()]).all();
+        }
+        let [across, turned] = [&crossing, &shear].map(|k| [k[0].all(), k[1].all()]);
+        let bounds = Self::of_ranges(axes, plane, shift.all(), across, turned, inverse, pad);
+        let mut chunks = Chunks::EMPTY;
+        for k in 0..2 {
+            (chunks.middle[k], chunks.half[k]) = crossing[k].middle_and_half();
+            (chunks.shear[k], chunks.turn[k]) = shear[k].middle_and_half();
+            for half in &mut chunks.half[k] {
+                *half += bounds.slack;
+            }
+        }
+        for chunk in 0..packet.chunks() {
+            chunks.farthest[chunk] = packet.t_max - shift.low[chunk] + bounds.slack;
+        }
+        (bounds, chunks)
+    }
+
+    /// Bounds of all rays of a fan.
+    #[inline(always)]
+    pub(super) fn of_fan(ranges: &FanRanges, pad: f32) -> Self {
+        let FanRanges { axes, plane, before, shear, inverse, .. } = ranges;
+        let across = [ranges.across(0), ranges.across(1)];
+        let ([a, b], [low, high]) = (before.all(), inverse[axes[2]]);
+        let ends = [a * low, a * high, b * low, b * high];
+        let shift = [
+            least(least(ends[0], ends[1]), least(ends[2], ends[3])),
+            most(most(ends[0], ends[1]), most(ends[2], ends[3])),
+        ];
+        Self::of_ranges(*axes, *plane, shift, across, *shear, *inverse, pad)
+    }
+
+    /// From least and largest: how far before the plane rays start, where they cross it, and how they
+    /// go.
+    #[inline(always)]
+    fn of_ranges(
+        axes: [usize; 3],
+        plane: f32,
+        [first, last]: [f32; 2],
+        across: [[f32; 2]; 2],
+        shear: [[f32; 2]; 2],
+        inverse: [[f32; 2]; 3],
+        pad: f32,
+    ) -> Self {
+        let mut crossed = [[plane; 2]; 3];
+        let mut largest = plane.abs() + first.abs().max(last.abs());
+        for (&axis, [low, high]) in axes.iter().zip(across) {
+            crossed[axis] = [low, high];
+            largest = largest.max(low.abs()).max(high.abs());
+        }
+        let slack = SLACK * (pad + largest * PAD_SHARE);
+        let mut bounds = Self {
+            near_side: [0; 3],
+            near_origin: [UNBOUNDED; 3],
+            far_origin: [-UNBOUNDED; 3],
+            inverse: [[1.0; 2]; 3],
+            axes,
+            plane,
+            all: Spread::default(),
+            slack,
+            start: -last - slack,
+        };
+        for k in 0..2 {
+            bounds.all.spread(k, across[k], shear[k], slack);
+        }
+        for (axis, &[low, high]) in crossed.iter().enumerate() {
+            if inverse[axis][0] > 0.0 {
+                bounds.near_origin[axis] = high + slack;
+                bounds.far_origin[axis] = low - slack;
+                bounds.inverse[axis] = inverse[axis];
+            } else if inverse[axis][1] < 0.0 {
+                bounds.near_side[axis] = 1;
+                bounds.near_origin[axis] = low - slack;
+                bounds.far_origin[axis] = high + slack;
+                bounds.inverse[axis] = inverse[axis];
+            }
+            // Otherwise some rays go up and some down this axis: it bounds nothing.
+        }
+        bounds
+    }
+
+    /// Bounds of where the rays are inside boxes: no ray enters box `i` before `near[i]` or leaves
+    /// it after `far[i]`.
+    #[inline(always)]
+    pub(super) fn slabs<const N: usize>(
+        &self,
+        planes: &[[[f32; N]; 2]; 3],
+    ) -> ([f32; N], [f32; N]) {
+        let (mut near, mut far) = ([self.start; N], [f32::INFINITY; N]);
+        for axis in 0..3 {
+            let enter = &planes[axis][self.near_side[axis]];
+            let leave = &planes[axis][1 - self.near_side[axis]];
+            let [low, high] = self.inverse[axis];
+            for i in 0..N {
+                let x = enter[i] - self.near_origin[axis];
+                near[i] = most(least(x * low, x * high), near[i]);
+                let x = leave[i] - self.far_origin[axis];
+                far[i] = least(most(x * low, x * high), far[i]);
+            }
+        }
+        (near, far)
+    }
+
+    /// Bits of a block's triangles that rays may hit, up to the distance `farthest`.
+    #[inline(always)]
+    pub(super) fn meets(&self, block: &Block, farthest: f32) -> u32 {
+        let [x, y, z] = self.axes;
+        let [a, b, c] = &block.corners;
+        let mut meets = [0; WIDTH];
+        for i in 0..WIDTH {
+            let triangle = [
+                [a[x][i], a[y][i], a[z][i]],
+                [b[x][i], b[y][i], b[z][i]],
+                [c[x][i], c[y][i], c[z][i]],
+            ];
+            let behind = self.nearest(triangle) > farthest;
+            let beside = passes_beside(triangle, self.plane, &self.all, self.slack);
+            meets[i] = if behind | beside { 0 } else { u32::MAX };
+        }
+        to_bits(meets) & ((1 << block.count) - 1)
+    }
+
+    /// No ray meets a triangle before this distance, counted from the plane.
+    #[inline(always)]
+    fn nearest(&self, corners: [[f32; 3]; 3]) -> f32 {
+        let [low, high] = self.inverse[self.axes[2]];
+        let origin = self.near_origin[self.axes[2]];
+        let along = |corner: [f32; 3]| {
+            let x = corner[2] - origin;
+            least(x * low, x * high)
+        };
+        least(least(along(corners[0]), along(corners[1])), along(corners[2]))
+    }
+}
+
+impl Spread {
+    #[inline(always)]
+    fn spread(&mut self, k: usize, crossing: [f32; 2], shear: [f32; 2], slack: f32) {
+        self.middle[k] = 0.5 * (crossing[0] + crossing[1]);
+        self.half[k] = 0.5 * (crossing[1] - crossing[0]) + slack;
+        self.shear[k] = 0.5 * (shear[0] + shear[1]);
+        self.turn[k] = 0.5 * (shear[1] - shear[0]);
+    }
+}
+
+impl Chunks {
+    const EMPTY: Self = Self {
+        middle: [[0.0; CHUNKS]; 2],
+        half: [[0.0; CHUNKS]; 2],
+        shear: [[0.0; CHUNKS]; 2],
+        turn: [[0.0; CHUNKS]; 2],
+        farthest: [f32::NEG_INFINITY; CHUNKS],
+    };
+
+    /// The farthest of the best distances of all rays.
+    #[inline(always)]
+    pub(super) fn farthest(&self) -> f32 {
+        fold(&self.farthest, most)
+    }
+
+    /// Takes over the best distances of a chunk's rays.
+    #[inline(always)]
+    pub(super) fn look_again(
+        &mut self,
+        t: &[f32; CHUNK],
+        origin: &[f32; CHUNK],
+        inverse: &[f32; CHUNK],
+        chunk: usize,
+        bounds: &Bounds,
+    ) {
+        let mut farthest = [0.0; CHUNK];
+        for i in 0..CHUNK {
+            let inverse = inverse[i];
+            farthest[i] = t[i] - (bounds.plane - origin[i]) * inverse;
+        }
+        let mut halves = [0.0; CHUNK / 2];
+        for i in 0..CHUNK / 2 {
+            halves[i] = most(farthest[i], farthest[i + CHUNK / 2]);
+        }
+        self.farthest[chunk] = fold(&halves, most) + bounds.slack;
+    }
+
+    /// Bits of the chunks whose rays may hit a triangle of a block.
+    #[inline(always)]
+    pub(super) fn meet(&self, bounds: &Bounds, block: &Block, slot: usize) -> u32 {
+        let [x, y, z] = bounds.axes;
+        let at = |corner: &[[f32; WIDTH]; 3]| [corner[x][slot], corner[y][slot], corner[z][slot]];
+        let [a, b, c] = &block.corners;
+        let triangle = [at(a), at(b), at(c)];
+        let nearest = bounds.nearest(triangle);
+        let mut meets = [0; CHUNKS];
+        for i in 0..CHUNKS {
+            let at = |both: &[[f32; CHUNKS]; 2]| [both[0][i], both[1][i]];
+            let spread = Spread {
+                middle: at(&self.middle),
+                half: at(&self.half),
+                shear: at(&self.shear),
+                turn: at(&self.turn),
+            };
+            let behind = nearest > self.farthest[i];
+            let beside = passes_beside(triangle, bounds.plane, &spread, bounds.slack);
+            meets[i] = if behind | beside { 0 } else { u32::MAX };
+        }
+        to_bits(meets)
+    }
+}
+
+/// Whether all rays surely miss a triangle: beside its corners, or on the outer side of one of its
+/// edges.
+///
+/// Seen along a ray, a corner lies at its coordinates less shear times depth. An edge function is
+/// affine in the origin and in the shear but for their product, so its spread over the rays is a
+/// sum of absolute values.
+#[inline(always)]
+fn passes_beside(corners: [[f32; 3]; 3], plane: f32, rays: &Spread, slack: f32) -> bool {
+    let Spread { middle, half, shear, turn } = *rays;
+    let seen = |corner: [f32; 3]| {
+        let z = corner[2] - plane;
+        [corner[0] - middle[0] - shear[0] * z, corner[1] - middle[1] - shear[1] * z, z]
+    };
+    let (a, b, c) = (seen(corners[0]), seen(corners[1]), seen(corners[2]));
+    // Beside the rectangle that the rays fill, at the depth of each corner.
+    let mut apart = false;
+    for k in 0..2 {
+        let reach = |p: [f32; 3]| turn[k] * p[2].abs();
+        let low = least(least(a[k] - reach(a), b[k] - reach(b)), c[k] - reach(c));
+        let high = most(most(a[k] + reach(a), b[k] + reach(b)), c[k] + reach(c));
+        apart |= (low > half[k] + slack) | (high < -half[k] - slack);
+    }
+    let size = |p: [f32; 3]| p[0].abs() + p[1].abs();
+    let deepest = most(most(a[2].abs(), b[2].abs()), c[2].abs());
+    let widest = half[0] + half[1] + deepest * (turn[0] + turn[1]);
+    let error = 2.0 * slack * (size(a) + size(b) + size(c) + widest);
+    // Value in the middle, spread of the area's share, spread.
+    let edge = |from: [f32; 3], to: [f32; 3]| {
+        let value = from[0] * to[1] - from[1] * to[0];
+        let moved = (to[1] - from[1]).abs() * half[0] + (to[0] - from[0]).abs() * half[1];
+        let turned = turn[0] * (from[2] * to[1] - to[2] * from[1]).abs()
+            + turn[1] * (to[2] * from[0] - from[2] * to[0]).abs();
+        let both = (turn[0] * half[1] + turn[1] * half[0]) * (to[2] - from[2]).abs();
+        (value, turned, turned + moved + both + error)
+    };
+    let (u, v, w) = (edge(a, b), edge(b, c), edge(c, a));
+    let area = u.0 + v.0 + w.0;
+    let doubt = u.1 + v.1 + w.1 + 4.0 * error;
+    let left = (u.0 + u.2 < 0.0) | (v.0 + v.2 < 0.0) | (w.0 + w.2 < 0.0);
+    let right = (u.0 - u.2 > 0.0) | (v.0 - v.2 > 0.0) | (w.0 - w.2 > 0.0);
+    apart | ((area > doubt) & left) | ((area < -doubt) & right)
+}
+
+/// A bit for each flag; flags are all ones or zero.
+#[inline(always)]
+pub(super) fn to_bits(flags: [u32; 8]) -> u32 {
+    let mut bits = [0; 8];
+    for i in 0..8 {
+        bits[i] = flags[i] & (1 << i);
+    }
+    for i in 0..4 {
+        bits[i] |= bits[i + 4];
+    }
+    (bits[0] | bits[1]) | (bits[2] | bits[3])
+}

@@ -1,0 +1,283 @@
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use bytemuck::Zeroable;
+use glam::Vec3;
+use multiversion::multiversion;
+
+use super::bounds::Bounds;
+use super::fan_bounds::{Facing, FanRanges, Seen};
+use super::lanes::{ALL_INSIDE, Inside, Prepared, Rays};
+use super::packet::{Across, CHUNK, CHUNKS, Lanes, NOTHING, PACKET_RAYS, PacketHits};
+use crate::bvh::wide::{Block, Child, WIDTH, Wide};
+use crate::bvh::{Bvh, NO_HIT, Triangle};
+
+/// Most directions of a fan.
+pub const FAN_DIRECTIONS: usize = 16;
+
+/// Up to [`PACKET_RAYS`] origins that lie side by side, with all rays from them in a few directions.
+///
+/// All these rays go down the tree once: the triangles that they may hit make a list, nearest first,
+/// as long as a direction asks for. Then each direction goes through the list. What is skipped on
+/// the way, and why the bits are the same, is as with [`super::Packet`].
+#[derive(Clone)]
+pub struct Fan {
+    len: usize,
+    origin: [Lanes; 3],
+    /// The origins again.
+    across: [Across; 3],
+    near: Near,
+    /// Working memory of the tests.
+    inside: Inside,
+}
+
+/// What the rays of a fan may hit.
+#[derive(Clone, Default)]
+struct Near {
+    groups: Vec<Group>,
+    /// Groups of the list; the next one is being filled.
+    len: usize,
+    /// Parts of the tree that are not in the list yet, by where rays enter them at the earliest.
+    queue: BinaryHeap<Reverse<u64>>,
+}
+
+/// Up to eight triangles that the rays of a fan may hit.
+#[derive(Clone)]
+struct Group {
+    block: Block,
+    triangles: [Prepared; WIDTH],
+    /// No ray meets them, or those of later groups, before.
+    enter: f32,
+}
+
+impl Default for Group {
+    fn default() -> Self {
+        Self {
+            block: Block::EMPTY,
+            triangles: [Prepared::new(&Triangle::zeroed(), [0; 3]); WIDTH],
+            enter: 0.0,
+        }
+    }
+}
+
+impl Fan {
+    /// Rays from `origins` (1 to [`PACKET_RAYS`]).
+    pub fn new(origins: &[Vec3]) -> Self {
+        let mut fan = Self {
+            len: 0,
+            origin: [NOTHING; 3],
+            across: [[[0.0; CHUNKS]; CHUNK]; 3],
+            near: Near::default(),
+            inside: ALL_INSIDE,
+        };
+        fan.set_origins(origins);
+        fan
+    }
+
+    /// Rays from other origins (1 to [`PACKET_RAYS`]).
+    pub fn set_origins(&mut self, origins: &[Vec3]) {
+        self.len = origins.len();
+        for lane in 0..PACKET_RAYS {
+            // Lanes that are left over repeat the last ray.
+            let origin = origins[lane.min(origins.len() - 1)];
+            let (chunk, i) = (lane / CHUNK, lane % CHUNK);
+            for axis in 0..3 {
+                self.origin[axis][chunk][i] = origin[axis];
+                self.across[axis][i][chunk] = origin[axis];
+            }
+        }
+    }
+}
+
+impl Bvh {
+    /// [`Self::closest_hit`] from every origin of a fan in each of some directions, 1 to
+    /// [`FAN_DIRECTIONS`] unit vectors whose [`super::major_axis`] is the same; hits count up to `t_max`.
+    /// Those of each direction go to `hits`, which holds as many.
+    ///
+    /// Fast where no component changes its sign, and where the directions are neighbours.
+    pub fn closest_hits_of_fan(
+        &self,
+        fan: &mut Fan,
+        directions: &[Vec3],
+        t_max: f32,
+        hits: &mut [PacketHits],
+    ) {
+        if directions.is_empty() {
+            return;
+        }
+        for hits in &mut hits[..directions.len()] {
+            hits.t = [[t_max; CHUNK]; CHUNKS];
+            hits.prim = [[NO_HIT; CHUNK]; CHUNKS];
+        }
+        if !self.wide.nodes.is_empty() {
+            cast(&self.wide, &self.triangles, self.pad, fan, directions, t_max, hits);
+        }
+    }
+}
+
+#[multiversion(targets(
+    "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
+    "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
+))]
+fn cast(
+    wide: &Wide,
+    triangles: &[Triangle],
+    pad: f32,
+    fan: &mut Fan,
+    directions: &[Vec3],
+    t_max: f32,
+    hits: &mut [PacketHits],
+) {
+    let Fan { len, origin, across, near, inside } = fan;
+    let ranges = FanRanges::new(across, directions, t_max);
+    let shaft = Bounds::of_fan(&ranges, pad);
+    near.restart();
+    let filled = len.div_ceil(CHUNK);
+    let mut seen = Seen::NOTHING;
+    for (ray, hits) in ranges.rays(directions.len()).iter().zip(hits) {
+        let mut facing = Facing::new(&shaft, &ranges, ray, filled);
+        let splat = |x: f32| [[x; CHUNK]];
+        let turned = ray.direction.to_array().map(splat);
+        let inverse = ray.inverse.to_array().map(splat);
+        let shear = ray.shear.map(splat);
+        let rays = Rays::<true> {
+            axes: ranges.axes,
+            enters: [0, 1, 2].map(|axis| usize::from(ray.inverse[axis] < 0.0)),
+            origin,
+            direction: [&turned[0], &turned[1], &turned[2]],
+            inverse: [&inverse[0], &inverse[1], &inverse[2]],
+            shear: [&shear[0], &shear[1]],
+        };
+        let mut farthest = facing.farthest();
+        let mut at = 0;
+        loop {
+            if at == near.len && !near.extend(wide, triangles, &shaft, farthest) {
+                break;
+            }
+            let group = &near.groups[at];
+            at += 1;
+            // Equal to the best distance is still visited: a tie may have a lower id.
+            if group.enter > farthest {
+                break;
+            }
+            let mut left = facing.look(&group.block, farthest, &mut seen);
+            let (mut meets, mut sure) = (0, 0);
+            while left != 0 {
+                let slot = left.trailing_zeros() as usize;
+                left &= left - 1;
+                let (mut meet, mut settled) = facing.meet(&seen, slot);
+                settled &= meet;
+                if settled != 0 {
+                    meet ^= settled;
+                    settled = facing.settle(&group.triangles[slot].triangle, settled);
+                    meet |= settled;
+                }
+                meets |= u64::from(meet) << (slot * CHUNKS);
+                sure |= u64::from(settled) << (slot * CHUNKS);
+            }
+            let mut hit = rays.intersect(&group.triangles, pad, meets, sure, inside, hits);
+            while hit != 0 {
+                let chunk = hit.trailing_zeros() as usize;
+                hit &= hit - 1;
+                facing.look_again(chunk, &hits.t[chunk], &origin[ranges.axes[2]][chunk]);
+            }
+            farthest = facing.farthest();
+        }
+    }
+}
+
+impl Near {
+    /// Starts over with the whole tree.
+    #[inline(always)]
+    fn restart(&mut self) {
+        self.len = 0;
+        self.open();
+        self.queue.clear();
+        self.queue.push(Reverse(key(f32::NEG_INFINITY, Child::ROOT)));
+    }
+
+    /// Adds the next groups, unless they begin farther away; whether it did.
+    #[inline(always)]
+    fn extend(
+        &mut self,
+        wide: &Wide,
+        triangles: &[Triangle],
+        shaft: &Bounds,
+        farthest: f32,
+    ) -> bool {
+        let before = self.len;
+        while self.len == before {
+            let Some(&Reverse(top)) = self.queue.peek() else { break };
+            let enter = from_key(top);
+            if enter > farthest {
+                break;
+            }
+            self.queue.pop();
+            match Child::from_bits(top as u32).get() {
+                Ok(block) => {
+                    let block = &wide.blocks[block];
+                    let mut left = shaft.meets(block, f32::INFINITY);
+                    while left != 0 {
+                        let slot = left.trailing_zeros();
+                        left &= left - 1;
+                        self.add(&triangles[(block.first + slot) as usize], enter, shaft);
+                    }
+                }
+                Err(index) => {
+                    let node = &wide.nodes[index];
+                    let (near, far) = shaft.slabs(&node.planes);
+                    for slot in 0..WIDTH {
+                        if near[slot] <= far[slot] {
+                            self.queue.push(Reverse(key(near[slot], node.children[slot])));
+                        }
+                    }
+                }
+            }
+        }
+        let open = &self.groups[self.len];
+        if self.len == before && open.block.count > 0 && open.enter <= farthest {
+            self.len += 1;
+            self.open();
+        }
+        self.len > before
+    }
+
+    #[inline(always)]
+    fn add(&mut self, triangle: &Triangle, enter: f32, shaft: &Bounds) {
+        let open = &mut self.groups[self.len];
+        let slot = open.block.count as usize % WIDTH;
+        if slot == 0 {
+            open.enter = enter;
+        }
+        open.triangles[slot] = Prepared::new(triangle, shaft.axes);
+        open.block.set(slot, triangle);
+        open.block.count += 1;
+        if slot + 1 == WIDTH {
+            self.len += 1;
+            self.open();
+        }
+    }
+
+    /// Begins the group after the list.
+    #[inline(always)]
+    fn open(&mut self) {
+        if self.len == self.groups.len() {
+            self.groups.push(Group::default());
+        }
+        self.groups[self.len].block.count = 0;
+    }
+}
+
+/// Orders parts of the tree by distance: the bits of a float, so turned that they grow with it, above
+/// those of the part.
+fn key(enter: f32, child: Child) -> u64 {
+    let bits = enter.to_bits();
+    let turn = if bits >> 31 != 0 { u32::MAX } else { 1 << 31 };
+    u64::from(bits ^ turn) << 32 | u64::from(child.bits())
+}
+
+/// The distance in a [`key`].
+fn from_key(key: u64) -> f32 {
+    let bits = (key >> 32) as u32;
+    f32::from_bits(bits ^ if bits >> 31 != 0 { 1 << 31 } else { u32::MAX })
+}

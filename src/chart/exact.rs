@@ -1,0 +1,259 @@
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::exact_tree::ExactTree;
+use super::{Fidelity, FidelityError, World, merge_vertices};
+use crate::problem::{Content, Tally};
+use crate::psog::{ENTROPY_ONE, EntropyKind, EntropyTable, PUSH, Psog, Roi};
+use crate::scene::{EgoBody, Lidar, Scene};
+use crate::vehicle::{Placement, SensorPose};
+
+/// Numbers closer than this are meant to be one: direction components and zero (cos 90° is 6e-17), grid
+/// coordinates and whole numbers, metres at which a beam crosses planes (cos 45° and sin 45° differ in
+/// the last digit).
+const ROUNDING: f64 = 1e-9;
+
+/// The scorer that others are compared with: every number from the pose to the sum is an `f64`.
+///
+/// Casting, walking and summing are written for themselves and share no code with the backends.
+/// Triangles are those of [`Scene::frame`], which rounds corners to `f32` once (4 µm at 50 m).
+#[derive(Debug, Clone)]
+pub struct Exact {
+    roi: Roi,
+    directions: Vec<DVec3>,
+    range: f64,
+    /// One tree a frame; empty where beams run through all.
+    frames: Vec<ExactTree>,
+    content: Content,
+    /// Linear index and entropies in nats (all classes, detection target against the rest, occupied
+    /// or not) of the voxels occupied in some frame.
+    occupied: Vec<(u64, [f64; 3])>,
+}
+
+impl Exact {
+    /// The scorer of a scene at a setting.
+    ///
+    /// # Errors
+    /// As [`World::psog`].
+    pub fn new(world: &mut World, fidelity: &Fidelity) -> Result<Self, FidelityError> {
+        let psog = world.psog(fidelity.voxel)?;
+        let scene = world.scene();
+        let cell = fidelity.detail * psog.roi().voxel()[0];
+        let frames = if fidelity.through { Vec::new() } else { world.frames(fidelity) };
+        let trees = frames
+            .into_par_iter()
+            .map(|t| ExactTree::build(&merge_vertices(&scene.frame(t, EgoBody::Include), cell)));
+        Ok(Self {
+            roi: *psog.roi(),
+            directions: directions(scene.lidar(), fidelity.azimuth),
+            range: scene.lidar().range(),
+            frames: trees.collect(),
+            occupied: occupied(scene, &psog),
+            content: world.content(&psog),
+        })
+    }
+
+    /// The classes and totals that the tallies belong to.
+    pub fn content(&self) -> &Content {
+        &self.content
+    }
+
+    /// Frames over which a tally is summed.
+    pub fn frame_count(&self) -> usize {
+        self.frames.len().max(1)
+    }
+
+    /// Tallies of `placements` in order, summed over frames, each entropy sum rounded once at the end.
+    ///
+    /// Counts by class, shares of single LiDARs and hits stay 0: no objective needs them.
+    pub fn tallies(&self, placements: &[Placement]) -> Vec<Tally> {
+        let words = self.roi.voxel_count().div_ceil(64) as usize;
+        let tally = |bitmap: &mut Vec<u64>, placement: &Placement| {
+            let mut tally = Tally::zero(self.content.classes().len(), placement.lidars.len());
+            let mut entropy = [0.0; 3];
+            for frame in 0..self.frame_count() {
+                bitmap.fill(0);
+                for pose in &placement.lidars {
+                    self.cover(pose, self.frames.get(frame), bitmap);
+                }
+                tally.covered += bitmap.iter().map(|w| u64::from(w.count_ones())).sum::<u64>();
+                for (voxel, worth) in &self.occupied {
+                    if bitmap[(voxel >> 6) as usize] >> (voxel & 63) & 1 == 1 {
+                        tally.covered_nonzero += 1;
+                        for (sum, h) in entropy.iter_mut().zip(worth) {
+                            *sum += h;
+                        }
+                    }
+                }
+            }
+            let beams = placement.lidars.len() * self.directions.len() * self.frame_count();
+            tally.beams = beams as u64;
+            tally.entropy = entropy.map(|h| (h * ENTROPY_ONE).round() as u64);
+            tally
+        };
+        placements.par_iter().map_init(|| vec![0_u64; words], tally).collect()
+    }
+
+    /// Bytes of trees and entropies, and of the bitmap of one placement.
+    pub fn bytes(&self) -> u64 {
+        let trees: u64 = self.frames.iter().map(ExactTree::bytes).sum();
+        trees + size_of_val(self.occupied.as_slice()) as u64 + self.roi.voxel_count().div_ceil(8)
+    }
+
+    /// Triangles, a mean over frames.
+    pub fn triangles(&self) -> u64 {
+        let all: usize = self.frames.iter().map(ExactTree::triangle_count).sum();
+        (all / self.frame_count()) as u64
+    }
+
+    /// Marks the voxels that one sensor's beams traverse up to and including that of their hit.
+    fn cover(&self, pose: &SensorPose, tree: Option<&ExactTree>, bitmap: &mut [u64]) {
+        let pose = pose.ego_from_sensor();
+        for &direction in &self.directions {
+            let direction = snapped(pose.rotation * direction);
+            let hit = tree.and_then(|t| t.closest(pose.translation, direction, self.range));
+            let end = hit.map_or(self.range, |t| t + PUSH);
+            walk(&self.roi, pose.translation, direction, end, |v| bitmap[v >> 6] |= 1 << (v & 63));
+        }
+    }
+}
+
+fn snapped(direction: DVec3) -> DVec3 {
+    DVec3::from(direction.to_array().map(|d| if d.abs() < ROUNDING { 0.0 } else { d }))
+}
+
+/// Unit directions in the sensor frame; see [`crate::vehicle::BeamTable::spinning`].
+fn directions(lidar: &Lidar, divisor: u32) -> Vec<DVec3> {
+    match lidar {
+        Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, .. } => {
+            let steps = azimuth_steps.div_ceil(divisor);
+            let channels = elevations.iter().zip(azimuth_offsets);
+            let beams = channels.flat_map(|(elevation, offset)| {
+                let (sin_e, cos_e) = elevation.to_radians().sin_cos();
+                (0..steps).map(move |j| {
+                    let turn = std::f64::consts::TAU * f64::from(j) / f64::from(steps);
+                    let (sin_a, cos_a) = (turn + offset.to_radians()).sin_cos();
+                    DVec3::new(cos_e * cos_a, cos_e * sin_a, sin_e)
+                })
+            });
+            beams.collect()
+        }
+        Lidar::Directions { directions, .. } => {
+            directions.iter().step_by(divisor as usize).map(|&d| DVec3::from(d)).collect()
+        }
+    }
+}
+
+fn occupied(scene: &Scene, psog: &Psog) -> Vec<(u64, [f64; 3])> {
+    let table = EntropyTable::new(psog.frames());
+    let targets = scene.detection_among(psog.classes());
+    let rows = psog.index().iter().zip(psog.rows());
+    let worth = |row: &[u16]| {
+        let target = targets.iter().map(|&c| row[usize::from(c)]).sum();
+        let all: u16 = row.iter().sum();
+        let merged = [target, all - target];
+        [
+            table.entropy(row, EntropyKind::Segmentation),
+            table.entropy(&merged, EntropyKind::Segmentation),
+            table.entropy(row, EntropyKind::Bernoulli),
+        ]
+    };
+    let some = rows.filter(|(_, row)| row.iter().any(|&count| count > 0));
+    some.map(|(&index, row)| (index, worth(row))).collect()
+}
+
+/// Calls `mark` with the linear index of every voxel that the beam traverses for 0 ≤ t ≤ `end`.
+///
+/// Crossings that coincide are taken at once, and a crossing at the very start or end counts.
+fn walk(roi: &Roi, origin: DVec3, direction: DVec3, end: f64, mut mark: impl FnMut(usize)) {
+    let shape = roi.shape().map(i64::from);
+    let (min, voxel) = (roi.min(), roi.voxel());
+    let p = [0, 1, 2].map(|a| {
+        let p = (origin[a] - min[a]) / voxel[a];
+        if (p - p.round()).abs() < ROUNDING { p.round() } else { p }
+    });
+    // When the beam crosses plane i of an axis; a level beam never does.
+    let along = [0, 1, 2].map(|a| if direction[a] == 0.0 { 0.0 } else { voxel[a] / direction[a] });
+    let crossing = |a: usize, i: i64| match along[a] {
+        0.0 => f64::INFINITY,
+        along => (i as f64 - p[a]) * along,
+    };
+    let mut enter = 0.0_f64;
+    for a in 0..3 {
+        if direction[a] >= 0.0 && p[a] >= shape[a] as f64 || direction[a] <= 0.0 && p[a] < 0.0 {
+            return;
+        }
+        if p[a] < 0.0 {
+            enter = enter.max(crossing(a, 0));
+        } else if p[a] >= shape[a] as f64 {
+            enter = enter.max(crossing(a, shape[a]));
+        }
+    }
+    if enter > end {
+        return;
+    }
+    let forward = [0, 1, 2].map(|a| direction[a] >= 0.0);
+    // Plane ahead of a voxel.
+    let ahead = |a: usize, i: i64| crossing(a, if forward[a] { i + 1 } else { i });
+    let step = forward.map(|f| if f { 1 } else { -1 });
+    let mut cell = [0, 1, 2].map(|a| {
+        // One voxel too early at most; then on to the one after every crossing up to `enter`.
+        let guess = (p[a] + enter * direction[a] / voxel[a]).floor() as i64;
+        let mut i = guess - step[a];
+        while ahead(a, i) <= enter + ROUNDING {
+            i += step[a];
+        }
+        if direction[a] == 0.0 { guess } else { i }
+    });
+    let mut next = [0, 1, 2].map(|a| ahead(a, cell[a]));
+    while (0..3).all(|a| (0..shape[a]).contains(&cell[a])) {
+        mark(((cell[0] * shape[1] + cell[1]) * shape[2] + cell[2]) as usize);
+        let t = next[0].min(next[1]).min(next[2]);
+        if t > end {
+            return;
+        }
+        for a in 0..3 {
+            if next[a] <= t + ROUNDING {
+                cell[a] += step[a];
+                next[a] = ahead(a, cell[a]);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cells(origin: [f64; 3], direction: [f64; 3], end: f64) -> Vec<[u32; 3]> {
+        let roi = Roi::new([0.0; 3], [1.0; 3], [4, 4, 4]).unwrap();
+        let mut seen = Vec::new();
+        let direction = DVec3::from(direction).normalize();
+        walk(&roi, origin.into(), direction, end, |v| seen.push(roi.coords(v as u64)));
+        seen
+    }
+
+    #[test]
+    fn a_beam_walks_as_the_definition_says() {
+        let row = [[0, 1, 2], [1, 1, 2], [2, 1, 2], [3, 1, 2]];
+        assert_eq!(cells([0.5, 1.5, 2.5], [1.0, 0.0, 0.0], 100.0), row);
+        assert_eq!(cells([0.5, 1.0, 2.0], [1.0, 0.0, 0.0], 100.0), row);
+        assert_eq!(cells([-2.0, 1.5, 2.5], [1.0, 0.0, 0.0], 3.5), row[..2]);
+        assert!(cells([-2.0, 1.5, 2.5], [-1.0, 0.0, 0.0], 100.0).is_empty());
+        assert!(cells([-2.0, 4.0, 2.5], [1.0, 0.0, 0.0], 100.0).is_empty());
+        // Going back from a face leaves the voxel above it at once.
+        assert_eq!(cells([2.0, 0.5, 0.5], [-1.0, 0.0, 0.0], 9.0), [[1, 0, 0], [0, 0, 0]]);
+        assert_eq!(
+            cells([3.5, 3.5, 1.5], [-1.0, -1.0, 0.0], 100.0),
+            [[3, 3, 1], [2, 2, 1], [1, 1, 1], [0, 0, 1]]
+        );
+        // At 45° through edges, from inside and from outside, where cos and sin differ by rounding.
+        let (sin, cos) = std::f64::consts::FRAC_PI_4.sin_cos();
+        assert_ne!(sin, cos);
+        let diagonal = [[0, 0, 1], [1, 1, 1], [2, 2, 1], [3, 3, 1]];
+        assert_eq!(cells([0.3, 0.3, 1.5], [cos, sin, 0.0], 100.0), diagonal);
+        assert_eq!(cells([-1.7, -1.7, 1.5], [cos, sin, 0.0], 100.0), diagonal);
+        assert_eq!(cells([0.5, 0.5, 0.5], [0.0, 1.0, 0.0], 1.5), [[0, 0, 0], [0, 1, 0], [0, 2, 0]]);
+        assert_eq!(cells([0.5, 0.5, 0.5], [0.0, 1.0, 0.0], 1.4999), [[0, 0, 0], [0, 1, 0]]);
+    }
+}

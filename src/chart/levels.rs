@@ -1,0 +1,294 @@
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use crate::engine::BackendError;
+use crate::engine::CpuBackend;
+use crate::problem::{Problem, Tally};
+use crate::score::Objective;
+use crate::vehicle::Placement;
+
+/// Sets of frames that are all tried; of larger ones the best is looked for by exchanging frames.
+const ALL_SETS: u64 = 4000;
+
+/// Some frames, and how well their score stands for that over all.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Level {
+    /// Frames in rising order.
+    pub frames: Vec<usize>,
+    /// Root mean square over the placements of 1 − a · score / score over all frames, with the a that
+    /// makes it least: what is left when the one is taken for the other in a ranking. `None` where no
+    /// placement has a score.
+    pub error: Option<f64>,
+}
+
+/// Tallies of a few placements, frame by frame.
+pub struct Pilot {
+    problem: Arc<Problem>,
+    placements: Vec<Placement>,
+    by_frame: Vec<Vec<Tally>>,
+}
+
+impl Pilot {
+    /// Scores `placements` in every frame, on the CPU, within about `memory` bytes.
+    ///
+    /// # Errors
+    /// One placement does not fit.
+    pub fn new(
+        problem: &Arc<Problem>,
+        placements: Vec<Placement>,
+        memory: u64,
+    ) -> Result<Self, BackendError> {
+        let mut by_frame: Vec<Vec<Tally>> = Vec::new();
+        let mut backend = CpuBackend::new(problem.clone(), memory);
+        for frame in 0..problem.frame_count() {
+            by_frame.push(match by_frame.get(problem.twin(frame)) {
+                Some(equal) => equal.clone(),
+                None => backend.tally_frame(&placements, frame)?,
+            });
+        }
+        Ok(Self { problem: problem.clone(), placements, by_frame })
+    }
+
+    /// Placements × frames that were scored.
+    pub fn work(&self) -> u64 {
+        (self.placements.len() * self.by_frame.len()) as u64
+    }
+
+    /// The placements and their tallies over all frames: the same as a backend gives for them.
+    pub fn tallies(&self) -> Vec<(Placement, Tally)> {
+        let all: Vec<usize> = (0..self.by_frame.len()).collect();
+        let sums = (0..self.placements.len()).map(|index| self.sum(index, &all));
+        self.placements.iter().cloned().zip(sums).collect()
+    }
+
+    /// What is scored.
+    pub(super) fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    pub(super) fn placements(&self) -> &[Placement] {
+        &self.placements
+    }
+
+    fn sum(&self, index: usize, frames: &[usize]) -> Tally {
+        let classes = self.problem.content().classes().len();
+        let mut sum = Tally::zero(classes, self.placements[index].lidars.len());
+        frames.iter().for_each(|&frame| sum += &self.by_frame[frame][index]);
+        sum
+    }
+
+    /// Objective of each placement over some frames.
+    pub(super) fn values(&self, objective: &Objective, frames: &[usize]) -> Vec<Option<f64>> {
+        let content = self.problem.content();
+        let value =
+            |index| objective.value_of_tally(&self.sum(index, frames), content, frames.len());
+        (0..self.placements.len()).map(value).collect()
+    }
+
+    /// Few frames that stand for all, then twice as many and so on to all of them.
+    ///
+    /// The first level is the smallest of 1, 2, 4, … whose error is within `tolerance`. The frames of
+    /// a level are those with the least error of all sets of that size, or of those reached from the
+    /// best smaller set by adding and exchanging frames where there are too many to try.
+    pub fn levels(&self, objective: &Objective, tolerance: f64) -> Vec<Level> {
+        let count = self.by_frame.len();
+        let all: Vec<usize> = (0..count).collect();
+        let choice = Choice { pilot: self, objective, reference: self.values(objective, &all) };
+        let mut levels: Vec<Level> = Vec::new();
+        let mut best: Vec<usize> = Vec::new();
+        let mut size = 1;
+        while size < count {
+            best = choice.best(size, best);
+            let error = choice.error(&best);
+            if !levels.is_empty() || error.is_some_and(|error| error <= tolerance) {
+                levels.push(Level { frames: best.clone(), error });
+            }
+            size *= 2;
+        }
+        levels.push(Level {
+            frames: all,
+            error: choice.reference.iter().flatten().next().map(|_| 0.0),
+        });
+        levels
+    }
+}
+
+/// The choice of frames.
+struct Choice<'a> {
+    pilot: &'a Pilot,
+    objective: &'a Objective,
+    /// Objective over all frames.
+    reference: Vec<Option<f64>>,
+}
+
+impl Choice<'_> {
+    fn error(&self, frames: &[usize]) -> Option<f64> {
+        scatter(&self.reference, self.pilot.values(self.objective, frames))
+    }
+
+    /// The best `size` frames, sorted.
+    fn best(&self, size: usize, from: Vec<usize>) -> Vec<usize> {
+        let count = self.pilot.by_frame.len();
+        if sets(count, size) <= ALL_SETS {
+            return self.first_of(subsets(count, size));
+        }
+        let mut chosen = from;
+        while chosen.len() < size {
+            chosen = self.first_of(with_one_more(&chosen, count));
+        }
+        loop {
+            let mut swapped = vec![chosen.clone()];
+            for index in 0..size {
+                let mut rest = chosen.clone();
+                rest.remove(index);
+                swapped.extend(with_one_more(&rest, count));
+            }
+            let better = self.first_of(swapped);
+            if better == chosen {
+                return chosen;
+            }
+            chosen = better;
+        }
+    }
+
+    /// The set of least error; of equal ones the first.
+    fn first_of(&self, sets: Vec<Vec<usize>>) -> Vec<usize> {
+        let errors: Vec<f64> =
+            sets.par_iter().map(|frames| self.error(frames).unwrap_or(f64::INFINITY)).collect();
+        let least =
+            (0..sets.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b]).then(a.cmp(&b)));
+        least.map(|index| sets[index].clone()).unwrap_or_default()
+    }
+}
+
+/// Root mean square of 1 − a · value / reference with the a that makes it least; `None` where no
+/// reference is known.
+pub(super) fn scatter(reference: &[Option<f64>], values: Vec<Option<f64>>) -> Option<f64> {
+    let known = reference.iter().zip(values).filter(|(r, _)| r.is_some_and(|r| r != 0.0));
+    // What has a reference and no value is as far off as can be.
+    let ratios: Vec<f64> =
+        known.filter_map(|(r, value)| Some(value.unwrap_or(0.0) / (*r)?)).collect();
+    let squares: f64 = ratios.iter().map(|q| q * q).sum();
+    let a = ratios.iter().sum::<f64>() / squares.max(f64::MIN_POSITIVE);
+    let off = ratios.iter().map(|q| (1.0 - a * q).powi(2)).sum::<f64>();
+    (!ratios.is_empty()).then(|| (off / ratios.len() as f64).sqrt())
+}
+
+/// Ways to take `size` of `count`.
+fn sets(count: usize, size: usize) -> u64 {
+    (0..size as u64).fold(1, |ways: u64, k| ways.saturating_mul(count as u64 - k) / (k + 1))
+}
+
+/// All sets of `size` of `count` frames, in lexical order.
+fn subsets(count: usize, size: usize) -> Vec<Vec<usize>> {
+    (0..size).fold(vec![Vec::new()], |sets, _| {
+        let longer = |set: Vec<usize>| {
+            let first = set.last().map_or(0, |last| last + 1);
+            (first..count).map(move |frame| [&set[..], &[frame]].concat())
+        };
+        sets.into_iter().flat_map(longer).collect()
+    })
+}
+
+fn with_one_more(chosen: &[usize], count: usize) -> Vec<Vec<usize>> {
+    let others = (0..count).filter(|frame| !chosen.contains(frame));
+    let longer = others.map(|frame| {
+        let mut set = [chosen, &[frame]].concat();
+        set.sort_unstable();
+        set
+    });
+    longer.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::Bvh;
+    use crate::geom::TriangleSoup;
+    use crate::problem::Content;
+    use crate::psog::Roi;
+    use crate::vehicle::BeamTable;
+
+    /// A pilot whose gains by frame and placement are given; each placement covers ten voxels.
+    fn pilot(gains: &[&[u64]]) -> Pilot {
+        let roi = Roi::new([0.0; 3], [1.0; 3], [4, 4, 4]).unwrap();
+        let table =
+            BeamTable::from_directions(std::iter::once([1.0, 0.0, 0.0].into()), 10.0).unwrap();
+        let tree = Arc::new(Bvh::build(&TriangleSoup::default(), 10.0));
+        let content = Content::new(vec![], vec![], &[], false);
+        let frames = vec![tree; gains.len()];
+        let problem = Arc::new(Problem::new(roi, content, table, frames, true));
+        let placement = |k| Placement { name: format!("p{k}"), lidars: vec![] };
+        let tally =
+            |&gain: &u64| Tally { covered: 10, entropy: [gain << 28, 0, 0], ..Tally::default() };
+        Pilot {
+            problem,
+            placements: (0..gains[0].len()).map(placement).collect(),
+            by_frame: gains.iter().map(|frame| frame.iter().map(tally).collect()).collect(),
+        }
+    }
+
+    #[test]
+    fn the_frames_that_stand_for_all_are_chosen() {
+        // Over all frames the placements gain 7, 9 and 8: frame 2 alone has twice as much of each.
+        let gains: [&[u64]; 4] = [&[2, 0, 4], &[0, 14, 4], &[14, 18, 16], &[12, 4, 8]];
+        let levels = pilot(&gains).levels(&"information_gain".parse().unwrap(), 0.01);
+        let frames: Vec<&[usize]> = levels.iter().map(|level| &level.frames[..]).collect();
+        assert_eq!(frames[0], [2]);
+        assert!(levels[0].error.unwrap() < 1e-9, "{levels:?}");
+        assert_eq!(frames[2], [0, 1, 2, 3]);
+        // Where no frame alone will do, two are taken: here these balance each other.
+        let gains: [&[u64]; 4] = [&[1, 9], &[9, 1], &[0, 9], &[11, 2]];
+        let levels = pilot(&gains).levels(&"information_gain".parse().unwrap(), 0.01);
+        assert_eq!((&levels[0].frames[..], levels.len()), (&[0, 1][..], 2));
+    }
+
+    #[test]
+    fn an_error_is_what_no_common_factor_explains() {
+        let some = |values: &[f64]| values.iter().copied().map(Some).collect::<Vec<_>>();
+        let close = |a: Option<f64>, b: f64| (a.unwrap() - b).abs() < 1e-12;
+        assert!(close(scatter(&some(&[-1.0, -2.0, -5.0]), some(&[-3.0, -6.0, -15.0])), 0.0));
+        // Ratios 1 and 2: a = 3 / 5 leaves 2 / 5 and 1 / 5, whose mean square is 1 / 10.
+        assert!(close(scatter(&some(&[2.0, 3.0]), some(&[2.0, 6.0])), 0.1_f64.sqrt()));
+        // Ratios 1 and 0: a = 1 leaves 0 and 1. What has no reference does not count.
+        let reference = [Some(2.0), Some(3.0), None, Some(0.0)];
+        let values = vec![Some(2.0), None, Some(9.0), Some(9.0)];
+        assert!(close(scatter(&reference, values), 0.5_f64.sqrt()));
+        assert_eq!(scatter(&[None], vec![Some(1.0)]), None);
+    }
+
+    #[test]
+    fn an_exchange_leaves_the_best_smaller_set() {
+        // By how much the first of two placements gains more in each frame. Frames 0 and 1 balance each
+        // other, but nothing balances them and two more; frames 2 to 5 balance each other.
+        let more = [&[-1, 1, 5, 5, 5, -15][..], &[1000; 16], &[-2000; 8]].concat();
+        let gains: Vec<[u64; 2]> = more.iter().map(|d| [(10_000 + d) as u64, 10_000]).collect();
+        let rows: Vec<&[u64]> = gains.iter().map(|row| &row[..]).collect();
+        let levels = pilot(&rows).levels(&"information_gain".parse().unwrap(), 1.0);
+        assert_eq!(
+            (&levels[1].frames[..], &levels[2].frames[..]),
+            (&[0, 1][..], &[2, 3, 4, 5][..])
+        );
+        assert!(levels[2].error.unwrap() < 1e-9, "{levels:?}");
+    }
+
+    #[test]
+    fn large_sets_are_found_by_exchange() {
+        let gains: Vec<Vec<u64>> = (0..30_u64)
+            .map(|k| (0..6).map(|p| 100 + 10 * p + (k * (p + 3)) % 7 * 4).collect())
+            .collect();
+        let rows: Vec<&[u64]> = gains.iter().map(|row| &row[..]).collect();
+        let levels = pilot(&rows).levels(&"information_gain".parse().unwrap(), 1.0);
+        let sizes: Vec<usize> = levels.iter().map(|level| level.frames.len()).collect();
+        assert_eq!(sizes, [1, 2, 4, 8, 16, 30]);
+        for level in &levels {
+            let mut sorted = level.frames.clone();
+            sorted.sort_unstable();
+            sorted.dedup();
+            assert_eq!(sorted, level.frames);
+        }
+        assert!(levels[3].error < levels[0].error, "{levels:?}");
+        assert_eq!((sets(24, 4), subsets(5, 2).len()), (10626, 10));
+    }
+}

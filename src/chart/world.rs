@@ -1,0 +1,167 @@
+use std::sync::Arc;
+
+use super::{Fidelity, merge_vertices};
+use crate::bvh::Bvh;
+use crate::engine::BackendError;
+use crate::problem::{Content, Problem, shared_trees};
+use crate::psog::{GridError, Psog, Roi};
+use crate::scan::scan_scene;
+use crate::scene::{EgoBody, Lidar, PsogSource, ScanSettings, Scene};
+use crate::vehicle::{BeamTable, Constraints, Placement, PoseGridError, SensorError};
+use crate::verify::random_placements;
+
+/// Draws of [`candidates`] for each placement wanted, before the minimum distance is given up.
+const DRAWS: usize = 50;
+
+/// Why a setting could not be measured.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FidelityError {
+    /// The voxels of a setting do not make a grid.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// The beams of a setting do not make a sensor.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// Scoring failed.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
+    /// The mount has too many poses for an atlas.
+    #[error(transparent)]
+    Poses(#[from] PoseGridError),
+    /// The P-SOG of another voxel size is wanted of a scene whose P-SOG is a file.
+    #[error("the P-SOG is a file; its voxels cannot become {factor} times as large")]
+    FixedVoxels {
+        /// Multiple of the scene's own voxel edge.
+        factor: f64,
+    },
+}
+
+/// A scene with its P-SOGs of several voxel sizes.
+pub struct World {
+    scene: Scene,
+    grids: Vec<(f64, Arc<Psog>)>,
+    /// By the range for which they are built.
+    trees: Vec<(f32, Vec<Arc<Bvh>>)>,
+}
+
+impl World {
+    /// A scene and the P-SOG on its own grid.
+    pub fn new(scene: Scene, own: Arc<Psog>) -> Self {
+        Self { scene, grids: vec![(1.0, own)], trees: Vec::new() }
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The P-SOG with voxels of `factor` times the scene's own edge, built on first use.
+    ///
+    /// Where the scene leaves the spacing of the scans to the voxels, as many points fall on a voxel's
+    /// width at every size; where it sets numbers, scans for smaller voxels are denser by the same
+    /// factor, and for larger ones they stay as they are.
+    ///
+    /// # Errors
+    /// The scene's P-SOG is a file, or the grid has too many voxels.
+    pub fn psog(&mut self, factor: f64) -> Result<Arc<Psog>, FidelityError> {
+        if let Some((_, psog)) = self.grids.iter().find(|(f, _)| *f == factor) {
+            return Ok(psog.clone());
+        }
+        let PsogSource::Scan(own) = self.scene.psog_source() else {
+            return Err(FidelityError::FixedVoxels { factor });
+        };
+        let denser = |steps: u32| (f64::from(steps) / factor.min(1.0)).ceil() as u32;
+        let settings = ScanSettings {
+            channels: own.channels.map(denser),
+            azimuth_steps: own.azimuth_steps.map(denser),
+            spacing: own.spacing.map(|spacing| spacing * factor.min(1.0)),
+            ..*own
+        };
+        let bounds = self.scene.roi();
+        let roi = Roi::from_bounds(bounds.min, bounds.max, bounds.voxel.map(|v| v * factor))?;
+        let (psog, _) = scan_scene(&self.scene, &roi, &settings, || {})?;
+        let psog = Arc::new(psog);
+        self.grids.push((factor, psog.clone()));
+        Ok(psog)
+    }
+
+    /// Frames that a setting casts into.
+    pub fn frames(&self, fidelity: &Fidelity) -> Vec<usize> {
+        spread(self.scene.frame_count(), fidelity.frames as usize)
+    }
+
+    /// What covering the voxels of one of the scene's P-SOGs is worth.
+    pub(super) fn content(&self, psog: &Psog) -> Content {
+        Content::from_psog(psog, &self.scene.detection_among(psog.classes()))
+    }
+
+    /// Trees of all frames with every triangle, built on first use.
+    fn all_trees(&mut self, far: f32) -> &[Arc<Bvh>] {
+        if !self.trees.iter().any(|(f, _)| *f == far) {
+            let all: Vec<usize> = (0..self.scene.frame_count()).collect();
+            let trees = shared_trees(&all, far, |t| self.scene.frame(t, EgoBody::Include));
+            self.trees.push((far, trees));
+        }
+        let (_, trees) = self.trees.iter().find(|(f, _)| *f == far).expect("there now");
+        trees
+    }
+
+    /// The problem that the scene poses at a setting.
+    ///
+    /// # Errors
+    /// As [`Self::psog`], or a sensor without beams.
+    pub fn problem(&mut self, fidelity: &Fidelity) -> Result<Problem, FidelityError> {
+        let frames = self.frames(fidelity);
+        let psog = self.psog(fidelity.voxel)?;
+        let table = table(self.scene.lidar(), fidelity.azimuth)?;
+        let content = self.content(&psog);
+        let problem = Problem::new(*psog.roi(), content.clone(), table.clone(), Vec::new(), false);
+        if fidelity.through {
+            return Ok(problem);
+        }
+        let (far, cell) = (problem.far_range(), fidelity.detail * psog.roi().voxel()[0]);
+        let trees = if cell > 0.0 {
+            let soup = |t| merge_vertices(&self.scene.frame(t, EgoBody::Include), cell);
+            shared_trees(&frames, far, soup)
+        } else {
+            let all = self.all_trees(far);
+            frames.iter().map(|&t| all[t].clone()).collect()
+        };
+        Ok(Problem::new(*psog.roi(), content, table, trees, true))
+    }
+}
+
+/// `wanted` of `count` frames, spread evenly from the first on.
+fn spread(count: usize, wanted: usize) -> Vec<usize> {
+    let wanted = wanted.min(count);
+    (0..wanted).map(|k| k * count / wanted).collect()
+}
+
+/// The scene's sensor with every `divisor`-th azimuth step, or listed direction.
+fn table(lidar: &Lidar, divisor: u32) -> Result<BeamTable, SensorError> {
+    match lidar {
+        Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, range } => {
+            let channels: Vec<(f64, f64)> =
+                elevations.iter().copied().zip(azimuth_offsets.iter().copied()).collect();
+            BeamTable::spinning(&channels, azimuth_steps.div_ceil(divisor), *range)
+        }
+        Lidar::Directions { directions, range } => {
+            let kept = directions.iter().step_by(divisor as usize);
+            BeamTable::from_directions(kept.map(|&d| d.into()), *range)
+        }
+    }
+}
+
+/// `given` and then `random` placements drawn evenly from the mount, those that keep its rules first.
+pub fn candidates(
+    constraints: &Constraints,
+    given: &[Placement],
+    random: usize,
+    seed: u64,
+) -> Vec<Placement> {
+    let mut drawn = random_placements(constraints, random * DRAWS, seed);
+    drawn.sort_by_key(|placement| !constraints.violations(placement).is_empty());
+    drawn.truncate(random);
+    given.iter().cloned().chain(drawn).collect()
+}

@@ -1,0 +1,245 @@
+use multiversion::multiversion;
+
+use super::reference::{Walk, beam_end, grid_origin};
+use super::rows::Rows;
+use super::runs::{NEVER, ROUND, Start, WORD, Way, walk_all};
+use crate::bvh::{Hit, NO_HIT};
+use crate::problem::{DevicePose, FAR, PUSH, TINY_COMPONENT, beam_direction};
+use crate::psog::Roi;
+
+/// Ways a beam may go mainly: back and forth along y and x. A power of two.
+const WAYS: usize = 4;
+/// Kinds of beams of one way by the number of their runs.
+const LENGTHS: usize = 256;
+/// Parts of the table that are sorted side by side: neighbours are of one length, and each would wait
+/// until the last is counted.
+const STREAMS: usize = 4;
+/// Planes up to this many voxels from the corner: there, crossings of different planes are different
+/// numbers, and a crossing computed from a slope is off by less than [`super::runs::SHY`] voxels.
+const PLAIN: f32 = (1 << 15) as f32;
+
+/// Working memory of [`cover_sensor`], to be used again.
+#[derive(Default)]
+pub struct WalkScratch {
+    /// Metres a voxel along each axis, by beam.
+    inverse: [Vec<f32>; 3],
+    /// Crossing before which a beam ends.
+    stop: Vec<f32>,
+    /// Way and length: `WAYS` × `LENGTHS`.
+    kind: Vec<u16>,
+    /// Beams by kind.
+    sorted: Vec<u32>,
+    /// First beam of each way in that order, and the end.
+    ways: [usize; WAYS + 1],
+    /// Words along y, zero between sensors.
+    along_y: Vec<u32>,
+    /// A bitmap of [`Rows`], zero between sensors.
+    bitmap: Vec<u64>,
+}
+
+/// Marks the voxels that one sensor's beams traverse: [`super::cover_voxels`] with sixteen beams of
+/// about the same number of runs in lockstep. The same bits.
+///
+/// `hits` is `[directions]`; `bitmap` must be zero and hold all voxels.
+pub fn cover_sensor(
+    pose: &DevicePose,
+    directions: &[[f32; 3]],
+    roi: &Roi,
+    hits: Option<&[Hit]>,
+    range: f32,
+    scratch: &mut WalkScratch,
+    bitmap: &mut [u64],
+) {
+    let rows = Rows::new(roi);
+    if !walks_in_rows(pose, roi, &rows) {
+        visit_all(pose, directions, roi, hits, range, |voxel| {
+            bitmap[voxel >> 6] |= 1 << (voxel & 63);
+        });
+        return;
+    }
+    let mut marked = std::mem::take(&mut scratch.bitmap);
+    marked.resize(rows.words(), 0);
+    cover_rows(pose, directions, roi, hits, range, scratch, &mut marked);
+    rows.move_in_order(bytemuck::cast_slice_mut(&mut marked), bitmap);
+    scratch.bitmap = marked;
+}
+
+/// [`cover_sensor`] in the order of [`Rows`].
+pub(crate) fn cover_rows(
+    pose: &DevicePose,
+    directions: &[[f32; 3]],
+    roi: &Roi,
+    hits: Option<&[Hit]>,
+    range: f32,
+    scratch: &mut WalkScratch,
+    bitmap: &mut [u64],
+) {
+    let rows = Rows::new(roi);
+    let bitmap: &mut [u32] = bytemuck::cast_slice_mut(bitmap);
+    if !walks_in_rows(pose, roi, &rows) {
+        visit_all(pose, directions, roi, hits, range, |voxel| {
+            let bit = rows.bit(voxel);
+            bitmap[bit >> 5] |= 1 << (bit & 31);
+        });
+        return;
+    }
+    scratch.fit(directions.len());
+    let start = Start::new(roi, grid_origin(pose).to_array());
+    prepare(pose, directions, roi, hits, range, &start, scratch);
+    sort(scratch);
+    let mut along_y = std::mem::take(&mut scratch.along_y);
+    along_y.resize(rows.words_along(1), 0);
+    let of = |way: usize| &scratch.sorted[scratch.ways[way]..scratch.ways[way + 1]];
+    let (inverse, stop) = (&scratch.inverse, &scratch.stop);
+    walk_all::<true>(&Way::new(roi, &start, 1, true), of(0), inverse, stop, &mut along_y);
+    walk_all::<false>(&Way::new(roi, &start, 1, false), of(1), inverse, stop, &mut along_y);
+    rows.add_along_y(&mut along_y, bitmap);
+    walk_all::<true>(&Way::new(roi, &start, 0, true), of(2), inverse, stop, bitmap);
+    walk_all::<false>(&Way::new(roi, &start, 0, false), of(3), inverse, stop, bitmap);
+    scratch.along_y = along_y;
+}
+
+/// Whether a sensor is in the grid, and that one plain enough for beams in lockstep.
+fn walks_in_rows(pose: &DevicePose, roi: &Roi, rows: &Rows) -> bool {
+    let inside = |k: usize| {
+        let n = roi.shape()[k] as f32;
+        (0.0..n).contains(&grid_origin(pose)[k]) && n < PLAIN
+    };
+    rows.are_wide() && (0..3).all(inside)
+}
+
+/// Calls `mark` with the linear index of each voxel that a beam traverses.
+fn visit_all(
+    pose: &DevicePose,
+    directions: &[[f32; 3]],
+    roi: &Roi,
+    hits: Option<&[Hit]>,
+    range: f32,
+    mut mark: impl FnMut(usize),
+) {
+    for (index, &direction) in directions.iter().enumerate() {
+        let end = beam_end(hits.map(|hits| hits[index]), range);
+        Walk::new(roi, grid_origin(pose), beam_direction(pose, direction)).visit(end, &mut mark);
+    }
+}
+
+impl WalkScratch {
+    fn fit(&mut self, beams: usize) {
+        for inverse in &mut self.inverse {
+            inverse.resize(beams, 0.0);
+        }
+        self.stop.resize(beams, 0.0);
+        self.kind.resize(beams, 0);
+        self.sorted.resize(beams, 0);
+    }
+}
+
+/// Fills in every beam's slopes, end and kind.
+#[multiversion(targets(
+    "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
+    "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
+))]
+fn prepare(
+    pose: &DevicePose,
+    directions: &[[f32; 3]],
+    roi: &Roi,
+    hits: Option<&[Hit]>,
+    range: f32,
+    start: &Start,
+    scratch: &mut WalkScratch,
+) {
+    let beams = directions.len();
+    for k in 0..3 {
+        let [r0, r1, r2, _] = pose.rows[k];
+        let voxel = roi.voxel()[k] as f32;
+        for (inverse, &[x, y, z]) in scratch.inverse[k].iter_mut().zip(directions) {
+            let d = r0 * x + r1 * y + r2 * z;
+            let d = if d.abs() < TINY_COMPONENT { 0.0 } else { d };
+            *inverse = if d != 0.0 { voxel / d } else { FAR };
+        }
+    }
+    // As `beam_end` has it.
+    match hits {
+        Some(hits) => {
+            for (stop, hit) in scratch.stop.iter_mut().zip(hits) {
+                *stop = if hit.prim != NO_HIT { hit.t + PUSH } else { range };
+            }
+        }
+        None => scratch.stop.fill(range),
+    }
+    let [ix, iy, iz] = &scratch.inverse;
+    let (ix, iy, iz) = (&ix[..beams], &iy[..beams], &iz[..beams]);
+    let stop = &mut scratch.stop[..beams];
+    let [px, py, pz] = start.p;
+    let [[back_x, ahead_x], [back_y, ahead_y], [back_z, ahead_z]] = start.exit;
+    let [no_x, no_y, no_z] = start.cell.map(|cell| cell.map(|cell| cell < 0));
+    let ([no_back_x, no_ahead_x], [no_back_y, no_ahead_y], [no_back_z, no_ahead_z]) =
+        (no_x, no_y, no_z);
+    for beam in 0..beams {
+        let (x, y, z) = (ix[beam], iy[beam], iz[beam]);
+        let exit_x = ((if x > 0.0 { ahead_x } else { back_x }) - px) * x;
+        let exit_y = ((if y > 0.0 { ahead_y } else { back_y }) - py) * y;
+        let exit_z = ((if z > 0.0 { ahead_z } else { back_z }) - pz) * z;
+        let exit = if exit_x < exit_y { exit_x } else { exit_y };
+        let exit = if exit < exit_z { exit } else { exit_z };
+        let nowhere = (if x > 0.0 { no_ahead_x } else { no_back_x })
+            | (if y > 0.0 { no_ahead_y } else { no_back_y })
+            | (if z > 0.0 { no_ahead_z } else { no_back_z });
+        let end = stop[beam];
+        // A crossing at the very end counts, the one by which a beam leaves the grid does not.
+        let until = if end < exit { end.next_up() } else { exit };
+        stop[beam] = if nowhere | (end < 0.0) { NEVER } else { until };
+    }
+    let most: f32 = roi.shape().iter().map(|&n| n as f32).sum();
+    let scale = 1.5 * LENGTHS as f32 / most;
+    let (kinds, longest) = (&mut scratch.kind[..beams], (LENGTHS - 1) as f32);
+    for beam in 0..beams {
+        let (x, y, z) = (ix[beam], iy[beam], iz[beam]);
+        let (a, b, c) = (x.abs().recip(), y.abs().recip(), z.abs().recip());
+        let along_x = a >= b;
+        let (along, across) = if along_x { (a, b) } else { (b, a) };
+        let ahead = (if along_x { x } else { y }) > 0.0;
+        let way = (if along_x { 2 } else { 0 }) + (if ahead { 1 } else { 0 });
+        let length = stop[beam] * (along / WORD as f32 + across + c) * scale;
+        let length = if length < longest { length } else { longest };
+        let length = if length > 0.0 { length } else { 0.0 };
+        let length = (length + ROUND).to_bits() as u16 & (LENGTHS - 1) as u16;
+        kinds[beam] = (way * LENGTHS as u16) | length;
+    }
+}
+
+/// Sorts the beams by kind, those of one kind in the order of the table.
+fn sort(scratch: &mut WalkScratch) {
+    let mut next = [[0_u32; STREAMS]; WAYS * LENGTHS];
+    let length = scratch.kind.len().div_ceil(STREAMS).max(1);
+    let mut streams = [&scratch.kind[..0]; STREAMS];
+    for (stream, kinds) in streams.iter_mut().zip(scratch.kind.chunks(length)) {
+        *stream = kinds;
+    }
+    for at in 0..length {
+        for (stream, kinds) in streams.iter().enumerate() {
+            if let Some(&kind) = kinds.get(at) {
+                next[usize::from(kind)][stream] += 1;
+            }
+        }
+    }
+    let mut first = 0;
+    for (kind, next) in next.iter_mut().enumerate() {
+        if kind % LENGTHS == 0 {
+            scratch.ways[kind / LENGTHS] = first as usize;
+        }
+        for next in next {
+            (*next, first) = (first, first + *next);
+        }
+    }
+    scratch.ways[WAYS] = first as usize;
+    for at in 0..length {
+        for (stream, kinds) in streams.iter().enumerate() {
+            if let Some(&kind) = kinds.get(at) {
+                let next = &mut next[usize::from(kind)][stream];
+                scratch.sorted[*next as usize] = (stream * length + at) as u32;
+                *next += 1;
+            }
+        }
+    }
+}

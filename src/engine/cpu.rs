@@ -1,0 +1,279 @@
+//! The CPU: every stage as a plain function, and a fast one beside it that gives the same bits.
+//!
+//! | reference, to be read | fast, what [`CpuBackend`] runs |
+//! |---|---|
+//! | [`cast_closest`]: a beam at a time | [`cast_packets`]: nodes a packet, triangles a lane a beam |
+//! | [`cover_voxels`]: a voxel at a time | [`cover_sensor`]: sixteen beams in lockstep, a row of voxels at a time |
+//! | [`reduce()`]: a voxel at a time | `take_sums`: a word of the bitmaps at a time |
+//!
+//! Lanes are plain arrays; each kernel is compiled for several instruction sets and picked at run time.
+//! None contracts a product and a sum, so all give the same bits.
+
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+
+use super::{Backend, BackendError, Chunk, ChunkLimits, check_frame, split};
+use crate::bvh::Hit;
+use crate::cast::cast_packets;
+use crate::cover::{Rows, WalkScratch, bitmap_words, cover_rows, cover_sensor};
+use crate::problem::{DevicePose, Problem, StageTimes, Tally};
+use crate::psog::Roi;
+use crate::reduce::{Worth, take_sums, take_sums_spread, union_of};
+use crate::vehicle::{Placement, SensorPose};
+
+/// Bytes of hits that one chunk uses at most: more gains nothing, since a chunk of this size already
+/// fills packets and keeps every core busy.
+const CHUNK_BYTES: u64 = 256 << 20;
+/// Placements a thread below which the threads share each placement: the last ones would leave some idle.
+const FEW: usize = 4;
+
+/// Evaluates batches on the host's cores.
+pub struct CpuBackend {
+    problem: Arc<Problem>,
+    rows: Rows,
+    worth: Worth,
+    memory: u64,
+    times: StageTimes,
+    /// Kept from batch to batch.
+    hits: Vec<Hit>,
+    walks: Pool<WalkScratch>,
+    /// `[sensors × words]` in the order of `rows`, zero between tasks.
+    bitmaps: Pool<Vec<u64>>,
+}
+
+/// Working memory of tasks, to be used again.
+#[derive(Default)]
+struct Pool<T>(Mutex<Vec<T>>);
+
+impl<T: Default> Pool<T> {
+    fn take(&self) -> T {
+        self.0.lock().ok().and_then(|mut kept| kept.pop()).unwrap_or_default()
+    }
+
+    fn put_back(&self, memory: T) {
+        if let Ok(mut kept) = self.0.lock() {
+            kept.push(memory);
+        }
+    }
+}
+
+/// Marks the voxels of one sensor: [`cover_sensor`] or the like.
+type Cover = fn(&DevicePose, &[[f32; 3]], &Roi, Option<&[Hit]>, f32, &mut WalkScratch, &mut [u64]);
+
+/// Consecutive sensors of a chunk in one frame.
+struct Part<'a> {
+    poses: &'a [DevicePose],
+    /// Number of the first in the chunk.
+    first: usize,
+    frame: usize,
+    /// Equal frames that it stands for.
+    weight: u64,
+    /// Metres.
+    range: f32,
+    /// Whether all threads share the sensors and the sums, because there are few parts.
+    spread: bool,
+}
+
+impl CpuBackend {
+    /// A backend that uses at most about `memory` bytes beside the problem itself.
+    pub fn new(problem: Arc<Problem>, memory: u64) -> Self {
+        let rows = Rows::new(problem.roi());
+        let worth = Worth::by_bit(problem.content(), |voxel| rows.bit_of_64(voxel));
+        let times = StageTimes::default();
+        let (walks, bitmaps) = (Pool::default(), Pool::default());
+        Self { problem, rows, worth, memory, times, hits: Vec::new(), walks, bitmaps }
+    }
+
+    fn poses(&self, placements: &[Placement]) -> Vec<DevicePose> {
+        let roi = self.problem.roi();
+        placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect()
+    }
+
+    fn chunks(&self, placements: &[Placement]) -> Result<Vec<Chunk>, BackendError> {
+        let lidars: Vec<usize> = placements.iter().map(|p| p.lidars.len()).collect();
+        let widest = lidars.iter().copied().max().unwrap_or(1);
+        let bitmap = 8 * self.rows.words() as u64;
+        let hits = size_of::<Hit>() as u64 * self.problem.table().directions().len() as u64;
+        // Bitmaps of as many placements as are worked on at the same time, hits of all in a chunk.
+        let tasks = (rayon::current_num_threads() as u64).min(placements.len() as u64).max(1);
+        // Each task has one more for the beams that go across.
+        let bitmaps = [("coverage bitmaps", bitmap, self.memory / 2 / tasks)];
+        ChunkLimits::from_bytes(widest + 1, &bitmaps)?;
+        let limit = (self.memory / 2).min(CHUNK_BYTES.max(hits * widest as u64));
+        Ok(split(&lidars, ChunkLimits::from_bytes(widest, &[("hits", hits, limit)])?))
+    }
+
+    /// Finds the hits of a chunk's beams in one frame, where the coverage needs them.
+    fn cast_frame(&mut self, poses: &[DevicePose], frame: usize, range: f32) {
+        let start = Instant::now();
+        if let Some(bvh) = self.problem.bvh(frame) {
+            cast_packets(poses, self.problem.table(), bvh, range, &mut self.hits);
+        }
+        self.times.cast += start.elapsed();
+    }
+
+    /// Tallies of `placements` in one frame alone.
+    ///
+    /// # Errors
+    /// As [`Backend::tally`], or no such frame.
+    pub fn tally_frame(
+        &mut self,
+        placements: &[Placement],
+        frame: usize,
+    ) -> Result<Vec<Tally>, BackendError> {
+        check_frame(&self.problem, frame)?;
+        self.tally_over(&[(frame, 1)], placements, self.problem.table().range())
+    }
+
+    /// Tallies of `placements` over some frames, each with the equal ones that it stands for.
+    fn tally_over(
+        &mut self,
+        frames: &[(usize, u64)],
+        placements: &[Placement],
+        range: f32,
+    ) -> Result<Vec<Tally>, BackendError> {
+        let classes = self.problem.content().classes().len();
+        let mut tallies: Vec<Tally> =
+            placements.iter().map(|p| Tally::zero(classes, p.lidars.len())).collect();
+        for chunk in self.chunks(placements)? {
+            let poses = self.poses(&placements[chunk.placements.clone()]);
+            for &(frame, weight) in frames {
+                self.cast_frame(&poses, frame, range);
+                let start = Instant::now();
+                let spread = self.shares(&placements[chunk.placements.clone()]);
+                let mut tasks = Vec::new();
+                let mut first = 0;
+                for (placement, tally) in placements[chunk.placements.clone()]
+                    .iter()
+                    .zip(&mut tallies[chunk.placements.clone()])
+                {
+                    let poses = &poses[first..first + placement.lidars.len()];
+                    tasks.push((Part { poses, first, frame, weight, range, spread }, tally));
+                    first += poses.len();
+                }
+                let of_tasks: Vec<[Duration; 2]> =
+                    tasks.into_par_iter().map(|(part, tally)| self.add(&part, tally)).collect();
+                // Both stages of a placement run in one task: the wall time is shared out.
+                let elapsed = start.elapsed();
+                let [cover, both] = [0, 1].map(|k| of_tasks.iter().map(|t| t[k]).sum::<Duration>());
+                let share = cover.as_secs_f64() / both.as_secs_f64().max(f64::MIN_POSITIVE);
+                let cover = elapsed.mul_f64(share.clamp(0.0, 1.0));
+                self.times.cover += cover;
+                self.times.reduce += elapsed - cover;
+            }
+        }
+        Ok(tallies)
+    }
+
+    /// Whether threads share each placement of a chunk, all of which then have bitmaps at a time.
+    fn shares(&self, placements: &[Placement]) -> bool {
+        let sensors: usize = placements.iter().map(|p| p.lidars.len()).sum();
+        let bytes = 8 * (self.rows.words() * sensors) as u64;
+        let threads = rayon::current_num_threads();
+        threads > 1 && placements.len() < FEW * threads && bytes <= self.memory / 2
+    }
+
+    /// Covers the voxels of a part's sensors by `cover`; `bitmaps` is `[sensors × words]` and zero.
+    fn cover(&self, part: &Part<'_>, words: usize, bitmaps: &mut [u64], cover: Cover) {
+        let (problem, directions) = (&*self.problem, self.problem.table().directions());
+        let cover = |(index, bitmap): (usize, &mut [u64])| {
+            let hits = problem.bvh(part.frame).map(|_| self.hits_of(part.first + index));
+            let pose = &part.poses[index];
+            let mut walk = self.walks.take();
+            cover(pose, directions, problem.roi(), hits, part.range, &mut walk, bitmap);
+            self.walks.put_back(walk);
+        };
+        if part.spread {
+            bitmaps.par_chunks_mut(words).enumerate().for_each(cover);
+        } else {
+            bitmaps.chunks_mut(words).enumerate().for_each(cover);
+        }
+    }
+
+    fn hits_of(&self, sensor: usize) -> &[Hit] {
+        let directions = self.problem.table().directions().len();
+        &self.hits[sensor * directions..(sensor + 1) * directions]
+    }
+
+    /// Adds one placement's sums in one frame to its tally; returns the time of covering and that of
+    /// both together.
+    fn add(&self, part: &Part<'_>, tally: &mut Tally) -> [Duration; 2] {
+        let start = Instant::now();
+        let (words, sensors) = (self.rows.words(), part.poses.len());
+        let mut kept = self.bitmaps.take();
+        if kept.len() < sensors * words {
+            kept.resize(sensors * words, 0);
+        }
+        let bitmaps = &mut kept[..sensors * words];
+        self.cover(part, words, bitmaps, cover_rows);
+        let covered = start.elapsed();
+        let sums = if part.spread { take_sums_spread } else { take_sums };
+        let mut sum = Tally::zero(tally.by_class.len(), sensors);
+        sums(bitmaps, words, &self.worth, &mut sum);
+        self.bitmaps.put_back(kept);
+        sum.beams = (sensors * self.problem.table().directions().len()) as u64;
+        if self.problem.bvh(part.frame).is_some() {
+            let hits = (0..sensors).flat_map(|index| self.hits_of(part.first + index));
+            sum.hits = hits.filter(|hit| hit.is_hit()).count() as u64;
+        }
+        tally.add_times(&sum, part.weight);
+        [covered, start.elapsed()]
+    }
+}
+
+impl Backend for CpuBackend {
+    fn name(&self) -> &'static str {
+        "cpu"
+    }
+
+    fn adapter(&self) -> &str {
+        "host processor"
+    }
+
+    fn tally(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Tally>, BackendError> {
+        self.tally_over(&self.problem.distinct_frames(), placements, range)
+    }
+
+    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
+        let frames = self.problem.geometry_frame_count();
+        let bvh = self.problem.geometry(frame).ok_or(BackendError::NoFrame { frame, frames })?;
+        let start = Instant::now();
+        let table = self.problem.table();
+        let poses: Vec<DevicePose> =
+            poses.iter().map(|pose| DevicePose::new(pose, self.problem.roi())).collect();
+        let mut hits = Vec::new();
+        cast_packets(&poses, table, bvh, table.range(), &mut hits);
+        self.times.cast += start.elapsed();
+        Ok(hits)
+    }
+
+    fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {
+        check_frame(&self.problem, frame)?;
+        let placements = std::slice::from_ref(placement);
+        self.chunks(placements)?;
+        let words = bitmap_words(self.problem.roi());
+        let bitmaps = self.bitmaps(&placement.lidars, frame)?;
+        Ok(union_of(&bitmaps, words))
+    }
+
+    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError> {
+        check_frame(&self.problem, frame)?;
+        let roi = self.problem.roi();
+        let poses: Vec<DevicePose> = poses.iter().map(|pose| DevicePose::new(pose, roi)).collect();
+        let range = self.problem.table().range();
+        self.cast_frame(&poses, frame, range);
+        let start = Instant::now();
+        let words = bitmap_words(self.problem.roi());
+        let mut bitmaps = vec![0; poses.len() * words];
+        let part = Part { poses: &poses, first: 0, frame, weight: 1, range, spread: true };
+        self.cover(&part, words, &mut bitmaps, cover_sensor);
+        self.times.cover += start.elapsed();
+        Ok(bitmaps)
+    }
+
+    fn times(&self) -> StageTimes {
+        self.times
+    }
+}

@@ -1,0 +1,137 @@
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use super::{Backend, BackendError};
+use crate::bvh::Hit;
+use crate::problem::{StageTimes, Tally};
+use crate::vehicle::{Placement, SensorPose};
+
+/// Losses of a run after which the device is not opened again: one that fails that often only costs
+/// time.
+const MOST_LOSSES: u32 = 3;
+
+/// Opens the device again.
+pub type Reopen = Box<dyn FnMut() -> Result<Box<dyn Backend>, BackendError> + Send>;
+
+/// A backend that outlives its device.
+///
+/// The batch that failed is asked for once more, of the same device newly opened, and, if that fails as
+/// well or the device was lost three times before, of the CPU; what was scored before stays as it is.
+/// Both give the same bits, so that nothing of a result tells of the change but [`Backend::changes`].
+/// Errors that are not the device's, as of a frame that does not exist, are handed on; so is that of a
+/// placement too large for the device, unless [`Self::take_what_is_too_large`] says otherwise.
+pub struct Failover {
+    backend: Box<dyn Backend>,
+    on_cpu: bool,
+    /// Whether the CPU takes what is too large for the device.
+    takes_too_large: bool,
+    reopen: Reopen,
+    cpu: Box<dyn Fn() -> Box<dyn Backend> + Send>,
+    note: Box<dyn Fn(&str) + Send>,
+    changes: Vec<String>,
+    /// Times of the backends that are gone.
+    past: StageTimes,
+}
+
+impl Failover {
+    /// Goes on with `reopen` and then with `cpu` when `backend` loses its device; `note` is told.
+    pub fn new(
+        backend: Box<dyn Backend>,
+        reopen: Reopen,
+        cpu: impl Fn() -> Box<dyn Backend> + Send + 'static,
+        note: impl Fn(&str) + Send + 'static,
+    ) -> Self {
+        Self {
+            backend,
+            on_cpu: false,
+            takes_too_large: false,
+            reopen,
+            cpu: Box::new(cpu),
+            note: Box::new(note),
+            changes: Vec::new(),
+            past: StageTimes::default(),
+        }
+    }
+
+    /// Lets the CPU take what is too large for the device, for a device that nobody asked for.
+    pub fn take_what_is_too_large(mut self) -> Self {
+        self.takes_too_large = true;
+        self
+    }
+
+    fn attempt<T>(
+        &mut self,
+        work: impl Fn(&mut dyn Backend) -> Result<T, BackendError>,
+    ) -> Result<T, BackendError> {
+        let mut again = false;
+        loop {
+            match work(&mut *self.backend) {
+                Err(BackendError::Device { adapter, stage, message }) if !self.on_cpu => {
+                    self.replace(format!("`{adapter}` failed at {stage}: {message}"), again);
+                    again = true;
+                }
+                Err(error @ BackendError::TooLarge { .. })
+                    if self.takes_too_large && !self.on_cpu =>
+                {
+                    self.replace(format!("too large for `{}`: {error}", self.adapter()), true);
+                }
+                result => return result,
+            }
+        }
+    }
+
+    /// Takes the next backend after a failure, which is the CPU where the device would fail `again`.
+    fn replace(&mut self, mut why: String, again: bool) {
+        self.past += self.backend.times();
+        let lost = std::mem::replace(&mut self.backend, (self.cpu)());
+        // It goes first, so that both never hold memory at once; dropping what is left of a device may
+        // panic in the driver's wrapper.
+        let _ = catch_unwind(AssertUnwindSafe(|| drop(lost)));
+        self.on_cpu = true;
+        if !again && self.changes.len() < MOST_LOSSES as usize {
+            match (self.reopen)() {
+                Ok(backend) => (self.backend, self.on_cpu) = (backend, false),
+                Err(error) => why = format!("{why}; opening it again: {error}"),
+            }
+        }
+        let on = if self.on_cpu { "on the CPU" } else { "on the same device, opened again" };
+        let change = format!("{why}; the batch is repeated {on}, scores so far are kept");
+        (self.note)(&change);
+        self.changes.push(change);
+    }
+}
+
+impl Backend for Failover {
+    fn name(&self) -> &'static str {
+        self.backend.name()
+    }
+
+    fn adapter(&self) -> &str {
+        self.backend.adapter()
+    }
+
+    fn tally(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Tally>, BackendError> {
+        self.attempt(|backend| backend.tally(placements, range))
+    }
+
+    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
+        self.attempt(|backend| backend.hits(poses, frame))
+    }
+
+    fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {
+        self.attempt(|backend| backend.covered(placement, frame))
+    }
+
+    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError> {
+        self.attempt(|backend| backend.bitmaps(poses, frame))
+    }
+
+    fn times(&self) -> StageTimes {
+        let mut times = self.past;
+        times += self.backend.times();
+        times
+    }
+
+    fn changes(&self) -> &[String] {
+        &self.changes
+    }
+}

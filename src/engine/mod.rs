@@ -1,0 +1,129 @@
+//! Placements in, integer tallies out: the CPU reference and the GPU behind one trait.
+//!
+//! A backend runs four stages on a batch, frame after frame:
+//!
+//! | stage | from | to |
+//! |---|---|---|
+//! | `cast_closest` | poses × directions, BVH | closest hit of every beam |
+//! | `cover_voxels` | beams, hits | one bitmap of covered voxels a sensor |
+//! | `reduce_words` | bitmaps | covered voxels of every placement |
+//! | `reduce_occupied`, `reduce_classes` | bitmaps, P-SOG | entropy sums, counts by class |
+//!
+//! The CPU functions are written to be read; the shaders mirror them name by name. All sums are
+//! integers, so no order of addition matters and both give the same bits.
+
+mod batch;
+mod cpu;
+mod failover;
+pub mod gpu;
+mod memory;
+mod reference;
+
+pub use batch::{Chunk, ChunkLimits, split};
+pub use cpu::CpuBackend;
+pub use failover::{Failover, Reopen};
+pub use memory::available_memory;
+pub use reference::ReferenceBackend;
+
+use crate::bvh::Hit;
+use crate::problem::{Problem, StageTimes, Tally};
+use crate::vehicle::{Placement, SensorPose};
+
+/// Why a batch could not be evaluated.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BackendError {
+    /// One placement alone needs more than is allowed.
+    #[error(
+        "one placement needs {need} bytes of {what}, at most {limit} are allowed; use larger \
+         voxels, fewer beams, or a larger --memory"
+    )]
+    TooLarge {
+        /// Which buffer.
+        what: &'static str,
+        /// Bytes needed.
+        need: u64,
+        /// Bytes allowed by the device or the budget.
+        limit: u64,
+    },
+    /// No Vulkan device, or none of the name asked for.
+    #[error("no Vulkan device{}; install a driver or use --backend cpu", named(.name))]
+    NoDevice {
+        /// The name asked for, if any.
+        name: Option<String>,
+    },
+    /// The device refused a request or failed at it.
+    #[error("the device `{adapter}` failed at {stage}: {message}; try --backend cpu")]
+    Device {
+        /// Adapter as reported.
+        adapter: String,
+        /// What was being done.
+        stage: &'static str,
+        /// From the driver.
+        message: String,
+    },
+    /// A placement or frame that the problem does not have.
+    #[error("frame {frame} does not exist; there are {frames}, counted from 0")]
+    NoFrame {
+        /// Asked for.
+        frame: usize,
+        /// Frames of the problem.
+        frames: usize,
+    },
+}
+
+fn named(name: &Option<String>) -> String {
+    name.as_ref().map(|n| format!(" named `{n}`")).unwrap_or_default()
+}
+
+fn check_frame(problem: &Problem, frame: usize) -> Result<(), BackendError> {
+    let frames = problem.frame_count();
+    if frame < frames { Ok(()) } else { Err(BackendError::NoFrame { frame, frames }) }
+}
+
+/// One implementation of the stages, bound to one [`Problem`].
+pub trait Backend: Send {
+    /// `cpu` or `gpu`.
+    fn name(&self) -> &'static str;
+
+    /// Device name as reported.
+    fn adapter(&self) -> &str;
+
+    /// Tallies of `placements` in order, summed over all frames, with beams of `range` metres.
+    ///
+    /// Splits the batch over memory and device limits by itself; the split changes no bit.
+    ///
+    /// # Errors
+    /// One placement does not fit, or the device failed.
+    fn tally(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Tally>, BackendError>;
+
+    /// Closest hits of every beam of each sensor pose in one frame, pose after pose, by channel and
+    /// azimuth step.
+    ///
+    /// # Errors
+    /// No such frame, one sensor does not fit, or the device failed.
+    fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError>;
+
+    /// Voxels that one placement covers in one frame, as rising linear indices.
+    ///
+    /// # Errors
+    /// As [`Self::hits`].
+    fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError>;
+
+    /// Bitmaps of the voxels that each sensor pose covers in one frame, pose after pose.
+    ///
+    /// Bit b of word w of a bitmap is the voxel of linear index 64 w + b; a bitmap has
+    /// ⌈voxels / 64⌉ words.
+    ///
+    /// # Errors
+    /// As [`Self::hits`].
+    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError>;
+
+    /// Wall time spent in each stage since the backend was made.
+    fn times(&self) -> StageTimes;
+
+    /// Devices lost since the backend was made, and what took over, in words; mostly none.
+    fn changes(&self) -> &[String] {
+        &[]
+    }
+}

@@ -1,0 +1,55 @@
+//! Sensors and voxels as every engine reads them, rounded to `f32` once.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::geom::Pose;
+use crate::psog::Roi;
+use crate::vehicle::SensorPose;
+
+/// Metres by which a hit is pushed along the beam before its voxel is looked up.
+pub(crate) const PUSH: f32 = crate::psog::PUSH as f32;
+/// Direction components smaller than this count as zero: below a micrometre in a kilometre.
+pub(crate) const TINY_COMPONENT: f32 = 1e-9;
+/// Stands for 1/0 in planes a beam never reaches; finite, as shaders may assume.
+pub(crate) const FAR: f32 = 1e20;
+/// Grid coordinates closer to zero than this are zero, so that `FAR` keeps its meaning.
+const TINY_COORDINATE: f64 = 1e-12;
+/// Grid coordinates stay convertible to `i32`.
+const MAX_COORDINATE: f64 = 1e9;
+/// One sensor as the kernels read it, 64 bytes.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct DevicePose {
+    /// Rows of the sensor-to-ego rotation, each followed by that coordinate of the position (m).
+    pub rows: [[f32; 4]; 3],
+    /// Position in voxels from the grid's lower corner, and zero.
+    pub in_grid: [f32; 4],
+}
+
+impl DevicePose {
+    /// Evaluates the pose in `f64` and rounds each number once.
+    pub fn new(pose: &SensorPose, roi: &Roi) -> Self {
+        let Pose { rotation, translation } = pose.ego_from_sensor();
+        let rows = [0, 1, 2].map(|k| {
+            let row = rotation.row(k);
+            [row.x as f32, row.y as f32, row.z as f32, translation[k] as f32]
+        });
+        let (min, voxel) = (roi.min(), roi.voxel());
+        let p = [0, 1, 2].map(|k| {
+            let p = (translation[k] - min[k]) / voxel[k];
+            let p = if p.abs() < TINY_COORDINATE { 0.0 } else { p };
+            p.clamp(-MAX_COORDINATE, MAX_COORDINATE) as f32
+        });
+        Self { rows, in_grid: [p[0], p[1], p[2], 0.0] }
+    }
+}
+
+/// One voxel that is occupied in some frame, 16 bytes.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct OccupiedVoxel {
+    /// Linear index in the grid.
+    pub index: u32,
+    /// Fixed-point entropies: all classes, detection target against the rest, occupied or not.
+    pub entropy: [u32; 3],
+}

@@ -1,0 +1,37 @@
+//! Region of interest, voxels, P-SOG, entropy.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `roi` | the voxel grid, and the rule that gives a hit its voxel |
+//! | `psog` | frames counted per voxel and class |
+//! | `npz` | the P-SOG file |
+//! | `entropy` | entropy of each voxel, in nats and in fixed point |
+//! | `vote` | labelled points to one class a voxel and frame, frames to a P-SOG |
+//! | `kitti`, `kitti_labels`, `kitti_psog` | labelled frames in the SemanticKITTI layout |
+//! | `info` | what `psog info` prints |
+
+mod counts;
+mod entropy;
+mod error;
+mod info;
+mod kitti;
+mod kitti_labels;
+mod kitti_psog;
+mod npz;
+mod npz_member;
+mod roi;
+#[cfg(test)]
+mod tests;
+mod vote;
+
+pub use counts::Psog;
+pub use entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, fixed, to_nats};
+pub use error::GridError;
+pub use info::{ClassEntropy, PsogInfo};
+pub use kitti::{KittiError, KittiSequence, LabelledScan};
+pub use kitti_labels::{KITTI_CLASSES, KittiLabel, kitti_label};
+pub use kitti_psog::{KITTI_LIDAR_HEIGHT, KittiPsogOptions, build_kitti_psog};
+pub use npz::{read_psog, write_psog, write_psog_to};
+pub use npz_member::PsogFileError;
+pub use roi::{AXIS_LIMIT, PUSH, Roi, VOXEL_LIMIT};
+pub use vote::{BuildReport, FrameVotes, PsogBuilder};

@@ -1,0 +1,170 @@
+use std::io::{BufWriter, Seek, Write};
+use std::path::Path;
+
+use bytemuck::NoUninit;
+use npyz::npz::NpzWriter;
+use npyz::zip::{CompressionMethod, DateTime, write::FileOptions};
+use npyz::{AutoSerialize, WriterBuilder};
+
+use super::counts::{check_classes, check_index};
+use super::npz_member::{Archive, PsogFileError};
+use super::{GridError, Psog, Roi};
+
+/// The arrays of a P-SOG file, in the order they are written.
+pub(crate) const ARRAYS: [&str; 7] =
+    ["roi_min", "voxel", "shape", "frames", "classes", "index", "counts"];
+
+/// Most bytes of class names.
+const CLASS_BYTES: u64 = 1 << 24;
+
+/// Reads a P-SOG file (`.npz`), compressed or plain, as NumPy's `savez` and `savez_compressed`
+/// write it.
+///
+/// | array | dtype, shape | holds |
+/// |---|---|---|
+/// | `roi_min` | f64 \[3\] | lower corner of the grid, metres |
+/// | `voxel` | f64 \[3\] | edges of a voxel, metres |
+/// | `shape` | u32 \[3\] | voxels along x, y, z |
+/// | `frames` | u32, one | T |
+/// | `classes` | u8 \[…\] | M names, UTF-8, joined by `\n`, without empty |
+/// | `index` | u64 \[K\] | linear voxel indices, strictly rising |
+/// | `counts` | u16 \[K, M\] | frames in which the voxel has the class |
+///
+/// Either byte order and C or Fortran order are read; any other departure is an error.
+///
+/// # Errors
+/// See [`PsogFileError`]; each names the file, the array and what to change.
+pub fn read_psog(path: &Path) -> Result<Psog, PsogFileError> {
+    let invalid = |fault: GridError| PsogFileError::Value { path: path.to_owned(), fault };
+    let mut archive = Archive::open(path, &ARRAYS)?;
+    let three = |s: &[u64]| if s == [3] { Ok(()) } else { Err("(3,)".to_owned()) };
+
+    let min = archive.read("roi_min", three, accept::<f64>)?;
+    let voxel = archive.read("voxel", three, accept::<f64>)?;
+    let shape = archive.read("shape", three, accept::<u32>)?;
+    let roi = Roi::new(triple(&min), triple(&voxel), triple(&shape)).map_err(invalid)?;
+
+    let scalar = |s: &[u64]| if s.is_empty() || s == [1] { Ok(()) } else { Err("()".to_owned()) };
+    let frames = archive.read("frames", scalar, accept::<u32>)?[0];
+
+    let names = |s: &[u64]| match s {
+        [n] if *n <= CLASS_BYTES => Ok(()),
+        _ => Err(format!("(n,) with n at most {CLASS_BYTES}")),
+    };
+    let names = archive.read("classes", names, accept::<u8>)?;
+    let classes =
+        split_classes(names).map_err(|at| PsogFileError::NotUtf8 { path: path.to_owned(), at })?;
+    check_classes(&classes).map_err(invalid)?;
+
+    let voxels = roi.voxel_count();
+    let list = |s: &[u64]| match s {
+        [k] if *k <= voxels => Ok(()),
+        _ => Err(format!("(K,) with K at most {voxels}, the voxels of the grid")),
+    };
+    let mut previous = None;
+    let index = archive.read("index", list, |position, value| {
+        check_index(position, value, previous.replace(value), voxels)
+    })?;
+    let (k, m) = (index.len() as u64, classes.len() as u64);
+    let table = |s: &[u64]| {
+        let wanted = || format!("({k}, {m}), a row a voxel of `index` and a column a class");
+        if s == [k, m] { Ok(()) } else { Err(wanted()) }
+    };
+    let counts = archive.read("counts", table, accept::<u16>)?;
+    Psog::new(roi, frames, classes, index, counts).map_err(invalid)
+}
+
+/// Writes a P-SOG file that [`read_psog`] and NumPy's `load` read: compressed, the same bytes for
+/// the same P-SOG. It is written beside `path` and renamed, so that no half-written file is left.
+///
+/// # Errors
+/// The folder or the file cannot be written.
+pub fn write_psog(path: &Path, psog: &Psog) -> Result<(), PsogFileError> {
+    write(path, psog).map_err(|cause| PsogFileError::Write { path: path.to_owned(), cause })
+}
+
+fn write(path: &Path, psog: &Psog) -> std::io::Result<()> {
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    if path.is_dir() {
+        return Err(std::io::ErrorKind::IsADirectory.into());
+    }
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".psog-").suffix(".part");
+    #[cfg(unix)]
+    {
+        // As any new file: readable by all that the umask lets read.
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    let mut file = builder.tempfile_in(folder)?;
+    let mut out = BufWriter::with_capacity(1 << 16, file.as_file_mut());
+    write_psog_to(&mut out, psog)?;
+    out.flush()?;
+    drop(out);
+    file.persist(path).map_err(|e| e.error)?;
+    Ok(())
+}
+
+/// Writes what [`write_psog`] writes to something else than a file of its own; the caller flushes it.
+///
+/// # Errors
+/// As of `out`.
+pub fn write_psog_to(out: &mut (impl Write + Seek), psog: &Psog) -> std::io::Result<()> {
+    let mut npz = NpzWriter::new(out);
+    let written = put_all(&mut npz, psog).and_then(|()| Ok(npz.zip_writer().finish().map(drop)?));
+    if written.is_err() {
+        // Dropped, it would try to write its end again and complain on stderr.
+        std::mem::forget(npz);
+    }
+    written
+}
+
+fn put_all<W: Write + Seek>(npz: &mut NpzWriter<W>, psog: &Psog) -> std::io::Result<()> {
+    let roi = psog.roi();
+    put(npz, "roi_min", &[3], &roi.min())?;
+    put(npz, "voxel", &[3], &roi.voxel())?;
+    put(npz, "shape", &[3], &roi.shape())?;
+    put(npz, "frames", &[], &[psog.frames()])?;
+    let names = psog.classes().join("\n");
+    put(npz, "classes", &[names.len() as u64], names.as_bytes())?;
+    let (k, m) = (psog.index().len() as u64, psog.classes().len() as u64);
+    put(npz, "index", &[k], psog.index())?;
+    put(npz, "counts", &[k, m], psog.counts())
+}
+
+/// Writes one array: the header by `npyz`, the data at once (an element at a time is slow).
+fn put<T: AutoSerialize + NoUninit, W: Write + Seek>(
+    npz: &mut NpzWriter<W>,
+    array: &'static str,
+    shape: &[u64],
+    data: &[T],
+) -> std::io::Result<()> {
+    let options = FileOptions::default()
+        .compression_method(CompressionMethod::Deflated)
+        .last_modified_time(DateTime::default())
+        .unix_permissions(0o644)
+        .large_file(size_of_val(data) as u64 + 4096 > u64::from(u32::MAX));
+    let out = npz.array::<T>(array, options)?.default_dtype().shape(shape).write_header_only()?;
+    out.write_all(bytemuck::cast_slice(data))
+}
+
+fn accept<T>(_: usize, _: T) -> Result<(), GridError> {
+    Ok(())
+}
+
+/// The three values of an array whose shape was checked.
+fn triple<T: Copy>(values: &[T]) -> [T; 3] {
+    [values[0], values[1], values[2]]
+}
+
+/// Class names from their bytes, or the place of the first byte that is not UTF-8.
+fn split_classes(bytes: Vec<u8>) -> Result<Vec<String>, usize> {
+    let text = String::from_utf8(bytes).map_err(|e| e.utf8_error().valid_up_to())?;
+    if text.is_empty() {
+        return Ok(Vec::new());
+    }
+    Ok(text.split('\n').map(str::to_owned).collect())
+}

@@ -1,0 +1,53 @@
+use std::path::{Path, PathBuf};
+
+use super::{names, small_psog, small_roi};
+use crate::psog::{Psog, PsogFileError, Roi, read_psog, write_psog};
+
+fn data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
+}
+
+/// Files made by NumPy 2.4: `savez`, `savez_compressed`, and one with big-endian arrays, counts in
+/// Fortran order and `frames` as a list of one.
+#[test]
+fn reads_what_numpy_writes() {
+    for name in ["numpy_savez.npz", "numpy_savez_compressed.npz", "numpy_big_endian_fortran.npz"] {
+        assert_eq!(read_psog(&data(name)).unwrap(), small_psog(), "{name}");
+    }
+}
+
+#[test]
+fn round_trip_with_the_same_bytes_each_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let big = Roi::new([-40.0, -40.0, -0.5], [0.2; 3], [400, 400, 30]).unwrap();
+    let index: Vec<u64> = (0..100_000).map(|n| n * 37 + n % 3).collect();
+    let counts = (0..300_000u32).map(|n| (n * 7 % 11) as u16).collect();
+    for psog in [
+        small_psog(),
+        Psog::new(small_roi(), 1, names(&["a"]), vec![], vec![]).unwrap(),
+        Psog::new(big, 40, names(&["a", "b", "c"]), index, counts).unwrap(),
+    ] {
+        let [first, second] = ["first.npz", "second.npz"].map(|n| folder.path().join(n));
+        write_psog(&first, &psog).unwrap();
+        write_psog(&second, &psog).unwrap();
+        write_psog(&second, &psog).unwrap(); // over an existing file
+        assert_eq!(read_psog(&first).unwrap(), psog);
+        let bytes = std::fs::read(&first).unwrap();
+        assert_eq!(bytes[10..14], [0, 0, 0x21, 0], "midnight, 1980-01-01: no clock in the file");
+        assert_eq!(std::fs::read(&first).unwrap(), std::fs::read(&second).unwrap());
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "nothing else is left");
+}
+
+#[test]
+fn a_failed_write_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let taken = folder.path().join("taken");
+    std::fs::create_dir(&taken).unwrap();
+    for path in [folder.path().join("missing/out.npz"), taken] {
+        let error = write_psog(&path, &small_psog()).unwrap_err();
+        assert!(matches!(error, PsogFileError::Write { .. }), "{error}");
+        assert!(error.to_string().starts_with(&format!("cannot write {}: ", path.display())));
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}

@@ -1,0 +1,327 @@
+//! Coverage of sensor poses on a grid: each pose is cast once, a placement is the union of its
+//! sensors' bitmaps.
+//!
+//! The sums over a union are those that a [`Backend`] gives for the placement, to the bit.
+
+mod order;
+mod store;
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use crate::engine::{Backend, BackendError};
+use crate::problem::{Problem, Tally};
+use crate::vehicle::PoseGrid;
+use order::{LevelOrder, count_union};
+use store::{PageKey, hash_of};
+pub use store::{PageStore, StoreReport};
+
+/// Poses cast at once: enough to keep every core busy, few enough for their bitmaps to fit anywhere.
+const POSES_AT_ONCE: usize = 32;
+/// Words of a union that are put together at a time: they stay in the first-level cache for all poses.
+const UNION_WORDS: usize = 2048;
+
+/// Bitmaps of poses of a [`PoseGrid`], within a bound of memory.
+pub struct Atlas {
+    problem: Arc<Problem>,
+    grid: PoseGrid,
+    order: LevelOrder,
+    /// Words of a bitmap of all voxels, 0 where their number does not matter.
+    all_words: usize,
+    pages: HashMap<u32, Page>,
+    /// Pages held at most.
+    capacity: usize,
+    /// Counts requests; pages remember the last one that asked for them.
+    clock: u64,
+    cast: u64,
+    kept: Option<Kept>,
+}
+
+/// Where pages are kept between runs.
+struct Kept {
+    store: Arc<PageStore>,
+    problem: [u8; 32],
+    /// Whether a page read was like one cast; `None` before there was one.
+    trusted: Option<bool>,
+}
+
+/// What one pose covers: frame after frame, occupied voxels in level order, then all voxels.
+struct Page {
+    words: Box<[u64]>,
+    used: u64,
+}
+
+/// The union of some sensors' coverage, to which others are added.
+#[derive(Debug, Clone, Default)]
+pub struct Union {
+    words: Vec<u64>,
+}
+
+impl Atlas {
+    /// An empty atlas of a problem that holds at most about `bytes` of bitmaps, but always enough for
+    /// one placement.
+    ///
+    /// Without `counts_all`, [`Tally::covered`] stays 1 where anything is covered: the empty voxels,
+    /// ten times as many bits as the others, are then not kept.
+    pub fn new(problem: Arc<Problem>, grid: PoseGrid, counts_all: bool, bytes: u64) -> Self {
+        let order = LevelOrder::new(problem.roi(), problem.content());
+        let all_words =
+            if counts_all { problem.roi().voxel_count().div_ceil(64) as usize } else { 0 };
+        let page = 8 * (problem.frame_count() * (order.words() + all_words)).max(1) as u64;
+        let capacity = (bytes / page).max(crate::vehicle::MAX_LIDARS as u64) as usize;
+        let pages = HashMap::new();
+        Self { problem, grid, order, all_words, pages, capacity, clock: 0, cast: 0, kept: None }
+    }
+
+    /// Reads pages from a store where it has them, and keeps those cast there. Nothing else changes.
+    pub fn keep_in(&mut self, store: Arc<PageStore>) {
+        let problem = hash_of(&self.problem, self.all_words);
+        self.kept = Some(Kept { store, problem, trusted: None });
+    }
+
+    /// The grid of its poses.
+    pub fn grid(&self) -> &PoseGrid {
+        &self.grid
+    }
+
+    /// What the poses see.
+    pub fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    /// Poses that fit at once.
+    pub fn capacity(&self) -> usize {
+        self.capacity
+    }
+
+    /// Bytes of one pose.
+    pub fn page_bytes(&self) -> usize {
+        8 * self.problem.frame_count() * self.frame_words()
+    }
+
+    /// Poses cast so far, those cast again after they were dropped included, and those that a store
+    /// spared a cast.
+    pub fn poses_cast(&self) -> u64 {
+        self.cast
+    }
+
+    fn frame_words(&self) -> usize {
+        self.order.words() + self.all_words
+    }
+
+    /// Makes sure that `poses` are held; those used longest ago go where room is needed.
+    ///
+    /// # Errors
+    /// More poses than [`Self::capacity`], or from the backend.
+    pub fn hold(&mut self, backend: &mut dyn Backend, poses: &[u32]) -> Result<(), BackendError> {
+        self.clock += 1;
+        let mut missing = Vec::new();
+        for &pose in poses {
+            match self.pages.get_mut(&pose) {
+                Some(page) => page.used = self.clock,
+                None => missing.push(pose),
+            }
+        }
+        missing.sort_unstable();
+        missing.dedup();
+        self.make_room(missing.len())?;
+        let missing = self.read(backend, missing)?;
+        for some in missing.chunks(POSES_AT_ONCE) {
+            let pages = self.cast(backend, some)?;
+            if let Some(Kept { store, problem, .. }) = &self.kept {
+                some.par_iter().zip(&pages).for_each(|(&pose, page)| {
+                    store.write(&PageKey::new(problem, &self.grid.pose(pose)), page);
+                });
+            }
+            self.insert(some, pages);
+        }
+        Ok(())
+    }
+
+    /// Takes what it can from the store; the poses that are still missing.
+    ///
+    /// The first page is compared with a cast: a store filled by a program that covers otherwise, as
+    /// no hash may know, is not used.
+    fn read(
+        &mut self,
+        backend: &mut dyn Backend,
+        missing: Vec<u32>,
+    ) -> Result<Vec<u32>, BackendError> {
+        let Some(kept) = &self.kept else { return Ok(missing) };
+        if kept.trusted == Some(false) {
+            return Ok(missing);
+        }
+        let words = self.problem.frame_count() * self.frame_words();
+        let read = |pose: &u32| {
+            kept.store.read(&PageKey::new(&kept.problem, &self.grid.pose(*pose)), words)
+        };
+        let read: Vec<Option<Vec<u64>>> = missing.par_iter().map(read).collect();
+        let (mut found, mut pages, mut left) = (Vec::new(), Vec::new(), Vec::new());
+        for (&pose, page) in missing.iter().zip(read) {
+            let Some(page) = page else {
+                left.push(pose);
+                continue;
+            };
+            found.push(pose);
+            pages.push(page);
+        }
+        if let (Some(&first), None) = (found.first(), kept.trusted) {
+            let trusted = self.cast(backend, &[first])?[0] == pages[0];
+            let kept = self.kept.as_mut().expect("there is a store");
+            kept.trusted = Some(trusted);
+            if !trusted {
+                kept.store.is_wrong();
+                return Ok(missing);
+            }
+        }
+        self.insert(&found, pages);
+        Ok(left)
+    }
+
+    fn insert(&mut self, numbers: &[u32], pages: Vec<Vec<u64>>) {
+        self.cast += numbers.len() as u64;
+        let used = self.clock;
+        let pages = pages.into_iter().map(|words| Page { words: words.into(), used });
+        self.pages.extend(numbers.iter().copied().zip(pages));
+    }
+
+    fn make_room(&mut self, wanted: usize) -> Result<(), BackendError> {
+        let surplus = (self.pages.len() + wanted).saturating_sub(self.capacity);
+        if surplus == 0 {
+            return Ok(());
+        }
+        let now = self.clock;
+        let idle = self.pages.iter().filter(|(_, page)| page.used < now);
+        let mut idle: Vec<(u64, u32)> = idle.map(|(&pose, page)| (page.used, pose)).collect();
+        if idle.len() < surplus {
+            let page = self.page_bytes() as u64;
+            let need = page * (self.pages.len() - idle.len() + wanted) as u64;
+            let limit = page * self.capacity as u64;
+            return Err(BackendError::TooLarge { what: "the pose atlas", need, limit });
+        }
+        idle.sort_unstable();
+        for (_, pose) in &idle[..surplus] {
+            self.pages.remove(pose);
+        }
+        Ok(())
+    }
+
+    /// The pages of poses.
+    fn cast(
+        &self,
+        backend: &mut dyn Backend,
+        numbers: &[u32],
+    ) -> Result<Vec<Vec<u64>>, BackendError> {
+        let poses: Vec<_> = numbers.iter().map(|&number| self.grid.pose(number)).collect();
+        let (frames, each) = (self.problem.frame_count(), self.frame_words());
+        // By the threads that fill them: the first touch of new memory takes as long as the copy.
+        let mut pages: Vec<Vec<u64>> = numbers.par_iter().map(|_| vec![0; frames * each]).collect();
+        let voxel_words = self.problem.roi().voxel_count().div_ceil(64) as usize;
+        for frame in 0..frames {
+            let twin = self.problem.twin(frame);
+            if twin < frame {
+                let equal = twin * each..(twin + 1) * each;
+                pages.iter_mut().for_each(|page| page.copy_within(equal.clone(), frame * each));
+                continue;
+            }
+            let bitmaps = backend.bitmaps(&poses, frame)?;
+            pages.par_iter_mut().zip(bitmaps.par_chunks(voxel_words)).for_each(|(page, bitmap)| {
+                let page = &mut page[frame * each..(frame + 1) * each];
+                let (ordered, all) = page.split_at_mut(self.order.words());
+                self.order.reorder(bitmap, ordered);
+                all.copy_from_slice(&bitmap[..self.all_words]);
+            });
+        }
+        Ok(pages)
+    }
+
+    /// What a held pose covers of the occupied voxels, a bit each: frame after frame, in an order of
+    /// voxels whose worths are [`Self::worths`].
+    ///
+    /// # Panics
+    /// The pose is not held.
+    pub(crate) fn frames_of(&self, pose: u32) -> impl Iterator<Item = &[u64]> {
+        self.page(pose).chunks(self.frame_words().max(1)).map(|frame| &frame[..self.order.words()])
+    }
+
+    /// The fixed-point entropies of each bit of a frame; zero for bits without a voxel.
+    pub(crate) fn worths(&self) -> Vec<[u32; 3]> {
+        self.order.worths(self.problem.content())
+    }
+
+    fn page(&self, pose: u32) -> &[u64] {
+        &self.pages.get(&pose).expect("callers hold the poses they ask about").words
+    }
+
+    /// The union of held poses.
+    ///
+    /// # Panics
+    /// A pose is not held.
+    pub fn union(&self, poses: &[u32], union: &mut Union) {
+        let pages: Vec<&[u64]> = poses.iter().map(|&pose| self.page(pose)).collect();
+        union.words.resize(self.problem.frame_count() * self.frame_words(), 0);
+        let blocks = union.words.par_chunks_mut(UNION_WORDS).enumerate();
+        blocks.for_each(|(block, words)| {
+            let first = block * UNION_WORDS;
+            words.fill(0);
+            for page in &pages {
+                for (or, word) in words.iter_mut().zip(&page[first..]) {
+                    *or |= word;
+                }
+            }
+        });
+    }
+
+    /// Sums over what the union and one more held pose cover, added up over frames.
+    ///
+    /// Only the sums of an objective are filled in: entropies, `covered_nonzero` and `covered`.
+    ///
+    /// # Panics
+    /// The pose is not held.
+    pub fn tally_with(&self, union: &Union, pose: u32) -> Tally {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("popcnt") {
+            // SAFETY: the processor has what the function is compiled for.
+            #[allow(unsafe_code)]
+            return unsafe { self.tally_with_avx2(union, pose) };
+        }
+        self.tally_with_any(union, pose)
+    }
+
+    /// As [`Self::tally_with_any`], compiled for processors that count bits in one instruction.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,popcnt")]
+    fn tally_with_avx2(&self, union: &Union, pose: u32) -> Tally {
+        self.tally_with_any(union, pose)
+    }
+
+    #[inline(always)]
+    fn tally_with_any(&self, union: &Union, pose: u32) -> Tally {
+        // No words at all where no voxel is ever occupied.
+        let each = self.frame_words().max(1);
+        let mut tally = Tally::default();
+        let page = self.page(pose);
+        for (a, b) in union.words.chunks(each).zip(page.chunks(each)) {
+            let (a_ordered, a_all) = a.split_at(self.order.words());
+            let (b_ordered, b_all) = b.split_at(self.order.words());
+            self.order.add_union(a_ordered, b_ordered, &mut tally);
+            tally.covered += count_union(a_all, b_all);
+        }
+        if self.all_words == 0 {
+            tally.covered = u64::from(tally.covered_nonzero > 0);
+        }
+        tally
+    }
+}
+
+impl Drop for Atlas {
+    /// By all threads: there are gigabytes to hand back.
+    fn drop(&mut self) {
+        std::mem::take(&mut self.pages).into_par_iter().for_each(drop);
+    }
+}
+
+#[cfg(test)]
+mod tests;

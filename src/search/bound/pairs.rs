@@ -1,0 +1,114 @@
+use super::columns::Columns;
+use crate::search::atlas::Atlas;
+
+/// Shares of the typical poses that cover a voxel by which voxels are grouped, as multiples of
+/// 1 / (k − 1) for k sensors: at that share k random sensors less their overlaps come to one.
+const SHARES: [f64; 7] = [0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2];
+/// Words of bitmaps to read for the overlaps of all pairs, at most: some seconds.
+const MOST_WORDS: u64 = 30_000_000_000;
+
+/// Poses of which all pairs are remembered, at most: some hundred MiB.
+const MOST_POSES: usize = 3000;
+
+/// Bounds on what sets of sensors cover, from what single poses cover and what pairs have in common.
+///
+/// Of a tree over the sensors, those that cover a voxel and the edges between them are a forest: they
+/// are at least one more than its edges. So the worth of a union is at most the sum over its sensors
+/// less the overlaps along the edges of any tree (Hunter 1976). It is as well at most the worth of all
+/// voxels. Each voxel counts in one of the two ways: in the second if many poses cover it.
+#[derive(Debug, Clone)]
+pub(in crate::search) struct PairBound {
+    poses: usize,
+    /// Worth of the voxels that count whatever the sensors are.
+    pub base: f64,
+    /// What each pose covers of the others.
+    singles: Vec<f64>,
+    /// What each two poses cover of them, `[poses × poses]`, not above; empty where it was too much.
+    overlaps: Vec<f64>,
+}
+
+impl PairBound {
+    /// Whether it knows more than what single poses cover.
+    pub fn has_overlaps(&self) -> bool {
+        !self.overlaps.is_empty()
+    }
+
+    /// What a pose adds at most to a set of sensors, the bound beside all of them being `added`.
+    pub fn added(&self, pose: u32, beside: u32, added: f64) -> f64 {
+        if self.overlaps.is_empty() {
+            return added;
+        }
+        let overlap = self.overlaps[beside as usize * self.poses + pose as usize];
+        added.min(self.singles[pose as usize] - overlap)
+    }
+
+    /// What each pose covers.
+    pub fn singles(&self) -> Vec<(u32, f64)> {
+        self.singles.iter().enumerate().map(|(pose, &single)| (pose as u32, single)).collect()
+    }
+
+    /// The bound with the split of the voxels that `bound_of` likes best, of those tried, and its
+    /// value.
+    ///
+    /// The worth of a voxel is `units` × its entropies. The bound holds whatever poses are `typical`; it
+    /// is tight if good placements are made of poses like them.
+    pub fn tightest(
+        atlas: &Atlas,
+        lidars: usize,
+        units: [f64; 2],
+        typical: &[u32],
+        mut bound_of: impl FnMut(&Self) -> f64,
+    ) -> (Self, f64) {
+        let poses = atlas.grid().len();
+        let n = poses as usize;
+        let (worths, unit) = integer_worths(atlas, units);
+        let each = 1.0 / (lidars.max(2) - 1) as f64;
+        let shares = SHARES.map(|share| share * each);
+        let columns = Columns::new(atlas, poses, &worths, &shares, typical);
+        let groups = columns.groups();
+        let scaled = |sum: u64| unit * sum as f64;
+        let base = columns.rest + groups.iter().map(|group| group.total).sum::<u64>();
+        let mut now =
+            Self { poses: n, base: scaled(base), singles: vec![0.0; n], overlaps: vec![] };
+        let mut overlaps = vec![0.0; if n <= MOST_POSES { n * n } else { 0 }];
+        let mut best = (now.clone(), now.base);
+        let (mut base, mut singles) = (base, vec![0u64; n]);
+        let mut words = 0;
+        for (index, group) in groups.iter().enumerate() {
+            base -= group.total;
+            for (sum, single) in singles.iter_mut().zip(&group.singles) {
+                *sum += single;
+            }
+            now.base = scaled(base);
+            now.singles = singles.iter().map(|&sum| scaled(sum)).collect();
+            words += columns.group_words(index) * (n * n / 2) as u64;
+            if words <= MOST_WORDS && !overlaps.is_empty() {
+                columns.add_overlaps(index, &mut overlaps);
+                now.overlaps = overlaps.iter().map(|sum| unit * sum).collect();
+            }
+            let bound = bound_of(&now);
+            // Groups rise in how often their voxels are covered: once they do not pay they never will.
+            if bound > best.1 {
+                break;
+            }
+            best = (now.clone(), bound);
+        }
+        best
+    }
+}
+
+/// Worth of each bit of a frame as an integer, not below, and its unit.
+fn integer_worths(atlas: &Atlas, units: [f64; 2]) -> (Vec<u32>, f64) {
+    let worths = atlas.worths();
+    let value = |worth: &[u32; 3]| units[0] * f64::from(worth[0]) + units[1] * f64::from(worth[1]);
+    let unit = match units {
+        [unit, 0.0] | [0.0, unit] => unit,
+        _ => worths.iter().map(value).fold(f64::MIN_POSITIVE, f64::max) / f64::from(u32::MAX - 1),
+    };
+    let integer = |worth: &[u32; 3]| match units {
+        [_, 0.0] => worth[0],
+        [0.0, _] => worth[1],
+        _ => (value(worth) / unit).ceil() as u32,
+    };
+    (worths.iter().map(integer).collect(), unit)
+}

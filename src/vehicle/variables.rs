@@ -1,0 +1,261 @@
+//! What a search varies: the pose fields that are free and not tied to others.
+
+use super::constraints::SLACK;
+use super::{Constraints, Placement, SensorPose};
+
+/// Pose fields that change sign in a mirror image: y, roll and yaw.
+pub(super) const MIRRORED: [usize; 3] = [1, 3, 5];
+
+/// One number that a search varies.
+struct Variable {
+    /// Pose field that it sets.
+    field: usize,
+    bounds: (f64, f64),
+    /// LiDARs whose field it sets, and the sign it takes there; the first has it as it is.
+    sets: Vec<(usize, f64)>,
+}
+
+/// LiDARs sorted by how they lie to the plane y = 0, by index.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Pairs {
+    /// A LiDAR and its mirror image, that with the larger y first.
+    pub(super) mirrored: Vec<[usize; 2]>,
+    /// In the plane, with roll and yaw 0.
+    pub(super) in_plane: Vec<usize>,
+    /// Neither.
+    pub(super) alone: Vec<usize>,
+}
+
+/// Finds mirror images.
+pub(super) fn pairs(lidars: &[SensorPose]) -> Pairs {
+    let mut pairs = Pairs::default();
+    let mut open: Vec<usize> = (0..lidars.len()).collect();
+    while !open.is_empty() {
+        let first = open.remove(0);
+        let image = lidars[first].mirrored();
+        let near = |other: &SensorPose| image.difference(other) <= SLACK;
+        if near(&lidars[first]) {
+            pairs.in_plane.push(first);
+        } else if let Some(at) = open.iter().position(|&other| near(&lidars[other])) {
+            let second = open.remove(at);
+            let left_first = lidars[first].y >= lidars[second].y;
+            pairs.mirrored.push(if left_first { [first, second] } else { [second, first] });
+        } else {
+            pairs.alone.push(first);
+        }
+    }
+    pairs
+}
+
+impl SensorPose {
+    /// Mirrored at the plane y = 0: y, roll and yaw change sign.
+    pub fn mirrored(&self) -> Self {
+        // From zero, so that no coordinate is printed as −0.
+        Self { y: 0.0 - self.y, roll: 0.0 - self.roll, yaw: 0.0 - self.yaw, ..*self }
+    }
+
+    /// Sum of the differences of all fields, in m and rad.
+    pub(super) fn difference(&self, other: &Self) -> f64 {
+        self.fields().iter().zip(other.fields()).map(|(a, b)| (a.1 - b.1).abs()).sum()
+    }
+}
+
+impl Constraints {
+    /// LiDARs that come in mirrored pairs, first of all; the rest stand by themselves.
+    fn paired(&self) -> usize {
+        if self.ties.symmetric { self.lidars / 2 * 2 } else { 0 }
+    }
+
+    fn variables(&self) -> Vec<Variable> {
+        let paired = self.paired();
+        let mut variables: Vec<Variable> = Vec::new();
+        let mut height: Option<usize> = None;
+        for lidar in (0..self.lidars).filter(|&lidar| lidar >= paired || lidar % 2 == 0) {
+            let in_plane = self.ties.symmetric && lidar >= paired;
+            for field in self.free_fields() {
+                let (mut lower, upper) = (self.lower[field], self.upper[field]);
+                let mirrored = MIRRORED.contains(&field);
+                if in_plane && mirrored {
+                    continue;
+                }
+                let mut sets = vec![(lidar, 1.0)];
+                if lidar < paired {
+                    sets.push((lidar + 1, if mirrored { -1.0 } else { 1.0 }));
+                    if field == 1 {
+                        // The first is the left one, and its image far enough away.
+                        lower = (0.5 * self.min_distance).min(upper);
+                    }
+                }
+                match height {
+                    Some(at) if field == 2 && self.ties.equal_height => {
+                        variables[at].sets.extend(sets);
+                        continue;
+                    }
+                    None if field == 2 => height = Some(variables.len()),
+                    _ => {}
+                }
+                variables.push(Variable { field, bounds: (lower, upper), sets });
+            }
+        }
+        variables
+    }
+
+    /// Bounds of the search variables: the free fields of every LiDAR, LiDAR after LiDAR; of tied ones
+    /// once, where they come first.
+    pub fn variable_bounds(&self) -> Vec<(f64, f64)> {
+        self.variables().iter().map(|variable| variable.bounds).collect()
+    }
+
+    /// Poses from search variables, in the order of [`Self::variable_bounds`].
+    pub fn poses_of(&self, variables: &[f64]) -> Vec<SensorPose> {
+        let mut fixed = self.lower;
+        if self.ties.symmetric {
+            // Their ranges run from −a to a.
+            MIRRORED.iter().for_each(|&k| fixed[k] = 0.0);
+        }
+        let mut poses = vec![fixed; self.lidars];
+        for (variable, value) in self.variables().iter().zip(variables) {
+            for &(lidar, sign) in &variable.sets {
+                poses[lidar][variable.field] = if sign < 0.0 { 0.0 - value } else { *value };
+            }
+        }
+        let pose = |[x, y, z, roll, pitch, yaw]: [f64; 6]| SensorPose { x, y, z, roll, pitch, yaw };
+        poses.into_iter().map(pose).collect()
+    }
+
+    /// Search variables of a placement, its poses moved into the bounds; `None` where it has another
+    /// number of LiDARs, or breaks a rule that ties them. In a symmetric one as many LiDARs as can be
+    /// must be pairs: two in the plane of symmetry are none.
+    pub fn variables_of(&self, placement: &Placement) -> Option<Vec<f64>> {
+        let mut lidars = placement.lidars.clone();
+        if lidars.len() != self.lidars {
+            return None;
+        }
+        if self.ties.symmetric {
+            let pairs = pairs(&lidars);
+            if 2 * pairs.mirrored.len() != self.paired() || !pairs.alone.is_empty() {
+                return None;
+            }
+            let order = pairs.mirrored.iter().flatten().chain(&pairs.in_plane);
+            lidars = order.map(|&lidar| placement.lidars[lidar]).collect();
+        }
+        let fields: Vec<[f64; 6]> =
+            lidars.iter().map(|pose| pose.fields().map(|(_, value)| value)).collect();
+        let variables = self.variables();
+        let tied = variables.iter().all(|variable| {
+            let first = fields[variable.sets[0].0][variable.field];
+            let mut values =
+                variable.sets.iter().map(|&(l, sign)| sign * fields[l][variable.field]);
+            values.all(|value| (value - first).abs() <= SLACK)
+        });
+        let value = |variable: &Variable| {
+            let (lower, upper) = variable.bounds;
+            fields[variable.sets[0].0][variable.field].clamp(lower, upper)
+        };
+        tied.then(|| variables.iter().map(value).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+    use crate::vehicle::{PoseGrid, Spacing, Ties, Violation};
+
+    fn constraints(lidars: usize, equal_height: bool, symmetric: bool) -> Constraints {
+        Constraints {
+            lower: [-0.6, -0.6, 2.2, -0.3, -0.1, -1.0],
+            upper: [0.6, 0.6, 2.8, 0.3, 0.2, 1.0],
+            min_distance: 0.2,
+            lidars,
+            keep_out: vec![[[-0.2, -0.3, 2.0], [0.3, 0.1, 2.4]]],
+            ties: Ties { equal_height, symmetric },
+        }
+    }
+
+    fn drawn(rules: &Constraints, rng: &mut ChaCha8Rng) -> Placement {
+        let bounds = rules.variable_bounds();
+        let draw = |&(low, high): &(f64, f64)| low + rng.random::<f64>() * (high - low);
+        let variables: Vec<f64> = bounds.iter().map(draw).collect();
+        Placement { name: "drawn".into(), lidars: rules.poses_of(&variables) }
+    }
+
+    fn is_tied(violation: &Violation) -> bool {
+        matches!(violation, Violation::UnequalHeight { .. } | Violation::NotMirrored { .. })
+    }
+
+    #[test]
+    fn ties_are_kept_by_fewer_variables() {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        for (lidars, level, symmetric, want) in [
+            (4, false, false, 24),
+            (4, true, false, 21),
+            (4, false, true, 12),
+            (4, true, true, 11),
+            (5, false, true, 15),
+            (5, true, true, 13),
+            (1, true, true, 3),
+        ] {
+            let rules = constraints(lidars, level, symmetric);
+            assert_eq!(rules.variable_bounds().len(), want, "{lidars} {level} {symmetric}");
+            let spacing = Spacing { metres: 0.25, radians: 0.13 };
+            let grid = PoseGrid::new(&rules, spacing).unwrap();
+            for _ in 0..200 {
+                let mut placement = drawn(&rules, &mut rng);
+                assert!(!rules.violations(&placement).iter().any(is_tied), "{placement:?}");
+                // The order of the LiDARs means nothing.
+                placement.lidars.rotate_left(1);
+                let variables = rules.variables_of(&placement).expect("it keeps the ties");
+                let back = rules.poses_of(&variables);
+                let same = |pose: &SensorPose| back.iter().any(|b| b.difference(pose) < 1e-12);
+                assert!(placement.lidars.iter().all(same), "{back:?}");
+                let snapped = grid.snapped(&placement, rules.ties);
+                assert!(!rules.violations(&snapped).iter().any(is_tied), "{snapped:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn broken_ties_are_found() {
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        let rules = constraints(5, true, true);
+        for lidar in 0..5 {
+            for field in 0..6 {
+                let mut placement = drawn(&rules, &mut rng);
+                let mut fields = placement.lidars[lidar].fields().map(|(_, value)| value);
+                fields[field] += 0.01;
+                let [x, y, z, roll, pitch, yaw] = fields;
+                placement.lidars[lidar] = SensorPose { x, y, z, roll, pitch, yaw };
+                let broken = rules.violations(&placement).iter().any(is_tied);
+                // Forward, up and about y the one in the plane stays in it.
+                let free = lidar == 4 && [0, 4].contains(&field);
+                assert_eq!(broken, !free, "LiDAR {lidar}, field {field}");
+                assert_eq!(rules.variables_of(&placement).is_some(), free);
+            }
+        }
+        let three = Placement { name: "three".into(), lidars: vec![] };
+        assert_eq!(rules.variables_of(&three), None);
+    }
+
+    #[test]
+    fn a_box_keeps_its_inside_free_and_not_its_faces() {
+        let rules = constraints(1, false, false);
+        let by = |x, y, z| {
+            let lidars = vec![SensorPose { x, y, z, roll: 0.0, pitch: 0.0, yaw: 0.0 }];
+            assert_eq!(
+                rules.is_clear(&lidars[0]),
+                rules
+                    .violations(&Placement { name: "one".into(), lidars: lidars.clone() })
+                    .is_empty()
+            );
+            let found = rules.violations(&Placement { name: "one".into(), lidars });
+            found.first().map(Violation::amount)
+        };
+        assert_eq!(by(0.3, 0.0, 2.3), None);
+        assert_eq!(by(0.0, 0.0, 2.4), None);
+        let deep = by(0.0, 0.0, 2.3).unwrap();
+        assert!((deep - 0.1).abs() < 1e-12, "to the nearest face: {deep}");
+    }
+}
