@@ -1,3 +1,5 @@
+//! Placements to verify with: random ones, and those that methods fail at.
+
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
