@@ -10,13 +10,13 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use crate::engine::{Backend, BackendError};
-use crate::problem::{Problem, ProblemError};
+use crate::engine::{BackendError, EngineChoice, OpenError, open};
+use crate::problem::{Problem, spread};
 use crate::psog::{GridError, Psog};
 use crate::scene::{Lidar, Scene};
 use crate::score::{Objective, Scores};
 use crate::search::Evaluator;
-use crate::vehicle::{Constraints, Placement, SensorError};
+use crate::vehicle::{Placement, SensorError};
 
 pub use ranking::{kendall_tau, mean_height, spearman};
 pub use stability::Stability;
@@ -44,7 +44,7 @@ pub enum AuditError {
     NoPlacement,
     /// The P-SOG does not fit the scene.
     #[error(transparent)]
-    Problem(#[from] ProblemError),
+    Open(#[from] OpenError),
     /// A changed region does not make a grid.
     #[error(transparent)]
     Grid(#[from] GridError),
@@ -63,11 +63,13 @@ pub struct AuditSettings {
     pub objective: Objective,
     /// Frames to average over, spread evenly over the scene.
     pub frames: u32,
+    /// Which engine computes; every engine gives the same bits.
+    pub engine: EngineChoice,
 }
 
 impl Default for AuditSettings {
     fn default() -> Self {
-        Self { objective: Objective::default(), frames: 2 }
+        Self { objective: Objective::default(), frames: 2, engine: EngineChoice::cpu() }
     }
 }
 
@@ -92,13 +94,21 @@ pub struct Audit {
     pub passed: bool,
 }
 
-/// Parts of an audit, for progress.
+/// What is told of an audit while it runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AuditEvent<'a> {
+    /// A sentence for the user: which engine computes.
+    Note(&'a str),
+    /// One of [`AUDIT_PARTS`] parts is done.
+    PartDone,
+}
+
+/// Parts of an audit.
 pub const AUDIT_PARTS: u64 = 4;
 
 /// Tries to fool the scores of a scene, and ranks `honest` placements under changes of the model.
 ///
-/// `open` opens a backend for each problem asked for; `part_done` is called after each of
-/// [`AUDIT_PARTS`] parts.
+/// `tell` is told how it goes on.
 ///
 /// # Errors
 /// No placement, a P-SOG that does not fit the scene, or from the backend.
@@ -107,30 +117,26 @@ pub fn audit(
     psog: &Psog,
     honest: &[Placement],
     settings: &AuditSettings,
-    open: &dyn Fn(&Arc<Problem>) -> Result<Box<dyn Backend>, BackendError>,
-    part_done: &dyn Fn(),
+    tell: &dyn Fn(AuditEvent),
 ) -> Result<Audit, AuditError> {
-    let evaluator = |problem: Problem| -> Result<Evaluator, AuditError> {
-        let problem = Arc::new(problem);
-        let backend = open(&problem)?;
-        Ok(Evaluator::new(problem, backend, scene.mount().into()))
-    };
     let frames = spread(scene.frame_count(), Some(settings.frames));
-    let mut own = evaluator(Problem::from_scene(scene, psog, scene.lidar().table()?, &frames)?)?;
+    let (mut own, notes) = evaluator(Problem::with_psog(scene, psog, &frames)?, settings)?;
+    notes.iter().for_each(|note| tell(AuditEvent::Note(note)));
     let scores = own.scores(honest)?;
-    let ranking = Ranking::new(honest, &scores, &settings.objective).ok_or(AuditError::NoPlacement)?;
-    part_done();
+    let ranking =
+        Ranking::new(honest, &scores, &settings.objective).ok_or(AuditError::NoPlacement)?;
+    tell(AuditEvent::PartDone);
     let trials = trials(&mut own, &honest[ranking.base()], &scores[ranking.base()])?;
-    part_done();
+    tell(AuditEvent::PartDone);
     let mut stability = mounted(&mut own, &ranking, azimuth_step(scene.lidar()))?;
-    part_done();
+    tell(AuditEvent::PartDone);
     for world in changed_worlds(scene, psog, settings.frames)? {
         let table = scene.lidar().table()?;
         let problem = Problem::on_grid_of(&world.psog, scene, table, &world.frames);
-        let scores = evaluator(problem)?.scores(honest)?;
+        let scores = evaluator(problem, settings)?.0.scores(honest)?;
         stability.push(ranking.under(&world.name, &[scores]));
     }
-    part_done();
+    tell(AuditEvent::PartDone);
     Ok(Audit {
         scene: scene.name().to_owned(),
         objective: settings.objective.to_string(),
@@ -140,6 +146,16 @@ pub fn audit(
         stability,
         ranking_against_mean_height: ranking.against_mean_height(),
     })
+}
+
+/// An evaluator of a problem, and sentences that name its engine.
+fn evaluator(
+    problem: Problem,
+    settings: &AuditSettings,
+) -> Result<(Evaluator, Vec<String>), BackendError> {
+    let problem = Arc::new(problem);
+    let opened = open(&problem, &settings.engine, |_| {})?;
+    Ok((Evaluator::new(problem, opened.engine), opened.notes))
 }
 
 /// Attempts to look better than the base, and the base in fog.

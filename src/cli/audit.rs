@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use serde_json::json;
-use sightline::audit::{AUDIT_PARTS, Audit, AuditSettings, Verdict, audit};
+use sightline::audit::{AUDIT_PARTS, Audit, AuditEvent, AuditSettings, Verdict, audit};
 use sightline::score::Scores;
-use sightline::vehicle::{published_placements, read_placements};
+use sightline::vehicle::{read_placements, table_7};
 
 use super::args::{Compute, Format, format_or_default};
 use super::error::Error;
@@ -40,16 +40,19 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     args.compute.start()?;
     let honest = match &args.placements {
         Some(path) => read_placements(path)?,
-        None => published_placements(),
+        None => table_7(),
     };
     let objective = args.objective.parse()?;
     let (scene, psog, _) = load::scene_and_psog(&args.scene, args.compute.talk)?;
     load::note_frames(&scene, args.frames, args.compute.talk);
     let frames = args.frames.unwrap_or(AuditSettings::default().frames);
-    let settings = AuditSettings { objective, frames };
+    let settings = AuditSettings { objective, frames, engine: args.compute.engine() };
     let bar = progress::bar(AUDIT_PARTS, "parts", args.compute.talk);
-    let open = load::opener(&args.compute);
-    let found = audit(&scene, &psog, &honest, &settings, &open, &|| bar.inc(1))?;
+    let tell = |event: AuditEvent| match event {
+        AuditEvent::Note(note) => args.compute.talk.note(note),
+        AuditEvent::PartDone => bar.inc(1),
+    };
+    let found = audit(&scene, &psog, &honest, &settings, &tell)?;
     bar.finish_and_clear();
     match format_or_default(args.format) {
         Format::Json => outln!("{}", json!(found))?,

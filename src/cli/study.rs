@@ -1,6 +1,6 @@
 //! `sightline study`: questions that take many runs.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use sightline::psog::Psog;
 use sightline::report::study_plot;
 use sightline::scene::Scene;
-use sightline::study::{Computing, Kind, Region, Row, StudyObserver, StudySettings, Table, study};
+use sightline::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, study};
 
 use super::args::{Compute, Format, Talk, at_least_one, format_or_default, whole};
 use super::error::Error;
@@ -105,12 +105,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         settings: &recorded,
         interrupt: &interrupt,
         bar: progress::bar(0, "cases", talk),
+        talk,
+        is_named: Cell::new(false),
         failed: RefCell::default(),
     };
     let borrowed: Vec<(&Scene, &Psog)> = scenes.iter().map(|(s, p)| (s, &**p)).collect();
-    let open = load::opener(&args.compute);
-    let computing = Computing { open: &open, memory: args.compute.memory_budget() / 2 };
-    let found = study(args.kind, &borrowed, &settings, &computing, &mut known, &session);
+    let found = study(args.kind, &borrowed, &settings, &mut known, &session);
     session.bar.finish_and_clear();
     if let Some(error) = session.failed.take() {
         return Err(error);
@@ -143,6 +143,7 @@ fn settings(args: &Args) -> Result<StudySettings, Error> {
         seed: args.seed,
         sensors: args.sensor.clone(),
         regions: args.boxes.clone(),
+        engine: args.compute.engine(),
     })
 }
 
@@ -180,6 +181,9 @@ struct Session<'a> {
     settings: &'a Value,
     interrupt: &'a Interrupt,
     bar: ProgressBar,
+    talk: Talk,
+    /// Whether the engine was named: engines are opened again and again.
+    is_named: Cell<bool>,
     /// Why the rows could not be written, which ends the study.
     failed: RefCell<Option<Error>>,
 }
@@ -187,6 +191,12 @@ struct Session<'a> {
 impl StudyObserver for Session<'_> {
     fn begins(&self, cases: usize) {
         self.bar.set_length(cases as u64);
+    }
+
+    fn opened(&self, notes: &[String]) {
+        if !self.is_named.replace(true) {
+            notes.iter().for_each(|note| self.talk.note(note));
+        }
     }
 
     fn measured(&self, rows: &[Row]) {

@@ -8,11 +8,9 @@ use std::time::Instant;
 use serde::Serialize;
 use serde_json::json;
 use sightline::engine::gpu::GpuBackend;
-use sightline::problem::Problem;
-use sightline::vehicle::{Placement, published_placements, read_placements};
-use sightline::verify::{
-    Verification, compared_frames, hostile_placements, random_placements, verify,
-};
+use sightline::problem::{Problem, spread};
+use sightline::vehicle::{Placement, random_placements, read_placements, table_7};
+use sightline::verify::{Verification, compared_frames, hostile_placements, verify};
 
 use super::args::{Compute, Format, format_or_default, whole};
 use super::error::Error;
@@ -67,8 +65,10 @@ struct Answer<'a> {
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let start = Instant::now();
     args.compute.start()?;
-    let scene = load::problem(&args.scene, args.frames, args.compute.talk)?;
-    let problem = Arc::new(scene.problem);
+    let (scene, psog, _) = load::scene_and_psog(&args.scene, args.compute.talk)?;
+    load::note_frames(&scene, Some(args.frames), args.compute.talk);
+    let frames = spread(scene.frame_count(), Some(args.frames));
+    let problem = Arc::new(Problem::with_psog(&scene, &psog, &frames)?);
     let placements = placements(args, &problem)?;
     let memory = args.compute.memory_budget() / 2;
     let mut gpu = GpuBackend::new(problem.clone(), args.compute.adapter.as_deref(), memory)?;
@@ -80,9 +80,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     match if args.json { Format::Json } else { format_or_default(args.format) } {
         Format::Json => {
             let seconds = start.elapsed().as_secs_f64();
-            outln!("{}", json!(Answer { scene: &scene.name, found: &found, seconds }))?;
+            outln!("{}", json!(Answer { scene: scene.name(), found: &found, seconds }))?;
         }
-        Format::Text => print(&scene.name, &found)?,
+        Format::Text => print(scene.name(), &found)?,
     }
     Ok(if found.passed { ExitCode::SUCCESS } else { ExitCode::from(FAILED) })
 }
@@ -91,7 +91,7 @@ fn placements(args: &Args, problem: &Problem) -> Result<Vec<Placement>, Error> {
     if let Some(path) = &args.placements {
         return Ok(read_placements(path)?);
     }
-    let mut all = published_placements();
+    let mut all = table_7();
     all.extend(random_placements(problem.constraints(), args.random, args.seed));
     all.extend(hostile_placements(problem.roi(), args.hostile, args.seed));
     Ok(all)

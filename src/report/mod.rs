@@ -5,6 +5,7 @@ mod html;
 mod map;
 mod plot;
 mod record;
+mod study;
 mod svg;
 
 pub use chart::{ChartFrame, fidelity_csv, fidelity_svg, seconds};
@@ -12,4 +13,5 @@ pub use html::{Figures, certificate_in_words, methods_in_words, report_html};
 pub use map::InformationMap;
 pub use plot::{Axis, Plot, Series};
 pub use record::{LeftOut, MethodRecord, ModelledRun, RunRecord, RunTimes, Scored};
+pub use study::study_plot;
 pub use svg::{convergence_svg, placement_svg};

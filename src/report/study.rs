@@ -11,7 +11,10 @@ pub fn study_plot(table: &Table) -> Plot {
         Drawing::ByCase { columns, y_title, line } => {
             let series = columns.iter().map(|&column| Series {
                 name: table.columns[column + 1].clone(),
-                points: rows().enumerate().map(|(k, row)| (k as f64, number(row, column))).collect(),
+                points: rows()
+                    .enumerate()
+                    .map(|(k, row)| (k as f64, number(row, column)))
+                    .collect(),
                 line: *line,
                 labels: Vec::new(),
             });

@@ -11,6 +11,9 @@ pub trait StudyObserver {
     /// Called after each case that was measured, with all rows known so far: the state to go on from.
     fn measured(&self, _rows: &[Row]) {}
 
+    /// Called whenever an engine was opened, with sentences that name it.
+    fn opened(&self, _notes: &[String]) {}
+
     /// Called after each case, measured or known from before.
     fn done(&self) {}
 

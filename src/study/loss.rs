@@ -144,9 +144,8 @@ fn costs(
 ) -> Result<Vec<f64>, StudyError> {
     let broken = |p: &Placement| constraints.violations(p).iter().map(|v| v.amount()).sum::<f64>();
     let broken: Vec<f64> = placements.iter().map(broken).collect();
-    let keeps_rules = |(placement, &broken): (&Placement, &f64)| {
-        (broken == 0.0).then(|| placement.clone())
-    };
+    let keeps_rules =
+        |(placement, &broken): (&Placement, &f64)| (broken == 0.0).then(|| placement.clone());
     let kept: Vec<Placement> = placements.iter().zip(&broken).filter_map(keeps_rules).collect();
     let mut values = after_worst_loss(scene, evaluator, &kept)?.into_iter();
     let cost = |&broken: &f64| match broken {

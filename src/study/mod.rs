@@ -29,7 +29,7 @@ mod voxels;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use crate::engine::BackendError;
+use crate::engine::{BackendError, EngineChoice};
 use crate::problem::ProblemError;
 use crate::psog::{GridError, Psog};
 use crate::scene::{Scene, SceneError};
@@ -40,7 +40,6 @@ use crate::vehicle::SensorError;
 pub use cases::StudyObserver;
 pub use layout::{DESCRIPTORS, Descriptor, Finding, findings};
 pub use regions::Region;
-pub use scene::Computing;
 pub use table::{Drawing, Row, Table};
 
 use cases::Cases;
@@ -156,6 +155,8 @@ pub struct StudySettings {
     pub sensors: Vec<PathBuf>,
     /// Regions to look at beside the standard ones.
     pub regions: Vec<Region>,
+    /// Which engine computes; every engine gives the same bits.
+    pub engine: EngineChoice,
 }
 
 impl Default for StudySettings {
@@ -169,6 +170,7 @@ impl Default for StudySettings {
             seed: 1,
             sensors: Vec::new(),
             regions: Vec::new(),
+            engine: EngineChoice::cpu(),
         }
     }
 }
@@ -246,8 +248,13 @@ pub enum StudyError {
     #[error(transparent)]
     Scene(#[from] SceneError),
     /// A P-SOG that does not fit its scene.
-    #[error(transparent)]
-    Problem(#[from] ProblemError),
+    #[error("{scene}: {source}")]
+    Problem {
+        /// File of the scene.
+        scene: String,
+        /// What does not fit.
+        source: ProblemError,
+    },
     /// Voxels that do not make a grid.
     #[error(transparent)]
     Grid(#[from] GridError),
@@ -277,14 +284,13 @@ pub fn study(
     kind: Kind,
     scenes: &[(&Scene, &Psog)],
     settings: &StudySettings,
-    computing: &Computing,
     known: &mut Vec<Row>,
     observer: &dyn StudyObserver,
 ) -> Result<Table, StudyError> {
     kind.check_scenes(scenes.len())?;
     let scenes: Vec<StudyScene> = scenes
         .iter()
-        .map(|(scene, psog)| StudyScene::new(scene, psog, settings, computing, observer))
+        .map(|(scene, psog)| StudyScene::new(scene, psog, settings, observer))
         .collect::<Result<_, _>>()?;
     let mut cases = Cases::new(known, observer);
     let one = &scenes[0];

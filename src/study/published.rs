@@ -116,7 +116,8 @@ mod tests {
     fn the_published_numbers_agree_with_themselves_and_ours_stands_for_each_task() {
         for (task, (_, column, ours)) in TASKS.iter().enumerate() {
             let own = |name: &str| {
-                let found = PUBLISHED.iter().find(|p| p.0 == name || p.0 == "Ours" && name == *ours);
+                let found =
+                    PUBLISHED.iter().find(|p| p.0 == name || p.0 == "Ours" && name == *ours);
                 found.map(|&(_, seg, car, pedestrian)| [seg, car, pedestrian][*column])
             };
             assert_eq!(row("own", &own).values[task], Some(1.0));

@@ -4,8 +4,7 @@ use super::cases::Cases;
 use super::scene::{StudyScene, score};
 use super::{Drawing, Row, StudyError, Table};
 use crate::score::Scores;
-use crate::search::Evaluator;
-use crate::vehicle::{Placement, random_placements_in};
+use crate::vehicle::random_placements_by_the_rules;
 
 /// Name of the case in which all random placements are scored: its values are the best, the worst, the
 /// lower quartile, the median and the upper quartile.
@@ -13,7 +12,8 @@ const RANDOM: &str = "random, best";
 
 pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
     let settings = scene.settings;
-    let drawn = scene.random_placements();
+    let count = settings.random as usize;
+    let drawn = random_placements_by_the_rules(&scene.constraints(), count, settings.seed);
     cases.expect(2 + scene.published.len());
     let mut evaluator = scene.evaluator()?;
     let value = |scores: &Scores| unguarded(scene, scores);

@@ -3,22 +3,14 @@
 use std::sync::Arc;
 
 use super::{StudyError, StudyObserver, StudySettings};
-use crate::engine::{Backend, BackendError};
+use crate::engine::open;
 use crate::problem::{Problem, spread};
 use crate::psog::{Psog, Roi};
 use crate::scan::scan_scene;
 use crate::scene::{PsogSource, Scene};
 use crate::score::{Objective, Scores};
 use crate::search::{Evaluator, SearchSettings, best_placement};
-use crate::vehicle::{BeamTable, Constraints, Placement, published_placements};
-
-/// How the problems of a study are computed.
-pub struct Computing<'a> {
-    /// Opens a backend over a problem.
-    pub open: &'a dyn Fn(&Arc<Problem>) -> Result<Box<dyn Backend>, BackendError>,
-    /// Bytes that the bitmaps of a search may take.
-    pub memory: u64,
-}
+use crate::vehicle::{BeamTable, Constraints, Placement, table_7};
 
 /// A scene with its P-SOG and everything that the cases of a study share.
 pub(super) struct StudyScene<'a> {
@@ -27,7 +19,6 @@ pub(super) struct StudyScene<'a> {
     pub(super) settings: &'a StudySettings,
     /// The layouts of Table 7, which stand beside every result.
     pub(super) published: Vec<Placement>,
-    computing: &'a Computing<'a>,
     observer: &'a dyn StudyObserver,
 }
 
@@ -36,11 +27,10 @@ impl<'a> StudyScene<'a> {
         scene: &'a Scene,
         psog: &'a Psog,
         settings: &'a StudySettings,
-        computing: &'a Computing<'a>,
         observer: &'a dyn StudyObserver,
     ) -> Result<Self, StudyError> {
-        let published = published_placements();
-        let this = Self { scene, psog, settings, published, computing, observer };
+        let published = table_7();
+        let this = Self { scene, psog, settings, published, observer };
         let objective = &settings.objective;
         if objective.needs_detection() && scene.detection_among(psog.classes()).is_empty() {
             let (scene, objective) = (this.place(), objective.to_string());
@@ -81,8 +71,10 @@ impl<'a> StudyScene<'a> {
         table: BeamTable,
         constraints: Constraints,
     ) -> Result<Evaluator, StudyError> {
-        let problem = Problem::from_scene(self.scene, self.psog, table, &self.frames())?;
-        self.open(problem, constraints)
+        let misfit = |source| StudyError::Problem { scene: self.place(), source };
+        let problem = Problem::from_scene(self.scene, self.psog, table, &self.frames());
+        let problem = problem.map_err(misfit)?;
+        self.open(problem.with_constraints(constraints))
     }
 
     /// An evaluator with voxels of another size; an error for a scene whose P-SOG is a file.
@@ -95,13 +87,14 @@ impl<'a> StudyScene<'a> {
         let (psog, _) = scan_scene(self.scene, &roi, settings, || ())?;
         let table = self.scene.lidar().table()?;
         let problem = Problem::on_grid_of(&psog, self.scene, table, &self.frames());
-        self.open(problem, self.constraints())
+        self.open(problem)
     }
 
-    fn open(&self, problem: Problem, constraints: Constraints) -> Result<Evaluator, StudyError> {
+    fn open(&self, problem: Problem) -> Result<Evaluator, StudyError> {
         let problem = Arc::new(problem);
-        let backend = (self.computing.open)(&problem)?;
-        Ok(Evaluator::new(problem, backend, constraints))
+        let opened = open(&problem, &self.settings.engine, |_| {})?;
+        self.observer.opened(&opened.notes);
+        Ok(Evaluator::new(problem, opened.engine))
     }
 
     /// The best placement that a search of the study's size finds from the published ones.
@@ -127,7 +120,7 @@ impl<'a> StudyScene<'a> {
             seed: self.settings.seed,
             delta: None,
         };
-        let (memory, go_on) = (self.computing.memory, || self.goes_on());
+        let (memory, go_on) = (self.settings.engine.memory_budget() / 2, || self.goes_on());
         let best = best_placement(evaluator, objective, starts, &settings, memory, &go_on)?;
         Ok(best.map(|(placement, _)| placement))
     }

@@ -101,18 +101,6 @@ fn quoted(text: &str) -> String {
     }
 }
 
-/// Where a curve of falling gains bends most: the point farthest above the line from the first to the
-/// last, after both axes are scaled to [0, 1]. `None` with fewer than three points or without rise.
-pub fn knee(values: &[f64]) -> Option<usize> {
-    let (first, last) = (*values.first()?, *values.last()?);
-    if values.len() < 3 || last <= first {
-        return None;
-    }
-    let steps = (values.len() - 1) as f64;
-    let above = |k: usize| (values[k] - first) / (last - first) - k as f64 / steps;
-    (1..values.len() - 1).max_by(|&a, &b| above(a).total_cmp(&above(b))).filter(|&k| above(k) > 0.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -132,12 +120,5 @@ mod tests {
             drawing: Drawing::of_column(0, "a", true),
         };
         assert_eq!(table.csv(), "case,\"a, b\",c\nx,1.5,\n\"\"\"y\"\"\",-2,0\n");
-    }
-
-    #[test]
-    fn the_knee_is_where_the_curve_bends() {
-        assert_eq!(knee(&[0.0, 8.0, 9.0, 9.5, 10.0]), Some(1));
-        assert_eq!(knee(&[0.0, 1.0, 2.0]), None, "a line has no knee");
-        assert_eq!(knee(&[3.0, 2.0, 1.0]), None);
     }
 }

@@ -29,8 +29,7 @@ pub(super) fn tasks(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stud
         ];
         Ok((values, Some(best)))
     })?;
-    let points: Vec<(f64, f64)> =
-        numbers(&rows, 0).into_iter().zip(numbers(&rows, 1)).collect();
+    let points: Vec<(f64, f64)> = numbers(&rows, 0).into_iter().zip(numbers(&rows, 1)).collect();
     let front: Vec<&str> = rows
         .iter()
         .zip(front(&points))
@@ -65,7 +64,8 @@ mod tests {
 
     #[test]
     fn the_front_by_hand() {
-        let points = [(3.0, 1.0), (2.0, 2.0), (2.0, 1.0), (1.0, 3.0), (2.0, 2.0), (f64::NAN, f64::NAN)];
+        let points =
+            [(3.0, 1.0), (2.0, 2.0), (2.0, 1.0), (1.0, 3.0), (2.0, 2.0), (f64::NAN, f64::NAN)];
         assert_eq!(front(&points), [true, true, false, true, true, false]);
     }
 }

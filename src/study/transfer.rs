@@ -80,10 +80,8 @@ mod tests {
             placement: None,
         };
         // Nothing was found on the first scene, so that its column has no optimum to compare with.
-        let rows = [
-            row("b", [Some(9.0), Some(-2.0), Some(6.0)]),
-            row("c", [None, Some(-3.0), Some(8.0)]),
-        ];
+        let rows =
+            [row("b", [Some(9.0), Some(-2.0), Some(6.0)]), row("c", [None, Some(-3.0), Some(8.0)])];
         assert_eq!(
             losses(&rows, &["a", "b", "c"]),
             [

@@ -32,10 +32,8 @@ pub(super) fn voxels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
             words(spearman(&heights, &ranked(row)))
         ));
     }
-    let drawing = Drawing::ByColumn {
-        x_title: "placement".into(),
-        y_title: "M-SOG/N ×1e-6".into(),
-    };
+    let drawing =
+        Drawing::ByColumn { x_title: "placement".into(), y_title: "M-SOG/N ×1e-6".into() };
     let columns = std::iter::once("voxel").chain(scene.published.iter().map(|p| p.name.as_str()));
     Ok(Table::new(scene.title("four voxel sizes"), columns, rows, notes, drawing))
 }

@@ -4,6 +4,8 @@ mod constraints;
 mod file;
 mod grid;
 mod pose;
+mod published;
+mod random;
 mod sensor;
 mod variables;
 
@@ -11,4 +13,6 @@ pub use constraints::{Constraints, Ties, Violation};
 pub use file::{PlacementReader, ReadError, read_placements};
 pub use grid::{PoseGrid, PoseGridError, Spacing};
 pub use pose::{MAX_LIDARS, Placement, PlacementError, SensorPose};
+pub use published::table_7;
+pub use random::{random_placements, random_placements_by_the_rules};
 pub use sensor::{BeamTable, SensorError};

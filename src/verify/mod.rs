@@ -15,7 +15,7 @@ use crate::vehicle::Placement;
 
 pub use compare::Differences;
 pub use oracle::{Agreement, EDGE_TOLERANCE, Explanation, explain};
-pub use placements::{hostile_placements, random_placements};
+pub use placements::hostile_placements;
 
 use compare::compare_engines;
 use oracle::sample_reference;
