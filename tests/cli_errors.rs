@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::cli::{corridor, fails, ok, room, scene};
+use crate::cli::{corridor, fails, ok, room, scene, sightline};
 
 /// Replaces one value of the scene by its JSON pointer and says what the program answers.
 fn with_scene(pointer: &str, value: Value) -> String {

@@ -93,6 +93,7 @@ fn print(
     out: &mut dyn Write,
 ) -> Result<(), Error> {
     let io = |error| Error::io(path)(error);
+    let format = args.format;
     let Loaded { scene, mut evaluator, times, .. } = loaded;
     let (bar, mut count) = (progress::bar(total, "placements", args.compute.talk), 0);
     let mut reader = PlacementReader::open(&args.placements)?.peekable();
