@@ -8,7 +8,7 @@ use sightline::audit::{AUDIT_PARTS, Audit, AuditEvent, AuditSettings, Verdict, a
 use sightline::score::Scores;
 use sightline::vehicle::{read_placements, table_7};
 
-use super::args::{Compute, Format, format_or_default};
+use super::args::{Compute, Format};
 use super::error::Error;
 use super::{load, progress, table};
 
@@ -30,8 +30,8 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
     /// How to print
-    #[arg(long, value_enum)]
-    format: Option<Format>,
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
     #[command(flatten)]
     compute: Compute,
 }
@@ -54,7 +54,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     };
     let found = audit(&scene, &psog, &honest, &settings, &tell)?;
     bar.finish_and_clear();
-    match format_or_default(args.format) {
+    match args.format {
         Format::Json => outln!("{}", json!(found))?,
         Format::Text => print(&found)?,
     }

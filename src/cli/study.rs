@@ -1,8 +1,7 @@
 //! `sightline study`: questions that take many runs.
 
 use std::cell::{Cell, RefCell};
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::str::FromStr;
 
@@ -15,11 +14,11 @@ use sightline::report::study_plot;
 use sightline::scene::Scene;
 use sightline::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, study};
 
-use super::args::{Compute, Format, Talk, at_least_one, format_or_default, whole};
+use super::args::{Compute, Format, Talk, at_least_one, whole};
 use super::error::Error;
 use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
-use super::output::{Missing, writable_folder, write_whole};
+use super::run_dir::{RunDir, holds_run};
 use super::{load, progress, table};
 
 #[derive(clap::Args)]
@@ -69,8 +68,8 @@ pub struct Args {
           value_parser = whole::<u64>)]
     seed: u64,
     /// How to print the result
-    #[arg(long, value_enum)]
-    format: Option<Format>,
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
     #[command(flatten)]
     compute: Compute,
 }
@@ -92,17 +91,11 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         load::note_frames(&scene, args.frames, talk);
         scenes.push((scene, psog));
     }
-    let stem = args.scenes[0].file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let folder = args
-        .out
-        .clone()
-        .unwrap_or_else(|| PathBuf::from("studies").join(format!("{stem}-{}", args.kind.name())));
-    let _made = Missing::of(&folder);
     let recorded = recorded(args, &settings)?;
-    let mut known = saved(&folder, &recorded)?;
+    let (dir, mut known) = folder_of(args, &recorded)?;
     let session = Session {
-        folder: &folder,
-        settings: &recorded,
+        dir: &dir,
+        settings: &recorded.settings,
         interrupt: &interrupt,
         bar: progress::bar(0, "cases", talk),
         talk,
@@ -117,12 +110,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     }
     let found = found?;
     session.finish(&known, &found)?;
-    match format_or_default(args.format) {
+    match args.format {
         Format::Json => outln!("{}", json!(found))?,
         Format::Text => {
             outln!("{}", found.title)?;
             out!("{}", table::study(&found))?;
-            outln!("\n{}: study.json, table.csv, chart.svg", folder.display())?;
+            outln!("\n{}: study.json, table.csv, chart.svg", dir.path().display())?;
         }
     }
     if interrupt.is_set() {
@@ -147,37 +140,42 @@ fn settings(args: &Args) -> Result<StudySettings, Error> {
     })
 }
 
-/// What `study.json` keeps: an interrupted study goes on from it.
+/// All that decides about the numbers of a study, and the files that it reads.
+struct Recorded {
+    settings: Value,
+    inputs: Vec<Input>,
+}
+
+/// The state of a study: an interrupted one goes on from it.
 #[derive(Serialize, Deserialize)]
 struct Saved {
     settings: Value,
     rows: Vec<Row>,
-    #[serde(default)]
-    notes: Vec<String>,
 }
 
-/// The rows of a folder; one that holds another study is an error.
-fn saved(folder: &Path, settings: &Value) -> Result<Vec<Row>, Error> {
-    writable_folder(folder)?;
-    let file = folder.join("study.json");
-    if !file.exists() {
-        return Ok(Vec::new());
+/// The folder of the study and the rows that it holds; one that holds another study is an error.
+fn folder_of(args: &Args, recorded: &Recorded) -> Result<(RunDir<Saved>, Vec<Row>), Error> {
+    let stem = args.scenes[0].file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let standard = || PathBuf::from("studies").join(format!("{stem}-{}", args.kind.name()));
+    let folder = args.out.clone().unwrap_or_else(standard);
+    if !holds_run(&folder) {
+        let dir = RunDir::create("study", Some(&folder), "", recorded.inputs.clone())?;
+        return Ok((dir, Vec::new()));
     }
-    let json = |source| Error::Json { path: file.clone(), source };
-    let text = std::fs::read_to_string(&file).map_err(Error::io(&file))?;
-    let saved: Saved = serde_json::from_str(&text).map_err(json)?;
-    if saved.settings != *settings {
+    let (dir, saved): (RunDir<Saved>, Saved) = RunDir::resume("study", &folder)?;
+    if saved.settings != recorded.settings {
         return Err(Error::Usage(format!(
-            "{}: holds a study of other settings or other files; name another folder with --out",
+            "{}: holds a study of other settings; name another folder with --out",
             folder.display()
         )));
     }
-    Ok(saved.rows)
+    dir.check(&recorded.inputs)?;
+    Ok((dir, saved.rows))
 }
 
 /// A study under way, as its folder, the terminal and Ctrl-C see it.
 struct Session<'a> {
-    folder: &'a Path,
+    dir: &'a RunDir<Saved>,
     settings: &'a Value,
     interrupt: &'a Interrupt,
     bar: ProgressBar,
@@ -200,7 +198,8 @@ impl StudyObserver for Session<'_> {
     }
 
     fn measured(&self, rows: &[Row]) {
-        if let Err(error) = self.save(rows, &[]) {
+        let saved = Saved { settings: self.settings.clone(), rows: rows.to_vec() };
+        if let Err(error) = self.dir.save(&saved) {
             self.failed.replace(Some(error));
         }
     }
@@ -215,29 +214,16 @@ impl StudyObserver for Session<'_> {
 }
 
 impl Session<'_> {
-    fn save(&self, rows: &[Row], notes: &[String]) -> Result<(), Error> {
-        let path = self.folder.join("study.json");
-        let (settings, rows, notes) = (self.settings.clone(), rows.to_vec(), notes.to_vec());
-        write_whole(&path, |file| {
-            serde_json::to_writer_pretty(&mut *file, &Saved { settings, rows, notes })
-                .map_err(|source| Error::Json { path: path.clone(), source })?;
-            file.write_all(b"\n").map_err(Error::io(&path))
-        })
-    }
-
-    /// Writes table and chart of the cases there are.
+    /// Writes the table and its chart, with the cases there are.
     fn finish(&self, rows: &[Row], found: &Table) -> Result<(), Error> {
-        self.save(rows, &found.notes)?;
-        for (name, text) in [("table.csv", found.csv()), ("chart.svg", study_plot(found).svg())] {
-            let path = self.folder.join(name);
-            write_whole(&path, |file| file.write_all(text.as_bytes()).map_err(Error::io(&path)))?;
-        }
-        Ok(())
+        let study = json!({ "settings": self.settings, "rows": rows, "notes": found.notes });
+        self.dir.write_json("study.json", &study)?;
+        self.dir.write_text("table.csv", &found.csv())?;
+        self.dir.write_text("chart.svg", &study_plot(found).svg())
     }
 }
 
-/// All that decides about the numbers of a study, and the files it was begun with.
-fn recorded(args: &Args, settings: &StudySettings) -> Result<Value, Error> {
+fn recorded(args: &Args, settings: &StudySettings) -> Result<Recorded, Error> {
     let absolute = |paths: &[PathBuf]| -> Result<Vec<PathBuf>, Error> {
         paths.iter().map(|p| std::path::absolute(p).map_err(Error::io(p))).collect()
     };
@@ -248,7 +234,7 @@ fn recorded(args: &Args, settings: &StudySettings) -> Result<Value, Error> {
     for sensor in &args.sensor {
         inputs.push(Input::read(sensor)?);
     }
-    Ok(json!({
+    let settings = json!({
         "sightline": env!("CARGO_PKG_VERSION"),
         "study": args.kind.name(),
         "scenes": absolute(&args.scenes)?,
@@ -261,7 +247,8 @@ fn recorded(args: &Args, settings: &StudySettings) -> Result<Value, Error> {
         "boxes": args.boxes.iter().map(|region| format!("{region:?}")).collect::<Vec<_>>(),
         "voxel": args.voxel,
         "seed": args.seed,
-    }))
+    });
+    Ok(Recorded { settings, inputs })
 }
 
 fn parse_box(text: &str) -> Result<Region, String> {

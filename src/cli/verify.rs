@@ -12,7 +12,7 @@ use sightline::problem::{Problem, spread};
 use sightline::vehicle::{Placement, random_placements, read_placements, table_7};
 use sightline::verify::{Verification, compared_frames, hostile_placements, verify};
 
-use super::args::{Compute, Format, format_or_default, whole};
+use super::args::{Compute, Format, whole};
 use super::error::Error;
 use super::{load, progress, table};
 
@@ -43,9 +43,9 @@ pub struct Args {
     /// Seed of the random placements and of the sample
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>)]
     seed: u64,
-    /// How to print [default: text on a terminal, else json]
-    #[arg(long, value_enum)]
-    format: Option<Format>,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
     /// The same as --format json
     #[arg(long, conflicts_with = "format")]
     json: bool,
@@ -77,7 +77,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let done = || bar.inc(1);
     let found = verify(&problem, &mut gpu, &placements, args.sample, args.seed, &done)?;
     bar.finish_and_clear();
-    match if args.json { Format::Json } else { format_or_default(args.format) } {
+    match if args.json { Format::Json } else { args.format } {
         Format::Json => {
             let seconds = start.elapsed().as_secs_f64();
             outln!("{}", json!(Answer { scene: scene.name(), found: &found, seconds }))?;
