@@ -1,7 +1,7 @@
 //! One error for callers that use several modules.
 
 use crate::audit::AuditError;
-use crate::chart::FidelityError;
+use crate::chart::ChartError;
 use crate::engine::{BackendError, OpenError};
 use crate::problem::ProblemError;
 use crate::psog::{GridError, KittiError, PsogFileError};
@@ -55,7 +55,7 @@ pub enum Error {
     Objective(#[from] ObjectiveError),
     /// From a setting of the chart.
     #[error(transparent)]
-    Fidelity(#[from] FidelityError),
+    Chart(#[from] ChartError),
     /// From the search.
     #[error(transparent)]
     Search(#[from] SearchError),

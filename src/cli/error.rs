@@ -44,7 +44,7 @@ macro_rules! from_modules {
 
 from_modules!(
     sightline::audit::AuditError,
-    sightline::chart::FidelityError,
+    sightline::chart::ChartError,
     sightline::engine::BackendError,
     sightline::engine::OpenError,
     sightline::problem::ProblemError,
