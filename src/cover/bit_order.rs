@@ -155,7 +155,7 @@ pub(super) fn row_words(shape: [u32; 3], axis: usize) -> usize {
 /// Numbers of the bits that are set, rising.
 fn bits(words: &[u64]) -> impl Iterator<Item = u32> {
     words.iter().enumerate().flat_map(|(index, &word)| {
-        std::iter::successors(Some(word), |left| Some(left & (left - 1)))
+        std::iter::successors(Some(word), |left| Some(left & left.wrapping_sub(1)))
             .take_while(|left| *left != 0)
             .map(move |left| (64 * index) as u32 + left.trailing_zeros())
     })
