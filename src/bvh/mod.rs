@@ -13,12 +13,11 @@
 //! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together (`cast::Packet`, `cast::Fan`).
 
 mod build;
+pub(crate) mod bvh8;
 mod intersect;
 mod node;
 mod quads;
 mod quantized;
-mod traverse;
-pub(crate) mod wide;
 
 pub(crate) use intersect::{axes_of, safe_inverse};
 

@@ -1,7 +1,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
-use super::wide::Wide;
+use super::bvh8::Bvh8;
 use crate::geom::Aabb;
 
 /// Most nodes on a path from the root to a leaf; traversal stacks hold this many entries.
@@ -63,7 +63,7 @@ pub struct Bvh {
     /// Metres by which each triangle's box is grown; see [`Bvh::build`].
     pub pad: f32,
     /// The same tree for packets.
-    pub(crate) wide: Wide,
+    pub(crate) bvh8: Bvh8,
 }
 
 /// What [`Bvh::validate`] found broken.
@@ -113,7 +113,7 @@ impl Bvh {
     /// Bytes of the triangles and both trees.
     pub fn bytes(&self) -> u64 {
         let own = size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice());
-        own as u64 + self.wide.bytes()
+        own as u64 + self.bvh8.bytes()
     }
 
     /// Checks that every triangle is in one leaf, boxes nest exactly, and no path is too deep.

@@ -1,10 +1,10 @@
 //! What holds for all rays of a packet or of a chunk, so that most of a scene is sorted out at once.
 
-use super::fan_bounds::FanRanges;
-use super::packet::{CHUNK, CHUNKS, Packet, least, most};
-use super::ranges::{Range, Ranges, fold, narrowest_plane};
+use super::lanes::{CHUNK, CHUNKS, Range, fold, least, most, to_bits};
+use super::packet::Packet;
+use super::ranges::{Ranges, narrowest_plane};
 use crate::bvh::PAD_SHARE;
-use crate::bvh::wide::{Block, WIDTH};
+use crate::bvh::bvh8::{Block, WIDTH};
 
 /// Farther than any plane, and finite, so that an empty box stays empty.
 const UNBOUNDED: f32 = 1e30;
@@ -81,24 +81,10 @@ impl Bounds {
         (bounds, chunks)
     }
 
-    /// Bounds of all rays of a fan.
-    #[inline(always)]
-    pub(super) fn of_fan(ranges: &FanRanges, pad: f32) -> Self {
-        let FanRanges { axes, plane, before, shear, inverse, .. } = ranges;
-        let across = [ranges.across(0), ranges.across(1)];
-        let ([a, b], [low, high]) = (before.all(), inverse[axes[2]]);
-        let ends = [a * low, a * high, b * low, b * high];
-        let shift = [
-            least(least(ends[0], ends[1]), least(ends[2], ends[3])),
-            most(most(ends[0], ends[1]), most(ends[2], ends[3])),
-        ];
-        Self::of_ranges(*axes, *plane, shift, across, *shear, *inverse, pad)
-    }
-
     /// From least and largest: how far before the plane rays start, where they cross it, and how they
     /// go.
     #[inline(always)]
-    fn of_ranges(
+    pub(super) fn of_ranges(
         axes: [usize; 3],
         plane: f32,
         [first, last]: [f32; 2],
@@ -311,17 +297,4 @@ fn passes_beside(corners: [[f32; 3]; 3], plane: f32, rays: &Spread, slack: f32) 
     let left = (u.0 + u.2 < 0.0) | (v.0 + v.2 < 0.0) | (w.0 + w.2 < 0.0);
     let right = (u.0 - u.2 > 0.0) | (v.0 - v.2 > 0.0) | (w.0 - w.2 > 0.0);
     apart | ((area > doubt) & left) | ((area < -doubt) & right)
-}
-
-/// A bit for each flag; flags are all ones or zero.
-#[inline(always)]
-pub(super) fn to_bits(flags: [u32; 8]) -> u32 {
-    let mut bits = [0; 8];
-    for i in 0..8 {
-        bits[i] = flags[i] & (1 << i);
-    }
-    for i in 0..4 {
-        bits[i] |= bits[i + 4];
-    }
-    (bits[0] | bits[1]) | (bits[2] | bits[3])
 }

@@ -1,3 +1,5 @@
+//! Origins that share their directions: one list of triangles for all, in order of distance.
+
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -7,13 +9,10 @@ use multiversion::multiversion;
 
 use super::bounds::Bounds;
 use super::fan_bounds::{Facing, FanRanges, Seen};
-use super::lanes::{ALL_INSIDE, Inside, Prepared, Rays};
-use super::packet::{Across, CHUNK, CHUNKS, Lanes, NOTHING, PACKET_RAYS, PacketHits};
-use crate::bvh::wide::{Block, Child, WIDTH, Wide};
+use super::intersect::{ALL_INSIDE, Inside, PermutedTriangle, Rays};
+use super::lanes::{Across, CHUNK, CHUNKS, Lanes, NOTHING, PACKET_RAYS, PacketHits};
+use crate::bvh::bvh8::{Block, Bvh8, Child, WIDTH};
 use crate::bvh::{Bvh, NO_HIT, Triangle};
-
-/// Most directions of a fan.
-pub const FAN_DIRECTIONS: usize = 16;
 
 /// Up to [`PACKET_RAYS`] origins that lie side by side, with all rays from them in a few directions.
 ///
@@ -45,7 +44,7 @@ struct Near {
 #[derive(Clone)]
 struct Group {
     block: Block,
-    triangles: [Prepared; WIDTH],
+    triangles: [PermutedTriangle; WIDTH],
     /// No ray meets them, or those of later groups, before.
     enter: f32,
 }
@@ -54,7 +53,7 @@ impl Default for Group {
     fn default() -> Self {
         Self {
             block: Block::EMPTY,
-            triangles: [Prepared::new(&Triangle::zeroed(), [0; 3]); WIDTH],
+            triangles: [PermutedTriangle::new(&Triangle::zeroed(), [0; 3]); WIDTH],
             enter: 0.0,
         }
     }
@@ -91,7 +90,7 @@ impl Fan {
 
 impl Bvh {
     /// [`Self::closest_hit`] from every origin of a fan in each of some directions, 1 to
-    /// [`FAN_DIRECTIONS`] unit vectors whose [`super::major_axis`] is the same; hits count up to `t_max`.
+    /// [`FAN_DIRECTIONS`](super::FAN_DIRECTIONS) unit vectors whose [`super::major_axis`] is the same; hits count up to `t_max`.
     /// Those of each direction go to `hits`, which holds as many.
     ///
     /// Fast where no component changes its sign, and where the directions are neighbours.
@@ -109,8 +108,8 @@ impl Bvh {
             hits.t = [[t_max; CHUNK]; CHUNKS];
             hits.prim = [[NO_HIT; CHUNK]; CHUNKS];
         }
-        if !self.wide.nodes.is_empty() {
-            cast(&self.wide, &self.triangles, self.pad, fan, directions, t_max, hits);
+        if !self.bvh8.nodes.is_empty() {
+            cast(&self.bvh8, &self.triangles, self.pad, fan, directions, t_max, hits);
         }
     }
 }
@@ -120,7 +119,7 @@ impl Bvh {
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
 fn cast(
-    wide: &Wide,
+    bvh8: &Bvh8,
     triangles: &[Triangle],
     pad: f32,
     fan: &mut Fan,
@@ -130,7 +129,7 @@ fn cast(
 ) {
     let Fan { len, origin, across, near, inside } = fan;
     let ranges = FanRanges::new(across, directions, t_max);
-    let shaft = Bounds::of_fan(&ranges, pad);
+    let shaft = ranges.bounds(pad);
     near.restart();
     let filled = len.div_ceil(CHUNK);
     let mut seen = Seen::NOTHING;
@@ -151,7 +150,7 @@ fn cast(
         let mut farthest = facing.farthest();
         let mut at = 0;
         loop {
-            if at == near.len && !near.extend(wide, triangles, &shaft, farthest) {
+            if at == near.len && !near.extend(bvh8, triangles, &shaft, farthest) {
                 break;
             }
             let group = &near.groups[at];
@@ -200,7 +199,7 @@ impl Near {
     #[inline(always)]
     fn extend(
         &mut self,
-        wide: &Wide,
+        bvh8: &Bvh8,
         triangles: &[Triangle],
         shaft: &Bounds,
         farthest: f32,
@@ -215,7 +214,7 @@ impl Near {
             self.queue.pop();
             match Child::from_bits(top as u32).get() {
                 Ok(block) => {
-                    let block = &wide.blocks[block];
+                    let block = &bvh8.blocks[block];
                     let mut left = shaft.meets(block, f32::INFINITY);
                     while left != 0 {
                         let slot = left.trailing_zeros();
@@ -224,7 +223,7 @@ impl Near {
                     }
                 }
                 Err(index) => {
-                    let node = &wide.nodes[index];
+                    let node = &bvh8.nodes[index];
                     let (near, far) = shaft.slabs(&node.planes);
                     for slot in 0..WIDTH {
                         if near[slot] <= far[slot] {
@@ -249,7 +248,7 @@ impl Near {
         if slot == 0 {
             open.enter = enter;
         }
-        open.triangles[slot] = Prepared::new(triangle, shaft.axes);
+        open.triangles[slot] = PermutedTriangle::new(triangle, shaft.axes);
         open.block.set(slot, triangle);
         open.block.count += 1;
         if slot + 1 == WIDTH {

@@ -2,11 +2,9 @@
 
 use glam::Vec3;
 
-use super::bounds::{Bounds, to_bits};
-use super::fan::FAN_DIRECTIONS;
-use super::packet::{Across, CHUNK, CHUNKS, least, most};
-use super::ranges::{Range, fold};
-use crate::bvh::wide::{Block, WIDTH};
+use super::bounds::Bounds;
+use super::lanes::{Across, CHUNK, CHUNKS, FAN_DIRECTIONS, Range, fold, least, most, to_bits};
+use crate::bvh::bvh8::{Block, WIDTH};
 use crate::bvh::{Ray, Triangle, axes_of, major_axis};
 
 /// What holds for the rays of a fan.
@@ -14,12 +12,12 @@ pub(super) struct FanRanges {
     /// The two axes of the shear, and the one of the largest component.
     pub(super) axes: [usize; 3],
     /// In the middle of the origins, on the last axis.
-    pub(super) plane: f32,
+    plane: f32,
     /// How far before the plane the origins of each chunk lie.
-    pub(super) before: Range,
+    before: Range,
     /// Least and largest of all directions, by axis of the shear and by axis.
-    pub(super) shear: [[f32; 2]; 2],
-    pub(super) inverse: [[f32; 2]; 3],
+    shear: [[f32; 2]; 2],
+    inverse: [[f32; 2]; 3],
     /// Where the plane is crossed with the least shear and with the largest, by chunk and by all rays.
     crossing: [[Range; 2]; 2],
     crossing_of_all: [[[f32; 2]; 2]; 2],
@@ -79,9 +77,23 @@ impl FanRanges {
         &self.rays[..directions]
     }
 
+    /// Bounds of all rays in all directions.
+    #[inline(always)]
+    pub(super) fn bounds(&self, pad: f32) -> Bounds {
+        let Self { axes, plane, before, shear, inverse, .. } = self;
+        let across = [self.across(0), self.across(1)];
+        let ([a, b], [low, high]) = (before.all(), inverse[axes[2]]);
+        let ends = [a * low, a * high, b * low, b * high];
+        let shift = [
+            least(least(ends[0], ends[1]), least(ends[2], ends[3])),
+            most(most(ends[0], ends[1]), most(ends[2], ends[3])),
+        ];
+        Bounds::of_ranges(*axes, *plane, shift, across, *shear, *inverse, pad)
+    }
+
     /// Least and largest place where any ray crosses the plane on an axis of the shear.
     #[inline(always)]
-    pub(super) fn across(&self, k: usize) -> [f32; 2] {
+    fn across(&self, k: usize) -> [f32; 2] {
         let [[a, b], [c, d]] = self.crossing_of_all[k];
         [least(a, c), most(b, d)]
     }

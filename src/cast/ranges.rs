@@ -1,59 +1,7 @@
-//! Ranges of what a packet's rays have, chunk by chunk, and the plane that bounds are taken in.
+//! Least and largest numbers of each chunk of a packet, and the plane that its bounds are taken in.
 
-use super::packet::{CHUNK, CHUNKS, Packet, least, most};
-
-/// Least and largest of a number over each chunk's rays.
-#[derive(Clone, Copy)]
-pub(super) struct Range {
-    pub(super) low: [f32; CHUNKS],
-    pub(super) high: [f32; CHUNKS],
-}
-
-impl Range {
-    pub(super) const EMPTY: Self =
-        Self { low: [f32::INFINITY; CHUNKS], high: [f32::NEG_INFINITY; CHUNKS] };
-
-    #[inline(always)]
-    pub(super) fn grow(&mut self, numbers: &[f32; CHUNKS]) {
-        for (chunk, &number) in numbers.iter().enumerate() {
-            self.low[chunk] = least(number, self.low[chunk]);
-            self.high[chunk] = most(number, self.high[chunk]);
-        }
-    }
-
-    /// From lanes that lie chunk by chunk; chunks without rays repeat the last one's range.
-    #[inline(always)]
-    pub(super) fn of(lanes: &[[f32; CHUNK]]) -> Self {
-        let mut range = Self::EMPTY;
-        for chunk in 0..CHUNKS {
-            let lanes = &lanes[chunk.min(lanes.len() - 1)];
-            let (mut low, mut high) = ([0.0; 8], [0.0; 8]);
-            for i in 0..8 {
-                low[i] = least(lanes[i], lanes[i + 8]);
-                high[i] = most(lanes[i], lanes[i + 8]);
-            }
-            range.low[chunk] = fold(&low, least);
-            range.high[chunk] = fold(&high, most);
-        }
-        range
-    }
-
-    /// Over all rays.
-    #[inline(always)]
-    pub(super) fn all(&self) -> [f32; 2] {
-        [fold(&self.low, least), fold(&self.high, most)]
-    }
-
-    #[inline(always)]
-    pub(super) fn middle_and_half(&self) -> ([f32; CHUNKS], [f32; CHUNKS]) {
-        let (mut middle, mut half) = ([0.0; CHUNKS], [0.0; CHUNKS]);
-        for chunk in 0..CHUNKS {
-            middle[chunk] = 0.5 * (self.low[chunk] + self.high[chunk]);
-            half[chunk] = 0.5 * (self.high[chunk] - self.low[chunk]);
-        }
-        (middle, half)
-    }
-}
+use super::lanes::{CHUNK, CHUNKS, Range};
+use super::packet::Packet;
 
 /// Of every chunk: how far its origins lie before the plane, where rays cross it, how they are sheared.
 pub(super) struct Ranges {
@@ -121,14 +69,4 @@ pub(super) fn narrowest_plane(packet: &Packet) -> f32 {
     let ahead = -covariance / variance * sign;
     // Not a number where all directions are the same.
     if ahead > 0.0 { start + sign * ahead.min(packet.t_max) } else { start }
-}
-
-/// Puts eight together, halving them: what is joined at a time does not depend on each other.
-#[inline(always)]
-pub(super) fn fold(numbers: &[f32; 8], join: impl Fn(f32, f32) -> f32) -> f32 {
-    let mut half = [0.0; 4];
-    for i in 0..4 {
-        half[i] = join(numbers[i], numbers[i + 4]);
-    }
-    join(join(half[0], half[1]), join(half[2], half[3]))
 }

@@ -6,7 +6,6 @@ use rayon::prelude::*;
 
 use crate::bvh::Hit;
 use crate::cast::beam_order::sorted_beams;
-use crate::cast::costs::{Costs, DEVICE, Group};
 use crate::engine::gpu::layout::{NO_SLOT, PACKET_FOURS, WORKGROUP_SIZE};
 use crate::problem::beam_direction;
 use crate::problem::{DevicePose, Problem};
@@ -14,7 +13,7 @@ use crate::problem::{DevicePose, Problem};
 /// Beams of a packet.
 pub(super) const RAYS: usize = 4 * PACKET_FOURS as usize;
 /// Fewest sensors of a packet of one direction.
-const LEAST_PARALLEL: usize = DEVICE.least;
+const LEAST_PARALLEL: usize = 32;
 /// Most sensors whose beams are sorted together.
 const SORTED_SENSORS: usize = 256;
 /// Most orders that the sensors are put in, each for neighbouring directions.
@@ -121,14 +120,8 @@ pub(super) fn scattered(count: usize) -> Vec<u32> {
 /// How many sensors of each rotation are put in packets of one direction: what costs least in the frame
 /// of the most triangles.
 fn in_packets(rotations: &[Vec<u32>], poses: &[DevicePose], problem: &Problem) -> Vec<usize> {
-    let origin = |pose: &DevicePose| Vec3::from(pose.rows.map(|row| row[3]));
-    let group =
-        |sensors: &Vec<u32>| Group::new(sensors.iter().map(|&s| origin(&poses[s as usize])));
-    let groups: Vec<Group> = rotations.iter().map(group).collect();
-    let frames = (0..problem.geometry_frame_count()).filter_map(|frame| problem.geometry(frame));
-    let triangles = frames.map(|bvh| bvh.triangles.len()).max().unwrap_or(0);
-    let costs = Costs::of_device(triangles, problem.table().directions().len());
-    costs.choose(&groups, Group::new(poses.iter().map(origin))).in_fans
+    let least = if poses.is_empty() || problem.geometry_frame_count() == 0 { 0 } else { 32 };
+    rotations.iter().map(|of| if of.len() >= least { of.len() } else { 0 }).collect()
 }
 
 /// Hands out the sensors in groups of a packet, which lie side by side as seen along a direction.

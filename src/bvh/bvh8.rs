@@ -7,16 +7,16 @@ const LEAF: u32 = 1 << 31;
 
 /// The binary tree for packets: its nodes merged into wide ones, its lowest leaves into blocks.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Wide {
+pub(crate) struct Bvh8 {
     /// The root comes first; none without triangles.
-    pub(crate) nodes: Vec<WideNode>,
+    pub(crate) nodes: Vec<Node8>,
     /// Leaves.
     pub(crate) blocks: Vec<Block>,
 }
 
 /// Eight children of the binary tree side by side, 224 bytes: one visit tests all of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct WideNode {
+pub(crate) struct Node8 {
     /// Lower and upper corners by axis, side and child; unused slots hold the empty box.
     pub(crate) planes: [[[f32; WIDTH]; 2]; 3],
     pub(crate) children: [Child; WIDTH],
@@ -66,10 +66,10 @@ struct Collapse<'a> {
     nodes: &'a [Node],
     triangles: &'a [Triangle],
     below: Vec<Below>,
-    wide: Wide,
+    bvh8: Bvh8,
 }
 
-impl Wide {
+impl Bvh8 {
     /// Merges the binary tree's nodes into wide ones: each takes over the grandchildren of its largest
     /// children until eight are together. Whatever holds at most eight triangles becomes a block.
     /// Boxes are the binary tree's own.
@@ -85,12 +85,12 @@ impl Wide {
                 Below { first: below[left].first, count }
             };
         }
-        let mut collapse = Collapse { nodes, triangles, below, wide: Self::default() };
+        let mut collapse = Collapse { nodes, triangles, below, bvh8: Self::default() };
         if !nodes.is_empty() {
-            collapse.wide.nodes.push(WideNode::EMPTY);
+            collapse.bvh8.nodes.push(Node8::EMPTY);
             collapse.fill(0, 0);
         }
-        collapse.wide
+        collapse.bvh8
     }
 
     /// Bytes of nodes and blocks.
@@ -115,19 +115,19 @@ impl Collapse<'_> {
         for (slot, index) in children.into_iter().enumerate() {
             let node = &self.nodes[index];
             for axis in 0..3 {
-                self.wide.nodes[at].planes[axis][0][slot] = node.min[axis];
-                self.wide.nodes[at].planes[axis][1][slot] = node.max[axis];
+                self.bvh8.nodes[at].planes[axis][0][slot] = node.min[axis];
+                self.bvh8.nodes[at].planes[axis][1][slot] = node.max[axis];
             }
             let child = if self.below[index].count as usize <= WIDTH {
-                self.wide.blocks.push(Block::new(self.triangles, self.below[index]));
-                LEAF | (self.wide.blocks.len() - 1) as u32
+                self.bvh8.blocks.push(Block::new(self.triangles, self.below[index]));
+                LEAF | (self.bvh8.blocks.len() - 1) as u32
             } else {
-                self.wide.nodes.push(WideNode::EMPTY);
-                let child = self.wide.nodes.len() - 1;
+                self.bvh8.nodes.push(Node8::EMPTY);
+                let child = self.bvh8.nodes.len() - 1;
                 self.fill(index, child);
                 child as u32
             };
-            self.wide.nodes[at].children[slot] = Child(child);
+            self.bvh8.nodes[at].children[slot] = Child(child);
         }
     }
 }
@@ -159,7 +159,7 @@ fn half_area(node: &Node) -> f32 {
     x * y + y * z + z * x
 }
 
-impl WideNode {
+impl Node8 {
     const EMPTY: Self = Self {
         planes: [[[f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]]; 3],
         children: [Child::ROOT; WIDTH],
