@@ -1,3 +1,5 @@
+//! Building the binary tree by a binned surface-area heuristic.
+
 use glam::Vec3;
 
 use super::bvh8::Bvh8;

@@ -1,3 +1,5 @@
+//! Nodes and triangles of the binary tree, and the check that a tree is sound.
+
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
@@ -62,7 +64,7 @@ pub struct Bvh {
     pub triangles: Vec<Triangle>,
     /// Metres by which each triangle's box is grown; see [`Bvh::build`].
     pub pad: f32,
-    /// The same tree for packets.
+    /// The same tree, eight wide.
     pub(crate) bvh8: Bvh8,
 }
 
@@ -110,7 +112,7 @@ impl Bvh {
         Aabb { min: bounds.min - pad, max: bounds.max + pad }
     }
 
-    /// Bytes of the triangles and both trees.
+    /// Bytes of the triangles, the binary and the eight-wide tree.
     pub fn bytes(&self) -> u64 {
         let own = size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice());
         own as u64 + self.bvh8.bytes()

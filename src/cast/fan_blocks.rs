@@ -20,7 +20,7 @@ const DIRECTIONS_PER_BLOCK: usize = 112;
 const DIRECTIONS_AMONG_MANY: usize = 48;
 /// Triangles from which on a scene has many; measured.
 const MANY_TRIANGLES: usize = 1 << 18;
-/// Bytes that the memory moves at a time.
+/// Bytes of a cache line.
 const CACHE_LINE: usize = 64;
 /// Farthest that a direction of a fan is from its first one, as a share of a unit vector.
 const FAN_WIDTH: f32 = 0.3;
@@ -93,8 +93,8 @@ impl Block<'_> {
                     PacketHits::by_ray(&hits, chunk, &mut by_ray[piece]);
                 }
             }
-            // A few rows at a time: the lines of many would push each other out of the cache, since rows
-            // lie a multiple of many lines apart.
+            // Sixteen rows at a time: rows lie a multiple of many cache lines apart, so that the lines of
+            // more rows would push each other out of the cache.
             for (group, by_ray) in group.chunks(CHUNK).zip(by_ray.chunks_exact(pieces)) {
                 write_rows(by_ray, group, &mut self.rows);
             }
@@ -119,7 +119,7 @@ fn write_rows(by_ray: &[HitsByRay], group: &[([f32; 2], u32)], rows: &mut [(Vec3
     }
 }
 
-/// Apart, so that copies of whole lines keep their fixed length: those need no call.
+/// A function of its own, so that copies of fixed length in the caller need no call.
 #[cold]
 #[inline(never)]
 fn write_some(row: &mut [Hit], hits: &[Hit; FAN_DIRECTIONS]) {

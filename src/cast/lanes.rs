@@ -77,12 +77,12 @@ fn shuffle<const N: usize>(from: &[u64; N], to: &mut [u64; N]) {
 
 /// Least and largest of a number over each chunk's rays.
 #[derive(Clone, Copy)]
-pub(super) struct Range {
+pub(super) struct ChunkRange {
     pub(super) low: [f32; CHUNKS],
     pub(super) high: [f32; CHUNKS],
 }
 
-impl Range {
+impl ChunkRange {
     pub(super) const EMPTY: Self =
         Self { low: [f32::INFINITY; CHUNKS], high: [f32::NEG_INFINITY; CHUNKS] };
 

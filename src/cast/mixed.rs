@@ -57,8 +57,8 @@ pub(super) fn mixed_tasks<'a>(
                 pieces.push((middle.y.atan2(middle.x), Piece { pose, directions, hits }));
             }
         }
-        // Side by side as seen from above: what a task holds is as near to each other as in one of all,
-        // and about as much work as another's.
+        // Side by side as seen from above: a task's beams are as near to each other as in one task of
+        // all, and each task is about as much work.
         pieces.sort_by(|a, b| a.0.total_cmp(&b.0));
         let length = pieces.len().div_ceil(most);
         let mut pieces = pieces.into_iter().map(|(_, piece)| piece).peekable();

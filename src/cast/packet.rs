@@ -8,9 +8,9 @@ use crate::bvh::{Hit, axes_of, major_axis, safe_inverse};
 
 /// Rays that go roughly the same way, cast together.
 ///
-/// A node and a block of triangles are tested once for all rays, a triangle that is left once for
-/// each chunk, with bounds that hold for every ray: they are skipped only where all rays miss them,
-/// or have a hit before them, by more than rounding could change (`Bounds::slack`). What is left is
+/// A node and a block of triangles are tested once for all rays, each remaining triangle once for a
+/// chunk, with bounds that hold for every ray: they are skipped only where all rays miss them, or
+/// have a hit before them, by more than rounding could change (`Bounds::slack`). All others are
 /// tested a lane a ray, with the operations of `Ray::intersect` in the same order. Since no hit
 /// depends on which triangles were tested before, the answer has the same bits.
 #[derive(Clone)]

@@ -1,16 +1,16 @@
 //! Least and largest numbers of each chunk of a packet, and the plane that its bounds are taken in.
 
-use super::lanes::{CHUNK, CHUNKS, Range};
+use super::lanes::{CHUNK, CHUNKS, ChunkRange};
 use super::packet::Packet;
 
-/// Of every chunk: how far its origins lie before the plane, where rays cross it, how they are sheared.
-pub(super) struct Ranges {
-    pub(super) shift: Range,
-    pub(super) crossing: [Range; 2],
-    pub(super) shear: [Range; 2],
+/// Ranges of every chunk: distance of the origins before the plane, crossings of it, and shears.
+pub(super) struct PacketRanges {
+    pub(super) shift: ChunkRange,
+    pub(super) crossing: [ChunkRange; 2],
+    pub(super) shear: [ChunkRange; 2],
 }
 
-impl Ranges {
+impl PacketRanges {
     #[inline(always)]
     pub(super) fn new(packet: &Packet, plane: f32) -> Self {
         let axes = packet.axes();
@@ -28,9 +28,12 @@ impl Ranges {
             }
         }
         Self {
-            shift: Range::of(&shift[..filled]),
-            crossing: [Range::of(&at[0][..filled]), Range::of(&at[1][..filled])],
-            shear: [Range::of(&packet.shear[0][..filled]), Range::of(&packet.shear[1][..filled])],
+            shift: ChunkRange::of(&shift[..filled]),
+            crossing: [ChunkRange::of(&at[0][..filled]), ChunkRange::of(&at[1][..filled])],
+            shear: [
+                ChunkRange::of(&packet.shear[0][..filled]),
+                ChunkRange::of(&packet.shear[1][..filled]),
+            ],
         }
     }
 }
@@ -42,7 +45,7 @@ pub(super) fn narrowest_plane(packet: &Packet) -> f32 {
     let axes = packet.axes();
     let filled = packet.chunks();
     let rays = (filled * CHUNK) as f32;
-    let start = Range::of(&packet.origin[axes[2]][..filled]).all();
+    let start = ChunkRange::of(&packet.origin[axes[2]][..filled]).all();
     let start = 0.5 * (start[0] + start[1]);
     let (mut covariance, mut variance) = (0.0, 0.0);
     for k in 0..2 {

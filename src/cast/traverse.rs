@@ -15,7 +15,7 @@ const STACK: usize = MAX_DEPTH * (WIDTH - 1) + 1;
 /// Parts of the tree to visit: where the rays enter each at the earliest, and which it is.
 type Stack = [(f32, Child); STACK];
 
-/// Working memory of [`Bvh::closest_hits`], to be used again.
+/// Working memory of [`Bvh::closest_hits`], kept from packet to packet.
 pub struct Scratch {
     stack: Stack,
     inside: Inside,
@@ -78,7 +78,7 @@ fn traverse(
                 while left != 0 {
                     let slot = left.trailing_zeros() as usize;
                     left &= left - 1;
-                    let meets = chunks.meet(&bounds, block, slot);
+                    let meets = chunks.chunks_that_hit(&bounds, block, slot);
                     let triangle = &triangles[block.first as usize + slot];
                     let triangle = [PermutedTriangle::new(triangle, bounds.axes)];
                     hit |= rays.intersect(&triangle, pad, meets.into(), 0, inside, hits);
@@ -86,7 +86,7 @@ fn traverse(
                 while hit != 0 {
                     let chunk = hit.trailing_zeros() as usize;
                     hit &= hit - 1;
-                    chunks.look_again(
+                    chunks.update_farthest(
                         &packet.hits.t[chunk],
                         &packet.origin[bounds.axes[2]][chunk],
                         &packet.inverse[bounds.axes[2]][chunk],
