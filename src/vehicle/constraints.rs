@@ -1,6 +1,5 @@
 use super::variables::pairs;
-use super::{Placement, SensorPose};
-use crate::scene::Mount;
+use super::{Mount, Placement, SensorPose};
 
 /// Slack for coordinates that a decimal file cannot give exactly: 0.6 − 0.4 is not 0.2.
 pub(super) const SLACK: f64 = 1e-9;

@@ -7,7 +7,7 @@ use gltf::accessor::{DataType, Dimensions};
 use gltf::mesh::Mode;
 
 use super::{Fault, MAX_FILE, RawMesh};
-use crate::scene::error::read_limited;
+use crate::json::read_limited;
 
 /// Nodes inside nodes.
 const MAX_DEPTH: usize = 64;

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use super::error::{Place, SceneError, read_limited};
+use crate::json::{DescriptionError, Place, read_limited};
 
 /// Largest mesh file that is read.
 const MAX_FILE: u64 = 2 << 30;
@@ -63,8 +63,8 @@ fn extension(file: &Path) -> String {
 }
 
 /// Reads the mesh that the scene names at `at`; its kind follows from the ending of its name.
-pub(crate) fn load(at: &Place, file: &Path) -> Result<RawMesh, SceneError> {
-    let fault = |f: Fault| SceneError::Mesh {
+pub(crate) fn load(at: &Place, file: &Path) -> Result<RawMesh, DescriptionError> {
+    let fault = |f: Fault| DescriptionError::Mesh {
         at: Box::new(at.clone()),
         mesh: file.to_owned(),
         element: f.element,

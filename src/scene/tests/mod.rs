@@ -19,7 +19,7 @@ fn full(shapes: &str, more: &str) -> String {
     cut.replace("\"coverage\": \"through\"", &format!("\"static\": [{shapes}]{more}"))
 }
 
-fn read(text: &str) -> Result<Scene, SceneError> {
+fn read(text: &str) -> Result<Scene, DescriptionError> {
     Scene::from_json(text, Path::new("dir"), "s.json")
 }
 
