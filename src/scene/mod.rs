@@ -81,7 +81,8 @@ impl Scene {
     /// # Errors
     ///
     /// Any [`DescriptionError`]; each names the file, the place in it and what to change.
-    pub fn read(path: &Path) -> Result<Self, DescriptionError> {
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, DescriptionError> {
+        let path = path.as_ref();
         let bytes = json::read_limited(path, MAX_FILE)?;
         let name = path.display().to_string();
         let text = String::from_utf8(bytes).map_err(|_| DescriptionError::Json {

@@ -4,6 +4,7 @@ mod beam_table;
 mod constraints;
 mod description;
 mod lidar;
+mod mirror;
 mod mount;
 mod placement;
 mod placement_file;

@@ -1,3 +1,5 @@
+//! Sensor poses and placements.
+
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 

@@ -1,3 +1,5 @@
+//! Placement files: `.json` as one document, `.jsonl` as a stream.
+
 use std::collections::HashSet;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
@@ -304,7 +306,8 @@ impl Iterator for PlacementReader {
 ///
 /// # Errors
 /// As [`PlacementReader`], and a file without any placement.
-pub fn read_placements(path: &Path) -> Result<Vec<Placement>, PlacementFileError> {
+pub fn read_placements(path: impl AsRef<Path>) -> Result<Vec<Placement>, PlacementFileError> {
+    let path = path.as_ref();
     let placements = PlacementReader::open(path)?.collect::<Result<Vec<_>, _>>()?;
     if placements.is_empty() {
         return Err(PlacementFileError::Empty { path: path.to_owned() });

@@ -6,7 +6,7 @@ use glam::{DMat4, DVec3};
 use gltf::accessor::{DataType, Dimensions};
 use gltf::mesh::Mode;
 
-use super::{Fault, MAX_FILE, RawMesh};
+use super::raw::{Fault, MAX_FILE, RawMesh};
 use crate::json::read_limited;
 
 /// Nodes inside nodes.

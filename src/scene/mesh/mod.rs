@@ -1,57 +1,19 @@
 //! Mesh files: OBJ, PLY and glTF, each read into the same plain triangles.
 
+#[cfg(feature = "mesh")]
 mod gltf;
+#[cfg(feature = "mesh")]
 mod obj;
+#[cfg(feature = "mesh")]
 mod ply;
+mod raw;
 
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
-
-use glam::DVec3;
+use std::path::Path;
 
 use crate::json::{DescriptionError, Place, read_limited};
+use raw::{Fault, MAX_FILE};
 
-/// Largest mesh file that is read.
-const MAX_FILE: u64 = 2 << 30;
-
-/// A mesh as its file gives it: no scale, no classes yet.
-#[derive(Debug, Default)]
-pub(crate) struct RawMesh {
-    pub vertices: Vec<DVec3>,
-    pub faces: Vec<[u32; 3]>,
-    /// Index into `materials`, one a face.
-    pub face_material: Vec<u32>,
-    /// Names (OBJ, glTF) or labels (PLY) in use; `None` for faces without one.
-    pub materials: Vec<Option<String>>,
-    /// Places in `materials`: a hostile file names one for each face.
-    by_name: HashMap<Option<String>, u32>,
-    /// The files that it was read from.
-    pub files: Vec<PathBuf>,
-}
-
-impl RawMesh {
-    /// The index of the material called `name`.
-    fn material(&mut self, name: Option<&str>) -> u32 {
-        let name = name.map(str::to_owned);
-        *self.by_name.entry(name).or_insert_with_key(|name| {
-            self.materials.push(name.clone());
-            self.materials.len() as u32 - 1
-        })
-    }
-}
-
-/// What is wrong with a mesh, and at which of its elements.
-#[derive(Debug)]
-struct Fault {
-    element: String,
-    problem: String,
-}
-
-impl Fault {
-    fn new(element: impl Into<String>, problem: impl Into<String>) -> Self {
-        Self { element: element.into(), problem: problem.into() }
-    }
-}
+pub(crate) use raw::RawMesh;
 
 /// Whether files of this kind usually have y up.
 pub(crate) fn default_y_up(file: &Path) -> bool {
@@ -70,18 +32,32 @@ pub(crate) fn load(at: &Place, file: &Path) -> Result<RawMesh, DescriptionError>
         element: f.element,
         problem: f.problem,
     };
-    let read: fn(&[u8], &Path) -> Result<RawMesh, Fault> = match extension(file).as_str() {
-        "obj" => |bytes, _| obj::read(bytes),
-        "ply" => |bytes, _| ply::read(bytes),
-        "gltf" | "glb" => gltf::read,
-        _ => return Err(fault(Fault::new("name", "ends in none of .obj, .ply, .gltf, .glb"))),
-    };
+    let read = reader(&extension(file)).map_err(fault)?;
     let bytes = read_limited(file, MAX_FILE)?;
     let dir = file.parent().unwrap_or(Path::new(""));
     let mut mesh = read(&bytes, dir).map_err(fault)?;
     mesh.files.push(file.to_owned());
     check(&mesh).map_err(fault)?;
     Ok(mesh)
+}
+
+/// Reads the bytes of a mesh file; buffers of a glTF lie in the folder.
+type Reader = fn(&[u8], &Path) -> Result<RawMesh, Fault>;
+
+/// The reader of files with an extension.
+#[cfg(feature = "mesh")]
+fn reader(extension: &str) -> Result<Reader, Fault> {
+    match extension {
+        "obj" => Ok(|bytes, _| obj::read(bytes)),
+        "ply" => Ok(|bytes, _| ply::read(bytes)),
+        "gltf" | "glb" => Ok(gltf::read),
+        _ => Err(Fault::new("name", "ends in none of .obj, .ply, .gltf, .glb")),
+    }
+}
+
+#[cfg(not(feature = "mesh"))]
+fn reader(_: &str) -> Result<Reader, Fault> {
+    Err(Fault::new("file", "cannot be read: this build is without the feature `mesh`"))
 }
 
 /// Every vertex finite, every index in range, at least one triangle.
@@ -103,5 +79,5 @@ fn check(mesh: &RawMesh) -> Result<(), Fault> {
     Ok(())
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "mesh"))]
 mod tests;

@@ -1,3 +1,5 @@
+//! Messages of bad scenes, each with place and mend.
+
 use super::*;
 
 /// Messages that are not as expected, all at once.

@@ -1,3 +1,5 @@
+//! Scenes read from text: both forms, frames, routes, rules.
+
 use glam::DVec3;
 
 use super::*;
