@@ -1,3 +1,5 @@
+//! Memory that this process may still have.
+
 /// Bytes of memory that are free for use on this machine, as the system estimates it; `None` where the
 /// system does not say.
 pub fn available_memory() -> Option<u64> {

@@ -1,3 +1,5 @@
+//! Vulkan devices of this machine, best first.
+
 use serde::Serialize;
 
 /// One Vulkan device as reported by its driver.
@@ -17,11 +19,22 @@ pub struct AdapterSummary {
     pub max_buffer: u64,
     /// Most invocations of a workgroup.
     pub max_workgroup: u32,
-    /// Whether `--backend auto` takes this device.
+    /// Whether `--backend auto` takes this device: the best one, if it is hardware.
     pub auto: bool,
 }
 
-/// Every Vulkan device of this machine, the one that is taken by default first.
+impl AdapterSummary {
+    /// Whether the device is a program on the host, as lavapipe and SwiftShader are.
+    pub fn is_software(&self) -> bool {
+        self.kind == SOFTWARE
+    }
+}
+
+/// `kind` of a device that is a program on the host.
+const SOFTWARE: &str = "software";
+
+/// Every Vulkan device of this machine, best first; none is opened. The first is the one that
+/// [`GpuBackend::new`](super::GpuBackend::new) takes when no name is given.
 pub fn list_adapters() -> Vec<AdapterSummary> {
     let ranked = ranked_adapters(&instance());
     let summaries = ranked.iter().enumerate().map(|(index, adapter)| {
@@ -29,13 +42,13 @@ pub fn list_adapters() -> Vec<AdapterSummary> {
         let limits = adapter.limits();
         AdapterSummary {
             kind: kind(info.device_type),
+            auto: index == 0 && info.device_type != wgpu::DeviceType::Cpu,
             name: info.name,
             driver: info.driver,
             driver_info: info.driver_info,
             max_binding: limits.max_storage_buffer_binding_size,
             max_buffer: limits.max_buffer_size,
             max_workgroup: limits.max_compute_invocations_per_workgroup,
-            auto: index == 0,
         }
     });
     summaries.collect()
@@ -46,7 +59,7 @@ fn kind(device_type: wgpu::DeviceType) -> &'static str {
         wgpu::DeviceType::DiscreteGpu => "discrete",
         wgpu::DeviceType::IntegratedGpu => "integrated",
         wgpu::DeviceType::VirtualGpu => "virtual",
-        wgpu::DeviceType::Cpu => "software",
+        wgpu::DeviceType::Cpu => SOFTWARE,
         wgpu::DeviceType::Other => "other",
     }
 }

@@ -1,16 +1,17 @@
+//! The order of bits in a device's bitmaps: bricks of 4 × 4 × 2 voxels, a 32-bit word each.
+
+use super::layout::LONG_AXIS;
 use crate::problem::{Content, DevicePose, OccupiedVoxel};
 use crate::psog::Roi;
 
-/// Voxels along each axis of a brick, as powers of two.
+/// Voxels along each axis of a brick, as powers of two: 4 × 4 × 2.
 const SHIFT: [u32; 3] = [2, 2, 1];
-/// Voxels along an axis below which crossings of different planes are different numbers, and a walk from
-/// brick to brick ends within [`STEP_BUDGET`](crate::engine::gpu::layout::STEP_BUDGET).
-const PLAIN: f32 = (1 << 15) as f32;
 
-/// Order of the voxels in a device's bitmaps: bricks of 4 × 4 × 2 voxels, a 32-bit word each.
+/// Bit number = 32 · brick + 8 · (x mod 4) + 2 · (y mod 4) + (z mod 2), bricks in the order of the grid.
 ///
-/// A beam stays in a brick for several voxels, and writes its word once; in rows of voxels it would
-/// write a word a voxel. Bits of a brick are in the order of the grid, and so are the bricks.
+/// A beam crosses several voxels of a brick and writes its word once; in rows of voxels it would
+/// write a word a voxel. Example: in a grid of 8 × 8 × 4 voxels, 2 × 2 × 2 bricks, voxel (5, 2, 3) lies in
+/// brick (1, 0, 1), number 5, at bit 8 · 1 + 2 · 2 + 1 = 13, so its bit number is 173.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bricks {
     shape: [u32; 3],
@@ -29,16 +30,14 @@ impl Bricks {
         self.count.iter().map(|&n| u64::from(n)).product::<u64>().next_multiple_of(2)
     }
 
-    /// Whether beams may go from brick to brick: those of a sensor in the grid, and that a plain one.
-    pub(super) fn lead_from(&self, pose: &DevicePose) -> bool {
-        self.shape.iter().zip(pose.in_grid).all(|(&n, p)| {
-            let n = n as f32;
-            n < PLAIN && (0.0..n).contains(&p)
-        })
+    /// Whether the kernel covers the beams of a sensor: one in the grid, and no axis is long.
+    pub(super) fn on_device(&self, pose: &DevicePose) -> bool {
+        let axes = self.shape.iter().zip(pose.in_grid);
+        axes.into_iter().all(|(&n, p)| n < LONG_AXIS && (0.0..n as f32).contains(&p))
     }
 
-    /// Number of the bit of a voxel, from its linear index.
-    fn bit(&self, voxel: u32) -> u32 {
+    /// Bit number of a voxel, from its linear index.
+    pub(super) fn bit(&self, voxel: u32) -> u32 {
         let [_, ny, nz] = self.shape;
         let at = [voxel / nz / ny, voxel / nz % ny, voxel % nz];
         let brick = [0, 1, 2].map(|axis| at[axis] >> SHIFT[axis]);
@@ -48,7 +47,7 @@ impl Bricks {
         word << 5 | bit
     }
 
-    /// The same content with the bits' numbers for indices, rising.
+    /// The same content with bit numbers in place of linear indices, rising.
     pub(super) fn content(&self, content: &Content) -> Content {
         let mut occupied: Vec<OccupiedVoxel> = content
             .occupied()
@@ -68,7 +67,21 @@ impl Bricks {
         Content::new(classes, occupied, &by_class, content.has_detection())
     }
 
-    /// Sets the bits of a device's bitmap in one in the order of the grid.
+    /// A bitmap in the order of linear indices turned into one in bricks.
+    pub(super) fn from_linear(&self, linear: &[u64]) -> Vec<u32> {
+        let mut bitmap = vec![0; self.words() as usize];
+        for (word, &bits) in (0_u32..).zip(linear).filter(|(_, bits)| **bits != 0) {
+            let mut rest = bits;
+            while rest != 0 {
+                let bit = self.bit(word << 6 | rest.trailing_zeros());
+                bitmap[bit as usize >> 5] |= 1 << (bit & 31);
+                rest &= rest - 1;
+            }
+        }
+        bitmap
+    }
+
+    /// Sets the bits of a device's bitmap in one of linear order.
     pub(super) fn add_in_order(&self, bitmap: &[u32], linear: &mut [u64]) {
         let [_, ny, nz] = self.shape;
         for (word, &bits) in bitmap.iter().enumerate().filter(|(_, bits)| **bits != 0) {
@@ -93,6 +106,12 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_example_has_its_number() {
+        let roi = Roi::new([0.0; 3], [1.0; 3], [8, 8, 4]).unwrap();
+        assert_eq!(Bricks::new(&roi).bit(roi.linear([5, 2, 3]) as u32), 173);
+    }
+
+    #[test]
     fn every_voxel_has_a_bit_of_its_own() {
         for shape in [[5, 6, 3], [1, 1, 1], [9, 1, 2], [4, 4, 2]] {
             let roi = Roi::new([0.0; 3], [1.0; 3], shape).unwrap();
@@ -108,6 +127,7 @@ mod tests {
                 single[bit as usize >> 5] = 1 << (bit & 31);
                 bricks.add_in_order(&single, &mut linear);
                 assert_eq!(linear[voxel as usize >> 6], 1 << (voxel & 63), "{shape:?} {voxel}");
+                assert_eq!(bricks.from_linear(&linear), single, "{shape:?} {voxel}");
             }
         }
     }
