@@ -12,7 +12,7 @@ use sightline::engine::gpu::GpuBackend;
 use sightline::geom::TriangleSoup;
 use sightline::problem::{Content, OccupiedVoxel, Problem};
 use sightline::psog::Roi;
-use sightline::vehicle::{BeamTable, Placement, SensorPose};
+use sightline::vehicle::{BeamTable, Constraints, Placement, SensorPose};
 
 /// Memory that a test backend may use.
 pub const MEMORY: u64 = 1 << 30;
@@ -104,4 +104,9 @@ pub fn gpu(problem: &Arc<Problem>) -> GpuBackend {
 
 pub fn both(problem: &Arc<Problem>) -> [Box<dyn Backend>; 2] {
     [Box::new(cpu(problem)), Box::new(gpu(problem))]
+}
+
+/// The problem with other rules of the mount.
+pub fn mounted(problem: &Problem, rules: &Constraints) -> Arc<Problem> {
+    Arc::new(problem.clone().with_constraints(rules.clone()))
 }

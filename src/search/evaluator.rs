@@ -14,7 +14,6 @@ use crate::vehicle::{Constraints, Placement};
 pub struct Evaluator {
     problem: Arc<Problem>,
     backend: Box<dyn Backend>,
-    constraints: Constraints,
     /// Tallies of the reference layout by number of LiDARs; see [`crate::score::Guard`].
     references: BTreeMap<usize, Tally>,
     /// Placements whose tallies are known.
@@ -28,11 +27,11 @@ pub struct Evaluator {
 }
 
 impl Evaluator {
-    /// An evaluator of a problem; the mount decides where the reference layout of the guards stands.
-    pub fn new(problem: Arc<Problem>, backend: Box<dyn Backend>, constraints: Constraints) -> Self {
+    /// An evaluator of a problem; its mount decides where the reference layout of the guards stands.
+    pub fn new(problem: Arc<Problem>, backend: Box<dyn Backend>) -> Self {
         let (references, known, last, store) = (BTreeMap::new(), Vec::new(), None, None);
         let spent = Duration::ZERO;
-        Self { problem, backend, constraints, references, known, last, store, spent }
+        Self { problem, backend, references, known, last, store, spent }
     }
 
     /// Lets searches on a grid keep what each pose covers in a store, and read it from there.
@@ -77,7 +76,7 @@ impl Evaluator {
 
     /// The rules of the mount.
     pub fn constraints(&self) -> &Constraints {
-        &self.constraints
+        self.problem.constraints()
     }
 
     /// What computes.
@@ -111,7 +110,7 @@ impl Evaluator {
         let start = Instant::now();
         for lidars in placements.iter().map(|p| p.lidars.len()) {
             if !self.references.contains_key(&lidars) {
-                let layout = reference_layout(&self.constraints, lidars);
+                let layout = reference_layout(self.problem.constraints(), lidars);
                 // Seen without limit, so that a placement whose range is cut, by fog say, compares
                 // with one that sees all.
                 let tally = self.backend.tally(&[layout], self.problem.far_range())?.remove(0);

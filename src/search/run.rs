@@ -7,7 +7,7 @@ use super::Evaluator;
 use crate::engine::BackendError;
 use crate::score::{Objective, Scores};
 use crate::vehicle::{Constraints, Placement, PoseGrid, PoseGridError, Spacing};
-use sightline_cma::{Cma, CmaOptions, Ended, OptimizeError, RestartOptions, Restarts};
+use sightline_cma::{Cma, CmaError, CmaOptions, Ended, RestartOptions, Restarts};
 
 /// Step size at the start, in the search space scaled to [0, 1]: most of each range is reached.
 const STEP_SIZE: f64 = 0.3;
@@ -105,7 +105,7 @@ pub enum SearchError {
     Backend(#[from] BackendError),
     /// From the strategy.
     #[error(transparent)]
-    Optimize(#[from] OptimizeError),
+    Optimize(#[from] CmaError),
     /// From the grid of poses.
     #[error(transparent)]
     Grid(#[from] PoseGridError),
