@@ -11,8 +11,7 @@ use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
 use crate::common::{
-    both, cpu, gpu, random_content, random_placements, random_problem,
-    random_soup,
+    both, cpu, gpu, random_content, random_placements, random_problem, random_soup,
 };
 
 fn bits(hits: &[Hit]) -> Vec<(u32, u32)> {

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use sightline::bvh::{Bvh, Hit, NO_HIT};
-use sightline::engine::Backend;
 use sightline::geom::TriangleSoup;
 use sightline::problem::Problem;
 use sightline::psog::Roi;

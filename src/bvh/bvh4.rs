@@ -145,7 +145,10 @@ fn step_over(low: f32, high: f32) -> f32 {
 #[derive(Clone, Copy)]
 enum Child {
     /// Binary node, and the children that replace it.
-    Inner { node: usize, count: usize },
+    Inner {
+        node: usize,
+        count: usize,
+    },
     Triangle(usize),
 }
 

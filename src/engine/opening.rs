@@ -182,7 +182,7 @@ fn hardware(
     let Some(best) = adapters.first() else {
         return Err("computing on the CPU: there is no Vulkan device".into());
     };
-    if best.kind == "software" {
+    if best.is_software() {
         return Err(format!(
             "computing on the CPU: no hardware Vulkan device; --backend gpu would take the software device \
              `{}`",

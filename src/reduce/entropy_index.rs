@@ -56,11 +56,6 @@ pub(crate) struct Worth {
 }
 
 impl Worth {
-    /// For bitmaps in the order of the voxels' indices.
-    pub(crate) fn new(content: &Content) -> Self {
-        Self::by_bit(content, |voxel| voxel)
-    }
-
     /// For bitmaps in which `bit` numbers the bit of each voxel.
     pub(crate) fn by_bit(content: &Content, bit: impl Fn(u32) -> u32 + Sync) -> Self {
         let occupied = content.occupied().par_iter();
@@ -86,16 +81,6 @@ impl Worth {
 pub(crate) fn take_sums(bitmaps: &mut [u64], words: usize, worth: &Worth, tally: &mut Tally) {
     let mut maps: Vec<&mut [u64]> = bitmaps.chunks_exact_mut(words).collect();
     take_blocks(&mut maps, 0, worth, tally);
-}
-
-/// [`take_sums`] that leaves the bitmaps as they are.
-pub(crate) fn add_sums(bitmaps: &[u64], words: usize, worth: &Worth, tally: &mut Tally) {
-    for (block, first) in (0..words).step_by(BLOCK).enumerate() {
-        let range = first..words.min(first + BLOCK);
-        let maps = bitmaps.chunks_exact(words).map(|map| &map[range.clone()]);
-        let maps: Vec<&[u64]> = maps.collect();
-        add_block(&maps, block, worth, tally);
-    }
 }
 
 /// [`take_sums`] by all threads.

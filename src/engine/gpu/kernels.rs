@@ -96,8 +96,9 @@ impl Kernels {
         let make = || {
             let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
                 .zip(buffers)
-                .map(|(binding, buffer)| {
-                    wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }
+                .map(|(binding, buffer)| wgpu::BindGroupEntry {
+                    binding,
+                    resource: buffer.as_entire_binding(),
                 })
                 .collect();
             device.wgpu().create_bind_group(&wgpu::BindGroupDescriptor {
@@ -159,8 +160,11 @@ mod tests {
     fn headers_name_files_that_exist() {
         let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
         for (name, parts) in SOURCES {
-            let header: Vec<&str> =
-                parts.iter().flat_map(|part| part.lines()).filter(|l| l.starts_with("//")).collect();
+            let header: Vec<&str> = parts
+                .iter()
+                .flat_map(|part| part.lines())
+                .filter(|l| l.starts_with("//"))
+                .collect();
             let header = header.join(" ");
             assert!(header.contains(&format!("// {name}: ")), "{name} has no header");
             let words = header.split([' ', ',', ';', '(', ')']);

@@ -253,7 +253,12 @@ impl Pipeline<'_> {
     }
 
     /// Hands over the covering and what follows it.
-    fn cover(&self, chunk: &Rc<Chunk>, turn: usize, batch: &Batch<'_>) -> Result<Pending, BackendError> {
+    fn cover(
+        &self,
+        chunk: &Rc<Chunk>,
+        turn: usize,
+        batch: &Batch<'_>,
+    ) -> Result<Pending, BackendError> {
         let work = self.work;
         let by_host = self.cover_by_host(chunk, batch.range)?;
         let covered = self.device.enqueue(|encoder| {
