@@ -2,37 +2,56 @@
 
 #![allow(clippy::unwrap_used)]
 
+#[cfg(feature = "gpu")]
 mod atlas;
+#[cfg(feature = "cli")]
 mod cli;
+#[cfg(feature = "cli")]
 mod cli_chart;
-#[cfg(unix)]
+#[cfg(all(unix, feature = "cli"))]
 mod cli_edges;
+#[cfg(feature = "cli")]
 mod cli_errors;
+#[cfg(feature = "cli")]
 mod cli_inputs;
+#[cfg(feature = "cli")]
 mod cli_merging;
+#[cfg(feature = "cli")]
 mod cli_optimize;
-#[cfg(unix)]
+#[cfg(all(unix, feature = "cli"))]
 mod cli_output;
+#[cfg(feature = "cli")]
 mod cli_rules;
+#[cfg(feature = "cli")]
 mod cli_scene;
+#[cfg(feature = "cli")]
 mod cli_study;
 mod common;
 mod cover;
 mod equal_frames;
 mod fast_stages;
+#[cfg(feature = "gpu")]
 mod gpu_cast_closest;
+#[cfg(feature = "gpu")]
 mod gpu_cover_voxels;
+#[cfg(feature = "gpu")]
 mod gpu_cpu;
+#[cfg(feature = "gpu")]
 mod gpu_pipeline;
 mod grid_search;
 mod hits;
+#[cfg(feature = "gpu")]
 mod hostile;
+#[cfg(feature = "gpu")]
 mod hostile_large;
+#[cfg(feature = "gpu")]
 mod hostile_shifted;
 mod invariants;
 mod invariants_own;
 mod layers;
+#[cfg(feature = "gpu")]
 mod lost_device;
+#[cfg(feature = "cli")]
 mod main_job;
 mod own_scenes;
 mod packets;

@@ -23,16 +23,6 @@ pub struct AdapterSummary {
     pub auto: bool,
 }
 
-impl AdapterSummary {
-    /// Whether the device is a program on the host, as lavapipe and SwiftShader are.
-    pub fn is_software(&self) -> bool {
-        self.kind == SOFTWARE
-    }
-}
-
-/// `kind` of a device that is a program on the host.
-const SOFTWARE: &str = "software";
-
 /// Every Vulkan device of this machine, best first; none is opened. The first is the one that
 /// [`GpuBackend::new`](super::GpuBackend::new) takes when no name is given.
 pub fn list_adapters() -> Vec<AdapterSummary> {
@@ -59,7 +49,7 @@ fn kind(device_type: wgpu::DeviceType) -> &'static str {
         wgpu::DeviceType::DiscreteGpu => "discrete",
         wgpu::DeviceType::IntegratedGpu => "integrated",
         wgpu::DeviceType::VirtualGpu => "virtual",
-        wgpu::DeviceType::Cpu => SOFTWARE,
+        wgpu::DeviceType::Cpu => "software",
         wgpu::DeviceType::Other => "other",
     }
 }
