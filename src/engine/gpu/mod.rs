@@ -1,11 +1,12 @@
 //! The GPU backend: everything that touches wgpu.
 //!
-//! A batch goes one way: [`GpuBackend`] cuts it by [`buffers`], [`pipeline`] runs its chunks with the
-//! [`kernels`] on the [`device`], and [`sums`] adds up the results.
+//! A batch goes one way: [`GpuBackend`] cuts it into chunks (`chunk`) that fit the `buffers`, `pipeline` runs
+//! the `kernels` on the `device`, and `sums` adds up the results.
 
 mod adapters;
 mod bricks;
 mod buffers;
+mod chunk;
 mod device;
 mod kernels;
 mod layout;
@@ -28,9 +29,10 @@ use crate::reduce::union_of;
 use crate::vehicle::{Placement, SensorPose};
 use bricks::Bricks;
 use buffers::{SceneBuffers, Sizes, WorkBuffers};
+use chunk::Batch;
 use device::Device;
 use kernels::Kernels;
-use pipeline::{Batch, Made, Pipeline};
+use pipeline::{Made, Pipeline};
 use sums::Sums;
 
 /// Bytes of the largest bitmap whose bits have numbers of 32 bits.

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use super::bricks::Bricks;
 use super::buffers::{SceneBuffers, WorkBuffers, occupied_workgroups};
+use super::chunk::{Batch, Chunk};
 use super::device::Device;
 use super::kernels::{Kernels, beam_workgroups};
 use super::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, UNFINISHED, Uniforms};
@@ -20,30 +21,8 @@ use super::readback::ReadBack;
 use crate::bvh::{Hit, Ray};
 use crate::cover::cover_voxels;
 use crate::engine::{self, BackendError};
-use crate::problem::{DevicePose, Problem, StageTimes, beam_direction, beam_origin};
+use crate::problem::{Problem, StageTimes, beam_direction, beam_origin};
 use crate::vehicle::Placement;
-
-/// Placements in chunks, and the frames that they are evaluated in.
-pub(super) struct Batch<'a> {
-    pub(super) placements: &'a [Placement],
-    pub(super) chunks: Vec<engine::Chunk>,
-    pub(super) frames: &'a [usize],
-    /// Metres.
-    pub(super) range: f32,
-    /// Whether the reductions run, or bitmaps are read.
-    pub(super) sums: bool,
-}
-
-/// Placements that lie on the device together.
-pub(super) struct Chunk {
-    /// Where they stand in the batch.
-    pub(super) cut: engine::Chunk,
-    poses: Vec<DevicePose>,
-    /// First sensor in the chunk and number of sensors, by placement.
-    pub(super) sensors: Vec<[u32; 2]>,
-    /// Sensors whose beams the host covers.
-    covered_by_host: Vec<usize>,
-}
 
 /// A step's commands on the device and the copy of their results.
 struct Pending {
@@ -150,22 +129,11 @@ impl Pipeline<'_> {
 
     /// Puts a chunk together and uploads it, for all commands from now on.
     fn upload(&self, batch: &[Placement], cut: &engine::Chunk) -> Result<Chunk, BackendError> {
-        let (roi, placements) = (self.problem.roi(), &batch[cut.placements.clone()]);
-        let poses: Vec<DevicePose> =
-            placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect();
-        let mut first = 0;
-        let sensors_of = |placement: &Placement| {
-            let sensors = [first, placement.lidars.len() as u32];
-            first += sensors[1];
-            sensors
-        };
-        let sensors: Vec<[u32; 2]> = placements.iter().map(sensors_of).collect();
-        let bricks = Bricks::new(roi);
-        let covered_by_host = (0..poses.len()).filter(|&s| !bricks.on_device(&poses[s])).collect();
-        self.device.write(&self.work.poses, &poses);
-        self.device.write(&self.work.placement_sensors, &sensors);
+        let chunk = Chunk::new(self.problem, batch, cut);
+        self.device.write(&self.work.poses, &chunk.poses);
+        self.device.write(&self.work.placement_sensors, &chunk.sensors);
         self.device.check("uploading placements")?;
-        Ok(Chunk { cut: cut.clone(), poses, sensors, covered_by_host })
+        Ok(chunk)
     }
 
     fn write_uniforms(&self, frame: usize, range: f32) {
