@@ -119,9 +119,9 @@ pub struct Args {
     #[arg(long, value_name = "SIZE", default_value = "4G", requires = "atlas",
           value_parser = parse_size)]
     atlas_size: u64,
-    /// How to print the result [default: text on a terminal, else json]
-    #[arg(long, value_enum)]
-    format: Option<Format>,
+    /// How to print the result
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
     #[command(flatten)]
     rules: Rules,
     #[command(flatten)]

@@ -14,7 +14,7 @@ use super::auto::Auto;
 use super::finalists::Finding;
 use super::rules::{active_bounds, in_words};
 use super::{Args, Run};
-use crate::cli::args::{Format, format_or_default};
+use crate::cli::args::Format;
 use crate::cli::error::Error;
 use crate::cli::table;
 
@@ -114,7 +114,7 @@ fn peak_memory() -> Option<u64> {
 }
 
 pub(super) fn print(args: &Args, record: &RunRecord, folder: &Path) -> Result<(), Error> {
-    if format_or_default(args.format) == Format::Json {
+    if args.format == Format::Json {
         return outln!("{}", serde_json::json!(record));
     }
     let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
