@@ -4,7 +4,7 @@
 // Reads      poses[sensors], directions[direction_count], hits[sensors × direction_count] if beams
 //            end at hits
 // Writes     bitmaps[sensors × bitmap_words] by atomic or: word = brick of 4 × 4 × 2 voxels, bit
-//            8·(x mod 4) + 2·(y mod 4) + (z mod 2) (src/engine/gpu/bricks.rs)
+//            8·(x mod 4) + 2·(y mod 4) + (z mod 2) (src/cover/bit_order.rs)
 // Dispatch   (ceil(direction_count / WORKGROUP_SIZE), sensors), x spilling into z; the host covers the
 //            beams of sensors outside the grid, and of grids with an axis of LONG_AXIS voxels or more
 // Prelude    WORKGROUP_SIZE, NO_HIT, PUSH, FAR, LONG_AXIS (printed from src/engine/gpu/layout.rs)
@@ -51,7 +51,7 @@ fn cover_voxels(
     }
     let pose = poses[sensor];
     let p = pose.in_grid.xyz;
-    // Host: Bricks::on_device.
+    // Host: src/engine/gpu/chunk.rs::is_covered.
     let outside = any(p < vec3(0.0)) || any(p >= vec3<f32>(uniforms.shape));
     if outside || any(uniforms.shape >= vec3(LONG_AXIS)) {
         return;

@@ -2,12 +2,12 @@
 
 use std::collections::HashMap;
 
-use super::bricks::Bricks;
 use super::device::Device;
 use super::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, Uniforms};
 use crate::bvh::{Bvh, Bvh4, Hit};
+use crate::cover::BitOrder;
 use crate::engine::BackendError;
-use crate::problem::{DevicePose, Problem};
+use crate::problem::{Content, DevicePose, OccupiedVoxel, Problem};
 
 /// Bytes that a chunk needs.
 #[derive(Debug, Clone, Copy)]
@@ -27,12 +27,17 @@ impl Sizes {
         let directions = problem.table().directions().len() as u64;
         let has_geometry = problem.geometry_frame_count() > 0;
         Self {
-            bitmap: 4 * Bricks::new(problem.roi()).words(),
+            bitmap: 4 * u64::from(bitmap_words(problem)),
             hits: if has_geometry { size_of::<Hit>() as u64 * directions } else { 0 },
             partials: 4 * u64::from(occupied_workgroups(problem) * PARTIAL_WORDS),
             totals: 4 * (1 + problem.content().classes().len() as u64),
         }
     }
+}
+
+/// 32-bit words of a bitmap, a brick each: an even number, two a word of [`BitOrder::bricks`].
+pub(super) fn bitmap_words(problem: &Problem) -> u32 {
+    2 * BitOrder::bricks(problem.roi()).words() as u32
 }
 
 /// Workgroups of `reduce_occupied` for one placement.
@@ -64,7 +69,7 @@ impl SceneBuffers {
     pub(super) fn new(device: &Device, problem: &Problem) -> Result<Self, BackendError> {
         let directions: Vec<[f32; 4]> =
             problem.table().directions().iter().map(|&[x, y, z]| [x, y, z, 0.0]).collect();
-        let content = Bricks::new(problem.roi()).content(problem.content());
+        let content = in_bricks(problem.content(), &BitOrder::bricks(problem.roi()));
         let runs = class_runs(content.class_starts());
         let (trees, stack) = upload_trees(device, problem)?;
         Ok(Self {
@@ -77,6 +82,23 @@ impl SceneBuffers {
             stack,
         })
     }
+}
+
+/// The same content with bit numbers in place of linear indices, rising.
+fn in_bricks(content: &Content, order: &BitOrder) -> Content {
+    let moved =
+        |voxel: &OccupiedVoxel| OccupiedVoxel { index: order.bit_of(voxel.index), ..*voxel };
+    let mut occupied: Vec<OccupiedVoxel> = content.occupied().iter().map(moved).collect();
+    occupied.sort_unstable_by_key(|voxel| voxel.index);
+    let of_class = |class: usize| {
+        let voxels = content.voxels_of_class(class).iter();
+        let mut bits: Vec<u32> = voxels.map(|&voxel| order.bit_of(voxel)).collect();
+        bits.sort_unstable();
+        bits
+    };
+    let by_class: Vec<Vec<u32>> = (0..content.classes().len()).map(of_class).collect();
+    let classes = content.classes().to_vec();
+    Content::new(classes, occupied, &by_class, content.has_detection())
 }
 
 /// The trees by frame, and the entries of the deepest one's stack.

@@ -1,8 +1,9 @@
 //! A batch of placements, and a part of it that lies on the device at once.
 
-use super::bricks::Bricks;
+use super::layout::LONG_AXIS;
 use crate::engine;
 use crate::problem::{DevicePose, Problem};
+use crate::psog::Roi;
 use crate::vehicle::Placement;
 
 /// Placements in chunks, and the frames that they are evaluated in.
@@ -40,8 +41,13 @@ impl Chunk {
             sensors
         };
         let sensors = placements.iter().map(sensors_of).collect();
-        let bricks = Bricks::new(roi);
-        let covered_by_host = (0..poses.len()).filter(|&s| !bricks.on_device(&poses[s])).collect();
+        let covered_by_host = (0..poses.len()).filter(|&s| !is_covered(&poses[s], roi)).collect();
         Self { cut: cut.clone(), poses, sensors, covered_by_host }
     }
+}
+
+/// Whether `cover_voxels` covers the beams of a sensor: one in the grid, and no axis is long.
+fn is_covered(pose: &DevicePose, roi: &Roi) -> bool {
+    let mut axes = roi.shape().into_iter().zip(pose.in_grid);
+    axes.all(|(n, p)| n < LONG_AXIS && (0.0..n as f32).contains(&p))
 }

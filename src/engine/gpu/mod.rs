@@ -4,7 +4,6 @@
 //! the `kernels` on the `device`, and `sums` adds up the results.
 
 mod adapters;
-mod bricks;
 mod buffers;
 mod chunk;
 mod device;
@@ -23,11 +22,9 @@ use rayon::prelude::*;
 
 use super::{Backend, BackendError, Chunk, ChunkLimits, check_frame, split};
 use crate::bvh::Hit;
-use crate::cover::bitmap_words;
+use crate::cover::{BitOrder, Bitmaps};
 use crate::problem::{Problem, StageTimes, Tally};
-use crate::reduce::union_of;
 use crate::vehicle::{Placement, SensorPose};
-use bricks::Bricks;
 use buffers::{SceneBuffers, Sizes, WorkBuffers};
 use chunk::Batch;
 use device::Device;
@@ -66,7 +63,7 @@ impl GpuBackend {
         memory: u64,
     ) -> Result<Self, BackendError> {
         let device = Device::open(adapter)?;
-        let need = 4 * Bricks::new(problem.roi()).words();
+        let need = 8 * BitOrder::bricks(problem.roi()).words() as u64;
         if need > MOST_BITMAP {
             let (what, limit) = ("coverage bitmaps", MOST_BITMAP);
             return Err(BackendError::TooLarge { what, need, limit });
@@ -192,31 +189,23 @@ impl Backend for GpuBackend {
         Ok(hits)
     }
 
-    fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {
-        let bitmaps = self.bitmaps(&placement.lidars, frame)?;
-        Ok(union_of(&bitmaps, bitmap_words(self.problem.roi())))
-    }
-
-    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError> {
+    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError> {
         check_frame(&self.problem, frame)?;
-        let (roi, range) = (self.problem.roi(), self.problem.table().range());
-        let bricks = Bricks::new(roi);
-        let (words, linear) = (bricks.words() as usize, bitmap_words(roi));
+        let order = BitOrder::bricks(self.problem.roi());
+        let range = self.problem.table().range();
         let placements = one_by_one(poses);
         let chunks = self.cut(&placements)?;
         let batch = Batch { placements: &placements, chunks, frames: &[frame], range, sums: false };
-        let mut bitmaps = vec![0; poses.len() * linear];
+        let mut bitmaps = vec![0; poses.len() * order.words()];
         self.pipeline().run(&batch, |chunk, _, made| {
             if let Made::Bitmaps(made) = made {
                 // A placement is a sensor.
-                let first = chunk.cut.placements.start * linear;
-                bitmaps[first..]
-                    .par_chunks_mut(linear)
-                    .zip(made.par_chunks(words))
-                    .for_each(|(linear, made)| bricks.add_in_order(made, linear));
+                let first = chunk.cut.placements.start * order.words();
+                let to = bitmaps[first..].par_iter_mut().zip(made.par_chunks(2));
+                to.for_each(|(to, half)| *to = u64::from(half[0]) | u64::from(half[1]) << 32);
             }
         })?;
-        Ok(bitmaps)
+        Ok(Bitmaps { order, words: bitmaps })
     }
 
     fn times(&self) -> StageTimes {

@@ -11,15 +11,14 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::bricks::Bricks;
-use super::buffers::{SceneBuffers, WorkBuffers, occupied_workgroups};
+use super::buffers::{SceneBuffers, WorkBuffers, bitmap_words, occupied_workgroups};
 use super::chunk::{Batch, Chunk};
 use super::device::Device;
 use super::kernels::{Kernels, beam_workgroups};
 use super::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, UNFINISHED, Uniforms};
 use super::readback::ReadBack;
 use crate::bvh::{Hit, Ray};
-use crate::cover::cover_voxels;
+use crate::cover::{BitOrder, cover_voxels};
 use crate::engine::{self, BackendError};
 use crate::problem::{Problem, StageTimes, beam_direction, beam_origin};
 use crate::vehicle::Placement;
@@ -160,7 +159,7 @@ impl Pipeline<'_> {
     }
 
     fn bitmap_words(&self) -> u32 {
-        Bricks::new(self.problem.roi()).words() as u32
+        bitmap_words(self.problem)
     }
 
     /// Hands over the casting of a chunk into a frame; the counters are read.
@@ -259,14 +258,16 @@ impl Pipeline<'_> {
             return Ok(Vec::new());
         }
         let (problem, directions) = (self.problem, self.directions() as usize);
-        let (roi, bricks) = (problem.roi(), Bricks::new(problem.roi()));
+        let roi = problem.roi();
+        let (linear, bricks) = (BitOrder::linear(roi), BitOrder::bricks(roi));
         let hits = if problem.ends_at_hits() { Some(self.read_hits(chunk)?) } else { None };
         let cover = |&sensor: &usize| {
             let hits = hits.as_ref().map(|h| &h[sensor * directions..(sensor + 1) * directions]);
-            let mut linear = Vec::new();
+            let mut bitmap = Vec::new();
             let pose = &chunk.poses[sensor..=sensor];
-            cover_voxels(pose, problem.table(), roi, hits, range, &mut linear);
-            (sensor, bricks.from_linear(&linear))
+            cover_voxels(pose, problem.table(), roi, hits, range, &mut bitmap);
+            let words = linear.convert(&bitmap, &bricks);
+            (sensor, words.iter().flat_map(|&w| [w as u32, (w >> 32) as u32]).collect())
         };
         Ok(chunk.covered_by_host.par_iter().map(cover).collect())
     }
