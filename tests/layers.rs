@@ -4,9 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Top to bottom.
-const ORDER: [&str; 18] = [
-    "geom", "scene", "psog", "vehicle", "bvh", "problem", "cast", "cover", "reduce", "scan",
-    "engine", "score", "search", "audit", "verify", "chart", "study", "report",
+const ORDER: [&str; 19] = [
+    "memory", "geom", "scene", "psog", "vehicle", "bvh", "problem", "cast", "cover", "reduce",
+    "scan", "engine", "score", "search", "audit", "verify", "chart", "study", "report",
 ];
 
 fn sources(dir: &Path, files: &mut Vec<PathBuf>) {

@@ -23,6 +23,7 @@ use rayon::prelude::*;
 use super::{Backend, BackendError, Chunk, ChunkLimits, check_frame, split};
 use crate::bvh::Hit;
 use crate::cover::{BitOrder, Bitmaps};
+use crate::memory;
 use crate::problem::{Problem, StageTimes, Tally};
 use crate::vehicle::{Placement, SensorPose};
 use buffers::{SceneBuffers, Sizes, WorkBuffers};
@@ -196,7 +197,7 @@ impl Backend for GpuBackend {
         let placements = one_by_one(poses);
         let chunks = self.cut(&placements)?;
         let batch = Batch { placements: &placements, chunks, frames: &[frame], range, sums: false };
-        let mut bitmaps = vec![0; poses.len() * order.words()];
+        let mut bitmaps = memory::zeros(poses.len() * order.words(), "coverage bitmaps")?;
         self.pipeline().run(&batch, |chunk, _, made| {
             if let Made::Bitmaps(made) = made {
                 // A placement is a sensor.
