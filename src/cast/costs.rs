@@ -4,14 +4,13 @@ use glam::Vec3;
 
 use super::batch::{Casting, fan_of};
 use super::{FAN_DIRECTIONS, PACKET_RAYS};
-use crate::engine::gpu::layout::PACKET_FOURS;
 
 /// Neighbouring directions that are looked at for how wide fans are.
 const SAMPLED_FANS: usize = 16;
 
 /// What a backend's ways of casting cost: nanoseconds of a thread, of which only the ratios count.
 ///
-/// Measured, and fitted to all of it together; see [`CPU`] and [`DEVICE`].
+/// Measured, and fitted to all of it together; see [`CPU`].
 #[derive(Debug)]
 pub(crate) struct Numbers {
     /// Most sensors of a packet of equal rotations, and fewest.
@@ -41,19 +40,6 @@ pub(crate) const CPU: Numbers = Numbers {
     packet: [1.66, 205.0],
     line: [5.15, 0.93],
     area: [0.000_38, 0.003_56],
-};
-
-/// The same of a device that is a program on the host, which has no fans and casts no beam on its own:
-/// one thread of lavapipe, 200 to 200,000 triangles, 1 to 256 sensors, 180 azimuth steps. Of 204
-/// batches the choice takes more than 1.1 times the best way's time in 5, and at most 1.39 times.
-pub(crate) const DEVICE: Numbers = Numbers {
-    rays: 4 * PACKET_FOURS as usize,
-    least: 4,
-    single: f64::INFINITY,
-    mixed: [69.5, 142.0, 159.0],
-    packet: [0.58, 1300.0],
-    line: [0.35, 4.93],
-    area: [0.0, 0.0022],
 };
 
 /// Sensors of one rotation, of a batch, or of a part of one.
@@ -121,13 +107,8 @@ impl Costs {
             widths.push(f64::from(fan[0].distance(fan[fan.len() - 1])));
         }
         let width = widths.iter().sum::<f64>() / widths.len().max(1) as f64;
-        Self { width, numbers: &CPU, ..Self::of_device(triangles, directions.len()) }
-    }
-
-    /// Costs of [`DEVICE`].
-    pub(crate) fn of_device(triangles: usize, directions: usize) -> Self {
-        let [triangles, directions] = [triangles, directions].map(|n| n as f64);
-        Self { numbers: &DEVICE, triangles, directions, width: 1.0 }
+        let [triangles, directions] = [triangles, directions.len()].map(|n| n as f64);
+        Self { numbers: &CPU, triangles, directions, width }
     }
 
     /// A beam that goes down the tree alone.
@@ -205,7 +186,8 @@ mod tests {
 
     fn costs(triangles: usize, steps: usize) -> Costs {
         let width = (16.0 * std::f64::consts::TAU / steps as f64).min(0.3);
-        Costs { width, numbers: &CPU, ..Costs::of_device(triangles, 16 * steps) }
+        let [triangles, directions] = [triangles, 16 * steps].map(|n| n as f64);
+        Costs { numbers: &CPU, triangles, directions, width }
     }
 
     /// How a batch is cast whose rotations have so many sensors each.
@@ -255,18 +237,6 @@ mod tests {
         assert_eq!(choose(many, &[1; 4], 1.8), choice(&[0; 4], Casting::Beams));
         assert_eq!(choose(many, &[1; 256], 1.8).others, Casting::Mixed);
         assert_eq!(choose(costs(2000, 180), &[1], 0.0), choice(&[0], Casting::Mixed));
-    }
-
-    #[test]
-    fn a_device_puts_sensors_in_packets_by_the_triangles() {
-        let device = |triangles| Costs::of_device(triangles, 2880);
-        for triangles in [200, 20_000, 200_000] {
-            let got = choose(device(triangles), &[64, 1, 3, 48, 195], 1.2);
-            assert_eq!(got, choice(&[64, 0, 0, 48, 192], Casting::Mixed), "{triangles} triangles");
-        }
-        assert_eq!(choose(device(200), &[16], 0.1).in_fans, [0]);
-        assert_eq!(choose(device(20_000), &[16], 0.1).in_fans, [16]);
-        assert_eq!(choose(device(200_000), &[4], 0.1).in_fans, [4]);
     }
 
     #[test]

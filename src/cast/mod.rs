@@ -12,7 +12,6 @@ mod ranges;
 mod reference;
 
 pub use batch::{Casting, cast_packets, cast_packets_by};
-pub(crate) use bounds::SLACK as BOUNDS_SLACK;
 pub use fan::{FAN_DIRECTIONS, Fan};
 pub use packet::{CHUNK, PACKET_RAYS, Packet, PacketHits, Scratch};
 pub use reference::cast_closest;

@@ -85,16 +85,6 @@ pub(crate) fn take_sums(bitmaps: &mut [u64], words: usize, worth: &Worth, tally:
     take_blocks(&mut maps, 0, worth, tally);
 }
 
-/// [`take_sums`] that leaves the bitmaps as they are.
-pub(crate) fn add_sums(bitmaps: &[u64], words: usize, worth: &Worth, tally: &mut Tally) {
-    for (block, first) in (0..words).step_by(BLOCK).enumerate() {
-        let range = first..words.min(first + BLOCK);
-        let maps = bitmaps.chunks_exact(words).map(|map| &map[range.clone()]);
-        let maps: Vec<&[u64]> = maps.collect();
-        add_block(&maps, block, worth, tally);
-    }
-}
-
 /// [`take_sums`] by all threads.
 pub(crate) fn take_sums_spread(
     bitmaps: &mut [u64],
