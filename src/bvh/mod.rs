@@ -13,16 +13,15 @@
 //! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together (`cast::Packet`, `cast::Fan`).
 
 mod build;
+mod bvh4;
 pub(crate) mod bvh8;
 mod intersect;
 mod node;
-mod quads;
-mod quantized;
 
 pub(crate) use intersect::{axes_of, safe_inverse};
 
 pub(crate) use build::PAD_SHARE;
+pub(crate) use bvh4::TRIANGLE;
+pub use bvh4::{Bvh4, QuantizedNode};
 pub use intersect::{Hit, NO_HIT, Ray, major_axis};
 pub use node::{Bvh, BvhError, MAX_DEPTH, Node, Triangle};
-pub use quads::{KINDS, Quads, ROOT, STACK, TRIANGLE, UNIT};
-pub use quantized::QuantizedNode;

@@ -3,7 +3,6 @@
 use glam::Vec3;
 use multiversion::multiversion;
 
-use crate::bvh::Hit;
 use crate::problem::{DevicePose, TINY_COMPONENT, beam_origin};
 
 /// Bits of the cell in which a beam is likely to end, as seen from the middle of the sensors: upwards
@@ -40,15 +39,6 @@ impl KeyedBeam {
         let row = self.0 >> BEAM_BITS & ((1 << ROW_BITS) - 1);
         (row as usize, (self.0 & ((1 << BEAM_BITS) - 1)) as usize)
     }
-}
-
-/// All beams of some sensors, a row each: [`sorted_rows`].
-pub(crate) fn sorted_beams(
-    sensors: &[(&DevicePose, &mut [Hit])],
-    directions: &[[f32; 3]],
-) -> Vec<KeyedBeam> {
-    let rows = sensors.iter().map(|&(pose, _)| (pose, directions));
-    sorted_rows(rows, sensors.len() * directions.len())
 }
 
 /// All beams of some rows, fewer than 2¹⁵, by way and by where they are likely to end. A row is a

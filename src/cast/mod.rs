@@ -3,7 +3,7 @@
 //! `README.md` beside this file says which file does what, and what each path earns.
 
 mod batch;
-pub(crate) mod beam_order;
+mod beam_order;
 mod bounds;
 mod fan;
 mod fan_blocks;
@@ -18,7 +18,6 @@ mod reference;
 mod traverse;
 
 pub use batch::{Casting, cast_packets, cast_packets_by};
-pub(crate) use bounds::SLACK as BOUNDS_SLACK;
 pub use fan::Fan;
 pub use lanes::{CHUNK, FAN_DIRECTIONS, PACKET_RAYS, PacketHits};
 pub use packet::Packet;

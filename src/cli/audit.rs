@@ -123,14 +123,14 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
 
 fn azimuth_steps(scene: &Scene) -> f64 {
     match scene.lidar() {
-        sightline::scene::Lidar::Spinning { azimuth_steps, .. } => f64::from(*azimuth_steps),
-        sightline::scene::Lidar::Directions { directions, .. } => directions.len() as f64,
+        sightline::vehicle::Lidar::Spinning { azimuth_steps, .. } => f64::from(*azimuth_steps),
+        sightline::vehicle::Lidar::Directions { directions, .. } => directions.len() as f64,
     }
 }
 
 fn audited(scene: &Scene, psog: &Psog, frames: &[usize], args: &Args) -> Result<Evaluator, Error> {
     let table = scene.lidar().table()?;
-    let problem = Problem::on_grid_of(psog, scene, table, frames);
+    let problem = Problem::on_grid_of(psog, scene, table, frames)?;
     let quiet =
         Compute { talk: super::args::Talk { quiet: true, verbose: false }, ..args.compute.clone() };
     load::evaluator(problem, &quiet)

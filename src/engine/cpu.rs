@@ -18,6 +18,7 @@ use super::{Backend, BackendError, Chunk, ChunkLimits, check_frame, split};
 use crate::bvh::Hit;
 use crate::cast::cast_packets;
 use crate::cover::{BitOrder, Bitmaps, WalkScratch, cover_sensor};
+use crate::memory;
 use crate::problem::{DevicePose, Problem, StageTimes, Tally};
 use crate::reduce::{EntropyIndex, take_sums};
 use crate::vehicle::{MAX_LIDARS, Placement, SensorPose};
@@ -105,12 +106,20 @@ impl CpuBackend {
     }
 
     /// Finds the hits of a chunk's beams in one frame, where the coverage needs them.
-    fn cast_frame(&mut self, poses: &[DevicePose], frame: usize, range: f32) {
+    fn cast_frame(
+        &mut self,
+        poses: &[DevicePose],
+        frame: usize,
+        range: f32,
+    ) -> Result<(), BackendError> {
         let start = Instant::now();
         if let Some(bvh) = self.problem.bvh(frame) {
+            let beams = poses.len() * self.problem.table().directions().len();
+            memory::reserve(&mut self.hits, beams, "hits")?;
             cast_packets(poses, self.problem.table(), bvh, range, &mut self.hits);
         }
         self.times.cast += start.elapsed();
+        Ok(())
     }
 
     /// Tallies of `placements` in one frame alone.
@@ -139,7 +148,7 @@ impl CpuBackend {
         for chunk in self.chunks(placements)? {
             let poses = self.poses(&placements[chunk.placements.clone()]);
             for &(frame, weight) in frames {
-                self.cast_frame(&poses, frame, range);
+                self.cast_frame(&poses, frame, range)?;
                 let start = Instant::now();
                 let sensors_a_task = self.sensors_a_task(&placements[chunk.placements.clone()]);
                 let mut tasks = Vec::new();
@@ -241,6 +250,7 @@ impl Backend for CpuBackend {
         let poses: Vec<DevicePose> =
             poses.iter().map(|pose| DevicePose::new(pose, self.problem.roi())).collect();
         let mut hits = Vec::new();
+        memory::reserve(&mut hits, poses.len() * table.directions().len(), "hits")?;
         cast_packets(&poses, table, bvh, table.range(), &mut hits);
         self.times.cast += start.elapsed();
         Ok(hits)
@@ -251,9 +261,9 @@ impl Backend for CpuBackend {
         let roi = self.problem.roi();
         let poses: Vec<DevicePose> = poses.iter().map(|pose| DevicePose::new(pose, roi)).collect();
         let range = self.problem.table().range();
-        self.cast_frame(&poses, frame, range);
+        self.cast_frame(&poses, frame, range)?;
         let start = Instant::now();
-        let mut words = vec![0; poses.len() * self.order.words()];
+        let mut words = memory::zeros(poses.len() * self.order.words(), "coverage bitmaps")?;
         let part = Part { poses: &poses, first: 0, frame, weight: 1, range, sensors_a_task: 1 };
         self.cover(&part, &mut words);
         self.times.cover += start.elapsed();

@@ -97,16 +97,6 @@ pub(crate) fn take_sums(
     }
 }
 
-/// [`take_sums`] that leaves the bitmaps as they are.
-pub(crate) fn add_sums(bitmaps: &[u64], words: usize, index: &EntropyIndex, tally: &mut Tally) {
-    for (block, first) in (0..words).step_by(BLOCK).enumerate() {
-        let range = first..words.min(first + BLOCK);
-        let maps = bitmaps.chunks_exact(words).map(|map| &map[range.clone()]);
-        let maps: Vec<&[u64]> = maps.collect();
-        add_block(&maps, block, index, tally);
-    }
-}
-
 /// Adds the sums over one block of words; `maps` holds those words of each sensor.
 #[multiversion(targets(
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+avx512vpopcntdq+bmi1+bmi2+popcnt+lzcnt",
