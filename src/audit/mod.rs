@@ -11,12 +11,12 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use crate::engine::{BackendError, EngineChoice, OpenError, open};
-use crate::problem::{Problem, spread};
+use crate::problem::{Problem, ProblemError, spread};
 use crate::psog::{GridError, Psog};
-use crate::scene::{Lidar, Scene};
+use crate::scene::Scene;
 use crate::score::{Objective, Scores};
 use crate::search::Evaluator;
-use crate::vehicle::{Placement, SensorError};
+use crate::vehicle::{Lidar, Placement, SensorError};
 
 pub use ranking::{kendall_tau, mean_height, spearman};
 pub use stability::Stability;
@@ -45,6 +45,9 @@ pub enum AuditError {
     /// The P-SOG does not fit the scene.
     #[error(transparent)]
     Open(#[from] OpenError),
+    /// A changed P-SOG does not make a problem.
+    #[error(transparent)]
+    Problem(#[from] ProblemError),
     /// A changed region does not make a grid.
     #[error(transparent)]
     Grid(#[from] GridError),
@@ -132,7 +135,7 @@ pub fn audit(
     tell(AuditEvent::PartDone);
     for world in changed_worlds(scene, psog, settings.frames)? {
         let table = scene.lidar().table()?;
-        let problem = Problem::on_grid_of(&world.psog, scene, table, &world.frames);
+        let problem = Problem::on_grid_of(&world.psog, scene, table, &world.frames)?;
         let scores = evaluator(problem, settings)?.0.scores(honest)?;
         stability.push(ranking.under(&world.name, &[scores]));
     }

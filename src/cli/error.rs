@@ -51,13 +51,13 @@ from_modules!(
     sightline::psog::GridError,
     sightline::psog::KittiError,
     sightline::psog::PsogFileError,
-    sightline::scene::SceneError,
+    sightline::scene::DescriptionError,
     sightline::score::ObjectiveError,
     sightline::search::SearchError,
     sightline::study::StudyError,
     sightline::vehicle::PlacementError,
     sightline::vehicle::PoseGridError,
-    sightline::vehicle::ReadError,
+    sightline::vehicle::PlacementFileError,
     sightline::vehicle::SensorError,
 );
 

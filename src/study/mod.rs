@@ -32,7 +32,7 @@ use std::str::FromStr;
 use crate::engine::{BackendError, EngineChoice};
 use crate::problem::ProblemError;
 use crate::psog::{GridError, Psog};
-use crate::scene::{Scene, SceneError};
+use crate::scene::{DescriptionError, Scene};
 use crate::score::{Objective, ObjectiveError};
 use crate::search::SearchError;
 use crate::vehicle::SensorError;
@@ -246,7 +246,7 @@ pub enum StudyError {
     },
     /// A sensor file.
     #[error(transparent)]
-    Scene(#[from] SceneError),
+    Scene(#[from] DescriptionError),
     /// A P-SOG that does not fit its scene.
     #[error("{scene}: {source}")]
     Problem {

@@ -4,7 +4,7 @@ use super::cases::Cases;
 use super::columns::{self, SCORES, check_distinct};
 use super::scene::StudyScene;
 use super::{Drawing, StudyError, Table};
-use crate::scene::Lidar;
+use crate::vehicle::Lidar;
 
 /// Channels that are compared over the scene's own field of view.
 const CHANNELS: [u32; 4] = [16, 32, 64, 128];
