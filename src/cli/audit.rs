@@ -8,6 +8,7 @@ use sightline::audit::{Trial, Verdict, gaming_placements, jittered, spearman};
 use sightline::problem::Problem;
 use sightline::problem::spread;
 use sightline::psog::{Psog, Roi};
+use sightline::report::ScoreColumn;
 use sightline::scan::scan_scene;
 use sightline::scene::{PsogSource, ScanSettings, Scene};
 use sightline::score::Scores;
@@ -208,7 +209,7 @@ fn print_text(
     passed: bool,
 ) -> Result<(), Error> {
     outln!("{}: attempts to look better than {} while seeing less", scene.name(), base.name)?;
-    let metrics = ["M-SOG", "M-SOG/N ×1e-6", "det ×1e-6", "gain nats", "S-MIG"];
+    let metrics = ScoreColumn::METRICS.map(ScoreColumn::title);
     let titles = [&["attempt"][..], &metrics, &["verdict", "looks better by", "guards"]].concat();
     let mut rows = vec![titles.into_iter().map(str::to_owned).collect::<Vec<_>>()];
     rows.push(cells(&base.name, base));
@@ -258,17 +259,8 @@ fn print_text(
 
 /// A name and the value of each metric.
 fn cells(name: &str, scores: &Scores) -> Vec<String> {
-    let number = |v: Option<f64>, factor: f64, decimals: usize| {
-        v.map_or("–".into(), |v| format!("{:.decimals$}", v * factor))
-    };
-    vec![
-        name.to_owned(),
-        number(scores.segmentation.m_sog, 1.0, 4),
-        number(scores.segmentation.m_sog_scaled, 1e6, 3),
-        number(scores.detection.and_then(|d| d.m_sog_scaled), 1e6, 3),
-        number(scores.segmentation.information_gain, 1.0, 0),
-        number(scores.s_mig, 1.0, 0),
-    ]
+    let values = ScoreColumn::METRICS.iter().map(|metric| metric.cell(scores));
+    std::iter::once(name.to_owned()).chain(values).collect()
 }
 
 /// Names of the guards that speak against a placement.

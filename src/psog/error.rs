@@ -1,3 +1,5 @@
+//! Reasons to refuse a grid, a P-SOG or a vote.
+
 use super::roi::{AXIS_LIMIT, VOXEL_LIMIT};
 
 /// Why a grid, a P-SOG or a vote was refused.

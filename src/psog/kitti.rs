@@ -1,3 +1,5 @@
+//! Labelled scans in the SemanticKITTI layout.
+
 use std::io::Read;
 use std::path::{Path, PathBuf};
 

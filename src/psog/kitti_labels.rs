@@ -1,3 +1,5 @@
+//! Label ids of SemanticKITTI and their classes.
+
 /// The classes of a P-SOG from SemanticKITTI labels: the 19 that its benchmark scores, in its order.
 pub const KITTI_CLASSES: [&str; 19] = [
     "car",

@@ -1,13 +1,11 @@
+//! The P-SOG file.
+
 use std::io::{BufWriter, Seek, Write};
 use std::path::Path;
 
-use bytemuck::NoUninit;
-use npyz::npz::NpzWriter;
-use npyz::zip::{CompressionMethod, DateTime, write::FileOptions};
-use npyz::{AutoSerialize, WriterBuilder};
-
 use super::counts::{check_classes, check_index};
 use super::npz_member::{Archive, PsogFileError};
+use super::npz_out::write_npz;
 use super::{GridError, Psog, Roi};
 
 /// The arrays of a P-SOG file, in the order they are written.
@@ -113,42 +111,18 @@ fn write(path: &Path, psog: &Psog) -> std::io::Result<()> {
 /// # Errors
 /// As of `out`.
 pub fn write_psog_to(out: &mut (impl Write + Seek), psog: &Psog) -> std::io::Result<()> {
-    let mut npz = NpzWriter::new(out);
-    let written = put_all(&mut npz, psog).and_then(|()| Ok(npz.zip_writer().finish().map(drop)?));
-    if written.is_err() {
-        // Dropped, it would try to write its end again and complain on stderr.
-        std::mem::forget(npz);
-    }
-    written
-}
-
-fn put_all<W: Write + Seek>(npz: &mut NpzWriter<W>, psog: &Psog) -> std::io::Result<()> {
     let roi = psog.roi();
-    put(npz, "roi_min", &[3], &roi.min())?;
-    put(npz, "voxel", &[3], &roi.voxel())?;
-    put(npz, "shape", &[3], &roi.shape())?;
-    put(npz, "frames", &[], &[psog.frames()])?;
     let names = psog.classes().join("\n");
-    put(npz, "classes", &[names.len() as u64], names.as_bytes())?;
     let (k, m) = (psog.index().len() as u64, psog.classes().len() as u64);
-    put(npz, "index", &[k], psog.index())?;
-    put(npz, "counts", &[k, m], psog.counts())
-}
-
-/// Writes one array: the header by `npyz`, the data at once (an element at a time is slow).
-fn put<T: AutoSerialize + NoUninit, W: Write + Seek>(
-    npz: &mut NpzWriter<W>,
-    array: &'static str,
-    shape: &[u64],
-    data: &[T],
-) -> std::io::Result<()> {
-    let options = FileOptions::default()
-        .compression_method(CompressionMethod::Deflated)
-        .last_modified_time(DateTime::default())
-        .unix_permissions(0o644)
-        .large_file(size_of_val(data) as u64 + 4096 > u64::from(u32::MAX));
-    let out = npz.array::<T>(array, options)?.default_dtype().shape(shape).write_header_only()?;
-    out.write_all(bytemuck::cast_slice(data))
+    write_npz(out, true, |npz| {
+        npz.put("roi_min", &[3], &roi.min())?;
+        npz.put("voxel", &[3], &roi.voxel())?;
+        npz.put("shape", &[3], &roi.shape())?;
+        npz.put("frames", &[], &[psog.frames()])?;
+        npz.put("classes", &[names.len() as u64], names.as_bytes())?;
+        npz.put("index", &[k], psog.index())?;
+        npz.put("counts", &[k, m], psog.counts())
+    })
 }
 
 fn accept<T>(_: usize, _: T) -> Result<(), GridError> {

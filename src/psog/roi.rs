@@ -1,3 +1,5 @@
+//! The voxel grid of the region of interest, and the rule that gives a hit its voxel.
+
 use glam::DVec3;
 use serde::Serialize;
 

@@ -1,3 +1,5 @@
+//! Labelled points to one class a voxel and frame, frames to a P-SOG.
+
 use rayon::prelude::*;
 use serde::Serialize;
 
