@@ -1,4 +1,4 @@
-//! Scores as a table to read.
+//! Tables on stdout: scores, findings, studies.
 
 use sightline::report::{ScoreColumn, optional};
 use sightline::score::Scores;
@@ -39,7 +39,7 @@ pub fn scores(all: &[Scores]) -> String {
     text
 }
 
-/// What goes with the objective over random placements, one property a line.
+/// Correlations of properties of layouts with the objective, one property a line.
 pub fn findings(all: &[Finding]) -> String {
     let title = ["over random placements", "correlation", "beside mean height"];
     let mut rows = vec![title.map(str::to_owned).to_vec()];

@@ -227,7 +227,7 @@ fn read_units(path: &Path, unit: u64) -> Result<Vec<u8>, KittiError> {
     Ok(bytes)
 }
 
-/// Refuses what is no plain file: a device has no end.
+/// Refuses pipes and devices, which may have no end.
 fn plain(path: &Path) -> std::io::Result<()> {
     if std::fs::metadata(path)?.is_file() {
         return Ok(());

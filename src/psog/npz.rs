@@ -1,16 +1,12 @@
 //! The P-SOG file.
 
-use std::io::{BufWriter, Seek, Write};
+use std::io::{Seek, Write};
 use std::path::Path;
 
 use super::counts::{check_classes, check_index};
-use super::npz_member::{Archive, PsogFileError};
+use super::npz_member::{Archive, ArrayFault, PsogFileError};
 use super::npz_out::write_npz;
 use super::{GridError, Psog, Roi};
-
-/// The arrays of a P-SOG file, in the order they are written.
-pub(crate) const ARRAYS: [&str; 7] =
-    ["roi_min", "voxel", "shape", "frames", "classes", "index", "counts"];
 
 /// Most bytes of class names.
 const CLASS_BYTES: u64 = 1 << 24;
@@ -34,7 +30,7 @@ const CLASS_BYTES: u64 = 1 << 24;
 /// See [`PsogFileError`]; each names the file, the array and what to change.
 pub fn read_psog(path: &Path) -> Result<Psog, PsogFileError> {
     let invalid = |fault: GridError| PsogFileError::Value { path: path.to_owned(), fault };
-    let mut archive = Archive::open(path, &ARRAYS)?;
+    let mut archive = Archive::open(path)?;
     let three = |s: &[u64]| if s == [3] { Ok(()) } else { Err("(3,)".to_owned()) };
 
     let min = archive.read("roi_min", three, accept::<f64>)?;
@@ -51,7 +47,7 @@ pub fn read_psog(path: &Path) -> Result<Psog, PsogFileError> {
     };
     let names = archive.read("classes", names, accept::<u8>)?;
     let classes =
-        split_classes(names).map_err(|at| PsogFileError::NotUtf8 { path: path.to_owned(), at })?;
+        split_classes(names).map_err(|at| ArrayFault::NotUtf8 { at }.of(path, "classes"))?;
     check_classes(&classes).map_err(invalid)?;
 
     let voxels = roi.voxel_count();
@@ -72,45 +68,12 @@ pub fn read_psog(path: &Path) -> Result<Psog, PsogFileError> {
     Psog::new(roi, frames, classes, index, counts).map_err(invalid)
 }
 
-/// Writes a P-SOG file that [`read_psog`] and NumPy's `load` read: compressed, the same bytes for
-/// the same P-SOG. It is written beside `path` and renamed, so that no half-written file is left.
-///
-/// # Errors
-/// The folder or the file cannot be written.
-pub fn write_psog(path: &Path, psog: &Psog) -> Result<(), PsogFileError> {
-    write(path, psog).map_err(|cause| PsogFileError::Write { path: path.to_owned(), cause })
-}
-
-fn write(path: &Path, psog: &Psog) -> std::io::Result<()> {
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    if path.is_dir() {
-        return Err(std::io::ErrorKind::IsADirectory.into());
-    }
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".psog-").suffix(".part");
-    #[cfg(unix)]
-    {
-        // As any new file: readable by all that the umask lets read.
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    let mut file = builder.tempfile_in(folder)?;
-    let mut out = BufWriter::with_capacity(1 << 16, file.as_file_mut());
-    write_psog_to(&mut out, psog)?;
-    out.flush()?;
-    drop(out);
-    file.persist(path).map_err(|e| e.error)?;
-    Ok(())
-}
-
-/// Writes what [`write_psog`] writes to something else than a file of its own; the caller flushes it.
+/// Writes a P-SOG file that [`read_psog`] and NumPy's `load` read: compressed, the same bytes for the same
+/// P-SOG. The caller flushes `out`.
 ///
 /// # Errors
 /// As of `out`.
-pub fn write_psog_to(out: &mut (impl Write + Seek), psog: &Psog) -> std::io::Result<()> {
+pub fn write_psog(out: impl Write + Seek, psog: &Psog) -> std::io::Result<()> {
     let roi = psog.roi();
     let names = psog.classes().join("\n");
     let (k, m) = (psog.index().len() as u64, psog.classes().len() as u64);

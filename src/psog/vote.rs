@@ -84,7 +84,7 @@ impl Extend<(Option<u64>, u16)> for FrameVotes {
     }
 }
 
-/// What happened while a P-SOG was built.
+/// Counts of the votes and ties of a P-SOG that was built.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct BuildReport {
     /// Frames voted.
