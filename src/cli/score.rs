@@ -16,7 +16,7 @@ use serde_json::ser::Formatter;
 use serde_json::{Value, json};
 use sightline::score::Scores;
 use sightline::search::Evaluator;
-use sightline::vehicle::{Placement, PlacementReader, ReadError};
+use sightline::vehicle::{Placement, PlacementFileError, PlacementReader};
 
 use super::args::{Compute, Format};
 use super::error::Error;
@@ -88,7 +88,7 @@ fn count_placements(path: &Path) -> Result<u64, Error> {
         count += 1;
     }
     if count == 0 {
-        return Err(ReadError::Empty { path: path.to_owned() }.into());
+        return Err(PlacementFileError::Empty { path: path.to_owned() }.into());
     }
     Ok(count)
 }
@@ -173,7 +173,7 @@ fn print(
     let mut scoring = Scoring { args, evaluator, reader, bar, total, count: 0, times, start };
     // Before anything is written: what cannot be computed prints nothing.
     let Some(first) = scoring.next()? else {
-        return Err(ReadError::Empty { path: args.placements.clone() }.into());
+        return Err(PlacementFileError::Empty { path: args.placements.clone() }.into());
     };
     match args.format {
         Format::Json => print_json(&mut scoring, first, scene.name(), path, out)?,

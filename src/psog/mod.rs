@@ -36,5 +36,5 @@ pub use kitti_psog::{KITTI_LIDAR_HEIGHT, KittiPsogOptions, build_kitti_psog};
 pub use npz::{read_psog, write_psog};
 pub use npz_member::{ArrayFault, PsogFileError};
 pub(crate) use npz_out::{NpzOut, write_npz};
-pub use roi::{AXIS_LIMIT, PUSH, Roi, VOXEL_LIMIT};
+pub use roi::{PUSH, Roi};
 pub use vote::{BuildReport, FrameVotes, PsogBuilder};

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::chart_labels::Labels;
-use super::chart_table::table;
+use super::chart_table::{ChartFrame, seconds, table};
 use super::svg::{ACCENT, Axes, GREY, INK, SECOND, SOFT, Scale, corners, page, px, trimmed};
 use crate::chart::{Engine, Rated, pareto};
 
@@ -11,20 +11,9 @@ use crate::chart::{Engine, Rated, pareto};
 const WIDTH: f64 = 1000.0;
 const ROW: f64 = 19.0;
 /// Left, right, top and bottom of the plot area.
-pub(super) const AREA: [f64; 4] = [76.0, 976.0, 62.0, 490.0];
+const AREA: [f64; 4] = [76.0, 976.0, 62.0, 490.0];
 /// Where the titles of the table stand.
 const TABLE: f64 = 600.0;
-
-/// Title and emphasis of a chart.
-#[derive(Debug, Clone, Copy)]
-pub struct ChartFrame<'a> {
-    /// Scene, placements, objective.
-    pub title: &'a str,
-    /// The scene's own voxel edge in metres.
-    pub edge: f64,
-    /// Position of the setting to take.
-    pub chosen: Option<usize>,
-}
 
 /// Cost against ranking error of every setting, both logarithmic; the Pareto front, the setting to take
 /// and the atlases are numbered, with a table below.
@@ -35,7 +24,7 @@ pub fn fidelity_svg(rated: &[Rated], chart: &ChartFrame) -> String {
     let points: Vec<usize> = (0..rated.len()).filter(|&i| rated[i].error.tau.is_some()).collect();
     let front: Vec<usize> = pareto(rated).into_iter().filter(|i| points.contains(i)).collect();
     // The setting to take may lie off the front, which knows τ and not the regret; an atlas does.
-    let atlas = points.iter().filter(|&&i| rated[i].measured.rung.engine == Engine::Atlas);
+    let atlas = points.iter().filter(|&&i| rated[i].measured.setting.engine == Engine::Atlas);
     let off = chart.chosen.iter().filter(|c| !front.contains(c) && points.contains(c)).chain(atlas);
     let listed: Vec<usize> = front.iter().chain(off).copied().collect();
     let rows: Vec<(f64, usize)> =
@@ -64,7 +53,7 @@ fn points_and_axes(
     let area = Area::around(rated, points);
     let line: Vec<(f64, f64)> = front.iter().map(|&i| area.at(&rated[i])).collect();
     let taken = points.iter().map(|&i| area.at(&rated[i])).collect();
-    let mut labels = Labels { taken, line: &line };
+    let mut labels = Labels { area: AREA, taken, line: &line };
     let numbers: Vec<Markup> =
         (1..).zip(listed).map(|(number, &i)| labels.write(area.at(&rated[i]), number)).collect();
     let ink = |i: usize| match i {
@@ -148,7 +137,7 @@ impl Area {
     fn point(&self, rated: &Rated, (colour, fill): (&str, &str), r: f64) -> Markup {
         let (x, y) = self.at(rated);
         let [_, low, high] = misranked(rated).map(|m| self.at_y(m));
-        let path = match rated.measured.rung.engine {
+        let path = match rated.measured.setting.engine {
             Engine::F64 => format!("M{:.1} {:.1}h{d}v{d}h-{d}z", x - r, y - r, d = 2.0 * r),
             Engine::Cpu => {
                 format!(
@@ -176,16 +165,4 @@ impl Area {
 /// The last multiple of a half that is not above `value`.
 fn half_below(value: f64) -> f64 {
     (2.0 * value).floor() / 2.0
-}
-
-/// A duration in two or three digits and its unit.
-pub fn seconds(value: f64) -> String {
-    let (value, unit) = match value {
-        v if v < 1e-3 => (v * 1e6, "µs"),
-        v if v < 1.0 => (v * 1e3, "ms"),
-        v => (v, "s"),
-    };
-    let decimals = if value < 9.95 { 1 } else { 0 };
-    let text = format!("{value:.decimals$}");
-    format!("{} {unit}", text.strip_suffix(".0").unwrap_or(&text))
 }

@@ -2,11 +2,12 @@
 
 use maud::{Markup, html};
 
-use super::chart::AREA;
 use super::svg::{INK, px};
 
 /// Numbers beside points.
 pub(super) struct Labels<'a> {
+    /// Left, right, top and bottom of the plot area, in pixels.
+    pub area: [f64; 4],
     /// Points, and numbers written so far.
     pub taken: Vec<(f64, f64)>,
     /// The Pareto front.
@@ -38,7 +39,7 @@ impl Labels<'_> {
 
     /// Overlap of a number with points, numbers and the front at a place, plus its distance from its point.
     fn crowding(&self, (radius, at): (f64, (f64, f64))) -> f64 {
-        let [left, right, top, bottom] = AREA;
+        let [left, right, top, bottom] = self.area;
         let overlap = |distance: f64, free: f64| ((free - distance) / free).max(0.0);
         let points = self.taken.iter().map(|t| overlap((t.0 - at.0).hypot(t.1 - at.1), 14.0));
         let line =

@@ -4,7 +4,6 @@ use std::fmt::Write;
 
 use maud::{Markup, html};
 
-use super::chart::{ChartFrame, seconds};
 use super::svg::{ACCENT, INK, SOFT, px, trimmed};
 use crate::chart::{Engine, Rated};
 
@@ -19,6 +18,17 @@ const COLUMNS: [(&str, f64); 8] = [
     ("swapped % (to)", 976.0),
     ("", 34.0),
 ];
+
+/// Title and emphasis of a chart.
+#[derive(Debug, Clone, Copy)]
+pub struct ChartFrame<'a> {
+    /// Scene, placements, objective.
+    pub title: &'a str,
+    /// The scene's own voxel edge in metres.
+    pub edge: f64,
+    /// Position of the setting to take.
+    pub chosen: Option<usize>,
+}
 
 /// Cost and error of the numbered settings: `rows` holds the height of each and its place in `rated`.
 pub(super) fn table(
@@ -47,7 +57,7 @@ fn row(y: f64, cells: [String; 8], ink: &str, bold: bool) -> Markup {
 }
 
 fn cells(rated: &[Rated], i: usize, number: usize, edge: f64) -> [String; 8] {
-    let finest = rated[0].measured.rung.fidelity;
+    let finest = rated[0].measured.setting.fidelity;
     let (measured, error) = (&rated[i].measured, &rated[i].error);
     let percent = |value: f64| format!("{:.2}", 100.0 * value);
     let pose = measured.pose.map_or(String::new(), |pose| {
@@ -55,10 +65,10 @@ fn cells(rated: &[Rated], i: usize, number: usize, edge: f64) -> [String; 8] {
         format!("; a pose {}, {bytes:.2} MiB", seconds(pose.seconds))
     });
     [
-        measured.rung.words(edge) + &pose,
+        measured.setting.words(edge) + &pose,
         seconds(measured.seconds),
         format!("{:.1}", measured.bytes as f64 / f64::from(1 << 20)),
-        if measured.rung.fidelity.same_quantity(&finest) {
+        if measured.setting.fidelity.same_quantity(&finest) {
             format!("{} ({})", percent(error.score_median), percent(error.score_largest))
         } else {
             "another quantity".to_owned()
@@ -80,7 +90,7 @@ pub fn fidelity_csv(rated: &[Rated], edge: f64) -> String {
         .to_owned();
     for rated in rated {
         let (measured, error) = (&rated.measured, &rated.error);
-        let fidelity = measured.rung.fidelity;
+        let fidelity = measured.setting.fidelity;
         let tau = match error.tau {
             Some(tau) => format!("{},{},{}", tau.value, tau.low, tau.high),
             None => ",,".to_owned(),
@@ -91,8 +101,8 @@ pub fn fidelity_csv(rated: &[Rated], edge: f64) -> String {
         let _ = writeln!(
             csv,
             "\"{}\",{},{},{},{},{},{},{:.4e},{:.4e},{:.4e},{},{},{},{},{},{tau},{},{},{},{},{},{},{pose},{}",
-            measured.rung.words(edge),
-            match measured.rung.engine {
+            measured.setting.words(edge),
+            match measured.setting.engine {
                 Engine::F64 => "f64",
                 Engine::Cpu => "cpu",
                 Engine::Gpu => "gpu",
@@ -121,4 +131,16 @@ pub fn fidelity_csv(rated: &[Rated], edge: f64) -> String {
         );
     }
     csv
+}
+
+/// A duration in two or three digits and its unit.
+pub fn seconds(value: f64) -> String {
+    let (value, unit) = match value {
+        v if v < 1e-3 => (v * 1e6, "µs"),
+        v if v < 1.0 => (v * 1e3, "ms"),
+        v => (v, "s"),
+    };
+    let decimals = if value < 9.95 { 1 } else { 0 };
+    let text = format!("{value:.decimals$}");
+    format!("{} {unit}", text.strip_suffix(".0").unwrap_or(&text))
 }
