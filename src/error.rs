@@ -4,10 +4,10 @@ use crate::chart::FidelityError;
 use crate::engine::{BackendError, OpenError};
 use crate::problem::ProblemError;
 use crate::psog::{GridError, KittiError, PsogFileError};
-use crate::scene::SceneError;
+use crate::scene::DescriptionError;
 use crate::score::ObjectiveError;
 use crate::search::SearchError;
-use crate::vehicle::{PlacementError, PoseGridError, ReadError, SensorError};
+use crate::vehicle::{PlacementError, PlacementFileError, PoseGridError, SensorError};
 
 /// Any error of this library, so that `?` works across its modules.
 ///
@@ -17,10 +17,10 @@ use crate::vehicle::{PlacementError, PoseGridError, ReadError, SensorError};
 pub enum Error {
     /// From reading a scene.
     #[error(transparent)]
-    Scene(#[from] SceneError),
+    Scene(#[from] DescriptionError),
     /// From reading placements.
     #[error(transparent)]
-    Placements(#[from] ReadError),
+    Placements(#[from] PlacementFileError),
     /// From a placement.
     #[error(transparent)]
     Placement(#[from] PlacementError),

@@ -47,7 +47,6 @@ mod hostile_large;
 #[cfg(feature = "gpu")]
 mod hostile_shifted;
 mod invariants;
-mod invariants_own;
 mod layers;
 #[cfg(feature = "gpu")]
 mod lost_device;

@@ -5,8 +5,8 @@ use super::exact_tree::ExactTree;
 use super::{Fidelity, FidelityError, World, merge_vertices};
 use crate::problem::{Content, Tally};
 use crate::psog::{ENTROPY_ONE, EntropyKind, EntropyTable, PUSH, Psog, Roi};
-use crate::scene::{EgoBody, Lidar, Scene};
-use crate::vehicle::{Placement, SensorPose};
+use crate::scene::{EgoBody, Scene};
+use crate::vehicle::{Lidar, Placement, SensorPose};
 
 /// Numbers closer than this are meant to be one: direction components and zero (cos 90° is 6e-17), grid
 /// coordinates and whole numbers, metres at which a beam crosses planes (cos 45° and sin 45° differ in

@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 
-use crate::scene::{Coverage, Lidar, PsogSource, Scene};
+use crate::scene::{Coverage, PsogSource, Scene};
+use crate::vehicle::Lidar;
 
 /// Voxel edges in metres between which the ladder stays, beside the scene's own.
 const EDGES: [f64; 2] = [0.1, 0.8];

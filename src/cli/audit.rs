@@ -123,8 +123,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
 
 fn azimuth_steps(scene: &Scene) -> f64 {
     match scene.lidar() {
-        sightline::scene::Lidar::Spinning { azimuth_steps, .. } => f64::from(*azimuth_steps),
-        sightline::scene::Lidar::Directions { directions, .. } => directions.len() as f64,
+        sightline::vehicle::Lidar::Spinning { azimuth_steps, .. } => f64::from(*azimuth_steps),
+        sightline::vehicle::Lidar::Directions { directions, .. } => directions.len() as f64,
     }
 }
 

@@ -50,12 +50,12 @@ from_modules!(
     sightline::psog::GridError,
     sightline::psog::KittiError,
     sightline::psog::PsogFileError,
-    sightline::scene::SceneError,
+    sightline::scene::DescriptionError,
     sightline::score::ObjectiveError,
     sightline::search::SearchError,
     sightline::vehicle::PlacementError,
     sightline::vehicle::PoseGridError,
-    sightline::vehicle::ReadError,
+    sightline::vehicle::PlacementFileError,
     sightline::vehicle::SensorError,
 );
 

@@ -1,9 +1,8 @@
 //! Rules of a run beside those of its scene: what the options say, and how results stand to them.
 
 use sightline::report::LeftOut;
-use sightline::scene::MountRules;
 use sightline::search::Search;
-use sightline::vehicle::{Constraints, Placement};
+use sightline::vehicle::{Constraints, MountRules, Placement, SensorPose};
 
 use crate::cli::args::Talk;
 
@@ -11,8 +10,6 @@ use crate::cli::args::Talk;
 const ON_BOUND: f64 = 1e-3;
 /// Distance from a box or from another LiDAR, in metres over the least one, that counts as on it.
 const ON_RULE: f64 = 1e-3;
-/// Names of the pose fields.
-const FIELDS: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
 
 #[derive(clap::Args)]
 pub(super) struct Rules {
@@ -43,8 +40,10 @@ impl Rules {
 fn parse_fixed(text: &str) -> Result<(String, f64), String> {
     let parts = text.split_once('=').map(|(field, value)| (field.trim(), value.trim().parse()));
     match parts {
-        Some((field, Ok(value))) if FIELDS.contains(&field) => Ok((field.to_owned(), value)),
-        _ => Err(format!("write one of {} and a number, as z=2.5", FIELDS.join(", "))),
+        Some((field, Ok(value))) if SensorPose::FIELDS.contains(&field) => {
+            Ok((field.to_owned(), value))
+        }
+        _ => Err(format!("write one of {} and a number, as z=2.5", SensorPose::FIELDS.join(", "))),
     }
 }
 
@@ -82,7 +81,7 @@ pub(super) fn in_words(constraints: &Constraints) -> Vec<String> {
     }
     let free = constraints.free_fields();
     let fixed = (0..6).filter(|k| !free.contains(k));
-    words.extend(fixed.map(|k| format!("{} = {}", FIELDS[k], constraints.lower[k])));
+    words.extend(fixed.map(|k| format!("{} = {}", SensorPose::FIELDS[k], constraints.lower[k])));
     words
 }
 

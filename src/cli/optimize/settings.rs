@@ -4,9 +4,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 use sightline::report::LeftOut;
-use sightline::scene::MountRules;
 use sightline::search::SearchSettings;
-use sightline::vehicle::{Placement, read_placements};
+use sightline::vehicle::{MountRules, Placement, read_placements};
 
 use super::Args;
 use super::auto::FidelityChoice;

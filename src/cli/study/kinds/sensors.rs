@@ -1,8 +1,7 @@
 //! How many LiDARs, of which kind, how high.
 
-use sightline::scene::Lidar;
 use sightline::study::{Row, Table, knee};
-use sightline::vehicle::Placement;
+use sightline::vehicle::{Lidar, Placement};
 
 use super::{SCORE_COLUMNS, check_distinct, columns, plot_of, score_row, title};
 use crate::cli::error::Error;

@@ -1,4 +1,6 @@
-use super::variables::{MIRRORED, pairs};
+//! Numbered sensor poses on a grid in the mount.
+
+use super::mirror::{MIRRORED, pairs};
 use super::{Constraints, Placement, SensorPose, Ties};
 
 /// Grid values are rounded to this many steps a unit, so that 0.1 · 3 is printed as 0.3.

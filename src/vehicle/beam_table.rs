@@ -1,6 +1,6 @@
-use glam::DVec3;
+//! Beam directions of one sensor.
 
-use crate::scene::Lidar;
+use glam::DVec3;
 
 /// Unit beam directions of one sensor, in the sensor frame (x forward, z up).
 ///
@@ -31,25 +31,6 @@ pub enum SensorError {
         /// Metres.
         range: f64,
     },
-}
-
-impl Lidar {
-    /// The sensor's beams as a table.
-    ///
-    /// # Errors
-    /// As [`BeamTable::spinning`] and [`BeamTable::from_directions`].
-    pub fn table(&self) -> Result<BeamTable, SensorError> {
-        match self {
-            Self::Spinning { elevations, azimuth_offsets, azimuth_steps, range } => {
-                let channels: Vec<(f64, f64)> =
-                    elevations.iter().copied().zip(azimuth_offsets.iter().copied()).collect();
-                BeamTable::spinning(&channels, *azimuth_steps, *range)
-            }
-            Self::Directions { directions, range } => {
-                BeamTable::from_directions(directions.iter().map(|&d| d.into()), *range)
-            }
-        }
-    }
 }
 
 impl BeamTable {

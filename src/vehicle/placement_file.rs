@@ -1,3 +1,5 @@
+//! Placement files: `.json` as one document, `.jsonl` as a stream.
+
 use std::collections::HashSet;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
@@ -7,7 +9,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
 use super::{Placement, PlacementError};
-use crate::scene::plain_words;
+use crate::json::plain_words;
 
 /// Longest line of a `.jsonl` file, in bytes: 16 LiDARs need far less.
 const MAX_LINE: u64 = 1 << 20;
@@ -17,7 +19,7 @@ const MAX_DOCUMENT: u64 = 1 << 30;
 /// Why placements could not be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum ReadError {
+pub enum PlacementFileError {
     /// The file cannot be opened or read.
     #[error("{}: {source}", path.display())]
     Io {
@@ -115,7 +117,7 @@ fn name_in(text: &str, index: usize) -> Option<String> {
 }
 
 /// A document, or one line of several; `line` is the number of its first.
-fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, ReadError> {
+fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, PlacementFileError> {
     // Keeping track of the place takes time: only where it is needed.
     serde_json::from_str(text).map_err(|error| {
         let mut json = serde_json::Deserializer::from_str(text);
@@ -132,7 +134,7 @@ fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, R
         let index = place.strip_prefix("placements[").and_then(|rest| rest.split(']').next());
         let index = index.map_or(Some(0), |index| index.parse().ok());
         let near = index.filter(|_| !(place.is_empty() || problem.contains("`name`")));
-        ReadError::Json {
+        PlacementFileError::Json {
             path: path.to_owned(),
             line: line - 1 + error.line() as u64,
             column: error.column(),
@@ -190,8 +192,8 @@ impl PlacementReader {
     ///
     /// # Errors
     /// The file cannot be opened, or is no JSON of the expected form.
-    pub fn open(path: &Path) -> Result<Self, ReadError> {
-        let io = |source| ReadError::Io { path: path.to_owned(), source };
+    pub fn open(path: &Path) -> Result<Self, PlacementFileError> {
+        let io = |source| PlacementFileError::Io { path: path.to_owned(), source };
         let mut reader: Box<dyn BufRead> = if path == Path::new("-") {
             Box::new(BufReader::new(io::stdin()))
         } else {
@@ -214,7 +216,7 @@ impl PlacementReader {
         Ok(Self { path: path.to_owned(), source, names: HashSet::new() })
     }
 
-    fn next_placement(&mut self) -> Option<Result<Placement, ReadError>> {
+    fn next_placement(&mut self) -> Option<Result<Placement, PlacementFileError>> {
         let (placement, line) = match &mut self.source {
             Source::Whole(rest) => (rest.next()?, None),
             Source::Lines { reader, line } => match next_line(reader, line, &self.path)? {
@@ -231,26 +233,30 @@ impl PlacementReader {
         });
         Some(match checked {
             Ok(()) => Ok(placement),
-            Err(source) => Err(ReadError::Placement { path: self.path.clone(), line, source }),
+            Err(source) => {
+                Err(PlacementFileError::Placement { path: self.path.clone(), line, source })
+            }
         })
     }
 }
 
-fn document(reader: impl Read, path: &Path) -> Result<PlacementFile, ReadError> {
+fn document(reader: impl Read, path: &Path) -> Result<PlacementFile, PlacementFileError> {
     let mut bytes = Vec::new();
     let read = reader.take(MAX_DOCUMENT + 1).read_to_end(&mut bytes);
-    read.map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
+    read.map_err(|source| PlacementFileError::Io { path: path.to_owned(), source })?;
     if bytes.len() as u64 > MAX_DOCUMENT {
-        return Err(ReadError::TooLarge { path: path.to_owned() });
+        return Err(PlacementFileError::TooLarge { path: path.to_owned() });
     }
-    let text = std::str::from_utf8(&bytes)
-        .map_err(|error| ReadError::NotText { path: path.to_owned(), byte: error.valid_up_to() })?;
+    let text = std::str::from_utf8(&bytes).map_err(|error| PlacementFileError::NotText {
+        path: path.to_owned(),
+        byte: error.valid_up_to(),
+    })?;
     let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
     if text.trim_ascii().is_empty() {
-        return Err(ReadError::Empty { path: path.to_owned() });
+        return Err(PlacementFileError::Empty { path: path.to_owned() });
     }
     if text.trim_start().starts_with('[') {
-        return Err(ReadError::BareList { path: path.to_owned() });
+        return Err(PlacementFileError::BareList { path: path.to_owned() });
     }
     parse(text, 1, path)
 }
@@ -259,22 +265,27 @@ fn next_line(
     reader: &mut impl BufRead,
     line: &mut u64,
     path: &Path,
-) -> Option<Result<Placement, ReadError>> {
+) -> Option<Result<Placement, PlacementFileError>> {
     let mut bytes = Vec::new();
     loop {
         bytes.clear();
         match reader.by_ref().take(MAX_LINE + 1).read_until(b'\n', &mut bytes) {
-            Err(source) => return Some(Err(ReadError::Io { path: path.to_owned(), source })),
+            Err(source) => {
+                return Some(Err(PlacementFileError::Io { path: path.to_owned(), source }));
+            }
             Ok(0) => return None,
             Ok(_) => *line += 1,
         }
         if bytes.len() as u64 > MAX_LINE {
-            return Some(Err(ReadError::LongLine { path: path.to_owned(), line: *line }));
+            return Some(Err(PlacementFileError::LongLine { path: path.to_owned(), line: *line }));
         }
         let text = match std::str::from_utf8(&bytes) {
             Ok(text) => text.trim_start_matches(BYTE_ORDER_MARK),
             Err(_) => {
-                return Some(Err(ReadError::LineNotText { path: path.to_owned(), line: *line }));
+                return Some(Err(PlacementFileError::LineNotText {
+                    path: path.to_owned(),
+                    line: *line,
+                }));
             }
         };
         if !text.trim_ascii().is_empty() {
@@ -284,7 +295,7 @@ fn next_line(
 }
 
 impl Iterator for PlacementReader {
-    type Item = Result<Placement, ReadError>;
+    type Item = Result<Placement, PlacementFileError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         self.next_placement()
@@ -295,11 +306,11 @@ impl Iterator for PlacementReader {
 ///
 /// # Errors
 /// As [`PlacementReader`], and a file without any placement.
-pub fn read_placements(path: impl AsRef<Path>) -> Result<Vec<Placement>, ReadError> {
+pub fn read_placements(path: impl AsRef<Path>) -> Result<Vec<Placement>, PlacementFileError> {
     let path = path.as_ref();
     let placements = PlacementReader::open(path)?.collect::<Result<Vec<_>, _>>()?;
     if placements.is_empty() {
-        return Err(ReadError::Empty { path: path.to_owned() });
+        return Err(PlacementFileError::Empty { path: path.to_owned() });
     }
     Ok(placements)
 }

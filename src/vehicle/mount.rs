@@ -2,13 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::RoiBounds;
-use super::check::{self, bad};
+use super::SensorPose;
 use super::description::{KeepOutDescription, MountDescription};
-use super::error::{Place, SceneError};
+use crate::json::check::{self, bad};
+use crate::json::{DescriptionError, Place};
 
-/// How far above the ROI a mount may stand, in metres.
-const MOUNT_HEADROOM: f64 = 10.0;
 /// Boxes of a mount in which no sensor may stand.
 const MAX_KEEP_OUT: usize = 32;
 
@@ -49,11 +47,7 @@ pub struct MountRules {
 }
 
 impl Mount {
-    pub(crate) fn new(
-        at: &Place,
-        mount: &MountDescription,
-        roi: &RoiBounds,
-    ) -> Result<Self, SceneError> {
+    pub(crate) fn new(at: &Place, mount: &MountDescription) -> Result<Self, DescriptionError> {
         let min = check::point(&at.key("min"), mount.min)?;
         let max = check::point(&at.key("max"), mount.max)?;
         for i in 0..3 {
@@ -62,27 +56,12 @@ impl Mount {
                 return Err(bad(&at.key("max").item(i), max[i], wanted));
             }
         }
-        // Across, the whole mount lies in the ROI; upwards it may stand over it.
-        let inside = |i: usize| roi.min[i] <= min[i] && max[i] <= roi.max[i];
-        let over = min[2] <= roi.max[2] + MOUNT_HEADROOM && max[2] >= roi.min[2];
-        for (axis, fits) in [('x', inside(0)), ('y', inside(1)), ('z', over)] {
-            if !fits {
-                return Err(SceneError::MountOutside {
-                    at: Box::new(at.clone()),
-                    axis,
-                    min,
-                    max,
-                    roi_min: roi.min,
-                    roi_max: roi.max,
-                });
-            }
-        }
         let boxes = mount.keep_out.len();
         if boxes > MAX_KEEP_OUT {
             let at = Box::new(at.key("keep_out"));
             let (count, limit) = (boxes as u64, MAX_KEEP_OUT as u64);
             let mend = "join some";
-            return Err(SceneError::TooMany { at, what: "boxes", count, limit, mend });
+            return Err(DescriptionError::TooMany { at, what: "boxes", count, limit, mend });
         }
         let min_distance = mount.min_distance;
         if !(0.0..=check::MAX_METRES).contains(&min_distance) {
@@ -109,7 +88,11 @@ impl Mount {
     }
 
     /// The mount with further rules.
-    pub(super) fn narrowed(&self, at: &Place, rules: &MountRules) -> Result<Self, SceneError> {
+    pub(crate) fn narrowed(
+        &self,
+        at: &Place,
+        rules: &MountRules,
+    ) -> Result<Self, DescriptionError> {
         let mut mount = self.clone();
         for (field, value) in &rules.fixed {
             let at = at.key(field);
@@ -132,18 +115,16 @@ impl Mount {
 
     /// Lower and upper bound of a pose field by name.
     fn bounds_mut(&mut self, field: &str) -> Option<[&mut f64; 2]> {
-        let axis = ["x", "y", "z"].iter().position(|name| *name == field);
-        match (axis, field) {
-            (Some(k), _) => Some([&mut self.min[k], &mut self.max[k]]),
-            (None, "roll") => Some(self.roll.each_mut()),
-            (None, "pitch") => Some(self.pitch.each_mut()),
-            (None, "yaw") => Some(self.yaw.each_mut()),
-            (None, _) => None,
-        }
+        Some(match SensorPose::FIELDS.iter().position(|name| *name == field)? {
+            k @ 0..3 => [&mut self.min[k], &mut self.max[k]],
+            3 => self.roll.each_mut(),
+            4 => self.pitch.each_mut(),
+            _ => self.yaw.each_mut(),
+        })
     }
 
     /// That the rules leave room for a placement.
-    fn check(&self, at: &Place) -> Result<(), SceneError> {
+    fn check(&self, at: &Place) -> Result<(), DescriptionError> {
         if self.is_kept_out() {
             let wanted = "a choice that leaves room for a sensor: the boxes cover the whole mount; make \
                           them smaller";
@@ -214,7 +195,10 @@ impl Mount {
     }
 }
 
-fn keep_out_box(at: &Place, cuboid: &KeepOutDescription) -> Result<[[f64; 3]; 2], SceneError> {
+fn keep_out_box(
+    at: &Place,
+    cuboid: &KeepOutDescription,
+) -> Result<[[f64; 3]; 2], DescriptionError> {
     let min = check::point(&at.key("min"), cuboid.min)?;
     let max = check::point(&at.key("max"), cuboid.max)?;
     for i in 0..3 {

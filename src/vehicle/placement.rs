@@ -1,3 +1,5 @@
+//! Sensor poses and placements.
+
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -42,16 +44,23 @@ impl SensorPose {
         DVec3::new(self.x, self.y, self.z)
     }
 
-    /// The six numbers by name, in the order of the struct.
+    /// Names of the six numbers, in the order of the struct.
+    pub const FIELDS: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
+
+    /// The six numbers, in the order of [`Self::FIELDS`].
+    pub fn values(&self) -> [f64; 6] {
+        [self.x, self.y, self.z, self.roll, self.pitch, self.yaw]
+    }
+
+    /// The six numbers by name.
     pub fn fields(&self) -> [(&'static str, f64); 6] {
-        [
-            ("x", self.x),
-            ("y", self.y),
-            ("z", self.z),
-            ("roll", self.roll),
-            ("pitch", self.pitch),
-            ("yaw", self.yaw),
-        ]
+        let values = self.values();
+        std::array::from_fn(|k| (Self::FIELDS[k], values[k]))
+    }
+
+    /// Pose of six numbers in the order of [`Self::FIELDS`].
+    pub fn from_values([x, y, z, roll, pitch, yaw]: [f64; 6]) -> Self {
+        Self { x, y, z, roll, pitch, yaw }
     }
 }
 

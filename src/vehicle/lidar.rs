@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use super::check::{self, bad};
 use super::description::{LidarDescription, SensorDescription};
-use super::error::{Place, SceneError, read_limited};
-use super::json;
+use super::{BeamTable, SensorError};
+use crate::json::check::{self, bad};
+use crate::json::{self, DescriptionError, Place, read_limited};
 
 /// Beams of one LiDAR.
 const MAX_BEAMS: u64 = 10_000_000;
@@ -54,6 +54,23 @@ impl Lidar {
         }
     }
 
+    /// The sensor's beams as a table.
+    ///
+    /// # Errors
+    /// As [`BeamTable::spinning`] and [`BeamTable::from_directions`].
+    pub fn table(&self) -> Result<BeamTable, SensorError> {
+        match self {
+            Self::Spinning { elevations, azimuth_offsets, azimuth_steps, range } => {
+                let channels: Vec<(f64, f64)> =
+                    elevations.iter().copied().zip(azimuth_offsets.iter().copied()).collect();
+                BeamTable::spinning(&channels, *azimuth_steps, *range)
+            }
+            Self::Directions { directions, range } => {
+                BeamTable::from_directions(directions.iter().map(|&d| d.into()), *range)
+            }
+        }
+    }
+
     /// A spinning LiDAR from a sensor file: `elevation_deg` and, if there, `azimuth_offset_deg` by
     /// channel, the offsets counter-clockwise. `azimuth_steps` a turn, `range` in metres.
     ///
@@ -63,13 +80,17 @@ impl Lidar {
         path: &Path,
         azimuth_steps: u32,
         range: f64,
-    ) -> Result<Self, SceneError> {
+    ) -> Result<Self, DescriptionError> {
         let at = Place::top(&path.display().to_string());
         let (elevations, azimuth_offsets) = read_sensor(&at, path, None)?;
         Ok(Self::Spinning { elevations, azimuth_offsets, azimuth_steps, range })
     }
 
-    pub(crate) fn new(at: &Place, lidar: LidarDescription, dir: &Path) -> Result<Self, SceneError> {
+    pub(crate) fn new(
+        at: &Place,
+        lidar: LidarDescription,
+        dir: &Path,
+    ) -> Result<Self, DescriptionError> {
         let range = check::range(&at.key("range"), lidar.range)?;
         let mut found = Vec::new();
         found.extend(lidar.channels.map(|_| "channels"));
@@ -77,12 +98,12 @@ impl Lidar {
         found.extend(lidar.directions.as_ref().map(|_| "directions"));
         if found.len() != 1 {
             let of = &["channels", "file", "directions"];
-            return Err(SceneError::Choice { at: Box::new(at.clone()), found, of });
+            return Err(DescriptionError::Choice { at: Box::new(at.clone()), found, of });
         }
         let spare = |key, there: bool, mend: &str| match there {
             true => {
                 let (at, mend) = (Box::new(at.clone()), mend.to_owned());
-                Err(SceneError::Misplaced { at, key, mend })
+                Err(DescriptionError::Misplaced { at, key, mend })
             }
             false => Ok(()),
         };
@@ -99,7 +120,7 @@ impl Lidar {
             (Some(file), _) => read_sensor(at, &dir.join(file), offsets)?,
             (None, channels) => even_channels(at, channels.unwrap_or(0), lidar.fov)?,
         };
-        let missing = || SceneError::Missing {
+        let missing = || DescriptionError::Missing {
             at: Box::new(at.clone()),
             key: "azimuth_steps",
             mend: "give the measurements of one channel in a turn, 250 for example".to_owned(),
@@ -108,7 +129,7 @@ impl Lidar {
         let azimuth_steps = check::count(&at.key("azimuth_steps"), steps, 1, MAX_STEPS)?;
         let beams = elevations.len() as u64 * steps;
         if beams > MAX_BEAMS {
-            return Err(SceneError::TooMany {
+            return Err(DescriptionError::TooMany {
                 at: Box::new(at.clone()),
                 what: "beams",
                 count: beams,
@@ -125,14 +146,14 @@ fn even_channels(
     at: &Place,
     count: u64,
     fov: Option<[f64; 2]>,
-) -> Result<(Vec<f64>, Vec<f64>), SceneError> {
+) -> Result<(Vec<f64>, Vec<f64>), DescriptionError> {
     if count == 0 {
         let wanted = "a number of channels: a LiDAR without channels casts no beam; give 1 to 1024";
         return Err(bad(&at.key("channels"), 0, wanted));
     }
     let n = check::count(&at.key("channels"), count, 1, MAX_CHANNELS)?;
     let Some(fov) = fov else {
-        return Err(SceneError::Missing {
+        return Err(DescriptionError::Missing {
             at: Box::new(at.clone()),
             key: "fov",
             mend: "give the vertical field of view in degrees, [-24.8, 2.0] for example".to_owned(),
@@ -148,7 +169,7 @@ fn read_sensor(
     at: &Place,
     file: &Path,
     sign: Option<&str>,
-) -> Result<(Vec<f64>, Vec<f64>), SceneError> {
+) -> Result<(Vec<f64>, Vec<f64>), DescriptionError> {
     let sign = match sign {
         None | Some("counter-clockwise") => 1.0,
         Some("clockwise") => -1.0,
@@ -163,7 +184,7 @@ fn read_sensor(
     let sensor: SensorDescription = json::parse(&text, &name)?;
     let top = Place::top(&name);
     let Some(elevations) = sensor.elevation_deg else {
-        return Err(SceneError::Missing {
+        return Err(DescriptionError::Missing {
             at: Box::new(top),
             key: "elevation_deg",
             mend: "list the elevation of each channel in degrees; a pattern without channels goes \
@@ -193,7 +214,7 @@ fn read_sensor(
     Ok((elevations, offsets))
 }
 
-fn unit_vectors(at: &Place, mut list: Vec<[f64; 3]>) -> Result<Vec<[f64; 3]>, SceneError> {
+fn unit_vectors(at: &Place, mut list: Vec<[f64; 3]>) -> Result<Vec<[f64; 3]>, DescriptionError> {
     if list.is_empty() || list.len() as u64 > MAX_BEAMS {
         let wanted = format!("1 to {MAX_BEAMS} directions");
         return Err(bad(at, format!("a list of {}", list.len()), wanted));

@@ -1,28 +1,30 @@
-//! Checks of single numbers and lists; each failure names its place and says what is allowed.
+//! Checks of single values; each error names the place, the value and the allowed ones.
 
-use super::error::{Place, SceneError};
+use super::{DescriptionError, Place};
 
 /// Largest coordinate or length in metres: finite in `f32` with room for sums and squares.
 pub(crate) const MAX_METRES: f64 = 1.0e9;
 
-/// Largest angle in radians; more is most likely degrees.
+/// Largest angle in radians; larger ones are most likely degrees.
 pub(crate) const MAX_RADIANS: f64 = std::f64::consts::TAU;
 
+/// Longest value printed as it is: longer numbers are printed with an exponent.
 const MOST_DIGITS: usize = 20;
 
-pub(crate) fn bad(at: &Place, value: impl ToString, wanted: impl Into<String>) -> SceneError {
+/// Error of a value that `at` does not allow.
+pub(crate) fn bad(at: &Place, value: impl ToString, wanted: impl Into<String>) -> DescriptionError {
     let mut value = value.to_string();
-    // A number of hundreds of digits is read in the form in which it was most likely written.
+    // 1e300 prints with 301 digits, and was most likely written with an exponent.
     if value.len() > MOST_DIGITS
         && let Ok(number) = value.parse::<f64>()
     {
         value = format!("{number:e}");
     }
-    SceneError::Value { at: Box::new(at.clone()), value, wanted: wanted.into() }
+    DescriptionError::Value { at: Box::new(at.clone()), value, wanted: wanted.into() }
 }
 
-/// A text that can stand in tables and drawings.
-pub(crate) fn text(at: &Place, value: String) -> Result<String, SceneError> {
+/// A text for tables and drawings, without control characters.
+pub(crate) fn text(at: &Place, value: String) -> Result<String, DescriptionError> {
     if !value.contains(char::is_control) {
         return Ok(value);
     }
@@ -30,7 +32,7 @@ pub(crate) fn text(at: &Place, value: String) -> Result<String, SceneError> {
 }
 
 /// A coordinate in metres.
-pub(crate) fn metres(at: &Place, value: f64) -> Result<f64, SceneError> {
+pub(crate) fn metres(at: &Place, value: f64) -> Result<f64, DescriptionError> {
     if value.abs() <= MAX_METRES {
         return Ok(value);
     }
@@ -38,16 +40,16 @@ pub(crate) fn metres(at: &Place, value: f64) -> Result<f64, SceneError> {
 }
 
 /// A length in metres above 0.
-pub(crate) fn length(at: &Place, value: f64) -> Result<f64, SceneError> {
+pub(crate) fn length(at: &Place, value: f64) -> Result<f64, DescriptionError> {
     if value > 0.0 && value <= MAX_METRES {
         return Ok(value);
     }
     Err(bad(at, value, "a positive length"))
 }
 
-/// A heading in radians: logs count turns on.
-pub(crate) fn heading(at: &Place, value: f64) -> Result<f64, SceneError> {
-    // As far as an `f64` still tells 1e-6 rad apart, and more turns than any drive makes.
+/// A heading in radians; logs add up turns.
+pub(crate) fn heading(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+    // Up to 1e9 an `f64` resolves 1e-6 rad.
     if value.abs() <= MAX_METRES {
         return Ok(value);
     }
@@ -55,7 +57,7 @@ pub(crate) fn heading(at: &Place, value: f64) -> Result<f64, SceneError> {
 }
 
 /// An angle in radians.
-pub(crate) fn radians(at: &Place, value: f64) -> Result<f64, SceneError> {
+pub(crate) fn radians(at: &Place, value: f64) -> Result<f64, DescriptionError> {
     if value.abs() <= MAX_RADIANS {
         return Ok(value);
     }
@@ -63,7 +65,7 @@ pub(crate) fn radians(at: &Place, value: f64) -> Result<f64, SceneError> {
 }
 
 /// A point `[x, y, z]` in metres.
-pub(crate) fn point(at: &Place, value: [f64; 3]) -> Result<[f64; 3], SceneError> {
+pub(crate) fn point(at: &Place, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> {
     for (i, v) in value.into_iter().enumerate() {
         metres(&at.item(i), v)?;
     }
@@ -71,7 +73,7 @@ pub(crate) fn point(at: &Place, value: [f64; 3]) -> Result<[f64; 3], SceneError>
 }
 
 /// A size `[x, y, z]` in metres, each above 0.
-pub(crate) fn size(at: &Place, value: [f64; 3]) -> Result<[f64; 3], SceneError> {
+pub(crate) fn size(at: &Place, value: [f64; 3]) -> Result<[f64; 3], DescriptionError> {
     for (i, v) in value.into_iter().enumerate() {
         length(&at.item(i), v)?;
     }
@@ -79,7 +81,7 @@ pub(crate) fn size(at: &Place, value: [f64; 3]) -> Result<[f64; 3], SceneError> 
 }
 
 /// A point written `[x, y]` or `[x, y, z]`, in metres; z is 0 when it is left out.
-pub(crate) fn point_2_or_3(at: &Place, value: &[f64]) -> Result<[f64; 3], SceneError> {
+pub(crate) fn point_2_or_3(at: &Place, value: &[f64]) -> Result<[f64; 3], DescriptionError> {
     let xyz = match *value {
         [x, y] => [x, y, 0.0],
         [x, y, z] => [x, y, z],
@@ -95,7 +97,7 @@ pub(crate) fn point_2_or_3(at: &Place, value: &[f64]) -> Result<[f64; 3], SceneE
 }
 
 /// A whole number in `lo..=hi`.
-pub(crate) fn count(at: &Place, value: u64, lo: u64, hi: u64) -> Result<u32, SceneError> {
+pub(crate) fn count(at: &Place, value: u64, lo: u64, hi: u64) -> Result<u32, DescriptionError> {
     if (lo..=hi).contains(&value) {
         return Ok(value as u32);
     }
@@ -103,7 +105,7 @@ pub(crate) fn count(at: &Place, value: u64, lo: u64, hi: u64) -> Result<u32, Sce
 }
 
 /// A range `[lo, hi]` of radians with lo ≤ hi.
-pub(crate) fn radian_range(at: &Place, value: [f64; 2]) -> Result<[f64; 2], SceneError> {
+pub(crate) fn radian_range(at: &Place, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
     for (i, v) in value.into_iter().enumerate() {
         radians(&at.item(i), v)?;
     }
@@ -111,7 +113,7 @@ pub(crate) fn radian_range(at: &Place, value: [f64; 2]) -> Result<[f64; 2], Scen
 }
 
 /// A vertical field of view `[lower, upper]` in degrees.
-pub(crate) fn fov(at: &Place, value: [f64; 2]) -> Result<[f64; 2], SceneError> {
+pub(crate) fn fov(at: &Place, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
     for (i, v) in value.into_iter().enumerate() {
         elevation(&at.item(i), v)?;
     }
@@ -119,22 +121,22 @@ pub(crate) fn fov(at: &Place, value: [f64; 2]) -> Result<[f64; 2], SceneError> {
 }
 
 /// An elevation in degrees.
-pub(crate) fn elevation(at: &Place, value: f64) -> Result<f64, SceneError> {
+pub(crate) fn elevation(at: &Place, value: f64) -> Result<f64, DescriptionError> {
     if value.abs() <= 90.0 {
         return Ok(value);
     }
     Err(bad(at, value, "an elevation from -90 to 90 degrees"))
 }
 
-fn ordered(at: &Place, value: [f64; 2]) -> Result<[f64; 2], SceneError> {
+fn ordered(at: &Place, value: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
     if value[0] <= value[1] {
         return Ok(value);
     }
     Err(bad(at, format!("{value:?}"), "a range [lower, upper] with lower <= upper"))
 }
 
-/// How far a beam is followed, in metres.
-pub(crate) fn range(at: &Place, value: f64) -> Result<f64, SceneError> {
+/// Range of a LiDAR in metres.
+pub(crate) fn range(at: &Place, value: f64) -> Result<f64, DescriptionError> {
     if value > 0.0 && value <= 1.0e5 {
         return Ok(value);
     }

@@ -1,57 +1,21 @@
-use std::fmt;
-use std::path::{Path, PathBuf};
+//! Errors of scene files and of the files that they name.
 
-/// Where in a scene file something stands: the file and the JSON path inside it.
-///
-/// Prints as `scenes/x.json: static[3].box.size[1]`, and as the file alone at the top level.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Place {
-    /// The file as the user named it.
-    pub file: String,
-    /// JSON path from the top of the file; empty at the top level.
-    pub path: String,
-}
+use std::path::PathBuf;
 
-impl Place {
-    /// The top level of `file`.
-    pub(crate) fn top(file: &str) -> Self {
-        Self { file: file.to_owned(), path: String::new() }
-    }
+use super::Place;
 
-    /// The value under `key` of the object here.
-    pub(crate) fn key(&self, key: &str) -> Self {
-        let dot = if self.path.is_empty() { "" } else { "." };
-        Self { file: self.file.clone(), path: format!("{}{dot}{key}", self.path) }
-    }
-
-    /// Item `i` of the list here, counted from 0.
-    pub(crate) fn item(&self, i: usize) -> Self {
-        Self { file: self.file.clone(), path: format!("{}[{i}]", self.path) }
-    }
-}
-
-impl fmt::Display for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.file)?;
-        if !self.path.is_empty() {
-            write!(f, ": {}", self.path)?;
-        }
-        Ok(())
-    }
-}
-
-/// Why a scene could not be read.
+/// Why a scene file, or a sensor or mesh file that it names, could not be read.
 ///
 /// Every message is one sentence with the file, the place in it, the value and the mend.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum SceneError {
+pub enum DescriptionError {
     /// A file could not be opened or read.
     #[error("{file}: cannot be read: {source}")]
     Read {
         /// The file.
         file: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
     },
     /// A file is larger than this program reads.
@@ -65,9 +29,9 @@ pub enum SceneError {
     /// The text is not JSON, or a value has the wrong JSON type.
     #[error("{at}: {problem} (line {line}, column {column})")]
     Json {
-        /// Where.
+        /// Place of the fault.
         at: Box<Place>,
-        /// What is wrong there.
+        /// Fault at this place.
         problem: String,
         /// Line, counted from 1.
         line: usize,
@@ -84,7 +48,7 @@ pub enum SceneError {
         at: Box<Place>,
         /// The key as written.
         key: String,
-        /// The known key that it resembles most, if any does.
+        /// Most similar known key, if one is similar.
         nearest: Option<String>,
         /// Every key known at this place.
         known: Vec<String>,
@@ -93,32 +57,32 @@ pub enum SceneError {
         /// Column, counted from 1.
         column: usize,
     },
-    /// The file is of another version, or no scene file.
+    /// The file has another version, or none.
     #[error("{at}: {found}; this program reads version 1, write `\"sightline\": 1`")]
     Version {
-        /// Where.
+        /// Place of the fault.
         at: Box<Place>,
-        /// What stands there instead.
+        /// Version or lack of one, in words.
         found: String,
     },
-    /// A number, name or list outside of what is allowed there.
+    /// A number, name or list that the place does not allow.
     #[error("{at}: {value} is not {wanted}")]
     Value {
-        /// Where.
+        /// Place of the fault.
         at: Box<Place>,
         /// The value as written.
         value: String,
-        /// What would be allowed.
+        /// Allowed values, in words.
         wanted: String,
     },
-    /// Something that is required is not there.
+    /// A required key is missing.
     #[error("{at}: `{key}` is missing: {mend}")]
     Missing {
         /// The object that lacks it.
         at: Box<Place>,
         /// The key that is missing.
         key: &'static str,
-        /// What to add.
+        /// Addition that mends it.
         mend: String,
     },
     /// Keys that exclude each other, or a key that has no meaning here.
@@ -126,9 +90,9 @@ pub enum SceneError {
     Misplaced {
         /// The object that holds it.
         at: Box<Place>,
-        /// The key that is too much.
+        /// The superfluous key.
         key: &'static str,
-        /// What to do instead.
+        /// Change that mends it.
         mend: String,
     },
     /// None or several of a choice of keys.
@@ -136,7 +100,7 @@ pub enum SceneError {
     Choice {
         /// The object.
         at: Box<Place>,
-        /// The keys of the choice that are there.
+        /// Keys of the choice that the object has.
         found: Vec<&'static str>,
         /// The choice.
         of: &'static [&'static str],
@@ -150,32 +114,32 @@ pub enum SceneError {
         kind: &'static str,
         /// The name as written.
         name: String,
-        /// The known name that it resembles most, if any does.
+        /// Most similar known name, if one is similar.
         nearest: Option<String>,
         /// Every known name.
         known: Vec<String>,
     },
-    /// More of something than this program holds.
+    /// A number of things above its limit.
     #[error("{at}: {count} {what} are more than the limit of {limit}; {mend}")]
     TooMany {
-        /// Where.
+        /// Place of the fault.
         at: Box<Place>,
-        /// What is counted.
+        /// Things counted.
         what: &'static str,
-        /// How many were asked for.
+        /// Number asked for.
         count: u64,
-        /// How many are allowed.
+        /// Largest number allowed.
         limit: u64,
-        /// What to change.
+        /// Change that mends it.
         mend: &'static str,
     },
-    /// The mount box does not touch the region above the ROI where sensors may stand.
+    /// The mount leaves the ROI sideways, or lies below it or more than 10 m above.
     #[error(
         "{at}: the mount runs from {min:?} to {max:?}, outside of the ROI ({roi_min:?} to \
          {roi_max:?}) in {axis}; move the mount or enlarge the ROI"
     )]
     MountOutside {
-        /// Where.
+        /// Place of the fault.
         at: Box<Place>,
         /// `x`, `y` or `z`.
         axis: char,
@@ -197,7 +161,7 @@ pub enum SceneError {
         mesh: PathBuf,
         /// Line, vertex, face or header entry of the mesh.
         element: String,
-        /// What is wrong there.
+        /// Fault at this place.
         problem: String,
     },
     /// A material of a mesh has no class, and the shape has no default.
@@ -231,39 +195,4 @@ fn did_you_mean(nearest: &Option<String>, known: &[String]) -> String {
             format!("; known are {}", known.join(", "))
         }
     }
-}
-
-/// Longest name that is compared with others: the time to compare two grows with both lengths.
-const LONGEST_NAME: usize = 256;
-
-/// The one of `known` that resembles `name` most, if any is close enough to be a slip.
-pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<String> {
-    if name.len() > LONGEST_NAME {
-        return None;
-    }
-    let lower = name.to_lowercase();
-    known
-        .into_iter()
-        .filter(|known| known.len() <= LONGEST_NAME)
-        .map(|k| (strsim::jaro_winkler(&lower, &k.to_lowercase()), k))
-        .filter(|(likeness, _)| *likeness > 0.7)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, k)| k.to_owned())
-}
-
-/// Reads a whole file, refusing what is no plain file or larger than `limit` bytes.
-pub(crate) fn read_limited(file: &Path, limit: u64) -> Result<Vec<u8>, SceneError> {
-    use std::io::Read as _;
-    let fail = |source| SceneError::Read { file: file.to_owned(), source };
-    let meta = std::fs::metadata(file).map_err(fail)?;
-    if !meta.is_file() {
-        return Err(fail(std::io::Error::other("is not a plain file")));
-    }
-    let mut bytes = Vec::new();
-    let opened = std::fs::File::open(file).map_err(fail)?;
-    opened.take(limit + 1).read_to_end(&mut bytes).map_err(fail)?;
-    if bytes.len() as u64 > limit {
-        return Err(SceneError::TooLarge { file: file.to_owned(), limit });
-    }
-    Ok(bytes)
 }
