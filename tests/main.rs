@@ -9,7 +9,6 @@ mod cli_chart;
 mod cli_edges;
 mod cli_errors;
 mod cli_inputs;
-mod cli_merging;
 mod cli_optimize;
 #[cfg(unix)]
 mod cli_output;

@@ -9,15 +9,11 @@
 //! | `exact`, `exact_tree` | the finest setting: casting, coverage and sums in `f64` |
 //! | `ranking` | score error, Kendall's τ, top-1 regret, bootstrap intervals |
 //! | `measure` | cost and scores of one setting |
-//! | `levels` | which frames stand for all in a search |
-//! | `merging` | whether a search may do with merged triangles |
 //! | `verdict` | the Pareto front and the cheapest setting that keeps the ranking |
 
 mod exact;
 mod exact_tree;
-mod levels;
 mod measure;
-mod merging;
 mod ranking;
 mod setting;
 mod simplify;
@@ -25,9 +21,7 @@ mod verdict;
 mod world;
 
 pub use exact::Exact;
-pub use levels::{Level, Pilot};
 pub use measure::{Measured, Open, PoseCost, Workshop};
-pub use merging::{Merging, merged_over};
 pub use ranking::{Interval, RankingError};
 pub use setting::{Engine, Fidelity, Ladder, Rung};
 pub use simplify::merge_vertices;

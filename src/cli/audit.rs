@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use serde_json::json;
-use sightline::audit::{Trial, Verdict, gaming_placements, jittered, spearman};
+use sightline::audit::{Trial, Verdict, gaming_placements, jittered};
 use sightline::problem::Problem;
 use sightline::psog::{Psog, Roi};
 use sightline::scan::scan_scene;

@@ -1,7 +1,8 @@
 //! Scores as a table to read.
 
 use sightline::score::Scores;
-use sightline::study::{Finding, Table};
+use sightline::search::Finding;
+use sightline::study::Table;
 
 /// Columns: title, and the cell of one placement.
 type Column = (&'static str, fn(&Scores) -> String);

@@ -4,8 +4,7 @@ use serde_json::Value;
 use crate::chart::Merging;
 use crate::problem::Modelled;
 use crate::score::Scores;
-use crate::search::Certificate;
-use crate::study::Finding;
+use crate::search::{Certificate, Finding};
 use crate::vehicle::Placement;
 
 /// A placement with its scores.

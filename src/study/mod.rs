@@ -6,7 +6,6 @@ mod published;
 mod region;
 mod table;
 
-pub use layout::{DESCRIPTORS, Descriptor, Finding, findings};
 pub use loss::{after_worst_loss, most_robust, without_each};
 pub use published::{PUBLISHED, TASKS, results_of};
 pub use region::{Region, RegionGain, gains_by_region};

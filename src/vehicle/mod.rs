@@ -4,6 +4,7 @@ mod constraints;
 mod file;
 mod grid;
 mod pose;
+mod published;
 mod sensor;
 mod variables;
 
@@ -11,4 +12,5 @@ pub use constraints::{Constraints, Ties, Violation};
 pub use file::{PlacementReader, ReadError, read_placements};
 pub use grid::{PoseGrid, PoseGridError, Spacing};
 pub use pose::{MAX_LIDARS, Placement, PlacementError, SensorPose};
+pub use published::table_7;
 pub use sensor::{BeamTable, SensorError};

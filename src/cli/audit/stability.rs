@@ -1,5 +1,5 @@
 use serde_json::{Value, json};
-use sightline::audit::{kendall_tau, mean_height, spearman};
+use sightline::score::{kendall_tau, mean_height, spearman};
 use sightline::score::Scores;
 use sightline::vehicle::Placement;
 

@@ -37,7 +37,6 @@ pub fn run(file: &File, problem: &Problem, run: usize) -> Result<Run, String> {
     let restarts = RestartOptions {
         strategy: RestartStrategy::Ipop,
         region: Some(vec![(-reach, reach); problem.n]),
-        batch: None,
     };
     // Within bounds the step size is a share of their range.
     let step_size = problem.sigma0 / bounds.map_or(1.0, |(low, high)| high - low);

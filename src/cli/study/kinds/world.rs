@@ -1,6 +1,6 @@
 //! Other voxels, other scenes, and the published results.
 
-use sightline::audit::{kendall_tau, mean_height, spearman};
+use sightline::score::{kendall_tau, mean_height, spearman};
 use sightline::report::{Axis, Plot};
 use sightline::score::Scores;
 use sightline::study::{Row, TASKS, Table, results_of};

@@ -1,3 +1,5 @@
+//! Rank statistics: Kendall's τ and Spearman's ρ, and mean height as the null model beside them.
+
 use crate::vehicle::Placement;
 
 /// Mean height of a placement's LiDARs above the ground, in metres: the null model that every

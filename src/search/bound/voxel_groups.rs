@@ -1,3 +1,6 @@
+//! Voxels in groups by how many poses cover them, as bitmaps a pose: the columns of a maximum coverage
+//! problem.
+
 use std::ops::Range;
 
 use multiversion::multiversion;

@@ -1,4 +1,6 @@
-use super::columns::Columns;
+//! Bounds on sets of sensors from single poses and from the overlaps of pairs of them.
+
+use super::voxel_groups::Columns;
 use crate::search::atlas::Atlas;
 
 /// Shares of the typical poses that cover a voxel by which voxels are grouped, as multiples of

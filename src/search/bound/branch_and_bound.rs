@@ -2,11 +2,12 @@
 
 use std::collections::BinaryHeap;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use super::pairs::PairBound;
-use crate::search::swaps::better_first;
-use crate::search::{Evaluator, GridPlacement, GridSearch, SearchError};
+use super::pair_overlaps::PairBound;
+use crate::search::error::SearchError;
+use crate::search::evaluator::Evaluator;
+use crate::search::grid_search::{GridPlacement, GridSearch, better_first};
 
 /// Rounding that the sums of gains behind a bound may have gathered, relative.
 const ROUNDING: f64 = 1e-12;
@@ -16,7 +17,7 @@ const PAIR_WORK: u64 = 1 << 24;
 const TYPICAL: usize = 4;
 
 /// Bound on the information gain of every placement on a grid.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GainBound {
     /// Poses of the grid.
     pub poses: u32,
@@ -129,7 +130,7 @@ pub fn bound_gain(
     evaluator: &mut Evaluator,
     found: &GridPlacement,
     nodes: u64,
-    go_on: &dyn Fn() -> bool,
+    go_on: &mut dyn FnMut(u64) -> bool,
 ) -> Result<GainBound, SearchError> {
     let (lidars, poses) = (search.lidars(), search.atlas().grid().len());
     let all: Vec<u32> = (0..poses).collect();
@@ -171,7 +172,7 @@ pub fn bound_gain(
     let (mut looked_at, mut cheaply) = (1, 0);
     while looked_at < nodes
         && cheaply < pair_nodes(&pairs)
-        && go_on()
+        && go_on(looked_at)
         && let Some(mut node) = open.pop()
     {
         let left = lidars - node.chosen.len();
