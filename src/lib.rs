@@ -23,6 +23,8 @@
 //! | [`study`] | how many LiDARs, which sensor, what if one fails |
 //! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
 
+mod error;
+
 pub mod audit;
 pub mod bvh;
 pub mod cast;
@@ -41,3 +43,16 @@ pub mod search;
 pub mod study;
 pub mod vehicle;
 pub mod verify;
+
+pub use engine::{EngineChoice, EngineKind};
+pub use error::Error;
+pub use problem::Problem;
+pub use psog::Psog;
+pub use scene::Scene;
+pub use score::{Objective, Scores};
+pub use search::Evaluator;
+pub use vehicle::{BeamTable, Constraints, Placement, SensorPose, read_placements};
+
+/// Parts that tests and benchmarks of this project look into; nothing here is stable.
+#[doc(hidden)]
+pub mod internals {}

@@ -11,7 +11,7 @@ use sightline::vehicle::{Constraints, Ties};
 use tempfile::TempDir;
 
 use crate::cli::{fails, ok, room, sightline};
-use crate::common::{MEMORY, random_problem};
+use crate::common::{MEMORY, mounted, random_problem};
 
 /// A room whose mount has other keys, too.
 fn room_with(dir: &Path, mount: &[(&str, Value)]) {
@@ -54,7 +54,7 @@ fn no_candidate_that_is_evaluated_breaks_a_rule() {
         };
         let problem = random_problem(3, true);
         let backend = Box::new(CpuBackend::new(problem.clone(), MEMORY));
-        let mut evaluator = Evaluator::new(problem, backend, rules.clone());
+        let mut evaluator = Evaluator::new(mounted(&problem, &rules), backend);
         evaluator.keep_last();
         let objective: Objective = "information_gain".parse().unwrap();
         let settings = SearchSettings {

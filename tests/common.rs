@@ -12,7 +12,7 @@ use sightline::engine::gpu::{Casting, GpuBackend};
 use sightline::geom::TriangleSoup;
 use sightline::problem::{Content, OccupiedVoxel, Problem};
 use sightline::psog::Roi;
-use sightline::vehicle::{BeamTable, Placement, SensorPose};
+use sightline::vehicle::{BeamTable, Constraints, Placement, SensorPose};
 
 /// Memory that a test backend may use.
 pub const MEMORY: u64 = 1 << 30;
@@ -111,4 +111,9 @@ pub fn gpu_that_casts_by(problem: &Arc<Problem>, casting: Casting) -> GpuBackend
 
 pub fn both(problem: &Arc<Problem>) -> [Box<dyn Backend>; 2] {
     [Box::new(cpu(problem)), Box::new(gpu(problem))]
+}
+
+/// The problem with other rules of the mount.
+pub fn mounted(problem: &Problem, rules: &Constraints) -> Arc<Problem> {
+    Arc::new(problem.clone().with_constraints(rules.clone()))
 }

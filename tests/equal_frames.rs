@@ -12,8 +12,8 @@ use sightline::psog::Roi;
 use sightline::scan::scan_scene;
 use sightline::scene::{EgoBody, PsogSource, Scene};
 use sightline::search::atlas::{Atlas, Union};
+use sightline::vehicle::random_placements;
 use sightline::vehicle::{BeamTable, Constraints, Placement, PoseGrid, Spacing};
-use sightline::verify::random_placements;
 
 use crate::common::{MEMORY, both};
 

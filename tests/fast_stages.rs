@@ -12,8 +12,9 @@ use sightline::problem::{DevicePose, Problem};
 use sightline::psog::Roi;
 use sightline::reduce::reduce;
 use sightline::scene::{EgoBody, Scene};
+use sightline::vehicle::random_placements as scattered;
 use sightline::vehicle::{BeamTable, Constraints, Placement};
-use sightline::verify::{hostile_placements, random_placements as scattered};
+use sightline::verify::hostile_placements;
 
 use crate::common::{MEMORY, random_content, random_placements, random_problem, random_soup};
 

@@ -10,10 +10,11 @@ use sightline::problem::Tally;
 use sightline::score::{Objective, Scores};
 use sightline::search::atlas::Atlas;
 use sightline::search::{Evaluator, GridPlacement, GridSearch, Moves, Search, SearchSettings};
+use sightline::vehicle::random_placements;
 use sightline::vehicle::{Placement, PoseGrid, Spacing};
-use sightline::verify::{hostile_placements, random_placements};
+use sightline::verify::hostile_placements;
 
-use crate::common::{MEMORY, cpu, rng};
+use crate::common::{MEMORY, cpu, mounted, rng};
 use crate::own_scenes::{AZIMUTH_STEPS, Own, SCENES, description, mirrored, table_7};
 use crate::reference::Reference;
 
@@ -156,7 +157,7 @@ fn a_guarded_placement_is_never_preferred() {
         // A mount that tempts: sensors may look at the sky and stand inside the car.
         (constraints.lower[2], constraints.lower[3], constraints.upper[3]) = (0.3, -3.1, 3.1);
         let backend = Box::new(cpu(&own.problem));
-        let mut evaluator = Evaluator::new(own.problem.clone(), backend, constraints.clone());
+        let mut evaluator = Evaluator::new(mounted(&own.problem, &constraints), backend);
         for objective in ["m_sog", "m_sog_scaled", "information_gain"] {
             let settings = SearchSettings {
                 objective: objective.into(),
@@ -193,7 +194,7 @@ fn a_climb_ends_without_a_violated_guard() {
     (constraints.lower[3], constraints.upper[3]) = (-3.0, 3.0);
     constraints.lidars = 2;
     let backend = Box::new(cpu(&own.problem));
-    let mut evaluator = Evaluator::new(own.problem.clone(), backend, constraints.clone());
+    let mut evaluator = Evaluator::new(mounted(&own.problem, &constraints), backend);
     let grid = PoseGrid::new(&constraints, Spacing { metres: 0.6, radians: 1.0 }).unwrap();
     let all: Vec<u32> = (0..grid.len()).collect();
     let search = |objective: &str, evaluator: &Evaluator| {

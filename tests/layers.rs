@@ -5,24 +5,8 @@ use std::path::{Path, PathBuf};
 
 /// Top to bottom.
 const ORDER: [&str; 18] = [
-    "geom",
-    "scene",
-    "psog",
-    "vehicle",
-    "bvh",
-    "problem",
-    "cast",
-    "cover",
-    "reduce",
-    "scan",
-    "engine",
-    "score",
-    "search",
-    "audit",
-    "verify",
-    "chart",
-    "study",
-    "report",
+    "geom", "scene", "psog", "vehicle", "bvh", "problem", "cast", "cover", "reduce", "scan",
+    "engine", "score", "search", "audit", "verify", "chart", "study", "report",
 ];
 
 fn sources(dir: &Path, files: &mut Vec<PathBuf>) {

@@ -10,7 +10,7 @@ use sightline::geom::TriangleSoup;
 use sightline::problem::Problem;
 use sightline::psog::{Psog, Roi};
 use sightline::scan::scan_scene;
-use sightline::scene::{EgoBody, Lidar, PsogSource, Scene};
+use sightline::scene::{EgoBody, PsogSource, Scene};
 use sightline::score::Scores;
 use sightline::search::Evaluator;
 use sightline::vehicle::{BeamTable, Constraints, Placement, read_placements};
@@ -58,31 +58,19 @@ impl Own {
     /// Builds a description of [`description`]'s kind.
     pub fn new(description: &Value) -> Self {
         let scene = Scene::from_json(&description.to_string(), &folder(), "own.json").unwrap();
-        let bounds = scene.roi();
-        let roi = Roi::new(bounds.min, bounds.voxel, bounds.shape).unwrap();
+        let roi = scene.roi().grid().unwrap();
         let PsogSource::Scan(settings) = scene.psog_source() else { panic!("scans its P-SOG") };
         let (psog, _) = scan_scene(&scene, &roi, settings, || {}).unwrap();
-        let problem = Problem::from_scene(&scene, &psog, beam_table(&scene), &FRAMES).unwrap();
+        let problem = Problem::with_psog(&scene, &psog, &FRAMES).unwrap();
         let soups = FRAMES.map(|t| scene.frame(t, EgoBody::Include)).to_vec();
-        let mount = scene.mount();
-        let angles = [mount.roll, mount.pitch, mount.yaw];
-        let bound = |side: usize, [x, y, z]: [f64; 3]| {
-            [x, y, z, angles[0][side], angles[1][side], angles[2][side]]
-        };
-        let constraints = Constraints {
-            lower: bound(0, mount.min),
-            upper: bound(1, mount.max),
-            min_distance: mount.min_distance,
-            lidars: mount.lidars as usize,
-            ..Constraints::default()
-        };
+        let constraints = Constraints::from(scene.mount());
         Self { scene, psog, soups, problem: Arc::new(problem), constraints }
     }
 
     /// An evaluator on the CPU.
     pub fn evaluator(&self) -> Evaluator {
         let backend = CpuBackend::new(self.problem.clone(), MEMORY);
-        Evaluator::new(self.problem.clone(), Box::new(backend), self.constraints.clone())
+        Evaluator::new(self.problem.clone(), Box::new(backend))
     }
 
     /// Scores on the CPU.
@@ -143,14 +131,4 @@ pub fn mirrored(placement: &Placement) -> Placement {
         (pose.y, pose.roll, pose.yaw) = (-pose.y, -pose.roll, -pose.yaw);
     }
     placement
-}
-
-fn beam_table(scene: &Scene) -> BeamTable {
-    let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, range } = scene.lidar()
-    else {
-        panic!("the committed scenes have spinning sensors");
-    };
-    let channels: Vec<(f64, f64)> =
-        elevations.iter().copied().zip(azimuth_offsets.iter().copied()).collect();
-    BeamTable::spinning(&channels, *azimuth_steps, *range).unwrap()
 }

@@ -7,8 +7,8 @@ use crate::problem::{Content, Problem, shared_trees};
 use crate::psog::{GridError, Psog, Roi};
 use crate::scan::scan_scene;
 use crate::scene::{EgoBody, Lidar, PsogSource, ScanSettings, Scene};
+use crate::vehicle::random_placements;
 use crate::vehicle::{BeamTable, Constraints, Placement, PoseGridError, SensorError};
-use crate::verify::random_placements;
 
 /// Draws of [`candidates`] for each placement wanted, before the minimum distance is given up.
 const DRAWS: usize = 50;

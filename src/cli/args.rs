@@ -2,6 +2,7 @@ use std::io::IsTerminal;
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
+use sightline::engine::{EngineChoice, EngineKind};
 
 use super::error::Error;
 use super::output::say;
@@ -9,7 +10,8 @@ use super::output::say;
 /// Options of every command that computes scores.
 #[derive(Args, Debug, Clone)]
 pub struct Compute {
-    /// Where to compute: the best Vulkan device, or the CPU when there is none (auto), or one of them
+    /// Where to compute: the best hardware Vulkan device, or the CPU where there is none (auto); any
+    /// Vulkan device, also one in software (gpu); the CPU (cpu)
     #[arg(long, value_enum, default_value_t = BackendChoice::Auto)]
     pub backend: BackendChoice,
     /// Take the Vulkan device whose name contains this
@@ -55,9 +57,9 @@ impl Talk {
 /// Value of `--backend`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum BackendChoice {
-    /// The best device there is.
+    /// The best hardware device, or the CPU where there is none.
     Auto,
-    /// A Vulkan device.
+    /// A Vulkan device, software among them.
     Gpu,
     /// The host processor.
     Cpu,
@@ -124,10 +126,19 @@ pub fn parse_size(text: &str) -> Result<u64, String> {
 }
 
 impl Compute {
+    /// The engine asked for.
+    pub fn engine(&self) -> EngineChoice {
+        let kind = match self.backend {
+            BackendChoice::Auto => EngineKind::Auto,
+            BackendChoice::Gpu => EngineKind::Gpu,
+            BackendChoice::Cpu => EngineKind::Cpu,
+        };
+        EngineChoice { kind, adapter: self.adapter.clone(), memory: self.memory }
+    }
+
     /// Bytes that work buffers may take.
     pub fn memory_budget(&self) -> u64 {
-        // A machine that does not tell what is free is taken for a small one.
-        self.memory.unwrap_or_else(|| sightline::engine::available_memory().unwrap_or(2 << 30) / 2)
+        self.engine().memory_budget()
     }
 
     /// Checks the options against each other and starts the threads of the CPU backend.

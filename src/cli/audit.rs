@@ -2,11 +2,11 @@ mod stability;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
 
 use serde_json::json;
 use sightline::audit::{Trial, Verdict, gaming_placements, jittered};
 use sightline::problem::Problem;
+use sightline::problem::spread;
 use sightline::psog::{Psog, Roi};
 use sightline::scan::scan_scene;
 use sightline::scene::{PsogSource, ScanSettings, Scene};
@@ -129,12 +129,11 @@ fn azimuth_steps(scene: &Scene) -> f64 {
 }
 
 fn audited(scene: &Scene, psog: &Psog, frames: &[usize], args: &Args) -> Result<Evaluator, Error> {
-    let table = load::beam_table(scene.lidar())?;
-    let problem = Arc::new(Problem::on_grid_of(psog, scene, table, frames));
+    let table = scene.lidar().table()?;
+    let problem = Problem::on_grid_of(psog, scene, table, frames);
     let quiet =
         Compute { talk: super::args::Talk { quiet: true, verbose: false }, ..args.compute.clone() };
-    let backend = load::open_backend(&problem, quiet.memory_budget(), &quiet)?;
-    Ok(Evaluator::new(problem, backend, load::constraints(scene.mount())))
+    load::evaluator(problem, &quiet)
 }
 
 /// (change, P-SOG, frames): the same scene seen through another model of it.
@@ -143,8 +142,8 @@ fn changed_worlds(
     psog: &Psog,
     frames: u32,
 ) -> Result<Vec<(String, Psog, Vec<usize>)>, Error> {
-    let all = load::spread(scene.frame_count(), Some(frames));
-    let half = load::spread(scene.frame_count(), Some((all.len() as u32).div_ceil(2)));
+    let all = spread(scene.frame_count(), Some(frames));
+    let half = spread(scene.frame_count(), Some((all.len() as u32).div_ceil(2)));
     let mut worlds = Vec::new();
     if all.len() > 1 {
         worlds.push(("frames halved".to_owned(), psog.clone(), half));

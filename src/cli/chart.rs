@@ -15,6 +15,7 @@ use sightline::engine::{Backend, BackendError};
 use sightline::problem::Problem;
 use sightline::report::{ChartFrame, fidelity_csv, fidelity_svg};
 use sightline::score::Objective;
+use sightline::vehicle::Constraints;
 use sightline::vehicle::{Placement, read_placements};
 
 use super::args::{BackendChoice, Compute, Format, format_or_default, whole};
@@ -141,7 +142,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     writable_folder(&folder)?;
     let mut ladder = Ladder::new(&scene, finest, state.settings.quick);
     leave_out_engines(&mut ladder, &args.compute);
-    let constraints = load::constraints(scene.mount());
+    let constraints = Constraints::from(scene.mount());
     let placements = candidates(
         &constraints,
         &state.settings.given,

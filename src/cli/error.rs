@@ -1,63 +1,15 @@
+//! The one error of the program.
+
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-
-use sightline::chart::FidelityError;
-use sightline::engine::BackendError;
-use sightline::problem::ProblemError;
-use sightline::psog::{GridError, KittiError, PsogFileError};
-use sightline::scene::SceneError;
-use sightline::score::ObjectiveError;
-use sightline::search::SearchError;
-use sightline::vehicle::{PlacementError, PoseGridError, ReadError, SensorError};
 
 /// Everything that ends a command with exit code 2; printed as one sentence.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// From reading a scene.
+    /// From the library.
     #[error(transparent)]
-    Scene(#[from] SceneError),
-    /// From reading placements.
-    #[error(transparent)]
-    Read(#[from] ReadError),
-    /// From a placement.
-    #[error(transparent)]
-    Placement(#[from] PlacementError),
-    /// From a grid of sensor poses.
-    #[error(transparent)]
-    PoseGrid(#[from] PoseGridError),
-    /// From the P-SOG.
-    #[error(transparent)]
-    Grid(#[from] GridError),
-    /// From a P-SOG file.
-    #[error(transparent)]
-    PsogFile(#[from] PsogFileError),
-    /// From labelled frames.
-    #[error(transparent)]
-    Kitti(#[from] KittiError),
-    /// From the sensor.
-    #[error(transparent)]
-    Sensor(#[from] SensorError),
-    /// From putting scene and P-SOG together.
-    #[error("{files}: {source}")]
-    Problem {
-        /// Of the scene, and of the P-SOG where it has one.
-        files: String,
-        /// Why they do not fit.
-        source: ProblemError,
-    },
-    /// From evaluating.
-    #[error(transparent)]
-    Backend(#[from] BackendError),
-    /// From the objective.
-    #[error(transparent)]
-    Objective(#[from] ObjectiveError),
-    /// From a setting of the chart.
-    #[error(transparent)]
-    Fidelity(#[from] FidelityError),
-    /// From the search.
-    #[error(transparent)]
-    Search(#[from] SearchError),
+    Library(#[from] sightline::Error),
     /// A file or folder that cannot be read or written.
     #[error("{}: {source}", path.display())]
     Io {
@@ -78,6 +30,34 @@ pub enum Error {
     #[error("{0}")]
     Usage(String),
 }
+
+/// Errors of the library's modules, so that `?` takes them in one step.
+macro_rules! from_modules {
+    ($($error:path),* $(,)?) => {$(
+        impl From<$error> for Error {
+            fn from(error: $error) -> Self {
+                Self::Library(error.into())
+            }
+        }
+    )*};
+}
+
+from_modules!(
+    sightline::chart::FidelityError,
+    sightline::engine::BackendError,
+    sightline::engine::OpenError,
+    sightline::problem::ProblemError,
+    sightline::psog::GridError,
+    sightline::psog::KittiError,
+    sightline::psog::PsogFileError,
+    sightline::scene::SceneError,
+    sightline::score::ObjectiveError,
+    sightline::search::SearchError,
+    sightline::vehicle::PlacementError,
+    sightline::vehicle::PoseGridError,
+    sightline::vehicle::ReadError,
+    sightline::vehicle::SensorError,
+);
 
 impl Error {
     /// Names the file or folder in an error of the operating system.

@@ -17,9 +17,11 @@ use std::time::{Duration, Instant};
 use indicatif::ProgressBar;
 use sightline::chart::merged_over;
 use sightline::problem::Problem;
+use sightline::problem::spread;
 use sightline::report::{Figures, RunTimes, Scored};
 use sightline::score::Objective;
 use sightline::search::{Evaluator, GenerationRecord, SWAP_SPACING, Search, SearchStop};
+use sightline::vehicle::Constraints;
 use sightline::vehicle::{Placement, PoseGrid, Spacing, read_placements};
 
 use super::args::{Compute, Format, Talk, at_least_one, finite, parse_seconds, parse_size, whole};
@@ -150,10 +152,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         .with_rules(&settings.rules, &settings.scene.display().to_string())
         .map_err(|error| Error::Usage(format!("options for the mount: {error}")))?;
     let building = Instant::now();
-    let constraints = load::constraints(scene.mount());
+    let constraints = Constraints::from(scene.mount());
     let all_frames: Vec<usize> = (0..scene.frame_count()).collect();
-    let table = load::beam_table(scene.lidar())?;
-    let whole = Arc::new(load::problem_of(&scene, &psog, table, &all_frames)?);
+    let whole = Arc::new(Problem::with_psog(&scene, &psog, &all_frames)?);
     let auto = match (&resumed, settings.frames) {
         (Some(resumed), _) => resumed.auto.clone(),
         (None, Some(_)) => None,
@@ -168,7 +169,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     };
     let frames = match &auto {
         Some(auto) => auto.frames().to_vec(),
-        None => load::spread(whole.frame_count(), settings.frames),
+        None => spread(whole.frame_count(), settings.frames),
     };
     let open_on = |frames: &[usize], cell: Option<f64>, compute: &Compute| {
         let problem = match cell {
@@ -176,7 +177,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             None if frames.len() < whole.frame_count() => Arc::new(whole.over(frames)),
             None => whole.clone(),
         };
-        load::evaluator_of(problem, constraints.clone(), compute)
+        load::evaluator(problem, compute)
     };
     let mut evaluator = open_on(&frames, auto.as_ref().and_then(Auto::cell), &args.compute)?;
     if let Some(merging) = auto.as_ref().and_then(Auto::merging) {

@@ -6,11 +6,13 @@ use sightline::psog::{
     BuildReport, KittiPsogOptions, KittiSequence, Psog, PsogInfo, build_kitti_psog, read_psog,
     write_psog_to,
 };
+use sightline::scan::scan_scene;
+use sightline::scene::{PsogSource, ScanSettings};
 
 use super::args::{Format, Talk, finite, format_or_default};
 use super::error::Error;
 use super::output::{writable_file, write_whole};
-use super::{load, table};
+use super::{load, progress, table};
 
 #[derive(clap::Subcommand)]
 pub enum Command {
@@ -121,7 +123,15 @@ fn build(args: &BuildArgs) -> Result<(), Error> {
                     path.display()
                 )));
             }
-            load::build_psog(&scene, args.talk)?
+            let settings = match scene.psog_source() {
+                PsogSource::Scan(settings) => *settings,
+                PsogSource::File(_) => ScanSettings::default_of(&scene),
+            };
+            let frames = scene.frame_count() as u64;
+            let bar = progress::bar(frames, "frames scanned for the P-SOG", args.talk);
+            let built = scan_scene(&scene, &scene.roi().grid()?, &settings, || bar.inc(1))?;
+            bar.finish_and_clear();
+            built
         }
         (None, None) => unreachable!("clap requires one of them"),
     };

@@ -7,10 +7,10 @@ use serde_json::json;
 use sightline::engine::Backend;
 use sightline::engine::ReferenceBackend;
 use sightline::engine::gpu::GpuBackend;
+use sightline::problem::{Problem, spread};
+use sightline::vehicle::random_placements;
 use sightline::vehicle::read_placements;
-use sightline::verify::{
-    EDGE_TOLERANCE, compare_backends, hostile_placements, random_placements, sample_reference,
-};
+use sightline::verify::{EDGE_TOLERANCE, compare_backends, hostile_placements, sample_reference};
 
 use super::args::{Compute, Format, format_or_default, whole};
 use super::error::Error;
@@ -56,8 +56,11 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let start = Instant::now();
     args.compute.start()?;
-    let scene = load::problem(&args.scene, args.frames, args.compute.talk)?;
-    let (problem, constraints) = (Arc::new(scene.problem), scene.constraints);
+    let (scene, psog, _) = load::scene_and_psog(&args.scene, args.compute.talk)?;
+    load::note_frames(&scene, Some(args.frames), args.compute.talk);
+    let frames = spread(scene.frame_count(), Some(args.frames));
+    let problem = Arc::new(Problem::with_psog(&scene, &psog, &frames)?);
+    let constraints = problem.constraints().clone();
     let placements = match &args.placements {
         Some(path) => read_placements(path)?,
         None => {
@@ -82,7 +85,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         Format::Json => outln!(
             "{}",
             json!({
-                "scene": scene.name,
+                "scene": scene.name(),
                 "adapter": gpu.adapter(),
                 "placements": placements.len(),
                 "frames": frames,
@@ -95,7 +98,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         )?,
         Format::Text => {
             let row = |name: &str, value: String| vec![name.to_owned(), value];
-            outln!("{}: {} placements × {frames} frame(s)", scene.name, placements.len())?;
+            outln!("{}: {} placements × {frames} frame(s)", scene.name(), placements.len())?;
             outln!("GPU ({}) against the CPU reference:", gpu.adapter())?;
             out!(
                 "{}",

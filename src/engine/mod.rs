@@ -17,12 +17,14 @@ mod cpu;
 mod failover;
 pub mod gpu;
 mod memory;
+mod opening;
 mod reference;
 
 pub use batch::{Chunk, ChunkLimits, split};
 pub use cpu::CpuBackend;
 pub use failover::{Failover, Reopen};
 pub use memory::available_memory;
+pub use opening::{EngineChoice, EngineKind, OpenError, Opened, open};
 pub use reference::ReferenceBackend;
 
 use crate::bvh::Hit;

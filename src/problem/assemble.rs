@@ -94,7 +94,7 @@ impl Problem {
         let frames = if scene.has_geometry() { frames } else { &[] };
         let frames = shared_trees(frames, far, |t| scene.frame(t, EgoBody::Include));
         let ends_at_hits = matches!(scene.coverage(), Coverage::FirstHit);
-        Self::new(*roi, content, table, frames, ends_at_hits)
+        Self::new(*roi, content, table, frames, ends_at_hits).with_constraints(scene.mount().into())
     }
 }
 

@@ -20,7 +20,7 @@ use serde::Serialize;
 
 use crate::bvh::Bvh;
 use crate::psog::Roi;
-use crate::vehicle::BeamTable;
+use crate::vehicle::{BeamTable, Constraints};
 
 /// What covering a voxel is worth: the occupied voxels of a P-SOG with their entropies and classes.
 #[derive(Debug, Clone, PartialEq)]
@@ -115,6 +115,12 @@ pub enum ProblemError {
     },
 }
 
+/// `wanted` of `count` frames, spread evenly from the first on; all of them if `None`.
+pub fn spread(count: usize, wanted: Option<u32>) -> Vec<usize> {
+    let wanted = wanted.map_or(count, |wanted| (wanted as usize).min(count));
+    (0..wanted).map(|k| k * count / wanted).collect()
+}
+
 /// How much of a scene a problem models.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Modelled {
@@ -165,11 +171,12 @@ impl std::fmt::Display for Modelled {
 }
 
 /// All that is fixed while placements vary: sensor, voxels, their worth, and the geometry.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Problem {
     roi: Roi,
     content: Arc<Content>,
     table: BeamTable,
+    constraints: Constraints,
     frames: Vec<Arc<Bvh>>,
     /// Of each frame, the first that shares its tree.
     twins: Vec<usize>,
@@ -195,7 +202,13 @@ impl Problem {
         let mut first = HashMap::new();
         let trees = frames.iter().enumerate();
         let twins = trees.map(|(t, tree)| *first.entry(Arc::as_ptr(tree)).or_insert(t)).collect();
-        Self { roi, content, table, frames, twins, ends_at_hits }
+        let constraints = Constraints::default();
+        Self { roi, content, table, constraints, frames, twins, ends_at_hits }
+    }
+
+    /// The same with other rules of the mount.
+    pub fn with_constraints(self, constraints: Constraints) -> Self {
+        Self { constraints, ..self }
     }
 
     /// The same over some of its frames, whose trees are shared, as the content is.
@@ -210,6 +223,7 @@ impl Problem {
     pub fn with_trees(&self, frames: Vec<Arc<Bvh>>) -> Self {
         let (content, table) = (self.content.clone(), self.table.clone());
         Self::new(self.roi, content, table, frames, self.ends_at_hits)
+            .with_constraints(self.constraints.clone())
     }
 
     /// The voxels.
@@ -225,6 +239,11 @@ impl Problem {
     /// Beams of one sensor.
     pub fn table(&self) -> &BeamTable {
         &self.table
+    }
+
+    /// Rules of the mount: none where the problem was put together without.
+    pub fn constraints(&self) -> &Constraints {
+        &self.constraints
     }
 
     /// Range in metres with which nothing is out of sight: what the guards compare with.

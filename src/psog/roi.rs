@@ -2,6 +2,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::GridError;
+use crate::scene::RoiBounds;
 
 /// A hit is pushed this far along its beam before its voxel is looked up, in metres.
 ///
@@ -25,6 +26,16 @@ pub struct Roi {
     min: [f64; 3],
     voxel: [f64; 3],
     shape: [u32; 3],
+}
+
+impl RoiBounds {
+    /// The region as a grid of voxels.
+    ///
+    /// # Errors
+    /// More voxels than a grid may have.
+    pub fn grid(&self) -> Result<Roi, GridError> {
+        Roi::new(self.min, self.voxel, self.shape)
+    }
 }
 
 impl Roi {

@@ -1,5 +1,6 @@
 use super::variables::pairs;
 use super::{Placement, SensorPose};
+use crate::scene::Mount;
 
 /// Slack for coordinates that a decimal file cannot give exactly: 0.6 − 0.4 is not 0.2.
 pub(super) const SLACK: f64 = 1e-9;
@@ -19,6 +20,24 @@ pub struct Constraints {
     pub keep_out: Vec<[[f64; 3]; 2]>,
     /// What ties the LiDARs of a placement together.
     pub ties: Ties,
+}
+
+impl From<&Mount> for Constraints {
+    fn from(mount: &Mount) -> Self {
+        let angles = [mount.roll, mount.pitch, mount.yaw];
+        let bound = |side: usize, corner: [f64; 3]| {
+            let [x, y, z] = corner;
+            [x, y, z, angles[0][side], angles[1][side], angles[2][side]]
+        };
+        Self {
+            lower: bound(0, mount.min),
+            upper: bound(1, mount.max),
+            min_distance: mount.min_distance,
+            lidars: mount.lidars as usize,
+            keep_out: mount.keep_out.clone(),
+            ties: Ties { equal_height: mount.equal_height, symmetric: mount.symmetric },
+        }
+    }
 }
 
 /// Rules that hold between the LiDARs of a placement; a search keeps them by fewer variables.

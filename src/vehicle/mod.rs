@@ -5,6 +5,7 @@ mod file;
 mod grid;
 mod pose;
 mod published;
+mod random;
 mod sensor;
 mod variables;
 
@@ -13,4 +14,5 @@ pub use file::{PlacementReader, ReadError, read_placements};
 pub use grid::{PoseGrid, PoseGridError, Spacing};
 pub use pose::{MAX_LIDARS, Placement, PlacementError, SensorPose};
 pub use published::table_7;
+pub use random::random_placements;
 pub use sensor::{BeamTable, SensorError};

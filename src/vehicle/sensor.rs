@@ -1,5 +1,7 @@
 use glam::DVec3;
 
+use crate::scene::Lidar;
+
 /// Unit beam directions of one sensor, in the sensor frame (x forward, z up).
 ///
 /// All LiDARs of a placement share one table. Directions are computed in `f64` and rounded to `f32`
@@ -29,6 +31,25 @@ pub enum SensorError {
         /// Metres.
         range: f64,
     },
+}
+
+impl Lidar {
+    /// The sensor's beams as a table.
+    ///
+    /// # Errors
+    /// As [`BeamTable::spinning`] and [`BeamTable::from_directions`].
+    pub fn table(&self) -> Result<BeamTable, SensorError> {
+        match self {
+            Self::Spinning { elevations, azimuth_offsets, azimuth_steps, range } => {
+                let channels: Vec<(f64, f64)> =
+                    elevations.iter().copied().zip(azimuth_offsets.iter().copied()).collect();
+                BeamTable::spinning(&channels, *azimuth_steps, *range)
+            }
+            Self::Directions { directions, range } => {
+                BeamTable::from_directions(directions.iter().map(|&d| d.into()), *range)
+            }
+        }
+    }
 }
 
 impl BeamTable {

@@ -6,4 +6,4 @@ mod placements;
 
 pub use compare::{Differences, compare_backends};
 pub use oracle::{Agreement, EDGE_TOLERANCE, Explanation, explain, sample_reference};
-pub use placements::{hostile_placements, random_placements};
+pub use placements::hostile_placements;

@@ -1,22 +1,10 @@
+//! Poses that methods fail at.
+
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::psog::Roi;
-use crate::vehicle::{Constraints, Placement, SensorPose};
-
-/// Placements drawn evenly from the mount; they need not keep the minimum distance.
-pub fn random_placements(constraints: &Constraints, count: usize, seed: u64) -> Vec<Placement> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let placements = (0..count).map(|index| {
-        let variables: Vec<f64> = constraints
-            .variable_bounds()
-            .iter()
-            .map(|&(low, high)| rng.random_range(low..=high))
-            .collect();
-        Placement { name: format!("random-{index}"), lidars: constraints.poses_of(&variables) }
-    });
-    placements.collect()
-}
+use crate::vehicle::{Placement, SensorPose};
 
 /// A kind of pose that methods fail at, from the grid and a number that varies it.
 type Kind = (&'static str, fn(&Roi, f64) -> SensorPose);

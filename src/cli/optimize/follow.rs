@@ -73,9 +73,8 @@ impl Run {
     /// What scores over all frames, on the CPU: a second scene on a device would take its memory twice.
     fn full(&mut self, auto: &Auto, compute: &Compute) -> Evaluator {
         self.full.take().unwrap_or_else(|| {
-            let constraints = self.evaluator.constraints().clone();
             let backend = Box::new(CpuBackend::new(self.whole.clone(), compute.memory_budget()));
-            let mut full = Evaluator::new(self.whole.clone(), backend, constraints);
+            let mut full = Evaluator::new(self.whole.clone(), backend);
             full.remember(auto.known());
             full
         })

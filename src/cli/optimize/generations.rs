@@ -2,13 +2,14 @@
 
 use std::time::{Duration, Instant};
 
+use sightline::problem::spread;
 use sightline::search::Search;
 
 use super::{Method, Open, Run};
 use crate::cli::args::{Compute, Talk};
 use crate::cli::error::Error;
 use crate::cli::interrupt::Interrupt;
-use crate::cli::{load, progress};
+use crate::cli::progress;
 
 /// Time between two checkpoints: one after each generation would take longer than the search itself
 /// where generations are quick.
@@ -77,7 +78,7 @@ impl Run {
         }
         let frames = self.whole.frame_count();
         if !self.is_over_all() {
-            let mut full = open(&load::spread(frames, None), None)?;
+            let mut full = open(&spread(frames, None), None)?;
             let scores = full.scores(std::slice::from_ref(&best.placement))?.remove(0);
             let value = self.objective.value(&scores);
             if value.is_none_or(|value| value < target) || !scores.guards.is_empty() {

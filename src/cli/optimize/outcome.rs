@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use indicatif::ProgressBar;
+use sightline::problem::spread;
 use sightline::report::{
     InformationMap, ModelledRun, RunRecord, RunTimes, Scored, certificate_in_words,
     methods_in_words,
@@ -15,7 +16,7 @@ use super::rules::{active_bounds, in_words};
 use super::{Args, Run};
 use crate::cli::args::{Format, format_or_default};
 use crate::cli::error::Error;
-use crate::cli::{load, table};
+use crate::cli::table;
 
 /// Frames that the map of the gained information averages over.
 const MAP_FRAMES: u32 = 4;
@@ -24,7 +25,7 @@ impl Run {
     /// What the result gains over some frames, seen from above.
     pub(super) fn map(&mut self, best: Option<&Scored>) -> Result<Option<InformationMap>, Error> {
         let Some(best) = best else { return Ok(None) };
-        let frames = load::spread(self.evaluator.problem().frame_count(), Some(MAP_FRAMES));
+        let frames = spread(self.evaluator.problem().frame_count(), Some(MAP_FRAMES));
         let problem = self.evaluator.problem();
         let (roi, mut map) =
             (*problem.roi(), InformationMap::new(problem.roi(), problem.content()));

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sightline::problem::Problem;
+use sightline::problem::spread;
 use sightline::psog::{Psog, Roi};
 use sightline::scan::scan_scene;
 use sightline::scene::{PsogSource, Scene};
@@ -77,17 +78,17 @@ impl<'a> Bench<'a> {
 
     /// The mount as the scene has it.
     pub fn constraints(&self) -> Constraints {
-        load::constraints(self.scene.mount())
+        Constraints::from(self.scene.mount())
     }
 
     /// Frames of the study.
     pub fn frames(&self) -> Vec<usize> {
-        load::spread(self.scene.frame_count(), Some(self.args.frames.unwrap_or(FRAMES)))
+        spread(self.scene.frame_count(), Some(self.args.frames.unwrap_or(FRAMES)))
     }
 
     /// An evaluator of the scene as it is.
     pub fn evaluator(&self) -> Result<Evaluator, Error> {
-        self.evaluator_with(&self.psog, load::beam_table(self.scene.lidar())?, self.constraints())
+        self.evaluator_with(&self.psog, self.scene.lidar().table()?, self.constraints())
     }
 
     /// An evaluator with another P-SOG, sensor or mount.
@@ -99,14 +100,11 @@ impl<'a> Bench<'a> {
     ) -> Result<Evaluator, Error> {
         let frames = self.frames();
         let problem = if std::ptr::eq(psog, &*self.psog) {
-            load::problem_of(&self.scene, psog, table, &frames)?
+            Problem::from_scene(&self.scene, psog, table, &frames)?
         } else {
             Problem::on_grid_of(psog, &self.scene, table, &frames)
         };
-        let problem = Arc::new(problem);
-        let budget = self.compute.memory_budget();
-        let backend = load::open_backend(&problem, budget, &self.compute)?;
-        Ok(Evaluator::new(problem, backend, constraints))
+        load::evaluator(problem.with_constraints(constraints), &self.compute)
     }
 
     /// The P-SOG with voxels of another size; an error for a scene without geometry.

@@ -17,7 +17,7 @@ pub struct AdapterSummary {
     pub max_buffer: u64,
     /// Most invocations of a workgroup.
     pub max_workgroup: u32,
-    /// Whether `--backend auto` takes this device.
+    /// Whether `--backend auto` takes this device: the best one, if it is hardware.
     pub auto: bool,
 }
 
@@ -35,7 +35,7 @@ pub fn list_adapters() -> Vec<AdapterSummary> {
             max_binding: limits.max_storage_buffer_binding_size,
             max_buffer: limits.max_buffer_size,
             max_workgroup: limits.max_compute_invocations_per_workgroup,
-            auto: index == 0,
+            auto: index == 0 && info.device_type != wgpu::DeviceType::Cpu,
         }
     });
     summaries.collect()

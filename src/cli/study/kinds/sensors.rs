@@ -6,7 +6,6 @@ use sightline::vehicle::Placement;
 
 use super::{SCORE_COLUMNS, check_distinct, columns, plot_of, score_row, title};
 use crate::cli::error::Error;
-use crate::cli::load;
 use crate::cli::study::bench::Bench;
 use crate::cli::study::session::{Session, Study};
 
@@ -25,7 +24,7 @@ pub fn lidars(bench: &mut Bench, session: &mut Session) -> Result<Study, Error> 
         let case = session.case(&count.to_string(), || {
             let constraints =
                 sightline::vehicle::Constraints { lidars: count, ..bench.constraints() };
-            let table = load::beam_table(bench.scene.lidar())?;
+            let table = bench.scene.lidar().table()?;
             let mut evaluator = bench.evaluator_with(&bench.psog, table, constraints)?;
             // The best of one LiDAR less, with one more at each corner of the mount in turn.
             let mut starts = bench.table_7.clone();
@@ -116,7 +115,7 @@ pub fn channels(bench: &mut Bench, session: &mut Session) -> Result<Study, Error
     let mut rows = Vec::new();
     for (name, lidar) in sensors {
         let case = session.case(&name, || {
-            let table = load::beam_table(&lidar)?;
+            let table = lidar.table()?;
             let beams = table.directions().len();
             let mut evaluator = bench.evaluator_with(&bench.psog, table, bench.constraints())?;
             let mut row = best_row(bench, &mut evaluator, &name)?;
@@ -166,7 +165,7 @@ pub fn height(bench: &mut Bench, session: &mut Session) -> Result<Study, Error> 
         let case = session.case(&name, || {
             let mut constraints = bench.constraints();
             (constraints.lower[2], constraints.upper[2]) = (from, to);
-            let table = load::beam_table(bench.scene.lidar())?;
+            let table = bench.scene.lidar().table()?;
             let mut evaluator = bench.evaluator_with(&bench.psog, table, constraints)?;
             best_row(bench, &mut evaluator, &name)
         })?;

@@ -8,7 +8,6 @@ use sightline::vehicle::Placement;
 
 use super::{check_distinct, columns, plot_of, series_by_row, title};
 use crate::cli::error::Error;
-use crate::cli::load;
 use crate::cli::study::bench::Bench;
 use crate::cli::study::session::{Session, Study};
 
@@ -41,7 +40,7 @@ pub fn voxels(bench: &mut Bench, session: &mut Session) -> Result<Study, Error> 
         let name = format!("{voxel:?} m");
         let case = session.case(&name, || {
             let psog = bench.psog_of(voxel)?;
-            let table = load::beam_table(bench.scene.lidar())?;
+            let table = bench.scene.lidar().table()?;
             let mut evaluator = bench.evaluator_with(&psog, table, bench.constraints())?;
             let scores = evaluator.scores(&bench.table_7)?;
             let values =
@@ -169,7 +168,7 @@ pub fn published(bench: &mut Bench, session: &mut Session) -> Result<Study, Erro
                 Some(evaluator) => evaluator,
                 None => {
                     let psog = bench.psog_of([edge; 3])?;
-                    let table = load::beam_table(bench.scene.lidar())?;
+                    let table = bench.scene.lidar().table()?;
                     evaluator.insert(bench.evaluator_with(&psog, table, bench.constraints())?)
                 }
             };

@@ -1,0 +1,239 @@
+//! From a scene to a problem, and from a problem to the engine that was asked for.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Backend, BackendError, CpuBackend, available_memory};
+use crate::problem::{Problem, ProblemError};
+use crate::psog::{GridError, Psog, PsogFileError, read_psog};
+use crate::scan::scan_scene;
+use crate::scene::{PsogSource, ScanSettings, Scene, SceneError};
+use crate::vehicle::SensorError;
+
+/// Bytes taken as free where the system does not tell.
+const SMALL_MACHINE: u64 = 2 << 30;
+
+/// Why a scene does not become a problem.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum OpenError {
+    /// From the scene.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// From the region of interest, or from building the P-SOG.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// From the P-SOG file.
+    #[error(transparent)]
+    Psog(#[from] PsogFileError),
+    /// From the sensor.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// Scene and P-SOG do not fit together.
+    #[error("{files}: {source}")]
+    Problem {
+        /// The scene file, and the P-SOG file if it names one.
+        files: String,
+        /// What does not fit.
+        source: ProblemError,
+    },
+}
+
+impl Psog {
+    /// The P-SOG of a scene: the file that it names, or one built from virtual scans.
+    ///
+    /// `done` is called after each frame that was scanned.
+    ///
+    /// # Errors
+    /// A file that cannot be read or lacks a class of the scene's detection target; more frames or voxels
+    /// than a P-SOG holds.
+    pub fn of(scene: &Scene, done: impl Fn()) -> Result<Self, OpenError> {
+        match scene.psog_source() {
+            PsogSource::File(path) => {
+                let psog = read_psog(path)?;
+                scene.check_detection(psog.classes())?;
+                Ok(psog)
+            }
+            PsogSource::Scan(settings) => Self::scanned(scene, settings, done),
+        }
+    }
+
+    fn scanned(scene: &Scene, settings: &ScanSettings, done: impl Fn()) -> Result<Self, OpenError> {
+        Ok(scan_scene(scene, &scene.roi().grid()?, settings, done)?.0)
+    }
+}
+
+impl Problem {
+    /// The problem that a scene poses, over all of its frames.
+    ///
+    /// # Errors
+    /// As [`Psog::of`] and [`Self::with_psog`].
+    pub fn of(scene: &Scene) -> Result<Self, OpenError> {
+        let psog = Psog::of(scene, || {})?;
+        let frames: Vec<usize> = (0..scene.frame_count()).collect();
+        Self::with_psog(scene, &psog, &frames)
+    }
+
+    /// The problem that a scene poses with a P-SOG, over some of its frames: the scene's sensor, mount and
+    /// coverage.
+    ///
+    /// # Errors
+    /// A sensor without beams; a P-SOG on another grid than the scene's region of interest.
+    pub fn with_psog(scene: &Scene, psog: &Psog, frames: &[usize]) -> Result<Self, OpenError> {
+        let table = scene.lidar().table()?;
+        Self::from_scene(scene, psog, table, frames).map_err(|source| {
+            let psog = match scene.psog_source() {
+                PsogSource::File(file) => Some(file),
+                PsogSource::Scan(_) => None,
+            };
+            let files = scene.files().iter().take(1).chain(psog);
+            let files: Vec<String> = files.map(|file| file.display().to_string()).collect();
+            OpenError::Problem { files: files.join(" and "), source }
+        })
+    }
+}
+
+/// Which engine computes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum EngineKind {
+    /// The best hardware device, or the CPU where there is none.
+    #[default]
+    Auto,
+    /// The best Vulkan device, software among them.
+    Gpu,
+    /// The host processor.
+    Cpu,
+}
+
+/// The engine asked for.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct EngineChoice {
+    /// Which engine.
+    pub kind: EngineKind,
+    /// Part of the name of the Vulkan device to take.
+    pub adapter: Option<String>,
+    /// Bytes that work buffers may take; `None` takes half of what is free.
+    pub memory: Option<u64>,
+}
+
+impl EngineChoice {
+    /// The CPU, with half of the free memory.
+    pub fn cpu() -> Self {
+        Self { kind: EngineKind::Cpu, ..Self::default() }
+    }
+
+    /// Bytes that work buffers may take.
+    pub fn memory_budget(&self) -> u64 {
+        self.memory.unwrap_or_else(|| available_memory().unwrap_or(SMALL_MACHINE) / 2)
+    }
+}
+
+/// An engine, and what its opening has to say.
+pub struct Opened {
+    /// What computes.
+    pub engine: Box<dyn Backend>,
+    /// Sentences for the user: which device, and why not another.
+    pub notes: Vec<String>,
+}
+
+/// Opens the engine asked for; a device that is lost while it computes is replaced, and `on_change` is
+/// told.
+///
+/// # Errors
+/// No such device, or one that cannot hold the problem, where it was asked for.
+pub fn open(
+    problem: &Arc<Problem>,
+    choice: &EngineChoice,
+    on_change: impl Fn(&str) + Send + 'static,
+) -> Result<Opened, BackendError> {
+    let mut notes = Vec::new();
+    let engine = match choice.kind {
+        EngineKind::Cpu => cpu(problem, choice),
+        EngineKind::Auto if choice.adapter.is_none() => {
+            match hardware(problem, choice, on_change) {
+                Ok(engine) => engine,
+                Err(why) => {
+                    notes.push(why);
+                    cpu(problem, choice)
+                }
+            }
+        }
+        // A device asked for is not silently replaced by the CPU.
+        _ => asked_for(problem, choice, on_change)?,
+    };
+    notes.push(format!("computing on {}: {}", engine.name(), engine.adapter()));
+    Ok(Opened { engine, notes })
+}
+
+fn cpu(problem: &Arc<Problem>, choice: &EngineChoice) -> Box<dyn Backend> {
+    Box::new(CpuBackend::new(problem.clone(), choice.memory_budget()))
+}
+
+/// The best hardware device, or a sentence that says why the CPU computes.
+fn hardware(
+    problem: &Arc<Problem>,
+    choice: &EngineChoice,
+    on_change: impl Fn(&str) + Send + 'static,
+) -> Result<Box<dyn Backend>, String> {
+    use super::gpu::list_adapters;
+    let adapters = list_adapters();
+    let Some(best) = adapters.first() else {
+        return Err("computing on the CPU: there is no Vulkan device".into());
+    };
+    if best.kind == "software" {
+        return Err(format!(
+            "computing on the CPU: no hardware Vulkan device; --backend gpu would take the software device \
+             `{}`",
+            best.name
+        ));
+    }
+    gpu::surviving(problem, choice, on_change)
+        .map(|failover| Box::new(failover.take_what_is_too_large()) as Box<dyn Backend>)
+        .map_err(|error| format!("computing on the CPU: {error}"))
+}
+
+fn asked_for(
+    problem: &Arc<Problem>,
+    choice: &EngineChoice,
+    on_change: impl Fn(&str) + Send + 'static,
+) -> Result<Box<dyn Backend>, BackendError> {
+    Ok(Box::new(gpu::surviving(problem, choice, on_change)?))
+}
+
+/// Devices, and engines that take the place of lost ones.
+mod gpu {
+    use std::sync::Arc;
+
+    use super::EngineChoice;
+    use crate::engine::gpu::GpuBackend;
+    use crate::engine::{Backend, BackendError, CpuBackend, Failover};
+    use crate::problem::Problem;
+
+    pub(super) fn surviving(
+        problem: &Arc<Problem>,
+        choice: &EngineChoice,
+        on_change: impl Fn(&str) + Send + 'static,
+    ) -> Result<Failover, BackendError> {
+        let (adapter, memory) = (choice.adapter.clone(), choice.memory_budget());
+        let first = doomed(GpuBackend::new(problem.clone(), adapter.as_deref(), memory)?);
+        let (for_gpu, for_cpu) = (problem.clone(), problem.clone());
+        let reopen = move || -> Result<Box<dyn Backend>, BackendError> {
+            Ok(Box::new(GpuBackend::new(for_gpu.clone(), adapter.as_deref(), memory)?))
+        };
+        let cpu =
+            move || -> Box<dyn Backend> { Box::new(CpuBackend::new(for_cpu.clone(), memory)) };
+        Ok(Failover::new(Box::new(first), Box::new(reopen), cpu, on_change))
+    }
+
+    /// A drill: `SIGHTLINE_LOSE_DEVICE_AFTER=N` destroys the first device after N batches, so that anybody
+    /// can see how a run survives.
+    fn doomed(mut gpu: GpuBackend) -> GpuBackend {
+        let batches = std::env::var("SIGHTLINE_LOSE_DEVICE_AFTER").ok();
+        if let Some(batches) = batches.and_then(|text| text.parse().ok()) {
+            gpu.lose_device_after(batches);
+        }
+        gpu
+    }
+}

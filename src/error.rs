@@ -1,0 +1,60 @@
+//! One error for callers that use several modules.
+
+use crate::chart::FidelityError;
+use crate::engine::{BackendError, OpenError};
+use crate::problem::ProblemError;
+use crate::psog::{GridError, KittiError, PsogFileError};
+use crate::scene::SceneError;
+use crate::score::ObjectiveError;
+use crate::search::SearchError;
+use crate::vehicle::{PlacementError, PoseGridError, ReadError, SensorError};
+
+/// Any error of this library, so that `?` works across its modules.
+///
+/// Each variant prints the module's own sentence.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// From reading a scene.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// From reading placements.
+    #[error(transparent)]
+    Placements(#[from] ReadError),
+    /// From a placement.
+    #[error(transparent)]
+    Placement(#[from] PlacementError),
+    /// From a grid of sensor poses.
+    #[error(transparent)]
+    PoseGrid(#[from] PoseGridError),
+    /// From the voxels of a P-SOG.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// From a P-SOG file.
+    #[error(transparent)]
+    PsogFile(#[from] PsogFileError),
+    /// From labelled frames.
+    #[error(transparent)]
+    Kitti(#[from] KittiError),
+    /// From the sensor.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// From parts that do not make a problem.
+    #[error(transparent)]
+    Problem(#[from] ProblemError),
+    /// From a scene that does not become a problem.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// From evaluating.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
+    /// From the objective.
+    #[error(transparent)]
+    Objective(#[from] ObjectiveError),
+    /// From a setting of the chart.
+    #[error(transparent)]
+    Fidelity(#[from] FidelityError),
+    /// From the search.
+    #[error(transparent)]
+    Search(#[from] SearchError),
+}
