@@ -2,36 +2,53 @@
 
 #![allow(clippy::unwrap_used)]
 
+#[cfg(feature = "gpu")]
 mod atlas;
+#[cfg(feature = "cli")]
 mod cli;
+#[cfg(feature = "cli")]
 mod cli_chart;
-#[cfg(unix)]
+#[cfg(all(unix, feature = "cli"))]
 mod cli_edges;
+#[cfg(feature = "cli")]
 mod cli_errors;
+#[cfg(feature = "cli")]
 mod cli_inputs;
 mod cli_optimize;
-#[cfg(unix)]
+#[cfg(all(unix, feature = "cli"))]
 mod cli_output;
+#[cfg(feature = "cli")]
 mod cli_rules;
+#[cfg(feature = "cli")]
 mod cli_scene;
+#[cfg(feature = "cli")]
 mod cli_study;
 mod common;
 mod cover;
 mod equal_frames;
 mod fast_stages;
+#[cfg(feature = "gpu")]
 mod gpu_cover;
+#[cfg(feature = "gpu")]
 mod gpu_cpu;
+#[cfg(feature = "gpu")]
 mod gpu_flow;
+#[cfg(feature = "gpu")]
 mod gpu_packets;
 mod grid_search;
 mod hits;
+#[cfg(feature = "gpu")]
 mod hostile;
+#[cfg(feature = "gpu")]
 mod hostile_large;
+#[cfg(feature = "gpu")]
 mod hostile_shifted;
 mod invariants;
 mod invariants_own;
 mod layers;
+#[cfg(feature = "gpu")]
 mod lost_device;
+#[cfg(feature = "cli")]
 mod main_job;
 mod own_scenes;
 mod packets;

@@ -15,6 +15,7 @@
 mod batch;
 mod cpu;
 mod failover;
+#[cfg(feature = "gpu")]
 pub mod gpu;
 mod memory;
 mod opening;

@@ -152,7 +152,7 @@ pub fn open(
     let engine = match choice.kind {
         EngineKind::Cpu => cpu(problem, choice),
         EngineKind::Auto if choice.adapter.is_none() => {
-            match hardware(problem, choice, on_change) {
+            match device::hardware(problem, choice, on_change) {
                 Ok(engine) => engine,
                 Err(why) => {
                     notes.push(why);
@@ -161,7 +161,7 @@ pub fn open(
             }
         }
         // A device asked for is not silently replaced by the CPU.
-        _ => asked_for(problem, choice, on_change)?,
+        _ => device::asked_for(problem, choice, on_change)?,
     };
     notes.push(format!("computing on {}: {}", engine.name(), engine.adapter()));
     Ok(Opened { engine, notes })
@@ -171,47 +171,48 @@ fn cpu(problem: &Arc<Problem>, choice: &EngineChoice) -> Box<dyn Backend> {
     Box::new(CpuBackend::new(problem.clone(), choice.memory_budget()))
 }
 
-/// The best hardware device, or a sentence that says why the CPU computes.
-fn hardware(
-    problem: &Arc<Problem>,
-    choice: &EngineChoice,
-    on_change: impl Fn(&str) + Send + 'static,
-) -> Result<Box<dyn Backend>, String> {
-    use super::gpu::list_adapters;
-    let adapters = list_adapters();
-    let Some(best) = adapters.first() else {
-        return Err("computing on the CPU: there is no Vulkan device".into());
-    };
-    if best.kind == "software" {
-        return Err(format!(
-            "computing on the CPU: no hardware Vulkan device; --backend gpu would take the software device \
-             `{}`",
-            best.name
-        ));
-    }
-    gpu::surviving(problem, choice, on_change)
-        .map(|failover| Box::new(failover.take_what_is_too_large()) as Box<dyn Backend>)
-        .map_err(|error| format!("computing on the CPU: {error}"))
-}
-
-fn asked_for(
-    problem: &Arc<Problem>,
-    choice: &EngineChoice,
-    on_change: impl Fn(&str) + Send + 'static,
-) -> Result<Box<dyn Backend>, BackendError> {
-    Ok(Box::new(gpu::surviving(problem, choice, on_change)?))
-}
-
 /// Devices, and engines that take the place of lost ones.
-mod gpu {
+#[cfg(feature = "gpu")]
+mod device {
     use std::sync::Arc;
 
     use super::EngineChoice;
-    use crate::engine::gpu::GpuBackend;
+    use crate::engine::gpu::{GpuBackend, list_adapters};
     use crate::engine::{Backend, BackendError, CpuBackend, Failover};
     use crate::problem::Problem;
 
-    pub(super) fn surviving(
+    /// The best hardware device, or a sentence that says why the CPU computes.
+    pub(super) fn hardware(
+        problem: &Arc<Problem>,
+        choice: &EngineChoice,
+        on_change: impl Fn(&str) + Send + 'static,
+    ) -> Result<Box<dyn Backend>, String> {
+        let adapters = list_adapters();
+        let Some(best) = adapters.first() else {
+            return Err("computing on the CPU: there is no Vulkan device".into());
+        };
+        if !best.auto {
+            return Err(format!(
+                "computing on the CPU: no hardware Vulkan device; --backend gpu would take the software \
+                 device `{}`",
+                best.name
+            ));
+        }
+        surviving(problem, choice, on_change)
+            .map(|failover| Box::new(failover.take_what_is_too_large()) as Box<dyn Backend>)
+            .map_err(|error| format!("computing on the CPU: {error}"))
+    }
+
+    /// The device asked for.
+    pub(super) fn asked_for(
+        problem: &Arc<Problem>,
+        choice: &EngineChoice,
+        on_change: impl Fn(&str) + Send + 'static,
+    ) -> Result<Box<dyn Backend>, BackendError> {
+        Ok(Box::new(surviving(problem, choice, on_change)?))
+    }
+
+    fn surviving(
         problem: &Arc<Problem>,
         choice: &EngineChoice,
         on_change: impl Fn(&str) + Send + 'static,
@@ -235,5 +236,31 @@ mod gpu {
             gpu.lose_device_after(batches);
         }
         gpu
+    }
+}
+
+/// Without the feature `gpu` there is no device.
+#[cfg(not(feature = "gpu"))]
+mod device {
+    use std::sync::Arc;
+
+    use super::EngineChoice;
+    use crate::engine::{Backend, BackendError};
+    use crate::problem::Problem;
+
+    pub(super) fn hardware(
+        _: &Arc<Problem>,
+        _: &EngineChoice,
+        _: impl Fn(&str) + Send + 'static,
+    ) -> Result<Box<dyn Backend>, String> {
+        Err("computing on the CPU: this build is without the feature `gpu`".into())
+    }
+
+    pub(super) fn asked_for(
+        _: &Arc<Problem>,
+        choice: &EngineChoice,
+        _: impl Fn(&str) + Send + 'static,
+    ) -> Result<Box<dyn Backend>, BackendError> {
+        Err(BackendError::NoDevice { name: choice.adapter.clone() })
     }
 }

@@ -1,6 +1,6 @@
 //! Why a run cannot begin or go on.
 
-use sightline_cma::OptimizeError;
+use sightline_cma::CmaError;
 
 use crate::engine::BackendError;
 use crate::vehicle::PoseGridError;
@@ -14,7 +14,7 @@ pub enum SearchError {
     Backend(#[from] BackendError),
     /// From the CMA-ES.
     #[error(transparent)]
-    Optimize(#[from] OptimizeError),
+    Cma(#[from] CmaError),
     /// From the grid of poses.
     #[error(transparent)]
     Grid(#[from] PoseGridError),

@@ -1,33 +1,36 @@
+//! Smooth map of the unbounded search space onto the caller's box.
+
 use serde::{Deserialize, Serialize};
 
 /// Width of the bent margin at each bound, as a share of the range.
 const MARGIN: f64 = 0.05;
 
-/// Smooth map from all of ℝ onto a box, coordinate by coordinate, each scaled from [0, 1].
+/// Smooth map from ℝⁿ onto a box, coordinate by coordinate, each scaled from [0, 1].
 ///
-/// Inside it is the identity; within a margin of a bound it bends quadratically and turns back beyond
-/// it, periodically, so that every point is feasible and a bound is reached with slope zero (the
-/// transform that N. Hansen's pycma calls `BoundTransform`, with one margin for both sides).
-/// Coordinates of no width have no place in the search space.
+/// With the margin m = 0.05: the identity on [m, 1 − m], quadratic within m of a bound, with slope 0 at
+/// x = −m and x = 1 + m, and mirrored beyond, with period 2 (1 + 2m). Every search point is feasible.
+/// The map is `BoundTransform` of N. Hansen's pycma with one margin for both sides. Variables of width 0
+/// are left out of the search space.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct BoundTransform {
+pub(super) struct BoundTransform {
     bounds: Vec<(f64, f64)>,
+    /// Variables of width above 0, by index.
     free: Vec<usize>,
 }
 
 impl BoundTransform {
-    /// A transform onto the box of these (lower, upper) bounds, finite and in order.
+    /// Map onto the box of (lower, upper) bounds, finite and in order.
     pub(super) fn new(bounds: Vec<(f64, f64)>) -> Self {
         let free = (0..bounds.len()).filter(|&k| bounds[k].1 > bounds[k].0).collect();
         Self { bounds, free }
     }
 
-    /// Variables of the search space.
+    /// Number of variables of the search space.
     pub(super) fn free_count(&self) -> usize {
         self.free.len()
     }
 
-    /// The part of a vector of the caller's space that is free, scaled by `scale`.
+    /// Entries of the free variables in a vector of the caller's space, scaled by `scale(entry, bounds)`.
     pub(super) fn free_part(
         &self,
         full: &[f64],
@@ -36,7 +39,7 @@ impl BoundTransform {
         self.free.iter().map(|&k| scale(full[k], self.bounds[k])).collect()
     }
 
-    /// The feasible point of a search point.
+    /// Point of the box at `x` of the search space.
     pub(super) fn point(&self, x: &[f64]) -> Vec<f64> {
         let mut point: Vec<f64> = self.bounds.iter().map(|b| b.0).collect();
         for (&x, &k) in x.iter().zip(&self.free) {
@@ -48,8 +51,9 @@ impl BoundTransform {
         point
     }
 
-    /// A point in the box with those coordinates on a bound that are within `near`, a share of the
-    /// range, of it, by variable of the search space; `None` where that changes nothing.
+    /// Moves each coordinate within `near(k)` of a bound onto it; `None` where none moves.
+    ///
+    /// `k` counts the variables of the search space, `near` is a share of the range.
     pub(super) fn clipped(&self, point: &[f64], near: impl Fn(usize) -> f64) -> Option<Vec<f64>> {
         let mut clipped = point.to_vec();
         for (k, &at) in self.free.iter().enumerate() {
@@ -64,13 +68,13 @@ impl BoundTransform {
         (clipped != point).then_some(clipped)
     }
 
-    /// A search point of a point in the box; points outside are moved onto it.
+    /// Search point of a point in the box; coordinates outside count as on the bound.
     pub(super) fn preimage(&self, point: &[f64]) -> Vec<f64> {
         self.free_part(point, |v, (low, high)| unbend(((v - low) / (high - low)).clamp(0.0, 1.0)))
     }
 }
 
-/// ℝ onto [0, 1].
+/// Map of one coordinate, ℝ onto [0, 1].
 fn bend(x: f64) -> f64 {
     let mut x = x;
     if !(-MARGIN..=1.0 + MARGIN).contains(&x) {
@@ -89,7 +93,7 @@ fn bend(x: f64) -> f64 {
     }
 }
 
-/// The value in [−margin, 1 + margin] that [`bend`] takes to `y`.
+/// Inverse of [`bend`] on [0, 1], with values in [−m, 1 + m].
 fn unbend(y: f64) -> f64 {
     if y < MARGIN {
         2.0 * (MARGIN * y).sqrt() - MARGIN

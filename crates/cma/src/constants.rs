@@ -1,3 +1,5 @@
+//! Strategy parameters: Table 1 of the tutorial.
+
 use serde::{Deserialize, Serialize};
 
 /// Strategy parameters of Table 1 of the tutorial.
@@ -28,11 +30,9 @@ pub struct Constants {
 }
 
 impl Constants {
-    /// Default parameters for n variables and λ candidates.
-    ///
-    /// `active` gives the worse half negative weights. `c_mu_offset` is 1/4 in the tutorial's version
-    /// of 2023 and 0 in that of 2016. `n` ≥ 1 and `population` ≥ 2.
-    pub fn new(n: usize, population: usize, active: bool, c_mu_offset: f64) -> Self {
+    /// Default parameters for `n` ≥ 1 variables and `population` ≥ 2 candidates; `active` and
+    /// `c_mu_offset` as in [`super::CmaOptions`].
+    pub(super) fn new(n: usize, population: usize, active: bool, c_mu_offset: f64) -> Self {
         let dim = n as f64;
         let lambda = population as f64;
         let mu = population / 2;
@@ -50,7 +50,7 @@ impl Constants {
         let c_mu = (1.0 - c_1).min(
             2.0 * (c_mu_offset + mu_eff + 1.0 / mu_eff - 2.0) / ((dim + 2.0).powi(2) + mu_eff),
         );
-        // Eqs. 50 to 53: how much negative weight is safe.
+        // Eqs. 50 to 53: bound on the sum of the negative weights.
         let alpha = (1.0 + c_1 / c_mu)
             .min(1.0 + 2.0 * mu_eff_minus / (mu_eff + 2.0))
             .min((1.0 - c_1 - c_mu) / (dim * c_mu));
@@ -77,7 +77,7 @@ impl Constants {
     }
 
     /// λ = 4 + ⌊3 ln n⌋, eq. 48.
-    pub fn default_population(n: usize) -> usize {
+    pub(super) fn default_population(n: usize) -> usize {
         4 + (3.0 * (n as f64).ln()).floor() as usize
     }
 }

@@ -1,11 +1,12 @@
-//! Covariance matrix adaptation evolution strategy (CMA-ES): pure numbers, knows no GPU and no scene.
+//! Covariance matrix adaptation evolution strategy: ask, tell, stop.
 //!
-//! After N. Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv:1604.00772; equation numbers in
-//! the code are the tutorial's. Only the ranks of the costs matter.
+#![doc = include_str!("../README.md")]
 
 mod bounds;
+mod candidate;
 mod cma;
 mod constants;
+mod error;
 mod options;
 mod restarts;
 mod state;
@@ -13,10 +14,10 @@ mod stop;
 #[cfg(test)]
 mod tests;
 
-pub use bounds::BoundTransform;
-pub use cma::{Candidate, Cma};
+pub use candidate::Candidate;
+pub use cma::Cma;
 pub use constants::Constants;
-pub use options::{CmaOptions, OptimizeError};
+pub use error::CmaError;
+pub use options::CmaOptions;
 pub use restarts::{Ended, RestartOptions, RestartStrategy, Restarts};
-pub use state::State;
 pub use stop::StopReason;

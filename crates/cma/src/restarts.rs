@@ -1,31 +1,34 @@
+//! CMA-ES that starts again: IPOP and BIPOP.
+
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::options::{MAX_POPULATION, check_bounds};
-use super::{Candidate, Cma, CmaOptions, OptimizeError, StopReason};
+use crate::error::check_bounds;
+use crate::options::MAX_POPULATION;
+use crate::{Candidate, Cma, CmaError, CmaOptions, StopReason};
 
-/// Least population of a small instance, where the first one is no smaller.
+/// Smallest population of a small instance, unless the first instance's is smaller still.
 const LEAST_POPULATION: usize = 4;
 
-/// Which instance follows one that has stopped.
+/// Rule for the instance that follows a stopped one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RestartStrategy {
-    /// Each with twice the population of the one before: Auger and Hansen, CEC 2005.
+    /// Twice the population of the one before: Auger and Hansen, CEC 2005.
     Ipop,
-    /// Large ones, each of twice the population, and small ones of random population and step size, in
-    /// turn so that both use as many evaluations: Hansen, BBOB 2009.
+    /// Large instances, each of twice the population, and small ones of random population and step size,
+    /// by turns so that both regimes use as many evaluations: Hansen, BBOB 2009.
     Bipop,
 }
 
-/// How [`Restarts`] go on.
+/// Settings of [`Restarts`] beside those of its instances.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RestartOptions {
-    /// Which instance follows.
+    /// Rule for the next instance.
     pub strategy: RestartStrategy,
-    /// (lower, upper) of each variable between which the means of later instances are drawn; `None`
-    /// takes the bounds, and without bounds the first mean.
+    /// (lower, upper) of each variable for the random means of later instances; `None` takes the bounds,
+    /// and without bounds every instance starts at the first mean.
     pub region: Option<Vec<(f64, f64)>>,
 }
 
@@ -35,18 +38,18 @@ impl Default for RestartOptions {
     }
 }
 
-/// An instance that has stopped.
+/// Record of a stopped instance.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Ended {
-    /// Its candidates of a generation.
+    /// Candidates of a generation.
     pub population: usize,
-    /// Candidates it was told.
+    /// Candidates told to the instance.
     pub evaluations: u64,
-    /// Why it stopped.
+    /// Reason of its stop.
     pub reason: StopReason,
 }
 
-/// An instance to come.
+/// Settings of the next instance.
 #[derive(Debug, Clone, PartialEq)]
 struct Plan {
     small: bool,
@@ -70,11 +73,11 @@ struct Spent {
     instances: u32,
 }
 
-/// CMA-ES that starts again where an instance stops, with the interface of [`Cma`].
+/// CMA-ES with restarts: a new instance follows each stopped one. The interface is that of [`Cma`].
 ///
-/// Only the target and the budget of the options end it; they count over all instances. The first
-/// instance is the [`Cma`] of the same options. All that follows comes from the seed, so equal seeds
-/// give equal bits, and a saved and loaded search goes on as if it had never stopped.
+/// Target and budget of the options hold for all instances together, and nothing else ends the search.
+/// The first instance is the [`Cma`] of the same options. Later ones depend on the seed alone: equal
+/// seeds give equal bits, and a saved and loaded search goes on to the same bits.
 ///
 /// ```
 /// use sightline_cma::{CmaOptions, RestartOptions, Restarts};
@@ -91,7 +94,7 @@ struct Spent {
 ///     search.tell(&candidates, &costs)?;
 /// }
 /// assert!(best < 1e-6);
-/// # Ok::<(), sightline_cma::OptimizeError>(())
+/// # Ok::<(), sightline_cma::CmaError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Restarts {
@@ -104,7 +107,7 @@ pub struct Restarts {
     ended: Vec<Ended>,
     large: Spent,
     small: Spent,
-    /// Evaluations of the large instance that stopped last.
+    /// Evaluations of the last stopped large instance.
     last_large: Option<u64>,
     polishing: bool,
     evaluations: u64,
@@ -121,7 +124,7 @@ impl Restarts {
         step_size: f64,
         options: CmaOptions,
         restarts: RestartOptions,
-    ) -> Result<Self, OptimizeError> {
+    ) -> Result<Self, CmaError> {
         if let Some(region) = &restarts.region {
             check_bounds("the region of restarts", region, mean.len())?;
         }
@@ -146,7 +149,7 @@ impl Restarts {
     }
 
     /// Starts the next instance in place of the one that runs.
-    fn start_next(&mut self) -> Result<(), OptimizeError> {
+    fn start_next(&mut self) -> Result<(), CmaError> {
         let small = self.restarts.strategy == RestartStrategy::Bipop && self.small < self.large;
         let plan = self.plan(small);
         let options = CmaOptions {
@@ -166,7 +169,7 @@ impl Restarts {
         Ok(())
     }
 
-    /// The next instance of a regime.
+    /// Settings of the next instance of a regime.
     fn plan(&self, small: bool) -> Plan {
         let first = self.first_population;
         let index = u64::from(self.large.instances + self.small.instances);
@@ -184,7 +187,7 @@ impl Restarts {
                 budget: None,
             };
         }
-        // Streams that no generation uses.
+        // Generations draw from the streams from 0 upwards, instances from the last one downwards.
         let mut rng = ChaCha8Rng::seed_from_u64(self.options.seed);
         rng.set_stream(u64::MAX - index);
         let seed = rng.random();
@@ -220,7 +223,7 @@ impl Restarts {
     ///
     /// # Errors
     /// Candidates or costs of another number than were asked for.
-    pub fn tell(&mut self, candidates: &[Candidate], costs: &[f64]) -> Result<(), OptimizeError> {
+    pub fn tell(&mut self, candidates: &[Candidate], costs: &[f64]) -> Result<(), CmaError> {
         self.tell_ranked(candidates, costs, costs)
     }
 
@@ -233,7 +236,7 @@ impl Restarts {
         candidates: &[Candidate],
         ranks: &[f64],
         costs: &[f64],
-    ) -> Result<(), OptimizeError> {
+    ) -> Result<(), CmaError> {
         let Instance { small, cma } = &mut self.running;
         cma.tell_ranked(candidates, ranks, costs)?;
         let told = candidates.len() as u64;
@@ -255,12 +258,11 @@ impl Restarts {
     ///
     /// # Errors
     /// A point of another length than the mean, or not finite.
-    pub fn inject(&mut self, points: &[Vec<f64>]) -> Result<(), OptimizeError> {
+    pub fn inject(&mut self, points: &[Vec<f64>]) -> Result<(), CmaError> {
         self.running.cma.inject(points)
     }
 
-    /// Releases the floors of the standard deviations of this and all later instances; see
-    /// [`Cma::polish`].
+    /// [`Cma::polish`] for all running and all later instances.
     pub fn polish(&mut self) {
         self.polishing = true;
         self.running.cma.polish();
@@ -275,7 +277,7 @@ impl Restarts {
         spent.then_some(StopReason::Budget)
     }
 
-    /// Instances that have stopped, in that order.
+    /// Stopped instances, in the order of their stops.
     pub fn ended(&self) -> &[Ended] {
         &self.ended
     }
@@ -285,7 +287,7 @@ impl Restarts {
         &self.running.cma
     }
 
-    /// Candidates told so far.
+    /// Candidates told so far, over all instances.
     pub fn evaluations(&self) -> u64 {
         self.evaluations
     }

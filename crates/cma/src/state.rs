@@ -1,28 +1,30 @@
+//! Search distribution and its update, eqs. 38 to 47.
+
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
-use super::Constants;
+use crate::Constants;
 
-/// Eigenvalues below this share of the largest are raised to it: rounding makes them negative.
+/// Floor of the eigenvalues, as a share of the largest: rounding makes small ones negative.
 const EIGENVALUE_FLOOR: f64 = 1e-15;
-/// Sweeps after which a decomposition is given up.
+/// Most sweeps of one decomposition.
 const MAX_SWEEPS: usize = 10_000;
 
 /// Search distribution N(mean, σ² C) and its evolution paths.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct State {
+pub(super) struct State {
     /// Mean m.
-    pub mean: DVector<f64>,
+    pub(super) mean: DVector<f64>,
     /// Step size σ.
-    pub step_size: f64,
+    pub(super) step_size: f64,
     /// Covariance matrix C.
-    pub cov: DMatrix<f64>,
+    pub(super) cov: DMatrix<f64>,
     /// Evolution path of the step size, p_σ.
-    pub path_sigma: DVector<f64>,
+    pub(super) path_sigma: DVector<f64>,
     /// Evolution path of the covariance, p_c.
-    pub path_c: DVector<f64>,
+    pub(super) path_c: DVector<f64>,
     /// Generations told.
-    pub generation: u64,
+    pub(super) generation: u64,
 }
 
 /// C^(1/2) and C^(−1/2), both symmetric, and the condition number of C.
@@ -35,7 +37,7 @@ pub(super) struct Roots {
 
 impl State {
     /// Identity covariance and empty paths.
-    pub fn new(mean: DVector<f64>, step_size: f64) -> Self {
+    pub(super) fn new(mean: DVector<f64>, step_size: f64) -> Self {
         let n = mean.len();
         Self {
             mean,
@@ -102,7 +104,7 @@ impl State {
         for (i, mut column) in scaled.column_iter_mut().enumerate() {
             let w = match weights[i] {
                 w if w >= 0.0 => w,
-                // A step of no length teaches nothing.
+                // A step of length 0 has no direction.
                 w => {
                     if lengths[i] > 0.0 {
                         w * n / lengths[i]

@@ -1,18 +1,20 @@
+//! Progress of the costs, and the reasons to stop that come from it.
+
 use std::collections::VecDeque;
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::CmaOptions;
+use crate::CmaOptions;
 
 /// Generations whose costs must all agree before the search counts as converged.
 const AGREEING: usize = 10;
-/// Generations kept to look for stagnation, evenly spread over all that it looks back on.
+/// Generations that the test for stagnation compares, spread evenly over its memory.
 const KEPT: usize = 40;
-/// Rounding of a cost, as a share of it: differences below it say nothing.
+/// Rounding of a cost, as a share of it; smaller differences count as none.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
-/// Why a search has ended, or cannot go on by itself.
+/// Reason to end a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum StopReason {
@@ -20,16 +22,16 @@ pub enum StopReason {
     Target,
     /// The evaluations are used up.
     Budget,
-    /// All costs of ten generations, and the best ones of many more, agree within the tolerance.
+    /// All costs of ten generations, and the best ones of 10 + 30 n/λ, agree within the tolerance.
     TolFun,
-    /// Neither the best nor the median costs have fallen for many generations.
+    /// Neither the best nor the median costs have fallen over 200 + 200 n^1.5/λ generations.
     Stagnation,
-    /// Every standard deviation is below 10⁻¹² of the first one, or, once the floors are released,
-    /// below 10⁻³ of its floor.
+    /// Every standard deviation is below 10⁻¹² of the first step size or, after
+    /// [`super::Cma::polish`], below 10⁻³ of its floor.
     TolX,
     /// The condition number of C passed 10¹⁴.
     Condition,
-    /// C is not finite, or its eigenvectors were not found.
+    /// C is not finite, has no positive eigenvalue, or its eigenvectors were not found.
     Decomposition,
 }
 
@@ -47,7 +49,7 @@ impl fmt::Display for StopReason {
     }
 }
 
-/// Costs of one generation, of those that are numbers.
+/// Costs of one generation, NaN left out.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Costs {
     best: f64,
@@ -55,7 +57,7 @@ struct Costs {
     worst: f64,
 }
 
-/// What the costs of the past say about going on. The search itself only looks at ranks.
+/// Record of the costs, read by the stop criteria alone: the update reads ranks.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Progress {
     target: Option<f64>,
@@ -63,11 +65,11 @@ pub(super) struct Progress {
     tolerance: f64,
     /// Generations whose best costs must agree before the search counts as converged.
     window: usize,
-    /// Of so many generations, stagnation looks at one.
+    /// Generations from one entry of `sparse` to the next.
     stride: u64,
-    /// The last two windows.
+    /// Generations of the last two windows.
     recent: VecDeque<Costs>,
-    /// One generation of each stride.
+    /// First generation of each stride.
     sparse: VecDeque<Costs>,
     generations: u64,
     best: Option<f64>,
@@ -92,7 +94,7 @@ impl Progress {
         }
     }
 
-    /// Notes a generation; costs that are no numbers are left out, and infinities cut to size.
+    /// Records a generation; NaN is left out, and ±∞ becomes ±`f64::MAX`.
     pub(super) fn note(&mut self, costs: &[f64]) {
         self.evaluations += costs.len() as u64;
         let mut known: Vec<f64> = costs.iter().copied().filter(|c| !c.is_nan()).collect();
@@ -103,7 +105,7 @@ impl Progress {
         let (lower, median, upper) = known.select_nth_unstable_by(middle, f64::total_cmp);
         let best = lower.iter().copied().fold(*median, f64::min);
         let worst = upper.iter().copied().fold(*median, f64::max);
-        // A saved search keeps no infinities: JSON has none.
+        // JSON, the usual form of a saved search, has no infinities.
         let finite = |cost: f64| cost.clamp(f64::MIN, f64::MAX);
         let costs = Costs { best: finite(best), median: finite(*median), worst: finite(worst) };
         self.best = Some(self.best.map_or(costs.best, |best| best.min(costs.best)));
@@ -132,8 +134,8 @@ impl Progress {
         }
     }
 
-    /// Whether the costs agree within the tolerance, other than by being equal: a search on a plateau
-    /// widens and goes on.
+    /// Whether the costs agree within the tolerance without being equal: equal costs are a plateau, and
+    /// widen the search instead.
     fn agree(&self) -> bool {
         if self.recent.len() < self.window {
             return false;
@@ -145,7 +147,7 @@ impl Progress {
         range > 0.0 && range < self.tolerance.max(ROUNDING * low.abs())
     }
 
-    /// Whether nothing has fallen for long, other than on a plateau without end.
+    /// Whether no cost has fallen over the memory, unless every generation kept was a plateau.
     fn stagnates(&self) -> bool {
         let flat = |costs: &Costs| costs.best == costs.worst;
         self.sparse.len() == KEPT && !self.sparse.iter().all(flat) && !falls(&self.sparse)
@@ -157,8 +159,8 @@ impl Progress {
         self.recent.len() < 2 * self.window || falls(&self.recent)
     }
 
-    /// Whether nothing falls and a best cost came back, as it does on plateaus alone; the costs so far
-    /// are then not asked again.
+    /// Whether no cost falls and two generations have the same best cost, which happens on plateaus
+    /// alone. True clears the window, so that the next answer waits for a new one.
     pub(super) fn stuck_on_plateau(&mut self) -> bool {
         if self.falls() {
             return false;

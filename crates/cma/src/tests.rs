@@ -1,26 +1,26 @@
+//! Updates against golden traces, smooth functions, bounds, saving, floors.
+
 use std::path::{Path, PathBuf};
 
 use nalgebra::{DMatrix, DVector};
 use serde_json::Value;
 
 use super::*;
+use crate::state::State;
 
 mod restarts;
 mod robustness;
 
-fn golden(file: &str) -> Option<Value> {
+/// Traces of a reference implementation, from the folder that `build.rs` looked for.
+fn golden(file: &str) -> Value {
     let folder = std::env::var_os("SIGHTLINE_GOLDEN").map_or_else(
         || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/golden"),
         PathBuf::from,
     );
     let path = folder.join(file);
-    match std::fs::read_to_string(&path) {
-        Ok(text) => Some(serde_json::from_str(&text).unwrap()),
-        Err(error) => {
-            eprintln!("left out: {}: {error} (set SIGHTLINE_GOLDEN)", path.display());
-            None
-        }
-    }
+    let text = std::fs::read_to_string(&path)
+        .unwrap_or_else(|error| panic!("{}: {error}; set SIGHTLINE_GOLDEN", path.display()));
+    serde_json::from_str(&text).unwrap()
 }
 
 fn vector(value: &Value) -> DVector<f64> {
@@ -40,8 +40,9 @@ fn difference(got: &[f64], want: &[f64]) -> f64 {
 }
 
 #[test]
+#[cfg_attr(not(has_golden), ignore = "needs cma_tell.json in ../shared/golden or SIGHTLINE_GOLDEN")]
 fn updates_follow_the_reference_traces() {
-    let Some(file) = golden("cma_tell.json") else { return };
+    let file = golden("cma_tell.json");
     let traces = file["traces"].as_array().unwrap();
     assert_eq!(traces.len(), 12);
     for trace in traces {

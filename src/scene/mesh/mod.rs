@@ -1,7 +1,10 @@
 //! Mesh files: OBJ, PLY and glTF, each read into the same plain triangles.
 
+#[cfg(feature = "mesh")]
 mod gltf;
+#[cfg(feature = "mesh")]
 mod obj;
+#[cfg(feature = "mesh")]
 mod ply;
 
 use std::collections::HashMap;
@@ -70,18 +73,32 @@ pub(crate) fn load(at: &Place, file: &Path) -> Result<RawMesh, SceneError> {
         element: f.element,
         problem: f.problem,
     };
-    let read: fn(&[u8], &Path) -> Result<RawMesh, Fault> = match extension(file).as_str() {
-        "obj" => |bytes, _| obj::read(bytes),
-        "ply" => |bytes, _| ply::read(bytes),
-        "gltf" | "glb" => gltf::read,
-        _ => return Err(fault(Fault::new("name", "ends in none of .obj, .ply, .gltf, .glb"))),
-    };
+    let read = reader(&extension(file)).map_err(fault)?;
     let bytes = read_limited(file, MAX_FILE)?;
     let dir = file.parent().unwrap_or(Path::new(""));
     let mut mesh = read(&bytes, dir).map_err(fault)?;
     mesh.files.push(file.to_owned());
     check(&mesh).map_err(fault)?;
     Ok(mesh)
+}
+
+/// Reads the bytes of a mesh file; buffers of a glTF lie in the folder.
+type Reader = fn(&[u8], &Path) -> Result<RawMesh, Fault>;
+
+/// The reader of files with an extension.
+#[cfg(feature = "mesh")]
+fn reader(extension: &str) -> Result<Reader, Fault> {
+    match extension {
+        "obj" => Ok(|bytes, _| obj::read(bytes)),
+        "ply" => Ok(|bytes, _| ply::read(bytes)),
+        "gltf" | "glb" => Ok(gltf::read),
+        _ => Err(Fault::new("name", "ends in none of .obj, .ply, .gltf, .glb")),
+    }
+}
+
+#[cfg(not(feature = "mesh"))]
+fn reader(_: &str) -> Result<Reader, Fault> {
+    Err(Fault::new("file", "cannot be read: this build is without the feature `mesh`"))
 }
 
 /// Every vertex finite, every index in range, at least one triangle.
@@ -103,5 +120,5 @@ fn check(mesh: &RawMesh) -> Result<(), Fault> {
     Ok(())
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "mesh"))]
 mod tests;

@@ -27,7 +27,7 @@ use serde_json::json;
 use problems::{File, Problem};
 use runs::Run;
 
-/// What `pycma.py` found.
+/// Runs of pycma, written by `pycma.py`.
 const PYCMA: &str = include_str!("pycma.json");
 
 #[derive(Parser)]
@@ -123,10 +123,15 @@ fn print_row(
     let ratio = our_mean.zip(their_mean).map(|(ours, theirs)| ours / theirs);
     let infeasible: u64 = done.iter().map(|run| run.infeasible).sum();
     let mut stops: BTreeMap<&str, usize> = BTreeMap::new();
+    let mut spent = 0;
     for run in done.iter().filter(|run| !run.success) {
         *stops.entry(&run.stop).or_default() += 1;
+        spent += run.spent;
     }
-    let stops: Vec<String> = stops.iter().map(|(stop, count)| format!("{count} {stop}")).collect();
+    let failed: usize = stops.values().sum();
+    let mut stops: Vec<String> =
+        stops.iter().map(|(stop, count)| format!("{count} {stop}")).collect();
+    stops.extend((failed > 0).then(|| format!("{} evaluations each", spent / failed as u64)));
     println!(
         "{:28} {:>7} {:>7} {:>9} {:>9} {:>6} {}{}",
         problem.id,

@@ -19,7 +19,7 @@ pub struct File {
     common: HashMap<usize, Common>,
 }
 
-/// What all problems of one dimension share.
+/// Optima, starts and grids shared by all problems of one dimension.
 #[derive(Deserialize)]
 struct Common {
     x_opt: Vec<f64>,
@@ -105,7 +105,7 @@ impl File {
     }
 }
 
-/// The noise of one run: what the search sees of a cost.
+/// Noise of one run, added to every cost before the search is told.
 pub struct Noise {
     rng: ChaCha8Rng,
     share: f64,

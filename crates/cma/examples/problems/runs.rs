@@ -5,24 +5,26 @@ use sightline_cma::{CmaOptions, RestartOptions, RestartStrategy, Restarts};
 
 use crate::problems::{File, Noise, Problem};
 
-/// Rounding that is no violation of the bounds.
+/// Largest distance from the box that counts as rounding.
 const TOLERANCE: f64 = 1e-12;
 
-/// Means of restarts are drawn from this far on both sides of zero.
+/// Means of restarts are drawn from ±`START`, times the problem's `x0_scale`.
 const START: f64 = 4.0;
 
-/// How one run went.
+/// Result of one run.
 #[derive(Serialize)]
 pub struct Run {
     /// Evaluations to the target; `None` if it was not reached.
     pub evaluations: Option<u64>,
+    /// Evaluations until the end of the run, whether it reached the target or not.
+    pub spent: u64,
     pub success: bool,
     /// Points outside the bounds.
     pub infeasible: u64,
     pub stop: String,
 }
 
-/// Runs until the target, the budget or a stop of the optimizer's own.
+/// Runs one problem until its target, its budget or a stop of the optimizer.
 pub fn run(file: &File, problem: &Problem, run: usize) -> Result<Run, String> {
     let cost = file.cost(problem).ok_or_else(|| format!("{}: unknown function", problem.id))?;
     let mut noise = Noise::new(problem, run);
@@ -45,12 +47,12 @@ pub fn run(file: &File, problem: &Problem, run: usize) -> Result<Run, String> {
         Restarts::new(&start, step_size, options, restarts).map_err(|e| e.to_string())?;
     let of_mean = problem.indicator == "mean";
     let (mut evaluations, mut infeasible) = (0, 0);
-    let end = |evaluations, infeasible, stop: String| {
-        Ok(Run { evaluations, success: evaluations.is_some(), infeasible, stop })
+    let end = |spent, success: bool, infeasible, stop: String| {
+        Ok(Run { evaluations: success.then_some(spent), spent, success, infeasible, stop })
     };
     loop {
         if evaluations >= problem.budget {
-            return end(None, infeasible, "budget".into());
+            return end(evaluations, false, infeasible, "budget".into());
         }
         let candidates = search.ask();
         let mut costs = Vec::with_capacity(candidates.len());
@@ -61,17 +63,17 @@ pub fn run(file: &File, problem: &Problem, run: usize) -> Result<Run, String> {
             }
             let true_cost = cost(candidate.point());
             if !of_mean && true_cost <= problem.target {
-                return end(Some(evaluations + index as u64 + 1), infeasible, "target".into());
+                return end(evaluations + index as u64 + 1, true, infeasible, "target".into());
             }
             costs.push(noise.observe(true_cost));
         }
         evaluations += candidates.len() as u64;
         search.tell(&candidates, &costs).map_err(|error| error.to_string())?;
         if of_mean && search.running().any(|cma| cost(&cma.mean_point()) <= problem.target) {
-            return end(Some(evaluations), infeasible, "target".into());
+            return end(evaluations, true, infeasible, "target".into());
         }
         if let (None, Some(ended)) = (&problem.restart, search.ended().first()) {
-            return end(None, infeasible, ended.reason.to_string());
+            return end(evaluations, false, infeasible, ended.reason.to_string());
         }
     }
 }
