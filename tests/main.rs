@@ -14,6 +14,7 @@ mod cli_edges;
 mod cli_errors;
 #[cfg(feature = "cli")]
 mod cli_inputs;
+#[cfg(feature = "cli")]
 mod cli_optimize;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_output;

@@ -51,7 +51,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     args.compute.start()?;
     let honest = match &args.placements {
         Some(path) => read_placements(path)?,
-        None => optimize::table_7()?,
+        None => table_7(),
     };
     let wanted = args.frames.unwrap_or(FRAMES);
     let mut loaded = load::scene(&args.scene, Some(wanted), &args.compute)?;

@@ -170,7 +170,7 @@ fn fresh(args: &Args) -> Result<State, Error> {
     let scene = args.scene.clone().expect("clap requires a scene or --resume");
     let given = match &args.placements {
         Some(file) => read_placements(file)?,
-        None => optimize::table_7()?,
+        None => table_7(),
     };
     let settings = Settings {
         scene: std::path::absolute(&scene).map_err(Error::io(&scene))?,

@@ -64,7 +64,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let placements = match &args.placements {
         Some(path) => read_placements(path)?,
         None => {
-            let mut all = optimize::table_7()?;
+            let mut all = table_7();
             all.extend(random_placements(&constraints, args.random, args.seed));
             all.extend(hostile_placements(problem.roi(), args.hostile, args.seed));
             all

@@ -1,7 +1,7 @@
 use std::fmt::Write;
 
-use super::{InformationMap, RunRecord, Scored, convergence_svg, placement_svg};
-use crate::search::GenerationRecord;
+use super::{InformationMap, RunRecord, convergence_svg, placement_svg};
+use crate::search::{GenerationRecord, Scored};
 use crate::vehicle::Constraints;
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;color:#1b2a3a;max-width:64rem;\
@@ -151,7 +151,7 @@ pub fn report_html(run: &RunRecord, figures: &Figures) -> String {
         let (name, why) = (escape(&layout.name), escape(&layout.why.join("; ")));
         let _ = writeln!(html, "<p>Not started from {name}: {why}.</p>");
     }
-    if let Some(words) = run.fidelity.as_ref().and_then(|f| f["words"].as_str()) {
+    if let Some(words) = run.fidelity.as_ref().map(|frames| frames.words.as_str()) {
         let _ = writeln!(html, "<p>Fidelity: {}.</p>", escape(words));
     }
     let _ = writeln!(

@@ -1,7 +1,6 @@
 use std::fmt::Write;
 
-use super::Scored;
-use crate::search::GenerationRecord;
+use crate::search::{GenerationRecord, Scored};
 use crate::vehicle::Constraints;
 
 pub(super) const FONT: &str = "font-family=\"system-ui,sans-serif\" font-size=\"13\"";

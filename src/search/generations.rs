@@ -5,7 +5,7 @@ use std::fmt;
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
-use sightline_cma::{Cma, CmaOptions, Ended, RestartOptions, Restarts};
+use sightline_cma::{CmaOptions, Ended, RestartOptions, Restarts};
 
 use super::error::SearchError;
 use super::evaluator::Evaluator;

@@ -1,6 +1,5 @@
 //! Questions that take many runs: how many LiDARs, which sensor, what if one fails.
 
-mod layout;
 mod loss;
 mod published;
 mod region;

@@ -9,14 +9,14 @@ use sightline::psog::{Psog, Roi};
 use sightline::scan::scan_scene;
 use sightline::scene::{PsogSource, Scene};
 use sightline::score::{Objective, Scores};
-use sightline::search::{Evaluator, SearchSettings, best_placement};
-use sightline::vehicle::{BeamTable, Constraints, Placement};
+use sightline::search::{Evaluator, Event, Settings, optimize};
+use sightline::vehicle::{table_7, BeamTable, Constraints, Placement};
 
 use super::{Args, FRAMES};
 use crate::cli::args::{Compute, Talk};
 use crate::cli::error::Error;
 use crate::cli::interrupt::Interrupt;
-use crate::cli::{load, optimize};
+use crate::cli::load;
 
 /// A scene with all that stays the same while a study varies something.
 pub(super) struct Bench<'a> {
@@ -59,7 +59,7 @@ impl<'a> Bench<'a> {
             objective: objective.clone(),
             scene,
             psog,
-            table_7: optimize::table_7()?,
+            table_7: table_7(),
             compute: Compute { talk: quiet, ..args.compute.clone() },
             interrupt: interrupt.clone(),
         };
@@ -137,18 +137,17 @@ impl<'a> Bench<'a> {
         objective: &Objective,
         starts: &[Placement],
     ) -> Result<Option<Placement>, Error> {
-        let settings = SearchSettings {
-            objective: objective.to_string(),
+        let settings = Settings {
+            objective: objective.clone(),
             evaluations: self.args.evaluations,
-            population: None,
-            batch: None,
             seed: self.args.seed,
-            delta: None,
+            baselines: starts.to_vec(),
+            engine: self.compute.engine(),
+            ..Settings::default()
         };
-        let memory = self.compute.memory_budget() / 2;
-        let go_on = || !self.interrupt.is_set();
-        let best = best_placement(evaluator, objective, starts, &settings, memory, &go_on)?;
-        Ok(best.map(|(placement, _)| placement))
+        let mut observe = |_: &Event| !self.interrupt.is_set();
+        let outcome = optimize(&evaluator.shared_problem(), &settings, &mut observe)?;
+        Ok(outcome.best.map(|best| best.placement))
     }
 
     /// Whether the user has not asked to stop.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::engine::{CpuBackend, open};
+use crate::engine::{CpuBackend, EngineChoice, open};
 use crate::problem::{Problem, Tally, spread};
 use crate::score::{Objective, Scores};
 use crate::search::bound::Bounds;
@@ -14,7 +14,7 @@ use crate::search::generations::{GenerationRecord, Generations, GenerationsStop,
 use crate::search::observer::Watch;
 use crate::search::on_demand::FramesOnDemand;
 use crate::search::outcome::{LeftOut, Scored, SearchTimes};
-use crate::search::settings::{FrameChoice, Settings};
+use crate::search::settings::{FrameChoice, Settings, TimeLimit};
 use crate::search::swaps::{SWAP_SPACING, Swapped};
 use crate::vehicle::{Placement, PoseGrid};
 
@@ -60,11 +60,6 @@ impl State {
     /// Its settings; engine and time limit of a loaded state are the defaults.
     pub fn settings(&self) -> &Settings {
         &self.settings
-    }
-
-    /// Its settings, to give a loaded state an engine and a time limit.
-    pub fn settings_mut(&mut self) -> &mut Settings {
-        &mut self.settings
     }
 
     /// A record of each generation so far.
@@ -138,6 +133,11 @@ impl Run {
     pub fn resume(problem: impl Into<Arc<Problem>>, state: State) -> Self {
         let problem = problem.into();
         Self { problem, state, before_cut: None, sitting: Sitting::default() }
+    }
+
+    /// Sets engine and time limit, which are no part of a saved state.
+    pub fn open_with(&mut self, engine: EngineChoice, time: Option<TimeLimit>) {
+        (self.state.settings.engine, self.state.settings.time) = (engine, time);
     }
 
     /// The state to save: that before the first phase that time or an interruption cut short.
