@@ -1,5 +1,18 @@
 //! Where on this vehicle should the LiDARs go?
 //!
+//! Scores of known placements in a scene:
+//!
+//! ```
+//! use sightline::{Evaluator, Problem, Scene, read_placements};
+//!
+//! let scene = Scene::read("scenes/industrial-yard.json")?;
+//! let mut evaluator = Evaluator::on_cpu(Problem::of(&scene)?);
+//! for scores in evaluator.scores(&read_placements("scenes/placements.json")?)? {
+//!     println!("{:14} {:?} nats", scores.name, scores.segmentation.information_gain);
+//! }
+//! # Ok::<(), sightline::Error>(())
+//! ```
+//!
 //! One direction of data flow, top to bottom; a module imports only what stands above it:
 //!
 //! | module | holds |

@@ -19,7 +19,9 @@ pub fn sightline(dir: &Path, args: &[&str]) -> Output {
     output
 }
 
+/// The answer of a command that must succeed, asked for as JSON.
 pub fn ok(dir: &Path, args: &[&str]) -> Value {
+    let args = &[args, &["--format", "json"]].concat();
     let output = sightline(dir, args);
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{args:?}: {stderr}");
@@ -82,8 +84,7 @@ fn scores_of_a_corridor_worked_out_by_hand() {
     let bernoulli = 2.0 * (p(1.0) + p(3.0));
     let total = gain + p(2.0) + p(2.0);
     for backend in ["cpu", "gpu"] {
-        let args =
-            ["score", "scene.json", "placements.json", "--format", "json", "--backend", backend];
+        let args = ["score", "scene.json", "placements.json", "--backend", backend];
         let answer = ok(dir.path(), &args);
         assert_eq!(answer["scene"], "corridor");
         assert_eq!(answer["backend"], backend);
@@ -158,7 +159,7 @@ fn a_stream_of_placements_gives_the_scores_of_a_document() {
 #[test]
 fn devices_names_the_one_that_auto_takes() {
     let dir = TempDir::new().unwrap();
-    let answer = ok(dir.path(), &["devices", "--format", "json"]);
+    let answer = ok(dir.path(), &["devices"]);
     let devices = answer["devices"].as_array().unwrap();
     assert_eq!(devices.iter().filter(|d| d["auto"] == true).count(), 1, "{answer}");
     assert!(devices[0]["max_binding"].as_u64().unwrap() >= 128 << 20);
@@ -237,8 +238,7 @@ fn hits_of_a_room_are_where_its_walls_are() {
 fn verify_passes_on_a_room_and_says_what_it_compared() {
     let dir = TempDir::new().unwrap();
     room(dir.path());
-    let args =
-        ["verify", "room.json", "--frames", "2", "--random", "20", "--sample", "3000", "--json"];
+    let args = ["verify", "room.json", "--frames", "2", "--random", "20", "--sample", "3000"];
     let answer = ok(dir.path(), &args);
     assert_eq!(answer["passed"], true, "{answer}");
     assert_eq!((&answer["placements"], &answer["frames"]), (&json!(81), &json!(2)));

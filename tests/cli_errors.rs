@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::cli::{corridor, fails, ok, room, scene};
+use crate::cli::{corridor, fails, ok, room, scene, sightline};
 
 /// Replaces one value of the scene by its JSON pointer and says what the program answers.
 fn with_scene(pointer: &str, value: Value) -> String {
@@ -207,7 +207,25 @@ fn bad_labelled_frames_are_answered_with_file_and_count() {
     fs::write(dir.path().join("seq/poses.txt"), "").unwrap();
     answer(&["poses.txt"]);
     fs::write(dir.path().join("seq/calib.txt"), "P0: 1\n").unwrap();
-    answer(&["calib.txt", "Tr"]);
+    answer(&["calib.txt", "Tr", "data_odometry_calib.zip", "Tr: 1 0 0 0 0 1 0"]);
+}
+
+#[test]
+fn labelled_frames_need_neither_region_nor_voxel() {
+    let dir = TempDir::new().unwrap();
+    sequence(dir.path());
+    let build = ["psog", "build", "--kitti", "seq", "--out", "x.npz"];
+    let built = ok(dir.path(), &build);
+    assert_eq!((&built["voxel"][2], &built["shape"]), (&json!(0.1), &json!([800, 800, 60])));
+    assert_eq!((&built["min"], &built["occupied"]), (&json!([-40.0, -40.0, -0.5]), &json!(3)));
+    let finer = ok(dir.path(), &[&build[..], &["--voxel", "0.2", "0.2", "0.3"]].concat());
+    assert_eq!(finer["shape"], json!([400, 400, 20]));
+    let scene = ["psog", "build", "x.json", "--voxel", "1", "1", "1", "--out", "x.npz"];
+    assert!(fails(dir.path(), &scene).contains("--kitti"));
+    let table = sightline(dir.path(), &["psog", "info", "x.npz"]).stdout;
+    let table = String::from_utf8(table).unwrap();
+    assert!(table.contains("region      x -40 to 40, y -40 to 40, z -0.5 to 5.5 m\n"), "{table}");
+    assert!(table.contains("\n(empty)"), "{table}");
 }
 
 #[test]

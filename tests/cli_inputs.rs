@@ -47,7 +47,7 @@ fn line(name: &str) -> String {
 /// Scores placements that come through a pipe.
 fn piped(dir: &TempDir, input: &str, more: &[&str]) -> Output {
     let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
-        .args(["score", "scene.json", "-", "--backend", "cpu"])
+        .args(["score", "scene.json", "-", "--format", "json", "--backend", "cpu"])
         .args(more)
         .current_dir(dir.path())
         .stdin(Stdio::piped())

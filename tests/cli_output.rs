@@ -40,7 +40,7 @@ fn a_closed_pipe_ends_quietly_and_a_full_disk_in_a_sentence() {
     drop(reader);
     let mut command = Command::new(env!("CARGO_BIN_EXE_sightline"));
     let deaf = command.args(SCORE).current_dir(dir.path()).stderr(writer).output().unwrap();
-    assert!(deaf.status.success() && deaf.stdout.ends_with(b"}\n"), "{deaf:?}");
+    assert!(deaf.status.success() && deaf.stdout.starts_with(b"corridor: "), "{deaf:?}");
 }
 
 #[test]
@@ -48,7 +48,8 @@ fn out_leaves_pipes_links_and_permissions_as_they_are() {
     let dir = corridor();
     let at = |name: &str| dir.path().join(name);
     let to = |name: &str| {
-        let output = sightline(dir.path(), &[&SCORE[..], &["--out", name]].concat());
+        let output =
+            sightline(dir.path(), &[&SCORE[..], &["--format", "json", "--out", name]].concat());
         assert!(output.status.success(), "{name}: {output:?}");
         output.stdout
     };
@@ -81,6 +82,20 @@ fn out_leaves_pipes_links_and_permissions_as_they_are() {
         assert!(message.contains("is read by this command"), "{message}");
         assert_eq!(fs::read(at(input)).unwrap(), before);
     }
+}
+
+#[test]
+fn results_are_text_in_a_pipe_and_in_a_file_unless_json_is_asked_for() {
+    let dir = corridor();
+    let psog = &["psog", "info", "corridor.psog.npz"][..];
+    for (args, head) in [(&SCORE[..], "corridor: through over 1 frame(s)"), (psog, "region")] {
+        let text = sightline(dir.path(), args).stdout;
+        assert!(text.starts_with(head.as_bytes()), "{}", String::from_utf8_lossy(&text));
+        assert!(ok(dir.path(), args).is_object());
+    }
+    let plain = sightline(dir.path(), &SCORE).stdout;
+    sightline(dir.path(), &[&SCORE[..], &["--out", "scores.txt"]].concat());
+    assert_eq!(fs::read(dir.path().join("scores.txt")).unwrap(), plain);
 }
 
 #[test]

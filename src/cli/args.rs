@@ -1,4 +1,3 @@
-use std::io::IsTerminal;
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
@@ -72,15 +71,6 @@ pub enum Format {
     Text,
     /// For programs.
     Json,
-}
-
-/// The format asked for, or text on a terminal and JSON elsewhere.
-pub fn format_or_default(format: Option<Format>) -> Format {
-    format.unwrap_or_else(
-        || {
-            if std::io::stdout().is_terminal() { Format::Text } else { Format::Json }
-        },
-    )
 }
 
 /// A whole number, as of a seed.

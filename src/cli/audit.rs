@@ -12,11 +12,11 @@ use sightline::scan::scan_scene;
 use sightline::scene::{PsogSource, ScanSettings, Scene};
 use sightline::score::Scores;
 use sightline::search::Evaluator;
-use sightline::vehicle::{Placement, read_placements};
+use sightline::vehicle::{Placement, read_placements, table_7};
 
-use super::args::{Compute, Format, format_or_default};
+use super::args::{Compute, Format};
 use super::error::Error;
-use super::{load, optimize, progress, table};
+use super::{load, progress, table};
 use stability::{Ranking, Stability, preferred, value_of};
 
 /// Exit code of a check that failed.
@@ -40,9 +40,9 @@ pub struct Args {
     /// Frames to average over, spread evenly over the scene [default: 2]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
-    /// How to print [default: text on a terminal, else json]
-    #[arg(long, value_enum)]
-    format: Option<Format>,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
     #[command(flatten)]
     compute: Compute,
 }
@@ -104,7 +104,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let values: Vec<f64> = scores.iter().map(value_of).collect();
     let null = spearman(&values, &ranking.heights());
     let passed = trials.iter().all(|t| t.verdict != Verdict::Fooled);
-    match format_or_default(args.format) {
+    match args.format {
         Format::Json => outln!(
             "{}",
             json!({

@@ -15,7 +15,7 @@ use sightline::problem::{DevicePose, Problem};
 use sightline::scene::EgoBody;
 use sightline::vehicle::{Placement, SensorPose, read_placements};
 
-use super::args::{Compute, Format, format_or_default};
+use super::args::{Compute, Format};
 use super::error::Error;
 use super::load;
 use super::output::{writable_file, write_whole};
@@ -37,9 +37,9 @@ pub struct Args {
     /// Frame of the scene, from 0
     #[arg(long, default_value_t = 0, value_name = "T")]
     frame: u32,
-    /// How to print the summary [default: text on a terminal, else json]
-    #[arg(long, value_enum)]
-    format: Option<Format>,
+    /// How to print the summary
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
     #[command(flatten)]
     compute: Compute,
 }
@@ -123,7 +123,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let stages = loaded.evaluator.backend().times();
     let beams = columns.distance.len();
     let hits = columns.triangle.iter().filter(|&&t| t != NO_HIT).count();
-    match format_or_default(args.format) {
+    match args.format {
         Format::Json => outln!(
             "{}",
             json!({

@@ -16,14 +16,14 @@ use sightline::problem::Problem;
 use sightline::report::{ChartFrame, fidelity_csv, fidelity_svg};
 use sightline::score::Objective;
 use sightline::vehicle::Constraints;
-use sightline::vehicle::{Placement, read_placements};
+use sightline::vehicle::{Placement, read_placements, table_7};
 
-use super::args::{BackendChoice, Compute, Format, format_or_default, whole};
+use super::args::{BackendChoice, Compute, Format, whole};
 use super::error::Error;
 use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::output::{Missing, writable_folder, write_whole};
-use super::{load, optimize, progress};
+use super::{load, progress};
 use summary::Summary;
 
 /// Version of the state in `chart.json`.
@@ -72,9 +72,9 @@ pub struct Args {
     /// Seed of the random placements and of the bootstrap
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>, conflicts_with = "resume")]
     seed: u64,
-    /// How to print the result [default: text on a terminal, else json]
-    #[arg(long, value_enum)]
-    format: Option<Format>,
+    /// How to print the result
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
     #[command(flatten)]
     compute: Compute,
 }
@@ -354,7 +354,7 @@ impl Chart<'_> {
         self.write_text("chart.svg", &fidelity_svg(&rated, &frame))?;
         self.write_text("chart.csv", &fidelity_csv(&rated, self.edge))?;
         self.write_json(Some(&summary))?;
-        match format_or_default(args.format) {
+        match args.format {
             Format::Json => outln!("{}", self.json(Some(&summary)))?,
             Format::Text => self.print(&rated, &summary)?,
         }

@@ -2,21 +2,21 @@ use std::process::ExitCode;
 
 use sightline::engine::gpu::list_adapters;
 
-use super::args::{Format, format_or_default};
+use super::args::Format;
 use super::error::Error;
 use super::table;
 
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  sightline devices")]
 pub struct Args {
-    /// How to print [default: text on a terminal, else json]
-    #[arg(long, value_enum)]
-    format: Option<Format>,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
 }
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let adapters = list_adapters();
-    match format_or_default(args.format) {
+    match args.format {
         Format::Json => {
             outln!("{}", serde_json::json!({ "devices": adapters }))?;
         }

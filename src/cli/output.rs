@@ -4,6 +4,7 @@ use std::fmt::Arguments;
 use std::fs::{File, TryLockError};
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use super::error::Error;
 
@@ -40,6 +41,9 @@ pub fn say(line: &str) {
     let line: String = line.chars().map(spell).collect();
     let _ = writeln!(std::io::stderr(), "sightline: {line}");
 }
+
+/// Pause between two looks at a folder that another program holds.
+const BETWEEN_TRIES: Duration = Duration::from_millis(50);
 
 /// Links that are followed before a path is taken for a loop.
 const MOST_LINKS: usize = 40;
@@ -125,6 +129,11 @@ pub fn write_whole(
 pub struct Missing(Vec<PathBuf>);
 
 impl Missing {
+    /// Of a folder that is there.
+    pub fn none() -> Self {
+        Self(Vec::new())
+    }
+
     /// The folder and those around it.
     pub fn of(path: &Path) -> Self {
         let missing = path.ancestors().take_while(|folder| !folder.exists());
@@ -138,21 +147,30 @@ impl Drop for Missing {
     }
 }
 
-/// As [`shared_folder`], for the files of one run: as long as this program runs, a second one that
-/// names the folder is refused, since the files of two would not belong together.
+/// As [`lock_folder`], until this program ends.
 pub fn writable_folder(path: &Path) -> Result<(), Error> {
+    // Dropped, it would end the lock.
+    lock_folder(path, Duration::ZERO).map(std::mem::forget)
+}
+
+/// As [`shared_folder`], for the files of one run: while the lock lives, a second program that names the
+/// folder is refused, since the files of two would not belong together. A program that holds the folder
+/// already may end within `patience`. `None` where folders cannot be opened, as on some network drives:
+/// nobody is kept out.
+pub fn lock_folder(path: &Path, patience: Duration) -> Result<Option<File>, Error> {
     shared_folder(path)?;
-    // Where folders cannot be opened or locked, as on some network drives, nobody is kept out.
-    let Ok(folder) = File::open(path) else { return Ok(()) };
-    if let Err(TryLockError::WouldBlock) = folder.try_lock() {
-        return Err(Error::Usage(format!(
-            "{}: another run writes into it; wait for its end, or name another folder",
-            path.display()
-        )));
+    let Ok(folder) = File::open(path) else { return Ok(None) };
+    let until = Instant::now() + patience;
+    while let Err(TryLockError::WouldBlock) = folder.try_lock() {
+        if Instant::now() >= until {
+            return Err(Error::Usage(format!(
+                "{}: another run writes into it; wait for its end, or name another folder",
+                path.display()
+            )));
+        }
+        std::thread::sleep(BETWEEN_TRIES);
     }
-    // Closing it would end the lock.
-    std::mem::forget(folder);
-    Ok(())
+    Ok(Some(folder))
 }
 
 /// Makes a folder and checks that files can be written into it, before long work begins.

@@ -1,18 +1,25 @@
+//! `psog`: builds P-SOG files from scenes or labelled frames, prints and merges them.
+
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use serde_json::json;
 use sightline::psog::{
-    BuildReport, KittiPsogOptions, KittiSequence, Psog, PsogInfo, build_kitti_psog, read_psog,
+    BuildReport, KittiPsogOptions, KittiSequence, Psog, PsogInfo, Roi, build_kitti_psog, read_psog,
     write_psog_to,
 };
 use sightline::scan::scan_scene;
 use sightline::scene::{PsogSource, ScanSettings};
 
-use super::args::{Format, Talk, finite, format_or_default};
+use super::args::{Format, Talk, finite};
 use super::error::Error;
 use super::output::{writable_file, write_whole};
 use super::{load, progress, table};
+
+/// Region around the ego vehicle, as in the own scenes: lower and upper corner in metres.
+const REGION: [[f64; 3]; 2] = [[-40.0, -40.0, -0.5], [40.0, 40.0, 5.5]];
+/// Voxel of the paper's segmentation task, in metres.
+const VOXEL: [f64; 3] = [0.1; 3];
 
 #[derive(clap::Subcommand)]
 pub enum Command {
@@ -27,14 +34,14 @@ pub enum Command {
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   sightline psog build scenes/highway.json --out highway.psog.npz
-  sightline psog build --kitti sequences/00 --roi-min -40 -40 -0.5 --roi-max 40 40 5.5 \\
-      --voxel 0.2 0.2 0.2 --out kitti.psog.npz")]
+  sightline psog build --kitti sequences/00 --out kitti.psog.npz
+  sightline psog build --kitti sequences/00 --window 5 --voxel 0.2 0.2 0.2 --out kitti.psog.npz")]
 pub struct BuildArgs {
     /// Scene file whose geometry is scanned
     #[arg(required_unless_present = "kitti", conflicts_with = "kitti")]
     scene: Option<PathBuf>,
     /// Folder of labelled frames in the SemanticKITTI layout: velodyne/, labels/, poses.txt, calib.txt
-    #[arg(long, value_name = "DIR", requires_all = ["roi_min", "roi_max", "voxel"])]
+    #[arg(long, value_name = "DIR")]
     kitti: Option<PathBuf>,
     /// Merge only the frames this many numbers before and after into each frame [default: all]
     #[arg(long, value_name = "N", requires = "kitti")]
@@ -43,20 +50,23 @@ pub struct BuildArgs {
     #[arg(long, value_name = "M", requires = "kitti", default_value_t = 1.73, value_parser = finite)]
     lidar_height: f64,
     /// Lower corner of the region of interest, in metres
-    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_hyphen_values = true)]
-    roi_min: Option<Vec<f64>>,
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_hyphen_values = true,
+          requires = "kitti", default_values_t = REGION[0])]
+    roi_min: Vec<f64>,
     /// Upper corner of the region of interest, in metres
-    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_hyphen_values = true)]
-    roi_max: Option<Vec<f64>>,
-    /// Voxel size, in metres
-    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"])]
-    voxel: Option<Vec<f64>>,
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_hyphen_values = true,
+          requires = "kitti", default_values_t = REGION[1])]
+    roi_max: Vec<f64>,
+    /// Voxel size, in metres [the paper's for segmentation]
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], requires = "kitti",
+          default_values_t = VOXEL)]
+    voxel: Vec<f64>,
     /// File to write
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// How to print [default: text on a terminal, else json]
-    #[arg(long, value_enum)]
-    format: Option<Format>,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
     #[command(flatten)]
     talk: Talk,
 }
@@ -66,9 +76,9 @@ pub struct BuildArgs {
 pub struct InfoArgs {
     /// P-SOG file
     psog: PathBuf,
-    /// How to print [default: text on a terminal, else json]
-    #[arg(long, value_enum)]
-    format: Option<Format>,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
 }
 
 #[derive(clap::Args)]
@@ -93,21 +103,17 @@ pub fn run(command: &Command) -> Result<ExitCode, Error> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn corner(values: Option<&Vec<f64>>, option: &str) -> Result<[f64; 3], Error> {
-    values
-        .and_then(|v| <[f64; 3]>::try_from(v.as_slice()).ok())
-        .ok_or_else(|| Error::Usage(format!("{option} needs three numbers")))
+/// The three values of an option that clap takes three of.
+fn triple(values: &[f64]) -> [f64; 3] {
+    [values[0], values[1], values[2]]
 }
 
 fn build(args: &BuildArgs) -> Result<(), Error> {
     writable_file(&args.out, args.scene.as_deref())?;
     let (psog, report) = match (&args.scene, &args.kitti) {
         (_, Some(folder)) => {
-            let roi = sightline::psog::Roi::from_bounds(
-                corner(args.roi_min.as_ref(), "--roi-min")?,
-                corner(args.roi_max.as_ref(), "--roi-max")?,
-                corner(args.voxel.as_ref(), "--voxel")?,
-            )?;
+            let [min, max] = [&args.roi_min, &args.roi_max].map(|corner| triple(corner));
+            let roi = Roi::from_bounds(min, max, triple(&args.voxel))?;
             let options = KittiPsogOptions {
                 lidar_height: args.lidar_height,
                 window: args.window,
@@ -155,43 +161,63 @@ fn write(path: &Path, psog: &Psog) -> Result<(), Error> {
     write_whole(path, |file| write_psog_to(file, psog).map_err(Error::io(path)))
 }
 
-fn print(psog: &Psog, report: Option<&BuildReport>, format: Option<Format>) -> Result<(), Error> {
+fn print(psog: &Psog, report: Option<&BuildReport>, format: Format) -> Result<(), Error> {
     let info = PsogInfo::new(psog, report);
-    match format_or_default(format) {
-        Format::Json => outln!("{}", json!(info))?,
-        Format::Text => {
-            let value = json!(info);
-            let mut rows = Vec::new();
-            flatten("", &value, &mut rows);
-            out!("{}", table::align(&rows))?;
-        }
+    match format {
+        Format::Json => outln!("{}", json!(info)),
+        Format::Text => out!("{}\n{}", facts(&info), classes(&info)),
     }
-    Ok(())
 }
 
-/// One row a number or text of a JSON value, named by its path.
-fn flatten(path: &str, value: &serde_json::Value, rows: &mut Vec<Vec<String>>) {
-    match value {
-        serde_json::Value::Object(fields) => {
-            for (key, value) in fields {
-                let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
-                flatten(&path, value, rows);
-            }
-        }
-        // Classes: one row each.
-        serde_json::Value::Array(items) if items.iter().any(serde_json::Value::is_object) => {
-            for item in items {
-                let name = item["name"].as_str().unwrap_or_default();
-                let mut fields = item.clone();
-                if let Some(fields) = fields.as_object_mut() {
-                    fields.remove("name");
-                }
-                flatten(&format!("{path}.{name}"), &fields, rows);
-            }
-        }
-        value => {
-            let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-            rows.push(vec![path.to_owned(), text]);
-        }
+/// One fact a line: its name, its value, and in words what it counts.
+fn facts(info: &PsogInfo) -> String {
+    let [x, y, z] = [0, 1, 2].map(|k| format!("{} to {}", info.min[k], info.max[k]));
+    let [nx, ny, nz] = info.shape;
+    let [dx, dy, dz] = info.voxel;
+    let share = |count: u64| 100.0 * count as f64 / info.voxels as f64;
+    let nats = |value: f64| format!("{value:.2} nats");
+    let mut facts = vec![
+        ("region", format!("x {x}, y {y}, z {z} m")),
+        ("voxels", format!("{} = {nx} × {ny} × {nz} of {dx} × {dy} × {dz} m", info.voxels)),
+        ("frames", info.frames.to_string()),
+        (
+            "occupied",
+            format!(
+                "{} voxels ({:.2} %) in at least one frame",
+                info.occupied,
+                share(info.occupied)
+            ),
+        ),
+        (
+            "informative",
+            format!(
+                "{} voxels ({:.2} %) not the same in all frames",
+                info.informative,
+                share(info.informative)
+            ),
+        ),
+        ("entropy", format!("{}, every class for itself", nats(info.entropy_segmentation))),
+    ];
+    if let (Some(entropy), Some(target)) = (info.entropy_detection, &info.detection_target) {
+        facts.push(("", format!("{}, {target} or not", nats(entropy))));
     }
+    facts.push(("", format!("{}, occupied or not", nats(info.entropy_bernoulli))));
+    facts.push(("memory", format!("{:.1} MiB", info.memory_bytes as f64 / f64::from(1 << 20))));
+    if let Some(ties) = info.tie_share {
+        facts.push((
+            "ties",
+            format!("{:.2} % of the votes, which went to the lowest class", 100.0 * ties),
+        ));
+    }
+    facts.iter().map(|(name, value)| format!("{name:<12}{value}\n")).collect()
+}
+
+/// The part of each class in the entropy.
+fn classes(info: &PsogInfo) -> String {
+    let mut rows = vec![["class", "voxels", "nats"].map(str::to_owned).to_vec()];
+    rows.extend(info.classes.iter().map(|class| {
+        vec![class.name.clone(), class.voxels.to_string(), format!("{:.2}", class.entropy)]
+    }));
+    rows.push(vec!["(empty)".into(), "–".into(), format!("{:.2}", info.entropy_empty)]);
+    table::align(&rows)
 }

@@ -9,7 +9,7 @@ use serde_json::json;
 use sightline::search::Evaluator;
 use sightline::vehicle::{Placement, PlacementReader, ReadError};
 
-use super::args::{Compute, Format, format_or_default};
+use super::args::{Compute, Format};
 use super::error::Error;
 use super::load::{self, Loaded};
 use super::output::{shared_folder, unless_closed, writable_file, write_whole};
@@ -28,9 +28,9 @@ pub struct Args {
     /// Placements: a .json document, or a .jsonl file with one placement a line, read as a stream; - is
     /// stdin
     placements: PathBuf,
-    /// How to print [default: text on a terminal, else json]
-    #[arg(long, value_enum)]
-    format: Option<Format>,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
     /// Write the scores to this file instead of stdout
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -60,18 +60,12 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     if let Some(folder) = &args.coverage_out {
         shared_folder(folder)?;
     }
-    let format = match &args.out {
-        Some(_) => args.format.unwrap_or(Format::Json),
-        None => format_or_default(args.format),
-    };
     match &args.out {
-        Some(path) => {
-            write_whole(path, |file| print(args, loaded, total, start, format, path, file))
-        }
+        Some(path) => write_whole(path, |file| print(args, loaded, total, start, path, file)),
         None => {
             let path = Path::new("stdout");
             let mut out = std::io::stdout().lock();
-            unless_closed(print(args, loaded, total, start, format, path, &mut out))
+            unless_closed(print(args, loaded, total, start, path, &mut out))
         }
     }?;
     Ok(ExitCode::SUCCESS)
@@ -95,11 +89,11 @@ fn print(
     loaded: Loaded,
     total: u64,
     start: Instant,
-    format: Format,
     path: &Path,
     out: &mut dyn Write,
 ) -> Result<(), Error> {
     let io = |error| Error::io(path)(error);
+    let format = args.format;
     let Loaded { scene, mut evaluator, times, .. } = loaded;
     let (bar, mut count) = (progress::bar(total, "placements", args.compute.talk), 0);
     let mut reader = PlacementReader::open(&args.placements)?.peekable();

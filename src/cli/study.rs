@@ -10,7 +10,7 @@ use sightline::scene::Scene;
 use sightline::score::Objective;
 use sightline::study::Region;
 
-use super::args::{Compute, Format, at_least_one, format_or_default, whole};
+use super::args::{Compute, Format, at_least_one, whole};
 use super::error::Error;
 use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
@@ -67,9 +67,9 @@ pub struct Args {
     /// Seed of all randomness
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>)]
     seed: u64,
-    /// How to print the result [default: text on a terminal, else json]
-    #[arg(long, value_enum)]
-    format: Option<Format>,
+    /// How to print the result
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
     #[command(flatten)]
     compute: Compute,
 }
@@ -142,7 +142,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         Kind::Published => kinds::published(&mut bench, &mut session),
     }?;
     session.finish(&study)?;
-    match format_or_default(args.format) {
+    match args.format {
         Format::Json => outln!("{}", json!(study.table))?,
         Format::Text => {
             outln!("{}", study.table.title)?;

@@ -9,12 +9,12 @@ use sightline::engine::ReferenceBackend;
 use sightline::engine::gpu::GpuBackend;
 use sightline::problem::{Problem, spread};
 use sightline::vehicle::random_placements;
-use sightline::vehicle::read_placements;
+use sightline::vehicle::{read_placements, table_7};
 use sightline::verify::{EDGE_TOLERANCE, compare_backends, hostile_placements, sample_reference};
 
-use super::args::{Compute, Format, format_or_default, whole};
+use super::args::{Compute, Format, whole};
 use super::error::Error;
-use super::{load, optimize, progress, table};
+use super::{load, progress, table};
 
 /// Exit code of a check that failed.
 const FAILED: u8 = 1;
@@ -43,9 +43,9 @@ pub struct Args {
     /// Seed of the random placements and of the sample
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>)]
     seed: u64,
-    /// How to print [default: text on a terminal, else json]
-    #[arg(long, value_enum)]
-    format: Option<Format>,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
     /// The same as --format json
     #[arg(long, conflicts_with = "format")]
     json: bool,
@@ -80,7 +80,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     bar.finish_and_clear();
     let reference = sample_reference(&problem, &placements, args.sample, args.seed)?;
     let passed = !found.any() && reference.unexplained == 0;
-    let format = if args.json { Format::Json } else { format_or_default(args.format) };
+    let format = if args.json { Format::Json } else { args.format };
     match format {
         Format::Json => outln!(
             "{}",

@@ -87,7 +87,8 @@ impl Scene {
     /// # Errors
     ///
     /// Any [`SceneError`]; each names the file, the place in it and what to change.
-    pub fn read(path: &Path) -> Result<Self, SceneError> {
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, SceneError> {
+        let path = path.as_ref();
         let bytes = error::read_limited(path, MAX_FILE)?;
         let name = path.display().to_string();
         let text = String::from_utf8(bytes).map_err(|_| SceneError::Json {

@@ -19,6 +19,14 @@ pub struct Evaluator {
 }
 
 impl Evaluator {
+    /// An evaluator on the CPU, with half of the free memory for work buffers.
+    pub fn on_cpu(problem: impl Into<Arc<Problem>>) -> Self {
+        let problem = problem.into();
+        let memory = EngineChoice::cpu().memory_budget();
+        let engine = Box::new(CpuBackend::new(problem.clone(), memory));
+        Self::new(problem, engine)
+    }
+
     /// An evaluator of a problem; its mount decides where the reference layout of the guards stands.
     pub fn new(problem: Arc<Problem>, backend: Box<dyn Backend>) -> Self {
         Self { problem, backend, references: BTreeMap::new() }

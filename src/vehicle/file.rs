@@ -295,7 +295,8 @@ impl Iterator for PlacementReader {
 ///
 /// # Errors
 /// As [`PlacementReader`], and a file without any placement.
-pub fn read_placements(path: &Path) -> Result<Vec<Placement>, ReadError> {
+pub fn read_placements(path: impl AsRef<Path>) -> Result<Vec<Placement>, ReadError> {
+    let path = path.as_ref();
     let placements = PlacementReader::open(path)?.collect::<Result<Vec<_>, _>>()?;
     if placements.is_empty() {
         return Err(ReadError::Empty { path: path.to_owned() });

@@ -1,0 +1,293 @@
+//! The folder of a run that can go on after an interruption: `checkpoint.json` and what stands beside it.
+
+use std::fs::File;
+use std::io::Write;
+use std::marker::PhantomData;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::value::RawValue;
+use sha2::{Digest, Sha256};
+
+use super::error::Error;
+use super::inputs::Input;
+use super::output::{Missing, lock_folder, write_whole};
+
+/// File of the state, in every run folder.
+const CHECKPOINT: &str = "checkpoint.json";
+/// Version of that file. 2 to 4: `optimize` of earlier programs.
+const VERSION: u32 = 5;
+/// Numbered folders that are tried before giving up.
+const MOST_RUNS: u32 = 10_000;
+/// Patience of `--resume` with a process that was just told to end and still holds the folder.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// A run's folder; every file in it is whole at any time, and `S` is the state that the run goes on from.
+///
+/// While this value lives no second program writes into the folder. A folder that the run made and put
+/// nothing into is removed with it.
+pub struct RunDir<S> {
+    path: PathBuf,
+    /// Command that the folder belongs to.
+    command: &'static str,
+    /// Files that the run was begun with.
+    inputs: Vec<Input>,
+    _made: Missing,
+    _lock: Option<File>,
+    state: PhantomData<fn(&S)>,
+}
+
+/// All of `checkpoint.json`.
+#[derive(Serialize, Deserialize)]
+struct Checkpoint<'a> {
+    checkpoint: u32,
+    command: &'a str,
+    /// SHA-256 of the text of `state`, so that a file that was changed is refused: a run goes on from
+    /// numbers that belong together, or not at all.
+    digest: String,
+    inputs: Vec<Input>,
+    #[serde(borrow)]
+    state: &'a RawValue,
+}
+
+/// The part of `checkpoint.json` that every version has.
+#[derive(Deserialize)]
+struct Head {
+    checkpoint: u32,
+}
+
+impl<S: Serialize + DeserializeOwned> RunDir<S> {
+    /// Makes the folder asked for, which must not hold a run yet, or the first of `runs/NAME`,
+    /// `runs/NAME-2`, … that does not exist.
+    pub fn create(
+        command: &'static str,
+        out: Option<&Path>,
+        name: &str,
+        inputs: Vec<Input>,
+    ) -> Result<Self, Error> {
+        let path = match out {
+            Some(path) if holds_run(path) => {
+                return Err(Error::Usage(format!(
+                    "{}: already holds a run; go on with --resume, or name another folder",
+                    path.display()
+                )));
+            }
+            Some(path) => path.to_owned(),
+            None => free_folder(name)?,
+        };
+        let made = Missing::of(&path);
+        let lock = lock_folder(&path, Duration::ZERO)?;
+        Ok(Self { path, command, inputs, _made: made, _lock: lock, state: PhantomData })
+    }
+
+    /// Reads the state that an earlier sitting has left. Where that one was just killed and still holds
+    /// the folder, its end is waited for.
+    pub fn resume(command: &'static str, path: &Path) -> Result<(Self, S), Error> {
+        let file = path.join(CHECKPOINT);
+        if !holds_run(path) {
+            return Err(Error::Usage(format!(
+                "{}: holds no run to go on with ({CHECKPOINT} is missing); name the folder of one, or \
+                 start a new run",
+                path.display()
+            )));
+        }
+        let lock = lock_folder(path, PATIENCE)?;
+        let text = std::fs::read_to_string(&file).map_err(Error::io(&file))?;
+        let refuse = |words: String| {
+            Err(Error::Usage(format!("{}: {words}; start a new run", file.display())))
+        };
+        let json = |source| Error::Json { path: file.clone(), source };
+        let Head { checkpoint } = serde_json::from_str(&text).map_err(json)?;
+        if checkpoint != VERSION {
+            return refuse(format!("is of version {checkpoint}, this program reads {VERSION}"));
+        }
+        let saved: Checkpoint = serde_json::from_str(&text).map_err(json)?;
+        if saved.command != command {
+            return refuse(format!("is a run of `{}`, not of `{command}`", saved.command));
+        }
+        if saved.digest != digest(saved.state) {
+            return refuse("was changed after it was written, or is damaged".to_owned());
+        }
+        let state = serde_json::from_str(saved.state.get()).map_err(json)?;
+        let (path, made) = (path.to_owned(), Missing::none());
+        Ok((
+            Self {
+                path,
+                command,
+                inputs: saved.inputs,
+                _made: made,
+                _lock: lock,
+                state: PhantomData,
+            },
+            state,
+        ))
+    }
+
+    /// Saves the state, to go on from there.
+    pub fn save(&self, state: &S) -> Result<(), Error> {
+        let json = |source| Error::Json { path: self.path.join(CHECKPOINT), source };
+        let state = serde_json::value::to_raw_value(state).map_err(json)?;
+        let checkpoint = Checkpoint {
+            checkpoint: VERSION,
+            command: self.command,
+            digest: digest(&state),
+            inputs: self.inputs.clone(),
+            state: &state,
+        };
+        self.write_json(CHECKPOINT, &checkpoint)
+    }
+}
+
+impl<S> RunDir<S> {
+    /// Refuses to go on with files that have changed since the run was begun.
+    pub fn check(&self, inputs: &[Input]) -> Result<(), Error> {
+        Input::check(&self.path, &self.inputs, inputs)
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes a file of JSON, indented.
+    pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<(), Error> {
+        let path = self.path.join(name);
+        write_whole(&path, |file| {
+            serde_json::to_writer_pretty(&mut *file, value)
+                .map_err(|source| Error::Json { path: path.clone(), source })?;
+            file.write_all(b"\n").map_err(Error::io(&path))
+        })
+    }
+
+    /// Writes a file of JSON values, one a line.
+    pub fn write_lines(
+        &self,
+        name: &str,
+        values: impl IntoIterator<Item = impl Serialize>,
+    ) -> Result<(), Error> {
+        let path = self.path.join(name);
+        write_whole(&path, |file| {
+            for value in values {
+                serde_json::to_writer(&mut *file, &value)
+                    .map_err(|source| Error::Json { path: path.clone(), source })?;
+                file.write_all(b"\n").map_err(Error::io(&path))?;
+            }
+            Ok(())
+        })
+    }
+
+    /// Writes a file of text.
+    pub fn write_text(&self, name: &str, text: &str) -> Result<(), Error> {
+        let path = self.path.join(name);
+        write_whole(&path, |file| file.write_all(text.as_bytes()).map_err(Error::io(&path)))
+    }
+}
+
+/// Whether a folder holds a run, finished or not.
+pub fn holds_run(path: &Path) -> bool {
+    path.join(CHECKPOINT).exists()
+}
+
+fn digest(state: &RawValue) -> String {
+    Sha256::digest(state.get()).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn free_folder(name: &str) -> Result<PathBuf, Error> {
+    let numbered = (1..MOST_RUNS).map(|n| match n {
+        1 => Path::new("runs").join(name),
+        n => Path::new("runs").join(format!("{name}-{n}")),
+    });
+    numbered.into_iter().find(|path| !path.exists()).ok_or_else(|| {
+        Error::Usage(format!("runs/{name}: too many runs; name a folder with --out"))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, PartialEq, Serialize, Deserialize)]
+    struct Walk {
+        steps: u64,
+        place: f64,
+    }
+
+    const WALK: Walk = Walk { steps: 3, place: 0.1 + 0.2 };
+
+    fn refusal<T>(result: Result<T, Error>) -> String {
+        result.map(|_| ()).expect_err("must be refused").to_string()
+    }
+
+    #[test]
+    fn a_state_comes_back_bit_for_bit_and_only_to_its_command() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let input = dir.path().join("input");
+        std::fs::write(&input, "one").expect("a file");
+        let path = dir.path().join("run");
+        let before = vec![Input::read(&input).expect("an input")];
+        let run = RunDir::create("walk", Some(&path), "", before.clone()).expect("a run");
+        run.save(&WALK).expect("a checkpoint");
+        let again = RunDir::<Walk>::create("walk", Some(&path), "", Vec::new());
+        assert!(refusal(again).contains("already holds a run"));
+        drop(run);
+
+        let (run, state) = RunDir::<Walk>::resume("walk", &path).expect("the run");
+        assert_eq!(state, WALK);
+        run.check(&before).expect("nothing has changed");
+        std::fs::write(&input, "two").expect("a file");
+        let now = vec![Input::read(&input).expect("an input")];
+        assert!(refusal(run.check(&now)).contains("has changed;"));
+        assert!(refusal(RunDir::<Walk>::resume("ride", &path)).contains("is a run of `walk`"));
+    }
+
+    #[test]
+    fn a_checkpoint_that_was_changed_or_is_older_is_refused() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path();
+        assert!(refusal(RunDir::<Walk>::resume("walk", path)).contains("holds no run"));
+        let run = RunDir::create("walk", Some(path), "", Vec::new()).expect("a run");
+        run.save(&WALK).expect("a checkpoint");
+        drop(run);
+        let file = path.join(CHECKPOINT);
+        let whole = std::fs::read_to_string(&file).expect("a text");
+        for (from, to, words) in [
+            ("\"steps\":3", "\"steps\":4", "was changed after it was written"),
+            ("\"checkpoint\": 5", "\"checkpoint\": 4", "is of version 4, this program reads 5"),
+            ("}", "", "EOF while parsing"),
+        ] {
+            let changed = whole.replace(from, to);
+            assert_ne!(changed, whole, "{from}");
+            std::fs::write(&file, changed).expect("a file");
+            let message = refusal(RunDir::<Walk>::resume("walk", path));
+            assert!(message.contains(words), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_process_that_is_about_to_end_is_waited_for() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let run = RunDir::create("walk", Some(dir.path()), "", Vec::new()).expect("a run");
+        run.save(&WALK).expect("a checkpoint");
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                std::thread::sleep(Duration::from_millis(300));
+                drop(run);
+            });
+            assert_eq!(RunDir::<Walk>::resume("walk", dir.path()).expect("the run").1, WALK);
+        });
+    }
+
+    #[test]
+    fn a_folder_that_came_to_nothing_is_gone() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("runs/one");
+        drop(RunDir::<Walk>::create("walk", Some(&path), "", Vec::new()).expect("a run"));
+        assert!(!dir.path().join("runs").exists());
+        let run = RunDir::<Walk>::create("walk", Some(&path), "", Vec::new()).expect("a run");
+        run.write_text("note", "kept").expect("a file");
+        drop(run);
+        assert!(path.join("note").exists());
+    }
+}
