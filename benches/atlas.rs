@@ -11,12 +11,12 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
+use sightline::internals::{Atlas, Union};
 use sightline::problem::{Problem, Tally};
 use sightline::psog::Roi;
 use sightline::scan::scan_scene;
 use sightline::scene::{Lidar, ScanSettings, Scene};
 use sightline::score::Objective;
-use sightline::search::atlas::{Atlas, Union};
 use sightline::vehicle::{BeamTable, Constraints, Placement, PoseGrid, Spacing};
 
 const ROUNDS: usize = 15;

@@ -6,9 +6,9 @@ use sightline::bvh::Bvh;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::engine::gpu::GpuBackend;
+use sightline::internals::{Atlas, Union};
 use sightline::problem::{Content, OccupiedVoxel, Problem, Tally};
 use sightline::psog::Roi;
-use sightline::search::atlas::{Atlas, Union};
 use sightline::vehicle::{BeamTable, Constraints, Placement, PoseGrid, Spacing};
 
 use crate::common::{MEMORY, random_content, random_soup};

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 use sightline::engine::CpuBackend;
-use sightline::score::Objective;
-use sightline::search::{Evaluator, Search, SearchSettings};
+use sightline::internals::Generations;
+use sightline::search::{Evaluator, Settings};
 use sightline::vehicle::{Constraints, Ties};
 use tempfile::TempDir;
 
@@ -55,21 +55,19 @@ fn no_candidate_that_is_evaluated_breaks_a_rule() {
         let problem = random_problem(3, true);
         let backend = Box::new(CpuBackend::new(problem.clone(), MEMORY));
         let mut evaluator = Evaluator::new(mounted(&problem, &rules), backend);
-        evaluator.keep_last();
-        let objective: Objective = "information_gain".parse().unwrap();
-        let settings = SearchSettings {
-            objective: objective.to_string(),
+        let settings = Settings {
             evaluations: 400,
-            population: None,
-            batch: Some(30),
+            population: Some(30),
             seed: 4,
-            delta: None,
+            baselines: Vec::new(),
+            ..Settings::default()
         };
-        let mut search = Search::new(settings, &rules, &[]).unwrap();
+        let mut search = Generations::new(&settings, &rules, [].iter()).unwrap();
         let (mut evaluated, mut infeasible) = (0, 0);
         while search.stopped().is_none() {
-            infeasible += search.step(&mut evaluator, &objective).unwrap().infeasible;
-            for (placement, _) in evaluator.take_last() {
+            let generation = search.step(&mut evaluator, &settings).unwrap();
+            infeasible += generation.record.infeasible;
+            for (placement, _) in generation.scored {
                 assert_eq!(rules.violations(&placement), [], "{placement:?}");
                 evaluated += 1;
             }
@@ -84,7 +82,7 @@ fn no_candidate_that_is_evaluated_breaks_a_rule() {
 fn rules_of_scene_and_options_are_kept_on_every_backend_and_named() {
     let dir = TempDir::new().unwrap();
     room_with(dir.path(), &[("lidars", json!(3)), keep_out(), ("symmetric", json!(true))]);
-    let more = ["--equal-height", "--fix", "roll=0.0", "--batch", "30"];
+    let more = ["--equal-height", "--fix", "roll=0.0"];
     let first = ok(dir.path(), &args("first", &more));
     let one = ok(dir.path(), &args("one", &[&more[..], &["--threads", "1"]].concat()));
     let gpu: Vec<&str> =

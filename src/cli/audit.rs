@@ -11,6 +11,7 @@ use sightline::psog::{Psog, Roi};
 use sightline::scan::scan_scene;
 use sightline::scene::{PsogSource, ScanSettings, Scene};
 use sightline::score::Scores;
+use sightline::score::spearman;
 use sightline::search::Evaluator;
 use sightline::vehicle::{Placement, read_placements, table_7};
 

@@ -127,7 +127,8 @@ fn method(text: &str) -> Result<Method, String> {
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let start = Instant::now();
     args.compute.start()?;
-    let resumed = args.resume.as_deref().map(|path| RunDir::<Saved>::resume("optimize", path)).transpose()?;
+    let resumed =
+        args.resume.as_deref().map(|path| RunDir::<Saved>::resume("optimize", path)).transpose()?;
     let begun = match &resumed {
         Some((_, saved)) => saved.begun.clone(),
         None => settings::begun(args)?,
@@ -151,7 +152,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let mut sitting = Sitting { args, begun, opened, folder, run, earlier, start };
     let interrupt = Interrupt::listen(args.compute.talk);
     let outcome = sitting.search(&interrupt)?;
-    let is_interrupted = interrupt.is_pressed();
+    let is_interrupted = interrupt.is_set();
     let record = finish(&sitting, &outcome)?;
     if record.best.is_none() && !is_interrupted {
         return Err(Error::Usage(format!(
@@ -227,7 +228,7 @@ impl Sitting<'_> {
         let outcome = loop {
             let mut observe = |event: &Event| {
                 bars.show(event);
-                !interrupt.is_pressed()
+                !interrupt.is_set()
             };
             let outcome = self.run.step(&mut observe)?;
             let is_due = saved.is_none_or(|saved| saved.elapsed() > BETWEEN_CHECKPOINTS);

@@ -92,7 +92,11 @@ mod tests {
         ];
         assert_eq!(Standing::ranks(&standings), [3.0, 1.0, 5.0, 0.0, 4.0, 1.0, 2.0]);
         assert_eq!(Standing::best(&standings), Some(3));
-        assert_eq!(Standing::best(&[standings[1], standings[5]]), Some(0), "the first of equal ones");
+        assert_eq!(
+            Standing::best(&[standings[1], standings[5]]),
+            Some(0),
+            "the first of equal ones"
+        );
         assert!(!standings[5].beats(&standings[1]) && standings[3].beats(&standings[1]));
         let costs = standings.map(|standing| standing.cost());
         assert!(costs[0].is_nan() && costs[2].is_nan() && costs[6].is_nan());

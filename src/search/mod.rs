@@ -14,35 +14,33 @@
 //! | `bound` | how much better than the result another placement could be |
 //! | `findings`, `rules` | what goes with the objective; the rules of the mount in words |
 
-pub mod atlas;
-mod bound;
-mod climb;
+pub(crate) mod atlas;
+pub(crate) mod bound;
+pub(crate) mod climb;
 mod error;
 mod evaluator;
 mod findings;
-mod generations;
-mod grid_search;
-mod levels;
+pub(crate) mod generations;
+pub(crate) mod grid_search;
+pub(crate) mod levels;
 mod observer;
 mod on_demand;
 mod outcome;
 mod rules;
 mod run;
 mod settings;
-mod swaps;
+pub(crate) mod swaps;
 
-pub use bound::{Certificate, GainBound, GridSample, LipschitzBound, bound_gain};
-pub use climb::Moves;
+pub use bound::{Certificate, GainBound, LipschitzBound};
 pub use error::SearchError;
 pub use evaluator::Evaluator;
-pub use findings::{Finding, findings};
-pub use generations::{Generation, GenerationRecord, Generations, GenerationsStop};
-pub use grid_search::{GridPlacement, GridSearch};
-pub use levels::{Level, Pilot};
+pub use findings::Finding;
+pub use generations::{GenerationRecord, GenerationsStop};
+pub use grid_search::GridPlacement;
 pub use observer::{Event, Observer, Work};
 pub use on_demand::{FramesUsed, WorkByPurpose};
 pub use outcome::{LeftOut, MethodRecord, Outcome, Scored, SearchTimes, Stopped};
 pub use rules::rules_in_words;
 pub use run::{Phase, Run, State, optimize};
 pub use settings::{FrameChoice, Method, Settings, TimeLimit};
-pub use swaps::{SWAP_SPACING, SwapSettings, Swapped, swap_from};
+pub(crate) use swaps::SWAP_SPACING;

@@ -1,6 +1,6 @@
 use serde_json::{Value, json};
-use sightline::score::{kendall_tau, mean_height, spearman};
 use sightline::score::Scores;
+use sightline::score::{kendall_tau, mean_height, spearman};
 use sightline::vehicle::Placement;
 
 /// The default objective, which ranks; the worst there is where it does not exist.

@@ -9,8 +9,8 @@ use sightline::report::{
 use sightline::scene::{EgoBody, Scene};
 use sightline::search::{FrameChoice, LeftOut, Outcome, Settings};
 
-use super::settings::{Begun, Saved};
 use super::Sitting;
+use super::settings::{Begun, Saved};
 use crate::cli::error::Error;
 use crate::cli::run_dir::RunDir;
 
@@ -82,9 +82,10 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
     );
     let engine = EngineChoice { memory: sitting.args.compute.memory, ..EngineChoice::cpu() };
     let mut engine = open(problem, &engine, |_| {})?.engine;
-    let map = outcome.best.as_ref().map(|best| {
-        InformationMap::of(problem, &mut *engine, &best.placement)
-    });
+    let map = outcome
+        .best
+        .as_ref()
+        .map(|best| InformationMap::of(problem, &mut *engine, &best.placement));
     let map = map.transpose()?;
     let body = body_of(&sitting.opened.scene);
     let constraints = problem.constraints();

@@ -10,7 +10,7 @@ use sightline::scan::scan_scene;
 use sightline::scene::{PsogSource, Scene};
 use sightline::score::{Objective, Scores};
 use sightline::search::{Evaluator, Event, Settings, optimize};
-use sightline::vehicle::{table_7, BeamTable, Constraints, Placement};
+use sightline::vehicle::{BeamTable, Constraints, Placement, table_7};
 
 use super::{Args, FRAMES};
 use crate::cli::args::{Compute, Talk};

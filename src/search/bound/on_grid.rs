@@ -63,8 +63,7 @@ fn gain(
     if watch.is_over() {
         return Ok(Err("no bound was computed: the time was over before".into()));
     }
-    let grid =
-        PoseGrid::new(evaluator.constraints(), settings.delta.unwrap_or(COARSE_SPACING))?;
+    let grid = PoseGrid::new(evaluator.constraints(), settings.delta.unwrap_or(COARSE_SPACING))?;
     let poses = grid.len();
     let counts_all = objective.counts_all_covered();
     let atlas = Atlas::new(evaluator.shared_problem(), grid, counts_all, memory);
@@ -82,9 +81,8 @@ fn gain(
     let Some(greedy) = search.greedy(evaluator, &all)? else {
         return Ok(Err("no placement on the grid keeps the distance asked for".into()));
     };
-    let mut go_on = |done: u64, total: u64| {
-        watch.tell(&Event::Progress { work: Work::Bounds, done, total })
-    };
+    let mut go_on =
+        |done: u64, total: u64| watch.tell(&Event::Progress { work: Work::Bounds, done, total });
     let top =
         search.climb(evaluator, &greedy.poses, Moves::Anywhere, &mut |_| go_on(0, BOUND_NODES))?;
     let bound = bound_gain(&mut search, evaluator, &top, BOUND_NODES, &mut |nodes| {

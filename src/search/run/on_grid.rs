@@ -1,13 +1,13 @@
 //! Swaps and bounds on a grid of sensor poses, over the frames of the search.
 
 use super::state::{Phase, Run};
+use crate::score::Standing;
 use crate::search::bound::bounds;
 use crate::search::error::SearchError;
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::outcome::Scored;
 use crate::search::settings::Method;
 use crate::search::swaps::{SWAP_SPACING, SwapSettings, swap_anywhere, swap_from};
-use crate::score::Standing;
 use crate::vehicle::{Placement, PoseGrid};
 
 impl Run {

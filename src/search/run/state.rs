@@ -243,7 +243,9 @@ impl Run {
     pub(super) fn tell_changes(&mut self, watch: &mut Watch) {
         let Some(evaluator) = &self.sitting.evaluator else { return };
         let changes = evaluator.backend().changes();
-        changes[self.sitting.told.min(changes.len())..].iter().for_each(|change| watch.note(change));
+        changes[self.sitting.told.min(changes.len())..]
+            .iter()
+            .for_each(|change| watch.note(change));
         self.sitting.told = changes.len();
     }
 

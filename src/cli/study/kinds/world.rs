@@ -1,8 +1,8 @@
 //! Other voxels, other scenes, and the published results.
 
-use sightline::score::{kendall_tau, mean_height, spearman};
 use sightline::report::{Axis, Plot};
 use sightline::score::Scores;
+use sightline::score::{kendall_tau, mean_height, spearman};
 use sightline::study::{Row, TASKS, Table, results_of};
 use sightline::vehicle::Placement;
 
