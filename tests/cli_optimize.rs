@@ -130,12 +130,12 @@ fn every_method_says_what_it_found_and_the_better_one_wins() {
     let with = |out: &'static str, more: &[&'static str]| {
         ok(dir.path(), &[&optimize_args(out, "60")[..], more].concat())
     };
-    let both = with("both", &[]);
+    let both = with("both", &["--objective", "m_sog_scaled"]);
     let methods = both["methods"].as_array().unwrap();
     assert_eq!(methods.len(), 2);
     let best = methods.iter().map(|m| m["objective"].as_f64().unwrap()).fold(f64::MIN, f64::max);
     assert_eq!(both["best"]["objective"].as_f64().unwrap(), best);
-    let cma = with("cma", &["--method", "cma"]);
+    let cma = with("cma", &["--method", "cma", "--objective", "m_sog_scaled"]);
     assert_eq!(cma["methods"].as_array().unwrap().len(), 1);
     assert!(cma["best"]["objective"].as_f64() <= Some(best));
     assert!(cma["certificate"]["gain"].is_null(), "m_sog_scaled has no such bound");
@@ -178,6 +178,9 @@ fn long_room(dir: &std::path::Path) {
     fs::write(dir.join("room.json"), scene.to_string()).unwrap();
 }
 
+/// Share of the objective that a search over frames on demand may end below one over all frames.
+const LOST: f64 = 0.01;
+
 #[test]
 fn auto_searches_fewer_frames_and_ends_as_well() {
     let dir = TempDir::new().unwrap();
@@ -190,8 +193,7 @@ fn auto_searches_fewer_frames_and_ends_as_well() {
         ok(dir.path(), &[&args[..], &own].concat())
     };
     let value = |run: &Value| run["best"]["objective"].as_f64().unwrap();
-    // One seed more or less lucky says nothing. The walker makes each frame unlike the others, so that
-    // few of them stand for all worse than in the own scenes: auto ends 4 % lower here.
+    // One seed more or less lucky says nothing.
     let median = |fidelity: &str| {
         let mut values = ["1", "2", "3"].map(|seed| value(&run(fidelity, seed)));
         values.sort_by(f64::total_cmp);
@@ -216,7 +218,8 @@ fn auto_searches_fewer_frames_and_ends_as_well() {
     // Both are reported over all frames.
     assert_eq!((&auto["frames"], &full["frames"]), (&json!(8), &json!(8)));
     let (auto, full) = (median("auto"), median("full"));
-    assert!(auto > 1.06 * full, "{auto} and {full}");
+    let lost = (full - auto) / full.abs();
+    assert!(lost <= LOST, "{auto} is {lost} worse than {full}");
 }
 
 #[cfg(unix)]

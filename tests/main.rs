@@ -51,6 +51,7 @@ mod layers;
 mod lost_device;
 #[cfg(feature = "cli")]
 mod main_job;
+mod optimize;
 mod own_scenes;
 mod packets;
 mod reference;

@@ -1,4 +1,4 @@
-//! The climb of [`GridSearch`]: which LiDARs move, where to, and the best of it.
+//! Climbs of a [`GridSearch`]: LiDARs take turns to move to the pose that gains most.
 
 use std::ops::Range;
 
@@ -13,18 +13,18 @@ use crate::search::atlas::Union;
 /// Best swaps of a sensor that are offered to the guards before the sensor stays where it is.
 const OFFERS: usize = 4;
 
-/// To which poses a climb may move a LiDAR.
+/// Poses that a climb may move a LiDAR to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Moves {
-    /// As many steps along one pose field.
+    /// Up to so many steps along one pose field.
     Along(u32),
-    /// As many steps along every field at once.
+    /// Up to so many steps along every field at once.
     Around(u32),
     /// Anywhere on the grid.
     Anywhere,
 }
 
-/// What moves at once.
+/// LiDARs that move at once.
 #[derive(Debug, Clone, Copy)]
 enum Turn {
     /// A LiDAR, by index.
@@ -74,7 +74,7 @@ impl GridSearch {
         Ok(here)
     }
 
-    /// What may move by itself: a LiDAR, a mirrored pair (by its first), or the height of all.
+    /// Turns of a placement: each LiDAR, or mirrored pair (by its first), and the height of all.
     fn turns(&self, poses: &[u32]) -> Vec<Turn> {
         let grid = self.atlas.grid();
         let symmetric = self.constraints.ties.symmetric;

@@ -2,6 +2,7 @@
 
 use std::cmp::Ordering;
 
+use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -14,6 +15,27 @@ use crate::vehicle::{Constraints, Placement, PoseGrid};
 
 /// Stale gains that lazy greedy looks at again at once: enough to keep every core busy.
 const LAZY_BLOCK: usize = 64;
+
+/// Slack of the least distance, as in [`Constraints::violations`].
+const SLACK: f64 = 1e-9;
+
+/// Where the poses of a grid stand.
+pub(super) struct Places {
+    positions: Vec<DVec3>,
+    /// Whether each is outside of every box that is kept free.
+    clear: Vec<bool>,
+    /// Least distance of two LiDARs.
+    least: f64,
+}
+
+impl Places {
+    /// As [`GridSearch::fits`].
+    pub fn fits(&self, pose: u32, others: &[u32]) -> bool {
+        let at = |pose: u32| self.positions[pose as usize];
+        let apart = |&other: &u32| other != pose && at(pose).distance(at(other)) >= self.least;
+        self.clear[pose as usize] && others.iter().all(apart)
+    }
+}
 
 /// Searches placements whose LiDARs stand on poses of a grid.
 pub struct GridSearch {
@@ -40,8 +62,7 @@ impl GridPlacement {
     }
 }
 
-/// A candidate pose and what the objective becomes with it; better ones come first, and of equal
-/// ones the lower number.
+/// Order of (candidate pose, objective with it): better ones first, of equal ones the lower number.
 pub(super) fn better_first(a: &(u32, f64), b: &(u32, f64)) -> Ordering {
     b.1.total_cmp(&a.1).then(a.0.cmp(&b.0))
 }
@@ -93,8 +114,7 @@ impl GridSearch {
     /// Whether a pose may stand beside others: in no box that is kept free, another pose, and far
     /// enough away. Ties between LiDARs are not looked at.
     pub fn fits(&self, pose: u32, others: &[u32]) -> bool {
-        // The same slack as in `Constraints::violations`.
-        let least = self.constraints.min_distance - 1e-9;
+        let least = self.constraints.min_distance - SLACK;
         let pose_itself = self.atlas.grid().pose(pose);
         let position = pose_itself.position();
         let apart = others.iter().all(|&other| {
@@ -103,7 +123,17 @@ impl GridSearch {
         apart && self.constraints.is_clear(&pose_itself)
     }
 
-    /// What the objective becomes when each candidate joins held poses; `−∞` where it does not exist.
+    /// Where each pose of the grid stands, for many questions of [`Self::fits`].
+    pub(super) fn places(&self) -> Places {
+        let grid = self.atlas.grid();
+        let poses = (0..grid.len()).map(|pose| grid.pose(pose));
+        let (positions, clear) =
+            poses.map(|pose| (pose.position(), self.constraints.is_clear(&pose))).unzip();
+        Places { positions, clear, least: self.constraints.min_distance - SLACK }
+    }
+
+    /// The objective of held poses and one candidate more, for each candidate; `−∞` where it does not
+    /// exist.
     pub(super) fn values_with(&mut self, poses: &[u32], candidates: &[u32]) -> Vec<(u32, f64)> {
         let mut union = Union::default();
         self.atlas.union(poses, &mut union);
@@ -124,8 +154,8 @@ impl GridSearch {
         self.values_with(others, &[last])[0].1
     }
 
-    /// What an information gain grows by with each unit of the two tasks' entropies; 0 where it does
-    /// not exist.
+    /// Growth of an information gain with each fixed-point unit of the two tasks' entropies,
+    /// (objective of a sum of 2⁴⁰ units) / 2⁴⁰; 0 where it does not exist.
     pub(super) fn worth_units(&self) -> [f64; 2] {
         let problem = self.atlas.problem();
         [0, 1].map(|task| {

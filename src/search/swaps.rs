@@ -15,14 +15,14 @@ use crate::vehicle::{Placement, PoseGrid, Spacing};
 
 /// Grid of the swaps where nothing else is said: that of the published placements.
 pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
-/// First steps along single pose fields, then a step along several at once.
+/// Moves of a climb: up to three steps along one pose field, then a step along several at once.
 const MOVES: [Moves; 2] = [Moves::Along(3), Moves::Around(1)];
 
-/// Most times that a local optimum is left by a random move: on a small grid no casts end this.
+/// Random moves out of local optima, at most: on a small grid the limit of casts is never reached.
 const KICKS: usize = 32;
-/// Ends of climbs that are told beside the best, at most.
+/// Ends of climbs that are kept beside the best, at most.
 const OTHERS: usize = 3;
-/// How far their objective is from the best, at most, as a share of it.
+/// Largest distance of their objective from the best, as a share of it.
 const AS_GOOD: f64 = 0.01;
 /// Random placements of which the best is a start of the swaps where greedy has no place.
 const DRAWN: usize = 64;
@@ -47,8 +47,8 @@ pub struct Swapped {
     pub placement: Placement,
     /// Its objective.
     pub value: f64,
-    /// Where other climbs ended that are about as good, the best first: over more frames, or with other
-    /// triangles, one of these may be the best.
+    /// Ends of other climbs that are about as good, the best first: over more frames one of them may be
+    /// the best.
     pub others: Vec<Placement>,
     /// Placements looked at.
     pub evaluations: u64,

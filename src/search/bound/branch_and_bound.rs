@@ -7,13 +7,13 @@ use serde::{Deserialize, Serialize};
 use super::pair_overlaps::PairBound;
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
-use crate::search::grid_search::{GridPlacement, GridSearch, better_first};
+use crate::search::grid_search::{GridPlacement, GridSearch, Places, better_first};
 
-/// Rounding that the sums of gains behind a bound may have gathered, relative.
+/// Relative rounding error of the sums of gains behind a bound, at most.
 const ROUNDING: f64 = 1e-12;
 /// Candidates that are looked at through pairs alone, at most.
 const PAIR_WORK: u64 = 1 << 24;
-/// Of so many poses the best one alone is typical of those in good placements.
+/// The best one of so many poses is typical of those in good placements.
 const TYPICAL: usize = 4;
 
 /// Bound on the information gain of every placement on a grid.
@@ -123,6 +123,8 @@ impl Open {
 /// The bound holds for other objectives only if they are such gains too, see
 /// [`crate::score::Objective::is_information_gain`].
 ///
+/// `go_on` is asked before each set, with the number of sets looked at.
+///
 /// # Errors
 /// As [`GridSearch::hold`].
 pub fn bound_gain(
@@ -135,87 +137,127 @@ pub fn bound_gain(
     let (lidars, poses) = (search.lidars(), search.atlas().grid().len());
     let all: Vec<u32> = (0..poses).collect();
     search.hold(evaluator, &all)?;
-    let mut best = found.clone();
-    // What the best poses gain beside the placement found bounds every placement; those that do not
-    // fit beside it too, since they may stand in another.
-    let mut beside = search.values_with(&found.poses, &all);
-    beside.sort_by(better_first);
-    let value = found.value.max(0.0);
-    let beside: f64 = beside.iter().take(lidars).map(|c| c.1.max(value) - value).sum();
-    let mut upper_at_root = (value + beside) * (1.0 + ROUNDING);
+    let beside = beside(search, found, &all);
     let mut typical = search.values_with(&[], &all);
     typical.sort_by(better_first);
     typical.truncate(all.len().div_ceil(TYPICAL));
     let typical: Vec<u32> = typical.into_iter().map(|(pose, _)| pose).collect();
-    let units = search.worth_units();
-    let (pairs, upper) = PairBound::tightest(search.atlas(), lidars, units, &typical, |pairs| {
-        let mut open = Open { heap: BinaryHeap::new(), lidars, floor: best.value };
-        open.push(root(pairs));
-        let (mut looked_at, most) = (1, pair_nodes(pairs));
-        while looked_at < most
-            && let Some(node) = open.pop()
-        {
-            if node.chosen.len() + 1 == lidars {
-                open.heap.push(node);
-                break;
-            }
-            let (child, node) = split(search, pairs, node);
-            looked_at += 1;
-            open.push(node);
-            open.push(child);
-        }
-        open.upper()
+    let (units, places) = (search.worth_units(), search.places());
+    let open = || Open { heap: BinaryHeap::new(), lidars, floor: found.value };
+    let (pairs, by_pairs) = PairBound::tightest(search.atlas(), lidars, units, &typical, |pairs| {
+        by_pairs(pairs, &places, open())
     });
-    upper_at_root = upper_at_root.min(upper).max(best.value);
-    let mut open = Open { heap: BinaryHeap::new(), lidars, floor: best.value };
-    open.push(root(&pairs));
-    let (mut looked_at, mut cheaply) = (1, 0);
-    while looked_at < nodes
-        && cheaply < pair_nodes(&pairs)
-        && go_on(looked_at)
-        && let Some(mut node) = open.pop()
-    {
-        let left = lidars - node.chosen.len();
-        if !node.exact && (left == 1 || (left == 2 && lidars > 2)) {
-            let some: Vec<u32> = node.candidates[node.next..].iter().map(|c| c.0).collect();
-            let others = node.chosen.clone();
-            let value = search.held_value(&others);
-            node = gains(search, others, value, &some, node.bound);
-            looked_at += 1;
-            open.push(node);
-            continue;
-        }
-        if left == 1 {
-            // Candidates come by falling gain: the first is the best of this node.
-            let (pose, gain) = node.candidates[node.next];
-            let value = node.value + gain;
-            if value > best.value {
-                best = GridPlacement { poses: [&node.chosen[..], &[pose]].concat(), value };
-                open.floor = value;
-            }
-            continue;
-        }
-        if node.exact {
-            let (pose, gain) = node.candidates[node.next];
-            let rest: Vec<u32> = node.candidates[node.next + 1..].iter().map(|c| c.0).collect();
-            let chosen = [&node.chosen[..], &[pose]].concat();
-            let rest: Vec<u32> = rest.into_iter().filter(|&c| search.fits(c, &chosen)).collect();
-            let child = gains(search, chosen, node.value + gain, &rest, node.bound);
-            looked_at += 1;
-            node.next += 1;
-            open.push(node);
-            open.push(child);
-        } else {
-            let (child, node) = split(search, &pairs, node);
-            cheaply += 1;
-            open.push(node);
-            open.push(child);
-        }
-    }
+    let upper_at_root = beside.min(by_pairs).max(found.value);
+    let mut tree =
+        Tree { search, pairs: &pairs, places: &places, open: open(), best: found.clone() };
+    let looked_at = tree.branch(nodes, go_on);
+    let Tree { open, best, .. } = tree;
     let left = open.upper();
     let upper = left.min(upper_at_root).max(best.value);
     let proven = left <= best.value;
     Ok(GainBound { poses, best, upper, upper_at_root, nodes: looked_at, proven })
+}
+
+/// A bound from one placement: its value, and what the best poses gain beside it. Poses that do not fit
+/// beside it count too, since they may stand in another.
+fn beside(search: &mut GridSearch, found: &GridPlacement, all: &[u32]) -> f64 {
+    let lidars = search.lidars();
+    let mut gains = search.values_with(&found.poses, all);
+    gains.sort_by(better_first);
+    let value = found.value.max(0.0);
+    let gains: f64 = gains.iter().take(lidars).map(|c| c.1.max(value) - value).sum();
+    (value + gains) * (1.0 + ROUNDING)
+}
+
+/// A bound from pairs alone: sets of sensors are split until their number is used up.
+fn by_pairs(pairs: &PairBound, places: &Places, mut open: Open) -> f64 {
+    open.push(root(pairs));
+    let (mut looked_at, most) = (1, pair_nodes(pairs));
+    while looked_at < most
+        && let Some(node) = open.pop()
+    {
+        if node.chosen.len() + 1 == open.lidars {
+            open.heap.push(node);
+            break;
+        }
+        let (child, node) = split(places, pairs, node);
+        looked_at += 1;
+        open.push(node);
+        open.push(child);
+    }
+    open.upper()
+}
+
+/// Sets of sensors under way, and the best placement met.
+struct Tree<'a> {
+    search: &'a mut GridSearch,
+    pairs: &'a PairBound,
+    places: &'a Places,
+    open: Open,
+    best: GridPlacement,
+}
+
+impl Tree<'_> {
+    /// Branches until the gains of `nodes` sets were looked at, or nothing is left; how many were.
+    fn branch(&mut self, nodes: u64, go_on: &mut dyn FnMut(u64) -> bool) -> u64 {
+        let (mut looked_at, mut cheaply) = (1, 0);
+        self.open.push(root(self.pairs));
+        while looked_at < nodes
+            && cheaply < pair_nodes(self.pairs)
+            && go_on(looked_at)
+            && let Some(node) = self.open.pop()
+        {
+            let lidars = self.open.lidars;
+            let left = lidars - node.chosen.len();
+            if !node.exact && (left == 1 || (left == 2 && lidars > 2)) {
+                let exact = self.exact(&node);
+                self.open.push(exact);
+                looked_at += 1;
+            } else if left == 1 {
+                self.finish(&node);
+            } else if node.exact {
+                let (child, node) = self.extend(node);
+                self.open.push(node);
+                self.open.push(child);
+                looked_at += 1;
+            } else {
+                let (child, node) = split(self.places, self.pairs, node);
+                self.open.push(node);
+                self.open.push(child);
+                cheaply += 1;
+            }
+        }
+        looked_at
+    }
+
+    /// The same set with the gains of its candidates in place of bounds.
+    fn exact(&mut self, node: &Node) -> Node {
+        let some: Vec<u32> = node.candidates[node.next..].iter().map(|c| c.0).collect();
+        let value = self.search.held_value(&node.chosen);
+        gains(self.search, node.chosen.clone(), value, &some, node.bound)
+    }
+
+    /// A set that lacks one sensor: candidates come by falling gain, so the first is the best.
+    fn finish(&mut self, node: &Node) {
+        let (pose, gain) = node.candidates[node.next];
+        let value = node.value + gain;
+        if value > self.best.value {
+            let poses = [&node.chosen[..], &[pose]].concat();
+            self.best = GridPlacement { poses, value };
+            self.open.floor = value;
+        }
+    }
+
+    /// Takes the next candidate out of a node, as a child with the gains beside it.
+    fn extend(&mut self, mut node: Node) -> (Node, Node) {
+        let (pose, gain) = node.candidates[node.next];
+        let chosen = [&node.chosen[..], &[pose]].concat();
+        let rest = node.candidates[node.next + 1..].iter().map(|c| c.0);
+        let rest: Vec<u32> = rest.filter(|&c| self.places.fits(c, &chosen)).collect();
+        let child = gains(self.search, chosen, node.value + gain, &rest, node.bound);
+        node.next += 1;
+        (child, node)
+    }
 }
 
 /// Sets of sensors to look at through pairs: the root alone where no overlaps are known.
@@ -226,19 +268,19 @@ fn pair_nodes(pairs: &PairBound) -> u64 {
 /// The empty set, extended by bounds from pairs.
 fn root(pairs: &PairBound) -> Node {
     let mut candidates = pairs.singles();
-    candidates.sort_by(better_first);
+    candidates.sort_unstable_by(better_first);
     let (value, bound) = (pairs.base, f64::INFINITY);
     Node { chosen: vec![], value, candidates, next: 0, bound, exact: false }
 }
 
 /// Takes the next candidate out of a node, as a child with bounds from pairs.
-fn split(search: &GridSearch, pairs: &PairBound, mut node: Node) -> (Node, Node) {
+fn split(places: &Places, pairs: &PairBound, mut node: Node) -> (Node, Node) {
     let (pose, added) = node.candidates[node.next];
     node.next += 1;
-    let rest = node.candidates[node.next..].iter().filter(|c| search.fits(c.0, &[pose]));
+    let rest = node.candidates[node.next..].iter().filter(|c| places.fits(c.0, &[pose]));
     let mut candidates: Vec<(u32, f64)> =
         rest.map(|&(other, added)| (other, pairs.added(other, pose, added))).collect();
-    candidates.sort_by(better_first);
+    candidates.sort_unstable_by(better_first);
     let chosen = [&node.chosen[..], &[pose]].concat();
     let value = node.value + added;
     let bound = node.bound;

@@ -31,7 +31,7 @@ fn run(search: &mut Restarts, generations: usize) -> usize {
 
 #[test]
 fn the_first_instance_is_the_plain_search() {
-    let mut whole = search(RestartStrategy::Bipop, None, 100_000);
+    let mut whole = search(RestartStrategy::Bipop, 100_000);
     let options =
         CmaOptions { bounds: Some(vec![(-5.0, 5.0); 3]), seed: 7, ..CmaOptions::default() };
     let mut plain = Cma::new(&[4.0, -3.0, 2.0], 0.1, options).unwrap();
@@ -46,14 +46,14 @@ fn the_first_instance_is_the_plain_search() {
 
 #[test]
 fn ipop_doubles_and_bipop_shares_the_evaluations() {
-    let mut ipop = search(RestartStrategy::Ipop, None, 30_000);
+    let mut ipop = search(RestartStrategy::Ipop, 30_000);
     run(&mut ipop, usize::MAX);
     assert_eq!(ipop.stop(), Some(StopReason::Budget));
     assert!(ipop.ended().len() >= 3);
     for (k, ended) in ipop.ended().iter().enumerate() {
         assert_eq!(ended.population, 7 << k);
     }
-    let mut bipop = search(RestartStrategy::Bipop, None, 60_000);
+    let mut bipop = search(RestartStrategy::Bipop, 60_000);
     run(&mut bipop, usize::MAX);
     let (mut large, mut small, mut next) = (0, 0, 7);
     for ended in bipop.ended() {
