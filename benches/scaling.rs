@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 use setup::RANGE;
 use sightline::bvh::{Bvh, Hit};
 use sightline::cast::cast_packets;
-use sightline::cover::{WalkScratch, bitmap_words, cover_sensor, cover_voxels};
+use sightline::cover::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::geom::TriangleSoup;
@@ -164,7 +164,7 @@ impl Cover {
         let poses = setup::poses(&placements, &roi);
         let mut hits = Vec::new();
         cast_packets(&poses, &table, bvh, RANGE, &mut hits);
-        let bitmap = vec![0; bitmap_words(&roi)];
+        let bitmap = vec![0; BitOrder::rows(&roi).words()];
         Self { roi, table, poses, hits, scratch: WalkScratch::default(), bitmap }
     }
 

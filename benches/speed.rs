@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 use setup::RANGE;
 use sightline::bvh::{Bvh, Hit};
 use sightline::cast::{cast_closest, cast_packets};
-use sightline::cover::{WalkScratch, bitmap_words, cover_sensor, cover_voxels};
+use sightline::cover::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::engine::gpu::GpuBackend;
@@ -246,7 +246,8 @@ fn run(args: &Args, triangles: usize) -> Value {
     let mut trimesh = Rival::new("trimesh, one thread, no range", python("trimesh"));
     let mut device = Device::open(&problem);
     let (mut hits, mut bitmaps) = (Vec::new(), Vec::new());
-    let len = bitmap_words(&roi);
+    let (rows, linear) = (BitOrder::rows(&roi), BitOrder::linear(&roi));
+    let len = rows.words();
     let mut ours = vec![0; few_poses.len() * len];
     for round in 0..args.rounds + 1 {
         let want =
@@ -268,7 +269,10 @@ fn run(args: &Args, triangles: usize) -> Value {
                 cover_sensor(pose, beams, &roi, Some(hits), RANGE, scratch, bitmap)
             });
         });
-        assert!(ours == bitmaps, "the voxels differ");
+        let pairs = ours.chunks(len).zip(bitmaps.chunks(linear.words()));
+        for (ours, want) in pairs {
+            assert!(rows.convert(ours, &linear) == want, "the voxels differ");
+        }
         let sums = voxels.time(few.len(), || reduce(few, &content, &bitmaps, Some(&want), beams));
         let tallies = both.time(batch.len(), || backend.tally(&batch, RANGE).unwrap());
         assert!(tallies.iter().zip(&sums).all(|(a, b)| a == b), "the sums differ");

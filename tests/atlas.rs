@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use sightline::bvh::Bvh;
-use sightline::engine::Backend;
-use sightline::engine::CpuBackend;
+use sightline::cover::BitOrder;
 use sightline::engine::gpu::GpuBackend;
+use sightline::engine::{Backend, CpuBackend, ReferenceBackend};
 use sightline::internals::{Atlas, Union};
 use sightline::problem::{Content, OccupiedVoxel, Problem, Tally};
 use sightline::psog::Roi;
@@ -76,6 +76,24 @@ fn a_union_has_the_sums_of_the_backend() {
             assert_eq!(got.covered_nonzero, want.covered_nonzero, "{poses:?}");
         }
     }
+}
+
+#[test]
+fn another_engine_may_take_over_between_poses() {
+    let problem = problem(few_worths);
+    let range = problem.table().range();
+    let mut reference = ReferenceBackend::new(problem.clone());
+    let mut cpu = CpuBackend::new(problem.clone(), MEMORY);
+    assert_ne!(BitOrder::rows(problem.roi()), BitOrder::linear(problem.roi()));
+    let mut atlas = Atlas::new(problem.clone(), grid(), true, MEMORY);
+    atlas.hold(&mut cpu, &[7, 3]).unwrap();
+    atlas.hold(&mut reference, &[40, 9]).unwrap();
+    atlas.hold(&mut cpu, &[12]).unwrap();
+    let mut union = Union::default();
+    atlas.union(&[7, 40, 12, 9], &mut union);
+    let lidars = [7, 40, 12, 9, 3].map(|pose| grid().pose(pose)).to_vec();
+    let want = cpu.tally(&[Placement { name: "x".into(), lidars }], range).unwrap().remove(0);
+    assert_eq!(sums(&atlas.tally_with(&union, 3)), sums(&want));
 }
 
 #[test]

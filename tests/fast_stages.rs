@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use sightline::bvh::Bvh;
 use sightline::cast::{cast_closest, cast_packets};
-use sightline::cover::{WalkScratch, bitmap_words, cover_sensor, cover_voxels};
+use sightline::cover::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::problem::{DevicePose, Problem};
@@ -21,7 +21,8 @@ use crate::common::{MEMORY, random_content, random_placements, random_problem, r
 /// Compares all stages of the backend with the reference; returns the voxels covered.
 fn compare(problem: &Arc<Problem>, placements: &[Placement], range: f32) -> u64 {
     let (table, roi) = (problem.table(), problem.roi());
-    let words = bitmap_words(roi);
+    let (rows, linear) = (BitOrder::rows(roi), BitOrder::linear(roi));
+    let words = linear.words();
     let poses: Vec<DevicePose> =
         placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect();
     let mut want = Vec::new();
@@ -39,8 +40,9 @@ fn compare(problem: &Arc<Problem>, placements: &[Placement], range: f32) -> u64 
         let (mut scratch, beams) = (WalkScratch::default(), table.directions());
         for (index, pose) in poses.iter().enumerate() {
             let own = hits.as_ref().map(|h| &h[index * beams.len()..(index + 1) * beams.len()]);
-            let mut bitmap = vec![0; words];
+            let mut bitmap = vec![0; rows.words()];
             cover_sensor(pose, beams, roi, own, range, &mut scratch, &mut bitmap);
+            let bitmap = rows.convert(&bitmap, &linear);
             assert!(bitmap == bitmaps[index * words..(index + 1) * words], "sensor {index}");
         }
         let sums = reduce(placements, problem.content(), &bitmaps, hits.as_deref(), beams.len());

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use rand::RngExt;
-use sightline::cover::{bitmap_words, cover_voxels};
+use sightline::cover::{BitOrder, cover_voxels};
 use sightline::engine::Backend;
 use sightline::problem::{DevicePose, Problem};
 use sightline::psog::Roi;
@@ -51,9 +51,10 @@ fn compare(roi: Roi, poses: &[SensorPose], range: f64, seed: u64) -> u64 {
     let mut want = Vec::new();
     cover_voxels(&on_device, problem.table(), &roi, None, range as f32, &mut want);
     let got = gpu(&problem).bitmaps(poses, 0).unwrap();
-    let words = bitmap_words(&roi);
-    for (sensor, (got, want)) in got.chunks(words).zip(want.chunks(words)).enumerate() {
-        assert!(got == want, "{:?}, {:?}", roi.shape(), poses[sensor]);
+    let linear = BitOrder::linear(&roi);
+    let maps = got.sensors().zip(want.chunks(linear.words()));
+    for (sensor, (map, want)) in maps.enumerate() {
+        assert!(got.order.convert(map, &linear) == want, "{:?}, {:?}", roi.shape(), poses[sensor]);
     }
     let name = String::new;
     let placements: Vec<Placement> =

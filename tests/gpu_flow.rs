@@ -81,8 +81,8 @@ fn overlapping_jobs_give_the_bits_of_the_cpu() {
                     let got = gpu.tally(&placements[..count], RANGE as f32).unwrap();
                     assert_eq!(got, want[..count], "{casting:?}, {memory} bytes, {on_device}");
                 }
-                let bitmaps = gpu.bitmaps(&placements[0].lidars, 2).unwrap();
-                assert_eq!(bitmaps, cpu(&problem).bitmaps(&placements[0].lidars, 2).unwrap());
+                let got = gpu.covered(&placements[0], 2).unwrap();
+                assert_eq!(got, cpu(&problem).covered(&placements[0], 2).unwrap());
             }
         }
     }

@@ -1,7 +1,9 @@
 use multiversion::multiversion;
 
+use super::BitOrder;
+use super::bit_order::row_words;
 use super::reference::{Walk, beam_end, grid_origin};
-use super::rows::Rows;
+use super::rows::add_transposed;
 use super::runs::{NEVER, ROUND, Start, WORD, Way, walk_all};
 use crate::bvh::{Hit, NO_HIT};
 use crate::problem::{DevicePose, FAR, PUSH, TINY_COMPONENT, beam_direction};
@@ -33,14 +35,13 @@ pub struct WalkScratch {
     ways: [usize; WAYS + 1],
     /// Words along y, zero between sensors.
     along_y: Vec<u32>,
-    /// A bitmap of [`Rows`], zero between sensors.
-    bitmap: Vec<u64>,
 }
 
-/// Marks the voxels that one sensor's beams traverse: [`super::cover_voxels`] with sixteen beams of
-/// about the same number of runs in lockstep. The same bits.
+/// Marks the voxels that one sensor's beams traverse in the order of [`BitOrder::rows`]:
+/// [`super::cover_voxels`] with sixteen beams of about the same number of runs in lockstep. The same
+/// voxels.
 ///
-/// `hits` is `[directions]`; `bitmap` must be zero and hold all voxels.
+/// `hits` is `[directions]`; `bitmap` is zero and holds all voxels.
 pub fn cover_sensor(
     pose: &DevicePose,
     directions: &[[f32; 3]],
@@ -50,62 +51,38 @@ pub fn cover_sensor(
     scratch: &mut WalkScratch,
     bitmap: &mut [u64],
 ) {
-    let rows = Rows::new(roi);
-    if !walks_in_rows(pose, roi, &rows) {
+    let order = BitOrder::rows(roi);
+    if !walks_in_rows(pose, roi, &order) {
         visit_all(pose, directions, roi, hits, range, |voxel| {
-            bitmap[voxel >> 6] |= 1 << (voxel & 63);
+            let bit = order.bit_of(voxel as u32);
+            bitmap[bit as usize / 64] |= 1 << (bit % 64);
         });
         return;
     }
-    let mut marked = std::mem::take(&mut scratch.bitmap);
-    marked.resize(rows.words(), 0);
-    cover_rows(pose, directions, roi, hits, range, scratch, &mut marked);
-    rows.move_in_order(bytemuck::cast_slice_mut(&mut marked), bitmap);
-    scratch.bitmap = marked;
-}
-
-/// [`cover_sensor`] in the order of [`Rows`].
-pub(crate) fn cover_rows(
-    pose: &DevicePose,
-    directions: &[[f32; 3]],
-    roi: &Roi,
-    hits: Option<&[Hit]>,
-    range: f32,
-    scratch: &mut WalkScratch,
-    bitmap: &mut [u64],
-) {
-    let rows = Rows::new(roi);
     let bitmap: &mut [u32] = bytemuck::cast_slice_mut(bitmap);
-    if !walks_in_rows(pose, roi, &rows) {
-        visit_all(pose, directions, roi, hits, range, |voxel| {
-            let bit = rows.bit(voxel);
-            bitmap[bit >> 5] |= 1 << (bit & 31);
-        });
-        return;
-    }
     scratch.fit(directions.len());
     let start = Start::new(roi, grid_origin(pose).to_array());
     prepare(pose, directions, roi, hits, range, &start, scratch);
     sort(scratch);
     let mut along_y = std::mem::take(&mut scratch.along_y);
-    along_y.resize(rows.words_along(1), 0);
+    along_y.resize(row_words(roi.shape(), 1), 0);
     let of = |way: usize| &scratch.sorted[scratch.ways[way]..scratch.ways[way + 1]];
     let (inverse, stop) = (&scratch.inverse, &scratch.stop);
     walk_all::<true>(&Way::new(roi, &start, 1, true), of(0), inverse, stop, &mut along_y);
     walk_all::<false>(&Way::new(roi, &start, 1, false), of(1), inverse, stop, &mut along_y);
-    rows.add_along_y(&mut along_y, bitmap);
+    add_transposed(roi.shape(), &mut along_y, bitmap);
     walk_all::<true>(&Way::new(roi, &start, 0, true), of(2), inverse, stop, bitmap);
     walk_all::<false>(&Way::new(roi, &start, 0, false), of(3), inverse, stop, bitmap);
     scratch.along_y = along_y;
 }
 
 /// Whether a sensor is in the grid, and that one plain enough for beams in lockstep.
-fn walks_in_rows(pose: &DevicePose, roi: &Roi, rows: &Rows) -> bool {
+fn walks_in_rows(pose: &DevicePose, roi: &Roi, order: &BitOrder) -> bool {
     let inside = |k: usize| {
         let n = roi.shape()[k] as f32;
         (0.0..n).contains(&grid_origin(pose)[k]) && n < PLAIN
     };
-    rows.are_wide() && (0..3).all(inside)
+    order.has_rows() && (0..3).all(inside)
 }
 
 /// Calls `mark` with the linear index of each voxel that a beam traverses.

@@ -1,6 +1,9 @@
+//! Coverage, a beam and a voxel at a time: the specification.
+
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::BitOrder;
 use crate::bvh::{Hit, NO_HIT};
 use crate::problem::{DevicePose, FAR, PUSH, beam_direction};
 use crate::psog::Roi;
@@ -9,8 +12,8 @@ use crate::vehicle::BeamTable;
 /// Marks the voxels that each sensor's beams traverse, one bitmap a sensor.
 ///
 /// A beam runs from its origin to its hit, pushed by a millimetre, or to `range` where it hits
-/// nothing or `hits` is `None`. `bitmaps` becomes `[poses × words]`; bit b of word w is the voxel of
-/// linear index 64 w + b.
+/// nothing or `hits` is `None`. `bitmaps` becomes `[poses × words]` in the order of
+/// [`BitOrder::linear`].
 ///
 /// CPU twin of `shaders/cover_bricks.wgsl` and of `shaders/cover_voxels.wgsl`.
 pub fn cover_voxels(
@@ -22,7 +25,7 @@ pub fn cover_voxels(
     bitmaps: &mut Vec<u64>,
 ) {
     let directions = table.directions();
-    let words = bitmap_words(roi);
+    let words = BitOrder::linear(roi).words();
     bitmaps.clear();
     bitmaps.resize(poses.len() * words, 0);
     bitmaps.par_chunks_mut(words).zip(poses).enumerate().for_each(|(sensor, (bitmap, pose))| {
@@ -46,11 +49,6 @@ pub(crate) fn beam_end(hit: Option<Hit>, range: f32) -> f32 {
 /// Position of the sensor in voxels.
 pub(crate) fn grid_origin(pose: &DevicePose) -> Vec3 {
     Vec3::from_slice(&pose.in_grid)
-}
-
-/// 64-bit words of a bitmap of all voxels.
-pub fn bitmap_words(roi: &Roi) -> usize {
-    roi.voxel_count().div_ceil(64) as usize
 }
 
 /// A beam's way through the voxel planes.

@@ -17,10 +17,9 @@ use rayon::prelude::*;
 use super::{Backend, BackendError, Chunk, ChunkLimits, check_frame, split};
 use crate::bvh::Hit;
 use crate::cast::cast_packets;
-use crate::cover::{Rows, WalkScratch, bitmap_words, cover_rows, cover_sensor};
+use crate::cover::{BitOrder, Bitmaps, WalkScratch, cover_sensor};
 use crate::problem::{DevicePose, Problem, StageTimes, Tally};
-use crate::psog::Roi;
-use crate::reduce::{Worth, take_sums, take_sums_spread, union_of};
+use crate::reduce::{Worth, take_sums, take_sums_spread};
 use crate::vehicle::{Placement, SensorPose};
 
 /// Bytes of hits that one chunk uses at most: more gains nothing, since a chunk of this size already
@@ -32,14 +31,14 @@ const FEW: usize = 4;
 /// Evaluates batches on the host's cores.
 pub struct CpuBackend {
     problem: Arc<Problem>,
-    rows: Rows,
+    order: BitOrder,
     worth: Worth,
     memory: u64,
     times: StageTimes,
     /// Kept from batch to batch.
     hits: Vec<Hit>,
     walks: Pool<WalkScratch>,
-    /// `[sensors × words]` in the order of `rows`, zero between tasks.
+    /// `[sensors × words]` in `order`, zero between tasks.
     bitmaps: Pool<Vec<u64>>,
 }
 
@@ -59,9 +58,6 @@ impl<T: Default> Pool<T> {
     }
 }
 
-/// Marks the voxels of one sensor: [`cover_sensor`] or the like.
-type Cover = fn(&DevicePose, &[[f32; 3]], &Roi, Option<&[Hit]>, f32, &mut WalkScratch, &mut [u64]);
-
 /// Consecutive sensors of a chunk in one frame.
 struct Part<'a> {
     poses: &'a [DevicePose],
@@ -79,11 +75,11 @@ struct Part<'a> {
 impl CpuBackend {
     /// A backend that uses at most about `memory` bytes beside the problem itself.
     pub fn new(problem: Arc<Problem>, memory: u64) -> Self {
-        let rows = Rows::new(problem.roi());
-        let worth = Worth::by_bit(problem.content(), |voxel| rows.bit_of_64(voxel));
+        let order = BitOrder::rows(problem.roi());
+        let worth = Worth::new(problem.content(), &order);
         let times = StageTimes::default();
         let (walks, bitmaps) = (Pool::default(), Pool::default());
-        Self { problem, rows, worth, memory, times, hits: Vec::new(), walks, bitmaps }
+        Self { problem, order, worth, memory, times, hits: Vec::new(), walks, bitmaps }
     }
 
     fn poses(&self, placements: &[Placement]) -> Vec<DevicePose> {
@@ -94,7 +90,7 @@ impl CpuBackend {
     fn chunks(&self, placements: &[Placement]) -> Result<Vec<Chunk>, BackendError> {
         let lidars: Vec<usize> = placements.iter().map(|p| p.lidars.len()).collect();
         let widest = lidars.iter().copied().max().unwrap_or(1);
-        let bitmap = 8 * self.rows.words() as u64;
+        let bitmap = 8 * self.order.words() as u64;
         let hits = size_of::<Hit>() as u64 * self.problem.table().directions().len() as u64;
         // Bitmaps of as many placements as are worked on at the same time, hits of all in a chunk.
         let tasks = (rayon::current_num_threads() as u64).min(placements.len() as u64).max(1);
@@ -170,19 +166,20 @@ impl CpuBackend {
     /// Whether threads share each placement of a chunk, all of which then have bitmaps at a time.
     fn shares(&self, placements: &[Placement]) -> bool {
         let sensors: usize = placements.iter().map(|p| p.lidars.len()).sum();
-        let bytes = 8 * (self.rows.words() * sensors) as u64;
+        let bytes = 8 * (self.order.words() * sensors) as u64;
         let threads = rayon::current_num_threads();
         threads > 1 && placements.len() < FEW * threads && bytes <= self.memory / 2
     }
 
-    /// Covers the voxels of a part's sensors by `cover`; `bitmaps` is `[sensors × words]` and zero.
-    fn cover(&self, part: &Part<'_>, words: usize, bitmaps: &mut [u64], cover: Cover) {
+    /// Covers the voxels of a part's sensors; `bitmaps` is `[sensors × words]` and zero.
+    fn cover(&self, part: &Part<'_>, bitmaps: &mut [u64]) {
+        let words = self.order.words();
         let (problem, directions) = (&*self.problem, self.problem.table().directions());
         let cover = |(index, bitmap): (usize, &mut [u64])| {
             let hits = problem.bvh(part.frame).map(|_| self.hits_of(part.first + index));
             let pose = &part.poses[index];
             let mut walk = self.walks.take();
-            cover(pose, directions, problem.roi(), hits, part.range, &mut walk, bitmap);
+            cover_sensor(pose, directions, problem.roi(), hits, part.range, &mut walk, bitmap);
             self.walks.put_back(walk);
         };
         if part.spread {
@@ -201,13 +198,13 @@ impl CpuBackend {
     /// both together.
     fn add(&self, part: &Part<'_>, tally: &mut Tally) -> [Duration; 2] {
         let start = Instant::now();
-        let (words, sensors) = (self.rows.words(), part.poses.len());
+        let (words, sensors) = (self.order.words(), part.poses.len());
         let mut kept = self.bitmaps.take();
         if kept.len() < sensors * words {
             kept.resize(sensors * words, 0);
         }
         let bitmaps = &mut kept[..sensors * words];
-        self.cover(part, words, bitmaps, cover_rows);
+        self.cover(part, bitmaps);
         let covered = start.elapsed();
         let sums = if part.spread { take_sums_spread } else { take_sums };
         let mut sum = Tally::zero(tally.by_class.len(), sensors);
@@ -249,28 +246,18 @@ impl Backend for CpuBackend {
         Ok(hits)
     }
 
-    fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {
-        check_frame(&self.problem, frame)?;
-        let placements = std::slice::from_ref(placement);
-        self.chunks(placements)?;
-        let words = bitmap_words(self.problem.roi());
-        let bitmaps = self.bitmaps(&placement.lidars, frame)?;
-        Ok(union_of(&bitmaps, words))
-    }
-
-    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError> {
+    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError> {
         check_frame(&self.problem, frame)?;
         let roi = self.problem.roi();
         let poses: Vec<DevicePose> = poses.iter().map(|pose| DevicePose::new(pose, roi)).collect();
         let range = self.problem.table().range();
         self.cast_frame(&poses, frame, range);
         let start = Instant::now();
-        let words = bitmap_words(self.problem.roi());
-        let mut bitmaps = vec![0; poses.len() * words];
+        let mut words = vec![0; poses.len() * self.order.words()];
         let part = Part { poses: &poses, first: 0, frame, weight: 1, range, spread: true };
-        self.cover(&part, words, &mut bitmaps, cover_sensor);
+        self.cover(&part, &mut words);
         self.times.cover += start.elapsed();
-        Ok(bitmaps)
+        Ok(Bitmaps { order: self.order, words })
     }
 
     fn times(&self) -> StageTimes {

@@ -2,6 +2,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::{Backend, BackendError};
 use crate::bvh::Hit;
+use crate::cover::Bitmaps;
 use crate::problem::{StageTimes, Tally};
 use crate::vehicle::{Placement, SensorPose};
 
@@ -117,11 +118,7 @@ impl Backend for Failover {
         self.attempt(|backend| backend.hits(poses, frame))
     }
 
-    fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {
-        self.attempt(|backend| backend.covered(placement, frame))
-    }
-
-    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError> {
+    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError> {
         self.attempt(|backend| backend.bitmaps(poses, frame))
     }
 

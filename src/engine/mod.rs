@@ -29,6 +29,7 @@ pub use opening::{EngineChoice, EngineKind, OpenError, Opened, open};
 pub use reference::ReferenceBackend;
 
 use crate::bvh::Hit;
+use crate::cover::Bitmaps;
 use crate::problem::{Problem, StageTimes, Tally};
 use crate::vehicle::{Placement, SensorPose};
 
@@ -107,20 +108,20 @@ pub trait Backend: Send {
     /// No such frame, one sensor does not fit, or the device failed.
     fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError>;
 
+    /// Bitmaps of the voxels that each sensor pose covers in one frame, pose after pose, in the
+    /// order that this engine marks them in.
+    ///
+    /// # Errors
+    /// As [`Self::hits`].
+    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError>;
+
     /// Voxels that one placement covers in one frame, as rising linear indices.
     ///
     /// # Errors
     /// As [`Self::hits`].
-    fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError>;
-
-    /// Bitmaps of the voxels that each sensor pose covers in one frame, pose after pose.
-    ///
-    /// Bit b of word w of a bitmap is the voxel of linear index 64 w + b; a bitmap has
-    /// ⌈voxels / 64⌉ words.
-    ///
-    /// # Errors
-    /// As [`Self::hits`].
-    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError>;
+    fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {
+        Ok(self.bitmaps(&placement.lidars, frame)?.union())
+    }
 
     /// Wall time spent in each stage since the backend was made.
     fn times(&self) -> StageTimes;

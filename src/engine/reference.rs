@@ -4,9 +4,9 @@ use std::time::Instant;
 use super::{Backend, BackendError, check_frame};
 use crate::bvh::Hit;
 use crate::cast::cast_closest;
-use crate::cover::{bitmap_words, cover_voxels};
+use crate::cover::{BitOrder, Bitmaps, cover_voxels};
 use crate::problem::{DevicePose, Problem, StageTimes, Tally};
-use crate::reduce::{reduce, union_of};
+use crate::reduce::reduce;
 use crate::vehicle::{Placement, SensorPose};
 
 /// The CPU reference as a backend: the plain functions, one placement at a time.
@@ -82,17 +82,12 @@ impl Backend for ReferenceBackend {
         Ok(cast_closest(&self.poses(poses), table, bvh, table.range()))
     }
 
-    fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {
-        let words = bitmap_words(self.problem.roi());
-        let bitmaps = self.bitmaps(&placement.lidars, frame)?;
-        Ok(union_of(&bitmaps, words))
-    }
-
-    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError> {
+    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError> {
         check_frame(&self.problem, frame)?;
         let (poses, range) = (self.poses(poses), self.problem.table().range());
         let hits = self.cast(&poses, frame, range);
-        Ok(self.cover(&poses, hits.as_deref(), range))
+        let words = self.cover(&poses, hits.as_deref(), range);
+        Ok(Bitmaps { order: BitOrder::linear(self.problem.roi()), words })
     }
 
     fn times(&self) -> StageTimes {

@@ -1,6 +1,7 @@
 use multiversion::multiversion;
 use rayon::prelude::*;
 
+use crate::cover::BitOrder;
 use crate::problem::{Content, Tally};
 
 /// Words that are put together at a time: they stay in the first-level cache for all sums.
@@ -56,13 +57,9 @@ pub(crate) struct Worth {
 }
 
 impl Worth {
-    /// For bitmaps in the order of the voxels' indices.
-    pub(crate) fn new(content: &Content) -> Self {
-        Self::by_bit(content, |voxel| voxel)
-    }
-
-    /// For bitmaps in which `bit` numbers the bit of each voxel.
-    pub(crate) fn by_bit(content: &Content, bit: impl Fn(u32) -> u32 + Sync) -> Self {
+    /// For bitmaps of an order.
+    pub(crate) fn new(content: &Content, order: &BitOrder) -> Self {
+        let bit = |voxel| order.bit_of(voxel);
         let occupied = content.occupied().par_iter();
         let mut occupied: Vec<_> = occupied.map(|v| (bit(v.index), v.entropy)).collect();
         occupied.par_sort_unstable_by_key(|&(bit, _)| bit);

@@ -5,4 +5,3 @@ mod reference;
 
 pub(crate) use entropy_index::{Worth, add_sums, take_sums, take_sums_spread};
 pub use reference::reduce;
-pub(crate) use reference::union_of;

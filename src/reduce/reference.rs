@@ -86,16 +86,3 @@ fn reduce_classes(maps: &[&[u64]], content: &Content, tally: &mut Tally) {
 fn is_set(map: &[u64], voxel: u32) -> bool {
     map[voxel as usize >> 6] >> (voxel & 63) & 1 == 1
 }
-
-/// Indices of the voxels in any of the bitmaps, rising; each bitmap has `words` words.
-pub(crate) fn union_of(bitmaps: &[u64], words: usize) -> Vec<u64> {
-    let mut indices = Vec::new();
-    for w in 0..words {
-        let mut word = bitmaps[w..].iter().step_by(words).fold(0, |or, word| or | word);
-        while word != 0 {
-            indices.push(w as u64 * 64 + u64::from(word.trailing_zeros()));
-            word &= word - 1;
-        }
-    }
-    indices
-}

@@ -24,9 +24,9 @@ use rayon::prelude::*;
 
 use super::{Backend, BackendError, Chunk, ChunkLimits, check_frame, split};
 use crate::bvh::Hit;
-use crate::cover::bitmap_words;
+use crate::cover::{BitOrder, Bitmaps};
 use crate::problem::{Problem, StageTimes, Tally};
-use crate::reduce::{Worth, union_of};
+use crate::reduce::Worth;
 use crate::vehicle::{Placement, SensorPose};
 use bricks::Bricks;
 use device::Device;
@@ -98,7 +98,7 @@ impl GpuBackend {
         let times = StageTimes::default();
         let worth = device
             .is_software()
-            .then(|| Arc::new(Worth::new(&Bricks::new(problem.roi()).content(problem.content()))));
+            .then(|| Arc::new(Worth::new(problem.content(), &BitOrder::bricks(problem.roi()))));
         let (work, doomed) = (None, None);
         Ok(Self { problem, device, kernels, scene, casting, work, memory, times, worth, doomed })
     }
@@ -312,29 +312,21 @@ impl Backend for GpuBackend {
         Ok(hits)
     }
 
-    fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {
-        let bitmaps = self.bitmaps(&placement.lidars, frame)?;
-        Ok(union_of(&bitmaps, bitmap_words(self.problem.roi())))
-    }
-
-    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<u64>, BackendError> {
+    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError> {
         check_frame(&self.problem, frame)?;
-        let problem = self.problem.clone();
-        let bricks = Bricks::new(problem.roi());
-        let (words, linear) = (bricks.words() as usize, bitmap_words(problem.roi()));
-        let mut bitmaps = vec![0; poses.len() * linear];
-        let range = problem.table().range();
+        let order = BitOrder::bricks(self.problem.roi());
+        let words = order.words();
+        let mut bitmaps = vec![0; poses.len() * words];
+        let range = self.problem.table().range();
         self.run(&one_by_one(poses), &[frame], range, false, |chunk, _, made| {
             // A placement is a sensor.
             if let Made::Bitmaps(slice, made) = made {
-                let first = (chunk.batch.start + slice.first_sensor as usize) * linear;
-                bitmaps[first..]
-                    .par_chunks_mut(linear)
-                    .zip(made.par_chunks(words))
-                    .for_each(|(linear, made)| bricks.add_in_order(made, linear));
+                let first = (chunk.batch.start + slice.first_sensor as usize) * words;
+                let to = bitmaps[first..].par_iter_mut().zip(made.par_chunks(2));
+                to.for_each(|(to, half)| *to = u64::from(half[0]) | u64::from(half[1]) << 32);
             }
         })?;
-        Ok(bitmaps)
+        Ok(Bitmaps { order, words: bitmaps })
     }
 
     fn times(&self) -> StageTimes {

@@ -10,10 +10,11 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use crate::cover::{BitOrder, Bitmaps};
 use crate::engine::{Backend, BackendError};
 use crate::problem::{Problem, Tally};
 use crate::vehicle::PoseGrid;
-use order::{LevelOrder, count_union};
+use order::{LevelOrder, ToLevels, count_union};
 
 /// Poses cast at once: enough to keep every core busy, few enough for their bitmaps to fit anywhere.
 const POSES_AT_ONCE: usize = 32;
@@ -25,7 +26,11 @@ pub struct Atlas {
     problem: Arc<Problem>,
     grid: PoseGrid,
     order: LevelOrder,
-    /// Words of a bitmap of all voxels, 0 where their number does not matter.
+    /// From the order of the engine that cast last.
+    to_levels: Option<ToLevels>,
+    /// The order in which all voxels are kept: that of the engine that cast first.
+    all_order: Option<BitOrder>,
+    /// Words of a bitmap of all voxels in any engine's order, 0 where their number does not matter.
     all_words: usize,
     pages: HashMap<u32, Page>,
     /// Pages held at most.
@@ -54,13 +59,22 @@ impl Atlas {
     /// Without `counts_all`, [`Tally::covered`] stays 1 where anything is covered: the empty voxels,
     /// ten times as many bits as the others, are then not kept.
     pub fn new(problem: Arc<Problem>, grid: PoseGrid, counts_all: bool, bytes: u64) -> Self {
-        let order = LevelOrder::new(problem.roi(), problem.content());
-        let all_words =
-            if counts_all { problem.roi().voxel_count().div_ceil(64) as usize } else { 0 };
+        let order = LevelOrder::new(problem.content());
+        let all_words = if counts_all { BitOrder::most_words(problem.roi()) } else { 0 };
         let page = 8 * (problem.frame_count() * (order.words() + all_words)).max(1) as u64;
         let capacity = (bytes / page).max(crate::vehicle::MAX_LIDARS as u64) as usize;
-        let pages = HashMap::new();
-        Self { problem, grid, order, all_words, pages, capacity, clock: 0, cast: 0 }
+        Self {
+            problem,
+            grid,
+            order,
+            to_levels: None,
+            all_order: None,
+            all_words,
+            pages: HashMap::new(),
+            capacity,
+            clock: 0,
+            cast: 0,
+        }
     }
 
     /// The grid of its poses.
@@ -145,7 +159,7 @@ impl Atlas {
 
     /// The pages of poses.
     fn cast(
-        &self,
+        &mut self,
         backend: &mut dyn Backend,
         numbers: &[u32],
     ) -> Result<Vec<Vec<u64>>, BackendError> {
@@ -153,27 +167,45 @@ impl Atlas {
         let (frames, each) = (self.problem.frame_count(), self.frame_words());
         // By the threads that fill them: the first touch of new memory takes as long as the copy.
         let mut pages: Vec<Vec<u64>> = numbers.par_iter().map(|_| vec![0; frames * each]).collect();
-        let voxel_words = self.problem.roi().voxel_count().div_ceil(64) as usize;
         for frame in 0..frames {
-            let twin = self.problem.twin(frame);
-            if twin < frame {
-                let equal = twin * each..(twin + 1) * each;
+            let equal = self.problem.twin(frame);
+            if equal < frame {
+                let equal = equal * each..(equal + 1) * each;
                 pages.iter_mut().for_each(|page| page.copy_within(equal.clone(), frame * each));
                 continue;
             }
             let bitmaps = backend.bitmaps(&poses, frame)?;
-            pages.par_iter_mut().zip(bitmaps.par_chunks(voxel_words)).for_each(|(page, bitmap)| {
-                let page = &mut page[frame * each..(frame + 1) * each];
-                let (ordered, all) = page.split_at_mut(self.order.words());
-                self.order.reorder(bitmap, ordered);
-                all.copy_from_slice(&bitmap[..self.all_words]);
-            });
+            self.keep(frame, &bitmaps, &mut pages);
         }
         Ok(pages)
     }
 
-    /// What a held pose covers of the occupied voxels, a bit each: frame after frame, in an order of
-    /// voxels whose worths are [`Self::worths`].
+    /// Writes what each pose covers in one frame into its page.
+    fn keep(&mut self, frame: usize, bitmaps: &Bitmaps, pages: &mut [Vec<u64>]) {
+        let (from, each, levels) = (bitmaps.order, self.frame_words(), self.order.words());
+        if self.to_levels.as_ref().is_none_or(|to_levels| to_levels.from != from) {
+            self.to_levels = Some(ToLevels::new(&self.order, self.problem.content(), from));
+        }
+        let Some(to_levels) = &self.to_levels else { return };
+        let all_order = *self.all_order.get_or_insert(from);
+        let counts_all = self.all_words > 0;
+        let bitmaps = bitmaps.words.par_chunks(from.words());
+        pages.par_iter_mut().zip(bitmaps).for_each(|(page, bitmap)| {
+            let page = &mut page[frame * each..(frame + 1) * each];
+            let (ordered, all) = page.split_at_mut(levels);
+            to_levels.reorder(bitmap, ordered);
+            if counts_all && from == all_order {
+                all[..bitmap.len()].copy_from_slice(bitmap);
+            } else if counts_all {
+                // Another engine took over after a failure.
+                let converted = from.convert(bitmap, &all_order);
+                all[..converted.len()].copy_from_slice(&converted);
+            }
+        });
+    }
+
+    /// Covered ones among the occupied voxels of a held pose, a bit each: frame after frame, in the
+    /// order of [`Self::worths`].
     ///
     /// # Panics
     /// The pose is not held.
@@ -183,7 +215,7 @@ impl Atlas {
 
     /// The fixed-point entropies of each bit of a frame; zero for bits without a voxel.
     pub(crate) fn worths(&self) -> Vec<[u32; 3]> {
-        self.order.worths(self.problem.content())
+        self.order.entropies(self.problem.content())
     }
 
     fn page(&self, pose: u32) -> &[u64] {

@@ -1,46 +1,58 @@
+//! The order in which an atlas keeps its bits: occupied voxels of equal entropy side by side.
+
 use std::collections::BTreeMap;
 use std::ops::Range;
 
 use multiversion::multiversion;
+use rayon::prelude::*;
 
+use crate::cover::BitOrder;
 use crate::problem::{Content, Tally};
-use crate::psog::Roi;
 
-/// Voxels of equal worth from which on they get words of their own. Fewer would waste most of a word.
+/// Voxels of equal entropy from which on they get words of their own. Fewer would waste most of a word.
 const LEAST_LEVEL: usize = 24;
 
-/// An order of the occupied voxels in which those of equal worth stand together.
+/// An order of the occupied voxels in which those of equal entropy stand together.
 ///
-/// A sum of entropies over a bitmap in this order is Σ popcount(level) × worth of the level.
+/// A sum of entropies over a bitmap in this order is Σ popcount(level) × entropy of the level.
 #[derive(Debug)]
 pub(super) struct LevelOrder {
-    /// Occupied voxels, a bit for each voxel of the grid.
-    mask: Vec<u64>,
-    /// Occupied voxels before each word of `mask`.
-    rank: Vec<u32>,
-    /// Bit in the level order of each occupied voxel.
+    /// Bit of each occupied voxel, in the order of [`Content::occupied`].
     bit_of: Vec<u32>,
     levels: Vec<Level>,
-    /// Words from which on every bit has a worth of its own.
+    /// Words from which on every bit has an entropy of its own.
     mixed: usize,
-    /// Worths of the bits from word `mixed` on.
-    mixed_worths: Vec<[u32; 3]>,
+    /// Entropies of the bits from word `mixed` on.
+    mixed_entropies: Vec<[u32; 3]>,
     words: usize,
 }
 
 #[derive(Debug)]
 struct Level {
     words: Range<usize>,
-    worth: [u64; 3],
+    entropy: [u64; 3],
 }
 
-impl LevelOrder {
-    pub fn new(roi: &Roi, content: &Content) -> Self {
-        let mut mask = vec![0u64; roi.voxel_count().div_ceil(64) as usize];
-        let mut by_worth: BTreeMap<[u32; 3], Vec<usize>> = BTreeMap::new();
-        for (rank, voxel) in content.occupied().iter().enumerate() {
-            mask[voxel.index as usize / 64] |= 1 << (voxel.index % 64);
-            by_worth.entry(voxel.entropy).or_default().push(rank);
+/// The way of each bit from an engine's order to the level order.
+#[derive(Debug)]
+pub(super) struct ToLevels {
+    pub(super) from: BitOrder,
+    /// Occupied voxels, a bit for each bit of the engine's order.
+    mask: Vec<u64>,
+    /// Occupied voxels before each word of `mask`.
+    rank: Vec<u32>,
+    /// Bit in the level order of each occupied voxel, by rank.
+    bit_of: Vec<u32>,
+}
+
+impl ToLevels {
+    pub fn new(levels: &LevelOrder, content: &Content, from: BitOrder) -> Self {
+        let bits = content.occupied().par_iter().map(|voxel| from.bit_of(voxel.index));
+        let mut pairs: Vec<(u32, u32)> = bits.zip(levels.bit_of.par_iter().copied()).collect();
+        pairs.par_sort_unstable();
+        let mut mask = vec![0_u64; from.words()];
+        for &(bit, _) in &pairs {
+            mask[bit as usize / 64] |= 1 << (bit % 64);
         }
         let mut before = 0;
         let rank = mask.iter().map(|word| {
@@ -48,29 +60,44 @@ impl LevelOrder {
             before - word.count_ones()
         });
         let rank = rank.collect();
+        Self { from, mask, rank, bit_of: pairs.into_iter().map(|(_, bit)| bit).collect() }
+    }
+
+    /// Brings a bitmap of all voxels into the level order; `ordered` is zero.
+    pub fn reorder(&self, bitmap: &[u64], ordered: &mut [u64]) {
+        reorder(&self.mask, &self.rank, &self.bit_of, bitmap, ordered);
+    }
+}
+
+impl LevelOrder {
+    pub fn new(content: &Content) -> Self {
+        let mut by_entropy: BTreeMap<[u32; 3], Vec<usize>> = BTreeMap::new();
+        for (rank, voxel) in content.occupied().iter().enumerate() {
+            by_entropy.entry(voxel.entropy).or_default().push(rank);
+        }
         let (large, small): (Vec<_>, Vec<_>) =
-            by_worth.into_iter().partition(|(_, voxels)| voxels.len() >= LEAST_LEVEL);
+            by_entropy.into_iter().partition(|(_, voxels)| voxels.len() >= LEAST_LEVEL);
         let mut bit_of = vec![0; content.occupied().len()];
         let mut levels = Vec::new();
         let mut words = 0;
-        for (worth, voxels) in large {
+        for (entropy, voxels) in large {
             for (bit, rank) in voxels.iter().enumerate() {
                 bit_of[*rank] = (64 * words + bit) as u32;
             }
             let end = words + voxels.len().div_ceil(64);
-            levels.push(Level { words: words..end, worth: worth.map(u64::from) });
+            levels.push(Level { words: words..end, entropy: entropy.map(u64::from) });
             words = end;
         }
         let mixed = words;
-        let mut mixed_worths = Vec::new();
-        for (worth, voxels) in small {
+        let mut mixed_entropies = Vec::new();
+        for (entropy, voxels) in small {
             for rank in voxels {
-                bit_of[rank] = (64 * mixed + mixed_worths.len()) as u32;
-                mixed_worths.push(worth);
+                bit_of[rank] = (64 * mixed + mixed_entropies.len()) as u32;
+                mixed_entropies.push(entropy);
             }
         }
-        words += mixed_worths.len().div_ceil(64);
-        Self { mask, rank, bit_of, levels, mixed, mixed_worths, words }
+        words += mixed_entropies.len().div_ceil(64);
+        Self { bit_of, levels, mixed, mixed_entropies, words }
     }
 
     /// Words of a bitmap in this order.
@@ -78,18 +105,13 @@ impl LevelOrder {
         self.words
     }
 
-    /// Worth of each bit; zero for bits without a voxel.
-    pub fn worths(&self, content: &Content) -> Vec<[u32; 3]> {
-        let mut worths = vec![[0; 3]; 64 * self.words];
+    /// Entropies of each bit; zero for bits without a voxel.
+    pub fn entropies(&self, content: &Content) -> Vec<[u32; 3]> {
+        let mut entropies = vec![[0; 3]; 64 * self.words];
         for (voxel, &bit) in content.occupied().iter().zip(&self.bit_of) {
-            worths[bit as usize] = voxel.entropy;
+            entropies[bit as usize] = voxel.entropy;
         }
-        worths
-    }
-
-    /// Brings a bitmap of all voxels into this order; `ordered` starts empty of bits.
-    pub fn reorder(&self, bitmap: &[u64], ordered: &mut [u64]) {
-        reorder(&self.mask, &self.rank, &self.bit_of, bitmap, ordered);
+        entropies
     }
 
     /// Adds the sums over the bits set in `a` or in `b`, both in this order, to a tally.
@@ -99,18 +121,18 @@ impl LevelOrder {
             let (a, b) = (&a[level.words.clone()], &b[level.words.clone()]);
             let count = count_union(a, b);
             tally.covered_nonzero += count;
-            for (sum, worth) in tally.entropy.iter_mut().zip(level.worth) {
-                *sum += count * worth;
+            for (sum, entropy) in tally.entropy.iter_mut().zip(level.entropy) {
+                *sum += count * entropy;
             }
         }
         let (a, b) = (&a[self.mixed..], &b[self.mixed..]);
-        for ((a, b), worths) in a.iter().zip(b).zip(self.mixed_worths.chunks(64)) {
+        for ((a, b), entropies) in a.iter().zip(b).zip(self.mixed_entropies.chunks(64)) {
             let mut left = a | b;
             tally.covered_nonzero += u64::from(left.count_ones());
             while left != 0 {
-                let worth = worths[left.trailing_zeros() as usize];
-                for (sum, worth) in tally.entropy.iter_mut().zip(worth) {
-                    *sum += u64::from(worth);
+                let entropy = entropies[left.trailing_zeros() as usize];
+                for (sum, entropy) in tally.entropy.iter_mut().zip(entropy) {
+                    *sum += u64::from(entropy);
                 }
                 left &= left - 1;
             }
@@ -118,7 +140,7 @@ impl LevelOrder {
     }
 }
 
-/// [`LevelOrder::reorder`], compiled for processors that count bits in one instruction, too.
+/// [`ToLevels::reorder`], compiled for processors that count bits in one instruction, too.
 #[multiversion(targets("x86_64+bmi1+bmi2+popcnt"))]
 fn reorder(mask: &[u64], rank: &[u32], bit_of: &[u32], bitmap: &[u64], ordered: &mut [u64]) {
     for ((&word, &mask), &rank) in bitmap.iter().zip(mask).zip(rank) {
