@@ -70,7 +70,7 @@ pub use vehicle::{BeamTable, Constraints, Placement, SensorPose, read_placements
 #[doc(hidden)]
 pub mod internals {
     pub use crate::search::atlas::{Atlas, Union};
-    pub use crate::search::bound::{GridSample, bound_gain};
+    pub use crate::search::bound::{Effort, GridSample, bound_gain};
     pub use crate::search::climb::Moves;
     pub use crate::search::generations::{Generation, Generations};
     pub use crate::search::grid_search::GridSearch;

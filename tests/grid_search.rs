@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use sightline::engine::CpuBackend;
 use sightline::internals::{
-    Atlas, GridSample, GridSearch, Moves, SwapSettings, bound_gain, swap_from,
+    Atlas, Effort, GridSample, GridSearch, Moves, SwapSettings, bound_gain, swap_from,
 };
 use sightline::problem::Problem;
 use sightline::score::Objective;
@@ -84,8 +84,9 @@ fn bounds_bracket_the_best_of_all_placements() {
         let about = |a: f64, b: f64| (a - b).abs() <= 1e-11 * b;
         let mut uppers = Vec::new();
         for nodes in [2, 10, 100, 100_000] {
-            let bound =
-                bound_gain(&mut search, &mut evaluator, &greedy, nodes, &mut |_| true).unwrap();
+            let effort = Effort { sets: nodes, ..Effort::of(1000) };
+            let go_on = &mut |_| true;
+            let bound = bound_gain(&mut search, &mut evaluator, &greedy, &effort, go_on).unwrap();
             assert!(bound.upper >= best.value * (1.0 - 1e-12), "seed {seed}, {nodes} nodes");
             assert!(bound.best.value >= greedy.value && bound.upper <= bound.upper_at_root);
             let root = bound.upper_at_root / best.value;

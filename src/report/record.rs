@@ -21,6 +21,12 @@ pub struct RunTimes {
     pub generations: f64,
     /// Of these all but scoring: asking, telling, ranking, writing the checkpoint.
     pub bookkeeping: f64,
+    /// Of the search the swaps.
+    #[serde(default)]
+    pub swaps: f64,
+    /// Of the search the bounds behind the certificate.
+    #[serde(default)]
+    pub bounds: f64,
     /// Scoring result and baselines over all frames.
     pub confirm: f64,
     /// All together.

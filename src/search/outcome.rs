@@ -102,6 +102,10 @@ pub struct SearchTimes {
     pub bookkeeping: f64,
     /// Of the search generations and finalists, going to other frames included.
     pub until_swaps: f64,
+    /// Of the search the swaps.
+    pub swaps: f64,
+    /// Of the search the bounds.
+    pub bounds: f64,
     /// Scoring the result and the baselines over all frames.
     pub confirm: f64,
     /// Placements × frames that the generations scored.

@@ -47,6 +47,8 @@ impl Sitting<'_> {
                 search: times.search + now.search,
                 generations: times.generations + now.generations,
                 bookkeeping: times.bookkeeping + now.bookkeeping,
+                swaps: times.swaps + now.swaps,
+                bounds: times.bounds + now.bounds,
                 confirm: times.confirm + now.confirm,
                 total: times.total + self.start.elapsed().as_secs_f64(),
             },

@@ -11,8 +11,12 @@ use crate::search::grid_search::{GridPlacement, GridSearch, Places, better_first
 
 /// Relative rounding error of the sums of gains behind a bound, at most.
 const ROUNDING: f64 = 1e-12;
-/// Candidates that are looked at through pairs alone, at most.
-const PAIR_WORK: u64 = 1 << 24;
+/// Sets of sensors whose gains are looked at for each 100 evaluations of a search.
+const SETS: u64 = 111;
+/// Candidates that are looked at through pairs alone for each evaluation of a search.
+const PAIR_CANDIDATES: u64 = 1 << 14;
+/// Words of bitmaps that are read for the overlaps of pairs for each evaluation of a search.
+const PAIR_WORDS: u64 = 1 << 25;
 /// The best one of so many poses is typical of those in good placements.
 const TYPICAL: usize = 4;
 
@@ -31,6 +35,33 @@ pub struct GainBound {
     pub nodes: u64,
     /// Whether the best placement is proven to be the best on the grid.
     pub proven: bool,
+}
+
+/// Work that a bound may take. It is counted, not timed, so that equal runs give equal bounds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Effort {
+    /// Sets of sensors whose gains are looked at.
+    pub sets: u64,
+    /// Candidates that are looked at through pairs alone, for each split of the voxels.
+    pub pair_candidates: u64,
+    /// Words of bitmaps that are read for the overlaps of pairs.
+    pub pair_words: u64,
+}
+
+impl Effort {
+    /// As much as goes with a search of so many evaluations.
+    pub fn of(evaluations: u64) -> Self {
+        Self {
+            sets: (evaluations * SETS / 100).max(2),
+            pair_candidates: evaluations * PAIR_CANDIDATES,
+            pair_words: evaluations * PAIR_WORDS,
+        }
+    }
+
+    /// Sets of sensors to look at through pairs: the root alone where no overlaps are known.
+    fn pair_nodes(&self, pairs: &PairBound) -> u64 {
+        if pairs.has_overlaps() { self.pair_candidates / pairs.singles().len() as u64 } else { 1 }
+    }
 }
 
 /// A set of sensors to be extended, its candidates by what they add, falling.
@@ -114,7 +145,7 @@ impl Open {
 }
 
 /// Bounds an information gain over all placements on the grid: branch and bound, best first, in which
-/// the gains of at most `nodes` sets of sensors are looked at. Every pose must fit into the atlas at
+/// the gains of at most `effort.sets` sets of sensors are looked at. Every pose must fit into the atlas at
 /// once.
 ///
 /// The gain is monotone and submodular in the set of sensors, so the gains of the best poses beside
@@ -131,7 +162,7 @@ pub fn bound_gain(
     search: &mut GridSearch,
     evaluator: &mut Evaluator,
     found: &GridPlacement,
-    nodes: u64,
+    effort: &Effort,
     go_on: &mut dyn FnMut(u64) -> bool,
 ) -> Result<GainBound, SearchError> {
     let (lidars, poses) = (search.lidars(), search.atlas().grid().len());
@@ -144,13 +175,15 @@ pub fn bound_gain(
     let typical: Vec<u32> = typical.into_iter().map(|(pose, _)| pose).collect();
     let (units, places) = (search.worth_units(), search.places());
     let open = || Open { heap: BinaryHeap::new(), lidars, floor: found.value };
-    let (pairs, by_pairs) = PairBound::tightest(search.atlas(), lidars, units, &typical, |pairs| {
-        by_pairs(pairs, &places, open())
-    });
+    let words = effort.pair_words;
+    let (pairs, by_pairs) =
+        PairBound::tightest(search.atlas(), lidars, units, &typical, words, |pairs| {
+            by_pairs(pairs, &places, open(), effort.pair_nodes(pairs))
+        });
     let upper_at_root = beside.min(by_pairs).max(found.value);
     let mut tree =
         Tree { search, pairs: &pairs, places: &places, open: open(), best: found.clone() };
-    let looked_at = tree.branch(nodes, go_on);
+    let looked_at = tree.branch(effort, go_on);
     let Tree { open, best, .. } = tree;
     let left = open.upper();
     let upper = left.min(upper_at_root).max(best.value);
@@ -170,9 +203,9 @@ fn beside(search: &mut GridSearch, found: &GridPlacement, all: &[u32]) -> f64 {
 }
 
 /// A bound from pairs alone: sets of sensors are split until their number is used up.
-fn by_pairs(pairs: &PairBound, places: &Places, mut open: Open) -> f64 {
+fn by_pairs(pairs: &PairBound, places: &Places, mut open: Open, most: u64) -> f64 {
     open.push(root(pairs));
-    let (mut looked_at, most) = (1, pair_nodes(pairs));
+    let mut looked_at = 1;
     while looked_at < most
         && let Some(node) = open.pop()
     {
@@ -198,12 +231,12 @@ struct Tree<'a> {
 }
 
 impl Tree<'_> {
-    /// Branches until the gains of `nodes` sets were looked at, or nothing is left; how many were.
-    fn branch(&mut self, nodes: u64, go_on: &mut dyn FnMut(u64) -> bool) -> u64 {
+    /// Branches until the effort is spent, or nothing is left; how many sets were looked at.
+    fn branch(&mut self, effort: &Effort, go_on: &mut dyn FnMut(u64) -> bool) -> u64 {
         let (mut looked_at, mut cheaply) = (1, 0);
         self.open.push(root(self.pairs));
-        while looked_at < nodes
-            && cheaply < pair_nodes(self.pairs)
+        while looked_at < effort.sets
+            && cheaply < effort.pair_nodes(self.pairs)
             && go_on(looked_at)
             && let Some(node) = self.open.pop()
         {
@@ -258,11 +291,6 @@ impl Tree<'_> {
         node.next += 1;
         (child, node)
     }
-}
-
-/// Sets of sensors to look at through pairs: the root alone where no overlaps are known.
-fn pair_nodes(pairs: &PairBound) -> u64 {
-    if pairs.has_overlaps() { PAIR_WORK / pairs.singles().len() as u64 } else { 1 }
 }
 
 /// The empty set, extended by bounds from pairs.

@@ -57,7 +57,8 @@ impl Certificate {
                 } else {
                     format!(
                         "the best placement on the grid of {poses} sensor poses is at most {more:.2} % \
-                         better than the result"
+                         better than the result; no closer bound was found among {} sets of sensors",
+                        gain.nodes
                     )
                 };
                 (Some(gain), says)

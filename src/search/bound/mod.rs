@@ -7,7 +7,7 @@ mod pair_overlaps;
 mod sample;
 mod voxel_groups;
 
-pub use branch_and_bound::{GainBound, bound_gain};
+pub use branch_and_bound::{Effort, GainBound, bound_gain};
 pub use certificate::Certificate;
 pub(super) use on_grid::{Bounds, bounds};
 pub use sample::{GridSample, LipschitzBound};

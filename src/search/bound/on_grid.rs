@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::branch_and_bound::{GainBound, bound_gain};
+use super::branch_and_bound::{Effort, GainBound, bound_gain};
 use super::sample::GridSample;
 use crate::search::atlas::Atlas;
 use crate::search::climb::Moves;
@@ -12,12 +12,14 @@ use crate::search::grid_search::GridSearch;
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::settings::Settings;
 use crate::search::swaps::SWAP_SPACING;
-use crate::vehicle::{PoseGrid, Spacing};
+use crate::vehicle::{Constraints, PoseGrid, Spacing};
 
 /// Grid of the bound on the gain where nothing else is said: every pose of it is cast.
 const COARSE_SPACING: Spacing = Spacing { metres: 0.2, radians: 0.2 };
-/// Sets of sensors that branch and bound looks at.
-const BOUND_NODES: u64 = 200;
+/// Factor by which that grid is widened until its poses are no more than the swaps cast.
+const WIDER: f64 = 1.5;
+/// Poses of a grid that needs no widening, whatever the swaps cast.
+const FEW_POSES: u64 = 100;
 /// Pairs of placements sampled for the constants of the paper's bound and for the findings.
 const SAMPLES: usize = 24;
 
@@ -63,7 +65,7 @@ fn gain(
     if watch.is_over() {
         return Ok(Err("no bound was computed: the time was over before".into()));
     }
-    let grid = PoseGrid::new(evaluator.constraints(), settings.delta.unwrap_or(COARSE_SPACING))?;
+    let grid = grid(evaluator.constraints(), settings)?;
     let poses = grid.len();
     let counts_all = objective.counts_all_covered();
     let atlas = Atlas::new(evaluator.shared_problem(), grid, counts_all, memory);
@@ -81,12 +83,26 @@ fn gain(
     let Some(greedy) = search.greedy(evaluator, &all)? else {
         return Ok(Err("no placement on the grid keeps the distance asked for".into()));
     };
-    let mut go_on =
-        |done: u64, total: u64| watch.tell(&Event::Progress { work: Work::Bounds, done, total });
-    let top =
-        search.climb(evaluator, &greedy.poses, Moves::Anywhere, &mut |_| go_on(0, BOUND_NODES))?;
-    let bound = bound_gain(&mut search, evaluator, &top, BOUND_NODES, &mut |nodes| {
-        go_on(nodes, BOUND_NODES)
-    })?;
-    Ok(Ok(bound))
+    let effort = Effort::of(settings.evaluations);
+    let total = effort.sets;
+    let mut go_on = |done: u64| watch.tell(&Event::Progress { work: Work::Bounds, done, total });
+    let top = search.climb(evaluator, &greedy.poses, Moves::Anywhere, &mut |_| go_on(0))?;
+    Ok(Ok(bound_gain(&mut search, evaluator, &top, &effort, &mut go_on)?))
+}
+
+/// The grid of the bound on the gain: as given, or a coarse one of no more poses than the swaps cast.
+fn grid(constraints: &Constraints, settings: &Settings) -> Result<PoseGrid, SearchError> {
+    if let Some(spacing) = settings.delta {
+        return Ok(PoseGrid::new(constraints, spacing)?);
+    }
+    let most = settings.poses_for_swaps(constraints.lidars).max(FEW_POSES);
+    let mut spacing = COARSE_SPACING;
+    loop {
+        let grid = PoseGrid::new(constraints, spacing)?;
+        if u64::from(grid.len()) <= most {
+            return Ok(grid);
+        }
+        spacing.metres *= WIDER;
+        spacing.radians *= WIDER;
+    }
 }

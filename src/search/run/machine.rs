@@ -60,7 +60,8 @@ impl Run {
         match phase {
             Phase::Frames => times.frames += took,
             Phase::Generations | Phase::Finalists => times.until_swaps += took,
-            Phase::Swaps | Phase::Bounds => {}
+            Phase::Swaps => times.swaps += took,
+            Phase::Bounds => times.bounds += took,
             Phase::Confirm => times.confirm += took,
         }
         if !matches!(phase, Phase::Frames | Phase::Confirm) {

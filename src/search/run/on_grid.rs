@@ -19,11 +19,9 @@ impl Run {
         let mut starts: Vec<Placement> =
             self.state.chosen.as_ref().or(best).cloned().into_iter().collect();
         starts.extend(self.best_baseline(watch)?);
-        let lidars = self.problem.constraints().lidars as u64;
         let on_grid = SwapSettings {
             spacing: settings.delta.unwrap_or(SWAP_SPACING),
-            // Half as much again as the generations cast: swaps gain more from a cast than they do.
-            casts: settings.evaluations * lidars / 2 * 3,
+            casts: settings.poses_for_swaps(self.problem.constraints().lidars),
             memory: self.memory() / 2,
             seed: settings.seed,
         };
