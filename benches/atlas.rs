@@ -15,9 +15,9 @@ use sightline::internals::{Atlas, Union};
 use sightline::problem::{Problem, Tally};
 use sightline::psog::Roi;
 use sightline::scan::scan_scene;
-use sightline::scene::{Lidar, ScanSettings, Scene};
+use sightline::scene::{ScanSettings, Scene};
 use sightline::score::Objective;
-use sightline::vehicle::{BeamTable, Constraints, Placement, PoseGrid, Spacing};
+use sightline::vehicle::{BeamTable, Constraints, Lidar, Placement, PoseGrid, Spacing};
 
 const ROUNDS: usize = 15;
 /// Poses of the grid that are held, drawn at random.

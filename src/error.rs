@@ -1,13 +1,15 @@
 //! One error for callers that use several modules.
 
-use crate::chart::FidelityError;
+use crate::audit::AuditError;
+use crate::chart::ChartError;
 use crate::engine::{BackendError, OpenError};
 use crate::problem::ProblemError;
 use crate::psog::{GridError, KittiError, PsogFileError};
-use crate::scene::SceneError;
+use crate::scene::DescriptionError;
 use crate::score::ObjectiveError;
 use crate::search::SearchError;
-use crate::vehicle::{PlacementError, PoseGridError, ReadError, SensorError};
+use crate::study::StudyError;
+use crate::vehicle::{PlacementError, PlacementFileError, PoseGridError, SensorError};
 
 /// Any error of this library, so that `?` works across its modules.
 ///
@@ -17,10 +19,10 @@ use crate::vehicle::{PlacementError, PoseGridError, ReadError, SensorError};
 pub enum Error {
     /// From reading a scene.
     #[error(transparent)]
-    Scene(#[from] SceneError),
+    Scene(#[from] DescriptionError),
     /// From reading placements.
     #[error(transparent)]
-    Placements(#[from] ReadError),
+    Placements(#[from] PlacementFileError),
     /// From a placement.
     #[error(transparent)]
     Placement(#[from] PlacementError),
@@ -53,8 +55,14 @@ pub enum Error {
     Objective(#[from] ObjectiveError),
     /// From a setting of the chart.
     #[error(transparent)]
-    Fidelity(#[from] FidelityError),
+    Chart(#[from] ChartError),
     /// From the search.
     #[error(transparent)]
     Search(#[from] SearchError),
+    /// From an audit.
+    #[error(transparent)]
+    Audit(#[from] AuditError),
+    /// From a study.
+    #[error(transparent)]
+    Study(#[from] StudyError),
 }

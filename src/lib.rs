@@ -18,10 +18,10 @@
 //! | module | holds |
 //! |---|---|
 //! | [`geom`] | rigid transforms, boxes, triangle soups |
+//! | [`vehicle`] | sensors, mount, placements and their rules |
 //! | [`scene`] | the scene file, meshes and primitives, one triangle soup a frame |
-//! | [`bvh`] | bounding volume hierarchy, flat and wide |
 //! | [`psog`] | region of interest, voxels, P-SOG, entropy |
-//! | [`vehicle`] | beam tables, sensor poses, mount and constraints |
+//! | [`bvh`] | bounding volume hierarchy, flat and wide |
 //! | [`problem`] | what is asked, ready to be computed |
 //! | [`cast`] | closest hits of all beams |
 //! | [`cover`] | voxels that beams cover |
@@ -37,6 +37,7 @@
 //! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
 
 mod error;
+mod memory;
 
 pub mod audit;
 pub mod bvh;
@@ -45,6 +46,7 @@ pub mod chart;
 pub mod cover;
 pub mod engine;
 pub mod geom;
+mod json;
 pub mod problem;
 pub mod psog;
 pub mod reduce;

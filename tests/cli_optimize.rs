@@ -249,8 +249,7 @@ fn a_damaged_checkpoint_is_refused() {
     ok(dir.path(), &optimize_args("run", "30"));
     let path = dir.path().join("run/checkpoint.json");
     let whole = fs::read_to_string(&path).unwrap();
-    for (from, to) in
-        [("\"n\": ", "\"n\": 9"), ("\"population\": ", "\"population\": 7"), ("0.", "1.")]
+    for (from, to) in [("\"n\":", "\"n\":9"), ("\"population\":", "\"population\":7"), ("0.", "1.")]
     {
         let damaged = whole.replacen(from, to, 1);
         assert_ne!(damaged, whole, "{from}");

@@ -1,127 +1,272 @@
-//! What must hold for every scene and placement.
+//! Invariants of every placement, on random problems and on every committed scene.
 
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
+use rand::RngExt;
 use rand::seq::SliceRandom;
+use sightline::audit::{Trial, Verdict};
 use sightline::engine::Backend;
+use sightline::internals::{Atlas, Generations, GridSearch, Moves};
 use sightline::problem::{Problem, Tally};
-use sightline::psog::Roi;
-use sightline::score::Scores;
-use sightline::vehicle::{BeamTable, Placement, SensorPose};
+use sightline::score::{Objective, Scores};
+use sightline::search::{Evaluator, GridPlacement, Settings};
+use sightline::vehicle::random_placements;
+use sightline::vehicle::{Placement, PoseGrid, Spacing};
+use sightline::verify::hostile_placements;
 
-use crate::common::{cpu, random_content, random_placements, random_problem, rng};
+use crate::common::{self, MEMORY, cpu, mounted, random_problem, rng};
+use crate::own_scenes::{AZIMUTH_STEPS, Own, SCENES, description, mirrored, table_7};
+use crate::reference::Reference;
 
-fn tally(problem: &Arc<Problem>, placement: &Placement, range: f32) -> Tally {
-    cpu(problem).tally(std::slice::from_ref(placement), range).unwrap().remove(0)
+/// Built once: several tests look at the same scenes.
+static OWN: LazyLock<Vec<(&'static str, Own)>> =
+    LazyLock::new(|| SCENES.map(|name| (name, Own::new(&description(name)))).into_iter().collect());
+
+/// Layouts of the paper, placements from the mount, and hostile ones.
+fn placements(own: &Own) -> Vec<Placement> {
+    let mut all = table_7();
+    all.extend(random_placements(&own.constraints, 12, 7));
+    all.extend(hostile_placements(own.problem.roi(), 14, 7));
+    all
+}
+
+fn tally(problem: &Arc<Problem>, placements: &[Placement], range: f32) -> Vec<Tally> {
+    cpu(problem).tally(placements, range).unwrap()
+}
+
+fn own_tally(own: &Own, placements: &[Placement]) -> Vec<Tally> {
+    tally(&own.problem, placements, own.problem.table().range())
+}
+
+/// A problem with the placements that its invariants are tried on.
+struct Case {
+    name: String,
+    problem: Arc<Problem>,
+    placements: Vec<Placement>,
+}
+
+/// Random problems of both kinds of coverage, and the own scenes.
+fn cases() -> Vec<Case> {
+    let random = [(71, true), (72, false), (73, true), (74, false)].map(|(seed, ends_at_hits)| {
+        let (name, placements) =
+            (format!("random {seed}"), common::random_placements(seed, 24, 6.0));
+        Case { name, problem: random_problem(seed, ends_at_hits), placements }
+    });
+    let own = OWN.iter().map(|(name, own)| {
+        let problem = own.problem.clone();
+        Case { name: (*name).to_owned(), problem, placements: placements(own) }
+    });
+    random.into_iter().chain(own).collect()
 }
 
 #[test]
 fn a_sensor_more_never_lowers_the_information() {
-    for (seed, ends_at_hits) in [(71, true), (72, false)] {
-        let problem = random_problem(seed, ends_at_hits);
-        let range = problem.table().range();
+    for Case { name, problem, placements } in cases() {
         let mut grew = 0;
-        for placement in random_placements(seed, 24, 6.0) {
-            let mut before = Tally::default();
-            for count in 1..=placement.lidars.len() {
-                let part =
-                    Placement { lidars: placement.lidars[..count].to_vec(), ..placement.clone() };
-                let now = tally(&problem, &part, range);
-                assert!((0..3).all(|kind| now.entropy[kind] >= before.entropy[kind]));
-                assert!(now.covered >= before.covered);
-                grew += u32::from(count > 1 && now.entropy[0] > before.entropy[0]);
-                before = now;
+        for placement in &placements {
+            let parts: Vec<Placement> = (1..=placement.lidars.len())
+                .map(|n| Placement { lidars: placement.lidars[..n].to_vec(), ..placement.clone() })
+                .collect();
+            for pair in tally(&problem, &parts, problem.table().range()).windows(2) {
+                let kinds = (0..3).all(|kind| pair[0].entropy[kind] <= pair[1].entropy[kind]);
+                assert!(kinds && pair[0].covered <= pair[1].covered, "{name}: {}", placement.name);
+                grew += u32::from(pair[0].entropy[0] < pair[1].entropy[0]);
             }
         }
-        assert!(grew > 20, "only {grew} sensors added anything");
+        assert!(grew > 20, "{name}: only {grew} sensors added anything");
     }
 }
 
+/// A shorter range never covers more, and for most placements it covers less at every step.
 #[test]
-fn a_shorter_range_never_raises_the_information() {
-    for (seed, ends_at_hits) in [(73, true), (74, false)] {
-        let problem = random_problem(seed, ends_at_hits);
-        for placement in random_placements(seed, 16, 6.0) {
-            let gains = [1.0, 2.0, 4.0, 8.0, 12.0].map(|range| {
-                let tally = tally(&problem, &placement, range);
-                (tally.covered, tally.entropy[0], tally.hits)
-            });
-            assert!(gains.windows(2).all(|pair| pair[0].0 <= pair[1].0), "{gains:?}");
-            assert!(gains.windows(2).all(|pair| pair[0].1 <= pair[1].1), "{gains:?}");
-            assert!(gains.windows(2).all(|pair| pair[0].2 <= pair[1].2), "{gains:?}");
+fn a_shorter_range_covers_less() {
+    for Case { name, problem, placements } in cases() {
+        let full = problem.table().range();
+        let steps = [1.0, 0.5, 0.2, 0.05].map(|share| tally(&problem, &placements, share * full));
+        for (step, pair) in steps.windows(2).enumerate() {
+            let mut fell = 0;
+            for ((long, short), placement) in pair[0].iter().zip(&pair[1]).zip(&placements) {
+                let amounts = |t: &Tally| [t.covered, t.entropy[0], t.hits];
+                let [long, short] = [long, short].map(amounts);
+                let falls = (0..3).all(|k| short[k] <= long[k]);
+                assert!(falls, "{name}: {}, step {step}: {long:?}, {short:?}", placement.name);
+                fell += usize::from(short[0] < long[0]);
+            }
+            let many = placements.len() / 2;
+            assert!(fell > many, "{name}, step {step}: the range changes {fell} placements alone");
         }
     }
 }
 
 #[test]
 fn the_order_of_sensors_changes_nothing() {
-    let problem = random_problem(75, true);
-    let mut rng = rng(75);
-    for placement in random_placements(75, 24, 6.0) {
-        let scores = |placement: &Placement| {
-            let tally = tally(&problem, placement, 12.0);
-            let mut scores =
-                Scores::new("same", &tally, problem.content(), problem.frame_count(), true, None);
-            scores.unique_share.sort_by(f64::total_cmp);
-            scores.guards.clear();
-            scores
+    let mut rng = rng(77);
+    for Case { name, problem, placements } in cases() {
+        let mut shuffled = placements.clone();
+        shuffled.iter_mut().for_each(|placement| placement.lidars.shuffle(&mut rng));
+        let changed = placements.iter().zip(&shuffled).filter(|(a, b)| a != b).count();
+        assert!(changed > 5, "{name}: only {changed} placements have a new order");
+        let scores = |placements: &[Placement]| {
+            let tallies = tally(&problem, placements, problem.table().range());
+            let scores = tallies.iter().map(|tally| {
+                let (content, frames) = (problem.content(), problem.frame_count());
+                let mut scores = Scores::new("same", tally, content, frames, true, None);
+                scores.unique_share.sort_by(f64::total_cmp);
+                let guards = std::mem::take(&mut scores.guards).len();
+                (scores, guards)
+            });
+            scores.collect::<Vec<_>>()
         };
-        let mut shuffled = placement.clone();
-        shuffled.lidars.shuffle(&mut rng);
-        assert_eq!(scores(&placement), scores(&shuffled));
+        assert_eq!(scores(&placements), scores(&shuffled), "{name}");
     }
 }
 
-/// A grid that mirrors onto itself in y, and a fine sensor that turns onto itself.
-fn symmetric_problem() -> Arc<Problem> {
-    let roi = Roi::new([-20.0, -20.0, -1.0], [0.4, 0.4, 0.4], [100, 100, 10]).unwrap();
-    let channels: Vec<(f64, f64)> = (0..12).map(|k| (-22.0 + 2.0 * f64::from(k), 0.0)).collect();
-    let table = BeamTable::spinning(&channels, 180, 100.0).unwrap();
-    let content = random_content(76, &roi);
-    Arc::new(Problem::new(roi, content, table, vec![], false))
-}
-
-/// Voxels in one set only, as a share of all.
-fn unlike(ours: &[u64], theirs: &[u64]) -> f64 {
-    let shared = ours.iter().filter(|v| theirs.binary_search(v).is_ok()).count();
-    let either = ours.len() + theirs.len() - shared;
-    (either - shared) as f64 / either as f64
-}
-
-fn single(pose: SensorPose) -> Placement {
-    Placement { name: "single".into(), lidars: vec![pose] }
+/// A shorter range may raise M-SOG, which likes what is blind; what a reader is told first, the score
+/// with its guards, it never raises.
+#[test]
+fn a_shorter_range_never_raises_the_verdict() {
+    for (name, own) in OWN.iter() {
+        let mut evaluator = own.evaluator();
+        let placements = placements(own);
+        let whole = evaluator.scores(&placements).unwrap();
+        let mut fooled = 0;
+        for range in [60.0, 40.0, 25.0, 10.0, 3.0] {
+            let short = evaluator.scores_at(&placements, range).unwrap();
+            for (whole, short) in whole.iter().zip(short) {
+                let what = format!("{name}: {} at {range} m", whole.name);
+                let gain = |s: &Scores| s.segmentation.information_gain.unwrap_or(0.0);
+                assert!(gain(&short) <= gain(whole), "{what} gains more");
+                assert!(
+                    whole.guards.is_empty() || !short.guards.is_empty(),
+                    "{what} loses {:?}",
+                    whole.guards
+                );
+                let trial = Trial::new(&what, whole, short);
+                assert_ne!(trial.verdict, Verdict::Fooled, "{what}: {:?}", trial.fooled);
+                fooled += usize::from(!trial.fooled.is_empty());
+            }
+        }
+        assert!(fooled > 0, "{name}: no score was fooled, so that no guard was needed");
+    }
 }
 
 #[test]
 fn a_turn_by_one_azimuth_step_changes_nothing() {
-    let problem = symmetric_problem();
-    for (x, y, z) in [(0.1, -0.3, 2.31), (1.7, 0.45, 1.93)] {
-        let pose = SensorPose { x, y, z, roll: 0.0, pitch: 0.0, yaw: 0.0 };
-        let turned = SensorPose { yaw: std::f64::consts::TAU / 180.0, ..pose };
-        let covered = |pose| cpu(&problem).covered(&single(pose), 0).unwrap();
-        let (straight, turned) = (covered(pose), covered(turned));
-        assert!(straight.len() > 10_000);
-        // Rounding moves beams by micrometres: a voxel clipped by less may change.
-        let share = unlike(&straight, &turned);
-        assert!(share < 1e-3, "{share}");
+    for (name, own) in OWN.iter() {
+        let reference = Reference::new(own);
+        let placement = random_placements(&own.constraints, 1, 8).remove(0);
+        let step = std::f64::consts::TAU / f64::from(AZIMUTH_STEPS);
+        // A turn about the vertical is one about the sensor's own axis only where it stands level.
+        let mut level = placement;
+        level.lidars.iter_mut().for_each(|pose| (pose.roll, pose.pitch) = (0.0, 0.0));
+        let mut turned = level.clone();
+        turned.lidars.iter_mut().for_each(|pose| pose.yaw += step);
+        let [a, b] = [&level, &turned].map(|p| reference.tally(p));
+        assert_eq!(a, b, "{name}, in f64");
+        let [a, b] = [&level, &turned].map(|p| own_tally(own, std::slice::from_ref(p)).remove(0));
+        close(name, &a, &b, 1e-4);
     }
 }
 
 #[test]
-fn a_mirror_image_covers_the_mirrored_voxels() {
-    let problem = symmetric_problem();
-    let roi = problem.roi();
-    let pose = SensorPose { x: 0.37, y: 0.61, z: 2.13, roll: 0.21, pitch: -0.1, yaw: 0.4 };
-    let mirrored = SensorPose { y: -pose.y, roll: -pose.roll, yaw: -pose.yaw, ..pose };
-    let covered = |pose| cpu(&problem).covered(&single(pose), 0).unwrap();
-    let mut flipped: Vec<u64> = covered(mirrored)
-        .into_iter()
-        .map(|voxel| {
-            let [i, j, k] = roi.coords(voxel);
-            roi.linear([i, 99 - j, k])
-        })
-        .collect();
-    flipped.sort_unstable();
-    let share = unlike(&covered(pose), &flipped);
-    assert!(share < 1e-3, "{share}");
+fn a_mirror_image_has_the_same_scores() {
+    for (name, own) in OWN.iter() {
+        let image = own.mirrored();
+        let placements = random_placements(&own.constraints, 6, 9);
+        let mirrored: Vec<Placement> = placements.iter().map(mirrored).collect();
+        let (ours, theirs) = (Reference::new(own), Reference::new(&image));
+        let (a, b) = (ours.tally(&placements[0]), theirs.tally(&mirrored[0]));
+        assert!(a.covered > 5000 && a.hits > 1000, "{name}: {a:?}");
+        assert_eq!(a, b, "{name}, in f64");
+        // The backends agree with f64, so that its symmetry says something about theirs.
+        close(name, &a, &own_tally(own, &placements[..1])[0], 1e-4);
+        for (a, b) in own_tally(own, &placements).iter().zip(&own_tally(&image, &mirrored)) {
+            close(name, a, b, 1e-5);
+        }
+    }
+}
+
+/// The sums agree to a share of themselves.
+fn close(name: &str, a: &Tally, b: &Tally, share: f64) {
+    let pairs = [
+        ("covered", a.covered, b.covered),
+        ("entropy", a.entropy[0], b.entropy[0]),
+        ("hits", a.hits, b.hits),
+    ];
+    for (what, a, b) in pairs {
+        let change = (a.abs_diff(b)) as f64 / a as f64;
+        assert!(change <= share, "{name}: {what} {a} and {b} differ by {change:e}");
+    }
+}
+
+/// No search ends with a placement that violates a guard while it has seen one that violates none.
+#[test]
+fn a_guarded_placement_is_never_preferred() {
+    let mut rng = rng(78);
+    for (name, own) in OWN.iter() {
+        let mut constraints = own.constraints.clone();
+        // A mount that tempts: sensors may look at the sky and stand inside the car.
+        (constraints.lower[2], constraints.lower[3], constraints.upper[3]) = (0.3, -3.1, 3.1);
+        let backend = Box::new(cpu(&own.problem));
+        let mut evaluator = Evaluator::new(mounted(&own.problem, &constraints), backend);
+        for objective in ["m_sog", "m_sog_scaled", "information_gain"] {
+            let settings = Settings {
+                objective: objective.parse().unwrap(),
+                evaluations: 48,
+                population: Some(12),
+                seed: rng.random(),
+                ..Settings::default()
+            };
+            let starts = &settings.baselines;
+            let mut search = Generations::new(&settings, &constraints, starts.iter()).unwrap();
+            let (mut seen, mut unguarded, mut guarded) = (0, false, 0);
+            while search.stopped().is_none() {
+                let record = search.step(&mut evaluator, &settings).unwrap().record;
+                let scored = (search.evaluations() - seen) as usize - record.infeasible;
+                seen = search.evaluations();
+                unguarded |= scored > record.guarded;
+                guarded += record.guarded;
+                if unguarded {
+                    assert_eq!(search.best().unwrap().standing.guards, 0, "{name}, {objective}");
+                }
+            }
+            assert!(guarded > 0 && unguarded, "{name}: the mount does not tempt");
+        }
+    }
+}
+
+/// Nor does a climb on the grid come to one, and beside a placement that violates none the best blind
+/// one does not count.
+#[test]
+fn a_climb_ends_without_a_violated_guard() {
+    let (name, own) = &OWN[0];
+    let mut constraints = own.constraints.clone();
+    (constraints.lower[3], constraints.upper[3]) = (-3.0, 3.0);
+    constraints.lidars = 2;
+    let backend = Box::new(cpu(&own.problem));
+    let mut evaluator = Evaluator::new(mounted(&own.problem, &constraints), backend);
+    let grid = PoseGrid::new(&constraints, Spacing { metres: 0.6, radians: 1.0 }).unwrap();
+    let all: Vec<u32> = (0..grid.len()).collect();
+    let search = |objective: &str, evaluator: &Evaluator| {
+        let objective: Objective = objective.parse().unwrap();
+        let counts_all = objective.counts_all_covered();
+        let atlas = Atlas::new(own.problem.clone(), grid.clone(), counts_all, MEMORY);
+        GridSearch::new(atlas, objective, evaluator)
+    };
+    let mut honest = search("information_gain", &evaluator);
+    let start = honest.greedy(&mut evaluator, &all).unwrap().unwrap();
+    assert!(honest.standing(&mut evaluator, &start).unwrap().is_sound(), "{name}: {start:?}");
+    let mut tempted = search("m_sog", &evaluator);
+    let blind = tempted.greedy(&mut evaluator, &all).unwrap().unwrap();
+    assert!(
+        !tempted.standing(&mut evaluator, &blind).unwrap().is_sound(),
+        "{name}: M-SOG is not tempted"
+    );
+    let top = tempted.climb(&mut evaluator, &start.poses, Moves::Anywhere, &mut |_| true).unwrap();
+    assert!(tempted.standing(&mut evaluator, &top).unwrap().is_sound(), "{name}: {top:?}");
+    assert!(blind.value > top.value, "{name}: blindness does not pay");
+    for pair in [[&blind, &top], [&top, &blind]] {
+        let [a, b] = pair.map(GridPlacement::clone);
+        assert_eq!(tempted.preferred(&mut evaluator, a, b).unwrap(), top, "{name}");
+    }
 }

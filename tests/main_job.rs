@@ -8,18 +8,9 @@ use tempfile::TempDir;
 
 use crate::cli::ok;
 
-/// Folder of real data beside the checkout; `None`, and a word about it, where there is none.
-pub fn data(file: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("SIGHTLINE_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"),
-        PathBuf::from,
-    );
-    let path = folder.join(file);
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("left out: {} does not exist (set SIGHTLINE_DATA)", path.display());
-    None
+/// A file or folder of the real data that `build.rs` looked for.
+fn data(file: &str) -> PathBuf {
+    Path::new(env!("REAL_DATA")).join(file)
 }
 
 pub fn own_scenes() -> Vec<PathBuf> {
@@ -81,8 +72,9 @@ fn two_tasks_are_weighed() {
 }
 
 #[test]
+#[cfg_attr(not(has_meshes), ignore = "needs the meshes of ../shared/data or SIGHTLINE_DATA")]
 fn a_real_town_is_optimized() {
-    let Some(mesh) = data("scenes/mcity/mcity.obj") else { return };
+    let mesh = data("scenes/mcity/mcity.obj");
     let dir = TempDir::new().unwrap();
     let scene = json!({
         "sightline": 1, "name": "mcity",
@@ -109,8 +101,9 @@ fn a_real_town_is_optimized() {
 }
 
 #[test]
+#[cfg_attr(not(has_kitti), ignore = "needs SemanticKITTI in ../shared/data or SIGHTLINE_DATA")]
 fn real_labelled_frames_are_optimized() {
-    let Some(sequence) = data("nc/semantickitti/sequences/00") else { return };
+    let sequence = data("nc/semantickitti/sequences/00");
     let dir = TempDir::new().unwrap();
     let build = [
         "psog",

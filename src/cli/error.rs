@@ -43,19 +43,21 @@ macro_rules! from_modules {
 }
 
 from_modules!(
-    sightline::chart::FidelityError,
+    sightline::audit::AuditError,
+    sightline::chart::ChartError,
     sightline::engine::BackendError,
     sightline::engine::OpenError,
     sightline::problem::ProblemError,
     sightline::psog::GridError,
     sightline::psog::KittiError,
     sightline::psog::PsogFileError,
-    sightline::scene::SceneError,
+    sightline::scene::DescriptionError,
     sightline::score::ObjectiveError,
     sightline::search::SearchError,
+    sightline::study::StudyError,
     sightline::vehicle::PlacementError,
     sightline::vehicle::PoseGridError,
-    sightline::vehicle::ReadError,
+    sightline::vehicle::PlacementFileError,
     sightline::vehicle::SensorError,
 );
 

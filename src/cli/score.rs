@@ -7,7 +7,7 @@ use std::time::Instant;
 use npyz::WriterBuilder;
 use serde_json::json;
 use sightline::search::Evaluator;
-use sightline::vehicle::{Placement, PlacementReader, ReadError};
+use sightline::vehicle::{Placement, PlacementFileError, PlacementReader};
 
 use super::args::{Compute, Format};
 use super::error::Error;
@@ -79,7 +79,7 @@ fn count_placements(path: &Path) -> Result<u64, Error> {
         count += 1;
     }
     if count == 0 {
-        return Err(ReadError::Empty { path: path.to_owned() }.into());
+        return Err(PlacementFileError::Empty { path: path.to_owned() }.into());
     }
     Ok(count)
 }
@@ -134,7 +134,7 @@ fn print(
         bar.set_position(count);
     }
     if first {
-        return Err(ReadError::Empty { path: args.placements.clone() }.into());
+        return Err(PlacementFileError::Empty { path: args.placements.clone() }.into());
     }
     bar.finish_and_clear();
     let stages = evaluator.backend().times();

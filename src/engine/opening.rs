@@ -8,7 +8,7 @@ use super::{Backend, BackendError, CpuBackend, available_memory};
 use crate::problem::{Problem, ProblemError};
 use crate::psog::{GridError, Psog, PsogFileError, read_psog};
 use crate::scan::scan_scene;
-use crate::scene::{PsogSource, ScanSettings, Scene, SceneError};
+use crate::scene::{DescriptionError, PsogSource, ScanSettings, Scene};
 use crate::vehicle::SensorError;
 
 /// Bytes taken as free where the system does not tell.
@@ -20,7 +20,7 @@ const SMALL_MACHINE: u64 = 2 << 30;
 pub enum OpenError {
     /// From the scene.
     #[error(transparent)]
-    Scene(#[from] SceneError),
+    Scene(#[from] DescriptionError),
     /// From the region of interest, or from building the P-SOG.
     #[error(transparent)]
     Grid(#[from] GridError),

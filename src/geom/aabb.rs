@@ -1,3 +1,5 @@
+//! Axis-aligned boxes.
+
 use glam::Vec3;
 
 /// Axis-aligned box, in metres.

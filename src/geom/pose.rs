@@ -1,3 +1,5 @@
+//! Rigid transforms.
+
 use glam::{DMat3, DVec3};
 
 /// Rigid transform `p ↦ rotation · p + translation`, in metres.

@@ -1,3 +1,5 @@
+//! Triangle soups.
+
 /// Triangles with one semantic class each, in the ego frame, in metres.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TriangleSoup {

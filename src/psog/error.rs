@@ -1,4 +1,9 @@
-use super::roi::{AXIS_LIMIT, VOXEL_LIMIT};
+//! Errors of grids, P-SOGs and votes, and the limits that they name.
+
+/// Most voxels of a grid: indices fit 31 bits.
+pub const VOXEL_LIMIT: u64 = 1 << 31;
+/// Most voxels along one axis: plane numbers are exact in `f32`.
+pub const AXIS_LIMIT: u32 = 1 << 24;
 
 /// Why a grid, a P-SOG or a vote was refused.
 ///

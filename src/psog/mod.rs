@@ -33,5 +33,5 @@ pub use kitti_labels::{KITTI_CLASSES, KittiLabel, kitti_label};
 pub use kitti_psog::{KITTI_LIDAR_HEIGHT, KittiPsogOptions, build_kitti_psog};
 pub use npz::{read_psog, write_psog, write_psog_to};
 pub use npz_member::PsogFileError;
-pub use roi::{AXIS_LIMIT, PUSH, Roi, VOXEL_LIMIT};
+pub use roi::{PUSH, Roi};
 pub use vote::{BuildReport, FrameVotes, PsogBuilder};

@@ -1,19 +1,15 @@
+//! The region of interest and its voxels.
+
 use glam::DVec3;
 use serde::Serialize;
 
-use super::GridError;
+use super::error::{AXIS_LIMIT, GridError, VOXEL_LIMIT};
 use crate::scene::RoiBounds;
 
 /// A hit is pushed this far along its beam before its voxel is looked up, in metres.
 ///
 /// A road that lies exactly on a voxel face would otherwise flicker between two layers.
 pub const PUSH: f64 = 1e-3;
-
-/// Most voxels of a grid: indices fit 31 bits.
-pub const VOXEL_LIMIT: u64 = 1 << 31;
-
-/// Most voxels along one axis: plane numbers are exact in `f32`.
-pub const AXIS_LIMIT: u32 = 1 << 24;
 
 const AXES: [char; 3] = ['x', 'y', 'z'];
 

@@ -1,7 +1,7 @@
 //! Class names: the index in the list is the class id everywhere.
 
-use super::check::bad;
-use super::error::{Place, SceneError, nearest};
+use crate::json::check::bad;
+use crate::json::{DescriptionError, Place, nearest};
 
 /// The 21 classes of a scene that lists none, in the order of CARLA's semantic tags as Place3D
 /// prints them; a name's index is its class id.
@@ -50,7 +50,7 @@ impl Classes {
         top: &Place,
         names: Option<Vec<String>>,
         detection: Option<Vec<String>>,
-    ) -> Result<Self, SceneError> {
+    ) -> Result<Self, DescriptionError> {
         let names =
             names.unwrap_or_else(|| DEFAULT_CLASSES.iter().map(|&n| n.to_owned()).collect());
         let at = top.key("classes");
@@ -74,7 +74,7 @@ impl Classes {
     }
 
     /// Whether `classes` has every name that `detection` lists.
-    pub fn check_detection(&self, classes: &[String]) -> Result<(), SceneError> {
+    pub fn check_detection(&self, classes: &[String]) -> Result<(), DescriptionError> {
         let (at, list) = match &self.detection {
             Some((at, list)) => (at, list.as_slice()),
             None => return Ok(()),
@@ -97,13 +97,13 @@ impl Classes {
     }
 
     /// The id of `name`, which stands at `at`.
-    pub fn id(&self, at: &Place, name: &str) -> Result<u16, SceneError> {
+    pub fn id(&self, at: &Place, name: &str) -> Result<u16, DescriptionError> {
         self.find(name).ok_or_else(|| unknown(at, name, &self.names))
     }
 }
 
-fn unknown(at: &Place, name: &str, classes: &[String]) -> SceneError {
-    SceneError::UnknownName {
+fn unknown(at: &Place, name: &str, classes: &[String]) -> DescriptionError {
+    DescriptionError::UnknownName {
         at: Box::new(at.clone()),
         kind: "class",
         name: name.to_owned(),

@@ -5,6 +5,8 @@
 use serde::Deserialize;
 use serde::de::{Error as _, MapAccess, Visitor};
 
+use crate::vehicle::{LidarDescription, MountDescription};
+
 /// A whole scene file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -56,54 +58,6 @@ pub(crate) struct ScanDescription {
     pub height: Option<f64>,
     pub window: Option<u64>,
     pub stride: Option<u64>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct LidarDescription {
-    pub channels: Option<u64>,
-    pub fov: Option<[f64; 2]>,
-    pub file: Option<String>,
-    pub azimuth_offsets: Option<String>,
-    pub azimuth_steps: Option<u64>,
-    pub directions: Option<Vec<[f64; 3]>>,
-    pub range: f64,
-}
-
-/// A sensor file; keys beside these are notes.
-#[derive(Debug, Deserialize)]
-pub(crate) struct SensorDescription {
-    pub elevation_deg: Option<Vec<f64>>,
-    pub azimuth_offset_deg: Option<Vec<f64>>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct MountDescription {
-    pub min: [f64; 3],
-    pub max: [f64; 3],
-    #[serde(default)]
-    pub roll: [f64; 2],
-    #[serde(default)]
-    pub pitch: [f64; 2],
-    #[serde(default)]
-    pub yaw: [f64; 2],
-    #[serde(default)]
-    pub min_distance: f64,
-    pub lidars: u64,
-    #[serde(default)]
-    pub keep_out: Vec<KeepOutDescription>,
-    #[serde(default)]
-    pub equal_height: bool,
-    #[serde(default)]
-    pub symmetric: bool,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct KeepOutDescription {
-    pub min: [f64; 3],
-    pub max: [f64; 3],
 }
 
 #[derive(Debug, Deserialize)]

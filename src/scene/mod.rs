@@ -5,14 +5,9 @@
 //! `scenes/README.md`. Reading loads every mesh once and keeps the world in `f64`; a frame moves
 //! it into the ego frame and only then rounds it to `f32`.
 
-mod check;
 mod classes;
 mod description;
-mod error;
-mod json;
-mod lidar;
 mod mesh;
-mod mount;
 mod polygon;
 mod primitives;
 mod route;
@@ -24,17 +19,16 @@ mod street;
 use std::path::{Path, PathBuf};
 
 use crate::geom::{Pose, TriangleSoup};
+use crate::json::{self, check};
+use crate::vehicle::{Lidar, Mount, MountRules};
 use classes::Classes;
 use description::{EgoDescription, SceneDescription};
 use route::Motion;
 use shapes::Builder;
 use solid::Solid;
 
+pub use crate::json::{DescriptionError, Place};
 pub use classes::DEFAULT_CLASSES;
-pub use error::{Place, SceneError};
-pub(crate) use json::plain_words;
-pub use lidar::Lidar;
-pub use mount::{Mount, MountRules};
 pub use settings::{Coverage, PsogSource, RoiBounds, ScanSettings};
 pub use street::{FEWEST_STREET_TRIANGLES, street};
 
@@ -86,12 +80,12 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// Any [`SceneError`]; each names the file, the place in it and what to change.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, SceneError> {
+    /// Any [`DescriptionError`]; each names the file, the place in it and what to change.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, DescriptionError> {
         let path = path.as_ref();
-        let bytes = error::read_limited(path, MAX_FILE)?;
+        let bytes = json::read_limited(path, MAX_FILE)?;
         let name = path.display().to_string();
-        let text = String::from_utf8(bytes).map_err(|_| SceneError::Json {
+        let text = String::from_utf8(bytes).map_err(|_| DescriptionError::Json {
             at: Box::new(Place::top(&name)),
             problem: "is not UTF-8 text; a scene is a JSON file".to_owned(),
             line: 1,
@@ -111,7 +105,11 @@ impl Scene {
     /// # Errors
     ///
     /// As [`Scene::read`].
-    pub fn from_json(text: &str, dir: &Path, name_for_errors: &str) -> Result<Self, SceneError> {
+    pub fn from_json(
+        text: &str,
+        dir: &Path,
+        name_for_errors: &str,
+    ) -> Result<Self, DescriptionError> {
         json::check_version(text, name_for_errors)?;
         let scene: SceneDescription = json::parse(text, name_for_errors)?;
         let top = Place::top(name_for_errors);
@@ -122,7 +120,8 @@ impl Scene {
         };
 
         let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
-        let mount = Mount::new(&top.key("mount"), &scene.mount, &roi)?;
+        let mount = Mount::new(&top.key("mount"), &scene.mount)?;
+        roi.check_mount(&top.key("mount"), &mount)?;
         let mut files: Vec<PathBuf> = scene.lidar.file.iter().map(|file| dir.join(file)).collect();
         let lidar = Lidar::new(&top.key("lidar"), scene.lidar, dir)?;
         let classes = Classes::new(&top, scene.classes, scene.detection)?;
@@ -135,7 +134,7 @@ impl Scene {
             let at = top.key("actors").item(i);
             let parts = builder.list(&at.key("parts"), &actor.parts)?;
             let motion = Motion::new(&at, actor.poses.as_deref(), actor.route.as_ref())?;
-            let missing = || SceneError::Missing {
+            let missing = || DescriptionError::Missing {
                 at: Box::new(at),
                 key: "poses",
                 mend: "say where the actor is, with `poses` or `route`".to_owned(),
@@ -163,7 +162,7 @@ impl Scene {
             (None, _) => 1,
         };
         if !has_geometry && frames > 1 {
-            return Err(SceneError::Misplaced {
+            return Err(DescriptionError::Misplaced {
                 at: Box::new(top),
                 key: "frames",
                 mend: "without geometry all frames are alike; add `static` or `actors`, or leave \
@@ -228,7 +227,7 @@ impl Scene {
     ///
     /// # Errors
     /// The first that it has not.
-    pub fn check_detection(&self, classes: &[String]) -> Result<(), SceneError> {
+    pub fn check_detection(&self, classes: &[String]) -> Result<(), DescriptionError> {
         self.classes.check_detection(classes)
     }
 
@@ -256,7 +255,7 @@ impl Scene {
         mut self,
         rules: &MountRules,
         name_for_errors: &str,
-    ) -> Result<Self, SceneError> {
+    ) -> Result<Self, DescriptionError> {
         self.mount = self.mount.narrowed(&Place::top(name_for_errors).key("mount"), rules)?;
         Ok(self)
     }

@@ -1,7 +1,7 @@
 //! Simple polygons in the xy plane: checks and ear clipping.
 
-use super::check::{self, bad};
-use super::error::{Place, SceneError};
+use crate::json::check::{self, bad};
+use crate::json::{DescriptionError, Place};
 
 /// Corners of one prism; checks and clipping are quadratic in it.
 const MAX_CORNERS: usize = 1000;
@@ -12,7 +12,7 @@ fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
 }
 
 /// Checks that `base` is a simple polygon; returns it counter-clockwise.
-pub(crate) fn simple(at: &Place, base: &[[f64; 2]]) -> Result<Vec<[f64; 2]>, SceneError> {
+pub(crate) fn simple(at: &Place, base: &[[f64; 2]]) -> Result<Vec<[f64; 2]>, DescriptionError> {
     let n = base.len();
     if !(3..=MAX_CORNERS).contains(&n) {
         return Err(bad(at, format!("a list of {n}"), format!("3 to {MAX_CORNERS} corners")));

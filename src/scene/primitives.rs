@@ -2,17 +2,21 @@
 
 use glam::DVec3;
 
-use super::check::{self, bad};
 use super::description::{BoxDescription, CylinderDescription, PlaneDescription, PrismDescription};
-use super::error::{Place, SceneError};
 use super::polygon;
 use super::solid::Solid;
+use crate::json::check::{self, bad};
+use crate::json::{DescriptionError, Place};
 
-pub(crate) fn cuboid(at: &Place, b: &BoxDescription, class: u16) -> Result<Solid, SceneError> {
+pub(crate) fn cuboid(
+    at: &Place,
+    b: &BoxDescription,
+    class: u16,
+) -> Result<Solid, DescriptionError> {
     let yaw = check::radians(&at.key("yaw"), b.yaw)?;
     let one_of = |found| {
         let of = &["center, size", "foot, size", "min, max"];
-        Err(SceneError::Choice { at: Box::new(at.clone()), found, of })
+        Err(DescriptionError::Choice { at: Box::new(at.clone()), found, of })
     };
     let (center, size) = match (b.center, b.foot, b.size, b.min, b.max) {
         (Some(center), None, Some(size), None, None) => {
@@ -49,7 +53,11 @@ pub(crate) fn cuboid(at: &Place, b: &BoxDescription, class: u16) -> Result<Solid
     Ok(Solid::cuboid(center, size, yaw, class))
 }
 
-pub(crate) fn prism(at: &Place, p: &PrismDescription, class: u16) -> Result<Solid, SceneError> {
+pub(crate) fn prism(
+    at: &Place,
+    p: &PrismDescription,
+    class: u16,
+) -> Result<Solid, DescriptionError> {
     let base = polygon::simple(&at.key("base"), &p.base)?;
     let z = at.key("z");
     for i in 0..2 {
@@ -65,7 +73,7 @@ pub(crate) fn cylinder(
     at: &Place,
     c: &CylinderDescription,
     class: u16,
-) -> Result<Solid, SceneError> {
+) -> Result<Solid, DescriptionError> {
     let foot = check::point(&at.key("foot"), c.foot)?;
     let radius = check::length(&at.key("radius"), c.radius)?;
     let height = check::length(&at.key("height"), c.height)?;
@@ -73,7 +81,11 @@ pub(crate) fn cylinder(
     Ok(Solid::cylinder(foot.into(), radius, height, sides, class))
 }
 
-pub(crate) fn plane(at: &Place, p: &PlaneDescription, class: u16) -> Result<Solid, SceneError> {
+pub(crate) fn plane(
+    at: &Place,
+    p: &PlaneDescription,
+    class: u16,
+) -> Result<Solid, DescriptionError> {
     for i in 0..2 {
         check::metres(&at.key("min").item(i), p.min[i])?;
         check::metres(&at.key("max").item(i), p.max[i])?;

@@ -2,10 +2,10 @@
 
 use glam::DVec3;
 
-use super::check::{self, bad};
 use super::description::{PoseDescription, RouteDescription};
-use super::error::{Place, SceneError};
 use crate::geom::Pose;
+use crate::json::check::{self, bad};
+use crate::json::{DescriptionError, Place};
 
 /// A pose for every frame.
 #[derive(Debug, Clone)]
@@ -24,7 +24,7 @@ impl Motion {
         at: &Place,
         poses: Option<&[PoseDescription]>,
         route: Option<&RouteDescription>,
-    ) -> Result<Option<Self>, SceneError> {
+    ) -> Result<Option<Self>, DescriptionError> {
         match (poses, route) {
             (None, None) => Ok(None),
             (Some(poses), None) => {
@@ -33,7 +33,7 @@ impl Motion {
                 Ok(Some(Self::Poses(read.collect::<Result<_, _>>()?)))
             }
             (None, Some(route)) => Ok(Some(Self::Route(Route::new(&at.key("route"), route)?))),
-            (Some(_), Some(_)) => Err(SceneError::Choice {
+            (Some(_), Some(_)) => Err(DescriptionError::Choice {
                 at: Box::new(at.clone()),
                 found: vec!["poses", "route"],
                 of: &["poses", "route"],
@@ -42,7 +42,7 @@ impl Motion {
     }
 
     /// Explicit poses must be as many as the frames.
-    pub fn check_frames(&self, at: &Place, frames: usize) -> Result<(), SceneError> {
+    pub fn check_frames(&self, at: &Place, frames: usize) -> Result<(), DescriptionError> {
         match self {
             Self::Poses(poses) if poses.len() != frames => {
                 let value = format!("a list of {}", poses.len());
@@ -66,7 +66,7 @@ impl Motion {
     }
 }
 
-fn pose(at: &Place, p: &PoseDescription) -> Result<Pose, SceneError> {
+fn pose(at: &Place, p: &PoseDescription) -> Result<Pose, DescriptionError> {
     let x = check::metres(&at.key("x"), p.x)?;
     let y = check::metres(&at.key("y"), p.y)?;
     let z = check::metres(&at.key("z"), p.z)?;
@@ -89,7 +89,7 @@ pub(crate) struct Route {
 }
 
 impl Route {
-    fn new(at: &Place, route: &RouteDescription) -> Result<Self, SceneError> {
+    fn new(at: &Place, route: &RouteDescription) -> Result<Self, DescriptionError> {
         let here = at.key("points");
         if route.points.len() < 2 {
             let value = format!("a list of {}", route.points.len());

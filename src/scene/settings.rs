@@ -2,14 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use super::Mount;
-use super::check::{self, bad};
 use super::description::{PsogDescription, RoiDescription, ScanDescription};
-use super::error::{Place, SceneError};
+use crate::json::check::{self, bad};
+use crate::json::{DescriptionError, Place};
+use crate::vehicle::Mount;
 
-/// Voxels along one axis.
+/// Largest distance in metres from the top of the ROI up to the mount.
+const MOUNT_HEADROOM: f64 = 10.0;
+/// Most voxels along one axis.
 const MAX_AXIS: f64 = 16_777_216.0;
-/// Voxels in all.
+/// Most voxels of a ROI.
 const MAX_VOXELS: u64 = 1 << 31;
 
 /// The region of interest of a scene: a box around the ego, cut into voxels.
@@ -28,7 +30,7 @@ pub struct RoiBounds {
 }
 
 impl RoiBounds {
-    pub(crate) fn new(at: &Place, roi: &RoiDescription) -> Result<Self, SceneError> {
+    pub(crate) fn new(at: &Place, roi: &RoiDescription) -> Result<Self, DescriptionError> {
         let min = check::point(&at.key("min"), roi.min)?;
         let max = check::point(&at.key("max"), roi.max)?;
         let voxel = check::size(&at.key("voxel"), roi.voxel)?;
@@ -52,7 +54,7 @@ impl RoiBounds {
         let count = shape.iter().map(|&n| u64::from(n)).try_fold(1u64, u64::checked_mul);
         match count {
             Some(n) if n <= MAX_VOXELS => Ok(Self { min, max, voxel, shape }),
-            _ => Err(SceneError::TooMany {
+            _ => Err(DescriptionError::TooMany {
                 at: Box::new(at.clone()),
                 what: "voxels",
                 count: count.unwrap_or(u64::MAX),
@@ -63,7 +65,29 @@ impl RoiBounds {
     }
 }
 
-/// How far a beam covers voxels.
+impl RoiBounds {
+    /// Checks that the mount lies in the ROI sideways, and in z at least touches it or stands at most
+    /// [`MOUNT_HEADROOM`] above.
+    pub(crate) fn check_mount(&self, at: &Place, mount: &Mount) -> Result<(), DescriptionError> {
+        let (min, max) = (mount.min, mount.max);
+        let inside = |i: usize| self.min[i] <= min[i] && max[i] <= self.max[i];
+        let over = min[2] <= self.max[2] + MOUNT_HEADROOM && max[2] >= self.min[2];
+        let fits = [('x', inside(0)), ('y', inside(1)), ('z', over)];
+        match fits.into_iter().find(|(_, fits)| !fits) {
+            None => Ok(()),
+            Some((axis, _)) => Err(DescriptionError::MountOutside {
+                at: Box::new(at.clone()),
+                axis,
+                min,
+                max,
+                roi_min: self.min,
+                roi_max: self.max,
+            }),
+        }
+    }
+}
+
+/// Voxels that a beam covers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Coverage {
     /// Every voxel up to the range of the LiDAR.
@@ -77,7 +101,7 @@ impl Coverage {
         at: &Place,
         name: Option<&str>,
         has_geometry: bool,
-    ) -> Result<Self, SceneError> {
+    ) -> Result<Self, DescriptionError> {
         match (name, has_geometry) {
             (None, true) | (Some("first-hit"), true) => Ok(Self::FirstHit),
             (None, false) | (Some("through"), _) => Ok(Self::Through),
@@ -138,7 +162,7 @@ impl ScanSettings {
         scan: &ScanDescription,
         lidar_range: f64,
         mount: &Mount,
-    ) -> Result<Self, SceneError> {
+    ) -> Result<Self, DescriptionError> {
         let count = |key, value: Option<u64>, hi| {
             value.map(|value| check::count(&at.key(key), value, 1, hi)).transpose()
         };
@@ -173,14 +197,14 @@ impl PsogSource {
         dir: &Path,
         lidar_range: f64,
         mount: &Mount,
-    ) -> Result<Self, SceneError> {
+    ) -> Result<Self, DescriptionError> {
         let at = top.key("psog");
         let mend = "a scene without geometry needs a P-SOG file, write `\"psog\": { \"file\": … }`";
         let scan = match psog {
             None if has_geometry => &ScanDescription::default(),
             None => {
                 let (at, mend) = (Box::new(top.clone()), mend.to_owned());
-                return Err(SceneError::Missing { at, key: "psog", mend });
+                return Err(DescriptionError::Missing { at, key: "psog", mend });
             }
             Some(PsogDescription { file: Some(file), scan: None }) => {
                 return Ok(Self::File(dir.join(file)));
@@ -188,12 +212,16 @@ impl PsogSource {
             Some(PsogDescription { file: None, scan: Some(scan) }) => scan,
             Some(PsogDescription { file, .. }) => {
                 let found = if file.is_some() { vec!["file", "scan"] } else { Vec::new() };
-                return Err(SceneError::Choice { at: Box::new(at), found, of: &["file", "scan"] });
+                return Err(DescriptionError::Choice {
+                    at: Box::new(at),
+                    found,
+                    of: &["file", "scan"],
+                });
             }
         };
         if !has_geometry {
             let (at, mend) = (Box::new(at), mend.to_owned());
-            return Err(SceneError::Misplaced { at, key: "scan", mend });
+            return Err(DescriptionError::Misplaced { at, key: "scan", mend });
         }
         ScanSettings::new(&at.key("scan"), scan, lidar_range, mount).map(Self::Scan)
     }

@@ -6,14 +6,14 @@ use std::rc::Rc;
 
 use glam::DVec3;
 
-use super::check::{self, bad};
 use super::classes::Classes;
 use super::description::{Dictionary, MeshDescription, ShapeDescription};
-use super::error::{Place, SceneError, nearest};
 use super::mesh::{self, RawMesh};
 use super::primitives::{cuboid, cylinder, plane, prism};
 use super::solid::Solid;
 use crate::geom::Pose;
+use crate::json::check::{self, bad};
+use crate::json::{DescriptionError, Place, nearest};
 
 /// Triangles of a whole scene: static world, actors, ego body and, once more, named shapes.
 const MAX_TRIANGLES: u64 = 10_000_000;
@@ -65,7 +65,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Builds the named shapes, used or not.
-    pub fn check_named(&mut self) -> Result<(), SceneError> {
+    pub fn check_named(&mut self) -> Result<(), DescriptionError> {
         for (name, _) in &self.named.0 {
             let at = self.named_at.clone();
             self.named(&at, name, 0)?;
@@ -74,7 +74,11 @@ impl<'a> Builder<'a> {
     }
 
     /// The triangles of a list of shapes, in order.
-    pub fn list(&mut self, at: &Place, list: &[ShapeDescription]) -> Result<Solid, SceneError> {
+    pub fn list(
+        &mut self,
+        at: &Place,
+        list: &[ShapeDescription],
+    ) -> Result<Solid, DescriptionError> {
         self.nested_list(at, list, 0)
     }
 
@@ -83,7 +87,7 @@ impl<'a> Builder<'a> {
         at: &Place,
         list: &[ShapeDescription],
         depth: usize,
-    ) -> Result<Solid, SceneError> {
+    ) -> Result<Solid, DescriptionError> {
         let mut solid = Solid::default();
         for (i, shape) in list.iter().enumerate() {
             self.append(&at.item(i), shape, depth, &mut solid)?;
@@ -97,7 +101,7 @@ impl<'a> Builder<'a> {
         shape: &ShapeDescription,
         depth: usize,
         out: &mut Solid,
-    ) -> Result<(), SceneError> {
+    ) -> Result<(), DescriptionError> {
         let there = [
             shape.cuboid.is_some(),
             shape.prism.is_some(),
@@ -109,12 +113,12 @@ impl<'a> Builder<'a> {
         let found = there.iter().zip(KINDS).filter_map(|(&there, &kind)| there.then_some(kind));
         let found: Vec<_> = found.collect();
         if found.len() != 1 {
-            return Err(SceneError::Choice { at: Box::new(at.clone()), found, of: KINDS });
+            return Err(DescriptionError::Choice { at: Box::new(at.clone()), found, of: KINDS });
         }
         let copies = copies(at, shape)?;
         let solid = match &shape.shape {
             Some(name) if shape.class.is_some() => {
-                return Err(SceneError::Misplaced {
+                return Err(DescriptionError::Misplaced {
                     at: Box::new(at.clone()),
                     key: "class",
                     mend: format!("the parts of the shape `{name}` have their own classes"),
@@ -125,7 +129,7 @@ impl<'a> Builder<'a> {
         };
         self.triangles += solid.faces.len() as u64 * copies.len() as u64;
         if self.triangles > MAX_TRIANGLES {
-            return Err(SceneError::TooMany {
+            return Err(DescriptionError::TooMany {
                 at: Box::new(at.clone()),
                 what: "triangles",
                 count: self.triangles,
@@ -140,14 +144,19 @@ impl<'a> Builder<'a> {
     }
 
     /// The shape called `name`, which is used at `at` inside `depth` other named shapes.
-    fn named(&mut self, at: &Place, name: &str, depth: usize) -> Result<Rc<Solid>, SceneError> {
+    fn named(
+        &mut self,
+        at: &Place,
+        name: &str,
+        depth: usize,
+    ) -> Result<Rc<Solid>, DescriptionError> {
         if let Some(solid) = self.built.get(name) {
             return Ok(Rc::clone(solid));
         }
         let named = self.named;
         let Some((name, list)) = self.by_name.get(name).map(|&i| &named.0[i]) else {
             let known = || named.0.iter().map(|(k, _)| k.as_str());
-            return Err(SceneError::UnknownName {
+            return Err(DescriptionError::UnknownName {
                 at: Box::new(at.clone()),
                 kind: "shape",
                 name: name.to_owned(),
@@ -169,7 +178,7 @@ impl<'a> Builder<'a> {
     }
 
     /// A primitive or mesh, where its own numbers put it.
-    fn single(&mut self, at: &Place, shape: &ShapeDescription) -> Result<Solid, SceneError> {
+    fn single(&mut self, at: &Place, shape: &ShapeDescription) -> Result<Solid, DescriptionError> {
         let class = match &shape.class {
             Some(name) => Some(self.classes.id(&at.key("class"), name)?),
             None => None,
@@ -177,7 +186,7 @@ impl<'a> Builder<'a> {
         if let Some(mesh) = &shape.mesh {
             return self.mesh(&at.key("mesh"), mesh, class);
         }
-        let class = class.ok_or_else(|| SceneError::Missing {
+        let class = class.ok_or_else(|| DescriptionError::Missing {
             at: Box::new(at.clone()),
             key: "class",
             mend: "name the class of this shape, `\"class\": \"building\"` for example".to_owned(),
@@ -197,7 +206,7 @@ impl<'a> Builder<'a> {
         at: &Place,
         mesh: &MeshDescription,
         default: Option<u16>,
-    ) -> Result<Solid, SceneError> {
+    ) -> Result<Solid, DescriptionError> {
         let file = self.dir.join(&mesh.file);
         let y_up = match mesh.axes.as_deref() {
             None => mesh::default_y_up(&file),
@@ -234,7 +243,7 @@ impl<'a> Builder<'a> {
         self.note_unused(&at.key("classes"), &file, &map, &raw);
         let class_of = |name: &Option<String>| {
             let mapped = name.as_deref().and_then(|n| map.get(n).copied());
-            mapped.or(default).ok_or_else(|| SceneError::Unclassed {
+            mapped.or(default).ok_or_else(|| DescriptionError::Unclassed {
                 at: Box::new(at.clone()),
                 mesh: file.clone(),
                 material: name.clone().unwrap_or_else(|| "(none)".to_owned()),
@@ -247,7 +256,7 @@ impl<'a> Builder<'a> {
             if v.abs().max_element() <= check::MAX_METRES {
                 return Ok(v);
             }
-            Err(SceneError::Mesh {
+            Err(DescriptionError::Mesh {
                 at: Box::new(at.clone()),
                 mesh: file.clone(),
                 element: format!("vertex {i}"),
@@ -283,10 +292,10 @@ impl Builder<'_> {
 }
 
 /// Where the copies of a shape stand; one in place when nothing is said.
-fn copies(at: &Place, shape: &ShapeDescription) -> Result<Vec<Pose>, SceneError> {
+fn copies(at: &Place, shape: &ShapeDescription) -> Result<Vec<Pose>, DescriptionError> {
     match (&shape.at, &shape.repeat) {
         (None, None) => Ok(vec![Pose::IDENTITY]),
-        (Some(_), Some(_)) => Err(SceneError::Misplaced {
+        (Some(_), Some(_)) => Err(DescriptionError::Misplaced {
             at: Box::new(at.clone()),
             key: "repeat",
             mend: "`at` already says where the copies stand; keep one of the two".to_owned(),

@@ -1,3 +1,5 @@
+//! A generated street of any number of triangles, for benchmarks.
+
 use std::f64::consts::TAU;
 
 use glam::DVec3;

@@ -1,13 +1,11 @@
 //! The rules of a mount in words, and those that a result just keeps.
 
-use crate::vehicle::{Constraints, Placement};
+use crate::vehicle::{Constraints, Placement, SensorPose};
 
 /// Distance from a bound, as a share of the range, that counts as on it.
 const ON_BOUND: f64 = 1e-3;
 /// Distance from a box or from another LiDAR, in metres over the least one, that counts as on it.
 const ON_RULE: f64 = 1e-3;
-/// Names of the pose fields.
-const FIELDS: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
 
 /// Rules that every placement of a search keeps, beside the bounds of the mount, in words.
 pub fn rules_in_words(constraints: &Constraints) -> Vec<String> {
@@ -26,7 +24,7 @@ pub fn rules_in_words(constraints: &Constraints) -> Vec<String> {
     }
     let free = constraints.free_fields();
     let fixed = (0..6).filter(|k| !free.contains(k));
-    words.extend(fixed.map(|k| format!("{} = {}", FIELDS[k], constraints.lower[k])));
+    words.extend(fixed.map(|k| format!("{} = {}", SensorPose::FIELDS[k], constraints.lower[k])));
     words
 }
 

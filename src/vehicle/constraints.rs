@@ -1,9 +1,7 @@
-use super::variables::pairs;
-use super::{Placement, SensorPose};
-use crate::scene::Mount;
+//! Rules of a mount, and the ways in which a placement breaks them.
 
-/// Slack for coordinates that a decimal file cannot give exactly: 0.6 − 0.4 is not 0.2.
-pub(super) const SLACK: f64 = 1e-9;
+use super::mirror::{SLACK, pairs};
+use super::{Mount, Placement, SensorPose};
 
 /// Where LiDARs may be mounted and how far apart, in the ego frame.
 #[derive(Debug, Clone, Default, PartialEq)]

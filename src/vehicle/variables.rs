@@ -1,10 +1,7 @@
-//! What a search varies: the pose fields that are free and not tied to others.
+//! Search variables: the pose fields of a placement that may vary and are not tied to others.
 
-use super::constraints::SLACK;
+use super::mirror::{MIRRORED, SLACK, pairs};
 use super::{Constraints, Placement, SensorPose};
-
-/// Pose fields that change sign in a mirror image: y, roll and yaw.
-pub(super) const MIRRORED: [usize; 3] = [1, 3, 5];
 
 /// One number that a search varies.
 struct Variable {
@@ -13,51 +10,6 @@ struct Variable {
     bounds: (f64, f64),
     /// LiDARs whose field it sets, and the sign it takes there; the first has it as it is.
     sets: Vec<(usize, f64)>,
-}
-
-/// LiDARs sorted by how they lie to the plane y = 0, by index.
-#[derive(Debug, Default, PartialEq)]
-pub(super) struct Pairs {
-    /// A LiDAR and its mirror image, that with the larger y first.
-    pub(super) mirrored: Vec<[usize; 2]>,
-    /// In the plane, with roll and yaw 0.
-    pub(super) in_plane: Vec<usize>,
-    /// Neither.
-    pub(super) alone: Vec<usize>,
-}
-
-/// Finds mirror images.
-pub(super) fn pairs(lidars: &[SensorPose]) -> Pairs {
-    let mut pairs = Pairs::default();
-    let mut open: Vec<usize> = (0..lidars.len()).collect();
-    while !open.is_empty() {
-        let first = open.remove(0);
-        let image = lidars[first].mirrored();
-        let near = |other: &SensorPose| image.difference(other) <= SLACK;
-        if near(&lidars[first]) {
-            pairs.in_plane.push(first);
-        } else if let Some(at) = open.iter().position(|&other| near(&lidars[other])) {
-            let second = open.remove(at);
-            let left_first = lidars[first].y >= lidars[second].y;
-            pairs.mirrored.push(if left_first { [first, second] } else { [second, first] });
-        } else {
-            pairs.alone.push(first);
-        }
-    }
-    pairs
-}
-
-impl SensorPose {
-    /// Mirrored at the plane y = 0: y, roll and yaw change sign.
-    pub fn mirrored(&self) -> Self {
-        // From zero, so that no coordinate is printed as −0.
-        Self { y: 0.0 - self.y, roll: 0.0 - self.roll, yaw: 0.0 - self.yaw, ..*self }
-    }
-
-    /// Sum of the differences of all fields, in m and rad.
-    pub(super) fn difference(&self, other: &Self) -> f64 {
-        self.fields().iter().zip(other.fields()).map(|(a, b)| (a.1 - b.1).abs()).sum()
-    }
 }
 
 impl Constraints {

@@ -3,15 +3,11 @@
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
-use sightline::scene::MountRules;
 use sightline::search::{FrameChoice, Settings, State};
-use sightline::vehicle::{Spacing, read_placements};
+use sightline::vehicle::{MountRules, SensorPose, Spacing, read_placements};
 
 use super::{Args, Fidelity};
 use crate::cli::error::Error;
-
-/// Names of the pose fields.
-const FIELDS: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
 
 /// Scene and rules that a run was begun with.
 #[derive(Clone, Serialize, Deserialize)]
@@ -89,8 +85,10 @@ impl Rules {
 fn parse_fixed(text: &str) -> Result<(String, f64), String> {
     let parts = text.split_once('=').map(|(field, value)| (field.trim(), value.trim().parse()));
     match parts {
-        Some((field, Ok(value))) if FIELDS.contains(&field) => Ok((field.to_owned(), value)),
-        _ => Err(format!("write one of {} and a number, as z=2.5", FIELDS.join(", "))),
+        Some((field, Ok(value))) if SensorPose::FIELDS.contains(&field) => {
+            Ok((field.to_owned(), value))
+        }
+        _ => Err(format!("write one of {} and a number, as z=2.5", SensorPose::FIELDS.join(", "))),
     }
 }
 

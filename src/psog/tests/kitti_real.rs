@@ -1,3 +1,5 @@
+//! SemanticKITTI frames against counts made with NumPy.
+
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
@@ -7,18 +9,9 @@ use crate::psog::{
     build_kitti_psog, read_psog, write_psog,
 };
 
-/// A sequence of the real data, or `None` with one line why the test is left out.
-fn real(test: &str) -> Option<PathBuf> {
-    let data = std::env::var_os("SIGHTLINE_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"),
-        PathBuf::from,
-    );
-    let folder = data.join("nc/semantickitti/sequences/00");
-    if !folder.is_dir() {
-        println!("left out: {test}, because {} is not there", folder.display());
-        return None;
-    }
-    Some(folder)
+/// A sequence of the real data.
+fn real() -> PathBuf {
+    Path::new(env!("REAL_DATA")).join("nc/semantickitti/sequences/00")
 }
 
 fn roi() -> Roi {
@@ -42,8 +35,9 @@ fn digest(psog: &Psog) -> (Vec<u64>, u64) {
 /// 1.73 m added to z, pushed 1 mm away from (0, 0, 1.73), floor((p − min) / 0.2), labels folded by
 /// the learning map of semantic-kitti.yaml, class 0 left out, most votes win, lowest class on ties.
 #[test]
+#[cfg_attr(not(has_kitti), ignore = "needs SemanticKITTI in ../shared/data or SIGHTLINE_DATA")]
 fn golden_counts_of_one_frame() {
-    let Some(folder) = real("golden counts of one frame") else { return };
+    let folder = real();
     let sequence = KittiSequence::open(&folder).unwrap();
     let options = KittiPsogOptions { frames: Some(vec![0]), ..KittiPsogOptions::new(roi()) };
     let (psog, report) = build_kitti_psog(&sequence, &options).unwrap();
@@ -70,8 +64,9 @@ fn golden_counts_of_one_frame() {
 /// (rotations made orthonormal from their first two columns), moving labels only in their own
 /// frame; the entropies are NumPy's, in f64.
 #[test]
+#[cfg_attr(not(has_kitti), ignore = "needs SemanticKITTI in ../shared/data or SIGHTLINE_DATA")]
 fn golden_counts_of_four_merged_frames() {
-    let Some(folder) = real("golden counts of four merged frames") else { return };
+    let folder = real();
     let sequence = KittiSequence::open(&folder).unwrap();
     let (psog, report) = build_kitti_psog(&sequence, &KittiPsogOptions::new(roi())).unwrap();
     assert_eq!(
@@ -118,8 +113,9 @@ fn golden_counts_of_four_merged_frames() {
 /// in the LiDAR frame, a bit each, first bit highest. It lacks points beyond some 50 m and a few
 /// others: 37 of our voxels, and we lack 1 of its 11 677.
 #[test]
+#[cfg_attr(not(has_kitti), ignore = "needs SemanticKITTI in ../shared/data or SIGHTLINE_DATA")]
 fn voxels_are_those_of_the_data_set() {
-    let Some(folder) = real("voxels of the data set") else { return };
+    let folder = real();
     let bits = std::fs::read(folder.join("voxels/000000.bin")).unwrap();
     let roi = Roi::new([0.0, -25.6, -2.2], [0.2; 3], [256, 256, 32]).unwrap();
     let mut ours = vec![false; roi.voxel_count() as usize];

@@ -6,8 +6,8 @@ use glam::{DMat4, DVec3};
 use gltf::accessor::{DataType, Dimensions};
 use gltf::mesh::Mode;
 
-use super::{Fault, MAX_FILE, RawMesh};
-use crate::scene::error::read_limited;
+use super::raw::{Fault, MAX_FILE, RawMesh};
+use crate::json::read_limited;
 
 /// Nodes inside nodes.
 const MAX_DEPTH: usize = 64;

@@ -6,55 +6,14 @@ mod gltf;
 mod obj;
 #[cfg(feature = "mesh")]
 mod ply;
+mod raw;
 
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use glam::DVec3;
+use crate::json::{DescriptionError, Place, read_limited};
+use raw::{Fault, MAX_FILE};
 
-use super::error::{Place, SceneError, read_limited};
-
-/// Largest mesh file that is read.
-const MAX_FILE: u64 = 2 << 30;
-
-/// A mesh as its file gives it: no scale, no classes yet.
-#[derive(Debug, Default)]
-pub(crate) struct RawMesh {
-    pub vertices: Vec<DVec3>,
-    pub faces: Vec<[u32; 3]>,
-    /// Index into `materials`, one a face.
-    pub face_material: Vec<u32>,
-    /// Names (OBJ, glTF) or labels (PLY) in use; `None` for faces without one.
-    pub materials: Vec<Option<String>>,
-    /// Places in `materials`: a hostile file names one for each face.
-    by_name: HashMap<Option<String>, u32>,
-    /// The files that it was read from.
-    pub files: Vec<PathBuf>,
-}
-
-impl RawMesh {
-    /// The index of the material called `name`.
-    fn material(&mut self, name: Option<&str>) -> u32 {
-        let name = name.map(str::to_owned);
-        *self.by_name.entry(name).or_insert_with_key(|name| {
-            self.materials.push(name.clone());
-            self.materials.len() as u32 - 1
-        })
-    }
-}
-
-/// What is wrong with a mesh, and at which of its elements.
-#[derive(Debug)]
-struct Fault {
-    element: String,
-    problem: String,
-}
-
-impl Fault {
-    fn new(element: impl Into<String>, problem: impl Into<String>) -> Self {
-        Self { element: element.into(), problem: problem.into() }
-    }
-}
+pub(crate) use raw::RawMesh;
 
 /// Whether files of this kind usually have y up.
 pub(crate) fn default_y_up(file: &Path) -> bool {
@@ -66,8 +25,8 @@ fn extension(file: &Path) -> String {
 }
 
 /// Reads the mesh that the scene names at `at`; its kind follows from the ending of its name.
-pub(crate) fn load(at: &Place, file: &Path) -> Result<RawMesh, SceneError> {
-    let fault = |f: Fault| SceneError::Mesh {
+pub(crate) fn load(at: &Place, file: &Path) -> Result<RawMesh, DescriptionError> {
+    let fault = |f: Fault| DescriptionError::Mesh {
         at: Box::new(at.clone()),
         mesh: file.to_owned(),
         element: f.element,

@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader, Read};
 
 use glam::DVec3;
 
-use super::{Fault, RawMesh};
+use super::raw::{Fault, RawMesh};
 
 /// Reads an OBJ; polygons become fans, points and lines are left out.
 pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, Fault> {

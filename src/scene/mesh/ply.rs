@@ -8,7 +8,7 @@ use ply_rs_bw::ply::{
     ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
 };
 
-use super::{Fault, RawMesh};
+use super::raw::{Fault, RawMesh};
 
 /// A vertex or a face; other elements leave it as it is.
 #[derive(Default)]

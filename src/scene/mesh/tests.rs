@@ -1,4 +1,6 @@
-use std::path::PathBuf;
+//! Mesh readers: good, bad, garbled and real files.
+
+use glam::DVec3;
 
 use super::*;
 
@@ -245,20 +247,9 @@ fn unknown_endings_and_missing_files_are_told() {
     assert!(message.starts_with("nowhere/car.obj: cannot be read: "), "{message}");
 }
 
-/// The folder of real meshes, if this machine has one.
-fn data(file: &str) -> Option<PathBuf> {
-    let near = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
-    let dir = std::env::var_os("SIGHTLINE_DATA").map_or(near, PathBuf::from);
-    let path = dir.join(file);
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("left out: {} is not there", path.display());
-    None
-}
-
-fn real(file: &str) -> Option<RawMesh> {
-    data(file).map(|path| load(&Place::top("test"), &path).unwrap())
+/// A mesh of the real data that `build.rs` looked for.
+fn real(file: &str) -> RawMesh {
+    load(&Place::top("test"), &Path::new(env!("REAL_DATA")).join(file)).unwrap()
 }
 
 fn bounds(mesh: &RawMesh) -> [DVec3; 2] {
@@ -271,47 +262,45 @@ fn near(a: DVec3, b: [f64; 3], tolerance: f64) {
 }
 
 #[test]
+#[cfg_attr(not(has_meshes), ignore = "needs the meshes of ../shared/data or SIGHTLINE_DATA")]
 fn real_obj_meshes_are_read_whole() {
-    if let Some(mesh) = real("scenes/mcity/mcity.obj") {
-        assert_eq!(mesh.faces.len(), 7333);
-        let [lo, hi] = bounds(&mesh).map(|v| v * 0.254);
-        near(lo, [-261.9, -463.0, 0.0], 0.5);
-        near(hi, [322.3, 462.0, 19.35], 0.5);
-        let curb = mesh.materials.iter().position(|m| m.as_deref() == Some("Curb")).unwrap();
-        let curbs = mesh.face_material.iter().filter(|&&m| m as usize == curb).count();
-        assert_eq!(curbs, 2601);
-        assert!(!mesh.materials.contains(&None));
-    }
-    if let Some(mesh) = real("scenes/delft_3dfier/testarea.obj") {
-        assert_eq!(mesh.faces.len(), 28619);
-        let [lo, hi] = bounds(&mesh);
-        near(lo, [84616.0, 447423.0, -0.5], 1.0);
-        near(hi, [85141.0, 447751.0, 13.6], 1.0);
-        assert!(mesh.vertices.contains(&DVec3::new(85012.343, 447455.577, 0.88)));
-    }
+    let mesh = real("scenes/mcity/mcity.obj");
+    assert_eq!(mesh.faces.len(), 7333);
+    let [lo, hi] = bounds(&mesh).map(|v| v * 0.254);
+    near(lo, [-261.9, -463.0, 0.0], 0.5);
+    near(hi, [322.3, 462.0, 19.35], 0.5);
+    let curb = mesh.materials.iter().position(|m| m.as_deref() == Some("Curb")).unwrap();
+    let curbs = mesh.face_material.iter().filter(|&&m| m as usize == curb).count();
+    assert_eq!(curbs, 2601);
+    assert!(!mesh.materials.contains(&None));
+    let mesh = real("scenes/delft_3dfier/testarea.obj");
+    assert_eq!(mesh.faces.len(), 28619);
+    let [lo, hi] = bounds(&mesh);
+    near(lo, [84616.0, 447423.0, -0.5], 1.0);
+    near(hi, [85141.0, 447751.0, 13.6], 1.0);
+    assert!(mesh.vertices.contains(&DVec3::new(85012.343, 447455.577, 0.88)));
 }
 
 #[test]
+#[cfg_attr(not(has_meshes), ignore = "needs the meshes of ../shared/data or SIGHTLINE_DATA")]
 fn real_ply_meshes_are_read_whole() {
-    if let Some(mesh) = real("scenes/munich_sionna.ply") {
-        assert_eq!(mesh.faces.len(), 38938);
-        let ground = mesh.materials.iter().position(|m| m.as_deref() == Some("40")).unwrap();
-        assert_eq!(mesh.face_material.iter().filter(|&&m| m as usize == ground).count(), 2);
-    }
-    if let Some(mesh) = real("vehicles/low_poly_car.ply") {
-        assert_eq!(mesh.faces.len(), 20);
-        let [lo, hi] = bounds(&mesh);
-        near(hi - lo, [4.4, 1.8, 1.5], 0.01);
-    }
+    let mesh = real("scenes/munich_sionna.ply");
+    assert_eq!(mesh.faces.len(), 38938);
+    let ground = mesh.materials.iter().position(|m| m.as_deref() == Some("40")).unwrap();
+    assert_eq!(mesh.face_material.iter().filter(|&&m| m as usize == ground).count(), 2);
+    let mesh = real("vehicles/low_poly_car.ply");
+    assert_eq!(mesh.faces.len(), 20);
+    let [lo, hi] = bounds(&mesh);
+    near(hi - lo, [4.4, 1.8, 1.5], 0.01);
 }
 
 #[test]
+#[cfg_attr(not(has_meshes), ignore = "needs the meshes of ../shared/data or SIGHTLINE_DATA")]
 fn a_real_gltf_is_placed_by_its_nodes() {
-    if let Some(mesh) = real("vehicles/CesiumMilkTruck.glb") {
-        assert_eq!(mesh.faces.len(), 3624);
-        let [lo, hi] = bounds(&mesh);
-        // y up in the file.
-        near(hi - lo, [4.87, 2.58, 2.80], 0.05);
-        assert!(mesh.materials.contains(&Some("glass".to_owned())));
-    }
+    let mesh = real("vehicles/CesiumMilkTruck.glb");
+    assert_eq!(mesh.faces.len(), 3624);
+    let [lo, hi] = bounds(&mesh);
+    // y up in the file.
+    near(hi - lo, [4.87, 2.58, 2.80], 0.05);
+    assert!(mesh.materials.contains(&Some("glass".to_owned())));
 }

@@ -1,3 +1,5 @@
+//! Scenes read from text: both forms, frames, routes, rules.
+
 use glam::DVec3;
 
 use super::*;
@@ -19,7 +21,7 @@ fn full(shapes: &str, more: &str) -> String {
     cut.replace("\"coverage\": \"through\"", &format!("\"static\": [{shapes}]{more}"))
 }
 
-fn read(text: &str) -> Result<Scene, SceneError> {
+fn read(text: &str) -> Result<Scene, DescriptionError> {
     Scene::from_json(text, Path::new("dir"), "s.json")
 }
 

@@ -1,0 +1,29 @@
+//! Looks for the real data of the tests, beside the checkout or where `SIGHTLINE_DATA` says, and sets one
+//! cfg for each set that is there: tests without their data are listed as ignored.
+
+use std::env;
+use std::path::Path;
+
+/// cfg and one file of each set.
+const SETS: [(&str, &str); 2] = [
+    ("has_kitti", "nc/semantickitti/sequences/00/poses.txt"),
+    ("has_meshes", "scenes/mcity/mcity.obj"),
+];
+
+fn main() {
+    println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rerun-if-env-changed=SIGHTLINE_DATA");
+    let root = env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default();
+    let folder = env::var_os("SIGHTLINE_DATA").unwrap_or("../shared/data".into());
+    let folder = Path::new(&root).join(folder);
+    println!("cargo::rustc-env=REAL_DATA={}", folder.display());
+    for (name, file) in SETS {
+        println!("cargo::rustc-check-cfg=cfg({name})");
+        let file = folder.join(file);
+        if file.is_file() {
+            println!("cargo::rustc-cfg={name}");
+            // A path that does not exist would make every build start anew.
+            println!("cargo::rerun-if-changed={}", file.display());
+        }
+    }
+}

@@ -1,0 +1,10 @@
+//! Reading of JSON descriptions: parsing with places, checks of values, errors as sentences.
+
+pub(crate) mod check;
+mod error;
+mod parse;
+mod place;
+
+pub use error::DescriptionError;
+pub(crate) use parse::{check_version, nearest, parse, plain_words, read_limited};
+pub use place::Place;

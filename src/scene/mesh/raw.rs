@@ -1,0 +1,49 @@
+//! A mesh as its file gives it, and the fault of one that cannot be used.
+
+use std::collections::HashMap;
+use std::path::PathBuf;
+
+use glam::DVec3;
+
+/// Largest mesh file or buffer, in bytes.
+pub(super) const MAX_FILE: u64 = 2 << 30;
+
+/// A mesh as its file gives it, before scale, axes and classes.
+#[derive(Debug, Default)]
+pub(crate) struct RawMesh {
+    pub vertices: Vec<DVec3>,
+    pub faces: Vec<[u32; 3]>,
+    /// Index into `materials`, one a face.
+    pub face_material: Vec<u32>,
+    /// Names (OBJ, glTF) or labels (PLY) in use; `None` for faces without one.
+    pub materials: Vec<Option<String>>,
+    /// Index in `materials` by name: a search would take time with faces × materials.
+    pub(super) by_name: HashMap<Option<String>, u32>,
+    /// The mesh file and its buffers.
+    pub files: Vec<PathBuf>,
+}
+
+impl RawMesh {
+    /// Index of the material called `name`, added where it is new.
+    pub(super) fn material(&mut self, name: Option<&str>) -> u32 {
+        let name = name.map(str::to_owned);
+        *self.by_name.entry(name).or_insert_with_key(|name| {
+            self.materials.push(name.clone());
+            self.materials.len() as u32 - 1
+        })
+    }
+}
+
+/// Fault of a mesh file and the element that has it.
+#[derive(Debug)]
+pub(super) struct Fault {
+    /// Line, vertex, face or header entry.
+    pub(super) element: String,
+    pub(super) problem: String,
+}
+
+impl Fault {
+    pub(super) fn new(element: impl Into<String>, problem: impl Into<String>) -> Self {
+        Self { element: element.into(), problem: problem.into() }
+    }
+}

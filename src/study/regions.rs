@@ -1,0 +1,202 @@
+//! What is seen where, and of what: information gained by parts of the region, and classes covered.
+
+use super::cases::{Cases, Measured};
+use super::columns::check_distinct;
+use super::scene::{StudyScene, score};
+use super::{Drawing, StudyError, Table};
+use crate::problem::Content;
+use crate::psog::{Roi, to_nats};
+use crate::search::Evaluator;
+use crate::vehicle::Placement;
+
+/// A part of the region of interest, by the centres of its voxels in the ego frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Region {
+    /// Name of its column.
+    pub name: String,
+    extent: Extent,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Extent {
+    /// Horizontal distance from the ego origin, in metres: from, up to.
+    Ring(f64, f64),
+    /// Angle between forward (0) and rear (π), on either side: from, up to.
+    Sector(f64, f64),
+    /// Lower and upper corner, in metres.
+    Box([f64; 3], [f64; 3]),
+}
+
+/// Distances in metres that part near, middle and far.
+const RINGS: [f64; 2] = [10.0, 25.0];
+/// Angles from forward that part front, side and rear.
+const SECTORS: [f64; 2] = [std::f64::consts::FRAC_PI_4, 3.0 * std::f64::consts::FRAC_PI_4];
+
+impl Region {
+    /// Near, middle and far; front, side and rear.
+    fn standard() -> Vec<Self> {
+        let [near, far] = RINGS;
+        let [front, rear] = SECTORS;
+        let ring =
+            |name: &str, from, to| Self { name: name.into(), extent: Extent::Ring(from, to) };
+        let sector =
+            |name: &str, from, to| Self { name: name.into(), extent: Extent::Sector(from, to) };
+        vec![
+            ring("near", 0.0, near),
+            ring("middle", near, far),
+            ring("far", far, f64::INFINITY),
+            sector("front", 0.0, front),
+            sector("side", front, rear),
+            sector("rear", rear, f64::INFINITY),
+        ]
+    }
+
+    /// A box from its corners, in metres.
+    pub fn of_box(name: &str, min: [f64; 3], max: [f64; 3]) -> Self {
+        Self { name: name.to_owned(), extent: Extent::Box(min, max) }
+    }
+
+    /// Whether a point of the ego frame lies in it; lower ends belong to it, upper ends do not.
+    fn holds(&self, point: [f64; 3]) -> bool {
+        let [x, y, _] = point;
+        match &self.extent {
+            Extent::Ring(from, to) => (*from..*to).contains(&x.hypot(y)),
+            Extent::Sector(from, to) => (*from..*to).contains(&y.abs().atan2(x)),
+            Extent::Box(min, max) => (0..3).all(|k| (min[k]..max[k]).contains(&point[k])),
+        }
+    }
+}
+
+/// Most regions that a chart shows.
+const DRAWN: usize = 8;
+
+pub(super) fn regions(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
+    let mut regions = Region::standard();
+    regions.extend(scene.settings.regions.iter().cloned());
+    let names = regions.iter().map(|region| region.name.as_str());
+    check_distinct(names, "regions", "give each --box a name of its own")?;
+    let mut evaluator = scene.evaluator()?;
+    let mut placements: Vec<(String, Option<&Placement>)> =
+        scene.published.iter().map(|p| (p.name.clone(), Some(p))).collect();
+    placements.push(("optimized".into(), None));
+    let rows = cases.each(placements, |placement, _| {
+        let placement = match placement {
+            Some(placement) => Some(placement.clone()),
+            None => scene.optimize(&mut evaluator)?,
+        };
+        match placement {
+            Some(placement) => seen_by(placement, &regions, &mut evaluator),
+            None => Ok((Vec::new(), None)),
+        }
+    })?;
+    let classes = evaluator.problem().content().classes();
+    let parts = regions.iter().map(|region| &region.name).chain(classes);
+    let columns: Vec<String> =
+        std::iter::once("placement".to_owned()).chain(parts.map(|p| format!("{p} %"))).collect();
+    let notes = vec![
+        "Regions: share of the information that lies there and is gained; near ends at 10 m, middle at \
+         25 m; front and rear are 90° wide. Classes: share of the voxels in which the class ever occurs \
+         that are covered; empty where the scene has none."
+            .to_owned(),
+    ];
+    let drawing = Drawing::ByCase {
+        columns: (0..regions.len().min(DRAWN)).collect(),
+        y_title: "share of the region's information gained, %".into(),
+        line: false,
+    };
+    let title = scene.title("what is seen where, and of what");
+    Ok(Table::new(title, columns.iter().map(String::as_str), rows, notes, drawing))
+}
+
+/// Per cent of each region's information that a placement gains, then of each class's voxels that it
+/// covers.
+fn seen_by(
+    placement: Placement,
+    regions: &[Region],
+    evaluator: &mut Evaluator,
+) -> Result<Measured, StudyError> {
+    let problem = evaluator.shared_problem();
+    let frames = 0..problem.frame_count();
+    let covered: Vec<Vec<u64>> = frames
+        .map(|frame| evaluator.backend_mut().covered(&placement, frame))
+        .collect::<Result<_, _>>()?;
+    let content = problem.content();
+    let percent = |part: f64, whole: f64| (whole > 0.0).then(|| 100.0 * part / whole);
+    let gains = gains_by_region(problem.roi(), content, regions, &covered);
+    let mut values: Vec<Option<f64>> =
+        gains.iter().map(|gain| percent(gain.gained, gain.total)).collect();
+    let scores = score(evaluator, &placement)?;
+    for (class, (_, seen)) in scores.covered_by_class.iter().enumerate() {
+        values.push(percent(*seen, content.voxels_of_class(class).len() as f64));
+    }
+    Ok((values, Some(placement)))
+}
+
+/// Information of one region: all there is, and what was gained of it.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct RegionGain {
+    /// Σ H over the region's voxels, in nats.
+    total: f64,
+    /// Σ c(v) H over them, in nats; c(v) is the share of frames in which v is covered.
+    gained: f64,
+}
+
+/// Gains by region; `covered` holds the rising voxel indices of each frame.
+fn gains_by_region(
+    roi: &Roi,
+    content: &Content,
+    regions: &[Region],
+    covered: &[Vec<u64>],
+) -> Vec<RegionGain> {
+    let mut gains = vec![RegionGain::default(); regions.len()];
+    let (min, edge) = (roi.min(), roi.voxel());
+    for voxel in content.occupied() {
+        let index = u64::from(voxel.index);
+        let coords = roi.coords(index);
+        let centre = [0, 1, 2].map(|k| min[k] + (f64::from(coords[k]) + 0.5) * edge[k]);
+        let frames = covered.iter().filter(|frame| frame.binary_search(&index).is_ok()).count();
+        let share = frames as f64 / covered.len() as f64;
+        let worth = to_nats(u64::from(voxel.entropy[0]));
+        for (gain, region) in gains.iter_mut().zip(regions) {
+            if region.holds(centre) {
+                gain.total += worth;
+                gain.gained += share * worth;
+            }
+        }
+    }
+    gains
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::problem::OccupiedVoxel;
+    use crate::psog::fixed;
+
+    #[test]
+    fn regions_part_the_plane() {
+        let regions = Region::standard();
+        let of = |x: f64, y: f64| -> Vec<&str> {
+            let held = regions.iter().filter(|r| r.holds([x, y, 1.0]));
+            held.map(|r| r.name.as_str()).collect()
+        };
+        assert_eq!(of(5.0, 1.0), ["near", "front"]);
+        assert_eq!(of(0.0, -10.0), ["middle", "side"]);
+        assert_eq!(of(-30.0, 4.0), ["far", "rear"]);
+        assert_eq!(of(-3.0, 0.0), ["near", "rear"], "straight back too");
+        let kerb = Region::of_box("kerb", [0.0, -4.0, 0.0], [10.0, -3.0, 0.3]);
+        assert!(kerb.holds([0.0, -3.5, 0.1]) && !kerb.holds([10.0, -3.5, 0.1]));
+    }
+
+    #[test]
+    fn gains_are_means_over_frames() {
+        let roi = Roi::new([0.0, -1.0, 0.0], [10.0, 2.0, 1.0], [3, 1, 1]).unwrap();
+        let voxel = |index| OccupiedVoxel { index, entropy: [fixed(1.0); 3] };
+        let content =
+            Content::new(vec!["a".into()], vec![voxel(0), voxel(2)], &[vec![0, 2]], false);
+        let covered = [vec![0, 1, 2], vec![0]];
+        let gains = gains_by_region(&roi, &content, &Region::standard()[..3], &covered);
+        let gain = |total, gained| RegionGain { total, gained };
+        assert_eq!(gains, [gain(1.0, 1.0), gain(0.0, 0.0), gain(1.0, 0.5)]);
+    }
+}

@@ -1,0 +1,139 @@
+//! Beam directions of one sensor.
+
+use glam::DVec3;
+
+/// Unit beam directions of one sensor, in the sensor frame (x forward, z up).
+///
+/// All LiDARs of a placement share one table. Directions are computed in `f64` and rounded to `f32`
+/// once, so that every backend reads the same numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BeamTable {
+    directions: Vec<[f32; 3]>,
+    range: f32,
+}
+
+/// Why a sensor gives no beam table.
+#[derive(Debug, thiserror::Error, PartialEq)]
+#[non_exhaustive]
+pub enum SensorError {
+    /// No beam at all.
+    #[error("the sensor has no beams; give it at least one channel and one azimuth step")]
+    NoBeams,
+    /// A direction without length, or not finite.
+    #[error("direction {index} has no length; give a finite vector other than zero")]
+    ZeroDirection {
+        /// Position in the list.
+        index: usize,
+    },
+    /// The range is not a positive number.
+    #[error("range {range} m is not a positive number")]
+    BadRange {
+        /// Metres.
+        range: f64,
+    },
+}
+
+impl BeamTable {
+    /// A spinning sensor: beams ordered by channel, then azimuth step.
+    ///
+    /// `channels` holds (elevation, azimuth offset) in degrees; beam (k, j) has azimuth
+    /// 2πj/`azimuth_steps` + offset, counter-clockwise from +x, and elevation up from the xy plane:
+    /// d = (cos e cos a, cos e sin a, sin e). `range` is in metres.
+    ///
+    /// # Errors
+    /// No beams, or a range that is not positive.
+    pub fn spinning(
+        channels: &[(f64, f64)],
+        azimuth_steps: u32,
+        range: f64,
+    ) -> Result<Self, SensorError> {
+        let steps = f64::from(azimuth_steps);
+        let directions = channels.iter().flat_map(|&(elevation, offset)| {
+            let (sin_e, cos_e) = elevation.to_radians().sin_cos();
+            (0..azimuth_steps).map(move |j| {
+                let turn = std::f64::consts::TAU * f64::from(j) / steps;
+                let (sin_a, cos_a) = (turn + offset.to_radians()).sin_cos();
+                DVec3::new(cos_e * cos_a, cos_e * sin_a, sin_e)
+            })
+        });
+        Self::from_directions(directions, range)
+    }
+
+    /// An explicit list of directions, each scaled to unit length. `range` is in metres.
+    ///
+    /// # Errors
+    /// No beams, a vector without length, or a range that is not positive.
+    pub fn from_directions(
+        directions: impl IntoIterator<Item = DVec3>,
+        range: f64,
+    ) -> Result<Self, SensorError> {
+        if !(range > 0.0 && range.is_finite()) {
+            return Err(SensorError::BadRange { range });
+        }
+        let directions = directions
+            .into_iter()
+            .enumerate()
+            .map(|(index, d)| match d.try_normalize() {
+                Some(unit) => Ok(unit.as_vec3().to_array()),
+                None => Err(SensorError::ZeroDirection { index }),
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        if directions.is_empty() {
+            return Err(SensorError::NoBeams);
+        }
+        Ok(Self { directions, range: range as f32 })
+    }
+
+    /// Unit directions `[D]` in the sensor frame, in beam order.
+    pub fn directions(&self) -> &[[f32; 3]] {
+        &self.directions
+    }
+
+    /// Farthest distance in metres at which a beam returns.
+    pub fn range(&self) -> f32 {
+        self.range
+    }
+
+    /// The same directions with another range, in metres.
+    #[must_use]
+    pub fn with_range(&self, range: f32) -> Self {
+        Self { directions: self.directions.clone(), range }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn beams_follow_the_contract() {
+        // Two channels at -30° and +30°, four steps: 0°, 90°, 180°, 270° counter-clockwise.
+        let table = BeamTable::spinning(&[(-30.0, 0.0), (30.0, 0.0)], 4, 10.0).unwrap();
+        let (c, s) = (0.75_f32.sqrt(), 0.5_f32);
+        let want = [
+            [c, 0.0, -s],
+            [0.0, c, -s],
+            [-c, 0.0, -s],
+            [0.0, -c, -s],
+            [c, 0.0, s],
+            [0.0, c, s],
+            [-c, 0.0, s],
+            [0.0, -c, s],
+        ];
+        for (got, want) in table.directions().iter().zip(want) {
+            for axis in 0..3 {
+                assert!((got[axis] - want[axis]).abs() < 1e-7, "{got:?} is not {want:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn bad_sensors_are_errors() {
+        assert_eq!(BeamTable::spinning(&[], 4, 1.0), Err(SensorError::NoBeams));
+        assert_eq!(BeamTable::spinning(&[(0.0, 0.0)], 0, 1.0), Err(SensorError::NoBeams));
+        let directions = [DVec3::X, DVec3::ZERO];
+        let got = BeamTable::from_directions(directions, 1.0);
+        assert_eq!(got, Err(SensorError::ZeroDirection { index: 1 }));
+        assert!(BeamTable::from_directions([DVec3::X], f64::NAN).is_err());
+    }
+}

@@ -1,0 +1,145 @@
+//! Sensor poses and placements.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::geom::Pose;
+
+/// Most LiDARs of one placement.
+pub const MAX_LIDARS: usize = 16;
+/// Farthest coordinate of a sensor from the ego origin, in metres.
+const MAX_COORDINATE: f64 = 1e6;
+/// Longest name; names become file names.
+const MAX_NAME: usize = 64;
+
+/// Pose of one LiDAR in the ego frame; metres and radians, `R = Rz(yaw)·Ry(pitch)·Rx(roll)`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorPose {
+    /// Forward.
+    pub x: f64,
+    /// Left.
+    pub y: f64,
+    /// Up, from the ground.
+    pub z: f64,
+    /// About x.
+    #[serde(default)]
+    pub roll: f64,
+    /// About y.
+    #[serde(default)]
+    pub pitch: f64,
+    /// About z.
+    #[serde(default)]
+    pub yaw: f64,
+}
+
+impl SensorPose {
+    /// Sensor-to-ego transform.
+    pub fn ego_from_sensor(&self) -> Pose {
+        Pose::new(self.position(), self.roll, self.pitch, self.yaw)
+    }
+
+    /// Position in the ego frame, in metres.
+    pub fn position(&self) -> DVec3 {
+        DVec3::new(self.x, self.y, self.z)
+    }
+
+    /// Names of the six numbers, in the order of the struct.
+    pub const FIELDS: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
+
+    /// The six numbers, in the order of [`Self::FIELDS`].
+    pub fn values(&self) -> [f64; 6] {
+        [self.x, self.y, self.z, self.roll, self.pitch, self.yaw]
+    }
+
+    /// The six numbers by name.
+    pub fn fields(&self) -> [(&'static str, f64); 6] {
+        let values = self.values();
+        std::array::from_fn(|k| (Self::FIELDS[k], values[k]))
+    }
+
+    /// Pose of six numbers in the order of [`Self::FIELDS`].
+    pub fn from_values([x, y, z, roll, pitch, yaw]: [f64; 6]) -> Self {
+        Self { x, y, z, roll, pitch, yaw }
+    }
+}
+
+/// Named LiDAR poses on one vehicle.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Placement {
+    /// 1 to 64 of letters, digits, `.`, `_`, `-`.
+    pub name: String,
+    /// 1 to [`MAX_LIDARS`] poses.
+    pub lidars: Vec<SensorPose>,
+}
+
+/// What is wrong with a placement.
+#[derive(Debug, thiserror::Error, PartialEq)]
+#[non_exhaustive]
+pub enum PlacementError {
+    /// The name cannot become a file name.
+    #[error(
+        "`{name}` is not a placement name: use 1 to {MAX_NAME} letters, digits, `.`, `_` or `-`"
+    )]
+    BadName {
+        /// As read.
+        name: String,
+    },
+    /// Two placements share a name.
+    #[error("the name `{name}` is used twice; names must differ")]
+    UsedTwice {
+        /// The name.
+        name: String,
+    },
+    /// No LiDAR, or too many.
+    #[error("placement `{name}` has {count} LiDARs; give it 1 to {MAX_LIDARS}")]
+    LidarCount {
+        /// Of the placement.
+        name: String,
+        /// As read.
+        count: usize,
+    },
+    /// A number that no pose can have.
+    #[error(
+        "placement `{name}`, LiDAR {lidar}: {field} = {value:?} is not usable; give a finite number \
+         (coordinates within ±{MAX_COORDINATE} m)"
+    )]
+    BadNumber {
+        /// Of the placement.
+        name: String,
+        /// Index of the LiDAR, from 0.
+        lidar: usize,
+        /// `x`, `y`, `z`, `roll`, `pitch` or `yaw`.
+        field: &'static str,
+        /// As read.
+        value: f64,
+    },
+}
+
+impl Placement {
+    /// Checks the name, the number of LiDARs and every number.
+    ///
+    /// # Errors
+    /// The first thing found wrong, naming the placement.
+    pub fn validate(&self) -> Result<(), PlacementError> {
+        let name = &self.name;
+        let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
+        if name.is_empty() || name.len() > MAX_NAME || !name.chars().all(allowed) {
+            return Err(PlacementError::BadName { name: name.clone() });
+        }
+        if self.lidars.is_empty() || self.lidars.len() > MAX_LIDARS {
+            let count = self.lidars.len();
+            return Err(PlacementError::LidarCount { name: name.clone(), count });
+        }
+        for (lidar, pose) in self.lidars.iter().enumerate() {
+            for (field, value) in pose.fields() {
+                if !value.is_finite() || value.abs() > MAX_COORDINATE {
+                    let name = name.clone();
+                    return Err(PlacementError::BadNumber { name, lidar, field, value });
+                }
+            }
+        }
+        Ok(())
+    }
+}
