@@ -15,8 +15,7 @@ use crate::psog::{GridError, Psog};
 use crate::scene::Scene;
 use crate::score::{Objective, Scores};
 use crate::search::Evaluator;
-use crate::vehicle::Lidar;
-use crate::vehicle::{Placement, SensorError};
+use crate::vehicle::{Lidar, Placement, SensorError};
 
 pub use stability::Stability;
 pub use trial::{Trial, Verdict};
@@ -38,15 +37,15 @@ const VISIBILITIES: [f32; 3] = [10.0, 20.0, 40.0];
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum AuditError {
-    /// From parts that do not make a problem.
-    #[error(transparent)]
-    Problem(#[from] ProblemError),
     /// No placement was given.
     #[error("there are no placements to audit; name at least one")]
     NoPlacement,
     /// The P-SOG does not fit the scene.
     #[error(transparent)]
     Open(#[from] OpenError),
+    /// A changed P-SOG does not make a problem.
+    #[error(transparent)]
+    Problem(#[from] ProblemError),
     /// A changed region does not make a grid.
     #[error(transparent)]
     Grid(#[from] GridError),

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 use sightline::Problem;
-use sightline::report::{RunRecord, certificate_in_words, methods_in_words};
+use sightline::report::{RunRecord, certificate_in_words, methods_in_words, verdict};
 use sightline::scene::Scene;
 use sightline::search::{Event, Method, Outcome, Run, SearchError, TimeLimit, Work};
 use sightline::vehicle::Spacing;
@@ -294,6 +294,7 @@ fn print(args: &Args, record: &RunRecord, folder: &Path) -> Result<(), Error> {
     }
     let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
     rows.extend(record.baselines.iter().map(|baseline| baseline.scores.clone()));
+    outln!("{}\n", verdict(record.best.as_ref(), &record.baselines, &record.objective))?;
     outln!("{}: maximizing {} over {} frame(s)", record.scene, record.objective, record.frames)?;
     out!("{}", table::scores(&rows))?;
     match &record.best {

@@ -95,7 +95,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let (dir, mut known) = folder_of(args, &recorded)?;
     let session = Session {
         dir: &dir,
-        settings: &recorded.settings,
+        recorded: &recorded,
         interrupt: &interrupt,
         bar: progress::bar(0, "cases", talk),
         talk,
@@ -176,7 +176,7 @@ fn folder_of(args: &Args, recorded: &Recorded) -> Result<(RunDir<Saved>, Vec<Row
 /// A study under way, as its folder, the terminal and Ctrl-C see it.
 struct Session<'a> {
     dir: &'a RunDir<Saved>,
-    settings: &'a Value,
+    recorded: &'a Recorded,
     interrupt: &'a Interrupt,
     bar: ProgressBar,
     talk: Talk,
@@ -198,7 +198,7 @@ impl StudyObserver for Session<'_> {
     }
 
     fn measured(&self, rows: &[Row]) {
-        let saved = Saved { settings: self.settings.clone(), rows: rows.to_vec() };
+        let saved = Saved { settings: self.recorded.settings.clone(), rows: rows.to_vec() };
         if let Err(error) = self.dir.save(&saved) {
             self.failed.replace(Some(error));
         }
@@ -216,7 +216,9 @@ impl StudyObserver for Session<'_> {
 impl Session<'_> {
     /// Writes the table and its chart, with the cases there are.
     fn finish(&self, rows: &[Row], found: &Table) -> Result<(), Error> {
-        let study = json!({ "settings": self.settings, "rows": rows, "notes": found.notes });
+        let Recorded { settings, inputs } = self.recorded;
+        let notes = &found.notes;
+        let study = json!({ "settings": settings, "inputs": inputs, "rows": rows, "notes": notes });
         self.dir.write_json("study.json", &study)?;
         self.dir.write_text("table.csv", &found.csv())?;
         self.dir.write_text("chart.svg", &study_plot(found).svg())
@@ -238,7 +240,6 @@ fn recorded(args: &Args, settings: &StudySettings) -> Result<Recorded, Error> {
         "sightline": env!("CARGO_PKG_VERSION"),
         "study": args.kind.name(),
         "scenes": absolute(&args.scenes)?,
-        "inputs": inputs,
         "objective": args.objective,
         "evaluations": args.evaluations,
         "frames": settings.frames,

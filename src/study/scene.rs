@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::{StudyError, StudyObserver, StudySettings};
 use crate::engine::open;
-use crate::problem::{Problem, spread};
+use crate::problem::{Problem, ProblemError, spread};
 use crate::psog::{Psog, Roi};
 use crate::scan::scan_scene;
 use crate::scene::{PsogSource, Scene};
@@ -71,9 +71,8 @@ impl<'a> StudyScene<'a> {
         table: BeamTable,
         constraints: Constraints,
     ) -> Result<Evaluator, StudyError> {
-        let misfit = |source| StudyError::Problem { scene: self.place(), source };
         let problem = Problem::from_scene(self.scene, self.psog, table, &self.frames());
-        let problem = problem.map_err(misfit)?;
+        let problem = problem.map_err(|source| self.misfit(source))?;
         self.open(problem.with_constraints(constraints))
     }
 
@@ -86,9 +85,13 @@ impl<'a> StudyScene<'a> {
         let roi = Roi::from_bounds(bounds.min, bounds.max, voxel)?;
         let (psog, _) = scan_scene(self.scene, &roi, settings, || ())?;
         let table = self.scene.lidar().table()?;
-        let problem = Problem::on_grid_of(&psog, self.scene, table, &self.frames())
-            .map_err(|source| StudyError::Problem { scene: self.place(), source })?;
+        let problem = Problem::on_grid_of(&psog, self.scene, table, &self.frames());
+        let problem = problem.map_err(|source| self.misfit(source))?;
         self.open(problem)
+    }
+
+    fn misfit(&self, source: ProblemError) -> StudyError {
+        StudyError::Problem { scene: self.place(), source }
     }
 
     fn open(&self, problem: Problem) -> Result<Evaluator, StudyError> {
