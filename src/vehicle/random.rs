@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{Constraints, Placement};
 
-/// Placements drawn evenly from the mount; they need not keep the minimum distance.
+/// Draws placements evenly from the bounds of the mount; minimum distance and keep-out boxes are ignored.
 pub fn random_placements(constraints: &Constraints, count: usize, seed: u64) -> Vec<Placement> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let placements = (0..count).map(|index| {
