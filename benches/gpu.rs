@@ -1,4 +1,4 @@
-//! Speed of the GPU backend's stages, cast beam by beam and in packets, beside the CPU backend's.
+//! Speed of the GPU backend's stages beside the CPU backend's.
 //!
 //! `cargo bench --bench gpu` prints medians of alternating runs with their spread; `-- --help` lists
 //! what can be varied. A software device takes its threads from the environment: set
@@ -17,7 +17,7 @@ use setup::RANGE;
 use sightline::bvh::Bvh;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
-use sightline::engine::gpu::{Casting, GpuBackend};
+use sightline::engine::gpu::GpuBackend;
 use sightline::problem::{Problem, StageTimes, Tally};
 use sightline::vehicle::Placement;
 
@@ -35,12 +35,6 @@ struct Args {
     /// MiB of work buffers: what a batch needs beyond them is cut into chunks
     #[arg(long, default_value_t = 4096)]
     memory: u64,
-    /// Take the sums on the device, as on a device with memory of its own
-    #[arg(long)]
-    device_sums: bool,
-    /// Rows to run, of `cpu`, `tree`, `packets` and `sifted`
-    #[arg(long, value_delimiter = ',', default_value = "cpu,tree,packets")]
-    rows: Vec<String>,
     #[arg(long, default_value_t = 1)]
     threads: usize,
     #[arg(long, default_value_t = 5)]
@@ -115,22 +109,10 @@ fn main() {
              rounds (range)",
             args.placements, args.turn, args.threads, args.rounds
         );
-        let gpu = |casting| -> Box<dyn Backend> {
-            let mut gpu = GpuBackend::new(problem.clone(), None, memory).unwrap();
-            gpu.cast_by(casting).unwrap();
-            if args.device_sums {
-                gpu.reduce_on_device();
-            }
-            Box::new(gpu)
-        };
+        let gpu = GpuBackend::new(problem.clone(), None, memory).unwrap();
+        let cpu = CpuBackend::new(problem.clone(), memory);
         let row = |name, backend| Row { name, backend, rounds: Vec::new() };
-        let rows = args.rows.iter().map(|name| match name.as_str() {
-            "tree" => row("GPU, beam by beam", gpu(Casting::Tree)),
-            "packets" => row("GPU, in packets", gpu(Casting::Packets)),
-            "sifted" => row("GPU, sifted", gpu(Casting::Sifted)),
-            _ => row("CPU", Box::new(CpuBackend::new(problem.clone(), memory))),
-        });
-        let mut rows: Vec<Row> = rows.collect();
+        let mut rows = [row("CPU", Box::new(cpu) as Box<dyn Backend>), row("GPU", Box::new(gpu))];
         // The first round warms up.
         for round in 0..=args.rounds {
             let tallies: Vec<_> = rows.iter_mut().map(|row| row.run(&batch)).collect();

@@ -1,11 +1,15 @@
 // cast_closest: one invocation casts one beam and stores its closest hit.
 //
-// CPU twin   src/backend/cpu/cast.rs::cast_closest, src/bvh/{intersect,traverse}.rs
-// Reads      poses[sensors], directions[direction_count], nodes (the root first), triangles
-// Writes     hits[sensors × direction_count], every element; counters[0] += beams that ran out of
-//            steps (their prim is UNFINISHED), counters[1 + sensor] += hits
+// CPU twin   src/cast/reference.rs::cast_closest, over src/bvh/traverse.rs::Bvh::closest_hit (a binary
+//            tree; the hit does not depend on the tree, see src/bvh/mod.rs)
+// Reads      poses[sensors], directions[direction_count], nodes (the root first; every bit in
+//            src/bvh/bvh4.rs), triangles
+// Writes     hits[sensors × direction_count], every element; counters[0] += beams out of steps (their
+//            prim is UNFINISHED, the host casts them), counters[1 + sensor] += hits
 // Dispatch   (ceil(direction_count / WORKGROUP_SIZE), sensors), x spilling into z; spare invocations
 //            only help to count
+// Prelude    WORKGROUP_SIZE, NO_HIT, UNFINISHED, STEP_BUDGET, TRIANGLE_ITEM, FAR, TREE_STACK (printed
+//            from src/engine/gpu/layout.rs)
 // Numerics   f32, no transcendental functions, no infinities; equal distances go to the lower prim
 
 struct Node {
@@ -46,6 +50,33 @@ struct Ray {
 @group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
 
 var<workgroup> hit_count: atomic<u32>;
+
+fn safe_inverse(d: f32) -> f32 {
+    if d == 0.0 {
+        return FAR;
+    }
+    return 1.0 / d;
+}
+
+// Axis of the largest component.
+fn major_axis(direction: vec3<f32>) -> u32 {
+    let size = abs(direction);
+    if size.x > size.y {
+        return select(2u, 0u, size.x > size.z);
+    }
+    return select(2u, 1u, size.y > size.z);
+}
+
+// Moves the major axis to z and keeps the order of the other two: (y, z, x), (x, z, y) or (x, y, z). For y
+// this mirrors, unlike the twin's cyclic (z, x, y); the signs of all three edge functions turn together.
+fn permute(v: vec3<f32>, major: u32) -> vec3<f32> {
+    return select(select(v, v.xzy, major == 1u), v.yzx, major == 0u);
+}
+
+// Products added from left to right, which `dot` does not promise.
+fn dot_in_order(a: vec3<f32>, b: vec3<f32>) -> f32 {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
 
 fn new_ray(origin: vec3<f32>, direction: vec3<f32>) -> Ray {
     let major = major_axis(direction);
@@ -91,8 +122,8 @@ fn intersect(ray: Ray, triangle: Triangle, best: Hit) -> Hit {
     if inside.x > inside.y {
         return best;
     }
-    // From the plane and not from u, v and w: in a long thin triangle these are small differences of
-    // large products, and their quotient is wrong by millimetres.
+    // Distance from the plane: u, v and w of a long thin triangle are small differences of large
+    // products, and their quotient is wrong by millimetres.
     let towards = dot_in_order(triangle.normal, ray.direction);
     if towards == 0.0 {
         return best;
@@ -108,13 +139,13 @@ fn intersect(ray: Ray, triangle: Triangle, best: Hit) -> Hit {
     return best;
 }
 
-// Four sides in metres: whole numbers of steps from the corner, a byte each.
+// Four sides in metres, corner + byte k · step: bytes 0x0804 with step 0.25 are 1 m and 2 m from the corner.
 fn planes(corner: f32, bytes: u32, step: f32) -> vec4<f32> {
     return corner + vec4<f32>((vec4(bytes) >> vec4(0u, 8u, 16u, 24u)) & vec4(255u)) * step;
 }
 
-// Where the ray enters each child's box; FAR where it does not, or not before `limit`. Equal to it
-// counts: a tie may have a lower id.
+// Distance at which the ray enters each child's box; FAR for a box it misses or enters behind `limit`. A
+// box entered at `limit` counts: a triangle at an equal distance may have a lower id.
 fn enter_children(ray: Ray, node: Node, limit: f32) -> vec4<f32> {
     let back = ray.inverse < vec3(0.0);
     let low = vec3(node.low_x, node.low_y, node.low_z);
@@ -140,19 +171,19 @@ fn closest_hit(ray: Ray) -> Hit {
     }
     var stack: array<u32, TREE_STACK>;
     var depth = 1u;
-    // Beams side by side look for their next triangles together, then test them together.
-    for (var step = 0u; step < NESTED_STEPS; step += 2u) {
+    // Two loops: the lanes of a vector find their next triangles together, then test them together.
+    for (var step = 0u; step < STEP_BUDGET; step += 2u) {
         if depth == 0u {
             return best;
         }
         depth--;
         var item = stack[depth];
         loop {
-            if (item >= TRIANGLE_ITEM) | (step >= NESTED_STEPS) {
+            if (item >= TRIANGLE_ITEM) | (step >= STEP_BUDGET) {
                 break;
             }
             step++;
-            // The nearest child is next; which of the others comes first decides little.
+            // The nearest child is next; the others go onto the stack, the lower pair last.
             let node = nodes[item];
             let enter = enter_children(ray, node, best.t);
             let child = node.children;
@@ -164,7 +195,7 @@ fn closest_hit(ray: Ray) -> Hit {
             let high_child = select(child.z, child.w, swap_high);
             let swap = high < low;
             item = select(low_child, high_child, swap);
-            // Stored in any case, kept where entered: cheaper than a branch.
+            // Stores without a branch: an entry stays only if its box is entered.
             stack[depth] = select(child.w, child.z, swap_high);
             depth += u32(max(enter.z, enter.w) < FAR);
             stack[depth] = select(high_child, low_child, swap);

@@ -1,9 +1,10 @@
 // reduce_occupied: sums the entropies of the occupied voxels that a placement covers.
 //
-// CPU twin   src/backend/cpu/reduce.rs::reduce_occupied
+// CPU twin   src/reduce/reference.rs::reduce_occupied
 // Reads      placements[placements], bitmaps[sensors × bitmap_words], occupied[occupied_count]
-// Writes     partials[placement × workgroups × PARTIAL_WORDS], every element: the count of covered
-//            occupied voxels, then the sums' low and high 16-bit halves, which cannot overflow within
+// Writes     partials[placement × workgroups × PARTIAL_WORDS], every element: word 0 the count of covered
+//            occupied voxels, words 1 + 2k and 2 + 2k the sums of the low and the high 16 bits of sum k
+//            (k = 0, 1, 2: entropies; 3 + s: unique entropy of sensor s), which cannot overflow within
 //            a workgroup; the host adds them up
 // Dispatch   (ceil(occupied_count / ITEMS_PER_WORKGROUP), placements)
 
@@ -37,7 +38,7 @@ fn reduce_occupied(
     var count = 0u;
     var low = vec3(0u);
     var high = vec3(0u);
-    // Kept a lane and added up once: an atomic a voxel would cost more than all the rest.
+    // Sums per invocation, added once: an atomic per voxel would cost more than the rest of the kernel.
     var unique_low: array<vec4<u32>, MAX_LIDARS / 4u>;
     var unique_high: array<vec4<u32>, MAX_LIDARS / 4u>;
     for (var k = 0u; k < ITEMS_PER_INVOCATION; k++) {

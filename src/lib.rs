@@ -37,6 +37,7 @@
 //! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
 
 mod error;
+mod memory;
 
 pub mod audit;
 pub mod bvh;

@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use sightline::bvh::Bvh;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
-use sightline::engine::gpu::{Casting, GpuBackend};
+use sightline::engine::gpu::GpuBackend;
 use sightline::geom::TriangleSoup;
 use sightline::problem::{Content, OccupiedVoxel, Problem};
 use sightline::psog::Roi;
@@ -100,13 +100,6 @@ pub fn cpu(problem: &Arc<Problem>) -> CpuBackend {
 /// themselves check nothing.
 pub fn gpu(problem: &Arc<Problem>) -> GpuBackend {
     GpuBackend::new(problem.clone(), None, MEMORY).expect("a Vulkan device: see the README")
-}
-
-/// [`gpu`] that casts in one way whatever the device is.
-pub fn gpu_that_casts_by(problem: &Arc<Problem>, casting: Casting) -> GpuBackend {
-    let mut gpu = gpu(problem);
-    gpu.cast_by(casting).expect("a device that holds the tree");
-    gpu
 }
 
 pub fn both(problem: &Arc<Problem>) -> [Box<dyn Backend>; 2] {

@@ -8,9 +8,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use imports::{Source, Sources, words};
 
 /// Modules of the library, top to bottom: each imports only from itself and from those above it.
-const ORDER: [&str; 20] = [
-    "geom", "json", "vehicle", "scene", "psog", "bvh", "problem", "cast", "cover", "reduce",
-    "scan", "engine", "score", "search", "audit", "verify", "chart", "study", "report", "error",
+const ORDER: [&str; 21] = [
+    "memory", "geom", "json", "vehicle", "scene", "psog", "bvh", "problem", "cast", "cover",
+    "reduce", "scan", "engine", "score", "search", "audit", "verify", "chart", "study", "report",
+    "error",
 ];
 
 /// Imports from below that still stand; one that is gone leaves this list.

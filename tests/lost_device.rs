@@ -114,6 +114,7 @@ fn what_is_too_large_for_a_device_goes_to_the_cpu_where_that_is_allowed() {
 fn losing(dir: &Path, args: &[&str], batches: &str) -> (Value, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_sightline"))
         .args(args)
+        .args(["--format", "json"])
         .current_dir(dir)
         .env("SIGHTLINE_LOSE_DEVICE_AFTER", batches)
         .output()

@@ -31,13 +31,13 @@ mod cover;
 mod equal_frames;
 mod fast_stages;
 #[cfg(feature = "gpu")]
-mod gpu_cover;
+mod gpu_cast_closest;
+#[cfg(feature = "gpu")]
+mod gpu_cover_voxels;
 #[cfg(feature = "gpu")]
 mod gpu_cpu;
 #[cfg(feature = "gpu")]
-mod gpu_flow;
-#[cfg(feature = "gpu")]
-mod gpu_packets;
+mod gpu_pipeline;
 mod grid_search;
 mod hits;
 #[cfg(feature = "gpu")]

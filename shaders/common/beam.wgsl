@@ -1,7 +1,7 @@
-// Uniforms, poses and beams: what every kernel that follows beams shares.
+// Uniforms, poses, hits, and the direction of a beam: shared by all kernels.
 //
-// CPU twins  src/backend/layout.rs (structs, compared field by field in tests),
-//            src/backend/cpu/beam.rs
+// CPU twins  src/engine/gpu/layout.rs::Uniforms, src/problem/pose.rs::DevicePose, src/bvh/intersect.rs::Hit
+//            (offsets compared by a test in src/engine/gpu/kernels.rs), src/problem/beam.rs::beam_direction
 
 struct Uniforms {
     shape: vec3<u32>,
@@ -13,9 +13,8 @@ struct Uniforms {
     pad: f32,
     occupied_count: u32,
     class_count: u32,
-    walk_pass: u32,
-    first_sensor: u32,
     ends_at_hits: u32,
+    spare: vec2<u32>,
 }
 
 struct DevicePose {
@@ -30,6 +29,7 @@ struct Hit {
     prim: u32,
 }
 
+// Products added from left to right; components below TINY_COMPONENT become 0, so that level beams stay level.
 fn turned(row: vec4<f32>, v: vec3<f32>) -> f32 {
     let d = row.x * v.x + row.y * v.y + row.z * v.z;
     return select(d, 0.0, abs(d) < TINY_COMPONENT);

@@ -1,4 +1,6 @@
-// Which sensors of a placement cover a voxel: what the reductions share.
+// Sensors of a placement, and whether a sensor covers a voxel: shared by the reductions.
+//
+// CPU twin   src/reduce/reference.rs::is_set; bit b of word w is bit number 32 w + b
 
 struct Sensors {
     first: u32,

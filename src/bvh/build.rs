@@ -1,6 +1,8 @@
+//! Building the binary tree by a binned surface-area heuristic.
+
 use glam::Vec3;
 
-use super::wide::Wide;
+use super::bvh8::Bvh8;
 use super::{Bvh, MAX_DEPTH, Node, Triangle};
 use crate::geom::{Aabb, TriangleSoup};
 
@@ -58,8 +60,8 @@ impl Bvh {
             builder.nodes.push(Node { min: [0.0; 3], first: 0, max: [0.0; 3], count: 0 });
             builder.subdivide(0, &mut items, 1);
         }
-        let wide = Wide::collapse(&builder.nodes, &builder.triangles);
-        Self { nodes: builder.nodes, triangles: builder.triangles, pad, wide }
+        let bvh8 = Bvh8::collapse(&builder.nodes, &builder.triangles);
+        Self { nodes: builder.nodes, triangles: builder.triangles, pad, bvh8 }
     }
 }
 

@@ -1,3 +1,5 @@
+//! Rays and hits: the ray-box and the ray-triangle test that decide every bit.
+
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 

@@ -1,7 +1,7 @@
-//! Bounding volume hierarchy over one frame's triangles, and the closest-hit reference.
+//! Bounding volume hierarchy over one frame's triangles, and the tests of a ray with its parts.
 //!
-//! Built once on the host as a binary tree with a binned surface-area heuristic (Wald 2007). From it come
-//! the trees of four or eight children a node that packets and devices go down.
+//! Built once on the host as a binary tree with a binned surface-area heuristic (Wald 2007), which the
+//! reference goes down. Devices and packets go down copies of it with four and eight children a node.
 //!
 //! # Why every traversal gives the same bits
 //! A triangle's hit distance is clamped to the interval in which the ray is inside the triangle's own
@@ -13,17 +13,15 @@
 //! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together (`cast::Packet`, `cast::Fan`).
 
 mod build;
+mod bvh4;
+pub(crate) mod bvh8;
 mod intersect;
 mod node;
-mod quads;
-mod quantized;
-mod traverse;
-pub(crate) mod wide;
 
 pub(crate) use intersect::{axes_of, safe_inverse};
 
 pub(crate) use build::PAD_SHARE;
+pub(crate) use bvh4::TRIANGLE;
+pub use bvh4::{Bvh4, QuantizedNode};
 pub use intersect::{Hit, NO_HIT, Ray, major_axis};
 pub use node::{Bvh, BvhError, MAX_DEPTH, Node, Triangle};
-pub use quads::{KINDS, Quads, ROOT, STACK, TRIANGLE, UNIT};
-pub use quantized::QuantizedNode;

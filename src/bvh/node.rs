@@ -1,7 +1,9 @@
+//! Nodes and triangles of the binary tree, and the check that a tree is sound.
+
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
-use super::wide::Wide;
+use super::bvh8::Bvh8;
 use crate::geom::Aabb;
 
 /// Most nodes on a path from the root to a leaf; traversal stacks hold this many entries.
@@ -62,8 +64,8 @@ pub struct Bvh {
     pub triangles: Vec<Triangle>,
     /// Metres by which each triangle's box is grown; see [`Bvh::build`].
     pub pad: f32,
-    /// The same tree for packets.
-    pub(crate) wide: Wide,
+    /// The same tree, eight wide.
+    pub(crate) bvh8: Bvh8,
 }
 
 /// What [`Bvh::validate`] found broken.
@@ -110,10 +112,10 @@ impl Bvh {
         Aabb { min: bounds.min - pad, max: bounds.max + pad }
     }
 
-    /// Bytes of the triangles and both trees.
+    /// Bytes of the triangles, the binary and the eight-wide tree.
     pub fn bytes(&self) -> u64 {
         let own = size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice());
-        own as u64 + self.wide.bytes()
+        own as u64 + self.bvh8.bytes()
     }
 
     /// Checks that every triangle is in one leaf, boxes nest exactly, and no path is too deep.

@@ -3,10 +3,10 @@
 use glam::Vec3;
 use multiversion::multiversion;
 
-use crate::bvh::Hit;
 use crate::problem::{DevicePose, TINY_COMPONENT, beam_origin};
 
-/// Bits of a key for where a beam ends, upwards and sideways as seen from the middle of the sensors.
+/// Bits of the cell in which a beam is likely to end, as seen from the middle of the sensors: upwards
+/// and sideways.
 const CELL_BITS: u32 = 14;
 const SIDE_BITS: u32 = 8;
 /// Six directions of the largest component with the signs of the others.
@@ -16,18 +16,20 @@ const BEAM_BITS: u32 = 64 - WAY_BITS - CELL_BITS - ROW_BITS;
 /// Keys are sorted by half of their bits at a time.
 const DIGIT_BITS: u32 = (WAY_BITS + CELL_BITS).div_ceil(2);
 
-/// Where a beam ends is guessed, in metres along it: on level ground this far below the sensor, and
-/// between these.
+/// Guess of a beam's end, in metres: where it meets level ground 2.4 m below the sensor, at least 4
+/// and at most 30 m along the beam.
 const GROUND: f32 = -2.4;
 const NEAREST: f32 = 4.0;
 const FARTHEST: f32 = 30.0;
 
-/// A beam of a row with its key: way, cell, row, beam, from the highest bits down.
+/// A beam and the key it is sorted by, 64 bits: 5 of its way, 14 of its cell, 15 of its row and 30 of
+/// its number in the row, from the highest down. E.g. way 2, cell 3, row 4, beam 5:
+/// `2 << 59 | 3 << 45 | 4 << 30 | 5`.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct KeyedBeam(u64);
 
 impl KeyedBeam {
-    /// The largest component and all signs: equal within a packet.
+    /// Major axis and signs of the direction: equal within a packet.
     pub(crate) fn way(self) -> u64 {
         self.0 >> (64 - WAY_BITS)
     }
@@ -37,15 +39,6 @@ impl KeyedBeam {
         let row = self.0 >> BEAM_BITS & ((1 << ROW_BITS) - 1);
         (row as usize, (self.0 & ((1 << BEAM_BITS) - 1)) as usize)
     }
-}
-
-/// All beams of some sensors, a row each: [`sorted_rows`].
-pub(crate) fn sorted_beams(
-    sensors: &[(&DevicePose, &mut [Hit])],
-    directions: &[[f32; 3]],
-) -> Vec<KeyedBeam> {
-    let rows = sensors.iter().map(|&(pose, _)| (pose, directions));
-    sorted_rows(rows, sensors.len() * directions.len())
 }
 
 /// All beams of some rows, fewer than 2¹⁵, by way and by where they are likely to end. A row is a
@@ -136,7 +129,7 @@ fn write_keys(
             (slope * (1 << bits) as f32).clamp(0.0, ((1 << bits) - 1) as f32) as i32 as u32
         };
         let (up, side) = (cell(up * scale, up_bits), cell(side * scale, SIDE_BITS));
-        // To and fro, so that what follows the end of a row of cells is near it.
+        // To and fro: each row of cells begins where the last one ended.
         let turn = ((1 << SIDE_BITS) - 1) * (up & 1);
         let cells = up << SIDE_BITS | (side ^ turn);
         let key = u64::from(way << CELL_BITS | cells);

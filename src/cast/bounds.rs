@@ -1,10 +1,10 @@
-//! What holds for all rays of a packet or of a chunk, so that most of a scene is sorted out at once.
+//! Bounds that hold for all rays of a packet or of a chunk, so that most of a scene is skipped at once.
 
-use super::fan_bounds::FanRanges;
-use super::packet::{CHUNK, CHUNKS, Packet, least, most};
-use super::ranges::{Range, Ranges, fold, narrowest_plane};
+use super::lanes::{CHUNK, CHUNKS, ChunkRange, fold, least, most, to_bits};
+use super::packet::Packet;
+use super::ranges::{PacketRanges, narrowest_plane};
 use crate::bvh::PAD_SHARE;
-use crate::bvh::wide::{Block, WIDTH};
+use crate::bvh::bvh8::{Block, WIDTH};
 
 /// Farther than any plane, and finite, so that an empty box stays empty.
 const UNBOUNDED: f32 = 1e30;
@@ -13,7 +13,7 @@ const UNBOUNDED: f32 = 1e30;
 /// by a few 2⁻²⁴ of that number: together less than one unit.
 pub(crate) const SLACK: f32 = 8.0;
 
-/// What holds for every ray of a packet.
+/// Bounds of every ray of a packet.
 ///
 /// Origins are moved along their rays into one plane, so that a packet is as narrow as its rays are
 /// close, however far apart they start; distances count from that plane.
@@ -30,13 +30,13 @@ pub(super) struct Bounds {
     /// The plane's place on the last axis.
     pub(super) plane: f32,
     all: Spread,
-    /// Metres by which everything may be off through rounding.
+    /// Largest error of a coordinate or distance through rounding, in metres; see [`SLACK`].
     pub(super) slack: f32,
     /// Where the first ray starts, counted from the plane.
     start: f32,
 }
 
-/// Where some rays cross the plane and how they are sheared: middle and half of the range, on both axes.
+/// Crossings of the plane and shears of some rays: middle and half width of their ranges, on both axes.
 #[derive(Clone, Copy, Default)]
 struct Spread {
     middle: [f32; 2],
@@ -45,7 +45,7 @@ struct Spread {
     turn: [f32; 2],
 }
 
-/// What holds for every ray of a chunk, for all chunks side by side.
+/// Bounds of every ray of a chunk, for all chunks side by side.
 pub(super) struct Chunks {
     middle: [[f32; CHUNKS]; 2],
     half: [[f32; CHUNKS]; 2],
@@ -60,10 +60,10 @@ impl Bounds {
     pub(super) fn new(packet: &Packet, pad: f32) -> (Self, Chunks) {
         let axes = packet.axes();
         let plane = narrowest_plane(packet);
-        let Ranges { shift, crossing, shear } = Ranges::new(packet, plane);
+        let PacketRanges { shift, crossing, shear } = PacketRanges::new(packet, plane);
         let mut inverse = [[0.0; 2]; 3];
         for (inverse, lanes) in inverse.iter_mut().zip(&packet.inverse) {
-            *inverse = Range::of(&lanes[..packet.chunks()]).all();
+            *inverse = ChunkRange::of(&lanes[..packet.chunks()]).all();
         }
         let [across, turned] = [&crossing, &shear].map(|k| [k[0].all(), k[1].all()]);
         let bounds = Self::of_ranges(axes, plane, shift.all(), across, turned, inverse, pad);
@@ -81,24 +81,10 @@ impl Bounds {
         (bounds, chunks)
     }
 
-    /// Bounds of all rays of a fan.
-    #[inline(always)]
-    pub(super) fn of_fan(ranges: &FanRanges, pad: f32) -> Self {
-        let FanRanges { axes, plane, before, shear, inverse, .. } = ranges;
-        let across = [ranges.across(0), ranges.across(1)];
-        let ([a, b], [low, high]) = (before.all(), inverse[axes[2]]);
-        let ends = [a * low, a * high, b * low, b * high];
-        let shift = [
-            least(least(ends[0], ends[1]), least(ends[2], ends[3])),
-            most(most(ends[0], ends[1]), most(ends[2], ends[3])),
-        ];
-        Self::of_ranges(*axes, *plane, shift, across, *shear, *inverse, pad)
-    }
-
     /// From least and largest: how far before the plane rays start, where they cross it, and how they
     /// go.
     #[inline(always)]
-    fn of_ranges(
+    pub(super) fn of_ranges(
         axes: [usize; 3],
         plane: f32,
         [first, last]: [f32; 2],
@@ -179,7 +165,7 @@ impl Bounds {
                 [c[x][i], c[y][i], c[z][i]],
             ];
             let behind = self.nearest(triangle) > farthest;
-            let beside = passes_beside(triangle, self.plane, &self.all, self.slack);
+            let beside = all_miss(triangle, self.plane, &self.all, self.slack);
             meets[i] = if behind | beside { 0 } else { u32::MAX };
         }
         to_bits(meets) & ((1 << block.count) - 1)
@@ -225,7 +211,7 @@ impl Chunks {
 
     /// Takes over the best distances of a chunk's rays.
     #[inline(always)]
-    pub(super) fn look_again(
+    pub(super) fn update_farthest(
         &mut self,
         t: &[f32; CHUNK],
         origin: &[f32; CHUNK],
@@ -247,7 +233,7 @@ impl Chunks {
 
     /// Bits of the chunks whose rays may hit a triangle of a block.
     #[inline(always)]
-    pub(super) fn meet(&self, bounds: &Bounds, block: &Block, slot: usize) -> u32 {
+    pub(super) fn chunks_that_hit(&self, bounds: &Bounds, block: &Block, slot: usize) -> u32 {
         let [x, y, z] = bounds.axes;
         let at = |corner: &[[f32; WIDTH]; 3]| [corner[x][slot], corner[y][slot], corner[z][slot]];
         let [a, b, c] = &block.corners;
@@ -263,7 +249,7 @@ impl Chunks {
                 turn: at(&self.turn),
             };
             let behind = nearest > self.farthest[i];
-            let beside = passes_beside(triangle, bounds.plane, &spread, bounds.slack);
+            let beside = all_miss(triangle, bounds.plane, &spread, bounds.slack);
             meets[i] = if behind | beside { 0 } else { u32::MAX };
         }
         to_bits(meets)
@@ -277,7 +263,7 @@ impl Chunks {
 /// affine in the origin and in the shear but for their product, so its spread over the rays is a
 /// sum of absolute values.
 #[inline(always)]
-fn passes_beside(corners: [[f32; 3]; 3], plane: f32, rays: &Spread, slack: f32) -> bool {
+fn all_miss(corners: [[f32; 3]; 3], plane: f32, rays: &Spread, slack: f32) -> bool {
     let Spread { middle, half, shear, turn } = *rays;
     let seen = |corner: [f32; 3]| {
         let z = corner[2] - plane;
@@ -311,17 +297,4 @@ fn passes_beside(corners: [[f32; 3]; 3], plane: f32, rays: &Spread, slack: f32) 
     let left = (u.0 + u.2 < 0.0) | (v.0 + v.2 < 0.0) | (w.0 + w.2 < 0.0);
     let right = (u.0 - u.2 > 0.0) | (v.0 - v.2 > 0.0) | (w.0 - w.2 > 0.0);
     apart | ((area > doubt) & left) | ((area < -doubt) & right)
-}
-
-/// A bit for each flag; flags are all ones or zero.
-#[inline(always)]
-pub(super) fn to_bits(flags: [u32; 8]) -> u32 {
-    let mut bits = [0; 8];
-    for i in 0..8 {
-        bits[i] = flags[i] & (1 << i);
-    }
-    for i in 0..4 {
-        bits[i] |= bits[i + 4];
-    }
-    (bits[0] | bits[1]) | (bits[2] | bits[3])
 }

@@ -1,3 +1,5 @@
+//! Origins that share their directions: one list of triangles for all, in order of distance.
+
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -6,35 +8,32 @@ use glam::Vec3;
 use multiversion::multiversion;
 
 use super::bounds::Bounds;
-use super::fan_bounds::{Facing, FanRanges, Seen};
-use super::lanes::{ALL_INSIDE, Inside, Prepared, Rays};
-use super::packet::{Across, CHUNK, CHUNKS, Lanes, NOTHING, PACKET_RAYS, PacketHits};
-use crate::bvh::wide::{Block, Child, WIDTH, Wide};
+use super::fan_bounds::{DirectionBounds, FanRanges, ProjectedBlock};
+use super::intersect::{ALL_INSIDE, Inside, PermutedTriangle, Rays};
+use super::lanes::{Across, CHUNK, CHUNKS, Lanes, NOTHING, PACKET_RAYS, PacketHits};
+use crate::bvh::bvh8::{Block, Bvh8, Child, WIDTH};
 use crate::bvh::{Bvh, NO_HIT, Triangle};
-
-/// Most directions of a fan.
-pub const FAN_DIRECTIONS: usize = 16;
 
 /// Up to [`PACKET_RAYS`] origins that lie side by side, with all rays from them in a few directions.
 ///
 /// All these rays go down the tree once: the triangles that they may hit make a list, nearest first,
-/// as long as a direction asks for. Then each direction goes through the list. What is skipped on
-/// the way, and why the bits are the same, is as with [`super::Packet`].
+/// as long as a direction asks for. Then each direction goes through the list. Triangles are skipped
+/// for the reasons given at [`super::Packet`], so that the bits are the same.
 #[derive(Clone)]
 pub struct Fan {
     len: usize,
     origin: [Lanes; 3],
     /// The origins again.
     across: [Across; 3],
-    near: Near,
+    list: HitList,
     /// Working memory of the tests.
     inside: Inside,
 }
 
-/// What the rays of a fan may hit.
+/// The triangles that the rays of a fan may hit, in groups, nearest first.
 #[derive(Clone, Default)]
-struct Near {
-    groups: Vec<Group>,
+struct HitList {
+    groups: Vec<HitGroup>,
     /// Groups of the list; the next one is being filled.
     len: usize,
     /// Parts of the tree that are not in the list yet, by where rays enter them at the earliest.
@@ -43,18 +42,18 @@ struct Near {
 
 /// Up to eight triangles that the rays of a fan may hit.
 #[derive(Clone)]
-struct Group {
+struct HitGroup {
     block: Block,
-    triangles: [Prepared; WIDTH],
+    triangles: [PermutedTriangle; WIDTH],
     /// No ray meets them, or those of later groups, before.
     enter: f32,
 }
 
-impl Default for Group {
+impl Default for HitGroup {
     fn default() -> Self {
         Self {
             block: Block::EMPTY,
-            triangles: [Prepared::new(&Triangle::zeroed(), [0; 3]); WIDTH],
+            triangles: [PermutedTriangle::new(&Triangle::zeroed(), [0; 3]); WIDTH],
             enter: 0.0,
         }
     }
@@ -67,7 +66,7 @@ impl Fan {
             len: 0,
             origin: [NOTHING; 3],
             across: [[[0.0; CHUNKS]; CHUNK]; 3],
-            near: Near::default(),
+            list: HitList::default(),
             inside: ALL_INSIDE,
         };
         fan.set_origins(origins);
@@ -91,7 +90,7 @@ impl Fan {
 
 impl Bvh {
     /// [`Self::closest_hit`] from every origin of a fan in each of some directions, 1 to
-    /// [`FAN_DIRECTIONS`] unit vectors whose [`super::major_axis`] is the same; hits count up to `t_max`.
+    /// [`FAN_DIRECTIONS`](super::FAN_DIRECTIONS) unit vectors whose [`super::major_axis`] is the same; hits count up to `t_max`.
     /// Those of each direction go to `hits`, which holds as many.
     ///
     /// Fast where no component changes its sign, and where the directions are neighbours.
@@ -109,8 +108,8 @@ impl Bvh {
             hits.t = [[t_max; CHUNK]; CHUNKS];
             hits.prim = [[NO_HIT; CHUNK]; CHUNKS];
         }
-        if !self.wide.nodes.is_empty() {
-            cast(&self.wide, &self.triangles, self.pad, fan, directions, t_max, hits);
+        if !self.bvh8.nodes.is_empty() {
+            cast(&self.bvh8, &self.triangles, self.pad, fan, directions, t_max, hits);
         }
     }
 }
@@ -120,7 +119,7 @@ impl Bvh {
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
 fn cast(
-    wide: &Wide,
+    bvh8: &Bvh8,
     triangles: &[Triangle],
     pad: f32,
     fan: &mut Fan,
@@ -128,14 +127,14 @@ fn cast(
     t_max: f32,
     hits: &mut [PacketHits],
 ) {
-    let Fan { len, origin, across, near, inside } = fan;
+    let Fan { len, origin, across, list, inside } = fan;
     let ranges = FanRanges::new(across, directions, t_max);
-    let shaft = Bounds::of_fan(&ranges, pad);
-    near.restart();
+    let shaft = ranges.bounds(pad);
+    list.restart();
     let filled = len.div_ceil(CHUNK);
-    let mut seen = Seen::NOTHING;
+    let mut projected = ProjectedBlock::NOTHING;
     for (ray, hits) in ranges.rays(directions.len()).iter().zip(hits) {
-        let mut facing = Facing::new(&shaft, &ranges, ray, filled);
+        let mut bounds = DirectionBounds::new(&shaft, &ranges, ray, filled);
         let splat = |x: f32| [[x; CHUNK]];
         let turned = ray.direction.to_array().map(splat);
         let inverse = ray.inverse.to_array().map(splat);
@@ -148,45 +147,45 @@ fn cast(
             inverse: [&inverse[0], &inverse[1], &inverse[2]],
             shear: [&shear[0], &shear[1]],
         };
-        let mut farthest = facing.farthest();
+        let mut farthest = bounds.farthest();
         let mut at = 0;
         loop {
-            if at == near.len && !near.extend(wide, triangles, &shaft, farthest) {
+            if at == list.len && !list.extend(bvh8, triangles, &shaft, farthest) {
                 break;
             }
-            let group = &near.groups[at];
+            let group = &list.groups[at];
             at += 1;
             // Equal to the best distance is still visited: a tie may have a lower id.
             if group.enter > farthest {
                 break;
             }
-            let mut left = facing.look(&group.block, farthest, &mut seen);
+            let mut left = bounds.project(&group.block, farthest, &mut projected);
             let (mut meets, mut sure) = (0, 0);
             while left != 0 {
                 let slot = left.trailing_zeros() as usize;
                 left &= left - 1;
-                let (mut meet, mut settled) = facing.meet(&seen, slot);
-                settled &= meet;
-                if settled != 0 {
-                    meet ^= settled;
-                    settled = facing.settle(&group.triangles[slot].triangle, settled);
-                    meet |= settled;
+                let (mut meet, mut sure_here) = bounds.chunks_that_hit(&projected, slot);
+                sure_here &= meet;
+                if sure_here != 0 {
+                    meet ^= sure_here;
+                    sure_here = bounds.take_sure_hits(&group.triangles[slot].triangle, sure_here);
+                    meet |= sure_here;
                 }
                 meets |= u64::from(meet) << (slot * CHUNKS);
-                sure |= u64::from(settled) << (slot * CHUNKS);
+                sure |= u64::from(sure_here) << (slot * CHUNKS);
             }
             let mut hit = rays.intersect(&group.triangles, pad, meets, sure, inside, hits);
             while hit != 0 {
                 let chunk = hit.trailing_zeros() as usize;
                 hit &= hit - 1;
-                facing.look_again(chunk, &hits.t[chunk], &origin[ranges.axes[2]][chunk]);
+                bounds.update_farthest(chunk, &hits.t[chunk], &origin[ranges.axes[2]][chunk]);
             }
-            farthest = facing.farthest();
+            farthest = bounds.farthest();
         }
     }
 }
 
-impl Near {
+impl HitList {
     /// Starts over with the whole tree.
     #[inline(always)]
     fn restart(&mut self) {
@@ -200,7 +199,7 @@ impl Near {
     #[inline(always)]
     fn extend(
         &mut self,
-        wide: &Wide,
+        bvh8: &Bvh8,
         triangles: &[Triangle],
         shaft: &Bounds,
         farthest: f32,
@@ -215,7 +214,7 @@ impl Near {
             self.queue.pop();
             match Child::from_bits(top as u32).get() {
                 Ok(block) => {
-                    let block = &wide.blocks[block];
+                    let block = &bvh8.blocks[block];
                     let mut left = shaft.meets(block, f32::INFINITY);
                     while left != 0 {
                         let slot = left.trailing_zeros();
@@ -224,7 +223,7 @@ impl Near {
                     }
                 }
                 Err(index) => {
-                    let node = &wide.nodes[index];
+                    let node = &bvh8.nodes[index];
                     let (near, far) = shaft.slabs(&node.planes);
                     for slot in 0..WIDTH {
                         if near[slot] <= far[slot] {
@@ -249,7 +248,7 @@ impl Near {
         if slot == 0 {
             open.enter = enter;
         }
-        open.triangles[slot] = Prepared::new(triangle, shaft.axes);
+        open.triangles[slot] = PermutedTriangle::new(triangle, shaft.axes);
         open.block.set(slot, triangle);
         open.block.count += 1;
         if slot + 1 == WIDTH {
@@ -262,14 +261,15 @@ impl Near {
     #[inline(always)]
     fn open(&mut self) {
         if self.len == self.groups.len() {
-            self.groups.push(Group::default());
+            self.groups.push(HitGroup::default());
         }
         self.groups[self.len].block.count = 0;
     }
 }
 
-/// Orders parts of the tree by distance: the bits of a float, so turned that they grow with it, above
-/// those of the part.
+/// Key that orders parts of the tree by distance, 64 bits: the upper half is the float's bits, with
+/// all inverted where it is negative and the sign bit set where it is not, so that they rise with
+/// the float; the lower half is the [`Child`]. E.g. 1.0 and child 7: 0xbf80_0000_0000_0007.
 fn key(enter: f32, child: Child) -> u64 {
     let bits = enter.to_bits();
     let turn = if bits >> 31 != 0 { u32::MAX } else { 1 << 31 };

@@ -1,27 +1,26 @@
-//! What holds for the rays of a fan: of all directions, and of one, in which they are parallel.
+//! Bounds that hold for all rays of a fan: over all its directions, and in one of them, where the rays
+//! are parallel.
 
 use glam::Vec3;
 
-use super::bounds::{Bounds, to_bits};
-use super::fan::FAN_DIRECTIONS;
-use super::packet::{Across, CHUNK, CHUNKS, least, most};
-use super::ranges::{Range, fold};
-use crate::bvh::wide::{Block, WIDTH};
+use super::bounds::Bounds;
+use super::lanes::{Across, CHUNK, CHUNKS, ChunkRange, FAN_DIRECTIONS, fold, least, most, to_bits};
+use crate::bvh::bvh8::{Block, WIDTH};
 use crate::bvh::{Ray, Triangle, axes_of, major_axis};
 
-/// What holds for the rays of a fan.
+/// Least and largest numbers of the rays of a fan.
 pub(super) struct FanRanges {
     /// The two axes of the shear, and the one of the largest component.
     pub(super) axes: [usize; 3],
     /// In the middle of the origins, on the last axis.
-    pub(super) plane: f32,
+    plane: f32,
     /// How far before the plane the origins of each chunk lie.
-    pub(super) before: Range,
+    before: ChunkRange,
     /// Least and largest of all directions, by axis of the shear and by axis.
-    pub(super) shear: [[f32; 2]; 2],
-    pub(super) inverse: [[f32; 2]; 3],
+    shear: [[f32; 2]; 2],
+    inverse: [[f32; 2]; 3],
     /// Where the plane is crossed with the least shear and with the largest, by chunk and by all rays.
-    crossing: [[Range; 2]; 2],
+    crossing: [[ChunkRange; 2]; 2],
     crossing_of_all: [[[f32; 2]; 2]; 2],
     /// The directions, as rays from nowhere.
     rays: [Ray; FAN_DIRECTIONS],
@@ -43,14 +42,14 @@ impl FanRanges {
                 (*low, *high) = (least(x, *low), most(x, *high));
             }
         }
-        let mut depths = Range::EMPTY;
+        let mut depths = ChunkRange::EMPTY;
         for numbers in &across[axes[2]] {
             depths.grow(numbers);
         }
         let [low, high] = depths.all();
         let plane = 0.5 * (low + high);
-        let mut before_all = Range::EMPTY;
-        let mut crossing = [[Range::EMPTY; 2]; 2];
+        let mut before_all = ChunkRange::EMPTY;
+        let mut crossing = [[ChunkRange::EMPTY; 2]; 2];
         let [x, y, z] = axes.map(|axis| &across[axis]);
         for ((x, y), z) in x.iter().zip(y).zip(z) {
             let mut before = [0.0; CHUNKS];
@@ -79,9 +78,23 @@ impl FanRanges {
         &self.rays[..directions]
     }
 
+    /// Bounds of all rays in all directions.
+    #[inline(always)]
+    pub(super) fn bounds(&self, pad: f32) -> Bounds {
+        let Self { axes, plane, before, shear, inverse, .. } = self;
+        let across = [self.across(0), self.across(1)];
+        let ([a, b], [low, high]) = (before.all(), inverse[axes[2]]);
+        let ends = [a * low, a * high, b * low, b * high];
+        let shift = [
+            least(least(ends[0], ends[1]), least(ends[2], ends[3])),
+            most(most(ends[0], ends[1]), most(ends[2], ends[3])),
+        ];
+        Bounds::of_ranges(*axes, *plane, shift, across, *shear, *inverse, pad)
+    }
+
     /// Least and largest place where any ray crosses the plane on an axis of the shear.
     #[inline(always)]
-    pub(super) fn across(&self, k: usize) -> [f32; 2] {
+    fn across(&self, k: usize) -> [f32; 2] {
         let [[a, b], [c, d]] = self.crossing_of_all[k];
         [least(a, c), most(b, d)]
     }
@@ -92,12 +105,12 @@ impl FanRanges {
     /// With the shear each ray's crossing grows or falls evenly, so the largest of several lies nowhere
     /// above the line between its ends, and the least nowhere below.
     #[inline(always)]
-    fn crossing(&self, k: usize, shear: f32) -> (Range, [f32; 2]) {
+    fn crossing(&self, k: usize, shear: f32) -> (ChunkRange, [f32; 2]) {
         let [first, last] = &self.crossing[k];
         let span = self.shear[k][1] - self.shear[k][0];
         let share = if span > 0.0 { (shear - self.shear[k][0]) / span } else { 0.0 };
         let between = |a: f32, b: f32| a + share * (b - a);
-        let mut range = Range::EMPTY;
+        let mut range = ChunkRange::EMPTY;
         for chunk in 0..CHUNKS {
             range.low[chunk] = between(first.low[chunk], last.low[chunk]);
             range.high[chunk] = between(first.high[chunk], last.high[chunk]);
@@ -107,10 +120,10 @@ impl FanRanges {
     }
 }
 
-/// What holds for the rays of a fan in one direction, of all and of each chunk.
+/// Bounds of a fan's rays in one direction, of all and of each chunk.
 ///
-/// Places are those where the rays cross the plane, counted from the middle of all of them.
-pub(super) struct Facing {
+/// A ray is known by the place where it crosses the plane, counted from the middle of all places.
+pub(super) struct DirectionBounds {
     axes: [usize; 3],
     /// The plane's place on the last axis, and the inverse direction there.
     plane: f32,
@@ -133,22 +146,23 @@ pub(super) struct Facing {
     farthest: [f32; CHUNKS],
 }
 
-/// Triangles as rays of one direction see them, counted as in [`Facing`].
-pub(super) struct Seen {
+/// A block's triangles projected along one direction onto the plane of [`DirectionBounds`].
+pub(super) struct ProjectedBlock {
     /// Least and largest coordinates.
     low: [[f32; WIDTH]; 2],
     high: [[f32; WIDTH]; 2],
-    /// Edge functions, positive inside: the value for the middle ray, and what a step along either axis
-    /// adds.
+    /// Edge functions, positive inside: the value for the middle ray, and the change for a step along
+    /// either axis.
     value: [[f32; WIDTH]; 3],
     step: [[[f32; WIDTH]; 2]; 3],
-    /// What edge functions may be off; infinite where the triangle is seen too flat to tell its sides.
+    /// Largest error of an edge function; infinite where the triangle is seen so flat that rounding may
+    /// turn it over.
     error: [f32; WIDTH],
     /// No ray meets it before this distance from the plane.
     nearest: [f32; WIDTH],
 }
 
-impl Seen {
+impl ProjectedBlock {
     pub(super) const NOTHING: Self = Self {
         low: [[0.0; WIDTH]; 2],
         high: [[0.0; WIDTH]; 2],
@@ -159,12 +173,12 @@ impl Seen {
     };
 }
 
-impl Facing {
+impl DirectionBounds {
     /// Of the fan in one of its directions, of which the first chunks are filled.
     #[inline(always)]
     pub(super) fn new(shaft: &Bounds, ranges: &FanRanges, ray: &Ray, filled: usize) -> Self {
         let (slack, inverse) = (shaft.slack, ray.inverse[ray.major]);
-        let mut facing = Self {
+        let mut bounds = Self {
             axes: ranges.axes,
             plane: ranges.plane,
             inverse,
@@ -183,23 +197,23 @@ impl Facing {
         for k in 0..2 {
             let (crossing, [low, high]) = ranges.crossing(k, ray.shear[k]);
             let middle = 0.5 * (low + high);
-            facing.middle[k] = middle;
-            facing.half[k] = 0.5 * (high - low) + slack;
+            bounds.middle[k] = middle;
+            bounds.half[k] = 0.5 * (high - low) + slack;
             for i in 0..CHUNKS {
                 let (low, high) = (crossing.low[i] - middle, crossing.high[i] - middle);
-                facing.middles[k][i] = 0.5 * (low + high);
-                facing.halves[k][i] = 0.5 * (high - low) + slack;
-                facing.low[k][i] = low - 2.0 * slack;
-                facing.high[k][i] = high + 2.0 * slack;
+                bounds.middles[k][i] = 0.5 * (low + high);
+                bounds.halves[k][i] = 0.5 * (high - low) + slack;
+                bounds.low[k][i] = low - 2.0 * slack;
+                bounds.high[k][i] = high + 2.0 * slack;
             }
         }
-        let Range { low, high } = &ranges.before;
+        let ChunkRange { low, high } = &ranges.before;
         for chunk in 0..filled {
             let start = least(low[chunk] * inverse, high[chunk] * inverse) - slack;
-            facing.start[chunk] = start;
-            facing.farthest[chunk] = ray.t_max - start;
+            bounds.start[chunk] = start;
+            bounds.farthest[chunk] = ray.t_max - start;
         }
-        facing
+        bounds
     }
 
     /// The farthest of the best distances of all rays.
@@ -209,12 +223,17 @@ impl Facing {
     }
 
     /// Bits of a block's triangles that rays may hit, up to the distance `farthest`, and how they are
-    /// seen.
+    /// projected.
     ///
     /// An edge function is affine in where a ray crosses the plane, so its spread over the rays is a sum
     /// of absolute values.
     #[inline(always)]
-    pub(super) fn look(&self, block: &Block, farthest: f32, seen: &mut Seen) -> u32 {
+    pub(super) fn project(
+        &self,
+        block: &Block,
+        farthest: f32,
+        projected: &mut ProjectedBlock,
+    ) -> u32 {
         let [x, y, z] = self.axes;
         let [a, b, c] = &block.corners;
         let back = self.slack * self.inverse.abs();
@@ -245,36 +264,36 @@ impl Facing {
                 let (value, [along, across]) = (side * value, steps[k]);
                 let spread = along.abs() * self.half[0] + across.abs() * self.half[1] + error;
                 beside |= value + spread < 0.0;
-                seen.value[k][i] = value;
-                seen.step[k][0][i] = side * along;
-                seen.step[k][1][i] = side * across;
+                projected.value[k][i] = value;
+                projected.step[k][0][i] = side * along;
+                projected.step[k][1][i] = side * across;
             }
             let nearest =
                 least(least(az * self.inverse, bz * self.inverse), cz * self.inverse) - back;
-            (seen.low[0][i], seen.high[0][i]) = (low_x, high_x);
-            (seen.low[1][i], seen.high[1][i]) = (low_y, high_y);
-            (seen.error[i], seen.nearest[i]) = (error, nearest);
+            (projected.low[0][i], projected.high[0][i]) = (low_x, high_x);
+            (projected.low[1][i], projected.high[1][i]) = (low_y, high_y);
+            (projected.error[i], projected.nearest[i]) = (error, nearest);
             meets[i] = if beside | (nearest > farthest) { 0 } else { u32::MAX };
         }
         to_bits(meets) & ((1 << block.count) - 1)
     }
 
-    /// Bits of the chunks whose rays may hit a triangle that was looked at, and of those whose rays all
-    /// surely pass between its edges.
+    /// Bits of the chunks whose rays may hit a projected triangle, and of those whose rays all surely
+    /// pass between its edges.
     #[inline(always)]
-    pub(super) fn meet(&self, seen: &Seen, slot: usize) -> (u32, u32) {
+    pub(super) fn chunks_that_hit(&self, projected: &ProjectedBlock, slot: usize) -> (u32, u32) {
         let (mut meets, mut sure) = ([0; CHUNKS], [0; CHUNKS]);
-        let error = seen.error[slot];
+        let error = projected.error[slot];
         for i in 0..CHUNKS {
-            let mut beside = seen.nearest[slot] > self.farthest[i];
+            let mut beside = projected.nearest[slot] > self.farthest[i];
             for k in 0..2 {
-                beside |=
-                    (seen.low[k][slot] > self.high[k][i]) | (seen.high[k][slot] < self.low[k][i]);
+                beside |= (projected.low[k][slot] > self.high[k][i])
+                    | (projected.high[k][slot] < self.low[k][i]);
             }
             let mut inside = true;
             for k in 0..3 {
-                let (along, across) = (seen.step[k][0][slot], seen.step[k][1][slot]);
-                let value = seen.value[k][slot]
+                let (along, across) = (projected.step[k][0][slot], projected.step[k][1][slot]);
+                let value = projected.value[k][slot]
                     + (along * self.middles[0][i] + across * self.middles[1][i]);
                 let spread =
                     along.abs() * self.halves[0][i] + across.abs() * self.halves[1][i] + error;
@@ -287,14 +306,28 @@ impl Facing {
         (to_bits(meets), to_bits(sure))
     }
 
-    /// Takes over the distances of a triangle where all rays of a chunk surely pass between its edges:
-    /// bits of `sure` but for the chunks whose rays all have a hit before it.
+    /// Lowers the farthest distance of each chunk of `sure` to that of a triangle which all its rays
+    /// hit; bits of `sure` but for the chunks whose rays all have a closer hit already.
     ///
-    /// Distances come from the plane and are clamped to the box. Rays that pass the edges by more than
-    /// twice the slack leave the box no earlier than they meet the plane, but for three times what slack
-    /// makes of that distance.
+    /// The farthest distance stays an upper bound of the best ones only if no ray's t, as
+    /// `Ray::intersect` rounds it, exceeds the plane's exact distance q by more than the margin of
+    /// `spread`, 4·slack/|n·d|. Claim: |t − q| ≤ 3·slack/|n·d|, where `slack` bounds the error of a
+    /// coordinate, so that of q' by slack/|n·d| and that of a crossing with a side of axis k by
+    /// slack/|d_k|. Proof: t = min(max(q', enter), leave), so t ≤ max(q', enter).
+    /// - q' ≤ q + slack/|n·d|.
+    /// - Last axis: the ray passes inside the triangle, so its exact entry is at most q, and the
+    ///   rounded one at most q + slack/|d_z|, where 1/|d_z| ≤ √3 < 2/|n·d|.
+    /// - Other axes k: `sure` leaves edge functions above 2·slack·(length of the edge), so the hit P
+    ///   lies more than 2·slack from each edge as seen along the ray. Then the triangle has a point
+    ///   P' that is seen 2·slack beside P towards the side of the box where the ray enters; it lies
+    ///   deeper or less deep by Δz = 2·slack·|n_k·d_z/(n·d)|, so P is at least 2·slack −
+    ///   |Δz·d_k/d_z| from that side, and the ray enters at most at q − 2·slack/|d_k| + Δz/|d_z|.
+    ///   Rounded, that is at most q − slack/|d_k| + 2·slack·|n_k|/|n·d| ≤ q + 2·slack/|n·d|.
+    ///
+    /// From below t ≥ min(q', leave), and the same holds for the side where the ray leaves. The fourth
+    /// slack covers the rounding in this function.
     #[inline(always)]
-    pub(super) fn settle(&mut self, triangle: &Triangle, sure: u32) -> u32 {
+    pub(super) fn take_sure_hits(&mut self, triangle: &Triangle, sure: u32) -> u32 {
         let [x, y, z] = self.axes;
         let (n, a, d) = (triangle.normal, triangle.a, self.direction);
         let inverse = 1.0 / (n[x] * d[x] + n[y] * d[y] + n[z] * d[z]);
@@ -320,7 +353,12 @@ impl Facing {
 
     /// Takes over the best distances of a chunk's rays, which start at these places on the last axis.
     #[inline(always)]
-    pub(super) fn look_again(&mut self, chunk: usize, t: &[f32; CHUNK], origin: &[f32; CHUNK]) {
+    pub(super) fn update_farthest(
+        &mut self,
+        chunk: usize,
+        t: &[f32; CHUNK],
+        origin: &[f32; CHUNK],
+    ) {
         let mut halves = [f32::NEG_INFINITY; CHUNK / 2];
         for i in 0..CHUNK / 2 {
             let j = i + CHUNK / 2;

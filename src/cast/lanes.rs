@@ -1,207 +1,163 @@
-//! Triangles against the rays of a packet, a lane a ray, chunk after chunk.
+//! Numbers of many rays side by side: a lane a ray, sixteen lanes a chunk, eight chunks a packet.
 
-use glam::Vec3;
+use multiversion::multiversion;
 
-use super::packet::{CHUNK, CHUNKS, Lanes, PacketHits, least, most};
-use crate::bvh::{Hit, Ray, Triangle};
+use crate::bvh::{Hit, NO_HIT};
 
-/// Rays by chunk. Where they are `PARALLEL`, the first lane of the first chunk speaks for all but the
-/// origins.
-pub(super) struct Rays<'a, const PARALLEL: bool> {
-    /// The two axes of the shear, and the one of the largest component.
-    pub(super) axes: [usize; 3],
-    /// Which side of a box parallel rays enter first, by axis; 0 for others. That follows from the sign
-    /// of the direction, since a distance never falls when the bound that it is taken to moves away,
-    /// also in rounded arithmetic.
-    pub(super) enters: [usize; 3],
-    pub(super) origin: &'a [Lanes; 3],
-    pub(super) direction: [&'a [[f32; CHUNK]]; 3],
-    pub(super) inverse: [&'a [[f32; CHUNK]]; 3],
-    pub(super) shear: [&'a [[f32; CHUNK]]; 2],
+/// Most rays of a packet.
+pub const PACKET_RAYS: usize = 128;
+/// Rays that are tested against a triangle together: those of a chunk should lie side by side.
+pub const CHUNK: usize = 16;
+/// Chunks of a full packet.
+pub(super) const CHUNKS: usize = PACKET_RAYS / CHUNK;
+/// Most directions of a fan.
+pub const FAN_DIRECTIONS: usize = 16;
+
+/// A number of each ray, by chunk.
+pub(super) type Lanes = [[f32; CHUNK]; CHUNKS];
+/// A number of each ray, the same lane of all chunks side by side.
+pub(super) type Across = [[f32; CHUNKS]; CHUNK];
+pub(super) const NOTHING: Lanes = [[0.0; CHUNK]; CHUNKS];
+
+/// Closest hits of a packet's rays.
+#[derive(Debug, Clone, Copy)]
+pub struct PacketHits {
+    pub(super) t: Lanes,
+    pub(super) prim: [[u32; CHUNK]; CHUNKS],
 }
 
-/// What the tests take from a triangle.
+impl Default for PacketHits {
+    fn default() -> Self {
+        Self { t: NOTHING, prim: [[NO_HIT; CHUNK]; CHUNKS] }
+    }
+}
+
+impl PacketHits {
+    /// The hit of the ray with this number.
+    #[inline]
+    pub fn get(&self, lane: usize) -> Hit {
+        Hit { t: self.t.as_flattened()[lane], prim: self.prim.as_flattened()[lane] }
+    }
+
+    /// Hits of a chunk's rays in [`FAN_DIRECTIONS`] directions, those of each ray side by side.
+    pub fn by_ray(hits: &[Self], chunk: usize, by_ray: &mut [[Hit; FAN_DIRECTIONS]; CHUNK]) {
+        transpose(hits, chunk, by_ray);
+    }
+}
+
+#[multiversion(targets(
+    "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
+    "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
+))]
+fn transpose(hits: &[PacketHits], chunk: usize, by_ray: &mut [[Hit; FAN_DIRECTIONS]; CHUNK]) {
+    let (mut t, mut prim) = ([[0.0; CHUNK]; FAN_DIRECTIONS], [[0; CHUNK]; FAN_DIRECTIONS]);
+    for (direction, hits) in hits.iter().enumerate() {
+        (t[direction], prim[direction]) = (hits.t[chunk], hits.prim[chunk]);
+    }
+    let mut pairs = [0_u64; CHUNK * FAN_DIRECTIONS];
+    for (i, (t, prim)) in t.as_flattened().iter().zip(prim.as_flattened()).enumerate() {
+        pairs[i] = u64::from(t.to_bits()) | u64::from(*prim) << 32;
+    }
+    // Both halves in turn: as many times as a row's number has bits, that swaps rows and columns. Moving
+    // each to its place instead is compiled to scattered stores, which are slower.
+    let mut other = [0_u64; CHUNK * FAN_DIRECTIONS];
+    shuffle(&pairs, &mut other);
+    shuffle(&other, &mut pairs);
+    shuffle(&pairs, &mut other);
+    shuffle(&other, bytemuck::cast_mut(by_ray));
+}
+
+#[inline(always)]
+fn shuffle<const N: usize>(from: &[u64; N], to: &mut [u64; N]) {
+    for i in 0..N / 2 {
+        to[2 * i] = from[i];
+        to[2 * i + 1] = from[i + N / 2];
+    }
+}
+
+/// Least and largest of a number over each chunk's rays.
 #[derive(Clone, Copy)]
-pub(super) struct Prepared {
-    pub(super) triangle: Triangle,
-    /// Corners in the order of [`Rays::axes`].
-    corners: [[f32; 3]; 3],
-    /// Lower and upper corner of the bare box.
-    sides: [[f32; 3]; 2],
+pub(super) struct ChunkRange {
+    pub(super) low: [f32; CHUNKS],
+    pub(super) high: [f32; CHUNKS],
 }
 
-impl Prepared {
+impl ChunkRange {
+    pub(super) const EMPTY: Self =
+        Self { low: [f32::INFINITY; CHUNKS], high: [f32::NEG_INFINITY; CHUNKS] };
+
     #[inline(always)]
-    pub(super) fn new(triangle: &Triangle, axes: [usize; 3]) -> Self {
-        let Triangle { a, b, c, .. } = triangle;
-        let at = |corner: &[f32; 3]| [corner[axes[0]], corner[axes[1]], corner[axes[2]]];
-        let mut sides = [*a; 2];
-        for k in 0..3 {
-            sides[0][k] = least(least(a[k], b[k]), c[k]);
-            sides[1][k] = most(most(a[k], b[k]), c[k]);
+    pub(super) fn grow(&mut self, numbers: &[f32; CHUNKS]) {
+        for (chunk, &number) in numbers.iter().enumerate() {
+            self.low[chunk] = least(number, self.low[chunk]);
+            self.high[chunk] = most(number, self.high[chunk]);
         }
-        Self { triangle: *triangle, corners: [at(a), at(b), at(c)], sides }
+    }
+
+    /// From lanes that lie chunk by chunk; chunks without rays repeat the last one's range.
+    #[inline(always)]
+    pub(super) fn of(lanes: &[[f32; CHUNK]]) -> Self {
+        let mut range = Self::EMPTY;
+        for chunk in 0..CHUNKS {
+            let lanes = &lanes[chunk.min(lanes.len() - 1)];
+            let (mut low, mut high) = ([0.0; 8], [0.0; 8]);
+            for i in 0..8 {
+                low[i] = least(lanes[i], lanes[i + 8]);
+                high[i] = most(lanes[i], lanes[i + 8]);
+            }
+            range.low[chunk] = fold(&low, least);
+            range.high[chunk] = fold(&high, most);
+        }
+        range
+    }
+
+    /// Over all rays.
+    #[inline(always)]
+    pub(super) fn all(&self) -> [f32; 2] {
+        [fold(&self.low, least), fold(&self.high, most)]
+    }
+
+    #[inline(always)]
+    pub(super) fn middle_and_half(&self) -> ([f32; CHUNKS], [f32; CHUNKS]) {
+        let (mut middle, mut half) = ([0.0; CHUNKS], [0.0; CHUNKS]);
+        for chunk in 0..CHUNKS {
+            middle[chunk] = 0.5 * (self.low[chunk] + self.high[chunk]);
+            half[chunk] = 0.5 * (self.high[chunk] - self.low[chunk]);
+        }
+        (middle, half)
     }
 }
 
-/// Triangles that are tested together, and pairs of them with a chunk: one bit of a `u64` each, the
-/// triangles' bits one after the other.
-pub(super) const PAIRS: usize = 8 * CHUNKS;
-const _: () = assert!(PAIRS == u64::BITS as usize);
+/// As the vector instruction has it: one compare and select, no care for NaN.
+#[inline(always)]
+pub(super) fn least(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
 
-/// Lanes whose ray passes between the edges of a triangle: all ones, or zero; of each pair, and where
-/// all do.
-pub(super) type Inside = [[u32; CHUNK]; PAIRS + 1];
-pub(super) const ALL_INSIDE: Inside = [[u32::MAX; CHUNK]; PAIRS + 1];
+#[inline(always)]
+pub(super) fn most(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
 
-impl<const PARALLEL: bool> Rays<'_, PARALLEL> {
-    /// A number that depends on the direction alone.
-    #[inline(always)]
-    fn turned(lanes: &[[f32; CHUNK]], chunk: usize, i: usize) -> f32 {
-        if PARALLEL { lanes[0][0] } else { lanes[chunk][i] }
+/// Puts eight together, halving them: what is joined at a time does not depend on each other.
+#[inline(always)]
+pub(super) fn fold(numbers: &[f32; 8], join: impl Fn(f32, f32) -> f32) -> f32 {
+    let mut half = [0.0; 4];
+    for i in 0..4 {
+        half[i] = join(numbers[i], numbers[i + 4]);
     }
+    join(join(half[0], half[1]), join(half[2], half[3]))
+}
 
-    /// `Ray::intersect` for every ray of the pairs `meets` with up to eight triangles; those of `sure`
-    /// are known to pass between the edges. Bits of the chunks in which a ray of another pair does.
-    /// `inside` is working memory, of which the last stays all ones.
-    #[inline(always)]
-    pub(super) fn intersect(
-        &self,
-        triangles: &[Prepared],
-        pad: f32,
-        meets: u64,
-        sure: u64,
-        inside: &mut Inside,
-        hits: &mut PacketHits,
-    ) -> u32 {
-        let mut hit = meets & sure;
-        let mut left = meets & !sure;
-        while left != 0 {
-            let pair = left.trailing_zeros() as usize % PAIRS;
-            left &= left - 1;
-            let (slot, chunk) = (pair / CHUNKS, pair % CHUNKS);
-            let any = self.inside_edges(&triangles[slot], chunk, &mut inside[pair]);
-            hit |= u64::from(any) << pair;
-        }
-        let mut left = hit;
-        while left != 0 {
-            let pair = left.trailing_zeros() as usize % PAIRS;
-            let (slot, chunk) = (pair / CHUNKS, pair % CHUNKS);
-            let inside = &inside[if left & sure & left.wrapping_neg() != 0 { PAIRS } else { pair }];
-            left &= left - 1;
-            if self.distances(&triangles[slot], chunk, inside, hits) {
-                self.retry(&triangles[slot], pad, chunk, inside, hits);
-            }
-        }
-        let hit = hit & !sure;
-        let hit = hit | hit >> 32;
-        let hit = hit | hit >> 16;
-        (hit | hit >> 8) as u32 & ((1 << CHUNKS) - 1)
+/// A bit for each flag; flags are all ones or zero.
+#[inline(always)]
+pub(super) fn to_bits(flags: [u32; 8]) -> u32 {
+    let mut bits = [0; 8];
+    for i in 0..8 {
+        bits[i] = flags[i] & (1 << i);
     }
-
-    /// Marks the lanes whose ray passes between the edges; whether there are any.
-    #[inline(always)]
-    fn inside_edges(&self, triangle: &Prepared, chunk: usize, inside: &mut [u32; CHUNK]) -> bool {
-        let [a, b, c] = triangle.corners;
-        let [ox, oy, oz] = [0, 1, 2].map(|k| &self.origin[self.axes[k]][chunk]);
-        let mut any = 0;
-        for i in 0..CHUNK {
-            let sx = Self::turned(self.shear[0], chunk, i);
-            let sy = Self::turned(self.shear[1], chunk, i);
-            let (az, bz, cz) = (a[2] - oz[i], b[2] - oz[i], c[2] - oz[i]);
-            let (ax, ay) = ((a[0] - ox[i]) - sx * az, (a[1] - oy[i]) - sy * az);
-            let (bx, by) = ((b[0] - ox[i]) - sx * bz, (b[1] - oy[i]) - sy * bz);
-            let (cx, cy) = ((c[0] - ox[i]) - sx * cz, (c[1] - oy[i]) - sy * cz);
-            let u = cx * by - cy * bx;
-            let v = ax * cy - ay * cx;
-            let w = bx * ay - by * ax;
-            let outside = ((u < 0.0) | (v < 0.0) | (w < 0.0)) & ((u > 0.0) | (v > 0.0) | (w > 0.0));
-            let det = u + v + w;
-            let passes = if !outside & (det != 0.0) { u32::MAX } else { 0 };
-            inside[i] = passes;
-            any |= passes;
-        }
-        any != 0
+    for i in 0..4 {
+        bits[i] |= bits[i + 4];
     }
-
-    /// Takes over the distances of marked lanes where they are best; whether a lane passes beside the
-    /// bare box, so that the padded one decides.
-    #[inline(always)]
-    fn distances(
-        &self,
-        triangle: &Prepared,
-        chunk: usize,
-        inside: &[u32; CHUNK],
-        hits: &mut PacketHits,
-    ) -> bool {
-        let [ox, oy, oz] = [0, 1, 2].map(|axis| &self.origin[axis][chunk]);
-        let (best, prim) = (&mut hits.t[chunk], &mut hits.prim[chunk]);
-        let Triangle { a, normal: n, prim: id, .. } = triangle.triangle;
-        let sides = &triangle.sides;
-        let [x, y, z] = self.enters;
-        let low = [sides[x][0], sides[y][1], sides[z][2]];
-        let high = [sides[1 - x][0], sides[1 - y][1], sides[1 - z][2]];
-        let mut any_beside = 0;
-        for i in 0..CHUNK {
-            let dx = Self::turned(self.direction[0], chunk, i);
-            let dy = Self::turned(self.direction[1], chunk, i);
-            let dz = Self::turned(self.direction[2], chunk, i);
-            let ix = Self::turned(self.inverse[0], chunk, i);
-            let iy = Self::turned(self.inverse[1], chunk, i);
-            let iz = Self::turned(self.inverse[2], chunk, i);
-            let (x0, x1) = ((low[0] - ox[i]) * ix, (high[0] - ox[i]) * ix);
-            let (y0, y1) = ((low[1] - oy[i]) * iy, (high[1] - oy[i]) * iy);
-            let (z0, z1) = ((low[2] - oz[i]) * iz, (high[2] - oz[i]) * iz);
-            let sort = |a, b| if PARALLEL { (a, b) } else { (least(a, b), most(a, b)) };
-            let ((x0, x1), (y0, y1), (z0, z1)) = (sort(x0, x1), sort(y0, y1), sort(z0, z1));
-            let enter = most(most(most(x0, y0), z0), 0.0);
-            let leave = least(least(x1, y1), z1);
-            let towards = n[0] * dx + n[1] * dy + n[2] * dz;
-            let above = n[0] * (a[0] - ox[i]) + n[1] * (a[1] - oy[i]) + n[2] * (a[2] - oz[i]);
-            let quotient = above / towards;
-            let t = least(most(quotient, enter), leave);
-            let closer = (t < best[i]) | ((t == best[i]) & (id < prim[i]));
-            let ahead =
-                (towards != 0.0) & ((quotient > 0.0) | quotient.is_nan()) & (inside[i] != 0);
-            let beside = enter > leave;
-            let takes = ahead & (t > 0.0) & closer & !beside;
-            best[i] = if takes { t } else { best[i] };
-            prim[i] = if takes { id } else { prim[i] };
-            any_beside |= u32::from(beside & ahead);
-        }
-        any_beside != 0
-    }
-
-    /// Asks `Ray::intersect` itself for the marked lanes that pass beside the bare box.
-    #[cold]
-    #[inline(never)]
-    fn retry(
-        &self,
-        triangle: &Prepared,
-        pad: f32,
-        chunk: usize,
-        inside: &[u32; CHUNK],
-        hits: &mut PacketHits,
-    ) {
-        for i in (0..CHUNK).filter(|&i| inside[i] != 0) {
-            let turned = |lanes: [&[[f32; CHUNK]]; 3]| {
-                Vec3::from(lanes.map(|lanes| Self::turned(lanes, chunk, i)))
-            };
-            let mut best = Hit { t: hits.t[chunk][i], prim: hits.prim[chunk][i] };
-            let ray = Ray {
-                origin: [0, 1, 2].map(|axis| self.origin[axis][chunk][i]).into(),
-                direction: turned(self.direction),
-                t_max: best.t,
-                inverse: turned(self.inverse),
-                major: self.axes[2],
-                shear: [0, 1].map(|k| Self::turned(self.shear[k], chunk, i)),
-            };
-            let [low, high] = triangle.sides;
-            let (enter, leave) = ray.slab(low.into(), high.into());
-            if enter > leave {
-                ray.intersect(&triangle.triangle, pad, &mut best);
-                (hits.t[chunk][i], hits.prim[chunk][i]) = (best.t, best.prim);
-            }
-        }
-    }
+    (bits[0] | bits[1]) | (bits[2] | bits[3])
 }

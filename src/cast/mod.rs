@@ -1,18 +1,25 @@
 //! Closest hits of all beams: the plain reference and the fast copies that give its bits.
+//!
+//! `README.md` beside this file says which file does what, and what each path earns.
 
 mod batch;
-pub(crate) mod beam_order;
+mod beam_order;
 mod bounds;
-pub(crate) mod costs;
 mod fan;
+mod fan_blocks;
 mod fan_bounds;
+mod groups;
+mod intersect;
 mod lanes;
+mod mixed;
 mod packet;
 mod ranges;
 mod reference;
+mod traverse;
 
 pub use batch::{Casting, cast_packets, cast_packets_by};
-pub(crate) use bounds::SLACK as BOUNDS_SLACK;
-pub use fan::{FAN_DIRECTIONS, Fan};
-pub use packet::{CHUNK, PACKET_RAYS, Packet, PacketHits, Scratch};
+pub use fan::Fan;
+pub use lanes::{CHUNK, FAN_DIRECTIONS, PACKET_RAYS, PacketHits};
+pub use packet::Packet;
 pub use reference::cast_closest;
+pub use traverse::Scratch;

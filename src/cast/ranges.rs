@@ -1,68 +1,16 @@
-//! Ranges of what a packet's rays have, chunk by chunk, and the plane that bounds are taken in.
+//! Least and largest numbers of each chunk of a packet, and the plane that its bounds are taken in.
 
-use super::packet::{CHUNK, CHUNKS, Packet, least, most};
+use super::lanes::{CHUNK, CHUNKS, ChunkRange};
+use super::packet::Packet;
 
-/// Least and largest of a number over each chunk's rays.
-#[derive(Clone, Copy)]
-pub(super) struct Range {
-    pub(super) low: [f32; CHUNKS],
-    pub(super) high: [f32; CHUNKS],
+/// Ranges of every chunk: distance of the origins before the plane, crossings of it, and shears.
+pub(super) struct PacketRanges {
+    pub(super) shift: ChunkRange,
+    pub(super) crossing: [ChunkRange; 2],
+    pub(super) shear: [ChunkRange; 2],
 }
 
-impl Range {
-    pub(super) const EMPTY: Self =
-        Self { low: [f32::INFINITY; CHUNKS], high: [f32::NEG_INFINITY; CHUNKS] };
-
-    #[inline(always)]
-    pub(super) fn grow(&mut self, numbers: &[f32; CHUNKS]) {
-        for (chunk, &number) in numbers.iter().enumerate() {
-            self.low[chunk] = least(number, self.low[chunk]);
-            self.high[chunk] = most(number, self.high[chunk]);
-        }
-    }
-
-    /// From lanes that lie chunk by chunk; chunks without rays repeat the last one's range.
-    #[inline(always)]
-    pub(super) fn of(lanes: &[[f32; CHUNK]]) -> Self {
-        let mut range = Self::EMPTY;
-        for chunk in 0..CHUNKS {
-            let lanes = &lanes[chunk.min(lanes.len() - 1)];
-            let (mut low, mut high) = ([0.0; 8], [0.0; 8]);
-            for i in 0..8 {
-                low[i] = least(lanes[i], lanes[i + 8]);
-                high[i] = most(lanes[i], lanes[i + 8]);
-            }
-            range.low[chunk] = fold(&low, least);
-            range.high[chunk] = fold(&high, most);
-        }
-        range
-    }
-
-    /// Over all rays.
-    #[inline(always)]
-    pub(super) fn all(&self) -> [f32; 2] {
-        [fold(&self.low, least), fold(&self.high, most)]
-    }
-
-    #[inline(always)]
-    pub(super) fn middle_and_half(&self) -> ([f32; CHUNKS], [f32; CHUNKS]) {
-        let (mut middle, mut half) = ([0.0; CHUNKS], [0.0; CHUNKS]);
-        for chunk in 0..CHUNKS {
-            middle[chunk] = 0.5 * (self.low[chunk] + self.high[chunk]);
-            half[chunk] = 0.5 * (self.high[chunk] - self.low[chunk]);
-        }
-        (middle, half)
-    }
-}
-
-/// Of every chunk: how far its origins lie before the plane, where rays cross it, how they are sheared.
-pub(super) struct Ranges {
-    pub(super) shift: Range,
-    pub(super) crossing: [Range; 2],
-    pub(super) shear: [Range; 2],
-}
-
-impl Ranges {
+impl PacketRanges {
     #[inline(always)]
     pub(super) fn new(packet: &Packet, plane: f32) -> Self {
         let axes = packet.axes();
@@ -80,9 +28,12 @@ impl Ranges {
             }
         }
         Self {
-            shift: Range::of(&shift[..filled]),
-            crossing: [Range::of(&at[0][..filled]), Range::of(&at[1][..filled])],
-            shear: [Range::of(&packet.shear[0][..filled]), Range::of(&packet.shear[1][..filled])],
+            shift: ChunkRange::of(&shift[..filled]),
+            crossing: [ChunkRange::of(&at[0][..filled]), ChunkRange::of(&at[1][..filled])],
+            shear: [
+                ChunkRange::of(&packet.shear[0][..filled]),
+                ChunkRange::of(&packet.shear[1][..filled]),
+            ],
         }
     }
 }
@@ -94,7 +45,7 @@ pub(super) fn narrowest_plane(packet: &Packet) -> f32 {
     let axes = packet.axes();
     let filled = packet.chunks();
     let rays = (filled * CHUNK) as f32;
-    let start = Range::of(&packet.origin[axes[2]][..filled]).all();
+    let start = ChunkRange::of(&packet.origin[axes[2]][..filled]).all();
     let start = 0.5 * (start[0] + start[1]);
     let (mut covariance, mut variance) = (0.0, 0.0);
     for k in 0..2 {
@@ -121,14 +72,4 @@ pub(super) fn narrowest_plane(packet: &Packet) -> f32 {
     let ahead = -covariance / variance * sign;
     // Not a number where all directions are the same.
     if ahead > 0.0 { start + sign * ahead.min(packet.t_max) } else { start }
-}
-
-/// Puts eight together, halving them: what is joined at a time does not depend on each other.
-#[inline(always)]
-pub(super) fn fold(numbers: &[f32; 8], join: impl Fn(f32, f32) -> f32) -> f32 {
-    let mut half = [0.0; 4];
-    for i in 0..4 {
-        half[i] = join(numbers[i], numbers[i + 4]);
-    }
-    join(join(half[0], half[1]), join(half[2], half[3]))
 }

@@ -1,6 +1,9 @@
+//! Closest hits, a beam at a time through the binary tree: the specification.
+
+use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::bvh::{Bvh, Hit, NO_HIT, Ray};
+use crate::bvh::{Bvh, Hit, MAX_DEPTH, NO_HIT, Ray};
 use crate::problem::{DevicePose, beam_direction, beam_origin};
 use crate::vehicle::BeamTable;
 
@@ -35,4 +38,66 @@ pub(super) fn cast_rows(
             }
         });
     });
+}
+
+impl Bvh {
+    /// The closest hit with 0 < t ≤ `t_max`; equal distances go to the lowest face index.
+    ///
+    /// CPU twin of `shaders/cast_closest.wgsl`.
+    pub fn closest_hit(&self, ray: &Ray) -> Hit {
+        let mut best = Hit { t: ray.t_max, prim: NO_HIT };
+        if self.nodes.is_empty() {
+            return best;
+        }
+        let mut stack = [0_u32; MAX_DEPTH];
+        let mut depth = 0;
+        let mut index = 0_usize;
+        loop {
+            let node = &self.nodes[index];
+            if node.count > 0 {
+                let first = node.first as usize;
+                for triangle in &self.triangles[first..first + node.count as usize] {
+                    ray.intersect(triangle, self.pad, &mut best);
+                }
+            } else {
+                let left = node.first as usize;
+                let (left_near, left_far) = self.enter(left, ray);
+                let (right_near, right_far) = self.enter(left + 1, ray);
+                // Equal to the best distance is still visited: a tie may have a lower id.
+                let visit_left = left_near <= left_far && left_near <= best.t;
+                let visit_right = right_near <= right_far && right_near <= best.t;
+                if visit_left && visit_right {
+                    let (near, far) =
+                        if left_near <= right_near { (left, left + 1) } else { (left + 1, left) };
+                    stack[depth] = far as u32;
+                    depth += 1;
+                    index = near;
+                    continue;
+                }
+                if visit_left || visit_right {
+                    index = if visit_left { left } else { left + 1 };
+                    continue;
+                }
+            }
+            if depth == 0 {
+                return best;
+            }
+            depth -= 1;
+            index = stack[depth] as usize;
+        }
+    }
+
+    /// [`Self::closest_hit`] by testing every triangle: the definition that the tree must meet.
+    pub fn closest_hit_brute_force(&self, ray: &Ray) -> Hit {
+        let mut best = Hit { t: ray.t_max, prim: NO_HIT };
+        for triangle in &self.triangles {
+            ray.intersect(triangle, self.pad, &mut best);
+        }
+        best
+    }
+
+    fn enter(&self, node: usize, ray: &Ray) -> (f32, f32) {
+        let node = &self.nodes[node];
+        ray.slab(Vec3::from(node.min), Vec3::from(node.max))
+    }
 }

@@ -3,6 +3,7 @@ use std::sync::Arc;
 use super::{Fidelity, merge_vertices};
 use crate::bvh::Bvh;
 use crate::engine::BackendError;
+use crate::memory::OutOfMemory;
 use crate::problem::{Content, Problem, shared_trees};
 use crate::psog::{GridError, Psog, Roi};
 use crate::scan::scan_scene;
@@ -24,6 +25,9 @@ pub enum FidelityError {
     /// The beams of a setting do not make a sensor.
     #[error(transparent)]
     Sensor(#[from] SensorError),
+    /// The trees of the frames do not fit into memory.
+    #[error(transparent)]
+    OutOfMemory(#[from] OutOfMemory),
     /// Scoring failed.
     #[error(transparent)]
     Backend(#[from] BackendError),
@@ -98,14 +102,14 @@ impl World {
     }
 
     /// Trees of all frames with every triangle, built on first use.
-    fn all_trees(&mut self, far: f32) -> &[Arc<Bvh>] {
+    fn all_trees(&mut self, far: f32) -> Result<&[Arc<Bvh>], OutOfMemory> {
         if !self.trees.iter().any(|(f, _)| *f == far) {
             let all: Vec<usize> = (0..self.scene.frame_count()).collect();
-            let trees = shared_trees(&all, far, |t| self.scene.frame(t, EgoBody::Include));
+            let trees = shared_trees(&all, far, |t| self.scene.frame(t, EgoBody::Include))?;
             self.trees.push((far, trees));
         }
         let (_, trees) = self.trees.iter().find(|(f, _)| *f == far).expect("there now");
-        trees
+        Ok(trees)
     }
 
     /// The problem that the scene poses at a setting.
@@ -124,9 +128,9 @@ impl World {
         let (far, cell) = (problem.far_range(), fidelity.detail * psog.roi().voxel()[0]);
         let trees = if cell > 0.0 {
             let soup = |t| merge_vertices(&self.scene.frame(t, EgoBody::Include), cell);
-            shared_trees(&frames, far, soup)
+            shared_trees(&frames, far, soup)?
         } else {
-            let all = self.all_trees(far);
+            let all = self.all_trees(far)?;
             frames.iter().map(|&t| all[t].clone()).collect()
         };
         Ok(Problem::new(*psog.roi(), content, table, trees, true))

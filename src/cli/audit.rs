@@ -130,7 +130,7 @@ fn azimuth_steps(scene: &Scene) -> f64 {
 
 fn audited(scene: &Scene, psog: &Psog, frames: &[usize], args: &Args) -> Result<Evaluator, Error> {
     let table = scene.lidar().table()?;
-    let problem = Problem::on_grid_of(psog, scene, table, frames);
+    let problem = Problem::on_grid_of(psog, scene, table, frames)?;
     let quiet =
         Compute { talk: super::args::Talk { quiet: true, verbose: false }, ..args.compute.clone() };
     load::evaluator(problem, &quiet)

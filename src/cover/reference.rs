@@ -15,7 +15,7 @@ use crate::vehicle::BeamTable;
 /// nothing or `hits` is `None`. `bitmaps` becomes `[poses × words]` in the order of
 /// [`BitOrder::linear`].
 ///
-/// CPU twin of `shaders/cover_bricks.wgsl` and of `shaders/cover_voxels.wgsl`.
+/// CPU twin of `shaders/cover_voxels.wgsl`.
 pub fn cover_voxels(
     poses: &[DevicePose],
     table: &BeamTable,

@@ -1,3 +1,5 @@
+//! Batches cut into chunks that fit memory and device limits.
+
 use std::ops::Range;
 
 use super::BackendError;

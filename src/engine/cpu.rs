@@ -18,21 +18,25 @@ use super::{Backend, BackendError, Chunk, ChunkLimits, check_frame, split};
 use crate::bvh::Hit;
 use crate::cast::cast_packets;
 use crate::cover::{BitOrder, Bitmaps, WalkScratch, cover_sensor};
+use crate::memory;
 use crate::problem::{DevicePose, Problem, StageTimes, Tally};
-use crate::reduce::{Worth, take_sums, take_sums_spread};
-use crate::vehicle::{Placement, SensorPose};
+use crate::reduce::{EntropyIndex, take_sums};
+use crate::vehicle::{MAX_LIDARS, Placement, SensorPose};
 
 /// Bytes of hits that one chunk uses at most: more gains nothing, since a chunk of this size already
 /// fills packets and keeps every core busy.
 const CHUNK_BYTES: u64 = 256 << 20;
-/// Placements a thread below which the threads share each placement: the last ones would leave some idle.
+/// Placements a thread below which threads share the sensors of each placement: the last placements
+/// would leave some threads idle.
 const FEW: usize = 4;
+/// More sensors than a placement has: one thread takes all of them.
+const ALL_SENSORS: usize = MAX_LIDARS + 1;
 
 /// Evaluates batches on the host's cores.
 pub struct CpuBackend {
     problem: Arc<Problem>,
     order: BitOrder,
-    worth: Worth,
+    entropies: EntropyIndex,
     memory: u64,
     times: StageTimes,
     /// Kept from batch to batch.
@@ -68,18 +72,18 @@ struct Part<'a> {
     weight: u64,
     /// Metres.
     range: f32,
-    /// Whether all threads share the sensors and the sums, because there are few parts.
-    spread: bool,
+    /// Fewest sensors that a thread takes.
+    sensors_a_task: usize,
 }
 
 impl CpuBackend {
     /// A backend that uses at most about `memory` bytes beside the problem itself.
     pub fn new(problem: Arc<Problem>, memory: u64) -> Self {
         let order = BitOrder::rows(problem.roi());
-        let worth = Worth::new(problem.content(), &order);
+        let entropies = EntropyIndex::new(problem.content(), &order);
         let times = StageTimes::default();
         let (walks, bitmaps) = (Pool::default(), Pool::default());
-        Self { problem, order, worth, memory, times, hits: Vec::new(), walks, bitmaps }
+        Self { problem, order, entropies, memory, times, hits: Vec::new(), walks, bitmaps }
     }
 
     fn poses(&self, placements: &[Placement]) -> Vec<DevicePose> {
@@ -102,12 +106,20 @@ impl CpuBackend {
     }
 
     /// Finds the hits of a chunk's beams in one frame, where the coverage needs them.
-    fn cast_frame(&mut self, poses: &[DevicePose], frame: usize, range: f32) {
+    fn cast_frame(
+        &mut self,
+        poses: &[DevicePose],
+        frame: usize,
+        range: f32,
+    ) -> Result<(), BackendError> {
         let start = Instant::now();
         if let Some(bvh) = self.problem.bvh(frame) {
+            let beams = poses.len() * self.problem.table().directions().len();
+            memory::reserve(&mut self.hits, beams, "hits")?;
             cast_packets(poses, self.problem.table(), bvh, range, &mut self.hits);
         }
         self.times.cast += start.elapsed();
+        Ok(())
     }
 
     /// Tallies of `placements` in one frame alone.
@@ -136,9 +148,9 @@ impl CpuBackend {
         for chunk in self.chunks(placements)? {
             let poses = self.poses(&placements[chunk.placements.clone()]);
             for &(frame, weight) in frames {
-                self.cast_frame(&poses, frame, range);
+                self.cast_frame(&poses, frame, range)?;
                 let start = Instant::now();
-                let spread = self.shares(&placements[chunk.placements.clone()]);
+                let sensors_a_task = self.sensors_a_task(&placements[chunk.placements.clone()]);
                 let mut tasks = Vec::new();
                 let mut first = 0;
                 for (placement, tally) in placements[chunk.placements.clone()]
@@ -146,7 +158,8 @@ impl CpuBackend {
                     .zip(&mut tallies[chunk.placements.clone()])
                 {
                     let poses = &poses[first..first + placement.lidars.len()];
-                    tasks.push((Part { poses, first, frame, weight, range, spread }, tally));
+                    tasks
+                        .push((Part { poses, first, frame, weight, range, sensors_a_task }, tally));
                     first += poses.len();
                 }
                 let of_tasks: Vec<[Duration; 2]> =
@@ -163,12 +176,12 @@ impl CpuBackend {
         Ok(tallies)
     }
 
-    /// Whether threads share each placement of a chunk, all of which then have bitmaps at a time.
-    fn shares(&self, placements: &[Placement]) -> bool {
+    /// 1 where threads share the sensors of each placement, all of which then have bitmaps at a time.
+    fn sensors_a_task(&self, placements: &[Placement]) -> usize {
         let sensors: usize = placements.iter().map(|p| p.lidars.len()).sum();
-        let bytes = 8 * (self.order.words() * sensors) as u64;
-        let threads = rayon::current_num_threads();
-        threads > 1 && placements.len() < FEW * threads && bytes <= self.memory / 2
+        let fit = 8 * (self.order.words() * sensors) as u64 <= self.memory / 2;
+        let few = placements.len() < FEW * rayon::current_num_threads();
+        if few && fit { 1 } else { ALL_SENSORS }
     }
 
     /// Covers the voxels of a part's sensors; `bitmaps` is `[sensors × words]` and zero.
@@ -182,11 +195,8 @@ impl CpuBackend {
             cover_sensor(pose, directions, problem.roi(), hits, part.range, &mut walk, bitmap);
             self.walks.put_back(walk);
         };
-        if part.spread {
-            bitmaps.par_chunks_mut(words).enumerate().for_each(cover);
-        } else {
-            bitmaps.chunks_mut(words).enumerate().for_each(cover);
-        }
+        let bitmaps = bitmaps.par_chunks_mut(words).with_min_len(part.sensors_a_task);
+        bitmaps.enumerate().for_each(cover);
     }
 
     fn hits_of(&self, sensor: usize) -> &[Hit] {
@@ -206,9 +216,8 @@ impl CpuBackend {
         let bitmaps = &mut kept[..sensors * words];
         self.cover(part, bitmaps);
         let covered = start.elapsed();
-        let sums = if part.spread { take_sums_spread } else { take_sums };
         let mut sum = Tally::zero(tally.by_class.len(), sensors);
-        sums(bitmaps, words, &self.worth, &mut sum);
+        take_sums(bitmaps, words, &self.entropies, &mut sum);
         self.bitmaps.put_back(kept);
         sum.beams = (sensors * self.problem.table().directions().len()) as u64;
         if self.problem.bvh(part.frame).is_some() {
@@ -241,6 +250,7 @@ impl Backend for CpuBackend {
         let poses: Vec<DevicePose> =
             poses.iter().map(|pose| DevicePose::new(pose, self.problem.roi())).collect();
         let mut hits = Vec::new();
+        memory::reserve(&mut hits, poses.len() * table.directions().len(), "hits")?;
         cast_packets(&poses, table, bvh, table.range(), &mut hits);
         self.times.cast += start.elapsed();
         Ok(hits)
@@ -251,10 +261,10 @@ impl Backend for CpuBackend {
         let roi = self.problem.roi();
         let poses: Vec<DevicePose> = poses.iter().map(|pose| DevicePose::new(pose, roi)).collect();
         let range = self.problem.table().range();
-        self.cast_frame(&poses, frame, range);
+        self.cast_frame(&poses, frame, range)?;
         let start = Instant::now();
-        let mut words = vec![0; poses.len() * self.order.words()];
-        let part = Part { poses: &poses, first: 0, frame, weight: 1, range, spread: true };
+        let mut words = memory::zeros(poses.len() * self.order.words(), "coverage bitmaps")?;
+        let part = Part { poses: &poses, first: 0, frame, weight: 1, range, sensors_a_task: 1 };
         self.cover(&part, &mut words);
         self.times.cover += start.elapsed();
         Ok(Bitmaps { order: self.order, words })

@@ -1,3 +1,5 @@
+//! A backend that goes on after its device is lost: on the same device, then on the CPU.
+
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::{Backend, BackendError};

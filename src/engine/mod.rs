@@ -17,14 +17,13 @@ mod cpu;
 mod failover;
 #[cfg(feature = "gpu")]
 pub mod gpu;
-mod memory;
 mod opening;
 mod reference;
 
+pub use crate::memory::{OutOfMemory, available_memory};
 pub use batch::{Chunk, ChunkLimits, split};
 pub use cpu::CpuBackend;
 pub use failover::{Failover, Reopen};
-pub use memory::available_memory;
 pub use opening::{EngineChoice, EngineKind, OpenError, Opened, open};
 pub use reference::ReferenceBackend;
 
@@ -50,6 +49,9 @@ pub enum BackendError {
         /// Bytes allowed by the device or the budget.
         limit: u64,
     },
+    /// The host has no memory for a buffer.
+    #[error(transparent)]
+    OutOfMemory(#[from] OutOfMemory),
     /// No Vulkan device, or none of the name asked for.
     #[error("no Vulkan device{}; install a driver or use --backend cpu", named(.name))]
     NoDevice {

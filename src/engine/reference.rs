@@ -1,3 +1,5 @@
+//! The engine of the plain reference functions.
+
 use std::sync::Arc;
 use std::time::Instant;
 

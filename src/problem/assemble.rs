@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::{Content, OccupiedVoxel, Problem, ProblemError};
 use crate::bvh::Bvh;
 use crate::geom::TriangleSoup;
+use crate::memory::{self, OutOfMemory};
 use crate::psog::{EntropyKind, EntropyTable, Psog, fixed};
 use crate::scene::{Coverage, EgoBody, Scene};
 use crate::vehicle::BeamTable;
@@ -83,37 +84,54 @@ impl Problem {
                 scene: words(bounds.min, bounds.voxel, bounds.shape),
             });
         }
-        Ok(Self::on_grid_of(psog, scene, table, frames))
+        Self::on_grid_of(psog, scene, table, frames)
     }
 
     /// As [`Self::from_scene`], over the P-SOG's own grid, whatever the scene's region of interest is.
-    pub fn on_grid_of(psog: &Psog, scene: &Scene, table: BeamTable, frames: &[usize]) -> Self {
+    ///
+    /// # Errors
+    /// The trees of the frames do not fit into memory.
+    pub fn on_grid_of(
+        psog: &Psog,
+        scene: &Scene,
+        table: BeamTable,
+        frames: &[usize],
+    ) -> Result<Self, ProblemError> {
         let roi = psog.roi();
         let content = Content::from_psog(psog, &scene.detection_among(psog.classes()));
         let far = Self::far_range_of(roi, table.range());
         let frames = if scene.has_geometry() { frames } else { &[] };
-        let frames = shared_trees(frames, far, |t| scene.frame(t, EgoBody::Include));
+        let frames = shared_trees(frames, far, |t| scene.frame(t, EgoBody::Include))?;
         let ends_at_hits = matches!(scene.coverage(), Coverage::FirstHit);
-        Self::new(*roi, content, table, frames, ends_at_hits).with_constraints(scene.mount().into())
+        let problem = Self::new(*roi, content, table, frames, ends_at_hits);
+        Ok(problem.with_constraints(scene.mount().into()))
     }
 }
 
+/// Bytes a triangle while a tree is built: soup, triangles twice, items of the builder, nodes, blocks.
+const TREE_BYTES: u64 = 300;
+
 /// The tree of each of `frames`, for hits up to `far` metres away; frames whose triangles are equal bit
 /// by bit share one.
+///
+/// # Errors
+/// The trees do not fit into memory.
 pub fn shared_trees(
     frames: &[usize],
     far: f32,
     soup_of: impl Fn(usize) -> TriangleSoup + Sync,
-) -> Vec<Arc<Bvh>> {
+) -> Result<Vec<Arc<Bvh>>, OutOfMemory> {
     let hash = |&t: &usize| {
-        let mut hasher = DefaultHasher::new();
-        bits(&soup_of(t)).hash(&mut hasher);
-        hasher.finish()
+        let (soup, mut hasher) = (soup_of(t), DefaultHasher::new());
+        bits(&soup).hash(&mut hasher);
+        (hasher.finish(), soup.faces.len() as u64)
     };
-    let hashes: Vec<u64> = frames.par_iter().map(hash).collect();
-    let mut first = HashMap::new();
+    let hashes: Vec<(u64, u64)> = frames.par_iter().map(hash).collect();
+    let mut distinct = HashMap::new();
     let first: Vec<usize> =
-        hashes.iter().enumerate().map(|(k, hash)| *first.entry(hash).or_insert(k)).collect();
+        hashes.iter().enumerate().map(|(k, hash)| *distinct.entry(hash).or_insert(k)).collect();
+    let triangles: u64 = distinct.keys().map(|(_, triangles)| triangles).sum();
+    memory::check("the trees of the frames", TREE_BYTES * triangles)?;
     let build = |k: usize| {
         let soup = soup_of(frames[k]);
         let is_equal = first[k] < k && bits(&soup_of(frames[first[k]])) == bits(&soup);
@@ -121,9 +139,9 @@ pub fn shared_trees(
     };
     let built: Vec<Option<Arc<Bvh>>> = (0..frames.len()).into_par_iter().map(build).collect();
     let tree = |k: usize| built[k].as_ref().or(built[first[k]].as_ref());
-    (0..frames.len())
-        .map(|k| tree(k).expect("the first of equal frames is built").clone())
-        .collect()
+    let trees =
+        (0..frames.len()).map(|k| tree(k).expect("the first of equal frames is built").clone());
+    Ok(trees.collect())
 }
 
 /// All that a frame is.

@@ -1,3 +1,5 @@
+//! Direction and origin of a beam in the ego frame.
+
 use glam::Vec3;
 
 use super::{DevicePose, TINY_COMPONENT};

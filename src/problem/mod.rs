@@ -19,6 +19,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use crate::bvh::Bvh;
+use crate::memory::OutOfMemory;
 use crate::psog::Roi;
 use crate::vehicle::{BeamTable, Constraints};
 
@@ -113,6 +114,9 @@ pub enum ProblemError {
         /// Grid of the scene in words.
         scene: String,
     },
+    /// The trees of the frames do not fit into memory.
+    #[error(transparent)]
+    OutOfMemory(#[from] OutOfMemory),
 }
 
 /// `wanted` of `count` frames, spread evenly from the first on; all of them if `None`.

@@ -1,3 +1,5 @@
+//! Sums that a placement is scored by, and the time they took.
+
 use std::ops::AddAssign;
 use std::time::Duration;
 

@@ -1,13 +1,13 @@
+//! Sums over bitmaps, a word of 64 voxels at a time.
+
 use multiversion::multiversion;
 use rayon::prelude::*;
 
 use crate::cover::BitOrder;
 use crate::problem::{Content, Tally};
 
-/// Words that are put together at a time: they stay in the first-level cache for all sums.
+/// Words of a block, 4 KiB a sensor: its union stays in the first-level cache for all sums.
 const BLOCK: usize = 512;
-/// Tasks that the sums of one placement are cut into when threads share them, about.
-const PARTS: usize = 16;
 
 /// Voxels of one 64-bit word of a bitmap.
 struct Word {
@@ -49,14 +49,15 @@ impl Words {
     }
 }
 
-/// A [`Content`] by words of the bitmaps: what [`super::reduce()`] looks up a voxel at a time.
-pub(crate) struct Worth {
+/// A [`Content`] by words of the bitmaps: entropies and classes are looked up for the covered voxels
+/// of a word at once, where [`super::reduce()`] asks for one voxel after another.
+pub(crate) struct EntropyIndex {
     occupied: Words,
     entropy: Vec<[u32; 3]>,
     classes: Vec<Words>,
 }
 
-impl Worth {
+impl EntropyIndex {
     /// For bitmaps of an order.
     pub(crate) fn new(content: &Content, order: &BitOrder) -> Self {
         let bit = |voxel| order.bit_of(voxel);
@@ -80,52 +81,18 @@ impl Worth {
 /// Adds the sums over the voxels that the sensors of one placement cover, and clears their bitmaps.
 ///
 /// `bitmaps` is `[sensors × words]`. The same sums as [`super::reduce()`].
-pub(crate) fn take_sums(bitmaps: &mut [u64], words: usize, worth: &Worth, tally: &mut Tally) {
-    let mut maps: Vec<&mut [u64]> = bitmaps.chunks_exact_mut(words).collect();
-    take_blocks(&mut maps, 0, worth, tally);
-}
-
-/// [`take_sums`] that leaves the bitmaps as they are.
-pub(crate) fn add_sums(bitmaps: &[u64], words: usize, worth: &Worth, tally: &mut Tally) {
-    for (block, first) in (0..words).step_by(BLOCK).enumerate() {
-        let range = first..words.min(first + BLOCK);
-        let maps = bitmaps.chunks_exact(words).map(|map| &map[range.clone()]);
-        let maps: Vec<&[u64]> = maps.collect();
-        add_block(&maps, block, worth, tally);
-    }
-}
-
-/// [`take_sums`] by all threads.
-pub(crate) fn take_sums_spread(
+pub(crate) fn take_sums(
     bitmaps: &mut [u64],
     words: usize,
-    worth: &Worth,
+    index: &EntropyIndex,
     tally: &mut Tally,
 ) {
-    let blocks = words.div_ceil(BLOCK * PARTS).max(1);
-    let mut parts: Vec<Vec<&mut [u64]>> = Vec::new();
-    for map in bitmaps.chunks_exact_mut(words) {
-        parts.resize_with(words.div_ceil(blocks * BLOCK), Vec::new);
-        parts.iter_mut().zip(map.chunks_mut(blocks * BLOCK)).for_each(|(part, m)| part.push(m));
-    }
-    let zero = || Tally::zero(tally.by_class.len(), tally.unique.len());
-    let sums = parts.into_par_iter().enumerate().map(|(index, mut maps)| {
-        let mut sums = zero();
-        take_blocks(&mut maps, index * blocks, worth, &mut sums);
-        sums
-    });
-    for sums in sums.collect::<Vec<_>>() {
-        *tally += &sums;
-    }
-}
-
-/// [`take_sums`] over some of the words of each sensor, the first of which begins `first_block`.
-fn take_blocks(maps: &mut [&mut [u64]], first_block: usize, worth: &Worth, tally: &mut Tally) {
-    let words = maps.first().map_or(0, |map| map.len());
-    for (block, first) in (first_block..).zip((0..words).step_by(BLOCK)) {
+    let mut maps: Vec<&mut [u64]> = bitmaps.chunks_exact_mut(words).collect();
+    for (block, first) in (0..words).step_by(BLOCK).enumerate() {
         let range = first..words.min(first + BLOCK);
         let parts: Vec<&[u64]> = maps.iter().map(|map| &map[range.clone()]).collect();
-        add_block(&parts, block, worth, tally);
+        add_block(&parts, block, index, tally);
+        // While the block is in the first-level cache.
         maps.iter_mut().for_each(|map| map[range.clone()].fill(0));
     }
 }
@@ -135,7 +102,7 @@ fn take_blocks(maps: &mut [&mut [u64]], first_block: usize, worth: &Worth, tally
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+avx512vpopcntdq+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
-fn add_block(maps: &[&[u64]], block: usize, worth: &Worth, tally: &mut Tally) {
+fn add_block(maps: &[&[u64]], block: usize, index: &EntropyIndex, tally: &mut Tally) {
     let len = maps.first().map_or(0, |map| map.len().min(BLOCK));
     let (mut any, mut twice) = ([0_u64; BLOCK], [0_u64; BLOCK]);
     for map in maps {
@@ -146,12 +113,12 @@ fn add_block(maps: &[&[u64]], block: usize, worth: &Worth, tally: &mut Tally) {
         }
     }
     tally.covered += any[..len].iter().map(|word| u64::from(word.count_ones())).sum::<u64>();
-    for word in worth.occupied.of_block(block) {
+    for word in index.occupied.of_block(block) {
         let at = word.index as usize % BLOCK;
         let mut bits = any[at] & word.mask;
         tally.covered_nonzero += u64::from(bits.count_ones());
         while bits != 0 {
-            for (sum, entropy) in tally.entropy.iter_mut().zip(worth.entropy[rank(word, bits)]) {
+            for (sum, entropy) in tally.entropy.iter_mut().zip(index.entropy[rank(word, bits)]) {
                 *sum += u64::from(entropy);
             }
             bits &= bits - 1;
@@ -161,13 +128,13 @@ fn add_block(maps: &[&[u64]], block: usize, worth: &Worth, tally: &mut Tally) {
             for (map, sum) in maps.iter().zip(&mut tally.unique) {
                 let mut bits = map[at] & once;
                 while bits != 0 {
-                    *sum += u64::from(worth.entropy[rank(word, bits)][0]);
+                    *sum += u64::from(index.entropy[rank(word, bits)][0]);
                     bits &= bits - 1;
                 }
             }
         }
     }
-    for (class, count) in worth.classes.iter().zip(&mut tally.by_class) {
+    for (class, count) in index.classes.iter().zip(&mut tally.by_class) {
         for word in class.of_block(block) {
             let covered = any[word.index as usize % BLOCK] & word.mask;
             *count += u64::from(covered.count_ones());

@@ -3,5 +3,5 @@
 mod entropy_index;
 mod reference;
 
-pub(crate) use entropy_index::{Worth, add_sums, take_sums, take_sums_spread};
+pub(crate) use entropy_index::{EntropyIndex, take_sums};
 pub use reference::reduce;

@@ -1,3 +1,5 @@
+//! Integer sums over covered voxels, a voxel at a time: the specification.
+
 use rayon::prelude::*;
 
 use crate::bvh::{Hit, NO_HIT};

@@ -1,3 +1,5 @@
+//! Neighbouring rays of a virtual scan, turned and cast together.
+
 use glam::{DMat3, DVec3};
 use multiversion::multiversion;
 

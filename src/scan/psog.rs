@@ -1,3 +1,5 @@
+//! P-SOGs from virtual scans of every frame of a scene.
+
 use std::f64::consts::TAU;
 
 use glam::DVec3;

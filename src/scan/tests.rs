@@ -1,3 +1,5 @@
+//! Bundles against single rays.
+
 use glam::{DMat3, DVec3};
 use rand::RngExt;
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};

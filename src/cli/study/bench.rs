@@ -102,7 +102,7 @@ impl<'a> Bench<'a> {
         let problem = if std::ptr::eq(psog, &*self.psog) {
             Problem::from_scene(&self.scene, psog, table, &frames)?
         } else {
-            Problem::on_grid_of(psog, &self.scene, table, &frames)
+            Problem::on_grid_of(psog, &self.scene, table, &frames)?
         };
         load::evaluator(problem.with_constraints(constraints), &self.compute)
     }

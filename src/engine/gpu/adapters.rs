@@ -1,3 +1,5 @@
+//! Vulkan devices of this machine, best first.
+
 use serde::Serialize;
 
 /// One Vulkan device as reported by its driver.
@@ -21,7 +23,8 @@ pub struct AdapterSummary {
     pub auto: bool,
 }
 
-/// Every Vulkan device of this machine, the one that is taken by default first.
+/// Every Vulkan device of this machine, best first; none is opened. The first is the one that
+/// [`GpuBackend::new`](super::GpuBackend::new) takes when no name is given.
 pub fn list_adapters() -> Vec<AdapterSummary> {
     let ranked = ranked_adapters(&instance());
     let summaries = ranked.iter().enumerate().map(|(index, adapter)| {
@@ -29,13 +32,13 @@ pub fn list_adapters() -> Vec<AdapterSummary> {
         let limits = adapter.limits();
         AdapterSummary {
             kind: kind(info.device_type),
+            auto: index == 0 && info.device_type != wgpu::DeviceType::Cpu,
             name: info.name,
             driver: info.driver,
             driver_info: info.driver_info,
             max_binding: limits.max_storage_buffer_binding_size,
             max_buffer: limits.max_buffer_size,
             max_workgroup: limits.max_compute_invocations_per_workgroup,
-            auto: index == 0 && info.device_type != wgpu::DeviceType::Cpu,
         }
     });
     summaries.collect()

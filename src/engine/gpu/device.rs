@@ -1,16 +1,16 @@
+//! An open device: its errors, its buffers, and writes to them.
+
 use std::sync::{Arc, Mutex};
 
 use super::adapters::{instance, ranked_adapters};
 use crate::engine::BackendError;
 
-/// An open device. Errors of the driver are kept here until [`Self::check`] hands them out, so that
-/// wgpu's default of a panic never reaches a user.
+/// An open device. Errors of the driver wait here for [`Self::check`], instead of wgpu's default, a panic.
 pub(super) struct Device {
     device: wgpu::Device,
     queue: wgpu::Queue,
     adapter: String,
     software: bool,
-    maps: bool,
     failure: Arc<Mutex<Option<String>>>,
     /// Buffers for copies to the host, kept from one to the next.
     staging: Mutex<Vec<wgpu::Buffer>>,
@@ -28,11 +28,8 @@ impl Device {
             .ok_or_else(|| BackendError::NoDevice { name: name.map(str::to_owned) })?;
         let info = adapter.get_info();
         let software = info.device_type == wgpu::DeviceType::Cpu;
-        let mapping = wgpu::Features::MAPPABLE_PRIMARY_BUFFERS;
-        let maps = software && adapter.features().contains(mapping);
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("sightline"),
-            required_features: if maps { mapping } else { wgpu::Features::empty() },
             required_limits: adapter.limits(),
             ..Default::default()
         };
@@ -58,17 +55,12 @@ impl Device {
         });
         let adapter = format!("{} ({} {})", info.name, info.driver, info.driver_info);
         let staging = Mutex::default();
-        Ok(Self { device, queue, adapter, software, maps, failure, staging })
+        Ok(Self { device, queue, adapter, software, failure, staging })
     }
 
     /// Whether the device is a program on the host.
     pub(super) fn is_software(&self) -> bool {
         self.software
-    }
-
-    /// Whether the host reads what kernels write where it lies: a program on the host has its memory.
-    pub(super) fn maps(&self) -> bool {
-        self.maps
     }
 
     pub(super) fn adapter(&self) -> &str {
@@ -98,7 +90,7 @@ impl Device {
         BackendError::Device { adapter: self.adapter.clone(), stage, message }
     }
 
-    /// A buffer of at least one vector, for kernels to read or write.
+    /// A buffer of at least `bytes` bytes.
     pub(super) fn buffer(
         &self,
         what: &'static str,
@@ -119,7 +111,7 @@ impl Device {
         Ok(buffer)
     }
 
-    /// A storage buffer that holds `data` for good.
+    /// A storage buffer that holds `data`.
     pub(super) fn upload<T: bytemuck::NoUninit>(
         &self,
         what: &'static str,
@@ -128,59 +120,12 @@ impl Device {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let buffer = self.buffer(what, size_of_val(data) as u64, usage)?;
         self.write(&buffer, data);
-        // Flushed one by one: staging memory of several large uploads would add up.
+        // Submits each upload alone: staging memory of several large ones would add up.
         self.queue.submit([]);
         Ok(buffer)
     }
 
-    /// A storage texture that holds vectors of four numbers for good, in rows of `row`: a software device
-    /// loads such a vector at once, without looking for levels of detail as in a sampled one.
-    pub(super) fn upload_texels(
-        &self,
-        what: &'static str,
-        mut texels: Vec<[u32; 4]>,
-        row: u32,
-    ) -> Result<wgpu::TextureView, BackendError> {
-        let rows = texels.len().div_ceil(row as usize);
-        if rows > self.device.limits().max_texture_dimension_2d as usize {
-            let limit = self.max_texels(row) * size_of::<[u32; 4]>() as u64;
-            let need = size_of_val(texels.as_slice()) as u64;
-            return Err(BackendError::TooLarge { what, need, limit });
-        }
-        texels.resize(rows * row as usize, [0; 4]);
-        let size = wgpu::Extent3d { width: row, height: rows as u32, depth_or_array_layers: 1 };
-        let texture = self.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some(what),
-            size,
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Rgba32Uint,
-            usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        });
-        let layout = wgpu::TexelCopyBufferLayout {
-            offset: 0,
-            bytes_per_row: Some(row * size_of::<[u32; 4]>() as u32),
-            rows_per_image: None,
-        };
-        self.queue.write_texture(
-            texture.as_image_copy(),
-            bytemuck::cast_slice(&texels),
-            layout,
-            size,
-        );
-        self.queue.submit([]);
-        self.check("uploading a texture")?;
-        Ok(texture.create_view(&Default::default()))
-    }
-
-    /// Most vectors of a texture in rows of `row`.
-    pub(super) fn max_texels(&self, row: u32) -> u64 {
-        u64::from(row) * u64::from(self.device.limits().max_texture_dimension_2d)
-    }
-
-    /// Writes `data` behind `index` such values.
+    /// Writes `data` behind `index` elements of its size.
     pub(super) fn write_at<T: bytemuck::NoUninit>(
         &self,
         buffer: &wgpu::Buffer,

@@ -1,81 +1,44 @@
+//! The compute kernels: their sources, pipelines and bind groups.
+
 use std::collections::HashMap;
 use std::sync::{Mutex, OnceLock};
 
 use super::device::Device;
-use crate::engine::gpu::layout::{MAX_WORKGROUPS, PACKET_FOURS, WORKGROUP_SIZE, prelude};
+use super::layout::{MAX_WORKGROUPS, WORKGROUP_SIZE, prelude};
 
 const BEAM: &str = include_str!("../../../shaders/common/beam.wgsl");
-const RAY: &str = include_str!("../../../shaders/common/ray.wgsl");
-const PACKET: &str = include_str!("../../../shaders/common/packet.wgsl");
 const COVERED: &str = include_str!("../../../shaders/common/covered.wgsl");
 
-/// (kernel, parts of its source): the name is that of the file, the entry point and the CPU twin.
-pub(crate) const SOURCES: [(&str, &[&str]); 8] = [
-    ("cast_closest", &[BEAM, RAY, include_str!("../../../shaders/cast_closest.wgsl")]),
-    ("cast_packets", &[BEAM, RAY, PACKET, include_str!("../../../shaders/cast_packets.wgsl")]),
-    ("cast_mixed", &[BEAM, RAY, PACKET, include_str!("../../../shaders/cast_mixed.wgsl")]),
-    ("cover_bricks", &[BEAM, include_str!("../../../shaders/cover_bricks.wgsl")]),
+/// (kernel, parts of its source): file, entry point, pipeline label and CPU twin share the name.
+const SOURCES: [(&str, &[&str]); 5] = [
+    ("cast_closest", &[BEAM, include_str!("../../../shaders/cast_closest.wgsl")]),
     ("cover_voxels", &[BEAM, include_str!("../../../shaders/cover_voxels.wgsl")]),
     ("reduce_words", &[BEAM, include_str!("../../../shaders/reduce_words.wgsl"), COVERED]),
     ("reduce_occupied", &[BEAM, include_str!("../../../shaders/reduce_occupied.wgsl"), COVERED]),
     ("reduce_classes", &[BEAM, include_str!("../../../shaders/reduce_classes.wgsl"), COVERED]),
 ];
 
-/// What of the kernels' source depends on the scene.
-#[derive(Clone, Copy)]
-pub(crate) struct SceneConstants {
-    /// Entries of the stack where beams go down a tree one by one.
-    pub(crate) stack: usize,
-    /// Whether the beams of a packet are sifted before they are tested.
-    pub(crate) sifted: bool,
-}
+/// Key of a bind group: the number of a kernel and its buffers.
+type Bound = (usize, Vec<wgpu::Buffer>);
 
-/// Source of a kernel as it is compiled.
-pub(crate) fn source(parts: &[&str], constants: SceneConstants) -> String {
-    let SceneConstants { stack, sifted } = constants;
-    let own = format!("const TREE_STACK: u32 = {stack}u;\nconst BEAMS_SIFTED: bool = {sifted};\n");
-    prelude() + &own + &unrolled(&parts.concat())
-}
-
-/// Repeats what is done with each four of a packet, so that no number is looked up by its index: drivers
-/// unroll such a loop by themselves for small bodies only.
-fn unrolled(source: &str) -> String {
-    const LOOP: &str = "for (var k = 0u; k < PACKET_FOURS; k++) {";
-    let mut text = String::with_capacity(2 * source.len());
-    let mut lines = source.lines();
-    while let Some(line) = lines.next() {
-        if line.trim_start() == LOOP {
-            let end = line.replace(LOOP, "}");
-            let body: Vec<&str> = lines.by_ref().take_while(|line| *line != end).collect();
-            let body = body.join("\n");
-            text.extend((0..PACKET_FOURS).map(|k| format!("{{ const k = {k}u;\n{body}\n}}\n")));
-        } else {
-            text.extend([line, "\n"]);
-        }
-    }
-    text
-}
-
-/// What a bind group binds: the number of a kernel, its buffers and its texture.
-type Bound = (usize, Vec<wgpu::Buffer>, Option<wgpu::TextureView>);
-
-/// Kernels, each compiled when it is first needed, and what they were bound to.
+/// Kernels, each compiled at its first use, and their bind groups.
 pub(super) struct Kernels {
-    constants: SceneConstants,
+    /// Entries of the stack for walks down a tree.
+    stack: usize,
     pipelines: [OnceLock<wgpu::ComputePipeline>; SOURCES.len()],
     groups: Mutex<HashMap<Bound, wgpu::BindGroup>>,
 }
 
 impl Kernels {
-    /// Kernels for a scene.
-    pub(super) fn new(constants: SceneConstants) -> Self {
-        Self { constants, pipelines: Default::default(), groups: Mutex::default() }
+    /// Kernels for trees whose paths need `stack` entries.
+    pub(super) fn new(stack: usize) -> Self {
+        Self { stack, pipelines: Default::default(), groups: Mutex::default() }
     }
 
-    /// Compiles those of some kernels that are not yet, side by side.
-    pub(super) fn compile(&self, device: &Device, kernels: &[&str]) {
+    /// Compiles the kernels that a batch needs and that are not compiled yet, side by side.
+    pub(super) fn compile(&self, device: &Device, needs: impl Fn(&str) -> bool) {
         let missing = (0..SOURCES.len())
-            .filter(|&k| kernels.contains(&SOURCES[k].0) && self.pipelines[k].get().is_none());
+            .filter(|&k| needs(SOURCES[k].0) && self.pipelines[k].get().is_none());
         std::thread::scope(|scope| {
             missing.for_each(|kernel| {
                 scope.spawn(move || self.pipeline(device, kernel));
@@ -86,9 +49,10 @@ impl Kernels {
     fn pipeline(&self, device: &Device, kernel: usize) -> &wgpu::ComputePipeline {
         let (name, parts) = SOURCES[kernel];
         self.pipelines[kernel].get_or_init(|| {
+            let source = prelude(self.stack) + &parts.concat();
             let module = device.wgpu().create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(name),
-                source: wgpu::ShaderSource::Wgsl(source(parts, self.constants).into()),
+                source: wgpu::ShaderSource::Wgsl(source.into()),
             });
             device.wgpu().create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(name),
@@ -101,44 +65,41 @@ impl Kernels {
         })
     }
 
-    /// Records one dispatch; buffers are bound in the order of the kernel's binding numbers, the texture
-    /// of a tree after them.
+    /// Records one dispatch; buffers are bound in the order of the kernel's binding numbers.
     pub(super) fn dispatch(
         &self,
         device: &Device,
         encoder: &mut wgpu::CommandEncoder,
         kernel: &str,
         buffers: &[&wgpu::Buffer],
-        tree: Option<&wgpu::TextureView>,
-        workgroups: [u32; 3],
+        [x, y, z]: [u32; 3],
     ) {
         let named = SOURCES.iter().position(|(name, _)| *name == kernel);
         let kernel = named.expect("a kernel of the list above");
         let pipeline = self.pipeline(device, kernel);
-        let group = self.group(device, pipeline, kernel, buffers, tree);
+        let group = self.group(device, pipeline, kernel, buffers);
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &group, &[]);
-        let [x, y, z] = workgroups;
         pass.dispatch_workgroups(x, y, z);
     }
 
-    /// The bind group of what is bound, made once.
+    /// The bind group of a kernel and its buffers, made once.
     fn group(
         &self,
         device: &Device,
         pipeline: &wgpu::ComputePipeline,
         kernel: usize,
         buffers: &[&wgpu::Buffer],
-        tree: Option<&wgpu::TextureView>,
     ) -> wgpu::BindGroup {
-        let bound = (kernel, buffers.iter().map(|&buffer| buffer.clone()).collect(), tree.cloned());
+        let bound = (kernel, buffers.iter().map(|&buffer| buffer.clone()).collect());
         let make = || {
-            let buffers = buffers.iter().map(|buffer| buffer.as_entire_binding());
-            let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
-                .chain(tree.map(wgpu::BindingResource::TextureView))
-                .zip(0..)
-                .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource })
+            let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
+                .zip(buffers)
+                .map(|(binding, buffer)| wgpu::BindGroupEntry {
+                    binding,
+                    resource: buffer.as_entire_binding(),
+                })
                 .collect();
             device.wgpu().create_bind_group(&wgpu::BindGroupDescriptor {
                 label: None,
@@ -152,7 +113,7 @@ impl Kernels {
         }
     }
 
-    /// Lets go of the buffers that were bound, which are about to be replaced.
+    /// Drops all bind groups, which would keep their buffers alive.
     pub(super) fn unbind(&self) {
         if let Ok(mut groups) = self.groups.lock() {
             groups.clear();
@@ -160,8 +121,8 @@ impl Kernels {
     }
 }
 
-/// Workgroups for `directions` beams of each of `sensors` sensors: x holds the beams and spills into
-/// z beyond the limit of a dimension.
+/// Workgroups for `directions` beams of each of `sensors` sensors, [x, y, z]: sensors along y, beams along x
+/// and, beyond the limit of a dimension, z. Example: 70 000 · 64 directions give [35 000, sensors, 2].
 pub(super) fn beam_workgroups(directions: u32, sensors: u32) -> [u32; 3] {
     let groups = directions.div_ceil(WORKGROUP_SIZE);
     let z = groups.div_ceil(MAX_WORKGROUPS);
@@ -179,8 +140,8 @@ mod tests {
     use crate::engine::gpu::layout::Uniforms;
     use crate::problem::{DevicePose, OccupiedVoxel};
 
-    fn parsed(parts: &[&str], sifted: bool) -> naga::Module {
-        let source = source(parts, SceneConstants { stack: 48, sifted });
+    fn parsed(parts: &[&str]) -> naga::Module {
+        let source = prelude(48) + &parts.concat();
         naga::front::wgsl::parse_str(&source)
             .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&source)))
     }
@@ -188,19 +149,43 @@ mod tests {
     #[test]
     fn kernels_need_no_extra_capabilities() {
         for (name, parts) in SOURCES {
-            for sifted in [false, true] {
-                let module = parsed(parts, sifted);
-                let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
-                validator.validate(&module).unwrap_or_else(|error| panic!("{name}: {error:?}"));
-                assert_eq!(module.entry_points[0].name, name);
+            let module = parsed(parts);
+            let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+            validator.validate(&module).unwrap_or_else(|error| panic!("{name}: {error:?}"));
+            assert_eq!(module.entry_points[0].name, name);
+        }
+    }
+
+    #[test]
+    fn headers_name_files_that_exist() {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+        for (name, parts) in SOURCES {
+            let header: Vec<&str> = parts
+                .iter()
+                .flat_map(|part| part.lines())
+                .filter(|l| l.starts_with("//"))
+                .collect();
+            let header = header.join(" ");
+            assert!(header.contains(&format!("// {name}: ")), "{name} has no header");
+            let words = header.split([' ', ',', ';', '(', ')']);
+            let files = words.filter(|word| word.starts_with("src/"));
+            let mut named = 0;
+            for word in files {
+                let (file, function) = word.split_once("::").unwrap_or((word, ""));
+                let text = std::fs::read_to_string(root.join(file))
+                    .unwrap_or_else(|error| panic!("{name}: {file}: {error}"));
+                let item = function.rsplit("::").next().unwrap_or_default();
+                assert!(text.contains(item), "{name}: {file} has no {item}");
+                named += 1;
             }
+            assert!(named >= 2, "{name} names no twin");
         }
     }
 
     /// (field, offset) of a struct, and its stride, as the shader compiler lays it out.
     fn layout(kernel: &str, name: &str) -> (Vec<(String, usize)>, usize) {
         let parts = SOURCES.iter().find(|(k, _)| *k == kernel).unwrap().1;
-        let module = parsed(parts, false);
+        let module = parsed(parts);
         let (_, found) = module
             .types
             .iter()
@@ -230,8 +215,7 @@ mod tests {
             shape => "shape", direction_count => "direction_count", voxel => "voxel",
             range => "range", bitmap_words => "bitmap_words", node_count => "node_count",
             pad => "pad", occupied_count => "occupied_count", class_count => "class_count",
-            walk_pass => "walk_pass", first_sensor => "first_sensor",
-            ends_at_hits => "ends_at_hits",
+            ends_at_hits => "ends_at_hits", spare => "spare",
         ]);
         same_layout!("cast_closest", Node, [
             corner => "corner", low_x => "low_x", step => "step", low_y => "low_y",

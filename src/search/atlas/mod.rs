@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use crate::cover::{BitOrder, Bitmaps};
 use crate::engine::{Backend, BackendError};
+use crate::memory;
 use crate::problem::{Problem, Tally};
 use crate::vehicle::PoseGrid;
 use order::{LevelOrder, ToLevels, count_union};
@@ -231,6 +232,8 @@ impl Atlas {
     ) -> Result<Vec<Vec<u64>>, BackendError> {
         let poses: Vec<_> = numbers.iter().map(|&number| self.grid.pose(number)).collect();
         let (frames, each) = (self.problem.frame_count(), self.frame_words());
+        let bytes = 8 * (numbers.len() * frames * each) as u64;
+        memory::check("bitmaps of sensor poses", bytes)?;
         // By the threads that fill them: the first touch of new memory takes as long as the copy.
         let mut pages: Vec<Vec<u64>> = numbers.par_iter().map(|_| vec![0; frames * each]).collect();
         for frame in 0..frames {

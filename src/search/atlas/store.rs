@@ -18,7 +18,7 @@ const KERNELS: [&str; 5] = [
     env!("CARGO_PKG_VERSION"),
     include_str!("../../../shaders/common/beam.wgsl"),
     include_str!("../../../shaders/cast_closest.wgsl"),
-    include_str!("../../../shaders/cover_bricks.wgsl"),
+    include_str!("../../../shaders/cover_voxels.wgsl"),
     include_str!("../../../shaders/cover_voxels.wgsl"),
 ];
 /// Length of a SHA-256.

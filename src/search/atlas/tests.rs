@@ -1,3 +1,5 @@
+//! Pages in a store that is not to be trusted.
+
 use std::fs;
 
 use super::*;

@@ -1,28 +1,31 @@
+//! The eight-wide tree of the CPU's vector instructions, collapsed from the binary one.
+
 use super::{Node, Triangle};
 
-/// Children of a wide node, and most triangles of a block.
+/// Children of a node, and most triangles of a block.
 pub(crate) const WIDTH: usize = 8;
 /// Bit of a child that marks a block of triangles.
 const LEAF: u32 = 1 << 31;
 
-/// The binary tree for packets: its nodes merged into wide ones, its lowest leaves into blocks.
+/// The binary tree with its nodes merged eight by eight, and its lowest subtrees made blocks of
+/// triangles (Wald, Benthin, Boulos: "Getting rid of packets", 2008, for the shape).
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Wide {
+pub(crate) struct Bvh8 {
     /// The root comes first; none without triangles.
-    pub(crate) nodes: Vec<WideNode>,
+    pub(crate) nodes: Vec<Node8>,
     /// Leaves.
     pub(crate) blocks: Vec<Block>,
 }
 
-/// Eight children of the binary tree side by side, 224 bytes: one visit tests all of them.
+/// Eight descendants of a binary node side by side, 224 bytes: 192 of planes and 32 of children.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct WideNode {
+pub(crate) struct Node8 {
     /// Lower and upper corners by axis, side and child; unused slots hold the empty box.
     pub(crate) planes: [[[f32; WIDTH]; 2]; 3],
     pub(crate) children: [Child; WIDTH],
 }
 
-/// Up to eight triangles side by side, 296 bytes: one visit sorts out those that a packet passes by.
+/// Up to eight triangles side by side, 296 bytes: 288 of corners, 4 of `first`, 4 of `count`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Block {
     /// Corners by corner, axis and triangle; unused slots repeat the first triangle.
@@ -33,7 +36,8 @@ pub(crate) struct Block {
     pub(crate) count: u32,
 }
 
-/// A wide node's child: another wide node or a block.
+/// A child of a [`Node8`], 32 bits: bit 31 marks a block, bits 0 to 30 are the index of the block or
+/// of the node, e.g. 0x8000_0005 is block 5 and 0x0000_0005 node 5.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Child(u32);
 
@@ -49,7 +53,7 @@ impl Child {
         Self(bits)
     }
 
-    /// Index of a block, or of a wide node as the error.
+    /// Index of a block, or of a node as the error.
     pub(crate) fn get(self) -> Result<usize, usize> {
         if self.0 & LEAF != 0 { Ok((self.0 ^ LEAF) as usize) } else { Err(self.0 as usize) }
     }
@@ -66,12 +70,12 @@ struct Collapse<'a> {
     nodes: &'a [Node],
     triangles: &'a [Triangle],
     below: Vec<Below>,
-    wide: Wide,
+    bvh8: Bvh8,
 }
 
-impl Wide {
-    /// Merges the binary tree's nodes into wide ones: each takes over the grandchildren of its largest
-    /// children until eight are together. Whatever holds at most eight triangles becomes a block.
+impl Bvh8 {
+    /// Merges the binary tree's nodes: each takes over the grandchildren of its largest children until
+    /// eight are together. A subtree of at most eight triangles becomes a block.
     /// Boxes are the binary tree's own.
     pub(crate) fn collapse(nodes: &[Node], triangles: &[Triangle]) -> Self {
         let mut below = vec![Below::default(); nodes.len()];
@@ -85,12 +89,12 @@ impl Wide {
                 Below { first: below[left].first, count }
             };
         }
-        let mut collapse = Collapse { nodes, triangles, below, wide: Self::default() };
+        let mut collapse = Collapse { nodes, triangles, below, bvh8: Self::default() };
         if !nodes.is_empty() {
-            collapse.wide.nodes.push(WideNode::EMPTY);
+            collapse.bvh8.nodes.push(Node8::EMPTY);
             collapse.fill(0, 0);
         }
-        collapse.wide
+        collapse.bvh8
     }
 
     /// Bytes of nodes and blocks.
@@ -100,7 +104,7 @@ impl Wide {
 }
 
 impl Collapse<'_> {
-    /// Fills wide node `at` with the descendants of binary node `from`.
+    /// Fills node `at` with the descendants of binary node `from`.
     fn fill(&mut self, from: usize, at: usize) {
         let is_block = |node: usize| self.below[node].count as usize <= WIDTH;
         let area = |node: usize| half_area(&self.nodes[node]);
@@ -115,19 +119,19 @@ impl Collapse<'_> {
         for (slot, index) in children.into_iter().enumerate() {
             let node = &self.nodes[index];
             for axis in 0..3 {
-                self.wide.nodes[at].planes[axis][0][slot] = node.min[axis];
-                self.wide.nodes[at].planes[axis][1][slot] = node.max[axis];
+                self.bvh8.nodes[at].planes[axis][0][slot] = node.min[axis];
+                self.bvh8.nodes[at].planes[axis][1][slot] = node.max[axis];
             }
             let child = if self.below[index].count as usize <= WIDTH {
-                self.wide.blocks.push(Block::new(self.triangles, self.below[index]));
-                LEAF | (self.wide.blocks.len() - 1) as u32
+                self.bvh8.blocks.push(Block::new(self.triangles, self.below[index]));
+                LEAF | (self.bvh8.blocks.len() - 1) as u32
             } else {
-                self.wide.nodes.push(WideNode::EMPTY);
-                let child = self.wide.nodes.len() - 1;
+                self.bvh8.nodes.push(Node8::EMPTY);
+                let child = self.bvh8.nodes.len() - 1;
                 self.fill(index, child);
                 child as u32
             };
-            self.wide.nodes[at].children[slot] = Child(child);
+            self.bvh8.nodes[at].children[slot] = Child(child);
         }
     }
 }
@@ -159,7 +163,7 @@ fn half_area(node: &Node) -> f32 {
     x * y + y * z + z * x
 }
 
-impl WideNode {
+impl Node8 {
     const EMPTY: Self = Self {
         planes: [[[f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]]; 3],
         children: [Child::ROOT; WIDTH],

@@ -1,4 +1,4 @@
-//! What goes to the device's queue, and what comes back.
+//! Commands to the device's queue, and copies of buffers back to the host.
 
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -10,19 +10,18 @@ use crate::engine::BackendError;
 /// Staging buffers that are kept: as many copies may be under way at a time.
 const KEPT_STAGING: usize = 4;
 
-/// Copies to the host that are under way, or a buffer that is about to be mapped.
-pub(super) struct Reading {
+/// Copies to the host that are under way.
+pub(super) struct ReadBack {
     stage: &'static str,
     staging: wgpu::Buffer,
-    mapped: bool,
-    /// Where the bytes of each source lie.
+    /// Bytes of each source in `staging`.
     parts: Vec<Range<usize>>,
     submission: wgpu::SubmissionIndex,
     answer: Arc<Mutex<Option<Result<(), wgpu::BufferAsyncError>>>>,
 }
 
-impl Reading {
-    /// The commands after which it can be read.
+impl ReadBack {
+    /// The commands that end with the copies.
     pub(super) fn submission(&self) -> &wgpu::SubmissionIndex {
         &self.submission
     }
@@ -62,39 +61,25 @@ impl Device {
         }
     }
 
-    /// Waits for all that was handed over, so that what it used can go.
-    pub(super) fn idle(&self, stage: &'static str) -> Result<(), BackendError> {
-        let submission = self.enqueue(|_| {});
-        self.wait(stage, &submission)
-    }
-
-    /// Starts recorded commands, after which the first bytes of each of some buffers are copied to the
-    /// host, or mapped where it is one that allows that; no commands may use it then before
-    /// [`Self::finish`].
+    /// Starts recorded commands, then copies of the first bytes of some buffers to the host.
     pub(super) fn start(
         &self,
         stage: &'static str,
         record: impl FnOnce(&mut wgpu::CommandEncoder),
         sources: &[(&wgpu::Buffer, u64)],
-    ) -> Result<Reading, BackendError> {
+    ) -> Result<ReadBack, BackendError> {
         let mut size = 0;
         let mut parts = Vec::with_capacity(sources.len());
         for &(_, bytes) in sources {
             parts.push(size as usize..(size + bytes) as usize);
             size = (size + bytes).next_multiple_of(wgpu::MAP_ALIGNMENT);
         }
-        let own = match sources {
-            [(source, _)] if source.usage().contains(wgpu::BufferUsages::MAP_READ) => Some(*source),
-            _ => None,
-        };
-        let staging = own.map_or_else(|| self.staging(size), |source| Ok(source.clone()))?;
+        let staging = self.staging(size)?;
         let submission = self.enqueue(|encoder| {
             record(encoder);
-            if own.is_none() {
-                for (&(source, bytes), part) in sources.iter().zip(&parts) {
-                    let size = bytes.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT);
-                    encoder.copy_buffer_to_buffer(source, 0, &staging, part.start as u64, size);
-                }
+            for (&(source, bytes), part) in sources.iter().zip(&parts) {
+                let size = bytes.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT);
+                encoder.copy_buffer_to_buffer(source, 0, &staging, part.start as u64, size);
             }
         });
         let answer = Arc::new(Mutex::new(None));
@@ -104,16 +89,16 @@ impl Device {
                 *slot = Some(result);
             }
         });
-        Ok(Reading { stage, staging, mapped: own.is_some(), parts, submission, answer })
+        Ok(ReadBack { stage, staging, parts, submission, answer })
     }
 
-    /// Waits for what was started, and hands the bytes of each source to `take`.
+    /// Waits for the copies, and hands the bytes of each source to `take`.
     pub(super) fn finish<R>(
         &self,
-        reading: Reading,
+        reading: ReadBack,
         take: impl FnOnce(&[&[u8]]) -> R,
     ) -> Result<R, BackendError> {
-        let Reading { stage, staging, mapped, parts, submission, answer } = reading;
+        let ReadBack { stage, staging, parts, submission, answer } = reading;
         self.wait(stage, &submission)?;
         match answer.lock().ok().and_then(|mut slot| slot.take()) {
             Some(Ok(())) => {}
@@ -128,9 +113,7 @@ impl Device {
         let taken = take(&bytes);
         drop(view);
         staging.unmap();
-        if !mapped {
-            self.keep(staging);
-        }
+        self.keep(staging);
         Ok(taken)
     }
 

@@ -1,11 +1,11 @@
-//! Batches of many chunks and frames, whose jobs overlap on the device: sums against the CPU.
+//! The pipeline: batches of many chunks and frames, whose steps overlap on the device, against the CPU.
 
 use std::sync::Arc;
 
 use rand::RngExt;
 use sightline::bvh::Bvh;
 use sightline::engine::Backend;
-use sightline::engine::gpu::{Casting, GpuBackend};
+use sightline::engine::gpu::GpuBackend;
 use sightline::geom::TriangleSoup;
 use sightline::problem::Problem;
 use sightline::psog::Roi;
@@ -63,27 +63,18 @@ fn overlapping_jobs_give_the_bits_of_the_cpu() {
     let placements = placements(24);
     let want = cpu(&problem).tally(&placements, RANGE as f32).unwrap();
     assert!(want.iter().all(|tally| tally.hits > 0 && tally.hits < tally.beams));
-    // Bytes of a sensor where one by one and in packets, with room for a bitmap of each.
-    let directions = problem.table().directions().len();
-    let bitmap = 2 * 4 * problem.roi().voxel_count().div_ceil(32) as usize;
-    let [alone, in_packets] = [8, 48].map(|beam| bitmap + beam * directions);
-    for (casting, each) in [(Casting::Tree, alone), (Casting::Packets, in_packets)] {
-        for on_device in [true, false] {
-            // One chunk, and chunks of a few sensors.
-            for memory in [MEMORY, 11 * each as u64] {
-                let mut gpu = GpuBackend::new(problem.clone(), None, memory).unwrap();
-                gpu.cast_by(casting).unwrap();
-                if on_device {
-                    gpu.reduce_on_device();
-                }
-                // The second batch finds the buffers of the first, the third needs larger ones.
-                for count in [3, 2, 24] {
-                    let got = gpu.tally(&placements[..count], RANGE as f32).unwrap();
-                    assert_eq!(got, want[..count], "{casting:?}, {memory} bytes, {on_device}");
-                }
-                let got = gpu.covered(&placements[0], 2).unwrap();
-                assert_eq!(got, cpu(&problem).covered(&placements[0], 2).unwrap());
-            }
+    // Bytes of a sensor: its bitmap, the copy of that to the host, and its hits.
+    let bitmap = 4 * problem.roi().voxel_count().div_ceil(32) as usize;
+    let each = 2 * bitmap + 8 * problem.table().directions().len();
+    // One chunk, and chunks of a few sensors.
+    for memory in [MEMORY, 11 * each as u64] {
+        let mut gpu = GpuBackend::new(problem.clone(), None, memory).unwrap();
+        // The second batch finds the buffers of the first, the third needs larger ones.
+        for count in [3, 2, 24] {
+            let got = gpu.tally(&placements[..count], RANGE as f32).unwrap();
+            assert_eq!(got, want[..count], "{memory} bytes");
         }
+        let covered = gpu.covered(&placements[0], 2).unwrap();
+        assert_eq!(covered, cpu(&problem).covered(&placements[0], 2).unwrap());
     }
 }

@@ -1,4 +1,4 @@
-//! Casting in packets against the CPU's single beams, bit by bit.
+//! `cast_closest` against its CPU twin, bit by bit.
 
 use std::sync::Arc;
 
@@ -6,13 +6,12 @@ use rand::RngExt;
 use sightline::bvh::Bvh;
 use sightline::cast::cast_closest;
 use sightline::engine::Backend;
-use sightline::engine::gpu::Casting;
 use sightline::geom::TriangleSoup;
 use sightline::problem::{DevicePose, Problem};
 use sightline::psog::Roi;
-use sightline::vehicle::{BeamTable, Placement, SensorPose};
+use sightline::vehicle::{BeamTable, SensorPose};
 
-use crate::common::{gpu_that_casts_by, random_content, random_soup, rng};
+use crate::common::{gpu, random_content, random_soup, rng};
 
 const RANGE: f64 = 40.0;
 
@@ -20,7 +19,7 @@ fn level(x: f64, y: f64, z: f64) -> SensorPose {
     SensorPose { x, y, z, roll: 0.0, pitch: 0.0, yaw: 0.0 }
 }
 
-/// Casts all sensors at once in each way.
+/// Casts all sensors at once.
 fn assert_same_hits(soup: &TriangleSoup, table: BeamTable, lidars: Vec<SensorPose>, least: f64) {
     let roi = Roi::new([-4.0; 3], [0.5; 3], [16; 3]).unwrap();
     let poses: Vec<DevicePose> = lidars.iter().map(|l| DevicePose::new(l, &roi)).collect();
@@ -30,13 +29,10 @@ fn assert_same_hits(soup: &TriangleSoup, table: BeamTable, lidars: Vec<SensorPos
     assert!(share > least, "only {share} of the beams hit: the scene is trivial");
     let problem = Problem::new(roi, random_content(1, &roi), table, vec![bvh], true);
     let problem = Arc::new(problem);
-    let placement = Placement { name: "all".into(), lidars };
-    for casting in [Casting::Tree, Casting::Packets, Casting::Sifted] {
-        let got = gpu_that_casts_by(&problem, casting).hits(&placement.lidars, 0).unwrap();
-        let differ = want.iter().zip(&got);
-        let differ = differ.filter(|(a, b)| (a.t.to_bits(), a.prim) != (b.t.to_bits(), b.prim));
-        assert_eq!(differ.count(), 0, "of {} hits {casting:?}", want.len());
-    }
+    let got = gpu(&problem).hits(&lidars, 0).unwrap();
+    let differ = want.iter().zip(&got);
+    let differ = differ.filter(|(a, b)| (a.t.to_bits(), a.prim) != (b.t.to_bits(), b.prim));
+    assert_eq!(differ.count(), 0, "of {} hits", want.len());
 }
 
 /// A grid of squares over ±`half` metres, two triangles each.
@@ -60,8 +56,8 @@ fn ground(squares: u32, half: f32, height: impl Fn(f32, f32) -> f32) -> Triangle
 }
 
 #[test]
-fn packets_of_one_direction_and_mixed_ones() {
-    // Two rotations of more than a packet, one of less, and sensors on their own.
+fn sensors_of_one_rotation_and_of_many() {
+    // Many sensors of three rotations, and sensors of rotations of their own.
     let mut rng = rng(71);
     let mut lidars = Vec::new();
     for (count, yaw) in [(130, 0.0), (40, 0.31), (10, -2.0)] {

@@ -35,7 +35,7 @@ pub(super) fn add_transposed(shape: [u32; 3], along_y: &mut [u32], along_x: &mut
     }
 }
 
-/// Up to 32 words and zeros: whole vectors where there are all, which the usual copy is not.
+/// Up to 32 words, filled up with zeros; all 32 are copied as vectors of fixed length.
 #[inline(always)]
 fn load(words: &[u32]) -> [u32; WORD] {
     words.first_chunk().copied().unwrap_or_else(|| {

@@ -1,0 +1,186 @@
+//! Buffers on the device: the problem's, made once, and those of a chunk, made again for a larger one.
+
+use std::collections::HashMap;
+
+use super::device::Device;
+use super::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, Uniforms};
+use crate::bvh::{Bvh, Bvh4, Hit};
+use crate::cover::BitOrder;
+use crate::engine::BackendError;
+use crate::problem::{Content, DevicePose, OccupiedVoxel, Problem};
+
+/// Bytes that a chunk needs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sizes {
+    /// One bitmap.
+    pub(super) bitmap: u64,
+    /// Hits of one sensor.
+    pub(super) hits: u64,
+    /// Partial sums of one placement.
+    pub(super) partials: u64,
+    /// Totals of one placement: covered voxels, then those of each class.
+    pub(super) totals: u64,
+}
+
+impl Sizes {
+    pub(super) fn of(problem: &Problem) -> Self {
+        let directions = problem.table().directions().len() as u64;
+        let has_geometry = problem.geometry_frame_count() > 0;
+        Self {
+            bitmap: 4 * u64::from(bitmap_words(problem)),
+            hits: if has_geometry { size_of::<Hit>() as u64 * directions } else { 0 },
+            partials: 4 * u64::from(occupied_workgroups(problem) * PARTIAL_WORDS),
+            totals: 4 * (1 + problem.content().classes().len() as u64),
+        }
+    }
+}
+
+/// 32-bit words of a bitmap, a brick each: an even number, two a word of [`BitOrder::bricks`].
+pub(super) fn bitmap_words(problem: &Problem) -> u32 {
+    2 * BitOrder::bricks(problem.roi()).words() as u32
+}
+
+/// Workgroups of `reduce_occupied` for one placement.
+pub(super) fn occupied_workgroups(problem: &Problem) -> u32 {
+    (problem.content().occupied().len() as u32).div_ceil(ITEMS_PER_WORKGROUP)
+}
+
+/// A frame's tree; see [`crate::bvh::Bvh4`].
+#[derive(Clone)]
+pub(super) struct Tree {
+    pub(super) nodes: wgpu::Buffer,
+    pub(super) triangles: wgpu::Buffer,
+}
+
+/// The problem on the device.
+pub(super) struct SceneBuffers {
+    pub(super) directions: wgpu::Buffer,
+    /// By frame; frames that share a tree share its buffers.
+    pub(super) trees: Vec<Tree>,
+    pub(super) occupied: wgpu::Buffer,
+    pub(super) class_voxels: wgpu::Buffer,
+    pub(super) class_runs: wgpu::Buffer,
+    pub(super) class_run_count: u32,
+    /// Entries of a stack for walks down any of the trees.
+    pub(super) stack: usize,
+}
+
+impl SceneBuffers {
+    pub(super) fn new(device: &Device, problem: &Problem) -> Result<Self, BackendError> {
+        let directions: Vec<[f32; 4]> =
+            problem.table().directions().iter().map(|&[x, y, z]| [x, y, z, 0.0]).collect();
+        let content = in_bricks(problem.content(), &BitOrder::bricks(problem.roi()));
+        let runs = class_runs(content.class_starts());
+        let (trees, stack) = upload_trees(device, problem)?;
+        Ok(Self {
+            directions: device.upload("beam directions", &directions)?,
+            trees,
+            occupied: device.upload("occupied voxels", content.occupied())?,
+            class_voxels: device.upload("voxels by class", content.class_voxels())?,
+            class_runs: device.upload("class runs", &runs)?,
+            class_run_count: runs.len() as u32,
+            stack,
+        })
+    }
+}
+
+/// The same content with bit numbers in place of linear indices, rising.
+fn in_bricks(content: &Content, order: &BitOrder) -> Content {
+    let moved =
+        |voxel: &OccupiedVoxel| OccupiedVoxel { index: order.bit_of(voxel.index), ..*voxel };
+    let mut occupied: Vec<OccupiedVoxel> = content.occupied().iter().map(moved).collect();
+    occupied.sort_unstable_by_key(|voxel| voxel.index);
+    let of_class = |class: usize| {
+        let voxels = content.voxels_of_class(class).iter();
+        let mut bits: Vec<u32> = voxels.map(|&voxel| order.bit_of(voxel)).collect();
+        bits.sort_unstable();
+        bits
+    };
+    let by_class: Vec<Vec<u32>> = (0..content.classes().len()).map(of_class).collect();
+    let classes = content.classes().to_vec();
+    Content::new(classes, occupied, &by_class, content.has_detection())
+}
+
+/// The trees by frame, and the entries of the deepest one's stack.
+fn upload_trees(device: &Device, problem: &Problem) -> Result<(Vec<Tree>, usize), BackendError> {
+    let mut uploaded: HashMap<*const Bvh, Tree> = HashMap::new();
+    let (mut trees, mut stack) = (Vec::new(), 1);
+    for bvh in (0..problem.geometry_frame_count()).filter_map(|frame| problem.geometry(frame)) {
+        let tree = match uploaded.get(&std::ptr::from_ref(bvh)) {
+            Some(tree) => tree.clone(),
+            None => {
+                let tree = Bvh4::new(bvh);
+                stack = tree.stack().max(stack);
+                let nodes = device.upload("tree", &tree.nodes)?;
+                Tree { nodes, triangles: device.upload("triangles", &bvh.triangles)? }
+            }
+        };
+        uploaded.insert(std::ptr::from_ref(bvh), tree.clone());
+        trees.push(tree);
+    }
+    Ok((trees, stack))
+}
+
+/// Cuts each class's voxels into runs of one workgroup: [class, first, end, 0].
+fn class_runs(starts: &[u32]) -> Vec<[u32; 4]> {
+    let mut runs = Vec::new();
+    for (class, ends) in starts.windows(2).enumerate() {
+        for first in (ends[0]..ends[1]).step_by(ITEMS_PER_WORKGROUP as usize) {
+            runs.push([class as u32, first, (first + ITEMS_PER_WORKGROUP).min(ends[1]), 0]);
+        }
+    }
+    runs
+}
+
+/// Buffers of one chunk.
+///
+/// The device runs commands and writes one after the other, so the next chunk may be written while
+/// commands of the last one wait: results were copied to other buffers before.
+pub(super) struct WorkBuffers {
+    sensors: usize,
+    placements: usize,
+    pub(super) uniforms: wgpu::Buffer,
+    pub(super) poses: wgpu::Buffer,
+    pub(super) hits: wgpu::Buffer,
+    /// Unfinished beams, then hits by sensor.
+    pub(super) counters: wgpu::Buffer,
+    pub(super) bitmaps: wgpu::Buffer,
+    /// First sensor and number of sensors by placement.
+    pub(super) placement_sensors: wgpu::Buffer,
+    pub(super) totals: wgpu::Buffer,
+    pub(super) partials: wgpu::Buffer,
+}
+
+impl WorkBuffers {
+    /// Room for a chunk of so many sensors and placements.
+    pub(super) fn new(
+        device: &Device,
+        sizes: &Sizes,
+        sensors: usize,
+        placements: usize,
+    ) -> Result<Self, BackendError> {
+        let (s, p) = (sensors as u64, placements as u64);
+        let usage = wgpu::BufferUsages::STORAGE
+            | wgpu::BufferUsages::COPY_DST
+            | wgpu::BufferUsages::COPY_SRC;
+        let buffer = |what, bytes| device.buffer(what, bytes, usage);
+        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        Ok(Self {
+            sensors,
+            placements,
+            uniforms: device.buffer("uniforms", size_of::<Uniforms>() as u64, uniform)?,
+            poses: buffer("poses", s * size_of::<DevicePose>() as u64)?,
+            hits: buffer("hits", s * sizes.hits)?,
+            counters: buffer("hit counters", 4 * (1 + s))?,
+            bitmaps: buffer("coverage bitmaps", s * sizes.bitmap)?,
+            placement_sensors: buffer("placements", 8 * p)?,
+            totals: buffer("totals", p * sizes.totals)?,
+            partials: buffer("partial sums", p * sizes.partials)?,
+        })
+    }
+
+    /// Whether a chunk of so many sensors and placements fits.
+    pub(super) fn hold(&self, sensors: usize, placements: usize) -> bool {
+        sensors <= self.sensors && placements <= self.placements
+    }
+}

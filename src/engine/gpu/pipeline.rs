@@ -1,0 +1,332 @@
+//! A batch on its way through the device: chunk after chunk, frame after frame, one step in flight.
+//!
+//! ```text
+//! Batch ─► Chunk: uploaded ─► cast ─► settle: hits of the beams that the kernel left, by the host
+//!                                └─► cover ─► reduce ─► Pending ─► Made ─► Sums
+//! ```
+//! While the device covers and sums up one step, the host adds up the sums of the step before.
+
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+
+use super::buffers::{SceneBuffers, WorkBuffers, bitmap_words, occupied_workgroups};
+use super::chunk::{Batch, Chunk};
+use super::device::Device;
+use super::kernels::{Kernels, beam_workgroups};
+use super::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, UNFINISHED, Uniforms};
+use super::readback::ReadBack;
+use crate::bvh::{Hit, Ray};
+use crate::cover::{BitOrder, cover_voxels};
+use crate::engine::{self, BackendError};
+use crate::problem::{Problem, StageTimes, beam_direction, beam_origin};
+use crate::vehicle::Placement;
+
+/// A step's commands on the device and the copy of their results.
+struct Pending {
+    chunk: Rc<Chunk>,
+    turn: usize,
+    covered: wgpu::SubmissionIndex,
+    results: ReadBack,
+}
+
+/// Results of a chunk in a frame.
+pub(super) enum Made<'a> {
+    /// Hits by sensor.
+    Hits(&'a [u32]),
+    /// Bitmaps by sensor, in bricks.
+    Bitmaps(&'a [u32]),
+    /// Output of the reductions.
+    Sums { totals: &'a [u32], partials: &'a [u32] },
+}
+
+/// The host's time by the stage that it worked for or waited for.
+struct Clock {
+    since: Instant,
+    times: StageTimes,
+}
+
+impl Clock {
+    fn lap(&mut self, stage: fn(&mut StageTimes) -> &mut Duration) {
+        let now = Instant::now();
+        *stage(&mut self.times) += now - self.since;
+        self.since = now;
+    }
+}
+
+/// The device with a problem and room for a chunk.
+pub(super) struct Pipeline<'a> {
+    pub(super) problem: &'a Problem,
+    pub(super) device: &'a Device,
+    pub(super) kernels: &'a Kernels,
+    pub(super) scene: &'a SceneBuffers,
+    pub(super) work: &'a WorkBuffers,
+}
+
+impl Pipeline<'_> {
+    /// Runs a batch; `take` is told the chunk, the number of the frame in the list, and the results:
+    /// hits first, if beams end at hits.
+    pub(super) fn run(
+        &self,
+        batch: &Batch<'_>,
+        mut take: impl FnMut(&Chunk, usize, Made<'_>),
+    ) -> Result<StageTimes, BackendError> {
+        let casts = self.problem.ends_at_hits();
+        self.compile(casts, batch.sums);
+        let mut clock = Clock { since: Instant::now(), times: StageTimes::default() };
+        let mut last: Option<Pending> = None;
+        for cut in &batch.chunks {
+            let chunk = Rc::new(self.upload(batch.placements, cut)?);
+            for (turn, &frame) in batch.frames.iter().enumerate() {
+                self.write_uniforms(frame, batch.range);
+                if casts {
+                    let counters = self.cast(&chunk, frame)?;
+                    if let Some(last) = &last {
+                        self.wait(last, &mut clock)?;
+                    }
+                    let hits = self.settle(&chunk, frame, batch.range, counters)?;
+                    take(&chunk, turn, Made::Hits(&hits));
+                    clock.lap(|times| &mut times.cast);
+                }
+                let next = self.cover(&chunk, turn, batch)?;
+                if let Some(last) = last.replace(next) {
+                    self.finish(last, &mut clock, &mut take)?;
+                }
+            }
+        }
+        if let Some(last) = last {
+            self.finish(last, &mut clock, &mut take)?;
+        }
+        Ok(clock.times)
+    }
+
+    /// Casts the poses of a batch in one frame, as [`crate::cast::cast_closest`] does.
+    pub(super) fn hits(&self, batch: &Batch<'_>, frame: usize) -> Result<Vec<Hit>, BackendError> {
+        self.compile(true, false);
+        let mut hits = Vec::new();
+        for cut in &batch.chunks {
+            let chunk = self.upload(batch.placements, cut)?;
+            self.write_uniforms(frame, batch.range);
+            let counters = self.cast(&chunk, frame)?;
+            self.settle(&chunk, frame, batch.range, counters)?;
+            hits.append(&mut self.read_hits(&chunk)?);
+        }
+        Ok(hits)
+    }
+
+    /// Compiles the kernels of a batch before its clock starts.
+    fn compile(&self, casts: bool, sums: bool) {
+        let occupied = occupied_workgroups(self.problem) > 0;
+        self.kernels.compile(self.device, |kernel| match kernel {
+            "cast_closest" => casts,
+            "reduce_words" => sums,
+            "reduce_occupied" | "reduce_classes" => sums && occupied,
+            _ => true,
+        });
+    }
+
+    /// Puts a chunk together and uploads it, for all commands from now on.
+    fn upload(&self, batch: &[Placement], cut: &engine::Chunk) -> Result<Chunk, BackendError> {
+        let chunk = Chunk::new(self.problem, batch, cut);
+        self.device.write(&self.work.poses, &chunk.poses);
+        self.device.write(&self.work.placement_sensors, &chunk.sensors);
+        self.device.check("uploading placements")?;
+        Ok(chunk)
+    }
+
+    fn write_uniforms(&self, frame: usize, range: f32) {
+        let (roi, content) = (self.problem.roi(), self.problem.content());
+        let bvh = self.problem.geometry(frame);
+        let uniforms = Uniforms {
+            shape: roi.shape(),
+            direction_count: self.directions(),
+            voxel: roi.voxel().map(|v| v as f32),
+            range,
+            bitmap_words: self.bitmap_words(),
+            node_count: bvh.map_or(0, |b| b.nodes.len() as u32),
+            pad: bvh.map_or(0.0, |b| b.pad),
+            occupied_count: content.occupied().len() as u32,
+            class_count: content.classes().len() as u32,
+            ends_at_hits: u32::from(self.problem.ends_at_hits()),
+            spare: [0; 2],
+        };
+        self.device.write(&self.work.uniforms, &[uniforms]);
+    }
+
+    fn directions(&self) -> u32 {
+        self.problem.table().directions().len() as u32
+    }
+
+    fn bitmap_words(&self) -> u32 {
+        bitmap_words(self.problem)
+    }
+
+    /// Hands over the casting of a chunk into a frame; the counters are read.
+    fn cast(&self, chunk: &Chunk, frame: usize) -> Result<ReadBack, BackendError> {
+        let (work, tree) = (self.work, &self.scene.trees[frame]);
+        let record = |encoder: &mut wgpu::CommandEncoder| {
+            encoder.clear_buffer(&work.counters, 0, None);
+            let buffers = [
+                &work.uniforms,
+                &work.poses,
+                &self.scene.directions,
+                &tree.nodes,
+                &tree.triangles,
+                &work.hits,
+                &work.counters,
+            ];
+            let groups = beam_workgroups(self.directions(), chunk.poses.len() as u32);
+            self.kernels.dispatch(self.device, encoder, "cast_closest", &buffers, groups);
+        };
+        let bytes = 4 * (1 + chunk.poses.len() as u64);
+        self.device.start("casting", record, &[(&work.counters, bytes)])
+    }
+
+    /// Waits for the hits by sensor, and casts the beams that ran out of steps by the CPU twin.
+    fn settle(
+        &self,
+        chunk: &Chunk,
+        frame: usize,
+        range: f32,
+        counters: ReadBack,
+    ) -> Result<Vec<u32>, BackendError> {
+        let counters: Vec<u32> =
+            self.device.finish(counters, |parts| bytemuck::pod_collect_to_vec(parts[0]))?;
+        let mut hits = counters[1..].to_vec();
+        if counters[0] == 0 {
+            return Ok(hits);
+        }
+        let directions = self.problem.table().directions();
+        let bvh = self.problem.geometry(frame).expect("only frames with geometry are cast");
+        let beams = self.read_hits(chunk)?;
+        let unfinished = (0..beams.len()).into_par_iter().filter(|&b| beams[b].prim == UNFINISHED);
+        let cast = unfinished.map(|beam| {
+            let pose = &chunk.poses[beam / directions.len()];
+            let direction = beam_direction(pose, directions[beam % directions.len()]);
+            (beam, bvh.closest_hit(&Ray::new(beam_origin(pose), direction, range)))
+        });
+        for (beam, hit) in cast.collect::<Vec<_>>() {
+            hits[beam / directions.len()] += u32::from(hit.is_hit());
+            self.device.write_at(&self.work.hits, beam as u64, &[hit]);
+        }
+        Ok(hits)
+    }
+
+    /// Hits of every beam of the chunk that was cast last.
+    fn read_hits(&self, chunk: &Chunk) -> Result<Vec<Hit>, BackendError> {
+        let beams = chunk.poses.len() as u64 * u64::from(self.directions());
+        self.device.read("read-back", &self.work.hits, size_of::<Hit>() as u64 * beams)
+    }
+
+    /// Hands over the covering and what follows it.
+    fn cover(
+        &self,
+        chunk: &Rc<Chunk>,
+        turn: usize,
+        batch: &Batch<'_>,
+    ) -> Result<Pending, BackendError> {
+        let work = self.work;
+        let by_host = self.cover_by_host(chunk, batch.range)?;
+        let covered = self.device.enqueue(|encoder| {
+            encoder.clear_buffer(&work.bitmaps, 0, None);
+            let buffers =
+                [&work.uniforms, &work.poses, &self.scene.directions, &work.hits, &work.bitmaps];
+            let groups = beam_workgroups(self.directions(), chunk.poses.len() as u32);
+            self.kernels.dispatch(self.device, encoder, "cover_voxels", &buffers, groups);
+        });
+        for (sensor, bitmap) in by_host {
+            let first = sensor as u64 * u64::from(self.bitmap_words());
+            self.device.write_at(&work.bitmaps, first, &bitmap);
+        }
+        let results = if batch.sums {
+            self.reduce(chunk)?
+        } else {
+            let bytes = 4 * chunk.poses.len() as u64 * u64::from(self.bitmap_words());
+            self.device.start("covering", |_| {}, &[(&work.bitmaps, bytes)])?
+        };
+        Ok(Pending { chunk: chunk.clone(), turn, covered, results })
+    }
+
+    /// Bitmaps of the sensors that the kernel leaves, by its CPU twin.
+    fn cover_by_host(
+        &self,
+        chunk: &Chunk,
+        range: f32,
+    ) -> Result<Vec<(usize, Vec<u32>)>, BackendError> {
+        if chunk.covered_by_host.is_empty() {
+            return Ok(Vec::new());
+        }
+        let (problem, directions) = (self.problem, self.directions() as usize);
+        let roi = problem.roi();
+        let (linear, bricks) = (BitOrder::linear(roi), BitOrder::bricks(roi));
+        let hits = if problem.ends_at_hits() { Some(self.read_hits(chunk)?) } else { None };
+        let cover = |&sensor: &usize| {
+            let hits = hits.as_ref().map(|h| &h[sensor * directions..(sensor + 1) * directions]);
+            let mut bitmap = Vec::new();
+            let pose = &chunk.poses[sensor..=sensor];
+            cover_voxels(pose, problem.table(), roi, hits, range, &mut bitmap);
+            let words = linear.convert(&bitmap, &bricks);
+            (sensor, words.iter().flat_map(|&w| [w as u32, (w >> 32) as u32]).collect())
+        };
+        Ok(chunk.covered_by_host.par_iter().map(cover).collect())
+    }
+
+    /// Hands over the sums over the covered voxels; totals and partial sums are read.
+    fn reduce(&self, chunk: &Chunk) -> Result<ReadBack, BackendError> {
+        let (work, scene) = (self.work, self.scene);
+        let count = chunk.sensors.len() as u32;
+        let occupied_groups = occupied_workgroups(self.problem);
+        let record = |encoder: &mut wgpu::CommandEncoder| {
+            encoder.clear_buffer(&work.totals, 0, None);
+            let mut dispatch = |kernel, more: &[_], groups| {
+                let shared = [&work.uniforms, &work.placement_sensors, &work.bitmaps];
+                let buffers = [&shared[..], more].concat();
+                self.kernels.dispatch(self.device, encoder, kernel, &buffers, [groups, count, 1]);
+            };
+            let words = self.bitmap_words().div_ceil(ITEMS_PER_WORKGROUP);
+            dispatch("reduce_words", &[&work.totals], words);
+            if occupied_groups > 0 {
+                let buffers = [&scene.occupied, &work.partials];
+                dispatch("reduce_occupied", &buffers, occupied_groups);
+                let buffers = [&scene.class_voxels, &scene.class_runs, &work.totals];
+                dispatch("reduce_classes", &buffers, scene.class_run_count);
+            }
+        };
+        let stride = 1 + self.problem.content().classes().len() as u64;
+        let totals = (&work.totals, 4 * u64::from(count) * stride);
+        let each = u64::from(occupied_groups) * u64::from(PARTIAL_WORDS);
+        let partials = (&work.partials, 4 * u64::from(count) * each);
+        self.device.start("reduce", record, &[totals, partials])
+    }
+
+    /// Waits for a step, its covering first, so that the time of each is known.
+    fn wait(&self, step: &Pending, clock: &mut Clock) -> Result<(), BackendError> {
+        self.device.wait("covering", &step.covered)?;
+        clock.lap(|times| &mut times.cover);
+        self.device.wait("summing", step.results.submission())?;
+        clock.lap(|times| &mut times.reduce);
+        Ok(())
+    }
+
+    /// Waits for a step and hands over its results.
+    fn finish(
+        &self,
+        step: Pending,
+        clock: &mut Clock,
+        take: &mut impl FnMut(&Chunk, usize, Made<'_>),
+    ) -> Result<(), BackendError> {
+        self.wait(&step, clock)?;
+        let Pending { chunk, turn, results, .. } = step;
+        self.device.finish(results, |parts| {
+            let words = |part: usize| bytemuck::cast_slice(parts[part]);
+            let made = match parts {
+                [_] => Made::Bitmaps(words(0)),
+                _ => Made::Sums { totals: words(0), partials: words(1) },
+            };
+            take(&chunk, turn, made);
+        })?;
+        clock.lap(|times| &mut times.reduce);
+        Ok(())
+    }
+}
