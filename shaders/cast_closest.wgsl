@@ -1,6 +1,6 @@
 // cast_closest: one invocation casts one beam and stores its closest hit.
 //
-// CPU twin   src/cast/reference.rs::cast_closest, over src/bvh/traverse.rs::Bvh::closest_hit (a binary
+// CPU twin   src/cast/reference.rs::cast_closest, over Bvh::closest_hit in the same file (a binary
 //            tree; the hit does not depend on the tree, see src/bvh/mod.rs)
 // Reads      poses[sensors], directions[direction_count], nodes (the root first; every bit in
 //            src/bvh/bvh4.rs), triangles

@@ -17,6 +17,7 @@ mod bvh4;
 pub(crate) mod bvh8;
 mod intersect;
 mod node;
+mod tree;
 
 pub(crate) use intersect::{axes_of, safe_inverse};
 
@@ -24,4 +25,5 @@ pub(crate) use build::PAD_SHARE;
 pub(crate) use bvh4::TRIANGLE;
 pub use bvh4::{Bvh4, QuantizedNode};
 pub use intersect::{Hit, NO_HIT, Ray, major_axis};
-pub use node::{Bvh, BvhError, MAX_DEPTH, Node, Triangle};
+pub use node::{MAX_DEPTH, Node, Triangle};
+pub use tree::{Bvh, BvhError};
