@@ -45,7 +45,7 @@ pub fn fidelity_svg(rated: &[Rated], chart: &ChartFrame) -> String {
     let points: Vec<usize> = (0..rated.len()).filter(|&i| rated[i].error.tau.is_some()).collect();
     let front: Vec<usize> = pareto(rated).into_iter().filter(|i| points.contains(i)).collect();
     // The setting to take may lie off the front, which knows τ and not the regret; an atlas does.
-    let atlas = points.iter().filter(|&&i| rated[i].measured.rung.engine == Engine::Atlas);
+    let atlas = points.iter().filter(|&&i| rated[i].measured.setting.engine == Engine::Atlas);
     let off = chart.chosen.iter().filter(|c| !front.contains(c) && points.contains(c)).chain(atlas);
     let listed: Vec<usize> = front.iter().chain(off).copied().collect();
     let height = TABLE + ROW * (listed.len() as f64 + 2.0);
@@ -189,7 +189,7 @@ impl Axes {
             "<path d=\"M{x:.1} {low:.1}V{high:.1}\" stroke=\"{colour}\" stroke-width=\".8\" opacity=\".7\"/>"
         );
         let style = format!("fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"1.8\"");
-        let _ = match rated.measured.rung.engine {
+        let _ = match rated.measured.setting.engine {
             Engine::F64 => writeln!(
                 svg,
                 "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{d}\" height=\"{d}\" {style}/>",
@@ -287,7 +287,7 @@ fn table(svg: &mut String, rated: &[Rated], listed: &[usize], chart: &ChartFrame
         *svg += "\n";
     };
     row(TABLE, COLUMNS.map(|(title, _)| title.to_owned()), &format!("fill=\"{SOFT}\""));
-    let finest = rated[0].measured.rung.fidelity;
+    let finest = rated[0].measured.setting.fidelity;
     for (number, &i) in listed.iter().enumerate() {
         let (measured, error) = (&rated[i].measured, &rated[i].error);
         let percent = |value: f64| format!("{:.2}", 100.0 * value);
@@ -296,10 +296,10 @@ fn table(svg: &mut String, rated: &[Rated], listed: &[usize], chart: &ChartFrame
             format!("; a pose {}, {bytes:.2} MiB", seconds(pose.seconds))
         });
         let cells = [
-            measured.rung.words(chart.edge) + &pose,
+            measured.setting.words(chart.edge) + &pose,
             seconds(measured.seconds),
             format!("{:.1}", measured.bytes as f64 / f64::from(1 << 20)),
-            if measured.rung.fidelity.same_quantity(&finest) {
+            if measured.setting.fidelity.same_quantity(&finest) {
                 format!("{} ({})", percent(error.score_median), percent(error.score_largest))
             } else {
                 "another quantity".to_owned()
@@ -361,7 +361,7 @@ pub fn fidelity_csv(rated: &[Rated], edge: f64) -> String {
         .to_owned();
     for rated in rated {
         let (measured, error) = (&rated.measured, &rated.error);
-        let fidelity = measured.rung.fidelity;
+        let fidelity = measured.setting.fidelity;
         let tau = match error.tau {
             Some(tau) => format!("{},{},{}", tau.value, tau.low, tau.high),
             None => ",,".to_owned(),
@@ -372,8 +372,8 @@ pub fn fidelity_csv(rated: &[Rated], edge: f64) -> String {
         let _ = writeln!(
             csv,
             "\"{}\",{},{},{},{},{},{},{:.4e},{:.4e},{:.4e},{},{},{},{},{},{tau},{},{},{},{},{},{},{pose},{}",
-            measured.rung.words(edge),
-            match measured.rung.engine {
+            measured.setting.words(edge),
+            match measured.setting.engine {
                 Engine::F64 => "f64",
                 Engine::Cpu => "cpu",
                 Engine::Gpu => "gpu",
