@@ -198,7 +198,7 @@ fn a_placement_carried_to_another_scene_sees_its_own_row_there() {
     let roi = Roi::new([0.0; 3], [1.0; 3], [10, 2, 1]).unwrap();
     let classes = vec!["car".to_owned(), "pole".to_owned()];
     let psog = Psog::new(roi, 4, classes, vec![4, 5, 7], vec![1, 0, 2, 0, 0, 1]).unwrap();
-    write_psog(&dir.path().join("other.psog.npz"), &psog).unwrap();
+    write_psog(std::fs::File::create(dir.path().join("other.psog.npz")).unwrap(), &psog).unwrap();
     let p = |n: f64| -(n / 4.0) * (n / 4.0).ln();
     let quarter = p(1.0) + p(3.0);
     let (worse, better) = (quarter, p(2.0) + p(2.0) + quarter);

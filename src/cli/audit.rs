@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use serde_json::json;
 use sightline::audit::{AUDIT_PARTS, Audit, AuditEvent, AuditSettings, Verdict, audit};
+use sightline::report::ScoreColumn;
 use sightline::score::Scores;
 use sightline::vehicle::{read_placements, table_7};
 
@@ -63,7 +64,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
 
 fn print(found: &Audit) -> Result<(), Error> {
     outln!("{}: attempts to look better than {} while seeing less", found.scene, found.base.name)?;
-    let metrics = ["M-SOG", "M-SOG/N ×1e-6", "det ×1e-6", "gain nats", "S-MIG"];
+    let metrics = ScoreColumn::METRICS.map(ScoreColumn::title);
     let titles = [&["attempt"][..], &metrics, &["verdict", "looks better by", "guards"]].concat();
     let mut rows = vec![titles.into_iter().map(str::to_owned).collect::<Vec<_>>()];
     rows.push(cells(&found.base.name, &found.base));
@@ -111,17 +112,8 @@ fn print(found: &Audit) -> Result<(), Error> {
 
 /// A name and the value of each metric.
 fn cells(name: &str, scores: &Scores) -> Vec<String> {
-    let number = |v: Option<f64>, factor: f64, decimals: usize| {
-        v.map_or("–".into(), |v| format!("{:.decimals$}", v * factor))
-    };
-    vec![
-        name.to_owned(),
-        number(scores.segmentation.m_sog, 1.0, 4),
-        number(scores.segmentation.m_sog_scaled, 1e6, 3),
-        number(scores.detection.and_then(|d| d.m_sog_scaled), 1e6, 3),
-        number(scores.segmentation.information_gain, 1.0, 0),
-        number(scores.s_mig, 1.0, 0),
-    ]
+    let values = ScoreColumn::METRICS.iter().map(|metric| metric.cell(scores));
+    std::iter::once(name.to_owned()).chain(values).collect()
 }
 
 /// Names of the guards that speak against a placement.

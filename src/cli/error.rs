@@ -18,7 +18,7 @@ pub enum Error {
         /// From the operating system.
         source: std::io::Error,
     },
-    /// JSON that is not what was expected.
+    /// JSON of another form than expected.
     #[error("{}: {source}", path.display())]
     Json {
         /// File.
