@@ -75,7 +75,8 @@ pub fn psog_npz(folder: &Path, bytes: &[u8]) {
     let Ok(psog) = said(read_psog(&folder.join("psog.npz"))) else { return };
     assert!(psog.index().is_sorted() && psog.index().last() < Some(&psog.roi().voxel_count()));
     let again = folder.join("again.npz");
-    write_psog(&again, &psog).expect("a P-SOG that was read can be written");
+    let file = std::fs::File::create(&again).expect("a file can be made");
+    write_psog(file, &psog).expect("a P-SOG that was read can be written");
     assert_eq!(read_psog(&again).expect("a P-SOG that was written can be read"), psog);
 }
 

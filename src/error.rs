@@ -1,12 +1,14 @@
 //! One error for callers that use several modules.
 
-use crate::chart::FidelityError;
+use crate::audit::AuditError;
+use crate::chart::ChartError;
 use crate::engine::{BackendError, OpenError};
 use crate::problem::ProblemError;
 use crate::psog::{GridError, KittiError, PsogFileError};
 use crate::scene::DescriptionError;
 use crate::score::ObjectiveError;
 use crate::search::SearchError;
+use crate::study::StudyError;
 use crate::vehicle::{PlacementError, PlacementFileError, PoseGridError, SensorError};
 
 /// Any error of this library, so that `?` works across its modules.
@@ -53,8 +55,14 @@ pub enum Error {
     Objective(#[from] ObjectiveError),
     /// From a setting of the chart.
     #[error(transparent)]
-    Fidelity(#[from] FidelityError),
+    Chart(#[from] ChartError),
     /// From the search.
     #[error(transparent)]
     Search(#[from] SearchError),
+    /// From an audit.
+    #[error(transparent)]
+    Audit(#[from] AuditError),
+    /// From a study.
+    #[error(transparent)]
+    Study(#[from] StudyError),
 }

@@ -17,7 +17,7 @@ fn read(dir: &TempDir, file: &str) -> String {
 }
 
 #[test]
-fn chart_measures_the_ladder_of_a_scene() {
+fn a_chart_measures_the_settings_of_a_scene() {
     let dir = TempDir::new().unwrap();
     room(dir.path());
     let answer = ok(dir.path(), &[&CHART[..], &["out"]].concat());
@@ -68,7 +68,7 @@ fn chart_measures_the_ladder_of_a_scene() {
 }
 
 #[test]
-fn a_scene_without_geometry_has_a_shorter_ladder() {
+fn a_scene_without_geometry_has_fewer_settings() {
     let dir = corridor();
     let mut scene = crate::cli::scene();
     scene["lidar"] = json!({ "channels": 4, "fov": [-20, 20], "azimuth_steps": 64, "range": 100 });
@@ -136,7 +136,7 @@ fn an_atlas_scores_placements_on_its_grid_like_the_cpu() {
 fn the_gpu_stands_on_the_chart_with_the_scores_of_the_cpu() {
     let dir = TempDir::new().unwrap();
     room(dir.path());
-    let args = ["chart", "room.json", "--quick", "--placements", "4", "--backend", "auto"];
+    let args = ["chart", "room.json", "--quick", "--placements", "4", "--backend", "gpu"];
     let answer = ok(dir.path(), &[&args[..], &["--out", "out"]].concat());
     let measured = answer["measured"].as_array().unwrap();
     let of = |engine: &str| {
@@ -156,9 +156,9 @@ fn bad_charts_are_refused() {
     let chart = |more: &[&str]| fails(dir.path(), &[&["chart", "room.json"], more].concat());
     assert!(chart(&["--finest", "0.7"]).contains("coarser than the scene's own voxels of 0.5 m"));
     fs::create_dir(dir.path().join("out")).unwrap();
-    fs::write(dir.path().join("out/chart.json"), "{}").unwrap();
-    assert!(chart(&["--out", "out"]).contains("already holds a chart"));
-    assert!(fails(dir.path(), &["chart", "--resume", "out"]).contains("chart.json"));
+    fs::write(dir.path().join("out/checkpoint.json"), "{}").unwrap();
+    assert!(chart(&["--out", "out"]).contains("already holds a run"));
+    assert!(fails(dir.path(), &["chart", "--resume", "out"]).contains("checkpoint.json"));
     assert!(sightline(dir.path(), &["chart"]).status.code() == Some(2));
 }
 
@@ -175,7 +175,7 @@ fn an_interrupted_chart_keeps_what_it_measured() {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    let state = dir.path().join("out/chart.json");
+    let state = dir.path().join("out/checkpoint.json");
     let start = Instant::now();
     while !state.exists() {
         assert!(start.elapsed() < Duration::from_secs(60), "no setting was measured");
@@ -184,7 +184,7 @@ fn an_interrupted_chart_keeps_what_it_measured() {
     let pid = child.id().to_string();
     assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
     assert_eq!(child.wait().unwrap().code(), Some(130));
-    let before: Value = serde_json::from_slice(&fs::read(&state).unwrap()).unwrap();
+    let before: Value = serde_json::from_str(&read(&dir, "out/chart.json")).unwrap();
     assert_eq!(before["finished"], false);
     let kept = before["measured"].as_array().unwrap();
     let after = ok(dir.path(), &["chart", "--resume", "out", "--backend", "cpu"]);

@@ -18,7 +18,8 @@ fn certain_corridor(index: Vec<u64>) -> TempDir {
     let roi = Roi::new([0.0; 3], [1.0; 3], [10, 2, 1]).unwrap();
     let counts = vec![1; index.len()];
     let psog = Psog::new(roi, 1, vec!["car".to_owned()], index, counts).unwrap();
-    write_psog(&dir.path().join("corridor.psog.npz"), &psog).unwrap();
+    let file = fs::File::create(dir.path().join("corridor.psog.npz")).unwrap();
+    write_psog(file, &psog).unwrap();
     dir
 }
 

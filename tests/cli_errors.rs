@@ -221,7 +221,7 @@ fn labelled_frames_need_neither_region_nor_voxel() {
     let finer = ok(dir.path(), &[&build[..], &["--voxel", "0.2", "0.2", "0.3"]].concat());
     assert_eq!(finer["shape"], json!([400, 400, 20]));
     let scene = ["psog", "build", "x.json", "--voxel", "1", "1", "1", "--out", "x.npz"];
-    assert!(fails(dir.path(), &scene).contains("--kitti"));
+    assert!(fails(dir.path(), &scene).contains("cannot be used with"));
     let table = sightline(dir.path(), &["psog", "info", "x.npz"]).stdout;
     let table = String::from_utf8(table).unwrap();
     assert!(table.contains("region      x -40 to 40, y -40 to 40, z -0.5 to 5.5 m\n"), "{table}");

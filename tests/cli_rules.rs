@@ -128,7 +128,7 @@ fn a_run_out_of_time_says_so_and_goes_on_to_the_same_bytes() {
     room_with(dir.path(), &[("lidars", json!(4)), keep_out(), ("symmetric", json!(true))]);
     ok(dir.path(), &args("whole", &[]));
     let stopped = |args: &[&str]| {
-        let output = sightline(dir.path(), args);
+        let output = sightline(dir.path(), &[args, &["--format", "json"]].concat());
         assert_eq!(output.status.code(), Some(0));
         let stderr = String::from_utf8(output.stderr).unwrap();
         assert!(stderr.contains("time: ") && stderr.contains("--resume broken"), "{stderr}");
@@ -186,7 +186,8 @@ fn injected_layouts_that_are_not_used_are_named_with_the_reason() {
         { "name": "row", "lidars": [lidar(0.5, 0.0), lidar(-0.5, 0.0)] },
         { "name": "askew", "lidars": [lidar(0.5, 0.3), lidar(-0.5, -0.3)] } ] });
     fs::write(dir.path().join("mine.json"), file.to_string()).unwrap();
-    let output = sightline(dir.path(), &args("run", &["--inject", "mine.json"]));
+    let output =
+        sightline(dir.path(), &args("run", &["--inject", "mine.json", "--format", "json"]));
     assert!(output.status.success());
     let stderr = String::from_utf8(output.stderr).unwrap();
     let run: Value = serde_json::from_slice(&output.stdout).unwrap();

@@ -83,7 +83,7 @@ fn errors_that_are_not_the_devices_are_handed_on() {
 }
 
 #[test]
-fn what_is_too_large_for_a_device_goes_to_the_cpu_where_that_is_allowed() {
+fn a_placement_too_large_for_a_device_goes_to_the_cpu_if_allowed() {
     let problem = random_problem(84, true);
     let placements = random_placements(84, 4, 6.0);
     let want = cpu(&problem).tally(&placements, 12.0).unwrap();
@@ -94,7 +94,7 @@ fn what_is_too_large_for_a_device_goes_to_the_cpu_where_that_is_allowed() {
         let cpu = move || Box::new(CpuBackend::new(for_cpu.clone(), MEMORY)) as Box<dyn Backend>;
         let mut backend = Failover::new(tiny, reopen, cpu, |_| ());
         if allowed {
-            backend = backend.take_what_is_too_large();
+            backend = backend.cpu_for_too_large();
         }
         match backend.tally(&placements, 12.0) {
             Ok(got) => {

@@ -1,7 +1,212 @@
-//! Trials against the metric itself: what fools a score, and which guard notices.
+//! Trials against the metric itself: what makes a score look better while less is seen, and which guard
+//! notices; and what changes of the model do to the ranking.
 
 mod ranking;
+mod stability;
 mod trial;
+mod worlds;
+
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use crate::engine::{BackendError, EngineChoice, OpenError, open};
+use crate::problem::{Problem, ProblemError, spread};
+use crate::psog::{GridError, Psog};
+use crate::scene::Scene;
+use crate::score::{Objective, Scores};
+use crate::search::Evaluator;
+use crate::vehicle::{Lidar, Placement, SensorError};
 
 pub use ranking::{kendall_tau, mean_height, spearman};
-pub use trial::{Trial, Verdict, gaming_placements, jittered};
+pub use stability::Stability;
+pub use trial::{Trial, Verdict};
+
+use stability::Ranking;
+use trial::{gaming_placements, jittered};
+use worlds::changed_worlds;
+
+/// Mountings that are drawn within the tolerance.
+const MOUNTINGS: u64 = 12;
+/// Seed of the first mounting; the others follow.
+const FIRST_MOUNTING: u64 = 1000;
+/// Mounting tolerance: a millimetre, and a tenth of a degree in radians.
+const TOLERANCE: (f64, f64) = (1e-3, 0.1 * std::f64::consts::PI / 180.0);
+/// Ranges in metres to which the visibility is cut.
+const VISIBILITIES: [f32; 3] = [10.0, 20.0, 40.0];
+
+/// Why a scene could not be audited.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum AuditError {
+    /// No placement was given.
+    #[error("there are no placements to audit; name at least one")]
+    NoPlacement,
+    /// The P-SOG does not fit the scene.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// A changed P-SOG does not make a problem.
+    #[error(transparent)]
+    Problem(#[from] ProblemError),
+    /// A changed region does not make a grid.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// The scene's LiDAR casts no beams.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// Scoring failed.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
+}
+
+/// What an audit is made with.
+#[derive(Debug, Clone)]
+pub struct AuditSettings {
+    /// Score that chooses the base and ranks the placements under changes of the model.
+    pub objective: Objective,
+    /// Frames to average over, spread evenly over the scene.
+    pub frames: u32,
+    /// Which engine computes; every engine gives the same bits.
+    pub engine: EngineChoice,
+}
+
+impl Default for AuditSettings {
+    fn default() -> Self {
+        Self { objective: Objective::default(), frames: 2, engine: EngineChoice::cpu() }
+    }
+}
+
+/// What an audit found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Audit {
+    /// Name of the scene.
+    pub scene: String,
+    /// The objective that ranks.
+    pub objective: String,
+    /// Scores of the honest placement that the attempts are compared with: of those without a violated
+    /// guard the first that is best by the objective.
+    pub base: Scores,
+    /// Attempts to look better than the base while seeing less.
+    pub trials: Vec<Trial>,
+    /// The honest placements under changes of the model.
+    pub stability: Vec<Stability>,
+    /// Spearman's rank correlation of the objective with mean height alone over the honest placements;
+    /// `None` where either is constant.
+    pub ranking_against_mean_height: Option<f64>,
+    /// Whether no score was fooled without a guard that says so.
+    pub passed: bool,
+}
+
+/// What is told of an audit while it runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AuditEvent<'a> {
+    /// A sentence for the user: which engine computes.
+    Note(&'a str),
+    /// One of [`AUDIT_PARTS`] parts is done.
+    PartDone,
+}
+
+/// Parts of an audit.
+pub const AUDIT_PARTS: u64 = 4;
+
+/// Tries to fool the scores of a scene, and ranks `honest` placements under changes of the model.
+///
+/// `tell` is told how it goes on.
+///
+/// # Errors
+/// No placement, a P-SOG that does not fit the scene, or from the backend.
+pub fn audit(
+    scene: &Scene,
+    psog: &Psog,
+    honest: &[Placement],
+    settings: &AuditSettings,
+    tell: &dyn Fn(AuditEvent),
+) -> Result<Audit, AuditError> {
+    let frames = spread(scene.frame_count(), Some(settings.frames));
+    let (mut own, notes) = evaluator(Problem::with_psog(scene, psog, &frames)?, settings)?;
+    notes.iter().for_each(|note| tell(AuditEvent::Note(note)));
+    let scores = own.scores(honest)?;
+    let ranking =
+        Ranking::new(honest, &scores, &settings.objective).ok_or(AuditError::NoPlacement)?;
+    tell(AuditEvent::PartDone);
+    let trials = trials(&mut own, &honest[ranking.base()], &scores[ranking.base()])?;
+    tell(AuditEvent::PartDone);
+    let mut stability = mounted(&mut own, &ranking, azimuth_step(scene.lidar()))?;
+    tell(AuditEvent::PartDone);
+    for world in changed_worlds(scene, psog, settings.frames)? {
+        let table = scene.lidar().table()?;
+        let problem = Problem::on_grid_of(&world.psog, scene, table, &world.frames)?;
+        let scores = evaluator(problem, settings)?.0.scores(honest)?;
+        stability.push(ranking.under(&world.name, &[scores]));
+    }
+    tell(AuditEvent::PartDone);
+    Ok(Audit {
+        scene: scene.name().to_owned(),
+        objective: settings.objective.to_string(),
+        base: scores[ranking.base()].clone(),
+        passed: trials.iter().all(|trial| trial.verdict != Verdict::Fooled),
+        trials,
+        stability,
+        ranking_against_mean_height: ranking.against_mean_height(),
+    })
+}
+
+/// An evaluator of a problem, and sentences that name its engine.
+fn evaluator(
+    problem: Problem,
+    settings: &AuditSettings,
+) -> Result<(Evaluator, Vec<String>), BackendError> {
+    let problem = Arc::new(problem);
+    let opened = open(&problem, &settings.engine, |_| {})?;
+    Ok((Evaluator::new(problem, opened.engine), opened.notes))
+}
+
+/// Attempts to look better than the base, and the base in fog.
+fn trials(
+    evaluator: &mut Evaluator,
+    base: &Placement,
+    scores: &Scores,
+) -> Result<Vec<Trial>, BackendError> {
+    let mut trials = Vec::new();
+    for (name, placement) in gaming_placements(base) {
+        let attempt = evaluator.scores(&[placement])?.remove(0);
+        trials.push(Trial::new(name, scores, attempt));
+    }
+    for metres in VISIBILITIES {
+        let attempt = evaluator.scores_at(std::slice::from_ref(base), metres)?.remove(0);
+        trials.push(Trial::new(&format!("visibility cut to {metres} m"), scores, attempt));
+    }
+    Ok(trials)
+}
+
+/// The honest placements as mechanics would mount them, and turned by half a step of azimuth.
+fn mounted(
+    evaluator: &mut Evaluator,
+    ranking: &Ranking,
+    azimuth_step: f64,
+) -> Result<Vec<Stability>, BackendError> {
+    let mut draws = Vec::new();
+    for seed in FIRST_MOUNTING..FIRST_MOUNTING + MOUNTINGS {
+        let jittered = |p| jittered(p, TOLERANCE.0, TOLERANCE.1, seed);
+        let mounted: Vec<Placement> = ranking.honest().iter().map(jittered).collect();
+        draws.push(evaluator.scores(&mounted)?);
+    }
+    let mut turned = ranking.honest().to_vec();
+    for pose in turned.iter_mut().flat_map(|placement| &mut placement.lidars) {
+        pose.yaw += 0.5 * azimuth_step;
+    }
+    let phase = evaluator.scores(&turned)?;
+    Ok(vec![
+        ranking.under("mounted within 1 mm and 0.1°", &draws),
+        ranking.under("azimuth phase by half a step", &[phase]),
+    ])
+}
+
+/// Radians between two neighbouring azimuth steps; of listed directions, a turn by their number.
+fn azimuth_step(lidar: &Lidar) -> f64 {
+    let steps = match lidar {
+        Lidar::Spinning { azimuth_steps, .. } => f64::from(*azimuth_steps),
+        Lidar::Directions { directions, .. } => directions.len() as f64,
+    };
+    std::f64::consts::TAU / steps
+}

@@ -1,3 +1,5 @@
+//! Rank correlations, and the null model that stands beside each of them.
+
 use crate::vehicle::Placement;
 
 /// Mean height of a placement's LiDARs above the ground, in metres: the null model that every

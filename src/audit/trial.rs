@@ -1,3 +1,5 @@
+//! Attempts to make a score look better while less is seen, and their verdicts.
+
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;

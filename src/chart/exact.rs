@@ -1,8 +1,10 @@
+//! The reference of all settings: casting, coverage and sums with an `f64` for every number.
+
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::exact_tree::ExactTree;
-use super::{Fidelity, FidelityError, World, merge_vertices};
+use super::{ChartError, Fidelity, World, merge_vertices};
 use crate::problem::{Content, Tally};
 use crate::psog::{ENTROPY_ONE, EntropyKind, EntropyTable, PUSH, Psog, Roi};
 use crate::scene::{EgoBody, Scene};
@@ -18,7 +20,7 @@ const ROUNDING: f64 = 1e-9;
 /// Casting, walking and summing are written for themselves and share no code with the backends.
 /// Triangles are those of [`Scene::frame`], which rounds corners to `f32` once (4 µm at 50 m).
 #[derive(Debug, Clone)]
-pub struct Exact {
+pub(super) struct Exact {
     roi: Roi,
     directions: Vec<DVec3>,
     range: f64,
@@ -35,7 +37,7 @@ impl Exact {
     ///
     /// # Errors
     /// As [`World::psog`].
-    pub fn new(world: &mut World, fidelity: &Fidelity) -> Result<Self, FidelityError> {
+    pub(super) fn new(world: &mut World, fidelity: &Fidelity) -> Result<Self, ChartError> {
         let psog = world.psog(fidelity.voxel)?;
         let scene = world.scene();
         let cell = fidelity.detail * psog.roi().voxel()[0];
@@ -54,19 +56,19 @@ impl Exact {
     }
 
     /// The classes and totals that the tallies belong to.
-    pub fn content(&self) -> &Content {
+    pub(super) fn content(&self) -> &Content {
         &self.content
     }
 
     /// Frames over which a tally is summed.
-    pub fn frame_count(&self) -> usize {
+    pub(super) fn frame_count(&self) -> usize {
         self.frames.len().max(1)
     }
 
     /// Tallies of `placements` in order, summed over frames, each entropy sum rounded once at the end.
     ///
     /// Counts by class, shares of single LiDARs and hits stay 0: no objective needs them.
-    pub fn tallies(&self, placements: &[Placement]) -> Vec<Tally> {
+    pub(super) fn tallies(&self, placements: &[Placement]) -> Vec<Tally> {
         let words = self.roi.voxel_count().div_ceil(64) as usize;
         let tally = |bitmap: &mut Vec<u64>, placement: &Placement| {
             let mut tally = Tally::zero(self.content.classes().len(), placement.lidars.len());
@@ -95,13 +97,13 @@ impl Exact {
     }
 
     /// Bytes of trees and entropies, and of the bitmap of one placement.
-    pub fn bytes(&self) -> u64 {
+    pub(super) fn bytes(&self) -> u64 {
         let trees: u64 = self.frames.iter().map(ExactTree::bytes).sum();
         trees + size_of_val(self.occupied.as_slice()) as u64 + self.roi.voxel_count().div_ceil(8)
     }
 
     /// Triangles, a mean over frames.
-    pub fn triangles(&self) -> u64 {
+    pub(super) fn triangles(&self) -> u64 {
         let all: usize = self.frames.iter().map(ExactTree::triangle_count).sum();
         (all / self.frame_count()) as u64
     }

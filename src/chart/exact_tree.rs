@@ -1,3 +1,5 @@
+//! A tree over triangles with `f64` boxes and an `f64` triangle test.
+
 use glam::DVec3;
 
 use crate::geom::TriangleSoup;

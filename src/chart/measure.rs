@@ -1,17 +1,20 @@
+//! Cost and scores of one setting.
+
 use std::sync::Arc;
 use std::time::Instant;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Engine, Exact, Fidelity, FidelityError, Rung, World};
+use super::exact::Exact;
+use super::{ChartError, Engine, Fidelity, Setting, World};
 use crate::bvh::Hit;
-use crate::engine::{Backend, BackendError};
+use crate::engine::{Backend, BackendError, EngineChoice, EngineKind, open};
 use crate::problem::{Problem, Tally};
 use crate::score::Objective;
 use crate::search::SWAP_SPACING;
 use crate::search::atlas::{Atlas, Union};
-use crate::vehicle::{Constraints, Placement, PoseGrid};
+use crate::vehicle::{Placement, PoseGrid};
 
 /// Placements scored between two looks at whether to stop.
 const BATCH: usize = 8;
@@ -23,13 +26,10 @@ const TIMED: usize = 4;
 const REPEAT_SECONDS: f64 = 0.15;
 /// Bytes of bitmaps that an atlas keeps at most.
 const ATLAS_BYTES: u64 = 2 << 30;
-/// The yardstick casts into this share of the scene's frames.
-const YARDSTICK_FRAMES: u32 = 4;
+/// The unit of time casts into one frame in this many of the scene's.
+const UNIT_FRAMES: u32 = 4;
 
-/// Opens the backend of an engine over a problem.
-pub type Open<'a> = dyn Fn(&Arc<Problem>, Engine) -> Result<Box<dyn Backend>, BackendError> + 'a;
-
-/// What one pose of an atlas costs.
+/// Cost of one pose of an atlas.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PoseCost {
     /// Wall time of casting it, once, all threads at work.
@@ -38,13 +38,15 @@ pub struct PoseCost {
     pub bytes: u64,
 }
 
-/// What one setting costs and gives.
+/// Cost and scores of one setting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// The setting.
-    pub rung: Rung,
+    #[serde(rename = "rung")]
+    pub setting: Setting,
     /// Wall time of a placement in seconds, all threads at work: the median of repeats, each divided by
-    /// a yardstick run just before it, times the yardstick's median. Of an atlas with every pose held.
+    /// a run of the unit (a fixed setting) just before it, times the unit's median, so that a machine that
+    /// is slower for a while changes both. Of an atlas with every pose held.
     pub seconds: f64,
     /// Least and most of these repeats.
     pub spread: [f64; 2],
@@ -63,94 +65,91 @@ pub struct Measured {
 }
 
 /// Measures settings of one scene with the same placements.
-pub struct Workshop<'a> {
+pub(super) struct Bench {
     world: World,
     placements: Vec<Placement>,
-    constraints: Constraints,
     objective: Objective,
-    open: Box<Open<'a>>,
+    engine: EngineChoice,
     repeats: usize,
-    yardstick: Scorer,
-    /// Median seconds a placement of the yardstick, from the first setting measured.
-    yardstick_seconds: Option<f64>,
+    /// The setting whose time the others are divided by: the scene at its own fidelity over few frames.
+    unit: Scorer,
+    /// Median seconds a placement of the unit, from the first setting measured.
+    unit_seconds: Option<f64>,
 }
 
-impl<'a> Workshop<'a> {
-    /// A workshop over `placements`, of which there must be one or more; every cost is the median of
-    /// `repeats`. `yardstick_seconds` goes on with those of an interrupted run.
+impl Bench {
+    /// A bench over `placements`, of which there must be one or more; every cost is the median of
+    /// `repeats`. `unit_seconds` goes on with those of an interrupted run.
     ///
     /// # Errors
     /// The scene at its own voxel size cannot be scored on the CPU.
-    pub fn new(
+    pub(super) fn new(
         mut world: World,
         placements: Vec<Placement>,
-        constraints: Constraints,
         objective: Objective,
-        open: Box<Open<'a>>,
+        engine: EngineChoice,
         repeats: usize,
-        yardstick_seconds: Option<f64>,
-    ) -> Result<Self, FidelityError> {
+        unit_seconds: Option<f64>,
+    ) -> Result<Self, ChartError> {
         let own = Fidelity::of_scene(world.scene());
-        let fidelity = Fidelity { frames: own.frames.div_ceil(YARDSTICK_FRAMES), ..own };
-        let rung = Rung { fidelity, engine: Engine::Cpu };
-        let yardstick = Scorer::new(&mut world, &rung, &constraints, &objective, &open)?;
-        Ok(Self {
-            world,
-            placements,
-            constraints,
-            objective,
-            open,
-            repeats,
-            yardstick,
-            yardstick_seconds,
-        })
+        let fidelity = Fidelity { frames: own.frames.div_ceil(UNIT_FRAMES), ..own };
+        let setting = Setting { fidelity, engine: Engine::Cpu };
+        let unit = Scorer::new(&mut world, &setting, &objective, &engine)?;
+        Ok(Self { world, placements, objective, engine, repeats, unit, unit_seconds })
     }
 
     /// The scene and its P-SOGs.
-    pub fn world(&self) -> &World {
+    pub(super) fn world(&self) -> &World {
         &self.world
     }
 
     /// What is scored.
-    pub fn placements(&self) -> &[Placement] {
+    pub(super) fn placements(&self) -> &[Placement] {
         &self.placements
     }
 
-    /// Median seconds a placement of the yardstick; `None` before the first setting.
-    pub fn yardstick_seconds(&self) -> Option<f64> {
-        self.yardstick_seconds
+    /// The problem that the scene poses at its own fidelity.
+    pub(super) fn own_problem(&mut self) -> Result<Arc<Problem>, ChartError> {
+        let own = Fidelity::of_scene(self.world.scene());
+        Ok(Arc::new(self.world.problem(&own)?))
     }
 
-    fn scorer(&mut self, rung: &Rung) -> Result<Scorer, FidelityError> {
-        Scorer::new(&mut self.world, rung, &self.constraints, &self.objective, &self.open)
+    /// Median seconds a placement of the unit; `None` before the first setting.
+    pub(super) fn unit_seconds(&self) -> Option<f64> {
+        self.unit_seconds
+    }
+
+    fn scorer(&mut self, setting: &Setting) -> Result<Scorer, ChartError> {
+        Scorer::new(&mut self.world, setting, &self.objective, &self.engine)
     }
 
     /// The score of the first placement alone: what it was before tells whether the scene has changed.
     ///
     /// # Errors
     /// As [`Self::measure`].
-    pub fn first_score(&mut self, rung: &Rung) -> Result<Option<f64>, FidelityError> {
-        let mut scorer = self.scorer(rung)?;
+    pub(super) fn first_score(&mut self, setting: &Setting) -> Result<Option<f64>, ChartError> {
+        let mut scorer = self.scorer(setting)?;
         let tallies = scorer.tallies(&self.placements[..1])?;
         Ok(scorer.value(&tallies[0], &self.objective))
     }
 
     /// Measures one setting; `None` when `go_on`, called with the placements just scored, says stop.
     ///
-    /// Of a GPU setting whose CPU twin is in `done`, a few placements are scored; where their tallies
-    /// are equal to the last bit, the twin's scores stand for both.
+    /// Of a GPU setting whose equal on the CPU is in `done`, a few placements are scored; where their
+    /// scores are equal to the last bit, those of the CPU stand for both.
     ///
     /// # Errors
     /// The setting does not fit the scene, or the backend failed.
-    pub fn measure(
+    pub(super) fn measure(
         &mut self,
-        rung: &Rung,
+        setting: &Setting,
         done: &[Measured],
         go_on: &dyn Fn(usize) -> bool,
-    ) -> Result<Option<Measured>, FidelityError> {
-        let mut scorer = self.scorer(rung)?;
-        let twin = Rung { engine: Engine::Cpu, ..*rung };
-        let twin = done.iter().find(|m| rung.engine == Engine::Gpu && m.rung == twin);
+    ) -> Result<Option<Measured>, ChartError> {
+        let mut scorer = self.scorer(setting)?;
+        let on_cpu = Setting { engine: Engine::Cpu, ..*setting };
+        let is_gpu = setting.engine == Engine::Gpu;
+        let on_cpu = done.iter().find(|m| is_gpu && m.setting == on_cpu);
         let start = Instant::now();
         let mut scores = Vec::with_capacity(self.placements.len());
         for batch in self.placements.chunks(BATCH) {
@@ -159,9 +158,9 @@ impl<'a> Workshop<'a> {
             if !go_on(batch.len()) {
                 return Ok(None);
             }
-            if let Some(twin) = twin
+            if let Some(on_cpu) = on_cpu
                 && scores.len() >= COMPARED
-                && scores[..] == twin.scores[..scores.len()]
+                && scores[..] == on_cpu.scores[..scores.len()]
             {
                 break;
             }
@@ -170,15 +169,18 @@ impl<'a> Workshop<'a> {
         let each = elapsed / scores.len() as f64;
         let pose = scorer.pose(elapsed);
         if scores.len() < self.placements.len() {
-            scores = twin.map(|twin| twin.scores.clone()).unwrap_or_default();
+            scores = on_cpu.map(|m| m.scores.clone()).unwrap_or_default();
         }
         let seconds = self.time(&mut scorer, each)?;
         let (mut beams, lidars) = (0, self.placements[0].lidars.len() as u64);
         if let Some(tally) = scorer.tallies(&self.placements[..1])?.first() {
             beams = tally.beams;
         }
+        if let Some(change) = scorer.changes().first() {
+            return Err(ChartError::DeviceLost { change: change.clone() });
+        }
         Ok(Some(Measured {
-            rung: *rung,
+            setting: *setting,
             seconds: median(&seconds),
             spread: [
                 seconds.iter().copied().fold(f64::INFINITY, f64::min),
@@ -207,13 +209,13 @@ impl<'a> Workshop<'a> {
         let wanted = |each: f64| (REPEAT_SECONDS / each).ceil() as usize;
         let count = wanted(each).clamp(fewest, most);
         let mut ratios = Vec::new();
-        let mut yards = Vec::new();
+        let mut units = Vec::new();
         for _ in 0..self.repeats {
-            let yard = seconds_of(&mut self.yardstick, &self.placements[..fewest])?;
-            ratios.push(seconds_of(scorer, &self.placements[..count])? / yard);
-            yards.push(yard);
+            let unit = seconds_of(&mut self.unit, &self.placements[..fewest])?;
+            ratios.push(seconds_of(scorer, &self.placements[..count])? / unit);
+            units.push(unit);
         }
-        let unit = *self.yardstick_seconds.get_or_insert(median(&yards));
+        let unit = *self.unit_seconds.get_or_insert(median(&units));
         Ok(ratios.into_iter().map(|ratio| ratio * unit).collect())
     }
 }
@@ -240,18 +242,23 @@ enum Scorer {
 impl Scorer {
     fn new(
         world: &mut World,
-        rung: &Rung,
-        constraints: &Constraints,
+        setting: &Setting,
         objective: &Objective,
-        open: &Open,
-    ) -> Result<Self, FidelityError> {
-        if rung.engine == Engine::F64 {
-            return Ok(Self::Exact(Box::new(Exact::new(world, &rung.fidelity)?)));
+        choice: &EngineChoice,
+    ) -> Result<Self, ChartError> {
+        if setting.engine == Engine::F64 {
+            return Ok(Self::Exact(Box::new(Exact::new(world, &setting.fidelity)?)));
         }
-        let problem = Arc::new(world.problem(&rung.fidelity)?);
-        let backend = open(&problem, rung.engine)?;
-        if rung.engine == Engine::Atlas {
-            let grid = PoseGrid::new(constraints, SWAP_SPACING)?;
+        let problem = Arc::new(world.problem(&setting.fidelity)?);
+        let kind = match setting.engine {
+            Engine::Gpu => EngineKind::Gpu,
+            _ => EngineKind::Cpu,
+        };
+        let choice = EngineChoice { kind, ..choice.clone() };
+        let backend = open(&problem, &choice, |_| {})?.engine;
+        if setting.engine == Engine::Atlas {
+            let constraints = problem.constraints().clone();
+            let grid = PoseGrid::new(&constraints, SWAP_SPACING)?;
             let atlas = Atlas::new(problem, grid, objective.counts_all_covered(), ATLAS_BYTES);
             let (held, lidars) =
                 (atlas.page_bytes() * BATCH * constraints.lidars, constraints.lidars);
@@ -315,7 +322,15 @@ impl Scorer {
         }
     }
 
-    /// What a pose costs, where all that were cast so far took so many seconds.
+    /// Devices lost while it scored, in words.
+    fn changes(&self) -> &[String] {
+        match self {
+            Self::Exact(_) => &[],
+            Self::Backend(_, backend) | Self::Atlas { backend, .. } => backend.changes(),
+        }
+    }
+
+    /// Cost of a pose, from the seconds in which all poses so far were cast.
     fn pose(&self, elapsed: f64) -> Option<PoseCost> {
         let Self::Atlas { atlas, .. } = self else { return None };
         let seconds = elapsed / atlas.poses_cast().max(1) as f64;

@@ -1,15 +1,16 @@
-//! How much of a scene has to be modelled: settings from fine to coarse, what each costs, and how far
-//! its scores and its ranking are from those of the finest one in `f64`.
+//! How much of a scene has to be modelled: settings from fine to coarse, their cost, and the distance of
+//! their scores and rankings from those of the finest one in `f64`.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `setting` | a setting, and the ladder of them |
+//! | `run` | the chart: every setting measured in turn; settings, state, observer |
+//! | `setting` | a setting, and all that a scene allows |
 //! | `world` | the problem that a scene poses at a setting |
 //! | `simplify` | triangles merged below a size |
 //! | `exact`, `exact_tree` | the finest setting: casting, coverage and sums in `f64` |
 //! | `ranking` | score error, Kendall's τ, top-1 regret, bootstrap intervals |
 //! | `measure` | cost and scores of one setting |
-//! | `levels` | which frames stand for all in a search |
+//! | `levels` | frames that stand for all in a search |
 //! | `merging` | whether a search may do with merged triangles |
 //! | `verdict` | the Pareto front and the cheapest setting that keeps the ranking |
 
@@ -19,17 +20,20 @@ mod levels;
 mod measure;
 mod merging;
 mod ranking;
+mod run;
 mod setting;
 mod simplify;
 mod verdict;
 mod world;
 
-pub use exact::Exact;
 pub use levels::{Level, Pilot};
-pub use measure::{Measured, Open, PoseCost, Workshop};
+pub use measure::{Measured, PoseCost};
 pub use merging::{Merging, merged_over};
 pub use ranking::{Interval, RankingError};
-pub use setting::{Engine, Fidelity, Ladder, Rung};
+pub use run::{Chart, ChartObserver, ChartRow, ChartSettings, ChartState, chart};
+pub use setting::{Engine, Fidelity, Setting, Settings};
 pub use simplify::merge_vertices;
 pub use verdict::{MOST_SWAPPED, Rated, Verdict, cheapest, pareto, rate};
-pub use world::{FidelityError, World, candidates};
+pub use world::{ChartError, candidates};
+
+use world::World;

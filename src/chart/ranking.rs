@@ -1,3 +1,5 @@
+//! How far the scores and the ranking of a setting are from those of the reference.
+
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;

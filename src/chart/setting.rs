@@ -1,9 +1,11 @@
+//! Settings of fidelity from fine to coarse, and those that a scene does not allow.
+
 use serde::{Deserialize, Serialize};
 
 use crate::scene::{Coverage, PsogSource, Scene};
 use crate::vehicle::Lidar;
 
-/// Voxel edges in metres between which the ladder stays, beside the scene's own.
+/// Voxel edges in metres between which settings stay, beside the scene's own.
 const EDGES: [f64; 2] = [0.1, 0.8];
 /// Fewest azimuth steps that are left of a turn.
 const FEWEST_STEPS: u32 = 16;
@@ -17,7 +19,7 @@ const SLACK: f64 = 1e-9;
 pub struct Fidelity {
     /// Edge of a voxel as a multiple of the scene's own.
     pub voxel: f64,
-    /// Azimuth steps are divided by this; of listed directions, every so-many-th is cast.
+    /// Azimuth steps are divided by this; of a list of n directions ⌈n / azimuth⌉ are cast, evenly.
     pub azimuth: u32,
     /// Frames that are cast into, spread evenly from the first on.
     pub frames: u32,
@@ -28,7 +30,7 @@ pub struct Fidelity {
     pub detail: f64,
 }
 
-/// What computes a setting.
+/// Engine of a setting.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
@@ -44,20 +46,20 @@ pub enum Engine {
     Atlas,
 }
 
-/// One setting of the ladder.
+/// One setting: a fidelity and an engine.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Rung {
-    /// What is modelled.
+pub struct Setting {
+    /// How much of the scene is modelled.
     pub fidelity: Fidelity,
-    /// What computes it.
+    /// Which arithmetic computes it, where.
     pub engine: Engine,
 }
 
-/// Settings from fine to coarse, and what a scene does not allow.
+/// Settings from fine to coarse.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Ladder {
-    /// Finest in `f64` first: what the others are compared with.
-    pub rungs: Vec<Rung>,
+pub struct Settings {
+    /// The finest in `f64` comes first: the reference of all others.
+    pub all: Vec<Setting>,
     /// Why settings are missing, one sentence each.
     pub left_out: Vec<String>,
 }
@@ -107,7 +109,7 @@ fn round(metres: f64) -> f64 {
     (metres * 1e4).round() / 1e4
 }
 
-impl Rung {
+impl Setting {
     /// About how long a placement takes, in no unit: for the time left.
     pub fn effort(&self, scene: &Scene) -> f64 {
         let Fidelity { voxel, azimuth, frames, .. } = self.fidelity;
@@ -128,7 +130,7 @@ impl Rung {
     }
 }
 
-impl Ladder {
+impl Settings {
     /// Single steps down from the finest setting, then combinations of steps.
     ///
     /// `finest` is the edge of the finest voxels in metres; `None` takes half of the scene's own where
@@ -173,33 +175,33 @@ impl Ladder {
             left_out.push(format!("frames, first-hit coverage and geometry detail: {why}"));
         }
 
-        let mut ladder = Self { rungs: Vec::new(), left_out };
-        ladder.add(top, Engine::F64);
-        ladder.add(top, Engine::Cpu);
-        ladder.add(top, Engine::Gpu);
+        let mut settings = Self { all: Vec::new(), left_out };
+        settings.add(top, Engine::F64);
+        settings.add(top, Engine::Cpu);
+        settings.add(top, Engine::Gpu);
         for &voxel in &voxels {
-            ladder.add(Fidelity { voxel, ..top }, Engine::Cpu);
+            settings.add(Fidelity { voxel, ..top }, Engine::Cpu);
         }
-        ladder.add(own, Engine::Gpu);
-        ladder.add(Fidelity { frames: own.frames.div_ceil(4), ..own }, Engine::Atlas);
+        settings.add(own, Engine::Gpu);
+        settings.add(Fidelity { frames: own.frames.div_ceil(4), ..own }, Engine::Atlas);
         for &voxel in &voxels {
-            ladder.add(Fidelity { voxel, ..own }, Engine::Atlas);
-            ladder.add(Fidelity { voxel, frames: 1, ..own }, Engine::Atlas);
+            settings.add(Fidelity { voxel, ..own }, Engine::Atlas);
+            settings.add(Fidelity { voxel, frames: 1, ..own }, Engine::Atlas);
         }
         for &azimuth in &azimuths {
-            ladder.add(Fidelity { azimuth, ..top }, Engine::Cpu);
+            settings.add(Fidelity { azimuth, ..top }, Engine::Cpu);
         }
         for &frames in &frames {
-            ladder.add(Fidelity { frames, ..top }, Engine::Cpu);
+            settings.add(Fidelity { frames, ..top }, Engine::Cpu);
         }
         if !own.through {
-            ladder.add(Fidelity { through: true, frames: 1, ..top }, Engine::Cpu);
+            settings.add(Fidelity { through: true, frames: 1, ..top }, Engine::Cpu);
             for detail in [0.5, 1.0, 2.0] {
-                ladder.add(Fidelity { detail, ..top }, Engine::Cpu);
+                settings.add(Fidelity { detail, ..top }, Engine::Cpu);
             }
         }
-        ladder.add_combinations(&voxels, &azimuths, &frames, top, quick);
-        ladder
+        settings.add_combinations(&voxels, &azimuths, &frames, top, quick);
+        settings
     }
 
     fn add_combinations(
@@ -236,10 +238,10 @@ impl Ladder {
     }
 
     fn add(&mut self, fidelity: Fidelity, engine: Engine) {
-        let rung = Rung { fidelity, engine };
-        let finest = self.rungs.first().map_or(fidelity, |first| first.fidelity);
-        if fidelity.is_within(&finest) && !self.rungs.contains(&rung) {
-            self.rungs.push(rung);
+        let setting = Setting { fidelity, engine };
+        let finest = self.all.first().map_or(fidelity, |first| first.fidelity);
+        if fidelity.is_within(&finest) && !self.all.contains(&setting) {
+            self.all.push(setting);
         }
     }
 }
@@ -267,14 +269,14 @@ mod tests {
         Scene::from_json(&text, Path::new(""), "test.json").unwrap()
     }
 
-    fn words(ladder: &Ladder, edge: f64) -> Vec<String> {
-        ladder.rungs.iter().map(|rung| rung.words(edge)).collect()
+    fn words(settings: &Settings, edge: f64) -> Vec<String> {
+        settings.all.iter().map(|setting| setting.words(edge)).collect()
     }
 
     #[test]
-    fn the_ladder_steps_down_from_the_finest_in_f64() {
-        let ladder = Ladder::new(&scene(0.2, "first-hit"), None, false);
-        let words = words(&ladder, 0.2);
+    fn the_settings_step_down_from_the_finest_in_f64() {
+        let settings = Settings::new(&scene(0.2, "first-hit"), None, false);
+        let words = words(&settings, 0.2);
         assert_eq!(words[0], "0.1 m, 12 frames, f64");
         for wanted in [
             "0.1 m, 12 frames, GPU",
@@ -298,19 +300,19 @@ mod tests {
         sorted.sort();
         sorted.dedup();
         assert_eq!(sorted.len(), words.len(), "a setting comes twice");
-        assert!(ladder.left_out.is_empty());
-        let quick = Ladder::new(&scene(0.2, "first-hit"), Some(0.2), true);
-        assert_eq!(quick.rungs[0].words(0.2), "0.2 m, 12 frames, f64");
-        assert!(quick.rungs.len() < ladder.rungs.len());
+        assert!(settings.left_out.is_empty());
+        let quick = Settings::new(&scene(0.2, "first-hit"), Some(0.2), true);
+        assert_eq!(quick.all[0].words(0.2), "0.2 m, 12 frames, f64");
+        assert!(quick.all.len() < settings.all.len());
     }
 
     #[test]
     fn through_coverage_leaves_frames_and_geometry_out() {
-        let ladder = Ladder::new(&scene(0.15, "through"), None, false);
-        let words = words(&ladder, 0.15);
+        let settings = Settings::new(&scene(0.15, "through"), None, false);
+        let words = words(&settings, 0.15);
         // Half of 0.15 m is below 0.1 m.
         assert_eq!(words[0], "0.15 m, through, f64");
         assert!(words.iter().all(|w| !w.contains("frame") && !w.contains("merged")), "{words:?}");
-        assert!(ladder.left_out[0].contains("`through`"), "{:?}", ladder.left_out);
+        assert!(settings.left_out[0].contains("`through`"), "{:?}", settings.left_out);
     }
 }

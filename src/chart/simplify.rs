@@ -1,3 +1,5 @@
+//! Triangles merged below a size.
+
 use std::collections::{HashMap, HashSet};
 
 use glam::DVec3;

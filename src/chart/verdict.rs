@@ -1,3 +1,5 @@
+//! The Pareto front of cost and ranking error, and the cheapest setting that keeps the ranking.
+
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -53,7 +55,7 @@ fn misranked(rated: &Rated) -> f64 {
 
 /// Whether a setting scores any placement: a warm atlas only those whose poses were cast before.
 fn is_general(rated: &Rated) -> bool {
-    rated.measured.rung.engine != Engine::Atlas
+    rated.measured.setting.engine != Engine::Atlas
 }
 
 /// Settings that no other one beats in both seconds a placement and 1 − τ, the cheapest first; a warm
@@ -81,10 +83,10 @@ pub fn cheapest(rated: &[Rated], tolerance: f64) -> Option<Verdict> {
         .filter(|&i| is_general(&rated[i]))
         .filter(|&i| i == 0 || keeps_ranking(&rated[i].error, tolerance))
         .min_by(|&a, &b| seconds(a).total_cmp(&seconds(b)))?;
-    let finest = reference.measured.rung.fidelity;
-    let f32 = rated
-        .iter()
-        .find(|r| r.measured.rung.engine == Engine::Cpu && r.measured.rung.fidelity == finest);
+    let finest = reference.measured.setting.fidelity;
+    let f32 = rated.iter().find(|r| {
+        r.measured.setting.engine == Engine::Cpu && r.measured.setting.fidelity == finest
+    });
     Some(Verdict {
         setting,
         saves_over_f64: reference.measured.seconds / seconds(setting),
@@ -99,12 +101,12 @@ fn keeps_ranking(error: &RankingError, tolerance: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chart::{Fidelity, Rung};
+    use crate::chart::{Fidelity, Setting};
 
     fn measured(seconds: f64, scores: &[f64]) -> Measured {
         let fidelity = Fidelity { voxel: 1.0, azimuth: 1, frames: 1, through: false, detail: 0.0 };
         Measured {
-            rung: Rung { fidelity, engine: Engine::Cpu },
+            setting: Setting { fidelity, engine: Engine::Cpu },
             seconds,
             spread: [seconds; 2],
             bytes: 0,

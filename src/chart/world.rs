@@ -1,10 +1,12 @@
+//! The problem that a scene poses at a setting, with the P-SOGs and trees that settings share.
+
 use std::sync::Arc;
 
-use super::{Fidelity, merge_vertices};
+use super::{Engine, Fidelity, Setting, merge_vertices};
 use crate::bvh::Bvh;
 use crate::engine::BackendError;
 use crate::memory::OutOfMemory;
-use crate::problem::{Content, Problem, shared_trees};
+use crate::problem::{Content, Problem, shared_trees, spread};
 use crate::psog::{GridError, Psog, Roi};
 use crate::scan::scan_scene;
 use crate::scene::{EgoBody, PsogSource, ScanSettings, Scene};
@@ -18,7 +20,7 @@ const DRAWS: usize = 50;
 /// Why a setting could not be measured.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum FidelityError {
+pub enum ChartError {
     /// The voxels of a setting do not make a grid.
     #[error(transparent)]
     Grid(#[from] GridError),
@@ -40,10 +42,52 @@ pub enum FidelityError {
         /// Multiple of the scene's own voxel edge.
         factor: f64,
     },
+    /// Nothing to rank.
+    #[error("there are no placements to rank; give some, or ask for random ones")]
+    NoPlacement,
+    /// An objective of a task that the scene does not have.
+    #[error(
+        "{scene}: the objective `{objective}` needs a detection target; name its classes under \
+         `detection` in the scene"
+    )]
+    NoDetection {
+        /// File of the scene.
+        scene: String,
+        /// The objective.
+        objective: String,
+    },
+    /// A reference coarser than the scene.
+    #[error(
+        "--finest {finest}: is coarser than the scene's own voxels of {edge} m; give at most that"
+    )]
+    Coarser {
+        /// Edge asked for, in metres.
+        finest: f64,
+        /// The scene's own edge, in metres.
+        edge: f64,
+    },
+    /// A state that does not belong to the scene and the settings.
+    #[error("the chart was begun with another scene or other placements; start a new run")]
+    OtherState,
+    /// The timing of a device that was replaced on the way says nothing.
+    #[error("{change}")]
+    DeviceLost {
+        /// What took over, in words.
+        change: String,
+    },
+}
+
+impl ChartError {
+    /// Whether the other settings can still be measured: a device that fails at one setting, or an atlas
+    /// that is too large, does not take the others along.
+    pub(super) fn spares_others(&self, setting: &Setting) -> bool {
+        matches!(self, Self::Backend(_) | Self::Poses(_) | Self::DeviceLost { .. })
+            && matches!(setting.engine, Engine::Gpu | Engine::Atlas)
+    }
 }
 
 /// A scene with its P-SOGs of several voxel sizes.
-pub struct World {
+pub(super) struct World {
     scene: Scene,
     grids: Vec<(f64, Arc<Psog>)>,
     /// By the range for which they are built.
@@ -52,12 +96,12 @@ pub struct World {
 
 impl World {
     /// A scene and the P-SOG on its own grid.
-    pub fn new(scene: Scene, own: Arc<Psog>) -> Self {
+    pub(super) fn new(scene: Scene, own: Arc<Psog>) -> Self {
         Self { scene, grids: vec![(1.0, own)], trees: Vec::new() }
     }
 
     /// The scene.
-    pub fn scene(&self) -> &Scene {
+    pub(super) fn scene(&self) -> &Scene {
         &self.scene
     }
 
@@ -69,12 +113,12 @@ impl World {
     ///
     /// # Errors
     /// The scene's P-SOG is a file, or the grid has too many voxels.
-    pub fn psog(&mut self, factor: f64) -> Result<Arc<Psog>, FidelityError> {
+    pub(super) fn psog(&mut self, factor: f64) -> Result<Arc<Psog>, ChartError> {
         if let Some((_, psog)) = self.grids.iter().find(|(f, _)| *f == factor) {
             return Ok(psog.clone());
         }
         let PsogSource::Scan(own) = self.scene.psog_source() else {
-            return Err(FidelityError::FixedVoxels { factor });
+            return Err(ChartError::FixedVoxels { factor });
         };
         let denser = |steps: u32| (f64::from(steps) / factor.min(1.0)).ceil() as u32;
         let settings = ScanSettings {
@@ -92,11 +136,11 @@ impl World {
     }
 
     /// Frames that a setting casts into.
-    pub fn frames(&self, fidelity: &Fidelity) -> Vec<usize> {
-        spread(self.scene.frame_count(), fidelity.frames as usize)
+    pub(super) fn frames(&self, fidelity: &Fidelity) -> Vec<usize> {
+        spread(self.scene.frame_count(), Some(fidelity.frames))
     }
 
-    /// What covering the voxels of one of the scene's P-SOGs is worth.
+    /// Entropies and classes of the voxels of one of the scene's P-SOGs.
     pub(super) fn content(&self, psog: &Psog) -> Content {
         Content::from_psog(psog, &self.scene.detection_among(psog.classes()))
     }
@@ -116,12 +160,13 @@ impl World {
     ///
     /// # Errors
     /// As [`Self::psog`], or a sensor without beams.
-    pub fn problem(&mut self, fidelity: &Fidelity) -> Result<Problem, FidelityError> {
+    pub(super) fn problem(&mut self, fidelity: &Fidelity) -> Result<Problem, ChartError> {
         let frames = self.frames(fidelity);
         let psog = self.psog(fidelity.voxel)?;
         let table = table(self.scene.lidar(), fidelity.azimuth)?;
         let content = self.content(&psog);
-        let problem = Problem::new(*psog.roi(), content.clone(), table.clone(), Vec::new(), false);
+        let problem = Problem::new(*psog.roi(), content.clone(), table.clone(), Vec::new(), false)
+            .with_constraints(self.scene.mount().into());
         if fidelity.through {
             return Ok(problem);
         }
@@ -133,14 +178,9 @@ impl World {
             let all = self.all_trees(far)?;
             frames.iter().map(|&t| all[t].clone()).collect()
         };
-        Ok(Problem::new(*psog.roi(), content, table, trees, true))
+        let problem = Problem::new(*psog.roi(), content, table, trees, true);
+        Ok(problem.with_constraints(self.scene.mount().into()))
     }
-}
-
-/// `wanted` of `count` frames, spread evenly from the first on.
-fn spread(count: usize, wanted: usize) -> Vec<usize> {
-    let wanted = wanted.min(count);
-    (0..wanted).map(|k| k * count / wanted).collect()
 }
 
 /// The scene's sensor with every `divisor`-th azimuth step, or listed direction.

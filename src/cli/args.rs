@@ -1,3 +1,5 @@
+//! Options that several commands share.
+
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};

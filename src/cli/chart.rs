@@ -1,37 +1,22 @@
-mod summary;
+//! `sightline chart`: cost against accuracy, and the cheapest setting that keeps the ranking.
 
-use std::cell::Cell;
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::cell::RefCell;
+use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
 
+use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
-use serde_json::json;
-use sightline::chart::{
-    Engine, FidelityError, Ladder, Measured, Rung, Workshop, World, candidates, cheapest, rate,
-};
-use sightline::engine::{Backend, BackendError};
-use sightline::problem::Problem;
-use sightline::report::{ChartFrame, fidelity_csv, fidelity_svg};
-use sightline::score::Objective;
-use sightline::vehicle::Constraints;
-use sightline::vehicle::{Placement, read_placements};
+use serde_json::{Value, json};
+use sightline::chart::{Chart, ChartObserver, ChartSettings, ChartState, chart};
+use sightline::report::{ChartFrame, chart_words, fidelity_csv, fidelity_svg, seconds};
+use sightline::vehicle::{read_placements, table_7};
 
-use super::args::{BackendChoice, Compute, Format, whole};
+use super::args::{Compute, Format, Talk, whole};
 use super::error::Error;
 use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
-use super::output::{Missing, writable_folder, write_whole};
-use super::{load, optimize, progress};
-use summary::Summary;
-
-/// Version of the state in `chart.json`.
-const VERSION: u32 = 2;
-/// Repeats of a timing, and of a quick one.
-const REPEATS: [usize; 2] = [5, 3];
-/// Numbered folders that are tried before giving up.
-const MOST_RUNS: u32 = 10_000;
+use super::run_dir::RunDir;
+use super::{load, progress, table};
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -42,7 +27,7 @@ pub struct Args {
     /// Scene file
     #[arg(required_unless_present = "resume", conflicts_with = "resume")]
     scene: Option<PathBuf>,
-    /// Placements to rank beside the random ones [default: Table 7 of the paper]
+    /// Placements to rank together with random ones [default: Table 7 of the paper]
     #[arg(conflicts_with = "resume")]
     placements: Option<PathBuf>,
     /// Folder for chart.svg, chart.csv and chart.json [default: runs/SCENE-chart, numbered if it is taken]
@@ -52,17 +37,18 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     resume: Option<PathBuf>,
     /// Score that ranks the placements, or a weighted sum of several
-    #[arg(long, default_value = "m_sog_scaled", conflicts_with = "resume")]
+    #[arg(long, default_value_t = ChartSettings::default().objective.to_string(),
+          conflicts_with = "resume")]
     objective: String,
     /// Random placements within the mount, ranked together with the given ones
     #[arg(long = "placements", value_name = "N", default_value_t = 100, conflicts_with = "resume",
           value_parser = clap::value_parser!(u32).range(0..=2_000))]
     random: u32,
-    /// Share of the best score that taking a setting's best placement may lose; placements farther apart
-    /// must keep their order, but for 5 % of their pairs
+    /// How much worse than the best placement that of a coarser setting may be, as a share of the score;
+    /// pairs of placements farther apart than that must keep their order, 19 of 20 of them
     #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = share)]
     tolerance: f64,
-    /// Edge of the finest voxels in metres, to which all else is compared
+    /// Edge of the finest voxels in metres, which all other settings are compared with
     /// [default: half of the scene's, where that is 0.1 or more; with --quick the scene's]
     #[arg(long, value_name = "METRES", conflicts_with = "resume", value_parser = metres)]
     finest: Option<f64>,
@@ -89,299 +75,226 @@ fn metres(text: &str) -> Result<f64, String> {
     if value > 0.0 && value.is_finite() { Ok(value) } else { Err("give metres above 0".into()) }
 }
 
-/// Everything that decides about the result.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Settings {
+/// All that a chart goes on from.
+#[derive(Clone, Serialize, Deserialize)]
+struct Saved {
     scene: PathBuf,
-    given: Vec<Placement>,
-    random: u32,
-    objective: String,
-    finest: Option<f64>,
-    quick: bool,
-    seed: u64,
-}
-
-/// What `chart.json` keeps of a run, finished or not; other keys are for the reader.
-#[derive(Serialize, Deserialize)]
-struct State {
-    chart: u32,
-    settings: Settings,
-    inputs: Vec<Input>,
-    yardstick_seconds: Option<f64>,
-    measured: Vec<Measured>,
+    settings: ChartSettings,
+    #[serde(flatten)]
+    state: ChartState,
 }
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     args.compute.start()?;
-    let (folder, mut state) = match &args.resume {
-        Some(folder) => (folder.clone(), saved(folder)?),
-        None => (new_folder(args)?, fresh(args)?),
+    let talk = args.compute.talk;
+    let resumed = args.resume.as_ref().map(|folder| RunDir::<Saved>::resume("chart", folder));
+    let (resumed, saved) = match resumed.transpose()? {
+        Some((dir, saved)) => (Some(dir), saved),
+        None => (None, fresh(args)?),
     };
-    let objective: Objective = state.settings.objective.parse()?;
-    let (scene, psog, _) = load::scene_and_psog(&state.settings.scene, args.compute.talk)?;
+    let (scene, psog, _) = load::scene_and_psog(&saved.scene, talk)?;
     let inputs = Input::of(&scene)?;
-    if args.resume.is_some() {
-        Input::check(&folder, &state.inputs, &inputs)?;
+    let dir = match resumed {
+        Some(dir) => {
+            dir.check(&inputs)?;
+            dir
+        }
+        None => {
+            let stem = saved.scene.file_stem().unwrap_or_default().to_string_lossy();
+            RunDir::create("chart", args.out.as_deref(), &format!("{stem}-chart"), inputs)?
+        }
+    };
+    let settings = ChartSettings { engine: args.compute.engine(), ..saved.settings.clone() };
+    let mut state = saved.state.clone();
+    let sitting = Sitting {
+        dir: &dir,
+        saved: &saved,
+        stop: Interrupt::listen(talk),
+        bar: progress::share(MILLION, talk),
+        talk,
+        failed: RefCell::default(),
+    };
+    let found = chart(scene, psog, &settings, args.tolerance, &mut state, &sitting);
+    sitting.bar.finish_and_clear();
+    if let Some(error) = sitting.failed.take() {
+        return Err(error);
     }
-    state.inputs = inputs;
-    if objective.needs_detection() && scene.detection_among(psog.classes()).is_empty() {
-        return Err(Error::Usage(format!(
-            "{}: the objective `{objective}` needs a detection target; name its classes under \
-             `detection` in the scene",
-            state.settings.scene.display()
-        )));
+    let found = found?;
+    let answer = answer(&Saved { state, ..saved.clone() }, &found);
+    write(&dir, &found, &answer)?;
+    match args.format {
+        Format::Json => outln!("{answer}")?,
+        Format::Text => {
+            print(&found)?;
+            outln!("chart: {}", dir.path().join("chart.svg").display())?;
+        }
     }
-    let edge = scene.roi().voxel[0];
-    let finest = state.settings.finest.or(state.settings.quick.then_some(edge));
-    if let Some(finest) = finest.filter(|f| *f > edge * (1.0 + 1e-9)) {
-        return Err(Error::Usage(format!(
-            "--finest {finest}: is coarser than the scene's own voxels of {edge} m; give at most that"
-        )));
+    if found.missing == 0 {
+        return Ok(ExitCode::SUCCESS);
     }
-    let _made = Missing::of(&folder);
-    writable_folder(&folder)?;
-    let mut ladder = Ladder::new(&scene, finest, state.settings.quick);
-    leave_out_engines(&mut ladder, &args.compute);
-    let constraints = Constraints::from(scene.mount());
-    let placements = candidates(
-        &constraints,
-        &state.settings.given,
-        state.settings.random as usize,
-        state.settings.seed,
-    );
-    let compute = &args.compute;
-    let open = |problem: &Arc<Problem>, engine| open_engine(problem, engine, compute);
-    let workshop = Workshop::new(
-        World::new(scene, psog),
-        placements,
-        constraints,
-        objective,
-        Box::new(open),
-        REPEATS[usize::from(state.settings.quick)],
-        state.yardstick_seconds,
-    )?;
-    let mut chart = Chart { folder, state, ladder, workshop, edge, tolerance: args.tolerance };
-    let interrupted = chart.measure(&args.compute)?;
-    chart.finish(args, interrupted)?;
-    Ok(if interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+    talk.note(format!(
+        "interrupted with {} settings to go; go on with --resume {}",
+        found.missing,
+        dir.path().display()
+    ));
+    Ok(ExitCode::from(INTERRUPTED))
 }
 
-fn fresh(args: &Args) -> Result<State, Error> {
-    let scene = args.scene.clone().expect("clap requires a scene or --resume");
-    let given = match &args.placements {
-        Some(file) => read_placements(file)?,
-        None => optimize::table_7()?,
-    };
-    let settings = Settings {
-        scene: std::path::absolute(&scene).map_err(Error::io(&scene))?,
-        given,
+fn fresh(args: &Args) -> Result<Saved, Error> {
+    let scene = args.scene.as_deref().unwrap_or(std::path::Path::new(""));
+    let settings = ChartSettings {
+        given: match &args.placements {
+            Some(file) => read_placements(file)?,
+            None => table_7(),
+        },
         random: args.random,
-        objective: args.objective.clone(),
+        objective: args.objective.parse()?,
         finest: args.finest,
         quick: args.quick,
         seed: args.seed,
+        engine: args.compute.engine(),
     };
-    let (inputs, measured) = (Vec::new(), Vec::new());
-    Ok(State { chart: VERSION, settings, inputs, yardstick_seconds: None, measured })
+    let scene = std::path::absolute(scene).map_err(Error::io(scene))?;
+    Ok(Saved { scene, settings, state: ChartState::default() })
 }
 
-fn new_folder(args: &Args) -> Result<PathBuf, Error> {
-    let Some(folder) = &args.out else {
-        let scene = args.scene.as_deref().unwrap_or(Path::new("scene"));
-        let stem = scene.file_stem().unwrap_or_default().to_string_lossy();
-        let first = Path::new("runs").join(format!("{stem}-chart"));
-        let numbered = (2..MOST_RUNS).map(|n| Path::new("runs").join(format!("{stem}-chart-{n}")));
-        let free = std::iter::once(first.clone()).chain(numbered).find(|path| !path.exists());
-        let full = || format!("{}: too many charts; name a folder with --out", first.display());
-        return free.ok_or_else(|| Error::Usage(full()));
-    };
-    if folder.join("chart.json").exists() {
-        return Err(Error::Usage(format!(
-            "{}: already holds a chart; go on with --resume, or name another folder",
-            folder.display()
-        )));
+/// Steps of the bar: the share of the work in millionths.
+const MILLION: u64 = 1_000_000;
+
+/// A chart under way, as its folder, the terminal and Ctrl-C see it.
+struct Sitting<'a> {
+    dir: &'a RunDir<Saved>,
+    saved: &'a Saved,
+    stop: Interrupt,
+    bar: ProgressBar,
+    talk: Talk,
+    /// Why the state could not be written, which ends the chart.
+    failed: RefCell<Option<Error>>,
+}
+
+impl ChartObserver for Sitting<'_> {
+    fn begins(&self, number: usize, of: usize, setting: &str) {
+        self.bar.set_message(format!("{number}/{of}: {setting}"));
     }
-    Ok(folder.clone())
-}
 
-fn saved(folder: &Path) -> Result<State, Error> {
-    let file = folder.join("chart.json");
-    let text = std::fs::read_to_string(&file).map_err(Error::io(&file))?;
-    let json = |source| Error::Json { path: file.clone(), source };
-    let state: State = serde_json::from_str(&text).map_err(json)?;
-    if state.chart != VERSION {
-        return Err(Error::Usage(format!(
-            "{}: is of version {}, this program reads {VERSION}; start a new run",
-            file.display(),
-            state.chart
-        )));
+    fn progress(&self, share: f64) {
+        self.bar.set_position((share * MILLION as f64) as u64);
     }
-    Ok(state)
-}
 
-/// Drops the engines that `--backend` excludes or the machine lacks.
-fn leave_out_engines(ladder: &mut Ladder, compute: &Compute) {
-    let gpu = || !sightline::engine::gpu::list_adapters().is_empty();
-    let why = match compute.backend {
-        BackendChoice::Cpu => Some("--backend cpu"),
-        _ => (!gpu()).then_some("no Vulkan device"),
-    };
-    if let Some(why) = why {
-        ladder.rungs.retain(|rung| rung.engine != Engine::Gpu);
-        ladder.left_out.push(format!("the GPU: {why}"));
-    }
-}
-
-fn open_engine(
-    problem: &Arc<Problem>,
-    engine: Engine,
-    compute: &Compute,
-) -> Result<Box<dyn Backend>, BackendError> {
-    use sightline::engine::{CpuBackend, gpu::GpuBackend};
-    let budget = compute.memory_budget();
-    Ok(match engine {
-        Engine::Gpu => {
-            Box::new(GpuBackend::new(problem.clone(), compute.adapter.as_deref(), budget)?)
+    fn measured(&self, state: &ChartState) {
+        if let Some(last) = state.measured.last() {
+            self.talk.detail(format!("{} s", last.seconds));
         }
-        _ => Box::new(CpuBackend::new(problem.clone(), budget)),
+        let saved = Saved { state: state.clone(), ..self.saved.clone() };
+        if let Err(error) = self.dir.save(&saved) {
+            self.failed.replace(Some(error));
+        }
+    }
+
+    fn goes_on(&self) -> bool {
+        !self.stop.is_set() && self.failed.borrow().is_none()
+    }
+}
+
+/// All of `chart.json`.
+fn answer(saved: &Saved, found: &Chart) -> Value {
+    let rows = found.rows();
+    json!({
+        "settings": saved.settings,
+        "scene_file": saved.scene,
+        "yardstick_seconds": saved.state.unit_seconds,
+        "measured": saved.state.measured,
+        "scene": found.scene,
+        "placements": found.placements,
+        "tolerance": found.tolerance,
+        "threads": rayon::current_num_threads(),
+        "reference": rows.first().map(|row| &row.setting),
+        "rows": rows,
+        "left_out": found.left_out,
+        "verdict": found.verdict,
+        "words": chart_words(found),
+        "finished": found.missing == 0,
     })
 }
 
-/// A ladder being measured.
-struct Chart<'a> {
-    folder: PathBuf,
-    state: State,
-    ladder: Ladder,
-    workshop: Workshop<'a>,
-    edge: f64,
-    tolerance: f64,
+fn write(dir: &RunDir<Saved>, found: &Chart, answer: &Value) -> Result<(), Error> {
+    let frame = ChartFrame {
+        title: &format!(
+            "{}: {} placements ranked by {}",
+            found.scene,
+            found.placements.len(),
+            found.objective
+        ),
+        edge: found.edge,
+        chosen: found.verdict.map(|verdict| verdict.setting),
+    };
+    dir.write_text("chart.svg", &fidelity_svg(&found.rated, &frame))?;
+    dir.write_text("chart.csv", &fidelity_csv(&found.rated, found.edge))?;
+    dir.write_json("chart.json", answer)
 }
 
-impl Chart<'_> {
-    /// Measures what is missing, true if interrupted; the state is written after each setting.
-    fn measure(&mut self, compute: &Compute) -> Result<bool, Error> {
-        self.check_resumed()?;
-        let stop = Interrupt::listen(compute.talk);
-        let scene = self.workshop.world().scene();
-        let efforts: Vec<f64> = self.ladder.rungs.iter().map(|rung| rung.effort(scene)).collect();
-        let count = self.workshop.placements().len();
-        // The bar counts millionths of the whole work.
-        let unit = 1e6 / (efforts.iter().sum::<f64>() * count as f64);
-        let bar = progress::share(1_000_000, compute.talk);
-        let mut position = 0.0;
-        for (index, rung) in self.ladder.rungs.clone().into_iter().enumerate() {
-            let whole = efforts[index] * unit * count as f64;
-            if !self.is_measured(&rung) {
-                let words = rung.words(self.edge);
-                bar.set_message(format!("{}/{}: {words}", index + 1, efforts.len()));
-                let done = Cell::new(0.0);
-                let go_on = |placements: usize| {
-                    done.set(done.get() + placements as f64);
-                    bar.set_position((position + efforts[index] * unit * done.get()) as u64);
-                    !stop.is_set()
-                };
-                let before = &self.state.measured;
-                match self.workshop.measure(&rung, before, &go_on) {
-                    Ok(Some(measured)) => {
-                        compute.talk.detail(format!("{words}: {} s", measured.seconds));
-                        self.state.measured.push(measured);
-                    }
-                    Ok(None) => break,
-                    // A device that fails at one setting, or an atlas that is too large, does not take
-                    // the others along.
-                    Err(error @ (FidelityError::Backend(_) | FidelityError::Poses(_)))
-                        if matches!(rung.engine, Engine::Gpu | Engine::Atlas) =>
-                    {
-                        self.ladder.left_out.push(format!("{words}: {error}"));
-                    }
-                    Err(error) => return Err(error.into()),
-                }
-                self.state.yardstick_seconds = self.workshop.yardstick_seconds();
-                self.write_json(None)?;
-            }
-            position += whole;
-            bar.set_position(position as u64);
-            if stop.is_set() {
-                break;
-            }
-        }
-        bar.finish_and_clear();
-        let missing = self.ladder.rungs.iter().filter(|rung| !self.is_measured(rung)).count();
-        let interrupted = stop.is_set() && missing > 0;
-        if interrupted {
-            compute.talk.note(format!(
-                "interrupted with {missing} settings to go; go on with --resume {}",
-                self.folder.display()
-            ));
-        }
-        Ok(interrupted)
-    }
+/// Titles of the printed table.
+const TITLES: [&str; 12] = [
+    "setting",
+    "s a placement",
+    "MiB",
+    "score error %: median",
+    "largest",
+    "Kendall τ",
+    "95 %",
+    "regret %",
+    "95 %",
+    "swapped %",
+    "95 %",
+    "front",
+];
 
-    fn is_measured(&self, rung: &Rung) -> bool {
-        self.state.measured.iter().any(|m| m.rung == *rung)
-    }
-
-    /// A scene that has changed since must not be mixed with what was measured.
-    fn check_resumed(&mut self) -> Result<(), Error> {
-        let Some(first) = self.state.measured.first() else { return Ok(()) };
-        let count = self.workshop.placements().len();
-        let same = self.state.measured.iter().all(|measured| measured.scores.len() == count)
-            && self.ladder.rungs.first() == Some(&first.rung)
-            && first.scores[0] == self.workshop.first_score(&first.rung)?;
-        if same {
-            return Ok(());
-        }
-        Err(Error::Usage(format!(
-            "{}: was begun with another scene or other placements; start a new run",
-            self.folder.display()
-        )))
-    }
-
-    fn finish(&self, args: &Args, interrupted: bool) -> Result<(), Error> {
-        let rated = rate(&self.state.measured, self.tolerance, self.state.settings.seed);
-        let verdict = cheapest(&rated, self.tolerance);
-        let summary = Summary::new(self, &rated, verdict, interrupted);
-        let frame = ChartFrame {
-            title: &format!(
-                "{}: {} placements ranked by {}",
-                self.workshop.world().scene().name(),
-                self.workshop.placements().len(),
-                self.state.settings.objective
-            ),
-            edge: self.edge,
-            chosen: verdict.map(|v| v.setting),
+fn print(found: &Chart) -> Result<(), Error> {
+    let rows = found.rows();
+    outln!(
+        "{}: {} placements ranked by {}, against {}",
+        found.scene,
+        found.placements.len(),
+        found.objective,
+        rows.first().map_or("nothing", |row| &row.setting)
+    )?;
+    let cells = rows.iter().map(|row| {
+        let mark = if row.same_quantity { " " } else { "*" };
+        let error = &row.error;
+        let (tau, range) = match error.tau {
+            Some(t) => (format!("{:.3}", t.value), format!("{:.3}–{:.3}", t.low, t.high)),
+            None => ("–".to_owned(), String::new()),
         };
-        self.write_text("chart.svg", &fidelity_svg(&rated, &frame))?;
-        self.write_text("chart.csv", &fidelity_csv(&rated, self.edge))?;
-        self.write_json(Some(&summary))?;
-        match args.format {
-            Format::Json => outln!("{}", self.json(Some(&summary)))?,
-            Format::Text => self.print(&rated, &summary)?,
-        }
-        Ok(())
+        vec![
+            row.setting.clone(),
+            seconds(row.seconds),
+            format!("{:.1}", row.bytes as f64 / f64::from(1 << 20)),
+            format!("{:.3}{mark}", 100.0 * error.score_median),
+            format!("{:.3}{mark}", 100.0 * error.score_largest),
+            tau,
+            range,
+            format!("{:.2}", 100.0 * error.regret.value),
+            format!("{:.2}–{:.2}", 100.0 * error.regret.low, 100.0 * error.regret.high),
+            format!("{:.1}", 100.0 * error.swapped.value),
+            format!("{:.1}–{:.1}", 100.0 * error.swapped.low, 100.0 * error.swapped.high),
+            if row.on_front { "front" } else { "" }.to_owned(),
+        ]
+    });
+    let titles = TITLES.map(str::to_owned).to_vec();
+    out!("{}", table::align(&std::iter::once(titles).chain(cells).collect::<Vec<_>>()))?;
+    outln!(
+        "* other voxels, beams or coverage make the score another quantity; only the ranking compares"
+    )?;
+    outln!(
+        "swapped: of the pairs farther apart than {} % of the best score, those in another order",
+        100.0 * found.tolerance
+    )?;
+    for line in &found.left_out {
+        outln!("left out: {line}")?;
     }
-
-    fn json(&self, summary: Option<&Summary>) -> serde_json::Value {
-        let mut value = json!(self.state);
-        if let (Some(summary), Some(map)) = (summary, value.as_object_mut())
-            && let Some(extra) = json!(summary).as_object()
-        {
-            map.extend(extra.clone());
-        }
-        value
+    outln!()?;
+    for line in chart_words(found) {
+        outln!("{line}")?;
     }
-
-    fn write_json(&self, summary: Option<&Summary>) -> Result<(), Error> {
-        let path = self.folder.join("chart.json");
-        write_whole(&path, |file| {
-            serde_json::to_writer_pretty(&mut *file, &self.json(summary))
-                .map_err(|source| Error::Json { path: path.clone(), source })?;
-            file.write_all(b"\n").map_err(Error::io(&path))
-        })
-    }
-
-    fn write_text(&self, name: &str, text: &str) -> Result<(), Error> {
-        let path = self.folder.join(name);
-        write_whole(&path, |file| file.write_all(text.as_bytes()).map_err(Error::io(&path)))
-    }
+    Ok(())
 }

@@ -1,3 +1,5 @@
+//! `devices`: the Vulkan devices and the one that `auto` takes.
+
 use std::process::ExitCode;
 
 use sightline::engine::gpu::list_adapters;
@@ -37,6 +39,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
                 ]
             }));
             out!("{}", table::align(&rows))?;
+            if !adapters.iter().any(|a| a.auto) {
+                outln!("only software: --backend auto computes on the CPU")?;
+            }
         }
     }
     Ok(ExitCode::SUCCESS)

@@ -18,7 +18,7 @@ pub enum Error {
         /// From the operating system.
         source: std::io::Error,
     },
-    /// JSON that is not what was expected.
+    /// JSON of another form than expected.
     #[error("{}: {source}", path.display())]
     Json {
         /// File.
@@ -43,7 +43,8 @@ macro_rules! from_modules {
 }
 
 from_modules!(
-    sightline::chart::FidelityError,
+    sightline::audit::AuditError,
+    sightline::chart::ChartError,
     sightline::engine::BackendError,
     sightline::engine::OpenError,
     sightline::problem::ProblemError,
@@ -53,6 +54,7 @@ from_modules!(
     sightline::scene::DescriptionError,
     sightline::score::ObjectiveError,
     sightline::search::SearchError,
+    sightline::study::StudyError,
     sightline::vehicle::PlacementError,
     sightline::vehicle::PoseGridError,
     sightline::vehicle::PlacementFileError,

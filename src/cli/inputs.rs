@@ -1,4 +1,4 @@
-//! What a run was begun with, so that it does not go on with something else.
+//! Files that a run was begun with and their SHA-256, so that it does not go on with others.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use sightline::scene::Scene;
 
 use super::error::Error;
 
-/// A file, and what stood in it.
+/// A file and the SHA-256 of its bytes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Input {
     file: PathBuf,

@@ -27,7 +27,6 @@ pub struct LoadTimes {
 pub struct Loaded {
     pub scene: Scene,
     pub evaluator: Evaluator,
-    pub psog: Arc<Psog>,
     pub times: LoadTimes,
 }
 
@@ -45,7 +44,7 @@ pub fn scene(path: &Path, frames: Option<u32>, compute: &Compute) -> Result<Load
     let frames = spread(scene.frame_count(), frames);
     let evaluator = evaluator(Problem::with_psog(&scene, &psog, &frames)?, compute)?;
     times.build += start.elapsed().as_secs_f64();
-    Ok(Loaded { scene, evaluator, psog, times })
+    Ok(Loaded { scene, evaluator, times })
 }
 
 /// Reads a scene and says what in it is most likely not meant.
@@ -97,12 +96,12 @@ pub fn geometry(path: &Path, frame: u32, compute: &Compute) -> Result<Loaded, Er
         )));
     }
     let psog = Psog::new(scene.roi().grid()?, 1, scene.classes().to_vec(), vec![], vec![])?;
-    let psog = Arc::new(psog);
+
     let load = start.elapsed().as_secs_f64();
     let start = Instant::now();
     let evaluator = evaluator(Problem::with_psog(&scene, &psog, &[frame])?, compute)?;
     let times = LoadTimes { load, build: start.elapsed().as_secs_f64() };
-    Ok(Loaded { scene, evaluator, psog, times })
+    Ok(Loaded { scene, evaluator, times })
 }
 
 /// Says where `--frames` asks for more than there are.

@@ -57,7 +57,7 @@ enum Command {
     Chart(chart::Args),
     /// Try to make the scores fail, and say which guard notices
     Audit(audit::Args),
-    /// Answer a question that takes many runs: how many LiDARs, which sensor, what if one fails
+    /// Answer a question that takes many runs: how many LiDARs, which sensor, the loss of one LiDAR
     Study(study::Args),
     /// Build, inspect and merge P-SOG files
     #[command(subcommand)]
@@ -85,7 +85,7 @@ pub fn run() -> Result<ExitCode, Error> {
     }
 }
 
-/// Lets numbers below 0 reach the options, which say what they want instead.
+/// Lets numbers below 0 reach the options, whose own messages name the numbers that they take.
 fn taking_negative_numbers(command: clap::Command) -> clap::Command {
     command
         .mut_args(|arg| {

@@ -36,7 +36,6 @@ use grid::{Method, parse_spacing};
 use outcome::{body_of, print};
 use rules::{Rules, left_out};
 use settings::RunSettings;
-pub use settings::table_7;
 
 /// Share of `--max-seconds` that the generations may take; the swaps have what is left.
 const GENERATIONS_SHARE: f64 = 0.4;

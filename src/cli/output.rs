@@ -1,4 +1,4 @@
-//! What leaves the program: lines on stdout and stderr, and files that are either whole or not there.
+//! Ways out of the program: lines on stdout and stderr, and files that are either whole or not there.
 
 use std::fmt::Arguments;
 use std::fs::{File, TryLockError};
@@ -8,12 +8,12 @@ use std::time::{Duration, Instant};
 
 use super::error::Error;
 
-/// As `print!`, but what cannot be written is an [`Error`] instead of a panic.
+/// As `print!`, with an [`Error`] instead of a panic where stdout cannot be written.
 macro_rules! out {
     ($($text:tt)*) => { $crate::cli::output::print(format_args!($($text)*)) };
 }
 
-/// As `println!`, but what cannot be written is an [`Error`] instead of a panic.
+/// As `println!`, with an [`Error`] instead of a panic where stdout cannot be written.
 macro_rules! outln {
     () => { out!("\n") };
     ($($text:tt)*) => { out!("{}\n", format_args!($($text)*)) };
@@ -26,7 +26,7 @@ pub fn print(text: Arguments) -> Result<(), Error> {
     unless_closed(written.map_err(Error::io(Path::new("stdout"))))
 }
 
-/// Whoever read us has seen enough, as `head` does: that is no error.
+/// Takes a closed pipe for the wish to read no more, as of `head`: no error.
 pub fn unless_closed(written: Result<(), Error>) -> Result<(), Error> {
     match written {
         Err(Error::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => Ok(()),
@@ -34,8 +34,8 @@ pub fn unless_closed(written: Result<(), Error>) -> Result<(), Error> {
     }
 }
 
-/// Writes a line to stderr; where that cannot be written, the work goes on. What a file calls its things
-/// may hold control characters, which are spelled out: a terminal would obey them.
+/// Writes a line to stderr; where that cannot be written, the work goes on. Control characters are spelled
+/// out: names in files may hold some, and a terminal would obey them.
 pub fn say(line: &str) {
     let spell = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.into() };
     let line: String = line.chars().map(spell).collect();
@@ -69,14 +69,14 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Whether a path stands for something to write into, a pipe or a device, that must stay what it is.
+/// Whether a path names a pipe or a device, which must not be replaced by a file.
 pub fn is_sink(path: &Path) -> bool {
     is_open_file(path)
         || std::fs::metadata(path).is_ok_and(|meta| !meta.is_file() && !meta.is_dir())
 }
 
 /// Writes a file beside its place and moves it there once `write` has succeeded. Links are followed, an
-/// existing file keeps its permissions, and what is no regular file gets the bytes once they are whole.
+/// existing file keeps its permissions, and a pipe or device gets the bytes once they are whole.
 pub fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), Error>,

@@ -1,3 +1,5 @@
+//! Bars on stderr.
+
 use std::fmt::Write;
 use std::io::IsTerminal;
 use std::time::Duration;

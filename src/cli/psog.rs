@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use serde_json::json;
 use sightline::psog::{
     BuildReport, KittiPsogOptions, KittiSequence, Psog, PsogInfo, Roi, build_kitti_psog, read_psog,
-    write_psog_to,
+    write_psog,
 };
 use sightline::scan::scan_scene;
 use sightline::scene::{PsogSource, ScanSettings};
@@ -44,21 +44,21 @@ pub struct BuildArgs {
     #[arg(long, value_name = "DIR")]
     kitti: Option<PathBuf>,
     /// Merge only the frames this many numbers before and after into each frame [default: all]
-    #[arg(long, value_name = "N", requires = "kitti")]
+    #[arg(long, value_name = "N", conflicts_with = "scene")]
     window: Option<u32>,
     /// Height of the recording LiDAR above the ground, in metres
-    #[arg(long, value_name = "M", requires = "kitti", default_value_t = 1.73, value_parser = finite)]
+    #[arg(long, value_name = "M", conflicts_with = "scene", default_value_t = 1.73, value_parser = finite)]
     lidar_height: f64,
     /// Lower corner of the region of interest, in metres
     #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_hyphen_values = true,
-          requires = "kitti", default_values_t = REGION[0])]
+          conflicts_with = "scene", default_values_t = REGION[0])]
     roi_min: Vec<f64>,
     /// Upper corner of the region of interest, in metres
     #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_hyphen_values = true,
-          requires = "kitti", default_values_t = REGION[1])]
+          conflicts_with = "scene", default_values_t = REGION[1])]
     roi_max: Vec<f64>,
     /// Voxel size, in metres [the paper's for segmentation]
-    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], requires = "kitti",
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], conflicts_with = "scene",
           default_values_t = VOXEL)]
     voxel: Vec<f64>,
     /// File to write
@@ -158,7 +158,7 @@ fn merge(args: &MergeArgs) -> Result<(), Error> {
 }
 
 fn write(path: &Path, psog: &Psog) -> Result<(), Error> {
-    write_whole(path, |file| write_psog_to(file, psog).map_err(Error::io(path)))
+    write_whole(path, |file| write_psog(file, psog).map_err(Error::io(path)))
 }
 
 fn print(psog: &Psog, report: Option<&BuildReport>, format: Format) -> Result<(), Error> {
@@ -169,7 +169,7 @@ fn print(psog: &Psog, report: Option<&BuildReport>, format: Format) -> Result<()
     }
 }
 
-/// One fact a line: its name, its value, and in words what it counts.
+/// One fact a line: its name, its value and its meaning.
 fn facts(info: &PsogInfo) -> String {
     let [x, y, z] = [0, 1, 2].map(|k| format!("{} to {}", info.min[k], info.max[k]));
     let [nx, ny, nz] = info.shape;

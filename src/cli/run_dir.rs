@@ -239,6 +239,7 @@ mod tests {
         std::fs::write(&input, "two").expect("a file");
         let now = vec![Input::read(&input).expect("an input")];
         assert!(refusal(run.check(&now)).contains("has changed;"));
+        drop(run);
         assert!(refusal(RunDir::<Walk>::resume("ride", &path)).contains("is a run of `walk`"));
     }
 

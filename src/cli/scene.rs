@@ -1,3 +1,5 @@
+//! `scene`: a seeded street of as many triangles as asked for.
+
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -11,7 +13,7 @@ use super::args::{Talk, whole};
 use super::error::Error;
 use super::output::{is_sink, target, writable_file, write_whole};
 
-/// Most triangles: what a frame can hold with room to spare.
+/// Most triangles, well below the limit of a frame.
 const MOST: i64 = 50_000_000;
 
 #[derive(clap::Args)]

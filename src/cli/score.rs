@@ -1,17 +1,26 @@
+//! `score`: scores of a batch of placements, written as they are computed.
+
+use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::io::Write;
+use std::iter::Peekable;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
+use indicatif::ProgressBar;
 use npyz::WriterBuilder;
-use serde_json::json;
+use serde::ser::{Error as _, SerializeMap, SerializeSeq};
+use serde::{Serialize, Serializer};
+use serde_json::ser::Formatter;
+use serde_json::{Value, json};
+use sightline::score::Scores;
 use sightline::search::Evaluator;
 use sightline::vehicle::{Placement, PlacementFileError, PlacementReader};
 
 use super::args::{Compute, Format};
 use super::error::Error;
-use super::load::{self, Loaded};
+use super::load::{self, LoadTimes, Loaded};
 use super::output::{shared_folder, unless_closed, writable_file, write_whole};
 use super::{progress, table};
 
@@ -84,6 +93,72 @@ fn count_placements(path: &Path) -> Result<u64, Error> {
     Ok(count)
 }
 
+/// Placements that are read, scored and handed on block by block.
+struct Scoring<'a> {
+    args: &'a Args,
+    evaluator: Evaluator,
+    reader: Peekable<PlacementReader>,
+    bar: ProgressBar,
+    /// Placements in all; 0 where that is not known.
+    total: u64,
+    /// Placements scored so far.
+    count: u64,
+    times: LoadTimes,
+    start: Instant,
+}
+
+impl Scoring<'_> {
+    /// Scores of the next placements, whose covered voxels are written if that was asked for; `None` at the
+    /// end.
+    fn next(&mut self) -> Result<Option<Vec<Scores>>, Error> {
+        if self.reader.peek().is_none() {
+            self.bar.finish_and_clear();
+            return Ok(None);
+        }
+        let block: Result<Vec<Placement>, _> = self.reader.by_ref().take(BLOCK).collect();
+        if block.is_err() && self.count > 0 && self.args.out.is_none() {
+            // Of a stream only: a file was read to its end before.
+            let count = self.count;
+            let words = format!("only the scores of the first {count} placements were printed");
+            self.args.compute.talk.note(words);
+        }
+        let block = block?;
+        let scores = self.evaluator.scores(&block)?;
+        if let Some(folder) = &self.args.coverage_out {
+            for placement in &block {
+                write_coverage(folder, placement, &mut self.evaluator)?;
+            }
+        }
+        self.count += block.len() as u64;
+        self.bar.set_length(self.total.max(self.count));
+        self.bar.set_position(self.count);
+        Ok(Some(scores))
+    }
+
+    /// Seconds of each stage up to now.
+    fn timings(&self) -> Value {
+        let stages = self.evaluator.backend().times();
+        json!({
+            "load": self.times.load,
+            "build": self.times.build,
+            "cast": stages.cast.as_secs_f64(),
+            "cover": stages.cover.as_secs_f64(),
+            "reduce": stages.reduce.as_secs_f64(),
+            "total": self.start.elapsed().as_secs_f64(),
+        })
+    }
+
+    /// Says how fast it was.
+    fn note_rate(&self) {
+        let seconds = self.start.elapsed().as_secs_f64() - self.times.load - self.times.build;
+        let (count, frames) = (self.count, self.evaluator.problem().frame_count() as u64);
+        self.args.compute.talk.note(format!(
+            "{count} placements × {frames} frame(s) in {seconds:.2} s: {:.1} placements × frames/s",
+            (count * frames) as f64 / seconds
+        ));
+    }
+}
+
 fn print(
     args: &Args,
     loaded: Loaded,
@@ -92,108 +167,141 @@ fn print(
     path: &Path,
     out: &mut dyn Write,
 ) -> Result<(), Error> {
-    let io = |error| Error::io(path)(error);
-    let format = args.format;
-    let Loaded { scene, mut evaluator, times, .. } = loaded;
-    let (bar, mut count) = (progress::bar(total, "placements", args.compute.talk), 0);
-    let mut reader = PlacementReader::open(&args.placements)?.peekable();
-    let mut first = true;
-    while reader.peek().is_some() {
-        let block: Result<Vec<Placement>, _> = reader.by_ref().take(BLOCK).collect();
-        if block.is_err() && count > 0 && args.out.is_none() {
-            // Of a stream only: a file was read to its end before.
-            let words = format!("only the scores of the first {count} placements were printed");
-            args.compute.talk.note(words);
-        }
-        let block = block?;
-        let scores = evaluator.scores(&block)?;
-        if first {
-            // Not before the first scores: what cannot be computed prints nothing.
-            print_head(scene.name(), &evaluator, format, out).map_err(io)?;
-        }
-        if let Some(folder) = &args.coverage_out {
-            for placement in &block {
-                write_coverage(folder, placement, &mut evaluator)?;
-            }
-        }
-        if format == Format::Json {
-            for score in &scores {
-                let line = serde_json::to_string(score)
-                    .map_err(|source| Error::Json { path: path.to_owned(), source })?;
-                write!(out, "{}\n{line}", if first { "" } else { "," }).map_err(io)?;
-                first = false;
-            }
-        } else {
-            let text = table::scores(&scores);
-            let body = if first { &text } else { text.split_once('\n').map_or("", |t| t.1) };
-            write!(out, "{body}").map_err(io)?;
-            first = false;
-        }
-        count += block.len() as u64;
-        bar.set_length(total.max(count));
-        bar.set_position(count);
-    }
-    if first {
+    let Loaded { scene, evaluator, times, .. } = loaded;
+    let reader = PlacementReader::open(&args.placements)?.peekable();
+    let bar = progress::bar(total, "placements", args.compute.talk);
+    let mut scoring = Scoring { args, evaluator, reader, bar, total, count: 0, times, start };
+    // Before anything is written: what cannot be computed prints nothing.
+    let Some(first) = scoring.next()? else {
         return Err(PlacementFileError::Empty { path: args.placements.clone() }.into());
+    };
+    match args.format {
+        Format::Json => print_json(&mut scoring, first, scene.name(), path, out)?,
+        Format::Text => print_text(&mut scoring, first, scene.name(), path, out)?,
     }
-    bar.finish_and_clear();
-    let stages = evaluator.backend().times();
-    let total_seconds = start.elapsed().as_secs_f64();
-    let search_seconds = total_seconds - times.load - times.build;
-    let frames = evaluator.problem().frame_count() as u64;
-    args.compute.talk.note(format!(
-        "{count} placements × {frames} frame(s) in {search_seconds:.2} s: {:.1} placements × frames/s",
-        (count * frames) as f64 / search_seconds
-    ));
-    if format == Format::Json {
-        let timings = json!({
-            "load": times.load,
-            "build": times.build,
-            "cast": stages.cast.as_secs_f64(),
-            "cover": stages.cover.as_secs_f64(),
-            "reduce": stages.reduce.as_secs_f64(),
-            "total": total_seconds,
-        });
-        let changes = evaluator.backend().changes();
-        if !changes.is_empty() {
-            // The head was printed before it came to this.
-            write!(out, "\n],\"backend_changes\":{}", json!(changes)).map_err(io)?;
-        } else {
-            write!(out, "\n]").map_err(io)?;
-        }
-        writeln!(out, ",\"timings\":{timings}}}").map_err(io)?;
-    }
-    out.flush().map_err(io)
+    scoring.note_rate();
+    out.flush().map_err(Error::io(path))
 }
 
-/// What comes before the scores; in JSON the object is left open, since the timings follow them.
-fn print_head(
+fn print_text(
+    scoring: &mut Scoring,
+    first: Vec<Scores>,
     scene: &str,
-    evaluator: &Evaluator,
-    format: Format,
+    path: &Path,
     out: &mut dyn Write,
-) -> std::io::Result<()> {
-    let problem = evaluator.problem();
-    if format == Format::Json {
-        let head = json!({
-            "scene": scene,
-            "backend": evaluator.backend().name(),
-            "adapter": evaluator.backend().adapter(),
-            "coverage": load::coverage_name(problem),
-            "frames": problem.frame_count(),
-            "modelled": problem.modelled(),
-            "threads": rayon::current_num_threads(),
-        });
-        let head = head.to_string();
-        write!(out, "{},\"scores\":[", &head[..head.len() - 1])
-    } else {
-        writeln!(
-            out,
-            "{scene}: {} over {} frame(s), {} beams a LiDAR",
-            load::coverage_name(problem),
-            problem.frame_count(),
-            problem.table().directions().len()
-        )
+) -> Result<(), Error> {
+    let problem = scoring.evaluator.problem();
+    let (frames, beams) = (problem.frame_count(), problem.table().directions().len());
+    let coverage = load::coverage_name(problem);
+    writeln!(out, "{scene}: {coverage} over {frames} frame(s), {beams} beams a LiDAR")
+        .and_then(|()| write!(out, "{}", table::scores(&first)))
+        .map_err(Error::io(path))?;
+    while let Some(block) = scoring.next()? {
+        let text = table::scores(&block);
+        let body = text.split_once('\n').map_or("", |(_, body)| body);
+        write!(out, "{body}").map_err(Error::io(path))?;
+    }
+    Ok(())
+}
+
+/// One JSON object, written as the scores come; the timings follow them.
+fn print_json(
+    scoring: &mut Scoring,
+    first: Vec<Scores>,
+    scene: &str,
+    path: &Path,
+    out: &mut dyn Write,
+) -> Result<(), Error> {
+    let problem = scoring.evaluator.problem();
+    let head = json!({
+        "scene": scene,
+        "backend": scoring.evaluator.backend().name(),
+        "adapter": scoring.evaluator.backend().adapter(),
+        "coverage": load::coverage_name(problem),
+        "frames": problem.frame_count(),
+        "modelled": problem.modelled(),
+        "threads": rayon::current_num_threads(),
+    });
+    let stream = ScoreStream { scoring: RefCell::new(scoring), first, failed: RefCell::default() };
+    let written = stream.write(&head, out);
+    match (stream.failed.into_inner(), written) {
+        (Some(error), _) => Err(error),
+        (None, Ok(())) => Ok(()),
+        (None, Err(error)) => Err(Error::io(path)(error.into())),
+    }
+}
+
+/// Scores that are computed while they are written.
+struct ScoreStream<'a, 'b> {
+    scoring: RefCell<&'a mut Scoring<'b>>,
+    first: Vec<Scores>,
+    /// The reason why the stream ended early.
+    failed: RefCell<Option<Error>>,
+}
+
+impl ScoreStream<'_, '_> {
+    fn write(&self, head: &Value, out: &mut dyn Write) -> Result<(), serde_json::Error> {
+        let mut json = serde_json::Serializer::with_formatter(&mut *out, LinePerScore::default());
+        let mut object = json.serialize_map(None)?;
+        for (key, value) in head.as_object().into_iter().flatten() {
+            object.serialize_entry(key, value)?;
+        }
+        object.serialize_entry("scores", self)?;
+        let scoring = self.scoring.borrow();
+        let changes = scoring.evaluator.backend().changes();
+        if !changes.is_empty() {
+            object.serialize_entry("backend_changes", changes)?;
+        }
+        object.serialize_entry("timings", &scoring.timings())?;
+        SerializeMap::end(object)?;
+        out.write_all(b"\n").map_err(serde_json::Error::io)
+    }
+}
+
+impl Serialize for ScoreStream<'_, '_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut list = serializer.serialize_seq(None)?;
+        self.first.iter().try_for_each(|scores| list.serialize_element(scores))?;
+        loop {
+            match self.scoring.borrow_mut().next() {
+                Ok(Some(block)) => {
+                    block.iter().try_for_each(|scores| list.serialize_element(scores))?;
+                }
+                Ok(None) => return list.end(),
+                Err(error) => {
+                    self.failed.replace(Some(error));
+                    return Err(S::Error::custom("the placements end early"));
+                }
+            }
+        }
+    }
+}
+
+/// Compact JSON with each element of an outer list on a line of its own.
+#[derive(Default)]
+struct LinePerScore {
+    /// Lists that are open.
+    depth: u32,
+}
+
+impl Formatter for LinePerScore {
+    fn begin_array<W: ?Sized + Write>(&mut self, out: &mut W) -> std::io::Result<()> {
+        self.depth += 1;
+        out.write_all(b"[")
+    }
+
+    fn end_array<W: ?Sized + Write>(&mut self, out: &mut W) -> std::io::Result<()> {
+        self.depth -= 1;
+        out.write_all(if self.depth == 0 { b"\n]" } else { b"]" })
+    }
+
+    fn begin_array_value<W: ?Sized + Write>(
+        &mut self,
+        out: &mut W,
+        first: bool,
+    ) -> std::io::Result<()> {
+        out.write_all(if first { b"" } else { b"," })?;
+        out.write_all(if self.depth == 1 { b"\n" } else { b"" })
     }
 }
 

@@ -1,26 +1,25 @@
-mod bench;
-mod kinds;
-mod session;
+//! `sightline study`: questions that take many runs.
 
+use std::cell::{Cell, RefCell};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::str::FromStr;
 
-use serde_json::json;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use indicatif::ProgressBar;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use sightline::psog::Psog;
+use sightline::report::study_plot;
 use sightline::scene::Scene;
-use sightline::score::Objective;
-use sightline::study::Region;
+use sightline::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, study};
 
-use super::args::{Compute, Format, at_least_one, whole};
+use super::args::{Compute, Format, Talk, at_least_one, whole};
 use super::error::Error;
 use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
-use super::output::Missing;
-use super::table;
-use bench::Bench;
-use session::Session;
-
-/// Frames to average over where nothing else is said.
-const FRAMES: u32 = 2;
+use super::run_dir::{RunDir, holds_run};
+use super::{load, progress, table};
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -33,7 +32,7 @@ A study writes study.json, table.csv and chart.svg into its folder. The same com
 interrupted one.")]
 pub struct Args {
     /// What to study
-    #[arg(value_enum)]
+    #[arg(value_parser = kinds())]
     kind: Kind,
     /// Scene file; `transfer` takes several
     #[arg(required = true)]
@@ -42,17 +41,17 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Score to maximize where placements are searched
-    #[arg(long, default_value = "information_gain")]
+    #[arg(long, default_value_t = StudySettings::default().objective.to_string())]
     objective: String,
     /// Placements that each search evaluates before swaps
-    #[arg(long, value_name = "N", default_value_t = 120,
+    #[arg(long, value_name = "N", default_value_t = StudySettings::default().evaluations,
           value_parser = at_least_one)]
     evaluations: u64,
     /// Frames to average over, spread evenly [default: 2]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
     /// Random placements, where the study draws some
-    #[arg(long, value_name = "N", default_value_t = 200,
+    #[arg(long, value_name = "N", default_value_t = StudySettings::default().random,
           value_parser = clap::value_parser!(u32).range(2..=100_000))]
     random: u32,
     /// Sensor file to compare, for `channels`; may be given several times
@@ -65,7 +64,8 @@ pub struct Args {
     #[arg(long, value_name = "M", value_parser = parse_length)]
     voxel: Option<f64>,
     /// Seed of all randomness
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>)]
+    #[arg(long, value_name = "N", default_value_t = StudySettings::default().seed,
+          value_parser = whole::<u64>)]
     seed: u64,
     /// How to print the result
     #[arg(long, value_enum, default_value_t = Format::Text)]
@@ -74,91 +74,158 @@ pub struct Args {
     compute: Compute,
 }
 
-/// What can be studied.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Kind {
-    /// One to eight LiDARs: the best placement of each number, marginal gains, the knee
-    Lidars,
-    /// 16 to 128 channels, and real sensors (--sensor)
-    Channels,
-    /// The four voxel sizes of the paper with the layouts of Table 7
-    Voxels,
-    /// Random placements against hand-made ones and an optimized one
-    Random,
-    /// One placement for two tasks: weights between segmentation and detection
-    Tasks,
-    /// All LiDARs at one height, against free heights
-    Height,
-    /// Near, middle and far; front, side and rear; any --box; every class
-    Regions,
-    /// Each LiDAR lost in turn, and the placement that is best after the worst loss
-    Loss,
-    /// A placement optimized on one scene, scored on the others
-    Transfer,
-    /// Every score of the eight published placements against the published results
-    Published,
-}
-
-impl Kind {
-    fn name(self) -> String {
-        clap::ValueEnum::to_possible_value(&self).map_or_else(String::new, |v| v.get_name().into())
-    }
+fn kinds() -> impl TypedValueParser<Value = Kind> {
+    let values = Kind::ALL.map(|(_, name, answers)| PossibleValue::new(name).help(answers));
+    PossibleValuesParser::new(values).try_map(|name| Kind::from_str(&name))
 }
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     args.compute.start()?;
-    if args.scenes.len() > 1 && args.kind != Kind::Transfer {
-        return Err(Error::Usage(format!(
-            "`study {}` takes one scene, not {}; only `transfer` compares several",
-            args.kind.name(),
-            args.scenes.len()
-        )));
+    let talk = args.compute.talk;
+    let settings = settings(args)?;
+    args.kind.check_scenes(args.scenes.len())?;
+    let interrupt = Interrupt::listen(talk);
+    let mut scenes = Vec::new();
+    for path in &args.scenes {
+        let (scene, psog, _) = load::scene_and_psog(path, talk)?;
+        load::note_frames(&scene, args.frames, talk);
+        scenes.push((scene, psog));
     }
-    if args.scenes.len() < 2 && args.kind == Kind::Transfer {
-        return Err(Error::Usage(
-            "`study transfer` compares scenes; name two or more scene files".into(),
-        ));
+    let recorded = recorded(args, &settings)?;
+    let (dir, mut known) = folder_of(args, &recorded)?;
+    let session = Session {
+        dir: &dir,
+        recorded: &recorded,
+        interrupt: &interrupt,
+        bar: progress::bar(0, "cases", talk),
+        talk,
+        is_named: Cell::new(false),
+        failed: RefCell::default(),
+    };
+    let borrowed: Vec<(&Scene, &Psog)> = scenes.iter().map(|(s, p)| (s, &**p)).collect();
+    let found = study(args.kind, &borrowed, &settings, &mut known, &session);
+    session.bar.finish_and_clear();
+    if let Some(error) = session.failed.take() {
+        return Err(error);
     }
-    let objective: Objective = args.objective.parse()?;
-    let interrupt = Interrupt::listen(args.compute.talk);
-    let stem = args.scenes[0].file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let folder = args
-        .out
-        .clone()
-        .unwrap_or_else(|| PathBuf::from("studies").join(format!("{stem}-{}", args.kind.name())));
-    let mut bench = Bench::new(args, &objective, &interrupt)?;
-    let _made = Missing::of(&folder);
-    let mut session = Session::open(&folder, &settings(args)?, &interrupt, args.compute.talk)?;
-    let study = match args.kind {
-        Kind::Lidars => kinds::lidars(&mut bench, &mut session),
-        Kind::Channels => kinds::channels(&mut bench, &mut session),
-        Kind::Voxels => kinds::voxels(&mut bench, &mut session),
-        Kind::Random => kinds::random(&mut bench, &mut session),
-        Kind::Tasks => kinds::tasks(&mut bench, &mut session),
-        Kind::Height => kinds::height(&mut bench, &mut session),
-        Kind::Regions => kinds::regions(&mut bench, &mut session),
-        Kind::Loss => kinds::loss(&mut bench, &mut session),
-        Kind::Transfer => kinds::transfer(&mut bench, &mut session),
-        Kind::Published => kinds::published(&mut bench, &mut session),
-    }?;
-    session.finish(&study)?;
+    let found = found?;
+    session.finish(&known, &found)?;
     match args.format {
-        Format::Json => outln!("{}", json!(study.table))?,
+        Format::Json => outln!("{}", json!(found))?,
         Format::Text => {
-            outln!("{}", study.table.title)?;
-            out!("{}", table::study(&study.table))?;
-            outln!("\n{}: study.json, table.csv, chart.svg", folder.display())?;
+            outln!("{}", found.title)?;
+            out!("{}", table::study(&found))?;
+            outln!("\n{}: study.json, table.csv, chart.svg", dir.path().display())?;
         }
     }
     if interrupt.is_set() {
-        args.compute.talk.note("interrupted; the same command goes on");
+        talk.note("interrupted; the same command goes on");
         return Ok(ExitCode::from(INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// All that decides about the numbers of a study.
-fn settings(args: &Args) -> Result<serde_json::Value, Error> {
+fn settings(args: &Args) -> Result<StudySettings, Error> {
+    let standard = StudySettings::default();
+    Ok(StudySettings {
+        objective: args.objective.parse()?,
+        evaluations: args.evaluations,
+        frames: args.frames.unwrap_or(standard.frames),
+        random: args.random,
+        voxel: args.voxel.unwrap_or(standard.voxel),
+        seed: args.seed,
+        sensors: args.sensor.clone(),
+        regions: args.boxes.clone(),
+        engine: args.compute.engine(),
+    })
+}
+
+/// All that decides about the numbers of a study, and the files that it reads.
+struct Recorded {
+    settings: Value,
+    inputs: Vec<Input>,
+}
+
+/// The state of a study: an interrupted one goes on from it.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    settings: Value,
+    rows: Vec<Row>,
+}
+
+/// The folder of the study and the rows that it holds; one that holds another study is an error.
+fn folder_of(args: &Args, recorded: &Recorded) -> Result<(RunDir<Saved>, Vec<Row>), Error> {
+    let stem = args.scenes[0].file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let standard = || PathBuf::from("studies").join(format!("{stem}-{}", args.kind.name()));
+    let folder = args.out.clone().unwrap_or_else(standard);
+    if !holds_run(&folder) {
+        let dir = RunDir::create("study", Some(&folder), "", recorded.inputs.clone())?;
+        return Ok((dir, Vec::new()));
+    }
+    let (dir, saved): (RunDir<Saved>, Saved) = RunDir::resume("study", &folder)?;
+    if saved.settings != recorded.settings {
+        return Err(Error::Usage(format!(
+            "{}: holds a study of other settings; name another folder with --out",
+            folder.display()
+        )));
+    }
+    dir.check(&recorded.inputs)?;
+    Ok((dir, saved.rows))
+}
+
+/// A study under way, as its folder, the terminal and Ctrl-C see it.
+struct Session<'a> {
+    dir: &'a RunDir<Saved>,
+    recorded: &'a Recorded,
+    interrupt: &'a Interrupt,
+    bar: ProgressBar,
+    talk: Talk,
+    /// Whether the engine was named: engines are opened again and again.
+    is_named: Cell<bool>,
+    /// Why the rows could not be written, which ends the study.
+    failed: RefCell<Option<Error>>,
+}
+
+impl StudyObserver for Session<'_> {
+    fn begins(&self, cases: usize) {
+        self.bar.set_length(cases as u64);
+    }
+
+    fn opened(&self, notes: &[String]) {
+        if !self.is_named.replace(true) {
+            notes.iter().for_each(|note| self.talk.note(note));
+        }
+    }
+
+    fn measured(&self, rows: &[Row]) {
+        let saved = Saved { settings: self.recorded.settings.clone(), rows: rows.to_vec() };
+        if let Err(error) = self.dir.save(&saved) {
+            self.failed.replace(Some(error));
+        }
+    }
+
+    fn done(&self) {
+        self.bar.inc(1);
+    }
+
+    fn goes_on(&self) -> bool {
+        !self.interrupt.is_set() && self.failed.borrow().is_none()
+    }
+}
+
+impl Session<'_> {
+    /// Writes the table and its chart, with the cases there are.
+    fn finish(&self, rows: &[Row], found: &Table) -> Result<(), Error> {
+        let Recorded { settings, inputs } = self.recorded;
+        let notes = &found.notes;
+        let study = json!({ "settings": settings, "inputs": inputs, "rows": rows, "notes": notes });
+        self.dir.write_json("study.json", &study)?;
+        self.dir.write_text("table.csv", &found.csv())?;
+        self.dir.write_text("chart.svg", &study_plot(found).svg())
+    }
+}
+
+fn recorded(args: &Args, settings: &StudySettings) -> Result<Recorded, Error> {
     let absolute = |paths: &[PathBuf]| -> Result<Vec<PathBuf>, Error> {
         paths.iter().map(|p| std::path::absolute(p).map_err(Error::io(p))).collect()
     };
@@ -169,20 +236,20 @@ fn settings(args: &Args) -> Result<serde_json::Value, Error> {
     for sensor in &args.sensor {
         inputs.push(Input::read(sensor)?);
     }
-    Ok(json!({
+    let settings = json!({
         "sightline": env!("CARGO_PKG_VERSION"),
         "study": args.kind.name(),
         "scenes": absolute(&args.scenes)?,
-        "inputs": inputs,
         "objective": args.objective,
         "evaluations": args.evaluations,
-        "frames": args.frames.unwrap_or(FRAMES),
+        "frames": settings.frames,
         "random": args.random,
         "sensors": absolute(&args.sensor)?,
         "boxes": args.boxes.iter().map(|region| format!("{region:?}")).collect::<Vec<_>>(),
         "voxel": args.voxel,
         "seed": args.seed,
-    }))
+    });
+    Ok(Recorded { settings, inputs })
 }
 
 fn parse_box(text: &str) -> Result<Region, String> {

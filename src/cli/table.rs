@@ -1,36 +1,8 @@
-//! Scores as a table to read.
+//! Tables on stdout: scores, findings, studies.
 
+use sightline::report::{ScoreColumn, optional};
 use sightline::score::Scores;
 use sightline::study::{Finding, Table};
-
-/// Columns: title, and the cell of one placement.
-type Column = (&'static str, fn(&Scores) -> String);
-
-const COLUMNS: [Column; 9] = [
-    ("placement", |s| s.name.clone()),
-    ("M-SOG", |s| optional(s.segmentation.m_sog, 4)),
-    ("M-SOG/N ×1e-6", |s| optional(s.segmentation.m_sog_scaled.map(|v| v * 1e6), 3)),
-    ("det ×1e-6", |s| optional(s.detection.and_then(|d| d.m_sog_scaled).map(|v| v * 1e6), 3)),
-    ("gain nats", |s| optional(s.segmentation.information_gain, 0)),
-    ("gain %", |s| optional(s.segmentation.information_gain_share.map(|v| v * 100.0), 2)),
-    ("S-MIG", |s| optional(s.s_mig, 0)),
-    ("covered", |s| format!("{:.0}", s.covered)),
-    ("hits %", |s| optional(s.hit_share.map(|v| v * 100.0), 1)),
-];
-
-fn optional(value: Option<f64>, decimals: usize) -> String {
-    value.map_or("–".into(), |v| format!("{v:.decimals$}"))
-}
-
-/// Titles of the columns.
-pub fn titles() -> Vec<String> {
-    COLUMNS.iter().map(|(title, _)| (*title).to_owned()).collect()
-}
-
-/// Cells of one placement.
-pub fn cells(scores: &Scores) -> Vec<String> {
-    COLUMNS.iter().map(|(_, cell)| cell(scores)).collect()
-}
 
 /// Lines of equal columns, the first column to the left and numbers to the right.
 pub fn align(rows: &[Vec<String>]) -> String {
@@ -52,7 +24,8 @@ pub fn align(rows: &[Vec<String>]) -> String {
 
 /// A table of placements, the guards of each below its row.
 pub fn scores(all: &[Scores]) -> String {
-    let mut rows = vec![titles()];
+    let cells = |scores| ScoreColumn::ALL.map(|column| column.cell(scores)).to_vec();
+    let mut rows = vec![ScoreColumn::ALL.map(|column| column.title().to_owned()).to_vec()];
     rows.extend(all.iter().map(cells));
     let table = align(&rows);
     let mut lines = table.lines();
@@ -66,7 +39,7 @@ pub fn scores(all: &[Scores]) -> String {
     text
 }
 
-/// What goes with the objective over random placements, one property a line.
+/// Correlations of properties of layouts with the objective, one property a line.
 pub fn findings(all: &[Finding]) -> String {
     let title = ["over random placements", "correlation", "beside mean height"];
     let mut rows = vec![title.map(str::to_owned).to_vec()];

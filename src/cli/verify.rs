@@ -1,20 +1,20 @@
+//! `sightline verify`: the GPU against the CPU reference bit by bit, and the reference against f64.
+
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
+use serde::Serialize;
 use serde_json::json;
-use sightline::engine::Backend;
-use sightline::engine::ReferenceBackend;
 use sightline::engine::gpu::GpuBackend;
 use sightline::problem::{Problem, spread};
-use sightline::vehicle::random_placements;
-use sightline::vehicle::read_placements;
-use sightline::verify::{EDGE_TOLERANCE, compare_backends, hostile_placements, sample_reference};
+use sightline::vehicle::{Placement, random_placements, read_placements, table_7};
+use sightline::verify::{Verification, compared_frames, hostile_placements, verify};
 
 use super::args::{Compute, Format, whole};
 use super::error::Error;
-use super::{load, optimize, progress, table};
+use super::{load, progress, table};
 
 /// Exit code of a check that failed.
 const FAILED: u8 = 1;
@@ -53,6 +53,15 @@ pub struct Args {
     compute: Compute,
 }
 
+/// What is printed for programs.
+#[derive(Serialize)]
+struct Answer<'a> {
+    scene: &'a str,
+    #[serde(flatten)]
+    found: &'a Verification,
+    seconds: f64,
+}
+
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let start = Instant::now();
     args.compute.start()?;
@@ -60,77 +69,65 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     load::note_frames(&scene, Some(args.frames), args.compute.talk);
     let frames = spread(scene.frame_count(), Some(args.frames));
     let problem = Arc::new(Problem::with_psog(&scene, &psog, &frames)?);
-    let constraints = problem.constraints().clone();
-    let placements = match &args.placements {
-        Some(path) => read_placements(path)?,
-        None => {
-            let mut all = optimize::table_7()?;
-            all.extend(random_placements(&constraints, args.random, args.seed));
-            all.extend(hostile_placements(problem.roi(), args.hostile, args.seed));
-            all
-        }
-    };
+    let placements = placements(args, &problem)?;
     let memory = args.compute.memory_budget() / 2;
-    let mut cpu = ReferenceBackend::new(problem.clone());
     let mut gpu = GpuBackend::new(problem.clone(), args.compute.adapter.as_deref(), memory)?;
-    let frames = problem.frame_count().max(problem.geometry_frame_count());
-    let steps = (placements.len() * frames) as u64;
+    let steps = (placements.len() * compared_frames(&problem)) as u64;
     let bar = progress::bar(steps, "placements × frames", args.compute.talk);
-    let found = compare_backends(&problem, &mut cpu, &mut gpu, &placements, || bar.inc(1))?;
+    let done = || bar.inc(1);
+    let found = verify(&problem, &mut gpu, &placements, args.sample, args.seed, &done)?;
     bar.finish_and_clear();
-    let reference = sample_reference(&problem, &placements, args.sample, args.seed)?;
-    let passed = !found.any() && reference.unexplained == 0;
-    let format = if args.json { Format::Json } else { args.format };
-    match format {
-        Format::Json => outln!(
-            "{}",
-            json!({
-                "scene": scene.name(),
-                "adapter": gpu.adapter(),
-                "placements": placements.len(),
-                "frames": frames,
-                "gpu_against_cpu": found,
-                "cpu_against_f64": reference,
-                "edge_tolerance": EDGE_TOLERANCE,
-                "passed": passed,
-                "seconds": start.elapsed().as_secs_f64(),
-            })
-        )?,
-        Format::Text => {
-            let row = |name: &str, value: String| vec![name.to_owned(), value];
-            outln!("{}: {} placements × {frames} frame(s)", scene.name(), placements.len())?;
-            outln!("GPU ({}) against the CPU reference:", gpu.adapter())?;
-            out!(
-                "{}",
-                table::align(&[
-                    row("  beams", found.beams.to_string()),
-                    row("  differing triangle ids", found.triangles.to_string()),
-                    row("  differing distances", found.distances.to_string()),
-                    row(
-                        "  largest distance between answers, m",
-                        found.largest_distance.to_string()
-                    ),
-                    row("  covered voxels", found.voxels.to_string()),
-                    row("  differing voxels", found.differing_voxels.to_string()),
-                    row("  scores", found.scores.to_string()),
-                    row("  differing scores", found.differing_scores.to_string()),
-                ])
-            )?;
-            outln!("CPU reference against all triangles in f64:")?;
-            out!(
-                "{}",
-                table::align(&[
-                    row("  beams", reference.beams.to_string()),
-                    row(
-                        &format!("  differing, grazing (an edge within {EDGE_TOLERANCE} m)"),
-                        reference.grazing.to_string()
-                    ),
-                    row("  differing, tie", reference.tie.to_string()),
-                    row("  differing, unexplained", reference.unexplained.to_string()),
-                ])
-            )?;
-            outln!("{}", if passed { "passed" } else { "FAILED" })?;
+    match if args.json { Format::Json } else { args.format } {
+        Format::Json => {
+            let seconds = start.elapsed().as_secs_f64();
+            outln!("{}", json!(Answer { scene: scene.name(), found: &found, seconds }))?;
         }
+        Format::Text => print(scene.name(), &found)?,
     }
-    Ok(if passed { ExitCode::SUCCESS } else { ExitCode::from(FAILED) })
+    Ok(if found.passed { ExitCode::SUCCESS } else { ExitCode::from(FAILED) })
+}
+
+fn placements(args: &Args, problem: &Problem) -> Result<Vec<Placement>, Error> {
+    if let Some(path) = &args.placements {
+        return Ok(read_placements(path)?);
+    }
+    let mut all = table_7();
+    all.extend(random_placements(problem.constraints(), args.random, args.seed));
+    all.extend(hostile_placements(problem.roi(), args.hostile, args.seed));
+    Ok(all)
+}
+
+fn print(scene: &str, found: &Verification) -> Result<(), Error> {
+    let lines = |rows: &[(&str, String)]| {
+        let row = |(name, value): &(&str, String)| vec![format!("  {name}"), value.clone()];
+        table::align(&rows.iter().map(row).collect::<Vec<_>>())
+    };
+    let (gpu, reference) = (&found.gpu_against_cpu, &found.cpu_against_f64);
+    outln!("{scene}: {} placements × {} frame(s)", found.placements, found.frames)?;
+    outln!("GPU ({}) against the CPU reference:", found.adapter)?;
+    out!(
+        "{}",
+        lines(&[
+            ("beams", gpu.beams.to_string()),
+            ("differing triangle ids", gpu.triangles.to_string()),
+            ("differing distances", gpu.distances.to_string()),
+            ("largest distance between answers, m", gpu.largest_distance.to_string()),
+            ("covered voxels", gpu.voxels.to_string()),
+            ("differing voxels", gpu.differing_voxels.to_string()),
+            ("scores", gpu.scores.to_string()),
+            ("differing scores", gpu.differing_scores.to_string()),
+        ])
+    )?;
+    outln!("CPU reference against all triangles in f64:")?;
+    let grazing = format!("differing, grazing (an edge within {} m)", found.edge_tolerance);
+    out!(
+        "{}",
+        lines(&[
+            ("beams", reference.beams.to_string()),
+            (&grazing, reference.grazing.to_string()),
+            ("differing, tie", reference.tie.to_string()),
+            ("differing, unexplained", reference.unexplained.to_string()),
+        ])
+    )?;
+    outln!("{}", if found.passed { "passed" } else { "FAILED" })
 }

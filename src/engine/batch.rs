@@ -13,7 +13,7 @@ pub struct Chunk {
     pub sensors: Range<usize>,
 }
 
-/// What bounds a chunk.
+/// Limits of a chunk.
 #[derive(Debug, Clone, Copy)]
 pub struct ChunkLimits {
     /// Sensors whose buffers fit at once.

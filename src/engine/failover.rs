@@ -8,8 +8,7 @@ use crate::cover::Bitmaps;
 use crate::problem::{StageTimes, Tally};
 use crate::vehicle::{Placement, SensorPose};
 
-/// Losses of a run after which the device is not opened again: one that fails that often only costs
-/// time.
+/// Losses after which the device is not opened again.
 const MOST_LOSSES: u32 = 3;
 
 /// Opens the device again.
@@ -17,15 +16,14 @@ pub type Reopen = Box<dyn FnMut() -> Result<Box<dyn Backend>, BackendError> + Se
 
 /// A backend that outlives its device.
 ///
-/// The batch that failed is asked for once more, of the same device newly opened, and, if that fails as
-/// well or the device was lost three times before, of the CPU; what was scored before stays as it is.
-/// Both give the same bits, so that nothing of a result tells of the change but [`Backend::changes`].
-/// Errors that are not the device's, as of a frame that does not exist, are handed on; so is that of a
-/// placement too large for the device, unless [`Self::take_what_is_too_large`] says otherwise.
+/// A batch that failed is repeated on the same device, opened again; if that fails too, or after three
+/// losses, on the CPU. Earlier scores stay. Both give the same bits, so only [`Backend::changes`] tells of the
+/// change. Other errors, such as a frame that does not exist, are handed on; so is a placement too large for
+/// the device, unless [`Self::cpu_for_too_large`] was called.
 pub struct Failover {
     backend: Box<dyn Backend>,
     on_cpu: bool,
-    /// Whether the CPU takes what is too large for the device.
+    /// Whether the CPU takes placements too large for the device.
     takes_too_large: bool,
     reopen: Reopen,
     cpu: Box<dyn Fn() -> Box<dyn Backend> + Send>,
@@ -55,8 +53,8 @@ impl Failover {
         }
     }
 
-    /// Lets the CPU take what is too large for the device, for a device that nobody asked for.
-    pub fn take_what_is_too_large(mut self) -> Self {
+    /// Lets the CPU take placements too large for the device, for a device that nobody asked for.
+    pub fn cpu_for_too_large(mut self) -> Self {
         self.takes_too_large = true;
         self
     }
@@ -82,12 +80,12 @@ impl Failover {
         }
     }
 
-    /// Takes the next backend after a failure, which is the CPU where the device would fail `again`.
+    /// Takes the next backend after a failure: the device opened again, or the CPU if it failed `again`.
     fn replace(&mut self, mut why: String, again: bool) {
         self.past += self.backend.times();
         let lost = std::mem::replace(&mut self.backend, (self.cpu)());
-        // It goes first, so that both never hold memory at once; dropping what is left of a device may
-        // panic in the driver's wrapper.
+        // Dropped first, so that both never hold memory at once; dropping a lost device may panic in the
+        // driver's wrapper.
         let _ = catch_unwind(AssertUnwindSafe(|| drop(lost)));
         self.on_cpu = true;
         if !again && self.changes.len() < MOST_LOSSES as usize {

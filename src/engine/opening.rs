@@ -199,7 +199,7 @@ mod device {
             ));
         }
         surviving(problem, choice, on_change)
-            .map(|failover| Box::new(failover.take_what_is_too_large()) as Box<dyn Backend>)
+            .map(|failover| Box::new(failover.cpu_for_too_large()) as Box<dyn Backend>)
             .map_err(|error| format!("computing on the CPU: {error}"))
     }
 

@@ -1,3 +1,5 @@
+//! Frames counted per voxel and class: the P-SOG.
+
 use std::collections::HashMap;
 
 use super::{GridError, Roi};

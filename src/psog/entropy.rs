@@ -1,3 +1,5 @@
+//! Entropy of voxels, in nats and in fixed point.
+
 use rayon::prelude::*;
 
 use super::Psog;

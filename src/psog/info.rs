@@ -1,3 +1,5 @@
+//! Sums of a P-SOG, for people and for JSON.
+
 use serde::Serialize;
 
 use super::{BuildReport, EntropyKind, EntropyTable, Psog};

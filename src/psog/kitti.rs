@@ -1,3 +1,5 @@
+//! Labelled scans in the SemanticKITTI layout.
+
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -40,7 +42,7 @@ pub enum KittiError {
     #[error("{} line {line}: {fault}; give a rigid 3×4 transform as twelve numbers, row by row", path.display())]
     Matrix { path: PathBuf, line: usize, fault: String },
     /// No LiDAR-to-camera transform.
-    #[error("{} has no line `Tr:`, the transform from LiDAR to camera without which the poses of camera 0 cannot be used; take the calib.txt of KITTI's data_odometry_calib.zip, or, if poses.txt holds poses of the LiDAR, add the line `Tr: 1 0 0 0 0 1 0 0 0 0 1 0`", path.display())]
+    #[error("{} has no line `Tr:`; it takes LiDAR to camera coordinates, and the poses of the camera cannot be used without it: take the calib.txt of KITTI's data_odometry_calib.zip, or, if poses.txt holds poses of the LiDAR, add the line `Tr: 1 0 0 0 0 1 0 0 0 0 1 0`", path.display())]
     NoTr { path: PathBuf },
     /// A frame without a pose.
     #[error("{} has {poses} poses, none for frame {frame}; line n + 1 is the pose of frame n", path.display())]
@@ -225,7 +227,7 @@ fn read_units(path: &Path, unit: u64) -> Result<Vec<u8>, KittiError> {
     Ok(bytes)
 }
 
-/// Refuses what is no plain file: a device has no end.
+/// Refuses pipes and devices, which may have no end.
 fn plain(path: &Path) -> std::io::Result<()> {
     if std::fs::metadata(path)?.is_file() {
         return Ok(());

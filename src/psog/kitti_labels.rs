@@ -1,3 +1,5 @@
+//! Label ids of SemanticKITTI and their classes.
+
 /// The classes of a P-SOG from SemanticKITTI labels: the 19 that its benchmark scores, in its order.
 pub const KITTI_CLASSES: [&str; 19] = [
     "car",
@@ -21,7 +23,7 @@ pub const KITTI_CLASSES: [&str; 19] = [
     "traffic-sign",
 ];
 
-/// What a SemanticKITTI label id means for a P-SOG.
+/// Meaning of a SemanticKITTI label id for a P-SOG.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct KittiLabel {
     /// Position in [`KITTI_CLASSES`]; `None` for labels that do not vote.

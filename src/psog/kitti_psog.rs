@@ -1,3 +1,5 @@
+//! A P-SOG from labelled scans.
+
 use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec3};

@@ -3,8 +3,9 @@
 //! | file | holds |
 //! |---|---|
 //! | `roi` | the voxel grid, and the rule that gives a hit its voxel |
-//! | `psog` | frames counted per voxel and class |
-//! | `npz` | the P-SOG file |
+//! | `counts` | frames counted per voxel and class |
+//! | `npz`, `npz_member` | the P-SOG file, and one array of it |
+//! | `npz_out` | writing of `.npz` archives |
 //! | `entropy` | entropy of each voxel, in nats and in fixed point |
 //! | `vote` | labelled points to one class a voxel and frame, frames to a P-SOG |
 //! | `kitti`, `kitti_labels`, `kitti_psog` | labelled frames in the SemanticKITTI layout |
@@ -19,6 +20,7 @@ mod kitti_labels;
 mod kitti_psog;
 mod npz;
 mod npz_member;
+mod npz_out;
 mod roi;
 #[cfg(test)]
 mod tests;
@@ -31,7 +33,8 @@ pub use info::{ClassEntropy, PsogInfo};
 pub use kitti::{KittiError, KittiSequence, LabelledScan};
 pub use kitti_labels::{KITTI_CLASSES, KittiLabel, kitti_label};
 pub use kitti_psog::{KITTI_LIDAR_HEIGHT, KittiPsogOptions, build_kitti_psog};
-pub use npz::{read_psog, write_psog, write_psog_to};
-pub use npz_member::PsogFileError;
+pub use npz::{read_psog, write_psog};
+pub use npz_member::{ArrayFault, PsogFileError};
+pub(crate) use npz_out::{NpzOut, write_npz};
 pub use roi::{PUSH, Roi};
 pub use vote::{BuildReport, FrameVotes, PsogBuilder};

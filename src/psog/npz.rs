@@ -1,18 +1,12 @@
-use std::io::{BufWriter, Seek, Write};
+//! The P-SOG file.
+
+use std::io::{Seek, Write};
 use std::path::Path;
 
-use bytemuck::NoUninit;
-use npyz::npz::NpzWriter;
-use npyz::zip::{CompressionMethod, DateTime, write::FileOptions};
-use npyz::{AutoSerialize, WriterBuilder};
-
 use super::counts::{check_classes, check_index};
-use super::npz_member::{Archive, PsogFileError};
+use super::npz_member::{Archive, ArrayFault, PsogFileError};
+use super::npz_out::write_npz;
 use super::{GridError, Psog, Roi};
-
-/// The arrays of a P-SOG file, in the order they are written.
-pub(crate) const ARRAYS: [&str; 7] =
-    ["roi_min", "voxel", "shape", "frames", "classes", "index", "counts"];
 
 /// Most bytes of class names.
 const CLASS_BYTES: u64 = 1 << 24;
@@ -36,7 +30,7 @@ const CLASS_BYTES: u64 = 1 << 24;
 /// See [`PsogFileError`]; each names the file, the array and what to change.
 pub fn read_psog(path: &Path) -> Result<Psog, PsogFileError> {
     let invalid = |fault: GridError| PsogFileError::Value { path: path.to_owned(), fault };
-    let mut archive = Archive::open(path, &ARRAYS)?;
+    let mut archive = Archive::open(path)?;
     let three = |s: &[u64]| if s == [3] { Ok(()) } else { Err("(3,)".to_owned()) };
 
     let min = archive.read("roi_min", three, accept::<f64>)?;
@@ -53,7 +47,7 @@ pub fn read_psog(path: &Path) -> Result<Psog, PsogFileError> {
     };
     let names = archive.read("classes", names, accept::<u8>)?;
     let classes =
-        split_classes(names).map_err(|at| PsogFileError::NotUtf8 { path: path.to_owned(), at })?;
+        split_classes(names).map_err(|at| ArrayFault::NotUtf8 { at }.of(path, "classes"))?;
     check_classes(&classes).map_err(invalid)?;
 
     let voxels = roi.voxel_count();
@@ -74,81 +68,24 @@ pub fn read_psog(path: &Path) -> Result<Psog, PsogFileError> {
     Psog::new(roi, frames, classes, index, counts).map_err(invalid)
 }
 
-/// Writes a P-SOG file that [`read_psog`] and NumPy's `load` read: compressed, the same bytes for
-/// the same P-SOG. It is written beside `path` and renamed, so that no half-written file is left.
-///
-/// # Errors
-/// The folder or the file cannot be written.
-pub fn write_psog(path: &Path, psog: &Psog) -> Result<(), PsogFileError> {
-    write(path, psog).map_err(|cause| PsogFileError::Write { path: path.to_owned(), cause })
-}
-
-fn write(path: &Path, psog: &Psog) -> std::io::Result<()> {
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    if path.is_dir() {
-        return Err(std::io::ErrorKind::IsADirectory.into());
-    }
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".psog-").suffix(".part");
-    #[cfg(unix)]
-    {
-        // As any new file: readable by all that the umask lets read.
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    let mut file = builder.tempfile_in(folder)?;
-    let mut out = BufWriter::with_capacity(1 << 16, file.as_file_mut());
-    write_psog_to(&mut out, psog)?;
-    out.flush()?;
-    drop(out);
-    file.persist(path).map_err(|e| e.error)?;
-    Ok(())
-}
-
-/// Writes what [`write_psog`] writes to something else than a file of its own; the caller flushes it.
+/// Writes a P-SOG file that [`read_psog`] and NumPy's `load` read: compressed, the same bytes for the same
+/// P-SOG. The caller flushes `out`.
 ///
 /// # Errors
 /// As of `out`.
-pub fn write_psog_to(out: &mut (impl Write + Seek), psog: &Psog) -> std::io::Result<()> {
-    let mut npz = NpzWriter::new(out);
-    let written = put_all(&mut npz, psog).and_then(|()| Ok(npz.zip_writer().finish().map(drop)?));
-    if written.is_err() {
-        // Dropped, it would try to write its end again and complain on stderr.
-        std::mem::forget(npz);
-    }
-    written
-}
-
-fn put_all<W: Write + Seek>(npz: &mut NpzWriter<W>, psog: &Psog) -> std::io::Result<()> {
+pub fn write_psog(out: impl Write + Seek, psog: &Psog) -> std::io::Result<()> {
     let roi = psog.roi();
-    put(npz, "roi_min", &[3], &roi.min())?;
-    put(npz, "voxel", &[3], &roi.voxel())?;
-    put(npz, "shape", &[3], &roi.shape())?;
-    put(npz, "frames", &[], &[psog.frames()])?;
     let names = psog.classes().join("\n");
-    put(npz, "classes", &[names.len() as u64], names.as_bytes())?;
     let (k, m) = (psog.index().len() as u64, psog.classes().len() as u64);
-    put(npz, "index", &[k], psog.index())?;
-    put(npz, "counts", &[k, m], psog.counts())
-}
-
-/// Writes one array: the header by `npyz`, the data at once (an element at a time is slow).
-fn put<T: AutoSerialize + NoUninit, W: Write + Seek>(
-    npz: &mut NpzWriter<W>,
-    array: &'static str,
-    shape: &[u64],
-    data: &[T],
-) -> std::io::Result<()> {
-    let options = FileOptions::default()
-        .compression_method(CompressionMethod::Deflated)
-        .last_modified_time(DateTime::default())
-        .unix_permissions(0o644)
-        .large_file(size_of_val(data) as u64 + 4096 > u64::from(u32::MAX));
-    let out = npz.array::<T>(array, options)?.default_dtype().shape(shape).write_header_only()?;
-    out.write_all(bytemuck::cast_slice(data))
+    write_npz(out, true, |npz| {
+        npz.put("roi_min", &[3], &roi.min())?;
+        npz.put("voxel", &[3], &roi.voxel())?;
+        npz.put("shape", &[3], &roi.shape())?;
+        npz.put("frames", &[], &[psog.frames()])?;
+        npz.put("classes", &[names.len() as u64], names.as_bytes())?;
+        npz.put("index", &[k], psog.index())?;
+        npz.put("counts", &[k, m], psog.counts())
+    })
 }
 
 fn accept<T>(_: usize, _: T) -> Result<(), GridError> {

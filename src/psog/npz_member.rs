@@ -1,4 +1,4 @@
-//! One array of an `.npz` archive: opened, checked against what is wanted, read.
+//! One array of an `.npz` archive: found, checked against what is wanted, read.
 
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -9,7 +9,10 @@ use npyz::{DType, Deserialize, NpyFile, NpyHeader, Order, TypeChar};
 
 use super::GridError;
 
-/// Why a P-SOG file was not read or written.
+/// The arrays of a P-SOG file, in the order they are written.
+const ARRAYS: [&str; 7] = ["roi_min", "voxel", "shape", "frames", "classes", "index", "counts"];
+
+/// Why a P-SOG file was not read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages name every field
@@ -20,42 +23,70 @@ pub enum PsogFileError {
     /// The file is no zip archive, or has lost its end.
     #[error("{} is not a readable .npz archive ({cause}); if it was cut short, copy or write it again", path.display())]
     Archive { path: PathBuf, cause: String },
-    /// An array is not there.
-    #[error("{}: array `{array}` is missing; a P-SOG holds {}", path.display(), super::npz::ARRAYS.join(", "))]
-    Missing { path: PathBuf, array: &'static str },
     /// A member that no P-SOG has.
-    #[error("{}: `{member}` is not an array of a P-SOG, which holds {}; leave it out", path.display(), super::npz::ARRAYS.join(", "))]
+    #[error("{}: `{member}` is not an array of a P-SOG, which holds {}; leave it out", path.display(), ARRAYS.join(", "))]
     Unknown { path: PathBuf, member: String },
-    /// An array that is there twice.
-    #[error("{}: array `{array}` is in the archive twice; keep one", path.display())]
-    Twice { path: PathBuf, array: &'static str },
-    /// Compression or encryption that NumPy does not use.
-    #[error("{}: array `{array}` is packed with {method}; write the file with np.savez or np.savez_compressed", path.display())]
-    Method { path: PathBuf, array: &'static str, method: String },
-    /// The bytes of an array are damaged.
-    #[error("{}: array `{array}` is damaged ({cause}); copy or write the file again", path.display())]
-    Damaged { path: PathBuf, array: &'static str, cause: String },
-    /// The header of an array is no `.npy` header that a P-SOG needs.
-    #[error("{}: array `{array}` has no usable .npy header ({cause}); write the file with np.savez", path.display())]
-    Header { path: PathBuf, array: &'static str, cause: String },
-    /// The element type is not the contract's.
-    #[error("{}: array `{array}` has dtype {found}, wanted {wanted}; {}", path.display(), conversion(found, wanted))]
-    Dtype { path: PathBuf, array: &'static str, found: String, wanted: &'static str },
-    /// The shape is not the contract's.
-    #[error("{}: array `{array}` has shape {found}, wanted {wanted}", path.display())]
-    Shape { path: PathBuf, array: &'static str, found: String, wanted: String },
-    /// The header promises other than the archive holds.
-    #[error("{}: array `{array}` is promised {need} bytes by its header, the archive holds {have}; write the file again", path.display())]
-    Size { path: PathBuf, array: &'static str, need: u64, have: u64 },
-    /// Class names that are not text.
-    #[error("{}: array `classes` is not UTF-8 from byte {at} on; encode the names as UTF-8", path.display())]
-    NotUtf8 { path: PathBuf, at: usize },
+    /// An array that is not what the contract wants.
+    #[error("{}: array `{array}` {fault}", path.display())]
+    Array { path: PathBuf, array: &'static str, fault: ArrayFault },
     /// The numbers break a rule of the P-SOG.
     #[error("{}: {fault}", path.display())]
     Value { path: PathBuf, fault: GridError },
-    /// The file cannot be written.
-    #[error("cannot write {}: {cause}; nothing was left behind", path.display())]
-    Write { path: PathBuf, cause: std::io::Error },
+}
+
+/// What is wrong with an array of a P-SOG file.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // the messages name every field
+pub enum ArrayFault {
+    /// It is not there.
+    #[error("is missing; a P-SOG holds {}", ARRAYS.join(", "))]
+    Missing,
+    /// It is there twice.
+    #[error("is in the archive twice; keep one")]
+    Twice,
+    /// Compression or encryption that NumPy does not use.
+    #[error("is packed with {method}; write the file with np.savez or np.savez_compressed")]
+    Method { method: String },
+    /// Its bytes are damaged.
+    #[error("is damaged ({cause}); copy or write the file again")]
+    Damaged { cause: String },
+    /// Its header is no `.npy` header that a P-SOG needs.
+    #[error("has no usable .npy header ({cause}); write the file with np.savez")]
+    Header { cause: String },
+    /// The element type is not the contract's.
+    #[error("has dtype {found}, wanted {wanted}; {}", conversion(found, wanted))]
+    Dtype { found: String, wanted: &'static str },
+    /// The shape is not the contract's.
+    #[error("has shape {found}, wanted {wanted}")]
+    Shape { found: String, wanted: String },
+    /// The header promises other than the archive holds.
+    #[error(
+        "is promised {need} bytes by its header, the archive holds {have}; write the file again"
+    )]
+    Size { need: u64, have: u64 },
+    /// Names that are not text.
+    #[error("is not UTF-8 from byte {at} on; encode the names as UTF-8")]
+    NotUtf8 { at: usize },
+    /// An element breaks a rule of the P-SOG.
+    #[error(transparent)]
+    Value(#[from] GridError),
+}
+
+impl ArrayFault {
+    fn damaged(error: impl ToString) -> Self {
+        Self::Damaged { cause: error.to_string() }
+    }
+
+    /// Names file and array.
+    pub(super) fn of(self, path: &Path, array: &'static str) -> PsogFileError {
+        let path = path.to_owned();
+        match self {
+            // Its message names the array and the element.
+            Self::Value(fault) => PsogFileError::Value { path, fault },
+            fault => PsogFileError::Array { path, array, fault },
+        }
+    }
 }
 
 /// How to come from one element type to another in NumPy, whose `astype` takes no texts for bytes.
@@ -90,133 +121,109 @@ element! {
     u64, "uint64", Uint;
 }
 
-/// An open archive whose members have been looked through.
+/// An open archive whose members are the arrays of a P-SOG, each once.
 pub(crate) struct Archive {
     path: PathBuf,
     zip: ZipArchive<BufReader<File>>,
-    /// Position in the archive of each wanted array.
+    /// Position in the archive of each array.
     members: Vec<(&'static str, usize)>,
 }
 
 impl Archive {
-    /// Opens the archive and checks that it holds each of `wanted` once, and nothing else.
-    pub fn open(path: &Path, wanted: &[&'static str]) -> Result<Self, PsogFileError> {
+    /// Opens the archive and checks that it holds each of [`ARRAYS`] once, and nothing else.
+    pub fn open(path: &Path) -> Result<Self, PsogFileError> {
         let to_open = |cause| PsogFileError::Open { path: path.to_owned(), cause };
         let file = File::open(path).map_err(to_open)?;
         if file.metadata().map_err(to_open)?.is_dir() {
             return Err(to_open(std::io::ErrorKind::IsADirectory.into()));
         }
-        let to_archive = |cause: String| PsogFileError::Archive { path: path.to_owned(), cause };
-        let mut zip =
-            ZipArchive::new(BufReader::new(file)).map_err(|e| to_archive(e.to_string()))?;
+        let to_archive = |error: npyz::zip::result::ZipError| PsogFileError::Archive {
+            path: path.to_owned(),
+            cause: error.to_string(),
+        };
+        let mut zip = ZipArchive::new(BufReader::new(file)).map_err(to_archive)?;
         let mut members: Vec<(&'static str, usize)> = Vec::new();
         for position in 0..zip.len() {
-            let member = zip.by_index_raw(position).map_err(|e| to_archive(e.to_string()))?;
+            let member = zip.by_index_raw(position).map_err(to_archive)?;
             let array = member.name().strip_suffix(".npy");
-            let Some(&array) = wanted.iter().find(|&&w| Some(w) == array) else {
+            let Some(&array) = ARRAYS.iter().find(|&&known| Some(known) == array) else {
                 let member = member.name().escape_debug().to_string();
                 return Err(PsogFileError::Unknown { path: path.to_owned(), member });
             };
             if members.iter().any(|&(name, _)| name == array) {
-                return Err(PsogFileError::Twice { path: path.to_owned(), array });
+                return Err(ArrayFault::Twice.of(path, array));
             }
             members.push((array, position));
         }
-        if let Some(&array) = wanted.iter().find(|&w| !members.iter().any(|(name, _)| name == w)) {
-            return Err(PsogFileError::Missing { path: path.to_owned(), array });
+        let is_missing = |array: &&&str| !members.iter().any(|(name, _)| name == *array);
+        match ARRAYS.iter().find(is_missing) {
+            Some(&array) => Err(ArrayFault::Missing.of(path, array)),
+            None => Ok(Self { path: path.to_owned(), zip, members }),
         }
-        Ok(Self { path: path.to_owned(), zip, members })
     }
 
-    /// Reads one array in C order. `shape` says what is wrong with a shape: what was wanted.
-    /// `value` sees each element as it arrives, with its position, and may refuse it.
+    /// Reads one array in C order. `shape` answers a wrong shape with the wanted one. `value` sees each
+    /// element as it arrives, with its position, and may refuse it.
     ///
     /// Memory grows with the data that really arrives, never with what a header promises.
     pub fn read<T: Element>(
         &mut self,
         array: &'static str,
         shape: impl FnOnce(&[u64]) -> Result<(), String>,
-        mut value: impl FnMut(usize, T) -> Result<(), GridError>,
+        value: impl FnMut(usize, T) -> Result<(), GridError>,
     ) -> Result<Vec<T>, PsogFileError> {
-        let path = self.path.clone();
-        let damaged = |cause: String| PsogFileError::Damaged { path: path.clone(), array, cause };
-        let mut member = self.member(array)?;
-        let text = read_header(&mut member).map_err(|cause| PsogFileError::Header {
-            path: path.clone(),
-            array,
-            cause,
-        })?;
-        let header = NpyHeader::from_reader(&text[..]).map_err(|e| PsogFileError::Header {
-            path: path.clone(),
-            array,
-            cause: e.to_string(),
-        })?;
-        check_dtype::<T>(&header).map_err(|found| PsogFileError::Dtype {
-            path: path.clone(),
-            array,
-            found,
-            wanted: T::NAME,
-        })?;
-        shape(header.shape()).map_err(|wanted| PsogFileError::Shape {
-            path: path.clone(),
-            array,
-            found: show_shape(header.shape()),
-            wanted,
-        })?;
-        let need = header.len() * T::KIND.1; // cannot overflow: read_header bounds the elements
-        let have = member.size().saturating_sub(text.len() as u64);
-        if need != have {
-            return Err(PsogFileError::Size { path, array, need, have });
-        }
-        let order = (header.order(), header.shape().to_vec());
-        let mut member = BufReader::with_capacity(1 << 16, member);
-        let mut data = Vec::new();
-        let elements = NpyFile::with_header(header, &mut member)
-            .data::<T>()
-            .map_err(|e| damaged(e.to_string()))?;
-        for element in elements {
-            let element = element.map_err(|e| damaged(e.to_string()))?;
-            value(data.len(), element)
-                .map_err(|fault| PsogFileError::Value { path: path.clone(), fault })?;
-            data.push(element);
-        }
-        // The checksum is compared at the end of the member, so read up to it.
-        match member.read(&mut [0]) {
-            Ok(0) => {}
-            Ok(_) => return Err(PsogFileError::Size { path, array, need, have: need + 1 }),
-            Err(e) => return Err(damaged(e.to_string())),
-        }
-        Ok(match order {
-            (Order::Fortran, shape) if shape.len() == 2 => transpose(&data, shape[1] as usize),
-            _ => data,
-        })
+        let read = self.member(array).and_then(|member| read_member(member, shape, value));
+        read.map_err(|fault| fault.of(&self.path, array))
     }
 
-    fn member(&mut self, array: &'static str) -> Result<ZipFile<'_>, PsogFileError> {
-        let path = self.path.clone();
-        let Some(&(_, position)) = self.members.iter().find(|&&(name, _)| name == array) else {
-            return Err(PsogFileError::Missing { path, array });
-        };
-        let damaged = |path: &Path, cause: String| PsogFileError::Damaged {
-            path: path.to_owned(),
-            array,
-            cause,
-        };
-        let method = match self.zip.by_index_raw(position) {
-            Ok(raw) => raw.compression(),
-            Err(e) => return Err(damaged(&path, e.to_string())),
-        };
+    fn member(&mut self, array: &'static str) -> Result<ZipFile<'_>, ArrayFault> {
+        let position = self.members.iter().find(|&&(name, _)| name == array);
+        let position = position.ok_or(ArrayFault::Missing)?.1;
+        let method = self.zip.by_index_raw(position).map_err(ArrayFault::damaged)?.compression();
         if method != CompressionMethod::Stored && method != CompressionMethod::Deflated {
-            let method = method.to_string();
-            return Err(PsogFileError::Method { path, array, method });
+            return Err(ArrayFault::Method { method: method.to_string() });
         }
         // With a password the library reports encrypted members; without one it may panic on them.
-        match self.zip.by_index_decrypt(position, b"") {
-            Ok(Ok(member)) => Ok(member),
-            Ok(Err(_)) => Err(PsogFileError::Method { path, array, method: "encryption".into() }),
-            Err(e) => Err(damaged(&path, e.to_string())),
-        }
+        let opened = self.zip.by_index_decrypt(position, b"").map_err(ArrayFault::damaged)?;
+        opened.map_err(|_| ArrayFault::Method { method: "encryption".into() })
     }
+}
+
+fn read_member<T: Element>(
+    mut member: ZipFile,
+    shape: impl FnOnce(&[u64]) -> Result<(), String>,
+    mut value: impl FnMut(usize, T) -> Result<(), GridError>,
+) -> Result<Vec<T>, ArrayFault> {
+    let text = read_header(&mut member).map_err(|cause| ArrayFault::Header { cause })?;
+    let header = NpyHeader::from_reader(&text[..])
+        .map_err(|error| ArrayFault::Header { cause: error.to_string() })?;
+    check_dtype::<T>(&header).map_err(|found| ArrayFault::Dtype { found, wanted: T::NAME })?;
+    shape(header.shape())
+        .map_err(|wanted| ArrayFault::Shape { found: show_shape(header.shape()), wanted })?;
+    let need = header.len() * T::KIND.1; // cannot overflow: read_header bounds the elements
+    let have = member.size().saturating_sub(text.len() as u64);
+    if need != have {
+        return Err(ArrayFault::Size { need, have });
+    }
+    let (order, dimensions) = (header.order(), header.shape().to_vec());
+    let mut member = BufReader::with_capacity(1 << 16, member);
+    let mut data = Vec::new();
+    let elements =
+        NpyFile::with_header(header, &mut member).data::<T>().map_err(ArrayFault::damaged)?;
+    for element in elements {
+        let element = element.map_err(ArrayFault::damaged)?;
+        value(data.len(), element)?;
+        data.push(element);
+    }
+    // The checksum is compared at the end of the member, so read up to it.
+    match member.read(&mut [0]).map_err(ArrayFault::damaged)? {
+        0 => {}
+        _ => return Err(ArrayFault::Size { need, have: need + 1 }),
+    }
+    Ok(match (order, &dimensions[..]) {
+        (Order::Fortran, [_, columns]) => transpose(&data, *columns as usize),
+        _ => data,
+    })
 }
 
 /// The bytes of a `.npy` header, refused before they are parsed if they are longer or promise more

@@ -1,4 +1,4 @@
-//! The region of interest and its voxels.
+//! The voxel grid of the region of interest, and the rule that gives a hit its voxel.
 
 use glam::DVec3;
 use serde::Serialize;

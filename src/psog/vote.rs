@@ -1,3 +1,5 @@
+//! Labelled points to one class a voxel and frame, frames to a P-SOG.
+
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -82,7 +84,7 @@ impl Extend<(Option<u64>, u16)> for FrameVotes {
     }
 }
 
-/// What happened while a P-SOG was built.
+/// Counts of the votes and ties of a P-SOG that was built.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct BuildReport {
     /// Frames voted.

@@ -1,6 +1,11 @@
+//! Map of the information of a scene seen from above, and how much of it a placement gains.
+
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
+use maud::{Markup, html};
+
+use super::svg::{page, px};
 use crate::problem::Content;
 use crate::psog::{Roi, to_nats};
 use crate::vehicle::Placement;
@@ -88,50 +93,41 @@ impl InformationMap {
                 }
             }
         }
-        let mut svg = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {:.0}\" \
-             width=\"{width:.0}\" height=\"{:.0}\" role=\"img\" font-family=\"system-ui,sans-serif\" \
-             font-size=\"13\" fill=\"#1b2a3a\"><title>Information gained, seen from above</title>\
-             <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n",
-            height + 50.0,
-            height + 50.0
-        );
-        for ((information, share), path) in runs {
-            let _ = writeln!(
-                svg,
-                "<path d=\"{path}\" stroke=\"{}\" stroke-width=\"{:.2}\"/>",
-                rgb(information, share),
-                cell[1] * 1.04
-            );
-        }
-        for pose in &placement.lidars {
-            let (x, y) = ((pose.x - self.min[0]) * scale, height - (pose.y - self.min[1]) * scale);
-            let _ = writeln!(
-                svg,
-                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"#1f5fa8\" stroke=\"#fff\"/>"
-            );
-        }
-        let _ = write!(svg, "<g transform=\"translate(0 {:.1})\">", height + 8.0);
-        let mut x = 0.0;
-        for (label, share) in [("unseen", 0), ("half gained", STEPS / 2), ("gained", STEPS)] {
-            for step in 1..=STEPS {
-                let _ = write!(
-                    svg,
-                    "<rect x=\"{x}\" width=\"12\" height=\"14\" fill=\"{}\"/>",
-                    rgb(step, share)
-                );
-                x += 12.0;
+        let drawing = html! {
+            @for ((information, share), path) in runs {
+                path d=(path) stroke=(rgb(information, share)) stroke-width=(format!("{:.2}", cell[1] * 1.04)) {}
             }
-            let _ = write!(svg, "<text x=\"{}\" y=\"12\">{label}</text>", x + 6.0);
-            x += 90.0;
+            @for pose in &placement.lidars {
+                circle cx=(px((pose.x - self.min[0]) * scale)) cy=(px(height - (pose.y - self.min[1]) * scale))
+                    r="3" fill="#1f5fa8" stroke="#fff" {}
+            }
+            g transform={ "translate(0 " (px(height + 8.0)) ")" } { (self.legend()) }
+        };
+        page(
+            [width.round(), (height + 50.0).round()],
+            "Information gained, seen from above",
+            &drawing,
+        )
+    }
+
+    /// The two colour scales, and the size of the region.
+    fn legend(&self) -> Markup {
+        let scales = [("unseen", 0), ("half gained", STEPS / 2), ("gained", STEPS)];
+        // Six steps of 12 pixels and 90 for the words.
+        let left = |scale: usize| scale as f64 * (12.0 * f64::from(STEPS) + 90.0);
+        html! {
+            @for (index, (words, share)) in scales.into_iter().enumerate() {
+                @for step in 1..=STEPS {
+                    rect x=(left(index) + 12.0 * f64::from(step - 1)) width="12" height="14"
+                        fill=(rgb(step, share)) {}
+                }
+                text x=(left(index) + 12.0 * f64::from(STEPS) + 6.0) y="12" { (words) }
+            }
+            text x="0" y="34" {
+                "the darker, the more nats a column; " (format!("{:.0}", self.size[0]))
+                " m across, forward is right, LiDARs in blue"
+            }
         }
-        let _ = writeln!(
-            svg,
-            "<text x=\"0\" y=\"34\">the darker, the more nats a column; {:.0} m across, forward is \
-             right, LiDARs in blue</text></g></svg>",
-            self.size[0]
-        );
-        svg
     }
 
     /// (information step, gained step) of a cell; `None` where nothing is to be learnt.

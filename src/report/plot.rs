@@ -1,6 +1,8 @@
-use std::fmt::Write;
+//! Plain charts of some series: points, lines, levels across, and a legend.
 
-use super::svg::{ACCENT, FAINT, INK, LIDAR_COLOURS, escape, number, open, scale, ticks};
+use maud::{Markup, html};
+
+use super::svg::{ACCENT, Axes, COLOURS, GREY, INK, SOFT, Scale, Tick, corners, number, page, px};
 
 /// Pixels of the plot area.
 const LEFT: f64 = 90.0;
@@ -8,15 +10,19 @@ const TOP: f64 = 50.0;
 const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 300.0;
 /// Pixels of the whole.
-const ALL: (f64, f64) = (900.0, 470.0);
+const ALL: [f64; 2] = [900.0, 470.0];
 /// Pixels that a character takes at most, on average.
 const LETTER: f64 = 7.0;
+/// Pixels between two lines of words.
+const LINE: f64 = 15.0;
 /// Characters that have room: over the chart, in the legend, turned under the axis.
 const TITLE: usize = 100;
 const LEGEND: usize = 30;
 const TURNED: usize = 22;
+/// Points of a line that are also drawn one by one, if there are no more.
+const DOTTED: usize = 60;
 
-/// A text of at most so many characters; the rest is left out.
+/// The first `most` characters of a text.
 fn cut(text: &str, most: usize) -> String {
     if text.chars().count() <= most {
         return text.to_owned();
@@ -61,145 +67,139 @@ pub struct Plot {
     pub series: Vec<Series>,
 }
 
+/// A line across the chart at a value of y, named at its right end.
+pub(super) struct Level<'a> {
+    pub name: &'a str,
+    pub value: f64,
+    pub accent: bool,
+}
+
 impl Plot {
     /// As SVG, to stand alone or in a page.
     pub fn svg(&self) -> String {
-        let mut svg = open(ALL.0, ALL.1, &self.title);
-        let (right, bottom) = (LEFT + WIDTH, TOP + HEIGHT);
-        let points = || self.series.iter().flat_map(|s| &s.points);
-        let finite = |v: &f64| v.is_finite();
-        let range = |values: Vec<f64>| {
-            let values = values.into_iter().filter(finite);
-            let (low, high) = values.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
-            let margin =
-                if high > low { 0.06 * (high - low) } else { 0.05 * high.abs().max(1e-12) };
-            (low - margin, high + margin)
-        };
-        let _ = writeln!(
-            svg,
-            "<text x=\"{LEFT}\" y=\"20\" font-weight=\"600\">{}</text>",
-            escape(&cut(&self.title, TITLE))
-        );
-        if points().next().is_none() {
-            svg += "<text x=\"90\" y=\"60\">There is nothing to draw.</text></svg>\n";
-            return svg;
-        }
-        let x_range = match &self.x {
-            Axis::Names(names) => (-0.5, names.len() as f64 - 0.5),
-            Axis::Numbers => range(points().map(|p| p.0).collect()),
-        };
-        let y_range = range(points().map(|p| p.1).collect());
-        let x = |v: f64| scale(v, x_range, (LEFT, right));
-        let y = |v: f64| scale(v, y_range, (bottom, TOP));
-        for tick in ticks(y_range.0, y_range.1, 6) {
-            let at = y(tick);
-            let _ = writeln!(
-                svg,
-                "<path d=\"M{LEFT} {at:.1}H{right}\" stroke=\"{FAINT}\" stroke-width=\".6\"/>\
-                 <text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
-                LEFT - 8.0,
-                at + 4.5,
-                number(tick)
-            );
-        }
-        let marks: Vec<(f64, String)> = match &self.x {
-            Axis::Names(names) => {
-                names.iter().enumerate().map(|(k, name)| (k as f64, name.clone())).collect()
-            }
-            Axis::Numbers => {
-                ticks(x_range.0, x_range.1, 6).into_iter().map(|t| (t, number(t))).collect()
-            }
-        };
-        let room = WIDTH / marks.len().max(1) as f64;
-        let wide = |(_, name): &(f64, String)| name.chars().count() as f64 * LETTER > room;
-        let turned = matches!(self.x, Axis::Names(_)) && marks.iter().any(wide);
-        for (value, text) in &marks {
-            let at = x(*value);
-            let place = if turned {
-                format!(
-                    "text-anchor=\"end\" transform=\"rotate(-30 {at:.1} {:.1})\"",
-                    bottom + 18.0
-                )
-            } else {
-                "text-anchor=\"middle\"".to_owned()
-            };
-            let _ = writeln!(
-                svg,
-                "<path d=\"M{at:.1} {bottom}v5\" stroke=\"{INK}\"/>\
-                 <text x=\"{at:.1}\" y=\"{:.1}\" {place}>{}</text>",
-                bottom + 20.0,
-                escape(&cut(text, TURNED))
-            );
-        }
-        for (index, series) in self.series.iter().enumerate() {
-            let colour = if self.series.len() == 1 { ACCENT } else { LIDAR_COLOURS[index % 8] };
-            self.draw(&mut svg, series, colour, &x, &y);
-            let at = TOP + 10.0 + 20.0 * index as f64;
-            let _ = writeln!(
-                svg,
-                "<circle cx=\"{}\" cy=\"{at}\" r=\"5\" fill=\"{colour}\"/>\
-                 <text x=\"{}\" y=\"{}\">{}</text>",
-                right + 20.0,
-                right + 32.0,
-                at + 4.5,
-                escape(&cut(&series.name, LEGEND))
-            );
-        }
-        let _ = writeln!(
-            svg,
-            "<path d=\"M{LEFT} {TOP}V{bottom}H{right}\" fill=\"none\" stroke=\"{INK}\"/>\
-             <text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>\
-             <text x=\"{LEFT}\" y=\"40\">{}</text></svg>",
-            LEFT + WIDTH / 2.0,
-            ALL.1 - 12.0,
-            escape(&self.x_title),
-            escape(&self.y_title)
-        );
-        svg
+        self.svg_with(&[])
     }
 
-    fn draw(
-        &self,
-        svg: &mut String,
-        series: &Series,
-        colour: &str,
-        x: &dyn Fn(f64) -> f64,
-        y: &dyn Fn(f64) -> f64,
-    ) {
-        let drawn = series.points.iter().filter(|p| p.0.is_finite() && p.1.is_finite());
-        if series.line {
-            let path: Vec<String> =
-                drawn.clone().map(|p| format!("{:.1},{:.1}", x(p.0), y(p.1))).collect();
-            let _ = writeln!(
-                svg,
-                "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\"/>",
-                path.join(" ")
-            );
-        }
-        for point in drawn {
-            let (px, py) = (x(point.0), y(point.1));
-            let _ =
-                writeln!(svg, "<circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"4\" fill=\"{colour}\"/>");
-        }
-        // Points in one place share a line of words.
-        let mut places: Vec<((f64, f64), String)> = Vec::new();
-        for (point, words) in &series.labels {
-            let Some(&(px, py)) = series.points.get(*point) else { continue };
-            let at = (x(px) + 7.0, y(py) - 7.0);
-            let near = |place: (f64, f64)| (place.0 - at.0).abs().max((place.1 - at.1).abs()) < 1.0;
-            match places.iter_mut().find(|(place, _)| near(*place)) {
-                Some((_, others)) => *others += &format!(", {words}"),
-                None => places.push((at, words.clone())),
+    /// As [`Self::svg`], with lines across.
+    pub(super) fn svg_with(&self, levels: &[Level]) -> String {
+        let points = || self.series.iter().flat_map(|s| &s.points);
+        let is_empty = points().next().is_none();
+        let heights = points().map(|p| p.1).chain(levels.iter().map(|l| l.value));
+        let marks = self.marks();
+        let x_range = match &self.x {
+            Axis::Names(names) => (-0.5, names.len() as f64 - 0.5),
+            Axis::Numbers => range(points().map(|p| p.0)),
+        };
+        let axes = Axes {
+            x: Scale::linear(x_range, (LEFT, LEFT + WIDTH)),
+            y: Scale::linear(range(heights), (TOP + HEIGHT, TOP)),
+        };
+        let marks = marks.unwrap_or_else(|| axes.x.ticks(number));
+        let room = WIDTH / marks.len().max(1) as f64;
+        let is_wide = |t: &Tick| {
+            t.text.as_ref().is_some_and(|text| text.chars().count() as f64 * LETTER > room)
+        };
+        let turned = matches!(self.x, Axis::Names(_)) && marks.iter().any(is_wide);
+        let body = html! {
+            text x=(LEFT) y="20" font-weight="600" { (cut(&self.title, TITLE)) }
+            @if is_empty {
+                text x=(LEFT) y="60" { "There is nothing to draw." }
+            } @else {
+                (axes.draw(&marks, &axes.y.ticks(number), turned))
+                (self.levels(levels, &axes))
+                @for (index, series) in self.series.iter().enumerate() {
+                    (self.draw(series, self.colour(index), &axes))
+                    (legend(&series.name, self.colour(index), index))
+                }
+                text x=(LEFT + WIDTH / 2.0) y=(ALL[1] - 12.0) text-anchor="middle" { (self.x_title) }
+                text x=(LEFT) y="40" { (self.y_title) }
+            }
+        };
+        page(ALL, &self.title, &body)
+    }
+
+    fn colour(&self, index: usize) -> &'static str {
+        if self.series.len() == 1 { ACCENT } else { COLOURS[index % COLOURS.len()] }
+    }
+
+    /// Names along x; `None` where numbers stand there.
+    fn marks(&self) -> Option<Vec<Tick>> {
+        let Axis::Names(names) = &self.x else { return None };
+        let tick =
+            |(at, name): (usize, &String)| Tick { value: at as f64, text: Some(cut(name, TURNED)) };
+        Some(names.iter().enumerate().map(tick).collect())
+    }
+
+    /// Lines across. Names of close ones are moved apart, and below the legend; a thin line leads to each.
+    fn levels(&self, levels: &[Level], axes: &Axes) -> Markup {
+        let mut sorted: Vec<&Level> = levels.iter().collect();
+        sorted.sort_by(|a, b| b.value.total_cmp(&a.value));
+        let mut label_y = TOP + 20.0 * self.series.len() as f64;
+        let right = LEFT + WIDTH;
+        html! {
+            @for level in sorted {
+                @let at = axes.y.at(level.value);
+                @let label = at.max(label_y + LINE);
+                @let (line, ink) = if level.accent { (ACCENT, INK) } else { (GREY, SOFT) };
+                path d={ "M" (LEFT) " " (px(at)) "H" (right) "L" (right + 12.0) " " (px(label)) }
+                    stroke=(line) fill="none" stroke-width=".8" stroke-dasharray="4 3" {}
+                text x=(right + 16.0) y=(px(label + 4.5)) fill=(ink) { (cut(level.name, LEGEND)) }
+                ({ label_y = label; "" })
             }
         }
-        for ((px, py), words) in places {
-            let _ = writeln!(
-                svg,
-                "<text x=\"{px:.1}\" y=\"{py:.1}\" font-size=\"12\">{}</text>",
-                escape(&words)
-            );
+    }
+
+    fn draw(&self, series: &Series, colour: &str, axes: &Axes) -> Markup {
+        let is_drawn = |p: &&(f64, f64)| p.0.is_finite() && p.1.is_finite();
+        let drawn: Vec<(f64, f64)> =
+            series.points.iter().filter(is_drawn).map(|p| axes.at(*p)).collect();
+        html! {
+            @if series.line {
+                polyline points=(corners(drawn.iter().copied())) fill="none" stroke=(colour)
+                    stroke-width="2" {}
+            }
+            @if !series.line || drawn.len() <= DOTTED {
+                @for (x, y) in &drawn {
+                    circle cx=(px(*x)) cy=(px(*y)) r="4" fill=(colour) {}
+                }
+            }
+            @for ((x, y), words) in places(series, axes) {
+                text x=(px(x)) y=(px(y)) font-size="12" { (words) }
+            }
         }
     }
+}
+
+/// Words beside points and where they stand; points in one place share a line of words.
+fn places(series: &Series, axes: &Axes) -> Vec<((f64, f64), String)> {
+    let mut places: Vec<((f64, f64), String)> = Vec::new();
+    for (point, words) in &series.labels {
+        let Some(&point) = series.points.get(*point) else { continue };
+        let (x, y) = axes.at(point);
+        let at = (x + 7.0, y - 7.0);
+        let near = |place: (f64, f64)| (place.0 - at.0).abs().max((place.1 - at.1).abs()) < 1.0;
+        match places.iter_mut().find(|(place, _)| near(*place)) {
+            Some((_, others)) => *others += &format!(", {words}"),
+            None => places.push((at, words.clone())),
+        }
+    }
+    places
+}
+
+fn legend(name: &str, colour: &str, index: usize) -> Markup {
+    let (x, y) = (LEFT + WIDTH + 20.0, TOP + 10.0 + 20.0 * index as f64);
+    html! {
+        circle cx=(x) cy=(y) r="5" fill=(colour) {}
+        text x=(x + 12.0) y=(y + 4.5) { (cut(name, LEGEND)) }
+    }
+}
+
+/// The range of the finite values with 6 % of margin at both ends.
+fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let values = values.filter(|v| v.is_finite());
+    let (low, high) = values.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
+    let margin = if high > low { 0.06 * (high - low) } else { 0.05 * high.abs().max(1e-12) };
+    (low - margin, high + margin)
 }
 
 #[cfg(test)]

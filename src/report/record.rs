@@ -1,3 +1,5 @@
+//! All of `result.json`.
+
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 

@@ -1,27 +1,60 @@
-use std::fmt::Write;
+//! Parts of every drawing: page, colours, numbers as words, and axes with their ticks.
 
-use super::Scored;
-use crate::search::GenerationRecord;
-use crate::vehicle::Constraints;
+use maud::{Markup, html};
 
-pub(super) const FONT: &str = "font-family=\"system-ui,sans-serif\" font-size=\"13\"";
 pub(super) const INK: &str = "#1b2a3a";
 pub(super) const FAINT: &str = "#c8d2dc";
+pub(super) const PALE: &str = "#e8edf2";
+pub(super) const GREY: &str = "#8a97a5";
+pub(super) const SOFT: &str = "#5a6b7b";
 pub(super) const ACCENT: &str = "#d1495b";
 pub(super) const SECOND: &str = "#2f7ebc";
-/// One colour a LiDAR, told apart also in grey.
-pub(super) const LIDAR_COLOURS: [&str; 8] =
+/// One colour a LiDAR or series, told apart also in grey.
+pub(super) const COLOURS: [&str; 8] =
     ["#d1495b", "#2f7ebc", "#3d8f5f", "#c98a1b", "#7a4fa3", "#1f9e9e", "#8a5a3b", "#5a6b7b"];
 
-/// Name of the result's line.
-const RESULT: &str = "the result";
+/// A drawing of a size in pixels, to stand alone or in a page.
+pub(super) fn page([width, height]: [f64; 2], title: &str, body: &Markup) -> String {
+    let (width, height) = (width.to_string(), height.to_string());
+    html! {
+        svg xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (width) " " (height) } width=(width)
+            height=(height) role="img" font-family="system-ui,sans-serif" font-size="13" fill=(INK) {
+            title { (title) }
+            rect width="100%" height="100%" fill="#fff" {}
+            (body)
+        }
+    }
+    .into_string()
+        + "\n"
+}
 
-/// Pixels of a chart's plot area.
-struct Frame {
-    left: f64,
-    top: f64,
-    width: f64,
-    height: f64,
+/// A coordinate to a tenth of a pixel.
+pub(super) fn px(value: f64) -> String {
+    format!("{value:.1}")
+}
+
+/// Corners of a polyline or polygon: `x,y x,y …`.
+pub(super) fn corners(points: impl IntoIterator<Item = (f64, f64)>) -> String {
+    let corners: Vec<String> = points.into_iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+    corners.join(" ")
+}
+
+/// A number in three decimals at most; very small and large ones with an exponent.
+pub(super) fn number(value: f64) -> String {
+    let magnitude = value.abs();
+    if magnitude == 0.0 {
+        "0".into()
+    } else if !(1e-3..1e5).contains(&magnitude) {
+        format!("{value:.2e}")
+    } else {
+        trimmed(value, 3)
+    }
+}
+
+/// A number without the zeros at the end of its decimals.
+pub(super) fn trimmed(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 /// Maps a value range to a pixel range.
@@ -29,8 +62,64 @@ pub(super) fn scale(value: f64, from: (f64, f64), to: (f64, f64)) -> f64 {
     to.0 + (value - from.0) / (from.1 - from.0) * (to.1 - to.0)
 }
 
+/// A place on an axis; without a text it gets a faint line alone.
+pub(super) struct Tick {
+    /// In the unit of the axis, before any logarithm.
+    pub value: f64,
+    pub text: Option<String>,
+}
+
+/// Values of one axis and the pixels that they are drawn at.
+pub(super) struct Scale {
+    /// Lowest and highest value, or their logarithms to base 10.
+    range: (f64, f64),
+    pixels: (f64, f64),
+    is_log: bool,
+}
+
+impl Scale {
+    /// An axis of equal steps.
+    pub fn linear(range: (f64, f64), pixels: (f64, f64)) -> Self {
+        Self { range, pixels, is_log: false }
+    }
+
+    /// An axis of equal factors; `range` holds logarithms to base 10.
+    pub fn log(range: (f64, f64), pixels: (f64, f64)) -> Self {
+        Self { range, pixels, is_log: true }
+    }
+
+    /// Lowest and highest value, on a logarithmic axis their logarithms.
+    pub fn range(&self) -> (f64, f64) {
+        self.range
+    }
+
+    /// Pixel of a value.
+    pub fn at(&self, value: f64) -> f64 {
+        scale(if self.is_log { value.log10() } else { value }, self.range, self.pixels)
+    }
+
+    /// Round numbers along the axis: about six, or on a logarithmic axis 1, 2, …, 9 times powers of ten,
+    /// of which 1, and where there is room 2 and 5, are written out by `name`.
+    pub fn ticks(&self, name: fn(f64) -> String) -> Vec<Tick> {
+        let (low, high) = self.range;
+        if !self.is_log {
+            let round = round_numbers(low, high, 6).into_iter();
+            return round.map(|value| Tick { value, text: Some(name(value)) }).collect();
+        }
+        let is_named = |digit: u32| digit == 1 || high - low < 2.2 && [2, 5].contains(&digit);
+        let powers = low.floor() as i32..=high.ceil() as i32;
+        let all = powers.flat_map(|power| {
+            (1..10).map(move |digit| {
+                let value = f64::from(digit) * 10_f64.powi(power);
+                Tick { value, text: is_named(digit).then(|| name(value)) }
+            })
+        });
+        all.filter(|tick| (low..=high).contains(&tick.value.log10())).collect()
+    }
+}
+
 /// About `count` round numbers within a range.
-pub(super) fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
+fn round_numbers(low: f64, high: f64, count: usize) -> Vec<f64> {
     let raw = (high - low) / count as f64;
     let power = 10_f64.powf(raw.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|s| *s >= raw);
@@ -39,210 +128,76 @@ pub(super) fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
     (first..).map(|k| k as f64 * step).take_while(|t| *t <= high + step * 1e-9).collect()
 }
 
-pub(super) fn number(value: f64) -> String {
-    let magnitude = value.abs();
-    if magnitude == 0.0 {
-        "0".into()
-    } else if !(1e-3..1e5).contains(&magnitude) {
-        format!("{value:.2e}")
-    } else {
-        let text = format!("{value:.3}");
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
-    }
+/// The frame of a chart: x to the right, y upwards.
+pub(super) struct Axes {
+    pub x: Scale,
+    pub y: Scale,
 }
 
-pub(super) fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
+impl Axes {
+    /// Pixel of a point.
+    pub fn at(&self, (x, y): (f64, f64)) -> (f64, f64) {
+        (self.x.at(x), self.y.at(y))
+    }
 
-pub(super) fn open(width: f64, height: f64, title: &str) -> String {
-    format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" \
-         width=\"{width}\" height=\"{height}\" role=\"img\" {FONT} fill=\"{INK}\">\
-         <title>{}</title><rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n",
-        escape(title)
-    )
-}
-
-/// The best and the median objective against evaluations; the baselines and the result, which swaps may
-/// have found after the generations, as lines across.
-pub fn convergence_svg(
-    history: &[GenerationRecord],
-    objective: &str,
-    baselines: &[Scored],
-    best: Option<&Scored>,
-) -> String {
-    let frame = Frame { left: 90.0, top: 30.0, width: 560.0, height: 300.0 };
-    let mut svg = open(860.0, 390.0, "Convergence of the search");
-    let mut lines: Vec<(&str, f64)> =
-        baselines.iter().filter_map(|b| Some((b.placement.name.as_str(), b.objective?))).collect();
-    let result = best.and_then(|best| best.objective);
-    lines.extend(result.map(|value| (RESULT, value)));
-    let best: Vec<(f64, f64)> =
-        history.iter().filter_map(|r| Some((r.evaluations as f64, r.best_so_far?))).collect();
-    let median: Vec<(f64, f64)> =
-        history.iter().filter_map(|r| Some((r.evaluations as f64, r.median?))).collect();
-    let values = || best.iter().chain(&median).map(|p| p.1).chain(lines.iter().map(|l| l.1));
-    let (low, high) = values().fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
-    if best.is_empty() && median.is_empty() {
-        svg += "<text x=\"90\" y=\"60\">No candidate was scored.</text></svg>\n";
-        return svg;
-    }
-    let margin = if high > low { 0.06 * (high - low) } else { 0.05 * high.abs().max(1e-12) };
-    let y_range = (low - margin, high + margin);
-    let x_range = (0.0, history.last().map_or(1.0, |r| r.evaluations as f64).max(1.0));
-    let x = |v: f64| scale(v, x_range, (frame.left, frame.left + frame.width));
-    let y = |v: f64| scale(v, y_range, (frame.top + frame.height, frame.top));
-    let right = frame.left + frame.width;
-    let bottom = frame.top + frame.height;
-    for tick in ticks(y_range.0, y_range.1, 6) {
-        let at = y(tick);
-        let _ = writeln!(
-            svg,
-            "<path d=\"M{} {at:.1}H{right}\" stroke=\"{FAINT}\" stroke-width=\".6\"/>\
-             <text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
-            frame.left,
-            frame.left - 8.0,
-            at + 4.5,
-            number(tick)
-        );
-    }
-    for tick in ticks(x_range.0, x_range.1, 6) {
-        let at = x(tick);
-        let _ = writeln!(
-            svg,
-            "<path d=\"M{at:.1} {bottom}v5\" stroke=\"{INK}\"/>\
-             <text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
-            bottom + 20.0,
-            number(tick)
-        );
-    }
-    // Names of close baselines are moved apart; a thin line leads to each.
-    let mut sorted = lines.clone();
-    sorted.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let mut label_y = f64::MIN;
-    for (name, value) in sorted {
-        let at = y(value);
-        label_y = at.max(label_y + 15.0);
-        let (line, text) = if name == RESULT { (ACCENT, INK) } else { ("#8a97a5", "#5a6b7b") };
-        let _ = writeln!(
-            svg,
-            "<path d=\"M{} {at:.1}H{right}L{} {label_y:.1}\" stroke=\"{line}\" fill=\"none\" \
-             stroke-width=\".8\" stroke-dasharray=\"4 3\"/>\
-             <text x=\"{}\" y=\"{:.1}\" fill=\"{text}\">{}</text>",
-            frame.left,
-            right + 12.0,
-            right + 16.0,
-            label_y + 4.5,
-            escape(name)
-        );
-    }
-    for (points, colour, width) in [(&median, SECOND, 1.2), (&best, ACCENT, 2.4)] {
-        let path: Vec<String> =
-            points.iter().map(|&(px, py)| format!("{:.1},{:.1}", x(px), y(py))).collect();
-        let _ = writeln!(
-            svg,
-            "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\"/>",
-            path.join(" ")
-        );
-    }
-    let _ = writeln!(
-        svg,
-        "<path d=\"M{0} {1}V{bottom}H{right}\" fill=\"none\" stroke=\"{INK}\"/>\
-         <text x=\"{2}\" y=\"{3}\" text-anchor=\"middle\">placements evaluated</text>\
-         <text x=\"{0}\" y=\"18\">{4} (larger is better)</text>\
-         <text x=\"{5}\" y=\"18\" text-anchor=\"end\"><tspan fill=\"{ACCENT}\">thick: best so far</tspan> · \
-         <tspan fill=\"{SECOND}\">thin: median of a generation</tspan></text></svg>",
-        frame.left,
-        frame.top,
-        frame.left + frame.width / 2.0,
-        bottom + 42.0,
-        escape(objective),
-        right
-    );
-    svg
-}
-
-/// The placement from above and from the right, with the mount's box and the ego body's outline.
-///
-/// `body` holds the triangles of the ego body in the ego frame, in metres.
-pub fn placement_svg(
-    placement: &Scored,
-    constraints: &Constraints,
-    body: &[[[f32; 3]; 3]],
-) -> String {
-    let mut svg = open(860.0, 520.0, "The placement from above and from the right");
-    // Half a car beyond the mount is enough to see where things are.
-    let reach = |k: usize| {
-        let mount = constraints.lower[k].abs().max(constraints.upper[k].abs());
-        let mut extent = mount + 0.4;
-        for corner in body.iter().flatten() {
-            extent = extent.max(f64::from(corner[k].abs()) + 0.1);
-        }
-        extent.min(mount + 6.0)
-    };
-    let (half_x, half_y) = (reach(0), reach(1));
-    let top = constraints.upper[2] + 0.4;
-    let scale = (800.0 / (2.0 * half_x)).min(460.0 / (2.0 * half_y + top + 0.6));
-    let centre_x = 430.0;
-    let above_y = 30.0 + half_y * scale;
-    let ground_y = above_y + (half_y + 0.5 + top) * scale;
-    // Forward is to the right in both.
-    let above = |x: f64, y: f64| (centre_x + x * scale, above_y - y * scale);
-    let aside = |x: f64, z: f64| (centre_x + x * scale, ground_y - z * scale);
-    for triangle in body {
-        let corners = triangle.map(|c| c.map(f64::from));
-        for view in [corners.map(|c| above(c[0], c[1])), corners.map(|c| aside(c[0], c[2]))] {
-            let points = view.map(|(px, py)| format!("{px:.1},{py:.1}")).join(" ");
-            let _ = writeln!(
-                svg,
-                "<polygon points=\"{points}\" fill=\"#e4eaf0\" stroke=\"#e4eaf0\" \
-                 stroke-width=\".5\"/>"
-            );
+    /// Both axes with ticks: lines across for y, and for x where it is logarithmic, else short marks.
+    /// `turned` names stand aslant.
+    pub fn draw(&self, x: &[Tick], y: &[Tick], turned: bool) -> Markup {
+        let (left, right) = self.x.pixels;
+        let (bottom, top) = self.y.pixels;
+        let style = |tick: &Tick| if tick.text.is_some() { (FAINT, ".7") } else { (PALE, ".6") };
+        html! {
+            @for tick in y {
+                @let (at, (colour, width)) = (self.y.at(tick.value), style(tick));
+                path d={ "M" (left) " " (px(at)) "H" (right) } stroke=(colour) stroke-width=(width) {}
+                @if let Some(text) = &tick.text {
+                    text x=(left - 8.0) y=(px(at + 4.5)) text-anchor="end" { (text) }
+                }
+            }
+            @for tick in x {
+                @let (at, (colour, width)) = (px(self.x.at(tick.value)), style(tick));
+                @if self.x.is_log {
+                    path d={ "M" (at) " " (top) "V" (bottom) } stroke=(colour) stroke-width=(width) {}
+                } @else {
+                    path d={ "M" (at) " " (bottom) "v5" } stroke=(INK) {}
+                }
+                @if let Some(text) = &tick.text {
+                    @let slant = turned.then(|| format!("rotate(-30 {at} {:.1})", bottom + 18.0));
+                    text x=(at) y=(px(bottom + 20.0)) transform=[slant]
+                        text-anchor=(if turned { "end" } else { "middle" }) { (text) }
+                }
+            }
+            path d={ "M" (left) " " (top) "V" (bottom) "H" (right) } fill="none" stroke=(INK) {}
         }
     }
-    let (low, high) = (&constraints.lower, &constraints.upper);
-    for (corner, far) in [
-        (above(low[0], high[1]), above(high[0], low[1])),
-        (aside(low[0], high[2]), aside(high[0], low[2])),
-    ] {
-        let _ = writeln!(
-            svg,
-            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"none\" \
-             stroke=\"{INK}\" stroke-dasharray=\"5 4\"/>",
-            corner.0,
-            corner.1,
-            far.0 - corner.0,
-            far.1 - corner.1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_round_numbers_and_powers_of_ten() {
+        let linear = Scale::linear((-0.3, 1.1), (0.0, 140.0));
+        let values: Vec<f64> = linear.ticks(number).iter().map(|t| t.value).collect();
+        assert_eq!(values, [0.0, 0.5, 1.0]);
+        assert!((linear.at(0.4) - 70.0).abs() < 1e-9);
+        let log = Scale::log((-3.0, 0.0), (0.0, 300.0));
+        assert!((log.at(0.1) - 200.0).abs() < 1e-9);
+        let named: Vec<String> =
+            log.ticks(|v| trimmed(v, 6)).into_iter().filter_map(|t| t.text).collect();
+        assert_eq!(named, ["0.001", "0.01", "0.1", "1"]);
+        assert_eq!(log.ticks(number).len(), 28);
+    }
+
+    #[test]
+    fn names_cannot_break_out_of_their_text() {
+        let body = html! { text { ("</text><script>") } };
+        let page = page([1.0, 1.0], "a < \"b\"", &body);
+        assert!(page.contains("<title>a &lt; &quot;b&quot;</title>"), "{page}");
+        assert!(
+            page.contains("&lt;/text&gt;&lt;script&gt;") && !page.contains("<script"),
+            "{page}"
         );
     }
-    let _ = writeln!(
-        svg,
-        "<path d=\"M20 {ground_y:.1}H840\" stroke=\"{FAINT}\"/>\
-         <text x=\"20\" y=\"20\">from above (forward is right)</text>\
-         <text x=\"20\" y=\"{:.1}\">from the right</text>\
-         <path d=\"M20 505h{scale:.1}m0 -4v8m{:.1} 0v-8\" stroke=\"{INK}\" fill=\"none\"/>\
-         <text x=\"{:.1}\" y=\"510\">1 m</text>",
-        above_y + (half_y + 0.4) * scale,
-        -scale,
-        28.0 + scale
-    );
-    for (index, pose) in placement.placement.lidars.iter().enumerate() {
-        let colour = LIDAR_COLOURS[index % LIDAR_COLOURS.len()];
-        let (ax, ay) = above(pose.x, pose.y);
-        let (sx, sy) = aside(pose.x, pose.z);
-        let _ = writeln!(
-            svg,
-            "<circle cx=\"{ax:.1}\" cy=\"{ay:.1}\" r=\"9\" fill=\"{colour}\"/>\
-             <text x=\"{ax:.1}\" y=\"{:.1}\" fill=\"#fff\" text-anchor=\"middle\" \
-             font-weight=\"600\">{index}</text>\
-             <circle cx=\"{sx:.1}\" cy=\"{sy:.1}\" r=\"9\" fill=\"{colour}\"/>\
-             <text x=\"{sx:.1}\" y=\"{:.1}\" fill=\"#fff\" text-anchor=\"middle\" \
-             font-weight=\"600\">{index}</text>",
-            ay + 4.5,
-            sy + 4.5
-        );
-    }
-    svg += "</svg>\n";
-    svg
 }

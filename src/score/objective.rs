@@ -1,4 +1,8 @@
+//! What a search maximizes: one score, or a weighted sum of several, by name.
+
 use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
 
 use super::{Scores, TaskScores, Tasks};
 use crate::problem::{Content, Tally};
@@ -16,11 +20,11 @@ type Getter = fn(Option<f64>, &TaskScores) -> Option<f64>;
 
 /// Every score that a search may maximize; all are "larger is better".
 const METRICS: [(&str, Getter); 7] = [
+    ("information_gain", |_, task| task.information_gain),
     ("m_sog_scaled", |_, task| task.m_sog_scaled),
     ("m_sog", |_, task| task.m_sog),
     ("m_sog_scaled_nonzero", |_, task| task.m_sog_scaled_nonzero),
     ("m_sog_nonzero", |_, task| task.m_sog_nonzero),
-    ("information_gain", |_, task| task.information_gain),
     ("information_gain_share", |_, task| task.information_gain_share),
     ("s_mig", |s_mig, _| s_mig),
 ];
@@ -28,7 +32,8 @@ const METRICS: [(&str, Getter); 7] = [
 const DETECTION: &str = "detection.";
 
 /// Weighted sum of scores, as `m_sog_scaled` or `0.5*m_sog_scaled + 0.5*detection.m_sog_scaled`.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub struct Objective {
     text: String,
     terms: Vec<(f64, Metric)>,
@@ -56,6 +61,36 @@ pub enum ObjectiveError {
         /// As given.
         weight: String,
     },
+}
+
+impl Default for Objective {
+    /// The information gain: monotone in the set of sensors, comparable between any number and kind of
+    /// them, and the objective for which a bound on every other placement is known.
+    fn default() -> Self {
+        let (name, of) = METRICS[0];
+        let metric = Metric { name, detection: false, of };
+        Self { text: name.to_owned(), terms: vec![(1.0, metric)] }
+    }
+}
+
+impl PartialEq for Objective {
+    fn eq(&self, other: &Self) -> bool {
+        self.text == other.text
+    }
+}
+
+impl TryFrom<String> for Objective {
+    type Error = ObjectiveError;
+
+    fn try_from(text: String) -> Result<Self, Self::Error> {
+        text.parse()
+    }
+}
+
+impl From<Objective> for String {
+    fn from(objective: Objective) -> Self {
+        objective.text
+    }
 }
 
 impl FromStr for Objective {
@@ -147,6 +182,16 @@ impl Objective {
 mod tests {
     use super::*;
     use crate::problem::{Content, Tally};
+
+    #[test]
+    fn the_default_is_the_information_gain() {
+        let named: Objective = "information_gain".parse().unwrap();
+        let json = serde_json::to_string(&Objective::default()).unwrap();
+        assert_eq!((Objective::default(), json.as_str()), (named, "\"information_gain\""));
+        assert_eq!(serde_json::from_str::<Objective>(&json).unwrap(), Objective::default());
+        assert!(Objective::default().is_information_gain());
+        assert!(serde_json::from_str::<Objective>("\"gain\"").is_err());
+    }
 
     #[test]
     fn a_weighted_sum_of_two_tasks() {

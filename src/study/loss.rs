@@ -1,13 +1,74 @@
-use crate::score::Objective;
+//! The loss of one LiDAR: what is left after it, and the placement that loses least.
+
+use super::cases::{Cases, Measured};
+use super::scene::{StudyScene, score};
+use super::{Drawing, Row, StudyError, Table};
 use crate::search::{Evaluator, SearchError};
 use crate::vehicle::{Constraints, Placement};
 use sightline_cma::{Cma, CmaOptions};
 
-/// Step size at the start, in shares of each range.
+/// Step size at the start, as a share of each range.
 const STEP_SIZE: f64 = 0.3;
+/// Cost of a candidate that keeps the rules and has no value: above all values, below [`BROKEN`].
+const NO_VALUE: f64 = 1e150;
+/// Cost of a candidate that breaks a rule by nothing; it grows with the amount.
+const BROKEN: f64 = 1e200;
+
+/// The two cases, in order: the best of all LiDARs is a start of the second search, which can so not end
+/// below it.
+const OPTIMIZED: [&str; 2] = ["optimized", "optimized for the worst loss"];
+
+pub(super) fn loss(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
+    let lidars = scene.constraints().lidars;
+    if lidars < 2 {
+        return Err(StudyError::OneLidar { scene: scene.place() });
+    }
+    let objective = &scene.settings.objective;
+    let mut evaluator = scene.evaluator()?;
+    let both = OPTIMIZED.map(|name| (name.to_owned(), name)).to_vec();
+    let rows = cases.each(both, |name, rows| {
+        let found = if name == OPTIMIZED[0] {
+            scene.optimize(&mut evaluator)?
+        } else {
+            most_robust(scene, &mut evaluator, rows)?
+        };
+        match found {
+            Some(placement) => with_losses(scene, &mut evaluator, placement),
+            None => Ok((Vec::new(), None)),
+        }
+    })?;
+    let losses: Vec<String> = (0..lidars).map(|lidar| format!("without LiDAR {lidar}")).collect();
+    let columns = ["placement", "all LiDARs", "after the worst loss"]
+        .into_iter()
+        .chain(losses.iter().map(String::as_str));
+    let notes = vec![format!(
+        "`{objective}` with one LiDAR failed. The second placement was searched for the score that is left \
+         after its worst loss, by {} evaluations without swaps; the first for the score of all.",
+        scene.settings.evaluations
+    )];
+    let drawing =
+        Drawing::ByColumn { x_title: "LiDARs left".into(), y_title: objective.to_string() };
+    let title = scene.title("the loss of one LiDAR");
+    Ok(Table::new(title, columns, rows, notes, drawing))
+}
+
+/// The objective with all LiDARs, after the worst loss, and without each LiDAR in turn.
+fn with_losses(
+    scene: &StudyScene,
+    evaluator: &mut Evaluator,
+    placement: Placement,
+) -> Result<Measured, StudyError> {
+    let objective = &scene.settings.objective;
+    let whole = objective.value(&score(evaluator, &placement)?);
+    let worst = after_worst_loss(scene, evaluator, std::slice::from_ref(&placement))?[0];
+    let left = evaluator.scores(&without_each(&placement))?;
+    let mut values = vec![whole, worst];
+    values.extend(left.iter().map(|scores| objective.value(scores)));
+    Ok((values, Some(placement)))
+}
 
 /// The placement without each of its LiDARs in turn.
-pub fn without_each(placement: &Placement) -> Vec<Placement> {
+fn without_each(placement: &Placement) -> Vec<Placement> {
     (0..placement.lidars.len())
         .map(|lost| {
             let mut lidars = placement.lidars.clone();
@@ -19,18 +80,15 @@ pub fn without_each(placement: &Placement) -> Vec<Placement> {
 
 /// The objective that is left when the most valuable LiDAR fails; `None` where it does not exist, or
 /// a guard speaks against what is left.
-///
-/// # Errors
-/// From the backend.
-pub fn after_worst_loss(
+fn after_worst_loss(
+    scene: &StudyScene,
     evaluator: &mut Evaluator,
-    objective: &Objective,
     placements: &[Placement],
-) -> Result<Vec<Option<f64>>, SearchError> {
+) -> Result<Vec<Option<f64>>, StudyError> {
     let left: Vec<Placement> = placements.iter().flat_map(without_each).collect();
     let scores = evaluator.scores(&left)?;
-    let mut values =
-        scores.iter().map(|scores| objective.value(scores).filter(|_| scores.guards.is_empty()));
+    let value = |s| scene.settings.objective.value(s).filter(|_| s.guards.is_empty());
+    let mut values = scores.iter().map(value);
     let worst = |placement: &Placement| {
         let each: Vec<Option<f64>> = values.by_ref().take(placement.lidars.len()).collect();
         each.into_iter().try_fold(f64::INFINITY, |worst, value| Some(worst.min(value?)))
@@ -38,62 +96,63 @@ pub fn after_worst_loss(
     Ok(placements.iter().map(worst).collect())
 }
 
-/// CMA-ES for the placement that is best after its worst loss, with its objective then.
-///
-/// # Errors
-/// From the strategy or the backend.
-pub fn most_robust(
+/// CMA-ES for the placement that is best after its worst loss; it starts from the placements of `rows`
+/// and the published ones.
+fn most_robust(
+    scene: &StudyScene,
     evaluator: &mut Evaluator,
-    objective: &Objective,
-    starts: &[Placement],
-    evaluations: u64,
-    seed: u64,
-    go_on: &dyn Fn() -> bool,
-) -> Result<Option<(Placement, f64)>, SearchError> {
-    let constraints: Constraints = evaluator.constraints().clone();
+    rows: &[Row],
+) -> Result<Option<Placement>, StudyError> {
+    let constraints = scene.constraints();
+    let starts = rows.iter().filter_map(|row| row.placement.as_ref()).chain(&scene.published);
+    let usable = starts.filter(|p| constraints.violations(p).is_empty());
+    let starts: Vec<Vec<f64>> = usable.filter_map(|p| constraints.variables_of(p)).collect();
     let bounds = constraints.variable_bounds();
     let middle: Vec<f64> = bounds.iter().map(|(low, high)| 0.5 * (low + high)).collect();
+    let seed = scene.settings.seed;
     let options = CmaOptions { seed, bounds: Some(bounds), ..CmaOptions::default() };
-    let mut cma = Cma::new(&middle, STEP_SIZE, options)?;
-    let usable = starts.iter().filter(|p| constraints.violations(p).is_empty());
-    cma.inject(&usable.filter_map(|p| constraints.variables_of(p)).collect::<Vec<_>>())?;
-    let mut best: Option<(Placement, f64)> = None;
-    let mut done = 0;
-    while done < evaluations && cma.stop().is_none() && go_on() {
+    let mut cma = Cma::new(&middle, STEP_SIZE, options).map_err(SearchError::from)?;
+    cma.inject(&starts).map_err(SearchError::from)?;
+    let mut best: Option<(f64, Placement)> = None;
+    let mut evaluations = 0;
+    while evaluations < scene.settings.evaluations && cma.stop().is_none() && scene.goes_on() {
         let candidates = cma.ask();
-        let placements: Vec<Placement> = candidates
-            .iter()
-            .map(|c| Placement { name: "robust".into(), lidars: constraints.poses_of(c.point()) })
-            .collect();
-        let broken =
-            |p: &Placement| constraints.violations(p).iter().map(|v| v.amount()).sum::<f64>();
-        let broken: Vec<f64> = placements.iter().map(broken).collect();
-        let kept: Vec<Placement> = placements
-            .iter()
-            .zip(&broken)
-            .filter(|(_, b)| **b == 0.0)
-            .map(|(p, _)| p.clone())
-            .collect();
-        let mut values = after_worst_loss(evaluator, objective, &kept)?.into_iter();
-        // Rules before guards before the objective, as in `Search`.
-        let costs: Vec<f64> = broken
-            .iter()
-            .map(|&broken| {
-                if broken != 0.0 {
-                    return f64::MAX.min(1e200 * (1.0 + broken));
-                }
-                values.next().flatten().map_or(1e150, |value| -value)
-            })
-            .collect();
+        let placement = |point: &[f64]| Placement {
+            name: "robust".into(),
+            lidars: constraints.poses_of(point),
+        };
+        let placements: Vec<Placement> =
+            candidates.iter().map(|candidate| placement(candidate.point())).collect();
+        let costs = costs(scene, evaluator, &constraints, &placements)?;
         for (placement, &cost) in placements.iter().zip(&costs) {
-            if cost < 1e150 && best.as_ref().is_none_or(|(_, value)| -cost > *value) {
-                best = Some((placement.clone(), -cost));
+            if cost < NO_VALUE && best.as_ref().is_none_or(|(least, _)| cost < *least) {
+                best = Some((cost, placement.clone()));
             }
         }
-        cma.tell(&candidates, &costs)?;
-        done += candidates.len() as u64;
+        cma.tell(&candidates, &costs).map_err(SearchError::from)?;
+        evaluations += candidates.len() as u64;
     }
-    Ok(best)
+    Ok(best.map(|(_, placement)| placement))
+}
+
+/// −objective after the worst loss; rules come before guards, and guards before the objective.
+fn costs(
+    scene: &StudyScene,
+    evaluator: &mut Evaluator,
+    constraints: &Constraints,
+    placements: &[Placement],
+) -> Result<Vec<f64>, StudyError> {
+    let broken = |p: &Placement| constraints.violations(p).iter().map(|v| v.amount()).sum::<f64>();
+    let broken: Vec<f64> = placements.iter().map(broken).collect();
+    let keeps_rules =
+        |(placement, &broken): (&Placement, &f64)| (broken == 0.0).then(|| placement.clone());
+    let kept: Vec<Placement> = placements.iter().zip(&broken).filter_map(keeps_rules).collect();
+    let mut values = after_worst_loss(scene, evaluator, &kept)?.into_iter();
+    let cost = |&broken: &f64| match broken {
+        0.0 => values.next().flatten().map_or(NO_VALUE, |value| -value),
+        amount => f64::MAX.min(BROKEN * (1.0 + amount)),
+    };
+    Ok(broken.iter().map(cost).collect())
 }
 
 #[cfg(test)]

@@ -1,3 +1,5 @@
+//! The table that a study ends in, and how it is best drawn.
+
 use serde::{Deserialize, Serialize};
 
 use crate::vehicle::Placement;
@@ -14,6 +16,41 @@ pub struct Row {
     pub placement: Option<Placement>,
 }
 
+/// How a table is best drawn; columns are counted from the first value on.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Drawing {
+    /// Cases along x, a series for each of these columns.
+    ByCase {
+        /// Columns that are drawn.
+        columns: Vec<usize>,
+        /// Title of the y axis.
+        y_title: String,
+        /// Whether the points of a series are joined: the cases are steps of one quantity.
+        line: bool,
+    },
+    /// Columns along x, a series for each case.
+    ByColumn {
+        /// Title of the x axis.
+        x_title: String,
+        /// Title of the y axis.
+        y_title: String,
+    },
+    /// The first column along x, the second along y, a labelled point for each case.
+    Against {
+        /// Title of the x axis.
+        x_title: String,
+        /// Title of the y axis.
+        y_title: String,
+    },
+}
+
+impl Drawing {
+    /// One column over the cases.
+    pub(super) fn of_column(column: usize, title: &str, line: bool) -> Self {
+        Self::ByCase { columns: vec![column], y_title: title.to_owned(), line }
+    }
+}
+
 /// The result of a study.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Table {
@@ -25,9 +62,25 @@ pub struct Table {
     pub rows: Vec<Row>,
     /// What the numbers say, and what they do not, in sentences.
     pub notes: Vec<String>,
+    /// How to draw it.
+    #[serde(skip)]
+    pub drawing: Drawing,
 }
 
 impl Table {
+    /// A table of cases; rows without values get a missing one in each column.
+    pub(super) fn new<'a>(
+        title: String,
+        columns: impl IntoIterator<Item = &'a str>,
+        mut rows: Vec<Row>,
+        notes: Vec<String>,
+        drawing: Drawing,
+    ) -> Self {
+        let columns: Vec<String> = columns.into_iter().map(str::to_owned).collect();
+        rows.iter_mut().for_each(|row| row.values.resize(columns.len() - 1, None));
+        Self { title, columns, rows, notes, drawing }
+    }
+
     /// Comma-separated, the columns' titles first; missing numbers are empty.
     pub fn csv(&self) -> String {
         let mut text = self.columns.iter().map(|c| quoted(c)).collect::<Vec<_>>().join(",") + "\n";
@@ -38,16 +91,6 @@ impl Table {
         }
         text
     }
-
-    /// Numbers of one column, row after row.
-    pub fn column(&self, title: &str) -> Vec<Option<f64>> {
-        let at = self.columns.iter().position(|c| c == title);
-        let at = at.and_then(|at| at.checked_sub(1));
-        self.rows
-            .iter()
-            .map(|row| at.and_then(|at| row.values.get(at).copied().flatten()))
-            .collect()
-    }
 }
 
 fn quoted(text: &str) -> String {
@@ -56,18 +99,6 @@ fn quoted(text: &str) -> String {
     } else {
         text.to_owned()
     }
-}
-
-/// Where a curve of falling gains bends most: the point farthest above the line from the first to the
-/// last, after both axes are scaled to [0, 1]. `None` with fewer than three points or without rise.
-pub fn knee(values: &[f64]) -> Option<usize> {
-    let (first, last) = (*values.first()?, *values.last()?);
-    if values.len() < 3 || last <= first {
-        return None;
-    }
-    let steps = (values.len() - 1) as f64;
-    let above = |k: usize| (values[k] - first) / (last - first) - k as f64 / steps;
-    (1..values.len() - 1).max_by(|&a, &b| above(a).total_cmp(&above(b))).filter(|&k| above(k) > 0.0)
 }
 
 #[cfg(test)]
@@ -86,16 +117,8 @@ mod tests {
             columns: vec!["case".into(), "a, b".into(), "c".into()],
             rows: vec![row("x", &[Some(1.5), None]), row("\"y\"", &[Some(-2.0), Some(0.0)])],
             notes: vec![],
+            drawing: Drawing::of_column(0, "a", true),
         };
         assert_eq!(table.csv(), "case,\"a, b\",c\nx,1.5,\n\"\"\"y\"\"\",-2,0\n");
-        assert_eq!(table.column("c"), [None, Some(0.0)]);
-        assert_eq!(table.column("case"), [None, None]);
-    }
-
-    #[test]
-    fn the_knee_is_where_the_curve_bends() {
-        assert_eq!(knee(&[0.0, 8.0, 9.0, 9.5, 10.0]), Some(1));
-        assert_eq!(knee(&[0.0, 1.0, 2.0]), None, "a line has no knee");
-        assert_eq!(knee(&[3.0, 2.0, 1.0]), None);
     }
 }

@@ -9,6 +9,7 @@ mod mount;
 mod placement;
 mod placement_file;
 mod pose_grid;
+mod published;
 mod random;
 mod variables;
 
@@ -20,4 +21,5 @@ pub use mount::{Mount, MountRules};
 pub use placement::{MAX_LIDARS, Placement, PlacementError, SensorPose};
 pub use placement_file::{PlacementFileError, PlacementReader, read_placements};
 pub use pose_grid::{PoseGrid, PoseGridError, Spacing};
-pub use random::random_placements;
+pub use published::table_7;
+pub use random::{random_placements, random_placements_by_the_rules};

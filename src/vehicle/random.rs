@@ -5,16 +5,56 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{Constraints, Placement};
 
+/// Draws for each placement wanted, before a crowded mount is given up.
+const DRAWS: usize = 1000;
+
 /// Placements drawn evenly from the mount; they need not keep the minimum distance.
 pub fn random_placements(constraints: &Constraints, count: usize, seed: u64) -> Vec<Placement> {
+    draws(constraints, seed).take(count).collect()
+}
+
+/// The first `count` placements of [`random_placements`] that keep every rule of the mount; fewer where
+/// hardly any do.
+pub fn random_placements_by_the_rules(
+    constraints: &Constraints,
+    count: usize,
+    seed: u64,
+) -> Vec<Placement> {
+    let keeps_rules = |placement: &Placement| constraints.violations(placement).is_empty();
+    draws(constraints, seed).take(DRAWS * count).filter(keeps_rules).take(count).collect()
+}
+
+/// Placements without end, uniform in every pose field that may vary, named by their number.
+fn draws(constraints: &Constraints, seed: u64) -> impl Iterator<Item = Placement> + '_ {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let placements = (0..count).map(|index| {
-        let variables: Vec<f64> = constraints
-            .variable_bounds()
-            .iter()
-            .map(|&(low, high)| rng.random_range(low..=high))
-            .collect();
+    let bounds = constraints.variable_bounds();
+    (0..).map(move |index: usize| {
+        let variables: Vec<f64> =
+            bounds.iter().map(|&(low, high)| rng.random_range(low..=high)).collect();
         Placement { name: format!("random-{index}"), lidars: constraints.poses_of(&variables) }
-    });
-    placements.collect()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn placements_by_the_rules_are_those_of_all_draws_that_keep_them() {
+        let mut mount = Constraints {
+            lower: [-1.0, -1.0, 2.0, 0.0, 0.0, 0.0],
+            upper: [1.0, 1.0, 2.5, 0.1, 0.0, 0.0],
+            min_distance: 1.0,
+            lidars: 3,
+            ..Constraints::default()
+        };
+        let all = random_placements(&mount, 400, 7);
+        let kept: Vec<_> = all.iter().filter(|p| mount.violations(p).is_empty()).collect();
+        assert!(kept.len() > 20 && kept.len() < 380, "{} of 400", kept.len());
+        let drawn = random_placements_by_the_rules(&mount, 20, 7);
+        assert_eq!(drawn.iter().collect::<Vec<_>>(), kept[..20]);
+        // Three LiDARs cannot be 5 m apart on a roof of 2 m.
+        mount.min_distance = 5.0;
+        assert!(random_placements_by_the_rules(&mount, 2, 7).is_empty());
+    }
 }

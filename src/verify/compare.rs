@@ -1,16 +1,19 @@
+//! Two engines compared bit by bit: hits, covered voxels and sums.
+
 use std::ops::AddAssign;
 
 use serde::Serialize;
 
+use super::compared_frames;
 use crate::bvh::Hit;
 use crate::engine::{Backend, BackendError};
 use crate::problem::{Problem, Tally};
 use crate::vehicle::{Placement, SensorPose};
 
-/// Placements whose beams are cast in one batch, as a search casts them.
+/// Placements whose beams are cast in one batch, about as many as a search casts.
 const CAST_TOGETHER: usize = 32;
 
-/// How often two backends gave different bits.
+/// How often two engines gave different bits.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Differences {
     /// Beams cast by both.
@@ -50,7 +53,7 @@ impl Differences {
         }
     }
 
-    /// Both lists rise.
+    /// Counts voxels of either list; both lists rise.
     fn add_voxels(&mut self, ours: &[u64], theirs: &[u64]) {
         let shared = ours.iter().filter(|v| theirs.binary_search(v).is_ok()).count();
         let either = ours.len() + theirs.len() - shared;
@@ -82,16 +85,16 @@ impl AddAssign for Differences {
 /// `done` is called after each placement and frame.
 ///
 /// # Errors
-/// A backend failed.
-pub fn compare_backends(
+/// An engine failed.
+pub(super) fn compare_engines(
     problem: &Problem,
     ours: &mut dyn Backend,
     theirs: &mut dyn Backend,
     placements: &[Placement],
-    done: impl Fn(),
+    done: &dyn Fn(),
 ) -> Result<Differences, BackendError> {
     let mut found = Differences::default();
-    let frames = problem.frame_count().max(problem.geometry_frame_count());
+    let frames = compared_frames(problem);
     for together in placements.chunks(CAST_TOGETHER) {
         let poses: Vec<SensorPose> = together.iter().flat_map(|p| &p.lidars).copied().collect();
         for frame in 0..frames {

@@ -1,9 +1,74 @@
-//! Whether two backends agree to the bit, and the reference with arithmetic it shares nothing with.
+//! Whether an engine agrees with the CPU reference to the bit, and the reference with `f64` arithmetic it
+//! shares nothing with.
 
 mod compare;
 mod oracle;
 mod placements;
 
-pub use compare::{Differences, compare_backends};
-pub use oracle::{Agreement, EDGE_TOLERANCE, Explanation, explain, sample_reference};
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use crate::engine::{Backend, BackendError, ReferenceBackend};
+use crate::problem::Problem;
+use crate::vehicle::Placement;
+
+pub use compare::Differences;
+pub use oracle::{Agreement, EDGE_TOLERANCE, Explanation, explain};
 pub use placements::hostile_placements;
+
+use compare::compare_engines;
+use oracle::sample_reference;
+
+/// What a verification found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Verification {
+    /// Device of the engine that was checked, as reported.
+    pub adapter: String,
+    /// Placements compared.
+    pub placements: usize,
+    /// Frames in which each was compared.
+    pub frames: usize,
+    /// The engine against the CPU reference, bit by bit.
+    pub gpu_against_cpu: Differences,
+    /// A sample of the reference's beams against every triangle in `f64`.
+    pub cpu_against_f64: Agreement,
+    /// Metres from an edge within which rounding may decide; see [`EDGE_TOLERANCE`].
+    pub edge_tolerance: f64,
+    /// Whether the bits are equal and every other difference is explained.
+    pub passed: bool,
+}
+
+/// Frames of a problem in which placements are compared.
+pub fn compared_frames(problem: &Problem) -> usize {
+    problem.frame_count().max(problem.geometry_frame_count())
+}
+
+/// Compares hits, covered voxels and sums of an engine with those of the CPU reference, and `sample`
+/// beams of the reference, drawn with `seed`, with brute force in `f64`.
+///
+/// `done` is called after each placement and frame: `placements.len()` × [`compared_frames`] times.
+///
+/// # Errors
+/// An engine failed.
+pub fn verify(
+    problem: &Arc<Problem>,
+    engine: &mut dyn Backend,
+    placements: &[Placement],
+    sample: u64,
+    seed: u64,
+    done: &dyn Fn(),
+) -> Result<Verification, BackendError> {
+    let mut reference = ReferenceBackend::new(problem.clone());
+    let found = compare_engines(problem, &mut reference, engine, placements, done)?;
+    let explained = sample_reference(problem, placements, sample, seed)?;
+    Ok(Verification {
+        adapter: engine.adapter().to_owned(),
+        placements: placements.len(),
+        frames: compared_frames(problem),
+        passed: !found.any() && explained.unexplained == 0,
+        gpu_against_cpu: found,
+        cpu_against_f64: explained,
+        edge_tolerance: EDGE_TOLERANCE,
+    })
+}

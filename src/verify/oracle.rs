@@ -1,3 +1,5 @@
+//! Brute force in `f64` over all triangles, and the reasons why a hit in `f32` may differ from it.
+
 use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -123,7 +125,7 @@ pub fn explain(bvh: &Bvh, origin: Vec3, direction: Vec3, range: f32, hit: Hit) -
 ///
 /// # Errors
 /// A sensor that cannot be placed.
-pub fn sample_reference(
+pub(super) fn sample_reference(
     problem: &Problem,
     placements: &[Placement],
     sample: u64,

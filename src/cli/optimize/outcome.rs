@@ -6,7 +6,7 @@ use indicatif::ProgressBar;
 use sightline::problem::spread;
 use sightline::report::{
     InformationMap, ModelledRun, RunRecord, RunTimes, Scored, certificate_in_words,
-    methods_in_words,
+    methods_in_words, verdict,
 };
 use sightline::scene::{EgoBody, Scene};
 
@@ -119,6 +119,7 @@ pub(super) fn print(args: &Args, record: &RunRecord, folder: &Path) -> Result<()
     }
     let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
     rows.extend(record.baselines.iter().map(|baseline| baseline.scores.clone()));
+    outln!("{}\n", verdict(record.best.as_ref(), &record.baselines, &record.objective))?;
     outln!("{}: maximizing {} over {} frame(s)", record.scene, record.objective, record.frames)?;
     out!("{}", table::scores(&rows))?;
     match &record.best {

@@ -1,3 +1,5 @@
+//! Counts a voxel and class.
+
 use super::{names, small_psog, small_roi};
 use crate::psog::{Psog, Roi};
 

@@ -1,3 +1,5 @@
+//! Entropies against closed forms.
+
 use super::{names, small_psog, small_roi};
 use crate::psog::{
     BuildReport, ENTROPY_ONE, EntropyKind, EntropyTable, Psog, PsogInfo, fixed, to_nats,

@@ -1,3 +1,5 @@
+//! Labelled scans: written by hand, good and bad.
+
 use std::path::Path;
 
 use super::names;

@@ -105,7 +105,7 @@ fn golden_counts_of_four_merged_frames() {
 
     let file = tempfile::tempdir().unwrap();
     let path = file.path().join("real.psog.npz");
-    write_psog(&path, &psog).unwrap();
+    write_psog(std::fs::File::create(&path).unwrap(), &psog).unwrap();
     assert_eq!(read_psog(&path).unwrap(), psog);
 }
 

@@ -1,3 +1,5 @@
+//! Tests of the P-SOG and its files.
+
 mod counts;
 mod entropy;
 mod kitti;

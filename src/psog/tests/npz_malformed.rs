@@ -1,3 +1,5 @@
+//! P-SOG files with one fault each.
+
 use std::io::{Cursor, Write};
 use std::path::Path;
 

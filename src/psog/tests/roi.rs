@@ -1,3 +1,5 @@
+//! The voxel grid.
+
 use glam::DVec3;
 use rand::RngExt;
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};

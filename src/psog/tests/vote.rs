@@ -1,3 +1,5 @@
+//! Majority votes and their ties.
+
 use std::collections::BTreeMap;
 
 use rand::{RngExt, seq::SliceRandom};

@@ -1,10 +1,18 @@
+//! What is seen where, and of what: information gained by parts of the region, and classes covered.
+
+use super::cases::{Cases, Measured};
+use super::columns::check_distinct;
+use super::scene::{StudyScene, score};
+use super::{Drawing, StudyError, Table};
 use crate::problem::Content;
 use crate::psog::{Roi, to_nats};
+use crate::search::Evaluator;
+use crate::vehicle::Placement;
 
 /// A part of the region of interest, by the centres of its voxels in the ego frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
-    /// For tables.
+    /// Name of its column.
     pub name: String,
     extent: Extent,
 }
@@ -26,7 +34,7 @@ const SECTORS: [f64; 2] = [std::f64::consts::FRAC_PI_4, 3.0 * std::f64::consts::
 
 impl Region {
     /// Near, middle and far; front, side and rear.
-    pub fn standard() -> Vec<Self> {
+    fn standard() -> Vec<Self> {
         let [near, far] = RINGS;
         let [front, rear] = SECTORS;
         let ring =
@@ -49,7 +57,7 @@ impl Region {
     }
 
     /// Whether a point of the ego frame lies in it; lower ends belong to it, upper ends do not.
-    pub fn holds(&self, point: [f64; 3]) -> bool {
+    fn holds(&self, point: [f64; 3]) -> bool {
         let [x, y, _] = point;
         match &self.extent {
             Extent::Ring(from, to) => (*from..*to).contains(&x.hypot(y)),
@@ -59,17 +67,82 @@ impl Region {
     }
 }
 
+/// Most regions that a chart shows.
+const DRAWN: usize = 8;
+
+pub(super) fn regions(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
+    let mut regions = Region::standard();
+    regions.extend(scene.settings.regions.iter().cloned());
+    let names = regions.iter().map(|region| region.name.as_str());
+    check_distinct(names, "regions", "give each --box a name of its own")?;
+    let mut evaluator = scene.evaluator()?;
+    let mut placements: Vec<(String, Option<&Placement>)> =
+        scene.published.iter().map(|p| (p.name.clone(), Some(p))).collect();
+    placements.push(("optimized".into(), None));
+    let rows = cases.each(placements, |placement, _| {
+        let placement = match placement {
+            Some(placement) => Some(placement.clone()),
+            None => scene.optimize(&mut evaluator)?,
+        };
+        match placement {
+            Some(placement) => seen_by(placement, &regions, &mut evaluator),
+            None => Ok((Vec::new(), None)),
+        }
+    })?;
+    let classes = evaluator.problem().content().classes();
+    let parts = regions.iter().map(|region| &region.name).chain(classes);
+    let columns: Vec<String> =
+        std::iter::once("placement".to_owned()).chain(parts.map(|p| format!("{p} %"))).collect();
+    let notes = vec![
+        "Regions: share of the information that lies there and is gained; near ends at 10 m, middle at \
+         25 m; front and rear are 90° wide. Classes: share of the voxels in which the class ever occurs \
+         that are covered; empty where the scene has none."
+            .to_owned(),
+    ];
+    let drawing = Drawing::ByCase {
+        columns: (0..regions.len().min(DRAWN)).collect(),
+        y_title: "share of the region's information gained, %".into(),
+        line: false,
+    };
+    let title = scene.title("what is seen where, and of what");
+    Ok(Table::new(title, columns.iter().map(String::as_str), rows, notes, drawing))
+}
+
+/// Per cent of each region's information that a placement gains, then of each class's voxels that it
+/// covers.
+fn seen_by(
+    placement: Placement,
+    regions: &[Region],
+    evaluator: &mut Evaluator,
+) -> Result<Measured, StudyError> {
+    let problem = evaluator.shared_problem();
+    let frames = 0..problem.frame_count();
+    let covered: Vec<Vec<u64>> = frames
+        .map(|frame| evaluator.backend_mut().covered(&placement, frame))
+        .collect::<Result<_, _>>()?;
+    let content = problem.content();
+    let percent = |part: f64, whole: f64| (whole > 0.0).then(|| 100.0 * part / whole);
+    let gains = gains_by_region(problem.roi(), content, regions, &covered);
+    let mut values: Vec<Option<f64>> =
+        gains.iter().map(|gain| percent(gain.gained, gain.total)).collect();
+    let scores = score(evaluator, &placement)?;
+    for (class, (_, seen)) in scores.covered_by_class.iter().enumerate() {
+        values.push(percent(*seen, content.voxels_of_class(class).len() as f64));
+    }
+    Ok((values, Some(placement)))
+}
+
 /// Information of one region: all there is, and what was gained of it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct RegionGain {
+struct RegionGain {
     /// Σ H over the region's voxels, in nats.
-    pub total: f64,
-    /// Σ c(v) H over them, in nats.
-    pub gained: f64,
+    total: f64,
+    /// Σ c(v) H over them, in nats; c(v) is the share of frames in which v is covered.
+    gained: f64,
 }
 
 /// Gains by region; `covered` holds the rising voxel indices of each frame.
-pub fn gains_by_region(
+fn gains_by_region(
     roi: &Roi,
     content: &Content,
     regions: &[Region],

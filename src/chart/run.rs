@@ -1,0 +1,295 @@
+//! The chart: every setting measured in turn, and the verdict over them.
+
+use std::cell::Cell;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::measure::Bench;
+use super::{
+    ChartError, Engine, Measured, PoseCost, RankingError, Rated, Setting, Settings, Verdict, World,
+    cheapest, rate,
+};
+use crate::engine::{EngineChoice, EngineKind, open};
+use crate::psog::Psog;
+use crate::scene::Scene;
+use crate::score::Objective;
+use crate::vehicle::{Placement, random_placements_by_the_rules, table_7};
+
+/// Repeats of a timing, and of a quick one.
+const REPEATS: [usize; 2] = [5, 3];
+
+/// What decides about a chart, beside its scene.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ChartSettings {
+    /// Placements to rank beside the random ones.
+    pub given: Vec<Placement>,
+    /// Random placements within the mount.
+    pub random: u32,
+    /// Score that ranks the placements.
+    pub objective: Objective,
+    /// Edge of the finest voxels in metres; `None` takes half of the scene's where that is 0.1 or more.
+    pub finest: Option<f64>,
+    /// Fewer combinations and repeats, and no voxels finer than the scene's.
+    pub quick: bool,
+    /// Seed of the random placements and of the bootstrap.
+    pub seed: u64,
+    /// Engines to measure: [`EngineKind::Cpu`] leaves the GPU out.
+    #[serde(skip, default = "EngineChoice::cpu")]
+    pub engine: EngineChoice,
+}
+
+impl Default for ChartSettings {
+    fn default() -> Self {
+        Self {
+            given: table_7(),
+            random: 100,
+            objective: Objective::default(),
+            finest: None,
+            quick: false,
+            seed: 1,
+            engine: EngineChoice::cpu(),
+        }
+    }
+}
+
+/// All that an interrupted chart goes on from.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct ChartState {
+    /// Median seconds a placement of the setting whose time all others are divided by; `None` at first.
+    #[serde(rename = "yardstick_seconds")]
+    pub unit_seconds: Option<f64>,
+    /// Settings that were measured, in order.
+    pub measured: Vec<Measured>,
+}
+
+/// A measured setting for the reader.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ChartRow {
+    /// The setting in words.
+    pub setting: String,
+    /// The setting.
+    pub rung: Setting,
+    /// Seconds a placement; see [`Measured::seconds`].
+    pub seconds: f64,
+    /// Least and most of its repeats.
+    pub spread: [f64; 2],
+    /// Bytes; see [`Measured::bytes`].
+    pub bytes: u64,
+    /// Beams of one placement over all frames.
+    pub beams: u64,
+    /// Triangles, a mean over frames.
+    pub triangles: u64,
+    /// Of an atlas, the cost of a pose.
+    pub pose: Option<PoseCost>,
+    /// Against the reference.
+    pub error: RankingError,
+    /// Whether its scores have the same meaning as the reference's; only rankings compare otherwise.
+    pub same_quantity: bool,
+    /// No other setting is cheaper and ranks at least as well.
+    pub on_front: bool,
+}
+
+/// Cost against accuracy of the settings of a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chart {
+    /// Name of the scene.
+    pub scene: String,
+    /// Names of the placements that were ranked.
+    pub placements: Vec<String>,
+    /// The score that ranks.
+    pub objective: String,
+    /// The scene's own voxel edge in metres.
+    pub edge: f64,
+    /// Share of the best score that taking a setting's best placement may lose.
+    pub tolerance: f64,
+    /// Every measured setting against the first, the reference.
+    pub rated: Vec<Rated>,
+    /// The setting to take; `None` where none was measured.
+    pub verdict: Option<Verdict>,
+    /// Why settings are missing, one sentence each.
+    pub left_out: Vec<String>,
+    /// Settings that were not measured because the observer said stop.
+    pub missing: usize,
+}
+
+impl Chart {
+    /// The measured settings for the reader.
+    pub fn rows(&self) -> Vec<ChartRow> {
+        let row = |rated: &Rated| {
+            let Rated { measured, error, on_front } = rated.clone();
+            let finest = &self.rated[0].measured.setting.fidelity;
+            ChartRow {
+                setting: measured.setting.words(self.edge),
+                rung: measured.setting,
+                seconds: measured.seconds,
+                spread: measured.spread,
+                bytes: measured.bytes,
+                beams: measured.beams,
+                triangles: measured.triangles,
+                pose: measured.pose,
+                error,
+                same_quantity: measured.setting.fidelity.same_quantity(finest),
+                on_front,
+            }
+        };
+        self.rated.iter().map(row).collect()
+    }
+}
+
+/// What is told of a chart while it is measured, and asked of whoever makes it.
+pub trait ChartObserver {
+    /// Called before a setting is measured, with its number from 1, the number of all, and its words.
+    fn begins(&self, _number: usize, _of: usize, _setting: &str) {}
+
+    /// Called often with the share of the whole work that is done.
+    fn progress(&self, _share: f64) {}
+
+    /// Called after each setting, with the state to go on from.
+    fn measured(&self, _state: &ChartState) {}
+
+    /// Whether to go on; asked after every few placements. A setting under way when this says no is
+    /// dropped.
+    fn goes_on(&self) -> bool {
+        true
+    }
+}
+
+/// An observer that hears nothing and never stops.
+impl ChartObserver for () {}
+
+/// Measures the settings that a scene allows, each with the same placements, and compares them.
+///
+/// Settings that `state` holds are not measured again; it gets those that are, and is all that an
+/// interrupted chart needs to go on.
+///
+/// # Errors
+/// Settings that the scene does not allow; a state of another scene; the scene cannot be scored.
+pub fn chart(
+    scene: Scene,
+    psog: Arc<Psog>,
+    settings: &ChartSettings,
+    tolerance: f64,
+    state: &mut ChartState,
+    observer: &dyn ChartObserver,
+) -> Result<Chart, ChartError> {
+    let (name, edge) = (scene.name().to_owned(), scene.roi().voxel[0]);
+    let mut ladder = Settings::new(&scene, finest(&scene, &psog, settings)?, settings.quick);
+    let random = settings.random as usize;
+    let drawn = random_placements_by_the_rules(&scene.mount().into(), random, settings.seed);
+    let placements = settings.given.iter().cloned().chain(drawn).collect();
+    let mut bench = Bench::new(
+        World::new(scene, psog),
+        placements,
+        settings.objective.clone(),
+        settings.engine.clone(),
+        REPEATS[usize::from(settings.quick)],
+        state.unit_seconds,
+    )?;
+    if let Some(why) = why_no_gpu(&mut bench, &settings.engine)? {
+        ladder.all.retain(|setting| setting.engine != Engine::Gpu);
+        ladder.left_out.push(format!("the GPU: {why}"));
+    }
+    check_resumed(&mut bench, &ladder, state)?;
+    measure(&mut bench, &mut ladder, edge, state, observer)?;
+    let is_missing = |setting: &&Setting| !state.measured.iter().any(|m| m.setting == **setting);
+    let rated = rate(&state.measured, tolerance, settings.seed);
+    Ok(Chart {
+        scene: name,
+        placements: bench.placements().iter().map(|p| p.name.clone()).collect(),
+        objective: settings.objective.to_string(),
+        edge,
+        tolerance,
+        verdict: cheapest(&rated, tolerance),
+        rated,
+        missing: ladder.all.iter().filter(is_missing).count(),
+        left_out: ladder.left_out,
+    })
+}
+
+/// Edge of the finest voxels; refuses settings that the scene does not allow.
+fn finest(scene: &Scene, psog: &Psog, settings: &ChartSettings) -> Result<Option<f64>, ChartError> {
+    let objective = &settings.objective;
+    if objective.needs_detection() && scene.detection_among(psog.classes()).is_empty() {
+        let file = scene.files().first();
+        let scene = file.map_or_else(|| scene.name().to_owned(), |f| f.display().to_string());
+        return Err(ChartError::NoDetection { scene, objective: objective.to_string() });
+    }
+    if settings.given.is_empty() && settings.random == 0 {
+        return Err(ChartError::NoPlacement);
+    }
+    let edge = scene.roi().voxel[0];
+    let finest = settings.finest.or(settings.quick.then_some(edge));
+    match finest.filter(|finest| *finest > edge * (1.0 + 1e-9)) {
+        Some(finest) => Err(ChartError::Coarser { finest, edge }),
+        None => Ok(finest),
+    }
+}
+
+/// Why the GPU is not measured, if it is not: the engine asked for is the CPU, or turns out to be it.
+fn why_no_gpu(bench: &mut Bench, choice: &EngineChoice) -> Result<Option<String>, ChartError> {
+    match choice.kind {
+        EngineKind::Cpu => return Ok(Some("--backend cpu".to_owned())),
+        EngineKind::Gpu => return Ok(None),
+        EngineKind::Auto => {}
+    }
+    let opened = open(&bench.own_problem()?, choice, |_| {})?;
+    let is_gpu = opened.engine.name() == "gpu";
+    Ok((!is_gpu).then(|| opened.notes.into_iter().next().unwrap_or_default()))
+}
+
+/// Refuses a state that was begun with another scene or other placements.
+fn check_resumed(
+    bench: &mut Bench,
+    settings: &Settings,
+    state: &ChartState,
+) -> Result<(), ChartError> {
+    let Some(first) = state.measured.first() else { return Ok(()) };
+    let count = bench.placements().len();
+    let same = state.measured.iter().all(|measured| measured.scores.len() == count)
+        && settings.all.first() == Some(&first.setting)
+        && first.scores[0] == bench.first_score(&first.setting)?;
+    if same { Ok(()) } else { Err(ChartError::OtherState) }
+}
+
+/// Measures the settings that are missing, until the observer says stop.
+fn measure(
+    bench: &mut Bench,
+    settings: &mut Settings,
+    edge: f64,
+    state: &mut ChartState,
+    observer: &dyn ChartObserver,
+) -> Result<(), ChartError> {
+    let all = settings.all.clone();
+    let efforts: Vec<f64> = all.iter().map(|s| s.effort(bench.world().scene())).collect();
+    let (whole, count) = (efforts.iter().sum::<f64>(), bench.placements().len() as f64);
+    let mut before = 0.0;
+    for (index, (setting, effort)) in all.iter().zip(&efforts).enumerate() {
+        if !observer.goes_on() {
+            break;
+        }
+        if !state.measured.iter().any(|m| m.setting == *setting) {
+            let words = setting.words(edge);
+            observer.begins(index + 1, all.len(), &words);
+            let done = Cell::new(0.0);
+            let go_on = |placements: usize| {
+                done.set(done.get() + placements as f64);
+                observer.progress((before + effort * done.get() / count) / whole);
+                observer.goes_on()
+            };
+            match bench.measure(setting, &state.measured, &go_on) {
+                Ok(Some(measured)) => state.measured.push(measured),
+                Ok(None) => break,
+                Err(error) if error.spares_others(setting) => {
+                    settings.left_out.push(format!("{words}: {error}"));
+                }
+                Err(error) => return Err(error),
+            }
+            state.unit_seconds = bench.unit_seconds();
+            observer.measured(state);
+        }
+        before += effort;
+        observer.progress(before / whole);
+    }
+    Ok(())
+}

@@ -1,0 +1,84 @@
+//! Columns of scores, the same in the terminal, on the page and in the audit.
+
+use crate::score::Scores;
+
+/// A score as it is shown to people: title and cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ScoreColumn {
+    /// Name of the placement.
+    Name,
+    /// M-SOG, literal eq. 5.
+    MSog,
+    /// M-SOG/N in millionths, as the paper prints it.
+    MSogScaled,
+    /// M-SOG/N of the detection task, in millionths.
+    Detection,
+    /// Information gain in nats.
+    Gain,
+    /// Information gain in per cent of the information that the scene holds.
+    GainShare,
+    /// S-MIG in nats.
+    SMig,
+    /// Covered voxels.
+    Covered,
+    /// Beams that hit a surface, in per cent.
+    Hits,
+}
+
+impl ScoreColumn {
+    /// Every column, the name first.
+    pub const ALL: [Self; 9] = [
+        Self::Name,
+        Self::Gain,
+        Self::GainShare,
+        Self::MSog,
+        Self::MSogScaled,
+        Self::Detection,
+        Self::SMig,
+        Self::Covered,
+        Self::Hits,
+    ];
+    /// The columns that an objective can name.
+    pub const METRICS: [Self; 5] =
+        [Self::Gain, Self::MSog, Self::MSogScaled, Self::Detection, Self::SMig];
+
+    /// Title with its unit.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Name => "placement",
+            Self::MSog => "M-SOG",
+            Self::MSogScaled => "M-SOG/N ×1e-6",
+            Self::Detection => "det ×1e-6",
+            Self::Gain => "gain nats",
+            Self::GainShare => "gain %",
+            Self::SMig => "S-MIG",
+            Self::Covered => "covered",
+            Self::Hits => "hits %",
+        }
+    }
+
+    /// The cell of a placement; – where the score does not exist.
+    pub fn cell(self, scores: &Scores) -> String {
+        let task = &scores.segmentation;
+        let scaled = |value: Option<f64>, factor: f64| value.map(|v| v * factor);
+        match self {
+            Self::Name => scores.name.clone(),
+            Self::MSog => optional(task.m_sog, 4),
+            Self::MSogScaled => optional(scaled(task.m_sog_scaled, 1e6), 3),
+            Self::Detection => {
+                optional(scaled(scores.detection.and_then(|d| d.m_sog_scaled), 1e6), 3)
+            }
+            Self::Gain => optional(task.information_gain, 0),
+            Self::GainShare => optional(scaled(task.information_gain_share, 100.0), 2),
+            Self::SMig => optional(scores.s_mig, 0),
+            Self::Covered => format!("{:.0}", scores.covered),
+            Self::Hits => optional(scaled(scores.hit_share, 100.0), 1),
+        }
+    }
+}
+
+/// A number, or – where there is none.
+pub fn optional(value: Option<f64>, decimals: usize) -> String {
+    value.map_or("–".into(), |v| format!("{v:.decimals$}"))
+}

@@ -1,0 +1,249 @@
+//! A run's findings as sentences: result against baselines, ways of searching, certificate.
+
+use super::{RunRecord, Scored};
+
+/// The result of a run against the best baselines, by the objective and by information gain, and the
+/// guards that speak against it.
+///
+/// A baseline counts if it keeps the rules of the mount and no guard speaks against it. A result that
+/// gains less information than one of those is never called better without that being said.
+pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> String {
+    let Some(best) = best else {
+        return "No candidate kept the rules of the mount; widen the mount or lower its \
+                min_distance."
+            .into();
+    };
+    let against = against(best, baselines, objective).unwrap_or_else(|| {
+        format!(
+            "The search found a placement of {} LiDARs; there is no baseline to compare it with.",
+            best.placement.lidars.len()
+        )
+    });
+    let share = best.scores.segmentation.information_gain_share;
+    let share = share.map_or(String::new(), |share| {
+        format!(" Its beams gain {:.1} % of the information that the scene holds.", 100.0 * share)
+    });
+    let guards = match best.scores.guards.as_slice() {
+        [] => "No guard speaks against it.".to_owned(),
+        [guard] => format!("A guard speaks against it: {guard}."),
+        [first, others @ ..] => {
+            format!("{} guards speak against it, the first: {first}.", others.len() + 1)
+        }
+    };
+    format!("{against}{share} {guards}")
+}
+
+/// The first sentence of [`verdict`]; `None` without a baseline to compare with.
+fn against(best: &Scored, baselines: &[Scored], objective: &str) -> Option<String> {
+    let honest =
+        || baselines.iter().filter(|b| b.violations.is_empty() && b.scores.guards.is_empty());
+    let highest = |value: fn(&Scored) -> Option<f64>| {
+        honest().filter_map(|b| Some((value(b)?, b))).max_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    let gain_of: fn(&Scored) -> Option<f64> = |scored| scored.scores.segmentation.information_gain;
+    let (theirs, rival) = highest(|scored| scored.objective)?;
+    let name = &rival.placement.name;
+    let known = if honest().count() == baselines.len() {
+        format!("{name}, the best baseline,")
+    } else {
+        format!("{name}, the best baseline that no guard or rule speaks against,")
+    };
+    let ours = best.objective?;
+    let by_objective = compare(ours, theirs, ["better than", "worse than", "as good as"]);
+    let mut sentence = format!("The placement found is {by_objective} {known} by {objective}");
+    if objective == GAIN {
+        return Some(sentence + ".");
+    }
+    // The baseline that gains most may be another than the best one by the objective.
+    if let (Some(ours_gain), Some((most, seer))) = (gain_of(best), highest(gain_of)) {
+        let gains = compare(ours_gain, most, ["more", "less", "as much"]);
+        let same = ours.total_cmp(&theirs) == ours_gain.total_cmp(&most);
+        let link = if same { "and" } else { "but" };
+        let than = if ours_gain == most { "as" } else { "than" };
+        let seer = if seer.placement.name == *name {
+            "that one".to_owned()
+        } else {
+            format!("{}, the baseline that gains most", seer.placement.name)
+        };
+        sentence += &format!(", {link} it gains {gains} information {than} {seer}");
+    }
+    Some(sentence + ".")
+}
+
+/// Name of the objective that is the information gain itself.
+const GAIN: &str = "information_gain";
+
+/// How two values compare: a share of the second and the word for above or below, or the word for equal.
+/// A value of 0 has no shares.
+fn compare(ours: f64, theirs: f64, [above, below, equal]: [&str; 3]) -> String {
+    if ours == theirs {
+        return equal.to_owned();
+    }
+    let word = if ours > theirs { above } else { below };
+    if theirs == 0.0 {
+        return word.to_owned();
+    }
+    match 100.0 * (ours - theirs).abs() / theirs.abs() {
+        percent if percent < 0.05 => format!("less than 0.1 % {word}"),
+        percent => format!("{percent:.1} % {word}"),
+    }
+}
+
+/// Value that each way of searching reached, and which one gave the result.
+pub fn methods_in_words(run: &RunRecord) -> String {
+    let each = run.methods.iter().map(|m| {
+        let value = m.objective.map_or("nothing".into(), |v| format!("{v:.4e}"));
+        let won = if m.won { " (the result)" } else { "" };
+        format!("{} reached {value} with {} poses cast{won}", m.method, m.poses_cast)
+    });
+    each.collect::<Vec<_>>().join("; ")
+}
+
+/// Bounds on placements that were not evaluated.
+pub fn certificate_in_words(run: &RunRecord) -> String {
+    match &run.certificate {
+        None => "nothing is claimed about placements that were not evaluated".into(),
+        Some(certificate) => format!(
+            "On a grid: {}. As in the paper: {}.",
+            certificate.gain_says, certificate.lipschitz_says
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::score::{Guard, Scores, TaskScores};
+    use crate::vehicle::Placement;
+
+    /// A planted placement: name, M-SOG/N, nats gained of 1000.
+    fn planted(name: &str, m_sog_scaled: f64, gain: f64) -> Scored {
+        let segmentation = TaskScores {
+            m_sog_scaled: Some(m_sog_scaled),
+            information_gain: Some(gain),
+            information_gain_share: Some(gain / 1000.0),
+            ..TaskScores::default()
+        };
+        let scores = Scores {
+            name: name.to_owned(),
+            segmentation,
+            s_mig: None,
+            entropy_sum: Some(gain),
+            covered: 1.0,
+            covered_nonzero: 1.0,
+            covered_by_class: Vec::new(),
+            beams: 1,
+            hit_share: None,
+            detection: None,
+            unique_share: vec![1.0],
+            guards: Vec::new(),
+        };
+        let placement = Placement { name: name.to_owned(), lidars: Vec::new() };
+        Scored { placement, scores, objective: Some(m_sog_scaled), violations: Vec::new() }
+    }
+
+    fn first_sentence(best: &Scored, baselines: &[Scored], objective: &str) -> String {
+        let words = verdict(Some(best), baselines, objective);
+        words.split_once(". ").map_or(words.clone(), |(first, _)| first.to_owned())
+    }
+
+    /// Objective up, down or equal × gain up, down or equal, against one baseline.
+    #[test]
+    fn the_first_sentence_compares_by_objective_and_by_gain() {
+        let centre = planted("Center", -2.0, 500.0);
+        for (m_sog, gain, words) in [
+            (
+                -1.5,
+                550.0,
+                "25.0 % better than Center, the best baseline, by m_sog_scaled, and it gains 10.0 % more information than that one",
+            ),
+            (
+                -1.5,
+                450.0,
+                "25.0 % better than Center, the best baseline, by m_sog_scaled, but it gains 10.0 % less information than that one",
+            ),
+            (
+                -1.5,
+                500.0,
+                "25.0 % better than Center, the best baseline, by m_sog_scaled, but it gains as much information as that one",
+            ),
+            (
+                -3.0,
+                550.0,
+                "50.0 % worse than Center, the best baseline, by m_sog_scaled, but it gains 10.0 % more information than that one",
+            ),
+            (
+                -3.0,
+                450.0,
+                "50.0 % worse than Center, the best baseline, by m_sog_scaled, and it gains 10.0 % less information than that one",
+            ),
+            (
+                -2.0,
+                450.0,
+                "as good as Center, the best baseline, by m_sog_scaled, but it gains 10.0 % less information than that one",
+            ),
+            (
+                -1.9999,
+                500.1,
+                "less than 0.1 % better than Center, the best baseline, by m_sog_scaled, and it gains less than 0.1 % more information than that one",
+            ),
+        ] {
+            let found = planted("found", m_sog, gain);
+            let first = first_sentence(&found, std::slice::from_ref(&centre), "m_sog_scaled");
+            assert_eq!(first, format!("The placement found is {words}"));
+        }
+    }
+
+    #[test]
+    fn a_result_that_gains_less_than_any_honest_baseline_says_so() {
+        let baselines = [planted("Center", -2.0, 400.0), planted("Pyramid", -3.0, 600.0)];
+        // More than the best baseline by the objective, less than another one.
+        let first = first_sentence(&planted("found", -1.0, 500.0), &baselines, "m_sog_scaled");
+        let words =
+            "but it gains 16.7 % less information than Pyramid, the baseline that gains most";
+        assert!(first.ends_with(words), "{first}");
+    }
+
+    #[test]
+    fn baselines_with_a_guard_or_a_broken_rule_are_no_yardstick() {
+        let mut gamed = planted("sky", -0.1, 900.0);
+        gamed.scores.guards = vec![Guard::CoversNothing];
+        let mut broken = planted("roof rack", -0.1, 900.0);
+        broken.violations = vec!["too near".to_owned()];
+        let baselines = [gamed.clone(), broken.clone(), planted("Center", -2.0, 500.0)];
+        let found = planted("found", -1.5, 550.0);
+        let words = verdict(Some(&found), &baselines, "m_sog_scaled");
+        let start =
+            "The placement found is 25.0 % better than Center, the best baseline that no guard";
+        assert!(words.starts_with(start) && words.contains("10.0 % more information"), "{words}");
+        let alone = verdict(Some(&found), &[gamed, broken], "m_sog_scaled");
+        assert!(alone.contains("no baseline to compare it with"), "{alone}");
+    }
+
+    #[test]
+    fn the_gain_as_objective_is_said_once_and_guards_are_named() {
+        let mut found = planted("found", 550.0, 550.0);
+        let centre = [planted("Center", 500.0, 500.0)];
+        let words = verdict(Some(&found), &centre, "information_gain");
+        assert_eq!(
+            words,
+            "The placement found is 10.0 % better than Center, the best baseline, by \
+             information_gain. Its beams gain 55.0 % of the information that the scene holds. No guard \
+             speaks against it."
+        );
+        found.scores.guards = vec![Guard::CoversNothing];
+        let words = verdict(Some(&found), &centre, "information_gain");
+        assert!(words.contains("A guard speaks against it: covers_nothing"), "{words}");
+        assert!(verdict(None, &centre, "information_gain").starts_with("No candidate"));
+    }
+
+    #[test]
+    fn nothing_to_gain_is_compared_without_shares() {
+        let none = [planted("Center", 0.0, 0.0)];
+        let first = first_sentence(&planted("found", 0.0, 0.0), &none, "m_sog_scaled");
+        assert!(first.starts_with("The placement found is as good as Center"), "{first}");
+        assert!(first.ends_with("gains as much information as that one"), "{first}");
+        let first = first_sentence(&planted("found", 1.0, 1.0), &none, "m_sog_scaled");
+        assert!(first.starts_with("The placement found is better than Center"), "{first}");
+    }
+}

@@ -1,0 +1,121 @@
+//! Every beam of a batch of placements with its hit, as columns and as an `.npz` file.
+
+use std::io::{Seek, Write};
+
+use crate::bvh::Hit;
+use crate::geom::TriangleSoup;
+use crate::problem::{DevicePose, Problem, beam_direction};
+use crate::psog::{NpzOut, write_npz};
+use crate::vehicle::{Placement, SensorPose};
+
+/// Beams that are cast in one batch: sensors that share directions are cast together.
+const BEAMS_TOGETHER: usize = 16 << 20;
+
+/// Columns of B beams, ordered by placement, LiDAR, channel, azimuth step; ego frame, metres.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct BeamHits {
+    origin: Vec<f32>,
+    direction: Vec<f32>,
+    distance: Vec<f32>,
+    triangle: Vec<u32>,
+    class: Vec<u16>,
+    placement: Vec<u32>,
+    lidar: Vec<u16>,
+}
+
+impl BeamHits {
+    /// Casts all beams of `placements`: `cast` returns the hits of the sensors in some poses, in order;
+    /// `face_class` holds the class of each triangle.
+    ///
+    /// # Errors
+    /// As of `cast`.
+    pub fn of<E>(
+        placements: &[Placement],
+        problem: &Problem,
+        face_class: &[u16],
+        mut cast: impl FnMut(&[SensorPose]) -> Result<Vec<Hit>, E>,
+    ) -> Result<Self, E> {
+        let mut columns = Self::default();
+        let beams = problem.table().directions().len();
+        let sensors: Vec<(u32, u16, SensorPose)> = (0..)
+            .zip(placements)
+            .flat_map(|(p, placement)| {
+                (0..).zip(&placement.lidars).map(move |(lidar, &pose)| (p, lidar, pose))
+            })
+            .collect();
+        for sensors in sensors.chunks((BEAMS_TOGETHER / beams).max(1)) {
+            let poses: Vec<SensorPose> = sensors.iter().map(|&(_, _, pose)| pose).collect();
+            let hits = cast(&poses)?;
+            for (&sensor, hits) in sensors.iter().zip(hits.chunks(beams)) {
+                columns.add(sensor, hits, problem, face_class);
+            }
+        }
+        Ok(columns)
+    }
+
+    /// Adds the beams of a sensor.
+    fn add(
+        &mut self,
+        (placement, lidar, pose): (u32, u16, SensorPose),
+        hits: &[Hit],
+        problem: &Problem,
+        face_class: &[u16],
+    ) {
+        let pose = DevicePose::new(&pose, problem.roi());
+        for (&direction, hit) in problem.table().directions().iter().zip(hits) {
+            self.origin.extend(pose.rows.map(|row| row[3]));
+            self.direction.extend(beam_direction(&pose, direction).to_array());
+            self.distance.push(if hit.is_hit() { hit.t } else { f32::INFINITY });
+            self.triangle.push(hit.prim);
+            let class = if hit.is_hit() { face_class[hit.prim as usize] } else { u16::MAX };
+            self.class.push(class);
+            self.placement.push(placement);
+            self.lidar.push(lidar);
+        }
+    }
+
+    /// Beams B.
+    pub fn beams(&self) -> usize {
+        self.distance.len()
+    }
+
+    /// Beams that hit a surface within range.
+    pub fn hits(&self) -> usize {
+        self.distance.iter().filter(|t| t.is_finite()).count()
+    }
+
+    /// Writes the columns and the triangles that were cast into as an `.npz` archive, uncompressed.
+    ///
+    /// | array | dtype, shape | holds |
+    /// |---|---|---|
+    /// | `origin`, `direction` | f32 \[B, 3\] | beams in the ego frame |
+    /// | `distance` | f32 \[B\] | metres to the hit; inf: none within range |
+    /// | `triangle` | u32 \[B\] | triangle hit; 2³²−1: none |
+    /// | `class` | u16 \[B\] | class of the triangle; 2¹⁶−1: none |
+    /// | `placement`, `lidar` | u32 \[B\], u16 \[B\] | positions in the batch and in the placement |
+    /// | `vertices`, `faces`, `face_class` | f32 \[V, 3\], u32 \[F, 3\], u16 \[F\] | triangles of the frame |
+    ///
+    /// # Errors
+    /// As of `out`.
+    pub fn write(&self, out: impl Write + Seek, soup: &TriangleSoup) -> std::io::Result<()> {
+        write_npz(out, false, |npz| self.put_all(npz, soup))
+    }
+
+    fn put_all<W: Write + Seek>(
+        &self,
+        npz: &mut NpzOut<W>,
+        soup: &TriangleSoup,
+    ) -> std::io::Result<()> {
+        let beams = self.beams() as u64;
+        npz.put("origin", &[beams, 3], &self.origin)?;
+        npz.put("direction", &[beams, 3], &self.direction)?;
+        npz.put("distance", &[beams], &self.distance)?;
+        npz.put("triangle", &[beams], &self.triangle)?;
+        npz.put("class", &[beams], &self.class)?;
+        npz.put("placement", &[beams], &self.placement)?;
+        npz.put("lidar", &[beams], &self.lidar)?;
+        npz.put("vertices", &[soup.vertices.len() as u64, 3], soup.vertices.as_flattened())?;
+        npz.put("faces", &[soup.faces.len() as u64, 3], soup.faces.as_flattened())?;
+        npz.put("face_class", &[soup.face_class.len() as u64], &soup.face_class)
+    }
+}

@@ -1,0 +1,52 @@
+//! Columns that several studies share.
+
+use std::collections::HashSet;
+
+use super::cases::Measured;
+use super::scene::{StudyScene, score};
+use super::{Row, StudyError};
+use crate::score::Scores;
+use crate::search::Evaluator;
+
+/// Columns that most studies show of a placement.
+pub(super) const SCORES: [&str; 5] =
+    ["gain %", "M-SOG/N ×1e-6", "detection ×1e-6", "covered", "guards violated"];
+
+/// Values of [`SCORES`].
+pub(super) fn values(scores: &Scores) -> Vec<Option<f64>> {
+    vec![
+        scores.segmentation.information_gain_share.map(|v| 100.0 * v),
+        scores.segmentation.m_sog_scaled.map(|v| 1e6 * v),
+        scores.detection.and_then(|d| d.m_sog_scaled).map(|v| 1e6 * v),
+        Some(scores.covered),
+        Some(scores.guards.len() as f64),
+    ]
+}
+
+/// The best placement of a search and the values of [`SCORES`]; none where it finds no placement.
+pub(super) fn of_best(
+    scene: &StudyScene,
+    evaluator: &mut Evaluator,
+) -> Result<Measured, StudyError> {
+    let Some(best) = scene.optimize(evaluator)? else { return Ok((Vec::new(), None)) };
+    let values = values(&score(evaluator, &best)?);
+    Ok((values, Some(best)))
+}
+
+/// Numbers of one column, counted from the first value on; NaN where there is none.
+pub(super) fn numbers(rows: &[Row], column: usize) -> Vec<f64> {
+    rows.iter().map(|row| row.values.get(column).copied().flatten().unwrap_or(f64::NAN)).collect()
+}
+
+/// Refuses names used twice: cases are told apart by them, and would share their numbers.
+pub(super) fn check_distinct<'a>(
+    names: impl IntoIterator<Item = &'a str>,
+    cases: &'static str,
+    mend: &'static str,
+) -> Result<(), StudyError> {
+    let mut seen = HashSet::new();
+    match names.into_iter().find(|name| !seen.insert(*name)) {
+        Some(name) => Err(StudyError::SameName { cases, name: name.to_owned(), mend }),
+        None => Ok(()),
+    }
+}

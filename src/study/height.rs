@@ -1,0 +1,33 @@
+//! How high: all LiDARs at one height, against free heights.
+
+use super::cases::Cases;
+use super::columns::{self, SCORES};
+use super::scene::StudyScene;
+use super::{Drawing, StudyError, Table};
+
+/// Heights from the lowest to the highest of the mount.
+const HEIGHTS: u32 = 4;
+
+pub(super) fn height(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
+    let constraints = scene.constraints();
+    let (low, high) = (constraints.lower[2], constraints.upper[2]);
+    let at = |k: u32| low + f64::from(k) * (high - low) / f64::from(HEIGHTS - 1);
+    let mut heights: Vec<(String, [f64; 2])> =
+        (0..HEIGHTS).map(|k| (format!("{:.2} m", at(k)), [at(k); 2])).collect();
+    heights.dedup_by(|a, b| a.0 == b.0);
+    heights.push(("free".into(), [low, high]));
+    let rows = cases.each(heights, |[low, high], _| {
+        let mut constraints = scene.constraints();
+        (constraints.lower[2], constraints.upper[2]) = (low, high);
+        let mut evaluator = scene.evaluator_with(scene.scene.lidar().table()?, constraints)?;
+        columns::of_best(scene, &mut evaluator)
+    })?;
+    let notes = vec![
+        "All LiDARs of a case stand at one height (the paper's 2D plane), those of the last where they \
+         like within the mount."
+            .to_owned(),
+    ];
+    let title = scene.title("the best placement at each height");
+    let columns = ["height"].into_iter().chain(SCORES);
+    Ok(Table::new(title, columns, rows, notes, Drawing::of_column(0, SCORES[0], true)))
+}

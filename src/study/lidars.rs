@@ -1,0 +1,92 @@
+//! How many LiDARs: the best placement of each number, and what each one more gains.
+
+use super::cases::Cases;
+use super::columns::{self, SCORES};
+use super::scene::{StudyScene, score};
+use super::{Drawing, StudyError, Table};
+use crate::vehicle::{Constraints, Placement};
+
+/// Numbers of LiDARs that are compared.
+const LIDARS: std::ops::RangeInclusive<usize> = 1..=8;
+
+pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
+    let counts = LIDARS.map(|count| (count.to_string(), count)).collect();
+    let mut rows = cases.each(counts, |count, rows| {
+        let constraints = Constraints { lidars: count, ..scene.constraints() };
+        let mut evaluator = scene.evaluator_with(scene.scene.lidar().table()?, constraints)?;
+        // The best of one LiDAR less, with one more at each corner of the mount in turn.
+        let mut starts = scene.published.clone();
+        let before = rows.last().and_then(|row| row.placement.as_ref());
+        starts.extend(before.iter().flat_map(|before| with_one_more(scene, before)));
+        let objective = &scene.settings.objective;
+        let best = scene.optimize_from(&mut evaluator, objective, &starts)?;
+        let Some(best) = best else { return Ok((Vec::new(), None)) };
+        let values = columns::values(&score(&mut evaluator, &best)?);
+        Ok((values, Some(best)))
+    })?;
+    let gains: Vec<f64> = rows.iter().map_while(|row| row.values.first().copied()?).collect();
+    for (k, row) in rows.iter_mut().enumerate() {
+        let before = if k == 0 { 0.0 } else { *gains.get(k - 1).unwrap_or(&f64::NAN) };
+        row.values.resize(SCORES.len(), None);
+        row.values.insert(1, gains.get(k).map(|gain| gain - before));
+    }
+    let columns = ["LiDARs", SCORES[0], "marginal gain %"].into_iter().chain(SCORES[1..].to_vec());
+    let drawing = Drawing::of_column(0, SCORES[0], true);
+    let title = scene.title("the best placement of each number of LiDARs");
+    Ok(Table::new(title, columns, rows, notes(scene, &gains), drawing))
+}
+
+fn notes(scene: &StudyScene, gains: &[f64]) -> Vec<String> {
+    let mut notes = vec![format!(
+        "Each number has its own search of {} evaluations for `{}`; a fall is a search that ended early, \
+         not a LiDAR that harms.",
+        scene.settings.evaluations, scene.settings.objective
+    )];
+    let from_none: Vec<f64> = std::iter::once(0.0).chain(gains.iter().copied()).collect();
+    if let Some(knee) = knee(&from_none) {
+        notes.push(format!(
+            "The gain bends most at {knee} LiDAR(s): up to there each adds more than the average of all \
+             {}.",
+            gains.len()
+        ));
+    }
+    notes
+}
+
+/// A placement with one more LiDAR at each corner of the mount's box.
+fn with_one_more(scene: &StudyScene, before: &Placement) -> Vec<Placement> {
+    let constraints = scene.constraints();
+    let corners = (0..8).map(|corner| {
+        let mut pose = before.lidars[0];
+        let side =
+            |k: usize| if corner >> k & 1 == 1 { &constraints.upper } else { &constraints.lower };
+        (pose.x, pose.y, pose.z) = (side(0)[0], side(1)[1], side(2)[2]);
+        let lidars = before.lidars.iter().copied().chain([pose]).collect();
+        Placement { name: format!("corner-{corner}"), lidars }
+    });
+    corners.collect()
+}
+
+/// Where a curve of falling gains bends most: the point farthest above the line from the first to the
+/// last, after both axes are scaled to [0, 1]. `None` with fewer than three points or without rise.
+fn knee(values: &[f64]) -> Option<usize> {
+    let (first, last) = (*values.first()?, *values.last()?);
+    if values.len() < 3 || last <= first {
+        return None;
+    }
+    let steps = (values.len() - 1) as f64;
+    let above = |k: usize| (values[k] - first) / (last - first) - k as f64 / steps;
+    (1..values.len() - 1).max_by(|&a, &b| above(a).total_cmp(&above(b))).filter(|&k| above(k) > 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_knee_is_where_the_curve_bends() {
+        assert_eq!(knee(&[0.0, 8.0, 9.0, 9.5, 10.0]), Some(1));
+        assert_eq!(knee(&[0.0, 1.0, 2.0]), None, "a line has no knee");
+        assert_eq!(knee(&[3.0, 2.0, 1.0]), None);
+    }
+}

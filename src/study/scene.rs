@@ -1,0 +1,144 @@
+//! A scene of a study: what stays the same while the study varies one thing.
+
+use std::sync::Arc;
+
+use super::{StudyError, StudyObserver, StudySettings};
+use crate::engine::open;
+use crate::problem::{Problem, ProblemError, spread};
+use crate::psog::{Psog, Roi};
+use crate::scan::scan_scene;
+use crate::scene::{PsogSource, Scene};
+use crate::score::{Objective, Scores};
+use crate::search::{Evaluator, SearchSettings, best_placement};
+use crate::vehicle::{BeamTable, Constraints, Placement, table_7};
+
+/// A scene with its P-SOG and everything that the cases of a study share.
+pub(super) struct StudyScene<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) psog: &'a Psog,
+    pub(super) settings: &'a StudySettings,
+    /// The layouts of Table 7, which stand beside every result.
+    pub(super) published: Vec<Placement>,
+    observer: &'a dyn StudyObserver,
+}
+
+impl<'a> StudyScene<'a> {
+    pub(super) fn new(
+        scene: &'a Scene,
+        psog: &'a Psog,
+        settings: &'a StudySettings,
+        observer: &'a dyn StudyObserver,
+    ) -> Result<Self, StudyError> {
+        let published = table_7();
+        let this = Self { scene, psog, settings, published, observer };
+        let objective = &settings.objective;
+        if objective.needs_detection() && scene.detection_among(psog.classes()).is_empty() {
+            let (scene, objective) = (this.place(), objective.to_string());
+            return Err(StudyError::NoDetection { scene, objective });
+        }
+        Ok(this)
+    }
+
+    /// The scene's file, or its name where it was read from none.
+    pub(super) fn place(&self) -> String {
+        let file = self.scene.files().first();
+        file.map_or_else(|| self.scene.name().to_owned(), |file| file.display().to_string())
+    }
+
+    /// Title of a study of this scene.
+    pub(super) fn title(&self, text: &str) -> String {
+        format!("{}: {text}", self.scene.name())
+    }
+
+    /// The mount's rules as the scene has them.
+    pub(super) fn constraints(&self) -> Constraints {
+        self.scene.mount().into()
+    }
+
+    /// Frames that every score is a mean over.
+    pub(super) fn frames(&self) -> Vec<usize> {
+        spread(self.scene.frame_count(), Some(self.settings.frames))
+    }
+
+    /// An evaluator of the scene as it is.
+    pub(super) fn evaluator(&self) -> Result<Evaluator, StudyError> {
+        self.evaluator_with(self.scene.lidar().table()?, self.constraints())
+    }
+
+    /// An evaluator with another sensor or other rules of the mount.
+    pub(super) fn evaluator_with(
+        &self,
+        table: BeamTable,
+        constraints: Constraints,
+    ) -> Result<Evaluator, StudyError> {
+        let problem = Problem::from_scene(self.scene, self.psog, table, &self.frames());
+        let problem = problem.map_err(|source| self.misfit(source))?;
+        self.open(problem.with_constraints(constraints))
+    }
+
+    /// An evaluator with voxels of another size; an error for a scene whose P-SOG is a file.
+    pub(super) fn evaluator_of_voxels(&self, voxel: [f64; 3]) -> Result<Evaluator, StudyError> {
+        let PsogSource::Scan(settings) = self.scene.psog_source() else {
+            return Err(StudyError::FixedVoxels { scene: self.place() });
+        };
+        let bounds = self.scene.roi();
+        let roi = Roi::from_bounds(bounds.min, bounds.max, voxel)?;
+        let (psog, _) = scan_scene(self.scene, &roi, settings, || ())?;
+        let table = self.scene.lidar().table()?;
+        let problem = Problem::on_grid_of(&psog, self.scene, table, &self.frames());
+        let problem = problem.map_err(|source| self.misfit(source))?;
+        self.open(problem)
+    }
+
+    fn misfit(&self, source: ProblemError) -> StudyError {
+        StudyError::Problem { scene: self.place(), source }
+    }
+
+    fn open(&self, problem: Problem) -> Result<Evaluator, StudyError> {
+        let problem = Arc::new(problem);
+        let opened = open(&problem, &self.settings.engine, |_| {})?;
+        self.observer.opened(&opened.notes);
+        Ok(Evaluator::new(problem, opened.engine))
+    }
+
+    /// The best placement that a search of the study's size finds from the published ones.
+    pub(super) fn optimize(
+        &self,
+        evaluator: &mut Evaluator,
+    ) -> Result<Option<Placement>, StudyError> {
+        self.optimize_from(evaluator, &self.settings.objective, &self.published)
+    }
+
+    /// As [`Self::optimize`], for another objective and from other starts.
+    pub(super) fn optimize_from(
+        &self,
+        evaluator: &mut Evaluator,
+        objective: &Objective,
+        starts: &[Placement],
+    ) -> Result<Option<Placement>, StudyError> {
+        let settings = SearchSettings {
+            objective: objective.to_string(),
+            evaluations: self.settings.evaluations,
+            population: None,
+            batch: None,
+            seed: self.settings.seed,
+            delta: None,
+        };
+        let (memory, go_on) = (self.settings.engine.memory_budget() / 2, || self.goes_on());
+        let best = best_placement(evaluator, objective, starts, &settings, memory, &go_on)?;
+        Ok(best.map(|(placement, _)| placement))
+    }
+
+    /// Whether nobody has asked to stop.
+    pub(super) fn goes_on(&self) -> bool {
+        self.observer.goes_on()
+    }
+}
+
+/// Scores of one placement.
+pub(super) fn score(
+    evaluator: &mut Evaluator,
+    placement: &Placement,
+) -> Result<Scores, StudyError> {
+    Ok(evaluator.scores(std::slice::from_ref(placement))?.remove(0))
+}

@@ -1,0 +1,93 @@
+//! Placements optimized on one scene, scored on the others.
+
+use super::cases::Cases;
+use super::columns::check_distinct;
+use super::scene::{StudyScene, score};
+use super::{Drawing, Row, StudyError, Table};
+
+pub(super) fn transfer(scenes: &[StudyScene], cases: &mut Cases) -> Result<Table, StudyError> {
+    let names: Vec<&str> = scenes.iter().map(|scene| scene.scene.name()).collect();
+    let mend = "give each scene file a `name` of its own";
+    check_distinct(names.iter().copied(), "scenes", mend)?;
+    cases.expect(2 * scenes.len());
+    let mut found = Vec::new();
+    for scene in scenes {
+        let name = format!("optimized on {}", scene.scene.name());
+        let case = cases.one(&name, || {
+            let mut evaluator = scene.evaluator()?;
+            Ok((Vec::new(), scene.optimize(&mut evaluator)?))
+        })?;
+        found.extend(case.and_then(|row| Some((scene.scene.name(), row.placement?))));
+    }
+    let objective = &scenes[0].settings.objective;
+    let mut rows = Vec::new();
+    for (name, placement) in found {
+        let case = cases.one(name, || {
+            let mut values = Vec::new();
+            for scene in scenes {
+                let mut evaluator = scene.evaluator()?;
+                values.push(objective.value(&score(&mut evaluator, &placement)?));
+            }
+            Ok((values, Some(placement)))
+        })?;
+        let Some(row) = case else { break };
+        rows.push(row);
+    }
+    let mut notes = vec![format!(
+        "`{objective}` of the placement optimized on the scene of the row, scored on that of the column. The \
+         mounts may differ; a placement is scored where it stands."
+    )];
+    notes.extend(losses(&rows, &names));
+    let drawing = Drawing::ByCase {
+        columns: (0..names.len()).collect(),
+        y_title: objective.to_string(),
+        line: false,
+    };
+    let columns = std::iter::once("optimized on").chain(names.iter().copied());
+    let title = "placements carried to other scenes".to_owned();
+    Ok(Table::new(title, columns, rows, notes, drawing))
+}
+
+/// What each placement loses on each other scene against the one optimized there, in words.
+fn losses(rows: &[Row], scenes: &[&str]) -> Vec<String> {
+    let own = |scene: &str, column: usize| {
+        rows.iter().find(|row| row.name == scene).and_then(|row| row.values[column])
+    };
+    let mut notes = Vec::new();
+    for row in rows {
+        for (column, scene) in scenes.iter().enumerate().filter(|(_, scene)| **scene != row.name) {
+            if let (Some(value), Some(own)) = (row.values[column], own(scene, column)) {
+                notes.push(format!(
+                    "from {} to {scene}: {:+.2} % against its own optimum",
+                    row.name,
+                    100.0 * (value - own) / own.abs()
+                ));
+            }
+        }
+    }
+    notes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn losses_are_told_against_the_optimum_of_the_other_scene() {
+        let row = |name: &str, values: [Option<f64>; 3]| Row {
+            name: name.into(),
+            values: values.to_vec(),
+            placement: None,
+        };
+        // Nothing was found on the first scene, so that its column has no optimum to compare with.
+        let rows =
+            [row("b", [Some(9.0), Some(-2.0), Some(6.0)]), row("c", [None, Some(-3.0), Some(8.0)])];
+        assert_eq!(
+            losses(&rows, &["a", "b", "c"]),
+            [
+                "from b to c: -25.00 % against its own optimum",
+                "from c to b: -50.00 % against its own optimum"
+            ]
+        );
+    }
+}
