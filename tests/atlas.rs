@@ -4,10 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use sightline::bvh::Bvh;
-use sightline::cover::BitOrder;
 use sightline::engine::gpu::GpuBackend;
 use sightline::engine::{Backend, CpuBackend, ReferenceBackend};
+use sightline::internals::BitOrder;
+use sightline::internals::Bvh;
 use sightline::problem::{Content, OccupiedVoxel, Problem, Tally};
 use sightline::psog::Roi;
 use sightline::search::atlas::{Atlas, PageStore, StoreReport, Union};

@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use sightline::bvh::Bvh;
 use sightline::chart::Pilot;
 use sightline::engine::Backend;
 use sightline::engine::ReferenceBackend;
+use sightline::internals::Bvh;
 use sightline::problem::{Problem, Tally};
 use sightline::psog::Roi;
 use sightline::scan::scan_scene;

@@ -19,7 +19,7 @@ mod traverse;
 
 pub use batch::{Casting, cast_packets, cast_packets_by};
 pub use fan::Fan;
-pub use lanes::{CHUNK, FAN_DIRECTIONS, PACKET_RAYS, PacketHits};
+pub use lanes::{FAN_DIRECTIONS, PACKET_RAYS, PacketHits};
 pub use packet::Packet;
 pub use reference::cast_closest;
 pub use traverse::Scratch;
