@@ -78,4 +78,11 @@ pub mod internals {
     };
     pub use crate::cover::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
     pub use crate::reduce::reduce;
+    pub use crate::search::atlas::{Atlas, Union};
+    pub use crate::search::bound::{Effort, GridSample, bound_gain};
+    pub use crate::search::climb::Moves;
+    pub use crate::search::generations::{Generation, Generations};
+    pub use crate::search::grid_search::GridSearch;
+    pub use crate::search::levels::{Level, Pilot};
+    pub use crate::search::swaps::{SwapSettings, Swapped, swap_from};
 }

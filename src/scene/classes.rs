@@ -29,23 +29,23 @@ pub const DEFAULT_CLASSES: [&str; 21] = [
     "terrain",
 ];
 
-/// Names that count as the detection target when a scene does not say.
+/// Detection target of a scene without `detection`.
 const DETECTION: [&str; 3] = ["vehicle", "car", "moving-car"];
 
-/// More classes than any data set has; P-SOG files hold a count for each of them.
+/// Most classes: a P-SOG holds a count for each class and voxel.
 const MAX_CLASSES: usize = 256;
 
 /// Class names of a scene, checked.
 #[derive(Debug, Clone)]
 pub(crate) struct Classes {
     pub names: Vec<String>,
-    /// Names that the scene's `detection` lists, and where it stands; `None` takes the defaults.
+    /// Place and names of the scene's `detection`; `None` takes the defaults.
     detection: Option<(Place, Vec<String>)>,
 }
 
 impl Classes {
-    /// Checks the `classes` list of a scene; `None` takes the defaults. Whether the names of `detection`
-    /// exist is left to [`Self::check_detection`].
+    /// Checks the `classes` of a scene; `None` takes the defaults. [`Self::check_detection`] checks the
+    /// names of `detection`.
     pub fn new(
         top: &Place,
         names: Option<Vec<String>>,
@@ -73,7 +73,7 @@ impl Classes {
         Ok(Self { names, detection: detection.map(|list| (top.key("detection"), list)) })
     }
 
-    /// Whether `classes` has every name that `detection` lists.
+    /// Checks that `classes` holds every name of `detection`.
     pub fn check_detection(&self, classes: &[String]) -> Result<(), DescriptionError> {
         let (at, list) = match &self.detection {
             Some((at, list)) => (at, list.as_slice()),
@@ -96,7 +96,7 @@ impl Classes {
         self.names.iter().position(|n| n == name).map(|i| i as u16)
     }
 
-    /// The id of `name`, which stands at `at`.
+    /// Id of the name at `at`.
     pub fn id(&self, at: &Place, name: &str) -> Result<u16, DescriptionError> {
         self.find(name).ok_or_else(|| unknown(at, name, &self.names))
     }

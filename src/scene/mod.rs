@@ -57,7 +57,7 @@ pub struct Scene {
     notes: Vec<String>,
 }
 
-/// Something that moves: triangles in its own frame, and a pose a frame.
+/// Moving object: triangles in its own frame and a pose for each frame.
 #[derive(Debug, Clone)]
 struct Actor {
     parts: Solid,
@@ -67,9 +67,9 @@ struct Actor {
 /// Whether a frame holds the body of the ego vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EgoBody {
-    /// The body is there and blocks beams, as it does for mounted sensors.
+    /// With the body, which blocks the beams of mounted sensors.
     Include,
-    /// The body is left out, as when the surroundings are to be seen undisturbed.
+    /// Without the body: the surroundings alone.
     Exclude,
 }
 
@@ -97,10 +97,11 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Reads a scene from JSON text; `dir` is where its file names start, `name_for_errors` is
-    /// what messages call it.
+    /// Reads a scene from JSON text.
     ///
-    /// A scene without `name`, or with a blank one, takes the file name without folder and ending.
+    /// File names are relative to `dir`; error messages call the text `name_for_errors`.
+    ///
+    /// A scene without a name, or with a blank one, is called `name_for_errors` without folder and ending.
     ///
     /// # Errors
     ///
@@ -202,12 +203,12 @@ impl Scene {
         })
     }
 
-    /// What is no error, but most likely not meant: a sentence each, with file and place.
+    /// Likely mistakes that are no errors: a sentence each, with file and place.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// The name that the scene gives itself, or that of its file.
+    /// Name of the scene, or of its file.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -217,16 +218,15 @@ impl Scene {
         &self.classes.names
     }
 
-    /// Ids, in a P-SOG's list of `classes`, of those that count as the detection target, rising; may be
-    /// empty.
+    /// Ids of the detection target in the `classes` of a P-SOG, rising; may be empty.
     pub fn detection_among(&self, classes: &[String]) -> Vec<u16> {
         self.classes.detection_among(classes)
     }
 
-    /// Checks that a P-SOG with these `classes` has every one that the scene's `detection` names.
+    /// Checks that the `classes` of a P-SOG hold every name of the scene's `detection`.
     ///
     /// # Errors
-    /// The first that it has not.
+    /// The first missing name.
     pub fn check_detection(&self, classes: &[String]) -> Result<(), DescriptionError> {
         self.classes.check_detection(classes)
     }
@@ -241,12 +241,12 @@ impl Scene {
         &self.lidar
     }
 
-    /// Where sensors may stand.
+    /// Mount of the sensors.
     pub fn mount(&self) -> &Mount {
         &self.mount
     }
 
-    /// The scene with further rules for its mount; `name_for_errors` is what messages call it.
+    /// Adds rules to the mount; error messages call the scene `name_for_errors`.
     ///
     /// # Errors
     ///
@@ -260,23 +260,22 @@ impl Scene {
         Ok(self)
     }
 
-    /// How far beams cover voxels.
+    /// Voxels that a beam covers.
     pub fn coverage(&self) -> Coverage {
         self.coverage
     }
 
-    /// Where the P-SOG comes from.
+    /// Source of the P-SOG.
     pub fn psog_source(&self) -> &PsogSource {
         &self.psog
     }
 
-    /// Every file that decides about the scene: its own, the sensor's, meshes with their buffers, the
-    /// P-SOG.
+    /// Every input file: scene, sensor, meshes with their buffers, P-SOG.
     pub fn files(&self) -> &[PathBuf] {
         &self.files
     }
 
-    /// Whether there is any triangle: static, of an actor or of the ego body.
+    /// Whether the static world, an actor or the ego body has a triangle.
     pub fn has_geometry(&self) -> bool {
         let empty = |s: &Solid| s.faces.is_empty();
         !(empty(&self.world) && empty(&self.body) && self.actors.iter().all(|a| empty(&a.parts)))
@@ -297,7 +296,7 @@ impl Scene {
         self.ego.pose(t)
     }
 
-    /// The triangles of frame `t` in the ego frame, in metres.
+    /// Triangles of frame `t` in the ego frame, in metres.
     ///
     /// Order: static world, actors as listed, ego body; face ids are the same in every frame.
     ///

@@ -19,7 +19,7 @@ pub(crate) enum Motion {
 }
 
 impl Motion {
-    /// Reads `poses` or `route` of the object at `at`; neither is `None`.
+    /// Reads `poses` or `route` of the object at `at`; `None` where it has neither.
     pub fn new(
         at: &Place,
         poses: Option<&[PoseDescription]>,
@@ -41,7 +41,7 @@ impl Motion {
         }
     }
 
-    /// Explicit poses must be as many as the frames.
+    /// Checks for one explicit pose a frame.
     pub fn check_frames(&self, at: &Place, frames: usize) -> Result<(), DescriptionError> {
         match self {
             Self::Poses(poses) if poses.len() != frames => {
@@ -56,7 +56,7 @@ impl Motion {
         }
     }
 
-    /// Pose in frame `t`, which is below the number of frames.
+    /// Pose in frame `t`, below the number of frames.
     pub fn pose(&self, t: usize) -> Pose {
         match self {
             Self::Still => Pose::IDENTITY,
@@ -78,11 +78,11 @@ fn pose(at: &Place, p: &PoseDescription) -> Result<Pose, DescriptionError> {
 
 /// A polyline travelled at `spacing` metres a frame, heading along it.
 ///
-/// Before its first and after its last point the end segments go on straight.
+/// The end segments go on straight before the first and after the last point.
 #[derive(Debug, Clone)]
 pub(crate) struct Route {
     points: Vec<DVec3>,
-    /// Metres along the line at each point, from 0.
+    /// Length of the line up to each point, in metres.
     along: Vec<f64>,
     start: f64,
     spacing: f64,
@@ -110,7 +110,7 @@ impl Route {
         }
         let start = check::metres(&at.key("start"), route.start)?;
         let spacing = route.spacing;
-        // The cap keeps the last of 10 000 frames within the coordinates of everything else.
+        // Capped so that frame 10 000 still lies within the largest coordinate.
         if spacing.abs() > 1.0e4 {
             return Err(bad(&at.key("spacing"), spacing, "a step of at most 10000 m a frame"));
         }
@@ -120,7 +120,7 @@ impl Route {
     fn pose(&self, t: usize) -> Pose {
         let distance = self.start + t as f64 * self.spacing;
         let last = self.points.len() - 2;
-        // The last segment whose start is not past the distance; the ends go on straight.
+        // Last segment that starts at or before the distance; the end segments go on straight.
         let segment = self.along.partition_point(|&a| a <= distance).saturating_sub(1).min(last);
         let (from, to) = (self.points[segment], self.points[segment + 1]);
         let heading = (to - from).normalize();

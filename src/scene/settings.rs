@@ -19,8 +19,8 @@ const MAX_VOXELS: u64 = 1 << 31;
 pub struct RoiBounds {
     /// Lower corner in the ego frame, metres.
     pub min: [f64; 3],
-    /// Upper corner as the scene gives it, metres; the last voxels reach past it when an extent
-    /// is not a whole number of voxels.
+    /// Upper corner of the scene file, metres; the last voxels reach past it where an extent is no whole
+    /// number of voxels.
     pub max: [f64; 3],
     /// Edge lengths of a voxel, metres.
     pub voxel: [f64; 3],
@@ -115,22 +115,20 @@ impl Coverage {
     }
 }
 
-/// Field of view (degrees), window and stride of a scan that says nothing.
+/// Default field of view (degrees), window and stride.
 const DEFAULT_SCAN: ([f64; 2], u32, u32) = ([-50.0, 20.0], 5, 1);
 
 /// Settings of the dense virtual scans from which a P-SOG is built.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScanSettings {
-    /// Elevation channels, evenly spaced; `None` spaces them so that their rings on level ground lie
-    /// [`Self::spacing`] apart as far as the ROI reaches.
+    /// Evenly spaced elevation channels; `None` spaces their rings on level ground by [`Self::spacing`],
+    /// up to the edge of the ROI.
     pub channels: Option<u32>,
     /// Lowest and highest elevation, degrees.
     pub fov: [f64; 2],
-    /// Azimuth steps a turn; `None` takes as many as keep points [`Self::spacing`] apart as far as the
-    /// ROI reaches.
+    /// Azimuth steps a turn; `None` spaces points by [`Self::spacing`] at the edge of the ROI.
     pub azimuth_steps: Option<u32>,
-    /// Distance of neighbouring points in metres, where it decides; `None` is 1.5 of the
-    /// larger horizontal edge of a voxel.
+    /// Distance of neighbouring points in metres; `None` is 1.5 × the larger horizontal edge of a voxel.
     pub spacing: Option<f64>,
     /// Range in metres.
     pub range: f64,
@@ -143,7 +141,7 @@ pub struct ScanSettings {
 }
 
 impl ScanSettings {
-    /// The settings of a scene that says nothing about scans.
+    /// Default settings for a scene.
     pub fn default_of(scene: &super::Scene) -> Self {
         Self {
             channels: None,
@@ -180,10 +178,10 @@ impl ScanSettings {
     }
 }
 
-/// Where the P-SOG of a scene comes from.
+/// Source of a scene's P-SOG.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PsogSource {
-    /// A P-SOG file, its path resolved against the folder of the scene. Not opened yet.
+    /// P-SOG file, its path resolved against the folder of the scene; not opened yet.
     File(PathBuf),
     /// Virtual scans of the scene's own geometry.
     Scan(ScanSettings),

@@ -15,9 +15,9 @@ use crate::geom::Pose;
 use crate::json::check::{self, bad};
 use crate::json::{DescriptionError, Place, nearest};
 
-/// Triangles of a whole scene: static world, actors, ego body and, once more, named shapes.
+/// Most triangles of a scene: static world, actors, ego body and each named shape once.
 const MAX_TRIANGLES: u64 = 10_000_000;
-/// Named shapes inside named shapes.
+/// Deepest nesting of named shapes.
 const MAX_DEPTH: usize = 8;
 const MAX_COPIES: u64 = 100_000;
 const KINDS: &[&str] = &["box", "prism", "cylinder", "plane", "mesh", "shape"];
@@ -26,15 +26,15 @@ const KINDS: &[&str] = &["box", "prism", "cylinder", "plane", "mesh", "shape"];
 pub(crate) struct Builder<'a> {
     classes: &'a Classes,
     named: &'a Dictionary<Vec<ShapeDescription>>,
-    /// Places in `named`.
+    /// Index in `named` by name.
     by_name: HashMap<&'a str, usize>,
-    /// The place of `shapes`.
+    /// Place of the key `shapes`.
     named_at: Place,
     dir: &'a Path,
     meshes: HashMap<PathBuf, Rc<RawMesh>>,
-    /// Named shapes already built, so that a copy costs no more than its triangles.
+    /// Named shapes already built: a copy costs its triangles alone.
     built: HashMap<&'a str, Rc<Solid>>,
-    /// Built so far, named shapes included.
+    /// Triangles built so far, named shapes included.
     triangles: u64,
     notes: Vec<String>,
 }
@@ -59,7 +59,7 @@ impl<'a> Builder<'a> {
         files
     }
 
-    /// What was passed over.
+    /// Notes on material names that no mesh has.
     pub fn notes(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notes)
     }
@@ -143,7 +143,7 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
-    /// The shape called `name`, which is used at `at` inside `depth` other named shapes.
+    /// Shape called `name`, used at `at` inside `depth` other named shapes.
     fn named(
         &mut self,
         at: &Place,
@@ -177,7 +177,7 @@ impl<'a> Builder<'a> {
         Ok(solid)
     }
 
-    /// A primitive or mesh, where its own numbers put it.
+    /// Triangles of a primitive or mesh, before its copies are placed.
     fn single(&mut self, at: &Place, shape: &ShapeDescription) -> Result<Solid, DescriptionError> {
         let class = match &shape.class {
             Some(name) => Some(self.classes.id(&at.key("class"), name)?),
@@ -196,7 +196,7 @@ impl<'a> Builder<'a> {
             ShapeDescription { prism: Some(p), .. } => prism(&at.key("prism"), p, class),
             ShapeDescription { cylinder: Some(c), .. } => cylinder(&at.key("cylinder"), c, class),
             ShapeDescription { plane: Some(p), .. } => plane(&at.key("plane"), p, class),
-            // Exactly one kind is there, and meshes and names have been dealt with.
+            // The caller has checked for exactly one kind; meshes and names are handled above.
             _ => Ok(Solid::default()),
         }
     }
@@ -272,7 +272,7 @@ impl<'a> Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Notes names that a mesh does not have: one map may serve several meshes, or hold a slip.
+    /// Notes material names that the mesh does not have: one map may serve several meshes, or hold a slip.
     fn note_unused(&mut self, at: &Place, file: &Path, map: &HashMap<&str, u16>, raw: &RawMesh) {
         let has = || raw.materials.iter().flatten().map(String::as_str);
         let mut unused: Vec<&str> =
@@ -291,7 +291,7 @@ impl Builder<'_> {
     }
 }
 
-/// Where the copies of a shape stand; one in place when nothing is said.
+/// Poses of the copies of a shape; without `at` and `repeat` one copy in place.
 fn copies(at: &Place, shape: &ShapeDescription) -> Result<Vec<Pose>, DescriptionError> {
     match (&shape.at, &shape.repeat) {
         (None, None) => Ok(vec![Pose::IDENTITY]),

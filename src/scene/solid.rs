@@ -5,9 +5,9 @@ use glam::{DMat3, DVec3};
 use super::polygon::triangulate;
 use crate::geom::{Pose, TriangleSoup};
 
-/// Triangles with a class each, in the frame of what they belong to (world, actor or ego).
+/// Triangles with a class each, in the frame of their owner: world, actor or ego.
 ///
-/// Kept in `f64`, so that national coordinates lose nothing before they are moved to the ego.
+/// Coordinates are `f64`: national ones keep their millimetres until they are moved to the ego.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Solid {
     pub vertices: Vec<DVec3>,
@@ -62,7 +62,7 @@ impl Solid {
         Self { vertices, faces, classes }
     }
 
-    /// An upright prism whose `sides` corners lie on the circle around `foot`, the first at +x.
+    /// Upright prism with `sides` corners on the circle around `foot`, the first at +x.
     pub fn cylinder(foot: DVec3, radius: f64, height: f64, sides: u32, class: u16) -> Self {
         let corner = |i: u32| {
             let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / f64::from(sides)).sin_cos();

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use super::DEFAULT_CLASSES;
 use crate::geom::TriangleSoup;
 
-/// Fewest triangles of which a street can be made.
+/// Fewest triangles of a street.
 pub const FEWEST_STREET_TRIANGLES: usize = 4000;
 
 /// Metres from the middle to the end of the ground.
@@ -20,12 +20,12 @@ const HOUSES: usize = 24;
 const VEHICLES: usize = 24;
 const TREES: usize = 40;
 
-/// A crossing of two streets with house fronts, parked vehicles and trees, of exactly `triangles`
-/// triangles, at least [`FEWEST_STREET_TRIANGLES`]; the same for the same `seed`.
+/// Builds a crossing of two streets with house fronts, parked vehicles and trees.
 ///
-/// Streets run along x and y, the ground is z = 0, metres. More triangles make the same things finer:
-/// of the triangles, about 15 % are ground, 30 % fronts with recessed windows, 20 % vehicles and 35 %
-/// trunks and leaves. Classes are ids of [`DEFAULT_CLASSES`].
+/// The street has exactly `triangles` triangles, at least [`FEWEST_STREET_TRIANGLES`], and depends on
+/// `seed` alone. Streets run along x and y on the ground z = 0, in metres. About 15 % of the triangles
+/// are ground, 30 % fronts with recessed windows, 20 % vehicles, 35 % trunks and leaves; more triangles
+/// make the same objects finer. Classes are ids of [`DEFAULT_CLASSES`].
 pub fn street(triangles: usize, seed: u64) -> TriangleSoup {
     let triangles = triangles.max(FEWEST_STREET_TRIANGLES);
     let mut street = Street { soup: TriangleSoup::default(), rng: ChaCha8Rng::seed_from_u64(seed) };
@@ -38,7 +38,7 @@ pub fn street(triangles: usize, seed: u64) -> TriangleSoup {
         street.vehicle(vehicle, share(19, VEHICLES));
     }
     for tree in 0..TREES {
-        // The last tree takes what rounding has left over.
+        // The last tree takes the remainder of the rounding.
         let left = triangles - street.soup.faces.len();
         street.tree(tree, left / (TREES - tree));
     }

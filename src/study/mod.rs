@@ -8,12 +8,10 @@
 //! | `lidars`, `sensors`, `height` | how many LiDARs, of which kind, how high |
 //! | `random`, `tasks`, `regions`, `loss` | placements of one scene against each other |
 //! | `voxels`, `transfer`, `published` | other voxels, other scenes, the published results |
-//! | `layout` | properties of a layout beside its score |
 
 mod cases;
 mod columns;
 mod height;
-mod layout;
 mod lidars;
 mod loss;
 mod published;
@@ -38,7 +36,6 @@ use crate::search::SearchError;
 use crate::vehicle::SensorError;
 
 pub use cases::StudyObserver;
-pub use layout::{DESCRIPTORS, Descriptor, Finding, findings};
 pub use regions::Region;
 pub use table::{Drawing, Row, Table};
 

@@ -3,7 +3,7 @@
 use super::mirror::{SLACK, pairs};
 use super::{Mount, Placement, SensorPose};
 
-/// Where LiDARs may be mounted and how far apart, in the ego frame.
+/// Rules of a mount, in the ego frame: bounds of the poses, distances, keep-out boxes, ties.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Constraints {
     /// Lower bounds of x, y, z (m), roll, pitch, yaw (rad).
@@ -12,11 +12,11 @@ pub struct Constraints {
     pub upper: [f64; 6],
     /// Least distance between two LiDARs, in metres.
     pub min_distance: f64,
-    /// LiDARs a placement has.
+    /// Number of LiDARs of a placement.
     pub lidars: usize,
-    /// Lower and upper corners of boxes in whose inside no LiDAR may stand, in metres.
+    /// Lower and upper corners of the boxes that LiDARs keep out of, in metres; faces are allowed.
     pub keep_out: Vec<[[f64; 3]; 2]>,
-    /// What ties the LiDARs of a placement together.
+    /// Rules that tie the LiDARs of a placement together.
     pub ties: Ties,
 }
 
@@ -38,13 +38,13 @@ impl From<&Mount> for Constraints {
     }
 }
 
-/// Rules that hold between the LiDARs of a placement; a search keeps them by fewer variables.
+/// Rules between the LiDARs of a placement; a search keeps them by having fewer variables.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Ties {
-    /// All stand at one height.
+    /// All LiDARs stand at one height.
     pub equal_height: bool,
-    /// They come in pairs mirrored at the plane y = 0: y, roll and yaw change sign. An odd one lies in
-    /// the plane, its roll and yaw 0.
+    /// LiDARs come in pairs mirrored at the plane y = 0: y, roll and yaw change sign. An odd one lies in
+    /// the plane, with roll and yaw 0.
     pub symmetric: bool,
 }
 
@@ -65,7 +65,7 @@ pub enum Violation {
         lidar: usize,
         /// `x`, `y`, `z`, `roll`, `pitch` or `yaw`.
         field: &'static str,
-        /// How far outside, in m or rad.
+        /// Distance from the bound, in m or rad.
         by: f64,
     },
     /// Two LiDARs are closer than allowed.
@@ -75,7 +75,7 @@ pub enum Violation {
         /// Missing distance in metres.
         by: f64,
     },
-    /// A LiDAR lies within a box that is to be kept free.
+    /// A LiDAR lies inside a keep-out box.
     KeptOut {
         /// Index of the LiDAR.
         lidar: usize,
@@ -84,9 +84,9 @@ pub enum Violation {
         /// Distance to its nearest face in metres.
         by: f64,
     },
-    /// The LiDARs are to stand at one height, and do not.
+    /// The LiDARs stand at different heights against the rule.
     UnequalHeight {
-        /// Of the highest over the lowest, in metres.
+        /// Height of the highest above the lowest, in metres.
         by: f64,
     },
     /// A LiDAR has no mirror image among the others, and does not lie in the plane of symmetry.
@@ -99,7 +99,7 @@ pub enum Violation {
 }
 
 impl Violation {
-    /// How far from being kept, in m or rad.
+    /// Distance from keeping the rule, in m or rad.
     pub fn amount(&self) -> f64 {
         match self {
             Self::OutsideMount { by, .. }
@@ -134,7 +134,7 @@ impl std::fmt::Display for Violation {
 }
 
 impl Constraints {
-    /// Every rule that the placement breaks; empty when it keeps all.
+    /// Broken rules; empty for a placement that keeps all.
     pub fn violations(&self, placement: &Placement) -> Vec<Violation> {
         let mut found = Vec::new();
         for (lidar, pose) in placement.lidars.iter().enumerate() {
@@ -173,7 +173,7 @@ impl Constraints {
         found
     }
 
-    /// The boxes in which a point lies, and how deep.
+    /// Keep-out boxes around a point, and its depth in each.
     fn depths(&self, point: [f64; 3]) -> impl Iterator<Item = (usize, f64)> {
         let depths = self.keep_out.iter().enumerate().map(move |(index, [min, max])| {
             let to_face = (0..3).map(|k| (point[k] - min[k]).min(max[k] - point[k]));
@@ -182,12 +182,12 @@ impl Constraints {
         depths.filter(|&(_, by)| by > SLACK)
     }
 
-    /// Whether a LiDAR there is outside of every box that is to be kept free.
+    /// Whether a pose lies outside of every keep-out box.
     pub fn is_clear(&self, pose: &SensorPose) -> bool {
         self.depths(pose.position().to_array()).next().is_none()
     }
 
-    /// The rules without those that tie LiDARs together.
+    /// Rules without the ties.
     pub fn untied(&self) -> Self {
         Self { ties: Ties::default(), ..self.clone() }
     }

@@ -7,7 +7,7 @@ use super::{BeamTable, SensorError};
 use crate::json::check::{self, bad};
 use crate::json::{self, DescriptionError, Place, read_limited};
 
-/// Beams of one LiDAR.
+/// Most beams of one LiDAR.
 const MAX_BEAMS: u64 = 10_000_000;
 const MAX_STEPS: u64 = 100_000;
 const MAX_CHANNELS: u64 = 1024;
@@ -16,7 +16,7 @@ const MAX_SENSOR_FILE: u64 = 64 << 20;
 /// The LiDAR that every sensor of a placement is.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Lidar {
-    /// Channels that turn about z.
+    /// Spinning sensor: channels that turn about z.
     Spinning {
         /// Elevation of each channel in degrees, in the order of the data sheet.
         elevations: Vec<f64>,
@@ -27,7 +27,7 @@ pub enum Lidar {
         /// Range in metres.
         range: f64,
     },
-    /// A fixed list of beams, for patterns that do not repeat by turning.
+    /// Fixed list of beams, for patterns that do not repeat by turning.
     Directions {
         /// Unit vectors in the sensor frame.
         directions: Vec<[f64; 3]>,
@@ -54,7 +54,7 @@ impl Lidar {
         }
     }
 
-    /// The sensor's beams as a table.
+    /// Beam table of the sensor.
     ///
     /// # Errors
     /// As [`BeamTable::spinning`] and [`BeamTable::from_directions`].
@@ -71,8 +71,10 @@ impl Lidar {
         }
     }
 
-    /// A spinning LiDAR from a sensor file: `elevation_deg` and, if there, `azimuth_offset_deg` by
-    /// channel, the offsets counter-clockwise. `azimuth_steps` a turn, `range` in metres.
+    /// Reads a spinning LiDAR from a sensor file.
+    ///
+    /// The file lists `elevation_deg` and, optionally, `azimuth_offset_deg` by channel, counter-clockwise.
+    /// `azimuth_steps` a turn, `range` in metres.
     ///
     /// # Errors
     /// A file that cannot be read or lists no usable elevations.
@@ -141,7 +143,7 @@ impl Lidar {
     }
 }
 
-/// `count` elevations from the lower to the upper end of `fov`; one channel takes the lower end.
+/// Elevations and offsets of `count` channels spread evenly over `fov`; one channel takes the lower end.
 fn even_channels(
     at: &Place,
     count: u64,
@@ -164,7 +166,8 @@ fn even_channels(
     Ok(((0..n).map(|k| lower + step(k)).collect(), vec![0.0; n as usize]))
 }
 
-/// Elevations and offsets of a sensor file, `sign` telling which way its offsets turn.
+/// Elevations and offsets of a sensor file; `sign` is the direction of its offsets, counter-clockwise
+/// by default.
 fn read_sensor(
     at: &Place,
     file: &Path,
@@ -220,7 +223,7 @@ fn unit_vectors(at: &Place, mut list: Vec<[f64; 3]>) -> Result<Vec<[f64; 3]>, De
         return Err(bad(at, format!("a list of {}", list.len()), wanted));
     }
     for (i, d) in list.iter_mut().enumerate() {
-        // Scaled by the largest component first, so that squares neither vanish nor overflow.
+        // Scaling by the largest component first keeps squares from vanishing or overflowing.
         let largest = d.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         if largest == 0.0 {
             let wanted = "a direction: its length is 0; give a vector that points somewhere";

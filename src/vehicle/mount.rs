@@ -4,13 +4,14 @@ use serde::{Deserialize, Serialize};
 
 use super::SensorPose;
 use super::description::{KeepOutDescription, MountDescription};
+use super::mirror::SLACK;
 use crate::json::check::{self, bad};
 use crate::json::{DescriptionError, Place};
 
-/// Boxes of a mount in which no sensor may stand.
+/// Most keep-out boxes of a mount.
 const MAX_KEEP_OUT: usize = 32;
 
-/// Where sensors may stand and how they may turn, in the ego frame.
+/// Mount of a scene, as its file describes it: positions and angles of its sensors, in the ego frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mount {
     /// Lower corner of the box of sensor origins, metres.
@@ -27,11 +28,11 @@ pub struct Mount {
     pub min_distance: f64,
     /// LiDARs of a placement, 1 to 16.
     pub lidars: u32,
-    /// Lower and upper corners of boxes in which no sensor may stand, in the ego frame, metres.
+    /// Lower and upper corners of the keep-out boxes, metres.
     pub keep_out: Vec<[[f64; 3]; 2]>,
     /// Whether all sensors stand at one height.
     pub equal_height: bool,
-    /// Whether sensors come in pairs mirrored at the plane y = 0; an odd one lies in it.
+    /// Whether sensors come in pairs mirrored at the plane y = 0; an odd one lies in the plane.
     pub symmetric: bool,
 }
 
@@ -87,7 +88,7 @@ impl Mount {
         Ok(mount)
     }
 
-    /// The mount with further rules.
+    /// Mount with further rules.
     pub(crate) fn narrowed(
         &self,
         at: &Place,
@@ -123,7 +124,7 @@ impl Mount {
         })
     }
 
-    /// That the rules leave room for a placement.
+    /// Checks that the rules leave room for a placement.
     fn check(&self, at: &Place) -> Result<(), DescriptionError> {
         if self.is_kept_out() {
             let wanted = "a choice that leaves room for a sensor: the boxes cover the whole mount; make \
@@ -133,8 +134,7 @@ impl Mount {
         }
         let diagonal = [0, 1, 2].map(|k| (self.max[k] - self.min[k]).powi(2));
         let diagonal = diagonal.iter().sum::<f64>().sqrt();
-        // The same slack as where placements are checked.
-        if self.lidars > 1 && self.min_distance > diagonal + 1e-9 {
+        if self.lidars > 1 && self.min_distance > diagonal + SLACK {
             let wanted = format!(
                 "a distance that {} LiDARs in this mount can keep: it measures {diagonal:.3} m from corner \
                  to corner; lower it or widen the mount",
@@ -167,16 +167,16 @@ impl Mount {
         Ok(())
     }
 
-    /// Whether the boxes leave no part of the mount free, faces aside.
+    /// Whether the keep-out boxes cover the whole mount, faces aside.
     fn is_kept_out(&self) -> bool {
-        // Within a cell between neighbouring faces nothing changes: its middle stands for it.
+        // All faces cut the mount into cells; each cell is in a box or out of it with its middle.
         let middles = [0, 1, 2].map(|k| {
             let (low, high) = (self.min[k], self.max[k]);
             let faces = self.keep_out.iter().flatten().map(|corner| corner[k]);
             let mut cuts: Vec<f64> = faces.filter(|face| low < *face && *face < high).collect();
             cuts.extend([low, high]);
             cuts.sort_by(f64::total_cmp);
-            // Boxes that touch leave nothing between them; a mount may be flat.
+            // Faces that touch enclose no cell; a flat mount is one cell of width 0.
             cuts.dedup();
             if low == high {
                 return cuts;

@@ -68,13 +68,13 @@ impl SensorPose {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Placement {
-    /// 1 to 64 of letters, digits, `.`, `_`, `-`.
+    /// Name of 1 to 64 letters, digits, `.`, `_`, `-`.
     pub name: String,
     /// 1 to [`MAX_LIDARS`] poses.
     pub lidars: Vec<SensorPose>,
 }
 
-/// What is wrong with a placement.
+/// Why a placement cannot be used.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[non_exhaustive]
 pub enum PlacementError {
@@ -83,7 +83,7 @@ pub enum PlacementError {
         "`{name}` is not a placement name: use 1 to {MAX_NAME} letters, digits, `.`, `_` or `-`"
     )]
     BadName {
-        /// As read.
+        /// Name as read.
         name: String,
     },
     /// Two placements share a name.
@@ -95,24 +95,24 @@ pub enum PlacementError {
     /// No LiDAR, or too many.
     #[error("placement `{name}` has {count} LiDARs; give it 1 to {MAX_LIDARS}")]
     LidarCount {
-        /// Of the placement.
+        /// Name of the placement.
         name: String,
-        /// As read.
+        /// Number of LiDARs.
         count: usize,
     },
-    /// A number that no pose can have.
+    /// A number that is not finite, or a coordinate too far away.
     #[error(
         "placement `{name}`, LiDAR {lidar}: {field} = {value:?} is not usable; give a finite number \
          (coordinates within ±{MAX_COORDINATE} m)"
     )]
     BadNumber {
-        /// Of the placement.
+        /// Name of the placement.
         name: String,
         /// Index of the LiDAR, from 0.
         lidar: usize,
         /// `x`, `y`, `z`, `roll`, `pitch` or `yaw`.
         field: &'static str,
-        /// As read.
+        /// Number as read.
         value: f64,
     },
 }
@@ -121,7 +121,7 @@ impl Placement {
     /// Checks the name, the number of LiDARs and every number.
     ///
     /// # Errors
-    /// The first thing found wrong, naming the placement.
+    /// The first fault found, with the name of the placement.
     pub fn validate(&self) -> Result<(), PlacementError> {
         let name = &self.name;
         let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');

@@ -16,7 +16,7 @@ const MAX_LINE: u64 = 1 << 20;
 /// Largest document that is read at once, in bytes: some million placements.
 const MAX_DOCUMENT: u64 = 1 << 30;
 
-/// Why placements could not be read.
+/// Why a placement file could not be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlacementFileError {
@@ -25,21 +25,21 @@ pub enum PlacementFileError {
     Io {
         /// File.
         path: PathBuf,
-        /// From the operating system.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Not JSON, or not of the form of a placement.
+    /// The text is no JSON, or no placement.
     #[error("{}, line {line}, column {column}{}: {problem}", path.display(), in_placement(near))]
     Json {
         /// File.
         path: PathBuf,
-        /// From 1.
+        /// Line, from 1.
         line: u64,
-        /// From 1.
+        /// Column, from 1.
         column: usize,
-        /// Name of the placement that is being read, as far as the text tells.
+        /// Name of the placement at this place, if the text holds one.
         near: Option<String>,
-        /// Place inside of the document or line, and what is wrong there.
+        /// Place in the document or line, and the fault there.
         problem: String,
     },
     /// Placements without the object around them.
@@ -48,12 +48,12 @@ pub enum PlacementFileError {
         /// File.
         path: PathBuf,
     },
-    /// Not text.
+    /// The document is not UTF-8.
     #[error("{}: is not UTF-8 text from byte {byte} on; save it as UTF-8", path.display())]
     NotText {
         /// File.
         path: PathBuf,
-        /// From 0.
+        /// First byte that is not UTF-8, from 0.
         byte: usize,
     },
     /// A placement that cannot be used.
@@ -63,7 +63,7 @@ pub enum PlacementFileError {
         path: PathBuf,
         /// Line of a `.jsonl` file, from 1.
         line: Option<u64>,
-        /// Which and why.
+        /// Fault of the placement.
         source: PlacementError,
     },
     /// A line that is not text.
@@ -71,7 +71,7 @@ pub enum PlacementFileError {
     LineNotText {
         /// File.
         path: PathBuf,
-        /// From 1.
+        /// Line, from 1.
         line: u64,
     },
     /// A line too long to be a placement.
@@ -79,7 +79,7 @@ pub enum PlacementFileError {
     LongLine {
         /// File.
         path: PathBuf,
-        /// From 1.
+        /// Line, from 1.
         line: u64,
     },
     /// A document too large to be held.
@@ -108,7 +108,7 @@ fn in_placement(name: &Option<String>) -> String {
     name.as_ref().map(|n| format!(", placement `{n}`")).unwrap_or_default()
 }
 
-/// The `index`-th name in a text: one with NaN in it is no JSON, but its user still wants to know where.
+/// The `index`-th name in a text that need not be JSON: an error in the text still names its placement.
 fn name_in(text: &str, index: usize) -> Option<String> {
     let (at, _) = text.match_indices("\"name\"").nth(index)?;
     let rest = text[at..].strip_prefix("\"name\"")?.trim_start().strip_prefix(':')?;
@@ -116,9 +116,9 @@ fn name_in(text: &str, index: usize) -> Option<String> {
     Some(name.chars().take(64).collect())
 }
 
-/// A document, or one line of several; `line` is the number of its first.
+/// Parses a document, or one line of a `.jsonl` file; `line` is the number of its first line.
 fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, PlacementFileError> {
-    // Keeping track of the place takes time: only where it is needed.
+    // Parsing with the place takes longer, so it runs on errors alone.
     serde_json::from_str(text).map_err(|error| {
         let mut json = serde_json::Deserializer::from_str(text);
         let place = match serde_path_to_error::deserialize::<_, T>(&mut json) {
@@ -150,10 +150,10 @@ struct PlacementFile {
     placements: Vec<Placement>,
 }
 
-/// Placements of a file one by one, each checked, in order; `-` is stdin.
+/// Iterator over the checked placements of a file, in order; `-` is stdin.
 ///
-/// `.jsonl` is read a line at a time and holds no more than one placement in memory, `.json` as one
-/// document `{"placements": […]}`. Under any other name, as of a pipe, the first bytes tell which it is.
+/// `.jsonl` is read a line at a time, with one placement in memory; `.json` is one document
+/// `{"placements": […]}`. Under any other name, such as a pipe's, the first bytes tell the form.
 pub struct PlacementReader {
     path: PathBuf,
     source: Source,
@@ -165,12 +165,12 @@ enum Source {
     Lines { reader: Box<dyn BufRead>, line: u64 },
 }
 
-/// How a document begins, spaces aside.
+/// First bytes of a document, without spaces.
 const DOCUMENT: &[u8] = b"{\"placements\"";
-/// What some editors put before a text.
+/// Mark that some editors write before UTF-8 text.
 const BYTE_ORDER_MARK: &str = "\u{feff}";
 
-/// The first bytes of a stream, until they tell whether it is a document; and whether it is.
+/// Reads the first bytes of a stream; returns them, and whether a document begins there.
 fn sniff(reader: &mut impl BufRead) -> io::Result<(Vec<u8>, bool)> {
     let (mut head, mut seen) = (Vec::new(), Vec::new());
     for byte in reader.bytes().take(MAX_LINE as usize) {
@@ -188,7 +188,7 @@ fn sniff(reader: &mut impl BufRead) -> io::Result<(Vec<u8>, bool)> {
 }
 
 impl PlacementReader {
-    /// Opens a file; a JSON document is parsed here, lines while they are read.
+    /// Opens a file; parses a document at once, lines as they are asked for.
     ///
     /// # Errors
     /// The file cannot be opened, or is no JSON of the expected form.

@@ -3,9 +3,9 @@
 use super::mirror::{MIRRORED, pairs};
 use super::{Constraints, Placement, SensorPose, Ties};
 
-/// Grid values are rounded to this many steps a unit, so that 0.1 · 3 is printed as 0.3.
+/// Grid values are rounded to multiples of 1/`DECIMALS`: 0.1 · 3 becomes 0.3.
 const DECIMALS: f64 = 1e12;
-/// Poses of one grid at most.
+/// Most poses of a grid.
 const MAX_POSES: u64 = 1 << 31;
 
 /// Spacing of a grid of sensor poses: δ of Algorithm 1 of Place3D.
@@ -19,10 +19,9 @@ pub struct Spacing {
 
 /// All sensor poses on a grid of density δ within a mount.
 ///
-/// Along each pose field the grid starts at the lower bound and ends at the last step that does not
-/// pass the upper one. Where LiDARs come in mirrored pairs, y, roll and yaw run evenly to both sides of
-/// 0 instead, so that the mirror image of a pose is on the grid. Poses are numbered from 0, yaw running
-/// fastest and x slowest.
+/// Along each pose field the grid starts at the lower bound and ends at the last step within the upper
+/// one. For mirrored pairs, y, roll and yaw run from −kδ to kδ instead: the mirror image of a pose is on
+/// the grid. Poses are numbered from 0, with yaw fastest and x slowest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseGrid {
     lower: [f64; 6],
@@ -30,14 +29,14 @@ pub struct PoseGrid {
     count: [u32; 6],
 }
 
-/// Why there is no such grid.
+/// Why a spacing makes no grid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PoseGridError {
-    /// A step that is no positive number.
+    /// A spacing that is not positive and finite.
     #[error("a grid spacing of {value} {unit} is not usable; give a positive number")]
     BadSpacing {
-        /// As given.
+        /// Spacing as given.
         value: f64,
         /// `m` or `rad`.
         unit: &'static str,
@@ -45,13 +44,13 @@ pub enum PoseGridError {
     /// Too many poses to number.
     #[error("the grid has {poses} sensor poses, at most {MAX_POSES} are possible; widen --delta")]
     TooManyPoses {
-        /// Of the grid.
+        /// Poses of the grid.
         poses: u128,
     },
 }
 
 impl PoseGrid {
-    /// The grid of a mount.
+    /// Grid of a mount.
     ///
     /// # Errors
     /// A spacing that is not positive, or too many poses.
@@ -64,7 +63,7 @@ impl PoseGrid {
         let Spacing { metres, radians } = spacing;
         let step = [metres, metres, metres, radians, radians, radians];
         let whole = |extent: f64, k: usize| {
-            // Bounds are decimal numbers: 1.2 m hold 12 steps of 0.1 m, not 11.999….
+            // Bounds are decimal: 1.2 m is 12 steps of 0.1 m, though 1.2 / 0.1 = 11.999… in `f64`.
             let steps = extent / step[k];
             if (steps - steps.round()).abs() < 1e-9 { steps.round() } else { steps.floor() }
         };
@@ -90,7 +89,7 @@ impl PoseGrid {
         self.count.iter().product()
     }
 
-    /// Whether there is no pose; never so.
+    /// False: a grid has at least the pose at the lower bounds.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -100,12 +99,12 @@ impl PoseGrid {
         self.step
     }
 
-    /// The pose of a number below [`Self::len`].
+    /// Pose of a number below [`Self::len`].
     pub fn pose(&self, number: u32) -> SensorPose {
         let steps = self.steps_of(number);
         let [x, y, z, roll, pitch, yaw] = [0, 1, 2, 3, 4, 5].map(|k| {
             let value = self.lower[k] + f64::from(steps[k]) * self.step[k];
-            // Plus zero, so that no coordinate is printed as −0.
+            // + 0.0 turns −0 into 0, which prints without a sign.
             if self.count[k] == 1 { value } else { (value * DECIMALS).round() / DECIMALS + 0.0 }
         });
         SensorPose { x, y, z, roll, pitch, yaw }
@@ -120,7 +119,7 @@ impl PoseGrid {
         }))
     }
 
-    /// Number of the mirror image of a pose, where the grid lies evenly about the plane y = 0.
+    /// Number of the mirror image of a pose, on a grid for mirrored pairs.
     pub fn mirrored(&self, number: u32) -> u32 {
         let mut steps = self.steps_of(number);
         MIRRORED.iter().for_each(|&k| steps[k] = self.count[k] - 1 - steps[k]);
@@ -134,8 +133,8 @@ impl PoseGrid {
         self.number_of(steps)
     }
 
-    /// Numbers of the poses nearest to those of a placement; of a mirrored pair that with the larger y
-    /// decides, and its image follows it.
+    /// Numbers of the poses nearest to a placement's; for mirrored pairs, the nearest of the LiDAR of
+    /// larger y and its mirror image.
     pub fn numbers_of(&self, placement: &Placement, ties: Ties) -> Vec<u32> {
         let lidars = &placement.lidars;
         if !ties.symmetric {
@@ -151,8 +150,7 @@ impl PoseGrid {
         both.chain(single).collect()
     }
 
-    /// The placement with every LiDAR moved to the nearest pose of the grid, as
-    /// [`Self::numbers_of`] says.
+    /// Placement with every LiDAR moved to its pose of [`Self::numbers_of`].
     pub fn snapped(&self, placement: &Placement, ties: Ties) -> Placement {
         let numbers = self.numbers_of(placement, ties);
         let lidars = numbers.into_iter().map(|number| self.pose(number)).collect();

@@ -5,16 +5,16 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{Constraints, Placement};
 
-/// Draws for each placement wanted, before a crowded mount is given up.
+/// Most draws for each placement by the rules: a crowded mount may hold none.
 const DRAWS: usize = 1000;
 
-/// Placements drawn evenly from the mount; they need not keep the minimum distance.
+/// Draws placements evenly from the bounds of the mount; minimum distance and keep-out boxes are ignored.
 pub fn random_placements(constraints: &Constraints, count: usize, seed: u64) -> Vec<Placement> {
     draws(constraints, seed).take(count).collect()
 }
 
-/// The first `count` placements of [`random_placements`] that keep every rule of the mount; fewer where
-/// hardly any do.
+/// First `count` placements of [`random_placements`] that keep every rule of the mount; fewer in a
+/// crowded mount.
 pub fn random_placements_by_the_rules(
     constraints: &Constraints,
     count: usize,
@@ -24,7 +24,7 @@ pub fn random_placements_by_the_rules(
     draws(constraints, seed).take(DRAWS * count).filter(keeps_rules).take(count).collect()
 }
 
-/// Placements without end, uniform in every pose field that may vary, named by their number.
+/// Endless placements, uniform in every free pose field, named by their number.
 fn draws(constraints: &Constraints, seed: u64) -> impl Iterator<Item = Placement> + '_ {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let bounds = constraints.variable_bounds();

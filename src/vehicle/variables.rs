@@ -3,17 +3,17 @@
 use super::mirror::{MIRRORED, SLACK, pairs};
 use super::{Constraints, Placement, SensorPose};
 
-/// One number that a search varies.
+/// One number of a search.
 struct Variable {
-    /// Pose field that it sets.
+    /// Pose field that the variable sets.
     field: usize,
     bounds: (f64, f64),
-    /// LiDARs whose field it sets, and the sign it takes there; the first has it as it is.
+    /// LiDARs whose field the variable sets, each with a sign; the first sign is +1.
     sets: Vec<(usize, f64)>,
 }
 
 impl Constraints {
-    /// LiDARs that come in mirrored pairs, first of all; the rest stand by themselves.
+    /// Number of LiDARs in mirrored pairs; these come first.
     fn paired(&self) -> usize {
         if self.ties.symmetric { self.lidars / 2 * 2 } else { 0 }
     }
@@ -34,7 +34,7 @@ impl Constraints {
                 if lidar < paired {
                     sets.push((lidar + 1, if mirrored { -1.0 } else { 1.0 }));
                     if field == 1 {
-                        // The first is the left one, and its image far enough away.
+                        // The first of a pair is the left one, at least half the distance from y = 0.
                         lower = (0.5 * self.min_distance).min(upper);
                     }
                 }
@@ -52,8 +52,8 @@ impl Constraints {
         variables
     }
 
-    /// Bounds of the search variables: the free fields of every LiDAR, LiDAR after LiDAR; of tied ones
-    /// once, where they come first.
+    /// Bounds of the search variables: the free fields of every LiDAR, LiDAR after LiDAR, a tied field
+    /// once at its first LiDAR.
     pub fn variable_bounds(&self) -> Vec<(f64, f64)> {
         self.variables().iter().map(|variable| variable.bounds).collect()
     }
@@ -62,7 +62,7 @@ impl Constraints {
     pub fn poses_of(&self, variables: &[f64]) -> Vec<SensorPose> {
         let mut fixed = self.lower;
         if self.ties.symmetric {
-            // Their ranges run from −a to a.
+            // The ranges of y, roll and yaw run from −a to a.
             MIRRORED.iter().for_each(|&k| fixed[k] = 0.0);
         }
         let mut poses = vec![fixed; self.lidars];
@@ -75,9 +75,10 @@ impl Constraints {
         poses.into_iter().map(pose).collect()
     }
 
-    /// Search variables of a placement, its poses moved into the bounds; `None` where it has another
-    /// number of LiDARs, or breaks a rule that ties them. In a symmetric one as many LiDARs as can be
-    /// must be pairs: two in the plane of symmetry are none.
+    /// Search variables of a placement, its poses moved into the bounds.
+    ///
+    /// `None` for another number of LiDARs, or for a broken tie: a symmetric placement of n LiDARs has
+    /// ⌊n/2⌋ mirrored pairs, so two LiDARs in the plane y = 0 are no pair.
     pub fn variables_of(&self, placement: &Placement) -> Option<Vec<f64>> {
         let mut lidars = placement.lidars.clone();
         if lidars.len() != self.lidars {
@@ -157,7 +158,7 @@ mod tests {
             for _ in 0..200 {
                 let mut placement = drawn(&rules, &mut rng);
                 assert!(!rules.violations(&placement).iter().any(is_tied), "{placement:?}");
-                // The order of the LiDARs means nothing.
+                // Any order of the LiDARs is the same placement.
                 placement.lidars.rotate_left(1);
                 let variables = rules.variables_of(&placement).expect("it keeps the ties");
                 let back = rules.poses_of(&variables);
@@ -181,7 +182,7 @@ mod tests {
                 let [x, y, z, roll, pitch, yaw] = fields;
                 placement.lidars[lidar] = SensorPose { x, y, z, roll, pitch, yaw };
                 let broken = rules.violations(&placement).iter().any(is_tied);
-                // Forward, up and about y the one in the plane stays in it.
+                // The LiDAR in the plane stays there when it moves in x or pitches.
                 let free = lidar == 4 && [0, 4].contains(&field);
                 assert_eq!(broken, !free, "LiDAR {lidar}, field {field}");
                 assert_eq!(rules.variables_of(&placement).is_some(), free);

@@ -9,17 +9,17 @@ use gltf::mesh::Mode;
 use super::raw::{Fault, MAX_FILE, RawMesh};
 use crate::json::read_limited;
 
-/// Nodes inside nodes.
+/// Deepest nesting of nodes.
 const MAX_DEPTH: usize = 64;
-/// Triangles of a whole file, as of a scene, and vertices. Many primitives may share one accessor, so
-/// that a small file could ask for any number.
+/// Most triangles of a file, as of a scene: primitives may share an accessor, so a small file can ask
+/// for any number.
 const MAX_TRIANGLES: usize = 10_000_000;
 const MAX_VERTICES: usize = 3 * MAX_TRIANGLES;
 
 /// Reads a glTF; buffers beside it are looked up in `dir`. Points and lines are left out.
 pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
     let whole = |e: gltf::Error| Fault::new("file", e.to_string());
-    // The crate takes the header's twelve bytes off the length of the file without a look at it.
+    // The crate subtracts the 12 bytes of the header from this length unchecked.
     if let Some([b'g', b'l', b'T', b'F', _, _, _, _, length @ ..]) = bytes.first_chunk::<12>()
         && u32::from_le_bytes(*length) < 12
     {
@@ -27,7 +27,7 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
     }
     let gltf::Gltf { document, blob } =
         gltf::Gltf::from_slice_without_validation(bytes).map_err(whole)?;
-    // The validation indexes with these before it has looked at them.
+    // The crate's validation indexes with these before checking them.
     let json = document.into_json();
     let accessors = json.accessors.len();
     for (i, mesh) in json.meshes.iter().enumerate() {
@@ -54,8 +54,9 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
     Ok(walk.mesh)
 }
 
-/// The bytes of each buffer. The crate's own import opens whatever a file names, devices included,
-/// and does not survive a name that is not UTF-8. `files` gets what was opened.
+/// Bytes of each buffer; opened files are added to `files`.
+///
+/// The crate's own import opens any path, devices included, and panics on names that are not UTF-8.
 fn read_buffers(
     document: &gltf::Document,
     dir: &Path,
@@ -96,7 +97,7 @@ fn read_buffers(
 struct Walk<'a> {
     mesh: RawMesh,
     buffers: &'a [Vec<u8>],
-    /// glTF demands a tree; a node met twice would make a loop or a blow-up.
+    /// glTF demands a tree: a node with two parents could make a loop, or exponentially many copies.
     seen: Vec<bool>,
 }
 
@@ -177,7 +178,7 @@ impl Walk<'_> {
         Ok(())
     }
 
-    /// Refuses an accessor that reaches past its buffer, which the reader would not survive.
+    /// Refuses an accessor that reaches past its buffer: the crate's reader would panic.
     fn check_accessor(&self, accessor: &gltf::Accessor<'_>) -> Result<(), String> {
         let name = accessor.index();
         let Some(view) = accessor.view().filter(|_| accessor.sparse().is_none()) else {

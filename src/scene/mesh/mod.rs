@@ -15,7 +15,7 @@ use raw::{Fault, MAX_FILE};
 
 pub(crate) use raw::RawMesh;
 
-/// Whether files of this kind usually have y up.
+/// Whether files with this ending have y up by default.
 pub(crate) fn default_y_up(file: &Path) -> bool {
     matches!(extension(file).as_str(), "gltf" | "glb")
 }
@@ -24,7 +24,7 @@ fn extension(file: &Path) -> String {
     file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
-/// Reads the mesh that the scene names at `at`; its kind follows from the ending of its name.
+/// Reads the mesh named at `at`; the ending of its name tells the format.
 pub(crate) fn load(at: &Place, file: &Path) -> Result<RawMesh, DescriptionError> {
     let fault = |f: Fault| DescriptionError::Mesh {
         at: Box::new(at.clone()),
@@ -60,7 +60,7 @@ fn reader(_: &str) -> Result<Reader, Fault> {
     Err(Fault::new("file", "cannot be read: this build is without the feature `mesh`"))
 }
 
-/// Every vertex finite, every index in range, at least one triangle.
+/// Checks for finite vertices, indices in range and at least one triangle.
 fn check(mesh: &RawMesh) -> Result<(), Fault> {
     if mesh.faces.is_empty() {
         return Err(Fault::new("file", "holds no triangle"));

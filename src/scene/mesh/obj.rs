@@ -14,8 +14,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, Fault> {
         let line = 1 + bytes[..e.valid_up_to()].iter().filter(|&&b| b == b'\n').count();
         Fault::new(format!("line {line}"), "is not text; is this an OBJ file?")
     })?;
-    // tobj knows only materials of a library; it gets one made of the names in use, so that
-    // missing .mtl files do not matter.
+    // tobj knows materials of a library alone: it gets one made of the names in `usemtl`, and .mtl files
+    // may be missing.
     let (text, names) = strip(text)?;
     let options = tobj::LoadOptions {
         triangulate: true,
@@ -34,7 +34,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, Fault> {
         let index = list.iter().enumerate().map(|(i, n)| (n.clone(), i)).collect();
         Ok((list.iter().map(material).collect(), index))
     })
-    // Less the line put in front.
+    // Without the `mtllib` line in front.
     .map_err(|e| Fault::new(format!("line {}", lines.get().max(2) - 1), e.to_string()))?;
     let materials = materials.unwrap_or_default();
     let mut mesh = RawMesh::default();
@@ -54,11 +54,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawMesh, Fault> {
     Ok(mesh)
 }
 
-/// Leaves only positions, faces and materials, on the lines where they stood, and lists the
-/// materials; refuses positions that are not finite and faces out of range.
+/// Reduces the text to positions, faces and materials, each on its line, and lists the materials.
 ///
-/// Faces keep their position indices alone: texture coordinates mean nothing here, and tobj counts
-/// on their indices being small.
+/// Refuses positions that are not finite and faces out of range. Faces keep their position indices
+/// alone: tobj relies on small indices of texture coordinates, which are not used here.
 fn strip(text: &str) -> Result<(String, Vec<String>), Fault> {
     let is_vertex = |l: &&str| l.split_whitespace().next() == Some("v");
     let total = text.lines().filter(is_vertex).count() as i64;
@@ -107,7 +106,7 @@ fn strip(text: &str) -> Result<(String, Vec<String>), Fault> {
     Ok((kept, names))
 }
 
-/// Counts the lines that a parser has taken, to say where it stopped.
+/// Reader that counts its lines, for the place of an error.
 struct CountLines<'a, R> {
     inner: R,
     lines: &'a Cell<usize>,

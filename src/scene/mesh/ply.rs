@@ -10,7 +10,7 @@ use ply_rs_bw::ply::{
 
 use super::raw::{Fault, RawMesh};
 
-/// A vertex or a face; other elements leave it as it is.
+/// Vertex or face; other elements set nothing.
 #[derive(Default)]
 struct Element {
     position: [Option<f64>; 3],
@@ -84,10 +84,10 @@ fn one_line(error: &ply_rs_bw::parser::ParseError) -> String {
     error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Refuses a count that the rest of the file cannot hold, before anything is read by it.
+/// Refuses a count that the rest of the file cannot hold, before memory is taken for it.
 fn check_count(element: &ElementDef, encoding: Encoding, left: u64) -> Result<(), Fault> {
     let smallest = |p: &PropertyType| match (encoding, p) {
-        // A digit and a blank.
+        // One digit and one blank.
         (Encoding::Ascii, _) => 2,
         (_, PropertyType::Scalar(s) | PropertyType::List(s, _)) => match s {
             ScalarType::Char | ScalarType::UChar => 1,
@@ -97,7 +97,7 @@ fn check_count(element: &ElementDef, encoding: Encoding, left: u64) -> Result<()
         },
     };
     let bytes: u64 = element.properties.values().map(|p| smallest(&p.data_type)).sum();
-    // The last line may lack its line feed.
+    // + 1: the last line may lack its line feed.
     let need = (element.count as u64).saturating_mul(bytes.max(1));
     if need <= left + 1 {
         return Ok(());
