@@ -1,6 +1,6 @@
 //! Closest hits of all beams: the plain reference and the fast copies that give its bits.
 //!
-//! `README.md` beside this file says which file does what, and what each path earns.
+//! `README.md` beside this file names the job of each file and the evidence for each path.
 
 mod batch;
 mod beam_order;
