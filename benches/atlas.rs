@@ -11,12 +11,12 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
+use sightline::internals::{Atlas, Union};
 use sightline::problem::{Problem, Tally};
 use sightline::psog::Roi;
 use sightline::scan::scan_scene;
 use sightline::scene::{ScanSettings, Scene};
 use sightline::score::Objective;
-use sightline::search::atlas::{Atlas, PageStore, Union};
 use sightline::vehicle::{BeamTable, Constraints, Lidar, Placement, PoseGrid, Spacing};
 
 const ROUNDS: usize = 15;
@@ -69,7 +69,6 @@ fn measure(problem: &Arc<Problem>, grid: &PoseGrid, objective: &Objective) {
     let start = Instant::now();
     atlas.hold(&mut backend, &poses).expect("room for the poses");
     let cold = start.elapsed().as_secs_f64() / POSES as f64;
-    let (written, read) = on_disk(&mut backend, problem, grid, objective, &poses);
     let mut pick = || poses[rng.random_range(0..poses.len())];
     let placements: Vec<[u32; 4]> = (0..2000).map(|_| [pick(), pick(), pick(), pick()]).collect();
     let few: Vec<Placement> = placements[..16]
@@ -102,11 +101,9 @@ fn measure(problem: &Arc<Problem>, grid: &PoseGrid, objective: &Objective) {
         checksum += tallies.iter().filter_map(value).sum::<f64>();
     }
     println!(
-        "\n{objective}: {} KiB a pose, {:.2} ms to cast one, {:.2} ms to read it of {} KiB from a store",
+        "\n{objective}: {} KiB a pose, {:.2} ms to cast one",
         atlas.page_bytes() >> 10,
-        1e3 * cold,
-        1e3 * read,
-        written >> 10
+        1e3 * cold
     );
     let reference = median(&mut plain).0;
     for (what, rates) in
@@ -116,33 +113,6 @@ fn measure(problem: &Arc<Problem>, grid: &PoseGrid, objective: &Objective) {
         println!("  {what:14} {rate:9.0}/s ±{spread:.0} %  {:7.1}×", rate / reference);
     }
     assert!(checksum.is_finite());
-}
-
-/// Bytes of a pose in a store, and the seconds it takes to read one from there.
-fn on_disk(
-    backend: &mut CpuBackend,
-    problem: &Arc<Problem>,
-    grid: &PoseGrid,
-    objective: &Objective,
-    poses: &[u32],
-) -> (u64, f64) {
-    let folder = tempfile::tempdir().expect("a folder");
-    let store = Arc::new(PageStore::open(folder.path(), MEMORY).expect("a store"));
-    let mut seconds = 0.0;
-    // Cast and kept first, then read.
-    for _ in 0..2 {
-        let counts_all = objective.counts_all_covered();
-        let mut atlas = Atlas::new(problem.clone(), grid.clone(), counts_all, MEMORY);
-        atlas.keep_in(store.clone());
-        let start = Instant::now();
-        atlas.hold(backend, poses).expect("room for the poses");
-        seconds = start.elapsed().as_secs_f64();
-    }
-    let report = store.report();
-    assert_eq!(report.read, report.written, "every pose was read");
-    let files = std::fs::read_dir(folder.path()).expect("the folder");
-    let bytes: u64 = files.map(|f| f.and_then(|f| f.metadata()).expect("a file").len()).sum();
-    (bytes / report.written, seconds / report.read as f64)
 }
 
 /// The median, and half the distance of the quartiles as a share of it in per cent.

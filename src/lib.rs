@@ -70,4 +70,12 @@ pub use vehicle::{BeamTable, Constraints, Placement, SensorPose, read_placements
 
 /// Parts that tests and benchmarks of this project look into; nothing here is stable.
 #[doc(hidden)]
-pub mod internals {}
+pub mod internals {
+    pub use crate::search::atlas::{Atlas, Union};
+    pub use crate::search::bound::{Effort, GridSample, bound_gain};
+    pub use crate::search::climb::Moves;
+    pub use crate::search::generations::{Generation, Generations};
+    pub use crate::search::grid_search::GridSearch;
+    pub use crate::search::levels::{Level, Pilot};
+    pub use crate::search::swaps::{SwapSettings, Swapped, swap_from};
+}

@@ -1,16 +1,14 @@
 //! Sums from the pose atlas against those of a backend.
 
-use std::fs;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use sightline::bvh::Bvh;
 use sightline::cover::BitOrder;
 use sightline::engine::gpu::GpuBackend;
 use sightline::engine::{Backend, CpuBackend, ReferenceBackend};
+use sightline::internals::{Atlas, Union};
 use sightline::problem::{Content, OccupiedVoxel, Problem, Tally};
 use sightline::psog::Roi;
-use sightline::search::atlas::{Atlas, PageStore, StoreReport, Union};
 use sightline::vehicle::{BeamTable, Constraints, Placement, PoseGrid, Spacing};
 
 use crate::common::{MEMORY, random_content, random_soup};
@@ -114,109 +112,4 @@ fn memory_is_bounded_and_what_was_used_last_stays() {
     assert_eq!(atlas.poses_cast(), 30, "0 and 1 were still there");
     let error = atlas.hold(&mut cpu, &(0..17).collect::<Vec<_>>()).unwrap_err();
     assert!(error.to_string().contains("the pose atlas"), "{error}");
-}
-
-/// Sums of poses that an atlas with a store holds, the poses it cast or read, and what the store did.
-fn through_a_store(
-    problem: &Arc<Problem>,
-    folder: &Path,
-    poses: &[u32],
-) -> (Vec<Tally>, u64, StoreReport) {
-    let store = Arc::new(PageStore::open(folder, MEMORY).unwrap());
-    let mut backend = CpuBackend::new(problem.clone(), MEMORY);
-    let mut atlas = Atlas::new(problem.clone(), grid(), true, MEMORY);
-    atlas.keep_in(store.clone());
-    atlas.hold(&mut backend, poses).unwrap();
-    let mut union = Union::default();
-    atlas.union(&[], &mut union);
-    let tallies = poses.iter().map(|&pose| atlas.tally_with(&union, pose)).collect();
-    (tallies, atlas.poses_cast(), store.report())
-}
-
-fn pages(folder: &Path) -> Vec<PathBuf> {
-    let mut pages: Vec<_> = fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
-    pages.sort();
-    pages
-}
-
-#[test]
-fn kept_pages_change_nothing_and_spoilt_ones_are_cast_again() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    let problem = problem(few_worths);
-    let poses = [2, 7, 31, 40, 53];
-    let (want, cast, first) = through_a_store(&problem, folder, &poses);
-    assert!(want.iter().all(|tally| tally.covered_nonzero > 100));
-    assert_eq!(first, StoreReport { written: 5, ..StoreReport::default() });
-    let again = through_a_store(&problem, folder, &poses);
-    let read = StoreReport { read: 5, ..StoreReport::default() };
-    assert_eq!(again, (want.clone(), cast, read.clone()));
-
-    let files = pages(folder);
-    assert_eq!(files.len(), 5, "nothing but pages is left");
-    let sound = fs::read(&files[0]).unwrap();
-    let mut spoilt: Vec<Vec<u8>> = vec![vec![], sound[..sound.len() / 2].to_vec()];
-    spoilt.push([&sound[..], &[0]].concat());
-    spoilt.push(fs::read(&files[1]).unwrap());
-    spoilt.extend((0..sound.len()).step_by(sound.len() / 16).map(|at| {
-        let mut bytes = sound.clone();
-        bytes[at] ^= 1 << (at % 8);
-        bytes
-    }));
-    for bytes in spoilt {
-        fs::write(&files[0], &bytes).unwrap();
-        let (got, _, report) = through_a_store(&problem, folder, &poses);
-        assert_eq!(got, want);
-        assert_eq!((report.read, report.written, report.spoilt), (4, 1, 1));
-        assert_eq!(fs::read(&files[0]).unwrap(), sound, "mended");
-    }
-}
-
-#[test]
-fn pages_of_another_problem_are_not_read() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    let base = problem(few_worths);
-    through_a_store(&base, folder, &[7, 40]);
-    let (roi, content, table) = (*base.roi(), base.content().clone(), base.table().clone());
-    let frames = |seeds: [u64; 2]| {
-        seeds.map(|seed| Arc::new(Bvh::build(&random_soup(seed, 60, 9.0), 30.0))).to_vec()
-    };
-    let moved = Roi::new([-10.0, -9.0, -2.1], roi.voxel(), roi.shape()).unwrap();
-    let others = [
-        Problem::new(roi, content.clone(), table.clone(), frames([3, 5]), true),
-        Problem::new(roi, content.clone(), table.clone(), frames([4, 3]), true),
-        Problem::new(roi, content.clone(), table.clone(), frames([3, 4]), false),
-        Problem::new(roi, content.clone(), table.with_range(29.0), frames([3, 4]), true),
-        Problem::new(roi, random_content(5, &roi), table.clone(), frames([3, 4]), true),
-        Problem::new(moved, content, table, frames([3, 4]), true),
-    ];
-    for other in others {
-        let report = through_a_store(&Arc::new(other), folder, &[7, 40]).2;
-        assert_eq!(report, StoreReport { written: 2, ..StoreReport::default() });
-    }
-    assert_eq!(through_a_store(&base, folder, &[7, 40]).2.read, 2);
-}
-
-#[test]
-fn the_folder_is_bounded_and_what_was_used_last_stays() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    let problem = problem(few_worths);
-    through_a_store(&problem, folder, &[7]);
-    let oldest = pages(folder).remove(0);
-    through_a_store(&problem, folder, &(10..22).collect::<Vec<_>>());
-    let size = |path: &PathBuf| fs::metadata(path).unwrap().len();
-    let limit = pages(folder).iter().map(size).sum();
-    // Used now, though it was written first.
-    through_a_store(&problem, folder, &[7]);
-    let store = Arc::new(PageStore::open(folder, limit).unwrap());
-    let mut backend = CpuBackend::new(problem.clone(), MEMORY);
-    let mut atlas = Atlas::new(problem, grid(), true, MEMORY);
-    atlas.keep_in(store);
-    for pose in 30..40 {
-        atlas.hold(&mut backend, &[pose]).unwrap();
-        assert!(pages(folder).iter().map(size).sum::<u64>() <= limit);
-    }
-    assert!(pages(folder).contains(&oldest));
 }

@@ -152,7 +152,6 @@ fn what_cannot_be_is_named_with_its_file_and_leaves_nothing() {
     fs::write(dir.path().join("file"), "").unwrap();
     for (more, words) in [
         (["--delta", "1e-9"], "widen --delta"),
-        (["--atlas", "file"], "--atlas file"),
         (["--adapter", "X"], "leave one of them out"),
         (["--memory", "16"], "--memory"),
     ] {
@@ -184,19 +183,4 @@ fn what_cannot_be_is_named_with_its_file_and_leaves_nothing() {
     fs::write(&path, scene.to_string()).unwrap();
     let message = fails(dir.path(), &optimize);
     assert!(message.contains("kept its rules (LiDARs at least 1.5 m apart;"), "{message}");
-}
-
-#[test]
-fn an_atlas_shrinks_to_its_size_though_nothing_is_new() {
-    let dir = TempDir::new().unwrap();
-    room(dir.path());
-    let run = |size: &str| {
-        let args = ["optimize", "room.json", "--backend", "cpu", "--evaluations", "8"];
-        ok(dir.path(), &[&args[..], &["--atlas", "pages", "--atlas-size", size]].concat());
-        let pages = fs::read_dir(dir.path().join("pages")).unwrap();
-        pages.map(|page| page.unwrap().metadata().unwrap().len()).sum::<u64>()
-    };
-    let whole = run("1G");
-    let size = whole / 2;
-    assert!(run(&size.to_string()) <= size, "{whole} bytes were not brought below {size}");
 }

@@ -20,13 +20,9 @@ fn optimize_writes_its_folder_and_repeats_itself() {
     let dir = TempDir::new().unwrap();
     room(dir.path());
     let first = ok(dir.path(), &optimize_args("first", "90"));
-    // Poses that the second run casts, the third one reads.
-    let kept = ["--atlas", "pages"];
     let second = optimize_args("second", "90");
-    let second = ok(dir.path(), &[&second[..], &kept, &["--threads", "1"]].concat());
-    assert!(fs::read_dir(dir.path().join("pages")).unwrap().count() > 10);
-    let gpu: Vec<&str> = [&optimize_args("third", "90")[..], &kept]
-        .concat()
+    let second = ok(dir.path(), &[&second[..], &["--threads", "1"]].concat());
+    let gpu: Vec<&str> = optimize_args("third", "90")
         .into_iter()
         .map(|arg| if arg == "cpu" { "gpu" } else { arg })
         .collect();
@@ -134,12 +130,12 @@ fn every_method_says_what_it_found_and_the_better_one_wins() {
     let with = |out: &'static str, more: &[&'static str]| {
         ok(dir.path(), &[&optimize_args(out, "60")[..], more].concat())
     };
-    let both = with("both", &[]);
+    let both = with("both", &["--objective", "m_sog_scaled"]);
     let methods = both["methods"].as_array().unwrap();
     assert_eq!(methods.len(), 2);
     let best = methods.iter().map(|m| m["objective"].as_f64().unwrap()).fold(f64::MIN, f64::max);
     assert_eq!(both["best"]["objective"].as_f64().unwrap(), best);
-    let cma = with("cma", &["--method", "cma"]);
+    let cma = with("cma", &["--method", "cma", "--objective", "m_sog_scaled"]);
     assert_eq!(cma["methods"].as_array().unwrap().len(), 1);
     assert!(cma["best"]["objective"].as_f64() <= Some(best));
     assert!(cma["certificate"]["gain"].is_null(), "m_sog_scaled has no such bound");
@@ -182,6 +178,9 @@ fn long_room(dir: &std::path::Path) {
     fs::write(dir.join("room.json"), scene.to_string()).unwrap();
 }
 
+/// Share of the objective that a search over frames on demand may end below one over all frames.
+const LOST: f64 = 0.01;
+
 #[test]
 fn auto_searches_fewer_frames_and_ends_as_well() {
     let dir = TempDir::new().unwrap();
@@ -194,8 +193,7 @@ fn auto_searches_fewer_frames_and_ends_as_well() {
         ok(dir.path(), &[&args[..], &own].concat())
     };
     let value = |run: &Value| run["best"]["objective"].as_f64().unwrap();
-    // One seed more or less lucky says nothing. The walker makes each frame unlike the others, so that
-    // few of them stand for all worse than in the own scenes: auto ends 4 % lower here.
+    // One seed more or less lucky says nothing.
     let median = |fidelity: &str| {
         let mut values = ["1", "2", "3"].map(|seed| value(&run(fidelity, seed)));
         values.sort_by(f64::total_cmp);
@@ -220,7 +218,8 @@ fn auto_searches_fewer_frames_and_ends_as_well() {
     // Both are reported over all frames.
     assert_eq!((&auto["frames"], &full["frames"]), (&json!(8), &json!(8)));
     let (auto, full) = (median("auto"), median("full"));
-    assert!(auto > 1.06 * full, "{auto} and {full}");
+    let lost = (full - auto) / full.abs();
+    assert!(lost <= LOST, "{auto} is {lost} worse than {full}");
 }
 
 #[cfg(unix)]
@@ -250,8 +249,7 @@ fn a_damaged_checkpoint_is_refused() {
     ok(dir.path(), &optimize_args("run", "30"));
     let path = dir.path().join("run/checkpoint.json");
     let whole = fs::read_to_string(&path).unwrap();
-    for (from, to) in
-        [("\"n\": ", "\"n\": 9"), ("\"population\": ", "\"population\": 7"), ("0.", "1.")]
+    for (from, to) in [("\"n\":", "\"n\":9"), ("\"population\":", "\"population\":7"), ("0.", "1.")]
     {
         let damaged = whole.replacen(from, to, 1);
         assert_ne!(damaged, whole, "{from}");

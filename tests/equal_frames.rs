@@ -4,14 +4,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 use sightline::bvh::Bvh;
-use sightline::chart::Pilot;
 use sightline::engine::Backend;
 use sightline::engine::ReferenceBackend;
+use sightline::internals::Pilot;
+use sightline::internals::{Atlas, Union};
 use sightline::problem::{Problem, Tally};
 use sightline::psog::Roi;
 use sightline::scan::scan_scene;
 use sightline::scene::{EgoBody, PsogSource, Scene};
-use sightline::search::atlas::{Atlas, Union};
 use sightline::vehicle::random_placements;
 use sightline::vehicle::{BeamTable, Constraints, Placement, PoseGrid, Spacing};
 

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use sightline::engine::CpuBackend;
+use sightline::internals::{
+    Atlas, Effort, GridSample, GridSearch, Moves, SwapSettings, bound_gain, swap_from,
+};
 use sightline::problem::Problem;
 use sightline::score::Objective;
-use sightline::search::atlas::Atlas;
-use sightline::search::{
-    Evaluator, GridPlacement, GridSample, GridSearch, Moves, SwapSettings, bound_gain, swap_from,
-};
+use sightline::search::{Evaluator, GridPlacement};
 use sightline::vehicle::{Constraints, Placement, PoseGrid, SensorPose, Spacing, Ties};
 
 use crate::common::{MEMORY, mounted, random_problem};
@@ -33,9 +33,34 @@ fn search(problem: &Arc<Problem>, rules: &Constraints, objective: &str) -> (Grid
     (GridSearch::new(atlas, objective, &evaluator), evaluator)
 }
 
+/// The best of all placements that extend `chosen` by poses of higher number, by trying each.
+fn best_of_all(
+    search: &mut GridSearch,
+    evaluator: &mut Evaluator,
+    lidars: usize,
+    chosen: &mut Vec<u32>,
+) -> Option<GridPlacement> {
+    if chosen.len() == lidars {
+        let value = search.value(evaluator, chosen).unwrap();
+        return Some(GridPlacement { poses: chosen.clone(), value });
+    }
+    let first = chosen.last().map_or(0, |last| last + 1);
+    let mut best: Option<GridPlacement> = None;
+    for pose in first..search.atlas().grid().len() {
+        if !search.fits(pose, chosen) {
+            continue;
+        }
+        chosen.push(pose);
+        let found = best_of_all(search, evaluator, lidars, chosen);
+        chosen.pop();
+        let is_better = |found: &GridPlacement| best.as_ref().is_none_or(|b| found.value > b.value);
+        best = found.filter(is_better).or(best);
+    }
+    best
+}
+
 #[test]
 fn bounds_bracket_the_best_of_all_placements() {
-    let go_on = || true;
     let gain = "information_gain";
     let tasks = "0.5*information_gain + 2*detection.information_gain";
     for (seed, lidars, apart, objective) in [
@@ -50,7 +75,7 @@ fn bounds_bracket_the_best_of_all_placements() {
         let rules = constraints(lidars, apart);
         let (mut search, mut evaluator) = search(&problem, &rules, objective);
         let all: Vec<u32> = (0..36).collect();
-        let best = search.exhaustive(&mut evaluator, &all).unwrap().unwrap();
+        let best = best_of_all(&mut search, &mut evaluator, lidars, &mut Vec::new()).unwrap();
         let greedy = search.greedy(&mut evaluator, &all).unwrap().unwrap();
         assert!(greedy.value <= best.value);
         if apart == 0.0 {
@@ -59,7 +84,9 @@ fn bounds_bracket_the_best_of_all_placements() {
         let about = |a: f64, b: f64| (a - b).abs() <= 1e-11 * b;
         let mut uppers = Vec::new();
         for nodes in [2, 10, 100, 100_000] {
-            let bound = bound_gain(&mut search, &mut evaluator, &greedy, nodes, &go_on).unwrap();
+            let effort = Effort { sets: nodes, ..Effort::of(1000) };
+            let go_on = &mut |_| true;
+            let bound = bound_gain(&mut search, &mut evaluator, &greedy, &effort, go_on).unwrap();
             assert!(bound.upper >= best.value * (1.0 - 1e-12), "seed {seed}, {nodes} nodes");
             assert!(bound.best.value >= greedy.value && bound.upper <= bound.upper_at_root);
             let root = bound.upper_at_root / best.value;
@@ -95,7 +122,7 @@ fn a_climb_ends_where_no_swap_gains() {
         let (mut search, mut evaluator) = search(&problem, &rules, objective);
         let start = [0, 17, 35];
         let from = search.value(&mut evaluator, &start).unwrap();
-        let top = search.climb(&mut evaluator, &start, Moves::Anywhere, &|_| true).unwrap();
+        let top = search.climb(&mut evaluator, &start, Moves::Anywhere, &mut |_| true).unwrap();
         assert!(top.value >= from, "{objective}");
         let placement = top.placement(search.atlas().grid(), "top");
         assert!(rules.violations(&placement).is_empty());
@@ -115,7 +142,8 @@ fn a_climb_ends_where_no_swap_gains() {
                 assert!(value <= top.value || guarded, "{objective}: {value} after {}", top.value);
             }
         }
-        let stopped = search.climb(&mut evaluator, &start, Moves::Around(1), &|_| false).unwrap();
+        let stopped =
+            search.climb(&mut evaluator, &start, Moves::Around(1), &mut |_| false).unwrap();
         assert_eq!(stopped.poses, start);
     }
 }
@@ -175,7 +203,7 @@ fn a_climb_keeps_ties_and_leaves_boxes_free() {
             let from = search.start_of(&start).expect("it keeps the rules");
             let least = search.value(&mut evaluator, &from).unwrap();
             for moves in [Moves::Along(1), Moves::Around(1), Moves::Anywhere] {
-                let top = search.climb(&mut evaluator, &from, moves, &|_| true).unwrap();
+                let top = search.climb(&mut evaluator, &from, moves, &mut |_| true).unwrap();
                 let placement = top.placement(search.atlas().grid(), "top");
                 assert_eq!(rules.violations(&placement), [], "{rules:?}");
                 let scores = evaluator.scores(&[placement]).unwrap().remove(0);
@@ -213,7 +241,7 @@ fn swaps_tell_other_ends_that_are_about_as_good() {
         });
         let start = Placement { name: "start".into(), lidars: start.to_vec() };
         let settings = SwapSettings { spacing, casts: 2000, memory: MEMORY, seed };
-        let swapped = swap_from(&mut evaluator, &objective, &settings, &[start], &|_| true);
+        let swapped = swap_from(&mut evaluator, &objective, &settings, &[start], &mut |_| true);
         let swapped = swapped.unwrap().unwrap();
         let all = [vec![swapped.placement], swapped.others].concat();
         let scores = evaluator.scores(&all).unwrap();

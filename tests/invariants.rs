@@ -6,10 +6,10 @@ use rand::RngExt;
 use rand::seq::SliceRandom;
 use sightline::audit::{Trial, Verdict};
 use sightline::engine::Backend;
+use sightline::internals::{Atlas, Generations, GridSearch, Moves};
 use sightline::problem::{Problem, Tally};
 use sightline::score::{Objective, Scores};
-use sightline::search::atlas::Atlas;
-use sightline::search::{Evaluator, GridPlacement, GridSearch, Moves, Search, SearchSettings};
+use sightline::search::{Evaluator, GridPlacement, Settings};
 use sightline::vehicle::random_placements;
 use sightline::vehicle::{Placement, PoseGrid, Spacing};
 use sightline::verify::hostile_placements;
@@ -210,25 +210,24 @@ fn a_guarded_placement_is_never_preferred() {
         let backend = Box::new(cpu(&own.problem));
         let mut evaluator = Evaluator::new(mounted(&own.problem, &constraints), backend);
         for objective in ["m_sog", "m_sog_scaled", "information_gain"] {
-            let settings = SearchSettings {
-                objective: objective.into(),
+            let settings = Settings {
+                objective: objective.parse().unwrap(),
                 evaluations: 48,
                 population: Some(12),
-                batch: None,
                 seed: rng.random(),
-                delta: None,
+                ..Settings::default()
             };
-            let objective: Objective = objective.parse().unwrap();
-            let mut search = Search::new(settings, &constraints, &table_7()).unwrap();
+            let starts = &settings.baselines;
+            let mut search = Generations::new(&settings, &constraints, starts.iter()).unwrap();
             let (mut seen, mut unguarded, mut guarded) = (0, false, 0);
             while search.stopped().is_none() {
-                let record = search.step(&mut evaluator, &objective).unwrap();
+                let record = search.step(&mut evaluator, &settings).unwrap().record;
                 let scored = (search.evaluations() - seen) as usize - record.infeasible;
                 seen = search.evaluations();
                 unguarded |= scored > record.guarded;
                 guarded += record.guarded;
                 if unguarded {
-                    assert_eq!(search.best().unwrap().guards, 0, "{name}, {objective}");
+                    assert_eq!(search.best().unwrap().standing.guards, 0, "{name}, {objective}");
                 }
             }
             assert!(guarded > 0 && unguarded, "{name}: the mount does not tempt");
@@ -256,12 +255,15 @@ fn a_climb_ends_without_a_violated_guard() {
     };
     let mut honest = search("information_gain", &evaluator);
     let start = honest.greedy(&mut evaluator, &all).unwrap().unwrap();
-    assert!(!honest.is_guarded(&mut evaluator, &start).unwrap(), "{name}: {start:?}");
+    assert!(honest.standing(&mut evaluator, &start).unwrap().is_sound(), "{name}: {start:?}");
     let mut tempted = search("m_sog", &evaluator);
     let blind = tempted.greedy(&mut evaluator, &all).unwrap().unwrap();
-    assert!(tempted.is_guarded(&mut evaluator, &blind).unwrap(), "{name}: M-SOG is not tempted");
-    let top = tempted.climb(&mut evaluator, &start.poses, Moves::Anywhere, &|_| true).unwrap();
-    assert!(!tempted.is_guarded(&mut evaluator, &top).unwrap(), "{name}: {top:?}");
+    assert!(
+        !tempted.standing(&mut evaluator, &blind).unwrap().is_sound(),
+        "{name}: M-SOG is not tempted"
+    );
+    let top = tempted.climb(&mut evaluator, &start.poses, Moves::Anywhere, &mut |_| true).unwrap();
+    assert!(tempted.standing(&mut evaluator, &top).unwrap().is_sound(), "{name}: {top:?}");
     assert!(blind.value > top.value, "{name}: blindness does not pay");
     for pair in [[&blind, &top], [&top, &blind]] {
         let [a, b] = pair.map(GridPlacement::clone);

@@ -15,8 +15,6 @@ mod cli_errors;
 #[cfg(feature = "cli")]
 mod cli_inputs;
 #[cfg(feature = "cli")]
-mod cli_merging;
-#[cfg(feature = "cli")]
 mod cli_optimize;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_output;
@@ -52,6 +50,7 @@ mod layers;
 mod lost_device;
 #[cfg(feature = "cli")]
 mod main_job;
+mod optimize;
 mod own_scenes;
 mod packets;
 mod reference;

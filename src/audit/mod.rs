@@ -1,7 +1,6 @@
 //! Trials against the metric itself: attempts to raise a score while seeing less, guards that notice
 //! them, and rankings under changes of the model.
 
-mod ranking;
 mod stability;
 mod trial;
 mod worlds;
@@ -18,7 +17,6 @@ use crate::score::{Objective, Scores};
 use crate::search::Evaluator;
 use crate::vehicle::{Lidar, Placement, SensorError};
 
-pub use ranking::{kendall_tau, mean_height, spearman};
 pub use stability::Stability;
 pub use trial::{Trial, Verdict};
 

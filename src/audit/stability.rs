@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use super::{kendall_tau, mean_height, spearman};
 use crate::score::{Objective, Scores};
+use crate::score::{kendall_tau, mean_height, spearman};
 use crate::vehicle::Placement;
 
 /// The honest placements under one change that should matter little.

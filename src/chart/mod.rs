@@ -10,15 +10,11 @@
 //! | `exact`, `exact_tree` | the finest setting: casting, coverage and sums in `f64` |
 //! | `ranking` | score error, Kendall's τ, top-1 regret, bootstrap intervals |
 //! | `measure` | cost and scores of one setting |
-//! | `levels` | frames that stand for all in a search |
-//! | `merging` | whether a search may do with merged triangles |
 //! | `verdict` | the Pareto front and the cheapest setting that keeps the ranking |
 
 mod exact;
 mod exact_tree;
-mod levels;
 mod measure;
-mod merging;
 mod ranking;
 mod run;
 mod setting;
@@ -26,9 +22,7 @@ mod simplify;
 mod verdict;
 mod world;
 
-pub use levels::{Level, Pilot};
 pub use measure::{Measured, PoseCost};
-pub use merging::{Merging, merged_over};
 pub use ranking::{Interval, RankingError};
 pub use run::{Chart, ChartObserver, ChartRow, ChartSettings, ChartState, chart};
 pub use setting::{Engine, Fidelity, Setting, Settings};

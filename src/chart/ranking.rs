@@ -4,7 +4,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-use crate::audit::kendall_tau;
+use crate::score::kendall_tau;
 
 /// Resamples of the bootstrap.
 const RESAMPLES: usize = 500;

@@ -1,44 +1,33 @@
-mod auto;
-mod finalists;
-mod folder;
-mod follow;
-mod generations;
-mod grid;
-mod outcome;
-mod pages;
-mod rules;
+//! `sightline optimize`: options to settings, progress on stderr, a run folder, the result on stdout.
+
+mod record;
 mod settings;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
-use sightline::chart::merged_over;
-use sightline::problem::Problem;
-use sightline::problem::spread;
-use sightline::report::{Figures, RunTimes, Scored};
-use sightline::score::Objective;
-use sightline::search::{Evaluator, GenerationRecord, SWAP_SPACING, Search, SearchStop};
-use sightline::vehicle::Constraints;
-use sightline::vehicle::{Placement, PoseGrid, Spacing, read_placements};
+use sightline::Problem;
+use sightline::report::{RunRecord, certificate_in_words, methods_in_words, verdict};
+use sightline::scene::Scene;
+use sightline::search::{Event, Method, Outcome, Run, SearchError, TimeLimit, Work};
+use sightline::vehicle::Spacing;
 
-use super::args::{Compute, Format, Talk, at_least_one, finite, parse_seconds, parse_size, whole};
+use super::args::{Compute, Format, Talk, at_least_one, finite, parse_seconds, whole};
 use super::error::Error;
 use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
-use super::load;
-use auto::{Auto, FidelityChoice};
-use folder::{RunFolder, Spent};
-use follow::scores_with;
-use grid::{Method, parse_spacing};
-use outcome::{body_of, print};
-use rules::{Rules, left_out};
-use settings::RunSettings;
+use super::load::{self, LoadTimes};
+use super::run_dir::RunDir;
+use super::{progress, table};
+use record::{Spent, finish, read_spent, save};
+use settings::{Rules, Saved, parse_spacing};
 
-/// Share of `--max-seconds` that the generations may take; the swaps have what is left.
-const GENERATIONS_SHARE: f64 = 0.4;
+/// Time between two checkpoints: one after each generation would take longer than the search itself
+/// where generations are quick.
+const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(1);
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -59,7 +48,7 @@ pub struct Args {
     /// Score to maximize, or a weighted sum of several
     #[arg(
         long,
-        default_value = "m_sog_scaled",
+        default_value = "information_gain",
         allow_hyphen_values = true,
         conflicts_with = "resume"
     )]
@@ -81,21 +70,17 @@ pub struct Args {
     #[arg(long, value_name = "N", conflicts_with = "resume",
           value_parser = clap::value_parser!(u32).range(4..=10_000))]
     population: Option<u32>,
-    /// Placements wanted at once: further instances of the CMA-ES run beside the first while they fit,
-    /// so that a large device is kept busy. It changes the result [default: one instance at a time]
-    #[arg(long, value_name = "N", conflicts_with = "resume",
-          value_parser = clap::value_parser!(u32).range(4..=1_000_000))]
-    batch: Option<u32>,
-    /// How much of the scene the search models: as few frames as keep the ranking, more when they no
+    /// Frames of the scene that the search models: as few as keep the ranking, and more when they no
     /// longer tell the best apart (auto), or all (full); the result is confirmed over all
-    #[arg(long, value_enum, default_value_t = FidelityChoice::Auto, conflicts_with = "resume")]
-    fidelity: FidelityChoice,
+    #[arg(long, value_enum, default_value_t = Fidelity::Auto, conflicts_with = "resume")]
+    fidelity: Fidelity,
     /// Frames that the search averages over, spread evenly, whatever they lose
     #[arg(long, value_name = "N", conflicts_with_all = ["resume", "fidelity"],
           value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
-    /// How to search
-    #[arg(long, value_enum, default_value_t = Method::Both, conflicts_with = "resume")]
+    /// How to search: CMA-ES and then swaps of single LiDARs (both), the first alone (cma), or swaps over
+    /// every pose of a grid (swaps)
+    #[arg(long, value_parser = method, default_value = "both", conflicts_with = "resume")]
     method: Method,
     /// Search on a grid of sensor poses alone, as in the paper: metres and radians between
     /// neighbours, as 0.1 or 0.2,0.1. Swaps always use one [default for them: 0.1]
@@ -111,13 +96,6 @@ pub struct Args {
     /// More placements to start from where the mount allows them; not compared with
     #[arg(long, value_name = "FILE", conflicts_with = "resume")]
     inject: Option<PathBuf>,
-    /// Keep what each sensor pose of a grid covers in this folder, for later runs
-    #[arg(long, value_name = "DIR")]
-    atlas: Option<PathBuf>,
-    /// Size of that folder; what was used longest ago goes first
-    #[arg(long, value_name = "SIZE", default_value = "4G", requires = "atlas",
-          value_parser = parse_size)]
-    atlas_size: u64,
     /// How to print the result
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
@@ -127,244 +105,237 @@ pub struct Args {
     compute: Compute,
 }
 
+/// Value of `--fidelity`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Fidelity {
+    /// As few frames as keep the ranking
+    Auto,
+    /// Every frame
+    Full,
+}
+
+/// `--method`.
+fn method(text: &str) -> Result<Method, String> {
+    match text {
+        "both" => Ok(Method::Both),
+        "cma" => Ok(Method::Cma),
+        "swaps" => Ok(Method::Swaps),
+        _ => Err("write both, cma or swaps".into()),
+    }
+}
+
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let start = Instant::now();
     args.compute.start()?;
-    let deadline = |share: f64| {
-        args.max_seconds.map(|seconds| start + Duration::from_secs_f64(share * seconds))
+    let resumed =
+        args.resume.as_deref().map(|path| RunDir::<Saved>::resume("optimize", path)).transpose()?;
+    let begun = match &resumed {
+        Some((_, saved)) => saved.begun.clone(),
+        None => settings::begun(args)?,
     };
-    let (mut settings, resumed) = match &args.resume {
-        Some(folder) => {
-            let resumed = RunFolder::resume(folder)?;
-            (resumed.settings.clone(), Some(resumed))
-        }
-        None => (RunSettings::of(args)?, None),
-    };
-    let objective: Objective = settings.search.objective.parse()?;
-    let (scene, psog, mut times) = load::scene_and_psog(&settings.scene, args.compute.talk)?;
-    load::note_frames(&scene, args.frames, args.compute.talk);
-    let inputs = Input::of(&scene)?;
-    if let Some(resumed) = &resumed {
-        resumed.folder.check(&inputs)?;
+    let opened = open(&begun, args)?;
+    if let Some((folder, _)) = &resumed {
+        folder.check(&opened.inputs)?;
     }
-    let scene = scene
-        .with_rules(&settings.rules, &settings.scene.display().to_string())
-        .map_err(|error| Error::Usage(format!("options for the mount: {error}")))?;
-    let building = Instant::now();
-    let constraints = Constraints::from(scene.mount());
-    let all_frames: Vec<usize> = (0..scene.frame_count()).collect();
-    let whole = Arc::new(Problem::with_psog(&scene, &psog, &all_frames)?);
-    let auto = match (&resumed, settings.frames) {
-        (Some(resumed), _) => resumed.auto.clone(),
-        (None, Some(_)) => None,
-        (None, None) => Some(Auto::new(
-            (&scene, &whole),
-            &constraints,
-            &settings.baselines,
-            &objective,
-            settings.search.seed,
-            args.compute.memory_budget(),
-        )?),
-    };
-    let frames = match &auto {
-        Some(auto) => auto.frames().to_vec(),
-        None => spread(whole.frame_count(), settings.frames),
-    };
-    let open_on = |frames: &[usize], cell: Option<f64>, compute: &Compute| {
-        let problem = match cell {
-            Some(cell) => Arc::new(merged_over(&whole, &scene, frames, cell)),
-            None if frames.len() < whole.frame_count() => Arc::new(whole.over(frames)),
-            None => whole.clone(),
-        };
-        load::evaluator(problem, compute)
-    };
-    let mut evaluator = open_on(&frames, auto.as_ref().and_then(Auto::cell), &args.compute)?;
-    if let Some(merging) = auto.as_ref().and_then(Auto::merging) {
-        args.compute.talk.detail(merging.words());
-    }
-    if auto.is_some() {
-        evaluator.keep_last();
-    }
-    times.build += building.elapsed().as_secs_f64();
-    if objective.needs_detection() && !evaluator.problem().content().has_detection() {
-        return Err(Error::Usage(format!(
-            "{}: the objective `{objective}` needs a detection target; name its classes under \
-             `detection` in the scene",
-            settings.scene.display()
-        )));
-    }
-    let store = pages::open(args)?;
-    PoseGrid::new(&constraints, settings.search.delta.unwrap_or(SWAP_SPACING))?;
-    let (folder, search, history, mut spent) = match resumed {
-        Some(resumed) => (resumed.folder, resumed.search, resumed.history, resumed.spent),
+    let (folder, run) = match resumed {
+        Some((folder, saved)) => (folder, Run::resume(opened.problem.clone(), saved.run)),
         None => {
-            let mut start = settings.baselines.clone();
-            if let Some(file) = &args.inject {
-                let injected = read_placements(file)?;
-                settings.left_out = left_out(&constraints, &injected, args.compute.talk);
-                start.extend(injected);
-            }
-            let search = Search::new(settings.search.clone(), &constraints, &start)?;
+            let run = Run::new(opened.problem.clone(), &settings::of(args)?);
+            let run = run.map_err(|error| in_scene(error, &begun.scene))?;
             // Before the search, so that a folder that cannot be written is found out now.
-            let folder = RunFolder::create(args.out.as_deref(), &settings.scene, inputs)?;
-            (folder, search, Vec::new(), Spent::default())
+            let name = begun.scene.file_stem().unwrap_or_default().to_string_lossy();
+            let inputs = opened.inputs.clone();
+            (RunDir::create("optimize", args.out.as_deref(), &name, inputs)?, run)
         }
     };
-    let quiet = Compute { talk: Talk { quiet: true, verbose: false }, ..args.compute.clone() };
-    let open = |frames: &[usize], cell: Option<f64>| open_on(frames, cell, &quiet);
-    let whole = whole.clone();
-    spent.times.load += times.load;
-    spent.times.build += times.build;
-    let (full, chosen, searching) = (None, None, Instant::now());
-    let mut run = Run {
-        settings,
-        objective,
-        evaluator,
-        search,
-        history,
-        folder,
-        auto,
-        whole,
-        full,
-        chosen,
-        spent,
-        start,
-        searching,
-    };
-
+    let earlier = read_spent(&folder);
+    let mut sitting = Sitting { args, begun, opened, folder, run, earlier, start };
     let interrupt = Interrupt::listen(args.compute.talk);
-    if run.settings.method != Method::Swaps {
-        let until = interrupt.until(deadline(GENERATIONS_SHARE));
-        run.search(&args.compute, &until, &open)?;
-    }
-    run.settle(&args.compute, &open)?;
-    let generations_spent = run.spent_so_far();
-    let (mut swaps, mut bounds) = (None, None);
-    let until = interrupt.until(deadline(1.0));
-    if !interrupt.is_pressed() && run.search.stopped() != Some(SearchStop::Target) {
-        if let Some(store) = &store {
-            run.evaluator.keep_pages(store.clone());
-        }
-        (swaps, bounds) = run.on_the_grid(&args.compute, &until)?;
-    }
-    if let (Some(store), Some(folder)) = (store, &args.atlas) {
-        store.shrink();
-        pages::note(&store.report(), folder, args.compute.talk);
-    }
-    let interrupted = interrupt.is_pressed();
-    let is_over = until.is_set() || run.is_cut_short();
-    let stopped = match run.search.stopped() {
-        _ if interrupted => "interrupted".to_owned(),
-        Some(SearchStop::Target) => SearchStop::Target.to_string(),
-        _ if is_over => "time: the seconds given are over".to_owned(),
-        Some(why) => why.to_string(),
-        None => "settled: no swap gains any more".to_owned(),
-    };
-    run.say_stopped(&stopped, interrupted || is_over, args.compute.talk);
-    let search_spent = run.spent_so_far();
-    let confirming = Instant::now();
-    let searched_all = run.is_over_all();
-    let search_frames = run.evaluator.problem().frame_count();
-    let mut backend_changes = Vec::new();
-    let mut searched_with = None;
-    if !searched_all {
-        backend_changes = run.evaluator.backend().changes().to_vec();
-        let on_cpu = run.evaluator.backend().name() == "cpu";
-        let mut all = match run.full.take().filter(|_| on_cpu) {
-            Some(full) => full,
-            None => open(&all_frames, None)?,
-        };
-        if let Some(auto) = &run.auto {
-            all.remember(auto.known());
-        }
-        searched_with = Some(std::mem::replace(&mut run.evaluator, all));
-    }
-    let others = swaps.as_ref().map_or(0, |swaps| 1 + swaps.others.len());
-    let bar = run.confirming(1 + others + run.settings.baselines.len(), args.compute.talk);
-    let finding = run.confirm(swaps, bounds, searched_with, &bar)?;
-    let mut record = run.record(&scene, finding, stopped, &bar)?;
-    bar.finish_and_clear();
-    let map = run.map(record.best.as_ref())?;
-    for change in run.evaluator.backend().changes() {
-        // What confirms the result was opened without a word.
-        if !searched_all {
-            args.compute.talk.note(change);
-        }
-        backend_changes.push(change.clone());
-    }
-    record.backend_changes = backend_changes;
-    record.search_frames = search_frames;
-    record.rate = generations_spent.searched as f64 / generations_spent.seconds;
-    record.timings = RunTimes {
-        confirm: run.spent.times.confirm + confirming.elapsed().as_secs_f64(),
-        total: run.spent_so_far().times.total,
-        ..search_spent.times
-    };
-    let figures = Figures::new(
-        &record,
-        &run.history,
-        run.evaluator.constraints(),
-        &body_of(&scene),
-        map.as_ref(),
-    );
-    let spent = Spent { times: record.timings, ..generations_spent };
-    run.folder.finish(&record, &figures, &spent)?;
-    if record.best.is_none() && !interrupted {
+    let outcome = sitting.search(&interrupt)?;
+    let is_interrupted = interrupt.is_set();
+    let record = finish(&sitting, &outcome)?;
+    if record.best.is_none() && !is_interrupted {
         return Err(Error::Usage(format!(
             "{}: mount: no candidate kept its rules ({}); widen the mount or relax them",
-            run.settings.scene.display(),
+            sitting.begun.scene.display(),
             record.constraints.join("; ")
         )));
     }
-    print(args, &record, run.folder.path())?;
-    Ok(if interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+    print(args, &record, sitting.folder.path())?;
+    Ok(if is_interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
 
-/// Opens an evaluator over some of the scene's frames, with vertices merged in cells of an edge.
-type Open<'a> = dyn Fn(&[usize], Option<f64>) -> Result<Evaluator, Error> + 'a;
+/// A scene with the rules of the options, and its problem over all frames.
+struct Opened {
+    scene: Scene,
+    problem: Arc<Problem>,
+    inputs: Vec<Input>,
+    times: LoadTimes,
+}
 
-/// A run under way.
-struct Run {
-    settings: RunSettings,
-    objective: Objective,
-    evaluator: Evaluator,
-    search: Search,
-    history: Vec<GenerationRecord>,
-    folder: RunFolder,
-    auto: Option<Auto>,
-    /// The problem over all frames.
-    whole: Arc<Problem>,
-    /// Scores over all frames, where `auto` has needed that.
-    full: Option<Evaluator>,
-    /// The best finalist over all frames, where `auto` has confirmed some.
-    chosen: Option<Placement>,
-    /// Of earlier sittings, and of this one until the search began; of the generations up to now.
-    spent: Spent,
+fn open(begun: &settings::Begun, args: &Args) -> Result<Opened, Error> {
+    let talk = args.compute.talk;
+    let (scene, psog, mut times) = load::scene_and_psog(&begun.scene, talk)?;
+    load::note_frames(&scene, args.frames, talk);
+    let inputs = Input::of(&scene)?;
+    let scene = scene
+        .with_rules(&begun.rules, &begun.scene.display().to_string())
+        .map_err(|error| Error::Usage(format!("options for the mount: {error}")))?;
+    let building = Instant::now();
+    let all: Vec<usize> = (0..scene.frame_count()).collect();
+    let problem = Arc::new(Problem::with_psog(&scene, &psog, &all)?);
+    talk.detail(problem.modelled().to_string());
+    talk.detail(format!(
+        "scene and P-SOG take {} MiB, work buffers at most {} MiB",
+        problem.bytes() >> 20,
+        args.compute.memory_budget() >> 20
+    ));
+    times.build += building.elapsed().as_secs_f64();
+    Ok(Opened { scene, problem, inputs, times })
+}
+
+/// An error of the settings, with the scene that they do not fit.
+fn in_scene(error: SearchError, scene: &Path) -> Error {
+    match error {
+        SearchError::NoDetection { .. } => Error::Usage(format!("{}: {error}", scene.display())),
+        error => error.into(),
+    }
+}
+
+/// One run of the program on a run folder.
+struct Sitting<'a> {
+    args: &'a Args,
+    begun: settings::Begun,
+    opened: Opened,
+    folder: RunDir<Saved>,
+    run: Run,
+    /// Of earlier sittings.
+    earlier: Spent,
     start: Instant,
-    /// When the search of this sitting began.
-    searching: Instant,
 }
 
-impl Run {
-    /// Whether the search is now over all frames with every triangle.
-    fn is_over_all(&self) -> bool {
-        let is_merged = self.auto.as_ref().and_then(Auto::cell).is_some();
-        !is_merged && self.evaluator.problem().frame_count() == self.whole.frame_count()
+impl Sitting<'_> {
+    /// Runs to the outcome; the state is saved on the way.
+    fn search(&mut self, interrupt: &Interrupt) -> Result<Outcome, Error> {
+        let talk = self.args.compute.talk;
+        let time = self.args.max_seconds.map(|seconds| TimeLimit {
+            start: self.start,
+            length: Duration::from_secs_f64(seconds),
+        });
+        self.run.open_with(self.args.compute.engine(), time);
+        let mut bars = Bars { shown: None, talk };
+        let mut saved: Option<Instant> = None;
+        let outcome = loop {
+            let mut observe = |event: &Event| {
+                bars.show(event);
+                !interrupt.is_set()
+            };
+            let outcome = self.run.step(&mut observe)?;
+            let is_due = saved.is_none_or(|saved| saved.elapsed() > BETWEEN_CHECKPOINTS);
+            if outcome.is_some() || is_due {
+                save(self)?;
+                saved = Some(Instant::now());
+            }
+            if let Some(outcome) = outcome {
+                break outcome;
+            }
+        };
+        bars.clear();
+        let generation = outcome.history.len();
+        let mut line = format!("stopped after generation {generation}: {}", outcome.stopped);
+        if outcome.stopped.is_unfinished() {
+            line += &format!("; go on with --resume {}", self.folder.path().display());
+        }
+        talk.note(line);
+        Ok(outcome)
+    }
+}
+
+/// Progress of a run on stderr.
+struct Bars {
+    shown: Option<(Work, ProgressBar)>,
+    talk: Talk,
+}
+
+impl Bars {
+    fn show(&mut self, event: &Event) {
+        match *event {
+            Event::Note(sentence) => self.talk.note(sentence),
+            Event::Generation(record) => {
+                if let (Some((_, bar)), Some(best)) = (&self.shown, record.best_so_far) {
+                    bar.set_message(format!("· best {best:.4e}"));
+                }
+            }
+            Event::Progress { work, done, total } => {
+                if self.shown.as_ref().is_none_or(|(shown, _)| *shown != work) {
+                    self.clear();
+                    let bar = progress::bar(total, &work.to_string(), self.talk);
+                    self.shown = Some((work, bar));
+                }
+                if let Some((_, bar)) = &self.shown {
+                    bar.set_length(total);
+                    bar.set_position(done);
+                }
+            }
+            _ => {}
+        }
     }
 
-    fn scored(
-        &mut self,
-        placements: &[Placement],
-        bar: &ProgressBar,
-    ) -> Result<Vec<Scored>, Error> {
-        let scores = scores_with(bar, &mut self.evaluator, placements)?;
-        let constraints = self.evaluator.constraints();
-        let scored = placements.iter().zip(scores).map(|(placement, scores)| Scored {
-            objective: self.objective.value(&scores),
-            violations: constraints.violations(placement).iter().map(ToString::to_string).collect(),
-            placement: placement.clone(),
-            scores,
-        });
-        Ok(scored.collect())
+    fn clear(&mut self) {
+        if let Some((_, bar)) = self.shown.take() {
+            bar.finish_and_clear();
+        }
     }
+}
+
+fn print(args: &Args, record: &RunRecord, folder: &Path) -> Result<(), Error> {
+    if args.format == Format::Json {
+        return outln!("{}", serde_json::json!(record));
+    }
+    let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
+    rows.extend(record.baselines.iter().map(|baseline| baseline.scores.clone()));
+    outln!("{}\n", verdict(record.best.as_ref(), &record.baselines, &record.objective))?;
+    outln!("{}: maximizing {} over {} frame(s)", record.scene, record.objective, record.frames)?;
+    out!("{}", table::scores(&rows))?;
+    match &record.best {
+        Some(best) => {
+            outln!("\noptimized placement (m, rad):")?;
+            out!("{}", poses(&best.placement))?;
+            for bound in &record.active_bounds {
+                outln!("  active: {bound}")?;
+            }
+            if !record.constraints.is_empty() {
+                outln!("\nrules kept: {}", record.constraints.join("; "))?;
+            }
+            outln!("\nfound by: {}", methods_in_words(record))?;
+            outln!("certificate: {}", certificate_in_words(record))?;
+            outln!("\n{}", table::findings(&record.findings))?;
+        }
+        None => outln!("\nno candidate kept the rules of the mount; widen it")?,
+    }
+    if let Some(frames) = &record.fidelity {
+        outln!("\n{}", frames.words)?;
+    }
+    outln!(
+        "\nstopped: {}, after {} evaluations in {:.1} s ({:.1} placements × frames/s on {}); report: \
+         {}",
+        record.stopped,
+        record.evaluations,
+        record.timings.total,
+        record.rate,
+        record.backend,
+        folder.join("report.html").display()
+    )
+}
+
+/// The poses of a placement, a line each.
+fn poses(placement: &sightline::Placement) -> String {
+    let titles = ["LiDAR", "x", "y", "z", "roll", "pitch", "yaw"];
+    let mut rows = vec![titles.map(str::to_owned).to_vec()];
+    for (index, pose) in placement.lidars.iter().enumerate() {
+        let mut row = vec![index.to_string()];
+        row.extend(pose.fields().map(|(_, value)| format!("{value:.3}")));
+        rows.push(row);
+    }
+    table::align(&rows)
 }

@@ -147,12 +147,6 @@ impl Drop for Missing {
     }
 }
 
-/// As [`lock_folder`], until this program ends.
-pub fn writable_folder(path: &Path) -> Result<(), Error> {
-    // Dropped, it would end the lock.
-    lock_folder(path, Duration::ZERO).map(std::mem::forget)
-}
-
 /// As [`shared_folder`], for the files of one run: while the lock lives, a second program that names the
 /// folder is refused, since the files of two would not belong together. A program that holds the folder
 /// already may end within `patience`. `None` where folders cannot be opened, as on some network drives:

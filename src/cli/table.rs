@@ -2,7 +2,8 @@
 
 use sightline::report::{ScoreColumn, optional};
 use sightline::score::Scores;
-use sightline::study::{Finding, Table};
+use sightline::search::Finding;
+use sightline::study::Table;
 
 /// Lines of equal columns, the first column to the left and numbers to the right.
 pub fn align(rows: &[Vec<String>]) -> String {

@@ -1,8 +1,9 @@
 //! Chart of a search: best and median objective against evaluations.
 
 use super::plot::Level;
-use super::{Axis, Plot, Scored, Series};
+use super::{Axis, Plot, Series};
 use crate::search::GenerationRecord;
+use crate::search::Scored;
 
 /// The best and the median objective against evaluations; the baselines and the result, which swaps may
 /// have found after the generations, as lines across.

@@ -3,10 +3,10 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::{
-    InformationMap, RunRecord, ScoreColumn, Scored, certificate_in_words, convergence_svg,
+    InformationMap, RunRecord, ScoreColumn, certificate_in_words, convergence_svg,
     methods_in_words, optional, placement_svg, verdict,
 };
-use crate::search::GenerationRecord;
+use crate::search::{GenerationRecord, Scored};
 use crate::vehicle::Constraints;
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;color:#1b2a3a;max-width:64rem;\
@@ -184,7 +184,7 @@ fn search(run: &RunRecord) -> Markup {
         @for layout in &run.left_out {
             p { "Not started from " (layout.name) ": " (layout.why.join("; ")) "." }
         }
-        @if let Some(words) = run.fidelity.as_ref().and_then(|f| f["words"].as_str()) {
+        @if let Some(words) = run.fidelity.as_ref().map(|frames| frames.words.as_str()) {
             p { "Fidelity: " (words) "." }
         }
     }

@@ -6,12 +6,15 @@ use std::fmt::Write;
 use maud::{Markup, html};
 
 use super::svg::{page, px};
-use crate::problem::Content;
+use crate::engine::{Backend, BackendError};
+use crate::problem::{Content, Problem, spread};
 use crate::psog::{Roi, to_nats};
 use crate::vehicle::Placement;
 
 /// Cells along the longer side of the map.
 const CELLS: u32 = 160;
+/// Frames that a map averages over.
+const FRAMES: u32 = 4;
 /// Pixels of the longer side of the map.
 const SIZE: f64 = 640.0;
 /// Steps of each of the two colour scales: how much information, and how much of it is gained.
@@ -31,6 +34,24 @@ pub struct InformationMap {
 }
 
 impl InformationMap {
+    /// The map of what a placement gains, over a few frames spread evenly.
+    ///
+    /// # Errors
+    /// As [`Backend::covered`].
+    pub fn of(
+        problem: &Problem,
+        engine: &mut dyn Backend,
+        placement: &Placement,
+    ) -> Result<Self, BackendError> {
+        let (roi, content) = (problem.roi(), problem.content());
+        let mut map = Self::new(roi, content);
+        let frames = spread(problem.frame_count(), Some(FRAMES));
+        for &frame in &frames {
+            map.add_frame(roi, content, &engine.covered(placement, frame)?, frames.len());
+        }
+        Ok(map)
+    }
+
     /// An empty map over the voxels that hold information.
     pub fn new(roi: &Roi, content: &Content) -> Self {
         let (min, max, shape) = (roi.min(), roi.max(), roi.shape());

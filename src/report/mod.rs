@@ -34,7 +34,7 @@ pub use html::{Figures, report_html};
 pub use map::InformationMap;
 pub use placement::placement_svg;
 pub use plot::{Axis, Plot, Series};
-pub use record::{LeftOut, MethodRecord, ModelledRun, RunRecord, RunTimes, Scored};
+pub use record::{RunContext, RunRecord, RunTimes, peak_memory};
 pub use study::study_plot;
 pub use table::{ScoreColumn, optional};
 pub use words::{certificate_in_words, methods_in_words, verdict};

@@ -2,8 +2,8 @@
 
 use maud::html;
 
-use super::Scored;
 use super::svg::{COLOURS, FAINT, INK, corners, page, px};
+use crate::search::Scored;
 use crate::vehicle::Constraints;
 
 /// Pixels of the whole.

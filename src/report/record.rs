@@ -3,25 +3,10 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::chart::Merging;
-use crate::problem::Modelled;
-use crate::score::Scores;
-use crate::search::Certificate;
-use crate::study::Finding;
-use crate::vehicle::Placement;
-
-/// A placement with its scores.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Scored {
-    /// Name and poses.
-    pub placement: Placement,
-    /// Scores over all frames of the scene.
-    pub scores: Scores,
-    /// Its objective; `None` where a score it needs does not exist.
-    pub objective: Option<f64>,
-    /// Rules of the mount that it breaks, in words.
-    pub violations: Vec<String>,
-}
+use crate::problem::{Modelled, Problem};
+use crate::search::{
+    Certificate, Finding, FramesUsed, LeftOut, MethodRecord, Outcome, Scored, rules_in_words,
+};
 
 /// Wall times of a run in seconds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -36,46 +21,16 @@ pub struct RunTimes {
     pub generations: f64,
     /// Of these all but scoring: asking, telling, ranking, writing the checkpoint.
     pub bookkeeping: f64,
+    /// Of the search the swaps.
+    #[serde(default)]
+    pub swaps: f64,
+    /// Of the search the bounds behind the certificate.
+    #[serde(default)]
+    pub bounds: f64,
     /// Scoring result and baselines over all frames.
     pub confirm: f64,
     /// All together.
     pub total: f64,
-}
-
-/// What one way of searching has found.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct MethodRecord {
-    /// `cma-es` or `swaps`.
-    pub method: &'static str,
-    /// Its placement's objective over all frames of the scene.
-    pub objective: Option<f64>,
-    /// Placements that it looked at.
-    pub evaluations: u64,
-    /// Sensor poses that it cast.
-    pub poses_cast: u64,
-    /// Whether its placement is the result.
-    pub won: bool,
-}
-
-/// A layout to start from that was not used.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct LeftOut {
-    /// Its name.
-    pub name: String,
-    /// Rules that it breaks, in words.
-    pub why: Vec<String>,
-}
-
-/// How much of a scene a run modelled.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ModelledRun {
-    /// By what it scored the result and the baselines.
-    #[serde(flatten)]
-    pub scores: Modelled,
-    /// What merging small triangles does to the search, and whether it went by them; `None` where that
-    /// was not asked.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub merging: Option<Merging>,
 }
 
 /// All of `result.json`.
@@ -101,7 +56,7 @@ pub struct RunRecord {
     /// What was maximized.
     pub objective: String,
     /// How much of the scene the scores below are taken over.
-    pub modelled: ModelledRun,
+    pub modelled: Modelled,
     /// Frames that the search averaged over.
     pub search_frames: usize,
     /// Frames that the scores below average over.
@@ -129,7 +84,7 @@ pub struct RunRecord {
     /// How properties of layouts go with the objective, over random placements on the grid.
     pub findings: Vec<Finding>,
     /// What `--fidelity auto` used, saved and risked; `None` where the frames were given.
-    pub fidelity: Option<Value>,
+    pub fidelity: Option<FramesUsed>,
     /// Pose fields of the result that lie on a bound of the mount, and other rules that it just keeps,
     /// in words.
     pub active_bounds: Vec<String>,
@@ -139,4 +94,69 @@ pub struct RunRecord {
     pub timings: RunTimes,
     /// Most bytes of memory that the process held; `None` where the system does not tell.
     pub peak_memory: Option<u64>,
+}
+
+/// What a record holds beside the outcome.
+pub struct RunContext<'a> {
+    /// Name of the scene.
+    pub scene: &'a str,
+    /// Every setting that decides about the result.
+    pub settings: Value,
+    /// The problem over all frames.
+    pub problem: &'a Problem,
+    /// Seed of the search.
+    pub seed: u64,
+    /// What was maximized.
+    pub objective: String,
+    /// Placements × frames a second during the generations.
+    pub rate: f64,
+    /// Wall times of all sittings.
+    pub timings: RunTimes,
+    /// Most bytes of memory that the process held.
+    pub peak_memory: Option<u64>,
+}
+
+impl RunRecord {
+    /// The record of a run.
+    pub fn new(outcome: &Outcome, run: RunContext) -> Self {
+        let outcome = outcome.clone();
+        Self {
+            sightline: env!("CARGO_PKG_VERSION"),
+            scene: run.scene.to_owned(),
+            settings: run.settings,
+            backend: outcome.backend,
+            adapter: outcome.adapter,
+            backend_changes: outcome.backend_changes,
+            threads: rayon::current_num_threads(),
+            seed: run.seed,
+            objective: run.objective,
+            modelled: run.problem.modelled(),
+            search_frames: outcome.search_frames,
+            frames: run.problem.frame_count(),
+            stopped: outcome.stopped.to_string(),
+            ended: outcome.ended,
+            left_out: outcome.left_out,
+            constraints: rules_in_words(run.problem.constraints()),
+            generations: outcome.history.len() as u64,
+            evaluations: outcome.evaluations,
+            best: outcome.best,
+            baselines: outcome.baselines,
+            certificate: outcome.certificate,
+            methods: outcome.methods,
+            findings: outcome.findings,
+            fidelity: outcome.frames_used,
+            active_bounds: outcome.active_bounds,
+            rate: run.rate,
+            timings: run.timings,
+            peak_memory: run.peak_memory,
+        }
+    }
+}
+
+/// Most bytes that the process has held; `None` where the system does not tell.
+pub fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    let kilobytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kilobytes << 10)
 }

@@ -1,6 +1,7 @@
 //! A run's findings as sentences: result against baselines, ways of searching, certificate.
 
-use super::{RunRecord, Scored};
+use super::RunRecord;
+use crate::search::Scored;
 
 /// The result of a run against the best baselines, by the objective and by information gain, and the
 /// guards that speak against it.

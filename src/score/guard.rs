@@ -1,3 +1,5 @@
+//! Guards: reasons not to believe a placement's scores.
+
 use serde::{Serialize, Serializer};
 
 use crate::problem::{Content, Tally};

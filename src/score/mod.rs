@@ -5,6 +5,8 @@
 
 mod guard;
 mod objective;
+mod ranking;
+mod standing;
 
 use serde::{Serialize, Serializer};
 
@@ -13,6 +15,8 @@ use crate::psog::to_nats;
 
 pub use guard::{Guard, guards_of, reference_layout, short_sight};
 pub use objective::{Objective, ObjectiveError};
+pub use ranking::{kendall_tau, mean_height, spearman};
+pub use standing::Standing;
 
 /// Scores of one task: how the classes are told apart decides what a voxel's entropy is.
 ///

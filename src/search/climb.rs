@@ -1,28 +1,30 @@
-//! The climb of [`GridSearch`]: which LiDARs move, where to, and the best of it.
+//! Climbs of a [`GridSearch`]: LiDARs take turns to move to the pose that gains most.
 
 use std::ops::Range;
 
 use rand::{Rng, RngExt};
 use rayon::prelude::*;
 
-use super::{Evaluator, GridPlacement, GridSearch, SearchError};
+use super::error::SearchError;
+use super::evaluator::Evaluator;
+use super::grid_search::{GridPlacement, GridSearch};
 use crate::search::atlas::Union;
 
 /// Best swaps of a sensor that are offered to the guards before the sensor stays where it is.
 const OFFERS: usize = 4;
 
-/// To which poses a climb may move a LiDAR.
+/// Poses that a climb may move a LiDAR to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Moves {
-    /// As many steps along one pose field.
+    /// Up to so many steps along one pose field.
     Along(u32),
-    /// As many steps along every field at once.
+    /// Up to so many steps along every field at once.
     Around(u32),
     /// Anywhere on the grid.
     Anywhere,
 }
 
-/// What moves at once.
+/// LiDARs that move at once.
 #[derive(Debug, Clone, Copy)]
 enum Turn {
     /// A LiDAR, by index.
@@ -50,12 +52,12 @@ impl GridSearch {
         evaluator: &mut Evaluator,
         start: &[u32],
         moves: Moves,
-        go_on: &dyn Fn(u64) -> bool,
+        go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<GridPlacement, SearchError> {
         let value = self.value(evaluator, start)?;
         let mut here = GridPlacement { poses: start.to_vec(), value };
-        let mut least =
-            if self.is_guarded(evaluator, &here)? { f64::NEG_INFINITY } else { here.value };
+        let sound = self.standing(evaluator, &here)?.is_sound();
+        let mut least = if sound { here.value } else { f64::NEG_INFINITY };
         let turns = self.turns(start);
         let (mut settled, mut turn) = (0, 0);
         while settled < turns.len() && go_on(self.atlas.poses_cast()) {
@@ -72,7 +74,7 @@ impl GridSearch {
         Ok(here)
     }
 
-    /// What may move by itself: a LiDAR, a mirrored pair (by its first), or the height of all.
+    /// Turns of a placement: each LiDAR, or mirrored pair (by its first), and the height of all.
     fn turns(&self, poses: &[u32]) -> Vec<Turn> {
         let grid = self.atlas.grid();
         let symmetric = self.constraints.ties.symmetric;
@@ -194,7 +196,7 @@ impl GridSearch {
         // Stable: of equal ones the one with the lower number of a pose.
         better.sort_by(|a, b| b.value.total_cmp(&a.value));
         for placement in better.into_iter().take(OFFERS) {
-            if !self.is_guarded(evaluator, &placement)? {
+            if self.standing(evaluator, &placement)?.is_sound() {
                 return Ok(Some(placement));
             }
         }

@@ -1,29 +1,21 @@
+//! Scores of placements: one problem, one engine, and the reference layouts that the guards compare with.
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
 use glam::DVec3;
 
 use crate::engine::{Backend, BackendError, CpuBackend, EngineChoice};
 use crate::problem::{Problem, Tally};
 use crate::score::{Scores, reference_layout, short_sight};
-use crate::search::atlas::PageStore;
 use crate::vehicle::{Constraints, Placement};
 
-/// Scores placements on one backend.
+/// Scores placements on one engine.
 pub struct Evaluator {
     problem: Arc<Problem>,
     backend: Box<dyn Backend>,
     /// Tallies of the reference layout by number of LiDARs; see [`crate::score::Guard`].
     references: BTreeMap<usize, Tally>,
-    /// Placements whose tallies are known.
-    known: Vec<(Placement, Tally)>,
-    /// The last batch and its scores, where they are kept.
-    last: Option<Vec<(Placement, Scores)>>,
-    /// Where the atlases of its searches keep their pages.
-    store: Option<Arc<PageStore>>,
-    /// Wall time spent on scores.
-    spent: Duration,
 }
 
 impl Evaluator {
@@ -37,47 +29,22 @@ impl Evaluator {
 
     /// An evaluator of a problem; its mount decides where the reference layout of the guards stands.
     pub fn new(problem: Arc<Problem>, backend: Box<dyn Backend>) -> Self {
-        let (references, known, last, store) = (BTreeMap::new(), Vec::new(), None, None);
-        let spent = Duration::ZERO;
-        Self { problem, backend, references, known, last, store, spent }
+        Self { problem, backend, references: BTreeMap::new() }
     }
 
-    /// Lets searches on a grid keep what each pose covers in a store, and read it from there.
-    pub fn keep_pages(&mut self, store: Arc<PageStore>) {
-        self.store = Some(store);
+    /// An evaluator on the host processor, within half of the free memory.
+    pub fn cpu(problem: impl Into<Arc<Problem>>) -> Self {
+        let problem = problem.into();
+        let memory = EngineChoice::cpu().memory_budget();
+        Self::new(problem.clone(), Box::new(CpuBackend::new(problem, memory)))
     }
 
-    /// The store of [`Self::keep_pages`].
-    pub fn page_store(&self) -> Option<&Arc<PageStore>> {
-        self.store.as_ref()
-    }
-
-    /// Wall time of all scores so far.
-    pub fn spent(&self) -> Duration {
-        self.spent
-    }
-
-    /// Takes tallies over all frames of the problem, which are then not computed again.
-    pub fn remember(&mut self, known: Vec<(Placement, Tally)>) {
-        self.known.extend(known);
-    }
-
-    /// Keeps every batch with its scores until the next one, for [`Self::take_last`].
-    pub fn keep_last(&mut self) {
-        self.last = Some(Vec::new());
-    }
-
-    /// The last batch and its scores; empty when it was taken before, or nothing is kept.
-    pub fn take_last(&mut self) -> Vec<(Placement, Scores)> {
-        self.last.as_mut().map(std::mem::take).unwrap_or_default()
-    }
-
-    /// What is scored.
+    /// The problem.
     pub fn problem(&self) -> &Problem {
         &self.problem
     }
 
-    /// What is scored, to be shared with an [`crate::search::atlas::Atlas`].
+    /// The problem, to be shared.
     pub fn shared_problem(&self) -> Arc<Problem> {
         self.problem.clone()
     }
@@ -87,12 +54,12 @@ impl Evaluator {
         self.problem.constraints()
     }
 
-    /// What computes.
+    /// The engine.
     pub fn backend(&self) -> &dyn Backend {
         &*self.backend
     }
 
-    /// What computes, to look into single steps.
+    /// The engine, for single stages.
     pub fn backend_mut(&mut self) -> &mut dyn Backend {
         &mut *self.backend
     }
@@ -115,58 +82,49 @@ impl Evaluator {
         placements: &[Placement],
         range: f32,
     ) -> Result<Vec<Scores>, BackendError> {
-        let start = Instant::now();
+        let tallies = self.backend.tally(placements, range)?;
+        self.scores_from(placements, &tallies, range)
+    }
+
+    /// Scores and guards of placements whose tallies over all frames, with beams of `range` metres, are
+    /// known.
+    ///
+    /// # Errors
+    /// As [`Backend::tally`].
+    pub(crate) fn scores_from(
+        &mut self,
+        placements: &[Placement],
+        tallies: &[Tally],
+        range: f32,
+    ) -> Result<Vec<Scores>, BackendError> {
         for lidars in placements.iter().map(|p| p.lidars.len()) {
             if !self.references.contains_key(&lidars) {
                 let layout = reference_layout(self.problem.constraints(), lidars);
-                // Seen without limit, so that a placement whose range is cut, by fog say, compares
-                // with one that sees all.
+                // With unlimited range, so that a placement whose range is cut, by fog say, compares
+                // with a layout that sees all.
                 let tally = self.backend.tally(&[layout], self.problem.far_range())?.remove(0);
                 self.references.insert(lidars, tally);
             }
         }
-        let tallies = self.tallies(placements, range)?;
         let unlimited = self.unlimited_tallies(placements, range)?;
-        let scores =
-            placements.iter().zip(&tallies).enumerate().map(|(index, (placement, tally))| {
-                let mut scores = Scores::new(
-                    &placement.name,
-                    tally,
-                    self.problem.content(),
-                    self.problem.frame_count(),
-                    self.problem.ends_at_hits(),
-                    self.references.get(&placement.lidars.len()),
-                );
-                let unlimited = unlimited.get(&index);
-                scores.guards.extend(unlimited.and_then(|far| short_sight(tally, far)));
-                scores
-            });
-        let scores: Vec<Scores> = scores.collect();
-        if let Some(last) = &mut self.last {
-            *last = placements.iter().cloned().zip(scores.iter().cloned()).collect();
-        }
-        self.spent += start.elapsed();
-        Ok(scores)
+        let scores = placements.iter().zip(tallies).enumerate();
+        let scores = scores.map(|(index, (placement, tally))| {
+            let mut scores = Scores::new(
+                &placement.name,
+                tally,
+                self.problem.content(),
+                self.problem.frame_count(),
+                self.problem.ends_at_hits(),
+                self.references.get(&placement.lidars.len()),
+            );
+            let unlimited = unlimited.get(&index);
+            scores.guards.extend(unlimited.and_then(|far| short_sight(tally, far)));
+            scores
+        });
+        Ok(scores.collect())
     }
 
-    fn tallies(
-        &mut self,
-        placements: &[Placement],
-        range: f32,
-    ) -> Result<Vec<Tally>, BackendError> {
-        if self.known.is_empty() || range != self.problem.table().range() {
-            return self.backend.tally(placements, range);
-        }
-        let known = |p: &Placement| self.known.iter().find(|(k, _)| k.lidars == p.lidars);
-        let found: Vec<Option<Tally>> =
-            placements.iter().map(|p| known(p).map(|(_, tally)| tally.clone())).collect();
-        let missing = placements.iter().zip(&found).filter(|(_, found)| found.is_none());
-        let missing: Vec<Placement> = missing.map(|(placement, _)| placement.clone()).collect();
-        let mut computed = self.backend.tally(&missing, range)?.into_iter();
-        Ok(found.into_iter().filter_map(|found| found.or_else(|| computed.next())).collect())
-    }
-
-    /// Tallies without a limit of range of those placements that have voxels beyond it, by index.
+    /// Tallies without a limit of range, by index, of the placements that have voxels beyond it.
     fn unlimited_tallies(
         &mut self,
         placements: &[Placement],

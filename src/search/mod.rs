@@ -1,16 +1,46 @@
-//! From placements to scores, and the search that asks for better ones.
+//! The search for the best placement, and how good its result is.
+//!
+//! [`optimize`] is the main job: frames on demand, CMA-ES, swaps on a grid of sensor poses, finalists
+//! confirmed over all frames, bounds. [`Run`] is the same step by step.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `settings`, `observer`, `outcome`, `error` | what goes into a run, and what comes out of it |
+//! | `run` | the run as a machine of a few states |
+//! | `evaluator` | scores of placements on one engine |
+//! | `generations` | CMA-ES over the free pose fields |
+//! | `levels`, `on_demand` | few frames that stand for all, and when more are needed |
+//! | `atlas`, `grid_search`, `climb`, `swaps` | placements on a grid of poses |
+//! | `bound` | how much better than the result another placement could be |
+//! | `findings`, `rules` | what goes with the objective; the rules of the mount in words |
 
-pub mod atlas;
-mod best;
-mod bound;
-mod climb;
+pub(crate) mod atlas;
+pub(crate) mod bound;
+pub(crate) mod climb;
+mod error;
 mod evaluator;
+mod findings;
+pub(crate) mod generations;
+pub(crate) mod grid_search;
+pub(crate) mod levels;
+mod observer;
+mod on_demand;
+mod outcome;
+mod rules;
 mod run;
-mod swaps;
+mod settings;
+pub(crate) mod swaps;
 
-pub use best::{SWAP_SPACING, SwapSettings, Swapped, best_placement, swap_from};
-pub use bound::{Certificate, GainBound, GridSample, LipschitzBound, bound_gain};
-pub use climb::Moves;
+pub use bound::{Certificate, GainBound, LipschitzBound};
+pub use error::SearchError;
 pub use evaluator::Evaluator;
-pub use run::{Best, GenerationRecord, Search, SearchError, SearchSettings, SearchStop};
-pub use swaps::{GridPlacement, GridSearch};
+pub use findings::Finding;
+pub use generations::{GenerationRecord, GenerationsStop};
+pub use grid_search::GridPlacement;
+pub use observer::{Event, Observer, Work};
+pub use on_demand::{FramesUsed, WorkByPurpose};
+pub use outcome::{LeftOut, MethodRecord, Outcome, Scored, SearchTimes, Stopped};
+pub use rules::rules_in_words;
+pub use run::{Phase, Run, State, optimize};
+pub use settings::{FrameChoice, Method, Settings, TimeLimit};
+pub(crate) use swaps::SWAP_SPACING;

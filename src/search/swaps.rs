@@ -1,272 +1,211 @@
-use std::cmp::Ordering;
+//! Swaps: single LiDARs move to other poses of a grid while that gains.
 
-use rayon::prelude::*;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::{Evaluator, SearchError};
-use crate::problem::Tally;
+use super::atlas::Atlas;
+use super::climb::Moves;
+use super::error::SearchError;
+use super::evaluator::Evaluator;
+use super::grid_search::{GridPlacement, GridSearch};
+use super::on_demand::drawn;
 use crate::score::Objective;
-use crate::search::atlas::{Atlas, Union};
-use crate::vehicle::{Constraints, Placement, PoseGrid};
+use crate::vehicle::{Placement, PoseGrid, Spacing};
 
-/// Stale gains that lazy greedy looks at again at once: enough to keep every core busy.
-const LAZY_BLOCK: usize = 64;
+/// Grid of the swaps where nothing else is said: that of the published placements.
+pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
+/// Moves of a climb: up to three steps along one pose field, then a step along several at once.
+const MOVES: [Moves; 2] = [Moves::Along(3), Moves::Around(1)];
 
-/// Searches placements whose LiDARs stand on poses of a grid.
-pub struct GridSearch {
-    pub(super) atlas: Atlas,
-    pub(super) objective: Objective,
-    pub(super) constraints: Constraints,
-    pub(super) evaluations: u64,
+/// Random moves out of local optima, at most: on a small grid the limit of casts is never reached.
+const KICKS: usize = 32;
+/// Ends of climbs that are kept beside the best, at most.
+const OTHERS: usize = 3;
+/// Largest distance of their objective from the best, as a share of it.
+const AS_GOOD: f64 = 0.01;
+/// Random placements of which the best is a start of the swaps where greedy has no place.
+const DRAWN: usize = 64;
+
+/// What decides about swaps, beside problem and starts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SwapSettings {
+    /// Grid of the sensor poses.
+    pub spacing: Spacing,
+    /// Sensor poses to cast, at most about.
+    pub casts: u64,
+    /// Bytes of bitmaps to keep, at most.
+    pub memory: u64,
+    /// Seed of the random moves.
+    pub seed: u64,
 }
 
-/// A placement on the grid.
+/// What swaps have found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct GridPlacement {
-    /// Numbers of its poses in the grid.
-    pub poses: Vec<u32>,
+pub struct Swapped {
+    /// The best placement, on the grid.
+    pub placement: Placement,
     /// Its objective.
     pub value: f64,
+    /// Ends of other climbs that are about as good, the best first: over more frames one of them may be
+    /// the best.
+    pub others: Vec<Placement>,
+    /// Placements looked at.
+    pub evaluations: u64,
+    /// Sensor poses cast.
+    pub poses_cast: u64,
 }
 
-impl GridPlacement {
-    /// As poses in the ego frame.
-    pub fn placement(&self, grid: &PoseGrid, name: &str) -> Placement {
-        let lidars = self.poses.iter().map(|&pose| grid.pose(pose)).collect();
-        Placement { name: name.to_owned(), lidars }
-    }
-}
-
-/// A candidate pose and what the objective becomes with it; better ones come first, and of equal
-/// ones the lower number.
-pub(super) fn better_first(a: &(u32, f64), b: &(u32, f64)) -> Ordering {
-    b.1.total_cmp(&a.1).then(a.0.cmp(&b.0))
-}
-
-impl GridSearch {
-    /// A search of placements that keep the evaluator's constraints. Pages of the atlas are kept in
-    /// the evaluator's store, if it has one.
-    pub fn new(mut atlas: Atlas, objective: Objective, evaluator: &Evaluator) -> Self {
-        if let Some(store) = evaluator.page_store() {
-            atlas.keep_in(store.clone());
-        }
-        Self { atlas, objective, constraints: evaluator.constraints().clone(), evaluations: 0 }
-    }
-
-    /// Drops the rules that tie LiDARs together: a bound over more placements bounds them, too.
-    pub fn untie(&mut self) {
-        self.constraints = self.constraints.untied();
-    }
-
-    /// The atlas it reads.
-    pub fn atlas(&self) -> &Atlas {
-        &self.atlas
-    }
-
-    /// LiDARs of a placement.
-    pub fn lidars(&self) -> usize {
-        self.constraints.lidars
-    }
-
-    /// Placements looked at so far.
-    pub fn evaluations(&self) -> u64 {
-        self.evaluations
-    }
-
-    /// Numbers of the poses of a placement moved to the grid, a LiDAR and its mirror image side by
-    /// side where the rules want pairs; `None` where it breaks a rule there.
-    pub fn start_of(&self, placement: &Placement) -> Option<Vec<u32>> {
-        let grid = self.atlas.grid();
-        let poses = grid.numbers_of(placement, self.constraints.ties);
-        let snapped = GridPlacement { poses, value: 0.0 };
-        let keeps = self.constraints.violations(&snapped.placement(grid, "start")).is_empty();
-        keeps.then_some(snapped.poses)
-    }
-
-    /// Casts the poses that are not held yet.
-    ///
-    /// # Errors
-    /// From the backend, or more poses than the atlas holds.
-    pub fn hold(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<(), SearchError> {
-        Ok(self.atlas.hold(evaluator.backend_mut(), poses)?)
-    }
-
-    /// Whether a pose may stand beside others: in no box that is kept free, another pose, and far
-    /// enough away. Ties between LiDARs are not looked at.
-    pub fn fits(&self, pose: u32, others: &[u32]) -> bool {
-        // The same slack as in `Constraints::violations`.
-        let least = self.constraints.min_distance - 1e-9;
-        let pose_itself = self.atlas.grid().pose(pose);
-        let position = pose_itself.position();
-        let apart = others.iter().all(|&other| {
-            other != pose && position.distance(self.atlas.grid().pose(other).position()) >= least
+impl Swapped {
+    /// The best placement of a search, with its counts; `ends` are the ends of all climbs.
+    pub fn new(search: &GridSearch, best: &GridPlacement, mut ends: Vec<GridPlacement>) -> Self {
+        ends.sort_by(|a, b| b.value.total_cmp(&a.value));
+        ends.retain(|end| (end.value - best.value).abs() <= AS_GOOD * best.value.abs());
+        let sorted = |end: &GridPlacement| {
+            let mut poses = end.poses.clone();
+            poses.sort_unstable();
+            poses
+        };
+        let mut seen = vec![sorted(best)];
+        ends.retain(|end| {
+            let is_new = !seen.contains(&sorted(end));
+            seen.push(sorted(end));
+            is_new
         });
-        apart && self.constraints.is_clear(&pose_itself)
+        ends.truncate(OTHERS);
+        let placed = |end: &GridPlacement| end.placement(search.atlas().grid(), "optimized");
+        Self {
+            placement: placed(best),
+            value: best.value,
+            others: ends.iter().map(placed).collect(),
+            evaluations: search.evaluations(),
+            poses_cast: search.atlas().poses_cast(),
+        }
+    }
+}
+
+/// A search on the grid of the settings, over the evaluator's frames.
+fn grid_search(
+    evaluator: &Evaluator,
+    objective: &Objective,
+    settings: &SwapSettings,
+) -> Result<GridSearch, SearchError> {
+    let grid = PoseGrid::new(evaluator.constraints(), settings.spacing)?;
+    let counts_all = objective.counts_all_covered();
+    let atlas = Atlas::new(evaluator.shared_problem(), grid, counts_all, settings.memory);
+    Ok(GridSearch::new(atlas, objective.clone(), evaluator))
+}
+
+/// Ends of climbs, and the best of them.
+#[derive(Default)]
+struct Ends {
+    all: Vec<GridPlacement>,
+    best: Option<GridPlacement>,
+}
+
+impl Ends {
+    fn add(
+        &mut self,
+        search: &GridSearch,
+        evaluator: &mut Evaluator,
+        end: GridPlacement,
+    ) -> Result<(), SearchError> {
+        self.all.push(end.clone());
+        self.best = Some(match self.best.take() {
+            Some(best) => search.preferred(evaluator, best, end)?,
+            None => end,
+        });
+        Ok(())
     }
 
-    /// What the objective becomes when each candidate joins held poses; `−∞` where it does not exist.
-    pub(super) fn values_with(&mut self, poses: &[u32], candidates: &[u32]) -> Vec<(u32, f64)> {
-        let mut union = Union::default();
-        self.atlas.union(poses, &mut union);
-        self.evaluations += candidates.len() as u64;
-        let (problem, objective) = (self.atlas.problem(), &self.objective);
-        let frames = problem.frame_count();
-        let value = |&pose: &u32| {
-            let tally = self.atlas.tally_with(&union, pose);
-            let value = objective.value_of_tally(&tally, problem.content(), frames);
-            (pose, value.unwrap_or(f64::NEG_INFINITY))
+    fn swapped(self, search: &GridSearch) -> Option<Swapped> {
+        let best = self.best.filter(|best| best.value.is_finite())?;
+        Some(Swapped::new(search, &best, self.all))
+    }
+}
+
+/// Swaps single LiDARs to nearby poses of a grid, from each start that the mount allows, until no swap
+/// gains; then moves one LiDAR of the best anywhere at random and climbs from there, again and again,
+/// while poses may be cast (iterated local search).
+///
+/// `None` where no start, moved to the grid, keeps the rules of the mount. `go_on` is asked before each
+/// LiDAR, with the poses cast so far.
+///
+/// # Errors
+/// A spacing that gives no grid, or from the backend.
+pub fn swap_from(
+    evaluator: &mut Evaluator,
+    objective: &Objective,
+    settings: &SwapSettings,
+    starts: &[Placement],
+    go_on: &mut dyn FnMut(u64) -> bool,
+) -> Result<Option<Swapped>, SearchError> {
+    let mut search = grid_search(evaluator, objective, settings)?;
+    let mut go_on = |cast: u64| cast < settings.casts && go_on(cast);
+    let mut ends = Ends::default();
+    for start in starts {
+        let Some(poses) = search.start_of(start) else { continue };
+        let top = climb_both(&mut search, evaluator, poses, &mut go_on)?;
+        ends.add(&search, evaluator, top)?;
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
+    for _ in 0..KICKS {
+        let Some(held) = ends.best.as_ref().filter(|_| go_on(search.atlas().poses_cast())) else {
+            break;
         };
-        candidates.par_iter().map(value).collect()
+        let poses = search.kicked(&held.poses, &mut rng);
+        let top = climb_both(&mut search, evaluator, poses, &mut go_on)?;
+        ends.add(&search, evaluator, top)?;
     }
+    Ok(ends.swapped(&search))
+}
 
-    /// The objective of held poses, 0 for none.
-    pub(super) fn held_value(&mut self, poses: &[u32]) -> f64 {
-        let Some((&last, others)) = poses.split_last() else { return 0.0 };
-        self.values_with(others, &[last])[0].1
-    }
-
-    /// What an information gain grows by with each unit of the two tasks' entropies; 0 where it does
-    /// not exist.
-    pub(super) fn worth_units(&self) -> [f64; 2] {
-        let problem = self.atlas.problem();
-        [0, 1].map(|task| {
-            // A power of two, and large: as exact as the objective's own factors.
-            let sum = 1u64 << 40;
-            let mut tally = Tally { covered: 1, covered_nonzero: 1, ..Tally::default() };
-            tally.entropy[task] = sum;
-            let content = problem.content();
-            let value = self.objective.value_of_tally(&tally, content, problem.frame_count());
-            value.unwrap_or(0.0) / sum as f64
-        })
-    }
-
-    /// The objective of a placement.
-    ///
-    /// # Errors
-    /// As [`Self::hold`].
-    pub fn value(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<f64, SearchError> {
-        let Some((&last, others)) = poses.split_last() else { return Ok(f64::NEG_INFINITY) };
-        self.hold(evaluator, poses)?;
-        Ok(self.values_with(others, &[last])[0].1)
-    }
-
-    /// LiDAR after LiDAR, the candidate that makes the objective largest; `None` where no candidate
-    /// fits any more.
-    ///
-    /// For an information gain this reaches at least 1 − 1/e of the best placement of these
-    /// candidates where no distance is asked for (Nemhauser, Wolsey, Fisher 1978). Gains then only
-    /// shrink as sensors join, so that old ones are bounds and most are not looked at again
-    /// (Minoux 1978); the result is the same.
-    ///
-    /// # Errors
-    /// As [`Self::hold`].
-    pub fn greedy(
-        &mut self,
-        evaluator: &mut Evaluator,
-        candidates: &[u32],
-    ) -> Result<Option<GridPlacement>, SearchError> {
-        self.hold(evaluator, candidates)?;
-        let lazy = self.objective.is_information_gain();
-        let mut placement = GridPlacement { poses: Vec::new(), value: 0.0 };
-        let mut bounds: Vec<(u32, f64)> = candidates.iter().map(|&c| (c, f64::INFINITY)).collect();
-        while placement.poses.len() < self.lidars() {
-            bounds.retain(|&(pose, _)| self.fits(pose, &placement.poses));
-            if bounds.is_empty() {
-                return Ok(None);
-            }
-            let mut fresh: Vec<(u32, f64)> = Vec::new();
-            let block = if lazy { LAZY_BLOCK } else { bounds.len() };
-            let mut best = f64::NEG_INFINITY;
-            while fresh.len() < bounds.len() && (!lazy || bounds[fresh.len()].1 >= best) {
-                let end = (fresh.len() + block).min(bounds.len());
-                let some: Vec<u32> = bounds[fresh.len()..end].iter().map(|b| b.0).collect();
-                let values = self.values_with(&placement.poses, &some);
-                let gains = values.into_iter().map(|(pose, value)| (pose, value - placement.value));
-                fresh.extend(gains);
-                best = fresh.iter().fold(best, |best, gain| best.max(gain.1));
-            }
-            let looked_at = fresh.len();
-            bounds[..looked_at].copy_from_slice(&fresh);
-            bounds.sort_by(better_first);
-            let (pose, gain) = bounds[0];
-            placement.poses.push(pose);
-            placement.value += gain;
+/// Greedy over every pose of the grid, and swaps to any pose from there and from each start. Where rules
+/// tie the LiDARs together the best of some random placements stands in for greedy, which takes one LiDAR
+/// after another and so does not keep them.
+///
+/// `None` and `go_on` as of [`swap_from`]; the settings' `casts` count for nothing.
+///
+/// # Errors
+/// As [`swap_from`].
+pub fn swap_anywhere(
+    evaluator: &mut Evaluator,
+    objective: &Objective,
+    settings: &SwapSettings,
+    starts: &[Placement],
+    go_on: &mut dyn FnMut(u64) -> bool,
+) -> Result<Option<Swapped>, SearchError> {
+    let mut search = grid_search(evaluator, objective, settings)?;
+    let mut first: Vec<Vec<u32>> = Vec::new();
+    if evaluator.constraints().ties.any() {
+        let random = drawn(evaluator.constraints(), DRAWN, settings.seed);
+        let random: Vec<Vec<u32>> = random.iter().filter_map(|p| search.start_of(p)).collect();
+        let mut ends = Ends::default();
+        for poses in random {
+            let value = search.value(evaluator, &poses)?;
+            ends.add(&search, evaluator, GridPlacement { poses, value })?;
         }
-        placement.value = self.value(evaluator, &placement.poses)?;
-        Ok(Some(placement))
+        first.extend(ends.best.map(|best| best.poses));
+    } else {
+        let all: Vec<u32> = (0..search.atlas().grid().len()).collect();
+        first.extend(search.greedy(evaluator, &all)?.map(|greedy| greedy.poses));
     }
+    first.extend(starts.iter().filter_map(|start| search.start_of(start)));
+    let mut ends = Ends::default();
+    for start in first {
+        let top = search.climb(evaluator, &start, Moves::Anywhere, go_on)?;
+        ends.add(&search, evaluator, top)?;
+    }
+    Ok(ends.swapped(&search))
+}
 
-    /// Whether a placement violates a guard.
-    ///
-    /// # Errors
-    /// As [`Self::hold`].
-    pub fn is_guarded(
-        &self,
-        evaluator: &mut Evaluator,
-        placement: &GridPlacement,
-    ) -> Result<bool, SearchError> {
-        let placement = placement.placement(self.atlas.grid(), "guarded");
-        Ok(!evaluator.scores(&[placement])?[0].guards.is_empty())
-    }
-
-    /// The better of two placements: one that violates a guard comes after any that does not.
-    ///
-    /// # Errors
-    /// As [`Self::hold`].
-    pub fn preferred(
-        &self,
-        evaluator: &mut Evaluator,
-        first: GridPlacement,
-        second: GridPlacement,
-    ) -> Result<GridPlacement, SearchError> {
-        let [a, b] = [self.is_guarded(evaluator, &first)?, self.is_guarded(evaluator, &second)?];
-        let second_wins = if a == b { second.value > first.value } else { a };
-        Ok(if second_wins { second } else { first })
-    }
-
-    /// The best of all placements of the candidates, by trying each; for small grids.
-    ///
-    /// # Errors
-    /// As [`Self::hold`].
-    pub fn exhaustive(
-        &mut self,
-        evaluator: &mut Evaluator,
-        candidates: &[u32],
-    ) -> Result<Option<GridPlacement>, SearchError> {
-        self.hold(evaluator, candidates)?;
-        let mut best: Option<GridPlacement> = None;
-        let mut chosen = Vec::new();
-        self.try_all(candidates, &mut chosen, &mut best);
-        Ok(best)
-    }
-
-    fn try_all(
-        &mut self,
-        candidates: &[u32],
-        chosen: &mut Vec<u32>,
-        best: &mut Option<GridPlacement>,
-    ) {
-        let fitting = |search: &Self| -> Vec<u32> {
-            candidates.iter().copied().filter(|&pose| search.fits(pose, chosen)).collect()
-        };
-        if chosen.len() + 1 == self.lidars() {
-            let candidates = fitting(self);
-            let values = self.values_with(chosen, &candidates);
-            let Some(&(pose, value)) = values.iter().min_by(|a, b| better_first(a, b)) else {
-                return;
-            };
-            if best.as_ref().is_none_or(|best| value > best.value) {
-                let poses = [&chosen[..], &[pose]].concat();
-                *best = Some(GridPlacement { poses, value });
-            }
-            return;
-        }
-        for (index, &pose) in candidates.iter().enumerate() {
-            if self.fits(pose, chosen) {
-                chosen.push(pose);
-                self.try_all(&candidates[index + 1..], chosen, best);
-                chosen.pop();
-            }
-        }
-    }
+/// Climbs by each of [`MOVES`] in turn.
+fn climb_both(
+    search: &mut GridSearch,
+    evaluator: &mut Evaluator,
+    poses: Vec<u32>,
+    go_on: &mut dyn FnMut(u64) -> bool,
+) -> Result<GridPlacement, SearchError> {
+    let top = search.climb(evaluator, &poses, MOVES[0], go_on)?;
+    search.climb(evaluator, &top.poses, MOVES[1], go_on)
 }

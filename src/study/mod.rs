@@ -8,13 +8,11 @@
 //! | `lidars`, `sensors`, `height` | how many LiDARs, of which kind, how high |
 //! | `random`, `tasks`, `regions`, `loss` | placements of one scene against each other |
 //! | `voxels`, `transfer`, `published` | other voxels, other scenes, the published results |
-//! | `layout` | properties of a layout beside its score |
 
 mod cases;
 mod columns;
 mod error;
 mod height;
-mod layout;
 mod lidars;
 mod loss;
 mod published;
@@ -37,7 +35,6 @@ use crate::score::Objective;
 
 pub use cases::StudyObserver;
 pub use error::StudyError;
-pub use layout::{DESCRIPTORS, Descriptor, Finding, findings};
 pub use regions::Region;
 pub use table::{Drawing, Row, Table};
 

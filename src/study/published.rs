@@ -3,8 +3,8 @@
 use super::cases::Cases;
 use super::scene::{StudyScene, score};
 use super::{Drawing, Row, StudyError, Table};
-use crate::audit::{mean_height, spearman};
 use crate::score::Scores;
+use crate::score::{mean_height, spearman};
 
 /// Placement, mean mIoU of four segmentation models, mean car mAP and mean pedestrian mAP of four
 /// detectors, in per cent: Place3D, NeurIPS 2024. "Ours" is Ours-seg for segmentation and Ours-det for

@@ -9,7 +9,7 @@ use crate::psog::{Psog, Roi};
 use crate::scan::scan_scene;
 use crate::scene::{PsogSource, Scene};
 use crate::score::{Objective, Scores};
-use crate::search::{Evaluator, SearchSettings, best_placement};
+use crate::search::{Evaluator, Event, Settings, optimize};
 use crate::vehicle::{BeamTable, Constraints, Placement, table_7};
 
 /// A scene with its P-SOG and everything that the cases of a study share.
@@ -102,31 +102,28 @@ impl<'a> StudyScene<'a> {
     }
 
     /// The best placement that a search of the study's size finds from the published ones.
-    pub(super) fn optimize(
-        &self,
-        evaluator: &mut Evaluator,
-    ) -> Result<Option<Placement>, StudyError> {
+    pub(super) fn optimize(&self, evaluator: &Evaluator) -> Result<Option<Placement>, StudyError> {
         self.optimize_from(evaluator, &self.settings.objective, &self.published)
     }
 
     /// As [`Self::optimize`], for another objective and from other starts.
     pub(super) fn optimize_from(
         &self,
-        evaluator: &mut Evaluator,
+        evaluator: &Evaluator,
         objective: &Objective,
         starts: &[Placement],
     ) -> Result<Option<Placement>, StudyError> {
-        let settings = SearchSettings {
-            objective: objective.to_string(),
+        let settings = Settings {
+            objective: objective.clone(),
             evaluations: self.settings.evaluations,
-            population: None,
-            batch: None,
             seed: self.settings.seed,
-            delta: None,
+            baselines: starts.to_vec(),
+            engine: self.settings.engine.clone(),
+            ..Settings::default()
         };
-        let (memory, go_on) = (self.settings.engine.memory_budget() / 2, || self.goes_on());
-        let best = best_placement(evaluator, objective, starts, &settings, memory, &go_on)?;
-        Ok(best.map(|(placement, _)| placement))
+        let mut observe = |_: &Event| self.goes_on();
+        let outcome = optimize(&evaluator.shared_problem(), &settings, &mut observe)?;
+        Ok(outcome.best.map(|best| best.placement))
     }
 
     /// Whether nobody has asked to stop.

@@ -3,7 +3,7 @@
 use super::cases::Cases;
 use super::scene::StudyScene;
 use super::{Drawing, Row, StudyError, Table};
-use crate::audit::{kendall_tau, mean_height, spearman};
+use crate::score::{kendall_tau, mean_height, spearman};
 
 /// Voxel sizes of the paper's study, in metres.
 const VOXELS: [[f64; 3]; 4] =

@@ -30,14 +30,11 @@ pub struct RestartOptions {
     /// (lower, upper) of each variable for the random means of later instances; `None` takes the bounds,
     /// and without bounds every instance starts at the first mean.
     pub region: Option<Vec<(f64, f64)>>,
-    /// Candidates wanted at once: further instances start beside the first while they fit. `None` runs
-    /// one at a time.
-    pub batch: Option<usize>,
 }
 
 impl Default for RestartOptions {
     fn default() -> Self {
-        Self { strategy: RestartStrategy::Bipop, region: None, batch: None }
+        Self { strategy: RestartStrategy::Bipop, region: None }
     }
 }
 
@@ -106,7 +103,7 @@ pub struct Restarts {
     options: CmaOptions,
     restarts: RestartOptions,
     first_population: usize,
-    running: Vec<Instance>,
+    running: Instance,
     ended: Vec<Ended>,
     large: Spent,
     small: Spent,
@@ -138,7 +135,7 @@ impl Restarts {
             options,
             restarts,
             first_population: first.constants().population,
-            running: Vec::new(),
+            running: Instance { small: false, cma: first },
             ended: Vec::new(),
             large: Spent::default(),
             small: Spent::default(),
@@ -147,42 +144,28 @@ impl Restarts {
             evaluations: 0,
             target_reached: false,
         };
-        search.fill()?;
+        search.start_next()?;
         Ok(search)
     }
 
-    /// Starts instances: one if none runs, and further ones while they fit the batch.
-    fn fill(&mut self) -> Result<(), CmaError> {
-        while self.running.is_empty() || self.restarts.batch.is_some() {
-            let small = self.restarts.strategy == RestartStrategy::Bipop && self.small < self.large;
-            let mut plan = self.plan(small);
-            if !self.running.is_empty() {
-                let used: usize = self.running.iter().map(|i| i.cma.constants().population).sum();
-                let fits = |plan: &Plan| {
-                    self.restarts.batch.is_some_and(|batch| used + plan.population <= batch)
-                };
-                if !fits(&plan) && self.restarts.strategy == RestartStrategy::Bipop {
-                    plan = self.plan(true);
-                }
-                if !fits(&plan) {
-                    return Ok(());
-                }
-            }
-            let options = CmaOptions {
-                population: Some(plan.population),
-                seed: plan.seed,
-                target: None,
-                budget: plan.budget,
-                ..self.options.clone()
-            };
-            let mut cma = Cma::new(&plan.mean, plan.step_size, options)?;
-            if self.polishing {
-                cma.polish();
-            }
-            let spent = if plan.small { &mut self.small } else { &mut self.large };
-            spent.instances += 1;
-            self.running.push(Instance { small: plan.small, cma });
+    /// Starts the next instance in place of the one that runs.
+    fn start_next(&mut self) -> Result<(), CmaError> {
+        let small = self.restarts.strategy == RestartStrategy::Bipop && self.small < self.large;
+        let plan = self.plan(small);
+        let options = CmaOptions {
+            population: Some(plan.population),
+            seed: plan.seed,
+            target: None,
+            budget: plan.budget,
+            ..self.options.clone()
+        };
+        let mut cma = Cma::new(&plan.mean, plan.step_size, options)?;
+        if self.polishing {
+            cma.polish();
         }
+        let spent = if plan.small { &mut self.small } else { &mut self.large };
+        spent.instances += 1;
+        self.running = Instance { small: plan.small, cma };
         Ok(())
     }
 
@@ -231,13 +214,12 @@ impl Restarts {
         Plan { small, population, step_size, mean, seed, budget }
     }
 
-    /// Draws the next generation of every running instance, one instance after another; until
-    /// [`Self::tell`] the same candidates.
+    /// Candidates of the next generation of the running instance; the same ones until they are told.
     pub fn ask(&mut self) -> Vec<Candidate> {
-        self.running.iter_mut().flat_map(|instance| instance.cma.ask()).collect()
+        self.running.cma.ask()
     }
 
-    /// [`Cma::tell`] for all running instances; new instances replace those that stop.
+    /// As [`Cma::tell`], for the running instance; another one follows where it stops.
     ///
     /// # Errors
     /// Candidates or costs of another number than were asked for.
@@ -245,7 +227,7 @@ impl Restarts {
         self.tell_ranked(candidates, costs, costs)
     }
 
-    /// [`Cma::tell_ranked`] for all running instances; new instances replace those that stop.
+    /// As [`Cma::tell_ranked`], for the running instance; another one follows where it stops.
     ///
     /// # Errors
     /// Candidates, ranks or costs of another number than were asked for.
@@ -255,50 +237,35 @@ impl Restarts {
         ranks: &[f64],
         costs: &[f64],
     ) -> Result<(), CmaError> {
-        let want = self.running.iter().map(|i| i.cma.constants().population).sum();
-        for (name, got) in
-            [("candidates", candidates.len()), ("ranks", ranks.len()), ("costs", costs.len())]
-        {
-            if got != want {
-                return Err(CmaError::WrongCount { name, got, want });
-            }
-        }
-        self.evaluations += want as u64;
+        let Instance { small, cma } = &mut self.running;
+        cma.tell_ranked(candidates, ranks, costs)?;
+        let told = candidates.len() as u64;
+        let spent = if *small { &mut self.small } else { &mut self.large };
+        spent.evaluations += told;
+        self.evaluations += told;
         let target = self.options.target;
         self.target_reached |= target.is_some_and(|target| costs.iter().any(|&c| c <= target));
-        let mut start = 0;
-        for Instance { small, cma } in &mut self.running {
-            let own = start..start + cma.constants().population;
-            start = own.end;
-            cma.tell_ranked(&candidates[own.clone()], &ranks[own.clone()], &costs[own.clone()])?;
-            let spent = if *small { &mut self.small } else { &mut self.large };
-            spent.evaluations += own.len() as u64;
+        let Some(reason) = cma.stop() else { return Ok(()) };
+        let evaluations = cma.evaluations();
+        if !*small {
+            self.last_large = Some(evaluations);
         }
-        let (ended, last_large) = (&mut self.ended, &mut self.last_large);
-        self.running.retain(|Instance { small, cma }| {
-            let Some(reason) = cma.stop() else { return true };
-            let evaluations = cma.evaluations();
-            if !small {
-                *last_large = Some(evaluations);
-            }
-            ended.push(Ended { population: cma.constants().population, evaluations, reason });
-            false
-        });
-        self.fill()
+        self.ended.push(Ended { population: cma.constants().population, evaluations, reason });
+        self.start_next()
     }
 
-    /// [`Cma::inject`] into the instance that has run longest.
+    /// As [`Cma::inject`], for the running instance.
     ///
     /// # Errors
     /// A point of another length than the mean, or not finite.
     pub fn inject(&mut self, points: &[Vec<f64>]) -> Result<(), CmaError> {
-        self.running[0].cma.inject(points)
+        self.running.cma.inject(points)
     }
 
     /// [`Cma::polish`] for all running and all later instances.
     pub fn polish(&mut self) {
         self.polishing = true;
-        self.running.iter_mut().for_each(|instance| instance.cma.polish());
+        self.running.cma.polish();
     }
 
     /// [`StopReason::Target`] or [`StopReason::Budget`]; nothing else ends the search.
@@ -315,9 +282,9 @@ impl Restarts {
         &self.ended
     }
 
-    /// Running instances, the longest running first.
-    pub fn running(&self) -> impl ExactSizeIterator<Item = &Cma> {
-        self.running.iter().map(|instance| &instance.cma)
+    /// The instance that runs.
+    pub fn running(&self) -> &Cma {
+        &self.running.cma
     }
 
     /// Candidates told so far, over all instances.

@@ -4,7 +4,6 @@
 //! The sums over a union are those that a [`Backend`] gives for the placement, to the bit.
 
 mod order;
-mod store;
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -17,8 +16,6 @@ use crate::memory;
 use crate::problem::{Problem, Tally};
 use crate::vehicle::PoseGrid;
 use order::{LevelOrder, ToLevels, count_union};
-use store::{PageKey, hash_of};
-pub use store::{PageStore, StoreReport};
 
 /// Poses cast at once: enough to keep every core busy, few enough for their bitmaps to fit anywhere.
 const POSES_AT_ONCE: usize = 32;
@@ -42,15 +39,6 @@ pub struct Atlas {
     /// Counts requests; pages remember the last one that asked for them.
     clock: u64,
     cast: u64,
-    kept: Option<Kept>,
-}
-
-/// Where pages are kept between runs.
-struct Kept {
-    store: Arc<PageStore>,
-    problem: [u8; 32],
-    /// Whether a page read was like one cast; `None` before there was one.
-    trusted: Option<bool>,
 }
 
 /// What one pose covers: frame after frame, occupied voxels in level order, then all voxels.
@@ -87,14 +75,7 @@ impl Atlas {
             capacity,
             clock: 0,
             cast: 0,
-            kept: None,
         }
-    }
-
-    /// Reads pages from a store where it has them, and keeps those cast there. Nothing else changes.
-    pub fn keep_in(&mut self, store: Arc<PageStore>) {
-        let problem = hash_of(&self.problem, self.all_words);
-        self.kept = Some(Kept { store, problem, trusted: None });
     }
 
     /// The grid of its poses.
@@ -117,8 +98,7 @@ impl Atlas {
         8 * self.problem.frame_count() * self.frame_words()
     }
 
-    /// Poses cast so far, those cast again after they were dropped included, and those that a store
-    /// spared a cast.
+    /// Poses cast so far, those cast again after they were dropped included.
     pub fn poses_cast(&self) -> u64 {
         self.cast
     }
@@ -143,57 +123,11 @@ impl Atlas {
         missing.sort_unstable();
         missing.dedup();
         self.make_room(missing.len())?;
-        let missing = self.read(backend, missing)?;
         for some in missing.chunks(POSES_AT_ONCE) {
             let pages = self.cast(backend, some)?;
-            if let Some(Kept { store, problem, .. }) = &self.kept {
-                some.par_iter().zip(&pages).for_each(|(&pose, page)| {
-                    store.write(&PageKey::new(problem, &self.grid.pose(pose)), page);
-                });
-            }
             self.insert(some, pages);
         }
         Ok(())
-    }
-
-    /// Takes what it can from the store; the poses that are still missing.
-    ///
-    /// The first page is compared with a cast: a store filled by a program that covers otherwise, as
-    /// no hash may know, is not used.
-    fn read(
-        &mut self,
-        backend: &mut dyn Backend,
-        missing: Vec<u32>,
-    ) -> Result<Vec<u32>, BackendError> {
-        let Some(kept) = &self.kept else { return Ok(missing) };
-        if kept.trusted == Some(false) {
-            return Ok(missing);
-        }
-        let words = self.problem.frame_count() * self.frame_words();
-        let read = |pose: &u32| {
-            kept.store.read(&PageKey::new(&kept.problem, &self.grid.pose(*pose)), words)
-        };
-        let read: Vec<Option<Vec<u64>>> = missing.par_iter().map(read).collect();
-        let (mut found, mut pages, mut left) = (Vec::new(), Vec::new(), Vec::new());
-        for (&pose, page) in missing.iter().zip(read) {
-            let Some(page) = page else {
-                left.push(pose);
-                continue;
-            };
-            found.push(pose);
-            pages.push(page);
-        }
-        if let (Some(&first), None) = (found.first(), kept.trusted) {
-            let trusted = self.cast(backend, &[first])?[0] == pages[0];
-            let kept = self.kept.as_mut().expect("there is a store");
-            kept.trusted = Some(trusted);
-            if !trusted {
-                kept.store.is_wrong();
-                return Ok(missing);
-            }
-        }
-        self.insert(&found, pages);
-        Ok(left)
     }
 
     fn insert(&mut self, numbers: &[u32], pages: Vec<Vec<u64>>) {
@@ -358,6 +292,3 @@ impl Drop for Atlas {
         std::mem::take(&mut self.pages).into_par_iter().for_each(drop);
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,9 +1,13 @@
-//! How good the result is: sampled and proven upper bounds on what the mount allows.
+//! How good a result is: sampled and proven upper bounds on what the mount allows.
 
+mod branch_and_bound;
 mod certificate;
-mod columns;
-mod gain_bound;
-mod pairs;
+mod on_grid;
+mod pair_overlaps;
+mod sample;
+mod voxel_groups;
 
-pub use certificate::{Certificate, GridSample, LipschitzBound};
-pub use gain_bound::{GainBound, bound_gain};
+pub use branch_and_bound::{Effort, GainBound, bound_gain};
+pub use certificate::Certificate;
+pub(super) use on_grid::{Bounds, bounds};
+pub use sample::{GridSample, LipschitzBound};

@@ -39,7 +39,6 @@ pub fn run(file: &File, problem: &Problem, run: usize) -> Result<Run, String> {
     let restarts = RestartOptions {
         strategy: RestartStrategy::Ipop,
         region: Some(vec![(-reach, reach); problem.n]),
-        batch: None,
     };
     // Within bounds the step size is a share of their range.
     let step_size = problem.sigma0 / bounds.map_or(1.0, |(low, high)| high - low);
@@ -70,7 +69,7 @@ pub fn run(file: &File, problem: &Problem, run: usize) -> Result<Run, String> {
         }
         evaluations += candidates.len() as u64;
         search.tell(&candidates, &costs).map_err(|error| error.to_string())?;
-        if of_mean && search.running().any(|cma| cost(&cma.mean_point()) <= problem.target) {
+        if of_mean && cost(&search.running().mean_point()) <= problem.target {
             return end(evaluations, true, infeasible, "target".into());
         }
         if let (None, Some(ended)) = (&problem.restart, search.ended().first()) {

@@ -1,4 +1,4 @@
-//! Restarts: populations, shared batches, saving.
+//! Restarts: populations, saving.
 
 use super::*;
 
@@ -6,10 +6,10 @@ fn rastrigin(x: &[f64]) -> f64 {
     x.iter().map(|x| 10.0 + x * x - 10.0 * (std::f64::consts::TAU * x).cos()).sum()
 }
 
-fn search(strategy: RestartStrategy, batch: Option<usize>, budget: u64) -> Restarts {
+fn search(strategy: RestartStrategy, budget: u64) -> Restarts {
     let bounds = Some(vec![(-5.0, 5.0); 3]);
     let options = CmaOptions { bounds, seed: 7, budget: Some(budget), ..CmaOptions::default() };
-    let restarts = RestartOptions { strategy, batch, region: None };
+    let restarts = RestartOptions { strategy, region: None };
     Restarts::new(&[4.0, -3.0, 2.0], 0.1, options, restarts).unwrap()
 }
 
@@ -31,7 +31,7 @@ fn run(search: &mut Restarts, generations: usize) -> usize {
 
 #[test]
 fn the_first_instance_is_the_plain_search() {
-    let mut whole = search(RestartStrategy::Bipop, None, 100_000);
+    let mut whole = search(RestartStrategy::Bipop, 100_000);
     let options =
         CmaOptions { bounds: Some(vec![(-5.0, 5.0); 3]), seed: 7, ..CmaOptions::default() };
     let mut plain = Cma::new(&[4.0, -3.0, 2.0], 0.1, options).unwrap();
@@ -46,14 +46,14 @@ fn the_first_instance_is_the_plain_search() {
 
 #[test]
 fn ipop_doubles_and_bipop_shares_the_evaluations() {
-    let mut ipop = search(RestartStrategy::Ipop, None, 30_000);
+    let mut ipop = search(RestartStrategy::Ipop, 30_000);
     run(&mut ipop, usize::MAX);
     assert_eq!(ipop.stop(), Some(StopReason::Budget));
     assert!(ipop.ended().len() >= 3);
     for (k, ended) in ipop.ended().iter().enumerate() {
         assert_eq!(ended.population, 7 << k);
     }
-    let mut bipop = search(RestartStrategy::Bipop, None, 60_000);
+    let mut bipop = search(RestartStrategy::Bipop, 60_000);
     run(&mut bipop, usize::MAX);
     let (mut large, mut small, mut next) = (0, 0, 7);
     for ended in bipop.ended() {
@@ -69,32 +69,15 @@ fn ipop_doubles_and_bipop_shares_the_evaluations() {
 }
 
 #[test]
-fn instances_share_a_batch_while_they_fit() {
-    for strategy in [RestartStrategy::Ipop, RestartStrategy::Bipop] {
-        let mut shared = search(strategy, Some(64), 20_000);
-        assert!(shared.running().len() > 2);
-        assert!(shared.ask().len() > 32 && shared.ask().len() <= 64);
-        // An instance larger than the batch runs alone.
-        let largest = run(&mut shared, usize::MAX);
-        let alone = shared.ended().iter().map(|e| e.population).max().unwrap().max(64);
-        assert!(largest <= 2 * alone, "{largest} {alone}");
-        let error = shared.tell(&[], &[]).unwrap_err();
-        assert!(error.to_string().starts_with("0 candidates were told"), "{error}");
-    }
-}
-
-#[test]
 fn a_saved_search_with_restarts_goes_on_to_the_same_bits() {
-    for batch in [None, Some(40)] {
-        let mut whole = search(RestartStrategy::Bipop, batch, 1_000_000);
-        run(&mut whole, 97);
-        let text = serde_json::to_string(&whole).unwrap();
-        let mut loaded: Restarts = serde_json::from_str(&text).unwrap();
-        run(&mut whole, 300);
-        run(&mut loaded, 300);
-        assert!(whole.ended().len() > 1);
-        assert_eq!(serde_json::to_string(&whole).unwrap(), serde_json::to_string(&loaded).unwrap());
-    }
+    let mut whole = search(RestartStrategy::Bipop, 1_000_000);
+    run(&mut whole, 97);
+    let text = serde_json::to_string(&whole).unwrap();
+    let mut loaded: Restarts = serde_json::from_str(&text).unwrap();
+    run(&mut whole, 300);
+    run(&mut loaded, 300);
+    assert!(whole.ended().len() > 1);
+    assert_eq!(serde_json::to_string(&whole).unwrap(), serde_json::to_string(&loaded).unwrap());
 }
 
 #[test]

@@ -1,12 +1,11 @@
-use super::columns::Columns;
+//! Bounds on sets of sensors from single poses and from the overlaps of pairs of them.
+
+use super::voxel_groups::Columns;
 use crate::search::atlas::Atlas;
 
 /// Shares of the typical poses that cover a voxel by which voxels are grouped, as multiples of
 /// 1 / (k − 1) for k sensors: at that share k random sensors less their overlaps come to one.
 const SHARES: [f64; 7] = [0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2];
-/// Words of bitmaps to read for the overlaps of all pairs, at most: some seconds.
-const MOST_WORDS: u64 = 30_000_000_000;
-
 /// Poses of which all pairs are remembered, at most: some hundred MiB.
 const MOST_POSES: usize = 3000;
 
@@ -50,13 +49,15 @@ impl PairBound {
     /// The bound with the split of the voxels that `bound_of` likes best, of those tried, and its
     /// value.
     ///
-    /// The worth of a voxel is `units` × its entropies. The bound holds whatever poses are `typical`; it
+    /// At most `most_words` words of bitmaps are read for the overlaps: voxels of later groups then count
+    /// without them. The worth of a voxel is `units` × its entropies. The bound holds whatever poses are `typical`; it
     /// is tight if good placements are made of poses like them.
     pub fn tightest(
         atlas: &Atlas,
         lidars: usize,
         units: [f64; 2],
         typical: &[u32],
+        most_words: u64,
         mut bound_of: impl FnMut(&Self) -> f64,
     ) -> (Self, f64) {
         let poses = atlas.grid().len();
@@ -82,7 +83,7 @@ impl PairBound {
             now.base = scaled(base);
             now.singles = singles.iter().map(|&sum| scaled(sum)).collect();
             words += columns.group_words(index) * (n * n / 2) as u64;
-            if words <= MOST_WORDS && !overlaps.is_empty() {
+            if words <= most_words && !overlaps.is_empty() {
                 columns.add_overlaps(index, &mut overlaps);
                 now.overlaps = overlaps.iter().map(|sum| unit * sum).collect();
             }

@@ -1,3 +1,5 @@
+//! Few frames that stand for all in a ranking of placements, as a pilot over every frame sees it.
+
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -62,15 +64,6 @@ impl Pilot {
         self.placements.iter().cloned().zip(sums).collect()
     }
 
-    /// What is scored.
-    pub(super) fn problem(&self) -> &Problem {
-        &self.problem
-    }
-
-    pub(super) fn placements(&self) -> &[Placement] {
-        &self.placements
-    }
-
     fn sum(&self, index: usize, frames: &[usize]) -> Tally {
         let classes = self.problem.content().classes().len();
         let mut sum = Tally::zero(classes, self.placements[index].lidars.len());
@@ -79,7 +72,7 @@ impl Pilot {
     }
 
     /// Objective of each placement over some frames.
-    pub(super) fn values(&self, objective: &Objective, frames: &[usize]) -> Vec<Option<f64>> {
+    fn values(&self, objective: &Objective, frames: &[usize]) -> Vec<Option<f64>> {
         let content = self.problem.content();
         let value =
             |index| objective.value_of_tally(&self.sum(index, frames), content, frames.len());
@@ -164,7 +157,7 @@ impl Choice<'_> {
 
 /// Root mean square of 1 − a · value / reference with the a that makes it least; `None` where no
 /// reference is known.
-pub(super) fn scatter(reference: &[Option<f64>], values: Vec<Option<f64>>) -> Option<f64> {
+fn scatter(reference: &[Option<f64>], values: Vec<Option<f64>>) -> Option<f64> {
     let known = reference.iter().zip(values).filter(|(r, _)| r.is_some_and(|r| r != 0.0));
     // What has a reference and no value is as far off as can be.
     let ratios: Vec<f64> =

@@ -1,3 +1,6 @@
+//! Voxels in groups by how many poses cover them, as bitmaps a pose: the columns of a maximum coverage
+//! problem.
+
 use std::ops::Range;
 
 use multiversion::multiversion;
@@ -5,8 +8,8 @@ use rayon::prelude::*;
 
 use crate::search::atlas::Atlas;
 
-/// Largest worth of a level as a multiple of its least one: the overlaps of pairs are taken at the
-/// least, so that a bound from them stays one.
+/// Largest worth of a level as a multiple of its least one: overlaps of pairs count at the least worth,
+/// so that a bound from them stays one.
 const WORTH_SPREAD: f64 = 1.05;
 /// Rows of a matrix of overlaps that are filled together.
 const ROWS: usize = 8;
@@ -25,7 +28,7 @@ pub(in crate::search) struct Columns {
     pub rest: u64,
 }
 
-/// Columns that about as many typical poses cover.
+/// Columns that similar shares of the typical poses cover.
 pub(in crate::search) struct Group {
     levels: Vec<Level>,
     /// Σ worth of the columns that each pose covers.

@@ -1,4 +1,4 @@
-//! Rank correlations, and the null model that stands beside each of them.
+//! Rank statistics: Kendall's τ and Spearman's ρ, and mean height as the null model beside them.
 
 use crate::vehicle::Placement;
 

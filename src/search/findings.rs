@@ -1,11 +1,13 @@
-use crate::audit::{mean_height, spearman};
+//! How properties of layouts go with the objective, beside the null model of mean height.
+
+use crate::score::{mean_height, spearman};
 use crate::vehicle::Placement;
 
 /// Numbers that describe a layout, by name.
-pub type Descriptor = (&'static str, fn(&Placement) -> f64);
+type Descriptor = (&'static str, fn(&Placement) -> f64);
 
 /// What the paper's "intuitive interpretation" speaks of; the first is the null model.
-pub const DESCRIPTORS: [Descriptor; 4] = [
+const DESCRIPTORS: [Descriptor; 4] = [
     ("mean height", mean_height),
     ("height spread", |p| deviation(p.lidars.iter().map(|l| l.z))),
     ("horizontal spread", |p| {

@@ -1,71 +1,14 @@
-//! Rules of a run beside those of its scene: what the options say, and how results stand to them.
+//! The rules of a mount in words, and those that a result just keeps.
 
-use sightline::report::LeftOut;
-use sightline::search::Search;
-use sightline::vehicle::{Constraints, MountRules, Placement, SensorPose};
-
-use crate::cli::args::Talk;
+use crate::vehicle::{Constraints, Placement, SensorPose};
 
 /// Distance from a bound, as a share of the range, that counts as on it.
 const ON_BOUND: f64 = 1e-3;
 /// Distance from a box or from another LiDAR, in metres over the least one, that counts as on it.
 const ON_RULE: f64 = 1e-3;
 
-#[derive(clap::Args)]
-pub(super) struct Rules {
-    /// All LiDARs stand at one height
-    #[arg(long, conflicts_with = "resume")]
-    equal_height: bool,
-    /// LiDARs come in pairs mirrored at the plane y = 0 (y, roll and yaw change sign); an odd one lies
-    /// in it
-    #[arg(long, conflicts_with = "resume")]
-    symmetric: bool,
-    /// Keep a pose field of all LiDARs at one value, in metres or radians, as z=2.5 or roll=0; may be
-    /// given several times
-    #[arg(long, value_name = "FIELD=VALUE", conflicts_with = "resume", value_parser = parse_fixed)]
-    fix: Vec<(String, f64)>,
-}
-
-impl Rules {
-    pub(super) fn for_mount(&self) -> MountRules {
-        MountRules {
-            equal_height: self.equal_height,
-            symmetric: self.symmetric,
-            fixed: self.fix.clone(),
-        }
-    }
-}
-
-/// `--fix`: a pose field and its value.
-fn parse_fixed(text: &str) -> Result<(String, f64), String> {
-    let parts = text.split_once('=').map(|(field, value)| (field.trim(), value.trim().parse()));
-    match parts {
-        Some((field, Ok(value))) if SensorPose::FIELDS.contains(&field) => {
-            Ok((field.to_owned(), value))
-        }
-        _ => Err(format!("write one of {} and a number, as z=2.5", SensorPose::FIELDS.join(", "))),
-    }
-}
-
-/// The layouts of `injected` that the search does not start from; each is said on stderr.
-pub(super) fn left_out(
-    constraints: &Constraints,
-    injected: &[Placement],
-    talk: Talk,
-) -> Vec<LeftOut> {
-    let layouts = injected.iter().map(|placement| LeftOut {
-        name: placement.name.clone(),
-        why: Search::why_left_out(constraints, placement),
-    });
-    let left_out: Vec<LeftOut> = layouts.filter(|layout| !layout.why.is_empty()).collect();
-    for LeftOut { name, why } in &left_out {
-        talk.note(format!("--inject: not starting from {name}: {}", why.join("; ")));
-    }
-    left_out
-}
-
-/// What every placement of the search keeps, beside the bounds of the mount, in words.
-pub(super) fn in_words(constraints: &Constraints) -> Vec<String> {
+/// Rules that every placement of a search keeps, beside the bounds of the mount, in words.
+pub fn rules_in_words(constraints: &Constraints) -> Vec<String> {
     let mut words = Vec::new();
     if constraints.min_distance > 0.0 {
         words.push(format!("LiDARs at least {} m apart", constraints.min_distance));

@@ -1,0 +1,140 @@
+//! What `optimize` leaves in its run folder.
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use sightline::engine::{EngineChoice, open};
+use sightline::report::{
+    Figures, InformationMap, RunContext, RunRecord, RunTimes, peak_memory, report_html,
+};
+use sightline::scene::{EgoBody, Scene};
+use sightline::search::{FrameChoice, LeftOut, Outcome, Settings};
+
+use super::Sitting;
+use super::settings::{Begun, Saved};
+use crate::cli::error::Error;
+use crate::cli::run_dir::RunDir;
+
+/// File of the times of earlier sittings. Not in the checkpoint: that is the same bytes however often a
+/// run was interrupted.
+const TIMES: &str = "times.json";
+
+/// What all sittings of a run have taken together.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+pub(super) struct Spent {
+    /// Placements × frames that the generations scored.
+    searched: u64,
+    /// Seconds of the generations, with going to other frames.
+    seconds: f64,
+    times: RunTimes,
+}
+
+/// The times of earlier sittings; a run that was killed before it wrote its first times has none.
+pub(super) fn read_spent(folder: &RunDir<Saved>) -> Spent {
+    let text = std::fs::read(folder.path().join(TIMES)).ok();
+    text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
+}
+
+impl Sitting<'_> {
+    /// What all sittings have taken up to now.
+    fn spent(&self) -> Spent {
+        let (now, Spent { searched, seconds, times }) = (self.run.times(), self.earlier);
+        Spent {
+            searched: searched + now.scored,
+            seconds: seconds + now.until_swaps,
+            times: RunTimes {
+                load: times.load + self.opened.times.load,
+                build: times.build + self.opened.times.build + now.frames,
+                search: times.search + now.search,
+                generations: times.generations + now.generations,
+                bookkeeping: times.bookkeeping + now.bookkeeping,
+                swaps: times.swaps + now.swaps,
+                bounds: times.bounds + now.bounds,
+                confirm: times.confirm + now.confirm,
+                total: times.total + self.start.elapsed().as_secs_f64(),
+            },
+        }
+    }
+}
+
+/// Saves the state: the history first, so that it is never behind.
+pub(super) fn save(sitting: &Sitting) -> Result<(), Error> {
+    let run = sitting.run.state().clone();
+    sitting.folder.write_lines("history.jsonl", run.history())?;
+    sitting.folder.save(&Saved { begun: sitting.begun.clone(), run })?;
+    sitting.folder.write_json(TIMES, &sitting.spent())
+}
+
+/// Writes result, charts and page, and hands out the record.
+pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, Error> {
+    let (folder, problem) = (&sitting.folder, &sitting.opened.problem);
+    let spent = sitting.spent();
+    let settings = sitting.run.state().settings();
+    let record = RunRecord::new(
+        outcome,
+        RunContext {
+            scene: sitting.opened.scene.name(),
+            settings: settings_json(&sitting.begun, settings, &outcome.left_out),
+            problem,
+            seed: settings.seed,
+            objective: settings.objective.to_string(),
+            rate: spent.searched as f64 / spent.seconds,
+            timings: spent.times,
+            peak_memory: peak_memory(),
+        },
+    );
+    let engine = EngineChoice { memory: sitting.args.compute.memory, ..EngineChoice::cpu() };
+    let mut engine = open(problem, &engine, |_| {})?.engine;
+    let map = outcome
+        .best
+        .as_ref()
+        .map(|best| InformationMap::of(problem, &mut *engine, &best.placement));
+    let map = map.transpose()?;
+    let body = body_of(&sitting.opened.scene);
+    let constraints = problem.constraints();
+    let figures = Figures::new(&record, &outcome.history, constraints, &body, map.as_ref());
+    folder.write_json(TIMES, &spent)?;
+    folder.write_json("result.json", &record)?;
+    folder.write_text("convergence.svg", &figures.convergence)?;
+    for (name, figure) in [("placement.svg", &figures.placement), ("map.svg", &figures.map)] {
+        if let Some(figure) = figure {
+            folder.write_text(name, figure)?;
+        }
+    }
+    folder.write_text("report.html", &report_html(&record, &figures))?;
+    Ok(record)
+}
+
+/// Every setting that decides about the result, in the keys of `result.json`.
+fn settings_json(begun: &Begun, settings: &Settings, left_out: &[LeftOut]) -> Value {
+    let frames = match settings.frames {
+        FrameChoice::OnDemand => None,
+        FrameChoice::All => Some(u32::MAX),
+        FrameChoice::Count(frames) => Some(frames),
+    };
+    json!({
+        "scene": begun.scene,
+        "frames": frames,
+        "baselines": settings.baselines,
+        "method": settings.method,
+        "rules": begun.rules,
+        "target": settings.target,
+        "left_out": left_out,
+        "search": {
+            "objective": settings.objective,
+            "evaluations": settings.evaluations,
+            "population": settings.population,
+            "seed": settings.seed,
+            "delta": settings.delta,
+        },
+    })
+}
+
+/// Triangles of the ego body, for the drawing.
+fn body_of(scene: &Scene) -> Vec<[[f32; 3]; 3]> {
+    if !scene.has_geometry() {
+        return Vec::new();
+    }
+    let without = scene.frame(0, EgoBody::Exclude).faces.len() as u32;
+    let soup = scene.frame(0, EgoBody::Include);
+    (without..soup.faces.len() as u32).map(|prim| soup.corners(prim)).collect()
+}

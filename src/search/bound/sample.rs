@@ -1,0 +1,108 @@
+//! Placements sampled on a grid in pairs of neighbours, and the paper's bound from them.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::score::Objective;
+use crate::search::error::SearchError;
+use crate::search::evaluator::Evaluator;
+use crate::vehicle::{Placement, PoseGrid};
+
+/// Theorem 1 of Place3D: |G(u*) − G(best sampled)| ≤ C_M + k_G·δ, from measured numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LipschitzBound {
+    /// Largest less smallest objective of the placements sampled on the grid.
+    pub c_m: f64,
+    /// Largest change of the objective a metre (or radian) between neighbours on the grid.
+    pub k_g: f64,
+    /// Largest spacing of the grid along a pose field that may vary, in m or rad.
+    pub delta: f64,
+    /// C_M + k_G·δ.
+    pub bound: f64,
+    /// Placements sampled, their neighbours not counted.
+    pub samples: usize,
+}
+
+/// Placements sampled on a grid in pairs of neighbours, with their objectives.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GridSample {
+    pairs: Vec<(Placement, Option<f64>)>,
+    delta: f64,
+}
+
+impl GridSample {
+    /// Samples placements, each with one neighbour a step along one pose field away.
+    ///
+    /// Ties between LiDARs are left out: random poses never keep them.
+    /// Placements that break another rule of the mount are drawn again, but not for ever: the sample may be
+    /// smaller than asked for, and is empty where nothing may vary.
+    ///
+    /// # Errors
+    /// As [`Evaluator::scores`].
+    pub fn draw(
+        evaluator: &mut Evaluator,
+        grid: &PoseGrid,
+        objective: &Objective,
+        samples: usize,
+        seed: u64,
+    ) -> Result<Self, SearchError> {
+        let constraints = evaluator.constraints().untied();
+        let free = constraints.free_fields();
+        let delta = free.iter().map(|&k| grid.step()[k]).fold(0.0, f64::max);
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut placements = Vec::new();
+        for _ in 0..100 * samples {
+            if placements.len() == 2 * samples {
+                break;
+            }
+            let poses: Vec<u32> =
+                (0..constraints.lidars).map(|_| rng.random_range(0..grid.len())).collect();
+            let lidar = rng.random_range(0..constraints.lidars);
+            let mut near = grid.along(poses[lidar], 1);
+            near.retain(|&pose| pose != poses[lidar]);
+            if near.is_empty() {
+                break;
+            }
+            let mut moved = poses.clone();
+            moved[lidar] = near[rng.random_range(0..near.len())];
+            let [a, b] = [poses, moved].map(|poses| Placement {
+                name: "sample".into(),
+                lidars: poses.iter().map(|&pose| grid.pose(pose)).collect(),
+            });
+            if constraints.violations(&a).is_empty() && constraints.violations(&b).is_empty() {
+                placements.extend([a, b]);
+            }
+        }
+        let scores = evaluator.scores(&placements)?;
+        let values = scores.iter().map(|scores| objective.value(scores));
+        Ok(Self { pairs: placements.into_iter().zip(values).collect(), delta })
+    }
+
+    /// The placements that have an objective.
+    pub fn scored(&self) -> Vec<(Placement, f64)> {
+        self.pairs.iter().filter_map(|(p, value)| Some((p.clone(), (*value)?))).collect()
+    }
+
+    /// The paper's bound. The sample decides about C_M and k_G: both are estimates from below. C_M
+    /// alone is as large as the range of the sampled scores, so the bound tells nothing that the
+    /// sample does not; it is reported because the paper does.
+    ///
+    /// `None` where no sampled placement has an objective.
+    pub fn lipschitz(&self) -> Option<LipschitzBound> {
+        let scored = self.scored();
+        let (low, high) =
+            scored.iter().fold((f64::MAX, f64::MIN), |(l, h), (_, v)| (l.min(*v), h.max(*v)));
+        let slopes = self.pairs.chunks(2).filter_map(|pair| {
+            let fields = pair[0].0.lidars.iter().zip(&pair[1].0.lidars);
+            let fields = fields.flat_map(|(a, b)| a.fields().into_iter().zip(b.fields()));
+            let apart: f64 = fields.map(|((_, a), (_, b))| (a - b).abs()).sum();
+            Some((pair[0].1? - pair[1].1?).abs() / apart)
+        });
+        let k_g = slopes.fold(0.0, f64::max);
+        let (c_m, delta) = (high - low, self.delta);
+        let samples = self.pairs.len() / 2;
+        let bound = c_m + k_g * delta;
+        (!scored.is_empty()).then_some(LipschitzBound { c_m, k_g, delta, bound, samples })
+    }
+}

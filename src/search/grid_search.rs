@@ -1,0 +1,255 @@
+//! Placements whose LiDARs stand on poses of a grid: their objective from the pose atlas, greedy choice.
+
+use std::cmp::Ordering;
+
+use glam::DVec3;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::error::SearchError;
+use super::evaluator::Evaluator;
+use crate::problem::Tally;
+use crate::score::{Objective, Standing};
+use crate::search::atlas::{Atlas, Union};
+use crate::vehicle::{Constraints, Placement, PoseGrid};
+
+/// Stale gains that lazy greedy looks at again at once: enough to keep every core busy.
+const LAZY_BLOCK: usize = 64;
+
+/// Slack of the least distance, as in [`Constraints::violations`].
+const SLACK: f64 = 1e-9;
+
+/// Where the poses of a grid stand.
+pub(super) struct Places {
+    positions: Vec<DVec3>,
+    /// Whether each is outside of every box that is kept free.
+    clear: Vec<bool>,
+    /// Least distance of two LiDARs.
+    least: f64,
+}
+
+impl Places {
+    /// As [`GridSearch::fits`].
+    pub fn fits(&self, pose: u32, others: &[u32]) -> bool {
+        let at = |pose: u32| self.positions[pose as usize];
+        let apart = |&other: &u32| other != pose && at(pose).distance(at(other)) >= self.least;
+        self.clear[pose as usize] && others.iter().all(apart)
+    }
+}
+
+/// Searches placements whose LiDARs stand on poses of a grid.
+pub struct GridSearch {
+    pub(super) atlas: Atlas,
+    pub(super) objective: Objective,
+    pub(super) constraints: Constraints,
+    pub(super) evaluations: u64,
+}
+
+/// A placement on the grid.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GridPlacement {
+    /// Numbers of its poses in the grid.
+    pub poses: Vec<u32>,
+    /// Its objective.
+    pub value: f64,
+}
+
+impl GridPlacement {
+    /// As poses in the ego frame.
+    pub fn placement(&self, grid: &PoseGrid, name: &str) -> Placement {
+        let lidars = self.poses.iter().map(|&pose| grid.pose(pose)).collect();
+        Placement { name: name.to_owned(), lidars }
+    }
+}
+
+/// Order of (candidate pose, objective with it): better ones first, of equal ones the lower number.
+pub(super) fn better_first(a: &(u32, f64), b: &(u32, f64)) -> Ordering {
+    b.1.total_cmp(&a.1).then(a.0.cmp(&b.0))
+}
+
+impl GridSearch {
+    /// A search of placements that keep the evaluator's constraints.
+    pub fn new(atlas: Atlas, objective: Objective, evaluator: &Evaluator) -> Self {
+        Self { atlas, objective, constraints: evaluator.constraints().clone(), evaluations: 0 }
+    }
+
+    /// Drops the rules that tie LiDARs together: a bound over more placements bounds them, too.
+    pub fn untie(&mut self) {
+        self.constraints = self.constraints.untied();
+    }
+
+    /// The atlas it reads.
+    pub fn atlas(&self) -> &Atlas {
+        &self.atlas
+    }
+
+    /// LiDARs of a placement.
+    pub fn lidars(&self) -> usize {
+        self.constraints.lidars
+    }
+
+    /// Placements looked at so far.
+    pub fn evaluations(&self) -> u64 {
+        self.evaluations
+    }
+
+    /// Numbers of the poses of a placement moved to the grid, a LiDAR and its mirror image side by
+    /// side where the rules want pairs; `None` where it breaks a rule there.
+    pub fn start_of(&self, placement: &Placement) -> Option<Vec<u32>> {
+        let grid = self.atlas.grid();
+        let poses = grid.numbers_of(placement, self.constraints.ties);
+        let snapped = GridPlacement { poses, value: 0.0 };
+        let keeps = self.constraints.violations(&snapped.placement(grid, "start")).is_empty();
+        keeps.then_some(snapped.poses)
+    }
+
+    /// Casts the poses that are not held yet.
+    ///
+    /// # Errors
+    /// From the backend, or more poses than the atlas holds.
+    pub fn hold(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<(), SearchError> {
+        Ok(self.atlas.hold(evaluator.backend_mut(), poses)?)
+    }
+
+    /// Whether a pose may stand beside others: in no box that is kept free, another pose, and far
+    /// enough away. Ties between LiDARs are not looked at.
+    pub fn fits(&self, pose: u32, others: &[u32]) -> bool {
+        let least = self.constraints.min_distance - SLACK;
+        let pose_itself = self.atlas.grid().pose(pose);
+        let position = pose_itself.position();
+        let apart = others.iter().all(|&other| {
+            other != pose && position.distance(self.atlas.grid().pose(other).position()) >= least
+        });
+        apart && self.constraints.is_clear(&pose_itself)
+    }
+
+    /// Where each pose of the grid stands, for many questions of [`Self::fits`].
+    pub(super) fn places(&self) -> Places {
+        let grid = self.atlas.grid();
+        let poses = (0..grid.len()).map(|pose| grid.pose(pose));
+        let (positions, clear) =
+            poses.map(|pose| (pose.position(), self.constraints.is_clear(&pose))).unzip();
+        Places { positions, clear, least: self.constraints.min_distance - SLACK }
+    }
+
+    /// The objective of held poses and one candidate more, for each candidate; `−∞` where it does not
+    /// exist.
+    pub(super) fn values_with(&mut self, poses: &[u32], candidates: &[u32]) -> Vec<(u32, f64)> {
+        let mut union = Union::default();
+        self.atlas.union(poses, &mut union);
+        self.evaluations += candidates.len() as u64;
+        let (problem, objective) = (self.atlas.problem(), &self.objective);
+        let frames = problem.frame_count();
+        let value = |&pose: &u32| {
+            let tally = self.atlas.tally_with(&union, pose);
+            let value = objective.value_of_tally(&tally, problem.content(), frames);
+            (pose, value.unwrap_or(f64::NEG_INFINITY))
+        };
+        candidates.par_iter().map(value).collect()
+    }
+
+    /// The objective of held poses, 0 for none.
+    pub(super) fn held_value(&mut self, poses: &[u32]) -> f64 {
+        let Some((&last, others)) = poses.split_last() else { return 0.0 };
+        self.values_with(others, &[last])[0].1
+    }
+
+    /// Growth of an information gain with each fixed-point unit of the two tasks' entropies,
+    /// (objective of a sum of 2⁴⁰ units) / 2⁴⁰; 0 where it does not exist.
+    pub(super) fn worth_units(&self) -> [f64; 2] {
+        let problem = self.atlas.problem();
+        [0, 1].map(|task| {
+            // A power of two, and large: as exact as the objective's own factors.
+            let sum = 1u64 << 40;
+            let mut tally = Tally { covered: 1, covered_nonzero: 1, ..Tally::default() };
+            tally.entropy[task] = sum;
+            let content = problem.content();
+            let value = self.objective.value_of_tally(&tally, content, problem.frame_count());
+            value.unwrap_or(0.0) / sum as f64
+        })
+    }
+
+    /// The objective of a placement.
+    ///
+    /// # Errors
+    /// As [`Self::hold`].
+    pub fn value(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<f64, SearchError> {
+        let Some((&last, others)) = poses.split_last() else { return Ok(f64::NEG_INFINITY) };
+        self.hold(evaluator, poses)?;
+        Ok(self.values_with(others, &[last])[0].1)
+    }
+
+    /// LiDAR after LiDAR, the candidate that makes the objective largest; `None` where no candidate
+    /// fits any more.
+    ///
+    /// For an information gain this reaches at least 1 − 1/e of the best placement of these
+    /// candidates where no distance is asked for (Nemhauser, Wolsey, Fisher 1978). Gains then only
+    /// shrink as sensors join, so that old ones are bounds and most are not looked at again
+    /// (Minoux 1978); the result is the same.
+    ///
+    /// # Errors
+    /// As [`Self::hold`].
+    pub fn greedy(
+        &mut self,
+        evaluator: &mut Evaluator,
+        candidates: &[u32],
+    ) -> Result<Option<GridPlacement>, SearchError> {
+        self.hold(evaluator, candidates)?;
+        let lazy = self.objective.is_information_gain();
+        let mut placement = GridPlacement { poses: Vec::new(), value: 0.0 };
+        let mut bounds: Vec<(u32, f64)> = candidates.iter().map(|&c| (c, f64::INFINITY)).collect();
+        while placement.poses.len() < self.lidars() {
+            bounds.retain(|&(pose, _)| self.fits(pose, &placement.poses));
+            if bounds.is_empty() {
+                return Ok(None);
+            }
+            let mut fresh: Vec<(u32, f64)> = Vec::new();
+            let block = if lazy { LAZY_BLOCK } else { bounds.len() };
+            let mut best = f64::NEG_INFINITY;
+            while fresh.len() < bounds.len() && (!lazy || bounds[fresh.len()].1 >= best) {
+                let end = (fresh.len() + block).min(bounds.len());
+                let some: Vec<u32> = bounds[fresh.len()..end].iter().map(|b| b.0).collect();
+                let values = self.values_with(&placement.poses, &some);
+                let gains = values.into_iter().map(|(pose, value)| (pose, value - placement.value));
+                fresh.extend(gains);
+                best = fresh.iter().fold(best, |best, gain| best.max(gain.1));
+            }
+            let looked_at = fresh.len();
+            bounds[..looked_at].copy_from_slice(&fresh);
+            bounds.sort_by(better_first);
+            let (pose, gain) = bounds[0];
+            placement.poses.push(pose);
+            placement.value += gain;
+        }
+        placement.value = self.value(evaluator, &placement.poses)?;
+        Ok(Some(placement))
+    }
+
+    /// The standing of a placement, which keeps the rules as every placement of the grid search does.
+    ///
+    /// # Errors
+    /// As [`Self::hold`].
+    pub fn standing(
+        &self,
+        evaluator: &mut Evaluator,
+        placement: &GridPlacement,
+    ) -> Result<Standing, SearchError> {
+        let scored = placement.placement(self.atlas.grid(), "standing");
+        let guards = evaluator.scores(&[scored])?[0].guards.len();
+        Ok(Standing { violation: 0.0, guards, value: Some(placement.value) })
+    }
+
+    /// The better of two placements, the first of equal ones.
+    ///
+    /// # Errors
+    /// As [`Self::hold`].
+    pub fn preferred(
+        &self,
+        evaluator: &mut Evaluator,
+        first: GridPlacement,
+        second: GridPlacement,
+    ) -> Result<GridPlacement, SearchError> {
+        let [a, b] = [self.standing(evaluator, &first)?, self.standing(evaluator, &second)?];
+        Ok(if b.beats(&a) { second } else { first })
+    }
+}

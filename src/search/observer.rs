@@ -1,0 +1,104 @@
+//! What a run tells while it goes on, and how it is asked to stop.
+
+use std::fmt;
+use std::time::Instant;
+
+use super::generations::GenerationRecord;
+
+/// Sees a run go on, and may stop it.
+///
+/// Every closure from an [`Event`] to `bool` is one: `&mut |_: &Event| true` lets a run go on in silence.
+pub trait Observer {
+    /// Takes note of an event. `false` interrupts the run: it finishes the generation or climb that is
+    /// under way, confirms what it has, and ends.
+    fn on(&mut self, event: &Event) -> bool;
+}
+
+impl<F: FnMut(&Event) -> bool> Observer for F {
+    fn on(&mut self, event: &Event) -> bool {
+        self(event)
+    }
+}
+
+/// What happens in a run.
+#[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
+pub enum Event<'a> {
+    /// A sentence for the user: the engine taken, frames added, a layout left out, a device lost.
+    Note(&'a str),
+    /// A generation is scored.
+    Generation(&'a GenerationRecord),
+    /// So much of some work is done.
+    Progress {
+        /// Which work.
+        work: Work,
+        /// Steps done.
+        done: u64,
+        /// Steps in all, at most.
+        total: u64,
+    },
+}
+
+/// Work that takes many steps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Work {
+    /// Placements of the generations.
+    Generations,
+    /// Sensor poses cast for swaps.
+    Swaps,
+    /// Sets of sensors looked at for the bound on the gain.
+    Bounds,
+    /// Placements scored over all frames.
+    Confirming {
+        /// How many frames.
+        frames: usize,
+    },
+}
+
+impl fmt::Display for Work {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Generations => f.write_str("placements"),
+            Self::Swaps => f.write_str("poses for swaps"),
+            Self::Bounds => f.write_str("sets of sensors bounded"),
+            Self::Confirming { frames } => {
+                write!(f, "placements confirmed over all {frames} frames")
+            }
+        }
+    }
+}
+
+/// An observer with a deadline; remembers that it was told to stop.
+pub(super) struct Watch<'a> {
+    observer: &'a mut dyn Observer,
+    pub(super) deadline: Option<Instant>,
+    interrupted: bool,
+}
+
+impl<'a> Watch<'a> {
+    pub(super) fn new(observer: &'a mut dyn Observer, interrupted: bool) -> Self {
+        Self { observer, deadline: None, interrupted }
+    }
+
+    /// Tells an event; false where the run is to end, by the observer's word or the deadline.
+    pub(super) fn tell(&mut self, event: &Event) -> bool {
+        let goes_on = self.observer.on(event);
+        self.interrupted |= !goes_on;
+        !self.is_over()
+    }
+
+    pub(super) fn note(&mut self, sentence: &str) {
+        self.tell(&Event::Note(sentence));
+    }
+
+    /// Whether the observer has stopped the run.
+    pub(super) fn is_interrupted(&self) -> bool {
+        self.interrupted
+    }
+
+    /// Whether the run is to end.
+    pub(super) fn is_over(&self) -> bool {
+        self.interrupted || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
+    }
+}

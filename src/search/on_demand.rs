@@ -1,0 +1,330 @@
+//! Frames on demand: a search begins over a few frames that stand for all, goes on over more when they no
+//! longer tell the best apart, and its finalists are confirmed over all.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::error::SearchError;
+use super::levels::Pilot;
+use super::settings::Settings;
+use crate::problem::{Problem, Tally};
+use crate::score::{Objective, Scores, Standing};
+use crate::vehicle::{Constraints, Placement, random_placements};
+
+/// Fewest placements by which the frames are chosen: the baselines, or random ones beside them.
+const SAMPLE: usize = 8;
+/// Draws for each random placement wanted, before the rules of the mount are given up.
+const DRAWS: usize = 50;
+/// Share of the best score that a search may lose.
+const TOLERANCE: f64 = 0.01;
+/// Error of the level at which a search begins: candidates then differ by many times as much.
+const FIRST_ERROR: f64 = 2.0 * TOLERANCE;
+/// Placements that are confirmed over all frames at the end.
+const FINALISTS: usize = 6;
+/// Finalists whose order is checked over all frames.
+const CHECKED: usize = 3;
+/// Generations between two checks.
+const GENERATIONS: u64 = 10;
+/// Share of the evaluations after which a search is over the second level or a later one, unless the
+/// error of the first is below [`LATE_ERROR`]: the gains left then are smaller than that error.
+const LATE: f64 = 0.5;
+/// Error of a level that is enough for all generations. Swaps are over the second level at least: they
+/// end at the best placement they see, which one frame flatters most.
+const LATE_ERROR: f64 = 0.5 * TOLERANCE;
+
+/// A candidate for the result.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Finalist {
+    placement: Placement,
+    /// Over the frames of the present level.
+    standing: Standing,
+    /// Over all frames, once it is known.
+    confirmed: Option<Standing>,
+}
+
+/// The levels of frames, where a search stands among them, and its finalists.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct FramesOnDemand {
+    /// Frames of each level, ever more; the last is all of them.
+    levels: Vec<Vec<usize>>,
+    /// Error of each level against all frames, as the pilot saw it; see [`super::Level`].
+    errors: Vec<Option<f64>>,
+    /// Present level.
+    at: usize,
+    /// The best first.
+    finalists: Vec<Finalist>,
+    work: PlacementFrames,
+    /// (generation, frames from then on), the start first.
+    steps: Vec<(u64, u32)>,
+    /// Largest loss from following a level that a check saw, as a share of the best score.
+    worst_loss: f64,
+}
+
+/// Placements × frames that were scored.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+struct PlacementFrames {
+    levels: u64,
+    search: u64,
+    confirm: u64,
+}
+
+/// Frames that a search on demand used, saved and risked.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FramesUsed {
+    /// Frames of each level.
+    pub levels: Vec<usize>,
+    /// Numbers of the frames of each level.
+    pub frames: Vec<Vec<usize>>,
+    /// Error of each level against all frames; see [`super::Level::error`].
+    pub errors: Vec<Option<f64>>,
+    /// (generation, frames from then on), the start first.
+    pub steps: Vec<(u64, u32)>,
+    /// Placements × frames by purpose.
+    pub placement_frames: WorkByPurpose,
+    /// Work as a share of that of a search over all frames.
+    pub share_of_full: f64,
+    /// Placements confirmed over all frames.
+    pub finalists: usize,
+    /// Largest loss that a check saw, as a share of the best score.
+    pub worst_loss_seen: f64,
+    /// All of it in a sentence.
+    pub words: String,
+}
+
+/// Placements × frames by purpose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct WorkByPurpose {
+    /// To choose the levels.
+    pub levels: u64,
+    /// By the generations.
+    pub search: u64,
+    /// By the swaps: sensor poses, as so many whole placements.
+    pub swaps: u64,
+    /// To check and to confirm.
+    pub confirm: u64,
+    /// A search over all frames.
+    pub full: u64,
+}
+
+impl FramesOnDemand {
+    /// Chooses the levels of a problem over all frames, by a pilot of the baselines and some random
+    /// placements, within about `memory` bytes; hands out the pilot's tallies over all frames.
+    ///
+    /// # Errors
+    /// One placement does not fit.
+    pub fn choose(
+        whole: &Arc<Problem>,
+        settings: &Settings,
+        memory: u64,
+    ) -> Result<(Self, Vec<(Placement, Tally)>), SearchError> {
+        let count = whole.frame_count();
+        let (mut levels, mut errors) = (vec![(0..count).collect()], vec![None]);
+        let mut work = PlacementFrames::default();
+        let mut known = Vec::new();
+        if count > 1 {
+            let sample = sample(whole.constraints(), settings);
+            let pilot = Pilot::new(whole, sample, memory)?;
+            let found = pilot.levels(&settings.objective, FIRST_ERROR);
+            (levels, errors) = found.into_iter().map(|l| (l.frames, l.error)).unzip();
+            (work.levels, known) = (pilot.work(), pilot.tallies());
+        }
+        let steps = vec![(0, levels[0].len() as u32)];
+        let (at, finalists, worst_loss) = (0, Vec::new(), 0.0);
+        Ok((Self { levels, errors, at, finalists, work, steps, worst_loss }, known))
+    }
+
+    /// Frames of the present level.
+    pub fn frames(&self) -> &[usize] {
+        &self.levels[self.at]
+    }
+
+    /// Whether the present level is all frames.
+    fn is_full(&self) -> bool {
+        self.at + 1 == self.levels.len()
+    }
+
+    /// Whether fewer than all frames were ever searched over.
+    fn has_choice(&self) -> bool {
+        self.levels.len() > 1
+    }
+
+    /// Position of the present level.
+    pub fn level(&self) -> usize {
+        self.at
+    }
+
+    /// Position of the least level from the present one on that is enough after a share of the evaluations.
+    pub fn enough(&self, progress: f64) -> usize {
+        let exact = self.errors[0].is_some_and(|error| error <= LATE_ERROR);
+        let least = if progress < LATE || exact { 0 } else { self.second() };
+        least.max(self.at)
+    }
+
+    /// Position of the level after the present one; of the last one where there is none.
+    pub fn next(&self) -> usize {
+        (self.at + 1).min(self.levels.len() - 1)
+    }
+
+    /// Position of the level that swaps are over.
+    pub fn of_swaps(&self) -> usize {
+        self.second().max(self.at)
+    }
+
+    /// Position of the second level, or of the only one.
+    fn second(&self) -> usize {
+        1.min(self.levels.len() - 1)
+    }
+
+    /// Goes to a level after a generation; the finalists are to be scored there.
+    pub fn go_to(&mut self, level: usize, generation: u64) {
+        self.at = level;
+        self.steps.push((generation, self.frames().len() as u32));
+    }
+
+    /// Whether the order of the finalists is to be checked after this generation.
+    pub fn is_due(&self, generation: u64) -> bool {
+        !self.is_full() && generation.is_multiple_of(GENERATIONS)
+    }
+
+    /// Takes note of a generation: placements that keep the rules of the mount, and their scores.
+    pub fn note(&mut self, scored: Vec<(Placement, Scores)>, objective: &Objective) {
+        self.work.search += (scored.len() * self.frames().len()) as u64;
+        let standings = scored.into_iter().map(|(placement, scores)| Finalist {
+            placement,
+            standing: Standing::of(&scores, objective),
+            confirmed: None,
+        });
+        self.finalists.extend(standings.filter(|finalist| finalist.standing.value.is_some()));
+        self.sort();
+        self.finalists.truncate(FINALISTS);
+    }
+
+    fn sort(&mut self) {
+        self.finalists.sort_by(|a, b| a.standing.compare(&b.standing));
+    }
+
+    /// All finalists, to be scored over a new level.
+    pub fn finalists(&self) -> Vec<Placement> {
+        self.finalists.iter().map(|finalist| finalist.placement.clone()).collect()
+    }
+
+    /// Takes the scores of all finalists over the present level, which has more frames than the last.
+    pub fn rescored(&mut self, scores: &[Scores], objective: &Objective) {
+        self.work.confirm += (scores.len() * self.frames().len()) as u64;
+        for (finalist, scores) in self.finalists.iter_mut().zip(scores) {
+            finalist.standing = Standing::of(scores, objective);
+        }
+        self.sort();
+    }
+
+    /// Finalists whose order is checked, that are not confirmed over all frames yet.
+    pub fn to_check(&self) -> Vec<Placement> {
+        self.unconfirmed(CHECKED)
+    }
+
+    /// All finalists that are not confirmed over all frames yet; none where the search itself is over all.
+    pub fn to_confirm(&self) -> Vec<Placement> {
+        if self.has_choice() { self.unconfirmed(FINALISTS) } else { Vec::new() }
+    }
+
+    fn unconfirmed(&self, count: usize) -> Vec<Placement> {
+        let some = self.finalists.iter().take(count).filter(|f| f.confirmed.is_none());
+        some.map(|finalist| finalist.placement.clone()).collect()
+    }
+
+    /// Takes the scores over all frames of the first finalists that were not confirmed yet.
+    pub fn confirmed(&mut self, scores: &[Scores], objective: &Objective) {
+        let all = self.levels[self.levels.len() - 1].len();
+        self.work.confirm += (scores.len() * all) as u64;
+        let open = self.finalists.iter_mut().filter(|f| f.confirmed.is_none());
+        for (finalist, scores) in open.zip(scores) {
+            let standing = Standing::of(scores, objective);
+            finalist.standing.guards = standing.guards;
+            finalist.confirmed = Some(standing);
+        }
+    }
+
+    /// Whether following the present level loses more than half the tolerance, as the checked finalists
+    /// see it: (best over all frames − that of the first) / |best|.
+    pub fn is_unsure(&mut self) -> bool {
+        let checked = self.finalists.iter().take(CHECKED);
+        let of_all: Vec<f64> = checked.filter_map(|f| f.confirmed?.value).collect();
+        let best = of_all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let lost =
+            of_all.first().map_or(0.0, |first| (best - first) / best.abs().max(f64::MIN_POSITIVE));
+        self.worst_loss = self.worst_loss.max(lost);
+        lost > 0.5 * TOLERANCE
+    }
+
+    /// The best of the confirmed finalists; `None` where the search itself was over all frames.
+    pub fn winner(&self) -> Option<Placement> {
+        let confirmed: Vec<(&Finalist, Standing)> =
+            self.finalists.iter().filter_map(|f| Some((f, f.confirmed?))).collect();
+        let standings: Vec<Standing> = confirmed.iter().map(|(_, standing)| *standing).collect();
+        let best = Standing::best(&standings).filter(|_| self.has_choice())?;
+        Some(confirmed[best].0.placement.clone())
+    }
+
+    /// What was used, saved and risked by a search of so many evaluations, whose swaps cast so many sensor
+    /// poses of `lidars` a placement.
+    pub fn used(&self, evaluations: u64, poses_swapped: u64, lidars: usize) -> FramesUsed {
+        let all = self.levels[self.levels.len() - 1].len();
+        let swapped = poses_swapped.div_ceil(lidars.max(1) as u64);
+        let PlacementFrames { levels, search, confirm } = self.work;
+        let swaps = swapped * self.frames().len() as u64;
+        let full = (evaluations + swapped) * all as u64;
+        let share_of_full = (levels + search + swaps + confirm) as f64 / full.max(1) as f64;
+        FramesUsed {
+            levels: self.levels.iter().map(Vec::len).collect(),
+            frames: self.levels.clone(),
+            errors: self.errors.clone(),
+            steps: self.steps.clone(),
+            placement_frames: WorkByPurpose { levels, search, swaps, confirm, full },
+            share_of_full,
+            finalists: self.finalists.len(),
+            worst_loss_seen: self.worst_loss,
+            words: self.words(share_of_full),
+        }
+    }
+
+    fn words(&self, share: f64) -> String {
+        let all = self.levels[self.levels.len() - 1].len();
+        if all == 1 {
+            return "searched over the only frame that there is".to_owned();
+        }
+        if !self.has_choice() {
+            return format!("searched over all {all} frames: fewer would not keep the ranking");
+        }
+        let steps = self.steps.iter().map(|(generation, frames)| match generation {
+            0 => format!("{frames} of {all} frames"),
+            _ => format!("{frames} after generation {generation}"),
+        });
+        format!(
+            "searched over {}; with {} finalists confirmed over all frames this took {:.0} % of the \
+             placements × frames of a search over all; checks saw a loss of {:.3} % at most",
+            steps.collect::<Vec<_>>().join(", "),
+            self.finalists.len(),
+            100.0 * share,
+            100.0 * self.worst_loss
+        )
+    }
+}
+
+/// Placements by which the levels are chosen: the baselines of as many LiDARs as the mount has, and
+/// random ones where these are few, those that keep the rules first.
+fn sample(constraints: &Constraints, settings: &Settings) -> Vec<Placement> {
+    let alike = settings.baselines.iter().filter(|b| b.lidars.len() == constraints.lidars);
+    let mut sample: Vec<Placement> = alike.cloned().collect();
+    let random = SAMPLE.saturating_sub(sample.len());
+    sample.extend(drawn(constraints, random, settings.seed));
+    sample
+}
+
+/// Placements drawn evenly from the mount, those that keep its rules first.
+pub(crate) fn drawn(constraints: &Constraints, count: usize, seed: u64) -> Vec<Placement> {
+    let mut drawn = random_placements(constraints, count * DRAWS, seed);
+    drawn.sort_by_key(|placement| !constraints.violations(placement).is_empty());
+    drawn.truncate(count);
+    drawn
+}

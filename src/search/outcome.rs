@@ -1,0 +1,155 @@
+//! What a run has come to.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::bound::Certificate;
+use super::findings::Finding;
+use super::generations::{GenerationRecord, GenerationsStop};
+use super::on_demand::FramesUsed;
+use crate::score::{Scores, Standing};
+use crate::vehicle::Placement;
+
+/// A placement with its scores.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Scored {
+    /// Name and poses.
+    pub placement: Placement,
+    /// Scores over all frames of the scene.
+    pub scores: Scores,
+    /// Its objective; `None` where a score it needs does not exist.
+    pub objective: Option<f64>,
+    /// Rules of the mount that it breaks, in words.
+    pub violations: Vec<String>,
+}
+
+impl Scored {
+    /// Its standing among placements that keep the rules of the mount.
+    pub(super) fn standing(&self) -> Standing {
+        let guards = self.scores.guards.len();
+        Standing { violation: 0.0, guards, value: self.objective }
+    }
+}
+
+/// What one way of searching has found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MethodRecord {
+    /// `cma-es` or `swaps`.
+    pub method: &'static str,
+    /// Its placement's objective over all frames of the scene.
+    pub objective: Option<f64>,
+    /// Placements that it looked at.
+    pub evaluations: u64,
+    /// Sensor poses that it cast.
+    pub poses_cast: u64,
+    /// Whether its placement is the result.
+    pub won: bool,
+}
+
+/// A layout to start from that was not used.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LeftOut {
+    /// Its name.
+    pub name: String,
+    /// Rules that it breaks, in words.
+    pub why: Vec<String>,
+}
+
+/// Why a run has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Stopped {
+    /// The observer said so.
+    Interrupted,
+    /// The time limit is over.
+    Time,
+    /// The generations say why.
+    Generations(GenerationsStop),
+    /// No swap gains any more, where there were swaps alone.
+    Settled,
+}
+
+impl Stopped {
+    /// Whether a resumed run would find something left to do.
+    pub fn is_unfinished(self) -> bool {
+        matches!(self, Self::Interrupted | Self::Time)
+    }
+}
+
+/// A name, and after a colon its meaning.
+impl fmt::Display for Stopped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Interrupted => f.write_str("interrupted"),
+            Self::Time => f.write_str("time: the seconds given are over"),
+            Self::Generations(stop) => stop.fmt(f),
+            Self::Settled => f.write_str("settled: no swap gains any more"),
+        }
+    }
+}
+
+/// Wall times of a run in seconds, of this sitting alone.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct SearchTimes {
+    /// Choosing frames, and opening the engine.
+    pub frames: f64,
+    /// The search: all after that and before confirming.
+    pub search: f64,
+    /// Of it the generations, without going to other frames.
+    pub generations: f64,
+    /// Of these all but scoring: asking, telling, ranking.
+    pub bookkeeping: f64,
+    /// Of the search generations and finalists, going to other frames included.
+    pub until_swaps: f64,
+    /// Of the search the swaps.
+    pub swaps: f64,
+    /// Of the search the bounds.
+    pub bounds: f64,
+    /// Scoring the result and the baselines over all frames.
+    pub confirm: f64,
+    /// Placements × frames that the generations scored.
+    pub scored: u64,
+}
+
+/// What a run has come to.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Outcome {
+    /// The result; `None` where no candidate kept the rules of the mount.
+    pub best: Option<Scored>,
+    /// Layouts to compare with.
+    pub baselines: Vec<Scored>,
+    /// What each way of searching found, and which one gave the result.
+    pub methods: Vec<MethodRecord>,
+    /// How much better than the result another placement could be; `None` without a result, or where
+    /// the run ended before its bounds.
+    pub certificate: Option<Certificate>,
+    /// How properties of layouts go with the objective, over random placements on the grid.
+    pub findings: Vec<Finding>,
+    /// Frames that were used, saved and risked; `None` where they were given.
+    pub frames_used: Option<FramesUsed>,
+    /// Frames that the search averaged over.
+    pub search_frames: usize,
+    /// A record of each generation.
+    pub history: Vec<GenerationRecord>,
+    /// Placements that the generations evaluated.
+    pub evaluations: u64,
+    /// Instances of the CMA-ES that ended before the last one, and why, in words.
+    pub ended: Vec<String>,
+    /// Layouts to start from that the mount does not allow.
+    pub left_out: Vec<LeftOut>,
+    /// Pose fields of the result that lie on a bound of the mount, and other rules that it just keeps,
+    /// in words.
+    pub active_bounds: Vec<String>,
+    /// Why it ended.
+    pub stopped: Stopped,
+    /// `cpu` or `gpu`.
+    pub backend: String,
+    /// Device as reported.
+    pub adapter: String,
+    /// Devices lost during the run, and what took over, in words.
+    pub backend_changes: Vec<String>,
+    /// Wall times of this sitting.
+    pub times: SearchTimes,
+}

@@ -1,0 +1,144 @@
+//! The last step: what each method found over all frames, the better of them, and the outcome.
+
+use super::state::Run;
+use crate::score::Standing;
+use crate::search::bound::Certificate;
+use crate::search::error::SearchError;
+use crate::search::findings::findings;
+use crate::search::observer::Watch;
+use crate::search::on_demand::FramesOnDemand;
+use crate::search::outcome::{MethodRecord, Outcome, Scored, Stopped};
+use crate::search::rules::active_bounds;
+use crate::search::settings::Method;
+use crate::vehicle::Placement;
+
+impl Run {
+    /// Scores what each method found, and the baselines, over all frames.
+    pub(super) fn confirm(&mut self, watch: &mut Watch) -> Result<Outcome, SearchError> {
+        let (mut finalists, mut methods) = (Vec::new(), Vec::new());
+        for (method, scored) in
+            [self.found_by_generations(watch)?, self.found_by_swaps(watch)?].into_iter().flatten()
+        {
+            methods.push(method);
+            finalists.push(scored);
+        }
+        let standings: Vec<Standing> = finalists.iter().map(Scored::standing).collect();
+        let best = Standing::best(&standings).map(|best| {
+            methods[best].won = true;
+            finalists.swap_remove(best)
+        });
+        let certificate = match &best {
+            Some(best) => self.certificate(&best.placement, watch)?,
+            None => None,
+        };
+        let baselines = self.baselines(watch)?;
+        self.tell_changes(watch);
+        let evaluations = self.state.generations.evaluations();
+        let constraints = self.problem.constraints();
+        let swapped = self.state.swaps.as_ref().map_or(0, |swaps| swaps.poses_cast);
+        let used = |levels: &FramesOnDemand| levels.used(evaluations, swapped, constraints.lidars);
+        let search_frames = self.frames().len();
+        let sample = self.state.bounds.as_ref().filter(|_| best.is_some());
+        let engine = self.sitting.evaluator.as_ref().map(|evaluator| evaluator.backend());
+        let mut backend_changes = self.sitting.changes.clone();
+        backend_changes.extend(engine.into_iter().flat_map(|engine| engine.changes()).cloned());
+        Ok(Outcome {
+            active_bounds: best
+                .as_ref()
+                .map(|best| active_bounds(&best.placement, constraints))
+                .unwrap_or_default(),
+            best,
+            baselines,
+            methods,
+            certificate,
+            findings: sample.map(|bounds| findings(&bounds.sample.scored())).unwrap_or_default(),
+            frames_used: self.state.levels.as_ref().map(used),
+            search_frames,
+            history: self.state.history.clone(),
+            evaluations,
+            ended: self.ended_in_words(),
+            left_out: self.left_out(),
+            stopped: self.stopped(watch),
+            backend: engine.map_or_else(String::new, |engine| engine.name().to_owned()),
+            adapter: engine.map_or_else(String::new, |engine| engine.adapter().to_owned()),
+            backend_changes,
+            times: self.sitting.times,
+        })
+    }
+
+    /// The best of the generations.
+    fn found_by_generations(
+        &mut self,
+        watch: &mut Watch,
+    ) -> Result<Option<(MethodRecord, Scored)>, SearchError> {
+        let best = self.state.generations.best().map(|best| best.placement.clone());
+        let Some(best) = self.state.chosen.clone().or(best) else { return Ok(None) };
+        let named = [Placement { name: "optimized".into(), ..best }];
+        let scores = self.scores_over_all(&named, watch)?;
+        let scored = self.scored(&named, scores).remove(0);
+        let evaluations = self.state.generations.evaluations();
+        let method = MethodRecord {
+            method: "cma-es",
+            objective: scored.objective,
+            evaluations,
+            poses_cast: evaluations * named[0].lidars.len() as u64,
+            won: false,
+        };
+        Ok(Some((method, scored)))
+    }
+
+    /// The best of the ends of the swaps; over fewer frames than all these are told apart too badly to take
+    /// the first.
+    fn found_by_swaps(
+        &mut self,
+        watch: &mut Watch,
+    ) -> Result<Option<(MethodRecord, Scored)>, SearchError> {
+        let Some(swaps) = self.state.swaps.clone() else { return Ok(None) };
+        let mut ends = vec![swaps.placement];
+        if !self.is_over_all() {
+            ends.extend(swaps.others);
+        }
+        let scores = self.scores_over_all(&ends, watch)?;
+        let mut scored = self.scored(&ends, scores);
+        let standings: Vec<Standing> = scored.iter().map(Scored::standing).collect();
+        let scored = scored.swap_remove(Standing::best(&standings).unwrap_or(0));
+        let method = MethodRecord {
+            method: "swaps",
+            objective: scored.objective,
+            evaluations: swaps.evaluations,
+            poses_cast: swaps.poses_cast,
+            won: false,
+        };
+        Ok(Some((method, scored)))
+    }
+
+    /// The bounds beside the result, which is scored over the frames of the bounds for that.
+    fn certificate(
+        &mut self,
+        best: &Placement,
+        watch: &mut Watch,
+    ) -> Result<Option<Certificate>, SearchError> {
+        let Some(bounds) = self.state.bounds.clone() else { return Ok(None) };
+        let there = self.evaluator(watch)?.scores(std::slice::from_ref(best))?.remove(0);
+        let found = self.objective().value(&there).unwrap_or(f64::NAN);
+        let mut certificate = Certificate::new(bounds.sample.lipschitz(), bounds.gain, found);
+        if certificate.gain.is_some() && self.problem.constraints().ties.any() {
+            certificate.gain_says += " (over placements that need not be symmetric or level)";
+        }
+        Ok(Some(certificate))
+    }
+
+    fn stopped(&self, watch: &Watch) -> Stopped {
+        let generations = self.state.generations.stopped();
+        let is_cut_short = generations.is_none() && self.state.settings.method != Method::Swaps;
+        if watch.is_interrupted() || self.sitting.interrupted {
+            return Stopped::Interrupted;
+        }
+        match generations {
+            Some(why) if self.is_at_target() => Stopped::Generations(why),
+            _ if self.sitting.out_of_time || is_cut_short => Stopped::Time,
+            Some(why) => Stopped::Generations(why),
+            None => Stopped::Settled,
+        }
+    }
+}

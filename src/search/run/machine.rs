@@ -1,0 +1,75 @@
+//! The loop over the steps of a run.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::state::{Phase, Run};
+use crate::problem::Problem;
+use crate::search::error::SearchError;
+use crate::search::observer::{Observer, Watch};
+use crate::search::outcome::Outcome;
+use crate::search::settings::{Settings, TimeLimit};
+
+/// Searches the placement that makes the objective largest: frames on demand, CMA-ES, swaps, finalists
+/// confirmed over all frames, a bound on what any other placement could reach.
+///
+/// `problem` is over all frames of the scene; its constraints are the rules that every candidate keeps.
+///
+/// # Errors
+/// Settings that the problem does not allow, or from the engine.
+pub fn optimize(
+    problem: &Arc<Problem>,
+    settings: &Settings,
+    observer: &mut dyn Observer,
+) -> Result<Outcome, SearchError> {
+    let mut run = Run::new(problem.clone(), settings)?;
+    loop {
+        if let Some(outcome) = run.step(observer)? {
+            return Ok(outcome);
+        }
+    }
+}
+
+impl Run {
+    /// Does one step; hands out the outcome after the last one.
+    ///
+    /// # Errors
+    /// From the engine; the state is then that before the step.
+    pub fn step(&mut self, observer: &mut dyn Observer) -> Result<Option<Outcome>, SearchError> {
+        let start = Instant::now();
+        let mut watch = Watch::new(observer, self.sitting.interrupted);
+        let phase = self.state.phase;
+        let time = self.state.settings.time.as_ref();
+        watch.deadline = match phase {
+            Phase::Generations => time.map(TimeLimit::generations_deadline),
+            _ => time.map(TimeLimit::deadline),
+        };
+        let mut outcome = None;
+        match phase {
+            Phase::Frames => self.choose_frames(&mut watch)?,
+            Phase::Generations => self.generate(&mut watch)?,
+            Phase::Finalists => self.settle(&mut watch)?,
+            Phase::Swaps => self.swap(&mut watch)?,
+            Phase::Bounds => self.bound(&mut watch)?,
+            Phase::Confirm => outcome = Some(self.confirm(&mut watch)?),
+        }
+        self.tell_changes(&mut watch);
+        self.sitting.interrupted |= watch.is_interrupted();
+        let took = start.elapsed().as_secs_f64();
+        let times = &mut self.sitting.times;
+        match phase {
+            Phase::Frames => times.frames += took,
+            Phase::Generations | Phase::Finalists => times.until_swaps += took,
+            Phase::Swaps => times.swaps += took,
+            Phase::Bounds => times.bounds += took,
+            Phase::Confirm => times.confirm += took,
+        }
+        if !matches!(phase, Phase::Frames | Phase::Confirm) {
+            times.search += took;
+        }
+        if let Some(outcome) = &mut outcome {
+            outcome.times = *times;
+        }
+        Ok(outcome)
+    }
+}

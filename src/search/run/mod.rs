@@ -1,0 +1,27 @@
+//! The main job as a machine of a few states, whose state is a value.
+//!
+//! | phase | a step of it | then |
+//! |---|---|---|
+//! | [`Frames`](Phase::Frames) | chooses the frames that the search begins with | `Generations`, or `Finalists` for [`Method::Swaps`](super::Method::Swaps) |
+//! | [`Generations`](Phase::Generations) | one generation of the CMA-ES; then a look at whether its frames still tell the best apart | itself until budget, target, time or interruption end it, `Finalists` |
+//! | [`Finalists`](Phase::Finalists) | scores the best of the generations over all frames; goes to the frames of the swaps | `Swaps`, or `Confirm` once the target is reached |
+//! | [`Swaps`](Phase::Swaps) | moves single LiDARs on a grid of poses | `Bounds` |
+//! | [`Bounds`](Phase::Bounds) | samples the grid, bounds the gain of every placement on it | `Confirm` |
+//! | [`Confirm`](Phase::Confirm) | scores what each method found, and the baselines, over all frames | the [`Outcome`](super::Outcome) |
+//!
+//! A [`State`] that was saved after any step and resumed gives the bits of a run that never stopped.
+//! Where time or an interruption cut a phase short the run goes on to its outcome, but its state stays that
+//! before the cut: a resumed run does the phase anew.
+//!
+//! `state` holds the value and the run around it; `choosing`, `generating`, `on_grid` and `confirming` hold
+//! the steps; `machine` puts them together.
+
+mod choosing;
+mod confirming;
+mod generating;
+mod machine;
+mod on_grid;
+mod state;
+
+pub use machine::optimize;
+pub use state::{Phase, Run, State};

@@ -1,0 +1,263 @@
+//! The state of a run as a value, and beside it what only lives as long as the process.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use crate::engine::{CpuBackend, EngineChoice, open};
+use crate::problem::{Problem, Tally, spread};
+use crate::score::{Objective, Scores};
+use crate::search::bound::Bounds;
+use crate::search::error::SearchError;
+use crate::search::evaluator::Evaluator;
+use crate::search::generations::{GenerationRecord, Generations, GenerationsStop, why_left_out};
+use crate::search::observer::Watch;
+use crate::search::on_demand::FramesOnDemand;
+use crate::search::outcome::{LeftOut, Scored, SearchTimes};
+use crate::search::settings::{FrameChoice, Settings, TimeLimit};
+use crate::search::swaps::{SWAP_SPACING, Swapped};
+use crate::vehicle::{Placement, PoseGrid};
+
+/// Where a run stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Phase {
+    /// Frames are to be chosen.
+    Frames,
+    /// Generations run.
+    Generations,
+    /// Finalists of the generations are to be scored over all frames.
+    Finalists,
+    /// LiDARs are to be swapped.
+    Swaps,
+    /// Bounds are to be computed.
+    Bounds,
+    /// The result is to be confirmed over all frames.
+    Confirm,
+}
+
+/// All that a run goes on from, beside problem, engine and time limit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    pub(super) phase: Phase,
+    pub(super) settings: Settings,
+    /// Levels of frames, where the frames are on demand and were chosen.
+    pub(super) levels: Option<FramesOnDemand>,
+    pub(super) generations: Generations,
+    pub(super) history: Vec<GenerationRecord>,
+    /// The best finalist of the generations over all frames, where the search is over fewer.
+    pub(super) chosen: Option<Placement>,
+    pub(super) swaps: Option<Swapped>,
+    pub(super) bounds: Option<Bounds>,
+}
+
+impl State {
+    /// Where the run stands.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// Its settings; engine and time limit of a loaded state are the defaults.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// A record of each generation so far.
+    pub fn history(&self) -> &[GenerationRecord] {
+        &self.history
+    }
+}
+
+/// Engines, and scores that need not be computed twice in one process.
+#[derive(Default)]
+pub(super) struct Sitting {
+    /// Over the frames of the search.
+    pub evaluator: Option<Evaluator>,
+    /// Over all frames, where the search is over fewer.
+    pub over_all: Option<Evaluator>,
+    /// Placements whose tallies over all frames are known.
+    pub known: Vec<(Placement, Tally)>,
+    /// The baselines over all frames.
+    pub baselines: Option<Vec<Scored>>,
+    /// Generations of this sitting.
+    pub generations: u64,
+    /// Devices lost, in words; of engines that are closed.
+    pub changes: Vec<String>,
+    /// Of the open engine, those that were told.
+    pub told: usize,
+    /// Whether the engine was named to the user.
+    pub named: bool,
+    pub interrupted: bool,
+    pub out_of_time: bool,
+    pub times: SearchTimes,
+}
+
+/// A run under way: a [`State`], the problem over all frames, and open engines.
+pub struct Run {
+    pub(super) problem: Arc<Problem>,
+    pub(super) state: State,
+    /// The state before the first cut, where there was one.
+    pub(super) before_cut: Option<State>,
+    pub(super) sitting: Sitting,
+}
+
+impl Run {
+    /// A run over the frames of a problem.
+    ///
+    /// # Errors
+    /// Settings that the problem does not allow, or that the CMA-ES refuses.
+    pub fn new(problem: impl Into<Arc<Problem>>, settings: &Settings) -> Result<Self, SearchError> {
+        let (problem, settings) = (problem.into(), settings.clone());
+        let objective = &settings.objective;
+        if objective.needs_detection() && !problem.content().has_detection() {
+            return Err(SearchError::NoDetection { objective: objective.to_string() });
+        }
+        // Before any work, so that a grid too fine is found out now.
+        PoseGrid::new(problem.constraints(), settings.delta.unwrap_or(SWAP_SPACING))?;
+        let starts = settings.baselines.iter().chain(&settings.starts);
+        let generations = Generations::new(&settings, problem.constraints(), starts)?;
+        let state = State {
+            phase: Phase::Frames,
+            settings,
+            levels: None,
+            generations,
+            history: Vec::new(),
+            chosen: None,
+            swaps: None,
+            bounds: None,
+        };
+        Ok(Self::resume(problem, state))
+    }
+
+    /// Goes on with a state that an earlier run over the same problem was in.
+    pub fn resume(problem: impl Into<Arc<Problem>>, state: State) -> Self {
+        let problem = problem.into();
+        Self { problem, state, before_cut: None, sitting: Sitting::default() }
+    }
+
+    /// Sets engine and time limit, which are no part of a saved state.
+    pub fn open_with(&mut self, engine: EngineChoice, time: Option<TimeLimit>) {
+        (self.state.settings.engine, self.state.settings.time) = (engine, time);
+    }
+
+    /// The state to save: that before the first phase that time or an interruption cut short.
+    pub fn state(&self) -> &State {
+        self.before_cut.as_ref().unwrap_or(&self.state)
+    }
+
+    /// Wall times of this sitting so far.
+    pub fn times(&self) -> SearchTimes {
+        self.sitting.times
+    }
+
+    /// Layouts to start from, beside the baselines, that the mount does not allow.
+    pub fn left_out(&self) -> Vec<LeftOut> {
+        let constraints = self.problem.constraints();
+        let layouts = self.state.settings.starts.iter().map(|placement| LeftOut {
+            name: placement.name.clone(),
+            why: why_left_out(constraints, placement),
+        });
+        layouts.filter(|layout| !layout.why.is_empty()).collect()
+    }
+
+    pub(super) fn objective(&self) -> Objective {
+        self.state.settings.objective.clone()
+    }
+
+    /// Keeps the state as it is now for [`Self::state`]: the phase is not going to end as it should.
+    pub(super) fn cut(&mut self, watch: &Watch) {
+        if self.before_cut.is_none() {
+            self.before_cut = Some(self.state.clone());
+        }
+        self.sitting.interrupted |= watch.is_interrupted();
+        self.sitting.out_of_time |= !watch.is_interrupted();
+    }
+
+    /// Whether the target ended the generations.
+    pub(super) fn is_at_target(&self) -> bool {
+        self.state.generations.stopped() == Some(GenerationsStop::Target)
+    }
+
+    /// Bytes that work buffers may take.
+    pub(super) fn memory(&self) -> u64 {
+        self.state.settings.engine.memory_budget()
+    }
+
+    /// Frames of the search.
+    pub(super) fn frames(&self) -> Vec<usize> {
+        let all = self.problem.frame_count();
+        match (&self.state.levels, self.state.settings.frames) {
+            (Some(levels), _) => levels.frames().to_vec(),
+            (None, FrameChoice::Count(wanted)) => spread(all, Some(wanted)),
+            (None, _) => spread(all, None),
+        }
+    }
+
+    /// Whether the search is over all frames.
+    pub(super) fn is_over_all(&self) -> bool {
+        self.frames().len() == self.problem.frame_count()
+    }
+
+    /// Scores over the frames of the search.
+    pub(super) fn evaluator(&mut self, watch: &mut Watch) -> Result<&mut Evaluator, SearchError> {
+        if self.sitting.evaluator.is_none() {
+            let problem = match self.is_over_all() {
+                true => self.problem.clone(),
+                false => Arc::new(self.problem.over(&self.frames())),
+            };
+            // Lost devices are told after each step, from the engine's own list.
+            let opened = open(&problem, &self.state.settings.engine, |_| {})?;
+            if !self.sitting.named {
+                opened.notes.iter().for_each(|note| watch.note(note));
+                self.sitting.named = true;
+            }
+            self.sitting.evaluator = Some(Evaluator::new(problem, opened.engine));
+        }
+        Ok(self.sitting.evaluator.as_mut().expect("opened above"))
+    }
+
+    /// Closes the engine of the search: the next one is over other frames.
+    pub(super) fn close(&mut self) {
+        if let Some(evaluator) = self.sitting.evaluator.take() {
+            self.sitting.changes.extend_from_slice(evaluator.backend().changes());
+            self.sitting.told = 0;
+        }
+    }
+
+    /// Scores over all frames; on the CPU where the search is over fewer, since a second scene on a
+    /// device would take its memory twice.
+    pub(super) fn over_all(&mut self, watch: &mut Watch) -> Result<&mut Evaluator, SearchError> {
+        if self.is_over_all() {
+            return self.evaluator(watch);
+        }
+        let memory = self.memory();
+        let problem = &self.problem;
+        let opened = || {
+            let engine = CpuBackend::new(problem.clone(), memory);
+            Evaluator::new(problem.clone(), Box::new(engine))
+        };
+        Ok(self.sitting.over_all.get_or_insert_with(opened))
+    }
+
+    /// Tells of devices that were lost since the last call.
+    pub(super) fn tell_changes(&mut self, watch: &mut Watch) {
+        let Some(evaluator) = &self.sitting.evaluator else { return };
+        let changes = evaluator.backend().changes();
+        changes[self.sitting.told.min(changes.len())..]
+            .iter()
+            .for_each(|change| watch.note(change));
+        self.sitting.told = changes.len();
+    }
+
+    /// Placements with their scores and the rules that they break.
+    pub(super) fn scored(&self, placements: &[Placement], scores: Vec<Scores>) -> Vec<Scored> {
+        let (objective, constraints) = (self.objective(), self.problem.constraints());
+        let scored = placements.iter().zip(scores).map(|(placement, scores)| Scored {
+            objective: objective.value(&scores),
+            violations: constraints.violations(placement).iter().map(ToString::to_string).collect(),
+            placement: placement.clone(),
+            scores,
+        });
+        scored.collect()
+    }
+}

@@ -1,0 +1,129 @@
+//! What decides about a run of [`optimize`](super::optimize), beside the problem.
+
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+
+use crate::engine::EngineChoice;
+use crate::score::Objective;
+use crate::vehicle::{Placement, Spacing, table_7};
+
+/// How placements are searched.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// CMA-ES, then swaps on a grid of poses from its result; the better one wins.
+    #[default]
+    Both,
+    /// CMA-ES alone.
+    Cma,
+    /// Greedy and swaps over every pose of the grid.
+    Swaps,
+}
+
+/// Over which frames placements are searched; the result is always confirmed over all of them.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FrameChoice {
+    /// As few as keep the ranking, and more when they no longer tell the best apart.
+    #[default]
+    OnDemand,
+    /// All.
+    All,
+    /// So many, spread evenly from the first on.
+    Count(u32),
+}
+
+/// A limit of wall time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TimeLimit {
+    /// When it began to run.
+    pub start: Instant,
+    /// After which the search ends; generations end after two fifths of it. Confirming the result comes
+    /// on top.
+    pub length: Duration,
+}
+
+/// Share of a [`TimeLimit`] that the generations may take; the swaps have the rest.
+const GENERATIONS_SHARE: f64 = 0.4;
+
+impl TimeLimit {
+    /// A limit that begins to run now.
+    pub fn from_now(length: Duration) -> Self {
+        Self { start: Instant::now(), length }
+    }
+
+    /// When the search has to end.
+    pub(super) fn deadline(&self) -> Instant {
+        self.start + self.length
+    }
+
+    /// When the generations have to end.
+    pub(super) fn generations_deadline(&self) -> Instant {
+        self.start + self.length.mul_f64(GENERATIONS_SHARE)
+    }
+}
+
+/// What decides about a run.
+///
+/// Equal settings give equal results on every engine, but for [`Self::time`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// What is maximized.
+    pub objective: Objective,
+    /// How placements are searched.
+    pub method: Method,
+    /// Placements that the generations evaluate; the swaps then cast one and a half times as many sensor
+    /// poses as those did.
+    pub evaluations: u64,
+    /// Placements of a generation; `None` leaves it to the CMA-ES.
+    pub population: Option<usize>,
+    /// Grid to whose poses candidates are moved before they are scored, as in Algorithm 1 of Place3D;
+    /// `None` leaves them where they are, and gives the swaps a grid of 0.1 m and 0.1 rad.
+    pub delta: Option<Spacing>,
+    /// Seed of all randomness.
+    pub seed: u64,
+    /// Over which frames placements are searched.
+    pub frames: FrameChoice,
+    /// Layouts to compare with, and to start from where the mount allows them.
+    pub baselines: Vec<Placement>,
+    /// More layouts to start from where the mount allows them.
+    pub starts: Vec<Placement>,
+    /// Objective over all frames at which the search ends.
+    pub target: Option<f64>,
+    /// Limit of wall time; no part of a saved state.
+    #[serde(skip)]
+    pub time: Option<TimeLimit>,
+    /// Which engine computes; no part of a saved state, since every engine gives the same bits.
+    #[serde(skip, default = "EngineChoice::cpu")]
+    pub engine: EngineChoice,
+}
+
+impl Settings {
+    /// Sensor poses that swaps cast, at most: half as many again as the generations, since swaps gain more
+    /// from a cast.
+    pub(super) fn poses_for_swaps(&self, lidars: usize) -> u64 {
+        self.evaluations * lidars as u64 / 2 * 3
+    }
+}
+
+impl Default for Settings {
+    /// The information gain, 180 evaluations and their swaps, frames on demand, the layouts of Table 7
+    /// as baselines, on the CPU.
+    fn default() -> Self {
+        Self {
+            objective: Objective::default(),
+            method: Method::default(),
+            evaluations: 180,
+            population: None,
+            delta: None,
+            seed: 1,
+            frames: FrameChoice::default(),
+            baselines: table_7(),
+            starts: Vec::new(),
+            target: None,
+            time: None,
+            engine: EngineChoice::cpu(),
+        }
+    }
+}
