@@ -13,6 +13,25 @@
 //! # Ok::<(), sightline::Error>(())
 //! ```
 //!
+//! A search for a better one, with progress:
+//!
+//! ```
+//! use std::sync::Arc;
+//!
+//! use sightline::{Event, Problem, Scene, Settings, optimize};
+//!
+//! let problem = Arc::new(Problem::of(&Scene::read("scenes/industrial-yard.json")?)?);
+//! let settings = Settings { evaluations: 24, ..Settings::default() };
+//! let outcome = optimize(&problem, &settings, &mut |event: &Event| {
+//!     if let Event::Generation(record) = event {
+//!         println!("{} evaluations, best {:?}", record.evaluations, record.best_so_far);
+//!     }
+//!     true
+//! })?;
+//! println!("{:?}", outcome.best.map(|best| best.placement.lidars));
+//! # Ok::<(), sightline::Error>(())
+//! ```
+//!
 //! One direction of data flow, top to bottom; a module imports only what stands above it:
 //!
 //! | module | holds |
@@ -65,7 +84,7 @@ pub use problem::Problem;
 pub use psog::Psog;
 pub use scene::Scene;
 pub use score::{Objective, Scores};
-pub use search::Evaluator;
+pub use search::{Evaluator, Event, Observer, Outcome, Settings, optimize};
 pub use vehicle::{BeamTable, Constraints, Placement, SensorPose, read_placements};
 
 /// Parts that tests and benchmarks of this project look into; nothing here is stable.
