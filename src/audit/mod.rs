@@ -1,5 +1,5 @@
-//! Trials against the metric itself: what makes a score look better while less is seen, and which guard
-//! notices; and what changes of the model do to the ranking.
+//! Trials against the metric itself: attempts to raise a score while seeing less, guards that notice
+//! them, and rankings under changes of the model.
 
 mod stability;
 mod trial;
@@ -57,7 +57,7 @@ pub enum AuditError {
     Backend(#[from] BackendError),
 }
 
-/// What an audit is made with.
+/// Settings of an audit.
 #[derive(Debug, Clone)]
 pub struct AuditSettings {
     /// Score that chooses the base and ranks the placements under changes of the model.
@@ -74,7 +74,7 @@ impl Default for AuditSettings {
     }
 }
 
-/// What an audit found.
+/// Result of an audit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Audit {
     /// Name of the scene.
@@ -95,7 +95,7 @@ pub struct Audit {
     pub passed: bool,
 }
 
-/// What is told of an audit while it runs.
+/// Progress of an audit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AuditEvent<'a> {
     /// A sentence for the user: which engine computes.

@@ -10,7 +10,7 @@ use crate::vehicle::{MAX_LIDARS, Placement, SensorPose};
 /// An attempt that loses less than this share of the information has done no harm.
 const HARMLESS: f64 = 0.01;
 
-/// What a trial found.
+/// Result of a trial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -31,7 +31,7 @@ pub struct Trial {
     pub scores: Scores,
     /// Names of the scores that rank the attempt above the base.
     pub fooled: Vec<&'static str>,
-    /// What it comes to.
+    /// Whether it fooled a score, and whether a guard noticed.
     pub verdict: Verdict,
 }
 
@@ -64,7 +64,7 @@ impl Trial {
     }
 }
 
-/// Layouts that see little, or no more than fewer LiDARs would: (what, placement).
+/// Layouts that see little, or no more than fewer LiDARs would, with the name of each attempt.
 pub fn gaming_placements(base: &Placement) -> Vec<(&'static str, Placement)> {
     let each = |name: &str, change: &dyn Fn(usize, SensorPose) -> SensorPose| Placement {
         name: name.to_owned(),

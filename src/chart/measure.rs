@@ -57,7 +57,7 @@ pub struct Measured {
     pub beams: u64,
     /// Triangles, a mean over frames.
     pub triangles: u64,
-    /// Of an atlas, what a pose costs before placements are as cheap as `seconds` says.
+    /// Of an atlas, the cost of casting a pose, once; `seconds` is with every pose cast.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose: Option<PoseCost>,
     /// Objective of each placement; `None` where it covers nothing.
@@ -103,7 +103,7 @@ impl Bench {
         &self.world
     }
 
-    /// What is scored.
+    /// The placements that every setting scores.
     pub(super) fn placements(&self) -> &[Placement] {
         &self.placements
     }
@@ -123,7 +123,7 @@ impl Bench {
         Scorer::new(&mut self.world, setting, &self.objective, &self.engine)
     }
 
-    /// The score of the first placement alone: what it was before tells whether the scene has changed.
+    /// The score of the first placement alone: another one than before tells of a changed scene.
     ///
     /// # Errors
     /// As [`Self::measure`].

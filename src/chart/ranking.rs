@@ -29,7 +29,7 @@ pub struct RankingError {
     pub score_median: f64,
     /// Kendall's τ-b of the two rankings; `None` where one of them is constant.
     pub tau: Option<Interval>,
-    /// What is lost by taking the setting's best placement: (best − its reference score) / |best|.
+    /// Loss by taking the setting's best placement: (best − its reference score) / |best|.
     pub regret: Interval,
     /// Of the pairs whose reference scores are farther apart than the tolerance, as a share of |best|, the
     /// share that changes places; a pair that the setting scores alike counts as half of one.

@@ -19,7 +19,7 @@ use crate::vehicle::{Placement, random_placements_by_the_rules, table_7};
 /// Repeats of a timing, and of a quick one.
 const REPEATS: [usize; 2] = [5, 3];
 
-/// What decides about a chart, beside its scene.
+/// Settings of a chart: with its scene they decide about every number but the times.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ChartSettings {
     /// Placements to rank beside the random ones.
@@ -137,7 +137,7 @@ impl Chart {
     }
 }
 
-/// What is told of a chart while it is measured, and asked of whoever makes it.
+/// Sees a chart being measured, and may stop it.
 pub trait ChartObserver {
     /// Called before a setting is measured, with its number from 1, the number of all, and its words.
     fn begins(&self, _number: usize, _of: usize, _setting: &str) {}

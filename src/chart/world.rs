@@ -72,7 +72,7 @@ pub enum ChartError {
     /// The timing of a device that was replaced on the way says nothing.
     #[error("{change}")]
     DeviceLost {
-        /// What took over, in words.
+        /// The device and its replacement, in words.
         change: String,
     },
 }

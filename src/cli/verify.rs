@@ -53,7 +53,7 @@ pub struct Args {
     compute: Compute,
 }
 
-/// What is printed for programs.
+/// The answer in JSON.
 #[derive(Serialize)]
 struct Answer<'a> {
     scene: &'a str,

@@ -3,7 +3,7 @@
 use crate::vehicle::Placement;
 
 /// Mean height of a placement's LiDARs above the ground, in metres: the null model that every
-/// correlation stands beside, because it alone says much of what a score says.
+/// correlation stands beside, because height alone ranks placements much as a score does.
 pub fn mean_height(placement: &Placement) -> f64 {
     placement.lidars.iter().map(|l| l.z).sum::<f64>() / placement.lidars.len() as f64
 }

@@ -3,7 +3,7 @@
 use super::{Row, StudyError};
 use crate::vehicle::Placement;
 
-/// What is told of a study while it runs, and asked of whoever runs it.
+/// Sees a study go on, and may stop it.
 pub trait StudyObserver {
     /// Called before the first case with the number of cases.
     fn begins(&self, _cases: usize) {}

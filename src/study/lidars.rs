@@ -1,4 +1,4 @@
-//! How many LiDARs: the best placement of each number, and what each one more gains.
+//! How many LiDARs: the best placement of each number, and the gain of each one more.
 
 use super::cases::Cases;
 use super::columns::{self, SCORES};

@@ -1,4 +1,4 @@
-//! The loss of one LiDAR: what is left after it, and the placement that loses least.
+//! The loss of one LiDAR: the score after it, and the placement that loses least.
 
 use super::cases::{Cases, Measured};
 use super::scene::{StudyScene, score};
@@ -78,8 +78,8 @@ fn without_each(placement: &Placement) -> Vec<Placement> {
         .collect()
 }
 
-/// The objective that is left when the most valuable LiDAR fails; `None` where it does not exist, or
-/// a guard speaks against what is left.
+/// The objective after the most valuable LiDAR has failed: the least over all single losses. `None`
+/// where it does not exist after one of them, or a guard speaks against the other LiDARs.
 fn after_worst_loss(
     scene: &StudyScene,
     evaluator: &mut Evaluator,

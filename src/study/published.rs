@@ -1,4 +1,4 @@
-//! Every score of the published placements against what the paper measured with trained models.
+//! Every score of the published placements against the results of trained models in the paper.
 
 use super::cases::Cases;
 use super::scene::{StudyScene, score};

@@ -1,4 +1,4 @@
-//! What is seen where, and of what: information gained by parts of the region, and classes covered.
+//! Information gained by parts of the region, and classes covered.
 
 use super::cases::{Cases, Measured};
 use super::columns::check_distinct;
@@ -132,7 +132,7 @@ fn seen_by(
     Ok((values, Some(placement)))
 }
 
-/// Information of one region: all there is, and what was gained of it.
+/// Information of one region: the whole, and the part that was gained.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct RegionGain {
     /// Σ H over the region's voxels, in nats.

@@ -1,4 +1,4 @@
-//! A scene of a study: what stays the same while the study varies one thing.
+//! A scene of a study: problems, searches and scores that differ in one thing from case to case.
 
 use std::sync::Arc;
 

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::vehicle::Placement;
 
-/// One line of a study: a case and what was measured of it.
+/// One line of a study: a case and its values.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// The case.
@@ -54,13 +54,13 @@ impl Drawing {
 /// The result of a study.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Table {
-    /// What was studied.
+    /// Scene and question.
     pub title: String,
     /// Title of the cases, then of each value.
     pub columns: Vec<String>,
     /// The cases in order.
     pub rows: Vec<Row>,
-    /// What the numbers say, and what they do not, in sentences.
+    /// Sentences on how to read the numbers.
     pub notes: Vec<String>,
     /// How to draw it.
     #[serde(skip)]

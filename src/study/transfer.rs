@@ -48,7 +48,7 @@ pub(super) fn transfer(scenes: &[StudyScene], cases: &mut Cases) -> Result<Table
     Ok(Table::new(title, columns, rows, notes, drawing))
 }
 
-/// What each placement loses on each other scene against the one optimized there, in words.
+/// Loss of each placement on each other scene against the one optimized there, in words.
 fn losses(rows: &[Row], scenes: &[&str]) -> Vec<String> {
     let own = |scene: &str, column: usize| {
         rows.iter().find(|row| row.name == scene).and_then(|row| row.values[column])

@@ -20,7 +20,7 @@ pub use placements::hostile_placements;
 use compare::compare_engines;
 use oracle::sample_reference;
 
-/// What a verification found.
+/// Result of a verification.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Verification {
     /// Device of the engine that was checked, as reported.

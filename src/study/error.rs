@@ -1,0 +1,107 @@
+//! Why a study cannot be made.
+
+use super::Kind;
+use crate::engine::BackendError;
+use crate::problem::ProblemError;
+use crate::psog::GridError;
+use crate::scene::DescriptionError;
+use crate::score::ObjectiveError;
+use crate::search::SearchError;
+use crate::vehicle::SensorError;
+
+/// Why a study cannot be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StudyError {
+    /// No study of that name.
+    #[error("`{name}` is no study; there are {}", Kind::ALL.map(|(_, name, _)| name).join(", "))]
+    NoKind {
+        /// As given.
+        name: String,
+    },
+    /// Several scenes for a study of one.
+    #[error("`study {kind}` takes one scene, not {given}; only `transfer` compares several")]
+    OneScene {
+        /// Name of the study.
+        kind: &'static str,
+        /// Scenes given.
+        given: usize,
+    },
+    /// One scene for a study of several.
+    #[error("`study transfer` compares scenes; name two or more scene files")]
+    SeveralScenes,
+    /// An objective of a task that the scene does not have.
+    #[error(
+        "{scene}: the objective `{objective}` needs a detection target; name its classes under \
+         `detection` in the scene"
+    )]
+    NoDetection {
+        /// File of the scene.
+        scene: String,
+        /// The objective.
+        objective: String,
+    },
+    /// Two tasks of a scene that has one.
+    #[error("{scene}: has no detection target; name its classes under `detection` in the scene")]
+    OneTask {
+        /// File of the scene.
+        scene: String,
+    },
+    /// Other voxels of a P-SOG that is a file.
+    #[error(
+        "{scene}: its P-SOG is a file, which has voxels of one size; a scene with geometry can be \
+         scanned again"
+    )]
+    FixedVoxels {
+        /// File of the scene.
+        scene: String,
+    },
+    /// Channels of a sensor that is a list of directions.
+    #[error("{scene}: its LiDAR is a list of directions, which has no channels to vary")]
+    NoChannels {
+        /// File of the scene.
+        scene: String,
+    },
+    /// The loss of the only LiDAR.
+    #[error("{scene}: its mount has one LiDAR; without it nothing is left to score")]
+    OneLidar {
+        /// File of the scene.
+        scene: String,
+    },
+    /// Two cases of one name, which would share their numbers.
+    #[error("two {cases} are called `{name}`; {mend}")]
+    SameName {
+        /// The things that the cases are, in the plural.
+        cases: &'static str,
+        /// The name.
+        name: String,
+        /// How to tell them apart.
+        mend: &'static str,
+    },
+    /// A sensor file.
+    #[error(transparent)]
+    Scene(#[from] DescriptionError),
+    /// A P-SOG that does not fit its scene.
+    #[error("{scene}: {source}")]
+    Problem {
+        /// File of the scene.
+        scene: String,
+        /// The mismatch.
+        source: ProblemError,
+    },
+    /// Voxels that do not make a grid.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// A sensor without beams.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// An objective that cannot be read.
+    #[error(transparent)]
+    Objective(#[from] ObjectiveError),
+    /// Scoring failed.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
+    /// A search failed.
+    #[error(transparent)]
+    Search(#[from] SearchError),
+}
