@@ -14,10 +14,10 @@ use std::time::{Duration, Instant};
 
 use clap::Parser;
 use setup::RANGE;
-use sightline::bvh::Bvh;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::engine::gpu::GpuBackend;
+use sightline::internals::Bvh;
 use sightline::problem::{Problem, StageTimes, Tally};
 use sightline::vehicle::Placement;
 

@@ -5,8 +5,8 @@
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use sightline::bvh::Bvh;
-use sightline::cast::cast_packets;
+use sightline::internals::Bvh;
+use sightline::internals::cast_packets;
 use sightline::problem::beam_direction;
 use sightline::problem::{Content, DevicePose, OccupiedVoxel};
 use sightline::psog::Roi;

@@ -18,14 +18,14 @@ use clap::Parser;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use setup::RANGE;
-use sightline::bvh::{Bvh, Hit};
-use sightline::cast::{cast_closest, cast_packets};
-use sightline::cover::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::engine::gpu::GpuBackend;
+use sightline::internals::reduce;
+use sightline::internals::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
+use sightline::internals::{Bvh, Hit};
+use sightline::internals::{cast_closest, cast_packets};
 use sightline::problem::{Problem, Tally};
-use sightline::reduce::reduce;
 use sightline::vehicle::Placement;
 
 use peer::{Peer, Rays};

@@ -13,6 +13,25 @@
 //! # Ok::<(), sightline::Error>(())
 //! ```
 //!
+//! A search for a better one, with progress:
+//!
+//! ```
+//! use std::sync::Arc;
+//!
+//! use sightline::{Event, Problem, Scene, Settings, optimize};
+//!
+//! let problem = Arc::new(Problem::of(&Scene::read("scenes/industrial-yard.json")?)?);
+//! let settings = Settings { evaluations: 24, ..Settings::default() };
+//! let outcome = optimize(&problem, &settings, &mut |event: &Event| {
+//!     if let Event::Generation(record) = event {
+//!         println!("{} evaluations, best {:?}", record.evaluations, record.best_so_far);
+//!     }
+//!     true
+//! })?;
+//! println!("{:?}", outcome.best.map(|best| best.placement.lidars));
+//! # Ok::<(), sightline::Error>(())
+//! ```
+//!
 //! One direction of data flow, top to bottom; a module imports only what stands above it:
 //!
 //! | module | holds |
@@ -21,11 +40,11 @@
 //! | [`vehicle`] | sensors, mount, placements and their rules |
 //! | [`scene`] | the scene file, meshes and primitives, one triangle soup a frame |
 //! | [`psog`] | region of interest, voxels, P-SOG, entropy |
-//! | [`bvh`] | bounding volume hierarchy, flat and wide |
+//! | `bvh` | bounding volume hierarchy, flat and wide |
 //! | [`problem`] | what is asked, ready to be computed |
-//! | [`cast`] | closest hits of all beams |
-//! | [`cover`] | voxels that beams cover |
-//! | [`reduce`] | integer sums over covered voxels |
+//! | `cast` | closest hits of all beams |
+//! | `cover` | voxels that beams cover |
+//! | `reduce` | integer sums over covered voxels |
 //! | [`scan`] | scans of a scene by virtual sensors |
 //! | [`engine`] | the three stages on the CPU and on the GPU behind one trait |
 //! | [`score`] | scores, guards and objectives from the sums |
@@ -40,16 +59,16 @@ mod error;
 mod memory;
 
 pub mod audit;
-pub mod bvh;
-pub mod cast;
+mod bvh;
+mod cast;
 pub mod chart;
-pub mod cover;
+mod cover;
 pub mod engine;
 pub mod geom;
 mod json;
 pub mod problem;
 pub mod psog;
-pub mod reduce;
+mod reduce;
 pub mod report;
 pub mod scan;
 pub mod scene;
@@ -65,12 +84,19 @@ pub use problem::Problem;
 pub use psog::Psog;
 pub use scene::Scene;
 pub use score::{Objective, Scores};
-pub use search::Evaluator;
+pub use search::{Evaluator, Event, Observer, Outcome, Settings, optimize};
 pub use vehicle::{BeamTable, Constraints, Placement, SensorPose, read_placements};
 
 /// Parts that tests and benchmarks of this project look into; nothing here is stable.
 #[doc(hidden)]
 pub mod internals {
+    pub use crate::bvh::{Bvh, Hit, NO_HIT, Ray, major_axis};
+    pub use crate::cast::{
+        Casting, FAN_DIRECTIONS, Fan, PACKET_RAYS, Packet, PacketHits, Scratch, cast_closest,
+        cast_packets, cast_packets_by,
+    };
+    pub use crate::cover::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
+    pub use crate::reduce::reduce;
     pub use crate::search::atlas::{Atlas, Union};
     pub use crate::search::bound::{Effort, GridSample, bound_gain};
     pub use crate::search::climb::Moves;

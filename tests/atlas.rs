@@ -2,11 +2,9 @@
 
 use std::sync::Arc;
 
-use sightline::bvh::Bvh;
-use sightline::cover::BitOrder;
 use sightline::engine::gpu::GpuBackend;
 use sightline::engine::{Backend, CpuBackend, ReferenceBackend};
-use sightline::internals::{Atlas, Union};
+use sightline::internals::{Atlas, BitOrder, Bvh, Union};
 use sightline::problem::{Content, OccupiedVoxel, Problem, Tally};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Constraints, Placement, PoseGrid, Spacing};

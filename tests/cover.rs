@@ -1,9 +1,9 @@
 //! Covered voxels against a slab test of every voxel in f64.
 
 use glam::{DVec3, Vec3};
-use sightline::bvh::NO_HIT;
-use sightline::cast::cast_closest;
 use sightline::engine::Backend;
+use sightline::internals::NO_HIT;
+use sightline::internals::cast_closest;
 use sightline::problem::DevicePose;
 use sightline::problem::beam_direction;
 use sightline::psog::Roi;

@@ -3,11 +3,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use sightline::bvh::Bvh;
 use sightline::engine::Backend;
 use sightline::engine::ReferenceBackend;
-use sightline::internals::Pilot;
-use sightline::internals::{Atlas, Union};
+use sightline::internals::{Atlas, Bvh, Pilot, Union};
 use sightline::problem::{Problem, Tally};
 use sightline::psog::Roi;
 use sightline::scan::scan_scene;

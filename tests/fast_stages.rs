@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use sightline::bvh::Bvh;
-use sightline::cast::{cast_closest, cast_packets};
-use sightline::cover::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
+use sightline::internals::Bvh;
+use sightline::internals::reduce;
+use sightline::internals::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
+use sightline::internals::{cast_closest, cast_packets};
 use sightline::problem::{DevicePose, Problem};
 use sightline::psog::Roi;
-use sightline::reduce::reduce;
 use sightline::scene::{EgoBody, Scene};
 use sightline::vehicle::random_placements as scattered;
 use sightline::vehicle::{BeamTable, Constraints, Placement};

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use rand::RngExt;
-use sightline::bvh::Bvh;
-use sightline::cast::cast_closest;
 use sightline::engine::Backend;
 use sightline::geom::TriangleSoup;
+use sightline::internals::Bvh;
+use sightline::internals::cast_closest;
 use sightline::problem::{DevicePose, Problem};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, SensorPose};

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use rand::RngExt;
-use sightline::cover::{BitOrder, cover_voxels};
 use sightline::engine::Backend;
+use sightline::internals::{BitOrder, cover_voxels};
 use sightline::problem::{DevicePose, Problem};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};

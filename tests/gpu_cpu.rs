@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use sightline::bvh::{Bvh, Hit};
 use sightline::engine::gpu::GpuBackend;
 use sightline::engine::{Backend, BackendError};
 use sightline::geom::TriangleSoup;
+use sightline::internals::{Bvh, Hit};
 use sightline::problem::Problem;
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};

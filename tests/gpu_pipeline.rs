@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use rand::RngExt;
-use sightline::bvh::Bvh;
 use sightline::engine::Backend;
 use sightline::engine::gpu::GpuBackend;
 use sightline::geom::TriangleSoup;
+use sightline::internals::Bvh;
 use sightline::problem::Problem;
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use sightline::bvh::{Bvh, Hit, NO_HIT};
 use sightline::geom::TriangleSoup;
+use sightline::internals::{Bvh, Hit, NO_HIT};
 use sightline::problem::Problem;
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use sightline::bvh::Bvh;
+use sightline::internals::Bvh;
 use sightline::problem::Problem;
 use sightline::psog::Roi;
 use sightline::search::{

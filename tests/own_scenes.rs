@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde_json::{Value, json};
-use sightline::bvh::Bvh;
 use sightline::engine::CpuBackend;
 use sightline::geom::TriangleSoup;
+use sightline::internals::Bvh;
 use sightline::problem::Problem;
 use sightline::psog::{Psog, Roi};
 use sightline::scan::scan_scene;

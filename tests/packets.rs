@@ -2,10 +2,10 @@
 
 use glam::{DVec3, Vec3};
 use rand::RngExt;
-use sightline::bvh::{Bvh, Hit, NO_HIT, Ray, major_axis};
-use sightline::cast::{Casting, cast_closest, cast_packets_by};
-use sightline::cast::{FAN_DIRECTIONS, Fan, PACKET_RAYS, Packet, PacketHits, Scratch};
 use sightline::geom::TriangleSoup;
+use sightline::internals::{Bvh, Hit, NO_HIT, Ray, major_axis};
+use sightline::internals::{Casting, cast_closest, cast_packets_by};
+use sightline::internals::{FAN_DIRECTIONS, Fan, PACKET_RAYS, Packet, PacketHits, Scratch};
 use sightline::problem::DevicePose;
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, SensorPose};

@@ -13,6 +13,7 @@
 //! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together (`cast::Packet`, `cast::Fan`).
 
 mod build;
+#[cfg(feature = "gpu")]
 mod bvh4;
 pub(crate) mod bvh8;
 mod intersect;
@@ -22,8 +23,12 @@ mod tree;
 pub(crate) use intersect::{axes_of, safe_inverse};
 
 pub(crate) use build::PAD_SHARE;
+#[cfg(feature = "gpu")]
+pub(crate) use bvh4::Bvh4;
+#[cfg(all(test, feature = "gpu"))]
+pub(crate) use bvh4::QuantizedNode;
+#[cfg(feature = "gpu")]
 pub(crate) use bvh4::TRIANGLE;
-pub use bvh4::{Bvh4, QuantizedNode};
 pub use intersect::{Hit, NO_HIT, Ray, major_axis};
 pub use node::{MAX_DEPTH, Node, Triangle};
-pub use tree::{Bvh, BvhError};
+pub use tree::Bvh;

@@ -27,7 +27,7 @@ pub enum BvhError {
         /// Index of the node.
         node: usize,
     },
-    /// A box does not hold what is below it.
+    /// A box does not hold the boxes below it.
     #[error("the box of node {node} does not hold its children")]
     BoxTooSmall {
         /// Index of the node.
@@ -52,7 +52,7 @@ pub enum BvhError {
 }
 
 impl Bvh {
-    /// The padded box of a triangle: what its leaf and all nodes above contain.
+    /// The padded box of a triangle, which its leaf and all nodes above contain.
     pub(crate) fn padded_box(triangle: &Triangle, pad: f32) -> Aabb {
         let mut bounds = Aabb::EMPTY;
         for corner in [triangle.a, triangle.b, triangle.c] {

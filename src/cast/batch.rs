@@ -13,7 +13,7 @@ use crate::vehicle::BeamTable;
 /// Sensors of one rotation from which on their beams go in fans. Fans of 32 sensors cost about half
 /// of mixed packets, fans of 16 as much.
 const FAN_SENSORS: usize = 32;
-/// Triangles for each beam above which beams go down the tree alone: so few among so many share
+/// Triangles a beam above which beams go down the tree alone: few beams among many triangles share
 /// hardly a node.
 const LONE_TRIANGLES: usize = 25;
 

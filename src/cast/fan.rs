@@ -45,7 +45,7 @@ struct HitList {
 struct HitGroup {
     block: Block,
     triangles: [PermutedTriangle; WIDTH],
-    /// No ray meets them, or those of later groups, before.
+    /// Lower bound of the distance at which rays meet the triangles of this or a later group.
     enter: f32,
 }
 

@@ -9,7 +9,7 @@ use super::lanes::{CHUNK, FAN_DIRECTIONS, PACKET_RAYS, PacketHits};
 use crate::bvh::{Bvh, Hit, NO_HIT, major_axis};
 use crate::problem::{DevicePose, beam_direction, beam_origin};
 
-/// Hits of a chunk's rays in some directions, those of each ray side by side.
+/// Hits of a chunk's rays in some directions, `[ray][direction]`.
 type HitsByRay = [[Hit; FAN_DIRECTIONS]; CHUNK];
 const NO_HITS: HitsByRay = [[Hit { t: 0.0, prim: NO_HIT }; FAN_DIRECTIONS]; CHUNK];
 
@@ -102,7 +102,7 @@ impl Block<'_> {
     }
 }
 
-/// Writes what a chunk's rays hit in some directions into their rows.
+/// Writes the hits of a chunk's rays in some directions into their rows.
 #[multiversion(targets(
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",

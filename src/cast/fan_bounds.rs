@@ -174,7 +174,7 @@ impl ProjectedBlock {
 }
 
 impl DirectionBounds {
-    /// Of the fan in one of its directions, of which the first chunks are filled.
+    /// Bounds of the fan in one of its directions; `filled` chunks hold rays.
     #[inline(always)]
     pub(super) fn new(shaft: &Bounds, ranges: &FanRanges, ray: &Ray, filled: usize) -> Self {
         let (slack, inverse) = (shaft.slack, ray.inverse[ray.major]);

@@ -6,7 +6,7 @@ use crate::bvh::{Hit, NO_HIT};
 
 /// Most rays of a packet.
 pub const PACKET_RAYS: usize = 128;
-/// Rays that are tested against a triangle together: those of a chunk should lie side by side.
+/// Rays that are tested against a triangle together; they should lie side by side.
 pub const CHUNK: usize = 16;
 /// Chunks of a full packet.
 pub(super) const CHUNKS: usize = PACKET_RAYS / CHUNK;
@@ -39,7 +39,7 @@ impl PacketHits {
         Hit { t: self.t.as_flattened()[lane], prim: self.prim.as_flattened()[lane] }
     }
 
-    /// Hits of a chunk's rays in [`FAN_DIRECTIONS`] directions, those of each ray side by side.
+    /// Hits of a chunk's rays in [`FAN_DIRECTIONS`] directions, `[ray][direction]`.
     pub fn by_ray(hits: &[Self], chunk: usize, by_ray: &mut [[Hit; FAN_DIRECTIONS]; CHUNK]) {
         transpose(hits, chunk, by_ray);
     }
@@ -139,7 +139,7 @@ pub(super) fn most(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// Puts eight together, halving them: what is joined at a time does not depend on each other.
+/// Joins eight numbers in three rounds of 4, 2 and 1 independent pairs.
 #[inline(always)]
 pub(super) fn fold(numbers: &[f32; 8], join: impl Fn(f32, f32) -> f32) -> f32 {
     let mut half = [0.0; 4];

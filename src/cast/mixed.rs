@@ -21,7 +21,7 @@ const LEAST_BEAMS: usize = 2048;
 /// Most beams that one task sorts: 16 bytes each while it does.
 const SORTED_BEAMS: usize = 4 << 20;
 
-/// Some directions of a sensor and what its beams hit there.
+/// Some directions of a sensor and the hits of its beams there.
 struct Piece<'a> {
     pose: &'a DevicePose,
     directions: &'a [[f32; 3]],

@@ -1,6 +1,6 @@
 //! Closest hits of all beams: the plain reference and the fast copies that give its bits.
 //!
-//! `README.md` beside this file says which file does what, and what each path earns.
+//! `README.md` beside this file names the job of each file and the evidence for each path.
 
 mod batch;
 mod beam_order;
@@ -19,7 +19,7 @@ mod traverse;
 
 pub use batch::{Casting, cast_packets, cast_packets_by};
 pub use fan::Fan;
-pub use lanes::{CHUNK, FAN_DIRECTIONS, PACKET_RAYS, PacketHits};
+pub use lanes::{FAN_DIRECTIONS, PACKET_RAYS, PacketHits};
 pub use packet::Packet;
 pub use reference::cast_closest;
 pub use traverse::Scratch;

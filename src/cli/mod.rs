@@ -15,8 +15,6 @@ mod load;
 mod optimize;
 mod progress;
 mod psog;
-// Taken up by the commands one after the other.
-#[allow(dead_code)]
 mod run_dir;
 mod scene;
 mod score;

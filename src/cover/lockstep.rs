@@ -106,7 +106,7 @@ impl Way {
 #[repr(align(64))]
 struct PerLane<T>([T; LANES]);
 
-/// Marks the voxels of all beams of one way, by number; `inverse` and `stops` are those of all.
+/// Marks the voxels of the beams of one way; `inverse` and `stops` hold all beams of the sensor.
 #[multiversion(targets(
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",

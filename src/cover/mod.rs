@@ -1,6 +1,6 @@
 //! Voxels that beams cover: the plain reference and the fast copy that gives its bits.
 //!
-//! `README.md` beside this file says which file does what, and what each path earns.
+//! `README.md` beside this file names the job of each file and the evidence for each path.
 
 mod bit_order;
 mod fast;

@@ -176,7 +176,7 @@ impl CpuBackend {
         Ok(tallies)
     }
 
-    /// 1 where threads share the sensors of each placement, all of which then have bitmaps at a time.
+    /// 1 where threads share the sensors of each placement: then all sensors hold bitmaps at once.
     fn sensors_a_task(&self, placements: &[Placement]) -> usize {
         let sensors: usize = placements.iter().map(|p| p.lidars.len()).sum();
         let fit = 8 * (self.order.words() * sensors) as u64 <= self.memory / 2;

@@ -27,8 +27,8 @@ pub use failover::{Failover, Reopen};
 pub use opening::{EngineChoice, EngineKind, OpenError, Opened, open};
 pub use reference::ReferenceBackend;
 
-use crate::bvh::Hit;
-use crate::cover::Bitmaps;
+pub use crate::bvh::{Hit, NO_HIT};
+pub use crate::cover::{BitOrder, Bitmaps};
 use crate::problem::{Problem, StageTimes, Tally};
 use crate::vehicle::{Placement, SensorPose};
 

@@ -13,7 +13,7 @@ use crate::vehicle::{Placement, SensorPose};
 
 /// The CPU reference as a backend: the plain functions, one placement at a time.
 ///
-/// [`super::CpuBackend`] and the GPU give the same bits sooner; this is what they are compared with.
+/// [`super::CpuBackend`] and the GPU give the same bits sooner and are compared with these.
 pub struct ReferenceBackend {
     problem: Arc<Problem>,
     times: StageTimes,

@@ -15,7 +15,7 @@ pub(super) const OUTSIDE: u32 = u32::MAX;
 
 /// Unit directions of rays that go down the tree together: at most [`PACKET_RAYS`] neighbours.
 ///
-/// Axis by axis, so that what is done to every ray is done to several at once.
+/// Axis by axis, so that vector instructions take several rays at once.
 #[derive(Clone)]
 pub(super) struct Bundle {
     len: usize,
@@ -52,7 +52,7 @@ impl Bundle {
     }
 
     /// The rays in bundles whose rays agree in the signs of their components and in the largest one:
-    /// what a fast packet has in common. Nearly always that is the bundle as it is.
+    /// as a fast packet needs. Nearly always that is the bundle as it is.
     pub(super) fn each_way(&self, mut done: impl FnMut(&Self)) {
         let way = |lane: &usize| {
             let direction = self.direction(*lane).as_vec3();

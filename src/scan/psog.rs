@@ -15,8 +15,8 @@ use crate::scene::{EgoBody, ScanSettings, Scene};
 /// Builds the P-SOG of a scene from dense virtual scans.
 ///
 /// For each frame, a spinning scanner is put above the ego position of that frame and of its
-/// neighbours along the route, and casts into the world as it is in that frame: what the paper
-/// reaches by merging the scans of several frames in world coordinates, without smearing what moves.
+/// neighbours along the route, and casts into the world as it is in that frame. The paper merges the
+/// scans of several frames in world coordinates instead, which smears moving actors.
 /// The ego body is left out, as data sets leave out the points on it. Every hit is a labelled point
 /// and votes for its class in its voxel. Behind the grid no scan looks, so that only some of the
 /// points outside are counted.
@@ -88,7 +88,7 @@ fn scan_frame(
 /// Bundles of one parallel task.
 const BUNDLES_PER_TASK: usize = 64;
 
-/// What a task needs to cast, and what it has found.
+/// Working memory of a task, and the voxels it has found.
 struct Scan {
     packet: Packet,
     scratch: Scratch,
@@ -105,7 +105,7 @@ impl Scan {
         classes: &[u16],
         roi: &Roi,
     ) {
-        // What lies behind the grid gets no vote; the margin is many times what rounding moves.
+        // Points behind the grid get no vote; the margin is many times the rounding.
         let reach = bundle.reach(origin, roi) * 1.0001 + 0.01;
         bundle.gather(origin, range.min(reach as f32), &mut self.packet);
         bvh.closest_hits(&mut self.packet, &mut self.scratch);
@@ -133,7 +133,7 @@ const MAX_STEPS: f64 = 16_384.0;
 /// fewest triangles to be tested.
 const RINGS: usize = 8;
 
-/// Cuts rings into patches of neighbours, those of a chunk of a packet side by side.
+/// Cuts rings into patches of neighbours; the rays of a chunk lie side by side.
 fn bundles(rings: &[Vec<DVec3>]) -> Vec<Bundle> {
     let steps = rings.first().map_or(0, Vec::len);
     let patches = rings.chunks(RINGS).flat_map(|band| {

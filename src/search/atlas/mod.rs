@@ -183,7 +183,7 @@ impl Atlas {
         Ok(pages)
     }
 
-    /// Writes what each pose covers in one frame into its page.
+    /// Writes the coverage of each pose in one frame into its page.
     fn keep(&mut self, frame: usize, bitmaps: &Bitmaps, pages: &mut [Vec<u64>]) {
         let (from, each, levels) = (bitmaps.order, self.frame_words(), self.order.words());
         if self.to_levels.as_ref().is_none_or(|to_levels| to_levels.from != from) {
@@ -244,7 +244,7 @@ impl Atlas {
         });
     }
 
-    /// Sums over what the union and one more held pose cover, added up over frames.
+    /// Sums over the voxels of the union and of one more held pose, added up over frames.
     ///
     /// Only the sums of an objective are filled in: entropies, `covered_nonzero` and `covered`.
     ///
