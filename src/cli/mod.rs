@@ -9,7 +9,6 @@ mod cast;
 mod chart;
 mod devices;
 mod error;
-mod inputs;
 mod interrupt;
 mod load;
 mod optimize;
@@ -17,7 +16,6 @@ mod progress;
 mod psog;
 // Taken up by the commands one after the other.
 #[allow(dead_code)]
-mod run_dir;
 mod scene;
 mod score;
 mod study;
