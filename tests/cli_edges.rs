@@ -4,7 +4,7 @@
 use std::fs::{self, File};
 use std::process::{Command, Stdio};
 
-use serde_json::json;
+use serde_json::{Value, json};
 use sightline::psog::{Psog, Roi, write_psog};
 use tempfile::TempDir;
 
@@ -155,12 +155,14 @@ fn what_is_empty_too_long_or_called_otherwise_is_said_in_plain_words() {
 }
 
 #[test]
-fn a_chart_whose_scores_are_incomplete_is_refused() {
+fn a_chart_whose_state_was_changed_is_refused() {
     let dir = corridor();
     let chart = ["chart", "scene.json", "--quick", "--placements", "2", "--backend", "cpu"];
-    let mut saved = ok(dir.path(), &[&chart[..], &["--out", "chart"]].concat());
-    saved["measured"][1]["scores"].as_array_mut().unwrap().pop();
-    fs::write(dir.path().join("chart/chart.json"), saved.to_string()).unwrap();
+    ok(dir.path(), &[&chart[..], &["--out", "chart"]].concat());
+    let file = dir.path().join("chart/checkpoint.json");
+    let mut saved: Value = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();
+    saved["state"]["measured"][1]["scores"].as_array_mut().unwrap().pop().unwrap();
+    fs::write(&file, saved.to_string()).unwrap();
     let message = fails(dir.path(), &["chart", "--resume", "chart", "--backend", "cpu"]);
-    assert!(message.contains("other placements"), "{message}");
+    assert!(message.contains("was changed after it was written"), "{message}");
 }

@@ -14,8 +14,6 @@ mod load;
 mod optimize;
 mod progress;
 mod psog;
-// Taken up by the commands one after the other.
-#[allow(dead_code)]
 mod scene;
 mod score;
 mod study;
