@@ -3,6 +3,7 @@
 use crate::audit::AuditError;
 use crate::chart::ChartError;
 use crate::engine::{BackendError, OpenError};
+use crate::files::FileError;
 use crate::problem::ProblemError;
 use crate::psog::{GridError, KittiError, PsogFileError};
 use crate::scene::DescriptionError;
@@ -47,6 +48,9 @@ pub enum Error {
     /// From a scene that does not become a problem.
     #[error(transparent)]
     Open(#[from] OpenError),
+    /// From a file or folder.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// From evaluating.
     #[error(transparent)]
     Backend(#[from] BackendError),

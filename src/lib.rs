@@ -53,6 +53,7 @@
 //! | [`verify`] | comparisons of engines bit by bit, and with `f64` |
 //! | [`chart`] | settings from fine to coarse, their cost and their error |
 //! | [`study`] | how many LiDARs, which sensor, what if one fails |
+//! | [`files`] | files that are whole at any time, folders of runs |
 //! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
 
 mod error;
@@ -64,6 +65,7 @@ mod cast;
 pub mod chart;
 mod cover;
 pub mod engine;
+pub mod files;
 pub mod geom;
 mod json;
 pub mod problem;

@@ -13,10 +13,10 @@ use sightline::vehicle::{read_placements, table_7};
 
 use super::args::{Compute, Format, Talk, whole};
 use super::error::Error;
-use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
-use super::run_dir::RunDir;
 use super::{load, progress, table};
+use sightline::files::Input;
+use sightline::files::RunDir;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -187,7 +187,7 @@ impl ChartObserver for Sitting<'_> {
         }
         let saved = Saved { state: state.clone(), ..self.saved.clone() };
         if let Err(error) = self.dir.save(&saved) {
-            self.failed.replace(Some(error));
+            self.failed.replace(Some(error.into()));
         }
     }
 
@@ -230,7 +230,7 @@ fn write(dir: &RunDir<Saved>, found: &Chart, answer: &Value) -> Result<(), Error
     };
     dir.write_text("chart.svg", &fidelity_svg(&found.rated, &frame))?;
     dir.write_text("chart.csv", &fidelity_csv(&found.rated, found.edge))?;
-    dir.write_json("chart.json", answer)
+    Ok(dir.write_json("chart.json", answer)?)
 }
 
 /// Titles of the printed table.

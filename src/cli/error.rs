@@ -1,7 +1,8 @@
 //! The one error of the program.
 
-use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+
+use sightline::files::FileError;
 
 /// Everything that ends a command with exit code 2; printed as one sentence.
 #[derive(Debug, thiserror::Error)]
@@ -10,22 +11,9 @@ pub enum Error {
     /// From the library.
     #[error(transparent)]
     Library(#[from] sightline::Error),
-    /// A file or folder that cannot be read or written.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// File or folder.
-        path: PathBuf,
-        /// From the operating system.
-        source: std::io::Error,
-    },
-    /// JSON of another form than expected.
-    #[error("{}: {source}", path.display())]
-    Json {
-        /// File.
-        path: PathBuf,
-        /// Where and why.
-        source: serde_json::Error,
-    },
+    /// From a file or folder.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// Arguments that do not fit the scene or each other.
     #[error("{0}")]
     Usage(String),
@@ -64,11 +52,6 @@ from_modules!(
 impl Error {
     /// Names the file or folder in an error of the operating system.
     pub fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
-        move |source| match source.kind() {
-            ErrorKind::InvalidData => {
-                Self::Usage(format!("{}: is not UTF-8 text; save it as UTF-8", path.display()))
-            }
-            _ => Self::Io { path: path.to_owned(), source },
-        }
+        |source| FileError::io(path)(source).into()
     }
 }

@@ -17,13 +17,13 @@ use sightline::vehicle::Spacing;
 
 use super::args::{Compute, Format, Talk, at_least_one, finite, parse_seconds, whole};
 use super::error::Error;
-use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::load::{self, LoadTimes};
-use super::run_dir::RunDir;
 use super::{progress, table};
 use record::{Spent, finish, read_spent, save};
 use settings::{Rules, Saved, parse_spacing};
+use sightline::files::Input;
+use sightline::files::RunDir;
 
 /// Time between two checkpoints: one after each generation would take longer than the search itself
 /// where generations are quick.

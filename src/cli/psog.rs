@@ -13,8 +13,8 @@ use sightline::scene::{PsogSource, ScanSettings};
 
 use super::args::{Format, Talk, finite};
 use super::error::Error;
-use super::output::{writable_file, write_whole};
 use super::{load, progress, table};
+use sightline::files::{writable_file, write_whole};
 
 /// Region around the ego vehicle, as in the own scenes: lower and upper corner in metres.
 const REGION: [[f64; 3]; 2] = [[-40.0, -40.0, -0.5], [40.0, 40.0, 5.5]];

@@ -11,7 +11,7 @@ use sightline::scene::{DEFAULT_CLASSES, FEWEST_STREET_TRIANGLES, street};
 
 use super::args::{Talk, whole};
 use super::error::Error;
-use super::output::{is_sink, target, writable_file, write_whole};
+use sightline::files::{FileError, is_sink, target, writable_file, write_whole};
 
 /// Most triangles, well below the limit of a frame.
 const MOST: i64 = 50_000_000;
@@ -58,7 +58,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let scene = scene(args, &mesh, &soup);
     write_whole(&args.out, |file| {
         serde_json::to_writer_pretty(&mut *file, &scene)
-            .map_err(|source| Error::Json { path: args.out.clone(), source })?;
+            .map_err(|source| FileError::Json { path: args.out.clone(), source })?;
         file.write_all(b"\n").map_err(Error::io(&args.out))
     })?;
     args.talk.note(format!(

@@ -21,8 +21,9 @@ use sightline::vehicle::{Placement, PlacementFileError, PlacementReader};
 use super::args::{Compute, Format};
 use super::error::Error;
 use super::load::{self, LoadTimes, Loaded};
-use super::output::{shared_folder, unless_closed, writable_file, write_whole};
+use super::output::unless_closed;
 use super::{progress, table};
+use sightline::files::{shared_folder, writable_file, write_whole};
 
 /// Placements that are read, scored and printed at a time.
 const BLOCK: usize = 1024;

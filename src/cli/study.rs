@@ -16,10 +16,10 @@ use sightline::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, s
 
 use super::args::{Compute, Format, Talk, at_least_one, whole};
 use super::error::Error;
-use super::inputs::Input;
 use super::interrupt::{INTERRUPTED, Interrupt};
-use super::run_dir::{RunDir, holds_run};
 use super::{load, progress, table};
+use sightline::files::Input;
+use sightline::files::{RunDir, holds_run};
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -200,7 +200,7 @@ impl StudyObserver for Session<'_> {
     fn measured(&self, rows: &[Row]) {
         let saved = Saved { settings: self.recorded.settings.clone(), rows: rows.to_vec() };
         if let Err(error) = self.dir.save(&saved) {
-            self.failed.replace(Some(error));
+            self.failed.replace(Some(error.into()));
         }
     }
 
@@ -221,7 +221,7 @@ impl Session<'_> {
         let study = json!({ "settings": settings, "inputs": inputs, "rows": rows, "notes": notes });
         self.dir.write_json("study.json", &study)?;
         self.dir.write_text("table.csv", &found.csv())?;
-        self.dir.write_text("chart.svg", &study_plot(found).svg())
+        Ok(self.dir.write_text("chart.svg", &study_plot(found).svg())?)
     }
 }
 

@@ -12,7 +12,7 @@ use sightline::search::{FrameChoice, LeftOut, Outcome, Settings};
 use super::Sitting;
 use super::settings::{Begun, Saved};
 use crate::cli::error::Error;
-use crate::cli::run_dir::RunDir;
+use sightline::files::RunDir;
 
 /// File of the times of earlier sittings. Not in the checkpoint: that is the same bytes however often a
 /// run was interrupted.
@@ -61,7 +61,7 @@ pub(super) fn save(sitting: &Sitting) -> Result<(), Error> {
     let run = sitting.run.state().clone();
     sitting.folder.write_lines("history.jsonl", run.history())?;
     sitting.folder.save(&Saved { begun: sitting.begun.clone(), run })?;
-    sitting.folder.write_json(TIMES, &sitting.spent())
+    Ok(sitting.folder.write_json(TIMES, &sitting.spent())?)
 }
 
 /// Writes result, charts and page, and hands out the record.

@@ -11,9 +11,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use sha2::{Digest, Sha256};
 
-use super::error::Error;
-use super::inputs::Input;
-use super::output::{Missing, lock_folder, write_whole};
+use super::folder::{Missing, lock_folder};
+use super::{FileError, Input, write_whole};
 
 /// File of the state, in every run folder.
 const CHECKPOINT: &str = "checkpoint.json";
@@ -66,10 +65,10 @@ impl<S: Serialize + DeserializeOwned> RunDir<S> {
         out: Option<&Path>,
         name: &str,
         inputs: Vec<Input>,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, FileError> {
         let path = match out {
             Some(path) if holds_run(path) => {
-                return Err(Error::Usage(format!(
+                return Err(FileError::Refused(format!(
                     "{}: already holds a run; go on with --resume, or name another folder",
                     path.display()
                 )));
@@ -84,21 +83,21 @@ impl<S: Serialize + DeserializeOwned> RunDir<S> {
 
     /// Reads the state that an earlier sitting has left. Where that one was just killed and still holds
     /// the folder, its end is waited for.
-    pub fn resume(command: &'static str, path: &Path) -> Result<(Self, S), Error> {
+    pub fn resume(command: &'static str, path: &Path) -> Result<(Self, S), FileError> {
         let file = path.join(CHECKPOINT);
         if !holds_run(path) {
-            return Err(Error::Usage(format!(
+            return Err(FileError::Refused(format!(
                 "{}: holds no run to go on with ({CHECKPOINT} is missing); name the folder of one, or \
                  start a new run",
                 path.display()
             )));
         }
         let lock = lock_folder(path, PATIENCE)?;
-        let text = std::fs::read_to_string(&file).map_err(Error::io(&file))?;
+        let text = std::fs::read_to_string(&file).map_err(FileError::io(&file))?;
         let refuse = |words: String| {
-            Err(Error::Usage(format!("{}: {words}; start a new run", file.display())))
+            Err(FileError::Refused(format!("{}: {words}; start a new run", file.display())))
         };
-        let json = |source| Error::Json { path: file.clone(), source };
+        let json = |source| FileError::Json { path: file.clone(), source };
         let Head { checkpoint } = serde_json::from_str(&text).map_err(json)?;
         if checkpoint != VERSION {
             return refuse(format!("is of version {checkpoint}, this program reads {VERSION}"));
@@ -126,8 +125,8 @@ impl<S: Serialize + DeserializeOwned> RunDir<S> {
     }
 
     /// Saves the state, to go on from there.
-    pub fn save(&self, state: &S) -> Result<(), Error> {
-        let json = |source| Error::Json { path: self.path.join(CHECKPOINT), source };
+    pub fn save(&self, state: &S) -> Result<(), FileError> {
+        let json = |source| FileError::Json { path: self.path.join(CHECKPOINT), source };
         let state = serde_json::value::to_raw_value(state).map_err(json)?;
         let checkpoint = Checkpoint {
             checkpoint: VERSION,
@@ -142,7 +141,7 @@ impl<S: Serialize + DeserializeOwned> RunDir<S> {
 
 impl<S> RunDir<S> {
     /// Refuses to go on with files that have changed since the run was begun.
-    pub fn check(&self, inputs: &[Input]) -> Result<(), Error> {
+    pub fn check(&self, inputs: &[Input]) -> Result<(), FileError> {
         Input::check(&self.path, &self.inputs, inputs)
     }
 
@@ -152,12 +151,12 @@ impl<S> RunDir<S> {
     }
 
     /// Writes a file of JSON, indented.
-    pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<(), Error> {
+    pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<(), FileError> {
         let path = self.path.join(name);
         write_whole(&path, |file| {
             serde_json::to_writer_pretty(&mut *file, value)
-                .map_err(|source| Error::Json { path: path.clone(), source })?;
-            file.write_all(b"\n").map_err(Error::io(&path))
+                .map_err(|source| FileError::Json { path: path.clone(), source })?;
+            file.write_all(b"\n").map_err(FileError::io(&path))
         })
     }
 
@@ -166,22 +165,22 @@ impl<S> RunDir<S> {
         &self,
         name: &str,
         values: impl IntoIterator<Item = impl Serialize>,
-    ) -> Result<(), Error> {
+    ) -> Result<(), FileError> {
         let path = self.path.join(name);
         write_whole(&path, |file| {
             for value in values {
                 serde_json::to_writer(&mut *file, &value)
-                    .map_err(|source| Error::Json { path: path.clone(), source })?;
-                file.write_all(b"\n").map_err(Error::io(&path))?;
+                    .map_err(|source| FileError::Json { path: path.clone(), source })?;
+                file.write_all(b"\n").map_err(FileError::io(&path))?;
             }
             Ok(())
         })
     }
 
     /// Writes a file of text.
-    pub fn write_text(&self, name: &str, text: &str) -> Result<(), Error> {
+    pub fn write_text(&self, name: &str, text: &str) -> Result<(), FileError> {
         let path = self.path.join(name);
-        write_whole(&path, |file| file.write_all(text.as_bytes()).map_err(Error::io(&path)))
+        write_whole(&path, |file| file.write_all(text.as_bytes()).map_err(FileError::io(&path)))
     }
 }
 
@@ -194,13 +193,13 @@ fn digest(state: &RawValue) -> String {
     Sha256::digest(state.get()).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn free_folder(name: &str) -> Result<PathBuf, Error> {
+fn free_folder(name: &str) -> Result<PathBuf, FileError> {
     let numbered = (1..MOST_RUNS).map(|n| match n {
         1 => Path::new("runs").join(name),
         n => Path::new("runs").join(format!("{name}-{n}")),
     });
     numbered.into_iter().find(|path| !path.exists()).ok_or_else(|| {
-        Error::Usage(format!("runs/{name}: too many runs; name a folder with --out"))
+        FileError::Refused(format!("runs/{name}: too many runs; name a folder with --out"))
     })
 }
 
@@ -216,7 +215,7 @@ mod tests {
 
     const WALK: Walk = Walk { steps: 3, place: 0.1 + 0.2 };
 
-    fn refusal<T>(result: Result<T, Error>) -> String {
+    fn refusal<T>(result: Result<T, FileError>) -> String {
         result.map(|_| ()).expect_err("must be refused").to_string()
     }
 

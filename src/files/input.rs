@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use sightline::scene::Scene;
 
-use super::error::Error;
+use super::FileError;
+use crate::scene::Scene;
 
 /// A file and the SHA-256 of its bytes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -18,25 +18,25 @@ pub struct Input {
 
 impl Input {
     /// A file as it is now.
-    pub fn read(file: &Path) -> Result<Self, Error> {
+    pub fn read(file: &Path) -> Result<Self, FileError> {
         let mut hash = Sha256::new();
-        let mut opened = File::open(file).map_err(Error::io(file))?;
-        std::io::copy(&mut opened, &mut hash).map_err(Error::io(file))?;
+        let mut opened = File::open(file).map_err(FileError::io(file))?;
+        std::io::copy(&mut opened, &mut hash).map_err(FileError::io(file))?;
         let sha256 = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
         Ok(Self { file: file.to_owned(), sha256 })
     }
 
     /// Every file that decides about a scene, as it is now.
-    pub fn of(scene: &Scene) -> Result<Vec<Self>, Error> {
+    pub fn of(scene: &Scene) -> Result<Vec<Self>, FileError> {
         scene.files().iter().map(|file| Self::read(file)).collect()
     }
 
     /// Refuses to go on in a folder that was begun with other files.
-    pub fn check(folder: &Path, before: &[Self], now: &[Self]) -> Result<(), Error> {
+    pub fn check(folder: &Path, before: &[Self], now: &[Self]) -> Result<(), FileError> {
         let is_new = |input: &&Self| !before.contains(input);
         match now.iter().find(is_new).or(before.iter().find(|input| !now.contains(input))) {
             None => Ok(()),
-            Some(Self { file, .. }) => Err(Error::Usage(format!(
+            Some(Self { file, .. }) => Err(FileError::Refused(format!(
                 "{}: has changed; {} was begun with another one, so put that back or start a new run",
                 file.display(),
                 folder.display()

@@ -1,0 +1,63 @@
+//! Folders of runs: made, checked and locked before long work begins.
+
+use std::fs::{File, TryLockError};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use super::FileError;
+
+/// Pause between two looks at a folder that another program holds.
+const BETWEEN_TRIES: Duration = Duration::from_millis(50);
+
+/// Folders that are missing before a run makes them; those that are empty at its end go again.
+pub struct Missing(Vec<PathBuf>);
+
+impl Missing {
+    /// Of a folder that is there.
+    pub fn none() -> Self {
+        Self(Vec::new())
+    }
+
+    /// The folder and those around it.
+    pub fn of(path: &Path) -> Self {
+        let missing = path.ancestors().take_while(|folder| !folder.exists());
+        Self(missing.filter(|f| !f.as_os_str().is_empty()).map(Path::to_owned).collect())
+    }
+}
+
+impl Drop for Missing {
+    fn drop(&mut self) {
+        let _ = self.0.iter().try_for_each(std::fs::remove_dir);
+    }
+}
+
+/// As [`shared_folder`], for the files of one run: while the lock lives, a second program that names the
+/// folder is refused, since the files of two would not belong together. A program that holds the folder
+/// already may end within `patience`. `None` where folders cannot be opened, as on some network drives:
+/// nobody is kept out.
+pub fn lock_folder(path: &Path, patience: Duration) -> Result<Option<File>, FileError> {
+    shared_folder(path)?;
+    let Ok(folder) = File::open(path) else { return Ok(None) };
+    let until = Instant::now() + patience;
+    while let Err(TryLockError::WouldBlock) = folder.try_lock() {
+        if Instant::now() >= until {
+            return Err(FileError::Refused(format!(
+                "{}: another run writes into it; wait for its end, or name another folder",
+                path.display()
+            )));
+        }
+        std::thread::sleep(BETWEEN_TRIES);
+    }
+    Ok(Some(folder))
+}
+
+/// Makes a folder and checks that files can be written into it, before long work begins.
+pub fn shared_folder(path: &Path) -> Result<(), FileError> {
+    if path.exists() && !path.is_dir() {
+        let message = "is a file where a folder is wanted; name another place";
+        return Err(FileError::io(path)(std::io::Error::other(message)));
+    }
+    std::fs::create_dir_all(path).map_err(FileError::io(path))?;
+    tempfile::tempfile_in(path).map_err(FileError::io(path))?;
+    Ok(())
+}
