@@ -161,7 +161,7 @@ fn check_scene<E: std::fmt::Display>(scene: Result<Scene, E>) {
 
 fn check_placements(folder: &Path, name: &str, bytes: &[u8]) {
     put(folder, name, bytes);
-    let Ok(placements) = said(read_placements(&folder.join(name))) else { return };
+    let Ok(placements) = said(read_placements(folder.join(name))) else { return };
     for placement in &placements {
         placement.validate().expect("what was read is valid");
         let fields = placement.lidars.iter().flat_map(|pose| pose.fields());

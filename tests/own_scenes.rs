@@ -42,7 +42,7 @@ pub fn description(name: &str) -> Value {
 
 /// The layouts of Table 7.
 pub fn table_7() -> Vec<Placement> {
-    read_placements(&folder().join("placements.json")).unwrap()
+    read_placements(folder().join("placements.json")).unwrap()
 }
 
 /// A scene with all that is built from it.

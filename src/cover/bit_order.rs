@@ -43,7 +43,7 @@ impl BitOrder {
     /// rows would be mostly padding keeps the linear order.
     pub fn rows(roi: &Roi) -> Self {
         let words = row_words(roi.shape(), 0).max(row_words(roi.shape(), 1)) as u64;
-        let most = (2 * roi.voxel_count()).max(FEW_BITS).min(1 << 32);
+        let most = (2 * roi.voxel_count()).clamp(FEW_BITS, 1 << 32);
         let layout = if ROW as u64 * words <= most { Layout::Rows } else { Layout::Linear };
         Self { layout, shape: roi.shape() }
     }

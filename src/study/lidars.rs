@@ -19,7 +19,7 @@ pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
         let before = rows.last().and_then(|row| row.placement.as_ref());
         starts.extend(before.iter().flat_map(|before| with_one_more(scene, before)));
         let objective = &scene.settings.objective;
-        let best = scene.optimize_from(&mut evaluator, objective, &starts)?;
+        let best = scene.optimize_from(&evaluator, objective, &starts)?;
         let Some(best) = best else { return Ok((Vec::new(), None)) };
         let values = columns::values(&score(&mut evaluator, &best)?);
         Ok((values, Some(best)))

@@ -28,7 +28,7 @@ pub(super) fn loss(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Study
     let both = OPTIMIZED.map(|name| (name.to_owned(), name)).to_vec();
     let rows = cases.each(both, |name, rows| {
         let found = if name == OPTIMIZED[0] {
-            scene.optimize(&mut evaluator)?
+            scene.optimize(&evaluator)?
         } else {
             most_robust(scene, &mut evaluator, rows)?
         };

@@ -31,7 +31,7 @@ pub(super) fn random(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
         })?);
     }
     rows.extend(cases.one("optimized", || {
-        let Some(best) = scene.optimize(&mut evaluator)? else { return Ok((Vec::new(), None)) };
+        let Some(best) = scene.optimize(&evaluator)? else { return Ok((Vec::new(), None)) };
         let value = value(&score(&mut evaluator, &best)?);
         Ok((vec![value], Some(best)))
     })?);

@@ -82,7 +82,7 @@ pub(super) fn regions(scene: &StudyScene, cases: &mut Cases) -> Result<Table, St
     let rows = cases.each(placements, |placement, _| {
         let placement = match placement {
             Some(placement) => Some(placement.clone()),
-            None => scene.optimize(&mut evaluator)?,
+            None => scene.optimize(&evaluator)?,
         };
         match placement {
             Some(placement) => seen_by(placement, &regions, &mut evaluator),

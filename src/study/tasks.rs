@@ -19,7 +19,7 @@ pub(super) fn tasks(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stud
         let share = "information_gain_share";
         let text = format!("{}*{share} + {weight}*detection.{share}", 1.0 - weight);
         let objective: Objective = text.parse()?;
-        let best = scene.optimize_from(&mut evaluator, &objective, &scene.published)?;
+        let best = scene.optimize_from(&evaluator, &objective, &scene.published)?;
         let Some(best) = best else { return Ok((Vec::new(), None)) };
         let scores = score(&mut evaluator, &best)?;
         let percent = |share: Option<f64>| share.map(|v| 100.0 * v);

@@ -14,8 +14,8 @@ pub(super) fn transfer(scenes: &[StudyScene], cases: &mut Cases) -> Result<Table
     for scene in scenes {
         let name = format!("optimized on {}", scene.scene.name());
         let case = cases.one(&name, || {
-            let mut evaluator = scene.evaluator()?;
-            Ok((Vec::new(), scene.optimize(&mut evaluator)?))
+            let evaluator = scene.evaluator()?;
+            Ok((Vec::new(), scene.optimize(&evaluator)?))
         })?;
         found.extend(case.and_then(|row| Some((scene.scene.name(), row.placement?))));
     }

@@ -79,5 +79,6 @@ fn check(mesh: &RawMesh) -> Result<(), Fault> {
     Ok(())
 }
 
-#[cfg(all(test, feature = "mesh"))]
+#[cfg(feature = "mesh")]
+#[cfg(test)]
 mod tests;

@@ -9,7 +9,7 @@ const OWN: [(&str, usize); 4] =
 
 fn own(name: &str) -> Scene {
     let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
-    Scene::read(&dir.join(format!("{name}.json"))).unwrap_or_else(|e| panic!("{e}"))
+    Scene::read(dir.join(format!("{name}.json"))).unwrap_or_else(|e| panic!("{e}"))
 }
 
 #[test]
