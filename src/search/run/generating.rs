@@ -38,7 +38,9 @@ impl Run {
         self.stop_at_target(watch)?;
         watch.tell(&Event::Generation(&generation.record));
         let (work, total) = (Work::Generations, self.state.settings.evaluations);
-        watch.tell(&Event::Progress { work, done: generation.record.evaluations, total });
+        // The last generation is a whole one.
+        let done = generation.record.evaluations.min(total);
+        watch.tell(&Event::Progress { work, done, total });
         Ok(())
     }
 
