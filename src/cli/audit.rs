@@ -5,13 +5,14 @@ use std::process::ExitCode;
 
 use serde_json::json;
 use sightline::audit::{AUDIT_PARTS, Audit, AuditEvent, AuditSettings, Verdict, audit};
+use sightline::report;
 use sightline::report::ScoreColumn;
 use sightline::score::Scores;
 use sightline::vehicle::{read_placements, table_7};
 
 use super::args::{Compute, Format};
 use super::error::Error;
-use super::{load, progress, table};
+use super::{load, progress};
 
 /// Exit code of a check that failed.
 const FAILED: u8 = 1;
@@ -78,7 +79,7 @@ fn print(found: &Audit) -> Result<(), Error> {
         row.extend([verdict.to_owned(), trial.fooled.join(", "), guard_names(&trial.scores)]);
         rows.push(row);
     }
-    out!("{}", table::align(&rows))?;
+    out!("{}", report::align_columns(&rows))?;
     outln!(
         "\n{0} under changes of the model, and `{1}` of all the placements: its change, Kendall's τ with \
          the unchanged ranking (median and worst), Spearman with mean height alone",
@@ -106,7 +107,7 @@ fn print(found: &Audit) -> Result<(), Error> {
         ]);
         row
     }));
-    out!("{}", table::align(&rows))?;
+    out!("{}", report::align_columns(&rows))?;
     outln!("{}", if found.passed { "\npassed" } else { "\nFAILED: a score was fooled unnoticed" })
 }
 

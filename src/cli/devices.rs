@@ -3,10 +3,10 @@
 use std::process::ExitCode;
 
 use sightline::engine::gpu::list_adapters;
+use sightline::report;
 
 use super::args::Format;
 use super::error::Error;
-use super::table;
 
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  sightline devices")]
@@ -38,7 +38,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
                     if a.auto { "yes" } else { "" }.to_owned(),
                 ]
             }));
-            out!("{}", table::align(&rows))?;
+            out!("{}", report::align_columns(&rows))?;
             if !adapters.iter().any(|a| a.auto) {
                 outln!("only software: --backend auto computes on the CPU")?;
             }

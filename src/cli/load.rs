@@ -127,8 +127,3 @@ pub fn evaluator(problem: impl Into<Arc<Problem>>, compute: &Compute) -> Result<
     opened.notes.iter().for_each(|note| talk.note(note));
     Ok(Evaluator::new(problem, opened.engine))
 }
-
-/// The coverage as the scene file spells it.
-pub fn coverage_name(problem: &Problem) -> &'static str {
-    if problem.ends_at_hits() { "first-hit" } else { "through" }
-}

@@ -17,7 +17,6 @@ mod psog;
 mod scene;
 mod score;
 mod study;
-mod table;
 mod verify;
 
 use std::process::ExitCode;

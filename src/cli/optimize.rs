@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 use sightline::Problem;
+use sightline::report;
 use sightline::report::{RunRecord, certificate_in_words, methods_in_words, verdict};
 use sightline::scene::Scene;
 use sightline::search::{Event, Method, Outcome, Run, SearchError, TimeLimit, Work};
@@ -19,7 +20,7 @@ use super::args::{Compute, Format, Talk, at_least_one, finite, parse_seconds, wh
 use super::error::Error;
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::load::{self, LoadTimes};
-use super::{progress, table};
+use super::progress;
 use record::{Spent, finish, read_spent, save};
 use settings::{Rules, Saved, parse_spacing};
 use sightline::files::Input;
@@ -296,11 +297,11 @@ fn print(args: &Args, record: &RunRecord, folder: &Path) -> Result<(), Error> {
     rows.extend(record.baselines.iter().map(|baseline| baseline.scores.clone()));
     outln!("{}\n", verdict(record.best.as_ref(), &record.baselines, &record.objective))?;
     outln!("{}: maximizing {} over {} frame(s)", record.scene, record.objective, record.frames)?;
-    out!("{}", table::scores(&rows))?;
+    out!("{}", report::scores_text(&rows))?;
     match &record.best {
         Some(best) => {
             outln!("\noptimized placement (m, rad):")?;
-            out!("{}", poses(&best.placement))?;
+            out!("{}", report::poses_text(&best.placement))?;
             for bound in &record.active_bounds {
                 outln!("  active: {bound}")?;
             }
@@ -309,7 +310,7 @@ fn print(args: &Args, record: &RunRecord, folder: &Path) -> Result<(), Error> {
             }
             outln!("\nfound by: {}", methods_in_words(record))?;
             outln!("certificate: {}", certificate_in_words(record))?;
-            outln!("\n{}", table::findings(&record.findings))?;
+            outln!("\n{}", report::findings_text(&record.findings))?;
         }
         None => outln!("\nno candidate kept the rules of the mount; widen it")?,
     }
@@ -326,16 +327,4 @@ fn print(args: &Args, record: &RunRecord, folder: &Path) -> Result<(), Error> {
         record.backend,
         folder.join("report.html").display()
     )
-}
-
-/// The poses of a placement, a line each.
-fn poses(placement: &sightline::Placement) -> String {
-    let titles = ["LiDAR", "x", "y", "z", "roll", "pitch", "yaw"];
-    let mut rows = vec![titles.map(str::to_owned).to_vec()];
-    for (index, pose) in placement.lidars.iter().enumerate() {
-        let mut row = vec![index.to_string()];
-        row.extend(pose.fields().map(|(_, value)| format!("{value:.3}")));
-        rows.push(row);
-    }
-    table::align(&rows)
 }

@@ -8,12 +8,13 @@ use sightline::psog::{
     BuildReport, KittiPsogOptions, KittiSequence, Psog, PsogInfo, Roi, build_kitti_psog, read_psog,
     write_psog,
 };
+use sightline::report;
 use sightline::scan::scan_scene;
 use sightline::scene::{PsogSource, ScanSettings};
 
 use super::args::{Format, Talk, finite};
 use super::error::Error;
-use super::{load, progress, table};
+use super::{load, progress};
 use sightline::files::{writable_file, write_whole};
 
 /// Region around the ego vehicle, as in the own scenes: lower and upper corner in metres.
@@ -219,5 +220,5 @@ fn classes(info: &PsogInfo) -> String {
         vec![class.name.clone(), class.voxels.to_string(), format!("{:.2}", class.entropy)]
     }));
     rows.push(vec!["(empty)".into(), "–".into(), format!("{:.2}", info.entropy_empty)]);
-    table::align(&rows)
+    report::align_columns(&rows)
 }

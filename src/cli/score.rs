@@ -1,7 +1,6 @@
 //! `score`: scores of a batch of placements, written as they are computed.
 
 use std::cell::RefCell;
-use std::collections::BTreeSet;
 use std::io::Write;
 use std::iter::Peekable;
 use std::path::{Path, PathBuf};
@@ -9,21 +8,20 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use indicatif::ProgressBar;
-use npyz::WriterBuilder;
 use serde::ser::{Error as _, SerializeMap, SerializeSeq};
 use serde::{Serialize, Serializer};
-use serde_json::ser::Formatter;
 use serde_json::{Value, json};
+use sightline::report;
 use sightline::score::Scores;
 use sightline::search::Evaluator;
-use sightline::vehicle::{Placement, PlacementFileError, PlacementReader};
+use sightline::vehicle::{Placement, PlacementFileError, PlacementReader, count_placements};
 
 use super::args::{Compute, Format};
 use super::error::Error;
 use super::load::{self, LoadTimes, Loaded};
 use super::output::unless_closed;
-use super::{progress, table};
-use sightline::files::{shared_folder, writable_file, write_whole};
+use super::progress;
+use sightline::files::{LinePerElement, shared_folder, writable_file, write_npy, write_whole};
 
 /// Placements that are read, scored and printed at a time.
 const BLOCK: usize = 1024;
@@ -79,19 +77,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         }
     }?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// Reads and checks the whole file once; a stream is not kept.
-fn count_placements(path: &Path) -> Result<u64, Error> {
-    let mut count = 0;
-    for placement in PlacementReader::open(path)? {
-        placement?;
-        count += 1;
-    }
-    if count == 0 {
-        return Err(PlacementFileError::Empty { path: path.to_owned() }.into());
-    }
-    Ok(count)
 }
 
 /// Placements that are read, scored and handed on block by block.
@@ -193,12 +178,12 @@ fn print_text(
 ) -> Result<(), Error> {
     let problem = scoring.evaluator.problem();
     let (frames, beams) = (problem.frame_count(), problem.table().directions().len());
-    let coverage = load::coverage_name(problem);
+    let coverage = problem.coverage();
     writeln!(out, "{scene}: {coverage} over {frames} frame(s), {beams} beams a LiDAR")
-        .and_then(|()| write!(out, "{}", table::scores(&first)))
+        .and_then(|()| write!(out, "{}", report::scores_text(&first)))
         .map_err(Error::io(path))?;
     while let Some(block) = scoring.next()? {
-        let text = table::scores(&block);
+        let text = report::scores_text(&block);
         let body = text.split_once('\n').map_or("", |(_, body)| body);
         write!(out, "{body}").map_err(Error::io(path))?;
     }
@@ -218,7 +203,7 @@ fn print_json(
         "scene": scene,
         "backend": scoring.evaluator.backend().name(),
         "adapter": scoring.evaluator.backend().adapter(),
-        "coverage": load::coverage_name(problem),
+        "coverage": problem.coverage(),
         "frames": problem.frame_count(),
         "modelled": problem.modelled(),
         "threads": rayon::current_num_threads(),
@@ -242,7 +227,7 @@ struct ScoreStream<'a, 'b> {
 
 impl ScoreStream<'_, '_> {
     fn write(&self, head: &Value, out: &mut dyn Write) -> Result<(), serde_json::Error> {
-        let mut json = serde_json::Serializer::with_formatter(&mut *out, LinePerScore::default());
+        let mut json = serde_json::Serializer::with_formatter(&mut *out, LinePerElement::default());
         let mut object = json.serialize_map(None)?;
         for (key, value) in head.as_object().into_iter().flatten() {
             object.serialize_entry(key, value)?;
@@ -278,61 +263,12 @@ impl Serialize for ScoreStream<'_, '_> {
     }
 }
 
-/// Compact JSON with each element of an outer list on a line of its own.
-#[derive(Default)]
-struct LinePerScore {
-    /// Lists that are open.
-    depth: u32,
-}
-
-impl Formatter for LinePerScore {
-    fn begin_array<W: ?Sized + Write>(&mut self, out: &mut W) -> std::io::Result<()> {
-        self.depth += 1;
-        out.write_all(b"[")
-    }
-
-    fn end_array<W: ?Sized + Write>(&mut self, out: &mut W) -> std::io::Result<()> {
-        self.depth -= 1;
-        out.write_all(if self.depth == 0 { b"\n]" } else { b"]" })
-    }
-
-    fn begin_array_value<W: ?Sized + Write>(
-        &mut self,
-        out: &mut W,
-        first: bool,
-    ) -> std::io::Result<()> {
-        out.write_all(if first { b"" } else { b"," })?;
-        out.write_all(if self.depth == 1 { b"\n" } else { b"" })
-    }
-}
-
 fn write_coverage(
     folder: &Path,
     placement: &Placement,
     evaluator: &mut Evaluator,
 ) -> Result<(), Error> {
-    let mut union = BTreeSet::new();
-    let frames = evaluator.problem().frame_count();
-    let mut covered = Vec::new();
-    for frame in 0..frames {
-        covered = evaluator.backend_mut().covered(placement, frame)?;
-        if frames > 1 {
-            union.extend(covered.iter().copied());
-        }
-    }
-    if frames > 1 {
-        covered = union.into_iter().collect();
-    }
+    let covered = evaluator.covered(placement)?;
     let path = folder.join(format!("{}.npy", placement.name));
-    write_whole(&path, |file| {
-        let shape = [covered.len() as u64];
-        let mut array = npyz::WriteOptions::new()
-            .default_dtype()
-            .shape(&shape)
-            .writer(file)
-            .begin_nd()
-            .map_err(Error::io(&path))?;
-        array.extend(covered).map_err(Error::io(&path))?;
-        array.finish().map_err(Error::io(&path))
-    })
+    write_whole(&path, |file| write_npy(file, covered).map_err(Error::io(&path)))
 }

@@ -10,6 +10,7 @@ use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use sightline::psog::Psog;
+use sightline::report;
 use sightline::report::study_plot;
 use sightline::scene::Scene;
 use sightline::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, study};
@@ -17,7 +18,7 @@ use sightline::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, s
 use super::args::{Compute, Format, Talk, at_least_one, whole};
 use super::error::Error;
 use super::interrupt::{INTERRUPTED, Interrupt};
-use super::{load, progress, table};
+use super::{load, progress};
 use sightline::files::Input;
 use sightline::files::{RunDir, holds_run};
 
@@ -114,7 +115,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         Format::Json => outln!("{}", json!(found))?,
         Format::Text => {
             outln!("{}", found.title)?;
-            out!("{}", table::study(&found))?;
+            out!("{}", report::study_text(&found))?;
             outln!("\n{}: study.json, table.csv, chart.svg", dir.path().display())?;
         }
     }

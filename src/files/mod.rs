@@ -1,6 +1,7 @@
 //! Files that are whole at any time: outputs beside their place until they are done, folders of runs that
 //! can go on after an interruption.
 
+mod arrays;
 mod folder;
 mod input;
 mod run_dir;
@@ -9,6 +10,7 @@ mod whole;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+pub use arrays::{LinePerElement, write_npy};
 pub use folder::shared_folder;
 pub use input::Input;
 pub use run_dir::{RunDir, holds_run};

@@ -280,6 +280,11 @@ impl Problem {
         weights.into_iter().enumerate().filter(|(_, weight)| *weight > 0).collect()
     }
 
+    /// The coverage as the scene file spells it.
+    pub fn coverage(&self) -> &'static str {
+        if self.ends_at_hits { "first-hit" } else { "through" }
+    }
+
     /// Whether beams end at surfaces.
     pub fn ends_at_hits(&self) -> bool {
         self.ends_at_hits

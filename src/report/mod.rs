@@ -9,6 +9,7 @@
 //! | `plot`, `convergence`, `study` | plain charts of some series |
 //! | `chart`, `chart_labels`, `chart_table`, `chart_words` | cost against ranking error |
 //! | `placement`, `map` | a placement on its vehicle, and what it sees from above |
+//! | `table`, `text` | the one table of scores, tables as text |
 //! | `html` | the page |
 
 mod chart;
@@ -24,6 +25,7 @@ mod record;
 mod study;
 mod svg;
 mod table;
+mod text;
 mod words;
 
 pub use chart::fidelity_svg;
@@ -37,4 +39,5 @@ pub use plot::{Axis, Plot, Series};
 pub use record::{RunContext, RunRecord, RunTimes, peak_memory};
 pub use study::study_plot;
 pub use table::{ScoreColumn, optional};
+pub use text::{align_columns, findings_text, poses_text, scores_text, study_text};
 pub use words::{certificate_in_words, methods_in_words, verdict};

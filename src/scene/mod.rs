@@ -316,6 +316,16 @@ impl Scene {
         }
         soup
     }
+
+    /// Triangles of the ego body in the ego frame; none where the scene has no geometry.
+    pub fn body(&self) -> Vec<[[f32; 3]; 3]> {
+        if !self.has_geometry() {
+            return Vec::new();
+        }
+        let without = self.frame(0, EgoBody::Exclude).faces.len() as u32;
+        let soup = self.frame(0, EgoBody::Include);
+        (without..soup.faces.len() as u32).map(|prim| soup.corners(prim)).collect()
+    }
 }
 
 #[cfg(test)]

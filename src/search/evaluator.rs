@@ -1,6 +1,6 @@
 //! Scores of placements: one problem, one engine, and the reference layouts that the guards compare with.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -62,6 +62,23 @@ impl Evaluator {
     /// The engine, for single stages.
     pub fn backend_mut(&mut self) -> &mut dyn Backend {
         &mut *self.backend
+    }
+
+    /// Linear indices of the voxels that a placement covers in any frame, rising.
+    ///
+    /// # Errors
+    /// As [`Backend::covered`].
+    pub fn covered(&mut self, placement: &Placement) -> Result<Vec<u64>, BackendError> {
+        let mut union = BTreeSet::new();
+        let frames = self.problem.frame_count();
+        let mut covered = Vec::new();
+        for frame in 0..frames {
+            covered = self.backend.covered(placement, frame)?;
+            if frames > 1 {
+                union.extend(covered.iter().copied());
+            }
+        }
+        Ok(if frames > 1 { union.into_iter().collect() } else { covered })
     }
 
     /// Scores and guards of each placement, in order.

@@ -19,7 +19,7 @@ pub(crate) use description::{LidarDescription, MountDescription};
 pub use lidar::Lidar;
 pub use mount::{Mount, MountRules};
 pub use placement::{MAX_LIDARS, Placement, PlacementError, SensorPose};
-pub use placement_file::{PlacementFileError, PlacementReader, read_placements};
+pub use placement_file::{PlacementFileError, PlacementReader, count_placements, read_placements};
 pub use pose_grid::{PoseGrid, PoseGridError, Spacing};
 pub use published::table_7;
 pub use random::{random_placements, random_placements_by_the_rules};

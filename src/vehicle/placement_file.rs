@@ -314,3 +314,19 @@ pub fn read_placements(path: impl AsRef<Path>) -> Result<Vec<Placement>, Placeme
     }
     Ok(placements)
 }
+
+/// Placements of a file, each read and checked once; none is kept.
+///
+/// # Errors
+/// As [`read_placements`].
+pub fn count_placements(path: &Path) -> Result<u64, PlacementFileError> {
+    let mut count = 0;
+    for placement in PlacementReader::open(path)? {
+        placement?;
+        count += 1;
+    }
+    if count == 0 {
+        return Err(PlacementFileError::Empty { path: path.to_owned() });
+    }
+    Ok(count)
+}

@@ -6,7 +6,6 @@ use sightline::engine::{EngineChoice, open};
 use sightline::report::{
     Figures, InformationMap, RunContext, RunRecord, RunTimes, peak_memory, report_html,
 };
-use sightline::scene::{EgoBody, Scene};
 use sightline::search::{FrameChoice, LeftOut, Outcome, Settings};
 
 use super::Sitting;
@@ -89,7 +88,7 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
         .as_ref()
         .map(|best| InformationMap::of(problem, &mut *engine, &best.placement));
     let map = map.transpose()?;
-    let body = body_of(&sitting.opened.scene);
+    let body = sitting.opened.scene.body();
     let constraints = problem.constraints();
     let figures = Figures::new(&record, &outcome.history, constraints, &body, map.as_ref());
     folder.write_json(TIMES, &spent)?;
@@ -127,14 +126,4 @@ fn settings_json(begun: &Begun, settings: &Settings, left_out: &[LeftOut]) -> Va
             "delta": settings.delta,
         },
     })
-}
-
-/// Triangles of the ego body, for the drawing.
-fn body_of(scene: &Scene) -> Vec<[[f32; 3]; 3]> {
-    if !scene.has_geometry() {
-        return Vec::new();
-    }
-    let without = scene.frame(0, EgoBody::Exclude).faces.len() as u32;
-    let soup = scene.frame(0, EgoBody::Include);
-    (without..soup.faces.len() as u32).map(|prim| soup.corners(prim)).collect()
 }

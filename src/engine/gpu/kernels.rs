@@ -209,7 +209,7 @@ mod tests {
     fn structs_lie_where_the_shaders_read_them() {
         for kernel in SOURCES {
             let (fields, span) = layout(kernel.0, "Uniforms");
-            assert_eq!((fields.len(), span), (12, size_of::<Uniforms>()));
+            assert_eq!((fields.len(), span), (11, size_of::<Uniforms>()));
         }
         same_layout!("cast_closest", Uniforms, [
             shape => "shape", direction_count => "direction_count", voxel => "voxel",

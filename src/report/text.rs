@@ -1,12 +1,13 @@
-//! Tables on stdout: scores, findings, studies.
+//! Tables as text: scores, findings, studies.
 
-use sightline::report::{ScoreColumn, optional};
-use sightline::score::Scores;
-use sightline::search::Finding;
-use sightline::study::Table;
+use super::{ScoreColumn, optional};
+use crate::score::Scores;
+use crate::search::Finding;
+use crate::study::Table;
+use crate::vehicle::Placement;
 
 /// Lines of equal columns, the first column to the left and numbers to the right.
-pub fn align(rows: &[Vec<String>]) -> String {
+pub fn align_columns(rows: &[Vec<String>]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = |column: usize| {
         rows.iter().filter_map(|row| row.get(column)).map(|c| c.chars().count()).max().unwrap_or(0)
@@ -24,11 +25,11 @@ pub fn align(rows: &[Vec<String>]) -> String {
 }
 
 /// A table of placements, the guards of each below its row.
-pub fn scores(all: &[Scores]) -> String {
+pub fn scores_text(all: &[Scores]) -> String {
     let cells = |scores| ScoreColumn::ALL.map(|column| column.cell(scores)).to_vec();
     let mut rows = vec![ScoreColumn::ALL.map(|column| column.title().to_owned()).to_vec()];
     rows.extend(all.iter().map(cells));
-    let table = align(&rows);
+    let table = align_columns(&rows);
     let mut lines = table.lines();
     let mut text = format!("{}\n", lines.next().unwrap_or_default());
     for (line, scores) in lines.zip(all) {
@@ -41,18 +42,18 @@ pub fn scores(all: &[Scores]) -> String {
 }
 
 /// Correlations of properties of layouts with the objective, one property a line.
-pub fn findings(all: &[Finding]) -> String {
+pub fn findings_text(all: &[Finding]) -> String {
     let title = ["over random placements", "correlation", "beside mean height"];
     let mut rows = vec![title.map(str::to_owned).to_vec()];
     rows.extend(all.iter().map(|finding| {
         let name = finding.property.to_owned();
         vec![name, optional(finding.correlation, 2), optional(finding.beside_height, 2)]
     }));
-    align(&rows)
+    align_columns(&rows)
 }
 
 /// A study's cases and notes.
-pub fn study(table: &Table) -> String {
+pub fn study_text(table: &Table) -> String {
     let number = |value: Option<f64>| match value {
         None => "–".to_owned(),
         Some(0.0) => "0".to_owned(),
@@ -67,5 +68,17 @@ pub fn study(table: &Table) -> String {
         std::iter::once(row.name.clone()).chain(values).collect()
     }));
     let notes: String = table.notes.iter().map(|note| format!("\n{note}\n")).collect();
-    align(&rows) + &notes
+    align_columns(&rows) + &notes
+}
+
+/// The poses of a placement, a line each.
+pub fn poses_text(placement: &Placement) -> String {
+    let titles = ["LiDAR", "x", "y", "z", "roll", "pitch", "yaw"];
+    let mut rows = vec![titles.map(str::to_owned).to_vec()];
+    for (index, pose) in placement.lidars.iter().enumerate() {
+        let mut row = vec![index.to_string()];
+        row.extend(pose.fields().map(|(_, value)| format!("{value:.3}")));
+        rows.push(row);
+    }
+    align_columns(&rows)
 }
