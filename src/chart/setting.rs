@@ -35,7 +35,7 @@ pub struct Fidelity {
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Engine {
-    /// [`super::Exact`], on the CPU.
+    /// the f64 scorer, on the CPU.
     F64,
     /// The CPU backend, in `f32`.
     Cpu,

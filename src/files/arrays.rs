@@ -5,7 +5,7 @@ use std::io::{Result, Write};
 use npyz::WriterBuilder;
 use serde_json::ser::Formatter;
 
-/// Writes rising voxel indices as an array u64[n] that NumPy loads.
+/// Writes rising voxel indices as an array `u64[n]` that NumPy loads.
 ///
 /// # Errors
 /// Those of `out`.

@@ -191,7 +191,7 @@ impl Problem {
     /// Puts the parts together.
     ///
     /// `frames` holds one tree a frame, in the ego frame, none for a scene without geometry. Frames that
-    /// share a tree are cast once and weigh as many; see [`shared_trees`](super::shared_trees). With
+    /// share a tree are cast once and weigh as many; see `shared_trees`. With
     /// `ends_at_hits` beams end at the first surface of each frame (coverage `first-hit`); otherwise
     /// they run on through all (`through`), and there is one frame to evaluate, whatever the geometry.
     pub fn new(

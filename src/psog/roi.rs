@@ -38,8 +38,8 @@ impl Roi {
     /// A grid of `shape` voxels of edge `voxel` (metres) whose lower corner is `min` (metres).
     ///
     /// # Errors
-    /// Numbers that are not finite, edges not above 0, an axis of 0 or more than [`AXIS_LIMIT`]
-    /// voxels, more than [`VOXEL_LIMIT`] voxels in all, or voxels too fine for `f64` at `min`.
+    /// Numbers that are not finite, edges not above 0, an axis of 0 or more than 2²⁴
+    /// voxels, more than 2³¹ voxels in all, or voxels too fine for `f64` at `min`.
     pub fn new(min: [f64; 3], voxel: [f64; 3], shape: [u32; 3]) -> Result<Self, GridError> {
         for (a, axis) in AXES.into_iter().enumerate() {
             for (field, value) in [("roi_min", min[a]), ("voxel", voxel[a])] {
@@ -128,7 +128,7 @@ impl Roi {
         self.shape
     }
 
-    /// Voxels in all, at most [`VOXEL_LIMIT`].
+    /// Voxels in all, fewer than 2³¹.
     pub fn voxel_count(&self) -> u64 {
         self.shape.iter().map(|&n| u64::from(n)).product()
     }

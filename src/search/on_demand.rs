@@ -76,7 +76,7 @@ pub struct FramesUsed {
     pub levels: Vec<usize>,
     /// Numbers of the frames of each level.
     pub frames: Vec<Vec<usize>>,
-    /// Error of each level against all frames; see [`super::Level::error`].
+    /// Error of each level against all frames, as a share of the score.
     pub errors: Vec<Option<f64>>,
     /// (generation, frames from then on), the start first.
     pub steps: Vec<(u64, u32)>,
