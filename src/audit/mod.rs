@@ -1,6 +1,7 @@
 //! Trials against the metric itself: attempts to raise a score while seeing less, guards that notice
 //! them, and rankings under changes of the model.
 
+mod error;
 mod stability;
 mod trial;
 mod worlds;
@@ -9,14 +10,15 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use crate::engine::{BackendError, EngineChoice, OpenError, open};
-use crate::problem::{Problem, ProblemError, spread};
-use crate::psog::{GridError, Psog};
+use crate::engine::{BackendError, EngineChoice, open};
+use crate::problem::{Problem, spread};
+use crate::psog::Psog;
 use crate::scene::Scene;
 use crate::score::{Objective, Scores};
 use crate::search::Evaluator;
-use crate::vehicle::{Lidar, Placement, SensorError};
+use crate::vehicle::{Lidar, Placement};
 
+pub use error::AuditError;
 pub use stability::Stability;
 pub use trial::{Trial, Verdict};
 
@@ -32,30 +34,6 @@ const FIRST_MOUNTING: u64 = 1000;
 const TOLERANCE: (f64, f64) = (1e-3, 0.1 * std::f64::consts::PI / 180.0);
 /// Ranges in metres to which the visibility is cut.
 const VISIBILITIES: [f32; 3] = [10.0, 20.0, 40.0];
-
-/// Why a scene could not be audited.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum AuditError {
-    /// No placement was given.
-    #[error("there are no placements to audit; name at least one")]
-    NoPlacement,
-    /// The P-SOG does not fit the scene.
-    #[error(transparent)]
-    Open(#[from] OpenError),
-    /// A changed P-SOG does not make a problem.
-    #[error(transparent)]
-    Problem(#[from] ProblemError),
-    /// A changed region does not make a grid.
-    #[error(transparent)]
-    Grid(#[from] GridError),
-    /// The scene's LiDAR casts no beams.
-    #[error(transparent)]
-    Sensor(#[from] SensorError),
-    /// Scoring failed.
-    #[error(transparent)]
-    Backend(#[from] BackendError),
-}
 
 /// Settings of an audit.
 #[derive(Debug, Clone)]

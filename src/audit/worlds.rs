@@ -1,6 +1,6 @@
 //! The same scene seen through other models of it: fewer frames, other counts, another grid.
 
-use super::AuditError;
+use super::error::AuditError;
 use crate::problem::spread;
 use crate::psog::{GridError, Psog, Roi};
 use crate::scan::scan_scene;

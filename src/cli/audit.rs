@@ -5,8 +5,7 @@ use std::process::ExitCode;
 
 use serde_json::json;
 use sightline::audit::{AUDIT_PARTS, Audit, AuditEvent, AuditSettings, Verdict, audit};
-use sightline::report;
-use sightline::report::ScoreColumn;
+use sightline::report::{self, ScoreColumn};
 use sightline::score::Scores;
 use sightline::vehicle::{read_placements, table_7};
 

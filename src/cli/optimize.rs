@@ -3,127 +3,29 @@
 mod record;
 mod settings;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 use sightline::Problem;
-use sightline::report;
-use sightline::report::{RunRecord, certificate_in_words, methods_in_words, verdict};
-use sightline::scene::Scene;
-use sightline::search::{Event, Method, Outcome, Run, SearchError, TimeLimit, Work};
-use sightline::vehicle::Spacing;
+use sightline::report::{self, RunRecord, certificate_in_words, methods_in_words, verdict};
+use sightline::search::{Event, Outcome, Run, SearchError, TimeLimit, Work};
 
-use super::args::{Compute, Format, Talk, at_least_one, finite, parse_seconds, whole};
+use super::args::{Format, Talk};
 use super::error::Error;
 use super::interrupt::{INTERRUPTED, Interrupt};
-use super::load::{self, LoadTimes};
+use super::load;
 use super::progress;
-use record::{Spent, finish, read_spent, save};
-use settings::{Rules, Saved, parse_spacing};
-use sightline::files::Input;
-use sightline::files::RunDir;
+use record::{Opened, Sitting, finish, read_spent, save};
+pub use settings::Args;
+use settings::Saved;
+use sightline::files::{Input, RunDir};
 
 /// Time between two checkpoints: one after each generation would take longer than the search itself
 /// where generations are quick.
 const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(1);
-
-#[derive(clap::Args)]
-#[command(after_help = "Examples:
-  sightline optimize scenes/urban-crossing.json
-  sightline optimize scenes/highway.json --objective '0.5*m_sog_scaled + 0.5*detection.m_sog_scaled'
-  sightline optimize scenes/highway.json --symmetric --equal-height --max-seconds 30
-  sightline optimize --resume runs/highway")]
-pub struct Args {
-    /// Scene file
-    #[arg(required_unless_present = "resume", conflicts_with = "resume")]
-    scene: Option<PathBuf>,
-    /// Folder for the run [default: runs/SCENE, numbered if it is taken]
-    #[arg(long, value_name = "DIR", conflicts_with = "resume")]
-    out: Option<PathBuf>,
-    /// Go on with an interrupted run, to the same bytes that it would have given
-    #[arg(long, value_name = "DIR")]
-    resume: Option<PathBuf>,
-    /// Score to maximize, or a weighted sum of several
-    #[arg(
-        long,
-        default_value = "information_gain",
-        allow_hyphen_values = true,
-        conflicts_with = "resume"
-    )]
-    objective: String,
-    /// Placements that the generations evaluate; the swaps then cast one and a half times as many
-    /// sensor poses as those did
-    #[arg(long, value_name = "N", default_value_t = 180, conflicts_with = "resume",
-          value_parser = at_least_one)]
-    evaluations: u64,
-    /// Seconds from the start after which the search ends, generations after two fifths of them;
-    /// --resume goes on from there. Confirming the result and writing it come on top
-    #[arg(long, value_name = "S", visible_alias = "time", value_parser = parse_seconds)]
-    max_seconds: Option<f64>,
-    /// Score over all frames at which the search ends
-    #[arg(long, value_name = "SCORE", conflicts_with = "resume", allow_hyphen_values = true,
-          value_parser = finite)]
-    target: Option<f64>,
-    /// Placements of a generation [default: chosen from the number of variables]
-    #[arg(long, value_name = "N", conflicts_with = "resume",
-          value_parser = clap::value_parser!(u32).range(4..=10_000))]
-    population: Option<u32>,
-    /// Frames of the scene that the search models: as few as keep the ranking, and more when they no
-    /// longer tell the best apart (auto), or all (full); the result is confirmed over all
-    #[arg(long, value_enum, default_value_t = Fidelity::Auto, conflicts_with = "resume")]
-    fidelity: Fidelity,
-    /// Frames that the search averages over, spread evenly, whatever they lose
-    #[arg(long, value_name = "N", conflicts_with_all = ["resume", "fidelity"],
-          value_parser = clap::value_parser!(u32).range(1..))]
-    frames: Option<u32>,
-    /// How to search: CMA-ES and then swaps of single LiDARs (both), the first alone (cma), or swaps over
-    /// every pose of a grid (swaps)
-    #[arg(long, value_parser = method, default_value = "both", conflicts_with = "resume")]
-    method: Method,
-    /// Search on a grid of sensor poses alone, as in the paper: metres and radians between
-    /// neighbours, as 0.1 or 0.2,0.1. Swaps always use one [default for them: 0.1]
-    #[arg(long, value_name = "M[,RAD]", conflicts_with = "resume", value_parser = parse_spacing)]
-    delta: Option<Spacing>,
-    /// Seed of all randomness
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>, conflicts_with = "resume")]
-    seed: u64,
-    /// Placements to compare with, and to start from where the mount allows them
-    /// [default: Table 7 of the paper]
-    #[arg(long, value_name = "FILE", conflicts_with = "resume")]
-    baselines: Option<PathBuf>,
-    /// More placements to start from where the mount allows them; not compared with
-    #[arg(long, value_name = "FILE", conflicts_with = "resume")]
-    inject: Option<PathBuf>,
-    /// How to print the result
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    format: Format,
-    #[command(flatten)]
-    rules: Rules,
-    #[command(flatten)]
-    compute: Compute,
-}
-
-/// Value of `--fidelity`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Fidelity {
-    /// As few frames as keep the ranking
-    Auto,
-    /// Every frame
-    Full,
-}
-
-/// `--method`.
-fn method(text: &str) -> Result<Method, String> {
-    match text {
-        "both" => Ok(Method::Both),
-        "cma" => Ok(Method::Cma),
-        "swaps" => Ok(Method::Swaps),
-        _ => Err("write both, cma or swaps".into()),
-    }
-}
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let start = Instant::now();
@@ -166,14 +68,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     Ok(if is_interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
 
-/// A scene with the rules of the options, and its problem over all frames.
-struct Opened {
-    scene: Scene,
-    problem: Arc<Problem>,
-    inputs: Vec<Input>,
-    times: LoadTimes,
-}
-
 fn open(begun: &settings::Begun, args: &Args) -> Result<Opened, Error> {
     let talk = args.compute.talk;
     let (scene, psog, mut times) = load::scene_and_psog(&begun.scene, talk)?;
@@ -201,18 +95,6 @@ fn in_scene(error: SearchError, scene: &Path) -> Error {
         SearchError::NoDetection { .. } => Error::Usage(format!("{}: {error}", scene.display())),
         error => error.into(),
     }
-}
-
-/// One run of the program on a run folder.
-struct Sitting<'a> {
-    args: &'a Args,
-    begun: settings::Begun,
-    opened: Opened,
-    folder: RunDir<Saved>,
-    run: Run,
-    /// Of earlier sittings.
-    earlier: Spent,
-    start: Instant,
 }
 
 impl Sitting<'_> {

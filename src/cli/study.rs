@@ -10,8 +10,7 @@ use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use sightline::psog::Psog;
-use sightline::report;
-use sightline::report::study_plot;
+use sightline::report::{self, study_plot};
 use sightline::scene::Scene;
 use sightline::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, study};
 

@@ -1,6 +1,5 @@
 //! Why a study cannot be made.
 
-use super::Kind;
 use crate::engine::BackendError;
 use crate::problem::ProblemError;
 use crate::psog::GridError;
@@ -14,10 +13,12 @@ use crate::vehicle::SensorError;
 #[non_exhaustive]
 pub enum StudyError {
     /// No study of that name.
-    #[error("`{name}` is no study; there are {}", Kind::ALL.map(|(_, name, _)| name).join(", "))]
+    #[error("`{name}` is no study; there are {known}")]
     NoKind {
         /// As given.
         name: String,
+        /// The names there are.
+        known: String,
     },
     /// Several scenes for a study of one.
     #[error("`study {kind}` takes one scene, not {given}; only `transfer` compares several")]

@@ -4,7 +4,6 @@ use std::ops::AddAssign;
 
 use serde::Serialize;
 
-use super::compared_frames;
 use crate::bvh::Hit;
 use crate::engine::{Backend, BackendError};
 use crate::problem::{Problem, Tally};
@@ -113,6 +112,11 @@ pub(super) fn compare_engines(
     let range = problem.table().range();
     found.add_tallies(&ours.tally(placements, range)?, &theirs.tally(placements, range)?);
     Ok(found)
+}
+
+/// Frames of a problem in which placements are compared.
+pub fn compared_frames(problem: &Problem) -> usize {
+    problem.frame_count().max(problem.geometry_frame_count())
 }
 
 #[cfg(test)]

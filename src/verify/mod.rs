@@ -13,7 +13,7 @@ use crate::engine::{Backend, BackendError, ReferenceBackend};
 use crate::problem::Problem;
 use crate::vehicle::Placement;
 
-pub use compare::Differences;
+pub use compare::{Differences, compared_frames};
 pub use oracle::{Agreement, EDGE_TOLERANCE, Explanation, explain};
 pub use placements::hostile_placements;
 
@@ -37,11 +37,6 @@ pub struct Verification {
     pub edge_tolerance: f64,
     /// Whether the bits are equal and every other difference is explained.
     pub passed: bool,
-}
-
-/// Frames of a problem in which placements are compared.
-pub fn compared_frames(problem: &Problem) -> usize {
-    problem.frame_count().max(problem.geometry_frame_count())
 }
 
 /// Compares hits, covered voxels and sums of an engine with those of the CPU reference, and `sample`

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::bounds::BoundTransform;
 use crate::candidate::{Candidate, Origin};
+use crate::error::MAX_POPULATION;
 use crate::error::check_length;
-use crate::options::MAX_POPULATION;
 use crate::state::{Roots, State};
 use crate::stop::Progress;
 use crate::{CmaError, CmaOptions, Constants, StopReason};

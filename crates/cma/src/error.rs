@@ -1,6 +1,7 @@
 //! Errors of settings, points and costs, and the checks that find them.
 
-use super::options::MAX_POPULATION;
+/// Largest population.
+pub(crate) const MAX_POPULATION: usize = 1_000_000;
 
 /// Why a search cannot start, or go on with what it was given.
 #[derive(Debug, thiserror::Error, PartialEq)]

@@ -5,9 +5,6 @@ use serde::{Deserialize, Serialize};
 use crate::CmaError;
 use crate::error::{check_bounds, check_length};
 
-/// Largest population.
-pub(super) const MAX_POPULATION: usize = 1_000_000;
-
 /// Settings of a [`super::Cma`] beside its mean and its step size.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CmaOptions {

@@ -4,8 +4,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use crate::error::MAX_POPULATION;
 use crate::error::check_bounds;
-use crate::options::MAX_POPULATION;
 use crate::{Candidate, Cma, CmaError, CmaOptions, StopReason};
 
 /// Smallest population of a small instance, unless the first instance's is smaller still.

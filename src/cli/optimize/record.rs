@@ -1,17 +1,42 @@
 //! What `optimize` leaves in its run folder.
 
+use std::sync::Arc;
+use std::time::Instant;
+
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use sightline::engine::{EngineChoice, open};
 use sightline::report::{
     Figures, InformationMap, RunContext, RunRecord, RunTimes, peak_memory, report_html,
 };
-use sightline::search::{FrameChoice, LeftOut, Outcome, Settings};
+use sightline::search::{FrameChoice, LeftOut, Outcome, Run, Settings};
 
-use super::Sitting;
-use super::settings::{Begun, Saved};
+use super::settings::{Args, Begun, Saved};
 use crate::cli::error::Error;
-use sightline::files::RunDir;
+use crate::cli::load::LoadTimes;
+use sightline::Problem;
+use sightline::files::{Input, RunDir};
+use sightline::scene::Scene;
+
+/// A scene with the rules of the options, and its problem over all frames.
+pub(super) struct Opened {
+    pub(super) scene: Scene,
+    pub(super) problem: Arc<Problem>,
+    pub(super) inputs: Vec<Input>,
+    pub(super) times: LoadTimes,
+}
+
+/// One run of the program on a run folder.
+pub(super) struct Sitting<'a> {
+    pub(super) args: &'a Args,
+    pub(super) begun: Begun,
+    pub(super) opened: Opened,
+    pub(super) folder: RunDir<Saved>,
+    pub(super) run: Run,
+    /// Of earlier sittings.
+    pub(super) earlier: Spent,
+    pub(super) start: Instant,
+}
 
 /// File of the times of earlier sittings. Not in the checkpoint: that is the same bytes however often a
 /// run was interrupted.

@@ -1,0 +1,46 @@
+//! Settings of a study.
+
+use std::path::PathBuf;
+
+use super::regions::Region;
+use crate::engine::EngineChoice;
+use crate::score::Objective;
+
+/// Settings of a study: with its scenes they decide about every number.
+#[derive(Debug, Clone)]
+pub struct StudySettings {
+    /// Score that searches maximize.
+    pub objective: Objective,
+    /// Placements that each search evaluates before swaps.
+    pub evaluations: u64,
+    /// Frames to average over, spread evenly over the scene.
+    pub frames: u32,
+    /// Random placements, where the study draws some.
+    pub random: u32,
+    /// Edge of a voxel in metres, for [`Kind::Published`].
+    pub voxel: f64,
+    /// Seed of all randomness.
+    pub seed: u64,
+    /// Sensor files to compare beside the channels.
+    pub sensors: Vec<PathBuf>,
+    /// Regions to look at beside the standard ones.
+    pub regions: Vec<Region>,
+    /// Which engine computes; every engine gives the same bits.
+    pub engine: EngineChoice,
+}
+
+impl Default for StudySettings {
+    fn default() -> Self {
+        Self {
+            objective: Objective::default(),
+            evaluations: 120,
+            frames: 2,
+            random: 200,
+            voxel: 0.1,
+            seed: 1,
+            sensors: Vec::new(),
+            regions: Vec::new(),
+            engine: EngineChoice::cpu(),
+        }
+    }
+}
