@@ -23,7 +23,7 @@ const FOREIGN: [(&str, &[&str]); 9] = [
     ("gltf", &["scene/mesh/"]),
     ("tobj", &["scene/mesh/"]),
     ("ply_rs_bw", &["scene/mesh/"]),
-    ("npyz", &["psog/", "cli/"]),
+    ("npyz", &["psog/", "files/"]),
     // Where files are read and written.
     ("serde_json", &["json/", "files/", "vehicle/", "score/mod.rs", "report/", "cli/"]),
 ];

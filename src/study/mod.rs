@@ -18,6 +18,7 @@ mod lidars;
 mod loss;
 mod published;
 mod random;
+mod region;
 mod regions;
 mod scene;
 mod sensors;
@@ -33,7 +34,7 @@ use crate::scene::Scene;
 pub use cases::StudyObserver;
 pub use error::StudyError;
 pub use kind::Kind;
-pub use regions::Region;
+pub use region::Region;
 pub use settings::StudySettings;
 pub use table::{Drawing, Row, Table};
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::regions::Region;
+use super::region::Region;
 use crate::engine::EngineChoice;
 use crate::score::Objective;
 
