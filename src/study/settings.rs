@@ -17,7 +17,7 @@ pub struct StudySettings {
     pub frames: u32,
     /// Random placements, where the study draws some.
     pub random: u32,
-    /// Edge of a voxel in metres, for [`Kind::Published`].
+    /// Edge of a voxel in metres, for [`Kind::Published`](super::Kind::Published).
     pub voxel: f64,
     /// Seed of all randomness.
     pub seed: u64,
