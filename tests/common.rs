@@ -5,8 +5,10 @@ use std::sync::Arc;
 use glam::Vec3;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+#[cfg(feature = "gpu")]
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
+#[cfg(feature = "gpu")]
 use sightline::engine::gpu::GpuBackend;
 use sightline::geom::TriangleSoup;
 use sightline::internals::Bvh;
@@ -96,12 +98,14 @@ pub fn cpu(problem: &Arc<Problem>) -> CpuBackend {
     CpuBackend::new(problem.clone(), MEMORY)
 }
 
+#[cfg(feature = "gpu")]
 /// The GPU backend; a machine without any Vulkan device fails the test, because GPU tests that skip
 /// themselves check nothing.
 pub fn gpu(problem: &Arc<Problem>) -> GpuBackend {
     GpuBackend::new(problem.clone(), None, MEMORY).expect("a Vulkan device: see the README")
 }
 
+#[cfg(feature = "gpu")]
 pub fn both(problem: &Arc<Problem>) -> [Box<dyn Backend>; 2] {
     [Box::new(cpu(problem)), Box::new(gpu(problem))]
 }

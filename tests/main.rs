@@ -24,8 +24,10 @@ mod cli_rules;
 mod cli_scene;
 #[cfg(feature = "cli")]
 mod cli_study;
+#[cfg_attr(not(feature = "gpu"), allow(dead_code))]
 mod common;
 mod cover;
+#[cfg(feature = "gpu")]
 mod equal_frames;
 mod fast_stages;
 #[cfg(feature = "gpu")]
@@ -51,6 +53,7 @@ mod lost_device;
 #[cfg(feature = "cli")]
 mod main_job;
 mod optimize;
+#[cfg_attr(not(feature = "cli"), allow(dead_code))]
 mod own_scenes;
 mod packets;
 mod reference;

@@ -85,10 +85,12 @@ impl Content {
         self.has_detection
     }
 
+    #[cfg(feature = "gpu")]
     pub(crate) fn class_voxels(&self) -> &[u32] {
         &self.class_voxels
     }
 
+    #[cfg(feature = "gpu")]
     pub(crate) fn class_starts(&self) -> &[u32] {
         &self.class_starts
     }

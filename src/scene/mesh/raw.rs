@@ -18,11 +18,13 @@ pub(crate) struct RawMesh {
     /// Names (OBJ, glTF) or labels (PLY) in use; `None` for faces without one.
     pub materials: Vec<Option<String>>,
     /// Index in `materials` by name: a search would take time with faces × materials.
+    #[cfg_attr(not(feature = "mesh"), allow(dead_code))]
     pub(super) by_name: HashMap<Option<String>, u32>,
     /// The mesh file and its buffers.
     pub files: Vec<PathBuf>,
 }
 
+#[cfg(feature = "mesh")]
 impl RawMesh {
     /// Index of the material called `name`, added where it is new.
     pub(super) fn material(&mut self, name: Option<&str>) -> u32 {

@@ -185,6 +185,7 @@ fn shapes_are_named_copied_and_repeated() {
     assert_eq!(soup.vertices[24], [4.0, 0.0, 2.0]);
 }
 
+#[cfg(feature = "mesh")]
 #[test]
 fn meshes_are_scaled_turned_and_mapped_to_classes() {
     let dir = tempfile::tempdir().unwrap();
