@@ -1,3 +1,5 @@
+//! From a scene and a P-SOG to a problem: entropies by voxel, and a tree a frame, shared by equal frames.
+
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
