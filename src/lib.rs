@@ -98,6 +98,7 @@ pub mod internals {
         cast_packets, cast_packets_by,
     };
     pub use crate::cover::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
+    pub use crate::memory::may_fail;
     pub use crate::reduce::reduce;
     pub use crate::search::atlas::{Atlas, Union};
     pub use crate::search::bound::{Effort, GridSample, bound_gain};

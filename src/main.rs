@@ -3,9 +3,13 @@
 // Both panic where nothing can be written; `cli` has its own.
 #![warn(clippy::print_stdout, clippy::print_stderr)]
 
+mod allocator;
 mod cli;
 
 use std::process::ExitCode;
+
+#[global_allocator]
+static ALLOCATOR: allocator::Sentence = allocator::Sentence;
 
 fn main() -> ExitCode {
     // Mesa's device selection layer looks for a display and complains on stderr when there is none;

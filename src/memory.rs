@@ -1,6 +1,19 @@
 //! Memory that this process may still have, and large buffers that do not fit it.
 
+use std::cell::Cell;
+
 use sysinfo::{ProcessRefreshKind, ProcessesToUpdate, System};
+
+thread_local! {
+    /// Whether the allocation that this thread asks for may be refused.
+    static MAY_FAIL: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Whether the allocation that this thread asks for may be refused, since the caller turns a refusal
+/// into an [`OutOfMemory`]. All others cannot go on without it.
+pub fn may_fail() -> bool {
+    MAY_FAIL.get()
+}
 
 /// Bytes of memory that this process may still have; `None` where the system does not say.
 ///
@@ -68,7 +81,10 @@ pub(crate) fn reserve<T>(
     what: &'static str,
 ) -> Result<(), OutOfMemory> {
     let more = len.saturating_sub(vec.len());
-    vec.try_reserve_exact(more).map_err(|_| {
+    MAY_FAIL.set(true);
+    let reserved = vec.try_reserve_exact(more);
+    MAY_FAIL.set(false);
+    reserved.map_err(|_| {
         let need = (len as u64).saturating_mul(size_of::<T>() as u64);
         OutOfMemory { what, need, left: available_memory().unwrap_or(0) }
     })

@@ -2,6 +2,7 @@
 //! terminal would obey.
 
 use std::fs::{self, File};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use serde_json::{Value, json};
@@ -165,4 +166,39 @@ fn a_chart_whose_state_was_changed_is_refused() {
     fs::write(&file, saved.to_string()).unwrap();
     let message = fails(dir.path(), &["chart", "--resume", "chart", "--backend", "cpu"]);
     assert!(message.contains("was changed after it was written"), "{message}");
+}
+
+/// From too little for the program's own start up to enough for the whole run, in steps that stop it
+/// in every stage.
+#[cfg(target_os = "linux")]
+#[test]
+fn running_out_of_memory_is_an_error_with_a_sentence() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let dir = tempfile::tempdir().unwrap();
+    let program = env!("CARGO_BIN_EXE_sightline");
+    let job = format!(
+        "exec '{program}' optimize '{}' --backend cpu --frames 2 --max-seconds 1 --out run",
+        root.join("scenes/urban-crossing.json").display()
+    );
+    let (mut refused, mut done) = (0, 0);
+    for kibibytes in [40, 80, 120, 150, 165, 180, 200, 1500].map(|mebibytes| mebibytes << 10) {
+        let limited = format!("ulimit -c 0; ulimit -v {kibibytes}; {job}");
+        let mut shell = std::process::Command::new("sh");
+        let out = shell.arg("-c").arg(limited).current_dir(dir.path()).output().unwrap();
+        let answer = String::from_utf8_lossy(&out.stderr);
+        match out.status.code() {
+            Some(0) => done += 1,
+            Some(2) => {
+                assert!(
+                    answer.contains("sightline: ") && answer.contains("out of memory"),
+                    "{answer}"
+                );
+                assert!(!dir.path().join("run/result.json").exists(), "half a run at {kibibytes}");
+                refused += 1;
+            }
+            code => panic!("{code:?} with {kibibytes} KiB: {answer}"),
+        }
+        let _ = std::fs::remove_dir_all(dir.path().join("run"));
+    }
+    assert!(refused > 2 && done > 0, "{refused} refused, {done} done");
 }
