@@ -11,13 +11,13 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
-use sightline::internals::{Atlas, Union};
+use sightline::internals::{Atlas, PoseGrid, Spacing, Union};
 use sightline::problem::{Problem, Tally};
 use sightline::psog::Roi;
 use sightline::scan::scan_scene;
 use sightline::scene::{ScanSettings, Scene};
 use sightline::score::Objective;
-use sightline::vehicle::{BeamTable, Constraints, Lidar, Placement, PoseGrid, Spacing};
+use sightline::vehicle::{BeamTable, Constraints, Lidar, Placement};
 
 const ROUNDS: usize = 15;
 /// Poses of the grid that are held, drawn at random.

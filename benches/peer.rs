@@ -7,7 +7,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use bytemuck::{bytes_of, cast_slice};
 use sightline::geom::TriangleSoup;
-use sightline::problem::DevicePose;
+use sightline::internals::DevicePose;
 use sightline::vehicle::BeamTable;
 
 /// A scene and its rays in a file, as `benches/embree.c` describes it.

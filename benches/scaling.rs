@@ -19,10 +19,10 @@ use setup::RANGE;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::geom::TriangleSoup;
-use sightline::internals::cast_packets;
-use sightline::internals::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
-use sightline::internals::{Bvh, Hit};
-use sightline::problem::{DevicePose, Problem};
+use sightline::internals::{
+    BitOrder, Bvh, DevicePose, Hit, WalkScratch, cast_packets, cover_sensor, cover_voxels,
+};
+use sightline::problem::Problem;
 use sightline::psog::Roi;
 use sightline::vehicle::BeamTable;
 

@@ -5,10 +5,8 @@
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use sightline::internals::Bvh;
-use sightline::internals::cast_packets;
-use sightline::problem::beam_direction;
-use sightline::problem::{Content, DevicePose, OccupiedVoxel};
+use sightline::internals::{Bvh, DevicePose, beam_direction, cast_packets};
+use sightline::problem::{Content, OccupiedVoxel};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};
 

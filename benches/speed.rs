@@ -21,10 +21,9 @@ use setup::RANGE;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::engine::gpu::GpuBackend;
-use sightline::internals::reduce;
-use sightline::internals::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
-use sightline::internals::{Bvh, Hit};
-use sightline::internals::{cast_closest, cast_packets};
+use sightline::internals::{
+    BitOrder, Bvh, Hit, WalkScratch, cast_closest, cast_packets, cover_sensor, cover_voxels, reduce,
+};
 use sightline::problem::{Problem, Tally};
 use sightline::vehicle::Placement;
 

@@ -6,9 +6,8 @@
 use std::fs;
 use std::path::Path;
 
-use sightline::psog::{
-    KittiPsogOptions, KittiSequence, Roi, build_kitti_psog, read_psog, write_psog,
-};
+use sightline::internals::KittiSequence;
+use sightline::psog::{KittiPsogOptions, Roi, build_kitti_psog, read_psog, write_psog};
 use sightline::scene::{EgoBody, Scene};
 use sightline::vehicle::read_placements;
 

@@ -53,7 +53,7 @@
 //! | [`verify`] | comparisons of engines bit by bit, and with `f64` |
 //! | [`chart`] | settings from fine to coarse, their cost and their error |
 //! | [`study`] | how many LiDARs, which sensor, what if one fails |
-//! | [`files`] | files that are whole at any time, folders of runs |
+//! | `files` | files that are whole at any time, folders of runs |
 //! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
 
 mod error;
@@ -65,7 +65,7 @@ mod cast;
 pub mod chart;
 mod cover;
 pub mod engine;
-pub mod files;
+mod files;
 pub mod geom;
 mod json;
 pub mod problem;
@@ -89,7 +89,7 @@ pub use score::{Objective, Scores};
 pub use search::{Evaluator, Event, Observer, Outcome, Settings, optimize};
 pub use vehicle::{BeamTable, Constraints, Placement, SensorPose, read_placements};
 
-/// Parts that tests and benchmarks of this project look into; nothing here is stable.
+/// Parts that the program, the tests and the benchmarks of this project look into; nothing here is stable.
 #[doc(hidden)]
 pub mod internals {
     pub use crate::bvh::{Bvh, Hit, NO_HIT, Ray, major_axis};
@@ -97,14 +97,63 @@ pub mod internals {
         Casting, FAN_DIRECTIONS, Fan, PACKET_RAYS, Packet, PacketHits, Scratch, cast_closest,
         cast_packets, cast_packets_by,
     };
-    pub use crate::cover::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
-    pub use crate::memory::may_fail;
+    pub use crate::chart::measure::{Measured, PoseCost};
+    pub use crate::chart::ranking::{Interval, RankingError};
+    pub use crate::chart::setting::{Engine, Setting};
+    pub use crate::chart::simplify::merge_vertices;
+    pub use crate::chart::verdict::{MOST_SWAPPED, Rated, cheapest, pareto, rate};
+    pub use crate::chart::world::candidates;
+    pub use crate::cover::{BitOrder, Bitmaps, WalkScratch, cover_sensor, cover_voxels};
+    pub use crate::engine::batch::{Chunk, ChunkLimits, split};
+    pub use crate::engine::failover::{Failover, Reopen};
+    pub use crate::engine::reference::ReferenceBackend;
+    pub use crate::files::{
+        FileError, Input, LinePerElement, RunDir, holds_run, is_sink, shared_folder, target,
+        writable_file, write_npy, write_whole,
+    };
+    pub use crate::geom::aabb::Aabb;
+    pub use crate::memory::{available_memory, may_fail};
+    pub use crate::problem::assemble::shared_trees;
+    pub use crate::problem::beam::beam_direction;
+    pub use crate::problem::pose::DevicePose;
+    pub use crate::psog::entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, fixed, to_nats};
+    pub use crate::psog::kitti::{KittiSequence, LabelledScan};
+    pub use crate::psog::kitti_labels::{KITTI_CLASSES, KittiLabel, kitti_label};
+    pub use crate::psog::kitti_psog::KITTI_LIDAR_HEIGHT;
+    pub use crate::psog::npz_member::ArrayFault;
+    pub use crate::psog::roi::PUSH;
+    pub use crate::psog::vote::{FrameVotes, PsogBuilder};
     pub use crate::reduce::reduce;
+    pub use crate::report::chart::fidelity_svg;
+    pub use crate::report::chart_table::{ChartFrame, fidelity_csv, seconds};
+    pub use crate::report::chart_words::chart_words;
+    pub use crate::report::convergence::convergence_svg;
+    pub use crate::report::map::InformationMap;
+    pub use crate::report::placement::placement_svg;
+    pub use crate::report::plot::{Axis, Plot, Series};
+    pub use crate::report::record::peak_memory;
+    pub use crate::report::study::study_plot;
+    pub use crate::report::table::{ScoreColumn, optional};
+    pub use crate::report::text::{align_columns, findings_text, poses_text, study_text};
+    pub use crate::report::words::{certificate_in_words, methods_in_words, verdict};
+    pub use crate::scene::street::FEWEST_STREET_TRIANGLES;
+    pub use crate::score::guard::{guards_of, reference_layout, short_sight};
+    pub use crate::score::ranking::{kendall_tau, mean_height, spearman};
+    pub use crate::score::standing::Standing;
     pub use crate::search::atlas::{Atlas, Union};
-    pub use crate::search::bound::{Effort, GridSample, bound_gain};
+    pub use crate::search::bound::{Effort, GridSample, LipschitzBound, bound_gain};
     pub use crate::search::climb::Moves;
     pub use crate::search::generations::{Generation, Generations};
+    pub use crate::search::grid_search::GridPlacement;
     pub use crate::search::grid_search::GridSearch;
     pub use crate::search::levels::{Level, Pilot};
+    pub use crate::search::rules::rules_in_words;
     pub use crate::search::swaps::{SwapSettings, Swapped, swap_from};
+    pub use crate::vehicle::constraints::Ties;
+    pub use crate::vehicle::placement_file::count_placements;
+    pub use crate::vehicle::pose_grid::{PoseGrid, PoseGridError, Spacing};
+    pub use crate::vehicle::random::random_placements_by_the_rules;
+    pub use crate::verify::compare::{Differences, compared_frames};
+    pub use crate::verify::oracle::{Agreement, EDGE_TOLERANCE, Explanation, explain};
+    pub use crate::verify::placements::hostile_placements;
 }

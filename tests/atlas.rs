@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use sightline::engine::gpu::GpuBackend;
-use sightline::engine::{Backend, CpuBackend, ReferenceBackend};
-use sightline::internals::{Atlas, BitOrder, Bvh, Union};
+use sightline::engine::{Backend, CpuBackend};
+use sightline::internals::{Atlas, BitOrder, Bvh, PoseGrid, ReferenceBackend, Spacing, Union};
 use sightline::problem::{Content, OccupiedVoxel, Problem, Tally};
 use sightline::psog::Roi;
-use sightline::vehicle::{BeamTable, Constraints, Placement, PoseGrid, Spacing};
+use sightline::vehicle::{BeamTable, Constraints, Placement};
 
 use crate::common::{MEMORY, random_content, random_soup};
 

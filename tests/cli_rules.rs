@@ -5,9 +5,9 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 use sightline::engine::CpuBackend;
-use sightline::internals::Generations;
+use sightline::internals::{Generations, Ties};
 use sightline::search::{Evaluator, Settings};
-use sightline::vehicle::{Constraints, Ties};
+use sightline::vehicle::Constraints;
 use tempfile::TempDir;
 
 use crate::cli::{fails, ok, room, sightline};

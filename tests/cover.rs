@@ -2,10 +2,7 @@
 
 use glam::{DVec3, Vec3};
 use sightline::engine::Backend;
-use sightline::internals::NO_HIT;
-use sightline::internals::cast_closest;
-use sightline::problem::DevicePose;
-use sightline::problem::beam_direction;
+use sightline::internals::{DevicePose, NO_HIT, beam_direction, cast_closest};
 use sightline::psog::Roi;
 
 use crate::common::{cpu, random_placements, random_problem};

@@ -4,14 +4,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use sightline::engine::Backend;
-use sightline::engine::ReferenceBackend;
-use sightline::internals::{Atlas, Bvh, Pilot, Union};
+use sightline::internals::{Atlas, Bvh, Pilot, PoseGrid, ReferenceBackend, Spacing, Union};
 use sightline::problem::{Problem, Tally};
 use sightline::psog::Roi;
 use sightline::scan::scan_scene;
 use sightline::scene::{EgoBody, PsogSource, Scene};
 use sightline::vehicle::random_placements;
-use sightline::vehicle::{BeamTable, Constraints, Placement, PoseGrid, Spacing};
+use sightline::vehicle::{BeamTable, Constraints, Placement};
 
 use crate::common::{MEMORY, both};
 

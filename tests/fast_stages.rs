@@ -5,16 +5,15 @@ use std::sync::Arc;
 use glam::DVec3;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
-use sightline::internals::Bvh;
-use sightline::internals::reduce;
-use sightline::internals::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
-use sightline::internals::{cast_closest, cast_packets};
-use sightline::problem::{DevicePose, Problem};
+use sightline::internals::{
+    BitOrder, Bvh, DevicePose, WalkScratch, cast_closest, cast_packets, cover_sensor, cover_voxels,
+    hostile_placements, reduce,
+};
+use sightline::problem::Problem;
 use sightline::psog::Roi;
 use sightline::scene::{EgoBody, Scene};
 use sightline::vehicle::random_placements as scattered;
 use sightline::vehicle::{BeamTable, Constraints, Placement};
-use sightline::verify::hostile_placements;
 
 use crate::common::{MEMORY, random_content, random_placements, random_problem, random_soup};
 

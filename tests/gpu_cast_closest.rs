@@ -5,9 +5,8 @@ use std::sync::Arc;
 use rand::RngExt;
 use sightline::engine::Backend;
 use sightline::geom::TriangleSoup;
-use sightline::internals::Bvh;
-use sightline::internals::cast_closest;
-use sightline::problem::{DevicePose, Problem};
+use sightline::internals::{Bvh, DevicePose, cast_closest};
+use sightline::problem::Problem;
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, SensorPose};
 

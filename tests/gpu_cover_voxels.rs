@@ -5,8 +5,8 @@ use std::sync::Arc;
 use glam::DVec3;
 use rand::RngExt;
 use sightline::engine::Backend;
-use sightline::internals::{BitOrder, cover_voxels};
-use sightline::problem::{DevicePose, Problem};
+use sightline::internals::{BitOrder, DevicePose, cover_voxels};
+use sightline::problem::Problem;
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};
 

@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use sightline::engine::CpuBackend;
 use sightline::internals::{
-    Atlas, Effort, GridSample, GridSearch, Moves, SwapSettings, bound_gain, swap_from,
+    Atlas, Effort, GridPlacement, GridSample, GridSearch, Moves, PoseGrid, Spacing, SwapSettings,
+    Ties, bound_gain, swap_from,
 };
 use sightline::problem::Problem;
 use sightline::score::Objective;
-use sightline::search::{Evaluator, GridPlacement};
-use sightline::vehicle::{Constraints, Placement, PoseGrid, SensorPose, Spacing, Ties};
+use sightline::search::Evaluator;
+use sightline::vehicle::{Constraints, Placement, SensorPose};
 
 use crate::common::{MEMORY, mounted, random_problem};
 

@@ -13,12 +13,10 @@ use rayon::prelude::*;
 use sightline::engine::Backend;
 use sightline::engine::gpu::GpuBackend;
 use sightline::geom::TriangleSoup;
-use sightline::internals::{Bvh, Hit};
-use sightline::problem::beam_direction;
-use sightline::problem::{Content, DevicePose, OccupiedVoxel, Problem};
+use sightline::internals::{Bvh, DevicePose, Explanation, Hit, beam_direction, explain};
+use sightline::problem::{Content, OccupiedVoxel, Problem};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};
-use sightline::verify::{Explanation, explain};
 
 use crate::common::{both, cpu, random_content, random_placements, rng};
 

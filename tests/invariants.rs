@@ -6,13 +6,14 @@ use rand::RngExt;
 use rand::seq::SliceRandom;
 use sightline::audit::{Trial, Verdict};
 use sightline::engine::Backend;
-use sightline::internals::{Atlas, Generations, GridSearch, Moves};
+use sightline::internals::{
+    Atlas, Generations, GridPlacement, GridSearch, Moves, PoseGrid, Spacing, hostile_placements,
+};
 use sightline::problem::{Problem, Tally};
 use sightline::score::{Objective, Scores};
-use sightline::search::{Evaluator, GridPlacement, Settings};
+use sightline::search::{Evaluator, Settings};
+use sightline::vehicle::Placement;
 use sightline::vehicle::random_placements;
-use sightline::vehicle::{Placement, PoseGrid, Spacing};
-use sightline::verify::hostile_placements;
 
 use crate::common::{self, MEMORY, cpu, mounted, random_problem, rng};
 use crate::own_scenes::{AZIMUTH_STEPS, Own, SCENES, description, mirrored, table_7};

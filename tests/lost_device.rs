@@ -9,7 +9,8 @@ use std::sync::{Arc, Mutex};
 use serde_json::Value;
 use sightline::engine::CpuBackend;
 use sightline::engine::gpu::GpuBackend;
-use sightline::engine::{Backend, BackendError, Failover};
+use sightline::engine::{Backend, BackendError};
+use sightline::internals::Failover;
 use sightline::problem::Problem;
 use tempfile::TempDir;
 

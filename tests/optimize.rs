@@ -3,14 +3,14 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use sightline::internals::Bvh;
+use sightline::internals::{Bvh, Spacing};
 use sightline::problem::Problem;
 use sightline::psog::Roi;
 use sightline::search::{
     Event, FrameChoice, GenerationsStop, Method, Outcome, Phase, Run, Settings, State, Stopped,
     TimeLimit, Work, optimize,
 };
-use sightline::vehicle::{BeamTable, Constraints, Placement, Spacing};
+use sightline::vehicle::{BeamTable, Constraints, Placement};
 use sightline::{EngineChoice, SensorPose};
 
 use crate::common::{random_content, random_soup};

@@ -3,13 +3,12 @@
 use glam::{DVec3, Vec3};
 use rand::RngExt;
 use sightline::geom::TriangleSoup;
-use sightline::internals::{Bvh, Hit, NO_HIT, Ray, major_axis};
-use sightline::internals::{Casting, cast_closest, cast_packets_by};
-use sightline::internals::{FAN_DIRECTIONS, Fan, PACKET_RAYS, Packet, PacketHits, Scratch};
-use sightline::problem::DevicePose;
+use sightline::internals::{
+    Bvh, Casting, DevicePose, FAN_DIRECTIONS, Fan, Hit, NO_HIT, PACKET_RAYS, Packet, PacketHits,
+    Ray, Scratch, cast_closest, cast_packets_by, hostile_placements, major_axis,
+};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, SensorPose};
-use sightline::verify::hostile_placements;
 
 use crate::common::{random_soup, random_vec, rng};
 

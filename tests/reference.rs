@@ -8,8 +8,8 @@ use std::collections::BTreeSet;
 
 use glam::{DVec3, Vec3};
 use sightline::geom::Pose;
+use sightline::internals::{EntropyKind, PUSH};
 use sightline::problem::Tally;
-use sightline::psog::{EntropyKind, PUSH};
 use sightline::vehicle::Placement;
 
 use crate::own_scenes::Own;

@@ -14,20 +14,22 @@
 
 mod exact;
 mod exact_tree;
-mod measure;
-mod ranking;
+pub(crate) mod measure;
+pub(crate) mod ranking;
 mod run;
-mod setting;
-mod simplify;
-mod verdict;
-mod world;
+pub(crate) mod setting;
+pub(crate) mod simplify;
+pub(crate) mod verdict;
+pub(crate) mod world;
 
-pub use measure::{Measured, PoseCost};
-pub use ranking::{Interval, RankingError};
+pub(crate) use measure::{Measured, PoseCost};
+pub(crate) use ranking::RankingError;
 pub use run::{Chart, ChartObserver, ChartRow, ChartSettings, ChartState, chart};
-pub use setting::{Engine, Fidelity, Setting, Settings};
-pub use simplify::merge_vertices;
-pub use verdict::{MOST_SWAPPED, Rated, Verdict, cheapest, pareto, rate};
-pub use world::{ChartError, candidates};
+pub(crate) use setting::{Engine, Setting};
+pub use setting::{Fidelity, Settings};
+pub(crate) use simplify::merge_vertices;
+pub use verdict::Verdict;
+pub(crate) use verdict::{MOST_SWAPPED, Rated, cheapest, pareto, rate};
+pub use world::ChartError;
 
 use world::World;

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use serde_json::json;
 use sightline::audit::{AUDIT_PARTS, Audit, AuditEvent, AuditSettings, Verdict, audit};
-use sightline::report::{self, ScoreColumn};
+use sightline::internals::{ScoreColumn, align_columns};
 use sightline::score::Scores;
 use sightline::vehicle::{read_placements, table_7};
 
@@ -78,7 +78,7 @@ fn print(found: &Audit) -> Result<(), Error> {
         row.extend([verdict.to_owned(), trial.fooled.join(", "), guard_names(&trial.scores)]);
         rows.push(row);
     }
-    out!("{}", report::align_columns(&rows))?;
+    out!("{}", align_columns(&rows))?;
     outln!(
         "\n{0} under changes of the model, and `{1}` of all the placements: its change, Kendall's τ with \
          the unchanged ranking (median and worst), Spearman with mean height alone",
@@ -106,7 +106,7 @@ fn print(found: &Audit) -> Result<(), Error> {
         ]);
         row
     }));
-    out!("{}", report::align_columns(&rows))?;
+    out!("{}", align_columns(&rows))?;
     outln!("{}", if found.passed { "\npassed" } else { "\nFAILED: a score was fooled unnoticed" })
 }
 

@@ -12,7 +12,7 @@ use sightline::vehicle::read_placements;
 use super::args::{Compute, Format};
 use super::error::Error;
 use super::load;
-use sightline::files::{writable_file, write_whole};
+use sightline::internals::{writable_file, write_whole};
 
 #[derive(clap::Args)]
 #[command(after_help = "Example:

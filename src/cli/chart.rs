@@ -8,15 +8,15 @@ use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use sightline::chart::{Chart, ChartObserver, ChartSettings, ChartState, chart};
-use sightline::report::{self, ChartFrame, chart_words, fidelity_csv, fidelity_svg, seconds};
+use sightline::internals::{
+    ChartFrame, Input, RunDir, align_columns, chart_words, fidelity_csv, fidelity_svg, seconds,
+};
 use sightline::vehicle::{read_placements, table_7};
 
 use super::args::{Compute, Format, Talk, whole};
 use super::error::Error;
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::{load, progress};
-use sightline::files::Input;
-use sightline::files::RunDir;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -281,7 +281,7 @@ fn print(found: &Chart) -> Result<(), Error> {
         ]
     });
     let titles = TITLES.map(str::to_owned).to_vec();
-    out!("{}", report::align_columns(&std::iter::once(titles).chain(cells).collect::<Vec<_>>()))?;
+    out!("{}", align_columns(&std::iter::once(titles).chain(cells).collect::<Vec<_>>()))?;
     outln!(
         "* other voxels, beams or coverage make the score another quantity; only the ranking compares"
     )?;

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use sightline::engine::gpu::list_adapters;
-use sightline::report;
+use sightline::internals::align_columns;
 
 use super::args::Format;
 use super::error::Error;
@@ -19,9 +19,7 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let adapters = list_adapters();
     match args.format {
-        Format::Json => {
-            outln!("{}", serde_json::json!({ "devices": adapters }))?;
-        }
+        Format::Json => outln!("{}", serde_json::json!({ "devices": adapters }))?,
         Format::Text if adapters.is_empty() => {
             outln!("no Vulkan device: --backend auto computes on the CPU")?;
         }
@@ -38,7 +36,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
                     if a.auto { "yes" } else { "" }.to_owned(),
                 ]
             }));
-            out!("{}", report::align_columns(&rows))?;
+            out!("{}", align_columns(&rows))?;
             if !adapters.iter().any(|a| a.auto) {
                 outln!("only software: --backend auto computes on the CPU")?;
             }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use sightline::files::FileError;
+use sightline::internals::FileError;
 
 /// Everything that ends a command with exit code 2; printed as one sentence.
 #[derive(Debug, thiserror::Error)]
@@ -44,7 +44,7 @@ from_modules!(
     sightline::search::SearchError,
     sightline::study::StudyError,
     sightline::vehicle::PlacementError,
-    sightline::vehicle::PoseGridError,
+    sightline::internals::PoseGridError,
     sightline::vehicle::PlacementFileError,
     sightline::vehicle::SensorError,
 );

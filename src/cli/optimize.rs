@@ -10,7 +10,10 @@ use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 use sightline::Problem;
-use sightline::report::{self, RunRecord, certificate_in_words, methods_in_words, verdict};
+use sightline::internals::{
+    Input, RunDir, certificate_in_words, findings_text, methods_in_words, poses_text, verdict,
+};
+use sightline::report::{self, RunRecord};
 use sightline::search::{Event, Outcome, Run, SearchError, TimeLimit, Work};
 
 use super::args::{Format, Talk};
@@ -21,7 +24,6 @@ use super::progress;
 use record::{Opened, Sitting, finish, read_spent, save};
 pub use settings::Args;
 use settings::Saved;
-use sightline::files::{Input, RunDir};
 
 /// Time between two checkpoints: one after each generation would take longer than the search itself
 /// where generations are quick.
@@ -183,7 +185,7 @@ fn print(args: &Args, record: &RunRecord, folder: &Path) -> Result<(), Error> {
     match &record.best {
         Some(best) => {
             outln!("\noptimized placement (m, rad):")?;
-            out!("{}", report::poses_text(&best.placement))?;
+            out!("{}", poses_text(&best.placement))?;
             for bound in &record.active_bounds {
                 outln!("  active: {bound}")?;
             }
@@ -192,7 +194,7 @@ fn print(args: &Args, record: &RunRecord, folder: &Path) -> Result<(), Error> {
             }
             outln!("\nfound by: {}", methods_in_words(record))?;
             outln!("certificate: {}", certificate_in_words(record))?;
-            outln!("\n{}", report::findings_text(&record.findings))?;
+            outln!("\n{}", findings_text(&record.findings))?;
         }
         None => outln!("\nno candidate kept the rules of the mount; widen it")?,
     }

@@ -4,7 +4,7 @@ use std::fmt::Arguments;
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 
-use sightline::files::FileError;
+use sightline::internals::FileError;
 
 use super::error::Error;
 

@@ -4,18 +4,16 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use serde_json::json;
+use sightline::internals::{KittiSequence, align_columns, writable_file, write_whole};
 use sightline::psog::{
-    BuildReport, KittiPsogOptions, KittiSequence, Psog, PsogInfo, Roi, build_kitti_psog, read_psog,
-    write_psog,
+    BuildReport, KittiPsogOptions, Psog, PsogInfo, Roi, build_kitti_psog, read_psog, write_psog,
 };
-use sightline::report;
 use sightline::scan::scan_scene;
 use sightline::scene::{PsogSource, ScanSettings};
 
 use super::args::{Format, Talk, finite};
 use super::error::Error;
 use super::{load, progress};
-use sightline::files::{writable_file, write_whole};
 
 /// Region around the ego vehicle, as in the own scenes: lower and upper corner in metres.
 const REGION: [[f64; 3]; 2] = [[-40.0, -40.0, -0.5], [40.0, 40.0, 5.5]];
@@ -220,5 +218,5 @@ fn classes(info: &PsogInfo) -> String {
         vec![class.name.clone(), class.voxels.to_string(), format!("{:.2}", class.entropy)]
     }));
     rows.push(vec!["(empty)".into(), "–".into(), format!("{:.2}", info.entropy_empty)]);
-    report::align_columns(&rows)
+    align_columns(&rows)
 }

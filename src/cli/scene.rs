@@ -7,11 +7,13 @@ use std::process::ExitCode;
 
 use serde_json::{Value, json};
 use sightline::geom::TriangleSoup;
-use sightline::scene::{DEFAULT_CLASSES, FEWEST_STREET_TRIANGLES, street};
+use sightline::internals::{
+    FEWEST_STREET_TRIANGLES, FileError, is_sink, target, writable_file, write_whole,
+};
+use sightline::scene::{DEFAULT_CLASSES, street};
 
 use super::args::{Talk, whole};
 use super::error::Error;
-use sightline::files::{FileError, is_sink, target, writable_file, write_whole};
 
 /// Most triangles, well below the limit of a frame.
 const MOST: i64 = 50_000_000;

@@ -11,17 +11,19 @@ use indicatif::ProgressBar;
 use serde::ser::{Error as _, SerializeMap, SerializeSeq};
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
+use sightline::internals::{
+    LinePerElement, count_placements, shared_folder, writable_file, write_npy, write_whole,
+};
 use sightline::report;
 use sightline::score::Scores;
 use sightline::search::Evaluator;
-use sightline::vehicle::{Placement, PlacementFileError, PlacementReader, count_placements};
+use sightline::vehicle::{Placement, PlacementFileError, PlacementReader};
 
 use super::args::{Compute, Format};
 use super::error::Error;
 use super::load::{self, LoadTimes, Loaded};
 use super::output::unless_closed;
 use super::progress;
-use sightline::files::{LinePerElement, shared_folder, writable_file, write_npy, write_whole};
 
 /// Placements that are read, scored and printed at a time.
 const BLOCK: usize = 1024;

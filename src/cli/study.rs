@@ -9,8 +9,8 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
+use sightline::internals::{Input, RunDir, holds_run, study_plot, study_text};
 use sightline::psog::Psog;
-use sightline::report::{self, study_plot};
 use sightline::scene::Scene;
 use sightline::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, study};
 
@@ -18,8 +18,6 @@ use super::args::{Compute, Format, Talk, at_least_one, whole};
 use super::error::Error;
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::{load, progress};
-use sightline::files::Input;
-use sightline::files::{RunDir, holds_run};
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -114,7 +112,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         Format::Json => outln!("{}", json!(found))?,
         Format::Text => {
             outln!("{}", found.title)?;
-            out!("{}", report::study_text(&found))?;
+            out!("{}", study_text(&found))?;
             outln!("\n{}: study.json, table.csv, chart.svg", dir.path().display())?;
         }
     }

@@ -8,10 +8,10 @@ use std::time::Instant;
 use serde::Serialize;
 use serde_json::json;
 use sightline::engine::gpu::GpuBackend;
+use sightline::internals::{align_columns, compared_frames, hostile_placements};
 use sightline::problem::{Problem, spread};
-use sightline::report;
 use sightline::vehicle::{Placement, random_placements, read_placements, table_7};
-use sightline::verify::{Verification, compared_frames, hostile_placements, verify};
+use sightline::verify::{Verification, verify};
 
 use super::args::{Compute, Format, whole};
 use super::error::Error;
@@ -101,7 +101,7 @@ fn placements(args: &Args, problem: &Problem) -> Result<Vec<Placement>, Error> {
 fn print(scene: &str, found: &Verification) -> Result<(), Error> {
     let lines = |rows: &[(&str, String)]| {
         let row = |(name, value): &(&str, String)| vec![format!("  {name}"), value.clone()];
-        report::align_columns(&rows.iter().map(row).collect::<Vec<_>>())
+        align_columns(&rows.iter().map(row).collect::<Vec<_>>())
     };
     let (gpu, reference) = (&found.gpu_against_cpu, &found.cpu_against_f64);
     outln!("{scene}: {} placements × {} frame(s)", found.placements, found.frames)?;

@@ -12,23 +12,23 @@
 //! The CPU functions are written to be read; the shaders mirror them name by name. All sums are
 //! integers, so no order of addition matters and both give the same bits.
 
-mod batch;
+pub(crate) mod batch;
 mod cpu;
-mod failover;
+pub(crate) mod failover;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 mod opening;
-mod reference;
+pub(crate) mod reference;
 
-pub use crate::memory::{OutOfMemory, available_memory};
-pub use batch::{Chunk, ChunkLimits, split};
+pub use crate::memory::OutOfMemory;
+pub(crate) use crate::memory::available_memory;
+pub(crate) use batch::{Chunk, ChunkLimits, split};
 pub use cpu::CpuBackend;
-pub use failover::{Failover, Reopen};
 pub use opening::{EngineChoice, EngineKind, OpenError, Opened, open};
-pub use reference::ReferenceBackend;
+pub(crate) use reference::ReferenceBackend;
 
 pub use crate::bvh::{Hit, NO_HIT};
-pub use crate::cover::{BitOrder, Bitmaps};
+pub(crate) use crate::cover::Bitmaps;
 use crate::problem::{Problem, StageTimes, Tally};
 use crate::vehicle::{Placement, SensorPose};
 

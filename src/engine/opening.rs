@@ -178,7 +178,7 @@ mod device {
 
     use super::EngineChoice;
     use crate::engine::gpu::{GpuBackend, list_adapters};
-    use crate::engine::{Backend, BackendError, CpuBackend, Failover};
+    use crate::engine::{Backend, BackendError, CpuBackend, failover::Failover};
     use crate::problem::Problem;
 
     /// The best hardware device, or a sentence that says why the CPU computes.

@@ -4,10 +4,10 @@
 //! radians. Transforms are `f64`; triangles are `f32` and always in the ego frame, so that world
 //! coordinates of any size have been rebased before they are rounded.
 
-mod aabb;
+pub(crate) mod aabb;
 mod pose;
 mod soup;
 
-pub use aabb::Aabb;
+pub(crate) use aabb::Aabb;
 pub use pose::Pose;
 pub use soup::TriangleSoup;

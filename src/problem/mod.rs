@@ -1,14 +1,15 @@
 //! What is asked, ready to be computed: frames, voxels and their entropies, one beam table.
 
-mod assemble;
-mod beam;
-mod pose;
+pub(crate) mod assemble;
+pub(crate) mod beam;
+pub(crate) mod pose;
 mod tally;
 
-pub use assemble::shared_trees;
-pub use beam::beam_direction;
+pub(crate) use assemble::shared_trees;
+pub(crate) use beam::beam_direction;
 pub(crate) use beam::beam_origin;
-pub use pose::{DevicePose, OccupiedVoxel};
+pub(crate) use pose::DevicePose;
+pub use pose::OccupiedVoxel;
 pub(crate) use pose::{FAR, PUSH, TINY_COMPONENT};
 pub use tally::{StageTimes, Tally};
 

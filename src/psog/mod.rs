@@ -12,29 +12,31 @@
 //! | `info` | what `psog info` prints |
 
 mod counts;
-mod entropy;
+pub(crate) mod entropy;
 mod error;
 mod info;
-mod kitti;
-mod kitti_labels;
-mod kitti_psog;
+pub(crate) mod kitti;
+pub(crate) mod kitti_labels;
+pub(crate) mod kitti_psog;
 mod npz;
-mod npz_member;
+pub(crate) mod npz_member;
 mod npz_out;
-mod roi;
+pub(crate) mod roi;
 #[cfg(test)]
 mod tests;
-mod vote;
+pub(crate) mod vote;
 
 pub use counts::Psog;
-pub use entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, fixed, to_nats};
+pub(crate) use entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, fixed, to_nats};
 pub use error::GridError;
 pub use info::{ClassEntropy, PsogInfo};
-pub use kitti::{KittiError, KittiSequence, LabelledScan};
-pub use kitti_labels::{KITTI_CLASSES, KittiLabel, kitti_label};
-pub use kitti_psog::{KITTI_LIDAR_HEIGHT, KittiPsogOptions, build_kitti_psog};
+pub use kitti::KittiError;
+pub(crate) use kitti_labels::KITTI_CLASSES;
+pub use kitti_psog::{KittiPsogOptions, build_kitti_psog};
 pub use npz::{read_psog, write_psog};
-pub use npz_member::{ArrayFault, PsogFileError};
+pub use npz_member::PsogFileError;
 pub(crate) use npz_out::{NpzOut, write_npz};
-pub use roi::{PUSH, Roi};
-pub use vote::{BuildReport, FrameVotes, PsogBuilder};
+pub(crate) use roi::PUSH;
+pub use roi::Roi;
+pub use vote::BuildReport;
+pub(crate) use vote::{FrameVotes, PsogBuilder};

@@ -12,32 +12,29 @@
 //! | `table`, `text` | the one table of scores, tables as text |
 //! | `html` | the page |
 
-mod chart;
+pub(crate) mod chart;
 mod chart_labels;
-mod chart_table;
-mod chart_words;
-mod convergence;
+pub(crate) mod chart_table;
+pub(crate) mod chart_words;
+pub(crate) mod convergence;
 mod html;
-mod map;
-mod placement;
-mod plot;
-mod record;
-mod study;
+pub(crate) mod map;
+pub(crate) mod placement;
+pub(crate) mod plot;
+pub(crate) mod record;
+pub(crate) mod study;
 mod svg;
-mod table;
-mod text;
-mod words;
+pub(crate) mod table;
+pub(crate) mod text;
+pub(crate) mod words;
 
-pub use chart::fidelity_svg;
-pub use chart_table::{ChartFrame, fidelity_csv, seconds};
-pub use chart_words::chart_words;
-pub use convergence::convergence_svg;
+pub(crate) use chart_table::seconds;
+pub(crate) use convergence::convergence_svg;
 pub use html::{Figures, report_html};
-pub use map::InformationMap;
-pub use placement::placement_svg;
-pub use plot::{Axis, Plot, Series};
-pub use record::{RunContext, RunRecord, RunTimes, peak_memory};
-pub use study::study_plot;
-pub use table::{ScoreColumn, optional};
-pub use text::{align_columns, findings_text, poses_text, scores_text, study_text};
-pub use words::{certificate_in_words, methods_in_words, verdict};
+pub(crate) use map::InformationMap;
+pub(crate) use placement::placement_svg;
+pub(crate) use plot::{Axis, Plot, Series};
+pub use record::{RunContext, RunRecord, RunTimes};
+pub(crate) use table::{ScoreColumn, optional};
+pub use text::scores_text;
+pub(crate) use words::{certificate_in_words, methods_in_words, verdict};

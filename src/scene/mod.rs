@@ -14,7 +14,7 @@ mod route;
 mod settings;
 mod shapes;
 mod solid;
-mod street;
+pub(crate) mod street;
 
 use std::path::{Path, PathBuf};
 
@@ -30,7 +30,7 @@ use solid::Solid;
 pub use crate::json::{DescriptionError, Place};
 pub use classes::DEFAULT_CLASSES;
 pub use settings::{Coverage, PsogSource, RoiBounds, ScanSettings};
-pub use street::{FEWEST_STREET_TRIANGLES, street};
+pub use street::street;
 
 /// Largest scene file in bytes; ten million listed directions fit.
 const MAX_FILE: u64 = 1 << 30;

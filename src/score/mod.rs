@@ -3,20 +3,21 @@
 //! All scores are "larger is better". Sums over covered voxels are means over frames: with c(v) the
 //! share of frames in which voxel v is covered, N = Σ c(v) and every Σ is weighted by c(v).
 
-mod guard;
+pub(crate) mod guard;
 mod objective;
-mod ranking;
-mod standing;
+pub(crate) mod ranking;
+pub(crate) mod standing;
 
 use serde::{Serialize, Serializer};
 
 use crate::problem::{Content, Tally};
 use crate::psog::to_nats;
 
-pub use guard::{Guard, guards_of, reference_layout, short_sight};
+pub use guard::Guard;
+pub(crate) use guard::{guards_of, reference_layout, short_sight};
 pub use objective::{Objective, ObjectiveError};
-pub use ranking::{kendall_tau, mean_height, spearman};
-pub use standing::Standing;
+pub(crate) use ranking::{kendall_tau, mean_height, spearman};
+pub(crate) use standing::Standing;
 
 /// Scores of one task: how the classes are told apart decides what a voxel's entropy is.
 ///

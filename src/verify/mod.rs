@@ -1,9 +1,9 @@
 //! Whether an engine agrees with the CPU reference to the bit, and the reference with `f64` arithmetic it
 //! shares nothing with.
 
-mod compare;
-mod oracle;
-mod placements;
+pub(crate) mod compare;
+pub(crate) mod oracle;
+pub(crate) mod placements;
 
 use std::sync::Arc;
 
@@ -13,9 +13,8 @@ use crate::engine::{Backend, BackendError, ReferenceBackend};
 use crate::problem::Problem;
 use crate::vehicle::Placement;
 
-pub use compare::{Differences, compared_frames};
-pub use oracle::{Agreement, EDGE_TOLERANCE, Explanation, explain};
-pub use placements::hostile_placements;
+pub(crate) use compare::{Differences, compared_frames};
+pub(crate) use oracle::{Agreement, EDGE_TOLERANCE};
 
 use compare::compare_engines;
 use oracle::sample_reference;

@@ -6,16 +6,14 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use sightline::engine::{EngineChoice, open};
-use sightline::report::{
-    Figures, InformationMap, RunContext, RunRecord, RunTimes, peak_memory, report_html,
-};
+use sightline::internals::{InformationMap, Input, RunDir, peak_memory};
+use sightline::report::{Figures, RunContext, RunRecord, RunTimes, report_html};
 use sightline::search::{FrameChoice, LeftOut, Outcome, Run, Settings};
 
 use super::settings::{Args, Begun, Saved};
 use crate::cli::error::Error;
 use crate::cli::load::LoadTimes;
 use sightline::Problem;
-use sightline::files::{Input, RunDir};
 use sightline::scene::Scene;
 
 /// A scene with the rules of the options, and its problem over all frames.

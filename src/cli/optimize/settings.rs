@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
+use sightline::internals::Spacing;
 use sightline::search::{FrameChoice, Method, Settings, State};
-use sightline::vehicle::{MountRules, SensorPose, Spacing, read_placements};
+use sightline::vehicle::{MountRules, SensorPose, read_placements};
 
 use crate::cli::args::{Compute, Format, at_least_one, finite, parse_seconds, whole};
 use crate::cli::error::Error;

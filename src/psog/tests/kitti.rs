@@ -3,10 +3,9 @@
 use std::path::Path;
 
 use super::names;
-use crate::psog::{
-    EntropyKind, KITTI_CLASSES, KittiPsogOptions, KittiSequence, Psog, Roi, build_kitti_psog,
-    kitti_label,
-};
+use crate::psog::kitti::KittiSequence;
+use crate::psog::kitti_labels::kitti_label;
+use crate::psog::{EntropyKind, KITTI_CLASSES, KittiPsogOptions, Psog, Roi, build_kitti_psog};
 
 /// A LiDAR that looks along camera z: x_cam = −y, y_cam = −z, z_cam = x, moved by (0, −0.1, −0.2).
 const CALIB: &str = "P0: 1 0 0 0 0 1 0 0 0 0 1 0\nTr: 0 -1 0 0 0 0 -1 -0.1 1 0 0 -0.2\n";

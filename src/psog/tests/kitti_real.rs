@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
+use crate::psog::kitti::KittiSequence;
 use crate::psog::{
-    BuildReport, EntropyKind, KittiPsogOptions, KittiSequence, Psog, PsogInfo, Roi,
-    build_kitti_psog, read_psog, write_psog,
+    BuildReport, EntropyKind, KittiPsogOptions, Psog, PsogInfo, Roi, build_kitti_psog, read_psog,
+    write_psog,
 };
 
 /// A sequence of the real data.
