@@ -137,27 +137,8 @@ impl Settings {
     /// that is not below 0.1 m. `quick` leaves out most combinations.
     pub fn new(scene: &Scene, finest: Option<f64>, quick: bool) -> Self {
         let own = Fidelity::of_scene(scene);
-        let edge = scene.roi().voxel[0];
         let mut left_out = Vec::new();
-        let mut voxels = vec![1.0];
-        if matches!(scene.psog_source(), PsogSource::File(_)) {
-            left_out.push(
-                "other voxel sizes: the P-SOG is a file of counts, and voxels cannot be merged without \
-                 the frames that were counted"
-                    .to_owned(),
-            );
-        } else {
-            let voxel_count: f64 = scene.roi().shape.map(f64::from).iter().product();
-            let factor = match finest {
-                Some(metres) => metres / edge,
-                None if 0.5 * edge >= EDGES[0] - SLACK && 8.0 * voxel_count <= MOST_VOXELS => 0.5,
-                None => 1.0,
-            };
-            let coarser = [2.0, 4.0, 8.0].into_iter().filter(|f| f * edge <= EDGES[1] + SLACK);
-            voxels = std::iter::once(factor).chain([1.0]).chain(coarser).collect();
-            voxels.retain(|f| *f >= factor);
-            voxels.dedup();
-        }
+        let voxels = voxel_factors(scene, finest, &mut left_out);
         let top = Fidelity { voxel: voxels[0], ..own };
         let steps = match scene.lidar() {
             Lidar::Spinning { azimuth_steps, .. } => *azimuth_steps,
@@ -244,6 +225,31 @@ impl Settings {
             self.all.push(setting);
         }
     }
+}
+
+/// Edges of voxels to try as multiples of the scene's own, rising; what cannot be tried is added to
+/// `left_out`.
+fn voxel_factors(scene: &Scene, finest: Option<f64>, left_out: &mut Vec<String>) -> Vec<f64> {
+    if matches!(scene.psog_source(), PsogSource::File(_)) {
+        left_out.push(
+            "other voxel sizes: the P-SOG is a file of counts, and voxels cannot be merged without the \
+             frames that were counted"
+                .to_owned(),
+        );
+        return vec![1.0];
+    }
+    let edge = scene.roi().voxel[0];
+    let voxel_count: f64 = scene.roi().shape.map(f64::from).iter().product();
+    let factor = match finest {
+        Some(metres) => metres / edge,
+        None if 0.5 * edge >= EDGES[0] - SLACK && 8.0 * voxel_count <= MOST_VOXELS => 0.5,
+        None => 1.0,
+    };
+    let coarser = [2.0, 4.0, 8.0].into_iter().filter(|f| f * edge <= EDGES[1] + SLACK);
+    let mut voxels: Vec<f64> = std::iter::once(factor).chain([1.0]).chain(coarser).collect();
+    voxels.retain(|f| *f >= factor);
+    voxels.dedup();
+    voxels
 }
 
 /// `count`, half of it, a quarter, …, 1.

@@ -173,9 +173,14 @@ fn prepare(
         stop[beam] = if nowhere | (end < 0.0) { NEVER } else { until };
     }
     let most: f32 = roi.shape().iter().map(|&n| n as f32).sum();
-    let scale = 1.5 * LENGTHS as f32 / most;
-    let (kinds, longest) = (&mut scratch.kind[..beams], (LENGTHS - 1) as f32);
-    for beam in 0..beams {
+    kinds([ix, iy, iz], stop, 1.5 * LENGTHS as f32 / most, &mut scratch.kind[..beams]);
+}
+
+/// The kind of each beam: the axis and the way that it mostly goes, and its length by `scale`.
+#[inline(always)]
+fn kinds([ix, iy, iz]: [&[f32]; 3], stop: &[f32], scale: f32, kinds: &mut [u16]) {
+    let longest = (LENGTHS - 1) as f32;
+    for (beam, kind) in kinds.iter_mut().enumerate() {
         let (x, y, z) = (ix[beam], iy[beam], iz[beam]);
         let (a, b, c) = (x.abs().recip(), y.abs().recip(), z.abs().recip());
         let along_x = a >= b;
@@ -186,7 +191,7 @@ fn prepare(
         let length = if length < longest { length } else { longest };
         let length = if length > 0.0 { length } else { 0.0 };
         let length = (length + ROUND).to_bits() as u16 & (LENGTHS - 1) as u16;
-        kinds[beam] = (way * LENGTHS as u16) | length;
+        *kind = (way * LENGTHS as u16) | length;
     }
 }
 

@@ -142,7 +142,8 @@ pub(crate) fn walk_all<const BACK: bool>(
 /// z, comes to the end of a word, or ends. The planes along `u` crossed until t are ⌊t · slope + part
 /// of the first voxel behind the origin − margin⌋, or one more: the exact crossing of the next plane
 /// decides. A lane whose beam has ended stays where it is, and marks nothing. Compilers make vectors
-/// of the loops over lanes, where both sides of each choice are loaded beforehand.
+/// of the loops over lanes, where both sides of each choice are loaded beforehand. It stays one function
+/// because the numbers of the lanes stay in registers from the first line to the last.
 #[inline(always)]
 #[allow(clippy::needless_range_loop)]
 fn walk<const BACK: bool>(

@@ -208,23 +208,7 @@ impl<'a> Builder<'a> {
         default: Option<u16>,
     ) -> Result<Solid, DescriptionError> {
         let file = self.dir.join(&mesh.file);
-        let y_up = match mesh.axes.as_deref() {
-            None => mesh::default_y_up(&file),
-            Some("z-up") => false,
-            Some("y-up") => true,
-            Some(other) => {
-                return Err(bad(&at.key("axes"), format!("{other:?}"), "\"z-up\" or \"y-up\""));
-            }
-        };
-        let scale = mesh.scale.unwrap_or(1.0);
-        if !(scale > 0.0 && scale <= 1.0e6) {
-            return Err(bad(&at.key("scale"), scale, "a scale above 0 and at most 1000000"));
-        }
-        let roll = check::radians(&at.key("roll"), mesh.roll)?;
-        let pitch = check::radians(&at.key("pitch"), mesh.pitch)?;
-        let yaw = check::radians(&at.key("yaw"), mesh.yaw)?;
-        let translate = check::point(&at.key("translate"), mesh.translate)?;
-        let pose = Pose::new(translate.into(), roll, pitch, yaw);
+        let (y_up, scale, pose) = mesh_placed(at, mesh, &file)?;
         let mut map = HashMap::new();
         for (material, class) in &mesh.classes.0 {
             map.insert(
@@ -269,6 +253,32 @@ impl<'a> Builder<'a> {
             classes: raw.face_material.iter().map(|&m| ids[m as usize]).collect(),
         })
     }
+}
+
+/// How the vertices of a mesh come into the frame of its owner: whether y points up in the file, a
+/// scale, then a pose.
+fn mesh_placed(
+    at: &Place,
+    mesh: &MeshDescription,
+    file: &Path,
+) -> Result<(bool, f64, Pose), DescriptionError> {
+    let y_up = match mesh.axes.as_deref() {
+        None => mesh::default_y_up(file),
+        Some("z-up") => false,
+        Some("y-up") => true,
+        Some(other) => {
+            return Err(bad(&at.key("axes"), format!("{other:?}"), "\"z-up\" or \"y-up\""));
+        }
+    };
+    let scale = mesh.scale.unwrap_or(1.0);
+    if !(scale > 0.0 && scale <= 1.0e6) {
+        return Err(bad(&at.key("scale"), scale, "a scale above 0 and at most 1000000"));
+    }
+    let roll = check::radians(&at.key("roll"), mesh.roll)?;
+    let pitch = check::radians(&at.key("pitch"), mesh.pitch)?;
+    let yaw = check::radians(&at.key("yaw"), mesh.yaw)?;
+    let translate = check::point(&at.key("translate"), mesh.translate)?;
+    Ok((y_up, scale, Pose::new(translate.into(), roll, pitch, yaw)))
 }
 
 impl Builder<'_> {

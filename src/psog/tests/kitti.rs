@@ -120,63 +120,62 @@ fn all_34_ids_are_known_and_no_other() {
     assert_eq!(Psog::kitti_classes(), names(&KITTI_CLASSES));
 }
 
+type Spoil = fn(&Path);
+/// What is done to a good sequence, and how the answer begins.
+const SPOILT: [(Spoil, &str); 15] = [
+    (|d| std::fs::remove_dir_all(d.join("velodyne")).unwrap(), "cannot read DIR/velodyne: "),
+    (
+        |d| {
+            std::fs::remove_file(d.join("velodyne/000000.bin")).unwrap();
+            std::fs::remove_file(d.join("velodyne/000002.bin")).unwrap();
+        },
+        "DIR/velodyne holds no scan named like 000000.bin;",
+    ),
+    (|d| write_scan(d, "last", &[]), "DIR/velodyne/last.bin: a scan is named by its frame number"),
+    (|d| write_scan(d, "0", &[]), "DIR/velodyne has two scans of frame 0;"),
+    (|d| write_scan(d, "3", &[]), "DIR/poses.txt has 3 poses, none for frame 3;"),
+    (|d| std::fs::remove_file(d.join("poses.txt")).unwrap(), "cannot read DIR/poses.txt: "),
+    (
+        |d| std::fs::remove_file(d.join("labels/000002.label")).unwrap(),
+        "cannot read DIR/labels/000002.label: ",
+    ),
+    (
+        |d| std::fs::write(d.join("calib.txt"), "P0: 1 0 0 0 0 1 0 0 0 0 1 0\n").unwrap(),
+        "DIR/calib.txt has no line `Tr:`;",
+    ),
+    (
+        |d| std::fs::write(d.join("calib.txt"), "\nTr: 1 0 0 0 0 1 0 0\n").unwrap(),
+        "DIR/calib.txt line 2: it has 8 numbers;",
+    ),
+    (
+        |d| std::fs::write(d.join("poses.txt"), POSES.replacen("0 0 -1", "0 x -1", 1)).unwrap(),
+        "DIR/poses.txt line 3: \"x\" is not a finite number;",
+    ),
+    (
+        |d| std::fs::write(d.join("poses.txt"), POSES.replacen("0 0 -1", "0 0 1", 1)).unwrap(),
+        "DIR/poses.txt line 3: its left 3×3 part is not a rotation;",
+    ),
+    (
+        |d| std::fs::write(d.join("velodyne/000002.bin"), [0; 31]).unwrap(),
+        "DIR/velodyne/000002.bin has 31 bytes, not a multiple of 16,",
+    ),
+    (
+        |d| std::fs::write(d.join("labels/000002.label"), [0; 12]).unwrap(),
+        "DIR/labels/000002.label has 3 labels, but DIR/velodyne/000002.bin has 2 points;",
+    ),
+    (
+        |d| write_scan(d, "000002", &[([1.0, 2.0, 3.0], 40), ([1.0, f32::NAN, 3.0], 40)]),
+        "DIR/velodyne/000002.bin: point 1 has y = NaN;",
+    ),
+    (
+        |d| write_scan(d, "000002", &[([1.0, 2.0, 3.0], 40), ([1.0, 2.0, 3.0], 12 | 9 << 16)]),
+        "DIR/labels/000002.label: point 1 has label id 12, which SemanticKITTI does not define;",
+    ),
+];
+
 #[test]
 fn bad_sequences_are_refused() {
-    type Spoil = fn(&Path);
-    let cases: [(Spoil, &str); 15] = [
-        (|d| std::fs::remove_dir_all(d.join("velodyne")).unwrap(), "cannot read DIR/velodyne: "),
-        (
-            |d| {
-                std::fs::remove_file(d.join("velodyne/000000.bin")).unwrap();
-                std::fs::remove_file(d.join("velodyne/000002.bin")).unwrap();
-            },
-            "DIR/velodyne holds no scan named like 000000.bin;",
-        ),
-        (
-            |d| write_scan(d, "last", &[]),
-            "DIR/velodyne/last.bin: a scan is named by its frame number",
-        ),
-        (|d| write_scan(d, "0", &[]), "DIR/velodyne has two scans of frame 0;"),
-        (|d| write_scan(d, "3", &[]), "DIR/poses.txt has 3 poses, none for frame 3;"),
-        (|d| std::fs::remove_file(d.join("poses.txt")).unwrap(), "cannot read DIR/poses.txt: "),
-        (
-            |d| std::fs::remove_file(d.join("labels/000002.label")).unwrap(),
-            "cannot read DIR/labels/000002.label: ",
-        ),
-        (
-            |d| std::fs::write(d.join("calib.txt"), "P0: 1 0 0 0 0 1 0 0 0 0 1 0\n").unwrap(),
-            "DIR/calib.txt has no line `Tr:`;",
-        ),
-        (
-            |d| std::fs::write(d.join("calib.txt"), "\nTr: 1 0 0 0 0 1 0 0\n").unwrap(),
-            "DIR/calib.txt line 2: it has 8 numbers;",
-        ),
-        (
-            |d| std::fs::write(d.join("poses.txt"), POSES.replacen("0 0 -1", "0 x -1", 1)).unwrap(),
-            "DIR/poses.txt line 3: \"x\" is not a finite number;",
-        ),
-        (
-            |d| std::fs::write(d.join("poses.txt"), POSES.replacen("0 0 -1", "0 0 1", 1)).unwrap(),
-            "DIR/poses.txt line 3: its left 3×3 part is not a rotation;",
-        ),
-        (
-            |d| std::fs::write(d.join("velodyne/000002.bin"), [0; 31]).unwrap(),
-            "DIR/velodyne/000002.bin has 31 bytes, not a multiple of 16,",
-        ),
-        (
-            |d| std::fs::write(d.join("labels/000002.label"), [0; 12]).unwrap(),
-            "DIR/labels/000002.label has 3 labels, but DIR/velodyne/000002.bin has 2 points;",
-        ),
-        (
-            |d| write_scan(d, "000002", &[([1.0, 2.0, 3.0], 40), ([1.0, f32::NAN, 3.0], 40)]),
-            "DIR/velodyne/000002.bin: point 1 has y = NaN;",
-        ),
-        (
-            |d| write_scan(d, "000002", &[([1.0, 2.0, 3.0], 40), ([1.0, 2.0, 3.0], 12 | 9 << 16)]),
-            "DIR/labels/000002.label: point 1 has label id 12, which SemanticKITTI does not define;",
-        ),
-    ];
-    for (spoil, wanted) in cases {
+    for (spoil, wanted) in SPOILT {
         let folder = sequence();
         spoil(folder.path());
         let message = KittiSequence::open(folder.path())
@@ -186,6 +185,10 @@ fn bad_sequences_are_refused() {
             .replace(&folder.path().display().to_string(), "DIR");
         assert!(message.starts_with(wanted), "{message}\n  wanted {wanted}");
     }
+}
+
+#[test]
+fn bad_options_are_refused() {
     let folder = sequence();
     let sequence = KittiSequence::open(folder.path()).unwrap();
     let mut options = KittiPsogOptions { frames: Some(vec![1]), ..KittiPsogOptions::new(roi()) };
