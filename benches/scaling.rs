@@ -19,7 +19,6 @@ use setup::RANGE;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::geom::TriangleSoup;
-use sightline::internals::cast_packets;
 use sightline::internals::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
 use sightline::internals::{Bvh, Hit};
 use sightline::problem::{DevicePose, Problem};
@@ -132,7 +131,7 @@ fn triangles(args: &Args) -> Vec<Value> {
     for bvh in trees.iter().flatten() {
         let (poses, table, hits) = (&poses, &table, &hits);
         ways.push(Box::new(move || {
-            seconds(|| cast_packets(poses, table, bvh, RANGE, &mut hits.borrow_mut()))
+            seconds(|| setup::cast(poses, table, bvh, &mut hits.borrow_mut()))
         }));
     }
     let all = medians(args.rounds, &mut ways);
@@ -163,7 +162,7 @@ impl Cover {
         let placements = setup::placements(SENSORS.div_ceil(4), 0.1, args.seed);
         let poses = setup::poses(&placements, &roi);
         let mut hits = Vec::new();
-        cast_packets(&poses, &table, bvh, RANGE, &mut hits);
+        setup::cast(&poses, &table, bvh, &mut hits);
         let bitmap = vec![0; BitOrder::rows(&roi).words()];
         Self { roi, table, poses, hits, scratch: WalkScratch::default(), bitmap }
     }
@@ -233,7 +232,7 @@ fn placements(args: &Args, bvh: &Arc<Bvh>) -> Vec<Value> {
     let content = setup::content(&roi, &poses, &table, bvh, args.seed);
     let problem = |frames: usize| {
         // Trees of their own: frames that share one would be cast once.
-        let frames = (0..frames).map(|_| Arc::new(Bvh::clone(bvh))).collect();
+        let frames: Vec<_> = (0..frames).map(|_| Arc::new(Bvh::clone(bvh))).collect();
         Arc::new(Problem::new(roi, content.clone(), table.clone(), frames, true))
     };
     let (one, three) = (problem(1), problem(3));

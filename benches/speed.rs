@@ -21,10 +21,10 @@ use setup::RANGE;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::engine::gpu::GpuBackend;
+use sightline::internals::cast_closest;
 use sightline::internals::reduce;
 use sightline::internals::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
 use sightline::internals::{Bvh, Hit};
-use sightline::internals::{cast_closest, cast_packets};
 use sightline::problem::{Problem, Tally};
 use sightline::vehicle::Placement;
 
@@ -252,7 +252,7 @@ fn run(args: &Args, triangles: usize) -> Value {
     for round in 0..args.rounds + 1 {
         let want =
             single.time(few_poses.len() * beams, || cast_closest(few_poses, &table, &bvh, RANGE));
-        packets.time(poses.len() * beams, || cast_packets(&poses, &table, &bvh, RANGE, &mut hits));
+        packets.time(poses.len() * beams, || setup::cast(&poses, &table, &bvh, &mut hits));
         assert!(same_bits(&want, &hits), "the hits differ");
         let found = hits.iter().filter(|hit| hit.is_hit()).count();
         for rival in [&mut embree, &mut open3d, &mut trimesh] {

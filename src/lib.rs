@@ -95,7 +95,7 @@ pub mod internals {
     pub use crate::bvh::{Bvh, Hit, NO_HIT, Ray, major_axis};
     pub use crate::cast::{
         Casting, FAN_DIRECTIONS, Fan, PACKET_RAYS, Packet, PacketHits, Scratch, cast_closest,
-        cast_packets, cast_packets_by,
+        cast_frame, cast_frame_closest, cast_packets, cast_packets_by,
     };
     pub use crate::cover::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
     pub use crate::reduce::reduce;

@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 use multiversion::multiversion;
 
 use crate::bvh::major_axis;
-use crate::cast::{PACKET_RAYS, Packet};
+use crate::cast::{PACKET_RAYS, Packet, Sight};
 use crate::psog::Roi;
 
 /// A number of each ray.
@@ -52,19 +52,20 @@ impl Bundle {
     }
 
     /// The rays in bundles whose rays agree in the signs of their components and in the largest one:
-    /// as a fast packet needs. Nearly always that is the bundle as it is.
-    pub(super) fn each_way(&self, mut done: impl FnMut(&Self)) {
+    /// as a fast packet needs, each with the lanes of its rays. Nearly always that is the bundle as it is.
+    pub(super) fn each_way(&self, mut done: impl FnMut(&Self, &[usize])) {
         let way = |lane: &usize| {
             let direction = self.direction(*lane).as_vec3();
             (major_axis(direction), direction.signum().to_array().map(f32::to_bits))
         };
+        let mut lanes: [usize; PACKET_RAYS] = std::array::from_fn(|lane| lane);
+        let lanes = &mut lanes[..self.len];
         if agree(&self.direction) {
-            return done(self);
+            return done(self, lanes);
         }
-        let mut lanes: Vec<usize> = (0..self.len).collect();
         lanes.sort_by_key(way);
         for lanes in lanes.chunk_by(|a, b| way(a) == way(b)) {
-            done(&Self::new(lanes.iter().map(|&lane| self.direction(lane))));
+            done(&Self::new(lanes.iter().map(|&lane| self.direction(lane))), lanes);
         }
     }
 
@@ -84,6 +85,18 @@ impl Bundle {
         voxels: &mut [u32; PACKET_RAYS],
     ) {
         voxels_of_hits(origin, &self.direction, t, roi, voxels);
+    }
+
+    /// Number of rays.
+    pub(super) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether all rays surely hit nothing up to `t` metres in what is seen from where they start.
+    pub(super) fn misses(&self, sight: &Sight, t: f32) -> bool {
+        let [x, y, z] = &self.direction;
+        let lanes = x.iter().zip(y).zip(z).take(self.len);
+        lanes.map(|((x, y), z)| [*x as f32, *y as f32, *z as f32]).all(|d| sight.misses(d, t))
     }
 
     /// Makes the rays from `origin` a packet; hits count up to `t_max`.

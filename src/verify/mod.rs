@@ -14,7 +14,7 @@ use crate::problem::Problem;
 use crate::vehicle::Placement;
 
 pub use compare::{Differences, compared_frames};
-pub use oracle::{Agreement, EDGE_TOLERANCE, Explanation, explain};
+pub use oracle::{Agreement, EDGE_TOLERANCE, Explanation, explain, explain_in};
 pub use placements::hostile_placements;
 
 use compare::compare_engines;
