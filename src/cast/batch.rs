@@ -19,6 +19,9 @@ const FAN_SENSORS: usize = 32;
 /// hardly a node.
 const LONE_TRIANGLES: usize = 25;
 
+/// Triangles below which sorting beams takes longer than casting them.
+const SMALL: usize = 64;
+
 /// A way to find closest hits; each gives the same bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Casting {
@@ -91,7 +94,8 @@ pub fn cast_packets_by(
         }
     }
     in_fans.into_par_iter().for_each(|mut block| block.cast(bvh, first_prim, range));
-    let few = bvh.triangles.len() > LONE_TRIANGLES * others.len() * directions.len();
+    let triangles = bvh.triangles.len();
+    let few = triangles > LONE_TRIANGLES * others.len() * directions.len() || triangles < SMALL;
     let (alone, mixed): (Vec<_>, Vec<_>) = others.into_iter().partition(|(pose, _)| {
         let apart = || Sight::new(pose, bvh, range).is_none_or(|sight| sight.is_apart());
         way.map_or_else(|| few || apart(), |way| way == Casting::Beams)

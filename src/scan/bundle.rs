@@ -21,17 +21,30 @@ pub(super) struct Bundle {
     len: usize,
     /// Lanes that are left over repeat the last ray.
     direction: [Lanes; 3],
+    /// A unit vector and the sine and cosine of an angle: all rays lie within that angle of it.
+    cone: Option<(DVec3, [f64; 2])>,
 }
 
 impl Bundle {
     /// Rays in some directions, 1 to [`PACKET_RAYS`].
     pub(super) fn new(directions: impl IntoIterator<Item = DVec3>) -> Self {
-        let mut bundle = Self { len: 0, direction: [[0.0; PACKET_RAYS]; 3] };
+        let mut bundle = Self { len: 0, direction: [[0.0; PACKET_RAYS]; 3], cone: None };
         for direction in directions {
             (0..3).for_each(|axis| bundle.direction[axis][bundle.len..].fill(direction[axis]));
             bundle.len += 1;
         }
         bundle
+    }
+
+    /// The same with the cone around its rays, for [`Self::misses`].
+    pub(super) fn with_cone(mut self) -> Self {
+        let sum: DVec3 = (0..self.len).map(|lane| self.direction(lane)).sum();
+        let axis = sum.normalize_or(DVec3::X);
+        let cos = (0..self.len).map(|lane| self.direction(lane).dot(axis)).fold(1.0, f64::min);
+        // The margin is many times the rounding.
+        let cos = cos - 1e-6;
+        self.cone = (cos > 0.5).then(|| (axis, [(1.0 - cos * cos).sqrt(), cos]));
+        self
     }
 
     /// Direction of a ray.
@@ -92,11 +105,9 @@ impl Bundle {
         self.len
     }
 
-    /// Whether all rays surely hit nothing up to `t` metres in what is seen from where they start.
-    pub(super) fn misses(&self, sight: &Sight, t: f32) -> bool {
-        let [x, y, z] = &self.direction;
-        let lanes = x.iter().zip(y).zip(z).take(self.len);
-        lanes.map(|((x, y), z)| [*x as f32, *y as f32, *z as f32]).all(|d| sight.misses(d, t))
+    /// Whether all rays surely miss what is seen from where they start.
+    pub(super) fn misses(&self, sight: &Sight) -> bool {
+        self.cone.is_some_and(|(axis, angle)| sight.misses_cone(axis, angle))
     }
 
     /// Makes the rays from `origin` a packet; hits count up to `t_max`.

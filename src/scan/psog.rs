@@ -112,7 +112,8 @@ const BUNDLES_PER_TASK: usize = 64;
 
 /// Working memory of a task, and the voxels it has found.
 struct Scan {
-    turned: Bundle,
+    /// The bundle in the ego frame, and in that of an instance.
+    turned: [Bundle; 2],
     packet: Packet,
     scratch: Scratch,
     hits: [Hit; PACKET_RAYS],
@@ -122,7 +123,7 @@ struct Scan {
 impl Scan {
     fn new(bundle: &Bundle) -> Self {
         Self {
-            turned: bundle.clone(),
+            turned: [bundle.clone(), bundle.clone()],
             packet: Packet::default(),
             scratch: Scratch::default(),
             hits: [Hit::none(0.0); PACKET_RAYS],
@@ -133,16 +134,16 @@ impl Scan {
     /// Casts a bundle into all instances in reach, each replacing the hits that it is closer to, and adds
     /// the votes.
     fn cast(&mut self, bundle: &Bundle, stand: &Stand<'_>, scanner: &Scanner<'_>) {
-        let Self { turned, packet, scratch, hits, votes } = self;
+        let Self { turned: [ahead, turned], packet, scratch, hits, votes } = self;
         let (roi, origin) = (scanner.roi, stand.pose.translation);
-        turned.turn(bundle, &stand.pose.rotation);
+        ahead.turn(bundle, &stand.pose.rotation);
         // Points behind the grid get no vote; the margin is many times the rounding.
-        let reach = turned.reach(origin, roi) * 1.0001 + 0.01;
+        let reach = ahead.reach(origin, roi) * 1.0001 + 0.01;
         let range = scanner.settings.range as f32;
         let range = range.min(reach as f32);
         hits.fill(Hit::none(range));
         for (instance, pose, sight) in &stand.seen {
-            if bundle.misses(sight, range) {
+            if bundle.misses(sight) {
                 continue;
             }
             turned.turn(bundle, &pose.rotation);
@@ -153,10 +154,9 @@ impl Scan {
                 lanes.iter().zip(packet.hits()).for_each(|(&lane, hit)| hits[lane] = hit);
             });
         }
-        turned.turn(bundle, &stand.pose.rotation);
         let t = hits.map(|hit| f64::from(hit.t));
         let mut voxels = [OUTSIDE; PACKET_RAYS];
-        turned.voxels_of_hits(origin, &t, roi, &mut voxels);
+        ahead.voxels_of_hits(origin, &t, roi, &mut voxels);
         let hits = voxels.iter().zip(&*hits).take(bundle.len()).filter(|(_, hit)| hit.is_hit());
         votes.extend(hits.map(|(&voxel, hit)| {
             ((voxel != OUTSIDE).then_some(voxel.into()), scanner.classes[hit.prim as usize])
@@ -181,7 +181,8 @@ fn bundles(rings: &[Vec<DVec3>]) -> Vec<Bundle> {
     let patches = rings.chunks(RINGS).flat_map(|band| {
         (0..steps).step_by(PACKET_RAYS / RINGS).map(move |first| {
             let steps = first..steps.min(first + PACKET_RAYS / RINGS);
-            Bundle::new(steps.flat_map(|step| band.iter().map(move |ring| ring[step])))
+            let rays = steps.flat_map(|step| band.iter().map(move |ring| ring[step]));
+            Bundle::new(rays).with_cone()
         })
     });
     patches.collect()

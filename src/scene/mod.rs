@@ -8,6 +8,7 @@
 mod classes;
 mod description;
 mod mesh;
+mod origins;
 mod parts;
 mod polygon;
 mod primitives;
@@ -182,8 +183,8 @@ impl Scene {
             actor.motion.check_frames(&top.key("actors").item(i), frames)?;
         }
 
-        let mut origins = vec![parts::middle_of_way(&ego_at, &ego, frames, &world)?];
-        origins.extend(actors.iter().map(|actor| parts::middle(&actor.parts)));
+        let mut origins = vec![origins::middle_of_way(&ego_at, &ego, frames, &world)?];
+        origins.extend(actors.iter().map(|actor| origins::middle(&actor.parts)));
         origins.push(DVec3::ZERO);
 
         let coverage =
