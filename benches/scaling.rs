@@ -1,4 +1,4 @@
-//! Cost against triangles, beams, voxels along them and placements, and what a second thread gains.
+//! Cost against triangles, beams, voxels along them, placements and frames, and what a second thread gains.
 //!
 //! `cargo bench --bench scaling` measures in turns and fits a power to the medians of each series:
 //! an exponent of 1 is linear. `-- --help` lists what can be varied.
@@ -13,15 +13,15 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Parser;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 use setup::RANGE;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
-use sightline::geom::TriangleSoup;
+use sightline::geom::{Pose, TriangleSoup};
 use sightline::internals::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
 use sightline::internals::{Bvh, Hit};
-use sightline::problem::{DevicePose, Problem};
+use sightline::problem::{DevicePose, Frame, Instance, Problem, World};
 use sightline::psog::Roi;
 use sightline::vehicle::BeamTable;
 
@@ -275,6 +275,40 @@ fn placements(args: &Args, bvh: &Arc<Bvh>) -> Vec<Value> {
     values
 }
 
+/// Scores of a batch in more and more frames, all with the same tree seen from further along the street, and
+/// the bytes that they take.
+fn frames(args: &Args, bvh: &Arc<Bvh>) -> Vec<Value> {
+    let (roi, table) = (setup::roi(0.2), setup::table(720));
+    let counts = [1, 2, 4, 8, 16, 32, 64];
+    let batch = setup::placements(11, 0.1, args.seed);
+    let poses = setup::poses(&batch, &roi);
+    let content = Arc::new(setup::content(&roi, &poses, &table, bvh, args.seed));
+    let frame = |t: usize| {
+        let at = DVec3::new(-0.5 * t as f64, 0.0, 0.0);
+        let ego_from_instance = Pose::new(at, 0.0, 0.0, 0.0);
+        let instance = Instance { tree: bvh.clone(), ego_from_instance, first_prim: 0 };
+        Arc::new(Frame::new([instance]))
+    };
+    let problem = |frames: usize| {
+        let world = World::new((0..frames).map(frame).collect());
+        Arc::new(Problem::new(roi, content.clone(), table.clone(), world, true))
+    };
+    let problems = counts.map(problem);
+    let bytes = problems.each_ref().map(|problem| problem.bytes() as f64);
+    let mut ways: Vec<Timed<'_>> = Vec::new();
+    for problem in &problems {
+        let (batch, mut backend) = (&batch, CpuBackend::new(problem.clone(), MEMORY));
+        ways.push(Box::new(move || seconds(|| assert!(backend.tally(batch, RANGE).is_ok()))));
+    }
+    let y = medians(args.rounds, &mut ways);
+    let x = counts.map(|n| n as f64);
+    println!("  bytes of geometry and content: {bytes:?} in {counts:?} frames");
+    vec![
+        series("whole score", "frames", &x, &y),
+        json!({ "cost": "memory", "against": "frames", "x": x, "bytes": bytes }),
+    ]
+}
+
 fn main() {
     let args = Args::parse();
     println!("medians of {} rounds in turns; only the course counts", args.rounds);
@@ -282,6 +316,7 @@ fn main() {
     let mut values = triangles(&args);
     values.extend(beams_and_voxels(&args, &bvh));
     values.extend(placements(&args, &bvh));
+    values.extend(frames(&args, &bvh));
     if let Some(path) = &args.json {
         std::fs::write(path, format!("{:#}\n", Value::from(values))).unwrap();
     }

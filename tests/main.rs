@@ -29,6 +29,7 @@ mod common;
 mod cover;
 #[cfg(feature = "gpu")]
 mod equal_frames;
+mod far;
 mod fast_stages;
 #[cfg(feature = "gpu")]
 mod gpu_cast_closest;

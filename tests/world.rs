@@ -167,7 +167,8 @@ fn three_hundred_actors_are_cast_alike_everywhere_and_where_the_soup_says() {
     for (frame, hits) in hits.iter().enumerate() {
         let soup = scene.frame(frame, EgoBody::Include);
         assert_eq!(soup.faces.len() as u64, problem.geometry(frame).unwrap().triangle_count());
-        of_actors += hits.iter().filter(|h| h.is_hit() && (14..14 + 3600).contains(&h.prim)).count();
+        of_actors +=
+            hits.iter().filter(|h| h.is_hit() && (14..14 + 3600).contains(&h.prim)).count();
         // Some beams against all triangles: the distance along the plane of the triangle that was hit.
         let beams = sensors.iter().flat_map(|s| table.directions().iter().map(move |d| (s, d)));
         for ((sensor, direction), hit) in beams.zip(hits).step_by(7).filter(|(_, h)| h.is_hit()) {
