@@ -1,4 +1,4 @@
-//! Cost against triangles, beams, voxels along them and placements, and what a second thread gains.
+//! Cost against triangles, beams, voxels along them, placements and frames, and what a second thread gains.
 //!
 //! `cargo bench --bench scaling` measures in turns and fits a power to the medians of each series:
 //! an exponent of 1 is linear. `-- --help` lists what can be varied.
@@ -13,16 +13,16 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Parser;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 use setup::RANGE;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
-use sightline::geom::TriangleSoup;
+use sightline::geom::{Pose, TriangleSoup};
 use sightline::internals::{
-    BitOrder, Bvh, DevicePose, Hit, WalkScratch, cast_packets, cover_sensor, cover_voxels,
+    BitOrder, Bvh, DevicePose, Hit, WalkScratch, cover_sensor, cover_voxels,
 };
-use sightline::problem::Problem;
+use sightline::problem::{Frame, Instance, Problem, World};
 use sightline::psog::Roi;
 use sightline::vehicle::BeamTable;
 
@@ -132,7 +132,7 @@ fn triangles(args: &Args) -> Vec<Value> {
     for bvh in trees.iter().flatten() {
         let (poses, table, hits) = (&poses, &table, &hits);
         ways.push(Box::new(move || {
-            seconds(|| cast_packets(poses, table, bvh, RANGE, &mut hits.borrow_mut()))
+            seconds(|| setup::cast(poses, table, bvh, &mut hits.borrow_mut()))
         }));
     }
     let all = medians(args.rounds, &mut ways);
@@ -163,7 +163,7 @@ impl Cover {
         let placements = setup::placements(SENSORS.div_ceil(4), 0.1, args.seed);
         let poses = setup::poses(&placements, &roi);
         let mut hits = Vec::new();
-        cast_packets(&poses, &table, bvh, RANGE, &mut hits);
+        setup::cast(&poses, &table, bvh, &mut hits);
         let bitmap = vec![0; BitOrder::rows(&roi).words()];
         Self { roi, table, poses, hits, scratch: WalkScratch::default(), bitmap }
     }
@@ -233,7 +233,7 @@ fn placements(args: &Args, bvh: &Arc<Bvh>) -> Vec<Value> {
     let content = setup::content(&roi, &poses, &table, bvh, args.seed);
     let problem = |frames: usize| {
         // Trees of their own: frames that share one would be cast once.
-        let frames = (0..frames).map(|_| Arc::new(Bvh::clone(bvh))).collect();
+        let frames: Vec<_> = (0..frames).map(|_| Arc::new(Bvh::clone(bvh))).collect();
         Arc::new(Problem::new(roi, content.clone(), table.clone(), frames, true))
     };
     let (one, three) = (problem(1), problem(3));
@@ -276,6 +276,40 @@ fn placements(args: &Args, bvh: &Arc<Bvh>) -> Vec<Value> {
     values
 }
 
+/// Scores of a batch in more and more frames, all with the same tree seen from further along the street, and
+/// the bytes that they take.
+fn frames(args: &Args, bvh: &Arc<Bvh>) -> Vec<Value> {
+    let (roi, table) = (setup::roi(0.2), setup::table(720));
+    let counts = [1, 2, 4, 8, 16, 32, 64];
+    let batch = setup::placements(11, 0.1, args.seed);
+    let poses = setup::poses(&batch, &roi);
+    let content = Arc::new(setup::content(&roi, &poses, &table, bvh, args.seed));
+    let frame = |t: usize| {
+        let at = DVec3::new(-0.5 * t as f64, 0.0, 0.0);
+        let ego_from_instance = Pose::new(at, 0.0, 0.0, 0.0);
+        let instance = Instance { tree: bvh.clone(), ego_from_instance, first_prim: 0 };
+        Arc::new(Frame::new([instance]))
+    };
+    let problem = |frames: usize| {
+        let world = World::new((0..frames).map(frame).collect());
+        Arc::new(Problem::new(roi, content.clone(), table.clone(), world, true))
+    };
+    let problems = counts.map(problem);
+    let bytes = problems.each_ref().map(|problem| problem.bytes() as f64);
+    let mut ways: Vec<Timed<'_>> = Vec::new();
+    for problem in &problems {
+        let (batch, mut backend) = (&batch, CpuBackend::new(problem.clone(), MEMORY));
+        ways.push(Box::new(move || seconds(|| assert!(backend.tally(batch, RANGE).is_ok()))));
+    }
+    let y = medians(args.rounds, &mut ways);
+    let x = counts.map(|n| n as f64);
+    println!("  bytes of geometry and content: {bytes:?} in {counts:?} frames");
+    vec![
+        series("whole score", "frames", &x, &y),
+        json!({ "cost": "memory", "against": "frames", "x": x, "bytes": bytes }),
+    ]
+}
+
 fn main() {
     let args = Args::parse();
     println!("medians of {} rounds in turns; only the course counts", args.rounds);
@@ -283,6 +317,7 @@ fn main() {
     let mut values = triangles(&args);
     values.extend(beams_and_voxels(&args, &bvh));
     values.extend(placements(&args, &bvh));
+    values.extend(frames(&args, &bvh));
     if let Some(path) = &args.json {
         std::fs::write(path, format!("{:#}\n", Value::from(values))).unwrap();
     }

@@ -22,7 +22,7 @@ use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::engine::gpu::GpuBackend;
 use sightline::internals::{
-    BitOrder, Bvh, Hit, WalkScratch, cast_closest, cast_packets, cover_sensor, cover_voxels, reduce,
+    BitOrder, Bvh, Hit, WalkScratch, cast_closest, cover_sensor, cover_voxels, reduce,
 };
 use sightline::problem::{Problem, Tally};
 use sightline::vehicle::Placement;
@@ -251,7 +251,7 @@ fn run(args: &Args, triangles: usize) -> Value {
     for round in 0..args.rounds + 1 {
         let want =
             single.time(few_poses.len() * beams, || cast_closest(few_poses, &table, &bvh, RANGE));
-        packets.time(poses.len() * beams, || cast_packets(&poses, &table, &bvh, RANGE, &mut hits));
+        packets.time(poses.len() * beams, || setup::cast(&poses, &table, &bvh, &mut hits));
         assert!(same_bits(&want, &hits), "the hits differ");
         let found = hits.iter().filter(|hit| hit.is_hit()).count();
         for rival in [&mut embree, &mut open3d, &mut trimesh] {

@@ -155,6 +155,14 @@ fn check_scene<E: std::fmt::Display>(scene: Result<Scene, E>) {
         assert!(soup.faces.as_flattened().iter().all(|&v| v < vertices));
         assert!(soup.face_class.iter().all(|&c| usize::from(c) < scene.classes().len()));
         assert_eq!(soup.faces.len(), soup.face_class.len());
+        assert_eq!(soup.face_class, scene.face_classes(EgoBody::Include));
+        let finite =
+            |p: &sightline::geom::Pose| p.translation.is_finite() && p.rotation.is_finite();
+        assert!(scene.part_poses(t).iter().all(finite));
+    }
+    for part in 0..scene.part_count() {
+        let soup = scene.part(part);
+        assert!(soup.vertices.as_flattened().iter().all(|v| v.is_finite()));
     }
 }
 

@@ -1,16 +1,17 @@
-// cast_closest: one invocation casts one beam and stores its closest hit.
+// cast_closest: one invocation casts one beam into all instances in reach and stores its closest hit.
 //
-// CPU twin   src/cast/reference.rs::cast_closest, over Bvh::closest_hit in the same file (a binary
+// CPU twin   src/cast/reference.rs::cast_frame_closest, over Bvh::closer_hit in the same file (a binary
 //            tree; the hit does not depend on the tree, see src/bvh/mod.rs)
-// Reads      poses[sensors], directions[direction_count], nodes (the root first; every bit in
-//            src/bvh/bvh4.rs), triangles
+// Reads      instances[spans[sensor].x .. spans[sensor].y], directions[direction_count], nodes (of all
+//            trees; every bit in src/bvh/bvh4.rs), triangles
 // Writes     hits[sensors × direction_count], every element; counters[0] += beams out of steps (their
 //            prim is UNFINISHED, the host casts them), counters[1 + sensor] += hits
 // Dispatch   (ceil(direction_count / WORKGROUP_SIZE), sensors), x spilling into z; spare invocations
 //            only help to count
 // Prelude    WORKGROUP_SIZE, NO_HIT, UNFINISHED, STEP_BUDGET, TRIANGLE_ITEM, FAR, TREE_STACK (printed
 //            from src/engine/gpu/layout.rs)
-// Numerics   f32, no transcendental functions, no infinities; equal distances go to the lower prim
+// Numerics   f32, no transcendental functions, no infinities; equal distances go to the lower prim of the
+//            frame, first_prim and the tree's own number together
 
 struct Node {
     corner: vec3<f32>,
@@ -33,6 +34,19 @@ struct Triangle {
     pad2: u32,
 }
 
+// A tree and where a sensor stands in its frame; 80 bytes.
+struct Instance {
+    row_x: vec4<f32>,
+    row_y: vec4<f32>,
+    row_z: vec4<f32>,
+    center: vec3<f32>,
+    radius: f32,
+    least_square: f32,
+    pad: f32,
+    root: u32,
+    first_prim: u32,
+}
+
 struct Ray {
     origin: vec3<f32>,
     direction: vec3<f32>,
@@ -42,14 +56,17 @@ struct Ray {
 }
 
 @group(0) @binding(0) var<uniform> uniforms: Uniforms;
-@group(0) @binding(1) var<storage, read> poses: array<DevicePose>;
-@group(0) @binding(2) var<storage, read> directions: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read> nodes: array<Node>;
-@group(0) @binding(4) var<storage, read> triangles: array<Triangle>;
-@group(0) @binding(5) var<storage, read_write> hits: array<Hit>;
-@group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
+@group(0) @binding(1) var<storage, read> instances: array<Instance>;
+@group(0) @binding(2) var<storage, read> spans: array<vec2<u32>>;
+@group(0) @binding(3) var<storage, read> directions: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> nodes: array<Node>;
+@group(0) @binding(5) var<storage, read> triangles: array<Triangle>;
+@group(0) @binding(6) var<storage, read_write> hits: array<Hit>;
+@group(0) @binding(7) var<storage, read_write> counters: array<atomic<u32>>;
 
 var<workgroup> hit_count: atomic<u32>;
+// Loop steps of this invocation so far, over instances and nodes.
+var<private> steps: u32;
 
 fn safe_inverse(d: f32) -> f32 {
     if d == 0.0 {
@@ -96,7 +113,7 @@ fn slab(ray: Ray, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
 }
 
 // The better of `best` and the hit of one triangle (Woop, Benthin, Wald 2013).
-fn intersect(ray: Ray, triangle: Triangle, best: Hit) -> Hit {
+fn intersect(ray: Ray, triangle: Triangle, pad: f32, first_prim: u32, best: Hit) -> Hit {
     let a = permute(triangle.a - ray.origin, ray.major);
     let b = permute(triangle.b - ray.origin, ray.major);
     let c = permute(triangle.c - ray.origin, ray.major);
@@ -117,7 +134,7 @@ fn intersect(ray: Ray, triangle: Triangle, best: Hit) -> Hit {
     let high = max(max(triangle.a, triangle.b), triangle.c);
     var inside = slab(ray, low, high);
     if inside.x > inside.y {
-        inside = slab(ray, low - uniforms.pad, high + uniforms.pad);
+        inside = slab(ray, low - pad, high + pad);
     }
     if inside.x > inside.y {
         return best;
@@ -133,8 +150,9 @@ fn intersect(ray: Ray, triangle: Triangle, best: Hit) -> Hit {
         return best;
     }
     let t = min(max(quotient, inside.x), inside.y);
-    if t > 0.0 && (t < best.t || (t == best.t && triangle.prim < best.prim)) {
-        return Hit(t, triangle.prim);
+    let prim = first_prim + triangle.prim;
+    if t > 0.0 && (t < best.t || (t == best.t && prim < best.prim)) {
+        return Hit(t, prim);
     }
     return best;
 }
@@ -164,25 +182,24 @@ fn enter_children(ray: Ray, node: Node, limit: f32) -> vec4<f32> {
     return select(vec4(FAR), enter, enter <= leave & node.children != vec4(0u));
 }
 
-fn closest_hit(ray: Ray) -> Hit {
-    var best = Hit(uniforms.range, NO_HIT);
-    if uniforms.node_count == 0u {
-        return best;
-    }
+// The better of `held` and the closest hit in one tree; UNFINISHED out of steps.
+fn closer_hit(ray: Ray, root: u32, pad: f32, first_prim: u32, held: Hit) -> Hit {
+    var best = held;
     var stack: array<u32, TREE_STACK>;
+    stack[0] = root;
     var depth = 1u;
     // Two loops: the lanes of a vector find their next triangles together, then test them together.
-    for (var step = 0u; step < STEP_BUDGET; step += 2u) {
+    for (; steps < STEP_BUDGET; steps += 2u) {
         if depth == 0u {
             return best;
         }
         depth--;
         var item = stack[depth];
         loop {
-            if (item >= TRIANGLE_ITEM) | (step >= STEP_BUDGET) {
+            if (item >= TRIANGLE_ITEM) | (steps >= STEP_BUDGET) {
                 break;
             }
-            step++;
+            steps++;
             // The nearest child is next; the others go onto the stack, the lower pair last.
             let node = nodes[item];
             let enter = enter_children(ray, node, best.t);
@@ -210,9 +227,43 @@ fn closest_hit(ray: Ray) -> Hit {
                 item = stack[depth];
             }
         }
-        best = intersect(ray, triangles[item ^ TRIANGLE_ITEM], best);
+        best = intersect(ray, triangles[item ^ TRIANGLE_ITEM], pad, first_prim, best);
     }
     return Hit(0.0, UNFINISHED);
+}
+
+// Whether the beam surely meets nothing of an instance up to its best hit, see src/cast/sight.rs (why no hit is lost).
+fn misses(instance: Instance, direction: vec3<f32>, limit: f32) -> bool {
+    let along = dot_in_order(instance.center, direction);
+    return (along < -instance.radius) | (along - instance.radius > limit)
+        | (along * along < instance.least_square);
+}
+
+// The closest hit of a beam in the instances first to end - 1.
+fn closest_hit(direction: vec3<f32>, span: vec2<u32>) -> Hit {
+    var best = Hit(uniforms.range, NO_HIT);
+    for (var k = span.x; k < span.y; k++) {
+        steps++;
+        if steps >= STEP_BUDGET {
+            return Hit(0.0, UNFINISHED);
+        }
+        let instance = instances[k];
+        if misses(instance, direction, best.t) {
+            continue;
+        }
+        let origin = vec3(instance.row_x.w, instance.row_y.w, instance.row_z.w);
+        let towards = vec3(
+            turned(instance.row_x, direction),
+            turned(instance.row_y, direction),
+            turned(instance.row_z, direction),
+        );
+        let ray = new_ray(origin, towards);
+        best = closer_hit(ray, instance.root, instance.pad, instance.first_prim, best);
+        if best.prim == UNFINISHED {
+            return best;
+        }
+    }
+    return best;
 }
 
 @compute @workgroup_size(WORKGROUP_SIZE)
@@ -224,9 +275,7 @@ fn cast_closest(
     let sensor = group.y;
     let beam = (group.z * groups.x + group.x) * WORKGROUP_SIZE + local;
     if beam < uniforms.direction_count {
-        let pose = poses[sensor];
-        let ray = new_ray(beam_origin(pose), beam_direction(pose, directions[beam].xyz));
-        let hit = closest_hit(ray);
+        let hit = closest_hit(directions[beam].xyz, spans[sensor]);
         hits[sensor * uniforms.direction_count + beam] = hit;
         if hit.prim == UNFINISHED {
             atomicAdd(&counters[0], 1u);

@@ -95,7 +95,7 @@ pub mod internals {
     pub use crate::bvh::{Bvh, Hit, NO_HIT, Ray, major_axis};
     pub use crate::cast::{
         Casting, FAN_DIRECTIONS, Fan, PACKET_RAYS, Packet, PacketHits, Scratch, cast_closest,
-        cast_packets, cast_packets_by,
+        cast_frame, cast_frame_closest, cast_packets, cast_packets_by,
     };
     pub use crate::chart::measure::{Measured, PoseCost};
     pub use crate::chart::ranking::{Interval, RankingError};
@@ -113,7 +113,6 @@ pub mod internals {
     };
     pub use crate::geom::aabb::Aabb;
     pub use crate::memory::{available_memory, may_fail};
-    pub use crate::problem::assemble::shared_trees;
     pub use crate::problem::beam::beam_direction;
     pub use crate::problem::pose::DevicePose;
     pub use crate::psog::entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, fixed, to_nats};
@@ -154,6 +153,6 @@ pub mod internals {
     pub use crate::vehicle::pose_grid::{PoseGrid, PoseGridError, Spacing};
     pub use crate::vehicle::random::random_placements_by_the_rules;
     pub use crate::verify::compare::{Differences, compared_frames};
-    pub use crate::verify::oracle::{Agreement, EDGE_TOLERANCE, Explanation, explain};
+    pub use crate::verify::oracle::{Agreement, EDGE_TOLERANCE, Explanation, explain, explain_in};
     pub use crate::verify::placements::hostile_placements;
 }

@@ -88,7 +88,7 @@ pub fn random_problem(seed: u64, ends_at_hits: bool) -> Arc<Problem> {
     let roi = Roi::new([-6.0, -5.0, -3.25], [0.5, 0.5, 0.5], [24, 20, 13]).expect("a valid grid");
     let channels: Vec<(f64, f64)> = (0..7).map(|k| (-30.0 + 10.0 * f64::from(k), 0.3)).collect();
     let table = BeamTable::spinning(&channels, 45, 12.0).expect("a valid sensor");
-    let frames =
+    let frames: Vec<_> =
         (0..2).map(|t| Arc::new(Bvh::build(&random_soup(seed + t, 300, 6.0), 12.0))).collect();
     let content = random_content(seed + 2, &roi);
     Arc::new(Problem::new(roi, content, table, frames, ends_at_hits))

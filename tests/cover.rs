@@ -2,7 +2,8 @@
 
 use glam::{DVec3, Vec3};
 use sightline::engine::Backend;
-use sightline::internals::{DevicePose, NO_HIT, beam_direction, cast_closest};
+use sightline::geom::Pose;
+use sightline::internals::{DevicePose, NO_HIT, beam_direction, cast_frame_closest};
 use sightline::psog::Roi;
 
 use crate::common::{cpu, random_placements, random_problem};
@@ -40,8 +41,9 @@ fn coverage_agrees_with_a_slab_test_of_every_voxel() {
             let poses: Vec<DevicePose> =
                 placement.lidars.iter().map(|l| DevicePose::new(l, roi)).collect();
             let table = problem.table();
-            let bvh = problem.geometry(0).unwrap();
-            let hits = cast_closest(&poses, table, bvh, table.range());
+            let sensors: Vec<Pose> = placement.lidars.iter().map(|l| l.ego_from_sensor()).collect();
+            let frame = problem.geometry(0).unwrap();
+            let hits = cast_frame_closest(&sensors, table, frame, table.range());
             let mut beams = Vec::new();
             for (pose, row) in poses.iter().zip(hits.chunks(table.directions().len())) {
                 for (&direction, hit) in table.directions().iter().zip(row) {

@@ -47,7 +47,7 @@ fn problems() -> [Arc<Problem>; 2] {
     let shared = Problem::from_scene(&scene, &psog, table.clone(), &[0, 1, 2, 3, 4]).unwrap();
     let tree = |t| Arc::new(Bvh::build(&scene.frame(t, EgoBody::Include), shared.far_range()));
     let content = shared.content().clone();
-    let single = Problem::new(roi, content, table, (0..5).map(tree).collect(), true);
+    let single = Problem::new(roi, content, table, (0..5).map(tree).collect::<Vec<_>>(), true);
     [Arc::new(shared), Arc::new(single)]
 }
 

@@ -5,9 +5,10 @@ use std::sync::Arc;
 use glam::DVec3;
 use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
+use sightline::geom::Pose;
 use sightline::internals::{
-    BitOrder, Bvh, DevicePose, WalkScratch, cast_closest, cast_packets, cover_sensor, cover_voxels,
-    hostile_placements, reduce,
+    BitOrder, Bvh, DevicePose, Hit, WalkScratch, cast_frame, cast_frame_closest, cover_sensor,
+    cover_voxels, hostile_placements, reduce,
 };
 use sightline::problem::Problem;
 use sightline::psog::Roi;
@@ -24,13 +25,16 @@ fn compare(problem: &Arc<Problem>, placements: &[Placement], range: f32) -> u64 
     let words = linear.words();
     let poses: Vec<DevicePose> =
         placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect();
+    let lidars = placements.iter().flat_map(|p| &p.lidars);
+    let sensors: Vec<Pose> = lidars.map(|l| l.ego_from_sensor()).collect();
     let mut want = Vec::new();
     for frame in 0..problem.frame_count() {
-        let bvh = problem.geometry(frame).filter(|_| problem.ends_at_hits());
-        let hits = bvh.map(|bvh| cast_closest(&poses, table, bvh, range));
-        if let (Some(bvh), Some(hits)) = (bvh, &hits) {
-            let mut fast = Vec::new();
-            cast_packets(&poses, table, bvh, range, &mut fast);
+        let geometry = problem.geometry(frame).filter(|_| problem.ends_at_hits());
+        let hits = geometry.map(|frame| cast_frame_closest(&sensors, table, frame, range));
+        if let (Some(frame), Some(hits)) = (geometry, &hits) {
+            // What was there before must not shine through.
+            let mut fast = vec![Hit { t: f32::NAN, prim: 77 }; 5000];
+            cast_frame(&sensors, table, frame, range, &mut fast);
             assert!(fast.iter().zip(hits).all(|(a, b)| a.t.to_bits() == b.t.to_bits()));
             assert!(fast.iter().zip(hits).all(|(a, b)| a.prim == b.prim));
         }

@@ -155,7 +155,7 @@ fn two_million_triangles_are_hit_where_brute_force_says() {
     let hits = cpu.hits(&placement.lidars, 0).unwrap();
     assert!(hits.iter().filter(|hit| hit.is_hit()).count() > hits.len() / 2);
     assert_eq!(bits(&hits), bits(&gpu.hits(&placement.lidars, 0).unwrap()));
-    let bvh = problem.geometry(0).unwrap();
+    let bvh = &problem.geometry(0).unwrap().instances()[0].tree;
     // As the backends round it.
     let pose = DevicePose::new(&placement.lidars[0], problem.roi());
     let origin = Vec3::from(pose.rows.map(|row| row[3]));

@@ -29,6 +29,7 @@ mod common;
 mod cover;
 #[cfg(feature = "gpu")]
 mod equal_frames;
+mod far;
 mod fast_stages;
 #[cfg(feature = "gpu")]
 mod gpu_cast_closest;
@@ -57,3 +58,4 @@ mod optimize;
 mod own_scenes;
 mod packets;
 mod reference;
+mod world;

@@ -29,7 +29,7 @@ fn problem() -> Arc<Problem> {
         ..Constraints::default()
     };
     let content = random_content(9, &roi);
-    let problem = Problem::new(roi, content, table, frames.collect(), true);
+    let problem = Problem::new(roi, content, table, frames.collect::<Vec<_>>(), true);
     Arc::new(problem.with_constraints(constraints))
 }
 

@@ -106,7 +106,7 @@ impl Own {
         let detection: Vec<u16> = self.scene.detection_among(psog.classes());
         let content = sightline::problem::Content::from_psog(&psog, &detection);
         let far = self.problem.far_range();
-        let frames = soups.iter().map(|soup| Arc::new(Bvh::build(soup, far))).collect();
+        let frames: Vec<_> = soups.iter().map(|soup| Arc::new(Bvh::build(soup, far))).collect();
         let problem = Problem::new(roi, content, table, frames, self.problem.ends_at_hits());
         let mut constraints = self.constraints.clone();
         // y, roll and yaw change their sign.

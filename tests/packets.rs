@@ -90,11 +90,26 @@ fn packets_give_the_bits_of_single_beams() {
                     let want = cast_closest(&poses, &table, &bvh, range);
                     let ways = [Casting::Beams, Casting::Mixed, Casting::Fans].map(Some);
                     for way in ways.into_iter().chain([None]) {
-                        // What was there before must not shine through.
-                        let mut got = vec![Hit { t: f32::NAN, prim: 77 }; 5000];
-                        cast_packets_by(way, &poses, &table, &bvh, range, &mut got);
+                        let mut got = vec![Hit::none(range); want.len()];
+                        cast_packets_by(way, &poses, &table, &bvh, 0, range, &mut got);
                         let faces = soup.faces.len();
                         assert!(bits(&got) == bits(&want), "{way:?}, {faces} triangles");
+                        // Again, numbered from 7 on: every hit is there already, with a lower number.
+                        cast_packets_by(way, &poses, &table, &bvh, 7, range, &mut got);
+                        assert!(bits(&got) == bits(&want), "{way:?}, {faces} triangles twice");
+                        // And the other way round: equal distances go to the lower numbers.
+                        got.fill(Hit::none(range));
+                        cast_packets_by(way, &poses, &table, &bvh, 7, range, &mut got);
+                        let moved = got
+                            .iter()
+                            .zip(&want)
+                            .filter(|(a, b)| a.is_hit() && a.prim != b.prim + 7);
+                        assert_eq!(moved.count(), 0, "{way:?}, {faces} triangles");
+                        cast_packets_by(way, &poses, &table, &bvh, 0, range, &mut got);
+                        assert!(
+                            bits(&got) == bits(&want),
+                            "{way:?}, {faces} triangles before others"
+                        );
                     }
                     beams += want.len();
                     found += want.iter().filter(|h| h.is_hit()).count();

@@ -9,12 +9,10 @@ struct Uniforms {
     voxel: vec3<f32>,
     range: f32,
     bitmap_words: u32,
-    node_count: u32,
-    pad: f32,
     occupied_count: u32,
     class_count: u32,
     ends_at_hits: u32,
-    spare: vec2<u32>,
+    spare: vec4<u32>,
 }
 
 struct DevicePose {

@@ -73,6 +73,15 @@ impl Bvh4 {
         Self { nodes: collapse(bvh).iter().map(QuantizedNode::new).collect() }
     }
 
+    /// Counts nodes and triangles from others on: where several trees lie in one buffer.
+    pub fn move_to(&mut self, first_node: u32, first_triangle: u32) {
+        for child in self.nodes.iter_mut().flat_map(|node| &mut node.children) {
+            if *child != 0 {
+                *child += if *child < TRIANGLE { first_node } else { first_triangle };
+            }
+        }
+    }
+
     /// Entries that a traversal stack needs: three of the four children of each node on a path.
     pub fn stack(&self) -> usize {
         let mut depth = vec![1; self.nodes.len()];

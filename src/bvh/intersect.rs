@@ -18,11 +18,16 @@ pub const FAR_INVERSE: f32 = 1e20;
 pub struct Hit {
     /// Metres along the unit direction; the ray's `t_max` when nothing was hit.
     pub t: f32,
-    /// Face index in the soup, or [`NO_HIT`].
+    /// Face index in the frame, or [`NO_HIT`].
     pub prim: u32,
 }
 
 impl Hit {
+    /// Nothing within `t_max` metres.
+    pub fn none(t_max: f32) -> Self {
+        Self { t: t_max, prim: NO_HIT }
+    }
+
     /// Whether a triangle was hit.
     pub fn is_hit(&self) -> bool {
         self.prim != NO_HIT
@@ -69,12 +74,13 @@ impl Ray {
         (near.x.max(near.y).max(near.z).max(0.0), far.x.min(far.y).min(far.z))
     }
 
-    /// Replaces `best` if the triangle is hit closer, or equally close with a lower id.
+    /// Replaces `best` if the triangle is hit closer, or equally close with a lower id; the triangles of
+    /// the tree are numbered from `first_prim` on.
     ///
     /// Woop, Benthin, Wald: "Watertight ray/triangle intersection", JCGT 2013: the edge function of
     /// a shared edge is the same number for both neighbours but for its sign, so no ray passes
     /// between them. Departure: the distance comes from the triangle's plane, clamped to its box (see the module).
-    pub(crate) fn intersect(&self, triangle: &Triangle, pad: f32, best: &mut Hit) {
+    pub(crate) fn intersect(&self, triangle: &Triangle, pad: f32, first_prim: u32, best: &mut Hit) {
         let a = permute(Vec3::from(triangle.a) - self.origin, self.major);
         let b = permute(Vec3::from(triangle.b) - self.origin, self.major);
         let c = permute(Vec3::from(triangle.c) - self.origin, self.major);
@@ -114,8 +120,9 @@ impl Ray {
             return;
         }
         let t = quotient.max(enter).min(leave);
-        if t > 0.0 && (t < best.t || (t == best.t && triangle.prim < best.prim)) {
-            *best = Hit { t, prim: triangle.prim };
+        let prim = first_prim + triangle.prim;
+        if t > 0.0 && (t < best.t || (t == best.t && prim < best.prim)) {
+            *best = Hit { t, prim };
         }
     }
 }

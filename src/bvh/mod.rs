@@ -1,4 +1,4 @@
-//! Bounding volume hierarchy over one frame's triangles, and the tests of a ray with its parts.
+//! Bounding volume hierarchy over the triangles of one rigid thing, and the tests of a ray with its parts.
 //!
 //! Built once on the host as a binary tree with a binned surface-area heuristic (Wald 2007), which the
 //! reference goes down. Devices and packets go down copies of it with four and eight children a node.
@@ -25,10 +25,8 @@ pub(crate) use intersect::{axes_of, safe_inverse};
 pub(crate) use build::PAD_SHARE;
 #[cfg(feature = "gpu")]
 pub(crate) use bvh4::Bvh4;
-#[cfg(all(test, feature = "gpu"))]
-pub(crate) use bvh4::QuantizedNode;
 #[cfg(feature = "gpu")]
-pub(crate) use bvh4::TRIANGLE;
+pub(crate) use bvh4::{QuantizedNode, TRIANGLE};
 pub use intersect::{Hit, NO_HIT, Ray, major_axis};
 pub use node::{MAX_DEPTH, Node, Triangle};
 pub use tree::Bvh;

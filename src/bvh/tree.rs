@@ -1,10 +1,10 @@
-//! A frame's triangles under their trees, and the check that the binary one is sound.
+//! A rigid thing's triangles under their trees, and the check that the binary one is sound.
 
 use super::bvh8::Bvh8;
 use super::node::{MAX_DEPTH, Node, Triangle};
 use crate::geom::Aabb;
 
-/// Triangles of one frame under a flat binary tree; node 0 is the root.
+/// Triangles of one rigid thing under a flat binary tree; node 0 is the root.
 #[derive(Debug, Clone)]
 pub struct Bvh {
     /// Nodes, siblings adjacent; empty when there are no triangles.
@@ -59,6 +59,11 @@ impl Bvh {
             bounds.grow(corner.into());
         }
         Aabb { min: bounds.min - pad, max: bounds.max + pad }
+    }
+
+    /// The padded box of all triangles; none where there are none.
+    pub fn bounds(&self) -> Option<Aabb> {
+        self.nodes.first().map(|root| Aabb { min: root.min.into(), max: root.max.into() })
     }
 
     /// Bytes of the triangles, the binary and the eight-wide tree.

@@ -6,8 +6,10 @@ use super::fan_blocks::blocks;
 use super::groups::equal_rotations;
 use super::mixed::mixed_tasks;
 use super::reference::cast_rows;
-use crate::bvh::{Bvh, Hit, NO_HIT};
-use crate::problem::DevicePose;
+use super::sight::Sight;
+use crate::bvh::{Bvh, Hit};
+use crate::geom::Pose;
+use crate::problem::{DevicePose, Frame};
 use crate::vehicle::BeamTable;
 
 /// Sensors of one rotation from which on their beams go in fans. Fans of 32 sensors cost about half
@@ -16,6 +18,9 @@ const FAN_SENSORS: usize = 32;
 /// Triangles a beam above which beams go down the tree alone: few beams among many triangles share
 /// hardly a node.
 const LONE_TRIANGLES: usize = 25;
+
+/// Triangles below which sorting beams takes longer than casting them.
+const SMALL: usize = 64;
 
 /// A way to find closest hits; each gives the same bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,20 +33,39 @@ pub enum Casting {
     Fans,
 }
 
-/// [`super::cast_closest`] with the beams of many sensors in packets: the same bits.
+/// Closest hits of all beams in a frame, with the bits of [`super::cast_frame_closest`]: instance after
+/// instance, each replacing the hits that it is closer to. `hits` becomes `[sensors × directions]`.
+pub fn cast_frame(
+    sensors: &[Pose],
+    table: &BeamTable,
+    frame: &Frame,
+    range: f32,
+    hits: &mut Vec<Hit>,
+) {
+    hits.clear();
+    hits.resize(sensors.len() * table.directions().len(), Hit::none(range));
+    for instance in frame.instances() {
+        let poses: Vec<DevicePose> = sensors.iter().map(|s| instance.pose_of(s)).collect();
+        cast_packets(&poses, table, &instance.tree, instance.first_prim, range, hits);
+    }
+}
+
+/// Replaces the hits of many sensors' beams, `[poses × directions]`, by closer ones among the triangles of
+/// one tree, which are numbered from `first_prim` on; no hit lies beyond `range`.
 ///
 /// Sensors that share their rotation with at least 31 others are cast in fans: neighbouring
 /// directions from origins that lie side by side go down the tree together. The beams of all others
 /// are sorted by where they are likely to end, and cut into packets in that order, or go alone where
-/// there are more than 25 triangles a beam. `hits` becomes `[poses × directions]`.
+/// there are more than 25 triangles a beam, and where the tree is seen from outside.
 pub fn cast_packets(
     poses: &[DevicePose],
     table: &BeamTable,
     bvh: &Bvh,
+    first_prim: u32,
     range: f32,
-    hits: &mut Vec<Hit>,
+    hits: &mut [Hit],
 ) {
-    cast_packets_by(None, poses, table, bvh, range, hits);
+    cast_packets_by(None, poses, table, bvh, first_prim, range, hits);
 }
 
 /// [`cast_packets`] in one way for all beams, to compare the ways.
@@ -50,11 +74,11 @@ pub fn cast_packets_by(
     poses: &[DevicePose],
     table: &BeamTable,
     bvh: &Bvh,
+    first_prim: u32,
     range: f32,
-    hits: &mut Vec<Hit>,
+    hits: &mut [Hit],
 ) {
     let directions = table.directions();
-    hits.resize(poses.len() * directions.len(), Hit { t: range, prim: NO_HIT });
     let mut rows: Vec<Option<&mut [Hit]>> = hits.chunks_mut(directions.len()).map(Some).collect();
     let mut others = Vec::new();
     let mut in_fans = Vec::new();
@@ -64,16 +88,19 @@ pub fn cast_packets_by(
             .filter_map(|&sensor| Some((&poses[sensor], rows[sensor].take()?)))
             .collect();
         if way.map_or(rows.len() >= FAN_SENSORS, |way| way == Casting::Fans) {
-            in_fans.extend(blocks(rows, directions, bvh));
+            in_fans.extend(blocks(rows, directions, bvh, range));
         } else {
             others.extend(rows);
         }
     }
-    in_fans.into_par_iter().for_each(|mut block| block.cast(bvh, range));
-    let few = bvh.triangles.len() > LONE_TRIANGLES * others.len() * directions.len();
-    if way.map_or(few, |way| way == Casting::Beams) {
-        cast_rows(others, directions, bvh, range);
-    } else {
-        mixed_tasks(others, directions).into_par_iter().for_each(|mut task| task.cast(bvh, range));
-    }
+    in_fans.into_par_iter().for_each(|mut block| block.cast(bvh, first_prim, range));
+    let triangles = bvh.triangles.len();
+    let few = triangles > LONE_TRIANGLES * others.len() * directions.len() || triangles < SMALL;
+    let (alone, mixed): (Vec<_>, Vec<_>) = others.into_iter().partition(|(pose, _)| {
+        let apart = || Sight::new(pose, bvh, range).is_none_or(|sight| sight.is_apart());
+        way.map_or_else(|| few || apart(), |way| way == Casting::Beams)
+    });
+    cast_rows(alone, directions, bvh, first_prim, range);
+    let mixed = mixed_tasks(mixed, directions).into_par_iter();
+    mixed.for_each(|mut task| task.cast(bvh, first_prim, range));
 }

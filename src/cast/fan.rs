@@ -38,6 +38,8 @@ struct HitList {
     len: usize,
     /// Parts of the tree that are not in the list yet, by where rays enter them at the earliest.
     queue: BinaryHeap<Reverse<u64>>,
+    /// Number of the tree's first triangle.
+    first_prim: u32,
 }
 
 /// Up to eight triangles that the rays of a fan may hit.
@@ -53,7 +55,7 @@ impl Default for HitGroup {
     fn default() -> Self {
         Self {
             block: Block::EMPTY,
-            triangles: [PermutedTriangle::new(&Triangle::zeroed(), [0; 3]); WIDTH],
+            triangles: [PermutedTriangle::new(&Triangle::zeroed(), [0; 3], 0); WIDTH],
             enter: 0.0,
         }
     }
@@ -101,16 +103,35 @@ impl Bvh {
         t_max: f32,
         hits: &mut [PacketHits],
     ) {
-        if directions.is_empty() {
-            return;
-        }
         for hits in &mut hits[..directions.len()] {
             hits.t = [[t_max; CHUNK]; CHUNKS];
             hits.prim = [[NO_HIT; CHUNK]; CHUNKS];
         }
-        if !self.bvh8.nodes.is_empty() {
+        self.closer_hits_of_fan(fan, directions, 0, t_max, hits);
+    }
+
+    /// Replaces the hits by closer ones, as [`Self::closer_hit`] does; none of them lies beyond `t_max`.
+    pub(crate) fn closer_hits_of_fan(
+        &self,
+        fan: &mut Fan,
+        directions: &[Vec3],
+        first_prim: u32,
+        t_max: f32,
+        hits: &mut [PacketHits],
+    ) {
+        if !directions.is_empty() && !self.bvh8.nodes.is_empty() {
+            fan.list.first_prim = first_prim;
             cast(&self.bvh8, &self.triangles, self.pad, fan, directions, t_max, hits);
         }
+    }
+
+    /// Whether a ray of a fan may meet the tree at all.
+    pub(crate) fn fan_meets(&self, fan: &Fan, directions: &[Vec3], t_max: f32) -> bool {
+        self.bvh8.nodes.first().is_some_and(|root| {
+            let shaft = FanRanges::new(&fan.across, directions, t_max).bounds(self.pad);
+            let (near, far) = shaft.slabs(&root.planes);
+            near.iter().zip(far).any(|(near, far)| *near <= far)
+        })
     }
 }
 
@@ -147,6 +168,11 @@ fn cast(
             inverse: [&inverse[0], &inverse[1], &inverse[2]],
             shear: [&shear[0], &shear[1]],
         };
+        // Hits that were there before end what has to be looked at.
+        let held = hits.t.iter().zip(&origin[ranges.axes[2]]).take(filled);
+        for (chunk, (t, origin)) in held.enumerate() {
+            bounds.update_farthest(chunk, t, origin);
+        }
         let mut farthest = bounds.farthest();
         let mut at = 0;
         loop {
@@ -248,7 +274,7 @@ impl HitList {
         if slot == 0 {
             open.enter = enter;
         }
-        open.triangles[slot] = PermutedTriangle::new(triangle, shaft.axes);
+        open.triangles[slot] = PermutedTriangle::new(triangle, shaft.axes, self.first_prim);
         open.block.set(slot, triangle);
         open.block.count += 1;
         if slot + 1 == WIDTH {

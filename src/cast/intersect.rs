@@ -31,16 +31,18 @@ pub(super) struct PermutedTriangle {
 }
 
 impl PermutedTriangle {
+    /// Its face is counted from `first_prim` on.
     #[inline(always)]
-    pub(super) fn new(triangle: &Triangle, axes: [usize; 3]) -> Self {
-        let Triangle { a, b, c, .. } = triangle;
+    pub(super) fn new(triangle: &Triangle, axes: [usize; 3], first_prim: u32) -> Self {
+        let &Triangle { ref a, ref b, ref c, prim, .. } = triangle;
         let at = |corner: &[f32; 3]| [corner[axes[0]], corner[axes[1]], corner[axes[2]]];
         let mut sides = [*a; 2];
         for k in 0..3 {
             sides[0][k] = least(least(a[k], b[k]), c[k]);
             sides[1][k] = most(most(a[k], b[k]), c[k]);
         }
-        Self { triangle: *triangle, corners: [at(a), at(b), at(c)], sides }
+        let triangle = Triangle { prim: first_prim + prim, ..*triangle };
+        Self { triangle, corners: [at(a), at(b), at(c)], sides }
     }
 }
 
@@ -204,7 +206,7 @@ impl<const PARALLEL: bool> Rays<'_, PARALLEL> {
             let [low, high] = triangle.sides;
             let (enter, leave) = ray.slab(low.into(), high.into());
             if enter > leave {
-                ray.intersect(&triangle.triangle, pad, &mut best);
+                ray.intersect(&triangle.triangle, pad, 0, &mut best);
                 (hits.t[chunk][i], hits.prim[chunk][i]) = (best.t, best.prim);
             }
         }

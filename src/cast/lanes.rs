@@ -39,6 +39,15 @@ impl PacketHits {
         Hit { t: self.t.as_flattened()[lane], prim: self.prim.as_flattened()[lane] }
     }
 
+    /// The way back of [`Self::by_ray`].
+    pub(super) fn of_rays(
+        by_ray: &[[Hit; FAN_DIRECTIONS]; CHUNK],
+        chunk: usize,
+        hits: &mut [Self],
+    ) {
+        transpose_back(by_ray, chunk, hits);
+    }
+
     /// Hits of a chunk's rays in [`FAN_DIRECTIONS`] directions, `[ray][direction]`.
     pub fn by_ray(hits: &[Self], chunk: usize, by_ray: &mut [[Hit; FAN_DIRECTIONS]; CHUNK]) {
         transpose(hits, chunk, by_ray);
@@ -58,13 +67,38 @@ fn transpose(hits: &[PacketHits], chunk: usize, by_ray: &mut [[Hit; FAN_DIRECTIO
     for (i, (t, prim)) in t.as_flattened().iter().zip(prim.as_flattened()).enumerate() {
         pairs[i] = u64::from(t.to_bits()) | u64::from(*prim) << 32;
     }
-    // Both halves in turn: as many times as a row's number has bits, that swaps rows and columns. Moving
-    // each to its place instead is compiled to scattered stores, which are slower.
     let mut other = [0_u64; CHUNK * FAN_DIRECTIONS];
-    shuffle(&pairs, &mut other);
-    shuffle(&other, &mut pairs);
-    shuffle(&pairs, &mut other);
+    swap(&mut pairs, &mut other);
     shuffle(&other, bytemuck::cast_mut(by_ray));
+}
+
+#[multiversion(targets(
+    "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
+    "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
+))]
+fn transpose_back(by_ray: &[[Hit; FAN_DIRECTIONS]; CHUNK], chunk: usize, hits: &mut [PacketHits]) {
+    let mut pairs = [0_u64; CHUNK * FAN_DIRECTIONS];
+    let mut other = [0_u64; CHUNK * FAN_DIRECTIONS];
+    for (pair, hit) in pairs.iter_mut().zip(by_ray.as_flattened()) {
+        *pair = u64::from(hit.t.to_bits()) | u64::from(hit.prim) << 32;
+    }
+    swap(&mut pairs, &mut other);
+    shuffle(&other, &mut pairs);
+    for (hits, pairs) in hits.iter_mut().zip(pairs.chunks_exact(CHUNK)) {
+        for (i, pair) in pairs.iter().enumerate() {
+            hits.t[chunk][i] = f32::from_bits(*pair as u32);
+            hits.prim[chunk][i] = (*pair >> 32) as u32;
+        }
+    }
+}
+
+/// Three of the four rounds that swap rows and columns: both halves in turn, as many times as a row's number
+/// has bits. Moving each to its place instead is compiled to scattered stores, which are slower.
+#[inline(always)]
+fn swap<const N: usize>(pairs: &mut [u64; N], other: &mut [u64; N]) {
+    shuffle(pairs, other);
+    shuffle(other, pairs);
+    shuffle(pairs, other);
 }
 
 #[inline(always)]

@@ -71,7 +71,8 @@ pub(super) fn mixed_tasks<'a>(
 }
 
 impl MixedTask<'_> {
-    pub(super) fn cast(&mut self, bvh: &Bvh, range: f32) {
+    /// Replaces the hits by closer ones among the triangles of a tree, numbered from `first_prim` on.
+    pub(super) fn cast(&mut self, bvh: &Bvh, first_prim: u32, range: f32) {
         let mut packet = Packet::default();
         let mut scratch = Scratch::default();
         let rows = self.pieces.iter().map(|piece| (piece.pose, piece.directions));
@@ -83,7 +84,11 @@ impl MixedTask<'_> {
                     let Piece { pose, directions, .. } = &self.pieces[piece];
                     (beam_origin(pose), beam_direction(pose, directions[beam]))
                 });
-                bvh.closest_hits(&mut packet, &mut scratch);
+                packet.set_hits(beams.iter().map(|beam| {
+                    let (piece, beam) = beam.of();
+                    self.pieces[piece].hits[beam]
+                }));
+                bvh.closer_hits(&mut packet, first_prim, &mut scratch);
                 for (beam, hit) in beams.iter().zip(packet.hits()) {
                     let (piece, beam) = beam.of();
                     self.pieces[piece].hits[beam] = hit;

@@ -15,11 +15,14 @@ mod mixed;
 mod packet;
 mod ranges;
 mod reference;
+mod sight;
 mod traverse;
 
-pub use batch::{Casting, cast_packets, cast_packets_by};
+pub use batch::{Casting, cast_frame, cast_packets, cast_packets_by};
 pub use fan::Fan;
 pub use lanes::{FAN_DIRECTIONS, PACKET_RAYS, PacketHits};
 pub use packet::Packet;
-pub use reference::cast_closest;
+pub(crate) use reference::closest_hit_in;
+pub use reference::{cast_closest, cast_frame_closest};
+pub(crate) use sight::Sight;
 pub use traverse::Scratch;

@@ -86,6 +86,18 @@ impl Packet {
         (0..self.len).map(|lane| self.hits.get(lane))
     }
 
+    /// The hits that are to be replaced by closer ones, in order; as many as rays.
+    pub(crate) fn set_hits(&mut self, hits: impl IntoIterator<Item = Hit>) {
+        let mut last = Hit::none(0.0);
+        let mut hits = hits.into_iter();
+        for lane in 0..CHUNK * self.chunks() {
+            // Lanes that are left over repeat the last ray.
+            last = hits.next().unwrap_or(last);
+            let (chunk, i) = (lane / CHUNK, lane % CHUNK);
+            (self.hits.t[chunk][i], self.hits.prim[chunk][i]) = (last.t, last.prim);
+        }
+    }
+
     /// The two axes of the shear, and the one of the largest component.
     pub(super) fn axes(&self) -> [usize; 3] {
         axes_of(self.major)

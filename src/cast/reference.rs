@@ -1,40 +1,77 @@
-//! Closest hits, a beam at a time through the binary tree: the specification.
+//! Closest hits, a beam at a time through the binary tree of each instance: the specification.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::bvh::{Bvh, Hit, MAX_DEPTH, NO_HIT, Ray};
-use crate::problem::{DevicePose, beam_direction, beam_origin};
+use super::sight::Sight;
+use crate::bvh::{Bvh, Hit, MAX_DEPTH, Ray};
+use crate::geom::Pose;
+use crate::problem::{DevicePose, Frame, beam_direction, beam_origin};
 use crate::vehicle::BeamTable;
 
 /// Beams of one parallel task.
 const BEAMS_PER_TASK: usize = 1024;
 
-/// Closest hit of every beam, ordered by sensor, then direction; `[poses × directions]`.
+/// Closest hit of every beam in a frame, ordered by sensor, then direction; `[sensors × directions]`.
+///
+/// Each instance is cast into in its own frame, and of all hits the closest counts; of equal distances,
+/// the lowest face index of the frame. `sensors` take sensor coordinates to the ego frame.
 ///
 /// CPU twin of `shaders/cast_closest.wgsl`.
-pub fn cast_closest(poses: &[DevicePose], table: &BeamTable, bvh: &Bvh, range: f32) -> Vec<Hit> {
-    let directions = table.directions();
-    let mut hits = vec![Hit { t: range, prim: NO_HIT }; poses.len() * directions.len()];
-    let rows = poses.iter().zip(hits.chunks_mut(directions.len())).collect();
-    cast_rows(rows, directions, bvh, range);
+pub fn cast_frame_closest(
+    sensors: &[Pose],
+    table: &BeamTable,
+    frame: &Frame,
+    range: f32,
+) -> Vec<Hit> {
+    let mut hits = vec![Hit::none(range); sensors.len() * table.directions().len()];
+    for instance in frame.instances() {
+        let poses: Vec<DevicePose> = sensors.iter().map(|s| instance.pose_of(s)).collect();
+        let rows = poses.iter().zip(hits.chunks_mut(table.directions().len())).collect();
+        cast_rows(rows, table.directions(), &instance.tree, instance.first_prim, range);
+    }
     hits
 }
 
-/// [`cast_closest`] of sensors with the hits of each; these may hold anything before.
+/// [`cast_frame_closest`] of one beam.
+pub(crate) fn closest_hit_in(frame: &Frame, sensor: &Pose, direction: [f32; 3], range: f32) -> Hit {
+    let mut hit = Hit::none(range);
+    for instance in frame.instances() {
+        let pose = instance.pose_of(sensor);
+        let ray = Ray::new(beam_origin(&pose), beam_direction(&pose, direction), range);
+        instance.tree.closer_hit(&ray, instance.first_prim, &mut hit);
+    }
+    hit
+}
+
+/// Closest hit of every beam among the triangles of one tree; `poses` lead to its frame.
+pub fn cast_closest(poses: &[DevicePose], table: &BeamTable, bvh: &Bvh, range: f32) -> Vec<Hit> {
+    let directions = table.directions();
+    let mut hits = vec![Hit::none(range); poses.len() * directions.len()];
+    let rows = poses.iter().zip(hits.chunks_mut(directions.len())).collect();
+    cast_rows(rows, directions, bvh, 0, range);
+    hits
+}
+
+/// Replaces the hits of sensors by closer ones among the triangles of a tree, numbered from `first_prim`
+/// on; no hit lies beyond `range`.
 pub(super) fn cast_rows(
     sensors: Vec<(&DevicePose, &mut [Hit])>,
     directions: &[[f32; 3]],
     bvh: &Bvh,
+    first_prim: u32,
     range: f32,
 ) {
     sensors.into_par_iter().for_each(|(pose, row)| {
+        let Some(sight) = Sight::new(pose, bvh, range) else { return };
         let origin = beam_origin(pose);
         let tasks = row.par_chunks_mut(BEAMS_PER_TASK).zip(directions.par_chunks(BEAMS_PER_TASK));
         tasks.for_each(|(row, directions)| {
             for (hit, &direction) in row.iter_mut().zip(directions) {
-                let ray = Ray::new(origin, beam_direction(pose, direction), range);
-                *hit = bvh.closest_hit(&ray);
+                if !sight.misses(direction, hit.t) {
+                    let ray = Ray::new(origin, beam_direction(pose, direction), hit.t);
+                    bvh.closer_hit(&ray, first_prim, hit);
+                }
             }
         });
     });
@@ -42,12 +79,19 @@ pub(super) fn cast_rows(
 
 impl Bvh {
     /// The closest hit with 0 < t ≤ `t_max`; equal distances go to the lowest face index.
-    ///
-    /// CPU twin of `shaders/cast_closest.wgsl`.
     pub fn closest_hit(&self, ray: &Ray) -> Hit {
-        let mut best = Hit { t: ray.t_max, prim: NO_HIT };
+        let mut best = Hit::none(ray.t_max);
+        self.closer_hit(ray, 0, &mut best);
+        best
+    }
+
+    /// Replaces `best` by the closest hit, if that is closer, or equally close with a lower face index;
+    /// faces are numbered from `first_prim` on.
+    ///
+    /// CPU twin of `closer_hit` in `shaders/cast_closest.wgsl`.
+    pub(crate) fn closer_hit(&self, ray: &Ray, first_prim: u32, best: &mut Hit) {
         if self.nodes.is_empty() {
-            return best;
+            return;
         }
         let mut stack = [0_u32; MAX_DEPTH];
         let mut depth = 0;
@@ -57,7 +101,7 @@ impl Bvh {
             if node.count > 0 {
                 let first = node.first as usize;
                 for triangle in &self.triangles[first..first + node.count as usize] {
-                    ray.intersect(triangle, self.pad, &mut best);
+                    ray.intersect(triangle, self.pad, first_prim, best);
                 }
             } else {
                 let left = node.first as usize;
@@ -80,7 +124,7 @@ impl Bvh {
                 }
             }
             if depth == 0 {
-                return best;
+                return;
             }
             depth -= 1;
             index = stack[depth] as usize;
@@ -89,9 +133,9 @@ impl Bvh {
 
     /// [`Self::closest_hit`] by testing every triangle: the definition that the tree must meet.
     pub fn closest_hit_brute_force(&self, ray: &Ray) -> Hit {
-        let mut best = Hit { t: ray.t_max, prim: NO_HIT };
+        let mut best = Hit::none(ray.t_max);
         for triangle in &self.triangles {
-            ray.intersect(triangle, self.pad, &mut best);
+            ray.intersect(triangle, self.pad, 0, &mut best);
         }
         best
     }

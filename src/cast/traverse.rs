@@ -32,8 +32,14 @@ impl Bvh {
     pub fn closest_hits(&self, packet: &mut Packet, scratch: &mut Scratch) {
         packet.hits.t = [[packet.t_max; CHUNK]; CHUNKS];
         packet.hits.prim = [[NO_HIT; CHUNK]; CHUNKS];
+        self.closer_hits(packet, 0, scratch);
+    }
+
+    /// Replaces the hits that a packet holds, as [`Self::closer_hit`] does; none of them lies beyond its
+    /// `t_max`.
+    pub(crate) fn closer_hits(&self, packet: &mut Packet, first_prim: u32, scratch: &mut Scratch) {
         if !self.bvh8.nodes.is_empty() {
-            traverse(&self.bvh8, &self.triangles, self.pad, packet, scratch);
+            traverse(&self.bvh8, &self.triangles, self.pad, first_prim, packet, scratch);
         }
     }
 }
@@ -46,6 +52,7 @@ fn traverse(
     bvh8: &Bvh8,
     triangles: &[Triangle],
     pad: f32,
+    first_prim: u32,
     packet: &mut Packet,
     scratch: &mut Scratch,
 ) {
@@ -80,7 +87,7 @@ fn traverse(
                     left &= left - 1;
                     let meets = chunks.chunks_that_hit(&bounds, block, slot);
                     let triangle = &triangles[block.first as usize + slot];
-                    let triangle = [PermutedTriangle::new(triangle, bounds.axes)];
+                    let triangle = [PermutedTriangle::new(triangle, bounds.axes, first_prim)];
                     hit |= rays.intersect(&triangle, pad, meets.into(), 0, inside, hits);
                 }
                 while hit != 0 {

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::exact_tree::ExactTree;
 use super::{ChartError, Fidelity, World, merge_vertices};
+use crate::geom::TriangleSoup;
 use crate::problem::{Content, Tally};
 use crate::psog::{ENTROPY_ONE, EntropyKind, EntropyTable, PUSH, Psog, Roi};
 use crate::scene::{EgoBody, Scene};
@@ -32,6 +33,19 @@ pub(super) struct Exact {
     occupied: Vec<(u64, [f64; 3])>,
 }
 
+/// The parts of a scene where they stand in a frame, in the ego frame.
+fn standing(parts: &[TriangleSoup], scene: &Scene, t: usize) -> TriangleSoup {
+    let mut soup = TriangleSoup::default();
+    for (part, pose) in parts.iter().zip(scene.part_poses(t)) {
+        let mut part = part.clone();
+        for vertex in &mut part.vertices {
+            *vertex = pose.apply(DVec3::from(vertex.map(f64::from))).as_vec3().to_array();
+        }
+        soup.append(&part);
+    }
+    soup
+}
+
 impl Exact {
     /// The scorer of a scene at a setting.
     ///
@@ -42,9 +56,13 @@ impl Exact {
         let scene = world.scene();
         let cell = fidelity.detail * psog.roi().voxel()[0];
         let frames = if fidelity.through { Vec::new() } else { world.frames(fidelity) };
-        let trees = frames
-            .into_par_iter()
-            .map(|t| ExactTree::build(&merge_vertices(&scene.frame(t, EgoBody::Include), cell)));
+        let merged = (0..scene.part_count()).filter(|_| cell > 0.0);
+        let merged: Vec<_> = merged.map(|k| merge_vertices(&scene.part(k), cell)).collect();
+        let trees = frames.into_par_iter().map(|t| {
+            let whole = || scene.frame(t, EgoBody::Include);
+            let soup = if merged.is_empty() { whole() } else { standing(&merged, scene, t) };
+            ExactTree::build(&soup)
+        });
         Ok(Self {
             roi: *psog.roi(),
             directions: directions(scene.lidar(), fidelity.azimuth),

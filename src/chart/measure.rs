@@ -344,7 +344,7 @@ impl Scorer {
             Self::Atlas { atlas, .. } => atlas.problem(),
         };
         let frames = problem.geometry_frame_count();
-        let trees = (0..frames).filter_map(|frame| problem.geometry(frame));
-        trees.map(|bvh| bvh.triangles.len() as u64).sum::<u64>() / frames.max(1) as u64
+        let geometry = (0..frames).filter_map(|frame| problem.geometry(frame));
+        geometry.map(|frame| frame.triangle_count()).sum::<u64>() / frames.max(1) as u64
     }
 }

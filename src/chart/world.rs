@@ -3,10 +3,9 @@
 use std::sync::Arc;
 
 use super::{Engine, Fidelity, Setting, merge_vertices};
-use crate::bvh::Bvh;
 use crate::engine::BackendError;
 use crate::memory::OutOfMemory;
-use crate::problem::{Content, Problem, shared_trees, spread};
+use crate::problem::{self, Content, Problem, spread};
 use crate::psog::{GridError, Psog, Roi};
 use crate::scan::scan_scene;
 use crate::scene::{EgoBody, PsogSource, ScanSettings, Scene};
@@ -90,14 +89,14 @@ impl ChartError {
 pub(super) struct World {
     scene: Scene,
     grids: Vec<(f64, Arc<Psog>)>,
-    /// By the range for which they are built.
-    trees: Vec<(f32, Vec<Arc<Bvh>>)>,
+    /// All frames with every triangle, by the range for which trees are built.
+    whole: Vec<(f32, problem::World)>,
 }
 
 impl World {
     /// A scene and the P-SOG on its own grid.
     pub(super) fn new(scene: Scene, own: Arc<Psog>) -> Self {
-        Self { scene, grids: vec![(1.0, own)], trees: Vec::new() }
+        Self { scene, grids: vec![(1.0, own)], whole: Vec::new() }
     }
 
     /// The scene.
@@ -145,15 +144,14 @@ impl World {
         Content::from_psog(psog, &self.scene.detection_among(psog.classes()))
     }
 
-    /// Trees of all frames with every triangle, built on first use.
-    fn all_trees(&mut self, far: f32) -> Result<&[Arc<Bvh>], OutOfMemory> {
-        if !self.trees.iter().any(|(f, _)| *f == far) {
+    /// All frames with every triangle, built on first use.
+    fn whole(&mut self, far: f32) -> Result<&problem::World, OutOfMemory> {
+        if !self.whole.iter().any(|(f, _)| *f == far) {
             let all: Vec<usize> = (0..self.scene.frame_count()).collect();
-            let trees = shared_trees(&all, far, |t| self.scene.frame(t, EgoBody::Include))?;
-            self.trees.push((far, trees));
+            self.whole.push((far, problem::World::of(&self.scene, &all, far, EgoBody::Include)?));
         }
-        let (_, trees) = self.trees.iter().find(|(f, _)| *f == far).expect("there now");
-        Ok(trees)
+        let (_, world) = self.whole.iter().find(|(f, _)| *f == far).expect("there now");
+        Ok(world)
     }
 
     /// The problem that the scene poses at a setting.
@@ -171,14 +169,13 @@ impl World {
             return Ok(problem);
         }
         let (far, cell) = (problem.far_range(), fidelity.detail * psog.roi().voxel()[0]);
-        let trees = if cell > 0.0 {
-            let soup = |t| merge_vertices(&self.scene.frame(t, EgoBody::Include), cell);
-            shared_trees(&frames, far, soup)?
+        let world = if cell > 0.0 {
+            let merged = |part| merge_vertices(&self.scene.part(part), cell);
+            problem::World::of_parts(&self.scene, &frames, far, EgoBody::Include, merged)?
         } else {
-            let all = self.all_trees(far)?;
-            frames.iter().map(|&t| all[t].clone()).collect()
+            self.whole(far)?.over(&frames)
         };
-        let problem = Problem::new(*psog.roi(), content, table, trees, true);
+        let problem = Problem::new(*psog.roi(), content, table, world, true);
         Ok(problem.with_constraints(self.scene.mount().into()))
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! | reference, to be read | fast, what [`CpuBackend`] runs |
 //! |---|---|
-//! | [`cast_closest`]: a beam at a time | [`cast_packets`]: nodes a packet, triangles a lane a beam |
+//! | [`cast_frame_closest`](crate::cast::cast_frame_closest): a beam at a time | [`cast_frame`]: nodes a packet, triangles a lane a beam |
 //! | [`cover_voxels`]: a voxel at a time | [`cover_sensor`]: sixteen beams in lockstep, a row of voxels at a time |
 //! | [`reduce()`]: a voxel at a time | `take_sums`: a word of the bitmaps at a time |
 //!
@@ -14,10 +14,11 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::{Backend, BackendError, Chunk, ChunkLimits, check_frame, split};
+use super::{Backend, BackendError, Chunk, ChunkLimits, check_frame, ego_from, split};
 use crate::bvh::Hit;
-use crate::cast::cast_packets;
+use crate::cast::cast_frame;
 use crate::cover::{BitOrder, Bitmaps, WalkScratch, cover_sensor};
+use crate::geom::Pose;
 use crate::memory;
 use crate::problem::{DevicePose, Problem, StageTimes, Tally};
 use crate::reduce::{EntropyIndex, take_sums};
@@ -86,9 +87,8 @@ impl CpuBackend {
         Self { problem, order, entropies, memory, times, hits: Vec::new(), walks, bitmaps }
     }
 
-    fn poses(&self, placements: &[Placement]) -> Vec<DevicePose> {
-        let roi = self.problem.roi();
-        placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect()
+    fn poses(&self, sensors: &[SensorPose]) -> Vec<DevicePose> {
+        sensors.iter().map(|sensor| DevicePose::new(sensor, self.problem.roi())).collect()
     }
 
     fn chunks(&self, placements: &[Placement]) -> Result<Vec<Chunk>, BackendError> {
@@ -108,15 +108,15 @@ impl CpuBackend {
     /// Finds the hits of a chunk's beams in one frame, where the coverage needs them.
     fn cast_frame(
         &mut self,
-        poses: &[DevicePose],
+        sensors: &[Pose],
         frame: usize,
         range: f32,
     ) -> Result<(), BackendError> {
         let start = Instant::now();
-        if let Some(bvh) = self.problem.bvh(frame) {
-            let beams = poses.len() * self.problem.table().directions().len();
+        if let Some(frame) = self.problem.ends(frame) {
+            let beams = sensors.len() * self.problem.table().directions().len();
             memory::reserve(&mut self.hits, beams, "hits")?;
-            cast_packets(poses, self.problem.table(), bvh, range, &mut self.hits);
+            cast_frame(sensors, self.problem.table(), frame, range, &mut self.hits);
         }
         self.times.cast += start.elapsed();
         Ok(())
@@ -146,9 +146,11 @@ impl CpuBackend {
         let mut tallies: Vec<Tally> =
             placements.iter().map(|p| Tally::zero(classes, p.lidars.len())).collect();
         for chunk in self.chunks(placements)? {
-            let poses = self.poses(&placements[chunk.placements.clone()]);
+            let sensors = placements[chunk.placements.clone()].iter().flat_map(|p| &p.lidars);
+            let sensors: Vec<SensorPose> = sensors.copied().collect();
+            let (poses, ego_from_sensors) = (self.poses(&sensors), ego_from(&sensors));
             for &(frame, weight) in frames {
-                self.cast_frame(&poses, frame, range)?;
+                self.cast_frame(&ego_from_sensors, frame, range)?;
                 let start = Instant::now();
                 let sensors_a_task = self.sensors_a_task(&placements[chunk.placements.clone()]);
                 let mut tasks = Vec::new();
@@ -189,7 +191,7 @@ impl CpuBackend {
         let words = self.order.words();
         let (problem, directions) = (&*self.problem, self.problem.table().directions());
         let cover = |(index, bitmap): (usize, &mut [u64])| {
-            let hits = problem.bvh(part.frame).map(|_| self.hits_of(part.first + index));
+            let hits = problem.ends(part.frame).map(|_| self.hits_of(part.first + index));
             let pose = &part.poses[index];
             let mut walk = self.walks.take();
             cover_sensor(pose, directions, problem.roi(), hits, part.range, &mut walk, bitmap);
@@ -220,7 +222,7 @@ impl CpuBackend {
         take_sums(bitmaps, words, &self.entropies, &mut sum);
         self.bitmaps.put_back(kept);
         sum.beams = (sensors * self.problem.table().directions().len()) as u64;
-        if self.problem.bvh(part.frame).is_some() {
+        if self.problem.ends(part.frame).is_some() {
             let hits = (0..sensors).flat_map(|index| self.hits_of(part.first + index));
             sum.hits = hits.filter(|hit| hit.is_hit()).count() as u64;
         }
@@ -244,24 +246,21 @@ impl Backend for CpuBackend {
 
     fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
         let frames = self.problem.geometry_frame_count();
-        let bvh = self.problem.geometry(frame).ok_or(BackendError::NoFrame { frame, frames })?;
+        let frame = self.problem.geometry(frame).ok_or(BackendError::NoFrame { frame, frames })?;
         let start = Instant::now();
         let table = self.problem.table();
-        let poses: Vec<DevicePose> =
-            poses.iter().map(|pose| DevicePose::new(pose, self.problem.roi())).collect();
         let mut hits = Vec::new();
         memory::reserve(&mut hits, poses.len() * table.directions().len(), "hits")?;
-        cast_packets(&poses, table, bvh, table.range(), &mut hits);
+        cast_frame(&ego_from(poses), table, frame, table.range(), &mut hits);
         self.times.cast += start.elapsed();
         Ok(hits)
     }
 
     fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError> {
         check_frame(&self.problem, frame)?;
-        let roi = self.problem.roi();
-        let poses: Vec<DevicePose> = poses.iter().map(|pose| DevicePose::new(pose, roi)).collect();
         let range = self.problem.table().range();
-        self.cast_frame(&poses, frame, range)?;
+        self.cast_frame(&ego_from(poses), frame, range)?;
+        let poses = self.poses(poses);
         let start = Instant::now();
         let mut words = memory::zeros(poses.len() * self.order.words(), "coverage bitmaps")?;
         let part = Part { poses: &poses, first: 0, frame, weight: 1, range, sensors_a_task: 1 };

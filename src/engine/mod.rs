@@ -4,7 +4,7 @@
 //!
 //! | stage | from | to |
 //! |---|---|---|
-//! | `cast_closest` | poses × directions, BVH | closest hit of every beam |
+//! | `cast_closest` | poses × directions, trees and where they stand | closest hit of every beam |
 //! | `cover_voxels` | beams, hits | one bitmap of covered voxels a sensor |
 //! | `reduce_words` | bitmaps | covered voxels of every placement |
 //! | `reduce_occupied`, `reduce_classes` | bitmaps, P-SOG | entropy sums, counts by class |
@@ -29,6 +29,7 @@ pub(crate) use reference::ReferenceBackend;
 
 pub use crate::bvh::{Hit, NO_HIT};
 pub(crate) use crate::cover::Bitmaps;
+use crate::geom::Pose;
 use crate::problem::{Problem, StageTimes, Tally};
 use crate::vehicle::{Placement, SensorPose};
 
@@ -85,6 +86,11 @@ fn named(name: &Option<String>) -> String {
 fn check_frame(problem: &Problem, frame: usize) -> Result<(), BackendError> {
     let frames = problem.frame_count();
     if frame < frames { Ok(()) } else { Err(BackendError::NoFrame { frame, frames }) }
+}
+
+/// Sensor-to-ego transforms.
+fn ego_from(sensors: &[SensorPose]) -> Vec<Pose> {
+    sensors.iter().map(SensorPose::ego_from_sensor).collect()
 }
 
 /// One implementation of the stages, bound to one [`Problem`].

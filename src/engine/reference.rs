@@ -3,9 +3,9 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::{Backend, BackendError, check_frame};
+use super::{Backend, BackendError, check_frame, ego_from};
 use crate::bvh::Hit;
-use crate::cast::cast_closest;
+use crate::cast::cast_frame_closest;
 use crate::cover::{BitOrder, Bitmaps, cover_voxels};
 use crate::problem::{DevicePose, Problem, StageTimes, Tally};
 use crate::reduce::reduce;
@@ -25,10 +25,10 @@ impl ReferenceBackend {
         Self { problem, times: StageTimes::default() }
     }
 
-    fn cast(&mut self, poses: &[DevicePose], frame: usize, range: f32) -> Option<Vec<Hit>> {
+    fn cast(&mut self, sensors: &[SensorPose], frame: usize, range: f32) -> Option<Vec<Hit>> {
         let start = Instant::now();
-        let bvh = self.problem.bvh(frame)?;
-        let hits = cast_closest(poses, self.problem.table(), bvh, range);
+        let frame = self.problem.ends(frame)?;
+        let hits = cast_frame_closest(&ego_from(sensors), self.problem.table(), frame, range);
         self.times.cast += start.elapsed();
         Some(hits)
     }
@@ -63,7 +63,7 @@ impl Backend for ReferenceBackend {
             let poses = self.poses(&placement.lidars);
             let mut tally = Tally::zero(classes, poses.len());
             for frame in 0..self.problem.frame_count() {
-                let hits = self.cast(&poses, frame, range);
+                let hits = self.cast(&placement.lidars, frame, range);
                 let bitmaps = self.cover(&poses, hits.as_deref(), range);
                 let start = Instant::now();
                 let one = std::slice::from_ref(placement);
@@ -79,15 +79,16 @@ impl Backend for ReferenceBackend {
 
     fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
         let frames = self.problem.geometry_frame_count();
-        let bvh = self.problem.geometry(frame).ok_or(BackendError::NoFrame { frame, frames })?;
+        let frame = self.problem.geometry(frame).ok_or(BackendError::NoFrame { frame, frames })?;
         let table = self.problem.table();
-        Ok(cast_closest(&self.poses(poses), table, bvh, table.range()))
+        Ok(cast_frame_closest(&ego_from(poses), table, frame, table.range()))
     }
 
     fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError> {
         check_frame(&self.problem, frame)?;
-        let (poses, range) = (self.poses(poses), self.problem.table().range());
-        let hits = self.cast(&poses, frame, range);
+        let range = self.problem.table().range();
+        let hits = self.cast(poses, frame, range);
+        let poses = self.poses(poses);
         let words = self.cover(&poses, hits.as_deref(), range);
         Ok(Bitmaps { order: BitOrder::linear(self.problem.roi()), words })
     }

@@ -1,4 +1,5 @@
-//! From a scene and a P-SOG to a problem: entropies by voxel, and a tree a frame, shared by equal frames.
+//! From a scene and a P-SOG to a problem: entropies by voxel, a tree for each part of the scene, and where
+//! each stands in each frame.
 
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -6,9 +7,9 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::{Content, OccupiedVoxel, Problem, ProblemError};
+use super::{Content, Frame, Instance, OccupiedVoxel, Problem, ProblemError, World};
 use crate::bvh::Bvh;
-use crate::geom::TriangleSoup;
+use crate::geom::{Pose, TriangleSoup};
 use crate::memory::{self, OutOfMemory};
 use crate::psog::{EntropyKind, EntropyTable, Psog, fixed};
 use crate::scene::{Coverage, EgoBody, Scene};
@@ -92,7 +93,7 @@ impl Problem {
     /// As [`Self::from_scene`], over the P-SOG's own grid, whatever the scene's region of interest is.
     ///
     /// # Errors
-    /// The trees of the frames do not fit into memory.
+    /// The trees do not fit into memory.
     pub fn on_grid_of(
         psog: &Psog,
         scene: &Scene,
@@ -103,54 +104,87 @@ impl Problem {
         let content = Content::from_psog(psog, &scene.detection_among(psog.classes()));
         let far = Self::far_range_of(roi, table.range());
         let frames = if scene.has_geometry() { frames } else { &[] };
-        let frames = shared_trees(frames, far, |t| scene.frame(t, EgoBody::Include))?;
+        let world = if frames.is_empty() {
+            World::default()
+        } else {
+            World::of(scene, frames, far, EgoBody::Include)?
+        };
         let ends_at_hits = matches!(scene.coverage(), Coverage::FirstHit);
-        let problem = Self::new(*roi, content, table, frames, ends_at_hits);
+        let problem = Self::new(*roi, content, table, world, ends_at_hits);
         Ok(problem.with_constraints(scene.mount().into()))
     }
 }
 
-/// Bytes a triangle while a tree is built: soup, triangles twice, items of the builder, nodes, blocks.
+/// Bytes a triangle while a tree is built: soup, items of the builder, triangle, nodes, blocks.
 const TREE_BYTES: u64 = 300;
+/// Triangles whose memory is not asked for: asking takes longer than building their tree.
+const FEW: u64 = 1 << 12;
 
-/// The tree of each of `frames`, for hits up to `far` metres away; frames whose triangles are equal bit
-/// by bit share one.
-///
-/// # Errors
-/// The trees do not fit into memory.
-pub fn shared_trees(
-    frames: &[usize],
-    far: f32,
-    soup_of: impl Fn(usize) -> TriangleSoup + Sync,
-) -> Result<Vec<Arc<Bvh>>, OutOfMemory> {
-    let hash = |&t: &usize| {
-        let (soup, mut hasher) = (soup_of(t), DefaultHasher::new());
-        bits(&soup).hash(&mut hasher);
-        (hasher.finish(), soup.faces.len() as u64)
-    };
-    let hashes: Vec<(u64, u64)> = frames.par_iter().map(hash).collect();
-    let mut distinct = HashMap::new();
-    let first: Vec<usize> =
-        hashes.iter().enumerate().map(|(k, hash)| *distinct.entry(hash).or_insert(k)).collect();
-    let triangles: u64 = distinct.keys().map(|(_, triangles)| triangles).sum();
-    memory::check("the trees of the frames", TREE_BYTES * triangles)?;
-    let build = |k: usize| {
-        let soup = soup_of(frames[k]);
-        let is_equal = first[k] < k && bits(&soup_of(frames[first[k]])) == bits(&soup);
-        (!is_equal).then(|| Arc::new(Bvh::build(&soup, far)))
-    };
-    let built: Vec<Option<Arc<Bvh>>> = (0..frames.len()).into_par_iter().map(build).collect();
-    let tree = |k: usize| built[k].as_ref().or(built[first[k]].as_ref());
-    let trees =
-        (0..frames.len()).map(|k| tree(k).expect("the first of equal frames is built").clone());
-    Ok(trees.collect())
+impl World {
+    /// The world of some frames of a scene, with trees for hits up to `far` metres away: each part of the
+    /// scene one tree, equal parts the same.
+    ///
+    /// # Errors
+    /// The trees do not fit into memory.
+    pub fn of(
+        scene: &Scene,
+        frames: &[usize],
+        far: f32,
+        body: EgoBody,
+    ) -> Result<Self, OutOfMemory> {
+        Self::of_parts(scene, frames, far, body, |part| scene.part(part))
+    }
+
+    /// The same with other triangles: `soup_of` returns those of a part, in its frame.
+    ///
+    /// # Errors
+    /// The trees do not fit into memory.
+    pub fn of_parts(
+        scene: &Scene,
+        frames: &[usize],
+        far: f32,
+        body: EgoBody,
+        soup_of: impl Fn(usize) -> TriangleSoup,
+    ) -> Result<Self, OutOfMemory> {
+        let parts = scene.part_count() - usize::from(body == EgoBody::Exclude);
+        let mut trees = Vec::with_capacity(parts);
+        let mut built: HashMap<u64, Vec<(TriangleSoup, Arc<Bvh>)>> = HashMap::new();
+        for part in 0..parts {
+            let triangles = scene.part_triangles(part) as u64;
+            if triangles > FEW {
+                memory::check("the trees", TREE_BYTES * triangles)?;
+            }
+            let soup = soup_of(part);
+            let mut hasher = DefaultHasher::new();
+            bits(&soup).hash(&mut hasher);
+            let alike = built.entry(hasher.finish()).or_default();
+            let found = alike.iter().find(|(other, _)| bits(other) == bits(&soup));
+            let tree = match found {
+                Some((_, tree)) => tree.clone(),
+                None => Arc::new(Bvh::build(&soup, far)),
+            };
+            // The static world is the largest part, and never equal to another.
+            if part > 0 && found.is_none() {
+                alike.push((soup, tree.clone()));
+            }
+            trees.push(tree);
+        }
+        let frame = |&t: &usize| Arc::new(standing(&trees, &scene.part_poses(t)));
+        Ok(Self::new(frames.iter().map(frame).collect()))
+    }
 }
 
-/// All that a frame is.
-fn bits(soup: &TriangleSoup) -> [&[u8]; 3] {
-    [
-        bytemuck::cast_slice(&soup.vertices),
-        bytemuck::cast_slice(&soup.faces),
-        bytemuck::cast_slice(&soup.face_class),
-    ]
+/// Trees where they stand, their triangles numbered one after the other.
+fn standing(trees: &[Arc<Bvh>], poses: &[Pose]) -> Frame {
+    let mut first_prim = 0;
+    Frame::new(trees.iter().zip(poses).map(|(tree, &ego_from_instance)| {
+        let instance = Instance { tree: tree.clone(), ego_from_instance, first_prim };
+        first_prim += tree.triangles.len() as u32;
+        instance
+    }))
+}
+
+/// All that a tree depends on.
+fn bits(soup: &TriangleSoup) -> [&[u8]; 2] {
+    [bytemuck::cast_slice(&soup.vertices), bytemuck::cast_slice(&soup.faces)]
 }

@@ -4,22 +4,21 @@ pub(crate) mod assemble;
 pub(crate) mod beam;
 pub(crate) mod pose;
 mod tally;
+mod world;
 
-pub(crate) use assemble::shared_trees;
 pub(crate) use beam::beam_direction;
 pub(crate) use beam::beam_origin;
 pub(crate) use pose::DevicePose;
 pub use pose::OccupiedVoxel;
 pub(crate) use pose::{FAR, PUSH, TINY_COMPONENT};
 pub use tally::{StageTimes, Tally};
+pub use world::{Frame, Instance, World};
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::DVec3;
 use serde::Serialize;
 
-use crate::bvh::Bvh;
 use crate::memory::OutOfMemory;
 use crate::psog::Roi;
 use crate::vehicle::{BeamTable, Constraints};
@@ -117,7 +116,7 @@ pub enum ProblemError {
         /// Grid of the scene in words.
         scene: String,
     },
-    /// The trees of the frames do not fit into memory.
+    /// The trees do not fit into memory.
     #[error(transparent)]
     OutOfMemory(#[from] OutOfMemory),
 }
@@ -149,7 +148,7 @@ pub struct Modelled {
     /// Bytes of what one sensor covers in one frame: a bit a voxel, the empty ones included, since
     /// covered voxels are counted.
     pub bitmap_bytes: u64,
-    /// Bytes of triangles and trees of the distinct frames.
+    /// Bytes of triangles and trees, each thing once, and of what says where they stand.
     pub tree_bytes: u64,
 }
 
@@ -184,33 +183,28 @@ pub struct Problem {
     content: Arc<Content>,
     table: BeamTable,
     constraints: Constraints,
-    frames: Vec<Arc<Bvh>>,
-    /// Of each frame, the first that shares its tree.
-    twins: Vec<usize>,
+    world: Arc<World>,
     ends_at_hits: bool,
 }
 
 impl Problem {
     /// Puts the parts together.
     ///
-    /// `frames` holds one tree a frame, in the ego frame, none for a scene without geometry. Frames that
-    /// share a tree are cast once and weigh as many; see `shared_trees`. With
-    /// `ends_at_hits` beams end at the first surface of each frame (coverage `first-hit`); otherwise
-    /// they run on through all (`through`), and there is one frame to evaluate, whatever the geometry.
+    /// `world` holds the frames, none for a scene without geometry; equal frames are cast once and weigh as
+    /// many. With `ends_at_hits` beams end at the first surface of each frame (coverage `first-hit`);
+    /// otherwise they run on through all (`through`), and there is one frame to evaluate, whatever the
+    /// geometry.
     pub fn new(
         roi: Roi,
         content: impl Into<Arc<Content>>,
         table: BeamTable,
-        frames: Vec<Arc<Bvh>>,
+        world: impl Into<World>,
         ends_at_hits: bool,
     ) -> Self {
-        let content = content.into();
-        let ends_at_hits = ends_at_hits && !frames.is_empty();
-        let mut first = HashMap::new();
-        let trees = frames.iter().enumerate();
-        let twins = trees.map(|(t, tree)| *first.entry(Arc::as_ptr(tree)).or_insert(t)).collect();
+        let (content, world) = (content.into(), Arc::new(world.into()));
+        let ends_at_hits = ends_at_hits && !world.frames().is_empty();
         let constraints = Constraints::default();
-        Self { roi, content, table, constraints, frames, twins, ends_at_hits }
+        Self { roi, content, table, constraints, world, ends_at_hits }
     }
 
     /// The same with other rules of the mount.
@@ -218,19 +212,13 @@ impl Problem {
         Self { constraints, ..self }
     }
 
-    /// The same over some of its frames, whose trees are shared, as the content is.
+    /// The same over some of its frames, with the same trees and content.
     ///
     /// # Panics
     /// A frame that does not exist.
     pub fn over(&self, frames: &[usize]) -> Self {
-        self.with_trees(frames.iter().map(|&frame| self.frames[frame].clone()).collect())
-    }
-
-    /// The same with other geometry, a tree a frame.
-    pub fn with_trees(&self, frames: Vec<Arc<Bvh>>) -> Self {
-        let (content, table) = (self.content.clone(), self.table.clone());
-        Self::new(self.roi, content, table, frames, self.ends_at_hits)
-            .with_constraints(self.constraints.clone())
+        let ends_at_hits = self.ends_at_hits && !frames.is_empty();
+        Self { world: Arc::new(self.world.over(frames)), ends_at_hits, ..self.clone() }
     }
 
     /// The voxels.
@@ -265,7 +253,7 @@ impl Problem {
 
     /// Frames over which a tally is summed.
     pub fn frame_count(&self) -> usize {
-        if self.ends_at_hits { self.frames.len() } else { 1 }
+        if self.ends_at_hits { self.world.frames().len() } else { 1 }
     }
 
     /// The first frame whose geometry is that of `frame`: what is covered in one is covered in both.
@@ -273,7 +261,7 @@ impl Problem {
     /// # Panics
     /// A frame that does not exist.
     pub fn twin(&self, frame: usize) -> usize {
-        if self.ends_at_hits { self.twins[frame] } else { 0 }
+        if self.ends_at_hits { self.world.twin(frame) } else { 0 }
     }
 
     /// Frames to cast into, and how many each stands for; together these are [`Self::frame_count`].
@@ -293,18 +281,24 @@ impl Problem {
         self.ends_at_hits
     }
 
+    /// The frames with their geometry.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn world(&self) -> &World {
+        &self.world
+    }
+
     /// Frames that have geometry to cast into.
     pub fn geometry_frame_count(&self) -> usize {
-        self.frames.len()
+        self.world.frames().len()
     }
 
     /// Geometry of a frame, if the scene has any.
-    pub fn geometry(&self, frame: usize) -> Option<&Bvh> {
-        self.frames.get(frame).map(|bvh| &**bvh)
+    pub fn geometry(&self, frame: usize) -> Option<&Frame> {
+        self.world.frames().get(frame).map(|frame| &**frame)
     }
 
-    /// The tree at which beams end in a frame; `None` when they end at nothing.
-    pub(crate) fn bvh(&self, frame: usize) -> Option<&Bvh> {
+    /// The geometry at which beams end in a frame; `None` when they end at nothing.
+    pub(crate) fn ends(&self, frame: usize) -> Option<&Frame> {
         if self.ends_at_hits { self.geometry(frame) } else { None }
     }
 
@@ -312,28 +306,23 @@ impl Problem {
     pub fn modelled(&self) -> Modelled {
         let occupied = self.content.occupied();
         let informative = occupied.iter().filter(|voxel| voxel.entropy != [0; 3]);
-        let frames = if self.ends_at_hits { &self.frames[..] } else { &[] };
-        let triangles: usize = frames.iter().map(|bvh| bvh.triangles.len()).sum();
+        let frames = if self.ends_at_hits { self.world.frames() } else { &[] };
+        let triangles: u64 = frames.iter().map(|frame| frame.triangle_count()).sum();
         Modelled {
             voxels: self.roi.voxel_count(),
             occupied_voxels: occupied.len() as u64,
             informative_voxels: informative.count() as u64,
             frames: self.frame_count(),
             distinct_frames: self.distinct_frames().len(),
-            triangles: (triangles / self.frame_count()) as u64,
+            triangles: triangles / self.frame_count() as u64,
             voxel_bytes: self.content.bytes(),
             bitmap_bytes: self.roi.voxel_count().div_ceil(64) * 8,
-            tree_bytes: self.tree_bytes(),
+            tree_bytes: self.world.bytes(),
         }
     }
 
     /// Bytes held by the parts.
     pub fn bytes(&self) -> u64 {
-        self.content.bytes() + self.tree_bytes()
-    }
-
-    fn tree_bytes(&self) -> u64 {
-        let own = self.frames.iter().zip(&self.twins).enumerate();
-        own.filter(|(t, (_, twin))| t == *twin).map(|(_, (bvh, _))| bvh.bytes()).sum()
+        self.content.bytes() + self.world.bytes()
     }
 }

@@ -16,31 +16,38 @@ pub(crate) const FAR: f32 = 1e20;
 const TINY_COORDINATE: f64 = 1e-12;
 /// Grid coordinates stay convertible to `i32`.
 const MAX_COORDINATE: f64 = 1e9;
-/// One sensor as the kernels read it, 64 bytes.
+/// One sensor as the kernels read it, 64 bytes: in the ego frame, or in that of an instance.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct DevicePose {
-    /// Rows of the sensor-to-ego rotation, each followed by that coordinate of the position (m).
+    /// Rows of the rotation that turns sensor coordinates, each followed by that coordinate of the position (m).
     pub rows: [[f32; 4]; 3],
-    /// Position in voxels from the grid's lower corner, and zero.
+    /// Position in voxels from the grid's lower corner, and zero; zeros in the frame of an instance.
     pub in_grid: [f32; 4],
 }
 
 impl DevicePose {
     /// Evaluates the pose in `f64` and rounds each number once.
     pub fn new(pose: &SensorPose, roi: &Roi) -> Self {
-        let Pose { rotation, translation } = pose.ego_from_sensor();
+        let pose = pose.ego_from_sensor();
+        let (min, voxel) = (roi.min(), roi.voxel());
+        let p = [0, 1, 2].map(|k| {
+            let p = (pose.translation[k] - min[k]) / voxel[k];
+            let p = if p.abs() < TINY_COORDINATE { 0.0 } else { p };
+            p.clamp(-MAX_COORDINATE, MAX_COORDINATE) as f32
+        });
+        Self { in_grid: [p[0], p[1], p[2], 0.0], ..Self::from(&pose) }
+    }
+}
+
+impl From<&Pose> for DevicePose {
+    /// Rounds each number once; the sensor is in no grid.
+    fn from(Pose { rotation, translation }: &Pose) -> Self {
         let rows = [0, 1, 2].map(|k| {
             let row = rotation.row(k);
             [row.x as f32, row.y as f32, row.z as f32, translation[k] as f32]
         });
-        let (min, voxel) = (roi.min(), roi.voxel());
-        let p = [0, 1, 2].map(|k| {
-            let p = (translation[k] - min[k]) / voxel[k];
-            let p = if p.abs() < TINY_COORDINATE { 0.0 } else { p };
-            p.clamp(-MAX_COORDINATE, MAX_COORDINATE) as f32
-        });
-        Self { rows, in_grid: [p[0], p[1], p[2], 0.0] }
+        Self { rows, in_grid: [0.0; 4] }
     }
 }
 

@@ -1,5 +1,7 @@
 //! Errors of grids, P-SOGs and votes, and the limits that they name.
 
+use crate::memory::OutOfMemory;
+
 /// Most voxels of a grid: indices fit 31 bits.
 pub const VOXEL_LIMIT: u64 = 1 << 31;
 /// Most voxels along one axis: plane numbers are exact in `f32`.
@@ -42,6 +44,10 @@ pub enum GridError {
         "voxel along {axis} is {voxel} m, too fine for coordinates near {near} m; use larger voxels or move the region nearer to the origin"
     )]
     TooFine { axis: char, voxel: f64, near: f64 },
+
+    /// The trees of a scene that is scanned do not fit into memory.
+    #[error(transparent)]
+    OutOfMemory(#[from] OutOfMemory),
 
     /// A P-SOG over no frames.
     #[error("frames is 0; a P-SOG needs at least one frame")]

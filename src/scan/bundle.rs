@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 use multiversion::multiversion;
 
 use crate::bvh::major_axis;
-use crate::cast::{PACKET_RAYS, Packet};
+use crate::cast::{PACKET_RAYS, Packet, Sight};
 use crate::psog::Roi;
 
 /// A number of each ray.
@@ -21,17 +21,30 @@ pub(super) struct Bundle {
     len: usize,
     /// Lanes that are left over repeat the last ray.
     direction: [Lanes; 3],
+    /// A unit vector and the sine and cosine of an angle: all rays lie within that angle of it.
+    cone: Option<(DVec3, [f64; 2])>,
 }
 
 impl Bundle {
     /// Rays in some directions, 1 to [`PACKET_RAYS`].
     pub(super) fn new(directions: impl IntoIterator<Item = DVec3>) -> Self {
-        let mut bundle = Self { len: 0, direction: [[0.0; PACKET_RAYS]; 3] };
+        let mut bundle = Self { len: 0, direction: [[0.0; PACKET_RAYS]; 3], cone: None };
         for direction in directions {
             (0..3).for_each(|axis| bundle.direction[axis][bundle.len..].fill(direction[axis]));
             bundle.len += 1;
         }
         bundle
+    }
+
+    /// The same with the cone around its rays, for [`Self::misses`].
+    pub(super) fn with_cone(mut self) -> Self {
+        let sum: DVec3 = (0..self.len).map(|lane| self.direction(lane)).sum();
+        let axis = sum.normalize_or(DVec3::X);
+        let cos = (0..self.len).map(|lane| self.direction(lane).dot(axis)).fold(1.0, f64::min);
+        // The margin is many times the rounding.
+        let cos = cos - 1e-6;
+        self.cone = (cos > 0.5).then(|| (axis, [(1.0 - cos * cos).sqrt(), cos]));
+        self
     }
 
     /// Direction of a ray.
@@ -52,19 +65,20 @@ impl Bundle {
     }
 
     /// The rays in bundles whose rays agree in the signs of their components and in the largest one:
-    /// as a fast packet needs. Nearly always that is the bundle as it is.
-    pub(super) fn each_way(&self, mut done: impl FnMut(&Self)) {
+    /// as a fast packet needs, each with the lanes of its rays. Nearly always that is the bundle as it is.
+    pub(super) fn each_way(&self, mut done: impl FnMut(&Self, &[usize])) {
         let way = |lane: &usize| {
             let direction = self.direction(*lane).as_vec3();
             (major_axis(direction), direction.signum().to_array().map(f32::to_bits))
         };
+        let mut lanes: [usize; PACKET_RAYS] = std::array::from_fn(|lane| lane);
+        let lanes = &mut lanes[..self.len];
         if agree(&self.direction) {
-            return done(self);
+            return done(self, lanes);
         }
-        let mut lanes: Vec<usize> = (0..self.len).collect();
         lanes.sort_by_key(way);
         for lanes in lanes.chunk_by(|a, b| way(a) == way(b)) {
-            done(&Self::new(lanes.iter().map(|&lane| self.direction(lane))));
+            done(&Self::new(lanes.iter().map(|&lane| self.direction(lane))), lanes);
         }
     }
 
@@ -84,6 +98,16 @@ impl Bundle {
         voxels: &mut [u32; PACKET_RAYS],
     ) {
         voxels_of_hits(origin, &self.direction, t, roi, voxels);
+    }
+
+    /// Number of rays.
+    pub(super) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether all rays surely miss what is seen from where they start.
+    pub(super) fn misses(&self, sight: &Sight) -> bool {
+        self.cone.is_some_and(|(axis, angle)| sight.misses_cone(axis, angle))
     }
 
     /// Makes the rays from `origin` a packet; hits count up to `t_max`.

@@ -6,9 +6,10 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::bundle::{Bundle, OUTSIDE};
-use crate::bvh::Bvh;
-use crate::cast::{PACKET_RAYS, Packet, Scratch};
+use crate::bvh::Hit;
+use crate::cast::{PACKET_RAYS, Packet, Scratch, Sight};
 use crate::geom::Pose;
+use crate::problem::{DevicePose, Frame, Instance, World};
 use crate::psog::{BuildReport, FrameVotes, GridError, Psog, PsogBuilder, Roi};
 use crate::scene::{EgoBody, ScanSettings, Scene};
 
@@ -24,7 +25,7 @@ use crate::scene::{EgoBody, ScanSettings, Scene};
 /// `done` is called after each frame.
 ///
 /// # Errors
-/// More frames or voxels than a P-SOG holds.
+/// More frames or voxels than a P-SOG holds; trees that do not fit into memory.
 pub fn scan_scene(
     scene: &Scene,
     roi: &Roi,
@@ -32,12 +33,18 @@ pub fn scan_scene(
     done: impl Fn(),
 ) -> Result<(Psog, BuildReport), GridError> {
     let mut builder = PsogBuilder::new(*roi, scene.classes().to_vec())?;
-    let bundles = bundles(&scan_rings(settings, roi));
     let frames: Vec<usize> = (0..scene.frame_count()).collect();
+    let scanner = Scanner {
+        scene,
+        world: World::of(scene, &frames, settings.range as f32, EgoBody::Exclude)?,
+        classes: scene.face_classes(EgoBody::Exclude),
+        roi,
+        settings,
+        bundles: bundles(&scan_rings(settings, roi)),
+    };
     // No more at a time than threads: a frame's votes take memory.
     for frames in frames.chunks(rayon::current_num_threads()) {
-        let votes =
-            frames.par_iter().map(|&frame| scan_frame(scene, frame, roi, settings, &bundles));
+        let votes = frames.par_iter().map(|&frame| scanner.scan(frame));
         for votes in votes.collect::<Vec<_>>() {
             builder.frame(votes)?;
             done();
@@ -46,43 +53,58 @@ pub fn scan_scene(
     builder.finish()
 }
 
-/// The votes of one frame.
-fn scan_frame(
-    scene: &Scene,
-    frame: usize,
-    roi: &Roi,
-    settings: &ScanSettings,
-    bundles: &[Bundle],
-) -> FrameVotes {
-    let soup = scene.frame(frame, EgoBody::Exclude);
-    let range = settings.range as f32;
-    let bvh = Bvh::build(&soup, range);
-    let ego_from_world = scene.ego_pose(frame).inverse();
-    let mut votes = FrameVotes::new();
-    for stand in stands(frame, scene.frame_count(), settings) {
-        let ego_from_stand = ego_from_world.compose(&scene.ego_pose(stand));
-        let origin = ego_from_stand.apply(DVec3::new(0.0, 0.0, settings.height));
-        let parts = bundles.par_chunks(BUNDLES_PER_TASK).map(|bundles| {
-            let mut scan = Scan {
-                packet: Packet::default(),
-                scratch: Scratch::default(),
-                votes: FrameVotes::new(),
-            };
-            let mut turned = bundles[0].clone();
-            for bundle in bundles {
-                turned.turn(bundle, &ego_from_stand.rotation);
-                turned.each_way(|bundle| {
-                    scan.cast(bundle, origin, range, &bvh, &soup.face_class, roi);
-                });
+/// All that the frames of a scan share.
+struct Scanner<'a> {
+    scene: &'a Scene,
+    world: World,
+    /// By triangle.
+    classes: Vec<u16>,
+    roi: &'a Roi,
+    settings: &'a ScanSettings,
+    bundles: Vec<Bundle>,
+}
+
+/// Where the scanner stands in a frame, and what it sees from there.
+struct Stand<'a> {
+    /// In the ego frame.
+    pose: Pose,
+    /// Instances in reach: poses that lead to their frames, and spheres around them.
+    seen: Vec<(&'a Instance, Pose, Sight)>,
+}
+
+impl Scanner<'_> {
+    /// The votes of one frame.
+    fn scan(&self, frame: usize) -> FrameVotes {
+        let ego_from_world = self.scene.ego_pose(frame).inverse();
+        let mut votes = FrameVotes::new();
+        for stand in stands(frame, self.scene.frame_count(), self.settings) {
+            let ego_from_stand = ego_from_world.compose(&self.scene.ego_pose(stand));
+            let head = DVec3::new(0.0, 0.0, self.settings.height);
+            let pose = Pose { translation: ego_from_stand.apply(head), ..ego_from_stand };
+            let stand = self.stand(&self.world.frames()[frame], pose);
+            let parts = self.bundles.par_chunks(BUNDLES_PER_TASK).map(|bundles| {
+                let mut scan = Scan::new(&bundles[0]);
+                bundles.iter().for_each(|bundle| scan.cast(bundle, &stand, self));
+                scan.votes
+            });
+            for part in parts.collect::<Vec<_>>() {
+                votes.append(part);
             }
-            scan.votes
-        });
-        for part in parts.collect::<Vec<_>>() {
-            votes.append(part);
         }
+        votes.sort();
+        votes
     }
-    votes.sort();
-    votes
+
+    fn stand<'f>(&self, frame: &'f Frame, pose: Pose) -> Stand<'f> {
+        let range = self.settings.range as f32;
+        let seen = frame.instances().iter().filter_map(|instance| {
+            let to_instance = instance.pose_from(&pose);
+            let sight = Sight::new(&DevicePose::from(&to_instance), &instance.tree, range)?;
+            Some((instance, to_instance, sight))
+        });
+        let seen = seen.collect();
+        Stand { pose, seen }
+    }
 }
 
 /// Bundles of one parallel task.
@@ -90,34 +112,54 @@ const BUNDLES_PER_TASK: usize = 64;
 
 /// Working memory of a task, and the voxels it has found.
 struct Scan {
+    /// The bundle in the ego frame, and in that of an instance.
+    turned: [Bundle; 2],
     packet: Packet,
     scratch: Scratch,
+    hits: [Hit; PACKET_RAYS],
     votes: FrameVotes,
 }
 
 impl Scan {
-    fn cast(
-        &mut self,
-        bundle: &Bundle,
-        origin: DVec3,
-        range: f32,
-        bvh: &Bvh,
-        classes: &[u16],
-        roi: &Roi,
-    ) {
-        // Points behind the grid get no vote; the margin is many times the rounding.
-        let reach = bundle.reach(origin, roi) * 1.0001 + 0.01;
-        bundle.gather(origin, range.min(reach as f32), &mut self.packet);
-        bvh.closest_hits(&mut self.packet, &mut self.scratch);
-        let mut t = [0.0; PACKET_RAYS];
-        for (t, hit) in t.iter_mut().zip(self.packet.hits()) {
-            *t = f64::from(hit.t);
+    fn new(bundle: &Bundle) -> Self {
+        Self {
+            turned: [bundle.clone(), bundle.clone()],
+            packet: Packet::default(),
+            scratch: Scratch::default(),
+            hits: [Hit::none(0.0); PACKET_RAYS],
+            votes: FrameVotes::new(),
         }
+    }
+
+    /// Casts a bundle into all instances in reach, each replacing the hits that it is closer to, and adds
+    /// the votes.
+    fn cast(&mut self, bundle: &Bundle, stand: &Stand<'_>, scanner: &Scanner<'_>) {
+        let Self { turned: [ahead, turned], packet, scratch, hits, votes } = self;
+        let (roi, origin) = (scanner.roi, stand.pose.translation);
+        ahead.turn(bundle, &stand.pose.rotation);
+        // Points behind the grid get no vote; the margin is many times the rounding.
+        let reach = ahead.reach(origin, roi) * 1.0001 + 0.01;
+        let range = scanner.settings.range as f32;
+        let range = range.min(reach as f32);
+        hits.fill(Hit::none(range));
+        for (instance, pose, sight) in &stand.seen {
+            if bundle.misses(sight) {
+                continue;
+            }
+            turned.turn(bundle, &pose.rotation);
+            turned.each_way(|part, lanes| {
+                part.gather(pose.translation, range, packet);
+                packet.set_hits(lanes.iter().map(|&lane| hits[lane]));
+                instance.tree.closer_hits(packet, instance.first_prim, scratch);
+                lanes.iter().zip(packet.hits()).for_each(|(&lane, hit)| hits[lane] = hit);
+            });
+        }
+        let t = hits.map(|hit| f64::from(hit.t));
         let mut voxels = [OUTSIDE; PACKET_RAYS];
-        bundle.voxels_of_hits(origin, &t, roi, &mut voxels);
-        let hits = voxels.iter().zip(self.packet.hits()).filter(|(_, hit)| hit.is_hit());
-        self.votes.extend(hits.map(|(&voxel, hit)| {
-            ((voxel != OUTSIDE).then_some(voxel.into()), classes[hit.prim as usize])
+        ahead.voxels_of_hits(origin, &t, roi, &mut voxels);
+        let hits = voxels.iter().zip(&*hits).take(bundle.len()).filter(|(_, hit)| hit.is_hit());
+        votes.extend(hits.map(|(&voxel, hit)| {
+            ((voxel != OUTSIDE).then_some(voxel.into()), scanner.classes[hit.prim as usize])
         }));
     }
 }
@@ -139,7 +181,8 @@ fn bundles(rings: &[Vec<DVec3>]) -> Vec<Bundle> {
     let patches = rings.chunks(RINGS).flat_map(|band| {
         (0..steps).step_by(PACKET_RAYS / RINGS).map(move |first| {
             let steps = first..steps.min(first + PACKET_RAYS / RINGS);
-            Bundle::new(steps.flat_map(|step| band.iter().map(move |ring| ring[step])))
+            let rays = steps.flat_map(|step| band.iter().map(move |ring| ring[step]));
+            Bundle::new(rays).with_cone()
         })
     });
     patches.collect()
@@ -247,21 +290,26 @@ mod tests {
         let (psog, report) = scan_scene(&scene, &roi, settings, || ()).unwrap();
 
         let mut builder = PsogBuilder::new(roi, scene.classes().to_vec()).unwrap();
-        for frame in 0..4 {
-            let soup = scene.frame(frame, EgoBody::Exclude);
-            let bvh = Bvh::build(&soup, settings.range as f32);
+        let frames = [0, 1, 2, 3];
+        let world = World::of(&scene, &frames, settings.range as f32, EgoBody::Exclude).unwrap();
+        let classes = scene.face_classes(EgoBody::Exclude);
+        for frame in frames {
             let mut votes = FrameVotes::new();
             for stand in stands(frame, 4, settings) {
                 let pose = scene.ego_pose(frame).inverse().compose(&scene.ego_pose(stand));
                 let origin = pose.apply(DVec3::new(0.0, 0.0, settings.height));
+                let pose = Pose { translation: origin, ..pose };
                 for direction in scan_rings(settings, &roi).concat() {
-                    let direction = pose.rotation * direction;
-                    let range = settings.range as f32;
-                    let ray = Ray::new(origin.as_vec3(), direction.as_vec3(), range);
-                    let hit = bvh.closest_hit(&ray);
+                    let mut hit = Hit::none(settings.range as f32);
+                    for instance in world.frames()[frame].instances() {
+                        let pose = instance.pose_from(&pose);
+                        let there = pose.rotation * direction;
+                        let ray = Ray::new(pose.translation.as_vec3(), there.as_vec3(), hit.t);
+                        instance.tree.closer_hit(&ray, instance.first_prim, &mut hit);
+                    }
                     if hit.is_hit() {
-                        let point = origin + direction * f64::from(hit.t);
-                        let class = soup.face_class[hit.prim as usize];
+                        let point = origin + pose.rotation * direction * f64::from(hit.t);
+                        let class = classes[hit.prim as usize];
                         votes.push(roi.voxel_of_hit(origin, point), class);
                     }
                 }

@@ -64,8 +64,9 @@ fn rays_are_told_apart_by_way_and_none_is_lost() {
         bundle.turn(&Bundle::new(directions.iter().copied()), &turn);
         let mut turned: Vec<DVec3> = directions.iter().map(|&d| turn * d).collect();
         let mut bundles = 0;
-        bundle.each_way(|bundle| {
+        bundle.each_way(|bundle, lanes| {
             bundles += 1;
+            assert!(lanes.iter().zip(bundle.directions()).all(|(&l, d)| turn * directions[l] == d));
             let way = |d: DVec3| (major_axis(d.as_vec3()), d.as_vec3().signum());
             for d in bundle.directions() {
                 assert_eq!(way(d), way(bundle.directions().next().unwrap()));

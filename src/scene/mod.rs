@@ -1,13 +1,15 @@
-//! The scene file: reading it, checking it, and one triangle soup a frame.
+//! The scene file: reading it, checking it, its rigid parts, and one triangle soup a frame.
 //!
 //! A scene names a region of interest, a LiDAR, a mount and, in its full form, geometry: a static
 //! world, actors that move through it and the body of the ego vehicle. Every key is explained in
 //! `scenes/README.md`. Reading loads every mesh once and keeps the world in `f64`; a frame moves
-//! it into the ego frame and only then rounds it to `f32`.
+//! it into the ego frame and only then rounds it to `f32`, and so does a part with its own frame.
 
 mod classes;
 mod description;
 mod mesh;
+mod origins;
+mod parts;
 mod polygon;
 mod primitives;
 mod route;
@@ -17,6 +19,8 @@ mod solid;
 pub(crate) mod street;
 
 use std::path::{Path, PathBuf};
+
+use glam::DVec3;
 
 use crate::geom::{Pose, TriangleSoup};
 use crate::json::{self, check};
@@ -53,6 +57,8 @@ pub struct Scene {
     /// In the ego frame.
     body: Solid,
     ego: Motion,
+    /// Of each part's frame, in the frame of its owner; see [`Scene::part`].
+    origins: Vec<DVec3>,
     files: Vec<PathBuf>,
     notes: Vec<String>,
 }
@@ -177,6 +183,10 @@ impl Scene {
             actor.motion.check_frames(&top.key("actors").item(i), frames)?;
         }
 
+        let mut origins = vec![origins::middle_of_way(&ego_at, &ego, frames, &world)?];
+        origins.extend(actors.iter().map(|actor| origins::middle(&actor.parts)));
+        origins.push(DVec3::ZERO);
+
         let coverage =
             Coverage::new(&top.key("coverage"), scene.coverage.as_deref(), has_geometry)?;
         let psog = scene.psog.as_ref();
@@ -198,6 +208,7 @@ impl Scene {
             actors,
             body,
             ego,
+            origins,
             files,
             notes,
         })
@@ -298,7 +309,9 @@ impl Scene {
 
     /// Triangles of frame `t` in the ego frame, in metres.
     ///
-    /// Order: static world, actors as listed, ego body; face ids are the same in every frame.
+    /// Order: static world, actors as listed, ego body; face ids are the same in every frame. The plain
+    /// description, as large as the scene: what casts takes [`Scene::part`] once and
+    /// [`Scene::part_poses`] a frame.
     ///
     /// # Panics
     ///
@@ -315,16 +328,6 @@ impl Scene {
             self.body.append_to(&mut soup, &Pose::IDENTITY);
         }
         soup
-    }
-
-    /// Triangles of the ego body in the ego frame; none where the scene has no geometry.
-    pub fn body(&self) -> Vec<[[f32; 3]; 3]> {
-        if !self.has_geometry() {
-            return Vec::new();
-        }
-        let without = self.frame(0, EgoBody::Exclude).faces.len() as u32;
-        let soup = self.frame(0, EgoBody::Include);
-        (without..soup.faces.len() as u32).map(|prim| soup.corners(prim)).collect()
     }
 }
 

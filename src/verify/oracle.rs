@@ -6,10 +6,11 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::bvh::{Bvh, Hit, Ray, Triangle};
+use crate::bvh::{Bvh, Hit, Triangle};
+use crate::cast::closest_hit_in;
 use crate::engine::BackendError;
-use crate::problem::beam_direction;
-use crate::problem::{DevicePose, Problem};
+use crate::geom::Pose;
+use crate::problem::{Frame, Problem};
 use crate::vehicle::Placement;
 
 /// A beam that passes an edge closer than this is grazing: rounding may decide either way. Metres at
@@ -17,6 +18,9 @@ use crate::vehicle::Placement;
 pub const EDGE_TOLERANCE: f64 = 5e-4;
 /// Distances closer than this count as a tie, in metres and as a share of the distance.
 const TIE_TOLERANCE: f64 = 1e-4;
+/// What both grow by a metre that the sensor is away from the origin of a tree's frame: twice the spacing of
+/// `f32` there.
+const ROUNDING: f64 = 1.0 / (1 << 22) as f64;
 
 /// How one beam of the reference compares with brute force in `f64`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -75,30 +79,64 @@ fn meet(triangle: &Triangle, origin: DVec3, direction: DVec3) -> Meeting {
     }
 }
 
-/// Compares a hit of the reference with all triangles in `f64`.
+/// A tree and a beam in its frame.
+struct Cast<'a> {
+    tree: &'a Bvh,
+    first_prim: u32,
+    origin: DVec3,
+    direction: DVec3,
+}
+
+/// Compares a hit of the reference in one tree with all triangles in `f64`.
 pub fn explain(bvh: &Bvh, origin: Vec3, direction: Vec3, range: f32, hit: Hit) -> Explanation {
-    let (o, d, range) = (origin.as_dvec3(), direction.as_dvec3(), f64::from(range));
-    let mut best: Option<(&Triangle, Meeting)> = None;
+    let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
+    explain_casts(&[Cast { tree: bvh, first_prim: 0, origin, direction }], range, hit)
+}
+
+/// Compares a hit of the reference in a frame with all triangles in `f64`; poses are not rounded.
+pub fn explain_in(
+    frame: &Frame,
+    ego_from_sensor: &Pose,
+    direction: [f32; 3],
+    range: f32,
+    hit: Hit,
+) -> Explanation {
+    let casts = frame.instances().iter().map(|instance| {
+        let Pose { rotation, translation: origin } = instance.pose_from(ego_from_sensor);
+        let direction = rotation * DVec3::from(direction.map(f64::from));
+        Cast { tree: &instance.tree, first_prim: instance.first_prim, origin, direction }
+    });
+    explain_casts(&casts.collect::<Vec<_>>(), range, hit)
+}
+
+fn explain_casts(casts: &[Cast<'_>], range: f32, hit: Hit) -> Explanation {
+    let range = f64::from(range);
+    let mut best: Option<(u32, Meeting)> = None;
     let mut ours: Option<Meeting> = None;
-    for triangle in &bvh.triangles {
-        let meeting = meet(triangle, o, d);
-        if triangle.prim == hit.prim {
-            ours = Some(meet(triangle, o, d));
-        }
-        if meeting.inside && meeting.t > 0.0 && meeting.t <= range {
-            let closer = best.as_ref().is_none_or(|(held, b)| {
-                meeting.t < b.t || (meeting.t == b.t && triangle.prim < held.prim)
-            });
-            if closer {
-                best = Some((triangle, meeting));
+    let mut spare = 0.0_f64;
+    for &Cast { tree, first_prim, origin, direction } in casts {
+        for triangle in &tree.triangles {
+            let prim = first_prim + triangle.prim;
+            let meeting = meet(triangle, origin, direction);
+            if prim == hit.prim {
+                ours = Some(meet(triangle, origin, direction));
+            }
+            if meeting.inside && meeting.t > 0.0 && meeting.t <= range {
+                let closer = best
+                    .as_ref()
+                    .is_none_or(|(held, b)| meeting.t < b.t || (meeting.t == b.t && prim < *held));
+                if closer {
+                    best = Some((prim, meeting));
+                }
             }
         }
+        spare = spare.max(ROUNDING * origin.length());
     }
-    let near = |a: f64, b: f64| (a - b).abs() <= TIE_TOLERANCE * (1.0 + a.abs());
+    let near = |a: f64, b: f64| (a - b).abs() <= TIE_TOLERANCE * (1.0 + a.abs()) + spare;
     let graze = |meeting: &Option<Meeting>| {
-        meeting.as_ref().is_some_and(|m| m.edge <= EDGE_TOLERANCE || !m.t.is_finite())
+        meeting.as_ref().is_some_and(|m| m.edge <= EDGE_TOLERANCE + spare || !m.t.is_finite())
     };
-    let best_prim = best.as_ref().map(|(triangle, _)| triangle.prim);
+    let best_prim = best.as_ref().map(|(prim, _)| *prim);
     let theirs = best.map(|(_, meeting)| meeting);
     let our_t = f64::from(hit.t);
     if best_prim == ours.as_ref().map(|_| hit.prim)
@@ -148,12 +186,9 @@ pub(super) fn sample_reference(
     let explanations: Vec<Explanation> = picks
         .par_iter()
         .filter_map(|(frame, pose, direction)| {
-            let pose = DevicePose::new(pose, problem.roi());
-            let origin = Vec3::from(pose.rows.map(|row| row[3]));
-            let direction = beam_direction(&pose, *direction);
-            let bvh = problem.geometry(*frame)?;
-            let hit = bvh.closest_hit(&Ray::new(origin, direction, range));
-            Some(explain(bvh, origin, direction, range, hit))
+            let (frame, sensor) = (problem.geometry(*frame)?, pose.ego_from_sensor());
+            let hit = closest_hit_in(frame, &sensor, *direction, range);
+            Some(explain_in(frame, &sensor, *direction, range, hit))
         })
         .collect();
     let count = |kind| explanations.iter().filter(|e| **e == kind).count() as u64;

@@ -1,10 +1,11 @@
 //! Buffers on the device: the problem's, made once, and those of a chunk, made again for a larger one.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use super::device::Device;
-use super::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, Uniforms};
-use crate::bvh::{Bvh, Bvh4, Hit};
+use super::layout::{ITEMS_PER_WORKGROUP, Instance, PARTIAL_WORDS, Uniforms};
+use crate::bvh::{Bvh4, Hit, QuantizedNode, Triangle};
 use crate::cover::BitOrder;
 use crate::engine::BackendError;
 use crate::problem::{Content, DevicePose, OccupiedVoxel, Problem};
@@ -16,6 +17,8 @@ pub(super) struct Sizes {
     pub(super) bitmap: u64,
     /// Hits of one sensor.
     pub(super) hits: u64,
+    /// Instances of one sensor, all of the frame that has most.
+    pub(super) instances: u64,
     /// Partial sums of one placement.
     pub(super) partials: u64,
     /// Totals of one placement: covered voxels, then those of each class.
@@ -26,9 +29,12 @@ impl Sizes {
     pub(super) fn of(problem: &Problem) -> Self {
         let directions = problem.table().directions().len() as u64;
         let has_geometry = problem.geometry_frame_count() > 0;
+        let instances = problem.world().frames().iter().map(|frame| frame.instances().len());
+        let instances = instances.max().unwrap_or(0).max(1) * size_of::<Instance>();
         Self {
             bitmap: 4 * u64::from(bitmap_words(problem)),
             hits: if has_geometry { size_of::<Hit>() as u64 * directions } else { 0 },
+            instances: instances as u64,
             partials: 4 * u64::from(occupied_workgroups(problem) * PARTIAL_WORDS),
             totals: 4 * (1 + problem.content().classes().len() as u64),
         }
@@ -45,18 +51,14 @@ pub(super) fn occupied_workgroups(problem: &Problem) -> u32 {
     (problem.content().occupied().len() as u32).div_ceil(ITEMS_PER_WORKGROUP)
 }
 
-/// A frame's tree; see [`crate::bvh::Bvh4`].
-#[derive(Clone)]
-pub(super) struct Tree {
-    pub(super) nodes: wgpu::Buffer,
-    pub(super) triangles: wgpu::Buffer,
-}
-
 /// The problem on the device.
 pub(super) struct SceneBuffers {
     pub(super) directions: wgpu::Buffer,
-    /// By frame; frames that share a tree share its buffers.
-    pub(super) trees: Vec<Tree>,
+    /// Of all trees; see [`crate::bvh::Bvh4`].
+    pub(super) nodes: wgpu::Buffer,
+    pub(super) triangles: wgpu::Buffer,
+    /// Number of each tree's root among the nodes, by the address of the tree.
+    pub(super) roots: HashMap<usize, u32>,
     pub(super) occupied: wgpu::Buffer,
     pub(super) class_voxels: wgpu::Buffer,
     pub(super) class_runs: wgpu::Buffer,
@@ -71,10 +73,12 @@ impl SceneBuffers {
             problem.table().directions().iter().map(|&[x, y, z]| [x, y, z, 0.0]).collect();
         let content = in_bricks(problem.content(), &BitOrder::bricks(problem.roi()));
         let runs = class_runs(content.class_starts());
-        let (trees, stack) = upload_trees(device, problem)?;
+        let Trees { nodes, triangles, roots, stack } = Trees::new(device, problem)?;
         Ok(Self {
             directions: device.upload("beam directions", &directions)?,
-            trees,
+            nodes,
+            triangles,
+            roots,
             occupied: device.upload("occupied voxels", content.occupied())?,
             class_voxels: device.upload("voxels by class", content.class_voxels())?,
             class_runs: device.upload("class runs", &runs)?,
@@ -101,24 +105,42 @@ fn in_bricks(content: &Content, order: &BitOrder) -> Content {
     Content::new(classes, occupied, &by_class, content.has_detection())
 }
 
-/// The trees by frame, and the entries of the deepest one's stack.
-fn upload_trees(device: &Device, problem: &Problem) -> Result<(Vec<Tree>, usize), BackendError> {
-    let mut uploaded: HashMap<*const Bvh, Tree> = HashMap::new();
-    let (mut trees, mut stack) = (Vec::new(), 1);
-    for bvh in (0..problem.geometry_frame_count()).filter_map(|frame| problem.geometry(frame)) {
-        let tree = match uploaded.get(&std::ptr::from_ref(bvh)) {
-            Some(tree) => tree.clone(),
-            None => {
-                let tree = Bvh4::new(bvh);
-                stack = tree.stack().max(stack);
-                let nodes = device.upload("tree", &tree.nodes)?;
-                Tree { nodes, triangles: device.upload("triangles", &bvh.triangles)? }
-            }
+/// The trees of a problem, one behind the other, each as often as it is built: once.
+struct Trees {
+    nodes: wgpu::Buffer,
+    triangles: wgpu::Buffer,
+    roots: HashMap<usize, u32>,
+    /// Entries of the deepest one's stack.
+    stack: usize,
+}
+
+impl Trees {
+    fn new(device: &Device, problem: &Problem) -> Result<Self, BackendError> {
+        let trees = problem.world().trees();
+        let mut built: Vec<Bvh4> = trees.iter().map(|tree| Bvh4::new(tree)).collect();
+        let stack = built.iter().map(Bvh4::stack).max().unwrap_or(1);
+        let of = |what, count: usize, each: usize| {
+            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+            device.buffer(what, count as u64 * each as u64, usage)
         };
-        uploaded.insert(std::ptr::from_ref(bvh), tree.clone());
-        trees.push(tree);
+        let node_count = built.iter().map(|tree| tree.nodes.len()).sum();
+        let nodes = of("trees", node_count, size_of::<QuantizedNode>())?;
+        let triangle_count = trees.iter().map(|tree| tree.triangles.len()).sum();
+        let triangles = of("triangles", triangle_count, size_of::<Triangle>())?;
+        let mut roots = HashMap::new();
+        let (mut first_node, mut first_triangle) = (0, 0);
+        for (tree, wide) in trees.into_iter().zip(&mut built) {
+            wide.move_to(first_node, first_triangle);
+            device.write_at(&nodes, u64::from(first_node), &wide.nodes);
+            device.write_at(&triangles, u64::from(first_triangle), &tree.triangles);
+            // Submits each tree alone: staging memory of several large ones would add up.
+            device.queue().submit([]);
+            roots.insert(Arc::as_ptr(tree).addr(), first_node);
+            first_node += wide.nodes.len() as u32;
+            first_triangle += tree.triangles.len() as u32;
+        }
+        Ok(Self { nodes, triangles, roots, stack })
     }
-    Ok((trees, stack))
 }
 
 /// Cuts each class's voxels into runs of one workgroup: [class, first, end, 0].
@@ -142,6 +164,10 @@ pub(super) struct WorkBuffers {
     pub(super) uniforms: wgpu::Buffer,
     pub(super) poses: wgpu::Buffer,
     pub(super) hits: wgpu::Buffer,
+    /// Instances in reach of each sensor, sensor after sensor.
+    pub(super) instances: wgpu::Buffer,
+    /// First and end of those, by sensor.
+    pub(super) spans: wgpu::Buffer,
     /// Unfinished beams, then hits by sensor.
     pub(super) counters: wgpu::Buffer,
     pub(super) bitmaps: wgpu::Buffer,
@@ -171,6 +197,8 @@ impl WorkBuffers {
             uniforms: device.buffer("uniforms", size_of::<Uniforms>() as u64, uniform)?,
             poses: buffer("poses", s * size_of::<DevicePose>() as u64)?,
             hits: buffer("hits", s * sizes.hits)?,
+            instances: buffer("instances", s * sizes.instances)?,
+            spans: buffer("instances by sensor", 8 * s)?,
             counters: buffer("hit counters", 4 * (1 + s))?,
             bitmaps: buffer("coverage bitmaps", s * sizes.bitmap)?,
             placement_sensors: buffer("placements", 8 * p)?,

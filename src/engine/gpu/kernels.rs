@@ -137,7 +137,7 @@ mod tests {
 
     use super::*;
     use crate::bvh::{QuantizedNode as Node, Triangle};
-    use crate::engine::gpu::layout::Uniforms;
+    use crate::engine::gpu::layout::{Instance, Uniforms};
     use crate::problem::{DevicePose, OccupiedVoxel};
 
     fn parsed(parts: &[&str]) -> naga::Module {
@@ -209,12 +209,11 @@ mod tests {
     fn structs_lie_where_the_shaders_read_them() {
         for kernel in SOURCES {
             let (fields, span) = layout(kernel.0, "Uniforms");
-            assert_eq!((fields.len(), span), (11, size_of::<Uniforms>()));
+            assert_eq!((fields.len(), span), (9, size_of::<Uniforms>()));
         }
         same_layout!("cast_closest", Uniforms, [
             shape => "shape", direction_count => "direction_count", voxel => "voxel",
-            range => "range", bitmap_words => "bitmap_words", node_count => "node_count",
-            pad => "pad", occupied_count => "occupied_count", class_count => "class_count",
+            range => "range", bitmap_words => "bitmap_words", occupied_count => "occupied_count", class_count => "class_count",
             ends_at_hits => "ends_at_hits", spare => "spare",
         ]);
         same_layout!("cast_closest", Node, [
@@ -224,7 +223,19 @@ mod tests {
         same_layout!("cast_closest", Triangle, [
             a => "a", prim => "prim", b => "b", pad0 => "pad0", c => "c", pad1 => "pad1", normal => "normal", pad2 => "pad2",
         ]);
-        let (fields, span) = layout("cast_closest", "DevicePose");
+        let (fields, span) = layout("cast_closest", "Instance");
+        let shader: Vec<usize> = fields.iter().map(|f| f.1).collect();
+        let host = [
+            offset_of!(Instance, center),
+            offset_of!(Instance, radius),
+            offset_of!(Instance, least_square),
+            offset_of!(Instance, pad),
+            offset_of!(Instance, root),
+            offset_of!(Instance, first_prim),
+        ];
+        assert_eq!((&shader[..3], &shader[3..]), (&[0, 16, 32][..], &host[..]));
+        assert_eq!(span, size_of::<Instance>());
+        let (fields, span) = layout("cover_voxels", "DevicePose");
         let offsets: Vec<usize> = fields.iter().map(|f| f.1).collect();
         assert_eq!((offsets, span), (vec![0, 16, 32, 48], size_of::<DevicePose>()));
         assert_eq!(offset_of!(DevicePose, in_grid), 48);

@@ -13,10 +13,10 @@ use crate::vehicle::MAX_LIDARS;
 pub(super) const WORKGROUP_SIZE: u32 = 64;
 /// Workgroups along one dimension of a dispatch that every Vulkan device allows.
 pub(super) const MAX_WORKGROUPS: u32 = 65_535;
-/// Loop steps of one invocation of `cast_closest`, in inner and outer loop together.
+/// Loop steps of one invocation of `cast_closest`, in all loops over instances and nodes together.
 ///
 /// lavapipe silently ends the loops of an invocation after 65 535 iterations. It counts those of all
-/// lanes of a vector, which run the inner loop as long as the slowest lane, as one: with 16 lanes
+/// lanes of a vector, which run each loop as long as the slowest lane, as one: with 16 lanes
 /// 16 · 3 750 = 60 000 iterations at most.
 pub(super) const STEP_BUDGET: u32 = 60_000 / 16;
 /// Triangle id of a beam whose traversal ran out of [`STEP_BUDGET`].
@@ -50,10 +50,6 @@ pub(super) struct Uniforms {
     pub(super) range: f32,
     /// 32-bit words of one bitmap.
     pub(super) bitmap_words: u32,
-    /// Nodes of the tree; 0 without triangles.
-    pub(super) node_count: u32,
-    /// Metres by which triangle boxes are grown.
-    pub(super) pad: f32,
     /// Occupied voxels.
     pub(super) occupied_count: u32,
     /// Classes.
@@ -61,7 +57,27 @@ pub(super) struct Uniforms {
     /// 1 when beams end at their hits.
     pub(super) ends_at_hits: u32,
     /// Zero.
-    pub(super) spare: [u32; 2],
+    pub(super) spare: [u32; 4],
+}
+
+/// An instance as one sensor sees it, 80 bytes.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub(super) struct Instance {
+    /// Rows of the rotation that turns sensor coordinates into the instance's, each followed by that
+    /// coordinate of the sensor (m).
+    pub(super) rows: [[f32; 4]; 3],
+    /// Centre of a sphere around it in the sensor's frame, and its radius, in metres.
+    pub(super) center: [f32; 3],
+    pub(super) radius: f32,
+    /// Beams miss it whose (centre · direction)² is less.
+    pub(super) least_square: f32,
+    /// Metres by which triangle boxes are grown.
+    pub(super) pad: f32,
+    /// Root of its tree among all nodes.
+    pub(super) root: u32,
+    /// Number of its first triangle in the frame.
+    pub(super) first_prim: u32,
 }
 
 /// Constants as WGSL, put before every shader; `stack` entries hold any path down a tree.

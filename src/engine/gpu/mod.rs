@@ -121,10 +121,12 @@ impl GpuBackend {
     fn limits(&self, widest: usize, sizes: &Sizes) -> Result<ChunkLimits, BackendError> {
         let (binding, memory) = (self.device.max_binding(), self.memory);
         // Bitmaps on the device and their copy to the host; sums on the device and copies of two steps.
-        let each = sizes.hits + 2 * sizes.bitmap + 3 * (sizes.partials + sizes.totals);
+        let sums = 3 * (sizes.partials + sizes.totals);
+        let each = sizes.hits + sizes.instances + 2 * sizes.bitmap + sums;
         let sensors = [
             ("coverage bitmaps", sizes.bitmap, binding.min(memory)),
             ("hits", sizes.hits, binding),
+            ("instances", sizes.instances, binding),
             ("work buffers", each, memory),
         ];
         let placements = [

@@ -17,10 +17,11 @@ use super::device::Device;
 use super::kernels::{Kernels, beam_workgroups};
 use super::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, UNFINISHED, Uniforms};
 use super::readback::ReadBack;
-use crate::bvh::{Hit, Ray};
+use crate::bvh::Hit;
+use crate::cast::closest_hit_in;
 use crate::cover::{BitOrder, cover_voxels};
 use crate::engine::{self, BackendError};
-use crate::problem::{Problem, StageTimes, beam_direction, beam_origin};
+use crate::problem::{Frame, Problem, StageTimes};
 use crate::vehicle::Placement;
 
 /// A step's commands on the device and the copy of their results.
@@ -79,9 +80,9 @@ impl Pipeline<'_> {
         for cut in &batch.chunks {
             let chunk = Rc::new(self.upload(batch.placements, cut)?);
             for (turn, &frame) in batch.frames.iter().enumerate() {
-                self.write_uniforms(frame, batch.range);
+                self.write_uniforms(batch.range);
                 if casts {
-                    let counters = self.cast(&chunk, frame)?;
+                    let counters = self.cast(&chunk, frame, batch.range)?;
                     if let Some(last) = &last {
                         self.wait(last, &mut clock)?;
                     }
@@ -101,14 +102,14 @@ impl Pipeline<'_> {
         Ok(clock.times)
     }
 
-    /// Casts the poses of a batch in one frame, as [`crate::cast::cast_closest`] does.
+    /// Casts the poses of a batch in one frame, as [`crate::cast::cast_frame_closest`] does.
     pub(super) fn hits(&self, batch: &Batch<'_>, frame: usize) -> Result<Vec<Hit>, BackendError> {
         self.compile(true, false);
         let mut hits = Vec::new();
         for cut in &batch.chunks {
             let chunk = self.upload(batch.placements, cut)?;
-            self.write_uniforms(frame, batch.range);
-            let counters = self.cast(&chunk, frame)?;
+            self.write_uniforms(batch.range);
+            let counters = self.cast(&chunk, frame, batch.range)?;
             self.settle(&chunk, frame, batch.range, counters)?;
             hits.append(&mut self.read_hits(&chunk)?);
         }
@@ -135,21 +136,18 @@ impl Pipeline<'_> {
         Ok(chunk)
     }
 
-    fn write_uniforms(&self, frame: usize, range: f32) {
+    fn write_uniforms(&self, range: f32) {
         let (roi, content) = (self.problem.roi(), self.problem.content());
-        let bvh = self.problem.geometry(frame);
         let uniforms = Uniforms {
             shape: roi.shape(),
             direction_count: self.directions(),
             voxel: roi.voxel().map(|v| v as f32),
             range,
             bitmap_words: self.bitmap_words(),
-            node_count: bvh.map_or(0, |b| b.nodes.len() as u32),
-            pad: bvh.map_or(0.0, |b| b.pad),
             occupied_count: content.occupied().len() as u32,
             class_count: content.classes().len() as u32,
             ends_at_hits: u32::from(self.problem.ends_at_hits()),
-            spare: [0; 2],
+            spare: [0; 4],
         };
         self.device.write(&self.work.uniforms, &[uniforms]);
     }
@@ -162,17 +160,25 @@ impl Pipeline<'_> {
         bitmap_words(self.problem)
     }
 
+    fn frame(&self, frame: usize) -> &Frame {
+        self.problem.geometry(frame).expect("only frames with geometry are cast")
+    }
+
     /// Hands over the casting of a chunk into a frame; the counters are read.
-    fn cast(&self, chunk: &Chunk, frame: usize) -> Result<ReadBack, BackendError> {
-        let (work, tree) = (self.work, &self.scene.trees[frame]);
+    fn cast(&self, chunk: &Chunk, frame: usize, range: f32) -> Result<ReadBack, BackendError> {
+        let (work, scene) = (self.work, self.scene);
+        let (instances, spans) = chunk.instances(self.frame(frame), &scene.roots, range);
+        self.device.write(&work.instances, &instances);
+        self.device.write(&work.spans, &spans);
         let record = |encoder: &mut wgpu::CommandEncoder| {
             encoder.clear_buffer(&work.counters, 0, None);
             let buffers = [
                 &work.uniforms,
-                &work.poses,
-                &self.scene.directions,
-                &tree.nodes,
-                &tree.triangles,
+                &work.instances,
+                &work.spans,
+                &scene.directions,
+                &scene.nodes,
+                &scene.triangles,
                 &work.hits,
                 &work.counters,
             ];
@@ -198,13 +204,13 @@ impl Pipeline<'_> {
             return Ok(hits);
         }
         let directions = self.problem.table().directions();
-        let bvh = self.problem.geometry(frame).expect("only frames with geometry are cast");
+        let frame = self.frame(frame);
         let beams = self.read_hits(chunk)?;
         let unfinished = (0..beams.len()).into_par_iter().filter(|&b| beams[b].prim == UNFINISHED);
         let cast = unfinished.map(|beam| {
-            let pose = &chunk.poses[beam / directions.len()];
-            let direction = beam_direction(pose, directions[beam % directions.len()]);
-            (beam, bvh.closest_hit(&Ray::new(beam_origin(pose), direction, range)))
+            let sensor = &chunk.ego_from_sensors[beam / directions.len()];
+            let direction = directions[beam % directions.len()];
+            (beam, closest_hit_in(frame, sensor, direction, range))
         });
         for (beam, hit) in cast.collect::<Vec<_>>() {
             hits[beam / directions.len()] += u32::from(hit.is_hit());
