@@ -1,4 +1,5 @@
-//! Closest hits of all beams: the plain reference and the fast copies that give its bits.
+//! Closest hits of all beams in a frame's instances: the plain reference and the fast copies that give its
+//! bits.
 //!
 //! `README.md` beside this file names the job of each file and the evidence for each path.
 

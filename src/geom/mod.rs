@@ -1,8 +1,8 @@
 //! Rigid transforms, boxes and triangle soups.
 //!
 //! Frame of every coordinate: ISO 8855 (x forward, y left, z up), right-handed, in metres; angles in
-//! radians. Transforms are `f64`; triangles are `f32` and always in the ego frame, so that world
-//! coordinates of any size have been rebased before they are rounded.
+//! radians. Transforms are `f64`; triangles are `f32`, in the ego frame or in that of a rigid part whose
+//! origin is near, so that world coordinates of any size have been rebased before they are rounded.
 
 pub(crate) mod aabb;
 mod pose;

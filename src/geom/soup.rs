@@ -1,11 +1,11 @@
 //! Triangle soups.
 
-/// Triangles with one semantic class each, in the ego frame, in metres.
+/// Triangles with one semantic class each, in the ego frame or in that of a part, in metres.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TriangleSoup {
     /// Corner positions `[V]`.
     pub vertices: Vec<[f32; 3]>,
-    /// Vertex indices `[F]`; a face's index is its triangle id everywhere (`prim`).
+    /// Vertex indices `[F]`; a face's index is its triangle id (`prim`) in a frame, or in a tree.
     pub faces: Vec<[u32; 3]>,
     /// Index into the scene's class names `[F]`.
     pub face_class: Vec<u16>,

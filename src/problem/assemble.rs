@@ -119,6 +119,8 @@ impl Problem {
 const TREE_BYTES: u64 = 300;
 /// Triangles whose memory is not asked for: asking takes longer than building their tree.
 const FEW: u64 = 1 << 12;
+/// Instances in all frames from which on memory is asked for.
+const MANY: u64 = 1 << 16;
 
 impl World {
     /// The world of some frames of a scene, with trees for hits up to `far` metres away: each part of the
@@ -168,6 +170,12 @@ impl World {
                 alike.push((soup, tree.clone()));
             }
             trees.push(tree);
+        }
+        let instances = frames.len() as u64 * parts as u64;
+        if instances > MANY {
+            // The lists, and the keys that equal ones are found by.
+            let each = size_of::<Instance>() as u64 + 14 * size_of::<u64>() as u64;
+            memory::check("the poses of actors", instances * each)?;
         }
         let frame = |&t: &usize| Arc::new(standing(&trees, &scene.part_poses(t)));
         Ok(Self::new(frames.iter().map(frame).collect()))
