@@ -6,7 +6,7 @@ use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sightline::internals::Bvh;
-use sightline::internals::cast_packets;
+use sightline::internals::Caster;
 use sightline::problem::beam_direction;
 use sightline::problem::{Content, DevicePose, OccupiedVoxel};
 use sightline::psog::Roi;
@@ -25,6 +25,13 @@ pub fn table(azimuth_steps: u32) -> BeamTable {
     let channels: Vec<(f64, f64)> =
         (0..16).map(|k| (-24.8 + 26.8 * f64::from(k) / 15.0, 0.0)).collect();
     BeamTable::spinning(&channels, azimuth_steps, f64::from(RANGE)).unwrap()
+}
+
+/// 128 channels from −25° to 15°.
+pub fn dense_table() -> BeamTable {
+    let channels: Vec<(f64, f64)> =
+        (0..128).map(|k| (-25.0 + 40.0 * f64::from(k) / 127.0, 0.0)).collect();
+    BeamTable::spinning(&channels, 2048, f64::from(RANGE)).unwrap()
 }
 
 /// The sensors of all placements.
@@ -59,7 +66,7 @@ pub fn content(
 ) -> Content {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut hits = Vec::new();
-    cast_packets(poses, table, bvh, RANGE, &mut hits);
+    Caster::new(table).closest_hits(poses, bvh, RANGE, &mut hits);
     let mut voxels = Vec::new();
     for (pose, hits) in poses.iter().zip(hits.chunks(table.directions().len())) {
         let origin = DVec3::from(pose.rows.map(|row| f64::from(row[3])));

@@ -8,7 +8,7 @@ use sightline::engine::CpuBackend;
 use sightline::internals::Bvh;
 use sightline::internals::reduce;
 use sightline::internals::{BitOrder, WalkScratch, cover_sensor, cover_voxels};
-use sightline::internals::{cast_closest, cast_packets};
+use sightline::internals::{Caster, cast_closest};
 use sightline::problem::{DevicePose, Problem};
 use sightline::psog::Roi;
 use sightline::scene::{EgoBody, Scene};
@@ -31,7 +31,7 @@ fn compare(problem: &Arc<Problem>, placements: &[Placement], range: f32) -> u64 
         let hits = bvh.map(|bvh| cast_closest(&poses, table, bvh, range));
         if let (Some(bvh), Some(hits)) = (bvh, &hits) {
             let mut fast = Vec::new();
-            cast_packets(&poses, table, bvh, range, &mut fast);
+            Caster::new(table).closest_hits(&poses, bvh, range, &mut fast);
             assert!(fast.iter().zip(hits).all(|(a, b)| a.t.to_bits() == b.t.to_bits()));
             assert!(fast.iter().zip(hits).all(|(a, b)| a.prim == b.prim));
         }

@@ -57,3 +57,4 @@ mod optimize;
 mod own_scenes;
 mod packets;
 mod reference;
+mod walk;

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use rand::RngExt;
 use sightline::geom::TriangleSoup;
 use sightline::internals::{Bvh, Hit, NO_HIT, Ray, major_axis};
-use sightline::internals::{Casting, cast_closest, cast_packets_by};
+use sightline::internals::{Caster, Casting, Instructions, cast_closest};
 use sightline::internals::{FAN_DIRECTIONS, Fan, PACKET_RAYS, Packet, PacketHits, Scratch};
 use sightline::problem::DevicePose;
 use sightline::psog::Roi;
@@ -87,13 +87,14 @@ fn packets_give_the_bits_of_single_beams() {
         for table in tables() {
             for poses in pose_sets() {
                 let poses: Vec<_> = poses.iter().map(|p| DevicePose::new(p, &roi())).collect();
+                let ways = [Casting::Beams, Casting::Walk, Casting::Fans].map(Some);
                 for range in [30.0, 2.5] {
                     let want = cast_closest(&poses, &table, &bvh, range);
-                    let ways = [Casting::Beams, Casting::Mixed, Casting::Fans].map(Some);
                     for way in ways.into_iter().chain([None]) {
                         // What was there before must not shine through.
                         let mut got = vec![Hit { t: f32::NAN, prim: 77 }; 5000];
-                        cast_packets_by(way, &poses, &table, &bvh, range, &mut got);
+                        let caster = Caster::by(way, Instructions::Best, &table);
+                        caster.closest_hits(&poses, &bvh, range, &mut got);
                         let faces = soup.faces.len();
                         assert!(bits(&got) == bits(&want), "{way:?}, {faces} triangles");
                     }

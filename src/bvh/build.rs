@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::bvh8::Bvh8;
+use super::bvh16::Bvh16;
 use super::{Bvh, MAX_DEPTH, Node, Triangle};
 use crate::geom::{Aabb, TriangleSoup};
 
@@ -61,7 +62,8 @@ impl Bvh {
             builder.subdivide(0, &mut items, 1);
         }
         let bvh8 = Bvh8::collapse(&builder.nodes, &builder.triangles);
-        Self { nodes: builder.nodes, triangles: builder.triangles, pad, bvh8 }
+        let bvh16 = Bvh16::collapse(&builder.nodes, &builder.triangles);
+        Self { nodes: builder.nodes, triangles: builder.triangles, pad, bvh8, bvh16 }
     }
 }
 

@@ -13,6 +13,7 @@
 //! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together (`cast::Packet`, `cast::Fan`).
 
 mod build;
+pub(crate) mod bvh16;
 #[cfg(feature = "gpu")]
 mod bvh4;
 pub(crate) mod bvh8;
@@ -20,7 +21,7 @@ mod intersect;
 mod node;
 mod tree;
 
-pub(crate) use intersect::{axes_of, safe_inverse};
+pub(crate) use intersect::{FAR_INVERSE, axes_of, safe_inverse};
 
 pub(crate) use build::PAD_SHARE;
 #[cfg(feature = "gpu")]

@@ -3,7 +3,6 @@
 //! `README.md` beside this file names the job of each file and the evidence for each path.
 
 mod batch;
-mod beam_order;
 mod bounds;
 mod fan;
 mod fan_blocks;
@@ -11,15 +10,16 @@ mod fan_bounds;
 mod groups;
 mod intersect;
 mod lanes;
-mod mixed;
 mod packet;
 mod ranges;
 mod reference;
 mod traverse;
+mod walk;
 
-pub use batch::{Casting, cast_packets, cast_packets_by};
+pub use batch::{Caster, Casting};
 pub use fan::Fan;
 pub use lanes::{FAN_DIRECTIONS, PACKET_RAYS, PacketHits};
 pub use packet::Packet;
 pub use reference::cast_closest;
 pub use traverse::Scratch;
+pub use walk::{Instructions, Part};

@@ -16,19 +16,8 @@ const BEAMS_PER_TASK: usize = 1024;
 pub fn cast_closest(poses: &[DevicePose], table: &BeamTable, bvh: &Bvh, range: f32) -> Vec<Hit> {
     let directions = table.directions();
     let mut hits = vec![Hit { t: range, prim: NO_HIT }; poses.len() * directions.len()];
-    let rows = poses.iter().zip(hits.chunks_mut(directions.len())).collect();
-    cast_rows(rows, directions, bvh, range);
-    hits
-}
-
-/// [`cast_closest`] of sensors with the hits of each; these may hold anything before.
-pub(super) fn cast_rows(
-    sensors: Vec<(&DevicePose, &mut [Hit])>,
-    directions: &[[f32; 3]],
-    bvh: &Bvh,
-    range: f32,
-) {
-    sensors.into_par_iter().for_each(|(pose, row)| {
+    let rows = hits.par_chunks_mut(directions.len());
+    poses.par_iter().zip(rows).for_each(|(pose, row)| {
         let origin = beam_origin(pose);
         let tasks = row.par_chunks_mut(BEAMS_PER_TASK).zip(directions.par_chunks(BEAMS_PER_TASK));
         tasks.for_each(|(row, directions)| {
@@ -38,6 +27,7 @@ pub(super) fn cast_rows(
             }
         });
     });
+    hits
 }
 
 impl Bvh {

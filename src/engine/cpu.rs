@@ -2,7 +2,7 @@
 //!
 //! | reference, to be read | fast, what [`CpuBackend`] runs |
 //! |---|---|
-//! | [`cast_closest`]: a beam at a time | [`cast_packets`]: nodes a packet, triangles a lane a beam |
+//! | [`cast_closest`]: a beam at a time | [`Caster`]: all beams of a sensor at once |
 //! | [`cover_voxels`]: a voxel at a time | [`cover_sensor`]: sixteen beams in lockstep, a row of voxels at a time |
 //! | [`reduce()`]: a voxel at a time | `take_sums`: a word of the bitmaps at a time |
 //!
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use super::{Backend, BackendError, Chunk, ChunkLimits, check_frame, split};
 use crate::bvh::Hit;
-use crate::cast::cast_packets;
+use crate::cast::Caster;
 use crate::cover::{BitOrder, Bitmaps, WalkScratch, cover_sensor};
 use crate::memory;
 use crate::problem::{DevicePose, Problem, StageTimes, Tally};
@@ -41,6 +41,7 @@ pub struct CpuBackend {
     times: StageTimes,
     /// Kept from batch to batch.
     hits: Vec<Hit>,
+    caster: Caster,
     walks: Pool<WalkScratch>,
     /// `[sensors × words]` in `order`, zero between tasks.
     bitmaps: Pool<Vec<u64>>,
@@ -83,7 +84,8 @@ impl CpuBackend {
         let entropies = EntropyIndex::new(problem.content(), &order);
         let times = StageTimes::default();
         let (walks, bitmaps) = (Pool::default(), Pool::default());
-        Self { problem, order, entropies, memory, times, hits: Vec::new(), walks, bitmaps }
+        let (caster, hits) = (Caster::new(problem.table()), Vec::new());
+        Self { problem, order, entropies, memory, times, hits, caster, walks, bitmaps }
     }
 
     fn poses(&self, placements: &[Placement]) -> Vec<DevicePose> {
@@ -116,7 +118,7 @@ impl CpuBackend {
         if let Some(bvh) = self.problem.bvh(frame) {
             let beams = poses.len() * self.problem.table().directions().len();
             memory::reserve(&mut self.hits, beams, "hits")?;
-            cast_packets(poses, self.problem.table(), bvh, range, &mut self.hits);
+            self.caster.closest_hits(poses, bvh, range, &mut self.hits);
         }
         self.times.cast += start.elapsed();
         Ok(())
@@ -251,7 +253,7 @@ impl Backend for CpuBackend {
             poses.iter().map(|pose| DevicePose::new(pose, self.problem.roi())).collect();
         let mut hits = Vec::new();
         memory::reserve(&mut hits, poses.len() * table.directions().len(), "hits")?;
-        cast_packets(&poses, table, bvh, table.range(), &mut hits);
+        self.caster.closest_hits(&poses, bvh, table.range(), &mut hits);
         self.times.cast += start.elapsed();
         Ok(hits)
     }

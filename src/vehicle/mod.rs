@@ -13,7 +13,7 @@ mod published;
 mod random;
 mod variables;
 
-pub use beam_table::{BeamTable, SensorError};
+pub use beam_table::{BeamGrid, BeamTable, SensorError};
 pub use constraints::{Constraints, Ties, Violation};
 pub(crate) use description::{LidarDescription, MountDescription};
 pub use lidar::Lidar;
