@@ -32,10 +32,17 @@ fn cases() -> Vec<Case> {
         case("1 placement of 4 x 16 x 720, turned", 1, TURN, table()),
         case("12 placements, turned", 12, TURN, table()),
         case("1 placement of 4 x 16 x 250, turned", 1, TURN, setup::table(250)),
-        Case { one: true, ..case("1 sensor of 128 x 2048, turned", 1, TURN, setup::dense_table()) },
+        Case { one: true, ..case("1 sensor of 128 x 2048, turned", 1, TURN, dense_table()) },
         case("256 placements, turned", 256, TURN, table()),
         case("256 placements of one rotation", 256, 0.0, table()),
     ]
+}
+
+/// 128 channels from −25° to 15°.
+fn dense_table() -> BeamTable {
+    let channels: Vec<(f64, f64)> =
+        (0..128).map(|k| (-25.0 + 40.0 * f64::from(k) / 127.0, 0.0)).collect();
+    BeamTable::spinning(&channels, 2048, f64::from(RANGE)).unwrap()
 }
 
 /// A table for each set of sensors.

@@ -27,13 +27,6 @@ pub fn table(azimuth_steps: u32) -> BeamTable {
     BeamTable::spinning(&channels, azimuth_steps, f64::from(RANGE)).unwrap()
 }
 
-/// 128 channels from −25° to 15°.
-pub fn dense_table() -> BeamTable {
-    let channels: Vec<(f64, f64)> =
-        (0..128).map(|k| (-25.0 + 40.0 * f64::from(k) / 127.0, 0.0)).collect();
-    BeamTable::spinning(&channels, 2048, f64::from(RANGE)).unwrap()
-}
-
 /// The sensors of all placements.
 pub fn poses(placements: &[Placement], roi: &Roi) -> Vec<DevicePose> {
     placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect()

@@ -11,7 +11,7 @@ use crate::problem::{DevicePose, beam_direction};
 use crate::vehicle::BeamTable;
 
 /// Sensors of one rotation from which on their beams go in fans; measured, see `docs/performance.md`.
-const FAN_SENSORS: usize = 32;
+const FAN_SENSORS: usize = 40;
 /// Sensors for each thread from which on a sensor's windows are not shared out too.
 const SENSORS_A_THREAD: usize = 4;
 /// Beams of one parallel task where they go one by one.

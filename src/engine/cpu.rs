@@ -24,7 +24,7 @@ use crate::reduce::{EntropyIndex, take_sums};
 use crate::vehicle::{MAX_LIDARS, Placement, SensorPose};
 
 /// Bytes of hits that one chunk uses at most: more gains nothing, since a chunk of this size already
-/// fills packets and keeps every core busy.
+/// keeps every core busy.
 const CHUNK_BYTES: u64 = 256 << 20;
 /// Placements a thread below which threads share the sensors of each placement: the last placements
 /// would leave some threads idle.

@@ -56,10 +56,10 @@ per_target! {
         let (long, short) = (max(abs(x), abs(y)), min(abs(x), abs(y)));
         let z = mul(short, rcp(max(long, splat(1e-30))));
         let square = mul(z, z);
-        let p = fma(splat(0.0208351), square, splat(-0.0851330));
-        let p = fma(p, square, splat(0.1801410));
-        let p = fma(p, square, splat(-0.3302995));
-        let p = mul(fma(p, square, splat(0.9998660)), z);
+        let p = fma(splat(0.020_835_1), square, splat(-0.085133));
+        let p = fma(p, square, splat(0.180141));
+        let p = fma(p, square, splat(-0.330_299_5));
+        let p = mul(fma(p, square, splat(0.999866)), z);
         let p = select(lt(abs(x), abs(y)), sub(splat(std::f32::consts::FRAC_PI_2), p), p);
         let p = select(lt(x, splat(0.0)), sub(splat(std::f32::consts::PI), p), p);
         flip(p, sign(y))

@@ -194,7 +194,7 @@ per_target! {
     /// Within 1e-4 rad (Abramowitz and Stegun 4.4.45).
     fn acos(q: V) -> V {
         let x = abs(q);
-        let p = fma(x, splat(-0.0187293), splat(0.0742610));
+        let p = fma(x, splat(-0.0187293), splat(0.074261));
         let p = fma(p, x, splat(-0.2121144));
         let p = fma(p, x, splat(1.5707288));
         let rest = max(sub(splat(1.0), x), splat(1e-12));

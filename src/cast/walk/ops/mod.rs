@@ -18,7 +18,7 @@ pub(super) const W: usize = 16;
 macro_rules! per_target {
     (use $up:tt::{$($file:ident),*}; $($functions:tt)*) => {
         #[cfg(target_arch = "x86_64")]
-        #[allow(unused_imports, clippy::too_many_arguments)]
+        #[allow(unused_imports, clippy::needless_range_loop, clippy::too_many_arguments)]
         pub(in $up::$up) mod avx512 {
             use $up::*;
             use $up::$up::ops::avx512::*;
@@ -26,14 +26,14 @@ macro_rules! per_target {
             per_target!(@avx512 $($functions)*);
         }
         #[cfg(target_arch = "x86_64")]
-        #[allow(unused_imports, clippy::too_many_arguments)]
+        #[allow(unused_imports, clippy::needless_range_loop, clippy::too_many_arguments)]
         pub(in $up::$up) mod avx2 {
             use $up::*;
             use $up::$up::ops::avx2::*;
             $(use $up::$up::$file::avx2::*;)*
             per_target!(@avx2 $($functions)*);
         }
-        #[allow(unused_imports, clippy::too_many_arguments)]
+        #[allow(unused_imports, clippy::needless_range_loop, clippy::too_many_arguments)]
         pub(in $up::$up) mod plain {
             use $up::*;
             use $up::$up::ops::plain::*;
