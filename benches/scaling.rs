@@ -20,7 +20,7 @@ use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::geom::{Pose, TriangleSoup};
 use sightline::internals::{
-    BitOrder, Bvh, DevicePose, Hit, WalkScratch, cover_sensor, cover_voxels,
+    BitOrder, Bvh, Caster, DevicePose, Hit, WalkScratch, cover_sensor, cover_voxels,
 };
 use sightline::problem::{Frame, Instance, Problem, World};
 use sightline::psog::Roi;
@@ -118,7 +118,7 @@ fn side_by_side(scene: &TriangleSoup, copies: i32) -> TriangleSoup {
 /// Closest hits of a batch in scenes of 10 000 to 1.3 million triangles: in one that becomes finer, so
 /// that rays pass more triangles on the same way, and in one that becomes larger.
 fn triangles(args: &Args) -> Vec<Value> {
-    let (roi, table) = (setup::roi(0.2), setup::table(720));
+    let (roi, caster) = (setup::roi(0.2), Caster::new(&setup::table(720)));
     let poses = setup::poses(&setup::placements(args.placements, 0.0, args.seed), &roi);
     let street = |triangles: usize| scene::street_scene(triangles, args.seed);
     let coarse = street(TRIANGLES / 2);
@@ -130,9 +130,9 @@ fn triangles(args: &Args) -> Vec<Value> {
     let hits = std::cell::RefCell::new(&mut hits);
     let mut ways: Vec<Timed<'_>> = Vec::new();
     for bvh in trees.iter().flatten() {
-        let (poses, table, hits) = (&poses, &table, &hits);
+        let (poses, caster, hits) = (&poses, &caster, &hits);
         ways.push(Box::new(move || {
-            seconds(|| setup::cast(poses, table, bvh, &mut hits.borrow_mut()))
+            seconds(|| caster.closest_hits(poses, bvh, RANGE, &mut hits.borrow_mut()))
         }));
     }
     let all = medians(args.rounds, &mut ways);
@@ -163,7 +163,7 @@ impl Cover {
         let placements = setup::placements(SENSORS.div_ceil(4), 0.1, args.seed);
         let poses = setup::poses(&placements, &roi);
         let mut hits = Vec::new();
-        setup::cast(&poses, &table, bvh, &mut hits);
+        Caster::new(&table).closest_hits(&poses, bvh, RANGE, &mut hits);
         let bitmap = vec![0; BitOrder::rows(&roi).words()];
         Self { roi, table, poses, hits, scratch: WalkScratch::default(), bitmap }
     }

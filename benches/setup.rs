@@ -5,7 +5,7 @@
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use sightline::internals::{Bvh, DevicePose, Hit, beam_direction, cast_packets};
+use sightline::internals::{Bvh, Caster, DevicePose, beam_direction};
 use sightline::problem::{Content, OccupiedVoxel};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};
@@ -47,13 +47,6 @@ pub fn placements(count: usize, turn: f64, seed: u64) -> Vec<Placement> {
         .collect()
 }
 
-/// Closest hits of all beams among the triangles of a tree.
-pub fn cast(poses: &[DevicePose], table: &BeamTable, bvh: &Bvh, hits: &mut Vec<Hit>) {
-    hits.clear();
-    hits.resize(poses.len() * table.directions().len(), Hit::none(RANGE));
-    cast_packets(poses, table, bvh, 0, RANGE, hits);
-}
-
 /// The voxels in which beams of some sensors end, with arbitrary entropies, in five classes.
 pub fn content(
     roi: &Roi,
@@ -64,7 +57,7 @@ pub fn content(
 ) -> Content {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut hits = Vec::new();
-    cast(poses, table, bvh, &mut hits);
+    Caster::new(table).closest_hits(poses, bvh, RANGE, &mut hits);
     let mut voxels = Vec::new();
     for (pose, hits) in poses.iter().zip(hits.chunks(table.directions().len())) {
         let origin = DVec3::from(pose.rows.map(|row| f64::from(row[3])));

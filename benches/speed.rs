@@ -6,7 +6,9 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod cases;
 mod peer;
+mod row;
 mod scene;
 mod setup;
 
@@ -22,12 +24,13 @@ use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::engine::gpu::GpuBackend;
 use sightline::internals::{
-    BitOrder, Bvh, Hit, WalkScratch, cast_closest, cover_sensor, cover_voxels, reduce,
+    BitOrder, Bvh, Caster, WalkScratch, cast_closest, cover_sensor, cover_voxels, reduce,
 };
 use sightline::problem::{Problem, Tally};
 use sightline::vehicle::Placement;
 
 use peer::{Peer, Rays};
+use row::{Rival, Row, print, same_bits};
 
 /// Placements that the slow references are run on.
 const REFERENCE: usize = 4;
@@ -53,10 +56,13 @@ struct Args {
     rounds: usize,
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Embree 4, for example from `pip download embreex`
+    /// Only the closest hits of the sets of sensors that come first
+    #[arg(long)]
+    casting: bool,
+    /// Embree 4, for example from `pip download embreex`; LD_LIBRARY_PATH names its folder
     #[arg(long, value_name = "LIBRARY")]
     embree: Option<PathBuf>,
-    /// Python with Open3D, or with trimesh and embreex
+    /// Python with Open3D, or with trimesh and embreex; Open3D needs the system's libusb-1.0-0
     #[arg(long, value_name = "INTERPRETER")]
     python: Option<PathBuf>,
     /// Where to write all runs
@@ -65,102 +71,6 @@ struct Args {
     /// Given by cargo
     #[arg(long, hide = true)]
     bench: bool,
-}
-
-/// Times of one way to do a stage, in seconds for one unit of work.
-struct Row {
-    name: String,
-    runs: Vec<f64>,
-    /// Hits of a peer for each of ours.
-    hits: Option<f64>,
-    /// Why there are no runs.
-    missing: Option<String>,
-}
-
-impl Row {
-    fn new(name: impl Into<String>) -> Self {
-        Self { name: name.into(), runs: Vec::new(), hits: None, missing: None }
-    }
-
-    /// Runs and times one pass over `work` units.
-    fn time<T>(&mut self, work: usize, run: impl FnOnce() -> T) -> T {
-        let start = Instant::now();
-        let result = run();
-        self.runs.push(start.elapsed().as_secs_f64() / work as f64);
-        result
-    }
-
-    fn sorted(&self) -> Vec<f64> {
-        let mut runs = self.runs.clone();
-        runs.sort_by(f64::total_cmp);
-        runs
-    }
-
-    fn median(&self) -> f64 {
-        self.sorted().get(self.runs.len() / 2).copied().unwrap_or(f64::NAN)
-    }
-}
-
-/// Prints the rows of a stage; ratios are those of the last row to the others.
-fn print(stage: &str, rows: &[&Row], unit: &str, scale: impl Fn(f64) -> f64) -> Value {
-    println!("  {stage}, {unit}");
-    let own = rows[rows.len() - 1].median();
-    for row in rows {
-        if let Some(why) = &row.missing {
-            println!("    {:<34} missing: {why}", row.name);
-            continue;
-        }
-        let runs = row.sorted();
-        let (low, high) = (scale(runs[0]), scale(runs[runs.len() - 1]));
-        println!(
-            "    {:<34} {:>9.2}  ({:.2} to {:.2}){}",
-            row.name,
-            scale(row.median()),
-            low.min(high),
-            low.max(high),
-            if row.median() == own {
-                String::new()
-            } else {
-                format!("  x{:.1}", row.median() / own)
-            },
-        );
-        if let Some(hits) = row.hits {
-            println!("    {:<34} {:>9.3} hits for each of ours", "", hits);
-        }
-    }
-    let rows = rows
-        .iter()
-        .map(|row| json!({ "name": row.name, "seconds": row.runs, "hits": row.hits, "missing": row.missing }));
-    json!({ "stage": stage, "rows": rows.collect::<Vec<_>>() })
-}
-
-fn same_bits(a: &[Hit], b: &[Hit]) -> bool {
-    a.iter().zip(b).all(|(a, b)| (a.t.to_bits(), a.prim) == (b.t.to_bits(), b.prim))
-}
-
-/// A peer and its row.
-struct Rival {
-    row: Row,
-    peer: Result<Peer, String>,
-}
-
-impl Rival {
-    fn new(name: &str, peer: Result<Peer, String>) -> Self {
-        let mut row = Row::new(name);
-        row.missing = peer.as_ref().err().cloned();
-        Self { row, peer }
-    }
-
-    fn pass(&mut self, rays: usize, hits: usize) {
-        let Ok(peer) = &mut self.peer else { return };
-        match peer.pass() {
-            Ok((seconds, found)) => {
-                self.row.runs.push(seconds / rays as f64);
-                self.row.hits = Some(found as f64 / hits as f64);
-            }
-            Err(why) => (self.row.missing, self.peer) = (Some(why.clone()), Err(why)),
-        }
-    }
 }
 
 /// The GPU backend and its rows.
@@ -213,6 +123,11 @@ fn run(args: &Args, triangles: usize) -> Value {
     let start = Instant::now();
     let bvh = Arc::new(Bvh::build(&soup, RANGE));
     let build = start.elapsed();
+    println!("{} triangles", soup.faces.len());
+    let casting = cases::casting(args, &soup, &bvh);
+    if args.casting {
+        return json!({ "triangles": soup.faces.len(), "stages": casting });
+    }
     let (roi, table) = (setup::roi(0.2), setup::table(720));
     let batch = setup::placements(args.placements, args.turn, args.seed);
     let poses = setup::poses(&batch, &roi);
@@ -223,6 +138,7 @@ fn run(args: &Args, triangles: usize) -> Value {
     let occupied = content.occupied().len();
     let problem =
         Arc::new(Problem::new(roi, content.clone(), table.clone(), vec![bvh.clone()], true));
+    let caster = Caster::new(&table);
     let mut backend = CpuBackend::new(problem.clone(), MEMORY);
     println!(
         "{} triangles, tree built in {build:.2?}, {occupied} occupied voxels, {} beams",
@@ -230,7 +146,7 @@ fn run(args: &Args, triangles: usize) -> Value {
         poses.len() * beams
     );
 
-    let [mut single, mut packets] = ["one beam at a time", "cast_packets"].map(Row::new);
+    let [mut single, mut packets] = ["one beam at a time", "Caster"].map(Row::new);
     let [mut walk, mut lockstep] = ["one beam at a time, dense", "cover_sensor"].map(Row::new);
     let [mut voxels, mut words, mut both] =
         ["reduce, a voxel at a time", "Embree and the references", "CpuBackend::tally"]
@@ -251,7 +167,7 @@ fn run(args: &Args, triangles: usize) -> Value {
     for round in 0..args.rounds + 1 {
         let want =
             single.time(few_poses.len() * beams, || cast_closest(few_poses, &table, &bvh, RANGE));
-        packets.time(poses.len() * beams, || setup::cast(&poses, &table, &bvh, &mut hits));
+        packets.time(poses.len() * beams, || caster.closest_hits(&poses, &bvh, RANGE, &mut hits));
         assert!(same_bits(&want, &hits), "the hits differ");
         let found = hits.iter().filter(|hit| hit.is_hit()).count();
         for rival in [&mut embree, &mut open3d, &mut trimesh] {
@@ -307,7 +223,8 @@ fn run(args: &Args, triangles: usize) -> Value {
     let mut all = Row::new("the references");
     all.runs = with(&single.runs);
     let times = backend.times();
-    let rows = vec![
+    let mut stages = casting;
+    stages.extend([
         print(
             "closest hit",
             &[&single, &embree.row, &open3d.row, &trimesh.row, &device.hits, &packets],
@@ -317,11 +234,11 @@ fn run(args: &Args, triangles: usize) -> Value {
         print("coverage", &[&walk, &lockstep], "ms a placement", |s| 1e3 * s),
         print("sums", &[&voxels], "ms a placement", |s| 1e3 * s),
         print("whole score", &[&all, &words, &device.score, &both], "ms a placement", |s| 1e3 * s),
-    ];
-    let stages = [times.cast, times.cover, times.reduce]
+    ]);
+    let tally = [times.cast, times.cover, times.reduce]
         .map(|t| 1e3 * t.as_secs_f64() / (batch.len() * (args.rounds + 1)) as f64);
-    println!("  of which cast {:.2}, cover {:.2}, reduce {:.2}", stages[0], stages[1], stages[2]);
-    json!({ "triangles": soup.faces.len(), "build_seconds": build.as_secs_f64(), "stages": rows, "tally_ms": stages })
+    println!("  of which cast {:.2}, cover {:.2}, reduce {:.2}", tally[0], tally[1], tally[2]);
+    json!({ "triangles": soup.faces.len(), "build_seconds": build.as_secs_f64(), "stages": stages, "tally_ms": tally })
 }
 
 fn main() {

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use rand::RngExt;
 use serde_json::{Value, json};
 use sightline::geom::Pose;
-use sightline::internals::cast_frame;
+use sightline::internals::Caster;
 use sightline::problem::World;
 use sightline::scene::{EgoBody, Scene};
 use sightline::vehicle::BeamTable;
@@ -64,7 +64,7 @@ fn errors(scene: &Scene, world: &World, frame: usize) -> [f64; 2] {
     };
     let sensors: Vec<Pose> = lidars.map(|l| lift(l.ego_from_sensor())).collect();
     let mut hits = Vec::new();
-    cast_frame(&sensors, &table, &world.frames()[frame], RANGE, &mut hits);
+    Caster::new(&table).cast_frame(&sensors, &world.frames()[frame], RANGE, &mut hits);
     // Corners within some 100 m of the ego, rounded there: exact to 4 µm.
     let soup = scene.frame(frame, EgoBody::Include);
     let (mut worst, mut found) = ([0.0_f64; 2], 0);
@@ -164,7 +164,7 @@ fn things_in_national_coordinates_of_their_own_and_empty_ones_are_cast() {
     let sensor = Pose::new(DVec3::new(0.0, 0.25, 1.5), 0.0, 0.0, 0.0);
     let mut hits = Vec::new();
     for (frame, (t, prims)) in [(8.25, 12..24), (9.0, 0..12)].into_iter().enumerate() {
-        cast_frame(&[sensor], &table, &world.frames()[frame], 50.0, &mut hits);
+        Caster::new(&table).cast_frame(&[sensor], &world.frames()[frame], 50.0, &mut hits);
         assert!((hits[0].t - t).abs() < 1e-6 && prims.contains(&hits[0].prim), "{hits:?}");
     }
 }

@@ -7,7 +7,7 @@ use sightline::engine::Backend;
 use sightline::engine::CpuBackend;
 use sightline::geom::Pose;
 use sightline::internals::{
-    BitOrder, Bvh, DevicePose, Hit, WalkScratch, cast_frame, cast_frame_closest, cover_sensor,
+    BitOrder, Bvh, Caster, DevicePose, Hit, WalkScratch, cast_frame_closest, cover_sensor,
     cover_voxels, hostile_placements, reduce,
 };
 use sightline::problem::Problem;
@@ -34,7 +34,7 @@ fn compare(problem: &Arc<Problem>, placements: &[Placement], range: f32) -> u64 
         if let (Some(frame), Some(hits)) = (geometry, &hits) {
             // What was there before must not shine through.
             let mut fast = vec![Hit { t: f32::NAN, prim: 77 }; 5000];
-            cast_frame(&sensors, table, frame, range, &mut fast);
+            Caster::new(table).cast_frame(&sensors, frame, range, &mut fast);
             assert!(fast.iter().zip(hits).all(|(a, b)| a.t.to_bits() == b.t.to_bits()));
             assert!(fast.iter().zip(hits).all(|(a, b)| a.prim == b.prim));
         }

@@ -58,4 +58,5 @@ mod optimize;
 mod own_scenes;
 mod packets;
 mod reference;
+mod walk;
 mod world;

@@ -1,12 +1,15 @@
 //! Casting in packets against casting beam by beam: the same bits, whatever the packets hold.
 
+use std::sync::Arc;
+
 use glam::{DVec3, Vec3};
 use rand::RngExt;
-use sightline::geom::TriangleSoup;
+use sightline::geom::{Pose, TriangleSoup};
 use sightline::internals::{
-    Bvh, Casting, DevicePose, FAN_DIRECTIONS, Fan, Hit, NO_HIT, PACKET_RAYS, Packet, PacketHits,
-    Ray, Scratch, cast_closest, cast_packets_by, hostile_placements, major_axis,
+    Bvh, Caster, Casting, DevicePose, FAN_DIRECTIONS, Fan, Hit, Instructions, NO_HIT, PACKET_RAYS,
+    Packet, PacketHits, Ray, Scratch, cast_closest, hostile_placements, major_axis,
 };
+use sightline::problem::{Frame, Instance};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, SensorPose};
 
@@ -78,38 +81,45 @@ fn pose_sets() -> Vec<Vec<SensorPose>> {
     vec![level[..1].to_vec(), free[..3].to_vec(), level, free, mixed, hostile]
 }
 
+/// A tree in the ego frame, once for each of `numbers`, from which its triangles are numbered.
+fn frame(tree: &Arc<Bvh>, numbers: &[u32]) -> Frame {
+    let ego_from_instance = Pose::IDENTITY;
+    let instance = |&first_prim| Instance { tree: tree.clone(), ego_from_instance, first_prim };
+    Frame::new(numbers.iter().map(instance))
+}
+
 #[test]
 fn packets_give_the_bits_of_single_beams() {
     let (mut beams, mut found) = (0, 0);
     for soup in soups() {
-        let bvh = Bvh::build(&soup, 30.0);
+        let bvh = Arc::new(Bvh::build(&soup, 30.0));
         for table in tables() {
             for poses in pose_sets() {
+                let sensors: Vec<_> = poses.iter().map(|p| p.ego_from_sensor()).collect();
                 let poses: Vec<_> = poses.iter().map(|p| DevicePose::new(p, &roi())).collect();
+                let ways = [Casting::Beams, Casting::Walk, Casting::Fans].map(Some);
                 for range in [30.0, 2.5] {
                     let want = cast_closest(&poses, &table, &bvh, range);
-                    let ways = [Casting::Beams, Casting::Mixed, Casting::Fans].map(Some);
                     for way in ways.into_iter().chain([None]) {
-                        let mut got = vec![Hit::none(range); want.len()];
-                        cast_packets_by(way, &poses, &table, &bvh, 0, range, &mut got);
+                        // What was there before must not shine through.
+                        let mut got = vec![Hit { t: f32::NAN, prim: 77 }; 5000];
+                        let caster = Caster::by(way, Instructions::Best, &table);
+                        caster.closest_hits(&poses, &bvh, range, &mut got);
                         let faces = soup.faces.len();
                         assert!(bits(&got) == bits(&want), "{way:?}, {faces} triangles");
-                        // Again, numbered from 7 on: every hit is there already, with a lower number.
-                        cast_packets_by(way, &poses, &table, &bvh, 7, range, &mut got);
-                        assert!(bits(&got) == bits(&want), "{way:?}, {faces} triangles twice");
-                        // And the other way round: equal distances go to the lower numbers.
-                        got.fill(Hit::none(range));
-                        cast_packets_by(way, &poses, &table, &bvh, 7, range, &mut got);
-                        let moved = got
-                            .iter()
-                            .zip(&want)
-                            .filter(|(a, b)| a.is_hit() && a.prim != b.prim + 7);
-                        assert_eq!(moved.count(), 0, "{way:?}, {faces} triangles");
-                        cast_packets_by(way, &poses, &table, &bvh, 0, range, &mut got);
-                        assert!(
-                            bits(&got) == bits(&want),
-                            "{way:?}, {faces} triangles before others"
-                        );
+                        // Twice in a frame, numbered from 0 and from 7 on, in either order: of equal
+                        // distances the lower number counts.
+                        for numbers in [vec![0, 7], vec![7, 0], vec![7]] {
+                            caster.cast_frame(&sensors, &frame(&bvh, &numbers), range, &mut got);
+                            let lowest = numbers.iter().min().copied().unwrap_or(0);
+                            let moved = |hit: &Hit| match hit.prim {
+                                NO_HIT => *hit,
+                                prim => Hit { t: hit.t, prim: prim + lowest },
+                            };
+                            let want: Vec<Hit> = want.iter().map(moved).collect();
+                            let faces = soup.faces.len();
+                            assert!(bits(&got) == bits(&want), "{way:?}, {faces} × {numbers:?}");
+                        }
                     }
                     beams += want.len();
                     found += want.iter().filter(|h| h.is_hit()).count();

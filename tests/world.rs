@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use sightline::engine::{Backend, CpuBackend};
 use sightline::geom::{Pose, TriangleSoup};
 use sightline::internals::{
-    Bvh, Hit, Ray, ReferenceBackend, beam_direction, cast_frame, cast_frame_closest,
+    Bvh, Caster, Hit, Ray, ReferenceBackend, beam_direction, cast_frame_closest,
 };
 use sightline::problem::{Frame, Instance, Problem, World};
 use sightline::psog::Roi;
@@ -212,7 +212,7 @@ fn the_definition_needs_no_tree_and_no_order() {
             assert_eq!((got.t.to_bits(), got.prim), (best.t.to_bits(), best.prim));
         }
         let mut fast = Vec::new();
-        cast_frame(&sensors, &table, frame, RANGE as f32, &mut fast);
+        Caster::new(&table).cast_frame(&sensors, frame, RANGE as f32, &mut fast);
         assert!(bits(&fast) == bits(&got));
     }
 }

@@ -4,6 +4,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::bvh8::Bvh8;
+use super::bvh16::Bvh16;
 use super::{Bvh, MAX_DEPTH, Node, Triangle};
 use crate::geom::{Aabb, TriangleSoup};
 
@@ -102,7 +103,8 @@ impl Bvh {
             .collect();
         drop(items);
         let bvh8 = Bvh8::collapse(&nodes, &triangles);
-        Self { nodes, triangles, pad, bvh8 }
+        let bvh16 = Bvh16::collapse(&nodes, &triangles);
+        Self { nodes, triangles, pad, bvh8, bvh16 }
     }
 }
 

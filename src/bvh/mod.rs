@@ -1,7 +1,8 @@
 //! Bounding volume hierarchy over the triangles of one rigid thing, and the tests of a ray with its parts.
 //!
 //! Built once on the host as a binary tree with a binned surface-area heuristic (Wald 2007), which the
-//! reference goes down. Devices and packets go down copies of it with four and eight children a node.
+//! reference goes down. Devices, packets and walks go down copies of it with four, eight and sixteen
+//! children a node.
 //!
 //! # Why every traversal gives the same bits
 //! A triangle's hit distance is clamped to the interval in which the ray is inside the triangle's own
@@ -13,6 +14,7 @@
 //! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together (`cast::Packet`, `cast::Fan`).
 
 mod build;
+pub(crate) mod bvh16;
 #[cfg(feature = "gpu")]
 mod bvh4;
 pub(crate) mod bvh8;
@@ -20,7 +22,7 @@ mod intersect;
 mod node;
 mod tree;
 
-pub(crate) use intersect::{axes_of, safe_inverse};
+pub(crate) use intersect::{FAR_INVERSE, axes_of, safe_inverse};
 
 pub(crate) use build::PAD_SHARE;
 #[cfg(feature = "gpu")]

@@ -1,6 +1,7 @@
 //! A rigid thing's triangles under their trees, and the check that the binary one is sound.
 
 use super::bvh8::Bvh8;
+use super::bvh16::Bvh16;
 use super::node::{MAX_DEPTH, Node, Triangle};
 use crate::geom::Aabb;
 
@@ -15,6 +16,8 @@ pub struct Bvh {
     pub pad: f32,
     /// The same tree, eight wide.
     pub(crate) bvh8: Bvh8,
+    /// The same tree, sixteen wide.
+    pub(crate) bvh16: Bvh16,
 }
 
 /// What [`Bvh::validate`] found broken.
@@ -66,10 +69,10 @@ impl Bvh {
         self.nodes.first().map(|root| Aabb { min: root.min.into(), max: root.max.into() })
     }
 
-    /// Bytes of the triangles, the binary and the eight-wide tree.
+    /// Bytes of the triangles, the binary and the wide trees.
     pub fn bytes(&self) -> u64 {
         let own = size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice());
-        own as u64 + self.bvh8.bytes()
+        own as u64 + self.bvh8.bytes() + self.bvh16.bytes()
     }
 
     /// Checks that every triangle is in one leaf, boxes nest exactly, and no path is too deep.

@@ -1,106 +1,136 @@
-//! A whole batch of sensors: which of their beams go down the tree together, and in which way.
+//! The beams of one sensor model, cast for any sensors: which of them go down the tree together.
 
 use rayon::prelude::*;
 
-use super::fan_blocks::blocks;
+use super::fan_blocks::{Block, blocks};
 use super::groups::equal_rotations;
-use super::mixed::mixed_tasks;
 use super::reference::cast_rows;
-use super::sight::Sight;
+use super::walk::{Instructions, Part, Walk};
 use crate::bvh::{Bvh, Hit};
 use crate::geom::Pose;
 use crate::problem::{DevicePose, Frame};
 use crate::vehicle::BeamTable;
 
-/// Sensors of one rotation from which on their beams go in fans. Fans of 32 sensors cost about half
-/// of mixed packets, fans of 16 as much.
-const FAN_SENSORS: usize = 32;
-/// Triangles a beam above which beams go down the tree alone: few beams among many triangles share
-/// hardly a node.
-const LONE_TRIANGLES: usize = 25;
-
-/// Triangles below which sorting beams takes longer than casting them.
-const SMALL: usize = 64;
+/// Sensors of one rotation from which on their beams go in fans; measured, see `docs/performance.md`.
+const FAN_SENSORS: usize = 40;
+/// Sensors for each thread from which on a sensor's windows are not shared out too.
+const SENSORS_A_THREAD: usize = 4;
 
 /// A way to find closest hits; each gives the same bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Casting {
     /// Beam by beam, as [`super::cast_closest`] does.
     Beams,
-    /// Packets of beams that are likely to end near each other.
-    Mixed,
+    /// One walk down the tree a sensor; beam by beam where the table is no grid.
+    Walk,
     /// Packets of one direction, of sensors that share a rotation; see [`super::Fan`].
     Fans,
 }
 
-/// Closest hits of all beams in a frame, with the bits of [`super::cast_frame_closest`]: instance after
-/// instance, each replacing the hits that it is closer to. `hits` becomes `[sensors × directions]`.
-pub fn cast_frame(
-    sensors: &[Pose],
-    table: &BeamTable,
-    frame: &Frame,
-    range: f32,
-    hits: &mut Vec<Hit>,
-) {
-    hits.clear();
-    hits.resize(sensors.len() * table.directions().len(), Hit::none(range));
-    for instance in frame.instances() {
-        let poses: Vec<DevicePose> = sensors.iter().map(|s| instance.pose_of(s)).collect();
-        cast_packets(&poses, table, &instance.tree, instance.first_prim, range, hits);
+/// Casts the beams of a table: the bits of [`super::cast_frame_closest`].
+///
+/// Sensors that share their rotation with many others are cast in fans: neighbouring directions from
+/// origins that lie side by side go down the tree together. All others walk it by themselves, each with
+/// all of its beams at once. Beams that lie in no grid go alone.
+pub struct Caster {
+    table: BeamTable,
+    walk: Option<Walk>,
+    way: Option<Casting>,
+}
+
+/// A tree, and the pose of each sensor of a batch in its frame.
+struct Level<'a> {
+    bvh: &'a Bvh,
+    first_prim: u32,
+    poses: Vec<DevicePose>,
+}
+
+impl<'a> Level<'a> {
+    /// The tree with the pose of one sensor.
+    fn part(&self, sensor: usize) -> Part<'a> {
+        Part { bvh: self.bvh, pose: self.poses[sensor], first_prim: self.first_prim }
     }
 }
 
-/// Replaces the hits of many sensors' beams, `[poses × directions]`, by closer ones among the triangles of
-/// one tree, which are numbered from `first_prim` on; no hit lies beyond `range`.
-///
-/// Sensors that share their rotation with at least 31 others are cast in fans: neighbouring
-/// directions from origins that lie side by side go down the tree together. The beams of all others
-/// are sorted by where they are likely to end, and cut into packets in that order, or go alone where
-/// there are more than 25 triangles a beam, and where the tree is seen from outside.
-pub fn cast_packets(
-    poses: &[DevicePose],
-    table: &BeamTable,
-    bvh: &Bvh,
-    first_prim: u32,
-    range: f32,
-    hits: &mut [Hit],
-) {
-    cast_packets_by(None, poses, table, bvh, first_prim, range, hits);
-}
+impl Caster {
+    /// A caster for all sensors of a table.
+    pub fn new(table: &BeamTable) -> Self {
+        Self::by(None, Instructions::Best, table)
+    }
 
-/// [`cast_packets`] in one way for all beams, to compare the ways.
-pub fn cast_packets_by(
-    way: Option<Casting>,
-    poses: &[DevicePose],
-    table: &BeamTable,
-    bvh: &Bvh,
-    first_prim: u32,
-    range: f32,
-    hits: &mut [Hit],
-) {
-    let directions = table.directions();
-    let mut rows: Vec<Option<&mut [Hit]>> = hits.chunks_mut(directions.len()).map(Some).collect();
-    let mut others = Vec::new();
-    let mut in_fans = Vec::new();
-    for sensors in equal_rotations(poses) {
-        let rows: Vec<_> = sensors
-            .iter()
-            .filter_map(|&sensor| Some((&poses[sensor], rows[sensor].take()?)))
-            .collect();
-        if way.map_or(rows.len() >= FAN_SENSORS, |way| way == Casting::Fans) {
-            in_fans.extend(blocks(rows, directions, bvh, range));
-        } else {
-            others.extend(rows);
+    /// A caster that goes one way alone, to compare the ways.
+    pub fn by(way: Option<Casting>, instructions: Instructions, table: &BeamTable) -> Self {
+        let walk = (way != Some(Casting::Beams)).then(|| Walk::new(table, instructions)).flatten();
+        Self { table: table.clone(), walk, way }
+    }
+
+    /// Closest hits of many sensors up to `range` in a frame; `sensors` lead to the ego frame, `hits`
+    /// becomes `[sensors × directions]`.
+    pub fn cast_frame(&self, sensors: &[Pose], frame: &Frame, range: f32, hits: &mut Vec<Hit>) {
+        let levels = frame.instances().iter().map(|instance| Level {
+            bvh: &instance.tree,
+            first_prim: instance.first_prim,
+            poses: sensors.iter().map(|sensor| instance.pose_of(sensor)).collect(),
+        });
+        self.cast_levels(sensors.len(), &levels.collect::<Vec<_>>(), range, hits);
+    }
+
+    /// Closest hits of many sensors up to `range` in one tree; `poses` lead to its frame, `hits` becomes
+    /// `[poses × directions]`.
+    pub fn closest_hits(&self, poses: &[DevicePose], bvh: &Bvh, range: f32, hits: &mut Vec<Hit>) {
+        let level = Level { bvh, first_prim: 0, poses: poses.to_vec() };
+        self.cast_levels(poses.len(), &[level], range, hits);
+    }
+
+    fn cast_levels(&self, sensors: usize, levels: &[Level<'_>], range: f32, hits: &mut Vec<Hit>) {
+        let directions = self.table.directions();
+        hits.clear();
+        hits.resize(sensors * directions.len(), Hit::none(range));
+        let Some(first) = levels.first() else { return };
+        let mut rows: Vec<Option<&mut [Hit]>> =
+            hits.chunks_mut(directions.len()).map(Some).collect();
+        let mut others = Vec::new();
+        // Equal rotations stay equal in every frame.
+        for group in equal_rotations(&first.poses) {
+            let rows = group.into_iter().filter_map(|k| Some((k, rows[k].take()?)));
+            let mut rows: Vec<(usize, &mut [Hit])> = rows.collect();
+            if self.way.map_or(rows.len() >= FAN_SENSORS, |way| way == Casting::Fans) {
+                for level in levels {
+                    let rows = rows.iter_mut().map(|(k, row)| (&level.poses[*k], &mut **row));
+                    let blocks = blocks(rows.collect(), directions, level.bvh, range);
+                    let cast =
+                        |mut block: Block<'_>| block.cast(level.bvh, level.first_prim, range);
+                    blocks.into_par_iter().for_each(cast);
+                }
+            } else {
+                others.extend(rows);
+            }
+        }
+        let few = others.len() < SENSORS_A_THREAD * rayon::current_num_threads();
+        others.into_par_iter().for_each(|(k, row)| {
+            let parts = levels.iter().map(|level| level.part(k));
+            self.replace(&parts.collect::<Vec<_>>(), few, row);
+        });
+    }
+
+    /// Replaces the hits of one sensor, in the order of the table's directions, by closer ones in some
+    /// trees, and by equally close ones of a lower face; a hit of nothing is as far as it says.
+    ///
+    /// What a sensor does not see costs next to nothing: bounds of a tree's first boxes.
+    pub fn closer_hits(&self, parts: &[Part<'_>], hits: &mut [Hit]) {
+        self.replace(parts, true, hits);
+    }
+
+    fn replace(&self, parts: &[Part<'_>], shared: bool, hits: &mut [Hit]) {
+        let walk = self.walk.as_ref();
+        let (walked, alone): (Vec<Part<'_>>, Vec<_>) =
+            parts.iter().partition(|part| walk.is_some() && Walk::fits(part));
+        if let Some(walk) = walk.filter(|_| !walked.is_empty()) {
+            walk.cast(&walked, shared && rayon::current_num_threads() > 1, hits);
+        }
+        let range = hits.iter().map(|hit| hit.t).fold(0.0, f32::max);
+        for Part { bvh, pose, first_prim } in alone {
+            cast_rows(vec![(&pose, &mut *hits)], self.table.directions(), bvh, first_prim, range);
         }
     }
-    in_fans.into_par_iter().for_each(|mut block| block.cast(bvh, first_prim, range));
-    let triangles = bvh.triangles.len();
-    let few = triangles > LONE_TRIANGLES * others.len() * directions.len() || triangles < SMALL;
-    let (alone, mixed): (Vec<_>, Vec<_>) = others.into_iter().partition(|(pose, _)| {
-        let apart = || Sight::new(pose, bvh, range).is_none_or(|sight| sight.is_apart());
-        way.map_or_else(|| few || apart(), |way| way == Casting::Beams)
-    });
-    cast_rows(alone, directions, bvh, first_prim, range);
-    let mixed = mixed_tasks(mixed, directions).into_par_iter();
-    mixed.for_each(|mut task| task.cast(bvh, first_prim, range));
 }

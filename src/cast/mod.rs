@@ -4,7 +4,6 @@
 //! `README.md` beside this file names the job of each file and the evidence for each path.
 
 mod batch;
-mod beam_order;
 mod bounds;
 mod fan;
 mod fan_blocks;
@@ -12,14 +11,14 @@ mod fan_bounds;
 mod groups;
 mod intersect;
 mod lanes;
-mod mixed;
 mod packet;
 mod ranges;
 mod reference;
 mod sight;
 mod traverse;
+mod walk;
 
-pub use batch::{Casting, cast_frame, cast_packets, cast_packets_by};
+pub use batch::{Caster, Casting};
 pub use fan::Fan;
 pub use lanes::{FAN_DIRECTIONS, PACKET_RAYS, PacketHits};
 pub use packet::Packet;
@@ -27,3 +26,4 @@ pub(crate) use reference::closest_hit_in;
 pub use reference::{cast_closest, cast_frame_closest};
 pub(crate) use sight::Sight;
 pub use traverse::Scratch;
+pub use walk::{Instructions, Part};

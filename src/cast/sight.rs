@@ -77,11 +77,6 @@ impl Sight {
         apart > f64::from(self.radius) * (1.0 + SQUARE_SLACK)
     }
 
-    /// Whether the sensor is so far outside that most beams miss.
-    pub(crate) fn is_apart(&self) -> bool {
-        self.least_square > 0.0
-    }
-
     /// The sphere around several, each of which a sensor with the same rotation sees.
     pub(crate) fn around(all: &[Self]) -> Option<Self> {
         let first = all.first()?;

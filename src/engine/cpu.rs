@@ -2,7 +2,7 @@
 //!
 //! | reference, to be read | fast, what [`CpuBackend`] runs |
 //! |---|---|
-//! | [`cast_frame_closest`](crate::cast::cast_frame_closest): a beam at a time | [`cast_frame`]: nodes a packet, triangles a lane a beam |
+//! | [`cast_frame_closest`](crate::cast::cast_frame_closest): a beam at a time | [`Caster`]: all beams of a sensor at once |
 //! | [`cover_voxels`]: a voxel at a time | [`cover_sensor`]: sixteen beams in lockstep, a row of voxels at a time |
 //! | [`reduce()`]: a voxel at a time | `take_sums`: a word of the bitmaps at a time |
 //!
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use super::{Backend, BackendError, Chunk, ChunkLimits, check_frame, ego_from, split};
 use crate::bvh::Hit;
-use crate::cast::cast_frame;
+use crate::cast::Caster;
 use crate::cover::{BitOrder, Bitmaps, WalkScratch, cover_sensor};
 use crate::geom::Pose;
 use crate::memory;
@@ -25,7 +25,7 @@ use crate::reduce::{EntropyIndex, take_sums};
 use crate::vehicle::{MAX_LIDARS, Placement, SensorPose};
 
 /// Bytes of hits that one chunk uses at most: more gains nothing, since a chunk of this size already
-/// fills packets and keeps every core busy.
+/// keeps every core busy.
 const CHUNK_BYTES: u64 = 256 << 20;
 /// Placements a thread below which threads share the sensors of each placement: the last placements
 /// would leave some threads idle.
@@ -42,6 +42,7 @@ pub struct CpuBackend {
     times: StageTimes,
     /// Kept from batch to batch.
     hits: Vec<Hit>,
+    caster: Caster,
     walks: Pool<WalkScratch>,
     /// `[sensors × words]` in `order`, zero between tasks.
     bitmaps: Pool<Vec<u64>>,
@@ -84,7 +85,8 @@ impl CpuBackend {
         let entropies = EntropyIndex::new(problem.content(), &order);
         let times = StageTimes::default();
         let (walks, bitmaps) = (Pool::default(), Pool::default());
-        Self { problem, order, entropies, memory, times, hits: Vec::new(), walks, bitmaps }
+        let (caster, hits) = (Caster::new(problem.table()), Vec::new());
+        Self { problem, order, entropies, memory, times, hits, caster, walks, bitmaps }
     }
 
     fn poses(&self, sensors: &[SensorPose]) -> Vec<DevicePose> {
@@ -116,7 +118,7 @@ impl CpuBackend {
         if let Some(frame) = self.problem.ends(frame) {
             let beams = sensors.len() * self.problem.table().directions().len();
             memory::reserve(&mut self.hits, beams, "hits")?;
-            cast_frame(sensors, self.problem.table(), frame, range, &mut self.hits);
+            self.caster.cast_frame(sensors, frame, range, &mut self.hits);
         }
         self.times.cast += start.elapsed();
         Ok(())
@@ -251,7 +253,7 @@ impl Backend for CpuBackend {
         let table = self.problem.table();
         let mut hits = Vec::new();
         memory::reserve(&mut hits, poses.len() * table.directions().len(), "hits")?;
-        cast_frame(&ego_from(poses), table, frame, table.range(), &mut hits);
+        self.caster.cast_frame(&ego_from(poses), frame, table.range(), &mut hits);
         self.times.cast += start.elapsed();
         Ok(hits)
     }

@@ -1,4 +1,7 @@
-//! Beam directions of one sensor.
+//! Beam directions of one sensor, and the grid that they lie in.
+
+use std::f64::consts::{FRAC_PI_2, TAU};
+use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -8,8 +11,25 @@ use glam::DVec3;
 /// once, so that every backend reads the same numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BeamTable {
-    directions: Vec<[f32; 3]>,
+    directions: Arc<[[f32; 3]]>,
     range: f32,
+    grid: Option<Arc<BeamGrid>>,
+}
+
+/// Beams by channel, then azimuth step: beam (k, j) has the elevation of channel k and the azimuth
+/// start + j · step + offset of channel k, all in radians, counter-clockwise from +x.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BeamGrid {
+    /// Elevation from −π/2 to π/2 and azimuth offset of each channel, in the order of the beams.
+    pub channels: Vec<(f64, f64)>,
+    /// Azimuth of the first step.
+    pub start: f64,
+    /// From step to step, positive.
+    pub step: f64,
+    /// Azimuth steps.
+    pub steps: usize,
+    /// Whether the steps make one whole turn.
+    pub turn: bool,
 }
 
 /// Why a sensor gives no beam table.
@@ -48,15 +68,65 @@ impl BeamTable {
         range: f64,
     ) -> Result<Self, SensorError> {
         let steps = f64::from(azimuth_steps);
+        let azimuth = |j| TAU * f64::from(j) / steps;
+        let mut table = Self::of_channels(channels, azimuth_steps, range, azimuth)?;
+        table.keep_grid(channels, 0.0, TAU / steps, azimuth_steps, true);
+        Ok(table)
+    }
+
+    /// A sensor that looks to one side: beams ordered by channel, then azimuth step, as
+    /// [`Self::spinning`] has them, with azimuths `start` + j · `step` + offset in degrees.
+    ///
+    /// # Errors
+    /// No beams, angles that are not finite, or a range that is not positive.
+    pub fn sector(
+        channels: &[(f64, f64)],
+        [start, step]: [f64; 2],
+        azimuth_steps: u32,
+        range: f64,
+    ) -> Result<Self, SensorError> {
+        let [start, step] = [start.to_radians(), step.to_radians()];
+        let azimuth = |j| start + step * f64::from(j);
+        let mut table = Self::of_channels(channels, azimuth_steps, range, azimuth)?;
+        // Beams that overlap, or run backwards, stay a list.
+        if step > 0.0 && step * f64::from(azimuth_steps) <= TAU {
+            table.keep_grid(channels, start, step, azimuth_steps, false);
+        }
+        Ok(table)
+    }
+
+    fn of_channels(
+        channels: &[(f64, f64)],
+        steps: u32,
+        range: f64,
+        azimuth: impl Fn(u32) -> f64,
+    ) -> Result<Self, SensorError> {
+        let azimuth = &azimuth;
         let directions = channels.iter().flat_map(|&(elevation, offset)| {
             let (sin_e, cos_e) = elevation.to_radians().sin_cos();
-            (0..azimuth_steps).map(move |j| {
-                let turn = std::f64::consts::TAU * f64::from(j) / steps;
-                let (sin_a, cos_a) = (turn + offset.to_radians()).sin_cos();
+            (0..steps).map(move |j| {
+                let (sin_a, cos_a) = (azimuth(j) + offset.to_radians()).sin_cos();
                 DVec3::new(cos_e * cos_a, cos_e * sin_a, sin_e)
             })
         });
         Self::from_directions(directions, range)
+    }
+
+    /// Notes where the directions came from, unless channels lean over backwards.
+    fn keep_grid(
+        &mut self,
+        channels: &[(f64, f64)],
+        start: f64,
+        step: f64,
+        steps: u32,
+        turn: bool,
+    ) {
+        let channels: Vec<_> =
+            channels.iter().map(|(e, offset)| (e.to_radians(), offset.to_radians())).collect();
+        if channels.iter().all(|(elevation, _)| elevation.abs() <= FRAC_PI_2) {
+            let steps = steps as usize;
+            self.grid = Some(Arc::new(BeamGrid { channels, start, step, steps, turn }));
+        }
     }
 
     /// An explicit list of directions, each scaled to unit length. `range` is in metres.
@@ -81,12 +151,17 @@ impl BeamTable {
         if directions.is_empty() {
             return Err(SensorError::NoBeams);
         }
-        Ok(Self { directions, range: range as f32 })
+        Ok(Self { directions: directions.into(), range: range as f32, grid: None })
     }
 
     /// Unit directions `[D]` in the sensor frame, in beam order.
     pub fn directions(&self) -> &[[f32; 3]] {
         &self.directions
+    }
+
+    /// The grid that the directions lie in; none for an explicit list.
+    pub fn grid(&self) -> Option<&BeamGrid> {
+        self.grid.as_deref()
     }
 
     /// Farthest distance in metres at which a beam returns.
@@ -97,7 +172,7 @@ impl BeamTable {
     /// The same directions with another range, in metres.
     #[must_use]
     pub fn with_range(&self, range: f32) -> Self {
-        Self { directions: self.directions.clone(), range }
+        Self { range, ..self.clone() }
     }
 }
 

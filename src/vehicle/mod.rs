@@ -13,7 +13,7 @@ mod published;
 pub(crate) mod random;
 mod variables;
 
-pub use beam_table::{BeamTable, SensorError};
+pub use beam_table::{BeamGrid, BeamTable, SensorError};
 pub(crate) use constraints::Ties;
 pub use constraints::{Constraints, Violation};
 pub(crate) use description::{LidarDescription, MountDescription};

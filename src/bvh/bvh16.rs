@@ -1,0 +1,176 @@
+//! The sixteen-wide tree that a sensor's grid of beams walks, collapsed from the binary one.
+
+use super::{Node, Triangle};
+
+/// Children of a node, and most triangles of a block.
+pub(crate) const WIDTH: usize = 16;
+/// Bit of a child that marks a block of triangles.
+pub(crate) const BLOCK: u32 = 1 << 31;
+
+/// The binary tree with its nodes merged sixteen by sixteen, and its lowest subtrees made blocks of
+/// triangles. Boxes are middle and half extents, since they are bounded around their middle.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Bvh16 {
+    /// The root comes first; none without triangles.
+    pub(crate) nodes: Vec<Node16>,
+    /// Leaves.
+    pub(crate) blocks: Vec<Block16>,
+    /// Largest coordinate of all boxes, without its sign.
+    pub(crate) largest: f32,
+}
+
+/// Sixteen descendants of a binary node side by side, 512 bytes: 192 of middles, 192 of half extents,
+/// 64 of children, 4 of `valid`, and 60 that fill the last cache line.
+#[repr(C, align(64))]
+#[derive(Debug, Clone)]
+pub(crate) struct Node16 {
+    /// Middles by axis and child.
+    pub(crate) middle: [[f32; WIDTH]; 3],
+    /// Half extents by axis and child, rounded up.
+    pub(crate) half: [[f32; WIDTH]; 3],
+    /// Index of a node, or of a block with bit 31 set.
+    pub(crate) children: [u32; WIDTH],
+    /// A bit for each child that there is, the first in the lowest.
+    pub(crate) valid: u16,
+}
+
+/// Up to sixteen triangles side by side, 896 bytes: 576 of corners, 192 of normals, 64 of `prim`, 2 of
+/// `valid`, and 62 that fill the last cache line.
+#[repr(C, align(64))]
+#[derive(Debug, Clone)]
+pub(crate) struct Block16 {
+    /// Corners by corner, axis and triangle; unused slots repeat the first triangle.
+    pub(crate) corners: [[[f32; WIDTH]; 3]; 3],
+    /// Normals by axis and triangle.
+    pub(crate) normal: [[f32; WIDTH]; 3],
+    /// Indices of the faces.
+    pub(crate) prim: [i32; WIDTH],
+    /// A bit for each triangle that there is.
+    pub(crate) valid: u16,
+}
+
+/// Triangles below a binary node: they are neighbours in leaf order.
+#[derive(Clone, Copy, Default)]
+struct Below {
+    first: usize,
+    count: usize,
+}
+
+struct Collapse<'a> {
+    nodes: &'a [Node],
+    triangles: &'a [Triangle],
+    below: Vec<Below>,
+    tree: Bvh16,
+}
+
+impl Bvh16 {
+    /// Merges the binary tree's nodes: each takes over the grandchildren of its largest children until
+    /// sixteen are together. A subtree of at most sixteen triangles becomes a block.
+    pub(crate) fn collapse(nodes: &[Node], triangles: &[Triangle]) -> Self {
+        let mut below = vec![Below::default(); nodes.len()];
+        // Children come after their parents.
+        for (index, node) in nodes.iter().enumerate().rev() {
+            below[index] = if node.count > 0 {
+                Below { first: node.first as usize, count: node.count as usize }
+            } else {
+                let left = node.first as usize;
+                let count = below[left].count + below[left + 1].count;
+                Below { first: below[left].first, count }
+            };
+        }
+        let mut collapse = Collapse { nodes, triangles, below, tree: Self::default() };
+        if let Some(root) = nodes.first() {
+            let sides = root.min.iter().chain(&root.max);
+            collapse.tree.largest = sides.fold(0.0, |largest, side| largest.max(side.abs()));
+            collapse.tree.nodes.push(Node16::EMPTY);
+            collapse.fill(0, 0);
+        }
+        collapse.tree
+    }
+
+    /// Bytes of nodes and blocks.
+    pub(crate) fn bytes(&self) -> u64 {
+        (size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice())) as u64
+    }
+}
+
+impl Collapse<'_> {
+    /// Fills node `at` with the descendants of binary node `from`.
+    fn fill(&mut self, from: usize, at: usize) {
+        let is_block = |node: usize| self.below[node].count <= WIDTH;
+        let area = |node: usize| half_area(&self.nodes[node]);
+        let mut children = vec![from];
+        while children.len() < WIDTH {
+            let inner = children.iter().enumerate().filter(|&(_, &node)| !is_block(node));
+            let largest = inner.max_by(|a, b| area(*a.1).total_cmp(&area(*b.1)));
+            let Some((slot, &node)) = largest else { break };
+            children[slot] = self.nodes[node].first as usize;
+            children.push(self.nodes[node].first as usize + 1);
+        }
+        for (slot, index) in children.into_iter().enumerate() {
+            self.tree.nodes[at].set_box(slot, &self.nodes[index]);
+            let child = if self.below[index].count <= WIDTH {
+                let Below { first, count } = self.below[index];
+                self.tree.blocks.push(Block16::new(&self.triangles[first..first + count]));
+                BLOCK | (self.tree.blocks.len() - 1) as u32
+            } else {
+                self.tree.nodes.push(Node16::EMPTY);
+                let child = self.tree.nodes.len() - 1;
+                self.fill(index, child);
+                child as u32
+            };
+            self.tree.nodes[at].children[slot] = child;
+        }
+    }
+}
+
+impl Node16 {
+    const EMPTY: Self =
+        Self { middle: [[0.0; WIDTH]; 3], half: [[0.0; WIDTH]; 3], children: [0; WIDTH], valid: 0 };
+
+    fn set_box(&mut self, slot: usize, node: &Node) {
+        for axis in 0..3 {
+            let (low, high) = (node.min[axis], node.max[axis]);
+            let middle = 0.5 * low + 0.5 * high;
+            self.middle[axis][slot] = middle;
+            // Both differences are rounded once, by less than 2⁻²³ of themselves.
+            self.half[axis][slot] = (high - middle).max(middle - low) * (1.0 + 1e-6);
+        }
+        self.valid |= 1 << slot;
+    }
+}
+
+impl Block16 {
+    fn new(triangles: &[Triangle]) -> Self {
+        let mut block = Self {
+            corners: [[[0.0; WIDTH]; 3]; 3],
+            normal: [[0.0; WIDTH]; 3],
+            prim: [0; WIDTH],
+            valid: ((1_u32 << triangles.len()) - 1) as u16,
+        };
+        for slot in 0..WIDTH {
+            let triangle = triangles.get(slot).unwrap_or(&triangles[0]);
+            for axis in 0..3 {
+                for (k, corner) in [triangle.a, triangle.b, triangle.c].iter().enumerate() {
+                    block.corners[k][axis][slot] = corner[axis];
+                }
+                block.normal[axis][slot] = triangle.normal[axis];
+            }
+            block.prim[slot] = triangle.prim as i32;
+        }
+        block
+    }
+
+    /// The triangle of a slot as it was built.
+    pub(crate) fn triangle(&self, slot: usize) -> Triangle {
+        let at = |numbers: &[[f32; WIDTH]; 3]| [0, 1, 2].map(|axis: usize| numbers[axis][slot]);
+        let [a, b, c] = &self.corners;
+        let (normal, prim) = (at(&self.normal), self.prim[slot] as u32);
+        Triangle { a: at(a), prim, b: at(b), pad0: 0, c: at(c), pad1: 0, normal, pad2: 0 }
+    }
+}
+
+fn half_area(node: &Node) -> f32 {
+    let [x, y, z] = [0, 1, 2].map(|axis| node.max[axis] - node.min[axis]);
+    x * y + y * z + z * x
+}

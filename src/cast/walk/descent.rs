@@ -1,0 +1,125 @@
+//! A window's way down the tree.
+
+use super::angles::Rects;
+use super::grid::ROOM;
+use super::hits::Scene;
+use super::ops::{W, per_target};
+use super::work::{BLOCKS, Entry, STACK, Work, some};
+use crate::bvh::bvh16::{BLOCK, Bvh16, Node16};
+
+/// Vectors of a rectangle that are searched for a beam which sees far enough; larger ones have one.
+const SEARCHED: usize = 48;
+
+per_target! {
+    use super::{angles, boxes, triangles, hits};
+
+    /// Closest hits of a window's beams, where they are closer than those that `work` holds.
+    ///
+    /// Directions are computed for the rectangle in which the tree is seen alone.
+    fn walk(scene: &mut Scene<'_>, tree: &Bvh16, work: &mut Work) {
+        let columns = scene.window.columns;
+        boxes(scene.grid, scene.window, &scene.eye, &tree.nodes[0], &mut work.rects[0]);
+        let Some(root) = around(&work.rects[0]) else { return };
+        let local = &scene.window.local;
+        let [from, to] = root.columns.map(usize::from);
+        let mut farthest = f32::NEG_INFINITY;
+        for row in root.rows[0]..=root.rows[1] {
+            let row = usize::from(row) * columns;
+            let axes = &scene.eye.axes;
+            farthest = farthest.max(turn(local, axes, &mut work.beams, row + from, row + to));
+        }
+        scene.eye.farthest = farthest;
+        work.stack[0] = root;
+        let mut depth = 1;
+        while depth > 0 {
+            depth -= 1;
+            let entry = work.stack[depth % STACK];
+            if !visible(&work.beams.t, columns, &entry) {
+                continue;
+            }
+            if entry.child & BLOCK == 0 {
+                let node = &tree.nodes[entry.child as usize];
+                boxes(scene.grid, scene.window, &scene.eye, node, &mut work.rects[0]);
+                depth += push(node, &work.rects[0], &mut work.stack, depth);
+                continue;
+            }
+            work.blocks[0] = (entry.child ^ BLOCK) as usize;
+            let mut blocks = 1;
+            while blocks < BLOCKS && depth > 0 && work.stack[(depth - 1) % STACK].child & BLOCK != 0 {
+                depth -= 1;
+                let entry = work.stack[depth % STACK];
+                work.blocks[blocks] = (entry.child ^ BLOCK) as usize;
+                blocks += usize::from(visible(&work.beams.t, columns, &entry));
+            }
+            for k in 0..blocks {
+                let block = &scene.blocks[work.blocks[k]];
+                let (rects, seen) = (&mut work.rects[k], &mut work.seen[k]);
+                triangles(scene.grid, scene.window, &scene.eye, block, rects, seen);
+            }
+            for k in 0..blocks {
+                list(scene, work, k);
+            }
+            test(scene, work);
+        }
+    }
+
+    /// Whether a beam of the rectangle sees as far as where it begins: equal distances may go to a lower
+    /// face.
+    fn visible(t: &[f32; ROOM], columns: usize, entry: &Entry) -> bool {
+        let [from, to] = entry.columns.map(usize::from);
+        let [first, last] = entry.rows.map(usize::from);
+        if ((to - from) / W + 1) * (last - first + 1) > SEARCHED {
+            return true;
+        }
+        let distance = splat(entry.distance);
+        for row in first..=last {
+            for column in (from..=to).step_by(W) {
+                let lanes = ((2_u32 << (to - column).min(W - 1)) - 1) as u16;
+                let sees = bits(le(distance, load(some(t, row * columns + column))));
+                if sees & lanes != 0 {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// Puts the children that are seen on the stack, the nearest on top; how many they are.
+    fn push(node: &Node16, rects: &Rects, stack: &mut [Entry; STACK], depth: usize) -> usize {
+        // Distances sort as integers; the last bits tell children apart.
+        let mut keys = [-1; W];
+        for i in 0..W {
+            let key = rects.distance[i].max(0.0).to_bits() as i32 & !15 | i as i32;
+            keys[i] = if rects.seen >> i & 1 != 0 { key } else { -1 };
+        }
+        let own = load_i(&keys);
+        let (mut farther, one) = (splat_i(0), splat_i(1));
+        for key in keys {
+            let near_or_same = le_i(splat_i(key), own);
+            farther = add_i(farther, select_i(near_or_same, splat_i(0), one));
+        }
+        let farther = store_i(farther);
+        let mut left = rects.seen;
+        while left != 0 {
+            let i = left.trailing_zeros() as usize % W;
+            left &= left - 1;
+            stack[(depth + farther[i] as usize) % STACK] = Entry {
+                child: node.children[i],
+                distance: rects.distance[i],
+                rows: [rects.rows[0][i] as u16, rects.rows[1][i] as u16],
+                columns: [rects.columns[0][i] as u16, rects.columns[1][i] as u16],
+            };
+        }
+        rects.seen.count_ones() as usize
+    }
+}
+
+/// The root with the rectangle around those of its children; none where no child is seen.
+fn around(rects: &Rects) -> Option<Entry> {
+    let seen = || (0..W).filter(|i| rects.seen >> i & 1 != 0);
+    let least = |all: &[i32; W]| seen().map(|i| all[i] as u16).min();
+    let most = |all: &[i32; W]| seen().map(|i| all[i] as u16).max();
+    let rows = [least(&rects.rows[0])?, most(&rects.rows[1])?];
+    let columns = [least(&rects.columns[0])?, most(&rects.columns[1])?];
+    Some(Entry { child: 0, distance: f32::NEG_INFINITY, rows, columns })
+}
