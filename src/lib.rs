@@ -94,8 +94,8 @@ pub use vehicle::{BeamTable, Constraints, Placement, SensorPose, read_placements
 pub mod internals {
     pub use crate::bvh::{Bvh, Hit, NO_HIT, Ray, major_axis};
     pub use crate::cast::{
-        Caster, Casting, FAN_DIRECTIONS, Fan, Instructions, PACKET_RAYS, Packet, PacketHits, Part,
-        Scratch, cast_closest, cast_frame_closest,
+        Caster, Casting, FAN_DIRECTIONS, Fan, Instructions, PACKET_RAYS, PacketHits, Part,
+        cast_closest, cast_frame_closest,
     };
     pub use crate::chart::measure::{Measured, PoseCost};
     pub use crate::chart::ranking::{Interval, RankingError};

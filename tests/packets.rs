@@ -7,7 +7,7 @@ use rand::RngExt;
 use sightline::geom::{Pose, TriangleSoup};
 use sightline::internals::{
     Bvh, Caster, Casting, DevicePose, FAN_DIRECTIONS, Fan, Hit, Instructions, NO_HIT, PACKET_RAYS,
-    Packet, PacketHits, Ray, Scratch, cast_closest, hostile_placements, major_axis,
+    PacketHits, Ray, cast_closest, hostile_placements, major_axis,
 };
 use sightline::problem::{Frame, Instance};
 use sightline::psog::Roi;
@@ -128,38 +128,6 @@ fn packets_give_the_bits_of_single_beams() {
         }
     }
     assert!(found * 10 > beams, "only {found} of {beams} beams hit: the scenes are trivial");
-}
-
-#[test]
-fn a_packet_of_any_rays_gives_the_bits_of_all_triangles() {
-    let mut rng = rng(8);
-    for soup in soups() {
-        let bvh = Bvh::build(&soup, 30.0);
-        let mut packet = Packet::default();
-        let mut scratch = Scratch::default();
-        for round in 0..200 {
-            // Narrow, wide and with signs that change; full and not.
-            let spread = [1e-3, 0.1, 3.0][round % 3];
-            let (middle, towards) = (random_vec(&mut rng, 8.0), random_vec(&mut rng, 1.0));
-            let rays: Vec<(Vec3, Vec3)> = (0..rng.random_range(1..=64))
-                .map(|_| {
-                    let direction = towards + random_vec(&mut rng, 0.3 * spread);
-                    (middle + random_vec(&mut rng, spread), direction.normalize())
-                })
-                .filter(|(_, direction)| major_axis(*direction) == major_axis(towards))
-                .collect();
-            if rays.is_empty() {
-                continue;
-            }
-            packet.gather(rays.len(), 30.0, |lane| rays[lane]);
-            bvh.closest_hits(&mut packet, &mut scratch);
-            assert_eq!(packet.hits().count(), rays.len());
-            for (&(origin, direction), hit) in rays.iter().zip(packet.hits()) {
-                let want = bvh.closest_hit_brute_force(&Ray::new(origin, direction, 30.0));
-                assert_eq!((hit.t.to_bits(), hit.prim), (want.t.to_bits(), want.prim));
-            }
-        }
-    }
 }
 
 /// Large triangles close behind each other that cross: which one is hit changes from ray to ray.

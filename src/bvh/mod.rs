@@ -1,7 +1,7 @@
 //! Bounding volume hierarchy over the triangles of one rigid thing, and the tests of a ray with its parts.
 //!
 //! Built once on the host as a binary tree with a binned surface-area heuristic (Wald 2007), which the
-//! reference goes down. Devices, packets and walks go down copies of it with four, eight and sixteen
+//! reference goes down. Devices, fans and walks go down copies of it with four, eight and sixteen
 //! children a node.
 //!
 //! # Why every traversal gives the same bits
@@ -11,7 +11,7 @@
 //! interval of every ancestor box contains that of the triangle. A node that is
 //! skipped because it begins behind the best hit can therefore not hold a closer or an equal one: the
 //! answer is the same for every tree, every order of visits, and for no tree at all
-//! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together (`cast::Packet`, `cast::Fan`).
+//! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together (`cast::Caster`, `cast::Fan`).
 
 mod build;
 pub(crate) mod bvh16;
@@ -22,7 +22,7 @@ mod intersect;
 mod node;
 mod tree;
 
-pub(crate) use intersect::{FAR_INVERSE, axes_of, safe_inverse};
+pub(crate) use intersect::{FAR_INVERSE, axes_of};
 
 pub(crate) use build::PAD_SHARE;
 #[cfg(feature = "gpu")]

@@ -118,7 +118,7 @@ impl Caster {
     ///
     /// What a sensor does not see costs next to nothing: bounds of a tree's first boxes.
     pub fn closer_hits(&self, parts: &[Part<'_>], hits: &mut [Hit]) {
-        self.replace(parts, true, hits);
+        self.replace(parts, false, hits);
     }
 
     fn replace(&self, parts: &[Part<'_>], shared: bool, hits: &mut [Hit]) {

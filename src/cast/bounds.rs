@@ -1,8 +1,6 @@
-//! Bounds that hold for all rays of a packet or of a chunk, so that most of a scene is skipped at once.
+//! Bounds that hold for all rays of a fan, so that most of a scene is skipped at once.
 
-use super::lanes::{CHUNK, CHUNKS, ChunkRange, fold, least, most, to_bits};
-use super::packet::Packet;
-use super::ranges::{PacketRanges, narrowest_plane};
+use super::lanes::{least, most, to_bits};
 use crate::bvh::PAD_SHARE;
 use crate::bvh::bvh8::{Block, WIDTH};
 
@@ -13,9 +11,9 @@ const UNBOUNDED: f32 = 1e30;
 /// by a few 2⁻²⁴ of that number: together less than one unit.
 pub(crate) const SLACK: f32 = 8.0;
 
-/// Bounds of every ray of a packet.
+/// Bounds of every ray of a fan.
 ///
-/// Origins are moved along their rays into one plane, so that a packet is as narrow as its rays are
+/// Origins are moved along their rays into one plane, so that a fan is as narrow as its rays are
 /// close, however far apart they start; distances count from that plane.
 pub(super) struct Bounds {
     /// Which side of a box is met first, by axis.
@@ -45,42 +43,7 @@ struct Spread {
     turn: [f32; 2],
 }
 
-/// Bounds of every ray of a chunk, for all chunks side by side.
-pub(super) struct Chunks {
-    middle: [[f32; CHUNKS]; 2],
-    half: [[f32; CHUNKS]; 2],
-    shear: [[f32; CHUNKS]; 2],
-    turn: [[f32; CHUNKS]; 2],
-    /// The farthest of the best distances, counted from the plane; −∞ where there are no rays.
-    farthest: [f32; CHUNKS],
-}
-
 impl Bounds {
-    #[inline(always)]
-    pub(super) fn new(packet: &Packet, pad: f32) -> (Self, Chunks) {
-        let axes = packet.axes();
-        let plane = narrowest_plane(packet);
-        let PacketRanges { shift, crossing, shear } = PacketRanges::new(packet, plane);
-        let mut inverse = [[0.0; 2]; 3];
-        for (inverse, lanes) in inverse.iter_mut().zip(&packet.inverse) {
-            *inverse = ChunkRange::of(&lanes[..packet.chunks()]).all();
-        }
-        let [across, turned] = [&crossing, &shear].map(|k| [k[0].all(), k[1].all()]);
-        let bounds = Self::of_ranges(axes, plane, shift.all(), across, turned, inverse, pad);
-        let mut chunks = Chunks::EMPTY;
-        for k in 0..2 {
-            (chunks.middle[k], chunks.half[k]) = crossing[k].middle_and_half();
-            (chunks.shear[k], chunks.turn[k]) = shear[k].middle_and_half();
-            for half in &mut chunks.half[k] {
-                *half += bounds.slack;
-            }
-        }
-        for chunk in 0..packet.chunks() {
-            chunks.farthest[chunk] = packet.t_max - shift.low[chunk] + bounds.slack;
-        }
-        (bounds, chunks)
-    }
-
     /// From least and largest: how far before the plane rays start, where they cross it, and how they
     /// go.
     #[inline(always)]
@@ -191,68 +154,6 @@ impl Spread {
         self.half[k] = 0.5 * (crossing[1] - crossing[0]) + slack;
         self.shear[k] = 0.5 * (shear[0] + shear[1]);
         self.turn[k] = 0.5 * (shear[1] - shear[0]);
-    }
-}
-
-impl Chunks {
-    const EMPTY: Self = Self {
-        middle: [[0.0; CHUNKS]; 2],
-        half: [[0.0; CHUNKS]; 2],
-        shear: [[0.0; CHUNKS]; 2],
-        turn: [[0.0; CHUNKS]; 2],
-        farthest: [f32::NEG_INFINITY; CHUNKS],
-    };
-
-    /// The farthest of the best distances of all rays.
-    #[inline(always)]
-    pub(super) fn farthest(&self) -> f32 {
-        fold(&self.farthest, most)
-    }
-
-    /// Takes over the best distances of a chunk's rays.
-    #[inline(always)]
-    pub(super) fn update_farthest(
-        &mut self,
-        t: &[f32; CHUNK],
-        origin: &[f32; CHUNK],
-        inverse: &[f32; CHUNK],
-        chunk: usize,
-        bounds: &Bounds,
-    ) {
-        let mut farthest = [0.0; CHUNK];
-        for i in 0..CHUNK {
-            let inverse = inverse[i];
-            farthest[i] = t[i] - (bounds.plane - origin[i]) * inverse;
-        }
-        let mut halves = [0.0; CHUNK / 2];
-        for i in 0..CHUNK / 2 {
-            halves[i] = most(farthest[i], farthest[i + CHUNK / 2]);
-        }
-        self.farthest[chunk] = fold(&halves, most) + bounds.slack;
-    }
-
-    /// Bits of the chunks whose rays may hit a triangle of a block.
-    #[inline(always)]
-    pub(super) fn chunks_that_hit(&self, bounds: &Bounds, block: &Block, slot: usize) -> u32 {
-        let [x, y, z] = bounds.axes;
-        let at = |corner: &[[f32; WIDTH]; 3]| [corner[x][slot], corner[y][slot], corner[z][slot]];
-        let [a, b, c] = &block.corners;
-        let triangle = [at(a), at(b), at(c)];
-        let nearest = bounds.nearest(triangle);
-        let mut meets = [0; CHUNKS];
-        for i in 0..CHUNKS {
-            let at = |both: &[[f32; CHUNKS]; 2]| [both[0][i], both[1][i]];
-            let spread = Spread {
-                middle: at(&self.middle),
-                half: at(&self.half),
-                shear: at(&self.shear),
-                turn: at(&self.turn),
-            };
-            let behind = nearest > self.farthest[i];
-            let beside = all_miss(triangle, bounds.plane, &spread, bounds.slack);
-            meets[i] = if behind | beside { 0 } else { u32::MAX };
-        }
-        to_bits(meets)
     }
 }
 

@@ -17,8 +17,10 @@ use crate::bvh::{Bvh, NO_HIT, Triangle};
 /// Up to [`PACKET_RAYS`] origins that lie side by side, with all rays from them in a few directions.
 ///
 /// All these rays go down the tree once: the triangles that they may hit make a list, nearest first,
-/// as long as a direction asks for. Then each direction goes through the list. Triangles are skipped
-/// for the reasons given at [`super::Packet`], so that the bits are the same.
+/// as long as a direction asks for. Then each direction goes through the list. Triangles are skipped only
+/// where all rays of a chunk miss them, or have a hit before them, by more than rounding could change
+/// (`Bounds::slack`); all others are tested a lane a ray, with the operations of `Ray::intersect` in the
+/// same order. No hit depends on which triangles were tested before, so the bits are the same.
 #[derive(Clone)]
 pub struct Fan {
     len: usize,
@@ -156,18 +158,8 @@ fn cast(
     let mut projected = ProjectedBlock::NOTHING;
     for (ray, hits) in ranges.rays(directions.len()).iter().zip(hits) {
         let mut bounds = DirectionBounds::new(&shaft, &ranges, ray, filled);
-        let splat = |x: f32| [[x; CHUNK]];
-        let turned = ray.direction.to_array().map(splat);
-        let inverse = ray.inverse.to_array().map(splat);
-        let shear = ray.shear.map(splat);
-        let rays = Rays::<true> {
-            axes: ranges.axes,
-            enters: [0, 1, 2].map(|axis| usize::from(ray.inverse[axis] < 0.0)),
-            origin,
-            direction: [&turned[0], &turned[1], &turned[2]],
-            inverse: [&inverse[0], &inverse[1], &inverse[2]],
-            shear: [&shear[0], &shear[1]],
-        };
+        let enters = [0, 1, 2].map(|axis| usize::from(ray.inverse[axis] < 0.0));
+        let rays = Rays { axes: ranges.axes, enters, origin, ray };
         // Hits that were there before end what has to be looked at.
         let held = hits.t.iter().zip(&origin[ranges.axes[2]]).take(filled);
         for (chunk, (t, origin)) in held.enumerate() {

@@ -5,19 +5,17 @@ use glam::Vec3;
 use super::lanes::{CHUNK, CHUNKS, Lanes, PacketHits, least, most};
 use crate::bvh::{Hit, Ray, Triangle};
 
-/// Rays by chunk. Where they are `PARALLEL`, the first lane of the first chunk speaks for all but the
-/// origins.
-pub(super) struct Rays<'a, const PARALLEL: bool> {
+/// Parallel rays by chunk.
+pub(super) struct Rays<'a> {
     /// The two axes of the shear, and the one of the largest component.
     pub(super) axes: [usize; 3],
-    /// Which side of a box parallel rays enter first, by axis; 0 for others. That follows from the sign
-    /// of the direction, since a distance never falls when the bound that it is taken to moves away,
-    /// also in rounded arithmetic.
+    /// Which side of a box the rays enter first, by axis. That follows from the sign of the direction,
+    /// since a distance never falls when the bound that it is taken to moves away, also in rounded
+    /// arithmetic.
     pub(super) enters: [usize; 3],
     pub(super) origin: &'a [Lanes; 3],
-    pub(super) direction: [&'a [[f32; CHUNK]]; 3],
-    pub(super) inverse: [&'a [[f32; CHUNK]]; 3],
-    pub(super) shear: [&'a [[f32; CHUNK]]; 2],
+    /// One of them: all share its direction.
+    pub(super) ray: &'a Ray,
 }
 
 /// A triangle with its corners in the order of the rays' axes, and its bare box.
@@ -56,13 +54,7 @@ const _: () = assert!(PAIRS == u64::BITS as usize);
 pub(super) type Inside = [[u32; CHUNK]; PAIRS + 1];
 pub(super) const ALL_INSIDE: Inside = [[u32::MAX; CHUNK]; PAIRS + 1];
 
-impl<const PARALLEL: bool> Rays<'_, PARALLEL> {
-    /// A number that depends on the direction alone.
-    #[inline(always)]
-    fn turned(lanes: &[[f32; CHUNK]], chunk: usize, i: usize) -> f32 {
-        if PARALLEL { lanes[0][0] } else { lanes[chunk][i] }
-    }
-
+impl Rays<'_> {
     /// `Ray::intersect` for every ray of the pairs `meets` with up to eight triangles; those of `sure`
     /// are known to pass between the edges. Bits of the chunks in which a ray of another pair does.
     /// `inside` is working memory, of which the last stays all ones.
@@ -112,9 +104,8 @@ impl<const PARALLEL: bool> Rays<'_, PARALLEL> {
         let [a, b, c] = triangle.corners;
         let [ox, oy, oz] = [0, 1, 2].map(|k| &self.origin[self.axes[k]][chunk]);
         let mut any = 0;
+        let [sx, sy] = self.ray.shear;
         for i in 0..CHUNK {
-            let sx = Self::turned(self.shear[0], chunk, i);
-            let sy = Self::turned(self.shear[1], chunk, i);
             let (az, bz, cz) = (a[2] - oz[i], b[2] - oz[i], c[2] - oz[i]);
             let (ax, ay) = ((a[0] - ox[i]) - sx * az, (a[1] - oy[i]) - sy * az);
             let (bx, by) = ((b[0] - ox[i]) - sx * bz, (b[1] - oy[i]) - sy * bz);
@@ -149,18 +140,12 @@ impl<const PARALLEL: bool> Rays<'_, PARALLEL> {
         let low = [sides[x][0], sides[y][1], sides[z][2]];
         let high = [sides[1 - x][0], sides[1 - y][1], sides[1 - z][2]];
         let mut any_beside = 0;
+        let [dx, dy, dz] = self.ray.direction.to_array();
+        let [ix, iy, iz] = self.ray.inverse.to_array();
         for i in 0..CHUNK {
-            let dx = Self::turned(self.direction[0], chunk, i);
-            let dy = Self::turned(self.direction[1], chunk, i);
-            let dz = Self::turned(self.direction[2], chunk, i);
-            let ix = Self::turned(self.inverse[0], chunk, i);
-            let iy = Self::turned(self.inverse[1], chunk, i);
-            let iz = Self::turned(self.inverse[2], chunk, i);
             let (x0, x1) = ((low[0] - ox[i]) * ix, (high[0] - ox[i]) * ix);
             let (y0, y1) = ((low[1] - oy[i]) * iy, (high[1] - oy[i]) * iy);
             let (z0, z1) = ((low[2] - oz[i]) * iz, (high[2] - oz[i]) * iz);
-            let sort = |a, b| if PARALLEL { (a, b) } else { (least(a, b), most(a, b)) };
-            let ((x0, x1), (y0, y1), (z0, z1)) = (sort(x0, x1), sort(y0, y1), sort(z0, z1));
             let enter = most(most(most(x0, y0), z0), 0.0);
             let leave = least(least(x1, y1), z1);
             let towards = n[0] * dx + n[1] * dy + n[2] * dz;
@@ -191,18 +176,9 @@ impl<const PARALLEL: bool> Rays<'_, PARALLEL> {
         hits: &mut PacketHits,
     ) {
         for i in (0..CHUNK).filter(|&i| inside[i] != 0) {
-            let turned = |lanes: [&[[f32; CHUNK]]; 3]| {
-                Vec3::from(lanes.map(|lanes| Self::turned(lanes, chunk, i)))
-            };
             let mut best = Hit { t: hits.t[chunk][i], prim: hits.prim[chunk][i] };
-            let ray = Ray {
-                origin: [0, 1, 2].map(|axis| self.origin[axis][chunk][i]).into(),
-                direction: turned(self.direction),
-                t_max: best.t,
-                inverse: turned(self.inverse),
-                major: self.axes[2],
-                shear: [0, 1].map(|k| Self::turned(self.shear[k], chunk, i)),
-            };
+            let origin = Vec3::from([0, 1, 2].map(|axis| self.origin[axis][chunk][i]));
+            let ray = Ray { origin, t_max: best.t, ..*self.ray };
             let [low, high] = triangle.sides;
             let (enter, leave) = ray.slab(low.into(), high.into());
             if enter > leave {

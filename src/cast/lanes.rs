@@ -128,37 +128,10 @@ impl ChunkRange {
         }
     }
 
-    /// From lanes that lie chunk by chunk; chunks without rays repeat the last one's range.
-    #[inline(always)]
-    pub(super) fn of(lanes: &[[f32; CHUNK]]) -> Self {
-        let mut range = Self::EMPTY;
-        for chunk in 0..CHUNKS {
-            let lanes = &lanes[chunk.min(lanes.len() - 1)];
-            let (mut low, mut high) = ([0.0; 8], [0.0; 8]);
-            for i in 0..8 {
-                low[i] = least(lanes[i], lanes[i + 8]);
-                high[i] = most(lanes[i], lanes[i + 8]);
-            }
-            range.low[chunk] = fold(&low, least);
-            range.high[chunk] = fold(&high, most);
-        }
-        range
-    }
-
     /// Over all rays.
     #[inline(always)]
     pub(super) fn all(&self) -> [f32; 2] {
         [fold(&self.low, least), fold(&self.high, most)]
-    }
-
-    #[inline(always)]
-    pub(super) fn middle_and_half(&self) -> ([f32; CHUNKS], [f32; CHUNKS]) {
-        let (mut middle, mut half) = ([0.0; CHUNKS], [0.0; CHUNKS]);
-        for chunk in 0..CHUNKS {
-            middle[chunk] = 0.5 * (self.low[chunk] + self.high[chunk]);
-            half[chunk] = 0.5 * (self.high[chunk] - self.low[chunk]);
-        }
-        (middle, half)
     }
 }
 

@@ -66,17 +66,6 @@ impl Sight {
         along < -self.radius || along - self.radius > t || along * along < self.least_square
     }
 
-    /// [`Self::misses`] for all beams within an angle, of this sine and cosine and at most 90°, from a unit
-    /// vector. With c seen at ψ from it, no beam is nearer to c than ψ − angle, so none comes closer than
-    /// |c| sin(ψ − angle).
-    pub(crate) fn misses_cone(&self, axis: DVec3, [sin, cos]: [f64; 2]) -> bool {
-        let center = DVec3::from(self.center.map(f64::from));
-        let along = center.dot(axis);
-        let aside = (center.length_squared() - along * along).max(0.0).sqrt();
-        let apart = aside * cos - along * sin;
-        apart > f64::from(self.radius) * (1.0 + SQUARE_SLACK)
-    }
-
     /// The sphere around several, each of which a sensor with the same rotation sees.
     pub(crate) fn around(all: &[Self]) -> Option<Self> {
         let first = all.first()?;
@@ -140,11 +129,6 @@ mod tests {
                     if let (Some(sight), true) = (sight, hit.is_hit()) {
                         assert!(!sight.misses(direction, hit.t));
                         assert!(sight.around_itself().misses(direction, range) <= misses);
-                        let axis = (DVec3::from(direction.map(f64::from))
-                            + 0.1 * off / off.length())
-                        .normalize();
-                        let cos = axis.dot(DVec3::from(direction.map(f64::from))) - 1e-6;
-                        assert!(!sight.misses_cone(axis, [(1.0 - cos * cos).sqrt(), cos]));
                     }
                     hits += u32::from(hit.is_hit());
                     kept += u32::from(!misses);

@@ -174,8 +174,10 @@ impl Roi {
         for (a, points) in points.iter().enumerate() {
             let (min, edge, count) = (self.min[a], self.voxel[a], f64::from(self.shape[a]));
             let max = self.face(a, self.shape[a]);
+            // The faces decide, so a product that rounds otherwise than the quotient does no harm.
+            let inverse = 1.0 / edge;
             for (n, &p) in points.iter().enumerate() {
-                let i = ((p - min) / edge).trunc().min(count - 1.0);
+                let i = ((p - min) * inverse).trunc().min(count - 1.0);
                 let below = p < min + i * edge;
                 let above = !below && p >= min + (i + 1.0) * edge;
                 let i = i + f64::from(u8::from(above)) - f64::from(u8::from(below));

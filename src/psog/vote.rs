@@ -7,7 +7,7 @@ use super::counts::check_classes;
 use super::{GridError, Psog, Roi};
 
 /// Votes that [`FrameVotes`] adds up before it lists them, a power of two.
-const RECENT: usize = 512;
+const RECENT: usize = 16384;
 
 /// The labelled points of one frame as votes: each point votes for its class in its voxel.
 #[derive(Debug, Clone, Default)]
@@ -152,21 +152,33 @@ impl PsogBuilder {
     /// # Errors
     /// A vote for a class or voxel that does not exist, or more than 65 535 frames; the frame is
     /// then not added.
-    pub fn frame(&mut self, mut votes: FrameVotes) -> Result<(), GridError> {
-        let frame = self.report.frames;
-        if frame >= u64::from(u16::MAX) {
-            return Err(GridError::TooManyFrames { frame: frame + 1, limit: u16::MAX.into() });
+    pub fn frame(&mut self, votes: FrameVotes) -> Result<(), GridError> {
+        self.frames(vec![votes])
+    }
+
+    /// [`Self::frame`] of several frames in their order, side by side.
+    ///
+    /// # Errors
+    /// As there; no frame is then added.
+    pub fn frames(&mut self, votes: Vec<FrameVotes>) -> Result<(), GridError> {
+        let first = self.report.frames;
+        let after = first + votes.len() as u64;
+        if after > u64::from(u16::MAX) {
+            let frame = u64::from(u16::MAX) + 1;
+            return Err(GridError::TooManyFrames { frame, limit: u16::MAX.into() });
         }
-        votes.sort();
-        let FrameVotes { entries, outside, .. } = votes;
-        self.check(frame, &entries)?;
-        let (run, ties) = winners(&entries);
-        self.report.frames += 1;
-        self.report.voxels_voted += run.len() as u64;
-        self.report.ties += ties;
-        self.report.points_in += votes_of(&entries);
-        self.report.points_outside += outside;
-        drop(entries);
+        let voted = votes.into_par_iter().enumerate();
+        let runs: Vec<(Vec<u64>, BuildReport)> = voted
+            .map(|(k, votes)| self.voted(first + k as u64, votes))
+            .collect::<Result<_, _>>()?;
+        let (runs, reports): (Vec<_>, Vec<_>) = runs.into_iter().unzip();
+        self.report = reports.iter().fold(self.report, |sum, report| sum.add(report));
+        let run =
+            runs.into_par_iter().reduce(Vec::new, |a, b| match (a.is_empty(), b.is_empty()) {
+                (true, _) => b,
+                (_, true) => a,
+                _ => merge_runs(&a, &b),
+            });
         self.runs.push(run);
         while let [.., a, b] = &self.runs[..]
             && a.len() < 2 * b.len()
@@ -174,6 +186,26 @@ impl PsogBuilder {
             self.merge_last_two();
         }
         Ok(())
+    }
+
+    /// The SOG of one frame, sorted, and how its vote went.
+    fn voted(
+        &self,
+        frame: u64,
+        mut votes: FrameVotes,
+    ) -> Result<(Vec<u64>, BuildReport), GridError> {
+        votes.sort();
+        let FrameVotes { entries, outside, .. } = votes;
+        self.check(frame, &entries)?;
+        let (run, ties) = winners(&entries);
+        let report = BuildReport {
+            frames: 1,
+            voxels_voted: run.len() as u64,
+            ties,
+            points_in: votes_of(&entries),
+            points_outside: outside,
+        };
+        Ok((run, report))
     }
 
     /// The P-SOG over all frames voted, and how the vote went.

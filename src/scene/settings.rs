@@ -128,7 +128,7 @@ pub struct ScanSettings {
     pub fov: [f64; 2],
     /// Azimuth steps a turn; `None` spaces points by [`Self::spacing`] at the edge of the ROI.
     pub azimuth_steps: Option<u32>,
-    /// Distance of neighbouring points in metres; `None` is 1.5 × the larger horizontal edge of a voxel.
+    /// Distance of neighbouring points in metres; `None` is 3/4 of the larger horizontal edge of a voxel.
     pub spacing: Option<f64>,
     /// Range in metres.
     pub range: f64,
