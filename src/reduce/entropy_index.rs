@@ -113,27 +113,31 @@ fn add_block(maps: &[&[u64]], block: usize, index: &EntropyIndex, tally: &mut Ta
         }
     }
     tally.covered += any[..len].iter().map(|word| u64::from(word.count_ones())).sum::<u64>();
+    let mut entropy = [0_u64; 3];
     for word in index.occupied.of_block(block) {
         let at = word.index as usize % BLOCK;
         let mut bits = any[at] & word.mask;
         tally.covered_nonzero += u64::from(bits.count_ones());
         while bits != 0 {
-            for (sum, entropy) in tally.entropy.iter_mut().zip(index.entropy[rank(word, bits)]) {
-                *sum += u64::from(entropy);
+            let of_voxel = index.entropy[rank(word, bits)];
+            for kind in 0..3 {
+                entropy[kind] += u64::from(of_voxel[kind]);
             }
             bits &= bits - 1;
         }
         let once = any[at] & !twice[at] & word.mask;
         if once != 0 {
             for (map, sum) in maps.iter().zip(&mut tally.unique) {
-                let mut bits = map[at] & once;
+                let (mut bits, mut unique) = (map[at] & once, 0);
                 while bits != 0 {
-                    *sum += u64::from(index.entropy[rank(word, bits)][0]);
+                    unique += u64::from(index.entropy[rank(word, bits)][0]);
                     bits &= bits - 1;
                 }
+                *sum += unique;
             }
         }
     }
+    tally.entropy.iter_mut().zip(entropy).for_each(|(sum, entropy)| *sum += entropy);
     for (class, count) in index.classes.iter().zip(&mut tally.by_class) {
         for word in class.of_block(block) {
             let covered = any[word.index as usize % BLOCK] & word.mask;

@@ -159,15 +159,12 @@ impl GridSearch {
             return values.into_iter().map(|(_, value)| value).collect();
         }
         self.evaluations += candidates.len() as u64;
-        let (problem, objective) = (self.atlas.problem(), &self.objective);
         let value = |union: &mut Union, poses: &Vec<u32>| {
-            let (&last, others) = poses.split_last()?;
+            let Some((&last, others)) = poses.split_last() else { return f64::NEG_INFINITY };
             self.atlas.union(others, union);
-            let tally = self.atlas.tally_with(union, last);
-            objective.value_of_tally(&tally, problem.content(), problem.frame_count())
+            self.value_with(union, last)
         };
-        let values = candidates.par_iter().map_init(Union::default, value);
-        values.map(|value| value.unwrap_or(f64::NEG_INFINITY)).collect()
+        candidates.par_iter().map_init(Union::default, value).collect()
     }
 
     /// The best placement of a turn that beats `least` and violates no guard.

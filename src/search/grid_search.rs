@@ -138,14 +138,29 @@ impl GridSearch {
         let mut union = Union::default();
         self.atlas.union(poses, &mut union);
         self.evaluations += candidates.len() as u64;
-        let (problem, objective) = (self.atlas.problem(), &self.objective);
-        let frames = problem.frame_count();
-        let value = |&pose: &u32| {
-            let tally = self.atlas.tally_with(&union, pose);
-            let value = objective.value_of_tally(&tally, problem.content(), frames);
-            (pose, value.unwrap_or(f64::NEG_INFINITY))
+        candidates.par_iter().map(|&pose| (pose, self.value_with(&union, pose))).collect()
+    }
+
+    /// The objective of each of some sets of poses and one pose of the grid more, `[sets][poses]`; `−∞` where
+    /// it does not exist. All poses are held; the bitmap of each is read once for all sets.
+    pub(super) fn values_beside(&mut self, sets: &[&[u32]]) -> Vec<Vec<f64>> {
+        let poses = self.atlas.grid().len();
+        self.evaluations += u64::from(poses) * sets.len() as u64;
+        let mut unions = vec![Union::default(); sets.len()];
+        unions.iter_mut().zip(sets).for_each(|(union, set)| self.atlas.union(set, union));
+        let of_pose = |pose: u32| -> Vec<f64> {
+            unions.iter().map(|union| self.value_with(union, pose)).collect()
         };
-        candidates.par_iter().map(value).collect()
+        let by_pose: Vec<Vec<f64>> = (0..poses).into_par_iter().map(of_pose).collect();
+        let of_set = |set: usize| by_pose.iter().map(|values| values[set]).collect();
+        (0..sets.len()).map(of_set).collect()
+    }
+
+    /// The objective of a union and one held pose more; `−∞` where it does not exist.
+    pub(super) fn value_with(&self, union: &Union, pose: u32) -> f64 {
+        let (problem, tally) = (self.atlas.problem(), self.atlas.tally_with(union, pose));
+        let value = self.objective.value_of_tally(&tally, problem.content(), problem.frame_count());
+        value.unwrap_or(f64::NEG_INFINITY)
     }
 
     /// The objective of held poses, 0 for none.

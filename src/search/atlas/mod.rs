@@ -4,6 +4,7 @@
 //! The sums over a union are those that a [`Backend`] gives for the placement, to the bit.
 
 mod order;
+mod sparse;
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -15,7 +16,8 @@ use crate::engine::{Backend, BackendError};
 use crate::memory;
 use crate::problem::{Problem, Tally};
 use crate::vehicle::PoseGrid;
-use order::{LevelOrder, ToLevels, count_union};
+use order::{LevelOrder, ToLevels};
+use sparse::Sparse;
 
 /// Poses cast at once: enough to keep every core busy, few enough for their bitmaps to fit anywhere.
 const POSES_AT_ONCE: usize = 32;
@@ -29,10 +31,10 @@ pub struct Atlas {
     order: LevelOrder,
     /// From the order of the engine that cast last.
     to_levels: Option<ToLevels>,
-    /// The order in which all voxels are kept: that of the engine that cast first.
-    all_order: Option<BitOrder>,
+    /// The order in which empty voxels are kept: that of the engine that cast first.
+    empty_order: Option<BitOrder>,
     /// Words of a bitmap of all voxels in any engine's order, 0 where their number does not matter.
-    all_words: usize,
+    empty_words: usize,
     pages: HashMap<u32, Page>,
     /// Pages held at most.
     capacity: usize,
@@ -41,16 +43,23 @@ pub struct Atlas {
     cast: u64,
 }
 
-/// What one pose covers: frame after frame, occupied voxels in level order, then all voxels.
+/// What one pose covers.
 struct Page {
-    words: Box<[u64]>,
+    /// Occupied voxels in level order, frame after frame.
+    occupied: Box<[u64]>,
+    /// The others in each frame; none where their number does not matter.
+    empty: Vec<Arc<Sparse>>,
     used: u64,
 }
 
 /// The union of some sensors' coverage, to which others are added.
 #[derive(Debug, Clone, Default)]
 pub struct Union {
-    words: Vec<u64>,
+    /// As of a page.
+    occupied: Vec<u64>,
+    empty: Vec<u64>,
+    /// Bits set in `empty`.
+    empty_count: u64,
 }
 
 impl Atlas {
@@ -61,16 +70,16 @@ impl Atlas {
     /// ten times as many bits as the others, are then not kept.
     pub fn new(problem: Arc<Problem>, grid: PoseGrid, counts_all: bool, bytes: u64) -> Self {
         let order = LevelOrder::new(problem.content());
-        let all_words = if counts_all { BitOrder::most_words(problem.roi()) } else { 0 };
-        let page = 8 * (problem.frame_count() * (order.words() + all_words)).max(1) as u64;
+        let empty_words = if counts_all { BitOrder::most_words(problem.roi()) } else { 0 };
+        let page = 8 * (problem.frame_count() * (order.words() + empty_words)).max(1) as u64;
         let capacity = (bytes / page).max(crate::vehicle::MAX_LIDARS as u64) as usize;
         Self {
             problem,
             grid,
             order,
             to_levels: None,
-            all_order: None,
-            all_words,
+            empty_order: None,
+            empty_words,
             pages: HashMap::new(),
             capacity,
             clock: 0,
@@ -93,18 +102,14 @@ impl Atlas {
         self.capacity
     }
 
-    /// Bytes of one pose.
+    /// Bytes of one pose, at most.
     pub fn page_bytes(&self) -> usize {
-        8 * self.problem.frame_count() * self.frame_words()
+        8 * self.problem.frame_count() * (self.order.words() + self.empty_words)
     }
 
     /// Poses cast so far, those cast again after they were dropped included.
     pub fn poses_cast(&self) -> u64 {
         self.cast
-    }
-
-    fn frame_words(&self) -> usize {
-        self.order.words() + self.all_words
     }
 
     /// Makes sure that `poses` are held; those used longest ago go where room is needed.
@@ -125,16 +130,10 @@ impl Atlas {
         self.make_room(missing.len())?;
         for some in missing.chunks(POSES_AT_ONCE) {
             let pages = self.cast(backend, some)?;
-            self.insert(some, pages);
+            self.cast += some.len() as u64;
+            self.pages.extend(some.iter().copied().zip(pages));
         }
         Ok(())
-    }
-
-    fn insert(&mut self, numbers: &[u32], pages: Vec<Vec<u64>>) {
-        self.cast += numbers.len() as u64;
-        let used = self.clock;
-        let pages = pages.into_iter().map(|words| Page { words: words.into(), used });
-        self.pages.extend(numbers.iter().copied().zip(pages));
     }
 
     fn make_room(&mut self, wanted: usize) -> Result<(), BackendError> {
@@ -163,18 +162,20 @@ impl Atlas {
         &mut self,
         backend: &mut dyn Backend,
         numbers: &[u32],
-    ) -> Result<Vec<Vec<u64>>, BackendError> {
+    ) -> Result<Vec<Page>, BackendError> {
         let poses: Vec<_> = numbers.iter().map(|&number| self.grid.pose(number)).collect();
-        let (frames, each) = (self.problem.frame_count(), self.frame_words());
-        let bytes = 8 * (numbers.len() * frames * each) as u64;
-        memory::check("bitmaps of sensor poses", bytes)?;
+        let (frames, each, used) = (self.problem.frame_count(), self.order.words(), self.clock);
+        memory::check("bitmaps of sensor poses", (numbers.len() * self.page_bytes()) as u64)?;
         // By the threads that fill them: the first touch of new memory takes as long as the copy.
-        let mut pages: Vec<Vec<u64>> = numbers.par_iter().map(|_| vec![0; frames * each]).collect();
+        let page = |_| Page { occupied: vec![0; frames * each].into(), empty: vec![], used };
+        let mut pages: Vec<Page> = numbers.par_iter().map(page).collect();
         for frame in 0..frames {
             let equal = self.problem.twin(frame);
             if equal < frame {
-                let equal = equal * each..(equal + 1) * each;
-                pages.iter_mut().for_each(|page| page.copy_within(equal.clone(), frame * each));
+                for page in &mut pages {
+                    page.occupied.copy_within(equal * each..(equal + 1) * each, frame * each);
+                    page.empty.extend(page.empty.get(equal).cloned());
+                }
                 continue;
             }
             let bitmaps = backend.bitmaps(&poses, frame)?;
@@ -184,27 +185,27 @@ impl Atlas {
     }
 
     /// Writes the coverage of each pose in one frame into its page.
-    fn keep(&mut self, frame: usize, bitmaps: &Bitmaps, pages: &mut [Vec<u64>]) {
-        let (from, each, levels) = (bitmaps.order, self.frame_words(), self.order.words());
+    fn keep(&mut self, frame: usize, bitmaps: &Bitmaps, pages: &mut [Page]) {
+        let (from, each) = (bitmaps.order, self.order.words());
         if self.to_levels.as_ref().is_none_or(|to_levels| to_levels.from != from) {
             self.to_levels = Some(ToLevels::new(&self.order, self.problem.content(), from));
         }
         let Some(to_levels) = &self.to_levels else { return };
-        let all_order = *self.all_order.get_or_insert(from);
-        let counts_all = self.all_words > 0;
-        let bitmaps = bitmaps.words.par_chunks(from.words());
-        pages.par_iter_mut().zip(bitmaps).for_each(|(page, bitmap)| {
-            let page = &mut page[frame * each..(frame + 1) * each];
-            let (ordered, all) = page.split_at_mut(levels);
-            to_levels.reorder(bitmap, ordered);
-            if counts_all && from == all_order {
-                all[..bitmap.len()].copy_from_slice(bitmap);
-            } else if counts_all {
-                // Another engine took over after a failure.
-                let converted = from.convert(bitmap, &all_order);
-                all[..converted.len()].copy_from_slice(&converted);
-            }
-        });
+        let empty_order = *self.empty_order.get_or_insert(from);
+        let counts_all = self.empty_words > 0;
+        pages.par_iter_mut().zip(bitmaps.words.par_chunks(from.words())).for_each(
+            |(page, bitmap)| {
+                to_levels.reorder(bitmap, &mut page.occupied[frame * each..(frame + 1) * each]);
+                if counts_all && from == empty_order {
+                    page.empty.push(Arc::new(Sparse::new(to_levels.empty(bitmap))));
+                } else if counts_all {
+                    // Another engine took over after a failure.
+                    let empty: Vec<u64> = to_levels.empty(bitmap).collect();
+                    let converted = from.convert(&empty, &empty_order);
+                    page.empty.push(Arc::new(Sparse::new(converted.into_iter())));
+                }
+            },
+        );
     }
 
     /// Covered ones among the occupied voxels of a held pose, a bit each: frame after frame, in the
@@ -212,8 +213,8 @@ impl Atlas {
     ///
     /// # Panics
     /// The pose is not held.
-    pub(crate) fn frames_of(&self, pose: u32) -> impl Iterator<Item = &[u64]> {
-        self.page(pose).chunks(self.frame_words().max(1)).map(|frame| &frame[..self.order.words()])
+    pub(crate) fn occupied_of(&self, pose: u32) -> &[u64] {
+        &self.page(pose).occupied
     }
 
     /// The fixed-point entropies of each bit of a frame; zero for bits without a voxel.
@@ -221,8 +222,8 @@ impl Atlas {
         self.order.entropies(self.problem.content())
     }
 
-    fn page(&self, pose: u32) -> &[u64] {
-        &self.pages.get(&pose).expect("callers hold the poses they ask about").words
+    fn page(&self, pose: u32) -> &Page {
+        self.pages.get(&pose).expect("callers hold the poses they ask about")
     }
 
     /// The union of held poses.
@@ -230,18 +231,28 @@ impl Atlas {
     /// # Panics
     /// A pose is not held.
     pub fn union(&self, poses: &[u32], union: &mut Union) {
-        let pages: Vec<&[u64]> = poses.iter().map(|&pose| self.page(pose)).collect();
-        union.words.resize(self.problem.frame_count() * self.frame_words(), 0);
-        let blocks = union.words.par_chunks_mut(UNION_WORDS).enumerate();
+        let pages: Vec<&Page> = poses.iter().map(|&pose| self.page(pose)).collect();
+        let frames = self.problem.frame_count();
+        union.occupied.resize(frames * self.order.words(), 0);
+        let blocks = union.occupied.par_chunks_mut(UNION_WORDS).enumerate();
         blocks.for_each(|(block, words)| {
             let first = block * UNION_WORDS;
             words.fill(0);
             for page in &pages {
-                for (or, word) in words.iter_mut().zip(&page[first..]) {
+                for (or, word) in words.iter_mut().zip(&page.occupied[first..]) {
                     *or |= word;
                 }
             }
         });
+        union.empty.clear();
+        union.empty.resize(frames * self.empty_words, 0);
+        union.empty_count = 0;
+        for (frame, words) in union.empty.chunks_mut(self.empty_words.max(1)).enumerate() {
+            for page in &pages {
+                union.empty_count += page.empty[frame].count_beyond(words);
+                page.empty[frame].add_to(words);
+            }
+        }
     }
 
     /// Sums over the voxels of the union and of one more held pose, added up over frames.
@@ -251,36 +262,20 @@ impl Atlas {
     /// # Panics
     /// The pose is not held.
     pub fn tally_with(&self, union: &Union, pose: u32) -> Tally {
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("popcnt") {
-            // SAFETY: the processor has what the function is compiled for.
-            #[allow(unsafe_code)]
-            return unsafe { self.tally_with_avx2(union, pose) };
-        }
-        self.tally_with_any(union, pose)
-    }
-
-    /// As [`Self::tally_with_any`], compiled for processors that count bits in one instruction.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,popcnt")]
-    fn tally_with_avx2(&self, union: &Union, pose: u32) -> Tally {
-        self.tally_with_any(union, pose)
-    }
-
-    #[inline(always)]
-    fn tally_with_any(&self, union: &Union, pose: u32) -> Tally {
         // No words at all where no voxel is ever occupied.
-        let each = self.frame_words().max(1);
+        let each = self.order.words().max(1);
         let mut tally = Tally::default();
         let page = self.page(pose);
-        for (a, b) in union.words.chunks(each).zip(page.chunks(each)) {
-            let (a_ordered, a_all) = a.split_at(self.order.words());
-            let (b_ordered, b_all) = b.split_at(self.order.words());
-            self.order.add_union(a_ordered, b_ordered, &mut tally);
-            tally.covered += count_union(a_all, b_all);
+        for (a, b) in union.occupied.chunks(each).zip(page.occupied.chunks(each)) {
+            self.order.add_union(a, b, &mut tally);
         }
-        if self.all_words == 0 {
+        if self.empty_words == 0 {
             tally.covered = u64::from(tally.covered_nonzero > 0);
+            return tally;
+        }
+        tally.covered = tally.covered_nonzero + union.empty_count;
+        for (a, b) in union.empty.chunks(self.empty_words).zip(&page.empty) {
+            tally.covered += b.count_beyond(a);
         }
         tally
     }

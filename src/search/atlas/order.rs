@@ -1,7 +1,6 @@
 //! The order in which an atlas keeps its bits: occupied voxels of equal entropy side by side.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 
 use multiversion::multiversion;
 use rayon::prelude::*;
@@ -12,25 +11,17 @@ use crate::problem::{Content, Tally};
 /// Voxels of equal entropy from which on they get words of their own. Fewer would waste most of a word.
 const LEAST_LEVEL: usize = 24;
 
-/// An order of the occupied voxels in which those of equal entropy stand together.
+/// An order of the occupied voxels in which those of equal entropy stand together, in words of their own.
 ///
-/// A sum of entropies over a bitmap in this order is Σ popcount(level) × entropy of the level.
+/// A sum of entropies over a bitmap in this order is Σ popcount(word) × entropy of the word.
 #[derive(Debug)]
 pub(super) struct LevelOrder {
     /// Bit of each occupied voxel, in the order of [`Content::occupied`].
     bit_of: Vec<u32>,
-    levels: Vec<Level>,
-    /// Words from which on every bit has an entropy of its own.
-    mixed: usize,
-    /// Entropies of the bits from word `mixed` on.
+    /// Entropies of each word whose bits have the same, by kind.
+    entropies: [Vec<u32>; 3],
+    /// Entropies of the bits of the words after those.
     mixed_entropies: Vec<[u32; 3]>,
-    words: usize,
-}
-
-#[derive(Debug)]
-struct Level {
-    words: Range<usize>,
-    entropy: [u64; 3],
 }
 
 /// The way of each bit from an engine's order to the level order.
@@ -63,6 +54,11 @@ impl ToLevels {
         Self { from, mask, rank, bit_of: pairs.into_iter().map(|(_, bit)| bit).collect() }
     }
 
+    /// The words of a bitmap of all voxels, without those that are occupied.
+    pub fn empty(&self, bitmap: &[u64]) -> impl Iterator<Item = u64> + Clone {
+        bitmap.iter().zip(&self.mask).map(|(word, occupied)| word & !occupied)
+    }
+
     /// Brings a bitmap of all voxels into the level order; `ordered` is zero.
     pub fn reorder(&self, bitmap: &[u64], ordered: &mut [u64]) {
         reorder(&self.mask, &self.rank, &self.bit_of, bitmap, ordered);
@@ -78,17 +74,17 @@ impl LevelOrder {
         let (large, small): (Vec<_>, Vec<_>) =
             by_entropy.into_iter().partition(|(_, voxels)| voxels.len() >= LEAST_LEVEL);
         let mut bit_of = vec![0; content.occupied().len()];
-        let mut levels = Vec::new();
-        let mut words = 0;
+        let mut entropies = [const { Vec::new() }; 3];
         for (entropy, voxels) in large {
+            let words = entropies[0].len();
             for (bit, rank) in voxels.iter().enumerate() {
                 bit_of[*rank] = (64 * words + bit) as u32;
             }
-            let end = words + voxels.len().div_ceil(64);
-            levels.push(Level { words: words..end, entropy: entropy.map(u64::from) });
-            words = end;
+            for (of_words, entropy) in entropies.iter_mut().zip(entropy) {
+                of_words.resize(words + voxels.len().div_ceil(64), entropy);
+            }
         }
-        let mixed = words;
+        let mixed = entropies[0].len();
         let mut mixed_entropies = Vec::new();
         for (entropy, voxels) in small {
             for rank in voxels {
@@ -96,18 +92,17 @@ impl LevelOrder {
                 mixed_entropies.push(entropy);
             }
         }
-        words += mixed_entropies.len().div_ceil(64);
-        Self { bit_of, levels, mixed, mixed_entropies, words }
+        Self { bit_of, entropies, mixed_entropies }
     }
 
     /// Words of a bitmap in this order.
     pub fn words(&self) -> usize {
-        self.words
+        self.entropies[0].len() + self.mixed_entropies.len().div_ceil(64)
     }
 
     /// Entropies of each bit; zero for bits without a voxel.
     pub fn entropies(&self, content: &Content) -> Vec<[u32; 3]> {
-        let mut entropies = vec![[0; 3]; 64 * self.words];
+        let mut entropies = vec![[0; 3]; 64 * self.words()];
         for (voxel, &bit) in content.occupied().iter().zip(&self.bit_of) {
             entropies[bit as usize] = voxel.entropy;
         }
@@ -115,29 +110,44 @@ impl LevelOrder {
     }
 
     /// Adds the sums over the bits set in `a` or in `b`, both in this order, to a tally.
-    #[inline(always)]
     pub fn add_union(&self, a: &[u64], b: &[u64], tally: &mut Tally) {
-        for level in &self.levels {
-            let (a, b) = (&a[level.words.clone()], &b[level.words.clone()]);
-            let count = count_union(a, b);
-            tally.covered_nonzero += count;
-            for (sum, entropy) in tally.entropy.iter_mut().zip(level.entropy) {
-                *sum += count * entropy;
-            }
-        }
-        let (a, b) = (&a[self.mixed..], &b[self.mixed..]);
+        add_words(&self.entropies, a, b, tally);
+        let mixed = self.entropies[0].len();
+        let (a, b, mut sums) = (&a[mixed..], &b[mixed..], [0; 3]);
         for ((a, b), entropies) in a.iter().zip(b).zip(self.mixed_entropies.chunks(64)) {
             let mut left = a | b;
             tally.covered_nonzero += u64::from(left.count_ones());
             while left != 0 {
                 let entropy = entropies[left.trailing_zeros() as usize];
-                for (sum, entropy) in tally.entropy.iter_mut().zip(entropy) {
+                for (sum, entropy) in sums.iter_mut().zip(entropy) {
                     *sum += u64::from(entropy);
                 }
                 left &= left - 1;
             }
         }
+        tally.entropy.iter_mut().zip(sums).for_each(|(to, sum)| *to += sum);
     }
+}
+
+/// Adds Σ popcount(a ∨ b) × entropy over the words that have one.
+#[multiversion(targets(
+    "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+avx512vpopcntdq+bmi1+bmi2+popcnt+lzcnt",
+    "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
+))]
+fn add_words(entropies: &[Vec<u32>; 3], a: &[u64], b: &[u64], tally: &mut Tally) {
+    let [first, second, third] = entropies;
+    let words = first.len();
+    let (a, b, second, third) = (&a[..words], &b[..words], &second[..words], &third[..words]);
+    let (mut covered, mut sums) = (0, [0; 3]);
+    for word in 0..words {
+        let count = u64::from((a[word] | b[word]).count_ones());
+        covered += count;
+        sums[0] += count * u64::from(first[word]);
+        sums[1] += count * u64::from(second[word]);
+        sums[2] += count * u64::from(third[word]);
+    }
+    tally.covered_nonzero += covered;
+    tally.entropy.iter_mut().zip(sums).for_each(|(to, sum)| *to += sum);
 }
 
 /// [`ToLevels::reorder`], compiled for processors that count bits in one instruction, too.
@@ -152,10 +162,4 @@ fn reorder(mask: &[u64], rank: &[u32], bit_of: &[u32], bitmap: &[u64], ordered: 
             left &= left - 1;
         }
     }
-}
-
-/// Bits set in `a` or in `b`.
-#[inline(always)]
-pub(super) fn count_union(a: &[u64], b: &[u64]) -> u64 {
-    a.iter().zip(b).map(|(a, b)| u64::from((a | b).count_ones())).sum()
 }

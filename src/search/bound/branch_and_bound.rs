@@ -4,19 +4,20 @@ use std::collections::BinaryHeap;
 
 use serde::{Deserialize, Serialize};
 
+use super::open_sets::{Node, Open, ROUNDING};
 use super::pair_overlaps::PairBound;
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
 use crate::search::grid_search::{GridPlacement, GridSearch, Places, better_first};
 
-/// Relative rounding error of the sums of gains behind a bound, at most.
-const ROUNDING: f64 = 1e-12;
 /// Sets of sensors whose gains are looked at for each 100 evaluations of a search.
-const SETS: u64 = 111;
+const SETS: u64 = 28;
 /// Candidates that are looked at through pairs alone for each evaluation of a search.
 const PAIR_CANDIDATES: u64 = 1 << 14;
 /// Words of bitmaps that are read for the overlaps of pairs for each evaluation of a search.
 const PAIR_WORDS: u64 = 1 << 25;
+/// Sets of sensors whose gains are looked at together: each bitmap is then read once for all.
+const AT_ONCE: usize = 8;
 /// The best one of so many poses is typical of those in good placements.
 const TYPICAL: usize = 4;
 
@@ -61,86 +62,6 @@ impl Effort {
     /// Sets of sensors to look at through pairs: the root alone where no overlaps are known.
     fn pair_nodes(&self, pairs: &PairBound) -> u64 {
         if pairs.has_overlaps() { self.pair_candidates / pairs.singles().len() as u64 } else { 1 }
-    }
-}
-
-/// A set of sensors to be extended, its candidates by what they add, falling.
-#[derive(Debug, Clone)]
-struct Node {
-    chosen: Vec<u32>,
-    /// What the set covers; not below it where `exact` is false.
-    value: f64,
-    /// (pose, what it adds at most) from the first that was not taken yet on.
-    candidates: Vec<(u32, f64)>,
-    next: usize,
-    /// No extension is above this.
-    bound: f64,
-    /// Whether values are gains, and not bounds from pairs.
-    exact: bool,
-}
-
-impl Node {
-    /// Lowers the bound to that of extensions of which `candidates[next]` is the first: a pose never
-    /// adds more than it does now. False if there is no extension.
-    fn tighten(&mut self, lidars: usize) -> bool {
-        let wanted = lidars - self.chosen.len();
-        let Some(added) = self.candidates.get(self.next..self.next + wanted) else { return false };
-        let bound = (self.value + added.iter().map(|c| c.1).sum::<f64>()) * (1.0 + ROUNDING);
-        self.bound = self.bound.min(bound);
-        true
-    }
-
-    /// Forgets candidates that stay below `floor` even beside the best of the others.
-    fn drop_below(&mut self, floor: f64, lidars: usize) {
-        let others = lidars - self.chosen.len() - 1;
-        let rest = &self.candidates[self.next..];
-        let others: f64 = rest.iter().take(others).map(|c| c.1).sum();
-        let least = floor / (1.0 + ROUNDING) - self.value - others;
-        self.candidates.truncate(self.next + rest.partition_point(|c| c.1 > least));
-        self.candidates.shrink_to_fit();
-    }
-}
-
-impl PartialEq for Node {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-impl Eq for Node {}
-impl PartialOrd for Node {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Node {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.bound.total_cmp(&other.bound).then_with(|| other.chosen.cmp(&self.chosen))
-    }
-}
-
-/// Sets of sensors yet to be looked at, the largest bound first.
-struct Open {
-    heap: BinaryHeap<Node>,
-    lidars: usize,
-    /// Nodes with no bound above this are dropped.
-    floor: f64,
-}
-
-impl Open {
-    fn push(&mut self, mut node: Node) {
-        node.drop_below(self.floor, self.lidars);
-        if node.tighten(self.lidars) && node.bound > self.floor {
-            self.heap.push(node);
-        }
-    }
-
-    fn upper(&self) -> f64 {
-        self.heap.peek().map_or(f64::NEG_INFINITY, |node| node.bound)
-    }
-
-    /// The node of largest bound, unless nothing above the floor is left.
-    fn pop(&mut self) -> Option<Node> {
-        self.heap.pop().filter(|node| node.bound > self.floor)
     }
 }
 
@@ -235,17 +156,24 @@ impl Tree<'_> {
     fn branch(&mut self, effort: &Effort, go_on: &mut dyn FnMut(u64) -> bool) -> u64 {
         let (mut looked_at, mut cheaply) = (1, 0);
         self.open.push(root(self.pairs));
-        while looked_at < effort.sets
-            && cheaply < effort.pair_nodes(self.pairs)
-            && go_on(looked_at)
-            && let Some(node) = self.open.pop()
+        // Sets whose gains are to be looked at, together.
+        let mut waiting: Vec<Node> = Vec::new();
+        while looked_at < effort.sets && cheaply < effort.pair_nodes(self.pairs) && go_on(looked_at)
         {
             let lidars = self.open.lidars;
+            let is_full =
+                waiting.len() == AT_ONCE || looked_at + waiting.len() as u64 >= effort.sets;
+            let Some(node) = (if is_full { None } else { self.open.pop() }) else {
+                if waiting.is_empty() {
+                    break;
+                }
+                looked_at += waiting.len() as u64;
+                self.make_exact(std::mem::take(&mut waiting));
+                continue;
+            };
             let left = lidars - node.chosen.len();
             if !node.exact && (left == 1 || (left == 2 && lidars > 2)) {
-                let exact = self.exact(&node);
-                self.open.push(exact);
-                looked_at += 1;
+                waiting.push(node);
             } else if left == 1 {
                 self.finish(&node);
             } else if node.exact {
@@ -260,14 +188,20 @@ impl Tree<'_> {
                 cheaply += 1;
             }
         }
+        waiting.into_iter().for_each(|node| self.open.push(node));
         looked_at
     }
 
-    /// The same set with the gains of its candidates in place of bounds.
-    fn exact(&mut self, node: &Node) -> Node {
-        let some: Vec<u32> = node.candidates[node.next..].iter().map(|c| c.0).collect();
-        let value = self.search.held_value(&node.chosen);
-        gains(self.search, node.chosen.clone(), value, &some, node.bound)
+    /// Puts the gains of candidates in the place of bounds.
+    fn make_exact(&mut self, nodes: Vec<Node>) {
+        let sets: Vec<&[u32]> = nodes.iter().map(|node| &node.chosen[..]).collect();
+        let values = self.search.values_beside(&sets);
+        for (node, values) in nodes.into_iter().zip(values) {
+            let value = self.search.held_value(&node.chosen);
+            let left = node.candidates[node.next..].iter();
+            let values = left.map(|&(pose, _)| (pose, values[pose as usize])).collect();
+            self.open.push(exact(node.chosen, value, values, node.bound));
+        }
     }
 
     /// A set that lacks one sensor: candidates come by falling gain, so the first is the best.
@@ -287,7 +221,8 @@ impl Tree<'_> {
         let chosen = [&node.chosen[..], &[pose]].concat();
         let rest = node.candidates[node.next + 1..].iter().map(|c| c.0);
         let rest: Vec<u32> = rest.filter(|&c| self.places.fits(c, &chosen)).collect();
-        let child = gains(self.search, chosen, node.value + gain, &rest, node.bound);
+        let values = self.search.values_with(&chosen, &rest);
+        let child = exact(chosen, node.value + gain, values, node.bound);
         node.next += 1;
         (child, node)
     }
@@ -315,20 +250,13 @@ fn split(places: &Places, pairs: &PairBound, mut node: Node) -> (Node, Node) {
     (Node { chosen, value, candidates, next: 0, bound, exact: false }, node)
 }
 
-/// A node with the gains of candidates that fit beside its sensors.
-fn gains(
-    search: &mut GridSearch,
-    chosen: Vec<u32>,
-    value: f64,
-    candidates: &[u32],
-    bound: f64,
-) -> Node {
+/// A set with the gains of candidates, whose objectives beside it are `values`.
+fn exact(chosen: Vec<u32>, value: f64, mut values: Vec<(u32, f64)>, bound: f64) -> Node {
     let value = value.max(0.0);
-    let mut candidates = search.values_with(&chosen, candidates);
-    for (_, gain) in &mut candidates {
+    for (_, gain) in &mut values {
         // The objective does not exist where nothing is covered; the gain is zero there.
         *gain = gain.max(value) - value;
     }
-    candidates.sort_by(better_first);
-    Node { chosen, value, candidates, next: 0, bound, exact: true }
+    values.sort_by(better_first);
+    Node { chosen, value, candidates: values, next: 0, bound, exact: true }
 }

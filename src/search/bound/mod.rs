@@ -3,6 +3,7 @@
 mod branch_and_bound;
 mod certificate;
 mod on_grid;
+mod open_sets;
 mod pair_overlaps;
 mod sample;
 mod voxel_groups;

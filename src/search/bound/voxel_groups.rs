@@ -43,24 +43,47 @@ struct Level {
     least: u64,
 }
 
+/// Where a column of the atlas went.
+#[derive(Clone, Copy, Default)]
+struct Place {
+    bit: u32,
+    group: u32,
+    worth: u32,
+}
+
+/// The places of the columns that are in a group.
+struct Places {
+    /// A bit for each column of the atlas.
+    grouped: Vec<u64>,
+    of: Vec<Place>,
+}
+
+impl Places {
+    fn none(columns: usize) -> Self {
+        Self { grouped: vec![0; columns / 64], of: vec![Place::default(); columns] }
+    }
+
+    fn put(&mut self, column: usize, place: Place) {
+        self.grouped[column / 64] |= 1 << (column % 64);
+        self.of[column] = place;
+    }
+}
+
 impl Columns {
     /// The columns of held poses `0..poses`. `worths` holds the worth of each bit of a frame; a column
     /// joins the first group whose entry of `shares`, rising, is not below the share of the `typical`
     /// poses that cover it.
     pub fn new(atlas: &Atlas, poses: u32, worths: &[u32], shares: &[f64], typical: &[u32]) -> Self {
-        let words = worths.len() / 64;
-        let frames = atlas.problem().frame_count();
-        let pages: Vec<Vec<&[u64]>> = (0..poses).map(|p| atlas.frames_of(p).collect()).collect();
-        let covered = counts(&pages, frames, words);
-        let some: Vec<Vec<&[u64]>> =
-            typical.iter().map(|&pose| pages[pose as usize].clone()).collect();
-        let counts = counts(&some, frames, words);
+        let pages: Vec<&[u64]> = (0..poses).map(|pose| atlas.occupied_of(pose)).collect();
+        let covered = any(&pages);
+        let some: Vec<&[u64]> = typical.iter().map(|&pose| pages[pose as usize]).collect();
+        let counts = counts(&some);
         let limits: Vec<f64> = shares.iter().map(|share| share * typical.len() as f64).collect();
         let mut rest = 0;
         let mut sorted = Vec::new();
         for (column, &count) in counts.iter().enumerate() {
             let worth = worths[column % worths.len()];
-            if covered[column] == 0 || worth == 0 {
+            if covered[column / 64] >> (column % 64) & 1 == 0 || worth == 0 {
                 continue;
             }
             match limits.iter().position(|&limit| f64::from(count) <= limit) {
@@ -69,7 +92,7 @@ impl Columns {
             }
         }
         sorted.par_sort_unstable();
-        let mut bit_of = vec![u32::MAX; counts.len()];
+        let mut places = Places::none(counts.len());
         let none = || Group { levels: vec![], singles: vec![0; poses as usize], total: 0 };
         let mut groups: Vec<Group> = shares.iter().map(|_| none()).collect();
         let mut end = 0;
@@ -81,7 +104,10 @@ impl Columns {
             let (level, after) = left.split_at(left.partition_point(|column| alike(first, column)));
             left = after;
             for (bit, column) in level.iter().enumerate() {
-                bit_of[column.2] = (64 * end + bit) as u32;
+                places.put(
+                    column.2,
+                    Place { bit: (64 * end + bit) as u32, group: first.0 as u32, worth: column.1 },
+                );
             }
             let start = end;
             end += level.len().div_ceil(64);
@@ -96,32 +122,25 @@ impl Columns {
             groups,
             rest,
         };
-        columns.fill(&pages, &bit_of, worths);
+        columns.fill(&pages, &places);
         columns
     }
 
     /// Sets the bits of the poses, and sums up what each covers alone.
-    fn fill(&mut self, pages: &[Vec<&[u64]>], bit_of: &[u32], worths: &[u32]) {
-        let ends: Vec<usize> =
-            self.groups.iter().map(|g| g.levels.last().map_or(0, |l| l.words.end)).collect();
+    fn fill(&mut self, pages: &[&[u64]], places: &Places) {
+        let groups = self.groups.len();
         let bitmaps = self.bitmaps.par_chunks_mut(self.words.max(1)).zip(pages);
-        let singles = bitmaps.map(|(bitmap, frames)| {
-            let mut singles = vec![0u64; ends.len()];
-            for (frame, bits) in frames.iter().enumerate() {
-                for (word, &bits) in bits.iter().enumerate() {
-                    let mut left = bits;
-                    while left != 0 {
-                        let place = 64 * word + left.trailing_zeros() as usize;
-                        left &= left - 1;
-                        let bit = bit_of[frame * worths.len() + place] as usize;
-                        if bit == u32::MAX as usize {
-                            continue;
-                        }
-                        bitmap[bit / 64] |= 1 << (bit % 64);
-                        let group = ends.iter().position(|&end| bit / 64 < end);
-                        singles[group.expect("the bit is one of a group")] +=
-                            u64::from(worths[place]);
-                    }
+        let singles = bitmaps.map(|(bitmap, page)| {
+            let mut singles = vec![0u64; groups];
+            for ((bits, grouped), places) in
+                page.iter().zip(&places.grouped).zip(places.of.chunks(64))
+            {
+                let mut left = bits & grouped;
+                while left != 0 {
+                    let place = places[left.trailing_zeros() as usize];
+                    left &= left - 1;
+                    bitmap[place.bit as usize / 64] |= 1 << (place.bit % 64);
+                    singles[place.group as usize] += u64::from(place.worth);
                 }
             }
             singles
@@ -177,13 +196,24 @@ impl Columns {
     }
 }
 
-/// Poses that cover each column, `[frames × 64 words]`.
-fn counts(pages: &[Vec<&[u64]>], frames: usize, words: usize) -> Vec<u32> {
+/// Columns that any pose covers, a bit each.
+fn any(pages: &[&[u64]]) -> Vec<u64> {
+    let mut any = vec![0; pages.first().map_or(0, |page| page.len())];
+    any.par_chunks_mut(WORDS).enumerate().for_each(|(block, any)| {
+        for page in pages {
+            any.iter_mut().zip(&page[block * WORDS..]).for_each(|(or, word)| *or |= word);
+        }
+    });
+    any
+}
+
+/// Poses that cover each column.
+fn counts(pages: &[&[u64]]) -> Vec<u32> {
     let of_word = |at: usize| {
         // Counters of 64 columns at once, a bit plane each.
         let mut planes = [0u64; 32];
         for page in pages {
-            let mut carry = page[at / words][at % words];
+            let mut carry = page[at];
             for plane in &mut planes {
                 (*plane, carry) = (*plane ^ carry, *plane & carry);
                 if carry == 0 {
@@ -197,7 +227,8 @@ fn counts(pages: &[Vec<&[u64]>], frames: usize, words: usize) -> Vec<u32> {
         };
         (0..64).map(count).collect::<Vec<u32>>()
     };
-    (0..frames * words).into_par_iter().flat_map_iter(of_word).collect()
+    let words = pages.first().map_or(0, |page| page.len());
+    (0..words).into_par_iter().flat_map_iter(of_word).collect()
 }
 
 /// Σ popcount(a ∧ b) × worth over levels.
