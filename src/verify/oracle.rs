@@ -29,7 +29,7 @@ const ROUNDING: f64 = 1.0 / (1 << 22) as f64;
 pub enum Explanation {
     /// The same triangle at the same distance.
     Same,
-    /// The two triangles are equally far, or one is at the very end of the range.
+    /// The two triangles are equally far, or one is at the very end of the range or where the beam starts.
     Tie,
     /// The beam passes within [`EDGE_TOLERANCE`] of an edge of one of the two triangles.
     Grazing,
@@ -146,7 +146,8 @@ fn explain_casts(casts: &[Cast<'_>], range: f32, hit: Hit) -> Explanation {
     }
     let at_end = |t: f64| near(t, range) || t.abs() <= TIE_TOLERANCE;
     let tie = match (&ours, &theirs) {
-        (Some(a), Some(b)) => near(a.t, our_t) && near(b.t, our_t),
+        // A sensor on a surface is before or behind it, as its rounded pose has it.
+        (Some(a), Some(b)) => near(a.t, our_t) && (near(b.t, our_t) || near(b.t, 0.0)),
         (Some(m), None) | (None, Some(m)) => at_end(m.t),
         (None, None) => false,
     };
@@ -231,6 +232,14 @@ mod tests {
         assert_eq!(towards(0.5, 0.5, 5.0, 1), Explanation::Tie);
         // Beside the edge by a tenth of a millimetre.
         assert_eq!(towards(0.5, -1e-4, 5.0, 0), Explanation::Grazing);
+        // A sensor on the front square, but for rounding, that looks at the one behind.
+        let on_it = Cast {
+            tree: &bvh,
+            first_prim: 0,
+            origin: DVec3::new(5.0 - 1e-14, 0.7, 0.2),
+            direction: DVec3::X,
+        };
+        assert_eq!(explain_casts(&[on_it], 10.0, Hit { t: 1.0, prim: 2 }), Explanation::Tie);
         // Planted errors: the square behind, a miss, a hit that is none, a wrong distance.
         assert_eq!(towards(0.7, 0.2, 6.0, 2), Explanation::Unexplained);
         assert_eq!(towards(0.7, 0.2, 10.0, NO_HIT), Explanation::Unexplained);
