@@ -2,6 +2,7 @@
 
 mod hits;
 mod psog;
+mod rings;
 
 pub use hits::BeamHits;
 pub use psog::scan_scene;

@@ -26,7 +26,7 @@ use crate::geom::{Pose, TriangleSoup};
 use crate::json::{self, check};
 use crate::vehicle::{Lidar, Mount, MountRules};
 use classes::Classes;
-use description::{EgoDescription, SceneDescription};
+use description::{ActorDescription, EgoDescription, SceneDescription, ShapeDescription};
 use route::Motion;
 use shapes::Builder;
 use solid::Solid;
@@ -68,6 +68,78 @@ pub struct Scene {
 struct Actor {
     parts: Solid,
     motion: Motion,
+}
+
+/// What has triangles, and how it moves.
+struct Things {
+    world: Solid,
+    actors: Vec<Actor>,
+    body: Solid,
+    /// None where the scene does not say how the ego moves.
+    ego: Option<Motion>,
+}
+
+impl Things {
+    fn new(
+        builder: &mut Builder<'_>,
+        top: &Place,
+        world: &[ShapeDescription],
+        actors: &[ActorDescription],
+        ego: Option<&EgoDescription>,
+    ) -> Result<Self, DescriptionError> {
+        let world = builder.list(&top.key("static"), world)?;
+        let actors = actors.iter().enumerate().map(|(i, actor)| {
+            let at = top.key("actors").item(i);
+            let parts = builder.list(&at.key("parts"), &actor.parts)?;
+            let motion = Motion::new(&at, actor.poses.as_deref(), actor.route.as_ref())?;
+            let missing = || DescriptionError::Missing {
+                at: Box::new(at),
+                key: "poses",
+                mend: "say where the actor is, with `poses` or `route`".to_owned(),
+            };
+            Ok(Actor { parts, motion: motion.ok_or_else(missing)? })
+        });
+        let actors = actors.collect::<Result<_, DescriptionError>>()?;
+        let none = EgoDescription { body: Vec::new(), poses: None, route: None };
+        let (ego, at) = (ego.unwrap_or(&none), top.key("ego"));
+        let body = builder.list(&at.key("body"), &ego.body)?;
+        let ego = Motion::new(&at, ego.poses.as_deref(), ego.route.as_ref())?;
+        Ok(Self { world, actors, body, ego })
+    }
+
+    fn has_geometry(&self) -> bool {
+        !self.world.faces.is_empty()
+            || !self.body.faces.is_empty()
+            || self.actors.iter().any(|a| !a.parts.faces.is_empty())
+    }
+
+    /// The number of frames: `given`, or as many as the ego has poses; whatever moves has as many.
+    fn frames(&self, top: &Place, given: Option<u64>) -> Result<usize, DescriptionError> {
+        let frames = match (given, &self.ego) {
+            (Some(n), _) => check::count(&top.key("frames"), n, 1, MAX_FRAMES)? as usize,
+            (None, Some(Motion::Poses(poses))) => {
+                let n = poses.len() as u64;
+                check::count(&top.key("ego").key("poses"), n, 1, MAX_FRAMES)? as usize
+            }
+            (None, _) => 1,
+        };
+        if !self.has_geometry() && frames > 1 {
+            return Err(DescriptionError::Misplaced {
+                at: Box::new(top.clone()),
+                key: "frames",
+                mend: "without geometry all frames are alike; add `static` or `actors`, or leave \
+                       it out"
+                    .to_owned(),
+            });
+        }
+        if let Some(ego) = &self.ego {
+            ego.check_frames(&top.key("ego"), frames)?;
+        }
+        for (i, actor) in self.actors.iter().enumerate() {
+            actor.motion.check_frames(&top.key("actors").item(i), frames)?;
+        }
+        Ok(frames)
+    }
 }
 
 /// Whether a frame holds the body of the ego vehicle.
@@ -121,10 +193,9 @@ impl Scene {
         let scene: SceneDescription = json::parse(text, name_for_errors)?;
         let top = Place::top(name_for_errors);
         let stem = || Path::new(name_for_errors).file_stem().unwrap_or_default().to_string_lossy();
-        let name = match scene.name.filter(|name| !name.trim().is_empty()) {
-            Some(name) => check::text(&top.key("name"), name)?,
-            None => stem().replace(char::is_control, "-"),
-        };
+        let name = scene.name.filter(|name| !name.trim().is_empty());
+        let name = name.map(|name| check::text(&top.key("name"), name)).transpose()?;
+        let name = name.unwrap_or_else(|| stem().replace(char::is_control, "-"));
 
         let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
         let mount = Mount::new(&top.key("mount"), &scene.mount)?;
@@ -135,55 +206,16 @@ impl Scene {
 
         let mut builder = Builder::new(&top, &classes, &scene.shapes, dir);
         builder.check_named()?;
-        let world = builder.list(&top.key("static"), &scene.world)?;
-        let mut actors = Vec::with_capacity(scene.actors.len());
-        for (i, actor) in scene.actors.iter().enumerate() {
-            let at = top.key("actors").item(i);
-            let parts = builder.list(&at.key("parts"), &actor.parts)?;
-            let motion = Motion::new(&at, actor.poses.as_deref(), actor.route.as_ref())?;
-            let missing = || DescriptionError::Missing {
-                at: Box::new(at),
-                key: "poses",
-                mend: "say where the actor is, with `poses` or `route`".to_owned(),
-            };
-            actors.push(Actor { parts, motion: motion.ok_or_else(missing)? });
-        }
-        let none = EgoDescription { body: Vec::new(), poses: None, route: None };
-        let ego_at = top.key("ego");
-        let ego = scene.ego.as_ref().unwrap_or(&none);
-        let body = builder.list(&ego_at.key("body"), &ego.body)?;
-        let ego = Motion::new(&ego_at, ego.poses.as_deref(), ego.route.as_ref())?;
-
+        let things =
+            Things::new(&mut builder, &top, &scene.world, &scene.actors, scene.ego.as_ref())?;
         files.extend(builder.files());
         let notes = builder.notes();
 
-        let has_geometry = !world.faces.is_empty()
-            || !body.faces.is_empty()
-            || actors.iter().any(|a| !a.parts.faces.is_empty());
-        let frames = match (scene.frames, &ego) {
-            (Some(n), _) => check::count(&top.key("frames"), n, 1, MAX_FRAMES)? as usize,
-            (None, Some(Motion::Poses(poses))) => {
-                let n = poses.len() as u64;
-                check::count(&ego_at.key("poses"), n, 1, MAX_FRAMES)? as usize
-            }
-            (None, _) => 1,
-        };
-        if !has_geometry && frames > 1 {
-            return Err(DescriptionError::Misplaced {
-                at: Box::new(top),
-                key: "frames",
-                mend: "without geometry all frames are alike; add `static` or `actors`, or leave \
-                       it out"
-                    .to_owned(),
-            });
-        }
+        let has_geometry = things.has_geometry();
+        let frames = things.frames(&top, scene.frames)?;
+        let Things { world, actors, body, ego } = things;
         let ego = ego.unwrap_or(Motion::Still);
-        ego.check_frames(&ego_at, frames)?;
-        for (i, actor) in actors.iter().enumerate() {
-            actor.motion.check_frames(&top.key("actors").item(i), frames)?;
-        }
-
-        let mut origins = vec![origins::middle_of_way(&ego_at, &ego, frames, &world)?];
+        let mut origins = vec![origins::middle_of_way(&top.key("ego"), &ego, frames, &world)?];
         origins.extend(actors.iter().map(|actor| origins::middle(&actor.parts)));
         origins.push(DVec3::ZERO);
 

@@ -68,14 +68,15 @@ mod tests {
     #[test]
     fn it_is_the_bitmap_that_it_was_made_of() {
         for len in [0, 1, 63, 64, 65, 300] {
-            let word =
-                |at: u64| if at % 5 == 2 || at > 250 { at * 0x9e37_79b9_7f4a_7c15 } else { 0 };
+            let mixed = |at: u64| at.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            let word = |at: u64| if at % 5 == 2 || at > 250 { mixed(at) } else { 0 };
             let bitmap: Vec<u64> = (0..len).map(word).collect();
             let sparse = Sparse::new(bitmap.iter().copied());
             let mut back = vec![0; bitmap.len()];
             sparse.add_to(&mut back);
             assert_eq!(back, bitmap);
-            let other: Vec<u64> = (0..len).map(|at| at * 0x1234_5678_9abc_def1).collect();
+            let other: Vec<u64> =
+                (0..len).map(|at: u64| at.wrapping_mul(0x1234_5678_9abc_def1)).collect();
             let beyond = bitmap.iter().zip(&other).map(|(a, b)| u64::from((a & !b).count_ones()));
             assert_eq!(sparse.count_beyond(&other), beyond.sum::<u64>());
         }
