@@ -8,7 +8,7 @@
 //            prim is UNFINISHED, the host casts them), counters[1 + sensor] += hits
 // Dispatch   (ceil(direction_count / WORKGROUP_SIZE), sensors), x spilling into z; spare invocations
 //            only help to count
-// Prelude    WORKGROUP_SIZE, NO_HIT, UNFINISHED, STEP_BUDGET, TRIANGLE_ITEM, FAR, TREE_STACK (printed
+// Prelude    WORKGROUP_SIZE, NO_HIT, UNFINISHED, STEP_BUDGET, TRIANGLE_ITEM, NO_CROSSING, TREE_STACK (printed
 //            from src/engine/gpu/layout.rs)
 // Numerics   f32, no transcendental functions, no infinities; equal distances go to the lower prim of the
 //            frame, first_prim and the tree's own number together
@@ -70,7 +70,7 @@ var<private> steps: u32;
 
 fn safe_inverse(d: f32) -> f32 {
     if d == 0.0 {
-        return FAR;
+        return NO_CROSSING;
     }
     return 1.0 / d;
 }
@@ -162,7 +162,7 @@ fn planes(corner: f32, bytes: u32, step: f32) -> vec4<f32> {
     return corner + vec4<f32>((vec4(bytes) >> vec4(0u, 8u, 16u, 24u)) & vec4(255u)) * step;
 }
 
-// Distance at which the ray enters each child's box; FAR for a box it misses or enters behind `limit`. A
+// Distance at which the ray enters each child's box; NO_CROSSING for a box it misses or enters behind `limit`. A
 // box entered at `limit` counts: a triangle at an equal distance may have a lower id.
 fn enter_children(ray: Ray, node: Node, limit: f32) -> vec4<f32> {
     let back = ray.inverse < vec3(0.0);
@@ -179,7 +179,7 @@ fn enter_children(ray: Ray, node: Node, limit: f32) -> vec4<f32> {
     let enter =
         max(max(near_x * inverse.x, near_y * inverse.y), max(near_z * inverse.z, vec4(0.0)));
     let leave = min(min(far_x * inverse.x, far_y * inverse.y), min(far_z * inverse.z, vec4(limit)));
-    return select(vec4(FAR), enter, enter <= leave & node.children != vec4(0u));
+    return select(vec4(NO_CROSSING), enter, enter <= leave & node.children != vec4(0u));
 }
 
 // The better of `held` and the closest hit in one tree; UNFINISHED out of steps.
@@ -214,12 +214,12 @@ fn closer_hit(ray: Ray, root: u32, pad: f32, first_prim: u32, held: Hit) -> Hit 
             item = select(low_child, high_child, swap);
             // Stores without a branch: an entry stays only if its box is entered.
             stack[depth] = select(child.w, child.z, swap_high);
-            depth += u32(max(enter.z, enter.w) < FAR);
+            depth += u32(max(enter.z, enter.w) < NO_CROSSING);
             stack[depth] = select(high_child, low_child, swap);
-            depth += u32(max(low, high) < FAR);
+            depth += u32(max(low, high) < NO_CROSSING);
             stack[depth] = select(child.y, child.x, swap_low);
-            depth += u32(max(enter.x, enter.y) < FAR);
-            if min(low, high) == FAR {
+            depth += u32(max(enter.x, enter.y) < NO_CROSSING);
+            if min(low, high) == NO_CROSSING {
                 if depth == 0u {
                     return best;
                 }

@@ -7,7 +7,7 @@
 //            8·(x mod 4) + 2·(y mod 4) + (z mod 2) (src/cover/bit_order.rs)
 // Dispatch   (ceil(direction_count / WORKGROUP_SIZE), sensors), x spilling into z; the host covers the
 //            beams of sensors outside the grid, and of grids with an axis of LONG_AXIS voxels or more
-// Prelude    WORKGROUP_SIZE, NO_HIT, PUSH, FAR, LONG_AXIS (printed from src/engine/gpu/layout.rs)
+// Prelude    WORKGROUP_SIZE, NO_HIT, HIT_PUSH, NO_CROSSING, LONG_AXIS (printed from src/engine/gpu/layout.rs)
 // Numerics   f32; plane i is crossed at (i − p) · inverse, from the plane's number alone
 //
 // The voxels of a brick that a beam traverses follow from the order in which it crosses the brick's
@@ -46,7 +46,7 @@ fn cover_voxels(
     if uniforms.ends_at_hits == 1u {
         let hit = hits[sensor * uniforms.direction_count + beam];
         if hit.prim != NO_HIT {
-            t_end = hit.t + PUSH;
+            t_end = hit.t + HIT_PUSH;
         }
     }
     let pose = poses[sensor];
@@ -66,10 +66,10 @@ fn cover_voxels(
     let level = direction == vec3(0.0);
     // Divides by one along an axis on which the beam stays level: no infinities.
     let divisor = select(direction, vec3(1.0), level);
-    let inverse = select(uniforms.voxel / divisor, vec3(FAR), level);
+    let inverse = select(uniforms.voxel / divisor, vec3(NO_CROSSING), level);
     let last = select(vec3(0.0), vec3<f32>(uniforms.shape), forward);
     let exits = (last - p) * inverse;
-    let exit = min(min(min(exits.x, exits.y), exits.z), FAR);
+    let exit = min(min(min(exits.x, exits.y), exits.z), NO_CROSSING);
     // A crossing at t_end counts (next float above it), the one that leaves the grid does not.
     let stop = select(exit, bitcast<f32>(bitcast<u32>(t_end) + 1u), t_end < exit);
 

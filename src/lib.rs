@@ -120,7 +120,7 @@ pub mod internals {
     pub use crate::psog::kitti_labels::{KITTI_CLASSES, KittiLabel, kitti_label};
     pub use crate::psog::kitti_psog::KITTI_LIDAR_HEIGHT;
     pub use crate::psog::npz_member::ArrayFault;
-    pub use crate::psog::roi::PUSH;
+    pub use crate::psog::roi::HIT_PUSH;
     pub use crate::psog::vote::{FrameVotes, PsogBuilder};
     pub use crate::reduce::reduce;
     pub use crate::report::chart::fidelity_svg;

@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 
 use glam::{DVec3, Vec3};
 use sightline::geom::Pose;
-use sightline::internals::{EntropyKind, PUSH};
+use sightline::internals::{EntropyKind, HIT_PUSH};
 use sightline::problem::Tally;
 use sightline::vehicle::Placement;
 
@@ -65,7 +65,7 @@ impl<'a> Reference<'a> {
         let direction = pose.rotation * Vec3::from(direction).as_dvec3();
         let hits = triangles.iter().filter_map(|triangle| distance(triangle, origin, direction));
         let hit = hits.filter(|&t| t <= range).min_by(f64::total_cmp);
-        let end = hit.map_or(range, |t| t + PUSH);
+        let end = hit.map_or(range, |t| t + HIT_PUSH);
         let roi = self.own.psog.roi();
         let (voxel, shape) = (DVec3::from(roi.voxel()), roi.shape().map(f64::from));
         let middle = [0, 1, 2].map(|k| roi.min()[k] + 0.5 * shape[k] * voxel[k]);

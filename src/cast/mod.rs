@@ -20,5 +20,6 @@ pub use fan::Fan;
 pub use lanes::{FAN_DIRECTIONS, PACKET_RAYS, PacketHits};
 pub(crate) use reference::closest_hit_in;
 pub use reference::{cast_closest, cast_frame_closest};
+#[cfg(feature = "gpu")]
 pub(crate) use sight::Sight;
 pub use walk::{Instructions, Part};

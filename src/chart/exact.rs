@@ -7,7 +7,7 @@ use super::exact_tree::ExactTree;
 use super::{ChartError, Fidelity, World, merge_vertices};
 use crate::geom::TriangleSoup;
 use crate::problem::{Content, Tally};
-use crate::psog::{ENTROPY_ONE, EntropyKind, EntropyTable, PUSH, Psog, Roi};
+use crate::psog::{ENTROPY_ONE, EntropyKind, EntropyTable, HIT_PUSH, Psog, Roi};
 use crate::scene::{EgoBody, Scene};
 use crate::vehicle::{Lidar, Placement, SensorPose};
 
@@ -132,7 +132,7 @@ impl Exact {
         for &direction in &self.directions {
             let direction = snapped(pose.rotation * direction);
             let hit = tree.and_then(|t| t.closest(pose.translation, direction, self.range));
-            let end = hit.map_or(self.range, |t| t + PUSH);
+            let end = hit.map_or(self.range, |t| t + HIT_PUSH);
             walk(&self.roi, pose.translation, direction, end, |v| bitmap[v >> 6] |= 1 << (v & 63));
         }
     }

@@ -8,7 +8,7 @@ use super::lockstep::{NEVER, ROUND, Start, WORD, Way, walk_all};
 use super::reference::{Walk, beam_end, grid_origin};
 use super::transpose::add_transposed;
 use crate::bvh::{Hit, NO_HIT};
-use crate::problem::{DevicePose, FAR, PUSH, TINY_COMPONENT, beam_direction};
+use crate::problem::{DevicePose, HIT_PUSH, NO_CROSSING, TINY_COMPONENT, beam_direction};
 use crate::psog::Roi;
 
 /// Ways of a beam, by its larger horizontal component: −y, +y, −x, +x. A power of two.
@@ -137,14 +137,14 @@ fn prepare(
         for (inverse, &[x, y, z]) in scratch.inverse[k].iter_mut().zip(directions) {
             let d = r0 * x + r1 * y + r2 * z;
             let d = if d.abs() < TINY_COMPONENT { 0.0 } else { d };
-            *inverse = if d != 0.0 { voxel / d } else { FAR };
+            *inverse = if d != 0.0 { voxel / d } else { NO_CROSSING };
         }
     }
     // The end of `beam_end`, for all beams at once.
     match hits {
         Some(hits) => {
             for (stop, hit) in scratch.stop.iter_mut().zip(hits) {
-                *stop = if hit.prim != NO_HIT { hit.t + PUSH } else { range };
+                *stop = if hit.prim != NO_HIT { hit.t + HIT_PUSH } else { range };
             }
         }
         None => scratch.stop.fill(range),

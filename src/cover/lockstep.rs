@@ -6,7 +6,7 @@
 
 use multiversion::multiversion;
 
-use crate::problem::FAR;
+use crate::problem::NO_CROSSING;
 use crate::psog::Roi;
 
 /// Beams that walk at the same time.
@@ -122,7 +122,8 @@ pub(crate) fn walk_all<const BACK: bool>(
     for chunk in beams.chunks(LANES * LANE_STRIDE) {
         let groups = chunk.len().div_ceil(LANES);
         for group in 0..groups {
-            let (mut inverse, mut stop) = ([PerLane([FAR; LANES]); 3], PerLane([NEVER; LANES]));
+            let (mut inverse, mut stop) =
+                ([PerLane([NO_CROSSING; LANES]); 3], PerLane([NEVER; LANES]));
             for lane in 0..LANES {
                 let Some(&beam) = chunk.get(lane * groups + group) else { break };
                 let beam = beam as usize;

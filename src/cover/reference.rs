@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::BitOrder;
 use crate::bvh::{Hit, NO_HIT};
-use crate::problem::{DevicePose, FAR, PUSH, beam_direction};
+use crate::problem::{DevicePose, HIT_PUSH, NO_CROSSING, beam_direction};
 use crate::psog::Roi;
 use crate::vehicle::BeamTable;
 
@@ -41,7 +41,7 @@ pub fn cover_voxels(
 #[inline(always)]
 pub(crate) fn beam_end(hit: Option<Hit>, range: f32) -> f32 {
     match hit {
-        Some(hit) if hit.prim != NO_HIT => hit.t + PUSH,
+        Some(hit) if hit.prim != NO_HIT => hit.t + HIT_PUSH,
         _ => range,
     }
 }
@@ -64,7 +64,7 @@ pub(crate) struct Walk {
     shape: [i32; 3],
     /// Origin in voxels.
     p: [f32; 3],
-    /// Metres a voxel along each axis: voxel size over direction; [`FAR`] where it stays level.
+    /// Metres a voxel along each axis: voxel size over direction; [`NO_CROSSING`] where it stays level.
     inverse: [f32; 3],
     /// Voxels a metre along each axis.
     slope: [f32; 3],
@@ -77,7 +77,7 @@ impl Walk {
         let mut walk = Self {
             shape: roi.shape().map(|n| n as i32),
             p: in_grid.to_array(),
-            inverse: [FAR; 3],
+            inverse: [NO_CROSSING; 3],
             slope: [0.0; 3],
             forward: [true; 3],
         };

@@ -10,7 +10,7 @@ pub(crate) use beam::beam_direction;
 pub(crate) use beam::beam_origin;
 pub(crate) use pose::DevicePose;
 pub use pose::OccupiedVoxel;
-pub(crate) use pose::{FAR, PUSH, TINY_COMPONENT};
+pub(crate) use pose::{HIT_PUSH, NO_CROSSING, TINY_COMPONENT};
 pub use tally::{StageTimes, Tally};
 pub use world::{Frame, Instance, World};
 
@@ -260,14 +260,14 @@ impl Problem {
     ///
     /// # Panics
     /// A frame that does not exist.
-    pub fn twin(&self, frame: usize) -> usize {
-        if self.ends_at_hits { self.world.twin(frame) } else { 0 }
+    pub fn first_equal(&self, frame: usize) -> usize {
+        if self.ends_at_hits { self.world.first_equal(frame) } else { 0 }
     }
 
     /// Frames to cast into, and how many each stands for; together these are [`Self::frame_count`].
     pub fn distinct_frames(&self) -> Vec<(usize, u64)> {
         let mut weights = vec![0; self.frame_count()];
-        (0..weights.len()).for_each(|frame| weights[self.twin(frame)] += 1);
+        (0..weights.len()).for_each(|frame| weights[self.first_equal(frame)] += 1);
         weights.into_iter().enumerate().filter(|(_, weight)| *weight > 0).collect()
     }
 

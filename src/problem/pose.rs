@@ -7,12 +7,12 @@ use crate::psog::Roi;
 use crate::vehicle::SensorPose;
 
 /// Metres by which a hit is pushed along the beam before its voxel is looked up.
-pub(crate) const PUSH: f32 = crate::psog::PUSH as f32;
+pub(crate) const HIT_PUSH: f32 = crate::psog::HIT_PUSH as f32;
 /// Direction components smaller than this count as zero: below a micrometre in a kilometre.
 pub(crate) const TINY_COMPONENT: f32 = 1e-9;
 /// Stands for 1/0 in planes a beam never reaches; finite, as shaders may assume.
-pub(crate) const FAR: f32 = 1e20;
-/// Grid coordinates closer to zero than this are zero, so that `FAR` keeps its meaning.
+pub(crate) const NO_CROSSING: f32 = 1e20;
+/// Grid coordinates closer to zero than this are zero, so that `NO_CROSSING` keeps its meaning.
 const TINY_COORDINATE: f64 = 1e-12;
 /// Grid coordinates stay convertible to `i32`.
 const MAX_COORDINATE: f64 = 1e9;

@@ -81,7 +81,7 @@ impl From<Arc<Bvh>> for Frame {
 pub struct World {
     frames: Vec<Arc<Frame>>,
     /// Of each frame, the first that is equal.
-    twins: Vec<usize>,
+    first_equal: Vec<usize>,
 }
 
 impl World {
@@ -90,11 +90,11 @@ impl World {
         let mut distinct: Vec<(Vec<u64>, usize)> = Vec::with_capacity(frames.len());
         distinct.extend(frames.iter().map(|frame| key(frame)).zip(0..));
         distinct.sort();
-        let mut twins = vec![0; frames.len()];
+        let mut first_equal = vec![0; frames.len()];
         for equal in distinct.chunk_by(|a, b| a.0 == b.0) {
-            equal.iter().for_each(|&(_, frame)| twins[frame] = equal[0].1);
+            equal.iter().for_each(|&(_, frame)| first_equal[frame] = equal[0].1);
         }
-        Self { frames, twins }
+        Self { frames, first_equal }
     }
 
     /// Some of the frames, with the same trees.
@@ -111,8 +111,8 @@ impl World {
     }
 
     /// The first frame that is equal to `frame`.
-    pub(super) fn twin(&self, frame: usize) -> usize {
-        self.twins[frame]
+    pub(super) fn first_equal(&self, frame: usize) -> usize {
+        self.first_equal[frame]
     }
 
     /// Each tree once.
@@ -126,7 +126,7 @@ impl World {
     /// Bytes of the trees and of the lists of instances.
     pub(super) fn bytes(&self) -> u64 {
         let trees: u64 = self.trees().iter().map(|tree| tree.bytes()).sum();
-        let own = self.frames.iter().enumerate().filter(|&(t, _)| self.twins[t] == t);
+        let own = self.frames.iter().enumerate().filter(|&(t, _)| self.first_equal[t] == t);
         trees + own.map(|(_, frame)| size_of_val(&frame.instances[..]) as u64).sum::<u64>()
     }
 }
@@ -182,8 +182,8 @@ mod tests {
             at(&tree, -0.0),
         ];
         let world = World::new(frames);
-        assert_eq!(world.twins, [0, 1, 2, 0, 4, 4]);
-        assert_eq!(world.over(&[3, 2, 0]).twins, [0, 1, 0]);
+        assert_eq!(world.first_equal, [0, 1, 2, 0, 4, 4]);
+        assert_eq!(world.over(&[3, 2, 0]).first_equal, [0, 1, 0]);
         assert_eq!(world.trees().len(), 2);
         assert!(world.bytes() >= 2 * tree.bytes());
     }

@@ -36,7 +36,7 @@ pub use kitti_psog::{KittiPsogOptions, build_kitti_psog};
 pub use npz::{read_psog, write_psog};
 pub use npz_member::PsogFileError;
 pub(crate) use npz_out::{NpzOut, write_npz};
-pub(crate) use roi::PUSH;
+pub(crate) use roi::HIT_PUSH;
 pub use roi::Roi;
 pub use vote::BuildReport;
 pub(crate) use vote::{FrameVotes, PsogBuilder};

@@ -9,7 +9,7 @@ use crate::scene::RoiBounds;
 /// A hit is pushed this far along its beam before its voxel is looked up, in metres.
 ///
 /// A road that lies exactly on a voxel face would otherwise flicker between two layers.
-pub const PUSH: f64 = 1e-3;
+pub const HIT_PUSH: f64 = 1e-3;
 
 const AXES: [char; 3] = ['x', 'y', 'z'];
 
@@ -193,10 +193,10 @@ impl Roi {
 
     /// Linear index of the voxel that a hit at `point`, seen from `origin`, belongs to.
     ///
-    /// The voxel of `point + PUSH·(point − origin)/|point − origin|`: the one rule shared by scoring
+    /// The voxel of `point + HIT_PUSH·(point − origin)/|point − origin|`: the one rule shared by scoring
     /// and voting. A point at its own origin is not pushed. Ego frame, metres.
     pub fn voxel_of_hit(&self, origin: DVec3, point: DVec3) -> Option<u64> {
-        self.voxel_of(point + (point - origin).normalize_or_zero() * PUSH)
+        self.voxel_of(point + (point - origin).normalize_or_zero() * HIT_PUSH)
     }
 
     /// Coordinate of the face below voxel `i` along axis `a`.

@@ -9,7 +9,7 @@ use crate::bvh::Hit;
 use crate::cast::{Caster, Part};
 use crate::geom::Pose;
 use crate::problem::{Instance, World};
-use crate::psog::{BuildReport, FrameVotes, GridError, PUSH, Psog, PsogBuilder, Roi};
+use crate::psog::{BuildReport, FrameVotes, GridError, HIT_PUSH, Psog, PsogBuilder, Roi};
 use crate::scene::{EgoBody, ScanSettings, Scene};
 use crate::vehicle::BeamTable;
 
@@ -159,7 +159,7 @@ fn parts<'a>(instances: &'a [Instance], pose: &Pose) -> Vec<Part<'a>> {
     instances.iter().map(part).collect()
 }
 
-/// The voxel of each hit, [`PUSH`] behind it along its beam as [`Roi::voxel_of_hit`] has it; [`OUTSIDE`]
+/// The voxel of each hit, [`HIT_PUSH`] behind it along its beam as [`Roi::voxel_of_hit`] has it; [`OUTSIDE`]
 /// where there is none.
 #[multiversion(targets(
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
@@ -179,7 +179,7 @@ fn voxels_of_hits(
         let mut points = [[f64::INFINITY; LANES]; 3];
         for lane in 0..directions.len().min(hits.len()) {
             let [x, y, z] = directions[lane].map(f64::from);
-            let t = f64::from(hits[lane].t) + PUSH;
+            let t = f64::from(hits[lane].t) + HIT_PUSH;
             for axis in 0..3 {
                 let [a, b, c] = rows[axis];
                 points[axis][lane] = origin[axis] + (a * x + b * y + c * z) * t;

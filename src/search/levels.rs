@@ -44,7 +44,7 @@ impl Pilot {
         let mut by_frame: Vec<Vec<Tally>> = Vec::new();
         let mut backend = CpuBackend::new(problem.clone(), memory);
         for frame in 0..problem.frame_count() {
-            by_frame.push(match by_frame.get(problem.twin(frame)) {
+            by_frame.push(match by_frame.get(problem.first_equal(frame)) {
                 Some(equal) => equal.clone(),
                 None => backend.tally_frame(&placements, frame)?,
             });

@@ -19,7 +19,7 @@ pub const SWAP_SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
 const MOVES: [Moves; 2] = [Moves::Along(3), Moves::Around(1)];
 
 /// Random moves out of local optima, at most: on a small grid the limit of casts is never reached.
-const KICKS: usize = 32;
+const RANDOM_MOVES: usize = 32;
 /// Ends of climbs that are kept beside the best, at most.
 const OTHERS: usize = 3;
 /// Largest distance of their objective from the best, as a share of it.
@@ -149,7 +149,7 @@ pub fn swap_from(
         ends.add(&search, evaluator, top)?;
     }
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
-    for _ in 0..KICKS {
+    for _ in 0..RANDOM_MOVES {
         let Some(held) = ends.best.as_ref().filter(|_| go_on(search.atlas().poses_cast())) else {
             break;
         };

@@ -6,7 +6,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::bvh::{NO_HIT, TRIANGLE};
-use crate::problem::{FAR, PUSH, TINY_COMPONENT};
+use crate::problem::{HIT_PUSH, NO_CROSSING, TINY_COMPONENT};
 use crate::vehicle::MAX_LIDARS;
 
 /// Invocations of a workgroup.
@@ -95,7 +95,8 @@ pub(super) fn prelude(stack: usize) -> String {
         ("ITEMS_PER_WORKGROUP", ITEMS_PER_WORKGROUP),
         ("PARTIAL_WORDS", PARTIAL_WORDS),
     ];
-    let floats = [("PUSH", PUSH), ("TINY_COMPONENT", TINY_COMPONENT), ("FAR", FAR)];
+    let floats =
+        [("HIT_PUSH", HIT_PUSH), ("TINY_COMPONENT", TINY_COMPONENT), ("NO_CROSSING", NO_CROSSING)];
     let mut text = String::new();
     for (name, value) in words {
         text += &format!("const {name}: u32 = {value}u;\n");

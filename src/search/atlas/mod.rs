@@ -170,7 +170,7 @@ impl Atlas {
         let page = |_| Page { occupied: vec![0; frames * each].into(), empty: vec![], used };
         let mut pages: Vec<Page> = numbers.par_iter().map(page).collect();
         for frame in 0..frames {
-            let equal = self.problem.twin(frame);
+            let equal = self.problem.first_equal(frame);
             if equal < frame {
                 for page in &mut pages {
                     page.occupied.copy_within(equal * each..(equal + 1) * each, frame * each);
