@@ -1,5 +1,6 @@
 //! The sixteen-wide tree that a sensor's grid of beams walks, collapsed from the binary one.
 
+use super::collapse::{Below, wide_children};
 use super::{Node, Triangle};
 
 /// Children of a node, and most triangles of a block.
@@ -49,13 +50,6 @@ pub(crate) struct Block16 {
     pub(crate) valid: u16,
 }
 
-/// Triangles below a binary node: they are neighbours in leaf order.
-#[derive(Clone, Copy, Default)]
-struct Below {
-    first: usize,
-    count: usize,
-}
-
 struct Collapse<'a> {
     nodes: &'a [Node],
     triangles: &'a [Triangle],
@@ -67,17 +61,7 @@ impl Bvh16 {
     /// Merges the binary tree's nodes: each takes over the grandchildren of its largest children until
     /// sixteen are together. A subtree of at most sixteen triangles becomes a block.
     pub(crate) fn collapse(nodes: &[Node], triangles: &[Triangle]) -> Self {
-        let mut below = vec![Below::default(); nodes.len()];
-        // Children come after their parents.
-        for (index, node) in nodes.iter().enumerate().rev() {
-            below[index] = if node.count > 0 {
-                Below { first: node.first as usize, count: node.count as usize }
-            } else {
-                let left = node.first as usize;
-                let count = below[left].count + below[left + 1].count;
-                Below { first: below[left].first, count }
-            };
-        }
+        let below = Below::all(nodes);
         let mut collapse = Collapse { nodes, triangles, below, tree: Self::default() };
         if let Some(root) = nodes.first() {
             let sides = root.min.iter().chain(&root.max);
@@ -97,20 +81,12 @@ impl Bvh16 {
 impl Collapse<'_> {
     /// Fills node `at` with the descendants of binary node `from`.
     fn fill(&mut self, from: usize, at: usize) {
-        let is_block = |node: usize| self.below[node].count <= WIDTH;
-        let area = |node: usize| half_area(&self.nodes[node]);
-        let mut children = vec![from];
-        while children.len() < WIDTH {
-            let inner = children.iter().enumerate().filter(|&(_, &node)| !is_block(node));
-            let largest = inner.max_by(|a, b| area(*a.1).total_cmp(&area(*b.1)));
-            let Some((slot, &node)) = largest else { break };
-            children[slot] = self.nodes[node].first as usize;
-            children.push(self.nodes[node].first as usize + 1);
-        }
+        let children = wide_children(self.nodes, &self.below, from, WIDTH);
         for (slot, index) in children.into_iter().enumerate() {
             self.tree.nodes[at].set_box(slot, &self.nodes[index]);
-            let child = if self.below[index].count <= WIDTH {
+            let child = if self.below[index].count as usize <= WIDTH {
                 let Below { first, count } = self.below[index];
+                let (first, count) = (first as usize, count as usize);
                 self.tree.blocks.push(Block16::new(&self.triangles[first..first + count]));
                 BLOCK | (self.tree.blocks.len() - 1) as u32
             } else {
@@ -168,9 +144,4 @@ impl Block16 {
         let (normal, prim) = (at(&self.normal), self.prim[slot] as u32);
         Triangle { a: at(a), prim, b: at(b), pad0: 0, c: at(c), pad1: 0, normal, pad2: 0 }
     }
-}
-
-fn half_area(node: &Node) -> f32 {
-    let [x, y, z] = [0, 1, 2].map(|axis| node.max[axis] - node.min[axis]);
-    x * y + y * z + z * x
 }

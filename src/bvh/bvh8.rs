@@ -1,5 +1,6 @@
 //! The eight-wide tree of the CPU's vector instructions, collapsed from the binary one.
 
+use super::collapse::{Below, wide_children};
 use super::{Node, Triangle};
 
 /// Children of a node, and most triangles of a block.
@@ -59,13 +60,6 @@ impl Child {
     }
 }
 
-/// Triangles below a binary node: they are neighbours in leaf order.
-#[derive(Clone, Copy, Default)]
-struct Below {
-    first: u32,
-    count: u32,
-}
-
 struct Collapse<'a> {
     nodes: &'a [Node],
     triangles: &'a [Triangle],
@@ -78,17 +72,7 @@ impl Bvh8 {
     /// eight are together. A subtree of at most eight triangles becomes a block.
     /// Boxes are the binary tree's own.
     pub(crate) fn collapse(nodes: &[Node], triangles: &[Triangle]) -> Self {
-        let mut below = vec![Below::default(); nodes.len()];
-        // Children come after their parents.
-        for (index, node) in nodes.iter().enumerate().rev() {
-            below[index] = if node.count > 0 {
-                Below { first: node.first, count: node.count }
-            } else {
-                let left = node.first as usize;
-                let count = below[left].count + below[left + 1].count;
-                Below { first: below[left].first, count }
-            };
-        }
+        let below = Below::all(nodes);
         let mut collapse = Collapse { nodes, triangles, below, bvh8: Self::default() };
         if !nodes.is_empty() {
             collapse.bvh8.nodes.push(Node8::EMPTY);
@@ -106,16 +90,7 @@ impl Bvh8 {
 impl Collapse<'_> {
     /// Fills node `at` with the descendants of binary node `from`.
     fn fill(&mut self, from: usize, at: usize) {
-        let is_block = |node: usize| self.below[node].count as usize <= WIDTH;
-        let area = |node: usize| half_area(&self.nodes[node]);
-        let mut children = vec![from];
-        while children.len() < WIDTH {
-            let inner = children.iter().enumerate().filter(|&(_, &node)| !is_block(node));
-            let largest = inner.max_by(|a, b| area(*a.1).total_cmp(&area(*b.1)));
-            let Some((slot, &node)) = largest else { break };
-            children[slot] = self.nodes[node].first as usize;
-            children.push(self.nodes[node].first as usize + 1);
-        }
+        let children = wide_children(self.nodes, &self.below, from, WIDTH);
         for (slot, index) in children.into_iter().enumerate() {
             let node = &self.nodes[index];
             for axis in 0..3 {
@@ -156,11 +131,6 @@ impl Block {
             }
         }
     }
-}
-
-fn half_area(node: &Node) -> f32 {
-    let [x, y, z] = [0, 1, 2].map(|axis| node.max[axis] - node.min[axis]);
-    x * y + y * z + z * x
 }
 
 impl Node8 {

@@ -18,6 +18,7 @@ pub(crate) mod bvh16;
 #[cfg(feature = "gpu")]
 mod bvh4;
 pub(crate) mod bvh8;
+mod collapse;
 mod intersect;
 mod node;
 mod tree;

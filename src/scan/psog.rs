@@ -31,7 +31,7 @@ const OUTSIDE: u32 = u32::MAX;
 /// What does not move is cast once for each place where the scanner stands, and actors are cast on top of
 /// that for each frame.
 ///
-/// `done` is called after each frame.
+/// `done` is called for each frame, after those that are scanned together.
 ///
 /// # Errors
 /// More frames or voxels than a P-SOG holds; trees that do not fit into memory.
@@ -226,7 +226,9 @@ mod tests {
                 { "class": "ground", "plane": { "min": [-12, -12], "max": [12, 12], "z": 0.1 } },
                 { "class": "pole", "cylinder": { "foot": [2, 1, 0], "radius": 0.3, "height": 2, "sides": 7 } },
                 { "class": "wall", "box": { "center": [3.9, 0, 1.5], "size": [0.2, 6, 3] } },
-                { "class": "building", "box": { "center": [-5, 3.3, 1.5], "size": [0.2, 6, 3] } }]
+                { "class": "building", "box": { "center": [-5, 3.3, 1.5], "size": [0.2, 6, 3] } }],
+            "actors": [{ "parts": [{ "class": "vehicle", "box": { "foot": [0, 0, 0.1], "size": [2, 1, 1] } }],
+                         "route": { "points": [[-3, -2], [3, 1]], "spacing": 1.5 } }]
         }"#;
         let scene = Scene::from_json(text, std::path::Path::new(""), "turning.json").unwrap();
         let roi = Roi::new([-4.0, -3.0, 0.0], [0.5; 3], [16, 12, 6]).unwrap();
