@@ -95,8 +95,8 @@ fn measure(problem: &Arc<Problem>, grid: &PoseGrid, objective: &Objective) {
         }
         swaps.push(placements.len() as f64 / start.elapsed().as_secs_f64());
         let start = Instant::now();
-        let range = problem.table().range();
-        let tallies = backend.tally(&few, range).expect("scores");
+        let range = problem.sensors().table(0).range();
+        let tallies = backend.tally(&few, Some(range)).expect("scores");
         plain.push(few.len() as f64 / start.elapsed().as_secs_f64());
         checksum += tallies.iter().filter_map(value).sum::<f64>();
     }

@@ -57,7 +57,7 @@ impl Row {
     fn run(&mut self, batch: &[Placement]) -> Vec<Tally> {
         let before = self.backend.times();
         let start = Instant::now();
-        let tallies = self.backend.tally(batch, RANGE).unwrap();
+        let tallies = self.backend.tally(batch, Some(RANGE)).unwrap();
         let StageTimes { cast, cover, reduce } = self.backend.times();
         self.rounds.push([
             cast - before.cast,

@@ -243,7 +243,7 @@ fn placements(args: &Args, bvh: &Arc<Bvh>) -> Vec<Value> {
     for size in sizes {
         let (batch, backend) = (&batch[..size], &backend);
         ways.push(Box::new(move || {
-            seconds(|| assert!(backend.borrow_mut().tally(batch, RANGE).is_ok()))
+            seconds(|| assert!(backend.borrow_mut().tally(batch, Some(RANGE)).is_ok()))
         }));
     }
     let y = medians(args.rounds, &mut ways);
@@ -259,7 +259,7 @@ fn placements(args: &Args, bvh: &Arc<Bvh>) -> Vec<Value> {
                 let (batch, mut backend) =
                     (&batch[..size], CpuBackend::new(problem.clone(), MEMORY));
                 ways.push(Box::new(move || {
-                    let mut run = || assert!(backend.tally(batch, RANGE).is_ok());
+                    let mut run = || assert!(backend.tally(batch, Some(RANGE)).is_ok());
                     seconds(|| pool.install(&mut run))
                 }));
             }
@@ -299,7 +299,7 @@ fn frames(args: &Args, bvh: &Arc<Bvh>) -> Vec<Value> {
     let mut ways: Vec<Timed<'_>> = Vec::new();
     for problem in &problems {
         let (batch, mut backend) = (&batch, CpuBackend::new(problem.clone(), MEMORY));
-        ways.push(Box::new(move || seconds(|| assert!(backend.tally(batch, RANGE).is_ok()))));
+        ways.push(Box::new(move || seconds(|| assert!(backend.tally(batch, Some(RANGE)).is_ok()))));
     }
     let y = medians(args.rounds, &mut ways);
     let x = counts.map(|n| n as f64);

@@ -27,7 +27,11 @@ pub fn table(azimuth_steps: u32) -> BeamTable {
 
 /// The sensors of all placements.
 pub fn poses(placements: &[Placement], roi: &Roi) -> Vec<DevicePose> {
-    placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect()
+    placements
+        .iter()
+        .flat_map(|p| &p.lidars)
+        .map(|l| DevicePose::new(&l.ego_from_sensor(), roi))
+        .collect()
 }
 
 /// Placements of four LiDARs, rolled and pitched by up to `turn` radians.
@@ -40,7 +44,7 @@ pub fn placements(count: usize, turn: f64, seed: u64) -> Vec<Placement> {
         z: within(2.2, 2.8),
         roll: within(-turn, turn),
         pitch: within(-turn, turn),
-        yaw: 0.0,
+        ..SensorPose::default()
     };
     (0..count)
         .map(|i| Placement { name: format!("p{i}"), lidars: (0..4).map(|_| pose()).collect() })

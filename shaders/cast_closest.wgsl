@@ -2,11 +2,11 @@
 //
 // CPU twin   src/cast/reference.rs::cast_frame_closest, over Bvh::closer_hit in the same file (a binary
 //            tree; the hit does not depend on the tree, see src/bvh/mod.rs)
-// Reads      instances[spans[sensor].x .. spans[sensor].y], directions[direction_count], nodes (of all
-//            trees; every bit in src/bvh/bvh4.rs), triangles
-// Writes     hits[sensors × direction_count], every element; counters[0] += beams out of steps (their
+// Reads      sensors[sensors], instances (those of a sensor one after the other), directions (those of a
+//            model one after the other), nodes (of all trees; every bit in src/bvh/bvh4.rs), triangles
+// Writes     hits[first_beam + beam], every element; counters[0] += beams out of steps (their
 //            prim is UNFINISHED, the host casts them), counters[1 + sensor] += hits
-// Dispatch   (ceil(direction_count / WORKGROUP_SIZE), sensors), x spilling into z; spare invocations
+// Dispatch   (ceil(most directions of a model / WORKGROUP_SIZE), sensors), x spilling into z; spare invocations
 //            only help to count
 // Prelude    WORKGROUP_SIZE, NO_HIT, UNFINISHED, STEP_BUDGET, TRIANGLE_ITEM, NO_CROSSING, TREE_STACK (printed
 //            from src/engine/gpu/layout.rs)
@@ -55,14 +55,13 @@ struct Ray {
     major: u32,
 }
 
-@group(0) @binding(0) var<uniform> uniforms: Uniforms;
-@group(0) @binding(1) var<storage, read> instances: array<Instance>;
-@group(0) @binding(2) var<storage, read> spans: array<vec2<u32>>;
-@group(0) @binding(3) var<storage, read> directions: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read> nodes: array<Node>;
-@group(0) @binding(5) var<storage, read> triangles: array<Triangle>;
-@group(0) @binding(6) var<storage, read_write> hits: array<Hit>;
-@group(0) @binding(7) var<storage, read_write> counters: array<atomic<u32>>;
+@group(0) @binding(0) var<storage, read> instances: array<Instance>;
+@group(0) @binding(1) var<storage, read> sensors: array<Sensor>;
+@group(0) @binding(2) var<storage, read> directions: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> nodes: array<Node>;
+@group(0) @binding(4) var<storage, read> triangles: array<Triangle>;
+@group(0) @binding(5) var<storage, read_write> hits: array<Hit>;
+@group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
 
 var<workgroup> hit_count: atomic<u32>;
 // Loop steps of this invocation so far, over instances and nodes.
@@ -239,10 +238,10 @@ fn misses(instance: Instance, direction: vec3<f32>, limit: f32) -> bool {
         | (along * along < instance.least_square);
 }
 
-// The closest hit of a beam in the instances first to end - 1.
-fn closest_hit(direction: vec3<f32>, span: vec2<u32>) -> Hit {
-    var best = Hit(uniforms.range, NO_HIT);
-    for (var k = span.x; k < span.y; k++) {
+// The closest hit of a beam in the instances of its sensor.
+fn closest_hit(direction: vec3<f32>, sensor: Sensor) -> Hit {
+    var best = Hit(sensor.range, NO_HIT);
+    for (var k = sensor.first_instance; k < sensor.end_instance; k++) {
         steps++;
         if steps >= STEP_BUDGET {
             return Hit(0.0, UNFINISHED);
@@ -272,11 +271,11 @@ fn cast_closest(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let sensor = group.y;
+    let sensor = sensors[group.y];
     let beam = (group.z * groups.x + group.x) * WORKGROUP_SIZE + local;
-    if beam < uniforms.direction_count {
-        let hit = closest_hit(directions[beam].xyz, spans[sensor]);
-        hits[sensor * uniforms.direction_count + beam] = hit;
+    if beam < sensor.direction_count {
+        let hit = closest_hit(directions[sensor.first_direction + beam].xyz, sensor);
+        hits[sensor.first_beam + beam] = hit;
         if hit.prim == UNFINISHED {
             atomicAdd(&counters[0], 1u);
         } else if hit.prim != NO_HIT {
@@ -285,6 +284,6 @@ fn cast_closest(
     }
     workgroupBarrier();
     if local == 0u {
-        atomicAdd(&counters[1u + sensor], atomicLoad(&hit_count));
+        atomicAdd(&counters[1u + group.y], atomicLoad(&hit_count));
     }
 }

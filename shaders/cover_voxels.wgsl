@@ -1,11 +1,11 @@
 // cover_voxels: one invocation walks one beam from brick to brick and marks the voxels it traverses.
 //
 // CPU twin   src/cover/reference.rs::cover_voxels (a voxel at a time)
-// Reads      poses[sensors], directions[direction_count], hits[sensors × direction_count] if beams
-//            end at hits
+// Reads      poses[sensors], sensors[sensors], directions (those of a model one after the other), hits
+//            of all beams if beams end at hits
 // Writes     bitmaps[sensors × bitmap_words] by atomic or: word = brick of 4 × 4 × 2 voxels, bit
 //            8·(x mod 4) + 2·(y mod 4) + (z mod 2) (src/cover/bit_order.rs)
-// Dispatch   (ceil(direction_count / WORKGROUP_SIZE), sensors), x spilling into z; the host covers the
+// Dispatch   (ceil(most directions of a model / WORKGROUP_SIZE), sensors), x spilling into z; the host covers the
 //            beams of sensors outside the grid, and of grids with an axis of LONG_AXIS voxels or more
 // Prelude    WORKGROUP_SIZE, NO_HIT, HIT_PUSH, NO_CROSSING, LONG_AXIS (printed from src/engine/gpu/layout.rs)
 // Numerics   f32; plane i is crossed at (i − p) · inverse, from the plane's number alone
@@ -18,9 +18,10 @@
 
 @group(0) @binding(0) var<uniform> uniforms: Uniforms;
 @group(0) @binding(1) var<storage, read> poses: array<DevicePose>;
-@group(0) @binding(2) var<storage, read> directions: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read> hits: array<Hit>;
-@group(0) @binding(4) var<storage, read_write> bitmaps: array<atomic<u32>>;
+@group(0) @binding(2) var<storage, read> sensors: array<Sensor>;
+@group(0) @binding(3) var<storage, read> directions: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> hits: array<Hit>;
+@group(0) @binding(5) var<storage, read_write> bitmaps: array<atomic<u32>>;
 
 // Voxels of a brick below each of the planes in it: below x = 1 are bits 0 to 7, below y = 1 bits 0 and 1
 // of each group of eight, below z = 1 the even bits.
@@ -37,26 +38,26 @@ fn cover_voxels(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let sensor = group.y;
+    let sensor = sensors[group.y];
     let beam = (group.z * groups.x + group.x) * WORKGROUP_SIZE + local;
-    if beam >= uniforms.direction_count {
+    if beam >= sensor.direction_count {
         return;
     }
-    var t_end = uniforms.range;
+    var t_end = sensor.range;
     if uniforms.ends_at_hits == 1u {
-        let hit = hits[sensor * uniforms.direction_count + beam];
+        let hit = hits[sensor.first_beam + beam];
         if hit.prim != NO_HIT {
             t_end = hit.t + HIT_PUSH;
         }
     }
-    let pose = poses[sensor];
+    let pose = poses[group.y];
     let p = pose.in_grid.xyz;
     // Host: src/engine/gpu/chunk.rs::is_covered.
     let outside = any(p < vec3(0.0)) || any(p >= vec3<f32>(uniforms.shape));
     if outside || any(uniforms.shape >= vec3(LONG_AXIS)) {
         return;
     }
-    let direction = beam_direction(pose, directions[beam].xyz);
+    let direction = beam_direction(pose, directions[sensor.first_direction + beam].xyz);
     let forward = direction >= vec3(0.0);
     // A backward beam that starts on a plane has crossed it.
     let cell = select(ceil(p) - 1.0, floor(p), forward);

@@ -49,7 +49,7 @@ fn a_union_has_the_sums_of_the_backend() {
     let contents: [fn(&Roi) -> Content; 2] = [|roi| random_content(5, roi), few_worths];
     for content in contents {
         let problem = problem(content);
-        let range = problem.table().range();
+        let range = problem.sensors().table(0).range();
         let mut cpu = CpuBackend::new(problem.clone(), MEMORY);
         let mut gpu = GpuBackend::new(problem.clone(), None, MEMORY).unwrap();
         let mut from_gpu = Atlas::new(problem.clone(), grid(), true, MEMORY);
@@ -58,7 +58,7 @@ fn a_union_has_the_sums_of_the_backend() {
         for poses in [vec![0], vec![1, 1], vec![7, 3, 40], vec![53, 26, 9, 12, 30]] {
             let lidars = poses.iter().map(|&pose| grid().pose(pose)).collect();
             let placement = Placement { name: "x".into(), lidars };
-            let want = cpu.tally(&[placement], range).unwrap().remove(0);
+            let want = cpu.tally(&[placement], Some(range)).unwrap().remove(0);
             let (last, others) = poses.split_last().unwrap();
             let mut union = Union::default();
             from_cpu.hold(&mut cpu, &poses).unwrap();
@@ -79,7 +79,7 @@ fn a_union_has_the_sums_of_the_backend() {
 #[test]
 fn another_engine_may_take_over_between_poses() {
     let problem = problem(few_worths);
-    let range = problem.table().range();
+    let range = problem.sensors().table(0).range();
     let mut reference = ReferenceBackend::new(problem.clone());
     let mut cpu = CpuBackend::new(problem.clone(), MEMORY);
     assert_ne!(BitOrder::rows(problem.roi()), BitOrder::linear(problem.roi()));
@@ -90,7 +90,7 @@ fn another_engine_may_take_over_between_poses() {
     let mut union = Union::default();
     atlas.union(&[7, 40, 12, 9], &mut union);
     let lidars = [7, 40, 12, 9, 3].map(|pose| grid().pose(pose)).to_vec();
-    let want = cpu.tally(&[Placement { name: "x".into(), lidars }], range).unwrap().remove(0);
+    let want = cpu.tally(&[Placement { name: "x".into(), lidars }], Some(range)).unwrap().remove(0);
     assert_eq!(sums(&atlas.tally_with(&union, 3)), sums(&want));
 }
 

@@ -56,6 +56,7 @@ pub fn random_placements(seed: u64, count: usize, half: f64) -> Vec<Placement> {
                     roll: rng.random_range(-0.3..0.3),
                     pitch: rng.random_range(-0.3..0.3),
                     yaw: rng.random_range(-3.0..3.0),
+                    ..SensorPose::default()
                 })
                 .collect(),
         })

@@ -38,9 +38,12 @@ fn coverage_agrees_with_a_slab_test_of_every_voxel() {
         let roi = problem.roi();
         for placement in random_placements(seed, 6, 7.0) {
             let covered = cpu(&problem).covered(&placement, 0).unwrap();
-            let poses: Vec<DevicePose> =
-                placement.lidars.iter().map(|l| DevicePose::new(l, roi)).collect();
-            let table = problem.table();
+            let poses: Vec<DevicePose> = placement
+                .lidars
+                .iter()
+                .map(|l| DevicePose::new(&l.ego_from_sensor(), roi))
+                .collect();
+            let table = problem.sensors().table(0);
             let sensors: Vec<Pose> = placement.lidars.iter().map(|l| l.ego_from_sensor()).collect();
             let frame = problem.geometry(0).unwrap();
             let hits = cast_frame_closest(&sensors, table, frame, table.range());

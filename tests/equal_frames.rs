@@ -69,9 +69,9 @@ fn equal_frames_are_cast_once_with_the_same_sums() {
     assert_eq!((shared.modelled().frames, shared.modelled().distinct_frames), (5, 2));
     assert!(shared.bytes() < single.bytes());
     let (placements, range) = (placements(), 20.0);
-    let want = ReferenceBackend::new(single).tally(&placements, range).unwrap();
+    let want = ReferenceBackend::new(single).tally(&placements, Some(range)).unwrap();
     for mut backend in both(&shared) {
-        assert_eq!(backend.tally(&placements, range).unwrap(), want, "{}", backend.name());
+        assert_eq!(backend.tally(&placements, Some(range)).unwrap(), want, "{}", backend.name());
     }
     let pilot = Pilot::new(&shared, placements.clone(), MEMORY).unwrap();
     let sums: Vec<Tally> = pilot.tallies().into_iter().map(|(_, tally)| tally).collect();

@@ -20,11 +20,14 @@ use crate::common::{MEMORY, random_content, random_placements, random_problem, r
 
 /// Compares all stages of the backend with the reference; returns the voxels covered.
 fn compare(problem: &Arc<Problem>, placements: &[Placement], range: f32) -> u64 {
-    let (table, roi) = (problem.table(), problem.roi());
+    let (table, roi) = (problem.sensors().table(0), problem.roi());
     let (rows, linear) = (BitOrder::rows(roi), BitOrder::linear(roi));
     let words = linear.words();
-    let poses: Vec<DevicePose> =
-        placements.iter().flat_map(|p| &p.lidars).map(|l| DevicePose::new(l, roi)).collect();
+    let poses: Vec<DevicePose> = placements
+        .iter()
+        .flat_map(|p| &p.lidars)
+        .map(|l| DevicePose::new(&l.ego_from_sensor(), roi))
+        .collect();
     let lidars = placements.iter().flat_map(|p| &p.lidars);
     let sensors: Vec<Pose> = lidars.map(|l| l.ego_from_sensor()).collect();
     let mut want = Vec::new();
@@ -48,7 +51,20 @@ fn compare(problem: &Arc<Problem>, placements: &[Placement], range: f32) -> u64 
             let bitmap = rows.convert(&bitmap, &linear);
             assert!(bitmap == bitmaps[index * words..(index + 1) * words], "sensor {index}");
         }
-        let sums = reduce(placements, problem.content(), &bitmaps, hits.as_deref(), beams.len());
+        let mut first = 0;
+        let sum_of = |placement: &Placement| {
+            let sensors = first..first + placement.lidars.len();
+            first = sensors.end;
+            let own = &bitmaps[sensors.start * words..sensors.end * words];
+            let mut sum = reduce(sensors.len(), problem.content(), own);
+            sum.beams = (sensors.len() * beams.len()) as u64;
+            let own = hits
+                .iter()
+                .flat_map(|h| &h[sensors.start * beams.len()..sensors.end * beams.len()]);
+            sum.hits = own.filter(|hit| hit.is_hit()).count() as u64;
+            sum
+        };
+        let sums: Vec<_> = placements.iter().map(sum_of).collect();
         if want.is_empty() {
             want = sums;
         } else {
@@ -56,11 +72,11 @@ fn compare(problem: &Arc<Problem>, placements: &[Placement], range: f32) -> u64 
         }
     }
     let mut backend = CpuBackend::new(problem.clone(), MEMORY);
-    assert_eq!(backend.tally(placements, range).unwrap(), want);
+    assert_eq!(backend.tally(placements, Some(range)).unwrap(), want);
     // Again with the working memory of the first time, and one by one.
-    assert_eq!(backend.tally(placements, range).unwrap(), want);
+    assert_eq!(backend.tally(placements, Some(range)).unwrap(), want);
     for (placement, want) in placements.iter().zip(&want).take(3) {
-        let got = backend.tally(std::slice::from_ref(placement), range).unwrap();
+        let got = backend.tally(std::slice::from_ref(placement), Some(range)).unwrap();
         assert_eq!(&got[0], want);
     }
     want.iter().map(|tally| tally.covered).sum()

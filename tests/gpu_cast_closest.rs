@@ -15,13 +15,14 @@ use crate::common::{gpu, random_content, random_soup, rng};
 const RANGE: f64 = 40.0;
 
 fn level(x: f64, y: f64, z: f64) -> SensorPose {
-    SensorPose { x, y, z, roll: 0.0, pitch: 0.0, yaw: 0.0 }
+    SensorPose { x, y, z, ..SensorPose::default() }
 }
 
 /// Casts all sensors at once.
 fn assert_same_hits(soup: &TriangleSoup, table: BeamTable, lidars: Vec<SensorPose>, least: f64) {
     let roi = Roi::new([-4.0; 3], [0.5; 3], [16; 3]).unwrap();
-    let poses: Vec<DevicePose> = lidars.iter().map(|l| DevicePose::new(l, &roi)).collect();
+    let poses: Vec<DevicePose> =
+        lidars.iter().map(|l| DevicePose::new(&l.ego_from_sensor(), &roi)).collect();
     let bvh = Arc::new(Bvh::build(soup, RANGE as f32));
     let want = cast_closest(&poses, &table, &bvh, RANGE as f32);
     let share = want.iter().filter(|h| h.is_hit()).count() as f64 / want.len() as f64;

@@ -37,7 +37,7 @@ fn poses(roi: &Roi, outside: f64, count: usize, seed: u64) -> Vec<SensorPose> {
             let at = if kind % 4 > axis { at.floor() } else { at };
             roi.min()[axis] + at * roi.voxel()[axis]
         });
-        SensorPose { x, y, z, roll: 0.0, pitch: 0.0, yaw: 0.0 }
+        SensorPose { x, y, z, ..SensorPose::default() }
     };
     (0..count).map(&mut pose).collect()
 }
@@ -47,9 +47,10 @@ fn compare(roi: Roi, poses: &[SensorPose], range: f64, seed: u64) -> u64 {
     let table = BeamTable::from_directions(directions(seed), range).unwrap();
     let content = random_content(seed, &roi);
     let problem = Arc::new(Problem::new(roi, content, table, vec![], false));
-    let on_device: Vec<DevicePose> = poses.iter().map(|pose| DevicePose::new(pose, &roi)).collect();
+    let on_device: Vec<DevicePose> =
+        poses.iter().map(|pose| DevicePose::new(&pose.ego_from_sensor(), &roi)).collect();
     let mut want = Vec::new();
-    cover_voxels(&on_device, problem.table(), &roi, None, range as f32, &mut want);
+    cover_voxels(&on_device, problem.sensors().table(0), &roi, None, range as f32, &mut want);
     let got = gpu(&problem).bitmaps(poses, 0).unwrap();
     let linear = BitOrder::linear(&roi);
     let maps = got.sensors().zip(want.chunks(linear.words()));
@@ -59,8 +60,8 @@ fn compare(roi: Roi, poses: &[SensorPose], range: f64, seed: u64) -> u64 {
     let name = String::new;
     let placements: Vec<Placement> =
         poses.chunks(3).map(|p| Placement { name: name(), lidars: p.to_vec() }).collect();
-    let tallies = cpu(&problem).tally(&placements, range as f32).unwrap();
-    assert_eq!(tallies, gpu(&problem).tally(&placements, range as f32).unwrap());
+    let tallies = cpu(&problem).tally(&placements, Some(range as f32)).unwrap();
+    assert_eq!(tallies, gpu(&problem).tally(&placements, Some(range as f32)).unwrap());
     want.iter().map(|word| u64::from(word.count_ones())).sum()
 }
 

@@ -36,14 +36,14 @@ fn hits_coverage_and_tallies_are_the_same_bits() {
             assert!(covered.len() > 50, "only {} voxels are covered", covered.len());
             assert_eq!(covered, gpu.covered(placement, frame).unwrap());
         }
-        let range = problem.table().range();
-        let tallies = cpu.tally(&placements, range).unwrap();
+        let range = problem.sensors().table(0).range();
+        let tallies = cpu.tally(&placements, Some(range)).unwrap();
         assert!(tallies.iter().all(|t| t.entropy[0] > 0 && t.unique.iter().any(|&u| u > 0)));
-        assert_eq!(tallies, gpu.tally(&placements, range).unwrap());
+        assert_eq!(tallies, gpu.tally(&placements, Some(range)).unwrap());
         // A shorter range is another answer, and again the same on both.
-        let shorter = cpu.tally(&placements, 3.0).unwrap();
+        let shorter = cpu.tally(&placements, Some(3.0)).unwrap();
         assert!(shorter.iter().zip(&tallies).all(|(s, t)| s.covered < t.covered));
-        assert_eq!(shorter, gpu.tally(&placements, 3.0).unwrap());
+        assert_eq!(shorter, gpu.tally(&placements, Some(3.0)).unwrap());
     }
 }
 
@@ -51,16 +51,16 @@ fn hits_coverage_and_tallies_are_the_same_bits() {
 fn a_split_batch_is_the_whole_batch() {
     let problem = random_problem(31, true);
     let placements = random_placements(31, 50, 8.0);
-    let range = problem.table().range();
-    let whole = cpu(&problem).tally(&placements, range).unwrap();
+    let range = problem.sensors().table(0).range();
+    let whole = cpu(&problem).tally(&placements, Some(range)).unwrap();
     // Room for the buffers of five sensors at most: many chunks.
     let each = 4 * problem.roi().voxel_count().div_ceil(32) as usize
-        + 64 * problem.table().directions().len();
+        + 64 * problem.sensors().table(0).directions().len();
     let mut small = GpuBackend::new(problem.clone(), None, 5 * each as u64 + 8192).unwrap();
-    assert_eq!(small.tally(&placements, range).unwrap(), whole);
+    assert_eq!(small.tally(&placements, Some(range)).unwrap(), whole);
     let one_by_one: Vec<_> = placements
         .iter()
-        .flat_map(|p| gpu(&problem).tally(std::slice::from_ref(p), range).unwrap())
+        .flat_map(|p| gpu(&problem).tally(std::slice::from_ref(p), Some(range)).unwrap())
         .take(3)
         .collect();
     assert_eq!(one_by_one, whole[..3]);
@@ -71,14 +71,14 @@ fn a_budget_below_one_placement_is_an_error() {
     let problem = random_problem(32, true);
     let placements = random_placements(32, 4, 8.0);
     let mut tiny = GpuBackend::new(problem.clone(), None, 1000).unwrap();
-    let error = tiny.tally(&placements, 12.0).unwrap_err();
+    let error = tiny.tally(&placements, Some(12.0)).unwrap_err();
     assert!(matches!(error, BackendError::TooLarge { .. }), "{error}");
     assert!(error.to_string().contains("--memory"), "{error}");
 }
 
 /// One level sensor at the origin of a row of thin voxels.
 fn one_sensor() -> Placement {
-    let pose = SensorPose { x: 0.05, y: 0.05, z: 0.05, roll: 0.0, pitch: 0.0, yaw: 0.0 };
+    let pose = SensorPose { x: 0.05, y: 0.05, z: 0.05, ..SensorPose::default() };
     Placement { name: "one".into(), lidars: vec![pose] }
 }
 
@@ -94,7 +94,10 @@ fn a_walk_longer_than_an_invocation_may_loop_is_whole() {
     assert!(covered.len() >= 200_000, "only {} voxels are covered", covered.len());
     assert_eq!(covered, cpu.covered(&one_sensor(), 0).unwrap());
     let placements = [one_sensor()];
-    assert_eq!(cpu.tally(&placements, 1e5).unwrap(), gpu.tally(&placements, 1e5).unwrap());
+    assert_eq!(
+        cpu.tally(&placements, Some(1e5)).unwrap(),
+        gpu.tally(&placements, Some(1e5)).unwrap()
+    );
 }
 
 #[test]
@@ -119,7 +122,10 @@ fn a_traversal_longer_than_an_invocation_may_loop_is_whole() {
     assert!(hits.iter().any(Hit::is_hit));
     assert_eq!(bits(&hits), bits(&gpu.hits(&placement.lidars, 0).unwrap()));
     let placements = [placement];
-    assert_eq!(cpu.tally(&placements, 100.0).unwrap(), gpu.tally(&placements, 100.0).unwrap());
+    assert_eq!(
+        cpu.tally(&placements, Some(100.0)).unwrap(),
+        gpu.tally(&placements, Some(100.0)).unwrap()
+    );
 }
 
 #[test]
@@ -127,9 +133,9 @@ fn a_lost_device_is_an_error() {
     let problem = random_problem(51, true);
     let placements = random_placements(51, 4, 8.0);
     let mut backend = gpu(&problem);
-    backend.tally(&placements, 12.0).unwrap();
+    backend.tally(&placements, Some(12.0)).unwrap();
     backend.lose_device_after(0);
-    let error = backend.tally(&placements, 12.0).unwrap_err();
+    let error = backend.tally(&placements, Some(12.0)).unwrap_err();
     assert!(matches!(error, BackendError::Device { .. }), "{error}");
     assert!(error.to_string().contains("--backend cpu"), "{error}");
 }
@@ -144,7 +150,7 @@ fn an_empty_frame_ends_no_beam() {
     let problem = Arc::new(Problem::new(roi, content, table, vec![empty, full], true));
     let [mut cpu, mut gpu] = both(&problem);
     let placements = random_placements(61, 5, 3.0);
-    let tallies = cpu.tally(&placements, 20.0).unwrap();
-    assert_eq!(tallies, gpu.tally(&placements, 20.0).unwrap());
+    let tallies = cpu.tally(&placements, Some(20.0)).unwrap();
+    assert_eq!(tallies, gpu.tally(&placements, Some(20.0)).unwrap());
     assert!(cpu.hits(&placements[0].lidars, 0).unwrap().iter().all(|hit| !hit.is_hit()));
 }

@@ -49,7 +49,7 @@ fn placements(count: usize) -> Vec<Placement> {
             let lidars = (0..3).map(|k| {
                 let [x, y, z] = [0; 3].map(|_| rng.random_range(-2.0..2.0));
                 let [roll, pitch, yaw] = [0; 3].map(|_| rng.random_range(-0.4..0.4));
-                let level = SensorPose { x, y, z, roll: 0.0, pitch: 0.0, yaw: 0.5 };
+                let level = SensorPose { yaw: 0.5, ..SensorPose::at(x, y, z) };
                 if k < 2 { level } else { SensorPose { roll, pitch, yaw, ..level } }
             });
             Placement { name: format!("{index}"), lidars: lidars.collect() }
@@ -61,17 +61,17 @@ fn placements(count: usize) -> Vec<Placement> {
 fn overlapping_jobs_give_the_bits_of_the_cpu() {
     let problem = problem();
     let placements = placements(24);
-    let want = cpu(&problem).tally(&placements, RANGE as f32).unwrap();
+    let want = cpu(&problem).tally(&placements, Some(RANGE as f32)).unwrap();
     assert!(want.iter().all(|tally| tally.hits > 0 && tally.hits < tally.beams));
     // Bytes of a sensor: its bitmap, the copy of that to the host, and its hits.
     let bitmap = 4 * problem.roi().voxel_count().div_ceil(32) as usize;
-    let each = 2 * bitmap + 8 * problem.table().directions().len();
+    let each = 2 * bitmap + 8 * problem.sensors().table(0).directions().len();
     // One chunk, and chunks of a few sensors.
     for memory in [MEMORY, 11 * each as u64] {
         let mut gpu = GpuBackend::new(problem.clone(), None, memory).unwrap();
         // The second batch finds the buffers of the first, the third needs larger ones.
         for count in [3, 2, 24] {
-            let got = gpu.tally(&placements[..count], RANGE as f32).unwrap();
+            let got = gpu.tally(&placements[..count], Some(RANGE as f32)).unwrap();
             assert_eq!(got, want[..count], "{memory} bytes");
         }
         let covered = gpu.covered(&placements[0], 2).unwrap();

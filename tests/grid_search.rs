@@ -175,7 +175,7 @@ fn the_sampled_constants_are_those_of_the_sample() {
 
 #[test]
 fn a_climb_keeps_ties_and_leaves_boxes_free() {
-    let pose = |x, y, z, roll| SensorPose { x, y, z, roll, pitch: 0.0, yaw: 0.0 };
+    let pose = |x, y, z, roll| SensorPose { roll, ..SensorPose::at(x, y, z) };
     let start = Placement {
         name: "start".into(),
         lidars: vec![
@@ -232,14 +232,7 @@ fn swaps_tell_other_ends_that_are_about_as_good() {
         let rules = constraints(3, 0.0);
         let backend = Box::new(CpuBackend::new(problem.clone(), MEMORY));
         let mut evaluator = Evaluator::new(mounted(&problem, &rules), backend);
-        let start = [-1.0, 0.0, 1.0].map(|x| SensorPose {
-            x,
-            y: 0.0,
-            z: 0.0,
-            roll: 0.0,
-            pitch: 0.0,
-            yaw: 0.0,
-        });
+        let start = [-1.0, 0.0, 1.0].map(|x| SensorPose::at(x, 0.0, 0.0));
         let start = Placement { name: "start".into(), lidars: start.to_vec() };
         let settings = SwapSettings { spacing, casts: 2000, memory: MEMORY, seed };
         let swapped = swap_from(&mut evaluator, &objective, &settings, &[start], &mut |_| true);

@@ -30,7 +30,7 @@ fn bits(hits: &[Hit]) -> Vec<(u32, u32)> {
 }
 
 fn single(x: f64, y: f64, z: f64) -> Placement {
-    let pose = SensorPose { x, y, z, roll: 0.0, pitch: 0.0, yaw: 0.0 };
+    let pose = SensorPose { x, y, z, ..SensorPose::default() };
     Placement { name: "single".into(), lidars: vec![pose] }
 }
 
@@ -157,9 +157,9 @@ fn two_million_triangles_are_hit_where_brute_force_says() {
     assert_eq!(bits(&hits), bits(&gpu.hits(&placement.lidars, 0).unwrap()));
     let bvh = &problem.geometry(0).unwrap().instances()[0].tree;
     // As the backends round it.
-    let pose = DevicePose::new(&placement.lidars[0], problem.roi());
+    let pose = DevicePose::new(&placement.lidars[0].ego_from_sensor(), problem.roi());
     let origin = Vec3::from(pose.rows.map(|row| row[3]));
-    hits.par_iter().zip(problem.table().directions()).for_each(|(hit, &direction)| {
+    hits.par_iter().zip(problem.sensors().table(0).directions()).for_each(|(hit, &direction)| {
         let direction = beam_direction(&pose, direction);
         let found = explain(bvh, origin, direction, 120.0, *hit);
         assert_ne!(found, Explanation::Unexplained, "{hit:?} along {direction}");
@@ -179,7 +179,7 @@ fn one_triangle_and_one_voxel_are_enough() {
         assert_eq!(bits(&hits)[0], (2.5_f32.to_bits(), 0));
         assert_eq!(hits.iter().filter(|hit| hit.is_hit()).count(), 1);
         assert_eq!(backend.covered(&single(0.0, 0.0, 0.0), 0).unwrap(), [0]);
-        let tally = backend.tally(&[single(0.0, 0.0, 0.0)], 10.0).unwrap().remove(0);
+        let tally = backend.tally(&[single(0.0, 0.0, 0.0)], Some(10.0)).unwrap().remove(0);
         assert_eq!((tally.covered, tally.hits, tally.beams), (1, 1, 3));
     }
 }
@@ -221,9 +221,9 @@ fn a_hundred_million_voxels_are_covered_alike() {
     }
     assert_eq!(covered, gpu.covered(&placement, 0).unwrap());
     let placements = [placement];
-    let tally = cpu.tally(&placements, 200.0).unwrap();
+    let tally = cpu.tally(&placements, Some(200.0)).unwrap();
     assert!(tally[0].entropy[0] > 0 && tally[0].covered == covered.len() as u64);
-    assert_eq!(tally, gpu.tally(&placements, 200.0).unwrap());
+    assert_eq!(tally, gpu.tally(&placements, Some(200.0)).unwrap());
 }
 
 /// More sensors and placements than a dimension has workgroups, and more bytes of bitmaps than a
@@ -241,8 +241,8 @@ fn a_batch_beyond_every_limit_is_split() {
     // A dimension of a dispatch has 65 535 workgroups, and software binds 128 MiB at once.
     assert!(placements.len() > 65_535 && bitmaps > 190 << 20, "{bitmaps}");
     let mut gpu = GpuBackend::new(problem.clone(), None, 4 << 30).unwrap();
-    let want = cpu(&problem).tally(&few, 20.0).unwrap();
-    let got = gpu.tally(&placements, 20.0).unwrap();
+    let want = cpu(&problem).tally(&few, Some(20.0)).unwrap();
+    let got = gpu.tally(&placements, Some(20.0)).unwrap();
     assert_eq!(got.len(), placements.len());
     for (index, tally) in got.iter().enumerate() {
         assert_eq!(*tally, want[index % few.len()], "placement {index}");
@@ -264,8 +264,8 @@ fn a_sensor_beyond_a_dimension_of_workgroups_is_whole() {
     let problem = problem(roi, &directions, 5.0, Some(&soup));
     let placements = [single(0.1, 0.2, 0.3)];
     let [mut cpu, mut gpu] = both(&problem);
-    let tally = cpu.tally(&placements, 5.0).unwrap();
+    let tally = cpu.tally(&placements, Some(5.0)).unwrap();
     assert_eq!(tally[0].beams, directions.len() as u64);
     assert!(tally[0].hits > 400_000);
-    assert_eq!(tally, gpu.tally(&placements, 5.0).unwrap());
+    assert_eq!(tally, gpu.tally(&placements, Some(5.0)).unwrap());
 }

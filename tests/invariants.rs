@@ -32,11 +32,11 @@ fn placements(own: &Own) -> Vec<Placement> {
 }
 
 fn tally(problem: &Arc<Problem>, placements: &[Placement], range: f32) -> Vec<Tally> {
-    cpu(problem).tally(placements, range).unwrap()
+    cpu(problem).tally(placements, Some(range)).unwrap()
 }
 
 fn own_tally(own: &Own, placements: &[Placement]) -> Vec<Tally> {
-    tally(&own.problem, placements, own.problem.table().range())
+    tally(&own.problem, placements, own.problem.sensors().table(0).range())
 }
 
 /// A problem with the placements that its invariants are tried on.
@@ -68,7 +68,7 @@ fn a_sensor_more_never_lowers_the_information() {
             let parts: Vec<Placement> = (1..=placement.lidars.len())
                 .map(|n| Placement { lidars: placement.lidars[..n].to_vec(), ..placement.clone() })
                 .collect();
-            for pair in tally(&problem, &parts, problem.table().range()).windows(2) {
+            for pair in tally(&problem, &parts, problem.sensors().table(0).range()).windows(2) {
                 let kinds = (0..3).all(|kind| pair[0].entropy[kind] <= pair[1].entropy[kind]);
                 assert!(kinds && pair[0].covered <= pair[1].covered, "{name}: {}", placement.name);
                 grew += u32::from(pair[0].entropy[0] < pair[1].entropy[0]);
@@ -82,7 +82,7 @@ fn a_sensor_more_never_lowers_the_information() {
 #[test]
 fn a_shorter_range_covers_less() {
     for Case { name, problem, placements } in cases() {
-        let full = problem.table().range();
+        let full = problem.sensors().table(0).range();
         let steps = [0.3, 0.12, 0.04].map(|share| tally(&problem, &placements, share * full));
         for (step, pair) in steps.windows(2).enumerate() {
             let mut fell = 0;
@@ -108,7 +108,7 @@ fn the_order_of_sensors_changes_nothing() {
         let changed = placements.iter().zip(&shuffled).filter(|(a, b)| a != b).count();
         assert!(changed > 5, "{name}: only {changed} placements have a new order");
         let scores = |placements: &[Placement]| {
-            let tallies = tally(&problem, placements, problem.table().range());
+            let tallies = tally(&problem, placements, problem.sensors().table(0).range());
             let scores = tallies.iter().map(|tally| {
                 let (content, frames) = (problem.content(), problem.frame_count());
                 let mut scores = Scores::new("same", tally, content, frames, true, None);
@@ -132,7 +132,7 @@ fn a_shorter_range_never_raises_the_verdict() {
         let whole = evaluator.scores(&placements).unwrap();
         let mut fooled = 0;
         for range in [60.0, 40.0, 25.0, 10.0, 3.0] {
-            let short = evaluator.scores_at(&placements, range).unwrap();
+            let short = evaluator.scores_at(&placements, Some(range)).unwrap();
             for (whole, short) in whole.iter().zip(short) {
                 let what = format!("{name}: {} at {range} m", whole.name);
                 let gain = |s: &Scores| s.segmentation.information_gain.unwrap_or(0.0);

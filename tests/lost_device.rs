@@ -56,11 +56,12 @@ fn batches_go_on_with_the_same_bits() {
     ];
     let problem = random_problem(81, true);
     let placements = random_placements(81, 28, 6.0);
-    let want = cpu(&problem).tally(&placements, 12.0).unwrap();
+    let want = cpu(&problem).tally(&placements, Some(12.0)).unwrap();
     for (lives, last, changes) in cases {
         let (mut backend, notes) = failing(&problem, lives);
         let batches = placements.chunks(4);
-        let got: Vec<_> = batches.flat_map(|batch| backend.tally(batch, 12.0).unwrap()).collect();
+        let got: Vec<_> =
+            batches.flat_map(|batch| backend.tally(batch, Some(12.0)).unwrap()).collect();
         assert_eq!(got, want, "{lives:?}");
         assert_eq!(backend.name(), last, "{lives:?}");
         assert_eq!(backend.changes().len(), changes, "{lives:?}: {:?}", backend.changes());
@@ -87,7 +88,7 @@ fn errors_that_are_not_the_devices_are_handed_on() {
 fn a_placement_too_large_for_a_device_goes_to_the_cpu_if_allowed() {
     let problem = random_problem(84, true);
     let placements = random_placements(84, 4, 6.0);
-    let want = cpu(&problem).tally(&placements, 12.0).unwrap();
+    let want = cpu(&problem).tally(&placements, Some(12.0)).unwrap();
     for allowed in [false, true] {
         let tiny = Box::new(GpuBackend::new(problem.clone(), None, 1000).unwrap());
         let reopen = Box::new(|| panic!("a device that is too small is not opened again"));
@@ -97,7 +98,7 @@ fn a_placement_too_large_for_a_device_goes_to_the_cpu_if_allowed() {
         if allowed {
             backend = backend.cpu_for_too_large();
         }
-        match backend.tally(&placements, 12.0) {
+        match backend.tally(&placements, Some(12.0)) {
             Ok(got) => {
                 assert!(allowed && got == want);
                 assert_eq!(backend.name(), "cpu");

@@ -53,6 +53,7 @@ mod layers;
 mod lost_device;
 #[cfg(feature = "cli")]
 mod main_job;
+mod mixed;
 mod optimize;
 #[cfg_attr(not(feature = "cli"), allow(dead_code))]
 mod own_scenes;

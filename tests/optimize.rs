@@ -34,7 +34,7 @@ fn problem() -> Arc<Problem> {
 }
 
 fn baseline(name: &str, x: f64) -> Placement {
-    let pose = |x| SensorPose { x, y: 0.0, z: 0.5, roll: 0.0, pitch: 0.0, yaw: 0.0 };
+    let pose = |x| SensorPose { x, y: 0.0, z: 0.5, ..SensorPose::default() };
     Placement { name: name.into(), lidars: vec![pose(x), pose(-x)] }
 }
 

@@ -98,7 +98,7 @@ impl Own {
             soup.vertices.iter_mut().for_each(|v| v[1] = -v[1]);
         }
         // The beams of the mirrored sensor: a scene's table is its own mirror image but for rounding.
-        let directions = self.problem.table().directions().iter();
+        let directions = self.problem.sensors().table(0).directions().iter();
         let directions =
             directions.map(|&[x, y, z]| glam::DVec3::new(x.into(), -f64::from(y), z.into()));
         let range = self.scene.lidar().range();

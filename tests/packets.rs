@@ -70,7 +70,7 @@ fn pose_sets() -> Vec<Vec<SensorPose>> {
     let mut pose = |turn: f64| {
         let [x, y, z] = random_vec(&mut rng, 3.0).as_dvec3().to_array();
         let [roll, pitch, yaw] = [0; 3].map(|_| turn * rng.random_range(-1.0..1.0));
-        SensorPose { x, y, z, roll, pitch, yaw }
+        SensorPose::from_values([x, y, z, roll, pitch, yaw])
     };
     let level: Vec<_> = (0..150).map(|_| pose(0.0)).collect();
     let tilted: Vec<_> =
@@ -96,7 +96,8 @@ fn packets_give_the_bits_of_single_beams() {
         for table in tables() {
             for poses in pose_sets() {
                 let sensors: Vec<_> = poses.iter().map(|p| p.ego_from_sensor()).collect();
-                let poses: Vec<_> = poses.iter().map(|p| DevicePose::new(p, &roi())).collect();
+                let poses: Vec<_> =
+                    poses.iter().map(|p| DevicePose::new(&p.ego_from_sensor(), &roi())).collect();
                 let ways = [Casting::Beams, Casting::Walk, Casting::Fans].map(Some);
                 for range in [30.0, 2.5] {
                     let want = cast_closest(&poses, &table, &bvh, range);

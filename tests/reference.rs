@@ -41,7 +41,7 @@ impl<'a> Reference<'a> {
             let mut covered = BTreeSet::new();
             for lidar in &placement.lidars {
                 let pose = lidar.ego_from_sensor();
-                for direction in self.own.problem.table().directions() {
+                for direction in self.own.problem.sensors().table(0).directions() {
                     tally.beams += 1;
                     tally.hits += u64::from(self.beam(triangles, &pose, *direction, &mut covered));
                 }

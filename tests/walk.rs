@@ -22,7 +22,7 @@ fn rounds(few: usize) -> usize {
 }
 
 fn device(pose: &SensorPose) -> DevicePose {
-    DevicePose::new(pose, &Roi::new([-8.0; 3], [0.5; 3], [32; 3]).unwrap())
+    DevicePose::new(&pose.ego_from_sensor(), &Roi::new([-8.0; 3], [0.5; 3], [32; 3]).unwrap())
 }
 
 /// A square of `cells` × `cells` cells, each of two triangles, with corners where `at` puts them.
@@ -130,7 +130,7 @@ fn poses(rng: &mut ChaCha8Rng, count: usize) -> Vec<SensorPose> {
         let [roll, pitch, yaw] = [0; 3].map(|_| turn * rng.random_range(-1.0..1.0));
         let whole = index % 4 == 3;
         let [x, y, z] = if whole { [x, y, z].map(f64::round) } else { [x, y, z / 3.0 + 3.0] };
-        SensorPose { x, y, z, roll, pitch, yaw }
+        SensorPose::from_values([x, y, z, roll, pitch, yaw])
     };
     (0..count).map(&mut pose).collect()
 }
@@ -207,7 +207,7 @@ fn beams_along_edges_and_into_corners_have_the_same_bits() {
         .map(|_| {
             let [x, y, z] = random_vec(&mut rng, 12.0).as_dvec3().round().to_array();
             let mut turn = || quarter * f64::from(rng.random_range(-2..=2_i32));
-            device(&SensorPose { x, y, z: z.abs(), roll: turn(), pitch: turn(), yaw: turn() })
+            device(&SensorPose::from_values([x, y, z.abs(), turn(), turn(), turn()]))
         })
         .collect();
     let want = cast_closest(&poses, &table, &bvh, RANGE);
@@ -276,7 +276,7 @@ fn what_cannot_be_walked_is_cast_beam_by_beam() {
     for shift in [0.0, 1e5, 1e8] {
         let bvh = Bvh::build(&far(shift), 100.0);
         let x = f64::from(shift);
-        let mut pose = device(&SensorPose { x, y: 0.1, z: 0.2, roll: 0.3, pitch: 0.2, yaw: 0.1 });
+        let mut pose = device(&SensorPose::from_values([x, 0.1, 0.2, 0.3, 0.2, 0.1]));
         for stretch in [1.0, 1.5] {
             // A pose that is no rotation.
             pose.rows[0][0] *= stretch;

@@ -65,13 +65,18 @@ fn compare(problem: &Arc<Problem>, placements: &[Placement]) -> Vec<Vec<Hit>> {
     let frames = 0..problem.geometry_frame_count();
     let hits = frames.map(|frame| reference.hits(&poses, frame).unwrap());
     let hits: Vec<Vec<Hit>> = hits.collect();
-    let tallies = reference.tally(placements, RANGE as f32).unwrap();
+    let tallies = reference.tally(placements, Some(RANGE as f32)).unwrap();
     for mut engine in engines(problem) {
         for (frame, want) in hits.iter().enumerate() {
             let got = engine.hits(&poses, frame).unwrap();
             assert!(bits(&got) == bits(want), "{}, frame {frame}", engine.name());
         }
-        assert_eq!(engine.tally(placements, RANGE as f32).unwrap(), tallies, "{}", engine.name());
+        assert_eq!(
+            engine.tally(placements, Some(RANGE as f32)).unwrap(),
+            tallies,
+            "{}",
+            engine.name()
+        );
     }
     hits
 }

@@ -1,18 +1,16 @@
-// Uniforms, poses, hits, and the direction of a beam: shared by all kernels.
+// Uniforms, poses, sensors, hits, and the direction of a beam: shared by all kernels.
 //
-// CPU twins  src/engine/gpu/layout.rs::Uniforms, src/problem/pose.rs::DevicePose, src/bvh/intersect.rs::Hit
+// CPU twins  src/engine/gpu/layout.rs::Uniforms, ::Sensor, src/problem/pose.rs::DevicePose, src/bvh/intersect.rs::Hit
 //            (offsets compared by a test in src/engine/gpu/kernels.rs), src/problem/beam.rs::beam_direction
 
 struct Uniforms {
     shape: vec3<u32>,
-    direction_count: u32,
-    voxel: vec3<f32>,
-    range: f32,
     bitmap_words: u32,
+    voxel: vec3<f32>,
     occupied_count: u32,
     class_count: u32,
     ends_at_hits: u32,
-    spare: vec4<u32>,
+    spare: vec2<u32>,
 }
 
 struct DevicePose {
@@ -20,6 +18,16 @@ struct DevicePose {
     row_y: vec4<f32>,
     row_z: vec4<f32>,
     in_grid: vec4<f32>,
+}
+
+struct Sensor {
+    first_instance: u32,
+    end_instance: u32,
+    first_direction: u32,
+    direction_count: u32,
+    first_beam: u32,
+    range: f32,
+    spare: vec2<u32>,
 }
 
 struct Hit {

@@ -149,7 +149,7 @@ fn trials(
         trials.push(Trial::new(name, scores, attempt));
     }
     for metres in VISIBILITIES {
-        let attempt = evaluator.scores_at(std::slice::from_ref(base), metres)?.remove(0);
+        let attempt = evaluator.scores_at(std::slice::from_ref(base), Some(metres))?.remove(0);
         trials.push(Trial::new(&format!("visibility cut to {metres} m"), scores, attempt));
     }
     Ok(trials)

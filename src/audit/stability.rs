@@ -139,7 +139,7 @@ mod tests {
 
     #[test]
     fn several_draws_give_the_worst_and_the_median() {
-        let pose = |z| SensorPose { x: 0.0, y: 0.0, z, roll: 0.0, pitch: 0.0, yaw: 0.0 };
+        let pose = |z| SensorPose { x: 0.0, y: 0.0, z, ..SensorPose::default() };
         let placement = |z: f64| Placement { name: format!("z{z}"), lidars: vec![pose(z)] };
         let honest = [1.0, 2.0, 3.0].map(placement);
         let draw = |gains: [u64; 3]| gains.map(|gain| scores("x", gain, 40)).to_vec();

@@ -71,8 +71,7 @@ pub fn gaming_placements(base: &Placement) -> Vec<(&'static str, Placement)> {
         lidars: base.lidars.iter().enumerate().map(|(i, &pose)| change(i, pose)).collect(),
     };
     let spread = |i: usize| 0.15 * (i as f64 - 1.5);
-    let inside =
-        |i: usize, z: f64| SensorPose { x: spread(i), y: 0.0, z, roll: 0.0, pitch: 0.0, yaw: 0.0 };
+    let inside = |i: usize, z: f64| SensorPose { x: spread(i), y: 0.0, z, ..SensorPose::default() };
     let turned = |pose: SensorPose, roll: f64| SensorPose { roll, ..pose };
     let mut useless = base.clone();
     useless.name = "useless-sensor".to_owned();
@@ -100,6 +99,7 @@ pub fn jittered(placement: &Placement, metres: f64, radians: f64, seed: u64) -> 
         roll: pose.roll + off(radians),
         pitch: pose.pitch + off(radians),
         yaw: pose.yaw + off(radians),
+        ..*pose
     });
     Placement { name: placement.name.clone(), lidars: lidars.collect() }
 }

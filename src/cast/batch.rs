@@ -67,34 +67,47 @@ impl Caster {
     /// Closest hits of many sensors up to `range` in a frame; `sensors` lead to the ego frame, `hits`
     /// becomes `[sensors × directions]`.
     pub fn cast_frame(&self, sensors: &[Pose], frame: &Frame, range: f32, hits: &mut Vec<Hit>) {
+        hits.clear();
+        hits.resize(sensors.len() * self.table.directions().len(), Hit::none(range));
+        self.closer_hits_in(sensors, frame, self.rows(hits));
+    }
+
+    /// Replaces the hits of many sensors, a row each, by closer ones in a frame; `sensors` lead to the ego
+    /// frame, and a hit of nothing is as far as it says.
+    pub fn closer_hits_in(&self, sensors: &[Pose], frame: &Frame, rows: Vec<&mut [Hit]>) {
         let levels = frame.instances().iter().map(|instance| Level {
             bvh: &instance.tree,
             first_prim: instance.first_prim,
             poses: sensors.iter().map(|sensor| instance.pose_of(sensor)).collect(),
         });
-        self.cast_levels(sensors.len(), &levels.collect::<Vec<_>>(), range, hits);
+        self.cast_levels(&levels.collect::<Vec<_>>(), rows);
     }
 
     /// Closest hits of many sensors up to `range` in one tree; `poses` lead to its frame, `hits` becomes
     /// `[poses × directions]`.
     pub fn closest_hits(&self, poses: &[DevicePose], bvh: &Bvh, range: f32, hits: &mut Vec<Hit>) {
         let level = Level { bvh, first_prim: 0, poses: poses.to_vec() };
-        self.cast_levels(poses.len(), &[level], range, hits);
+        hits.clear();
+        hits.resize(poses.len() * self.table.directions().len(), Hit::none(range));
+        self.cast_levels(&[level], self.rows(hits));
     }
 
-    fn cast_levels(&self, sensors: usize, levels: &[Level<'_>], range: f32, hits: &mut Vec<Hit>) {
+    fn rows<'h>(&self, hits: &'h mut [Hit]) -> Vec<&'h mut [Hit]> {
+        hits.chunks_mut(self.table.directions().len()).collect()
+    }
+
+    fn cast_levels(&self, levels: &[Level<'_>], rows: Vec<&mut [Hit]>) {
         let directions = self.table.directions();
-        hits.clear();
-        hits.resize(sensors * directions.len(), Hit::none(range));
         let Some(first) = levels.first() else { return };
-        let mut rows: Vec<Option<&mut [Hit]>> =
-            hits.chunks_mut(directions.len()).map(Some).collect();
+        let mut rows: Vec<Option<&mut [Hit]>> = rows.into_iter().map(Some).collect();
         let mut others = Vec::new();
         // Equal rotations stay equal in every frame.
         for group in equal_rotations(&first.poses) {
             let rows = group.into_iter().filter_map(|k| Some((k, rows[k].take()?)));
             let mut rows: Vec<(usize, &mut [Hit])> = rows.collect();
             if self.way.map_or(rows.len() >= FAN_SENSORS, |way| way == Casting::Fans) {
+                let farthest = |row: &(usize, &mut [Hit])| farthest(row.1);
+                let range = rows.iter().map(farthest).fold(0.0, f32::max);
                 for level in levels {
                     let rows = rows.iter_mut().map(|(k, row)| (&level.poses[*k], &mut **row));
                     let blocks = blocks(rows.collect(), directions, level.bvh, range);
@@ -128,9 +141,14 @@ impl Caster {
         if let Some(walk) = walk.filter(|_| !walked.is_empty()) {
             walk.cast(&walked, shared && rayon::current_num_threads() > 1, hits);
         }
-        let range = hits.iter().map(|hit| hit.t).fold(0.0, f32::max);
+        let range = farthest(hits);
         for Part { bvh, pose, first_prim } in alone {
             cast_rows(vec![(&pose, &mut *hits)], self.table.directions(), bvh, first_prim, range);
         }
     }
+}
+
+/// The farthest of some hits, those of nothing included, in metres.
+fn farthest(hits: &[Hit]) -> f32 {
+    hits.iter().map(|hit| hit.t).fold(0.0, f32::max)
 }

@@ -282,7 +282,7 @@ impl Scorer {
     fn tallies(&mut self, placements: &[Placement]) -> Result<Vec<Tally>, BackendError> {
         match self {
             Self::Exact(exact) => Ok(exact.tallies(placements)),
-            Self::Backend(problem, backend) => backend.tally(placements, problem.table().range()),
+            Self::Backend(_, backend) => backend.tally(placements, None),
             Self::Atlas { atlas, backend, .. } => {
                 let grid = atlas.grid();
                 let poses = placements.iter().map(|p| p.lidars.iter().map(|l| grid.nearest(l)));
@@ -313,7 +313,7 @@ impl Scorer {
         match self {
             Self::Exact(exact) => exact.bytes(),
             Self::Backend(problem, _) => {
-                let hits = problem.table().directions().len() * size_of::<Hit>();
+                let hits = problem.sensors().most_beams() * size_of::<Hit>();
                 problem.bytes() + lidars * (problem.roi().voxel_count().div_ceil(8) + hits as u64)
             }
             Self::Atlas { atlas, .. } => {

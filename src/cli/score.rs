@@ -179,7 +179,7 @@ fn print_text(
     out: &mut dyn Write,
 ) -> Result<(), Error> {
     let problem = scoring.evaluator.problem();
-    let (frames, beams) = (problem.frame_count(), problem.table().directions().len());
+    let (frames, beams) = (problem.frame_count(), problem.sensors().most_beams());
     let coverage = problem.coverage();
     writeln!(out, "{scene}: {coverage} over {frames} frame(s), {beams} beams a LiDAR")
         .and_then(|()| write!(out, "{}", report::scores_text(&first)))

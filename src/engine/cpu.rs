@@ -9,18 +9,19 @@
 //! Lanes are plain arrays; each kernel is compiled for several instruction sets and picked at run time.
 //! None contracts a product and a sum, so all give the same bits.
 
+use std::ops::Range;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::{Backend, BackendError, Chunk, ChunkLimits, check_frame, ego_from, split};
+use super::{Backend, BackendError, Chunk, ChunkLimits, check_frame, split};
 use crate::bvh::Hit;
 use crate::cast::Caster;
 use crate::cover::{BitOrder, Bitmaps, WalkScratch, cover_sensor};
 use crate::geom::Pose;
 use crate::memory;
-use crate::problem::{DevicePose, Problem, StageTimes, Tally};
+use crate::problem::{DevicePose, Frame, Problem, SensorBatch, StageTimes, Tally};
 use crate::reduce::{EntropyIndex, take_sums};
 use crate::vehicle::{MAX_LIDARS, Placement, SensorPose};
 
@@ -42,7 +43,8 @@ pub struct CpuBackend {
     times: StageTimes,
     /// Kept from batch to batch.
     hits: Vec<Hit>,
-    caster: Caster,
+    /// One a sensor model.
+    casters: Vec<Caster>,
     walks: Pool<WalkScratch>,
     /// `[sensors × words]` in `order`, zero between tasks.
     bitmaps: Pool<Vec<u64>>,
@@ -64,16 +66,14 @@ impl<T: Default> Pool<T> {
     }
 }
 
-/// Consecutive sensors of a chunk in one frame.
-struct Part<'a> {
-    poses: &'a [DevicePose],
-    /// Number of the first in the chunk.
-    first: usize,
+/// Sensors of a chunk in one frame.
+struct Standing<'a> {
+    batch: &'a SensorBatch<'a>,
+    /// In the grid of voxels.
+    poses: Vec<DevicePose>,
     frame: usize,
     /// Equal frames that it stands for.
     weight: u64,
-    /// Metres.
-    range: f32,
     /// Fewest sensors that a thread takes.
     sensors_a_task: usize,
 }
@@ -85,19 +85,17 @@ impl CpuBackend {
         let entropies = EntropyIndex::new(problem.content(), &order);
         let times = StageTimes::default();
         let (walks, bitmaps) = (Pool::default(), Pool::default());
-        let (caster, hits) = (Caster::new(problem.table()), Vec::new());
-        Self { problem, order, entropies, memory, times, hits, caster, walks, bitmaps }
-    }
-
-    fn poses(&self, sensors: &[SensorPose]) -> Vec<DevicePose> {
-        sensors.iter().map(|sensor| DevicePose::new(sensor, self.problem.roi())).collect()
+        let models = problem.sensors().models();
+        let casters = models.iter().map(|model| Caster::new(&model.table)).collect();
+        let hits = Vec::new();
+        Self { problem, order, entropies, memory, times, hits, casters, walks, bitmaps }
     }
 
     fn chunks(&self, placements: &[Placement]) -> Result<Vec<Chunk>, BackendError> {
         let lidars: Vec<usize> = placements.iter().map(|p| p.lidars.len()).collect();
         let widest = lidars.iter().copied().max().unwrap_or(1);
         let bitmap = 8 * self.order.words() as u64;
-        let hits = size_of::<Hit>() as u64 * self.problem.table().directions().len() as u64;
+        let hits = size_of::<Hit>() as u64 * self.problem.sensors().most_beams() as u64;
         // Bitmaps of as many placements as are worked on at the same time, hits of all in a chunk.
         let tasks = (rayon::current_num_threads() as u64).min(placements.len() as u64).max(1);
         // Each task has one more for the beams that go across.
@@ -107,18 +105,17 @@ impl CpuBackend {
         Ok(split(&lidars, ChunkLimits::from_bytes(widest, &[("hits", hits, limit)])?))
     }
 
-    /// Finds the hits of a chunk's beams in one frame, where the coverage needs them.
+    /// Finds the hits of a batch's beams in one frame, where the coverage needs them.
     fn cast_frame(
         &mut self,
+        batch: &SensorBatch<'_>,
         sensors: &[Pose],
         frame: usize,
-        range: f32,
     ) -> Result<(), BackendError> {
         let start = Instant::now();
         if let Some(frame) = self.problem.ends(frame) {
-            let beams = sensors.len() * self.problem.table().directions().len();
-            memory::reserve(&mut self.hits, beams, "hits")?;
-            self.caster.cast_frame(sensors, frame, range, &mut self.hits);
+            memory::reserve(&mut self.hits, batch.beams(), "hits")?;
+            cast(&self.casters, batch, sensors, frame, &mut self.hits);
         }
         self.times.cast += start.elapsed();
         Ok(())
@@ -134,7 +131,7 @@ impl CpuBackend {
         frame: usize,
     ) -> Result<Vec<Tally>, BackendError> {
         check_frame(&self.problem, frame)?;
-        self.tally_over(&[(frame, 1)], placements, self.problem.table().range())
+        self.tally_over(&[(frame, 1)], placements, None)
     }
 
     /// Tallies of `placements` over some frames, each with the equal ones that it stands for.
@@ -142,32 +139,34 @@ impl CpuBackend {
         &mut self,
         frames: &[(usize, u64)],
         placements: &[Placement],
-        range: f32,
+        range: Option<f32>,
     ) -> Result<Vec<Tally>, BackendError> {
-        let classes = self.problem.content().classes().len();
+        let problem = self.problem.clone();
+        let classes = problem.content().classes().len();
         let mut tallies: Vec<Tally> =
             placements.iter().map(|p| Tally::zero(classes, p.lidars.len())).collect();
         for chunk in self.chunks(placements)? {
-            let sensors = placements[chunk.placements.clone()].iter().flat_map(|p| &p.lidars);
-            let sensors: Vec<SensorPose> = sensors.copied().collect();
-            let (poses, ego_from_sensors) = (self.poses(&sensors), ego_from(&sensors));
+            let placements = &placements[chunk.placements.clone()];
+            let sensors = placements.iter().flat_map(|p| &p.lidars);
+            let batch = SensorBatch::new(&problem, sensors, range)?;
+            let sensors_a_task = self.sensors_a_task(placements);
             for &(frame, weight) in frames {
-                self.cast_frame(&ego_from_sensors, frame, range)?;
+                let ego_from_sensors = batch.ego_from_sensors(frame);
+                self.cast_frame(&batch, &ego_from_sensors, frame)?;
                 let start = Instant::now();
-                let sensors_a_task = self.sensors_a_task(&placements[chunk.placements.clone()]);
-                let mut tasks = Vec::new();
+                let poses = batch.in_grid(&ego_from_sensors);
+                let batch = &batch;
+                let standing = Standing { batch, poses, frame, weight, sensors_a_task };
                 let mut first = 0;
-                for (placement, tally) in placements[chunk.placements.clone()]
-                    .iter()
-                    .zip(&mut tallies[chunk.placements.clone()])
-                {
-                    let poses = &poses[first..first + placement.lidars.len()];
-                    tasks
-                        .push((Part { poses, first, frame, weight, range, sensors_a_task }, tally));
-                    first += poses.len();
-                }
+                let sensors_of = |placement: &Placement| {
+                    let sensors = first..first + placement.lidars.len();
+                    first = sensors.end;
+                    sensors
+                };
+                let sensors: Vec<Range<usize>> = placements.iter().map(sensors_of).collect();
+                let tasks = sensors.into_par_iter().zip(&mut tallies[chunk.placements.clone()]);
                 let of_tasks: Vec<[Duration; 2]> =
-                    tasks.into_par_iter().map(|(part, tally)| self.add(&part, tally)).collect();
+                    tasks.map(|(sensors, tally)| self.add(&standing, sensors, tally)).collect();
                 // Both stages of a placement run in one task: the wall time is shared out.
                 let elapsed = start.elapsed();
                 let [cover, both] = [0, 1].map(|k| of_tasks.iter().map(|t| t[k]).sum::<Duration>());
@@ -188,48 +187,81 @@ impl CpuBackend {
         if few && fit { 1 } else { ALL_SENSORS }
     }
 
-    /// Covers the voxels of a part's sensors; `bitmaps` is `[sensors × words]` and zero.
-    fn cover(&self, part: &Part<'_>, bitmaps: &mut [u64]) {
-        let words = self.order.words();
-        let (problem, directions) = (&*self.problem, self.problem.table().directions());
+    /// Covers the voxels of some sensors; `bitmaps` is `[sensors × words]` and zero.
+    fn cover(&self, standing: &Standing<'_>, sensors: Range<usize>, bitmaps: &mut [u64]) {
+        let Standing { batch, poses, frame, sensors_a_task, .. } = standing;
+        let ends = self.problem.ends(*frame).is_some();
         let cover = |(index, bitmap): (usize, &mut [u64])| {
-            let hits = problem.ends(part.frame).map(|_| self.hits_of(part.first + index));
-            let pose = &part.poses[index];
+            let sensor = sensors.start + index;
+            let (directions, range) = (batch.table(sensor).directions(), batch.range(sensor));
+            let hits = ends.then(|| &self.hits[batch.beams_of(sensor)]);
+            let (pose, roi) = (&poses[sensor], self.problem.roi());
             let mut walk = self.walks.take();
-            cover_sensor(pose, directions, problem.roi(), hits, part.range, &mut walk, bitmap);
+            cover_sensor(pose, directions, roi, hits, range, &mut walk, bitmap);
             self.walks.put_back(walk);
         };
-        let bitmaps = bitmaps.par_chunks_mut(words).with_min_len(part.sensors_a_task);
+        let bitmaps = bitmaps.par_chunks_mut(self.order.words()).with_min_len(*sensors_a_task);
         bitmaps.enumerate().for_each(cover);
-    }
-
-    fn hits_of(&self, sensor: usize) -> &[Hit] {
-        let directions = self.problem.table().directions().len();
-        &self.hits[sensor * directions..(sensor + 1) * directions]
     }
 
     /// Adds one placement's sums in one frame to its tally; returns the time of covering and that of
     /// both together.
-    fn add(&self, part: &Part<'_>, tally: &mut Tally) -> [Duration; 2] {
+    fn add(
+        &self,
+        standing: &Standing<'_>,
+        sensors: Range<usize>,
+        tally: &mut Tally,
+    ) -> [Duration; 2] {
         let start = Instant::now();
-        let (words, sensors) = (self.order.words(), part.poses.len());
+        let (words, count) = (self.order.words(), sensors.len());
         let mut kept = self.bitmaps.take();
-        if kept.len() < sensors * words {
-            kept.resize(sensors * words, 0);
+        if kept.len() < count * words {
+            kept.resize(count * words, 0);
         }
-        let bitmaps = &mut kept[..sensors * words];
-        self.cover(part, bitmaps);
+        let bitmaps = &mut kept[..count * words];
+        self.cover(standing, sensors.clone(), bitmaps);
         let covered = start.elapsed();
-        let mut sum = Tally::zero(tally.by_class.len(), sensors);
+        let mut sum = Tally::zero(tally.by_class.len(), count);
         take_sums(bitmaps, words, &self.entropies, &mut sum);
         self.bitmaps.put_back(kept);
-        sum.beams = (sensors * self.problem.table().directions().len()) as u64;
-        if self.problem.ends(part.frame).is_some() {
-            let hits = (0..sensors).flat_map(|index| self.hits_of(part.first + index));
-            sum.hits = hits.filter(|hit| hit.is_hit()).count() as u64;
+        let beams = sensors.map(|sensor| standing.batch.beams_of(sensor));
+        for beams in beams {
+            sum.beams += beams.len() as u64;
+            if self.problem.ends(standing.frame).is_some() {
+                let hits = self.hits[beams].iter().filter(|hit| hit.is_hit());
+                sum.hits += hits.count() as u64;
+            }
         }
-        tally.add_times(&sum, part.weight);
+        tally.add_times(&sum, standing.weight);
         [covered, start.elapsed()]
+    }
+}
+
+/// Closest hits of a batch in a frame, those of each model by its caster.
+fn cast(
+    casters: &[Caster],
+    batch: &SensorBatch<'_>,
+    ego_from_sensors: &[Pose],
+    frame: &Frame,
+    hits: &mut Vec<Hit>,
+) {
+    hits.clear();
+    for sensor in 0..batch.len() {
+        let beams = batch.beams_of(sensor);
+        hits.resize(beams.end, Hit::none(batch.range(sensor)));
+    }
+    let mut rest = &mut hits[..];
+    let mut of_model: Vec<(Vec<Pose>, Vec<&mut [Hit]>)> =
+        casters.iter().map(|_| Default::default()).collect();
+    for (sensor, pose) in ego_from_sensors.iter().enumerate() {
+        let (row, others) = rest.split_at_mut(batch.beams_of(sensor).len());
+        rest = others;
+        let (poses, rows) = &mut of_model[batch.model(sensor)];
+        poses.push(*pose);
+        rows.push(row);
+    }
+    for (caster, (poses, rows)) in casters.iter().zip(of_model) {
+        caster.closer_hits_in(&poses, frame, rows);
     }
 }
 
@@ -242,31 +274,38 @@ impl Backend for CpuBackend {
         "host processor"
     }
 
-    fn tally(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Tally>, BackendError> {
+    fn tally(
+        &mut self,
+        placements: &[Placement],
+        range: Option<f32>,
+    ) -> Result<Vec<Tally>, BackendError> {
         self.tally_over(&self.problem.distinct_frames(), placements, range)
     }
 
     fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
         let frames = self.problem.geometry_frame_count();
-        let frame = self.problem.geometry(frame).ok_or(BackendError::NoFrame { frame, frames })?;
+        let geometry = self.problem.geometry(frame);
+        let geometry = geometry.ok_or(BackendError::NoFrame { frame, frames })?;
         let start = Instant::now();
-        let table = self.problem.table();
+        let batch = SensorBatch::new(&self.problem, poses, None)?;
         let mut hits = Vec::new();
-        memory::reserve(&mut hits, poses.len() * table.directions().len(), "hits")?;
-        self.caster.cast_frame(&ego_from(poses), frame, table.range(), &mut hits);
+        memory::reserve(&mut hits, batch.beams(), "hits")?;
+        cast(&self.casters, &batch, &batch.ego_from_sensors(frame), geometry, &mut hits);
         self.times.cast += start.elapsed();
         Ok(hits)
     }
 
     fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError> {
         check_frame(&self.problem, frame)?;
-        let range = self.problem.table().range();
-        self.cast_frame(&ego_from(poses), frame, range)?;
-        let poses = self.poses(poses);
+        let problem = self.problem.clone();
+        let batch = SensorBatch::new(&problem, poses, None)?;
+        let ego_from_sensors = batch.ego_from_sensors(frame);
+        self.cast_frame(&batch, &ego_from_sensors, frame)?;
         let start = Instant::now();
         let mut words = memory::zeros(poses.len() * self.order.words(), "coverage bitmaps")?;
-        let part = Part { poses: &poses, first: 0, frame, weight: 1, range, sensors_a_task: 1 };
-        self.cover(&part, &mut words);
+        let poses = batch.in_grid(&ego_from_sensors);
+        let standing = Standing { batch: &batch, poses, frame, weight: 1, sensors_a_task: 1 };
+        self.cover(&standing, 0..batch.len(), &mut words);
         self.times.cover += start.elapsed();
         Ok(Bitmaps { order: self.order, words })
     }

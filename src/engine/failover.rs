@@ -110,7 +110,11 @@ impl Backend for Failover {
         self.backend.adapter()
     }
 
-    fn tally(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Tally>, BackendError> {
+    fn tally(
+        &mut self,
+        placements: &[Placement],
+        range: Option<f32>,
+    ) -> Result<Vec<Tally>, BackendError> {
         self.attempt(|backend| backend.tally(placements, range))
     }
 

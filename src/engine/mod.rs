@@ -29,9 +29,8 @@ pub(crate) use reference::ReferenceBackend;
 
 pub use crate::bvh::{Hit, NO_HIT};
 pub(crate) use crate::cover::Bitmaps;
-use crate::geom::Pose;
 use crate::problem::{Problem, StageTimes, Tally};
-use crate::vehicle::{Placement, SensorPose};
+use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 
 /// Why a batch could not be evaluated.
 #[derive(Debug, thiserror::Error)]
@@ -69,7 +68,10 @@ pub enum BackendError {
         /// From the driver.
         message: String,
     },
-    /// A placement or frame that the problem does not have.
+    /// A sensor of a model that the vehicle does not have.
+    #[error(transparent)]
+    UnknownSensor(#[from] UnknownSensor),
+    /// A frame that the problem does not have.
     #[error("frame {frame} does not exist; there are {frames}, counted from 0")]
     NoFrame {
         /// Asked for.
@@ -88,11 +90,6 @@ fn check_frame(problem: &Problem, frame: usize) -> Result<(), BackendError> {
     if frame < frames { Ok(()) } else { Err(BackendError::NoFrame { frame, frames }) }
 }
 
-/// Sensor-to-ego transforms.
-fn ego_from(sensors: &[SensorPose]) -> Vec<Pose> {
-    sensors.iter().map(SensorPose::ego_from_sensor).collect()
-}
-
 /// One implementation of the stages, bound to one [`Problem`].
 pub trait Backend: Send {
     /// `cpu` or `gpu`.
@@ -101,13 +98,18 @@ pub trait Backend: Send {
     /// Device name as reported.
     fn adapter(&self) -> &str;
 
-    /// Tallies of `placements` in order, summed over all frames, with beams of `range` metres.
+    /// Tallies of `placements` in order, summed over all frames, with beams of `range` metres, or of each
+    /// sensor model's own range.
     ///
     /// Splits the batch over memory and device limits by itself; the split changes no bit.
     ///
     /// # Errors
     /// One placement does not fit, or the device failed.
-    fn tally(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Tally>, BackendError>;
+    fn tally(
+        &mut self,
+        placements: &[Placement],
+        range: Option<f32>,
+    ) -> Result<Vec<Tally>, BackendError>;
 
     /// Closest hits of every beam of each sensor pose in one frame, pose after pose, by channel and
     /// azimuth step.

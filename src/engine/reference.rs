@@ -3,11 +3,11 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::{Backend, BackendError, check_frame, ego_from};
+use super::{Backend, BackendError, check_frame};
 use crate::bvh::Hit;
 use crate::cast::cast_frame_closest;
 use crate::cover::{BitOrder, Bitmaps, cover_voxels};
-use crate::problem::{DevicePose, Problem, StageTimes, Tally};
+use crate::problem::{Frame, Problem, SensorBatch, StageTimes, Tally};
 use crate::reduce::reduce;
 use crate::vehicle::{Placement, SensorPose};
 
@@ -25,26 +25,38 @@ impl ReferenceBackend {
         Self { problem, times: StageTimes::default() }
     }
 
-    fn cast(&mut self, sensors: &[SensorPose], frame: usize, range: f32) -> Option<Vec<Hit>> {
+    /// Hits of a batch in a frame that ends beams; `None` in one that does not.
+    fn cast(&mut self, batch: &SensorBatch<'_>, frame: usize) -> Option<Vec<Hit>> {
         let start = Instant::now();
-        let frame = self.problem.ends(frame)?;
-        let hits = cast_frame_closest(&ego_from(sensors), self.problem.table(), frame, range);
+        let hits = cast(batch, frame, self.problem.ends(frame)?);
         self.times.cast += start.elapsed();
         Some(hits)
     }
 
-    fn cover(&mut self, poses: &[DevicePose], hits: Option<&[Hit]>, range: f32) -> Vec<u64> {
+    fn cover(&mut self, batch: &SensorBatch<'_>, frame: usize, hits: Option<&[Hit]>) -> Vec<u64> {
         let start = Instant::now();
-        let mut bitmaps = Vec::new();
-        let problem = &*self.problem;
-        cover_voxels(poses, problem.table(), problem.roi(), hits, range, &mut bitmaps);
+        let (roi, mut bitmaps) = (self.problem.roi(), Vec::new());
+        let poses = batch.in_grid(&batch.ego_from_sensors(frame));
+        for (sensor, pose) in poses.iter().enumerate() {
+            let hits = hits.map(|hits| &hits[batch.beams_of(sensor)]);
+            let mut bitmap = Vec::new();
+            let (table, range) = (batch.table(sensor), batch.range(sensor));
+            cover_voxels(std::slice::from_ref(pose), table, roi, hits, range, &mut bitmap);
+            bitmaps.append(&mut bitmap);
+        }
         self.times.cover += start.elapsed();
         bitmaps
     }
+}
 
-    fn poses(&self, poses: &[SensorPose]) -> Vec<DevicePose> {
-        poses.iter().map(|pose| DevicePose::new(pose, self.problem.roi())).collect()
-    }
+/// Hits of a batch in a frame, beam by beam.
+fn cast(batch: &SensorBatch<'_>, number: usize, frame: &Frame) -> Vec<Hit> {
+    let sensors = batch.ego_from_sensors(number);
+    let hits = sensors.iter().enumerate().flat_map(|(sensor, pose)| {
+        let (table, range) = (batch.table(sensor), batch.range(sensor));
+        cast_frame_closest(std::slice::from_ref(pose), table, frame, range)
+    });
+    hits.collect()
 }
 
 impl Backend for ReferenceBackend {
@@ -56,20 +68,23 @@ impl Backend for ReferenceBackend {
         "CPU reference, plain functions"
     }
 
-    fn tally(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Tally>, BackendError> {
-        let classes = self.problem.content().classes().len();
-        let mut tallies = Vec::with_capacity(placements.len());
+    fn tally(
+        &mut self,
+        placements: &[Placement],
+        range: Option<f32>,
+    ) -> Result<Vec<Tally>, BackendError> {
+        let (problem, mut tallies) = (self.problem.clone(), Vec::with_capacity(placements.len()));
         for placement in placements {
-            let poses = self.poses(&placement.lidars);
-            let mut tally = Tally::zero(classes, poses.len());
-            for frame in 0..self.problem.frame_count() {
-                let hits = self.cast(&placement.lidars, frame, range);
-                let bitmaps = self.cover(&poses, hits.as_deref(), range);
+            let batch = SensorBatch::new(&problem, &placement.lidars, range)?;
+            let mut tally = Tally::zero(problem.content().classes().len(), batch.len());
+            for frame in 0..problem.frame_count() {
+                let hits = self.cast(&batch, frame);
+                let bitmaps = self.cover(&batch, frame, hits.as_deref());
                 let start = Instant::now();
-                let one = std::slice::from_ref(placement);
-                let directions = self.problem.table().directions().len();
-                let content = self.problem.content();
-                tally += &reduce(one, content, &bitmaps, hits.as_deref(), directions)[0];
+                let mut sum = reduce(batch.len(), problem.content(), &bitmaps);
+                sum.beams = batch.beams() as u64;
+                sum.hits = hits.iter().flatten().filter(|hit| hit.is_hit()).count() as u64;
+                tally += &sum;
                 self.times.reduce += start.elapsed();
             }
             tallies.push(tally);
@@ -79,18 +94,17 @@ impl Backend for ReferenceBackend {
 
     fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError> {
         let frames = self.problem.geometry_frame_count();
-        let frame = self.problem.geometry(frame).ok_or(BackendError::NoFrame { frame, frames })?;
-        let table = self.problem.table();
-        Ok(cast_frame_closest(&ego_from(poses), table, frame, table.range()))
+        let ends = self.problem.geometry(frame).ok_or(BackendError::NoFrame { frame, frames })?;
+        Ok(cast(&SensorBatch::new(&self.problem, poses, None)?, frame, ends))
     }
 
     fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError> {
         check_frame(&self.problem, frame)?;
-        let range = self.problem.table().range();
-        let hits = self.cast(poses, frame, range);
-        let poses = self.poses(poses);
-        let words = self.cover(&poses, hits.as_deref(), range);
-        Ok(Bitmaps { order: BitOrder::linear(self.problem.roi()), words })
+        let problem = self.problem.clone();
+        let batch = SensorBatch::new(&problem, poses, None)?;
+        let hits = self.cast(&batch, frame);
+        let words = self.cover(&batch, frame, hits.as_deref());
+        Ok(Bitmaps { order: BitOrder::linear(problem.roi()), words })
     }
 
     fn times(&self) -> StageTimes {

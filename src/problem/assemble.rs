@@ -13,7 +13,7 @@ use crate::geom::{Pose, TriangleSoup};
 use crate::memory::{self, OutOfMemory};
 use crate::psog::{EntropyKind, EntropyTable, Psog, fixed};
 use crate::scene::{Coverage, EgoBody, Scene};
-use crate::vehicle::BeamTable;
+use crate::vehicle::Sensors;
 
 impl Content {
     /// Entropies and classes of a P-SOG's occupied voxels.
@@ -66,7 +66,7 @@ impl Problem {
     pub fn from_scene(
         scene: &Scene,
         psog: &Psog,
-        table: BeamTable,
+        sensors: impl Into<Sensors>,
         frames: &[usize],
     ) -> Result<Self, ProblemError> {
         let bounds = scene.roi();
@@ -87,7 +87,7 @@ impl Problem {
                 scene: words(bounds.min, bounds.voxel, bounds.shape),
             });
         }
-        Self::on_grid_of(psog, scene, table, frames)
+        Self::on_grid_of(psog, scene, sensors, frames)
     }
 
     /// As [`Self::from_scene`], over the P-SOG's own grid, whatever the scene's region of interest is.
@@ -97,12 +97,13 @@ impl Problem {
     pub fn on_grid_of(
         psog: &Psog,
         scene: &Scene,
-        table: BeamTable,
+        sensors: impl Into<Sensors>,
         frames: &[usize],
     ) -> Result<Self, ProblemError> {
         let roi = psog.roi();
         let content = Content::from_psog(psog, &scene.detection_among(psog.classes()));
-        let far = Self::far_range_of(roi, table.range());
+        let sensors = sensors.into();
+        let far = Self::far_range_of(roi, sensors.longest_range());
         let frames = if scene.has_geometry() { frames } else { &[] };
         let world = if frames.is_empty() {
             World::default()
@@ -110,8 +111,8 @@ impl Problem {
             World::of(scene, frames, far, EgoBody::Include)?
         };
         let ends_at_hits = matches!(scene.coverage(), Coverage::FirstHit);
-        let problem = Self::new(*roi, content, table, world, ends_at_hits);
-        Ok(problem.with_constraints(scene.mount().into()))
+        let problem = Self::new(*roi, content, sensors, world, ends_at_hits);
+        Ok(problem.numbered(frames).with_constraints(scene.mount().into()))
     }
 }
 

@@ -1,11 +1,13 @@
-//! What is asked, ready to be computed: frames, voxels and their entropies, one beam table.
+//! What is asked, ready to be computed: frames, voxels and their entropies, sensor models.
 
 pub(crate) mod assemble;
+mod batch;
 pub(crate) mod beam;
 pub(crate) mod pose;
 mod tally;
 mod world;
 
+pub use batch::SensorBatch;
 pub(crate) use beam::beam_direction;
 pub(crate) use beam::beam_origin;
 pub(crate) use pose::DevicePose;
@@ -21,7 +23,7 @@ use serde::Serialize;
 
 use crate::memory::OutOfMemory;
 use crate::psog::Roi;
-use crate::vehicle::{BeamTable, Constraints};
+use crate::vehicle::{Constraints, Sensors};
 
 /// What covering a voxel is worth: the occupied voxels of a P-SOG with their entropies and classes.
 #[derive(Debug, Clone, PartialEq)]
@@ -176,14 +178,16 @@ impl std::fmt::Display for Modelled {
     }
 }
 
-/// All that is fixed while placements vary: sensor, voxels, their worth, and the geometry.
+/// All that is fixed while placements vary: sensor models, voxels, their worth, and the geometry.
 #[derive(Debug, Clone)]
 pub struct Problem {
     roi: Roi,
     content: Arc<Content>,
-    table: BeamTable,
+    sensors: Sensors,
     constraints: Constraints,
     world: Arc<World>,
+    /// Number of each frame in the scene, which free phases depend on.
+    numbers: Vec<usize>,
     ends_at_hits: bool,
 }
 
@@ -197,19 +201,30 @@ impl Problem {
     pub fn new(
         roi: Roi,
         content: impl Into<Arc<Content>>,
-        table: BeamTable,
+        sensors: impl Into<Sensors>,
         world: impl Into<World>,
         ends_at_hits: bool,
     ) -> Self {
         let (content, world) = (content.into(), Arc::new(world.into()));
         let ends_at_hits = ends_at_hits && !world.frames().is_empty();
         let constraints = Constraints::default();
-        Self { roi, content, table, constraints, world, ends_at_hits }
+        let (sensors, numbers) = (sensors.into(), (0..world.frames().len()).collect());
+        Self { roi, content, sensors, constraints, world, numbers, ends_at_hits }
+    }
+
+    /// The same with other sensor models.
+    pub fn with_sensors(self, sensors: impl Into<Sensors>) -> Self {
+        Self { sensors: sensors.into(), ..self }
     }
 
     /// The same with other rules of the mount.
     pub fn with_constraints(self, constraints: Constraints) -> Self {
         Self { constraints, ..self }
+    }
+
+    /// The same with the numbers of its frames in the scene.
+    fn numbered(self, frames: &[usize]) -> Self {
+        Self { numbers: frames.to_vec(), ..self }
     }
 
     /// The same over some of its frames, with the same trees and content.
@@ -218,7 +233,8 @@ impl Problem {
     /// A frame that does not exist.
     pub fn over(&self, frames: &[usize]) -> Self {
         let ends_at_hits = self.ends_at_hits && !frames.is_empty();
-        Self { world: Arc::new(self.world.over(frames)), ends_at_hits, ..self.clone() }
+        let numbers = frames.iter().map(|&frame| self.numbers[frame]).collect();
+        Self { world: Arc::new(self.world.over(frames)), numbers, ends_at_hits, ..self.clone() }
     }
 
     /// The voxels.
@@ -231,9 +247,14 @@ impl Problem {
         &self.content
     }
 
-    /// Beams of one sensor.
-    pub fn table(&self) -> &BeamTable {
-        &self.table
+    /// Models that sensors are of.
+    pub fn sensors(&self) -> &Sensors {
+        &self.sensors
+    }
+
+    /// Number of a frame in the scene.
+    pub(crate) fn number_of(&self, frame: usize) -> usize {
+        self.numbers.get(frame).copied().unwrap_or(frame)
     }
 
     /// Rules of the mount: none where the problem was put together without.
@@ -243,7 +264,7 @@ impl Problem {
 
     /// Range in metres with which nothing is out of sight: what the guards compare with.
     pub fn far_range(&self) -> f32 {
-        Self::far_range_of(&self.roi, self.table.range())
+        Self::far_range_of(&self.roi, self.sensors.longest_range())
     }
 
     pub(crate) fn far_range_of(roi: &Roi, range: f32) -> f32 {
@@ -256,12 +277,17 @@ impl Problem {
         if self.ends_at_hits { self.world.frames().len() } else { 1 }
     }
 
-    /// The first frame whose geometry is that of `frame`: what is covered in one is covered in both.
+    /// The first frame whose geometry is that of `frame`, with sensors at the same phases: what is covered
+    /// in one is covered in both.
     ///
     /// # Panics
     /// A frame that does not exist.
     pub fn first_equal(&self, frame: usize) -> usize {
-        if self.ends_at_hits { self.world.first_equal(frame) } else { 0 }
+        match self.ends_at_hits {
+            true if self.sensors.has_free_phase() => frame,
+            true => self.world.first_equal(frame),
+            false => 0,
+        }
     }
 
     /// Frames to cast into, and how many each stands for; together these are [`Self::frame_count`].

@@ -4,7 +4,6 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::geom::Pose;
 use crate::psog::Roi;
-use crate::vehicle::SensorPose;
 
 /// Metres by which a hit is pushed along the beam before its voxel is looked up.
 pub(crate) const HIT_PUSH: f32 = crate::psog::HIT_PUSH as f32;
@@ -27,16 +26,15 @@ pub struct DevicePose {
 }
 
 impl DevicePose {
-    /// Evaluates the pose in `f64` and rounds each number once.
-    pub fn new(pose: &SensorPose, roi: &Roi) -> Self {
-        let pose = pose.ego_from_sensor();
+    /// Rounds each number of a sensor-to-ego transform once.
+    pub fn new(pose: &Pose, roi: &Roi) -> Self {
         let (min, voxel) = (roi.min(), roi.voxel());
         let p = [0, 1, 2].map(|k| {
             let p = (pose.translation[k] - min[k]) / voxel[k];
             let p = if p.abs() < TINY_COORDINATE { 0.0 } else { p };
             p.clamp(-MAX_COORDINATE, MAX_COORDINATE) as f32
         });
-        Self { in_grid: [p[0], p[1], p[2], 0.0], ..Self::from(&pose) }
+        Self { in_grid: [p[0], p[1], p[2], 0.0], ..Self::from(pose) }
     }
 }
 

@@ -1,52 +1,18 @@
 //! Integer sums over covered voxels, a voxel at a time: the specification.
 
-use rayon::prelude::*;
-
-use crate::bvh::{Hit, NO_HIT};
 use crate::problem::{Content, Tally};
-use crate::vehicle::Placement;
 
-/// Sums over the covered voxels of each placement in one frame.
-///
-/// `bitmaps` is `[sensors × words]` and `hits` `[sensors × directions]`, the sensors of all
-/// placements in order.
+/// Sums over the voxels that one placement of `lidars` sensors covers in one frame; `bitmaps` is
+/// `[lidars × words]`. Beams and hits are left at 0.
 ///
 /// CPU twin of `shaders/reduce_words.wgsl`, `reduce_occupied.wgsl` and `reduce_classes.wgsl`.
-pub fn reduce(
-    placements: &[Placement],
-    content: &Content,
-    bitmaps: &[u64],
-    hits: Option<&[Hit]>,
-    directions: usize,
-) -> Vec<Tally> {
-    let sensors: usize = placements.iter().map(|p| p.lidars.len()).sum();
-    let words = bitmaps.len() / sensors.max(1);
-    let first_sensor: Vec<usize> = placements
-        .iter()
-        .scan(0, |next, p| {
-            let first = *next;
-            *next += p.lidars.len();
-            Some(first)
-        })
-        .collect();
-    let tasks = placements.par_iter().zip(first_sensor);
-    tasks
-        .map(|(placement, first)| {
-            let lidars = placement.lidars.len();
-            let maps: Vec<&[u64]> =
-                bitmaps[first * words..(first + lidars) * words].chunks(words).collect();
-            let mut tally = Tally::zero(content.classes().len(), lidars);
-            reduce_words(&maps, &mut tally);
-            reduce_occupied(&maps, content, &mut tally);
-            reduce_classes(&maps, content, &mut tally);
-            tally.beams = (lidars * directions) as u64;
-            if let Some(hits) = hits {
-                let own = &hits[first * directions..(first + lidars) * directions];
-                tally.hits = own.iter().filter(|hit| hit.prim != NO_HIT).count() as u64;
-            }
-            tally
-        })
-        .collect()
+pub fn reduce(lidars: usize, content: &Content, bitmaps: &[u64]) -> Tally {
+    let maps: Vec<&[u64]> = bitmaps.chunks(bitmaps.len() / lidars.max(1)).collect();
+    let mut tally = Tally::zero(content.classes().len(), lidars);
+    reduce_words(&maps, &mut tally);
+    reduce_occupied(&maps, content, &mut tally);
+    reduce_classes(&maps, content, &mut tally);
+    tally
 }
 
 fn reduce_words(maps: &[&[u64]], tally: &mut Tally) {

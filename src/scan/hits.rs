@@ -4,9 +4,9 @@ use std::io::{Seek, Write};
 
 use crate::bvh::Hit;
 use crate::geom::TriangleSoup;
-use crate::problem::{DevicePose, Problem, beam_direction};
+use crate::problem::{DevicePose, Problem, SensorBatch, beam_direction};
 use crate::psog::{NpzOut, write_npz};
-use crate::vehicle::{Placement, SensorPose};
+use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 
 /// Beams that are cast in one batch: sensors that share directions are cast together.
 const BEAMS_TOGETHER: usize = 16 << 20;
@@ -24,19 +24,19 @@ pub struct BeamHits {
 }
 
 impl BeamHits {
-    /// Casts all beams of `placements`: `cast` returns the hits of the sensors in some poses, in order;
+    /// Casts all beams of `placements` in the problem's first frame: `cast` returns the hits of the sensors in some poses, in order;
     /// `face_class` holds the class of each triangle.
     ///
     /// # Errors
-    /// As of `cast`.
-    pub fn of<E>(
+    /// As of `cast`, and a sensor of a model that the vehicle does not have.
+    pub fn of<E: From<UnknownSensor>>(
         placements: &[Placement],
         problem: &Problem,
         face_class: &[u16],
         mut cast: impl FnMut(&[SensorPose]) -> Result<Vec<Hit>, E>,
     ) -> Result<Self, E> {
         let mut columns = Self::default();
-        let beams = problem.table().directions().len();
+        let beams = problem.sensors().most_beams();
         let sensors: Vec<(u32, u16, SensorPose)> = (0..)
             .zip(placements)
             .flat_map(|(p, placement)| {
@@ -46,8 +46,13 @@ impl BeamHits {
         for sensors in sensors.chunks((BEAMS_TOGETHER / beams).max(1)) {
             let poses: Vec<SensorPose> = sensors.iter().map(|&(_, _, pose)| pose).collect();
             let hits = cast(&poses)?;
-            for (&sensor, hits) in sensors.iter().zip(hits.chunks(beams)) {
-                columns.add(sensor, hits, problem, face_class);
+            let batch = SensorBatch::new(problem, &poses, None)?;
+            let in_grid = batch.in_grid(&batch.ego_from_sensors(0));
+            for (k, &(placement, lidar, _)) in sensors.iter().enumerate() {
+                let (directions, hits) = (batch.table(k).directions(), &hits[batch.beams_of(k)]);
+                columns.add(directions, &in_grid[k], hits, face_class);
+                columns.placement.resize(columns.beams(), placement);
+                columns.lidar.resize(columns.beams(), lidar);
             }
         }
         Ok(columns)
@@ -56,21 +61,18 @@ impl BeamHits {
     /// Adds the beams of a sensor.
     fn add(
         &mut self,
-        (placement, lidar, pose): (u32, u16, SensorPose),
+        directions: &[[f32; 3]],
+        pose: &DevicePose,
         hits: &[Hit],
-        problem: &Problem,
         face_class: &[u16],
     ) {
-        let pose = DevicePose::new(&pose, problem.roi());
-        for (&direction, hit) in problem.table().directions().iter().zip(hits) {
+        for (&direction, hit) in directions.iter().zip(hits) {
             self.origin.extend(pose.rows.map(|row| row[3]));
-            self.direction.extend(beam_direction(&pose, direction).to_array());
+            self.direction.extend(beam_direction(pose, direction).to_array());
             self.distance.push(if hit.is_hit() { hit.t } else { f32::INFINITY });
             self.triangle.push(hit.prim);
             let class = if hit.is_hit() { face_class[hit.prim as usize] } else { u16::MAX };
             self.class.push(class);
-            self.placement.push(placement);
-            self.lidar.push(lidar);
         }
     }
 

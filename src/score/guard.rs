@@ -3,7 +3,7 @@
 use serde::{Serialize, Serializer};
 
 use crate::problem::{Content, Tally};
-use crate::vehicle::{Constraints, Placement, SensorPose};
+use crate::vehicle::{Constraints, Placement, SensorName, SensorPose};
 
 /// Information below this share of the reference layout's is too little.
 const LEAST_INFORMATION: f64 = 0.5;
@@ -114,12 +114,13 @@ impl Serialize for Guard {
 /// The layout that guards compare with: what anybody would build without a search.
 ///
 /// One LiDAR sits in the middle of the mount's top; several stand level on the top's edge, evenly
-/// around it, the first one front left.
-pub fn reference_layout(constraints: &Constraints, lidars: usize) -> Placement {
+/// around it, the first one front left. `models` are those of the LiDARs.
+pub fn reference_layout(constraints: &Constraints, models: &[SensorName]) -> Placement {
+    let lidars = models.len();
     let (lower, upper) = (&constraints.lower, &constraints.upper);
     let middle = |k: usize| 0.5 * (lower[k] + upper[k]);
     let level = |k: usize| 0.0_f64.clamp(lower[k], upper[k]);
-    let poses = (0..lidars).map(|index| {
+    let poses = models.iter().enumerate().map(|(index, &sensor)| {
         let turn = std::f64::consts::TAU * (index as f64 / lidars as f64 + 0.125);
         // A circle around the corners, pressed onto the edge of the box.
         let on_edge = |k: usize, direction: f64| {
@@ -135,6 +136,7 @@ pub fn reference_layout(constraints: &Constraints, lidars: usize) -> Placement {
             roll: level(3),
             pitch: level(4),
             yaw: level(5),
+            sensor,
         }
     });
     Placement { name: format!("reference-{lidars}"), lidars: poses.collect() }
@@ -212,19 +214,22 @@ mod tests {
 
     #[test]
     fn the_reference_layout_stands_on_the_corners() {
-        let layout = reference_layout(&constraints(), 4);
+        let layout = reference_layout(&constraints(), &[SensorName::default(); 4]);
         let corners: Vec<_> = layout.lidars.iter().map(|l| (l.x, l.y, l.z)).collect();
         let want = [(0.6, 0.4), (-0.6, 0.4), (-0.6, -0.4), (0.6, -0.4)];
         for ((x, y, z), (want_x, want_y)) in corners.into_iter().zip(want) {
             assert!((x - want_x).abs() < 1e-9 && (y - want_y).abs() < 1e-9, "{x} {y}");
             assert_eq!(z, 2.8);
         }
-        let single = reference_layout(&constraints(), 1);
+        let single = reference_layout(&constraints(), &[SensorName::default()]);
         assert_eq!((single.lidars[0].x, single.lidars[0].y), (0.0, 0.0));
         for count in 1..=16 {
             assert!(
                 constraints()
-                    .violations(&reference_layout(&constraints(), count))
+                    .violations(&reference_layout(
+                        &constraints(),
+                        &vec![SensorName::default(); count]
+                    ))
                     .iter()
                     .all(|v| !matches!(v, crate::vehicle::Violation::OutsideMount { .. }))
             );

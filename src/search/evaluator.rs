@@ -8,14 +8,14 @@ use glam::DVec3;
 use crate::engine::{Backend, BackendError, CpuBackend, EngineChoice};
 use crate::problem::{Problem, Tally};
 use crate::score::{Scores, reference_layout, short_sight};
-use crate::vehicle::{Constraints, Placement};
+use crate::vehicle::{Constraints, Placement, SensorName, SensorPose};
 
 /// Scores placements on one engine.
 pub struct Evaluator {
     problem: Arc<Problem>,
     backend: Box<dyn Backend>,
     /// Tallies of the reference layout by number of LiDARs; see [`crate::score::Guard`].
-    references: BTreeMap<usize, Tally>,
+    references: BTreeMap<Vec<SensorName>, Tally>,
 }
 
 impl Evaluator {
@@ -86,7 +86,7 @@ impl Evaluator {
     /// # Errors
     /// As [`Backend::tally`].
     pub fn scores(&mut self, placements: &[Placement]) -> Result<Vec<Scores>, BackendError> {
-        self.scores_at(placements, self.problem.table().range())
+        self.scores_at(placements, None)
     }
 
     /// As [`Self::scores`], with beams that end at `range` metres, as in fog; the guards still compare
@@ -97,7 +97,7 @@ impl Evaluator {
     pub fn scores_at(
         &mut self,
         placements: &[Placement],
-        range: f32,
+        range: Option<f32>,
     ) -> Result<Vec<Scores>, BackendError> {
         let tallies = self.backend.tally(placements, range)?;
         self.scores_from(placements, &tallies, range)
@@ -112,15 +112,16 @@ impl Evaluator {
         &mut self,
         placements: &[Placement],
         tallies: &[Tally],
-        range: f32,
+        range: Option<f32>,
     ) -> Result<Vec<Scores>, BackendError> {
-        for lidars in placements.iter().map(|p| p.lidars.len()) {
-            if !self.references.contains_key(&lidars) {
-                let layout = reference_layout(self.problem.constraints(), lidars);
+        for models in placements.iter().map(models_of) {
+            if !self.references.contains_key(&models) {
+                let layout = reference_layout(self.problem.constraints(), &models);
                 // With unlimited range, so that a placement whose range is cut, by fog say, compares
                 // with a layout that sees all.
-                let tally = self.backend.tally(&[layout], self.problem.far_range())?.remove(0);
-                self.references.insert(lidars, tally);
+                let tally =
+                    self.backend.tally(&[layout], Some(self.problem.far_range()))?.remove(0);
+                self.references.insert(models, tally);
             }
         }
         let unlimited = self.unlimited_tallies(placements, range)?;
@@ -132,7 +133,7 @@ impl Evaluator {
                 self.problem.content(),
                 self.problem.frame_count(),
                 self.problem.ends_at_hits(),
-                self.references.get(&placement.lidars.len()),
+                self.references.get(&models_of(placement)),
             );
             let unlimited = unlimited.get(&index);
             scores.guards.extend(unlimited.and_then(|far| short_sight(tally, far)));
@@ -145,22 +146,29 @@ impl Evaluator {
     fn unlimited_tallies(
         &mut self,
         placements: &[Placement],
-        range: f32,
+        range: Option<f32>,
     ) -> Result<BTreeMap<usize, Tally>, BackendError> {
         let roi = self.problem.roi();
         let (min, max) = (DVec3::from(roi.min()), DVec3::from(roi.max()));
-        let farthest = |p: &Placement| {
-            let reach = p.lidars.iter().map(|l| {
-                let position = l.position();
-                (position - min).abs().max((position - max).abs()).length()
-            });
-            reach.fold(0.0, f64::max)
+        let sensors = self.problem.sensors();
+        let is_limited = |pose: &SensorPose| {
+            let position = pose.position();
+            let farthest = (position - min).abs().max((position - max).abs()).length();
+            let own = sensors.number(pose).map(|model| sensors.table(model).range());
+            own.is_ok_and(|own| farthest > f64::from(range.unwrap_or(own)))
         };
         let limited: Vec<usize> = (0..placements.len())
-            .filter(|&index| farthest(&placements[index]) > f64::from(range))
+            .filter(|&p| placements[p].lidars.iter().any(is_limited))
             .collect();
         let chosen: Vec<Placement> = limited.iter().map(|&i| placements[i].clone()).collect();
-        let tallies = self.backend.tally(&chosen, self.problem.far_range())?;
+        let tallies = self.backend.tally(&chosen, Some(self.problem.far_range()))?;
         Ok(limited.into_iter().zip(tallies).collect())
     }
+}
+
+/// Names of the models of a placement's sensors, sorted.
+fn models_of(placement: &Placement) -> Vec<SensorName> {
+    let mut models: Vec<SensorName> = placement.lidars.iter().map(|pose| pose.sensor).collect();
+    models.sort_unstable();
+    models
 }

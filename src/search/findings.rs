@@ -68,12 +68,8 @@ mod tests {
 
     fn placement(poses: &[(f64, f64, f64, f64)]) -> Placement {
         let pose = |&(x, y, z, roll): &(f64, f64, f64, f64)| SensorPose {
-            x,
-            y,
-            z,
             roll,
-            pitch: 0.0,
-            yaw: 0.0,
+            ..SensorPose::at(x, y, z)
         };
         Placement { name: "p".into(), lidars: poses.iter().map(pose).collect() }
     }

@@ -319,12 +319,8 @@ mod tests {
     #[test]
     fn the_order_of_the_lidars_means_nothing() {
         let pose = |x: f64, yaw: f64| crate::vehicle::SensorPose {
-            x,
-            y: 0.0,
-            z: 2.0,
-            roll: 0.0,
-            pitch: 0.0,
             yaw,
+            ..crate::vehicle::SensorPose::at(x, 0.0, 2.0)
         };
         let poses = [pose(0.5, 0.1), pose(-1.0, 0.2), pose(0.5, -0.3)];
         let placement = |order: [usize; 3]| Placement {

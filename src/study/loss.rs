@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn one_lidar_less_each_time() {
-        let pose = |x| SensorPose { x, y: 0.0, z: 2.0, roll: 0.0, pitch: 0.0, yaw: 0.0 };
+        let pose = |x| SensorPose { x, y: 0.0, z: 2.0, ..SensorPose::default() };
         let placement = Placement { name: "p".into(), lidars: [1.0, 2.0, 3.0].map(pose).to_vec() };
         let left = without_each(&placement);
         let xs: Vec<Vec<f64>> =

@@ -47,8 +47,11 @@ impl SensorPose {
         Self { y: 0.0 - self.y, roll: 0.0 - self.roll, yaw: 0.0 - self.yaw, ..*self }
     }
 
-    /// Sum of the differences of all fields, in m and rad.
+    /// Sum of the differences of all fields, in m and rad; infinite between sensors of different models.
     pub(super) fn difference(&self, other: &Self) -> f64 {
+        if self.sensor != other.sensor {
+            return f64::INFINITY;
+        }
         self.fields().iter().zip(other.fields()).map(|(a, b)| (a.1 - b.1).abs()).sum()
     }
 }

@@ -11,6 +11,8 @@ pub(crate) mod placement_file;
 pub(crate) mod pose_grid;
 mod published;
 pub(crate) mod random;
+mod sensor_name;
+mod sensors;
 mod variables;
 
 pub use beam_table::{BeamGrid, BeamTable, SensorError};
@@ -25,3 +27,5 @@ pub(crate) use pose_grid::{PoseGrid, PoseGridError, Spacing};
 pub use published::table_7;
 pub use random::random_placements;
 pub(crate) use random::random_placements_by_the_rules;
+pub use sensor_name::SensorName;
+pub use sensors::{Phase, SensorModel, Sensors, UnknownSensor};

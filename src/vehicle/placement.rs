@@ -3,6 +3,7 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::SensorName;
 use crate::geom::Pose;
 
 /// Most LiDARs of one placement.
@@ -12,8 +13,8 @@ const MAX_COORDINATE: f64 = 1e6;
 /// Longest name; names become file names.
 const MAX_NAME: usize = 64;
 
-/// Pose of one LiDAR in the ego frame; metres and radians, `R = Rz(yaw)·Ry(pitch)·Rx(roll)`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+/// Pose of one LiDAR in the ego frame, and its model; metres and radians, `R = Rz(yaw)·Ry(pitch)·Rx(roll)`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorPose {
     /// Forward.
@@ -31,9 +32,17 @@ pub struct SensorPose {
     /// About z.
     #[serde(default)]
     pub yaw: f64,
+    /// Model of the sensor; none: the vehicle's first.
+    #[serde(default, skip_serializing_if = "SensorName::is_none")]
+    pub sensor: SensorName,
 }
 
 impl SensorPose {
+    /// A level sensor of the vehicle's first model, in metres.
+    pub fn at(x: f64, y: f64, z: f64) -> Self {
+        Self { x, y, z, ..Self::default() }
+    }
+
     /// Sensor-to-ego transform.
     pub fn ego_from_sensor(&self) -> Pose {
         Pose::new(self.position(), self.roll, self.pitch, self.yaw)
@@ -58,9 +67,9 @@ impl SensorPose {
         std::array::from_fn(|k| (Self::FIELDS[k], values[k]))
     }
 
-    /// Pose of six numbers in the order of [`Self::FIELDS`].
+    /// Pose of six numbers in the order of [`Self::FIELDS`], of the vehicle's first model.
     pub fn from_values([x, y, z, roll, pitch, yaw]: [f64; 6]) -> Self {
-        Self { x, y, z, roll, pitch, yaw }
+        Self { x, y, z, roll, pitch, yaw, sensor: SensorName::default() }
     }
 }
 

@@ -107,7 +107,7 @@ impl PoseGrid {
             // + 0.0 turns −0 into 0, which prints without a sign.
             if self.count[k] == 1 { value } else { (value * DECIMALS).round() / DECIMALS + 0.0 }
         });
-        SensorPose { x, y, z, roll, pitch, yaw }
+        SensorPose::from_values([x, y, z, roll, pitch, yaw])
     }
 
     /// Number of the pose nearest to `pose` along each field.
@@ -229,7 +229,7 @@ mod tests {
     fn table_7_lies_on_the_grid_of_the_paper() {
         let grid = PoseGrid::new(&constraints(), Spacing { metres: 0.1, radians: 0.1 }).unwrap();
         assert_eq!(grid.len(), 13 * 13 * 7 * 7);
-        let pose = SensorPose { x: -0.4, y: 0.3, z: 2.7, roll: 0.1, pitch: 0.0, yaw: 0.0 };
+        let pose = SensorPose { roll: 0.1, ..SensorPose::at(-0.4, 0.3, 2.7) };
         assert_eq!(grid.pose(grid.nearest(&pose)), pose, "to the bit");
         for number in (0..grid.len()).step_by(97) {
             assert_eq!(grid.nearest(&grid.pose(number)), number);

@@ -71,7 +71,9 @@ impl Constraints {
                 poses[lidar][variable.field] = if sign < 0.0 { 0.0 - value } else { *value };
             }
         }
-        let pose = |[x, y, z, roll, pitch, yaw]: [f64; 6]| SensorPose { x, y, z, roll, pitch, yaw };
+        let pose = |[x, y, z, roll, pitch, yaw]: [f64; 6]| {
+            SensorPose::from_values([x, y, z, roll, pitch, yaw])
+        };
         poses.into_iter().map(pose).collect()
     }
 
@@ -180,7 +182,7 @@ mod tests {
                 let mut fields = placement.lidars[lidar].fields().map(|(_, value)| value);
                 fields[field] += 0.01;
                 let [x, y, z, roll, pitch, yaw] = fields;
-                placement.lidars[lidar] = SensorPose { x, y, z, roll, pitch, yaw };
+                placement.lidars[lidar] = SensorPose::from_values([x, y, z, roll, pitch, yaw]);
                 let broken = rules.violations(&placement).iter().any(is_tied);
                 // The LiDAR in the plane stays there when it moves in x or pitches.
                 let free = lidar == 4 && [0, 4].contains(&field);
@@ -196,7 +198,7 @@ mod tests {
     fn a_box_keeps_its_inside_free_and_not_its_faces() {
         let rules = constraints(1, false, false);
         let by = |x, y, z| {
-            let lidars = vec![SensorPose { x, y, z, roll: 0.0, pitch: 0.0, yaw: 0.0 }];
+            let lidars = vec![SensorPose { x, y, z, ..SensorPose::default() }];
             assert_eq!(
                 rules.is_clear(&lidars[0]),
                 rules

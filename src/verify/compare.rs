@@ -109,8 +109,7 @@ pub(super) fn compare_engines(
             }
         }
     }
-    let range = problem.table().range();
-    found.add_tallies(&ours.tally(placements, range)?, &theirs.tally(placements, range)?);
+    found.add_tallies(&ours.tally(placements, None)?, &theirs.tally(placements, None)?);
     Ok(found)
 }
 

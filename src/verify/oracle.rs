@@ -11,7 +11,7 @@ use crate::cast::closest_hit_in;
 use crate::engine::BackendError;
 use crate::geom::Pose;
 use crate::problem::{Frame, Problem};
-use crate::vehicle::Placement;
+use crate::vehicle::{Placement, UnknownSensor};
 
 /// A beam that passes an edge closer than this is grazing: rounding may decide either way. Metres at
 /// ranges up to 100 m; `f32` keeps a hundredth of it there.
@@ -175,21 +175,25 @@ pub(super) fn sample_reference(
         return Ok(Agreement::default());
     }
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let (table, range) = (problem.table(), problem.table().range());
     let picks: Vec<_> = (0..sample)
         .map(|_| {
             let placement = &placements[rng.random_range(0..placements.len())];
             let pose = placement.lidars[rng.random_range(0..placement.lidars.len())];
+            let model = problem.sensors().number(&pose)?;
+            let table = problem.sensors().table(model);
             let direction = table.directions()[rng.random_range(0..table.directions().len())];
-            (rng.random_range(0..frames), pose, direction)
+            let frame = rng.random_range(0..frames);
+            let number = problem.number_of(frame);
+            let sensor = problem.sensors().ego_from_sensor(model, &pose, number);
+            Ok((frame, sensor, direction, table.range()))
         })
-        .collect();
+        .collect::<Result<_, UnknownSensor>>()?;
     let explanations: Vec<Explanation> = picks
         .par_iter()
-        .filter_map(|(frame, pose, direction)| {
-            let (frame, sensor) = (problem.geometry(*frame)?, pose.ego_from_sensor());
-            let hit = closest_hit_in(frame, &sensor, *direction, range);
-            Some(explain_in(frame, &sensor, *direction, range, hit))
+        .filter_map(|(frame, sensor, direction, range)| {
+            let frame = problem.geometry(*frame)?;
+            let hit = closest_hit_in(frame, sensor, *direction, *range);
+            Some(explain_in(frame, sensor, *direction, *range, hit))
         })
         .collect();
     let count = |kind| explanations.iter().filter(|e| **e == kind).count() as u64;

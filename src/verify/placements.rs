@@ -28,7 +28,7 @@ const KINDS: [Kind; 14] = [
 ];
 
 fn at([x, y, z]: [f64; 3], [roll, pitch, yaw]: [f64; 3]) -> SensorPose {
-    SensorPose { x, y, z, roll, pitch, yaw }
+    SensorPose::from_values([x, y, z, roll, pitch, yaw])
 }
 
 /// A corner of a voxel near the middle of the grid.

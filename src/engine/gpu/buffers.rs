@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::device::Device;
-use super::layout::{ITEMS_PER_WORKGROUP, Instance, PARTIAL_WORDS, Uniforms};
+use super::layout::{ITEMS_PER_WORKGROUP, Instance, PARTIAL_WORDS, Sensor, Uniforms};
 use crate::bvh::{Bvh4, Hit, QuantizedNode, Triangle};
 use crate::cover::BitOrder;
 use crate::engine::BackendError;
@@ -15,7 +15,7 @@ use crate::problem::{Content, DevicePose, OccupiedVoxel, Problem};
 pub(super) struct Sizes {
     /// One bitmap.
     pub(super) bitmap: u64,
-    /// Hits of one sensor.
+    /// Hits of one sensor of the model with most beams.
     pub(super) hits: u64,
     /// Instances of one sensor, all of the frame that has most.
     pub(super) instances: u64,
@@ -27,7 +27,7 @@ pub(super) struct Sizes {
 
 impl Sizes {
     pub(super) fn of(problem: &Problem) -> Self {
-        let directions = problem.table().directions().len() as u64;
+        let directions = problem.sensors().most_beams() as u64;
         let has_geometry = problem.geometry_frame_count() > 0;
         let instances = problem.world().frames().iter().map(|frame| frame.instances().len());
         let instances = instances.max().unwrap_or(0).max(1) * size_of::<Instance>();
@@ -53,7 +53,10 @@ pub(super) fn occupied_workgroups(problem: &Problem) -> u32 {
 
 /// The problem on the device.
 pub(super) struct SceneBuffers {
+    /// Of all sensor models, one after the other.
     pub(super) directions: wgpu::Buffer,
+    /// First direction of each model.
+    pub(super) first_directions: Vec<u32>,
     /// Of all trees; see [`crate::bvh::Bvh4`].
     pub(super) nodes: wgpu::Buffer,
     pub(super) triangles: wgpu::Buffer,
@@ -69,13 +72,17 @@ pub(super) struct SceneBuffers {
 
 impl SceneBuffers {
     pub(super) fn new(device: &Device, problem: &Problem) -> Result<Self, BackendError> {
-        let directions: Vec<[f32; 4]> =
-            problem.table().directions().iter().map(|&[x, y, z]| [x, y, z, 0.0]).collect();
+        let (mut directions, mut first_directions) = (Vec::new(), Vec::new());
+        for model in problem.sensors().models() {
+            first_directions.push(directions.len() as u32);
+            directions.extend(model.table.directions().iter().map(|&[x, y, z]| [x, y, z, 0.0]));
+        }
         let content = in_bricks(problem.content(), &BitOrder::bricks(problem.roi()));
         let runs = class_runs(content.class_starts());
         let Trees { nodes, triangles, roots, stack } = Trees::new(device, problem)?;
         Ok(Self {
             directions: device.upload("beam directions", &directions)?,
+            first_directions,
             nodes,
             triangles,
             roots,
@@ -166,8 +173,8 @@ pub(super) struct WorkBuffers {
     pub(super) hits: wgpu::Buffer,
     /// Instances in reach of each sensor, sensor after sensor.
     pub(super) instances: wgpu::Buffer,
-    /// First and end of those, by sensor.
-    pub(super) spans: wgpu::Buffer,
+    /// Beams of each sensor and where its instances are.
+    pub(super) sensor_beams: wgpu::Buffer,
     /// Unfinished beams, then hits by sensor.
     pub(super) counters: wgpu::Buffer,
     pub(super) bitmaps: wgpu::Buffer,
@@ -198,7 +205,7 @@ impl WorkBuffers {
             poses: buffer("poses", s * size_of::<DevicePose>() as u64)?,
             hits: buffer("hits", s * sizes.hits)?,
             instances: buffer("instances", s * sizes.instances)?,
-            spans: buffer("instances by sensor", 8 * s)?,
+            sensor_beams: buffer("sensors", s * size_of::<Sensor>() as u64)?,
             counters: buffer("hit counters", 4 * (1 + s))?,
             bitmaps: buffer("coverage bitmaps", s * sizes.bitmap)?,
             placement_sensors: buffer("placements", 8 * p)?,

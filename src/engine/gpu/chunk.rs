@@ -3,69 +3,87 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use super::layout::{Instance, LONG_AXIS};
+use super::layout::{Instance, LONG_AXIS, Sensor};
 use crate::cast::Sight;
 use crate::engine;
 use crate::geom::Pose;
-use crate::problem::{DevicePose, Frame, Problem};
+use crate::problem::{DevicePose, Frame, Problem, SensorBatch};
 use crate::psog::Roi;
-use crate::vehicle::{Placement, SensorPose};
+use crate::vehicle::{Placement, UnknownSensor};
 
 /// Placements in chunks, and the frames that they are evaluated in.
 pub(super) struct Batch<'a> {
     pub(super) placements: &'a [Placement],
     pub(super) chunks: Vec<engine::Chunk>,
     pub(super) frames: &'a [usize],
-    /// Metres.
-    pub(super) range: f32,
+    /// Metres; none: each sensor model's own.
+    pub(super) range: Option<f32>,
     /// Whether the reductions run, or bitmaps are read.
     pub(super) sums: bool,
 }
 
 /// Placements that lie on the device together.
-pub(super) struct Chunk {
+pub(super) struct Chunk<'a> {
     /// Where they stand in the batch.
     pub(super) cut: engine::Chunk,
-    pub(super) poses: Vec<DevicePose>,
-    /// The same in `f64`.
-    pub(super) ego_from_sensors: Vec<Pose>,
+    pub(super) batch: SensorBatch<'a>,
     /// First sensor in the chunk and number of sensors, by placement.
-    pub(super) sensors: Vec<[u32; 2]>,
+    pub(super) placements: Vec<[u32; 2]>,
+}
+
+/// The sensors of a chunk in a frame.
+pub(super) struct Standing {
+    pub(super) ego_from_sensors: Vec<Pose>,
+    /// In the grid of voxels.
+    pub(super) poses: Vec<DevicePose>,
     /// Sensors whose beams the host covers.
     pub(super) covered_by_host: Vec<usize>,
 }
 
-impl Chunk {
+impl<'a> Chunk<'a> {
     /// The chunk of a batch.
-    pub(super) fn new(problem: &Problem, batch: &[Placement], cut: &engine::Chunk) -> Self {
-        let (roi, placements) = (problem.roi(), &batch[cut.placements.clone()]);
-        let lidars = || placements.iter().flat_map(|p| &p.lidars);
-        let poses: Vec<DevicePose> = lidars().map(|l| DevicePose::new(l, roi)).collect();
-        let ego_from_sensors = lidars().map(SensorPose::ego_from_sensor).collect();
+    pub(super) fn new(
+        problem: &'a Problem,
+        batch: &Batch<'_>,
+        cut: &engine::Chunk,
+    ) -> Result<Self, UnknownSensor> {
+        let placements = &batch.placements[cut.placements.clone()];
+        let lidars = placements.iter().flat_map(|p| &p.lidars);
+        let of_chunk = SensorBatch::new(problem, lidars, batch.range)?;
         let mut first = 0;
         let sensors_of = |placement: &Placement| {
             let sensors = [first, placement.lidars.len() as u32];
             first += sensors[1];
             sensors
         };
-        let sensors = placements.iter().map(sensors_of).collect();
-        let covered_by_host = (0..poses.len()).filter(|&s| !is_covered(&poses[s], roi)).collect();
-        Self { cut: cut.clone(), poses, ego_from_sensors, sensors, covered_by_host }
+        let placements = placements.iter().map(sensors_of).collect();
+        Ok(Self { cut: cut.clone(), batch: of_chunk, placements })
     }
 
-    /// The instances of a frame within `range` metres of each sensor, sensor after sensor, and the first
-    /// and the end of those of each; `roots` holds the root of each tree by its address.
-    pub(super) fn instances(
+    /// Where the sensors stand in a frame.
+    pub(super) fn standing(&self, roi: &Roi, frame: usize) -> Standing {
+        let ego_from_sensors = self.batch.ego_from_sensors(frame);
+        let poses = self.batch.in_grid(&ego_from_sensors);
+        let covered_by_host = (0..poses.len()).filter(|&s| !is_covered(&poses[s], roi)).collect();
+        Standing { ego_from_sensors, poses, covered_by_host }
+    }
+
+    /// The instances of a frame within the range of each sensor, sensor after sensor, and the sensors; no
+    /// instances without a frame. `roots` holds the root of each tree by its address, `first_directions`
+    /// the first direction of each model.
+    pub(super) fn sensors(
         &self,
-        frame: &Frame,
+        standing: &Standing,
+        frame: Option<&Frame>,
         roots: &HashMap<usize, u32>,
-        range: f32,
-    ) -> (Vec<Instance>, Vec<[u32; 2]>) {
-        let (mut all, mut spans) = (Vec::new(), Vec::with_capacity(self.poses.len()));
-        for sensor in &self.ego_from_sensors {
-            let first = all.len() as u32;
-            all.extend(frame.instances().iter().filter_map(|instance| {
-                let pose = instance.pose_of(sensor);
+        first_directions: &[u32],
+    ) -> (Vec<Instance>, Vec<Sensor>) {
+        let (mut all, mut sensors) = (Vec::new(), Vec::with_capacity(self.batch.len()));
+        for (index, ego_from_sensor) in standing.ego_from_sensors.iter().enumerate() {
+            let (first_instance, range) = (all.len() as u32, self.batch.range(index));
+            let instances = frame.into_iter().flat_map(|frame| frame.instances());
+            all.extend(instances.filter_map(|instance| {
+                let pose = instance.pose_of(ego_from_sensor);
                 let sight = Sight::new(&pose, &instance.tree, range)?;
                 Some(Instance {
                     rows: pose.rows,
@@ -77,9 +95,18 @@ impl Chunk {
                     first_prim: instance.first_prim,
                 })
             }));
-            spans.push([first, all.len() as u32]);
+            let beams = self.batch.beams_of(index);
+            sensors.push(Sensor {
+                first_instance,
+                end_instance: all.len() as u32,
+                first_direction: first_directions[self.batch.model(index)],
+                direction_count: beams.len() as u32,
+                first_beam: beams.start as u32,
+                range,
+                spare: [0; 2],
+            });
         }
-        (all, spans)
+        (all, sensors)
     }
 }
 

@@ -137,7 +137,7 @@ mod tests {
 
     use super::*;
     use crate::bvh::{QuantizedNode as Node, Triangle};
-    use crate::engine::gpu::layout::{Instance, Uniforms};
+    use crate::engine::gpu::layout::{Instance, Sensor, Uniforms};
     use crate::problem::{DevicePose, OccupiedVoxel};
 
     fn parsed(parts: &[&str]) -> naga::Module {
@@ -209,13 +209,27 @@ mod tests {
     fn structs_lie_where_the_shaders_read_them() {
         for kernel in SOURCES {
             let (fields, span) = layout(kernel.0, "Uniforms");
-            assert_eq!((fields.len(), span), (9, size_of::<Uniforms>()));
+            assert_eq!((fields.len(), span), (7, size_of::<Uniforms>()));
         }
         same_layout!("cast_closest", Uniforms, [
-            shape => "shape", direction_count => "direction_count", voxel => "voxel",
-            range => "range", bitmap_words => "bitmap_words", occupied_count => "occupied_count", class_count => "class_count",
-            ends_at_hits => "ends_at_hits", spare => "spare",
+            shape => "shape", bitmap_words => "bitmap_words", voxel => "voxel", occupied_count => "occupied_count",
+            class_count => "class_count", ends_at_hits => "ends_at_hits", spare => "spare",
         ]);
+        for kernel in ["cast_closest", "cover_voxels"] {
+            let (fields, span) = layout(kernel, "Sensor");
+            let offsets: Vec<usize> = fields.iter().map(|f| f.1).collect();
+            assert_eq!((offsets, span), (vec![0, 4, 8, 12, 16, 20, 24], size_of::<Sensor>()));
+        }
+        let host = [
+            offset_of!(Sensor, first_instance),
+            offset_of!(Sensor, end_instance),
+            offset_of!(Sensor, first_direction),
+            offset_of!(Sensor, direction_count),
+            offset_of!(Sensor, first_beam),
+            offset_of!(Sensor, range),
+            offset_of!(Sensor, spare),
+        ];
+        assert_eq!(host, [0, 4, 8, 12, 16, 20, 24]);
         same_layout!("cast_closest", Node, [
             corner => "corner", low_x => "low_x", step => "step", low_y => "low_y",
             high => "high", low_z => "low_z", children => "children",

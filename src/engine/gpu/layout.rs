@@ -36,20 +36,16 @@ pub(super) const HALVED_SUMS: u32 = 3 + MAX_LIDARS as u32;
 /// high halves of sum k.
 pub(super) const PARTIAL_WORDS: u32 = 1 + 2 * HALVED_SUMS;
 
-/// Uniforms of a chunk in a frame, 64 bytes.
+/// Uniforms of a chunk, 48 bytes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub(super) struct Uniforms {
     /// Voxels along each axis.
     pub(super) shape: [u32; 3],
-    /// Directions of the beam table.
-    pub(super) direction_count: u32,
-    /// Voxel size in metres.
-    pub(super) voxel: [f32; 3],
-    /// Farthest return in metres.
-    pub(super) range: f32,
     /// 32-bit words of one bitmap.
     pub(super) bitmap_words: u32,
+    /// Voxel size in metres.
+    pub(super) voxel: [f32; 3],
     /// Occupied voxels.
     pub(super) occupied_count: u32,
     /// Classes.
@@ -57,7 +53,25 @@ pub(super) struct Uniforms {
     /// 1 when beams end at their hits.
     pub(super) ends_at_hits: u32,
     /// Zero.
-    pub(super) spare: [u32; 4],
+    pub(super) spare: [u32; 2],
+}
+
+/// The beams of a sensor, and what it sees, 32 bytes.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub(super) struct Sensor {
+    /// Its first instance, and the end of its instances.
+    pub(super) first_instance: u32,
+    pub(super) end_instance: u32,
+    /// First of its model's directions among those of all models, and their number.
+    pub(super) first_direction: u32,
+    pub(super) direction_count: u32,
+    /// Its first beam among those of the chunk.
+    pub(super) first_beam: u32,
+    /// Farthest return in metres.
+    pub(super) range: f32,
+    /// Zero.
+    pub(super) spare: [u32; 2],
 }
 
 /// An instance as one sensor sees it, 80 bytes.

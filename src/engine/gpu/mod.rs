@@ -159,17 +159,21 @@ impl Backend for GpuBackend {
         self.device.adapter()
     }
 
-    fn tally(&mut self, placements: &[Placement], range: f32) -> Result<Vec<Tally>, BackendError> {
+    fn tally(
+        &mut self,
+        placements: &[Placement],
+        range: Option<f32>,
+    ) -> Result<Vec<Tally>, BackendError> {
         self.count_down();
         let (frames, weights): (Vec<usize>, Vec<u64>) =
             self.problem.distinct_frames().into_iter().unzip();
         let chunks = self.cut(placements)?;
         let batch = Batch { placements, chunks, frames: &frames, range, sums: true };
-        let mut sums = Sums::new(&self.problem, placements, weights.iter().sum());
+        let mut sums = Sums::new(&self.problem, placements, weights.iter().sum())?;
         let times = self.pipeline().run(&batch, |chunk, turn, made| {
             let (own, weight) = (chunk.cut.placements.clone(), weights[turn]);
             match made {
-                Made::Hits(hits) => sums.add_hits(own, &chunk.sensors, weight, hits),
+                Made::Hits(hits) => sums.add_hits(own, &chunk.placements, weight, hits),
                 Made::Sums { totals, partials } => sums.add_sums(own, weight, totals, partials),
                 Made::Bitmaps(_) => {}
             }
@@ -183,7 +187,7 @@ impl Backend for GpuBackend {
         if frame >= frames {
             return Err(BackendError::NoFrame { frame, frames });
         }
-        let (start, range) = (Instant::now(), self.problem.table().range());
+        let (start, range) = (Instant::now(), None);
         let placements = one_by_one(poses);
         let chunks = self.cut(&placements)?;
         let batch = Batch { placements: &placements, chunks, frames: &[frame], range, sums: false };
@@ -195,7 +199,7 @@ impl Backend for GpuBackend {
     fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError> {
         check_frame(&self.problem, frame)?;
         let order = BitOrder::bricks(self.problem.roi());
-        let range = self.problem.table().range();
+        let range = None;
         let placements = one_by_one(poses);
         let chunks = self.cut(&placements)?;
         let batch = Batch { placements: &placements, chunks, frames: &[frame], range, sums: false };

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 
 use super::buffers::{SceneBuffers, WorkBuffers, bitmap_words, occupied_workgroups};
-use super::chunk::{Batch, Chunk};
+use super::chunk::{Batch, Chunk, Standing};
 use super::device::Device;
 use super::kernels::{Kernels, beam_workgroups};
 use super::layout::{ITEMS_PER_WORKGROUP, PARTIAL_WORDS, UNFINISHED, Uniforms};
@@ -22,11 +22,10 @@ use crate::cast::closest_hit_in;
 use crate::cover::{BitOrder, cover_voxels};
 use crate::engine::{self, BackendError};
 use crate::problem::{Frame, Problem, StageTimes};
-use crate::vehicle::Placement;
 
 /// A step's commands on the device and the copy of their results.
-struct Pending {
-    chunk: Rc<Chunk>,
+struct Pending<'a> {
+    chunk: Rc<Chunk<'a>>,
     turn: usize,
     covered: wgpu::SubmissionIndex,
     results: ReadBack,
@@ -65,32 +64,32 @@ pub(super) struct Pipeline<'a> {
     pub(super) work: &'a WorkBuffers,
 }
 
-impl Pipeline<'_> {
+impl<'a> Pipeline<'a> {
     /// Runs a batch; `take` is told the chunk, the number of the frame in the list, and the results:
     /// hits first, if beams end at hits.
     pub(super) fn run(
         &self,
         batch: &Batch<'_>,
-        mut take: impl FnMut(&Chunk, usize, Made<'_>),
+        mut take: impl FnMut(&Chunk<'_>, usize, Made<'_>),
     ) -> Result<StageTimes, BackendError> {
         let casts = self.problem.ends_at_hits();
         self.compile(casts, batch.sums);
         let mut clock = Clock { since: Instant::now(), times: StageTimes::default() };
-        let mut last: Option<Pending> = None;
+        let mut last: Option<Pending<'_>> = None;
         for cut in &batch.chunks {
-            let chunk = Rc::new(self.upload(batch.placements, cut)?);
+            let chunk = Rc::new(self.upload(batch, cut)?);
             for (turn, &frame) in batch.frames.iter().enumerate() {
-                self.write_uniforms(batch.range);
+                let standing = self.place(&chunk, frame)?;
                 if casts {
-                    let counters = self.cast(&chunk, frame, batch.range)?;
+                    let counters = self.cast(&chunk)?;
                     if let Some(last) = &last {
                         self.wait(last, &mut clock)?;
                     }
-                    let hits = self.settle(&chunk, frame, batch.range, counters)?;
+                    let hits = self.settle(&chunk, &standing, frame, counters)?;
                     take(&chunk, turn, Made::Hits(&hits));
                     clock.lap(|times| &mut times.cast);
                 }
-                let next = self.cover(&chunk, turn, batch)?;
+                let next = self.cover(&chunk, &standing, turn, batch)?;
                 if let Some(last) = last.replace(next) {
                     self.finish(last, &mut clock, &mut take)?;
                 }
@@ -107,10 +106,10 @@ impl Pipeline<'_> {
         self.compile(true, false);
         let mut hits = Vec::new();
         for cut in &batch.chunks {
-            let chunk = self.upload(batch.placements, cut)?;
-            self.write_uniforms(batch.range);
-            let counters = self.cast(&chunk, frame, batch.range)?;
-            self.settle(&chunk, frame, batch.range, counters)?;
+            let chunk = self.upload(batch, cut)?;
+            let standing = self.place(&chunk, frame)?;
+            let counters = self.cast(&chunk)?;
+            self.settle(&chunk, &standing, frame, counters)?;
             hits.append(&mut self.read_hits(&chunk)?);
         }
         Ok(hits)
@@ -128,32 +127,45 @@ impl Pipeline<'_> {
     }
 
     /// Puts a chunk together and uploads it, for all commands from now on.
-    fn upload(&self, batch: &[Placement], cut: &engine::Chunk) -> Result<Chunk, BackendError> {
-        let chunk = Chunk::new(self.problem, batch, cut);
-        self.device.write(&self.work.poses, &chunk.poses);
-        self.device.write(&self.work.placement_sensors, &chunk.sensors);
+    fn upload(&self, batch: &Batch<'_>, cut: &engine::Chunk) -> Result<Chunk<'a>, BackendError> {
+        let chunk = Chunk::new(self.problem, batch, cut)?;
+        self.device.write(&self.work.placement_sensors, &chunk.placements);
+        self.write_uniforms();
         self.device.check("uploading placements")?;
         Ok(chunk)
     }
 
-    fn write_uniforms(&self, range: f32) {
+    /// Uploads where the sensors of a chunk stand in a frame, for all commands from now on.
+    fn place(&self, chunk: &Chunk<'_>, frame: usize) -> Result<Standing, BackendError> {
+        let standing = chunk.standing(self.problem.roi(), frame);
+        let (work, scene) = (self.work, self.scene);
+        let geometry = self.problem.geometry(frame);
+        let (instances, sensors) =
+            chunk.sensors(&standing, geometry, &scene.roots, &scene.first_directions);
+        self.device.write(&work.poses, &standing.poses);
+        self.device.write(&work.instances, &instances);
+        self.device.write(&work.sensor_beams, &sensors);
+        self.device.check("placing sensors")?;
+        Ok(standing)
+    }
+
+    fn write_uniforms(&self) {
         let (roi, content) = (self.problem.roi(), self.problem.content());
         let uniforms = Uniforms {
             shape: roi.shape(),
-            direction_count: self.directions(),
-            voxel: roi.voxel().map(|v| v as f32),
-            range,
             bitmap_words: self.bitmap_words(),
+            voxel: roi.voxel().map(|v| v as f32),
             occupied_count: content.occupied().len() as u32,
             class_count: content.classes().len() as u32,
             ends_at_hits: u32::from(self.problem.ends_at_hits()),
-            spare: [0; 4],
+            spare: [0; 2],
         };
         self.device.write(&self.work.uniforms, &[uniforms]);
     }
 
-    fn directions(&self) -> u32 {
-        self.problem.table().directions().len() as u32
+    /// Workgroups for the beams of a chunk.
+    fn groups(&self, chunk: &Chunk<'_>) -> [u32; 3] {
+        beam_workgroups(self.problem.sensors().most_beams() as u32, chunk.batch.len() as u32)
     }
 
     fn bitmap_words(&self) -> u32 {
@@ -164,37 +176,33 @@ impl Pipeline<'_> {
         self.problem.geometry(frame).expect("only frames with geometry are cast")
     }
 
-    /// Hands over the casting of a chunk into a frame; the counters are read.
-    fn cast(&self, chunk: &Chunk, frame: usize, range: f32) -> Result<ReadBack, BackendError> {
+    /// Hands over the casting of a chunk that is placed in a frame; the counters are read.
+    fn cast(&self, chunk: &Chunk<'_>) -> Result<ReadBack, BackendError> {
         let (work, scene) = (self.work, self.scene);
-        let (instances, spans) = chunk.instances(self.frame(frame), &scene.roots, range);
-        self.device.write(&work.instances, &instances);
-        self.device.write(&work.spans, &spans);
         let record = |encoder: &mut wgpu::CommandEncoder| {
             encoder.clear_buffer(&work.counters, 0, None);
             let buffers = [
-                &work.uniforms,
                 &work.instances,
-                &work.spans,
+                &work.sensor_beams,
                 &scene.directions,
                 &scene.nodes,
                 &scene.triangles,
                 &work.hits,
                 &work.counters,
             ];
-            let groups = beam_workgroups(self.directions(), chunk.poses.len() as u32);
+            let groups = self.groups(chunk);
             self.kernels.dispatch(self.device, encoder, "cast_closest", &buffers, groups);
         };
-        let bytes = 4 * (1 + chunk.poses.len() as u64);
+        let bytes = 4 * (1 + chunk.batch.len() as u64);
         self.device.start("casting", record, &[(&work.counters, bytes)])
     }
 
     /// Waits for the hits by sensor, and casts the beams that ran out of steps by the CPU twin.
     fn settle(
         &self,
-        chunk: &Chunk,
+        chunk: &Chunk<'_>,
+        standing: &Standing,
         frame: usize,
-        range: f32,
         counters: ReadBack,
     ) -> Result<Vec<u32>, BackendError> {
         let counters: Vec<u32> =
@@ -203,42 +211,49 @@ impl Pipeline<'_> {
         if counters[0] == 0 {
             return Ok(hits);
         }
-        let directions = self.problem.table().directions();
-        let frame = self.frame(frame);
+        let (frame, batch) = (self.frame(frame), &chunk.batch);
         let beams = self.read_hits(chunk)?;
         let unfinished = (0..beams.len()).into_par_iter().filter(|&b| beams[b].prim == UNFINISHED);
         let cast = unfinished.map(|beam| {
-            let sensor = &chunk.ego_from_sensors[beam / directions.len()];
-            let direction = directions[beam % directions.len()];
-            (beam, closest_hit_in(frame, sensor, direction, range))
+            let sensor = batch.sensor_of(beam);
+            let direction = batch.table(sensor).directions()[beam - batch.beams_of(sensor).start];
+            let pose = &standing.ego_from_sensors[sensor];
+            (beam, closest_hit_in(frame, pose, direction, batch.range(sensor)))
         });
         for (beam, hit) in cast.collect::<Vec<_>>() {
-            hits[beam / directions.len()] += u32::from(hit.is_hit());
+            hits[batch.sensor_of(beam)] += u32::from(hit.is_hit());
             self.device.write_at(&self.work.hits, beam as u64, &[hit]);
         }
         Ok(hits)
     }
 
     /// Hits of every beam of the chunk that was cast last.
-    fn read_hits(&self, chunk: &Chunk) -> Result<Vec<Hit>, BackendError> {
-        let beams = chunk.poses.len() as u64 * u64::from(self.directions());
+    fn read_hits(&self, chunk: &Chunk<'_>) -> Result<Vec<Hit>, BackendError> {
+        let beams = chunk.batch.beams() as u64;
         self.device.read("read-back", &self.work.hits, size_of::<Hit>() as u64 * beams)
     }
 
     /// Hands over the covering and what follows it.
     fn cover(
         &self,
-        chunk: &Rc<Chunk>,
+        chunk: &Rc<Chunk<'a>>,
+        standing: &Standing,
         turn: usize,
         batch: &Batch<'_>,
-    ) -> Result<Pending, BackendError> {
+    ) -> Result<Pending<'a>, BackendError> {
         let work = self.work;
-        let by_host = self.cover_by_host(chunk, batch.range)?;
+        let by_host = self.cover_by_host(chunk, standing)?;
         let covered = self.device.enqueue(|encoder| {
             encoder.clear_buffer(&work.bitmaps, 0, None);
-            let buffers =
-                [&work.uniforms, &work.poses, &self.scene.directions, &work.hits, &work.bitmaps];
-            let groups = beam_workgroups(self.directions(), chunk.poses.len() as u32);
+            let buffers = [
+                &work.uniforms,
+                &work.poses,
+                &work.sensor_beams,
+                &self.scene.directions,
+                &work.hits,
+                &work.bitmaps,
+            ];
+            let groups = self.groups(chunk);
             self.kernels.dispatch(self.device, encoder, "cover_voxels", &buffers, groups);
         });
         for (sensor, bitmap) in by_host {
@@ -248,7 +263,7 @@ impl Pipeline<'_> {
         let results = if batch.sums {
             self.reduce(chunk)?
         } else {
-            let bytes = 4 * chunk.poses.len() as u64 * u64::from(self.bitmap_words());
+            let bytes = 4 * chunk.batch.len() as u64 * u64::from(self.bitmap_words());
             self.device.start("covering", |_| {}, &[(&work.bitmaps, bytes)])?
         };
         Ok(Pending { chunk: chunk.clone(), turn, covered, results })
@@ -257,31 +272,32 @@ impl Pipeline<'_> {
     /// Bitmaps of the sensors that the kernel leaves, by its CPU twin.
     fn cover_by_host(
         &self,
-        chunk: &Chunk,
-        range: f32,
+        chunk: &Chunk<'_>,
+        standing: &Standing,
     ) -> Result<Vec<(usize, Vec<u32>)>, BackendError> {
-        if chunk.covered_by_host.is_empty() {
+        if standing.covered_by_host.is_empty() {
             return Ok(Vec::new());
         }
-        let (problem, directions) = (self.problem, self.directions() as usize);
+        let (problem, batch) = (self.problem, &chunk.batch);
         let roi = problem.roi();
         let (linear, bricks) = (BitOrder::linear(roi), BitOrder::bricks(roi));
         let hits = if problem.ends_at_hits() { Some(self.read_hits(chunk)?) } else { None };
         let cover = |&sensor: &usize| {
-            let hits = hits.as_ref().map(|h| &h[sensor * directions..(sensor + 1) * directions]);
+            let hits = hits.as_ref().map(|hits| &hits[batch.beams_of(sensor)]);
             let mut bitmap = Vec::new();
-            let pose = &chunk.poses[sensor..=sensor];
-            cover_voxels(pose, problem.table(), roi, hits, range, &mut bitmap);
+            let pose = &standing.poses[sensor..=sensor];
+            let (table, range) = (batch.table(sensor), batch.range(sensor));
+            cover_voxels(pose, table, roi, hits, range, &mut bitmap);
             let words = linear.convert(&bitmap, &bricks);
             (sensor, words.iter().flat_map(|&w| [w as u32, (w >> 32) as u32]).collect())
         };
-        Ok(chunk.covered_by_host.par_iter().map(cover).collect())
+        Ok(standing.covered_by_host.par_iter().map(cover).collect())
     }
 
     /// Hands over the sums over the covered voxels; totals and partial sums are read.
-    fn reduce(&self, chunk: &Chunk) -> Result<ReadBack, BackendError> {
+    fn reduce(&self, chunk: &Chunk<'_>) -> Result<ReadBack, BackendError> {
         let (work, scene) = (self.work, self.scene);
-        let count = chunk.sensors.len() as u32;
+        let count = chunk.placements.len() as u32;
         let occupied_groups = occupied_workgroups(self.problem);
         let record = |encoder: &mut wgpu::CommandEncoder| {
             encoder.clear_buffer(&work.totals, 0, None);
@@ -307,7 +323,7 @@ impl Pipeline<'_> {
     }
 
     /// Waits for a step, its covering first, so that the time of each is known.
-    fn wait(&self, step: &Pending, clock: &mut Clock) -> Result<(), BackendError> {
+    fn wait(&self, step: &Pending<'_>, clock: &mut Clock) -> Result<(), BackendError> {
         self.device.wait("covering", &step.covered)?;
         clock.lap(|times| &mut times.cover);
         self.device.wait("summing", step.results.submission())?;
@@ -318,9 +334,9 @@ impl Pipeline<'_> {
     /// Waits for a step and hands over its results.
     fn finish(
         &self,
-        step: Pending,
+        step: Pending<'_>,
         clock: &mut Clock,
-        take: &mut impl FnMut(&Chunk, usize, Made<'_>),
+        take: &mut impl FnMut(&Chunk<'_>, usize, Made<'_>),
     ) -> Result<(), BackendError> {
         self.wait(&step, clock)?;
         let Pending { chunk, turn, results, .. } = step;

@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::layout::{HALVED_SUMS, PARTIAL_WORDS};
-use crate::problem::{Problem, Tally};
-use crate::vehicle::Placement;
+use crate::problem::{Problem, SensorBatch, Tally};
+use crate::vehicle::{Placement, UnknownSensor};
 
 /// Tallies of a batch.
 pub(super) struct Sums {
@@ -14,14 +14,19 @@ pub(super) struct Sums {
 
 impl Sums {
     /// Zero but for the beams, over frames that stand for `frames` in all.
-    pub(super) fn new(problem: &Problem, placements: &[Placement], frames: u64) -> Self {
+    pub(super) fn new(
+        problem: &Problem,
+        placements: &[Placement],
+        frames: u64,
+    ) -> Result<Self, UnknownSensor> {
         let classes = problem.content().classes().len();
-        let beams = frames * problem.table().directions().len() as u64;
         let of_placement = |placement: &Placement| {
-            let lidars = placement.lidars.len();
-            Tally { beams: lidars as u64 * beams, ..Tally::zero(classes, lidars) }
+            let batch = SensorBatch::new(problem, &placement.lidars, None)?;
+            let beams = frames * batch.beams() as u64;
+            Ok(Tally { beams, ..Tally::zero(classes, batch.len()) })
         };
-        Self { classes, tallies: placements.iter().map(of_placement).collect() }
+        let tallies = placements.iter().map(of_placement).collect::<Result<_, _>>()?;
+        Ok(Self { classes, tallies })
     }
 
     /// Adds the hits of a chunk's sensors in a frame that stands for `weight` equal ones; `sensors` holds

@@ -111,12 +111,11 @@ impl Run {
         let known = |p: &Placement| known.iter().find(|(k, _)| k.lidars == p.lidars).map(|k| &k.1);
         let missing: Vec<Placement> =
             baselines.iter().filter(|p| known(p).is_none()).cloned().collect();
-        let range = self.problem.table().range();
         let evaluator = self.over_all(watch)?;
-        let mut cast = evaluator.backend_mut().tally(&missing, range)?.into_iter();
+        let mut cast = evaluator.backend_mut().tally(&missing, None)?.into_iter();
         let tallies: Vec<Tally> =
             baselines.iter().filter_map(|p| known(p).cloned().or_else(|| cast.next())).collect();
-        let scores = evaluator.scores_from(&baselines, &tallies, range)?;
+        let scores = evaluator.scores_from(&baselines, &tallies, None)?;
         let scored = self.scored(&baselines, scores);
         self.sitting.baselines = Some(scored.clone());
         Ok(scored)

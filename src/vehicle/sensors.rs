@@ -1,0 +1,214 @@
+//! The sensor models of a vehicle, and where in a turn each sensor is.
+
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use super::{BeamTable, SensorName, SensorPose};
+use crate::geom::Pose;
+
+/// Where in its turn a spinning sensor fires: an angle about its own axis, added to every azimuth.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Phase {
+    /// The same in every frame, in radians: sensors are locked to each other.
+    Locked(f64),
+    /// Another one in every frame, by chance: sensors turn as they please.
+    Free,
+}
+
+/// One model that a vehicle's sensors may be of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SensorModel {
+    /// What placements call it.
+    pub name: SensorName,
+    /// Its beams, and how far they go.
+    pub table: BeamTable,
+    /// Where in its turn it fires.
+    pub phase: Phase,
+    /// What one costs, in any currency.
+    pub price: f64,
+}
+
+/// A placement names a model that the vehicle does not have.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("there is no sensor `{name}`; the vehicle has {known}")]
+pub struct UnknownSensor {
+    /// As the placement names it.
+    pub name: SensorName,
+    /// The vehicle's names, in words.
+    pub known: String,
+}
+
+/// Models of a vehicle, at least one, and the seed of their free phases.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sensors {
+    models: Arc<[SensorModel]>,
+    seed: u64,
+}
+
+impl From<BeamTable> for Sensors {
+    /// One model without a name, locked at 0.
+    fn from(table: BeamTable) -> Self {
+        let (name, phase, price) = (SensorName::default(), Phase::Locked(0.0), 0.0);
+        Self { models: [SensorModel { name, table, phase, price }].into(), seed: 0 }
+    }
+}
+
+impl Sensors {
+    /// From models in the vehicle's order; `None` without any.
+    pub fn new(models: Vec<SensorModel>) -> Option<Self> {
+        (!models.is_empty()).then(|| Self { models: models.into(), seed: 0 })
+    }
+
+    /// The same with other free phases.
+    pub fn with_seed(&self, seed: u64) -> Self {
+        Self { seed, ..self.clone() }
+    }
+
+    /// All models, in the vehicle's order.
+    pub fn models(&self) -> &[SensorModel] {
+        &self.models
+    }
+
+    /// Beams of a model.
+    ///
+    /// # Panics
+    /// A number that no model has.
+    pub fn table(&self, model: usize) -> &BeamTable {
+        &self.models[model].table
+    }
+
+    /// Number of the model that a pose names; 0 if it names none.
+    ///
+    /// # Errors
+    /// The vehicle has no such model.
+    pub fn number(&self, pose: &SensorPose) -> Result<usize, UnknownSensor> {
+        if pose.sensor.is_none() {
+            return Ok(0);
+        }
+        let found = self.models.iter().position(|model| model.name == pose.sensor);
+        found.ok_or_else(|| UnknownSensor { name: pose.sensor, known: self.in_words() })
+    }
+
+    fn in_words(&self) -> String {
+        let named = self.models.iter().filter(|model| !model.name.is_none());
+        let names: Vec<String> = named.map(|model| format!("`{}`", model.name)).collect();
+        if names.is_empty() { "one model without a name".into() } else { names.join(", ") }
+    }
+
+    /// Range of the model that sees farthest, in metres.
+    pub fn longest_range(&self) -> f32 {
+        self.models.iter().map(|model| model.table.range()).fold(0.0, f32::max)
+    }
+
+    /// Beams of the model that has most.
+    pub fn most_beams(&self) -> usize {
+        self.models.iter().map(|model| model.table.directions().len()).max().unwrap_or(0)
+    }
+
+    /// Whether any model's phase differs from frame to frame.
+    pub fn has_free_phase(&self) -> bool {
+        self.models.iter().any(|model| model.phase == Phase::Free)
+    }
+
+    /// Sensor-to-ego transform of a sensor of a model in a frame: its pose after a turn by the phase,
+    /// R = Rz(yaw)·Ry(pitch)·Rx(roll)·Rz(phase).
+    pub fn ego_from_sensor(&self, model: usize, pose: &SensorPose, frame: usize) -> Pose {
+        let rest = pose.ego_from_sensor();
+        let phase = match self.models[model].phase {
+            Phase::Locked(0.0) => return rest,
+            Phase::Locked(phase) => phase,
+            Phase::Free => self.chance(model, pose, frame) * self.models[model].table.period(),
+        };
+        rest.compose(&Pose::new(glam::DVec3::ZERO, 0.0, 0.0, phase))
+    }
+
+    /// A number from 0 to 1 that only seed, model, pose and frame decide, not the order in which poses are
+    /// cast.
+    fn chance(&self, model: usize, pose: &SensorPose, frame: usize) -> f64 {
+        let numbers = pose.values().map(|value| (value + 0.0).to_bits());
+        let words = [self.seed, model as u64, frame as u64].into_iter().chain(numbers);
+        let hash = words.fold(0, |hash, word| mixed(hash ^ word));
+        (hash >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// One step of SplitMix64 (Steele, Lea, Flood 2014).
+fn mixed(word: u64) -> u64 {
+    let z = word.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+impl BeamTable {
+    /// The least turn about the sensor's axis that leaves its beams as they are, in radians: one azimuth
+    /// step of a spinning sensor, a whole turn of any other.
+    pub fn period(&self) -> f64 {
+        self.grid().filter(|grid| grid.turn).map_or(TAU, |grid| grid.step)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sensors(phase: Phase) -> Sensors {
+        let table = BeamTable::spinning(&[(0.0, 0.0)], 250, 100.0).unwrap();
+        let name = SensorName::new("spinning").unwrap();
+        Sensors::new(vec![SensorModel { name, table, phase, price: 1.0 }]).unwrap()
+    }
+
+    fn turn(sensors: &Sensors, pose: &SensorPose, frame: usize) -> f64 {
+        let pose =
+            pose.ego_from_sensor().inverse().compose(&sensors.ego_from_sensor(0, pose, frame));
+        assert!((pose.rotation.z_axis.z - 1.0).abs() < 1e-15, "a turn about the sensor's axis");
+        pose.rotation.x_axis.y.atan2(pose.rotation.x_axis.x)
+    }
+
+    #[test]
+    fn a_locked_phase_is_a_turn_about_the_sensors_own_axis() {
+        let pose = SensorPose { roll: 0.3, pitch: -0.2, yaw: 1.0, ..SensorPose::at(0.1, 0.2, 2.0) };
+        assert!((turn(&sensors(Phase::Locked(0.01)), &pose, 7) - 0.01).abs() < 1e-14);
+        let still = sensors(Phase::Locked(0.0)).ego_from_sensor(0, &pose, 7);
+        assert_eq!(still, pose.ego_from_sensor(), "to the bit");
+    }
+
+    #[test]
+    fn free_phases_are_spread_over_one_step_and_differ_by_frame_pose_and_seed() {
+        let free = sensors(Phase::Free);
+        let pose = SensorPose::at(0.1, 0.2, 2.0);
+        let step = TAU / 250.0;
+        let of = |free: &Sensors, z: f64| -> Vec<f64> {
+            (0..400).map(|t| turn(free, &SensorPose { z, ..pose }, t) / step).collect()
+        };
+        let turns = of(&free, 2.0);
+        assert!(turns.iter().all(|turn| (-1e-9..1.0).contains(turn)));
+        // A uniform variable has mean 1/2 and variance 1/12: four standard errors of 400 draws.
+        let mean = turns.iter().sum::<f64>() / 400.0;
+        let variance = turns.iter().map(|turn| (turn - mean).powi(2)).sum::<f64>() / 400.0;
+        assert!(
+            (mean - 0.5).abs() < 0.06 && (variance - 1.0 / 12.0).abs() < 0.015,
+            "{mean} {variance}"
+        );
+        for other in [of(&free, 2.1), of(&free.with_seed(1), 2.0)] {
+            let product = |(a, b): (&f64, &f64)| (a - 0.5) * (b - 0.5);
+            let covariance = turns.iter().zip(&other).map(product).sum::<f64>() / 400.0;
+            assert!(covariance.abs() < 0.02, "{covariance}");
+        }
+    }
+
+    #[test]
+    fn an_unknown_sensor_is_named_beside_those_there_are() {
+        let sensors = sensors(Phase::Free);
+        let pose = SensorPose::at(0.0, 0.0, 2.0);
+        assert_eq!(sensors.number(&pose), Ok(0));
+        let known = SensorPose { sensor: SensorName::new("spinning").unwrap(), ..pose };
+        assert_eq!(sensors.number(&known), Ok(0));
+        let other = SensorPose { sensor: SensorName::new("other").unwrap(), ..pose };
+        let words = sensors.number(&other).unwrap_err().to_string();
+        assert_eq!(words, "there is no sensor `other`; the vehicle has `spinning`");
+    }
+}
