@@ -41,11 +41,12 @@ fn main() {
     let problem = Arc::new(Problem::from_scene(&scene, &psog, table, &[0]).expect("a problem"));
     let mount = scene.mount();
     let constraints = Constraints {
-        lower: [mount.min[0], mount.min[1], mount.min[2], mount.roll[0], 0.0, 0.0],
-        upper: [mount.max[0], mount.max[1], mount.max[2], mount.roll[1], 0.0, 0.0],
         min_distance: mount.min_distance,
-        lidars: 4,
-        ..Constraints::default()
+        ..Constraints::in_box(
+            [mount.min[0], mount.min[1], mount.min[2], mount.roll[0], 0.0, 0.0],
+            [mount.max[0], mount.max[1], mount.max[2], mount.roll[1], 0.0, 0.0],
+            4,
+        )
     };
     let grid = PoseGrid::new(&constraints, Spacing { metres: 0.1, radians: 0.1 }).expect("a grid");
     println!(

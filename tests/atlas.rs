@@ -12,13 +12,8 @@ use sightline::vehicle::{BeamTable, Constraints, Placement};
 use crate::common::{MEMORY, random_content, random_soup};
 
 fn grid() -> PoseGrid {
-    let constraints = Constraints {
-        lower: [-0.5, -0.5, 0.0, -0.3, 0.0, 0.0],
-        upper: [0.5, 0.5, 0.5, 0.3, 0.0, 0.0],
-        min_distance: 0.0,
-        lidars: 3,
-        ..Constraints::default()
-    };
+    let constraints =
+        Constraints::in_box([-0.5, -0.5, 0.0, -0.3, 0.0, 0.0], [0.5, 0.5, 0.5, 0.3, 0.0, 0.0], 3);
     PoseGrid::new(&constraints, Spacing { metres: 0.5, radians: 0.3 }).unwrap()
 }
 

@@ -45,12 +45,14 @@ fn no_candidate_that_is_evaluated_breaks_a_rule() {
         (3, ties(true, true)),
     ] {
         let rules = Constraints {
-            lower: [-2.0, -2.0, -1.0, -0.3, 0.0, -1.0],
-            upper: [2.0, 2.0, 1.0, 0.3, 0.0, 1.0],
             min_distance: 0.8,
-            lidars,
             keep_out: vec![[[-1.0, -1.5, -1.5], [1.0, 1.5, 0.5]]],
             ties,
+            ..Constraints::in_box(
+                [-2.0, -2.0, -1.0, -0.3, 0.0, -1.0],
+                [2.0, 2.0, 1.0, 0.3, 0.0, 1.0],
+                lidars,
+            )
         };
         let problem = random_problem(3, true);
         let backend = Box::new(CpuBackend::new(problem.clone(), MEMORY));

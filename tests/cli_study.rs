@@ -154,12 +154,8 @@ fn random_placements_see_either_row_and_the_optimized_one_the_better() {
     let mount: Value =
         serde_json::from_slice(&fs::read(dir.path().join("scene.json")).unwrap()).unwrap();
     assert_eq!((&mount["mount"]["min"][1], &mount["mount"]["max"][1]), (&json!(0.1), &json!(1.9)));
-    let constraints = Constraints {
-        lower: [0.1, 0.1, 0.1, 0.0, 0.0, 0.0],
-        upper: [0.9, 1.9, 0.9, 0.0, 0.0, 0.0],
-        lidars: 1,
-        ..Constraints::default()
-    };
+    let constraints =
+        Constraints::in_box([0.1, 0.1, 0.1, 0.0, 0.0, 0.0], [0.9, 1.9, 0.9, 0.0, 0.0, 0.0], 1);
     let mut values: Vec<f64> = random_placements(&constraints, 9, 1)
         .iter()
         .map(|placement| if placement.lidars[0].y < 1.0 { first } else { second })

@@ -52,12 +52,8 @@ fn problems() -> [Arc<Problem>; 2] {
 }
 
 fn placements() -> Vec<Placement> {
-    let constraints = Constraints {
-        lower: [-0.6, -0.6, 1.2, -0.3, -0.3, -3.0],
-        upper: [0.6, 0.6, 1.8, 0.3, 0.3, 3.0],
-        lidars: 2,
-        ..Constraints::default()
-    };
+    let constraints =
+        Constraints::in_box([-0.6, -0.6, 1.2, -0.3, -0.3, -3.0], [0.6, 0.6, 1.8, 0.3, 0.3, 3.0], 2);
     random_placements(&constraints, 9, 3)
 }
 
@@ -84,12 +80,8 @@ fn equal_frames_are_cast_once_with_the_same_sums() {
 #[test]
 fn an_atlas_casts_equal_frames_once() {
     let [shared, single] = problems();
-    let constraints = Constraints {
-        lower: [-0.5, -0.5, 1.2, 0.0, 0.0, 0.0],
-        upper: [0.5, 0.5, 1.7, 0.0, 0.0, 0.0],
-        lidars: 2,
-        ..Constraints::default()
-    };
+    let constraints =
+        Constraints::in_box([-0.5, -0.5, 1.2, 0.0, 0.0, 0.0], [0.5, 0.5, 1.7, 0.0, 0.0, 0.0], 2);
     let grid = PoseGrid::new(&constraints, Spacing { metres: 0.5, radians: 0.3 }).unwrap();
     let tally = |problem: &Arc<Problem>| {
         let mut atlas = Atlas::new(problem.clone(), grid.clone(), true, MEMORY);

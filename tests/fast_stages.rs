@@ -174,11 +174,8 @@ fn own_scenes_have_the_reference_s_bits() {
             [place[0], place[1], place[2], angles[0][side], angles[1][side], angles[2][side]]
         };
         let constraints = Constraints {
-            lower: bound(0),
-            upper: bound(1),
             min_distance: mount.min_distance,
-            lidars: mount.lidars as usize,
-            ..Constraints::default()
+            ..Constraints::in_box(bound(0), bound(1), mount.lidars as usize)
         };
         // As many level ones, whose directions are the same.
         let mut placements = scattered(&constraints, 14, 1);

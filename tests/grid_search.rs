@@ -16,11 +16,12 @@ use crate::common::{MEMORY, mounted, random_problem};
 
 fn constraints(lidars: usize, min_distance: f64) -> Constraints {
     Constraints {
-        lower: [-2.0, -2.0, -1.0, -0.3, 0.0, 0.0],
-        upper: [2.0, 2.0, 1.0, 0.3, 0.0, 0.0],
         min_distance,
-        lidars,
-        ..Constraints::default()
+        ..Constraints::in_box(
+            [-2.0, -2.0, -1.0, -0.3, 0.0, 0.0],
+            [2.0, 2.0, 1.0, 0.3, 0.0, 0.0],
+            lidars,
+        )
     }
 }
 

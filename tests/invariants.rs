@@ -205,9 +205,10 @@ fn close(name: &str, a: &Tally, b: &Tally, share: f64) {
 fn a_guarded_placement_is_never_preferred() {
     let mut rng = rng(78);
     for (name, own) in OWN.iter() {
-        let mut constraints = own.constraints.clone();
         // A mount that tempts: sensors may look at the sky and stand inside the car.
-        (constraints.lower[2], constraints.lower[3], constraints.upper[3]) = (0.3, -3.1, 3.1);
+        let constraints = own.constraints.with_regions(|region| {
+            (region.lower[2], region.lower[3], region.upper[3]) = (0.3, -3.1, 3.1);
+        });
         let backend = Box::new(cpu(&own.problem));
         let mut evaluator = Evaluator::new(mounted(&own.problem, &constraints), backend);
         for objective in ["m_sog", "m_sog_scaled", "information_gain"] {
@@ -241,9 +242,10 @@ fn a_guarded_placement_is_never_preferred() {
 #[test]
 fn a_climb_ends_without_a_violated_guard() {
     let (name, own) = &OWN[0];
-    let mut constraints = own.constraints.clone();
-    (constraints.lower[3], constraints.upper[3]) = (-3.0, 3.0);
-    constraints.lidars = 2;
+    let constraints = own.constraints.with_lidars(2);
+    let constraints = constraints.with_regions(|region| {
+        (region.lower[3], region.upper[3]) = (-3.0, 3.0);
+    });
     let backend = Box::new(cpu(&own.problem));
     let mut evaluator = Evaluator::new(mounted(&own.problem, &constraints), backend);
     let grid = PoseGrid::new(&constraints, Spacing { metres: 0.6, radians: 1.0 }).unwrap();

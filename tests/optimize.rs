@@ -22,11 +22,8 @@ fn problem() -> Arc<Problem> {
     let table = BeamTable::spinning(&channels, 45, 12.0).unwrap();
     let frames = (0..6).map(|t| Arc::new(Bvh::build(&random_soup(40 + t, 200, 6.0), 12.0)));
     let constraints = Constraints {
-        lower: [-2.0, -2.0, -1.0, -0.3, 0.0, 0.0],
-        upper: [2.0, 2.0, 1.0, 0.3, 0.0, 0.0],
         min_distance: 0.5,
-        lidars: 2,
-        ..Constraints::default()
+        ..Constraints::in_box([-2.0, -2.0, -1.0, -0.3, 0.0, 0.0], [2.0, 2.0, 1.0, 0.3, 0.0, 0.0], 2)
     };
     let content = random_content(9, &roi);
     let problem = Problem::new(roi, content, table, frames.collect::<Vec<_>>(), true);

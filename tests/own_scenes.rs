@@ -108,12 +108,12 @@ impl Own {
         let far = self.problem.far_range();
         let frames: Vec<_> = soups.iter().map(|soup| Arc::new(Bvh::build(soup, far))).collect();
         let problem = Problem::new(roi, content, table, frames, self.problem.ends_at_hits());
-        let mut constraints = self.constraints.clone();
-        // y, roll and yaw change their sign.
-        for k in [1, 3, 5] {
-            (constraints.lower[k], constraints.upper[k]) =
-                (-self.constraints.upper[k], -self.constraints.lower[k]);
-        }
+        let constraints = self.constraints.with_regions(|region| {
+            // y, roll and yaw change their sign.
+            for k in [1, 3, 5] {
+                (region.lower[k], region.upper[k]) = (-region.upper[k], -region.lower[k]);
+            }
+        });
         Self { scene: self.scene.clone(), psog, soups, problem: Arc::new(problem), constraints }
     }
 }

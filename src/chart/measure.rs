@@ -261,7 +261,7 @@ impl Scorer {
             let grid = PoseGrid::new(&constraints, SWAP_SPACING)?;
             let atlas = Atlas::new(problem, grid, objective.counts_all_covered(), ATLAS_BYTES);
             let (held, lidars) =
-                (atlas.page_bytes() * BATCH * constraints.lidars, constraints.lidars);
+                (atlas.page_bytes() * BATCH * constraints.lidars(), constraints.lidars());
             if held as u64 > ATLAS_BYTES {
                 let (what, need, limit) = ("the pose atlas", held as u64, ATLAS_BYTES);
                 return Err(BackendError::TooLarge { what, need, limit }.into());
@@ -285,7 +285,7 @@ impl Scorer {
             Self::Backend(_, backend) => backend.tally(placements, None),
             Self::Atlas { atlas, backend, .. } => {
                 let grid = atlas.grid();
-                let poses = placements.iter().map(|p| p.lidars.iter().map(|l| grid.nearest(l)));
+                let poses = placements.iter().map(|p| p.lidars.iter().map(|l| grid.nearest(0, l)));
                 let poses: Vec<Vec<u32>> = poses.map(Iterator::collect).collect();
                 atlas.hold(&mut **backend, &poses.concat())?;
                 let tally = |union: &mut Union, poses: &Vec<u32>| match poses.split_last() {

@@ -23,14 +23,15 @@ struct Views {
 impl Views {
     /// Views that show the mount, and of the vehicle what is near it.
     fn new(constraints: &Constraints, body: &[[[f32; 3]; 3]]) -> Self {
+        let [low, high] = constraints.corners();
         // Half a car beyond the mount is enough to see where things are.
         let reach = |k: usize| {
-            let mount = constraints.lower[k].abs().max(constraints.upper[k].abs());
+            let mount = low[k].abs().max(high[k].abs());
             let corners = body.iter().flatten().map(|corner| f64::from(corner[k].abs()) + 0.1);
             corners.fold(mount + 0.4, f64::max).min(mount + 6.0)
         };
         let (half_x, half_y) = (reach(0), reach(1));
-        let top = constraints.upper[2] + 0.4;
+        let top = high[2] + 0.4;
         let scale = (800.0 / (2.0 * half_x)).min(460.0 / (2.0 * half_y + top + 0.6));
         let above_y = 30.0 + half_y * scale;
         let ground_y = above_y + (half_y + 0.5 + top) * scale;
@@ -56,13 +57,18 @@ pub fn placement_svg(
 ) -> String {
     let views = Views::new(constraints, body);
     let both = |point: [f64; 3]| [views.above(point), views.aside(point)];
-    let corner = |bound: &[f64]| [bound[0], bound[1], bound[2]];
-    let (low, high) = (corner(&constraints.lower[..]), corner(&constraints.upper[..]));
-    // From above the box begins at its left side, from the right at its top.
-    let boxes = [
-        (views.above([low[0], high[1], 0.0]), views.above([high[0], low[1], 0.0])),
-        (views.aside([low[0], 0.0, high[2]]), views.aside([high[0], 0.0, low[2]])),
-    ];
+    // From above a box begins at its left side, from the right at its top.
+    let boxes: Vec<_> = constraints
+        .kinds()
+        .iter()
+        .flat_map(|(slot, _)| {
+            let [low, high] = slot.region.corners();
+            [
+                (views.above([low[0], high[1], 0.0]), views.above([high[0], low[1], 0.0])),
+                (views.aside([low[0], 0.0, high[2]]), views.aside([high[0], 0.0, low[2]])),
+            ]
+        })
+        .collect();
     let unit = px(views.scale);
     let drawing = html! {
         @for triangle in body {

@@ -1,9 +1,11 @@
 //! Guards: reasons not to believe a placement's scores.
 
+use std::sync::Arc;
+
 use serde::{Serialize, Serializer};
 
 use crate::problem::{Content, Tally};
-use crate::vehicle::{Constraints, Placement, SensorName, SensorPose};
+use crate::vehicle::{Constraints, Placement, Region, SensorName, SensorPose, Slot};
 
 /// Information below this share of the reference layout's is too little.
 const LEAST_INFORMATION: f64 = 0.5;
@@ -116,11 +118,32 @@ impl Serialize for Guard {
 /// One LiDAR sits in the middle of the mount's top; several stand level on the top's edge, evenly
 /// around it, the first one front left. `models` are those of the LiDARs.
 pub fn reference_layout(constraints: &Constraints, models: &[SensorName]) -> Placement {
-    let lidars = models.len();
-    let (lower, upper) = (&constraints.lower, &constraints.upper);
+    let nowhere = Arc::new(Region::default());
+    let mut groups: Vec<(&Region, Vec<SensorName>)> = Vec::new();
+    for (index, &model) in models.iter().enumerate() {
+        let before = models[..index].iter().filter(|m| **m == model).count();
+        let own: Vec<&Slot> =
+            constraints.slots.iter().filter(|slot| slot.sensor == model).collect();
+        let slots = if own.is_empty() { constraints.slots.iter().collect() } else { own };
+        let region = slots.get(before % slots.len().max(1)).map_or(&nowhere, |slot| &slot.region);
+        match groups.iter_mut().find(|(known, _)| **known == **region) {
+            Some((_, group)) => group.push(model),
+            None => groups.push((region, vec![model])),
+        }
+    }
+    let lidars = groups.iter().flat_map(|(region, group)| around(region, group)).collect();
+    Placement { name: format!("reference-{}", models.len()), lidars }
+}
+
+/// LiDARs on the top edge of a region, evenly around it; one alone in the middle.
+fn around<'a>(
+    region: &'a Region,
+    models: &'a [SensorName],
+) -> impl Iterator<Item = SensorPose> + 'a {
+    let (lower, upper, lidars) = (&region.lower, &region.upper, models.len());
     let middle = |k: usize| 0.5 * (lower[k] + upper[k]);
     let level = |k: usize| 0.0_f64.clamp(lower[k], upper[k]);
-    let poses = models.iter().enumerate().map(|(index, &sensor)| {
+    models.iter().enumerate().map(move |(index, &sensor)| {
         let turn = std::f64::consts::TAU * (index as f64 / lidars as f64 + 0.125);
         // A circle around the corners, pressed onto the edge of the box.
         let on_edge = |k: usize, direction: f64| {
@@ -129,17 +152,9 @@ pub fn reference_layout(constraints: &Constraints, models: &[SensorName]) -> Pla
                 if lidars == 1 { 0.0 } else { half * std::f64::consts::SQRT_2 * direction };
             (middle(k) + offset).clamp(lower[k], upper[k])
         };
-        SensorPose {
-            x: on_edge(0, turn.cos()),
-            y: on_edge(1, turn.sin()),
-            z: upper[2],
-            roll: level(3),
-            pitch: level(4),
-            yaw: level(5),
-            sensor,
-        }
-    });
-    Placement { name: format!("reference-{lidars}"), lidars: poses.collect() }
+        let (x, y) = (on_edge(0, turn.cos()), on_edge(1, turn.sin()));
+        region.pose([x, y, upper[2], level(3), level(4), level(5)], sensor)
+    })
 }
 
 /// The guard that a placement violates when its range hides information: `unlimited` is its tally
@@ -204,11 +219,12 @@ mod tests {
 
     fn constraints() -> Constraints {
         Constraints {
-            lower: [-0.6, -0.4, 2.2, -0.3, 0.0, 0.0],
-            upper: [0.6, 0.4, 2.8, 0.3, 0.0, 0.0],
             min_distance: 0.2,
-            lidars: 4,
-            ..Constraints::default()
+            ..Constraints::in_box(
+                [-0.6, -0.4, 2.2, -0.3, 0.0, 0.0],
+                [0.6, 0.4, 2.8, 0.3, 0.0, 0.0],
+                4,
+            )
         }
     }
 

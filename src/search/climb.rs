@@ -106,11 +106,11 @@ impl GridSearch {
     /// Placements that a turn may lead to, those that keep the rules.
     fn candidates(&self, here: &[u32], turn: Turn, moves: Moves) -> Vec<Vec<u32>> {
         let grid = self.atlas.grid();
-        let reach = |from: u32| -> Vec<u32> {
+        let reach = |lidar: usize| -> Vec<u32> {
             match moves {
-                Moves::Along(radius) => grid.along(from, radius),
-                Moves::Around(radius) => grid.around(from, radius),
-                Moves::Anywhere => (0..grid.len()).collect(),
+                Moves::Along(radius) => grid.along(here[lidar], radius),
+                Moves::Around(radius) => grid.around(here[lidar], radius),
+                Moves::Anywhere => grid.poses_of_lidar(lidar).collect(),
             }
         };
         let ties = self.constraints.ties;
@@ -120,7 +120,7 @@ impl GridSearch {
                 let from = here[lidar];
                 let in_place = |to: u32| !ties.symmetric || grid.mirrored(to) == to;
                 let others = without(here, lidar..lidar + 1);
-                let mut to = reach(from);
+                let mut to = reach(lidar);
                 to.retain(|&to| level(from, to) && in_place(to) && self.fits(to, &others));
                 to.into_iter().map(|to| with(here, &[(lidar, to)])).collect()
             }
@@ -128,7 +128,7 @@ impl GridSearch {
                 let from = here[lidar];
                 let others = without(here, lidar..lidar + 2);
                 let both = |to: u32| (to, grid.mirrored(to));
-                let mut to: Vec<(u32, u32)> = reach(from).into_iter().map(both).collect();
+                let mut to: Vec<(u32, u32)> = reach(lidar).into_iter().map(both).collect();
                 to.retain(|&(to, image)| {
                     let fits = self.fits(to, &others) && self.fits(image, &others);
                     level(from, to) && fits && self.fits(to, &[image])
@@ -137,7 +137,7 @@ impl GridSearch {
                 to.into_iter().map(moved).collect()
             }
             Turn::Height => {
-                let levels = reach(here[0]).into_iter().map(|to| grid.at_height_of(here[0], to));
+                let levels = reach(0).into_iter().map(|to| grid.at_height_of(here[0], to));
                 let mut levels: Vec<u32> = levels.collect();
                 levels.sort_unstable();
                 levels.dedup();

@@ -105,8 +105,12 @@ pub struct Generations {
 }
 
 /// A placement with its LiDARs ordered by x, then by the other pose fields.
-fn canonical(placement: &Placement) -> Placement {
+fn canonical(constraints: &Constraints, placement: &Placement) -> Placement {
     let mut ordered = placement.clone();
+    if constraints.kinds().len() > 1 {
+        ordered.lidars = constraints.in_slots(&ordered.lidars).unwrap_or(ordered.lidars);
+        return ordered;
+    }
     ordered.lidars.sort_by(|a, b| {
         let mut fields = a.fields().into_iter().zip(b.fields());
         let order = fields.find_map(|(a, b)| Some(a.1.total_cmp(&b.1)).filter(|o| o.is_ne()));
@@ -143,8 +147,9 @@ impl Generations {
             };
             let mut cma = Restarts::new(&middle, STEP_SIZE, options, RestartOptions::default())?;
             let usable = starts.filter(|p| why_left_out(constraints, p).is_empty());
-            let points: Vec<Vec<f64>> =
-                usable.filter_map(|p| constraints.variables_of(&canonical(p))).collect();
+            let points: Vec<Vec<f64>> = usable
+                .filter_map(|p| constraints.variables_of(&canonical(constraints, p)))
+                .collect();
             cma.inject(&points)?;
             Some(cma)
         };
@@ -224,7 +229,7 @@ impl Generations {
         }
         self.generation += 1;
         self.evaluations += placements.len() as u64;
-        self.keep_best(&placements, &standings);
+        self.keep_best(&constraints, &placements, &standings);
         self.stopped = match &cma {
             None => Some(GenerationsStop::Fixed),
             Some(_) if self.evaluations >= settings.evaluations => Some(GenerationsStop::Budget),
@@ -268,14 +273,19 @@ impl Generations {
         Ok(())
     }
 
-    fn keep_best(&mut self, placements: &[Placement], standings: &[Standing]) {
+    fn keep_best(
+        &mut self,
+        constraints: &Constraints,
+        placements: &[Placement],
+        standings: &[Standing],
+    ) {
         for (placement, standing) in placements.iter().zip(standings) {
             if standing.value.is_none() {
                 continue;
             }
             if self.best.as_ref().is_none_or(|best| standing.beats(&best.standing)) {
                 self.best = Some(Best {
-                    placement: canonical(placement),
+                    placement: canonical(constraints, placement),
                     standing: *standing,
                     generation: self.generation,
                 });
@@ -301,9 +311,14 @@ impl Generations {
 
 /// Why a layout to start from is not used, in words; empty where it is.
 pub fn why_left_out(constraints: &Constraints, start: &Placement) -> Vec<String> {
-    let (has, wanted) = (start.lidars.len(), constraints.lidars);
+    let (has, wanted) = (start.lidars.len(), constraints.lidars());
     if has != wanted {
         return vec![format!("it has {has} LiDAR(s), the mount {wanted}")];
+    }
+    let has_models =
+        constraints.kinds().len() == 1 || constraints.in_slots(&start.lidars).is_some();
+    if !has_models {
+        return vec!["its LiDARs are not of the models that the mounts are to hold".into()];
     }
     let broken = constraints.violations(start);
     if broken.is_empty() && constraints.variables_of(start).is_none() {
@@ -329,7 +344,10 @@ mod tests {
         };
         let want = placement([1, 2, 0]);
         for order in [[0, 1, 2], [2, 1, 0], [1, 0, 2], [1, 2, 0]] {
-            assert_eq!(canonical(&placement(order)), want);
+            assert_eq!(
+                canonical(&Constraints::in_box([0.0; 6], [0.0; 6], 3), &placement(order)),
+                want
+            );
         }
     }
 }

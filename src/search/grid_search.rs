@@ -24,6 +24,9 @@ pub(super) struct Places {
     positions: Vec<DVec3>,
     /// Whether each is outside of every box that is kept free.
     clear: Vec<bool>,
+    /// Kind of slot of each pose, and the LiDARs of each kind.
+    kinds: Vec<usize>,
+    lidars_by_kind: Vec<usize>,
     /// Least distance of two LiDARs.
     least: f64,
 }
@@ -33,7 +36,9 @@ impl Places {
     pub fn fits(&self, pose: u32, others: &[u32]) -> bool {
         let at = |pose: u32| self.positions[pose as usize];
         let apart = |&other: &u32| other != pose && at(pose).distance(at(other)) >= self.least;
-        self.clear[pose as usize] && others.iter().all(apart)
+        let kind = self.kinds[pose as usize];
+        let alike = others.iter().filter(|&&other| self.kinds[other as usize] == kind).count();
+        self.clear[pose as usize] && alike < self.lidars_by_kind[kind] && others.iter().all(apart)
     }
 }
 
@@ -85,7 +90,7 @@ impl GridSearch {
 
     /// LiDARs of a placement.
     pub fn lidars(&self) -> usize {
-        self.constraints.lidars
+        self.constraints.lidars()
     }
 
     /// Placements looked at so far.
@@ -97,7 +102,11 @@ impl GridSearch {
     /// side where the rules want pairs; `None` where it breaks a rule there.
     pub fn start_of(&self, placement: &Placement) -> Option<Vec<u32>> {
         let grid = self.atlas.grid();
-        let poses = grid.numbers_of(placement, self.constraints.ties);
+        let mut placement = placement.clone();
+        if self.constraints.kinds().len() > 1 {
+            placement.lidars = self.constraints.in_slots(&placement.lidars)?;
+        }
+        let poses = grid.numbers_of(&placement, self.constraints.ties);
         let snapped = GridPlacement { poses, value: 0.0 };
         let keeps = self.constraints.violations(&snapped.placement(grid, "start")).is_empty();
         keeps.then_some(snapped.poses)
@@ -120,7 +129,11 @@ impl GridSearch {
         let apart = others.iter().all(|&other| {
             other != pose && position.distance(self.atlas.grid().pose(other).position()) >= least
         });
-        apart && self.constraints.is_clear(&pose_itself)
+        let grid = self.atlas.grid();
+        let kind = grid.kind(pose);
+        let alike = others.iter().filter(|&&other| grid.kind(other) == kind).count();
+        let has_place = alike < grid.lidars_by_kind()[kind];
+        apart && has_place && self.constraints.is_clear(&pose_itself)
     }
 
     /// Where each pose of the grid stands, for many questions of [`Self::fits`].
@@ -129,7 +142,10 @@ impl GridSearch {
         let poses = (0..grid.len()).map(|pose| grid.pose(pose));
         let (positions, clear) =
             poses.map(|pose| (pose.position(), self.constraints.is_clear(&pose))).unzip();
-        Places { positions, clear, least: self.constraints.min_distance - SLACK }
+        let kinds = (0..grid.len()).map(|pose| grid.kind(pose)).collect();
+        let (lidars_by_kind, least) =
+            (grid.lidars_by_kind(), self.constraints.min_distance - SLACK);
+        Places { positions, clear, kinds, lidars_by_kind, least }
     }
 
     /// The objective of held poses and one candidate more, for each candidate; `−∞` where it does not
@@ -236,6 +252,8 @@ impl GridSearch {
             placement.poses.push(pose);
             placement.value += gain;
         }
+        // In the order of the slots.
+        placement.poses.sort_by_key(|&pose| self.atlas.grid().kind(pose));
         placement.value = self.value(evaluator, &placement.poses)?;
         Ok(Some(placement))
     }

@@ -314,7 +314,7 @@ impl FramesOnDemand {
 /// Placements by which the levels are chosen: the baselines of as many LiDARs as the mount has, and
 /// random ones where these are few, those that keep the rules first.
 fn sample(constraints: &Constraints, settings: &Settings) -> Vec<Placement> {
-    let alike = settings.baselines.iter().filter(|b| b.lidars.len() == constraints.lidars);
+    let alike = settings.baselines.iter().filter(|b| b.lidars.len() == constraints.lidars());
     let mut sample: Vec<Placement> = alike.cloned().collect();
     let random = SAMPLE.saturating_sub(sample.len());
     sample.extend(drawn(constraints, random, settings.seed));

@@ -22,9 +22,17 @@ pub fn rules_in_words(constraints: &Constraints) -> Vec<String> {
     if constraints.ties.symmetric {
         words.push("LiDARs in pairs mirrored at the plane y = 0".into());
     }
-    let free = constraints.free_fields();
-    let fixed = (0..6).filter(|k| !free.contains(k));
-    words.extend(fixed.map(|k| format!("{} = {}", SensorPose::FIELDS[k], constraints.lower[k])));
+    let kinds = constraints.kinds();
+    for (slot, count) in &kinds {
+        let region = &slot.region;
+        if kinds.len() > 1 {
+            words.push(format!("{count} × {} on {}", slot.sensor, region.name));
+        }
+        let fixed = (0..6).filter(|&k| region.upper[k] <= region.lower[k]);
+        let beside = if kinds.len() > 1 { format!("{}: ", region.name) } else { String::new() };
+        let word = |k: usize| format!("{beside}{} = {}", SensorPose::FIELDS[k], region.lower[k]);
+        words.extend(fixed.map(word));
+    }
     words
 }
 
@@ -32,10 +40,11 @@ pub fn rules_in_words(constraints: &Constraints) -> Vec<String> {
 pub(super) fn active_bounds(placement: &Placement, constraints: &Constraints) -> Vec<String> {
     let mut found = Vec::new();
     for (lidar, pose) in placement.lidars.iter().enumerate() {
-        let fields = pose.fields();
-        for k in constraints.free_fields() {
-            let (low, high) = (constraints.lower[k], constraints.upper[k]);
-            let (field, value) = fields[k];
+        let Some(slot) = constraints.slots.get(lidar) else { continue };
+        let fields = slot.region.fields(pose);
+        for k in slot.region.free_fields() {
+            let (low, high) = (slot.region.lower[k], slot.region.upper[k]);
+            let (field, value) = (SensorPose::FIELDS[k], fields[k]);
             let near = ON_BOUND * (high - low);
             if value - low <= near {
                 found.push(format!("LiDAR {lidar}: {field} at its lower bound {low}"));

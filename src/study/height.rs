@@ -10,15 +10,16 @@ const HEIGHTS: u32 = 4;
 
 pub(super) fn height(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
     let constraints = scene.constraints();
-    let (low, high) = (constraints.lower[2], constraints.upper[2]);
+    let [low, high] = constraints.corners().map(|corner| corner[2]);
     let at = |k: u32| low + f64::from(k) * (high - low) / f64::from(HEIGHTS - 1);
     let mut heights: Vec<(String, [f64; 2])> =
         (0..HEIGHTS).map(|k| (format!("{:.2} m", at(k)), [at(k); 2])).collect();
     heights.dedup_by(|a, b| a.0 == b.0);
     heights.push(("free".into(), [low, high]));
     let rows = cases.each(heights, |[low, high], _| {
-        let mut constraints = scene.constraints();
-        (constraints.lower[2], constraints.upper[2]) = (low, high);
+        let constraints = scene.constraints().with_regions(|region| {
+            (region.lower[2], region.upper[2]) = (low, high);
+        });
         let mut evaluator = scene.evaluator_with(scene.scene.lidar().table()?, constraints)?;
         columns::of_best(scene, &mut evaluator)
     })?;

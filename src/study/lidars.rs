@@ -4,7 +4,7 @@ use super::cases::Cases;
 use super::columns::{self, SCORES};
 use super::scene::{StudyScene, score};
 use super::{Drawing, StudyError, Table};
-use crate::vehicle::{Constraints, Placement};
+use crate::vehicle::Placement;
 
 /// Numbers of LiDARs that are compared.
 const LIDARS: std::ops::RangeInclusive<usize> = 1..=8;
@@ -12,7 +12,7 @@ const LIDARS: std::ops::RangeInclusive<usize> = 1..=8;
 pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
     let counts = LIDARS.map(|count| (count.to_string(), count)).collect();
     let mut rows = cases.each(counts, |count, rows| {
-        let constraints = Constraints { lidars: count, ..scene.constraints() };
+        let constraints = scene.constraints().with_lidars(count);
         let mut evaluator = scene.evaluator_with(scene.scene.lidar().table()?, constraints)?;
         // The best of one LiDAR less, with one more at each corner of the mount in turn.
         let mut starts = scene.published.clone();
@@ -55,12 +55,11 @@ fn notes(scene: &StudyScene, gains: &[f64]) -> Vec<String> {
 
 /// A placement with one more LiDAR at each corner of the mount's box.
 fn with_one_more(scene: &StudyScene, before: &Placement) -> Vec<Placement> {
-    let constraints = scene.constraints();
+    let [low, high] = scene.constraints().corners();
     let corners = (0..8).map(|corner| {
         let mut pose = before.lidars[0];
-        let side =
-            |k: usize| if corner >> k & 1 == 1 { &constraints.upper } else { &constraints.lower };
-        (pose.x, pose.y, pose.z) = (side(0)[0], side(1)[1], side(2)[2]);
+        let side = |k: usize| if corner >> k & 1 == 1 { high[k] } else { low[k] };
+        (pose.x, pose.y, pose.z) = (side(0), side(1), side(2));
         let lidars = before.lidars.iter().copied().chain([pose]).collect();
         Placement { name: format!("corner-{corner}"), lidars }
     });

@@ -19,7 +19,7 @@ const BROKEN: f64 = 1e200;
 const OPTIMIZED: [&str; 2] = ["optimized", "optimized for the worst loss"];
 
 pub(super) fn loss(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
-    let lidars = scene.constraints().lidars;
+    let lidars = scene.constraints().lidars();
     if lidars < 2 {
         return Err(StudyError::OneLidar { scene: scene.place() });
     }

@@ -1,23 +1,84 @@
 //! Rules of a mount, and the ways in which a placement breaks them.
 
-use super::mirror::{SLACK, pairs};
-use super::{Mount, Placement, SensorPose};
+use std::sync::Arc;
 
-/// Rules of a mount, in the ego frame: bounds of the poses, distances, keep-out boxes, ties.
+use super::mirror::{SLACK, pairs};
+use super::{Mount, Placement, Region, SensorName, SensorPose};
+
+/// What a placement must keep: a region and a model for each LiDAR, distances, keep-out boxes, ties.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Constraints {
-    /// Lower bounds of x, y, z (m), roll, pitch, yaw (rad).
-    pub lower: [f64; 6],
-    /// Upper bounds, same order; equal to the lower one where nothing may vary.
-    pub upper: [f64; 6],
+    /// One a LiDAR of a placement.
+    pub slots: Vec<Slot>,
     /// Least distance between two LiDARs, in metres.
     pub min_distance: f64,
-    /// Number of LiDARs of a placement.
-    pub lidars: usize,
-    /// Lower and upper corners of the boxes that LiDARs keep out of, in metres; faces are allowed.
+    /// Lower and upper corners of the boxes in the ego frame that LiDARs keep out of, in metres; faces are
+    /// allowed.
     pub keep_out: Vec<[[f64; 3]; 2]>,
-    /// Rules that tie the LiDARs of a placement together.
+    /// Rules that tie the LiDARs of a placement together; only where all slots are alike.
     pub ties: Ties,
+}
+
+/// What one LiDAR of a placement may be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Slot {
+    /// Where it may stand.
+    pub region: Arc<Region>,
+    /// Its model; none: the vehicle's first.
+    pub sensor: SensorName,
+}
+
+impl Constraints {
+    /// Bounds alone: `lidars` LiDARs of the first model in a box of the ego frame, with lower and upper
+    /// bounds of x, y, z (m), roll, pitch and yaw (rad).
+    pub fn in_box(lower: [f64; 6], upper: [f64; 6], lidars: usize) -> Self {
+        let region = Arc::new(Region { lower, upper, ..Region::default() });
+        let slot = Slot { region, sensor: SensorName::default() };
+        Self { slots: vec![slot; lidars], ..Self::default() }
+    }
+
+    /// Number of LiDARs of a placement.
+    pub fn lidars(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// The same for another number of LiDARs, each like the first.
+    pub fn with_lidars(&self, lidars: usize) -> Self {
+        let slots = self.slots.first().map(|slot| vec![slot.clone(); lidars]);
+        Self { slots: slots.unwrap_or_default(), ..self.clone() }
+    }
+
+    /// The same with every region changed.
+    pub fn with_regions(&self, change: impl Fn(&mut Region)) -> Self {
+        let mut changed = self.clone();
+        for slot in &mut changed.slots {
+            change(Arc::make_mut(&mut slot.region));
+        }
+        changed
+    }
+
+    /// Different slots in order of their first LiDAR, and how many LiDARs have each.
+    pub fn kinds(&self) -> Vec<(&Slot, usize)> {
+        let mut kinds: Vec<(&Slot, usize)> = Vec::new();
+        for slot in &self.slots {
+            match kinds.iter_mut().find(|(known, _)| *known == slot) {
+                Some((_, count)) => *count += 1,
+                None => kinds.push((slot, 1)),
+            }
+        }
+        kinds
+    }
+
+    /// Corners of the smallest box around all regions, in the ego frame.
+    pub fn corners(&self) -> [[f64; 3]; 2] {
+        let corners = self.slots.iter().map(|slot| slot.region.corners());
+        let joined = corners.reduce(|[low, high], [other_low, other_high]| {
+            let of =
+                |f: fn(f64, f64) -> f64, a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|k| f(a[k], b[k]));
+            [of(f64::min, low, other_low), of(f64::max, high, other_high)]
+        });
+        joined.unwrap_or_default()
+    }
 }
 
 impl From<&Mount> for Constraints {
@@ -27,13 +88,12 @@ impl From<&Mount> for Constraints {
             let [x, y, z] = corner;
             [x, y, z, angles[0][side], angles[1][side], angles[2][side]]
         };
+        let (lower, upper) = (bound(0, mount.min), bound(1, mount.max));
         Self {
-            lower: bound(0, mount.min),
-            upper: bound(1, mount.max),
             min_distance: mount.min_distance,
-            lidars: mount.lidars as usize,
             keep_out: mount.keep_out.clone(),
             ties: Ties { equal_height: mount.equal_height, symmetric: mount.symmetric },
+            ..Self::in_box(lower, upper, mount.lidars as usize)
         }
     }
 }
@@ -67,6 +127,13 @@ pub enum Violation {
         field: &'static str,
         /// Distance from the bound, in m or rad.
         by: f64,
+    },
+    /// No slot is left for a LiDAR of its model.
+    NoPlace {
+        /// Index of the LiDAR.
+        lidar: usize,
+        /// Its model.
+        sensor: SensorName,
     },
     /// Two LiDARs are closer than allowed.
     TooClose {
@@ -107,6 +174,8 @@ impl Violation {
             | Self::KeptOut { by, .. }
             | Self::UnequalHeight { by }
             | Self::NotMirrored { by, .. } => *by,
+            // Farther than anything that a move of a LiDAR mends.
+            Self::NoPlace { .. } => 1e3,
         }
     }
 }
@@ -116,6 +185,12 @@ impl std::fmt::Display for Violation {
         match self {
             Self::OutsideMount { lidar, field, by } => {
                 write!(f, "LiDAR {lidar}: {field} is {by:.3} outside the mount")
+            }
+            Self::NoPlace { lidar, sensor } if sensor.is_none() => {
+                write!(f, "LiDAR {lidar}: there is no mount for one more sensor without a name")
+            }
+            Self::NoPlace { lidar, sensor } => {
+                write!(f, "LiDAR {lidar}: there is no mount for one more `{sensor}`")
             }
             Self::TooClose { lidars: [a, b], by } => {
                 write!(f, "LiDARs {a} and {b} are {by:.3} m too close")
@@ -134,16 +209,64 @@ impl std::fmt::Display for Violation {
 }
 
 impl Constraints {
+    /// A slot for each LiDAR of a placement, by its model and where it stands: the nearest ones where it
+    /// has too many of a kind. Slots that are alike go to LiDARs in the order of their fields.
+    fn slots_of(&self, lidars: &[SensorPose]) -> Vec<Option<usize>> {
+        let mut free: Vec<bool> = vec![true; self.slots.len()];
+        let mut chosen = vec![None; lidars.len()];
+        let mut order: Vec<usize> = (0..lidars.len()).collect();
+        order.sort_by(|&a, &b| in_order(&lidars[a], &lidars[b]));
+        // LiDARs that stand in a region come first; the others take what is left.
+        for must_fit in [true, false] {
+            for &lidar in &order {
+                let pose = &lidars[lidar];
+                if chosen[lidar].is_some() {
+                    continue;
+                }
+                let off = |slot: usize| -> f64 {
+                    self.slots[slot].region.outside(pose).iter().map(|(_, by)| by).sum()
+                };
+                let fits = |slot: &usize| free[*slot] && self.slots[*slot].sensor == pose.sensor;
+                let nearest = (0..self.slots.len())
+                    .filter(fits)
+                    .map(|slot| (slot, off(slot)))
+                    .min_by(|a, b| a.1.total_cmp(&b.1))
+                    .filter(|(_, off)| !must_fit || *off == 0.0);
+                if let Some((slot, _)) = nearest {
+                    free[slot] = false;
+                    chosen[lidar] = Some(slot);
+                }
+            }
+        }
+        chosen
+    }
+
+    /// The LiDARs of a placement in the order of the slots; `None` unless each slot has one.
+    pub fn in_slots(&self, lidars: &[SensorPose]) -> Option<Vec<SensorPose>> {
+        if lidars.len() != self.slots.len() {
+            return None;
+        }
+        let mut by_slot: Vec<(usize, SensorPose)> = Vec::new();
+        for (slot, pose) in self.slots_of(lidars).into_iter().zip(lidars) {
+            by_slot.push((slot?, *pose));
+        }
+        by_slot.sort_by_key(|(slot, _)| *slot);
+        Some(by_slot.into_iter().map(|(_, pose)| pose).collect())
+    }
+
     /// Broken rules; empty for a placement that keeps all.
     pub fn violations(&self, placement: &Placement) -> Vec<Violation> {
         let mut found = Vec::new();
+        let alike = self.kinds().len() == 1;
+        let slots = if alike { Vec::new() } else { self.slots_of(&placement.lidars) };
         for (lidar, pose) in placement.lidars.iter().enumerate() {
-            for (k, (field, value)) in pose.fields().into_iter().enumerate() {
-                let by = (self.lower[k] - value).max(value - self.upper[k]);
-                if by > SLACK {
-                    found.push(Violation::OutsideMount { lidar, field, by });
-                }
-            }
+            let slot = if alike { Some(0) } else { slots[lidar] };
+            let Some(slot) = slot.filter(|&slot| self.slots[slot].sensor == pose.sensor) else {
+                found.push(Violation::NoPlace { lidar, sensor: pose.sensor });
+                continue;
+            };
+            let outside = self.slots[slot].region.outside(pose).into_iter();
+            found.extend(outside.map(|(field, by)| Violation::OutsideMount { lidar, field, by }));
         }
         for (a, first) in placement.lidars.iter().enumerate() {
             for (b, second) in placement.lidars.iter().enumerate().skip(a + 1) {
@@ -191,9 +314,13 @@ impl Constraints {
     pub fn untied(&self) -> Self {
         Self { ties: Ties::default(), ..self.clone() }
     }
+}
 
-    /// Indices of the pose fields that may vary.
-    pub fn free_fields(&self) -> Vec<usize> {
-        (0..6).filter(|&k| self.upper[k] > self.lower[k]).collect()
-    }
+/// Order of poses: by x, then y, z, roll, pitch, yaw.
+fn in_order(a: &SensorPose, b: &SensorPose) -> std::cmp::Ordering {
+    let fields = a.values().into_iter().zip(b.values());
+    fields
+        .map(|(a, b)| a.total_cmp(&b))
+        .find(|order| order.is_ne())
+        .unwrap_or(std::cmp::Ordering::Equal)
 }

@@ -1,7 +1,9 @@
 //! Numbered sensor poses on a grid in the mount.
 
+use std::ops::Range;
+
 use super::mirror::{MIRRORED, pairs};
-use super::{Constraints, Placement, SensorPose, Ties};
+use super::{Constraints, Placement, Region, SensorPose, Slot, Ties};
 
 /// Grid values are rounded to multiples of 1/`DECIMALS`: 0.1 · 3 becomes 0.3.
 const DECIMALS: f64 = 1e12;
@@ -17,13 +19,24 @@ pub struct Spacing {
     pub radians: f64,
 }
 
-/// All sensor poses on a grid of density δ within a mount.
+/// All sensor poses on a grid of density δ within the regions of a mount.
 ///
 /// Along each pose field the grid starts at the lower bound and ends at the last step within the upper
 /// one. For mirrored pairs, y, roll and yaw run from −kδ to kδ instead: the mirror image of a pose is on
-/// the grid. Poses are numbered from 0, with yaw fastest and x slowest.
+/// the grid. Poses are numbered from 0, one kind of slot after the other, with yaw fastest and x slowest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseGrid {
+    parts: Vec<Part>,
+    /// Part of each LiDAR of a placement.
+    part_of_lidar: Vec<usize>,
+}
+
+/// The poses of one kind of slot.
+#[derive(Debug, Clone, PartialEq)]
+struct Part {
+    slot: Slot,
+    /// Number of its first pose.
+    first: u32,
     lower: [f64; 6],
     step: [f64; 6],
     count: [u32; 6],
@@ -60,91 +73,91 @@ impl PoseGrid {
                 return Err(PoseGridError::BadSpacing { value, unit });
             }
         }
-        let Spacing { metres, radians } = spacing;
-        let step = [metres, metres, metres, radians, radians, radians];
-        let whole = |extent: f64, k: usize| {
-            // Bounds are decimal: 1.2 m is 12 steps of 0.1 m, though 1.2 / 0.1 = 11.999… in `f64`.
-            let steps = extent / step[k];
-            if (steps - steps.round()).abs() < 1e-9 { steps.round() } else { steps.floor() }
-        };
-        let centred = |k: usize| constraints.ties.symmetric && MIRRORED.contains(&k);
-        let steps = |k: usize| match centred(k) {
-            true => 2.0 * whole(constraints.upper[k], k),
-            false => whole(constraints.upper[k] - constraints.lower[k], k),
-        };
-        let poses = (0..6).fold(1u128, |product, k| product.saturating_mul(steps(k) as u128 + 1));
-        if poses > u128::from(MAX_POSES) {
-            return Err(PoseGridError::TooManyPoses { poses });
+        let (mut parts, mut poses): (Vec<Part>, u128) = (Vec::new(), 0);
+        for (slot, _) in constraints.kinds() {
+            let (part, count) = Part::new(slot, poses as u32, spacing, constraints.ties.symmetric);
+            poses += count;
+            if poses > u128::from(MAX_POSES) {
+                return Err(PoseGridError::TooManyPoses { poses });
+            }
+            parts.push(part);
         }
-        let count = [0, 1, 2, 3, 4, 5].map(|k| steps(k) as u32 + 1);
-        let lower = [0, 1, 2, 3, 4, 5].map(|k| match centred(k) {
-            true => 0.0 - 0.5 * steps(k) * step[k],
-            false => constraints.lower[k],
-        });
-        Ok(Self { lower, step, count })
+        let part_of = |slot: &Slot| parts.iter().position(|part| part.slot == *slot);
+        let part_of_lidar = constraints.slots.iter().filter_map(part_of).collect();
+        Ok(Self { parts, part_of_lidar })
     }
 
     /// Number of poses.
     pub fn len(&self) -> u32 {
-        self.count.iter().product()
+        self.parts.last().map_or(0, |part| part.first + part.len())
     }
 
-    /// False: a grid has at least the pose at the lower bounds.
+    /// Whether there is no pose at all: no LiDAR has a place.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
+    /// Numbers of the poses that a LiDAR may take.
+    pub fn poses_of_lidar(&self, lidar: usize) -> Range<u32> {
+        let part = &self.parts[self.part_of_lidar[lidar]];
+        part.first..part.first + part.len()
+    }
+
+    /// Kind of slot that a pose belongs to, from 0.
+    pub fn kind(&self, number: u32) -> usize {
+        self.parts.partition_point(|part| part.first <= number) - 1
+    }
+
+    /// LiDARs of each kind of slot.
+    pub fn lidars_by_kind(&self) -> Vec<usize> {
+        let of = |kind| self.part_of_lidar.iter().filter(|&&part| part == kind).count();
+        (0..self.parts.len()).map(of).collect()
+    }
+
     /// Distance of neighbours along each pose field, in m and rad.
     pub fn step(&self) -> [f64; 6] {
-        self.step
+        self.parts.first().map_or([0.0; 6], |part| part.step)
     }
 
     /// Pose of a number below [`Self::len`].
     pub fn pose(&self, number: u32) -> SensorPose {
-        let steps = self.steps_of(number);
-        let [x, y, z, roll, pitch, yaw] = [0, 1, 2, 3, 4, 5].map(|k| {
-            let value = self.lower[k] + f64::from(steps[k]) * self.step[k];
-            // + 0.0 turns −0 into 0, which prints without a sign.
-            if self.count[k] == 1 { value } else { (value * DECIMALS).round() / DECIMALS + 0.0 }
-        });
-        SensorPose::from_values([x, y, z, roll, pitch, yaw])
+        self.part(number).pose(number)
     }
 
-    /// Number of the pose nearest to `pose` along each field.
-    pub fn nearest(&self, pose: &SensorPose) -> u32 {
-        let fields = pose.fields();
-        self.number_of([0, 1, 2, 3, 4, 5].map(|k| {
-            let steps = ((fields[k].1 - self.lower[k]) / self.step[k]).round();
-            steps.clamp(0.0, f64::from(self.count[k] - 1)) as u32
-        }))
+    /// Number of the pose nearest to `pose` along each field, among those of one LiDAR.
+    pub fn nearest(&self, lidar: usize, pose: &SensorPose) -> u32 {
+        self.parts[self.part_of_lidar[lidar]].nearest(pose)
     }
 
     /// Number of the mirror image of a pose, on a grid for mirrored pairs.
     pub fn mirrored(&self, number: u32) -> u32 {
-        let mut steps = self.steps_of(number);
-        MIRRORED.iter().for_each(|&k| steps[k] = self.count[k] - 1 - steps[k]);
-        self.number_of(steps)
+        let part = self.part(number);
+        let mut steps = part.steps_of(number);
+        MIRRORED.iter().for_each(|&k| steps[k] = part.count[k] - 1 - steps[k]);
+        part.number_of(steps)
     }
 
     /// Number of a pose moved to the height of another.
     pub fn at_height_of(&self, number: u32, other: u32) -> u32 {
-        let mut steps = self.steps_of(number);
-        steps[2] = self.steps_of(other)[2];
-        self.number_of(steps)
+        let part = self.part(number);
+        let mut steps = part.steps_of(number);
+        steps[2] = self.part(other).steps_of(other)[2].min(part.count[2] - 1);
+        part.number_of(steps)
     }
 
-    /// Numbers of the poses nearest to a placement's; for mirrored pairs, the nearest of the LiDAR of
-    /// larger y and its mirror image.
+    /// Numbers of the poses nearest to a placement's, whose LiDARs are in the order of the slots; for
+    /// mirrored pairs, the nearest of the LiDAR of larger y and its mirror image.
     pub fn numbers_of(&self, placement: &Placement, ties: Ties) -> Vec<u32> {
         let lidars = &placement.lidars;
         if !ties.symmetric {
-            return lidars.iter().map(|pose| self.nearest(pose)).collect();
+            let numbered = lidars.iter().take(self.part_of_lidar.len()).enumerate();
+            return numbered.map(|(lidar, pose)| self.nearest(lidar, pose)).collect();
         }
         let pairs = pairs(lidars);
         let single = pairs.in_plane.iter().chain(&pairs.alone);
-        let single = single.map(|&lidar| self.nearest(&lidars[lidar]));
+        let single = single.map(|&lidar| self.nearest(0, &lidars[lidar]));
         let both = pairs.mirrored.iter().flat_map(|&[left, _]| {
-            let left = self.nearest(&lidars[left]);
+            let left = self.nearest(0, &lidars[left]);
             [left, self.mirrored(left)]
         });
         both.chain(single).collect()
@@ -159,6 +172,67 @@ impl PoseGrid {
 
     /// Poses at most `radius` steps from `number` along one field and equal in the others, rising.
     pub fn along(&self, number: u32, radius: u32) -> Vec<u32> {
+        self.part(number).along(number, radius)
+    }
+
+    /// Poses at most `radius` steps from `number` along every field, itself included, rising.
+    pub fn around(&self, number: u32, radius: u32) -> Vec<u32> {
+        self.part(number).around(number, radius)
+    }
+
+    fn part(&self, number: u32) -> &Part {
+        &self.parts[self.kind(number)]
+    }
+}
+
+impl Part {
+    /// The grid of a slot, its first pose numbered `first`, and its number of poses.
+    fn new(slot: &Slot, first: u32, spacing: Spacing, symmetric: bool) -> (Self, u128) {
+        let Spacing { metres, radians } = spacing;
+        let step = [metres, metres, metres, radians, radians, radians];
+        let whole = |extent: f64, k: usize| {
+            // Bounds are decimal: 1.2 m is 12 steps of 0.1 m, though 1.2 / 0.1 = 11.999… in `f64`.
+            let steps = extent / step[k];
+            if (steps - steps.round()).abs() < 1e-9 { steps.round() } else { steps.floor() }
+        };
+        let centred = |k: usize| symmetric && MIRRORED.contains(&k);
+        let Region { lower, upper, .. } = &*slot.region;
+        let steps = |k: usize| match centred(k) {
+            true => 2.0 * whole(upper[k], k),
+            false => whole(upper[k] - lower[k], k),
+        };
+        let poses = (0..6).fold(1u128, |product, k| product.saturating_mul(steps(k) as u128 + 1));
+        let count = [0, 1, 2, 3, 4, 5].map(|k| steps(k) as u32 + 1);
+        let lower = [0, 1, 2, 3, 4, 5].map(|k| match centred(k) {
+            true => 0.0 - 0.5 * steps(k) * step[k],
+            false => lower[k],
+        });
+        (Self { slot: slot.clone(), first, lower, step, count }, poses)
+    }
+
+    fn len(&self) -> u32 {
+        self.count.iter().product()
+    }
+
+    fn pose(&self, number: u32) -> SensorPose {
+        let steps = self.steps_of(number);
+        let fields = [0, 1, 2, 3, 4, 5].map(|k| {
+            let value = self.lower[k] + f64::from(steps[k]) * self.step[k];
+            // + 0.0 turns −0 into 0, which prints without a sign.
+            if self.count[k] == 1 { value } else { (value * DECIMALS).round() / DECIMALS + 0.0 }
+        });
+        self.slot.region.pose(fields, self.slot.sensor)
+    }
+
+    fn nearest(&self, pose: &SensorPose) -> u32 {
+        let fields = self.slot.region.fields(pose);
+        self.number_of([0, 1, 2, 3, 4, 5].map(|k| {
+            let steps = ((fields[k] - self.lower[k]) / self.step[k]).round();
+            steps.clamp(0.0, f64::from(self.count[k] - 1)) as u32
+        }))
+    }
+
+    fn along(&self, number: u32, radius: u32) -> Vec<u32> {
         let centre = self.steps_of(number);
         let mut found = Vec::new();
         for k in 0..6 {
@@ -175,8 +249,7 @@ impl PoseGrid {
         found
     }
 
-    /// Poses at most `radius` steps from `number` along every field, itself included, rising.
-    pub fn around(&self, number: u32, radius: u32) -> Vec<u32> {
+    fn around(&self, number: u32, radius: u32) -> Vec<u32> {
         let centre = self.steps_of(number);
         let mut found = vec![[0u32; 6]];
         for k in 0..6 {
@@ -197,7 +270,7 @@ impl PoseGrid {
     }
 
     fn steps_of(&self, number: u32) -> [u32; 6] {
-        let mut rest = number;
+        let mut rest = number - self.first;
         let mut steps = [0; 6];
         for k in (0..6).rev() {
             steps[k] = rest % self.count[k];
@@ -207,7 +280,8 @@ impl PoseGrid {
     }
 
     fn number_of(&self, steps: [u32; 6]) -> u32 {
-        steps.iter().zip(self.count).fold(0, |number, (step, count)| number * count + step)
+        let within = steps.iter().zip(self.count);
+        self.first + within.fold(0, |number, (step, count)| number * count + step)
     }
 }
 
@@ -217,11 +291,12 @@ mod tests {
 
     fn constraints() -> Constraints {
         Constraints {
-            lower: [-0.6, -0.6, 2.2, -0.3, 0.0, 0.0],
-            upper: [0.6, 0.6, 2.8, 0.3, 0.0, 0.0],
             min_distance: 0.2,
-            lidars: 4,
-            ..Constraints::default()
+            ..Constraints::in_box(
+                [-0.6, -0.6, 2.2, -0.3, 0.0, 0.0],
+                [0.6, 0.6, 2.8, 0.3, 0.0, 0.0],
+                4,
+            )
         }
     }
 
@@ -230,14 +305,14 @@ mod tests {
         let grid = PoseGrid::new(&constraints(), Spacing { metres: 0.1, radians: 0.1 }).unwrap();
         assert_eq!(grid.len(), 13 * 13 * 7 * 7);
         let pose = SensorPose { roll: 0.1, ..SensorPose::at(-0.4, 0.3, 2.7) };
-        assert_eq!(grid.pose(grid.nearest(&pose)), pose, "to the bit");
+        assert_eq!(grid.pose(grid.nearest(0, &pose)), pose, "to the bit");
         for number in (0..grid.len()).step_by(97) {
-            assert_eq!(grid.nearest(&grid.pose(number)), number);
+            assert_eq!(grid.nearest(0, &grid.pose(number)), number);
         }
         let corner = grid.around(0, 1);
         assert_eq!(corner.len(), 16, "two steps along each of four free fields");
         assert!(corner.is_sorted() && corner[0] == 0);
-        let number = grid.nearest(&pose);
+        let number = grid.nearest(0, &pose);
         assert_eq!(grid.around(number, 2).len(), 5 * 5 * 4 * 5);
         // Two steps down and one up along z, four ways along the other free fields, and itself.
         assert_eq!(grid.along(number, 2).len(), 4 + 4 + 3 + 4 + 1);

@@ -41,13 +41,8 @@ mod tests {
 
     #[test]
     fn placements_by_the_rules_are_those_of_all_draws_that_keep_them() {
-        let mut mount = Constraints {
-            lower: [-1.0, -1.0, 2.0, 0.0, 0.0, 0.0],
-            upper: [1.0, 1.0, 2.5, 0.1, 0.0, 0.0],
-            min_distance: 1.0,
-            lidars: 3,
-            ..Constraints::default()
-        };
+        let (lower, upper) = ([-1.0, -1.0, 2.0, 0.0, 0.0, 0.0], [1.0, 1.0, 2.5, 0.1, 0.0, 0.0]);
+        let mut mount = Constraints { min_distance: 1.0, ..Constraints::in_box(lower, upper, 3) };
         let all = random_placements(&mount, 400, 7);
         let kept: Vec<_> = all.iter().filter(|p| mount.violations(p).is_empty()).collect();
         assert!(kept.len() > 20 && kept.len() < 380, "{} of 400", kept.len());

@@ -1,7 +1,7 @@
 //! Search variables: the pose fields of a placement that may vary and are not tied to others.
 
 use super::mirror::{MIRRORED, SLACK, pairs};
-use super::{Constraints, Placement, SensorPose};
+use super::{Constraints, Placement, SensorPose, Slot};
 
 /// One number of a search.
 struct Variable {
@@ -15,17 +15,18 @@ struct Variable {
 impl Constraints {
     /// Number of LiDARs in mirrored pairs; these come first.
     fn paired(&self) -> usize {
-        if self.ties.symmetric { self.lidars / 2 * 2 } else { 0 }
+        if self.ties.symmetric { self.lidars() / 2 * 2 } else { 0 }
     }
 
     fn variables(&self) -> Vec<Variable> {
         let paired = self.paired();
         let mut variables: Vec<Variable> = Vec::new();
         let mut height: Option<usize> = None;
-        for lidar in (0..self.lidars).filter(|&lidar| lidar >= paired || lidar % 2 == 0) {
+        for lidar in (0..self.lidars()).filter(|&lidar| lidar >= paired || lidar % 2 == 0) {
             let in_plane = self.ties.symmetric && lidar >= paired;
-            for field in self.free_fields() {
-                let (mut lower, upper) = (self.lower[field], self.upper[field]);
+            let region = &self.slots[lidar].region;
+            for field in region.free_fields() {
+                let (mut lower, upper) = (region.lower[field], region.upper[field]);
                 let mirrored = MIRRORED.contains(&field);
                 if in_plane && mirrored {
                     continue;
@@ -60,21 +61,22 @@ impl Constraints {
 
     /// Poses from search variables, in the order of [`Self::variable_bounds`].
     pub fn poses_of(&self, variables: &[f64]) -> Vec<SensorPose> {
-        let mut fixed = self.lower;
-        if self.ties.symmetric {
-            // The ranges of y, roll and yaw run from −a to a.
-            MIRRORED.iter().for_each(|&k| fixed[k] = 0.0);
-        }
-        let mut poses = vec![fixed; self.lidars];
+        let rest = |slot: &Slot| {
+            let mut fixed = slot.region.lower;
+            if self.ties.symmetric {
+                // The ranges of y, roll and yaw run from −a to a.
+                MIRRORED.iter().for_each(|&k| fixed[k] = 0.0);
+            }
+            fixed
+        };
+        let mut fields: Vec<[f64; 6]> = self.slots.iter().map(rest).collect();
         for (variable, value) in self.variables().iter().zip(variables) {
             for &(lidar, sign) in &variable.sets {
-                poses[lidar][variable.field] = if sign < 0.0 { 0.0 - value } else { *value };
+                fields[lidar][variable.field] = if sign < 0.0 { 0.0 - value } else { *value };
             }
         }
-        let pose = |[x, y, z, roll, pitch, yaw]: [f64; 6]| {
-            SensorPose::from_values([x, y, z, roll, pitch, yaw])
-        };
-        poses.into_iter().map(pose).collect()
+        let slots = self.slots.iter().zip(fields);
+        slots.map(|(slot, fields)| slot.region.pose(fields, slot.sensor)).collect()
     }
 
     /// Search variables of a placement, its poses moved into the bounds.
@@ -83,8 +85,11 @@ impl Constraints {
     /// ⌊n/2⌋ mirrored pairs, so two LiDARs in the plane y = 0 are no pair.
     pub fn variables_of(&self, placement: &Placement) -> Option<Vec<f64>> {
         let mut lidars = placement.lidars.clone();
-        if lidars.len() != self.lidars {
+        if lidars.len() != self.lidars() {
             return None;
+        }
+        if self.kinds().len() > 1 {
+            lidars = self.in_slots(&lidars)?;
         }
         if self.ties.symmetric {
             let pairs = pairs(&lidars);
@@ -94,8 +99,8 @@ impl Constraints {
             let order = pairs.mirrored.iter().flatten().chain(&pairs.in_plane);
             lidars = order.map(|&lidar| placement.lidars[lidar]).collect();
         }
-        let fields: Vec<[f64; 6]> =
-            lidars.iter().map(|pose| pose.fields().map(|(_, value)| value)).collect();
+        let slots = self.slots.iter().zip(&lidars);
+        let fields: Vec<[f64; 6]> = slots.map(|(slot, pose)| slot.region.fields(pose)).collect();
         let variables = self.variables();
         let tied = variables.iter().all(|variable| {
             let first = fields[variable.sets[0].0][variable.field];
@@ -121,12 +126,14 @@ mod tests {
 
     fn constraints(lidars: usize, equal_height: bool, symmetric: bool) -> Constraints {
         Constraints {
-            lower: [-0.6, -0.6, 2.2, -0.3, -0.1, -1.0],
-            upper: [0.6, 0.6, 2.8, 0.3, 0.2, 1.0],
             min_distance: 0.2,
-            lidars,
             keep_out: vec![[[-0.2, -0.3, 2.0], [0.3, 0.1, 2.4]]],
             ties: Ties { equal_height, symmetric },
+            ..Constraints::in_box(
+                [-0.6, -0.6, 2.2, -0.3, -0.1, -1.0],
+                [0.6, 0.6, 2.8, 0.3, 0.2, 1.0],
+                lidars,
+            )
         }
     }
 

@@ -95,7 +95,7 @@ fn grid(constraints: &Constraints, settings: &Settings) -> Result<PoseGrid, Sear
     if let Some(spacing) = settings.delta {
         return Ok(PoseGrid::new(constraints, spacing)?);
     }
-    let most = settings.poses_for_swaps(constraints.lidars).max(FEW_POSES);
+    let most = settings.poses_for_swaps(constraints.lidars()).max(FEW_POSES);
     let mut spacing = COARSE_SPACING;
     loop {
         let grid = PoseGrid::new(constraints, spacing)?;

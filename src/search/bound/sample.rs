@@ -48,8 +48,9 @@ impl GridSample {
         seed: u64,
     ) -> Result<Self, SearchError> {
         let constraints = evaluator.constraints().untied();
-        let free = constraints.free_fields();
-        let delta = free.iter().map(|&k| grid.step()[k]).fold(0.0, f64::max);
+        let lidars = constraints.lidars();
+        let free = constraints.slots.iter().flat_map(|slot| slot.region.free_fields());
+        let delta = free.map(|k| grid.step()[k]).fold(0.0, f64::max);
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut placements = Vec::new();
         for _ in 0..100 * samples {
@@ -57,8 +58,8 @@ impl GridSample {
                 break;
             }
             let poses: Vec<u32> =
-                (0..constraints.lidars).map(|_| rng.random_range(0..grid.len())).collect();
-            let lidar = rng.random_range(0..constraints.lidars);
+                (0..lidars).map(|lidar| rng.random_range(grid.poses_of_lidar(lidar))).collect();
+            let lidar = rng.random_range(0..lidars);
             let mut near = grid.along(poses[lidar], 1);
             near.retain(|&pose| pose != poses[lidar]);
             if near.is_empty() {

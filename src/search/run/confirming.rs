@@ -36,7 +36,8 @@ impl Run {
         let evaluations = self.state.generations.evaluations();
         let constraints = self.problem.constraints();
         let swapped = self.state.swaps.as_ref().map_or(0, |swaps| swaps.poses_cast);
-        let used = |levels: &FramesOnDemand| levels.used(evaluations, swapped, constraints.lidars);
+        let used =
+            |levels: &FramesOnDemand| levels.used(evaluations, swapped, constraints.lidars());
         let search_frames = self.frames().len();
         let sample = self.state.bounds.as_ref().filter(|_| best.is_some());
         let engine = self.sitting.evaluator.as_ref().map(|evaluator| evaluator.backend());

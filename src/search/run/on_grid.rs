@@ -21,7 +21,7 @@ impl Run {
         starts.extend(self.best_baseline(watch)?);
         let on_grid = SwapSettings {
             spacing: settings.delta.unwrap_or(SWAP_SPACING),
-            casts: settings.poses_for_swaps(self.problem.constraints().lidars),
+            casts: settings.poses_for_swaps(self.problem.constraints().lidars()),
             memory: self.memory() / 2,
             seed: settings.seed,
         };
@@ -50,7 +50,7 @@ impl Run {
 
     /// The best baseline that keeps every rule and violates no guard.
     fn best_baseline(&mut self, watch: &mut Watch) -> Result<Option<Placement>, SearchError> {
-        let lidars = self.problem.constraints().lidars;
+        let lidars = self.problem.constraints().lidars();
         let mut good = self.baselines(watch)?;
         good.retain(|baseline| {
             baseline.violations.is_empty()
