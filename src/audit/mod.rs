@@ -110,8 +110,8 @@ pub fn audit(
     let mut stability = mounted(&mut own, &ranking, azimuth_step(scene.lidar()))?;
     tell(AuditEvent::PartDone);
     for world in changed_worlds(scene, psog, settings.frames)? {
-        let table = scene.lidar().table()?;
-        let problem = Problem::on_grid_of(&world.psog, scene, table, &world.frames)?;
+        let sensors = scene.sensors()?;
+        let problem = Problem::on_grid_of(&world.psog, scene, sensors, &world.frames)?;
         let scores = evaluator(problem, settings)?.0.scores(honest)?;
         stability.push(ranking.under(&world.name, &[scores]));
     }

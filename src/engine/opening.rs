@@ -81,8 +81,8 @@ impl Problem {
     /// # Errors
     /// A sensor without beams; a P-SOG on another grid than the scene's region of interest.
     pub fn with_psog(scene: &Scene, psog: &Psog, frames: &[usize]) -> Result<Self, OpenError> {
-        let table = scene.lidar().table()?;
-        Self::from_scene(scene, psog, table, frames).map_err(|source| {
+        let sensors = scene.sensors()?;
+        Self::from_scene(scene, psog, sensors, frames).map_err(|source| {
             let psog = match scene.psog_source() {
                 PsogSource::File(file) => Some(file),
                 PsogSource::Scan(_) => None,

@@ -112,7 +112,7 @@ impl Problem {
         };
         let ends_at_hits = matches!(scene.coverage(), Coverage::FirstHit);
         let problem = Self::new(*roi, content, sensors, world, ends_at_hits);
-        Ok(problem.numbered(frames).with_constraints(scene.mount().into()))
+        Ok(problem.numbered(frames).with_constraints(scene.constraints()))
     }
 }
 

@@ -5,7 +5,7 @@
 use serde::Deserialize;
 use serde::de::{Error as _, MapAccess, Visitor};
 
-use crate::vehicle::{LidarDescription, MountDescription};
+use crate::vehicle::{LidarDescription, MountDescription, VehicleDescription};
 
 /// A whole scene file.
 #[derive(Debug, Deserialize)]
@@ -17,8 +17,9 @@ pub(crate) struct SceneDescription {
     pub name: Option<String>,
     pub roi: RoiDescription,
     pub psog: Option<PsogDescription>,
-    pub lidar: LidarDescription,
-    pub mount: MountDescription,
+    pub lidar: Option<LidarDescription>,
+    pub mount: Option<MountDescription>,
+    pub vehicle: Option<VehicleSource>,
     pub coverage: Option<String>,
     pub classes: Option<Vec<String>>,
     pub detection: Option<Vec<String>>,
@@ -30,6 +31,38 @@ pub(crate) struct SceneDescription {
     pub actors: Vec<ActorDescription>,
     pub frames: Option<u64>,
     pub ego: Option<EgoDescription>,
+}
+
+/// The vehicle of a scene.
+#[derive(Debug)]
+pub(crate) enum VehicleSource {
+    /// A file beside the scene.
+    File(String),
+    /// Written in the scene.
+    Inline(Box<VehicleDescription<ShapeDescription>>),
+}
+
+impl<'de> Deserialize<'de> for VehicleSource {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Source;
+        impl<'de> Visitor<'de> for Source {
+            type Value = VehicleSource;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("the name of a vehicle file, or a vehicle")
+            }
+
+            fn visit_str<E: serde::de::Error>(self, file: &str) -> Result<Self::Value, E> {
+                Ok(VehicleSource::File(file.to_owned()))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                let map = serde::de::value::MapAccessDeserializer::new(map);
+                Ok(VehicleSource::Inline(Box::new(VehicleDescription::deserialize(map)?)))
+            }
+        }
+        deserializer.deserialize_any(Source)
+    }
 }
 
 #[derive(Debug, Deserialize)]

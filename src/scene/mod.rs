@@ -5,6 +5,7 @@
 //! `scenes/README.md`. Reading loads every mesh once and keeps the world in `f64`; a frame moves
 //! it into the ego frame and only then rounds it to `f32`, and so does a part with its own frame.
 
+mod carrier;
 mod classes;
 mod description;
 mod mesh;
@@ -24,7 +25,8 @@ use glam::DVec3;
 
 use crate::geom::{Pose, TriangleSoup};
 use crate::json::{self, check};
-use crate::vehicle::{Lidar, Mount, MountRules};
+use crate::vehicle::{Constraints, Lidar, Mount, MountRules, SensorError, Sensors, Vehicle};
+use carrier::{Body, Carrier};
 use classes::Classes;
 use description::{ActorDescription, EgoDescription, SceneDescription, ShapeDescription};
 use route::Motion;
@@ -48,6 +50,7 @@ pub struct Scene {
     roi: RoiBounds,
     lidar: Lidar,
     mount: Mount,
+    vehicle: Option<Vehicle>,
     coverage: Coverage,
     psog: PsogSource,
     frames: usize,
@@ -160,6 +163,18 @@ impl Scene {
     ///
     /// Any [`DescriptionError`]; each names the file, the place in it and what to change.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, DescriptionError> {
+        Self::read_with(path, None)
+    }
+
+    /// The same with the vehicle of another file in place of what the scene says: its LiDAR and mount, its
+    /// vehicle, and the ego body if the file has one.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn read_with(
+        path: impl AsRef<Path>,
+        vehicle: Option<&Path>,
+    ) -> Result<Self, DescriptionError> {
         let path = path.as_ref();
         let bytes = json::read_limited(path, MAX_FILE)?;
         let name = path.display().to_string();
@@ -170,7 +185,8 @@ impl Scene {
             column: 1,
         })?;
         let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
-        let mut scene = Self::from_json(text, path.parent().unwrap_or(Path::new("")), &name)?;
+        let dir = path.parent().unwrap_or(Path::new(""));
+        let mut scene = Self::from_text(text, dir, &name, vehicle)?;
         scene.files.insert(0, path.to_owned());
         Ok(scene)
     }
@@ -189,25 +205,38 @@ impl Scene {
         dir: &Path,
         name_for_errors: &str,
     ) -> Result<Self, DescriptionError> {
+        Self::from_text(text, dir, name_for_errors, None)
+    }
+
+    fn from_text(
+        text: &str,
+        dir: &Path,
+        name_for_errors: &str,
+        vehicle: Option<&Path>,
+    ) -> Result<Self, DescriptionError> {
         json::check_version(text, name_for_errors)?;
-        let scene: SceneDescription = json::parse(text, name_for_errors)?;
+        let mut scene: SceneDescription = json::parse(text, name_for_errors)?;
         let top = Place::top(name_for_errors);
         let stem = || Path::new(name_for_errors).file_stem().unwrap_or_default().to_string_lossy();
-        let name = scene.name.filter(|name| !name.trim().is_empty());
+        let name = scene.name.take().filter(|name| !name.trim().is_empty());
         let name = name.map(|name| check::text(&top.key("name"), name)).transpose()?;
         let name = name.unwrap_or_else(|| stem().replace(char::is_control, "-"));
 
         let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
-        let mount = Mount::new(&top.key("mount"), &scene.mount)?;
+        let carrier = Carrier::new(&top, &mut scene, dir, vehicle)?;
+        let Carrier { lidar, mount, vehicle, body, mut files } = carrier;
         roi.check_mount(&top.key("mount"), &mount)?;
-        let mut files: Vec<PathBuf> = scene.lidar.file.iter().map(|file| dir.join(file)).collect();
-        let lidar = Lidar::new(&top.key("lidar"), scene.lidar, dir)?;
         let classes = Classes::new(&top, scene.classes, scene.detection)?;
 
         let mut builder = Builder::new(&top, &classes, &scene.shapes, dir);
         builder.check_named()?;
-        let things =
+        let mut things =
             Things::new(&mut builder, &top, &scene.world, &scene.actors, scene.ego.as_ref())?;
+        if let Some(Body { shapes, at, dir }) = body {
+            let mut builder = Builder::new(&at, &classes, &scene.shapes, &dir);
+            things.body = builder.list(&at.key("body"), &shapes)?;
+            files.extend(builder.files());
+        }
         files.extend(builder.files());
         let notes = builder.notes();
 
@@ -233,6 +262,7 @@ impl Scene {
             roi,
             lidar,
             mount,
+            vehicle,
             coverage,
             psog,
             frames,
@@ -299,8 +329,38 @@ impl Scene {
         rules: &MountRules,
         name_for_errors: &str,
     ) -> Result<Self, DescriptionError> {
-        self.mount = self.mount.narrowed(&Place::top(name_for_errors).key("mount"), rules)?;
+        let at = Place::top(name_for_errors).key("mount");
+        if self.vehicle.is_some() && *rules != MountRules::default() {
+            let (at, key) = (Box::new(at), "rules");
+            let mend = "the mounts are those of a vehicle; write the rules there".to_owned();
+            return Err(DescriptionError::Misplaced { at, key, mend });
+        }
+        self.mount = self.mount.narrowed(&at, rules)?;
         Ok(self)
+    }
+
+    /// The vehicle, if the scene has one in place of a LiDAR and a mount.
+    pub fn vehicle(&self) -> Option<&Vehicle> {
+        self.vehicle.as_ref()
+    }
+
+    /// Sensor models: those of the vehicle, or the one LiDAR.
+    ///
+    /// # Errors
+    /// A model without beams.
+    pub fn sensors(&self) -> Result<Sensors, SensorError> {
+        match &self.vehicle {
+            Some(vehicle) => vehicle.models(),
+            None => Ok(self.lidar.table()?.into()),
+        }
+    }
+
+    /// Rules of placements: of the vehicle with its cheapest equipment, or of the mount.
+    pub fn constraints(&self) -> Constraints {
+        match &self.vehicle {
+            Some(vehicle) => vehicle.constraints(&vehicle.cheapest()),
+            None => (&self.mount).into(),
+        }
     }
 
     /// Voxels that a beam covers.

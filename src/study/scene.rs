@@ -10,7 +10,7 @@ use crate::scan::scan_scene;
 use crate::scene::{PsogSource, Scene};
 use crate::score::{Objective, Scores};
 use crate::search::{Evaluator, Event, Settings, optimize};
-use crate::vehicle::{BeamTable, Constraints, Placement, table_7};
+use crate::vehicle::{Constraints, Placement, Sensors, table_7};
 
 /// A scene with its P-SOG and everything that the cases of a study share.
 pub(super) struct StudyScene<'a> {
@@ -52,7 +52,7 @@ impl<'a> StudyScene<'a> {
 
     /// The mount's rules as the scene has them.
     pub(super) fn constraints(&self) -> Constraints {
-        self.scene.mount().into()
+        self.scene.constraints()
     }
 
     /// Frames that every score is a mean over.
@@ -62,16 +62,16 @@ impl<'a> StudyScene<'a> {
 
     /// An evaluator of the scene as it is.
     pub(super) fn evaluator(&self) -> Result<Evaluator, StudyError> {
-        self.evaluator_with(self.scene.lidar().table()?, self.constraints())
+        self.evaluator_with(self.scene.sensors()?, self.constraints())
     }
 
     /// An evaluator with another sensor or other rules of the mount.
     pub(super) fn evaluator_with(
         &self,
-        table: BeamTable,
+        sensors: impl Into<Sensors>,
         constraints: Constraints,
     ) -> Result<Evaluator, StudyError> {
-        let problem = Problem::from_scene(self.scene, self.psog, table, &self.frames());
+        let problem = Problem::from_scene(self.scene, self.psog, sensors, &self.frames());
         let problem = problem.map_err(|source| self.misfit(source))?;
         self.open(problem.with_constraints(constraints))
     }
@@ -84,8 +84,8 @@ impl<'a> StudyScene<'a> {
         let bounds = self.scene.roi();
         let roi = Roi::from_bounds(bounds.min, bounds.max, voxel)?;
         let (psog, _) = scan_scene(self.scene, &roi, settings, || ())?;
-        let table = self.scene.lidar().table()?;
-        let problem = Problem::on_grid_of(&psog, self.scene, table, &self.frames());
+        let sensors = self.scene.sensors()?;
+        let problem = Problem::on_grid_of(&psog, self.scene, sensors, &self.frames());
         let problem = problem.map_err(|source| self.misfit(source))?;
         self.open(problem)
     }

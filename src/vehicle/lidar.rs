@@ -44,6 +44,11 @@ impl Lidar {
         }
     }
 
+    /// Whether it turns all the way round.
+    pub fn turns(&self) -> bool {
+        matches!(self, Self::Spinning { .. })
+    }
+
     /// Beams of one sensor in one frame.
     pub fn beam_count(&self) -> usize {
         match self {

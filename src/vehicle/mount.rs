@@ -57,21 +57,11 @@ impl Mount {
                 return Err(bad(&at.key("max").item(i), max[i], wanted));
             }
         }
-        let boxes = mount.keep_out.len();
-        if boxes > MAX_KEEP_OUT {
-            let at = Box::new(at.key("keep_out"));
-            let (count, limit) = (boxes as u64, MAX_KEEP_OUT as u64);
-            let mend = "join some";
-            return Err(DescriptionError::TooMany { at, what: "boxes", count, limit, mend });
-        }
         let min_distance = mount.min_distance;
         if !(0.0..=check::MAX_METRES).contains(&min_distance) {
             return Err(bad(&at.key("min_distance"), min_distance, "a distance of 0 m or more"));
         }
-        let keep_out = mount.keep_out.iter().enumerate();
-        let keep_out = keep_out
-            .map(|(i, cuboid)| keep_out_box(&at.key("keep_out").item(i), cuboid))
-            .collect::<Result<Vec<_>, _>>()?;
+        let keep_out = keep_out_boxes(&at.key("keep_out"), &mount.keep_out)?;
         let mount = Self {
             min,
             max,
@@ -193,6 +183,20 @@ impl Mount {
         let [xs, ys, zs] = &middles;
         xs.iter().all(|&x| ys.iter().all(|&y| zs.iter().all(|&z| inside([x, y, z]))))
     }
+}
+
+/// Lower and upper corners of boxes.
+pub(super) fn keep_out_boxes(
+    at: &Place,
+    boxes: &[KeepOutDescription],
+) -> Result<Vec<[[f64; 3]; 2]>, DescriptionError> {
+    if boxes.len() > MAX_KEEP_OUT {
+        let at = Box::new(at.clone());
+        let (count, limit) = (boxes.len() as u64, MAX_KEEP_OUT as u64);
+        let mend = "join some";
+        return Err(DescriptionError::TooMany { at, what: "boxes", count, limit, mend });
+    }
+    boxes.iter().enumerate().map(|(i, cuboid)| keep_out_box(&at.item(i), cuboid)).collect()
 }
 
 fn keep_out_box(

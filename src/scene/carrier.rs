@@ -1,0 +1,118 @@
+//! What carries the sensors in a scene: a LiDAR and a mount, or a vehicle.
+
+use std::path::{Path, PathBuf};
+
+use super::description::{SceneDescription, ShapeDescription, VehicleSource};
+use crate::json::{DescriptionError, Place};
+use crate::vehicle::{Lidar, Mount, Vehicle, VehicleDescription, read_vehicle};
+
+/// The sensors of a scene and where they may stand.
+pub(super) struct Carrier {
+    /// The LiDAR, or a vehicle's first model.
+    pub lidar: Lidar,
+    /// The mount, or a box around all mounts of a vehicle.
+    pub mount: Mount,
+    pub vehicle: Option<Vehicle>,
+    /// A body that takes the place of the scene's own.
+    pub body: Option<Body>,
+    pub files: Vec<PathBuf>,
+}
+
+/// Shapes of a vehicle's body.
+pub(super) struct Body {
+    pub shapes: Vec<ShapeDescription>,
+    pub at: Place,
+    /// Where its files are.
+    pub dir: PathBuf,
+}
+
+impl Carrier {
+    /// From a scene's description, or from the vehicle file given beside it.
+    pub fn new(
+        top: &Place,
+        scene: &mut SceneDescription,
+        dir: &Path,
+        given: Option<&Path>,
+    ) -> Result<Self, DescriptionError> {
+        let source = match (given, scene.vehicle.take()) {
+            (Some(file), _) => Some((Place::top(&file.display().to_string()), file.to_owned())),
+            (None, Some(VehicleSource::Inline(vehicle))) => {
+                only_vehicle(top, scene)?;
+                return Self::of_vehicle(top.key("vehicle"), *vehicle, None, dir);
+            }
+            (None, Some(VehicleSource::File(file))) => {
+                only_vehicle(top, scene)?;
+                let file = dir.join(file);
+                Some((Place::top(&file.display().to_string()), file))
+            }
+            (None, None) => None,
+        };
+        if let Some((at, file)) = source {
+            let dir = file.parent().unwrap_or(Path::new("")).to_owned();
+            return Self::of_vehicle(at, read_vehicle(&file)?, Some(file), &dir);
+        }
+        let missing = |key, mend: &str| DescriptionError::Missing {
+            at: Box::new(top.clone()),
+            key,
+            mend: mend.to_owned(),
+        };
+        let lidar = scene.lidar.take();
+        let lidar =
+            lidar.ok_or_else(|| missing("lidar", "describe the sensor, or give a `vehicle`"))?;
+        let mount = scene.mount.take();
+        let mount = mount
+            .ok_or_else(|| missing("mount", "say where sensors may stand, or give a `vehicle`"))?;
+        let mount = Mount::new(&top.key("mount"), &mount)?;
+        let files = lidar.file.iter().map(|file| dir.join(file)).collect();
+        let lidar = Lidar::new(&top.key("lidar"), lidar, dir)?;
+        Ok(Self { lidar, mount, vehicle: None, body: None, files })
+    }
+
+    fn of_vehicle(
+        at: Place,
+        mut vehicle: VehicleDescription<ShapeDescription>,
+        file: Option<PathBuf>,
+        dir: &Path,
+    ) -> Result<Self, DescriptionError> {
+        let shapes = std::mem::take(&mut vehicle.body);
+        let stem = file.as_ref().and_then(|file| file.file_stem());
+        let stem = stem.map_or("vehicle".into(), |stem| stem.to_string_lossy());
+        let (vehicle, mut files) = Vehicle::new(&at, vehicle, &stem, dir)?;
+        files.extend(file);
+        let lidar = vehicle.sensors[0].lidar.clone();
+        let mount = around(&vehicle);
+        let body = (!shapes.is_empty()).then(|| Body { shapes, at, dir: dir.to_owned() });
+        Ok(Self { lidar, mount, vehicle: Some(vehicle), body, files })
+    }
+}
+
+/// Refuses a LiDAR or mount beside a vehicle.
+fn only_vehicle(top: &Place, scene: &SceneDescription) -> Result<(), DescriptionError> {
+    for (key, there) in [("lidar", scene.lidar.is_some()), ("mount", scene.mount.is_some())] {
+        if there {
+            let (at, mend) =
+                (Box::new(top.clone()), "the `vehicle` says it; leave one out".to_owned());
+            return Err(DescriptionError::Misplaced { at, key, mend });
+        }
+    }
+    Ok(())
+}
+
+/// A box around all mounts of a vehicle.
+fn around(vehicle: &Vehicle) -> Mount {
+    let all = (0..vehicle.mounts.len()).map(|mount| (mount, vehicle.mounts[mount].sensors[0]));
+    let [min, max] = vehicle.constraints(&all.collect()).corners();
+    let lidars = vehicle.cheapest().len() as u32;
+    Mount {
+        min,
+        max,
+        roll: [0.0; 2],
+        pitch: [0.0; 2],
+        yaw: [0.0; 2],
+        min_distance: vehicle.min_distance,
+        lidars,
+        keep_out: vehicle.keep_out.clone(),
+        equal_height: vehicle.ties.equal_height,
+        symmetric: vehicle.ties.symmetric,
+    }
+}

@@ -1,0 +1,143 @@
+//! A vehicle as it is built: sensor models with prices, mounts that hold some of them, rules, and what must be
+//! seen.
+
+use std::sync::Arc;
+
+use super::{
+    Constraints, Lidar, Phase, Region, SensorError, SensorModel, SensorName, Sensors, Slot, Ties,
+};
+
+/// A sensor model that the vehicle may carry.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VehicleSensor {
+    /// What placements call it.
+    pub name: SensorName,
+    /// Its beams.
+    pub lidar: Lidar,
+    /// Where in its turn it fires.
+    pub phase: Phase,
+    /// What one costs, in any currency.
+    pub price: f64,
+}
+
+/// A mount: a region and what it may hold.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VehicleMount {
+    /// Where sensors stand.
+    pub region: Arc<Region>,
+    /// Models that it may hold, at least one.
+    pub sensors: Vec<SensorName>,
+    /// Fewest and most sensors.
+    pub count: [usize; 2],
+}
+
+/// A part of space around the vehicle of which a share must be seen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Requirement {
+    /// What the vehicle calls it.
+    pub name: String,
+    /// Lower and upper corner in the ego frame, metres.
+    pub inside: [[f64; 3]; 2],
+    /// Boxes that do not belong to it, such as the vehicle itself.
+    pub without: Vec<[[f64; 3]; 2]>,
+    /// Least share of its voxels that beams pass, from 0 to 1, a mean over frames.
+    pub share: f64,
+}
+
+impl Requirement {
+    /// Whether a point belongs to the area.
+    pub fn contains(&self, point: [f64; 3]) -> bool {
+        let within =
+            |[low, high]: &[[f64; 3]; 2]| (0..3).all(|k| low[k] <= point[k] && point[k] < high[k]);
+        within(&self.inside) && !self.without.iter().any(within)
+    }
+}
+
+/// All that a vehicle says about its LiDARs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Vehicle {
+    /// Name in reports.
+    pub name: String,
+    /// Models, at least one; the first is meant where a placement names none.
+    pub sensors: Vec<VehicleSensor>,
+    /// Mounts, at least one.
+    pub mounts: Vec<VehicleMount>,
+    /// Least distance between two LiDARs, in metres.
+    pub min_distance: f64,
+    /// Lower and upper corners of boxes that LiDARs keep out of, in the ego frame, metres.
+    pub keep_out: Vec<[[f64; 3]; 2]>,
+    /// Rules that tie LiDARs together; of a vehicle with one mount and one model only.
+    pub ties: Ties,
+    /// What must be seen.
+    pub require: Vec<Requirement>,
+}
+
+/// Number of a mount and a model for each LiDAR: what a rig is made of, before it has poses.
+pub type Equipment = Vec<(usize, SensorName)>;
+
+impl Vehicle {
+    /// The models with their beams.
+    ///
+    /// # Errors
+    /// A model without beams.
+    pub fn models(&self) -> Result<Sensors, SensorError> {
+        let model = |sensor: &VehicleSensor| {
+            let VehicleSensor { name, lidar, phase, price } = sensor;
+            Ok(SensorModel { name: *name, table: lidar.table()?, phase: *phase, price: *price })
+        };
+        let models = self.sensors.iter().map(model).collect::<Result<Vec<_>, SensorError>>()?;
+        Sensors::new(models).ok_or(SensorError::NoBeams)
+    }
+
+    /// Price of a model; 0 for one that the vehicle does not have.
+    pub fn price(&self, sensor: SensorName) -> f64 {
+        self.sensors.iter().find(|model| model.name == sensor).map_or(0.0, |model| model.price)
+    }
+
+    /// Price of all sensors of some equipment.
+    pub fn cost(&self, equipment: &Equipment) -> f64 {
+        equipment.iter().map(|(_, sensor)| self.price(*sensor)).sum()
+    }
+
+    /// The cheapest equipment: as few sensors as each mount must hold, at least one in all, each the
+    /// cheapest that its mount may hold.
+    pub fn cheapest(&self) -> Equipment {
+        let cheapest = |mount: &VehicleMount| {
+            let by_price =
+                |a: &&SensorName, b: &&SensorName| self.price(**a).total_cmp(&self.price(**b));
+            mount.sensors.iter().min_by(by_price).copied().unwrap_or_default()
+        };
+        let each = self.mounts.iter().enumerate();
+        let each = each.flat_map(|(k, mount)| vec![(k, cheapest(mount)); mount.count[0]]);
+        let must: Equipment = each.collect();
+        if !must.is_empty() {
+            return must;
+        }
+        let all = self.mounts.iter().enumerate().map(|(k, mount)| (k, cheapest(mount)));
+        let first = all.min_by(|a, b| self.price(a.1).total_cmp(&self.price(b.1)));
+        first.into_iter().collect()
+    }
+
+    /// Whether there is anything to choose: a number of sensors or a model.
+    pub fn has_choice(&self) -> bool {
+        self.mounts.iter().any(|mount| mount.count[0] < mount.count[1] || mount.sensors.len() > 1)
+    }
+
+    /// The rules of a placement with some equipment, mount after mount.
+    pub fn constraints(&self, equipment: &Equipment) -> Constraints {
+        let mut sorted = equipment.clone();
+        sorted.sort_by_key(|&(mount, sensor)| {
+            (mount, self.sensors.iter().position(|model| model.name == sensor))
+        });
+        let slot = |&(mount, sensor): &(usize, SensorName)| Slot {
+            region: self.mounts[mount].region.clone(),
+            sensor,
+        };
+        Constraints {
+            slots: sorted.iter().map(slot).collect(),
+            min_distance: self.min_distance,
+            keep_out: self.keep_out.clone(),
+            ties: self.ties,
+        }
+    }
+}
