@@ -10,7 +10,8 @@ use crate::vehicle::Lidar;
 const CHANNELS: [u32; 4] = [16, 32, 64, 128];
 
 pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
-    let Lidar::Spinning { elevations, azimuth_steps, range, .. } = scene.scene.lidar() else {
+    let Lidar::Spinning { elevations, azimuth_steps, azimuth, range, .. } = scene.scene.lidar()
+    else {
         return Err(StudyError::NoChannels { scene: scene.place() });
     };
     let fold = |f: fn(f64, f64) -> f64| elevations.iter().copied().reduce(f).unwrap_or(0.0);
@@ -22,6 +23,7 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
             elevations: (0..count).map(|k| low + f64::from(k) * step).collect(),
             azimuth_offsets: vec![0.0; count as usize],
             azimuth_steps: *azimuth_steps,
+            azimuth: *azimuth,
             range: *range,
         };
         sensors.push((format!("{count} channels"), lidar));

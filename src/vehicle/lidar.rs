@@ -2,16 +2,13 @@
 
 use std::path::Path;
 
-use super::description::{LidarDescription, SensorDescription};
+use super::description::LidarDescription;
+use super::sensor_file::{self, Beams, MAX_BEAMS, MAX_CHANNELS, SensorFormat, SensorPattern};
 use super::{BeamTable, SensorError};
 use crate::json::check::{self, bad};
-use crate::json::{self, DescriptionError, Place, read_limited};
+use crate::json::{DescriptionError, Place};
 
-/// Most beams of one LiDAR.
-const MAX_BEAMS: u64 = 10_000_000;
 const MAX_STEPS: u64 = 100_000;
-const MAX_CHANNELS: u64 = 1024;
-const MAX_SENSOR_FILE: u64 = 64 << 20;
 
 /// The LiDAR that every sensor of a placement is.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,8 +19,11 @@ pub enum Lidar {
         elevations: Vec<f64>,
         /// Azimuth offset of each channel in degrees, counter-clockwise; as many as elevations.
         azimuth_offsets: Vec<f64>,
-        /// Azimuth steps a turn.
+        /// Azimuth steps, A: a turn's, or the sector's.
         azimuth_steps: u32,
+        /// Horizontal field of view `[from, to]` in degrees, counter-clockwise, less than a turn: step j points
+        /// at from + j · (to − from)/(A − 1), a single one at from. A whole turn for `None`.
+        azimuth: Option<[f64; 2]>,
         /// Range in metres.
         range: f64,
     },
@@ -57,13 +57,16 @@ impl Lidar {
     /// Beam table of the sensor.
     ///
     /// # Errors
-    /// As [`BeamTable::spinning`] and [`BeamTable::from_directions`].
+    /// As [`BeamTable::spinning`], [`BeamTable::sector`] and [`BeamTable::from_directions`].
     pub fn table(&self) -> Result<BeamTable, SensorError> {
         match self {
-            Self::Spinning { elevations, azimuth_offsets, azimuth_steps, range } => {
+            Self::Spinning { elevations, azimuth_offsets, azimuth_steps, range, .. } => {
                 let channels: Vec<(f64, f64)> =
                     elevations.iter().copied().zip(azimuth_offsets.iter().copied()).collect();
-                BeamTable::spinning(&channels, *azimuth_steps, *range)
+                match self.sector() {
+                    Some(sector) => BeamTable::sector(&channels, sector, *azimuth_steps, *range),
+                    None => BeamTable::spinning(&channels, *azimuth_steps, *range),
+                }
             }
             Self::Directions { directions, range } => {
                 BeamTable::from_directions(directions.iter().map(|&d| d.into()), *range)
@@ -71,21 +74,60 @@ impl Lidar {
         }
     }
 
-    /// Reads a spinning LiDAR from a sensor file.
+    /// Azimuth of the first step and from step to step, in degrees, of a sensor that does not turn.
+    pub(crate) fn sector(&self) -> Option<[f64; 2]> {
+        match self {
+            Self::Spinning { azimuth: Some([from, to]), azimuth_steps, .. } => {
+                Some([*from, (to - from) / f64::from((*azimuth_steps).max(2) - 1)])
+            }
+            _ => None,
+        }
+    }
+
+    /// The sensor with one of `divisor` azimuth steps, spread over the same field of view, or with every
+    /// `divisor`-th of listed directions.
+    #[must_use]
+    pub(crate) fn thinned(&self, divisor: u32) -> Self {
+        let mut thin = self.clone();
+        match &mut thin {
+            Self::Spinning { azimuth_steps, .. } => {
+                *azimuth_steps = azimuth_steps.div_ceil(divisor);
+            }
+            Self::Directions { directions, .. } => {
+                *directions = directions.iter().step_by(divisor as usize).copied().collect();
+            }
+        }
+        thin
+    }
+
+    /// Degrees between two neighbouring azimuth steps; of listed directions, a turn by their number.
+    pub fn azimuth_step(&self) -> f64 {
+        match (self, self.sector()) {
+            (_, Some([_, step])) => step,
+            (Self::Spinning { azimuth_steps, .. }, _) => 360.0 / f64::from(*azimuth_steps),
+            (Self::Directions { directions, .. }, _) => 360.0 / directions.len() as f64,
+        }
+    }
+
+    /// Reads a LiDAR from a sensor file of any of the formats of [`sensor_file::read`].
     ///
-    /// The file lists `elevation_deg` and, optionally, `azimuth_offset_deg` by channel, counter-clockwise.
-    /// `azimuth_steps` a turn, `range` in metres.
+    /// `azimuth_steps` a turn, for channels; `range` in metres.
     ///
     /// # Errors
-    /// A file that cannot be read or lists no usable elevations.
+    /// As [`sensor_file::read`], and too many beams.
     pub fn from_sensor_file(
         path: &Path,
         azimuth_steps: u32,
         range: f64,
     ) -> Result<Self, DescriptionError> {
         let at = Place::top(&path.display().to_string());
-        let (elevations, azimuth_offsets) = read_sensor(&at, path, None)?;
-        Ok(Self::Spinning { elevations, azimuth_offsets, azimuth_steps, range })
+        match sensor_file::read(path, None)?.beams {
+            Beams::Directions(directions) => Ok(Self::Directions { directions, range }),
+            Beams::Channels(channels) => {
+                let all = channels.iter().map(|c| (c.elevation, c.azimuth_offset));
+                spinning(&at, all.unzip(), u64::from(azimuth_steps), None, range)
+            }
+        }
     }
 
     pub(crate) fn new(
@@ -98,49 +140,107 @@ impl Lidar {
         found.extend(lidar.channels.map(|_| "channels"));
         found.extend(lidar.file.as_ref().map(|_| "file"));
         found.extend(lidar.directions.as_ref().map(|_| "directions"));
-        if found.len() != 1 {
+        let [form] = found[..] else {
             let of = &["channels", "file", "directions"];
             return Err(DescriptionError::Choice { at: Box::new(at.clone()), found, of });
-        }
-        let spare = |key, there: bool, mend: &str| match there {
-            true => {
-                let (at, mend) = (Box::new(at.clone()), mend.to_owned());
-                Err(DescriptionError::Misplaced { at, key, mend })
-            }
-            false => Ok(()),
         };
-        spare("fov", lidar.fov.is_some() && found != ["channels"], "it belongs to `channels`")?;
-        let offsets = lidar.azimuth_offsets.as_deref();
-        spare("azimuth_offsets", offsets.is_some() && found != ["file"], "it belongs to `file`")?;
+        spare(at, "fov", lidar.fov.is_some() && form != "channels", "it belongs to `channels`")?;
+        let of_file = "it belongs to `file`";
+        spare(at, "azimuth_offsets", lidar.azimuth_offsets.is_some() && form != "file", of_file)?;
+        spare(at, "window", lidar.window.is_some() && form != "file", of_file)?;
         if let Some(directions) = lidar.directions {
-            let turning = lidar.azimuth_steps.is_some();
-            spare("azimuth_steps", turning, "listed directions are not repeated by turning")?;
+            no_turning(at, lidar.azimuth_steps, lidar.azimuth)?;
             let directions = unit_vectors(&at.key("directions"), directions)?;
             return Ok(Self::Directions { directions, range });
         }
-        let (elevations, azimuth_offsets) = match (lidar.file, lidar.channels) {
-            (Some(file), _) => read_sensor(at, &dir.join(file), offsets)?,
-            (None, channels) => even_channels(at, channels.unwrap_or(0), lidar.fov)?,
+        let (channels, stated) = match (&lidar.file, lidar.channels) {
+            (Some(file), _) => {
+                let pattern = of_file_of(at, &lidar, &dir.join(file))?;
+                match pattern.beams {
+                    Beams::Directions(directions) => {
+                        no_turning(at, lidar.azimuth_steps, lidar.azimuth)?;
+                        return Ok(Self::Directions { directions, range });
+                    }
+                    Beams::Channels(channels) => {
+                        let all = channels.iter().map(|c| (c.elevation, c.azimuth_offset));
+                        (all.unzip(), pattern.azimuth_steps)
+                    }
+                }
+            }
+            (None, channels) => (even_channels(at, channels.unwrap_or(0), lidar.fov)?, None),
         };
-        let missing = || DescriptionError::Missing {
-            at: Box::new(at.clone()),
-            key: "azimuth_steps",
-            mend: "give the measurements of one channel in a turn, 250 for example".to_owned(),
-        };
-        let steps = lidar.azimuth_steps.ok_or_else(missing)?;
-        let azimuth_steps = check::count(&at.key("azimuth_steps"), steps, 1, MAX_STEPS)?;
-        let beams = elevations.len() as u64 * steps;
-        if beams > MAX_BEAMS {
-            return Err(DescriptionError::TooMany {
+        // Columns that a file states are those of a turn.
+        let stated = stated.filter(|_| lidar.azimuth.is_none()).map(u64::from);
+        let Some(steps) = lidar.azimuth_steps.or(stated) else {
+            return Err(DescriptionError::Missing {
                 at: Box::new(at.clone()),
-                what: "beams",
-                count: beams,
-                limit: MAX_BEAMS,
-                mend: "take fewer channels or azimuth steps",
+                key: "azimuth_steps",
+                mend: "give the measurements of one channel in a turn, 250 for example".to_owned(),
             });
-        }
-        Ok(Self::Spinning { elevations, azimuth_offsets, azimuth_steps, range })
+        };
+        spinning(at, channels, steps, lidar.azimuth, range)
     }
+}
+
+/// Elevations and azimuth offsets in degrees, as many.
+type Channels = (Vec<f64>, Vec<f64>);
+
+fn spinning(
+    at: &Place,
+    (elevations, azimuth_offsets): Channels,
+    steps: u64,
+    azimuth: Option<[f64; 2]>,
+    range: f64,
+) -> Result<Lidar, DescriptionError> {
+    let azimuth_steps = check::count(&at.key("azimuth_steps"), steps, 1, MAX_STEPS)?;
+    let azimuth = azimuth.map(|azimuth| sector(&at.key("azimuth"), azimuth)).transpose()?;
+    let beams = elevations.len() as u64 * steps;
+    if beams > MAX_BEAMS {
+        return Err(DescriptionError::TooMany {
+            at: Box::new(at.clone()),
+            what: "beams",
+            count: beams,
+            limit: MAX_BEAMS,
+            mend: "take fewer channels or azimuth steps",
+        });
+    }
+    Ok(Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range })
+}
+
+/// A horizontal field of view in degrees that is less than a turn.
+fn sector(at: &Place, [from, to]: [f64; 2]) -> Result<[f64; 2], DescriptionError> {
+    for (i, angle) in [from, to].into_iter().enumerate() {
+        if !(-360.0..=360.0).contains(&angle) {
+            return Err(bad(&at.item(i), angle, "an azimuth from -360 to 360 degrees"));
+        }
+    }
+    let found = format!("{:?}", [from, to]);
+    if to - from >= 360.0 {
+        let wanted = "less than a turn: leave `azimuth` out for a sensor that turns";
+        return Err(bad(at, found, wanted));
+    }
+    if from < to {
+        return Ok([from, to]);
+    }
+    Err(bad(at, found, "a range [from, to] with from < to, counter-clockwise"))
+}
+
+/// Refuses a key that has no meaning beside the others.
+fn spare(at: &Place, key: &'static str, there: bool, mend: &str) -> Result<(), DescriptionError> {
+    if !there {
+        return Ok(());
+    }
+    Err(DescriptionError::Misplaced { at: Box::new(at.clone()), key, mend: mend.to_owned() })
+}
+
+fn no_turning(
+    at: &Place,
+    steps: Option<u64>,
+    azimuth: Option<[f64; 2]>,
+) -> Result<(), DescriptionError> {
+    let mend = "listed directions are not repeated by turning";
+    spare(at, "azimuth_steps", steps.is_some(), mend)?;
+    spare(at, "azimuth", azimuth.is_some(), mend)
 }
 
 /// Elevations and offsets of `count` channels spread evenly over `fov`; one channel takes the lower end.
@@ -148,12 +248,12 @@ fn even_channels(
     at: &Place,
     count: u64,
     fov: Option<[f64; 2]>,
-) -> Result<(Vec<f64>, Vec<f64>), DescriptionError> {
+) -> Result<Channels, DescriptionError> {
     if count == 0 {
         let wanted = "a number of channels: a LiDAR without channels casts no beam; give 1 to 1024";
         return Err(bad(&at.key("channels"), 0, wanted));
     }
-    let n = check::count(&at.key("channels"), count, 1, MAX_CHANNELS)?;
+    let n = check::count(&at.key("channels"), count, 1, MAX_CHANNELS as u64)?;
     let Some(fov) = fov else {
         return Err(DescriptionError::Missing {
             at: Box::new(at.clone()),
@@ -166,14 +266,13 @@ fn even_channels(
     Ok(((0..n).map(|k| lower + step(k)).collect(), vec![0.0; n as usize]))
 }
 
-/// Elevations and offsets of a sensor file; `sign` is the direction of its offsets, counter-clockwise
-/// by default.
-fn read_sensor(
+/// The sensor file of a description, with its offsets counter-clockwise.
+fn of_file_of(
     at: &Place,
+    lidar: &LidarDescription,
     file: &Path,
-    sign: Option<&str>,
-) -> Result<(Vec<f64>, Vec<f64>), DescriptionError> {
-    let sign = match sign {
+) -> Result<SensorPattern, DescriptionError> {
+    let sign = match lidar.azimuth_offsets.as_deref() {
         None | Some("counter-clockwise") => 1.0,
         Some("clockwise") => -1.0,
         Some(other) => {
@@ -181,40 +280,20 @@ fn read_sensor(
             return Err(bad(&at.key("azimuth_offsets"), format!("{other:?}"), wanted));
         }
     };
-    let name = file.display().to_string();
-    let bytes = read_limited(file, MAX_SENSOR_FILE)?;
-    let text = String::from_utf8_lossy(&bytes);
-    let sensor: SensorDescription = json::parse(&text, &name)?;
-    let top = Place::top(&name);
-    let Some(elevations) = sensor.elevation_deg else {
-        return Err(DescriptionError::Missing {
-            at: Box::new(top),
-            key: "elevation_deg",
-            mend: "list the elevation of each channel in degrees; a pattern without channels goes \
-                   into the scene as `directions`"
-                .to_owned(),
-        });
-    };
-    let at = top.key("elevation_deg");
-    if elevations.is_empty() || elevations.len() as u64 > MAX_CHANNELS {
-        return Err(bad(&at, format!("a list of {}", elevations.len()), "1 to 1024 elevations"));
+    if let Some([from, to]) = lidar.window
+        && !(from < to && to - from <= 1e6)
+    {
+        let found = format!("{:?}", [from, to]);
+        return Err(bad(&at.key("window"), found, "a window [from, to] in seconds with from < to"));
     }
-    for (i, e) in elevations.iter().enumerate() {
-        check::elevation(&at.item(i), *e)?;
+    let mut pattern = sensor_file::read(file, lidar.window)?;
+    let knows_signs = pattern.format != SensorFormat::Table;
+    let mend = "a vendor's file says which way it counts; leave it out";
+    spare(at, "azimuth_offsets", lidar.azimuth_offsets.is_some() && knows_signs, mend)?;
+    if let Beams::Channels(channels) = &mut pattern.beams {
+        channels.iter_mut().for_each(|channel| channel.azimuth_offset *= sign);
     }
-    let mut offsets = sensor.azimuth_offset_deg.unwrap_or_else(|| vec![0.0; elevations.len()]);
-    let at = top.key("azimuth_offset_deg");
-    if offsets.len() != elevations.len() {
-        let wanted = format!("one offset for each of the {} elevations", elevations.len());
-        return Err(bad(&at, format!("a list of {}", offsets.len()), wanted));
-    }
-    for (i, o) in offsets.iter_mut().enumerate() {
-        if o.abs() > 360.0 {
-            return Err(bad(&at.item(i), *o, "an azimuth offset from -360 to 360 degrees"));
-        }
-        *o *= sign;
-    }
-    Ok((elevations, offsets))
+    Ok(pattern)
 }
 
 fn unit_vectors(at: &Place, mut list: Vec<[f64; 3]>) -> Result<Vec<[f64; 3]>, DescriptionError> {

@@ -11,6 +11,7 @@ pub(crate) mod placement_file;
 pub(crate) mod pose_grid;
 mod published;
 pub(crate) mod random;
+pub mod sensor_file;
 mod variables;
 
 pub use beam_table::{BeamGrid, BeamTable, SensorError};

@@ -52,11 +52,12 @@ fn the_small_form_is_read() {
     assert_eq!((mount.roll, mount.pitch, mount.yaw), ([-0.3, 0.3], [0.0; 2], [0.0; 2]));
     assert_eq!((mount.min_distance, mount.lidars), (0.2, 4));
     assert_eq!((mount.keep_out.len(), mount.equal_height, mount.symmetric), (0, false, false));
-    let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, range } = scene.lidar()
+    let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range } =
+        scene.lidar()
     else {
         panic!("{:?}", scene.lidar());
     };
-    assert_eq!((elevations[0], elevations[15]), (-24.8, 2.0));
+    assert_eq!((elevations[0], elevations[15], *azimuth), (-24.8, 2.0, None));
     assert_eq!(
         (azimuth_offsets.as_slice(), *azimuth_steps, *range),
         ([0.0; 16].as_slice(), 250, 100.0)
