@@ -1,7 +1,7 @@
 //! Ouster: the sensor's metadata JSON, flat (firmware 1 and 2) or nested (3 and later).
 //!
-//! Column m of W looks to the azimuth 2π(1 − m/W) − `beam_azimuth_angles`, so that offsets count clockwise
-//! and the columns are those of a turn in W steps (ouster-sdk, `XYZLut`).
+//! In the sensor's frame, column m of W looks to the azimuth π + 2π(1 − m/W) − `beam_azimuth_angles`: offsets
+//! count clockwise, and the columns are those of a turn in W steps (ouster-sdk, `XYZLut`).
 
 use serde::Deserialize;
 
