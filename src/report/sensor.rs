@@ -7,7 +7,7 @@ use super::text::align_columns;
 use crate::vehicle::sensor_file::{Beams, SensorPattern};
 
 /// Most rows of the drawing of elevations.
-const ROWS: f64 = 16.0;
+const ROWS: f64 = 18.0;
 /// Characters of its longest bar.
 const BAR: usize = 40;
 
@@ -58,7 +58,7 @@ pub(super) fn angles(beams: &Beams) -> Vec<[f64; 2]> {
 pub(super) fn bands(elevations: &[f64]) -> (f64, Vec<(f64, usize)>) {
     let [low, high] = span(elevations.iter().copied());
     let raw = ((high - low) / ROWS).max(0.1);
-    let widths = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
+    let widths = [0.1, 0.2, 0.5, 1.0, 2.0, 2.5, 5.0, 10.0];
     let width = widths.into_iter().find(|width| *width >= raw).unwrap_or(20.0);
     // What lies on the border of two bands belongs to the upper one, rounded or not.
     let band = |e: f64| (e / width + 1e-9).floor() as i64;

@@ -8,15 +8,17 @@ use crate::vehicle::sensor_file::{Beams, SensorPattern};
 
 /// Pixels of the plot of beams.
 const LEFT: f64 = 64.0;
-const TOP: f64 = 70.0;
+const TOP: f64 = 82.0;
 const WIDTH: f64 = 600.0;
 const HEIGHT: f64 = 360.0;
 /// Left end and width of the bars beside it.
 const BARS: [f64; 2] = [690.0, 150.0];
 /// Pixels of the whole.
-const ALL: [f64; 2] = [900.0, 490.0];
+const ALL: [f64; 2] = [900.0, 500.0];
 /// Most dots that are drawn.
 const DOTS: usize = 24_000;
+/// Colour of the beams of the other azimuth steps.
+const NEXT: &str = "#8fb6d9";
 /// Azimuth steps to each side of the offsets.
 const NEIGHBOURS: f64 = 6.0;
 
@@ -37,7 +39,7 @@ pub fn sensor_svg(pattern: &SensorPattern, facts: &SensorFacts) -> String {
         x: Scale::linear(range(all().map(|dot| dot[0])), (LEFT, LEFT + WIDTH)),
         y: Scale::linear(range(all().map(|dot| dot[1])), (TOP + HEIGHT, TOP)),
     };
-    let name = facts.name.as_deref().unwrap_or("Sensor");
+    let name = facts.name.as_deref().unwrap_or(&facts.format);
     let name: String = name.chars().take(40).collect();
     let title = match (facts.channels, facts.beams) {
         (Some(channels), Some(beams)) => {
@@ -46,18 +48,19 @@ pub fn sensor_svg(pattern: &SensorPattern, facts: &SensorFacts) -> String {
         (Some(channels), None) => format!("{name}: {channels} channels"),
         (None, beams) => format!("{name}: {} beams a frame", beams.unwrap_or(0)),
     };
-    // Small dots for many beams: each shall stand alone.
-    let size = match all().count() {
-        0..600 => "5",
-        600..4000 => "3",
-        _ => "1.4",
+    // Small dots for many beams, so that each stands alone; one step is told from its neighbours.
+    let small = |count: usize| if count < 4000 { "3" } else { "1.5" };
+    let (first, colour) = match (dots.others.is_empty(), dots.first.len()) {
+        (false, _) => ("5", ACCENT),
+        (true, 0..600) => ("5", SECOND),
+        (true, many) => (small(many), SECOND),
     };
     let body = html! {
         text x=(LEFT) y="22" font-weight="600" font-size="15" { (title) }
-        text x=(LEFT) y="44" fill=(SOFT) { (facts.format) "; " (dots.words) }
+        text x=(LEFT) y="44" fill=(SOFT) { @if facts.name.is_some() { (facts.format) "; " } (dots.words) }
         (axes.draw(&axes.x.ticks(number), &axes.y.ticks(number), false))
-        (points(&dots.others, &axes, SECOND, size))
-        (points(&dots.first, &axes, if dots.others.is_empty() { SECOND } else { ACCENT }, size))
+        (points(&dots.others, &axes, NEXT, small(dots.others.len())))
+        (points(&dots.first, &axes, colour, first))
         (bars(&angles, &axes, facts.channels.is_some()))
         text x=(LEFT) y=(TOP - 8.0) font-size="12" fill=(SOFT) { "elevation, degrees" }
         text x=(LEFT + WIDTH / 2.0) y=(TOP + HEIGHT + 42.0) text-anchor="middle" {
@@ -164,7 +167,7 @@ mod tests {
         // Six steps to each side of the first one, for each of three channels.
         assert_eq!(svg.matches("h0").count(), 3 * 13, "{svg}");
         // The azimuth 0 and the elevation 0 stand in the middle of the plot.
-        assert!(svg.contains("M364.0 250.0h0"), "{svg}");
+        assert!(svg.contains("M364.0 262.0h0"), "{svg}");
         assert!(svg.contains("a &lt; b: 3 channels, 1080 beams a frame"));
         let beams = Beams::Directions(vec![[1.0, 0.0, 0.0]; 30_000]);
         let many = SensorPattern { beams, ..pattern };

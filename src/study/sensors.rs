@@ -30,7 +30,11 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
     }
     for path in &scene.settings.sensors {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        sensors.push((name, Lidar::from_sensor_file(path, *azimuth_steps, *range)?));
+        let mut lidar = Lidar::from_sensor_file(path, *azimuth_steps, *range)?;
+        if let Lidar::Spinning { azimuth: sector, .. } = &mut lidar {
+            *sector = *azimuth;
+        }
+        sensors.push((name, lidar));
     }
     let names = sensors.iter().map(|(name, _)| name.as_str());
     check_distinct(names, "sensors", "rename one of the files")?;

@@ -4,6 +4,7 @@ mod beam_table;
 pub(crate) mod constraints;
 mod description;
 mod lidar;
+mod lidar_reading;
 mod mirror;
 mod mount;
 mod placement;
