@@ -129,7 +129,7 @@ fn ouster_flat_and_nested() {
         missing.starts_with("f: beam_intrinsics: `beam_azimuth_angles` is missing"),
         "{missing}"
     );
-    let mode = message(&flat.replace("512x10", "fast"));
+    let mode = message(flat.replace("512x10", "fast"));
     assert_eq!(mode, "f: lidar_mode: \"fast\" is not a mode such as \"1024x10\"");
 }
 
