@@ -5,9 +5,10 @@ use std::env;
 use std::path::Path;
 
 /// cfg and one file of each set.
-const SETS: [(&str, &str); 2] = [
+const SETS: [(&str, &str); 3] = [
     ("has_kitti", "nc/semantickitti/sequences/00/poses.txt"),
     ("has_meshes", "scenes/mcity/mcity.obj"),
+    ("has_sensors", "sensors/raw/ouster_os1_128_metadata.json"),
 ];
 
 fn main() {

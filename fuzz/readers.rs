@@ -10,6 +10,7 @@ use sightline::internals::KittiSequence;
 use sightline::psog::{KittiPsogOptions, Roi, build_kitti_psog, read_psog, write_psog};
 use sightline::scene::{EgoBody, Scene};
 use sightline::vehicle::read_placements;
+use sightline::vehicle::sensor_file::{self as sensors, Beams};
 
 /// Triangles up to which the frames of an accepted scene are looked at.
 const MAX_FACES: usize = 200_000;
@@ -25,7 +26,7 @@ pub struct Reader {
 /// All readers of outside bytes.
 pub const READERS: [Reader; 12] = [
     Reader { name: "scene_json", read: scene_json },
-    Reader { name: "sensor_json", read: sensor_json },
+    Reader { name: "sensor_file", read: sensor_file },
     Reader { name: "placements_json", read: placements_json },
     Reader { name: "placements_jsonl", read: placements_jsonl },
     Reader { name: "psog_npz", read: psog_npz },
@@ -51,10 +52,23 @@ pub fn scene_json(folder: &Path, bytes: &[u8]) {
     check_scene(Scene::from_json(&text, folder, "scene.json"));
 }
 
-/// A sensor file that a scene names.
-pub fn sensor_json(folder: &Path, bytes: &[u8]) {
-    put(folder, "sensor.json", bytes);
-    let lidar = r#"{ "file": "sensor.json", "azimuth_steps": 4, "range": 50 }"#;
+/// A sensor file of any vendor, which a scene names.
+pub fn sensor_file(folder: &Path, bytes: &[u8]) {
+    put(folder, "sensor", bytes);
+    let Ok(pattern) = said(sensors::read(&folder.join("sensor"), None)) else { return };
+    let lidar = match &pattern.beams {
+        Beams::Channels(channels) => {
+            assert!((1..=1024).contains(&channels.len()));
+            let mut all = channels.iter();
+            assert!(all.all(|c| c.elevation.abs() <= 90.0 && c.azimuth_offset.abs() <= 360.0));
+            r#"{ "file": "sensor", "azimuth_steps": 4, "range": 50 }"#
+        }
+        Beams::Directions(directions) => {
+            let length = |d: &[f64; 3]| d.iter().map(|v| v * v).sum::<f64>();
+            assert!(directions.iter().all(|d| (length(d) - 1.0).abs() < 1e-9));
+            r#"{ "file": "sensor", "range": 50 }"#
+        }
+    };
     check_scene(Scene::from_json(&scene_with(lidar, ""), folder, "scene.json"));
 }
 

@@ -131,6 +131,8 @@ pub mod internals {
     pub use crate::report::placement::placement_svg;
     pub use crate::report::plot::{Axis, Plot, Series};
     pub use crate::report::record::peak_memory;
+    pub use crate::report::sensor::{SensorFacts, sensor_text};
+    pub use crate::report::sensor_svg::sensor_svg;
     pub use crate::report::study::study_plot;
     pub use crate::report::table::{ScoreColumn, optional};
     pub use crate::report::text::{align_columns, findings_text, poses_text, study_text};

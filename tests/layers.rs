@@ -15,7 +15,7 @@ const ORDER: [&str; 22] = [
 ];
 
 /// Foreign crates and the files that may name them, by the start of their names.
-const FOREIGN: [(&str, &[&str]); 9] = [
+const FOREIGN: [(&str, &[&str]); 10] = [
     ("wgpu", &["engine/gpu/"]),
     ("clap", &["cli/"]),
     ("indicatif", &["cli/"]),
@@ -24,6 +24,7 @@ const FOREIGN: [(&str, &[&str]); 9] = [
     ("tobj", &["scene/mesh/"]),
     ("ply_rs_bw", &["scene/mesh/"]),
     ("npyz", &["psog/", "files/"]),
+    ("serde_yaml_ng", &["json/"]),
     // Where files are read and written.
     ("serde_json", &["json/", "files/", "vehicle/", "score/mod.rs", "report/", "cli/"]),
 ];

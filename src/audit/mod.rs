@@ -180,9 +180,5 @@ fn mounted(
 
 /// Radians between two neighbouring azimuth steps; of listed directions, a turn by their number.
 fn azimuth_step(lidar: &Lidar) -> f64 {
-    let steps = match lidar {
-        Lidar::Spinning { azimuth_steps, .. } => f64::from(*azimuth_steps),
-        Lidar::Directions { directions, .. } => directions.len() as f64,
-    };
-    std::f64::consts::TAU / steps
+    lidar.azimuth_step().to_radians()
 }

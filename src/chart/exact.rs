@@ -144,14 +144,18 @@ fn snapped(direction: DVec3) -> DVec3 {
 
 /// Unit directions in the sensor frame; see [`crate::vehicle::BeamTable::spinning`].
 fn directions(lidar: &Lidar, divisor: u32) -> Vec<DVec3> {
-    match lidar {
-        Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, .. } => {
-            let steps = azimuth_steps.div_ceil(divisor);
+    let lidar = lidar.thinned(divisor);
+    let sector = lidar.sector();
+    match &lidar {
+        Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps: steps, .. } => {
             let channels = elevations.iter().zip(azimuth_offsets);
             let beams = channels.flat_map(|(elevation, offset)| {
                 let (sin_e, cos_e) = elevation.to_radians().sin_cos();
-                (0..steps).map(move |j| {
-                    let turn = std::f64::consts::TAU * f64::from(j) / f64::from(steps);
+                (0..*steps).map(move |j| {
+                    let turn = match sector {
+                        Some([start, step]) => (start + step * f64::from(j)).to_radians(),
+                        None => std::f64::consts::TAU * f64::from(j) / f64::from(*steps),
+                    };
                     let (sin_a, cos_a) = (turn + offset.to_radians()).sin_cos();
                     DVec3::new(cos_e * cos_a, cos_e * sin_a, sin_e)
                 })
@@ -159,7 +163,7 @@ fn directions(lidar: &Lidar, divisor: u32) -> Vec<DVec3> {
             beams.collect()
         }
         Lidar::Directions { directions, .. } => {
-            directions.iter().step_by(divisor as usize).map(|&d| DVec3::from(d)).collect()
+            directions.iter().map(|&d| DVec3::from(d)).collect()
         }
     }
 }

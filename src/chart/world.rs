@@ -9,9 +9,7 @@ use crate::problem::{self, Content, Problem, spread};
 use crate::psog::{GridError, Psog, Roi};
 use crate::scan::scan_scene;
 use crate::scene::{EgoBody, PsogSource, ScanSettings, Scene};
-use crate::vehicle::{
-    BeamTable, Constraints, Lidar, Placement, PoseGridError, SensorError, random_placements,
-};
+use crate::vehicle::{Constraints, Placement, PoseGridError, SensorError, random_placements};
 
 /// Draws of [`candidates`] for each placement wanted, before the minimum distance is given up.
 const DRAWS: usize = 50;
@@ -161,7 +159,7 @@ impl World {
     pub(super) fn problem(&mut self, fidelity: &Fidelity) -> Result<Problem, ChartError> {
         let frames = self.frames(fidelity);
         let psog = self.psog(fidelity.voxel)?;
-        let table = table(self.scene.lidar(), fidelity.azimuth)?;
+        let table = self.scene.lidar().thinned(fidelity.azimuth).table()?;
         let content = self.content(&psog);
         let problem = Problem::new(*psog.roi(), content.clone(), table.clone(), Vec::new(), false)
             .with_constraints(self.scene.mount().into());
@@ -177,21 +175,6 @@ impl World {
         };
         let problem = Problem::new(*psog.roi(), content, table, world, true);
         Ok(problem.with_constraints(self.scene.mount().into()))
-    }
-}
-
-/// The scene's sensor with every `divisor`-th azimuth step, or listed direction.
-fn table(lidar: &Lidar, divisor: u32) -> Result<BeamTable, SensorError> {
-    match lidar {
-        Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, range } => {
-            let channels: Vec<(f64, f64)> =
-                elevations.iter().copied().zip(azimuth_offsets.iter().copied()).collect();
-            BeamTable::spinning(&channels, azimuth_steps.div_ceil(divisor), *range)
-        }
-        Lidar::Directions { directions, range } => {
-            let kept = directions.iter().step_by(divisor as usize);
-            BeamTable::from_directions(kept.map(|&d| d.into()), *range)
-        }
     }
 }
 

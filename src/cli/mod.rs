@@ -16,6 +16,7 @@ mod progress;
 mod psog;
 mod scene;
 mod score;
+mod sensor;
 mod study;
 mod verify;
 
@@ -57,6 +58,9 @@ enum Command {
     /// Build, inspect and merge P-SOG files
     #[command(subcommand)]
     Psog(psog::Command),
+    /// Look into sensor files of the vendors
+    #[command(subcommand)]
+    Sensor(sensor::Command),
     /// Write a street scene of as many triangles as asked for
     Scene(scene::Args),
     /// List Vulkan devices and which one is taken by default
@@ -75,6 +79,7 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Audit(args) => audit::run(&args),
         Command::Study(args) => study::run(&args),
         Command::Psog(command) => psog::run(&command),
+        Command::Sensor(command) => sensor::run(&command),
         Command::Scene(args) => scene::run(&args),
         Command::Devices(args) => devices::run(&args),
     }

@@ -26,7 +26,7 @@ pub enum DescriptionError {
         /// Largest size in bytes.
         limit: u64,
     },
-    /// The text is not JSON, or a value has the wrong JSON type.
+    /// The text is not JSON or YAML, or a value has the wrong type.
     #[error("{at}: {problem} (line {line}, column {column})")]
     Json {
         /// Place of the fault.

@@ -1,10 +1,12 @@
-//! Reading of JSON descriptions: parsing with places, checks of values, errors as sentences.
+//! Reading of JSON and YAML descriptions: parsing with places, checks of values, errors as sentences.
 
 pub(crate) mod check;
 mod error;
 mod parse;
 mod place;
+mod yaml;
 
 pub use error::DescriptionError;
 pub(crate) use parse::{check_version, nearest, parse, plain_words, read_limited};
 pub use place::Place;
+pub(crate) use yaml::parse_yaml;

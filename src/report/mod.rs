@@ -7,6 +7,7 @@
 //! | `table` | columns of scores |
 //! | `svg` | parts of every drawing: page, colours, axes |
 //! | `plot`, `convergence`, `study` | plain charts of some series |
+//! | `sensor`, `sensor_svg` | what a sensor file holds |
 //! | `chart`, `chart_labels`, `chart_table`, `chart_words` | cost against ranking error |
 //! | `placement`, `map` | a placement on its vehicle, and what it sees from above |
 //! | `table`, `text` | the one table of scores, tables as text |
@@ -22,6 +23,8 @@ pub(crate) mod map;
 pub(crate) mod placement;
 pub(crate) mod plot;
 pub(crate) mod record;
+pub(crate) mod sensor;
+pub(crate) mod sensor_svg;
 pub(crate) mod study;
 mod svg;
 pub(crate) mod table;

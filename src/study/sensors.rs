@@ -10,7 +10,8 @@ use crate::vehicle::Lidar;
 const CHANNELS: [u32; 4] = [16, 32, 64, 128];
 
 pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
-    let Lidar::Spinning { elevations, azimuth_steps, range, .. } = scene.scene.lidar() else {
+    let Lidar::Spinning { elevations, azimuth_steps, azimuth, range, .. } = scene.scene.lidar()
+    else {
         return Err(StudyError::NoChannels { scene: scene.place() });
     };
     let fold = |f: fn(f64, f64) -> f64| elevations.iter().copied().reduce(f).unwrap_or(0.0);
@@ -22,13 +23,18 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
             elevations: (0..count).map(|k| low + f64::from(k) * step).collect(),
             azimuth_offsets: vec![0.0; count as usize],
             azimuth_steps: *azimuth_steps,
+            azimuth: *azimuth,
             range: *range,
         };
         sensors.push((format!("{count} channels"), lidar));
     }
     for path in &scene.settings.sensors {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        sensors.push((name, Lidar::from_sensor_file(path, *azimuth_steps, *range)?));
+        let mut lidar = Lidar::from_sensor_file(path, *azimuth_steps, *range)?;
+        if let Lidar::Spinning { azimuth: sector, .. } = &mut lidar {
+            *sector = *azimuth;
+        }
+        sensors.push((name, lidar));
     }
     let names = sensors.iter().map(|(name, _)| name.as_str());
     check_distinct(names, "sensors", "rename one of the files")?;

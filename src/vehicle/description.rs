@@ -1,4 +1,4 @@
-//! The `lidar` and `mount` of a scene file and the sensor file, as they are written.
+//! The `lidar` and `mount` of a scene file, as they are written.
 //!
 //! Keys, units and defaults are explained in `scenes/README.md`.
 
@@ -12,15 +12,10 @@ pub(crate) struct LidarDescription {
     pub file: Option<String>,
     pub azimuth_offsets: Option<String>,
     pub azimuth_steps: Option<u64>,
+    pub azimuth: Option<[f64; 2]>,
+    pub window: Option<[f64; 2]>,
     pub directions: Option<Vec<[f64; 3]>>,
     pub range: f64,
-}
-
-/// A sensor file; keys beside these are notes.
-#[derive(Debug, Deserialize)]
-pub(crate) struct SensorDescription {
-    pub elevation_deg: Option<Vec<f64>>,
-    pub azimuth_offset_deg: Option<Vec<f64>>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -12,7 +12,7 @@ use serde::de::DeserializeOwned;
 
 use super::description::{KeepOutDescription, LidarDescription};
 use super::mount::keep_out_boxes;
-use super::rig::{Requirement, Vehicle, VehicleMount, VehicleSensor};
+use super::equipment::{Requirement, Vehicle, VehicleMount, VehicleSensor};
 use super::{Lidar, MAX_LIDARS, Outline, Phase, Region, SensorName, Ties};
 use crate::geom::Pose;
 use crate::json::check::{self, bad};

@@ -52,11 +52,12 @@ fn the_small_form_is_read() {
     assert_eq!((mount.roll, mount.pitch, mount.yaw), ([-0.3, 0.3], [0.0; 2], [0.0; 2]));
     assert_eq!((mount.min_distance, mount.lidars), (0.2, 4));
     assert_eq!((mount.keep_out.len(), mount.equal_height, mount.symmetric), (0, false, false));
-    let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, range } = scene.lidar()
+    let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range } =
+        scene.lidar()
     else {
         panic!("{:?}", scene.lidar());
     };
-    assert_eq!((elevations[0], elevations[15]), (-24.8, 2.0));
+    assert_eq!((elevations[0], elevations[15], *azimuth), (-24.8, 2.0, None));
     assert_eq!(
         (azimuth_offsets.as_slice(), *azimuth_steps, *range),
         ([0.0; 16].as_slice(), 250, 100.0)
@@ -129,6 +130,68 @@ fn a_sensor_file_gives_channels_and_offsets() {
     let message = with("\"file\": \"none.json\"").unwrap_err().to_string();
     assert!(message.contains("none.json: `elevation_deg` is missing: "), "{message}");
     assert!(with("\"file\": \"nowhere.json\"").unwrap_err().to_string().contains("cannot be read"));
+}
+
+#[test]
+fn a_sector_points_from_its_first_to_its_last_azimuth() {
+    let with = |more: &str| {
+        read(&SMALL.replace("\"azimuth_steps\": 250", &format!("\"azimuth_steps\": 5, {more}")))
+    };
+    let scene = with("\"azimuth\": [-60, 60]").unwrap();
+    assert_eq!(scene.lidar().beam_count(), 16 * 5);
+    let table = scene.lidar().table().unwrap();
+    for (j, degrees) in [-60.0_f32, -30.0, 0.0, 30.0, 60.0].into_iter().enumerate() {
+        let [x, y, _] = table.directions()[j];
+        assert!((y.atan2(x).to_degrees() - degrees).abs() < 1e-4, "{j}: {x} {y}");
+    }
+    let grid = table.grid().unwrap();
+    assert!(!grid.turn && grid.steps == 5);
+    // Half of the steps, over the same field of view.
+    let thin = scene.lidar().thinned(2).table().unwrap();
+    assert_eq!(thin.directions()[2], table.directions()[4]);
+    let turn = with("\"azimuth\": [-180, 180]").unwrap_err().to_string();
+    assert_eq!(
+        turn,
+        "s.json: lidar.azimuth: [-180.0, 180.0] is not less than a turn: leave `azimuth` out for a \
+         sensor that turns"
+    );
+    let back = with("\"azimuth\": [60, -60]").unwrap_err().to_string();
+    assert!(back.contains("with from < to"), "{back}");
+    let one =
+        SMALL.replace("\"azimuth_steps\": 250", "\"azimuth_steps\": 1, \"azimuth\": [90, 100]");
+    let [x, y, _] = read(&one).unwrap().lidar().table().unwrap().directions()[0];
+    assert!(x.abs() < 1e-6 && y > 0.9);
+}
+
+#[test]
+fn keys_that_a_sensor_file_does_not_need_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
+    file(
+        "ouster",
+        r#"{"beam_altitude_angles": [1], "beam_azimuth_angles": [2], "lidar_mode": "512x20"}"#,
+    );
+    file("livox", "Time,Azimuth,Zenith\n0,0,90\n0.5,10,90\n0.6,20,90\n");
+    let with = |lidar: &str| {
+        let form = "\"channels\": 16, \"fov\": [-24.8, 2.0], \"azimuth_steps\": 250";
+        Scene::from_json(&SMALL.replace(form, lidar), dir.path(), "s.json")
+    };
+    let error = |lidar: &str| with(lidar).unwrap_err().to_string();
+    assert_eq!(with(r#""file": "ouster""#).unwrap().lidar().beam_count(), 512);
+    let own = with(r#""file": "ouster", "azimuth_steps": 100"#).unwrap();
+    assert_eq!(own.lidar().beam_count(), 100);
+    let sector = error(r#""file": "ouster", "azimuth": [0, 90]"#);
+    assert!(sector.contains("`azimuth_steps` is missing"), "{sector}");
+    let sign = error(r#""file": "ouster", "azimuth_offsets": "clockwise""#);
+    assert!(sign.contains("says which way it counts; leave it out"), "{sign}");
+    let window = error(r#""file": "ouster", "window": [0, 1]"#);
+    assert!(window.contains("`window` cannot stand here: it cuts a Livox"), "{window}");
+    assert_eq!(with(r#""file": "livox""#).unwrap().lidar().beam_count(), 1);
+    let two = with(r#""file": "livox", "window": [0.5, 0.7]"#).unwrap();
+    assert_eq!(two.lidar().beam_count(), 2);
+    assert!(error(r#""file": "livox", "window": [1, 0]"#).contains("with from < to"));
+    let steps = error(r#""file": "livox", "azimuth_steps": 4"#);
+    assert!(steps.contains("`azimuth_steps` cannot stand here"), "{steps}");
 }
 
 #[test]

@@ -1,5 +1,0 @@
-#![no_main]
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    sightline_fuzz::readers::sensor_json(sightline_fuzz::folder(), bytes);
-});

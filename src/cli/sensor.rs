@@ -1,0 +1,64 @@
+//! `sensor`: what a sensor file holds.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use sightline::internals::{SensorFacts, sensor_svg, sensor_text, write_whole};
+use sightline::vehicle::sensor_file;
+
+use super::args::{Format, Talk};
+use super::error::Error;
+
+#[derive(clap::Subcommand)]
+pub enum Command {
+    /// Say what a sensor file of a vendor holds, and draw its pattern
+    Info(Args),
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  sightline sensor info VLP16db.yaml --azimuth-steps 1800
+  sightline sensor info os1-metadata.json --out pattern.svg
+  sightline sensor info \"Pandar40P_Angle Correction File.csv\" --format json > pandar40p.json
+
+JSON of a sensor with channels is itself a sensor file. docs/sensors.md lists the formats that are read.")]
+pub struct Args {
+    /// Sensor file of any format that is read; told apart by its content
+    file: PathBuf,
+    /// Azimuth steps a turn [default: as the file states]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    azimuth_steps: Option<u32>,
+    /// Window in seconds of a pattern that lists times [default: the first 0.1 s]
+    #[arg(long, num_args = 2, value_names = ["FROM", "TO"], value_parser = super::args::finite)]
+    window: Option<Vec<f64>>,
+    /// How to print
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    /// Draw the pattern into this SVG file
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    talk: Talk,
+}
+
+pub fn run(command: &Command) -> Result<ExitCode, Error> {
+    let Command::Info(args) = command;
+    let window = match args.window.as_deref() {
+        Some(&[from, to]) if from < to => Some([from, to]),
+        None => None,
+        _ => return Err(Error::Usage("--window: give FROM below TO, as in 0 0.1".to_owned())),
+    };
+    let pattern = sensor_file::read(&args.file, window)?;
+    let facts = SensorFacts::of(&pattern, args.azimuth_steps);
+    if let Some(out) = &args.out {
+        let svg = sensor_svg(&pattern, &facts);
+        write_whole(out, |file| file.write_all(svg.as_bytes()).map_err(Error::io(out)))?;
+        args.talk.note(format!("pattern in {}", out.display()));
+    }
+    match args.format {
+        Format::Json => outln!("{}", serde_json::json!(facts))?,
+        Format::Text => out!("{}", sensor_text(&pattern, &facts))?,
+    }
+    Ok(ExitCode::SUCCESS)
+}

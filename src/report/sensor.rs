@@ -1,0 +1,198 @@
+//! What a sensor file holds: facts for programs, and the same as text.
+
+use serde::Serialize;
+
+use super::svg::trimmed;
+use super::text::align_columns;
+use crate::vehicle::sensor_file::{Beams, SensorPattern};
+
+/// Most rows of the drawing of elevations.
+const ROWS: f64 = 18.0;
+/// Characters of its longest bar.
+const BAR: usize = 40;
+
+/// Facts of a sensor, angles in degrees. Those of channels can be read again as a sensor file.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SensorFacts {
+    /// Format of the file.
+    pub format: String,
+    /// Model, if the file states one.
+    pub name: Option<String>,
+    /// Channels; none for listed directions.
+    pub channels: Option<usize>,
+    /// Lowest and highest elevation.
+    pub elevation: [f64; 2],
+    /// Least and largest step from channel to channel, by elevation.
+    pub spacing: Option<[f64; 2]>,
+    /// The narrowest band of elevations that holds half of the channels or directions.
+    pub half: [f64; 2],
+    /// Least and largest azimuth offset of channels, or azimuth of directions.
+    pub azimuth: [f64; 2],
+    /// Azimuth steps of a turn, as given or stated.
+    pub azimuth_steps: Option<u32>,
+    /// Beams of a frame, where the azimuth steps are known.
+    pub beams: Option<u64>,
+    /// What the file states and one origin for all beams leaves out.
+    pub notes: Vec<String>,
+    /// Elevation of each channel, in the order of the file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub elevation_deg: Option<Vec<f64>>,
+    /// Azimuth offset of each channel, counter-clockwise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub azimuth_offset_deg: Option<Vec<f64>>,
+}
+
+/// Azimuth and elevation in degrees of each direction, or offset and elevation of each channel.
+pub(super) fn angles(beams: &Beams) -> Vec<[f64; 2]> {
+    match beams {
+        Beams::Channels(all) => all.iter().map(|c| [c.azimuth_offset, c.elevation]).collect(),
+        Beams::Directions(all) => {
+            let of =
+                |[x, y, z]: &[f64; 3]| [y.atan2(*x), z.atan2(x.hypot(*y))].map(f64::to_degrees);
+            all.iter().map(of).collect()
+        }
+    }
+}
+
+/// Elevations by bands of a round width, lowest first: lower end and count of each; and the width.
+pub(super) fn bands(elevations: &[f64]) -> (f64, Vec<(f64, usize)>) {
+    let [low, high] = span(elevations.iter().copied());
+    let raw = ((high - low) / ROWS).max(0.1);
+    let widths = [0.1, 0.2, 0.5, 1.0, 2.0, 2.5, 5.0, 10.0];
+    let width = widths.into_iter().find(|width| *width >= raw).unwrap_or(20.0);
+    // What lies on the border of two bands belongs to the upper one, rounded or not.
+    let band = |e: f64| (e / width + 1e-9).floor() as i64;
+    let mut counts: Vec<usize> = vec![0; (band(high) - band(low) + 1) as usize];
+    elevations.iter().for_each(|&e| counts[(band(e) - band(low)) as usize] += 1);
+    let ends = (band(low)..).map(|k| k as f64 * width);
+    (width, ends.zip(counts).collect())
+}
+
+/// Least and largest value; zeros of none.
+fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    let fold = |[low, high]: [f64; 2], v: f64| [low.min(v), high.max(v)];
+    let [low, high] = values.fold([f64::INFINITY, f64::NEG_INFINITY], fold);
+    if low <= high { [low, high] } else { [0.0; 2] }
+}
+
+impl SensorFacts {
+    /// Facts of a pattern, with `steps` azimuth steps a turn where they are given.
+    pub fn of(pattern: &SensorPattern, steps: Option<u32>) -> Self {
+        let angles = angles(&pattern.beams);
+        let is_listed = matches!(pattern.beams, Beams::Directions(_));
+        let mut sorted: Vec<f64> = angles.iter().map(|angle| angle[1]).collect();
+        sorted.sort_by(f64::total_cmp);
+        let gaps = sorted.windows(2).map(|pair| pair[1] - pair[0]);
+        let held = sorted.len().div_ceil(2);
+        let half = sorted.windows(held.max(1)).map(|held| [held[0], held[held.len() - 1]]);
+        let half = half.min_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])));
+        let azimuth_steps = steps.or(pattern.azimuth_steps).filter(|_| !is_listed);
+        let beams = match azimuth_steps {
+            Some(steps) => Some(angles.len() as u64 * u64::from(steps)),
+            None => is_listed.then_some(angles.len() as u64),
+        };
+        let list = |of: usize| (!is_listed).then(|| angles.iter().map(|a| a[of]).collect());
+        Self {
+            format: pattern.format.to_string(),
+            name: pattern.model.clone(),
+            channels: (!is_listed).then_some(angles.len()),
+            elevation: span(sorted.iter().copied()),
+            spacing: (!is_listed && sorted.len() > 1).then(|| span(gaps)),
+            half: half.unwrap_or_default(),
+            azimuth: span(angles.iter().map(|angle| angle[0])),
+            azimuth_steps,
+            beams,
+            notes: pattern.notes.clone(),
+            elevation_deg: list(1),
+            azimuth_offset_deg: list(0),
+        }
+    }
+}
+
+/// Facts and a drawing of the elevations as text.
+pub fn sensor_text(pattern: &SensorPattern, facts: &SensorFacts) -> String {
+    let number = |v: f64| trimmed(v, 3);
+    let range = |[low, high]: [f64; 2]| match low == high {
+        true => format!("{}°", number(low)),
+        false => format!("{}° to {}°", number(low), number(high)),
+    };
+    let mut lines = vec![("format", facts.format.clone())];
+    lines.extend(facts.name.clone().map(|name| ("model", name)));
+    lines.extend(facts.channels.map(|count| ("channels", count.to_string())));
+    lines.push(("elevations", range(facts.elevation)));
+    lines.extend(facts.spacing.map(|gaps| ("spacing", range(gaps))));
+    lines.push(("densest half", range(facts.half)));
+    let title = if facts.channels.is_some() { "azimuth offsets" } else { "azimuths" };
+    lines.push((title, range(facts.azimuth)));
+    if facts.channels.is_some() {
+        let unknown = || "not stated; give --azimuth-steps".to_owned();
+        let steps = facts.azimuth_steps.map_or_else(unknown, |steps| format!("{steps} a turn"));
+        lines.push(("azimuth steps", steps));
+    }
+    lines.extend(facts.beams.map(|beams| ("beams a frame", beams.to_string())));
+    lines.extend(facts.notes.iter().map(|note| ("note", note.clone())));
+    let width = lines.iter().map(|(key, _)| key.chars().count()).max().unwrap_or(0);
+    let lines: String =
+        lines.iter().map(|(key, value)| format!("{key:<width$}  {value}\n")).collect();
+    format!("{lines}\n{}", drawing(pattern, facts.channels.is_some()))
+}
+
+/// A bar for each band of elevations, highest first.
+fn drawing(pattern: &SensorPattern, is_channels: bool) -> String {
+    let elevations: Vec<f64> = angles(&pattern.beams).iter().map(|angle| angle[1]).collect();
+    let (width, bands) = bands(&elevations);
+    let most = bands.iter().map(|(_, count)| *count).max().unwrap_or(1).max(1);
+    let what = if is_channels { "channels" } else { "beams" };
+    let mut rows = vec![vec!["elevation".to_owned(), what.to_owned()]];
+    let mut bars = vec![String::new()];
+    for (low, count) in bands.iter().rev() {
+        let ends = [*low, low + width].map(|end| trimmed(end + 0.0, 1));
+        rows.push(vec![format!("{:>5}° to {:>5}°", ends[0], ends[1]), count.to_string()]);
+        bars.push("█".repeat((count * BAR).div_ceil(most)));
+    }
+    let table = align_columns(&rows);
+    let lines = table.lines().zip(bars).map(|(line, bar)| format!("{line}  {bar}"));
+    lines.map(|line| format!("{}\n", line.trim_end())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::sensor_file::{Channel, SensorFormat};
+
+    fn pattern(beams: Beams) -> SensorPattern {
+        let notes = vec!["Something is dropped.".to_owned()];
+        let format = SensorFormat::Hesai;
+        SensorPattern { format, model: None, beams, azimuth_steps: None, notes }
+    }
+
+    #[test]
+    fn facts_of_channels_are_counted_by_hand() {
+        let channel = |elevation, azimuth_offset| Channel { elevation, azimuth_offset };
+        let all = [(-10.0, 1.0), (2.0, -3.0), (0.0, 0.0), (1.0, 0.0), (15.0, 0.0)];
+        let beams = Beams::Channels(all.map(|(e, o)| channel(e, o)).to_vec());
+        let pattern = pattern(beams);
+        let facts = SensorFacts::of(&pattern, Some(100));
+        assert_eq!((facts.channels, facts.beams), (Some(5), Some(500)));
+        assert_eq!((facts.elevation, facts.azimuth), ([-10.0, 15.0], [-3.0, 1.0]));
+        assert_eq!((facts.spacing, facts.half), (Some([1.0, 13.0]), [0.0, 2.0]));
+        let text = sensor_text(&pattern, &facts);
+        assert!(text.contains("note             Something is dropped.\n"), "{text}");
+        // 25 degrees in bands of two: three channels lie in two bands.
+        assert!(text.contains("    0° to     2°         2  ████"), "{text}");
+        assert_eq!(text.matches('█').count(), 40 + 3 * 20, "{text}");
+        let facts = SensorFacts::of(&pattern, None);
+        assert!(sensor_text(&pattern, &facts).contains("give --azimuth-steps"));
+    }
+
+    #[test]
+    fn facts_of_directions_are_their_angles() {
+        let half = 0.5_f64.sqrt();
+        let beams = Beams::Directions(vec![[1.0, 0.0, 0.0], [0.0, half, -half]]);
+        let facts = SensorFacts::of(&pattern(beams), Some(100));
+        assert_eq!((facts.channels, facts.azimuth_steps, facts.beams), (None, None, Some(2)));
+        assert!((facts.elevation[0] + 45.0).abs() < 1e-12 && facts.elevation[1] == 0.0);
+        assert!((facts.azimuth[1] - 90.0).abs() < 1e-12 && facts.azimuth[0] == 0.0);
+        assert_eq!(facts.elevation_deg, None);
+    }
+}
