@@ -14,6 +14,7 @@ mod load;
 mod optimize;
 mod progress;
 mod psog;
+mod rig;
 mod scene;
 mod score;
 mod study;
@@ -57,6 +58,9 @@ enum Command {
     /// Build, inspect and merge P-SOG files
     #[command(subcommand)]
     Psog(psog::Command),
+    /// Read, write and compare rigs of Autoware, URDF, SDF, ROS 2 and CARLA
+    #[command(subcommand)]
+    Rig(rig::Command),
     /// Write a street scene of as many triangles as asked for
     Scene(scene::Args),
     /// List Vulkan devices and which one is taken by default
@@ -75,6 +79,7 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Audit(args) => audit::run(&args),
         Command::Study(args) => study::run(&args),
         Command::Psog(command) => psog::run(&command),
+        Command::Rig(command) => rig::run(&command),
         Command::Scene(args) => scene::run(&args),
         Command::Devices(args) => devices::run(&args),
     }

@@ -1,0 +1,39 @@
+//! Formats told apart by content.
+
+use super::{RigError, RigFormat, Source, autoware, launch, pandaset, xml};
+
+/// The format of a text.
+///
+/// # Errors
+/// XML that does not parse, or a text of no format.
+pub(super) fn format_of(source: &Source) -> Result<RigFormat, RigError> {
+    let text = source.text.as_str();
+    let unrecognised = || RigError::Unrecognised { file: source.file.clone() };
+    if text.trim_start().starts_with('<') {
+        let document = xml::parse(text, &source.file)?;
+        return match document.root_element().tag_name().name() {
+            "robot" => Ok(RigFormat::Urdf),
+            "sdf" => Ok(RigFormat::Sdf),
+            "launch" => Ok(RigFormat::Ros2Launch),
+            _ => Err(unrecognised()),
+        };
+    }
+    // From the rarest word to the commonest.
+    let words = [
+        (launch::PUBLISHER, RigFormat::Ros2Launch),
+        ("\"spawn_point\"", RigFormat::CarlaObjects),
+        ("\"lidars\"", RigFormat::Json),
+        ("sensor.lidar.", RigFormat::Carla),
+    ];
+    if let Some((_, format)) = words.into_iter().find(|(word, _)| text.contains(word)) {
+        return Ok(format);
+    }
+    let document = autoware::parse(source).map_err(|_| unrecognised())?;
+    if pandaset::is_pandaset(&document) {
+        Ok(RigFormat::Pandaset)
+    } else if autoware::holds_frames(&document) {
+        Ok(RigFormat::Autoware)
+    } else {
+        Err(unrecognised())
+    }
+}

@@ -1,0 +1,138 @@
+//! The rig: LiDARs by name on one vehicle, and the formats that hold one.
+
+use std::collections::HashSet;
+use std::str::FromStr;
+
+use super::RigError;
+use crate::vehicle::{Placement, SensorPose};
+
+/// Name that ROS gives the frame of a vehicle.
+pub const BASE_LINK: &str = "base_link";
+/// Longest name of a frame, in bytes.
+const MAX_FRAME: usize = 128;
+
+/// The LiDARs of one vehicle.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rig {
+    /// Name as that of a placement: 1 to 64 letters, digits, `.`, `_`, `-`.
+    pub name: String,
+    /// 1 to 16 LiDARs, in the order of the file.
+    pub lidars: Vec<RigLidar>,
+}
+
+/// One LiDAR of a rig.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigLidar {
+    /// Name of its frame, once in a rig; no spaces or control characters.
+    pub frame: String,
+    /// Sensor model, as `VLP-16`, where it is known.
+    pub sensor: Option<String>,
+    /// Optical centre in the ego frame.
+    pub pose: SensorPose,
+}
+
+impl Rig {
+    /// The rig of a list of poses, named `lidar_0`, `lidar_1`, …
+    pub fn of_poses(name: impl Into<String>, poses: &[SensorPose]) -> Self {
+        let lidar = |(index, pose): (usize, &SensorPose)| RigLidar {
+            frame: default_frame(index),
+            sensor: None,
+            pose: *pose,
+        };
+        Self { name: name.into(), lidars: poses.iter().enumerate().map(lidar).collect() }
+    }
+
+    /// The poses as a placement, without the names of frames and sensors.
+    pub fn placement(&self) -> Placement {
+        let lidars = self.lidars.iter().map(|lidar| lidar.pose).collect();
+        Placement { name: self.name.clone(), lidars }
+    }
+
+    /// Checks the name, the number of LiDARs, their frames and every number.
+    ///
+    /// # Errors
+    /// The first fault found.
+    pub fn validate(&self) -> Result<(), RigError> {
+        self.placement().validate()?;
+        let mut names = HashSet::from([BASE_LINK]);
+        for RigLidar { frame, .. } in &self.lidars {
+            let odd = |c: char| c.is_whitespace() || c.is_control();
+            if frame.is_empty() || frame.len() > MAX_FRAME || frame.contains(odd) {
+                return Err(RigError::BadFrame { frame: frame.clone(), most: MAX_FRAME });
+            }
+            if !names.insert(frame) {
+                return Err(RigError::SharedFrame { frame: frame.clone() });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Frame of a LiDAR without a name.
+pub(super) fn default_frame(index: usize) -> String {
+    format!("lidar_{index}")
+}
+
+/// A format that holds a rig.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
+pub enum RigFormat {
+    /// Autoware's pair of YAML files; metres, radians.
+    Autoware,
+    /// URDF; metres, radians.
+    Urdf,
+    /// SDF, as Gazebo reads it; metres, radians.
+    Sdf,
+    /// A ROS 2 launch file of static transform publishers; metres, radians.
+    Ros2Launch,
+    /// The list that `sensors()` of a CARLA agent returns; left-handed, degrees.
+    Carla,
+    /// `objects.json` of the CARLA ROS bridge; degrees.
+    CarlaObjects,
+    /// PandaSet's extrinsics; read only.
+    Pandaset,
+    /// Placements of this program.
+    Json,
+}
+
+impl RigFormat {
+    /// Every format.
+    pub const ALL: [Self; 8] = [
+        Self::Autoware,
+        Self::Urdf,
+        Self::Sdf,
+        Self::Ros2Launch,
+        Self::Carla,
+        Self::CarlaObjects,
+        Self::Pandaset,
+        Self::Json,
+    ];
+
+    /// Name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Autoware => "autoware",
+            Self::Urdf => "urdf",
+            Self::Sdf => "sdf",
+            Self::Ros2Launch => "ros2-launch",
+            Self::Carla => "carla",
+            Self::CarlaObjects => "carla-objects",
+            Self::Pandaset => "pandaset",
+            Self::Json => "json",
+        }
+    }
+
+    /// Whether a frame of this format is the foot of its sensor; else it is the optical centre.
+    pub fn holds_feet(self) -> bool {
+        matches!(self, Self::Autoware | Self::Urdf | Self::Sdf | Self::Ros2Launch)
+    }
+}
+
+impl FromStr for RigFormat {
+    type Err = RigError;
+
+    fn from_str(text: &str) -> Result<Self, RigError> {
+        let found = Self::ALL.into_iter().find(|format| format.name() == text);
+        found.ok_or_else(|| RigError::UnknownFormat { name: text.to_owned() })
+    }
+}
