@@ -38,7 +38,8 @@ pub(super) fn six_numbers(pose: &Pose) -> SensorPose {
 /// Pose of a position and a quaternion of any length above 0; `None` without a rotation.
 pub(super) fn of_quaternion(position: [f64; 3], xyzw: [f64; 4]) -> Option<SensorPose> {
     let largest = xyzw.into_iter().fold(0.0, |most: f64, v| most.max(v.abs()));
-    if !(largest > 0.0 && largest.is_finite()) {
+    // A maximum passes over what is no number.
+    if largest == 0.0 || xyzw.iter().any(|v| !v.is_finite()) {
         return None;
     }
     // Scaled first, so that no square overflows or vanishes.

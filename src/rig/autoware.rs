@@ -12,14 +12,35 @@ use crate::vehicle::SensorPose;
 /// Frame of Autoware's sensor kit.
 const KIT: &str = "sensor_kit_base_link";
 
+/// Most brackets that are open at a time: the parser's time grows with their square.
+const MAX_DEPTH: usize = 64;
+
 /// The text as YAML, of which JSON is a part.
 pub(super) fn parse(source: &Source) -> Result<Value, RigError> {
-    let yaml = serde_yaml_ng::from_str(&source.text).map_err(|error| RigError::Syntax {
+    let fault = |problem| RigError::Syntax {
         at: Box::new(Place::top(&source.file)),
         what: "YAML",
-        problem: error.to_string(),
-    })?;
+        problem,
+    };
+    if brackets(&source.text) > MAX_DEPTH {
+        return Err(fault(format!("more than {MAX_DEPTH} brackets are open at a time")));
+    }
+    let yaml = serde_yaml_ng::from_str(&source.text).map_err(|error| fault(error.to_string()))?;
     Ok(json(yaml))
+}
+
+/// Most brackets that are open at a time.
+fn brackets(text: &str) -> usize {
+    let (mut open, mut most) = (0_usize, 0);
+    for byte in text.bytes() {
+        match byte {
+            b'[' | b'{' => open += 1,
+            b']' | b'}' => open = open.saturating_sub(1),
+            _ => {}
+        }
+        most = most.max(open);
+    }
+    most
 }
 
 /// A YAML value as JSON; numbers that are not finite become texts, keys that are no texts are written out.

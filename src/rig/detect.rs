@@ -28,7 +28,9 @@ pub(super) fn format_of(source: &Source) -> Result<RigFormat, RigError> {
     if let Some((_, format)) = words.into_iter().find(|(word, _)| text.contains(word)) {
         return Ok(format);
     }
-    let document = autoware::parse(source).map_err(|_| unrecognised())?;
+    let named_yaml = source.file.ends_with(".yaml") || source.file.ends_with(".yml");
+    let parsed = autoware::parse(source);
+    let document = parsed.map_err(|fault| if named_yaml { fault } else { unrecognised() })?;
     if pandaset::is_pandaset(&document) {
         Ok(RigFormat::Pandaset)
     } else if autoware::holds_frames(&document) {

@@ -118,6 +118,16 @@ pub enum RigError {
         /// Longest name in bytes.
         most: usize,
     },
+    /// A sensor whose name cannot be written.
+    #[error(
+        "{sensor:?} is not a name of a sensor: use 1 to {most} bytes without control characters"
+    )]
+    BadSensor {
+        /// The name.
+        sensor: String,
+        /// Longest name in bytes.
+        most: usize,
+    },
     /// Two LiDARs in one frame.
     #[error("the frame `{frame}` is used twice, or is that of the vehicle; names must differ")]
     SharedFrame {

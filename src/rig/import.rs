@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashSet};
 use std::path::PathBuf;
 
-use super::angles::{compose, up};
+use super::angles::{IDENTITY, compose, up};
 use super::frames::{Frame, Frames, Holds};
 use super::{
     BASE_LINK, Mounting, Rig, RigError, RigFormat, RigLidar, Source, autoware, carla,
@@ -91,14 +91,18 @@ pub fn import_texts(sources: &[Source], settings: &ImportSettings) -> Result<Imp
     let base = base(format, &mut frames, settings, &first.file)?;
     let mut notes = std::mem::take(&mut frames.notes);
     let (lidars, left_out) = picked(&frames, settings, &first.file)?;
+    let mut unknown = Vec::new();
     let named = settings.name.clone().or(frames.name.clone());
     let mut rig = Rig { name: named.unwrap_or_else(|| UNNAMED.to_owned()), lidars: Vec::new() };
-    let carried: HashSet<&str> = left_out.iter().map(String::as_str).collect();
     for frame in lidars {
-        let carrier = frames
-            .get(&frame.parent)
-            .filter(|parent| carried.contains(parent.name.as_str()) && is_lidar(parent));
-        rig.lidars.push(lidar(&frames, frame, carrier, &base, format, settings, &mut notes)?);
+        rig.lidars.push(lidar(&frames, frame, &base, format, settings, &mut unknown)?);
+    }
+    if let Some(frame) = unknown.first() {
+        notes.push(format!(
+            "nothing says how far above its foot the optical centre of {} is, so they are taken for one; give \
+             --sensor {frame}=MODEL or --optical-height {frame}=METRES",
+            unknown.join(", ")
+        ));
     }
     // A robot's name may be one that no placement may bear; one that was asked for is an error.
     if settings.name.is_none() && rig.validate().is_err() {
@@ -154,14 +158,23 @@ fn base(
     Ok(own.to_owned())
 }
 
-/// Whether a frame is a LiDAR by what its file says, or else by its name.
-fn is_lidar(frame: &Frame) -> bool {
+/// Whether the name of a frame of which nothing is said is that of a LiDAR.
+fn is_named_lidar(frame: &Frame) -> bool {
     let name = frame.name.to_lowercase();
-    match frame.holds {
-        Holds::Lidar { .. } => true,
-        Holds::Other => false,
-        Holds::Unsaid => WORDS.iter().any(|word| name.contains(word)),
+    frame.holds == Holds::Unsaid && WORDS.iter().any(|word| name.contains(word))
+}
+
+/// Frames that are LiDARs by what the files say; where those say nothing, by name.
+fn lidars(frames: &Frames) -> Vec<&Frame> {
+    let said = |frame: &&Frame| matches!(frame.holds, Holds::Lidar { .. });
+    let said: Vec<&Frame> = frames.all().iter().filter(said).collect();
+    if !said.is_empty() {
+        return said;
     }
+    let named: Vec<&Frame> = frames.all().iter().filter(|frame| is_named_lidar(frame)).collect();
+    // The foot of a sensor whose own frame stands on it is no second LiDAR.
+    let feet: HashSet<&str> = named.iter().map(|frame| frame.parent.as_str()).collect();
+    named.into_iter().filter(|frame| !feet.contains(frame.name.as_str())).collect()
 }
 
 /// The LiDARs, and the names of all other frames.
@@ -171,19 +184,15 @@ fn picked<'a>(
     file: &str,
 ) -> Result<(Vec<&'a Frame>, Vec<String>), RigError> {
     let file = file.to_owned();
+    let find = |name: &String| {
+        let unknown =
+            |known| RigError::UnknownFrame { file: file.clone(), frame: name.clone(), known };
+        frames.get(name).ok_or_else(|| unknown(frames.names()))
+    };
+    settings.sensors.keys().try_for_each(|name| find(name).map(drop))?;
     let lidars: Vec<&Frame> = if settings.frames.is_empty() {
-        let all: Vec<&Frame> = frames.all().iter().filter(|frame| is_lidar(frame)).collect();
-        // The foot of a sensor whose own frame stands on it is no second LiDAR.
-        let carriers: HashSet<&str> = all.iter().map(|frame| frame.parent.as_str()).collect();
-        all.into_iter().filter(|frame| !carriers.contains(frame.name.as_str())).collect()
+        lidars(frames)
     } else {
-        let find = |name: &String| {
-            frames.get(name).ok_or_else(|| RigError::UnknownFrame {
-                file: file.clone(),
-                frame: name.clone(),
-                known: frames.names(),
-            })
-        };
         settings.frames.iter().map(find).collect::<Result<_, _>>()?
     };
     if lidars.is_empty() {
@@ -198,37 +207,33 @@ fn picked<'a>(
     Ok((lidars, others))
 }
 
-/// The LiDAR of a frame; `carrier` is its foot where that is a frame as well.
+/// The LiDAR of a frame. Where nothing tells the height of its optical centre, its name goes into `unknown`.
 fn lidar(
     frames: &Frames,
     frame: &Frame,
-    carrier: Option<&Frame>,
     base: &str,
     format: RigFormat,
     settings: &ImportSettings,
-    notes: &mut Vec<String>,
+    unknown: &mut Vec<String>,
 ) -> Result<RigLidar, RigError> {
     let (said, optical) = match &frame.holds {
         Holds::Lidar { sensor, optical } => (sensor.clone(), *optical),
         _ => (None, None),
     };
-    let given = settings.sensors.get(&frame.name).map(|name| known::usual(name));
-    let sensor = given.or(said);
     let (name, mounting) = (&frame.name, &settings.mounting);
+    let sensor = settings.sensors.get(name).map(|name| known::usual(name)).or(said);
+    let stands_on_foot =
+        || frame.holds == Holds::Unsaid && frames.get(&frame.parent).is_some_and(is_named_lidar);
     let given = mounting.given_height(name, sensor.as_deref());
-    let by_sensor = mounting.height(name, sensor.as_deref());
     let up_from_foot = match (given, optical) {
+        _ if !format.holds_feet() => IDENTITY,
         (Some(height), _) => up(height),
         (None, Some(optical)) => optical,
-        (None, None) if !format.holds_feet() || carrier.is_some() => up(0.0),
+        (None, None) if stands_on_foot() => IDENTITY,
         (None, None) => {
-            if by_sensor.is_none() {
-                notes.push(format!(
-                    "`{name}`: nothing says how far above its foot its optical centre is, so they are \
-                     taken for one; give --sensor {name}=MODEL or --optical-height {name}=METRES"
-                ));
-            }
-            up(by_sensor.unwrap_or(0.0))
+            let height = mounting.height(name, sensor.as_deref());
+            unknown.extend(height.is_none().then(|| name.clone()));
+            up(height.unwrap_or(0.0))
         }
     };
     let pose = mounting.to_ego(&compose(&frames.in_base(base, frame)?, &up_from_foot));

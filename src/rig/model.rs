@@ -8,7 +8,7 @@ use crate::vehicle::{Placement, SensorPose};
 
 /// Name that ROS gives the frame of a vehicle.
 pub const BASE_LINK: &str = "base_link";
-/// Longest name of a frame, in bytes.
+/// Longest name of a frame or sensor, in bytes.
 const MAX_FRAME: usize = 128;
 
 /// The LiDARs of one vehicle.
@@ -55,8 +55,15 @@ impl Rig {
     pub fn validate(&self) -> Result<(), RigError> {
         self.placement().validate()?;
         let mut names = HashSet::from([BASE_LINK]);
-        for RigLidar { frame, .. } in &self.lidars {
-            let odd = |c: char| c.is_whitespace() || c.is_control();
+        // What no XML holds, in escapes or not.
+        let unwritable = |c: char| c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}');
+        for RigLidar { frame, sensor, .. } in &self.lidars {
+            if let Some(name) = sensor
+                && (name.trim().is_empty() || name.len() > MAX_FRAME || name.contains(unwritable))
+            {
+                return Err(RigError::BadSensor { sensor: name.clone(), most: MAX_FRAME });
+            }
+            let odd = |c: char| c.is_whitespace() || unwritable(c);
             if frame.is_empty() || frame.len() > MAX_FRAME || frame.contains(odd) {
                 return Err(RigError::BadFrame { frame: frame.clone(), most: MAX_FRAME });
             }

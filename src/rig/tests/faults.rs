@@ -30,7 +30,6 @@ fn each_fault_is_a_sentence() {
             &["kit.lidar.x", "`.inf`", "finite"],
         ),
         (lidar("x: front, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0"), &["kit.lidar.x", "`front`"]),
-        (lidar("x: 1, x: 2"), &["is no YAML", "duplicate"]),
         (
             autoware("camera: {x: 1, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0}"),
             &["no frame is a LiDAR", "`camera`"],
@@ -97,6 +96,9 @@ fn each_fault_is_a_sentence() {
         (String::new(), &["file: its content is none of"]),
         ("<xml/>".to_owned(), &["its content is none of"]),
     ];
+    let twice = source("file.yaml", &lidar("x: 1, x: 2"));
+    let error = import_texts(&[twice], &ImportSettings::default()).unwrap_err().to_string();
+    assert!(error.contains("file.yaml: is no YAML") && error.contains("duplicate"), "{error}");
     for (text, parts) in cases {
         let error = read(&text).expect_err(&text).to_string();
         for part in parts {
@@ -112,6 +114,8 @@ fn names_that_nothing_has_are_listed() {
         import_texts(&[source("file", &text)], &settings).unwrap_err().to_string()
     };
     let settings = ImportSettings::default;
+    let sensors = [("side".to_owned(), "VLP-16".to_owned())].into();
+    assert!(fails(ImportSettings { sensors, ..settings() }).contains("called `side`"));
     let error = fails(ImportSettings { frames: vec!["top".to_owned()], ..settings() });
     assert_eq!(error, "file: no frame is called `top`; there are `base_link`, `kit`, `lidar`");
     let error = fails(ImportSettings { base_frame: Some("map".to_owned()), ..settings() });
@@ -194,7 +198,8 @@ fn one_of_several_placements_is_picked_by_name() {
 fn hostile_files_end_soon() {
     let deep = 100_000;
     let elements = format!("<sdf>{}{}</sdf>", "<a>".repeat(deep), "</a>".repeat(deep));
-    let lists = format!("[{{'type': {}", "[".repeat(deep));
+    let lists = format!("[{{'type': 'sensor.lidar.x', {}", "[".repeat(deep));
+    let blocks = "- ".repeat(deep);
     let yaml = format!("a: {}", "[".repeat(deep));
     let bomb = (0..30).fold("a0: &a0 {x: 1}\n".to_owned(), |text, k| {
         text + &format!("a{}: &a{} [*a{k}, *a{k}, *a{k}, *a{k}]\n", k + 1, k + 1)
@@ -203,7 +208,7 @@ fn hostile_files_end_soon() {
         (0..50_000).map(|k| joint(&format!("l{k}"), &format!("l{}", k + 1))).collect();
     let chain =
         format!("<robot>{}{chain}{}</robot>", joint("base_link", "l0"), joint("l50000", "lidar"));
-    for text in [&elements, &lists, &yaml, &bomb] {
+    for text in [&elements, &lists, &blocks, &yaml, &bomb] {
         assert!(read(text).is_err());
     }
     assert_eq!(read(&chain).unwrap().rig.lidars.len(), 1);
