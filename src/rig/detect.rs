@@ -1,4 +1,6 @@
-//! Formats told apart by content.
+//! Formats told apart by name or content.
+
+use std::str::FromStr;
 
 use super::{RigError, RigFormat, Source, autoware, launch, pandaset, xml};
 
@@ -37,5 +39,14 @@ pub(super) fn format_of(source: &Source) -> Result<RigFormat, RigError> {
         Ok(RigFormat::Autoware)
     } else {
         Err(unrecognised())
+    }
+}
+
+impl FromStr for RigFormat {
+    type Err = RigError;
+
+    fn from_str(text: &str) -> Result<Self, RigError> {
+        let found = Self::ALL.into_iter().find(|format| format.name() == text);
+        found.ok_or_else(|| RigError::UnknownFormat { name: text.to_owned() })
     }
 }

@@ -3,23 +3,14 @@
 use serde_json::Value;
 
 use super::{
-    Fan, Mounting, Rig, RigError, RigFormat, RigLidar, autoware, carla, carla_objects, known,
-    launch, placements, sdf, urdf,
+    Fan, Mounting, NamedText, Rig, RigError, RigFormat, RigLidar, autoware, carla, carla_objects,
+    known, launch, placements, sdf, urdf,
 };
 
 /// Most LiDARs that CARLA's leaderboard lets an agent have.
 const LEADERBOARD_LIDARS: usize = 2;
 /// Farthest that they may stand from the vehicle's origin, in metres.
 const LEADERBOARD_RADIUS: f64 = 3.0;
-
-/// A text and the name that its file usually has.
-#[derive(Debug, Clone, PartialEq)]
-pub struct NamedText {
-    /// Name of the file.
-    pub name: String,
-    /// Its text.
-    pub text: String,
-}
 
 /// A rig in another format.
 #[derive(Debug, Clone, PartialEq)]

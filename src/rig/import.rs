@@ -174,7 +174,10 @@ fn lidars(frames: &Frames) -> Vec<&Frame> {
     let named: Vec<&Frame> = frames.all().iter().filter(|frame| is_named_lidar(frame)).collect();
     // The foot of a sensor whose own frame stands on it is no second LiDAR.
     let feet: HashSet<&str> = named.iter().map(|frame| frame.parent.as_str()).collect();
-    named.into_iter().filter(|frame| !feet.contains(frame.name.as_str())).collect()
+    let stands_on_none = |frame: &&Frame| !feet.contains(frame.name.as_str());
+    let upper: Vec<&Frame> = named.iter().copied().filter(stands_on_none).collect();
+    // All of them feet: a loop, of which the chain will tell.
+    if upper.is_empty() { named } else { upper }
 }
 
 /// The LiDARs, and the names of all other frames.

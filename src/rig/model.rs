@@ -1,7 +1,6 @@
-//! The rig: LiDARs by name on one vehicle, and the formats that hold one.
+//! The rig: LiDARs by name on one vehicle.
 
 use std::collections::HashSet;
-use std::str::FromStr;
 
 use super::RigError;
 use crate::vehicle::{Placement, SensorPose};
@@ -78,68 +77,4 @@ impl Rig {
 /// Frame of a LiDAR without a name.
 pub(super) fn default_frame(index: usize) -> String {
     format!("lidar_{index}")
-}
-
-/// A format that holds a rig.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-#[non_exhaustive]
-pub enum RigFormat {
-    /// Autoware's pair of YAML files; metres, radians.
-    Autoware,
-    /// URDF; metres, radians.
-    Urdf,
-    /// SDF, as Gazebo reads it; metres, radians.
-    Sdf,
-    /// A ROS 2 launch file of static transform publishers; metres, radians.
-    Ros2Launch,
-    /// The list that `sensors()` of a CARLA agent returns; left-handed, degrees.
-    Carla,
-    /// `objects.json` of the CARLA ROS bridge; degrees.
-    CarlaObjects,
-    /// PandaSet's extrinsics; read only.
-    Pandaset,
-    /// Placements of this program.
-    Json,
-}
-
-impl RigFormat {
-    /// Every format.
-    pub const ALL: [Self; 8] = [
-        Self::Autoware,
-        Self::Urdf,
-        Self::Sdf,
-        Self::Ros2Launch,
-        Self::Carla,
-        Self::CarlaObjects,
-        Self::Pandaset,
-        Self::Json,
-    ];
-
-    /// Name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Autoware => "autoware",
-            Self::Urdf => "urdf",
-            Self::Sdf => "sdf",
-            Self::Ros2Launch => "ros2-launch",
-            Self::Carla => "carla",
-            Self::CarlaObjects => "carla-objects",
-            Self::Pandaset => "pandaset",
-            Self::Json => "json",
-        }
-    }
-
-    /// Whether a frame of this format is the foot of its sensor; else it is the optical centre.
-    pub fn holds_feet(self) -> bool {
-        matches!(self, Self::Autoware | Self::Urdf | Self::Sdf | Self::Ros2Launch)
-    }
-}
-
-impl FromStr for RigFormat {
-    type Err = RigError;
-
-    fn from_str(text: &str) -> Result<Self, RigError> {
-        let found = Self::ALL.into_iter().find(|format| format.name() == text);
-        found.ok_or_else(|| RigError::UnknownFormat { name: text.to_owned() })
-    }
 }

@@ -1,4 +1,4 @@
-//! Files of a rig as texts.
+//! Files of a rig as texts, read and to be written.
 
 use std::path::{Path, PathBuf};
 
@@ -9,6 +9,15 @@ use crate::json::{DescriptionError, Place, read_limited};
 const MAX_FILE: u64 = 16 << 20;
 /// Endings that a folder of a rig is searched for.
 const ENDINGS: [&str; 2] = ["yaml", "yml"];
+
+/// A text and the name that its file usually has.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedText {
+    /// Name of the file.
+    pub name: String,
+    /// Its text.
+    pub text: String,
+}
 
 /// A text and the file that it is from.
 #[derive(Debug, Clone, PartialEq)]
