@@ -8,6 +8,7 @@ use std::path::Path;
 
 use sightline::internals::KittiSequence;
 use sightline::psog::{KittiPsogOptions, Roi, build_kitti_psog, read_psog, write_psog};
+use sightline::rig::{ImportSettings, Mounting, RigFormat, Source, export, import_texts};
 use sightline::scene::{EgoBody, Scene};
 use sightline::vehicle::read_placements;
 use sightline::vehicle::sensor_file::{self as sensors, Beams};
@@ -24,7 +25,7 @@ pub struct Reader {
 }
 
 /// All readers of outside bytes.
-pub const READERS: [Reader; 12] = [
+pub const READERS: [Reader; 19] = [
     Reader { name: "scene_json", read: scene_json },
     Reader { name: "sensor_file", read: sensor_file },
     Reader { name: "placements_json", read: placements_json },
@@ -37,6 +38,13 @@ pub const READERS: [Reader; 12] = [
     Reader { name: "mesh_obj", read: mesh_obj },
     Reader { name: "mesh_ply", read: mesh_ply },
     Reader { name: "mesh_gltf", read: mesh_gltf },
+    Reader { name: "rig_yaml", read: rig_yaml },
+    Reader { name: "rig_urdf", read: rig_urdf },
+    Reader { name: "rig_sdf", read: rig_sdf },
+    Reader { name: "rig_launch", read: rig_launch },
+    Reader { name: "rig_carla", read: rig_carla },
+    Reader { name: "rig_objects", read: rig_objects },
+    Reader { name: "rig_json", read: rig_json },
 ];
 
 /// A folder for the readers' files: in memory where there is such a place, since a file system on disk
@@ -131,6 +139,42 @@ pub fn mesh_gltf(folder: &Path, bytes: &[u8]) {
     check_mesh(folder, "mesh.gltf", bytes);
 }
 
+/// A rig in Autoware's YAML, or PandaSet's.
+pub fn rig_yaml(_: &Path, bytes: &[u8]) {
+    check_rig(bytes, Some(RigFormat::Autoware));
+    check_rig(bytes, Some(RigFormat::Pandaset));
+}
+
+/// A rig in URDF.
+pub fn rig_urdf(_: &Path, bytes: &[u8]) {
+    check_rig(bytes, Some(RigFormat::Urdf));
+}
+
+/// A rig in SDF.
+pub fn rig_sdf(_: &Path, bytes: &[u8]) {
+    check_rig(bytes, Some(RigFormat::Sdf));
+}
+
+/// A rig in a ROS 2 launch file, of Python or XML.
+pub fn rig_launch(_: &Path, bytes: &[u8]) {
+    check_rig(bytes, Some(RigFormat::Ros2Launch));
+}
+
+/// A list of sensors of a CARLA agent.
+pub fn rig_carla(_: &Path, bytes: &[u8]) {
+    check_rig(bytes, Some(RigFormat::Carla));
+}
+
+/// Objects of the CARLA ROS bridge.
+pub fn rig_objects(_: &Path, bytes: &[u8]) {
+    check_rig(bytes, Some(RigFormat::CarlaObjects));
+}
+
+/// Placements as a rig.
+pub fn rig_json(_: &Path, bytes: &[u8]) {
+    check_rig(bytes, Some(RigFormat::Json));
+}
+
 const SCAN: [u8; 16] = [0, 0, 128, 63, 0, 0, 128, 63, 0, 0, 128, 63, 0, 0, 0, 0];
 const LABEL: [u8; 4] = [80, 0, 0, 0];
 const POSES: &str = "1 0 0 0 0 1 0 0 0 0 1 0\n";
@@ -213,4 +257,24 @@ fn check_mesh(folder: &Path, name: &str, bytes: &[u8]) {
     let world =
         format!(r#", "static": [{{ "class": "building", "mesh": {{ "file": "{name}" }} }}]"#);
     check_scene(Scene::from_json(&scene_with(lidar, &world), folder, "scene.json"));
+}
+
+/// Reads a rig in a format and by its content; one that is accepted survives being written as URDF.
+fn check_rig(bytes: &[u8], format: Option<RigFormat>) {
+    let text = String::from_utf8_lossy(bytes).into_owned();
+    let read = |text: String, format, file: &str| {
+        let source = Source { file: file.to_owned(), text };
+        import_texts(&[source], &ImportSettings { format, ..ImportSettings::default() })
+    };
+    let _ = said(read(text.clone(), None, "rig"));
+    let Ok(imported) = said(read(text, format, "rig")) else { return };
+    imported.rig.validate().expect("what was read is valid");
+    let written = export(&imported.rig, RigFormat::Urdf, &Mounting::default(), None);
+    let urdf = written.expect("a rig that was read can be written").files.remove(0).text;
+    let again = read(urdf, None, "again").expect("a rig that was written can be read").rig;
+    assert_eq!(again.lidars.len(), imported.rig.lidars.len());
+    for (a, b) in again.lidars.iter().zip(&imported.rig.lidars) {
+        let far = 1.0 + b.pose.position().length();
+        assert!(a.frame == b.frame && a.pose.position().distance(b.pose.position()) <= 1e-12 * far);
+    }
 }

@@ -6,6 +6,7 @@ use crate::engine::{BackendError, OpenError};
 use crate::files::FileError;
 use crate::problem::ProblemError;
 use crate::psog::{GridError, KittiError, PsogFileError};
+use crate::rig::RigError;
 use crate::scene::DescriptionError;
 use crate::score::ObjectiveError;
 use crate::search::SearchError;
@@ -27,6 +28,9 @@ pub enum Error {
     /// From a placement.
     #[error(transparent)]
     Placement(#[from] PlacementError),
+    /// From a rig of another program.
+    #[error(transparent)]
+    Rig(#[from] RigError),
     /// From a grid of sensor poses.
     #[error(transparent)]
     PoseGrid(#[from] PoseGridError),

@@ -38,6 +38,7 @@
 //! |---|---|
 //! | [`geom`] | rigid transforms, boxes, triangle soups |
 //! | [`vehicle`] | sensors, mount, placements and their rules |
+//! | [`rig`] | rigs in the formats of other programs |
 //! | [`scene`] | the scene file, meshes and primitives, one triangle soup a frame |
 //! | [`psog`] | region of interest, voxels, P-SOG, entropy |
 //! | `bvh` | bounding volume hierarchy, flat and wide |
@@ -72,6 +73,7 @@ pub mod problem;
 pub mod psog;
 mod reduce;
 pub mod report;
+pub mod rig;
 pub mod scan;
 pub mod scene;
 pub mod score;

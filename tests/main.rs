@@ -19,6 +19,8 @@ mod cli_optimize;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_output;
 #[cfg(feature = "cli")]
+mod cli_rig;
+#[cfg(feature = "cli")]
 mod cli_rules;
 #[cfg(feature = "cli")]
 mod cli_scene;

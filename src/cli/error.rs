@@ -39,6 +39,7 @@ from_modules!(
     sightline::psog::GridError,
     sightline::psog::KittiError,
     sightline::psog::PsogFileError,
+    sightline::rig::RigError,
     sightline::scene::DescriptionError,
     sightline::score::ObjectiveError,
     sightline::search::SearchError,

@@ -14,6 +14,7 @@ mod load;
 mod optimize;
 mod progress;
 mod psog;
+mod rig;
 mod scene;
 mod score;
 mod sensor;
@@ -61,6 +62,9 @@ enum Command {
     /// Look into sensor files of the vendors
     #[command(subcommand)]
     Sensor(sensor::Command),
+    /// Read, write and compare rigs of Autoware, URDF, SDF, ROS 2 and CARLA
+    #[command(subcommand)]
+    Rig(rig::Command),
     /// Write a street scene of as many triangles as asked for
     Scene(scene::Args),
     /// List Vulkan devices and which one is taken by default
@@ -80,6 +84,7 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Study(args) => study::run(&args),
         Command::Psog(command) => psog::run(&command),
         Command::Sensor(command) => sensor::run(&command),
+        Command::Rig(command) => rig::run(&command),
         Command::Scene(args) => scene::run(&args),
         Command::Devices(args) => devices::run(&args),
     }

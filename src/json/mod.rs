@@ -9,4 +9,4 @@ mod yaml;
 pub use error::DescriptionError;
 pub(crate) use parse::{check_version, nearest, parse, plain_words, read_limited};
 pub use place::Place;
-pub(crate) use yaml::parse_yaml;
+pub(crate) use yaml::{parse_yaml, yaml_as_json};

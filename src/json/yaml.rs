@@ -1,6 +1,8 @@
 //! Reading of YAML descriptions, with limits: the parser takes time with the square of open brackets.
 
 use serde::de::DeserializeOwned;
+use serde_json::{Number, Value};
+use serde_yaml_ng::Value as Yaml;
 
 use super::{DescriptionError, Place, plain_words};
 
@@ -42,6 +44,32 @@ pub(crate) fn parse_yaml<T: DeserializeOwned>(
         let at = Box::new(Place { file: file.to_owned(), path });
         DescriptionError::Json { at, problem: plain_words(text), line, column }
     })
+}
+
+/// Reads `text` as JSON: numbers that are not finite become texts, keys that are no texts are written out.
+pub(crate) fn yaml_as_json(text: &str, file: &str) -> Result<Value, DescriptionError> {
+    parse_yaml(text, file).map(json)
+}
+
+fn json(yaml: Yaml) -> Value {
+    match yaml {
+        Yaml::Null => Value::Null,
+        Yaml::Bool(value) => Value::Bool(value),
+        Yaml::String(value) => Value::String(value),
+        Yaml::Number(value) => {
+            let number = value.as_f64().and_then(Number::from_f64);
+            number.map_or_else(|| Value::String(value.to_string()), Value::Number)
+        }
+        Yaml::Sequence(values) => Value::Array(values.into_iter().map(json).collect()),
+        Yaml::Tagged(tagged) => json(tagged.value),
+        Yaml::Mapping(map) => {
+            let key = |key: Yaml| match json(key) {
+                Value::String(text) => text,
+                other => other.to_string(),
+            };
+            Value::Object(map.into_iter().map(|(k, v)| (key(k), json(v))).collect())
+        }
+    }
 }
 
 #[cfg(test)]

@@ -68,8 +68,8 @@ impl SensorPose {
     }
 
     /// Pose of six numbers in the order of [`Self::FIELDS`], of the vehicle's first model.
-    pub fn from_values([x, y, z, roll, pitch, yaw]: [f64; 6]) -> Self {
-        Self { x, y, z, roll, pitch, yaw, sensor: SensorName::default() }
+    pub const fn from_values([x, y, z, roll, pitch, yaw]: [f64; 6]) -> Self {
+        Self { x, y, z, roll, pitch, yaw, sensor: SensorName::NONE }
     }
 }
 

@@ -20,6 +20,9 @@ static NAMES: RwLock<Vec<&'static str>> = RwLock::new(Vec::new());
 pub struct SensorName(u16);
 
 impl SensorName {
+    /// No name.
+    pub const NONE: Self = Self(0);
+
     /// The name of a model.
     ///
     /// # Errors

@@ -11,8 +11,8 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
 use super::description::{KeepOutDescription, LidarDescription};
-use super::mount::keep_out_boxes;
 use super::equipment::{Requirement, Vehicle, VehicleMount, VehicleSensor};
+use super::mount::keep_out_boxes;
 use super::{Lidar, MAX_LIDARS, Outline, Phase, Region, SensorName, Ties};
 use crate::geom::Pose;
 use crate::json::check::{self, bad};

@@ -1,0 +1,52 @@
+//! Formats told apart by name or content.
+
+use std::str::FromStr;
+
+use super::{RigError, RigFormat, Source, autoware, launch, pandaset, xml};
+
+/// The format of a text.
+///
+/// # Errors
+/// XML that does not parse, or a text of no format.
+pub(super) fn format_of(source: &Source) -> Result<RigFormat, RigError> {
+    let text = source.text.as_str();
+    let unrecognised = || RigError::Unrecognised { file: source.file.clone() };
+    if text.trim_start().starts_with('<') {
+        let document = xml::parse(text, &source.file)?;
+        return match document.root_element().tag_name().name() {
+            "robot" => Ok(RigFormat::Urdf),
+            "sdf" => Ok(RigFormat::Sdf),
+            "launch" => Ok(RigFormat::Ros2Launch),
+            _ => Err(unrecognised()),
+        };
+    }
+    // From the rarest word to the commonest.
+    let words = [
+        (launch::PUBLISHER, RigFormat::Ros2Launch),
+        ("\"spawn_point\"", RigFormat::CarlaObjects),
+        ("\"lidars\"", RigFormat::Json),
+        ("sensor.lidar.", RigFormat::Carla),
+    ];
+    if let Some((_, format)) = words.into_iter().find(|(word, _)| text.contains(word)) {
+        return Ok(format);
+    }
+    let named_yaml = source.file.ends_with(".yaml") || source.file.ends_with(".yml");
+    let parsed = autoware::parse(source);
+    let document = parsed.map_err(|fault| if named_yaml { fault } else { unrecognised() })?;
+    if pandaset::is_pandaset(&document) {
+        Ok(RigFormat::Pandaset)
+    } else if autoware::holds_frames(&document) {
+        Ok(RigFormat::Autoware)
+    } else {
+        Err(unrecognised())
+    }
+}
+
+impl FromStr for RigFormat {
+    type Err = RigError;
+
+    fn from_str(text: &str) -> Result<Self, RigError> {
+        let found = Self::ALL.into_iter().find(|format| format.name() == text);
+        found.ok_or_else(|| RigError::UnknownFormat { name: text.to_owned() })
+    }
+}

@@ -1,0 +1,134 @@
+//! Frames that hang on frames: chains, and what a chain comes to.
+
+use std::collections::{HashMap, HashSet};
+
+use super::RigError;
+use super::angles::{IDENTITY, compose, inverse};
+use crate::json::Place;
+use crate::vehicle::SensorPose;
+
+/// What a file says of a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Holds {
+    /// A LiDAR, of a model that may be named.
+    Lidar {
+        /// Model, as the file names it.
+        sensor: Option<String>,
+        /// Where its beams start in the frame, where the file says so.
+        optical: Option<SensorPose>,
+    },
+    /// Something else.
+    Other,
+    /// Nothing: the name must tell.
+    Unsaid,
+}
+
+/// A frame and where it hangs.
+#[derive(Debug, Clone)]
+pub(super) struct Frame {
+    pub(super) name: String,
+    pub(super) parent: String,
+    /// `parent_from_frame`.
+    pub(super) pose: SensorPose,
+    pub(super) holds: Holds,
+    pub(super) at: Place,
+}
+
+/// All frames of a rig's files, in their order.
+#[derive(Debug, Default)]
+pub(super) struct Frames {
+    list: Vec<Frame>,
+    index: HashMap<String, usize>,
+    /// Name that the files give the rig.
+    pub(super) name: Option<String>,
+    /// What a user should know of the reading.
+    pub(super) notes: Vec<String>,
+}
+
+impl Frames {
+    /// Adds a frame.
+    ///
+    /// # Errors
+    /// A frame of this name is there already.
+    pub(super) fn add(&mut self, frame: Frame) -> Result<(), RigError> {
+        if self.index.contains_key(&frame.name) {
+            let Frame { name, at, .. } = frame;
+            return Err(RigError::Twice { at: Box::new(at), frame: name });
+        }
+        self.index.insert(frame.name.clone(), self.list.len());
+        self.list.push(frame);
+        Ok(())
+    }
+
+    pub(super) fn all(&self) -> &[Frame] {
+        &self.list
+    }
+
+    pub(super) fn get(&self, name: &str) -> Option<&Frame> {
+        self.index.get(name).map(|&at| &self.list[at])
+    }
+
+    pub(super) fn get_mut(&mut self, name: &str) -> Option<&mut Frame> {
+        self.index.get(name).map(|&at| &mut self.list[at])
+    }
+
+    /// Whether a frame of this name is placed, or something hangs on it.
+    pub(super) fn mentions(&self, name: &str) -> bool {
+        self.get(name).is_some() || self.list.iter().any(|frame| frame.parent == name)
+    }
+
+    /// Every frame that is mentioned, each once.
+    pub(super) fn names(&self) -> Vec<String> {
+        let mut seen = HashSet::new();
+        let names = self.list.iter().flat_map(|frame| [&frame.parent, &frame.name]);
+        names.filter(|name| seen.insert(*name)).cloned().collect()
+    }
+
+    /// Pose of a frame in the base, wherever in the tree that stands.
+    ///
+    /// # Errors
+    /// A loop, or no connection.
+    pub(super) fn in_base(&self, base: &str, frame: &Frame) -> Result<SensorPose, RigError> {
+        let (pose, end) = self.climb(frame, Some(base))?;
+        if end == base {
+            return Ok(pose);
+        }
+        // The base hangs somewhere itself, and the frame beside it.
+        if let Some(base) = self.get(base) {
+            let (base_pose, base_end) = self.climb(base, None)?;
+            if base_end == end {
+                return Ok(compose(&inverse(&base_pose), &pose));
+            }
+        }
+        Err(RigError::Unconnected {
+            at: Box::new(frame.at.clone()),
+            frame: frame.name.clone(),
+            parent: end.to_owned(),
+            base: base.to_owned(),
+            known: self.names(),
+        })
+    }
+
+    /// Pose of a frame in the one at the end of its chain, which is the first called `stop`.
+    fn climb<'a>(
+        &'a self,
+        frame: &'a Frame,
+        stop: Option<&str>,
+    ) -> Result<(SensorPose, &'a str), RigError> {
+        let (mut pose, mut at) = (IDENTITY, frame.name.as_str());
+        for _ in 0..=self.list.len() {
+            match self.get(at).filter(|_| Some(at) != stop) {
+                Some(link) => (pose, at) = (compose(&link.pose, &pose), &link.parent),
+                None => return Ok((pose, at)),
+            }
+        }
+        // More steps than frames: from here on the chain repeats itself.
+        let mut frames = vec![at.to_owned()];
+        let mut next = at;
+        while let Some(link) = self.get(next).filter(|link| link.parent != at) {
+            next = &link.parent;
+            frames.push(next.to_owned());
+        }
+        Err(RigError::Loop { at: Box::new(frame.at.clone()), frames })
+    }
+}

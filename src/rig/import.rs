@@ -1,0 +1,244 @@
+//! From files of another program to a rig: frames are read, LiDARs picked, chains followed.
+
+use std::collections::{BTreeMap, HashSet};
+use std::path::PathBuf;
+
+use super::angles::{IDENTITY, compose, up};
+use super::frames::{Frame, Frames, Holds};
+use super::{
+    BASE_LINK, Mounting, Rig, RigError, RigFormat, RigLidar, Source, autoware, carla,
+    carla_objects, detect, known, launch, pandaset, placements, sdf, sources, urdf,
+};
+use crate::vehicle::MAX_LIDARS;
+
+/// Words in the names of LiDAR frames, for formats that say no more.
+const WORDS: [&str; 10] = [
+    "lidar",
+    "velodyne",
+    "hesai",
+    "pandar",
+    "ouster",
+    "robosense",
+    "rslidar",
+    "livox",
+    "laser",
+    "vlp",
+];
+/// Name of a rig whose file has none that a placement may bear.
+const UNNAMED: &str = "rig";
+
+/// How files are read.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ImportSettings {
+    /// Format; told by content where it is `None`.
+    pub format: Option<RigFormat>,
+    /// Name of the rig; that of the file, or `rig`, where it is `None`. Of placements, the one to read.
+    pub name: Option<String>,
+    /// Frame of the vehicle, [`BASE_LINK`] where it is `None`.
+    pub base_frame: Option<String>,
+    /// Frames that are LiDARs; told by type or name where there are none.
+    pub frames: Vec<String>,
+    /// Sensor by frame, before what the files say.
+    pub sensors: BTreeMap<String, String>,
+    /// Where `base_link` and the optical centres are.
+    pub mounting: Mounting,
+}
+
+/// A rig that was read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Imported {
+    /// The rig.
+    pub rig: Rig,
+    /// Format that was read.
+    pub format: RigFormat,
+    /// Frames that are no LiDARs, or carry the frame of one.
+    pub left_out: Vec<String>,
+    /// What a user should know, in sentences.
+    pub notes: Vec<String>,
+}
+
+/// Reads a rig from files; a folder stands for the YAML files in it.
+///
+/// # Errors
+/// Files that cannot be read, or that give no rig.
+pub fn import(paths: &[PathBuf], settings: &ImportSettings) -> Result<Imported, RigError> {
+    import_texts(&sources(paths)?, settings)
+}
+
+/// Reads a rig from the texts of files.
+///
+/// # Errors
+/// Texts that give no rig.
+pub fn import_texts(sources: &[Source], settings: &ImportSettings) -> Result<Imported, RigError> {
+    let Some(first) = sources.first() else {
+        return Err(RigError::NoLidar { file: "no file".to_owned(), known: Vec::new() });
+    };
+    let format = match settings.format {
+        Some(format) => format,
+        None => detect::format_of(first)?,
+    };
+    if let (Some(second), false) = (sources.get(1), format.holds_feet()) {
+        let file = second.file.clone();
+        return Err(RigError::OneFile { file, format: format.name() });
+    }
+    if format == RigFormat::Json {
+        return of_placements(first, settings);
+    }
+    let mut frames = Frames::default();
+    for source in sources {
+        read(format, source, &mut frames)?;
+    }
+    let base = base(format, &mut frames, settings, &first.file)?;
+    let mut notes = std::mem::take(&mut frames.notes);
+    let (lidars, left_out) = picked(&frames, settings, &first.file)?;
+    let mut unknown = Vec::new();
+    let named = settings.name.clone().or(frames.name.clone());
+    let mut rig = Rig { name: named.unwrap_or_else(|| UNNAMED.to_owned()), lidars: Vec::new() };
+    for frame in lidars {
+        rig.lidars.push(lidar(&frames, frame, &base, format, settings, &mut unknown)?);
+    }
+    if let Some(frame) = unknown.first() {
+        notes.push(format!(
+            "nothing says how far above its foot the optical centre of {} is, so they are taken for one; give \
+             --sensor {frame}=MODEL or --optical-height {frame}=METRES",
+            unknown.join(", ")
+        ));
+    }
+    // A robot's name may be one that no placement may bear; one that was asked for is an error.
+    if settings.name.is_none() && rig.validate().is_err() {
+        rig.name = UNNAMED.to_owned();
+    }
+    rig.validate()?;
+    Ok(Imported { rig, format, left_out, notes })
+}
+
+fn of_placements(source: &Source, settings: &ImportSettings) -> Result<Imported, RigError> {
+    let mut rig = placements::rig_of(source, settings.name.as_deref())?;
+    for lidar in &mut rig.lidars {
+        let sensor = settings.sensors.get(&lidar.frame).cloned();
+        lidar.sensor = sensor.or(lidar.sensor.take());
+    }
+    Ok(Imported { rig, format: RigFormat::Json, left_out: Vec::new(), notes: Vec::new() })
+}
+
+fn read(format: RigFormat, source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+    match format {
+        RigFormat::Autoware => autoware::read(source, frames),
+        RigFormat::Urdf => urdf::read(source, frames),
+        RigFormat::Sdf => sdf::read(source, frames),
+        RigFormat::Ros2Launch => launch::read(source, frames),
+        RigFormat::Carla => carla::read(source, frames),
+        RigFormat::CarlaObjects => carla_objects::read(source, frames),
+        RigFormat::Pandaset => pandaset::read(source, frames),
+        // Read as a rig, not as frames.
+        RigFormat::Json => Ok(()),
+    }
+}
+
+/// The frame that stands for the vehicle.
+fn base(
+    format: RigFormat,
+    frames: &mut Frames,
+    settings: &ImportSettings,
+    file: &str,
+) -> Result<String, RigError> {
+    if let Some(base) = &settings.base_frame {
+        if frames.mentions(base) {
+            return Ok(base.clone());
+        }
+        let (file, frame) = (file.to_owned(), base.clone());
+        return Err(RigError::UnknownFrame { file, frame, known: frames.names() });
+    }
+    let own = match format {
+        RigFormat::Pandaset => pandaset::BASE,
+        RigFormat::Sdf if !frames.mentions(BASE_LINK) => sdf::MODEL,
+        _ => return Ok(BASE_LINK.to_owned()),
+    };
+    frames.notes.push(format!("{file}: the vehicle's frame is taken to be `{own}`"));
+    Ok(own.to_owned())
+}
+
+/// Whether the name of a frame of which nothing is said is that of a LiDAR.
+fn is_named_lidar(frame: &Frame) -> bool {
+    let name = frame.name.to_lowercase();
+    frame.holds == Holds::Unsaid && WORDS.iter().any(|word| name.contains(word))
+}
+
+/// Frames that are LiDARs by what the files say; where those say nothing, by name.
+fn lidars(frames: &Frames) -> Vec<&Frame> {
+    let said = |frame: &&Frame| matches!(frame.holds, Holds::Lidar { .. });
+    let said: Vec<&Frame> = frames.all().iter().filter(said).collect();
+    if !said.is_empty() {
+        return said;
+    }
+    let named: Vec<&Frame> = frames.all().iter().filter(|frame| is_named_lidar(frame)).collect();
+    // The foot of a sensor whose own frame stands on it is no second LiDAR.
+    let feet: HashSet<&str> = named.iter().map(|frame| frame.parent.as_str()).collect();
+    let stands_on_none = |frame: &&Frame| !feet.contains(frame.name.as_str());
+    let upper: Vec<&Frame> = named.iter().copied().filter(stands_on_none).collect();
+    // All of them feet: a loop, of which the chain will tell.
+    if upper.is_empty() { named } else { upper }
+}
+
+/// The LiDARs, and the names of all other frames.
+fn picked<'a>(
+    frames: &'a Frames,
+    settings: &ImportSettings,
+    file: &str,
+) -> Result<(Vec<&'a Frame>, Vec<String>), RigError> {
+    let file = file.to_owned();
+    let find = |name: &String| {
+        let unknown =
+            |known| RigError::UnknownFrame { file: file.clone(), frame: name.clone(), known };
+        frames.get(name).ok_or_else(|| unknown(frames.names()))
+    };
+    settings.sensors.keys().try_for_each(|name| find(name).map(drop))?;
+    let lidars: Vec<&Frame> = if settings.frames.is_empty() {
+        lidars(frames)
+    } else {
+        settings.frames.iter().map(find).collect::<Result<_, _>>()?
+    };
+    if lidars.is_empty() {
+        return Err(RigError::NoLidar { file, known: frames.names() });
+    }
+    if lidars.len() > MAX_LIDARS {
+        return Err(RigError::TooManyLidars { file, count: lidars.len(), most: MAX_LIDARS });
+    }
+    let taken: HashSet<&str> = lidars.iter().map(|frame| frame.name.as_str()).collect();
+    let others = frames.all().iter().filter(|frame| !taken.contains(frame.name.as_str()));
+    let others = others.map(|frame| frame.name.clone()).collect();
+    Ok((lidars, others))
+}
+
+/// The LiDAR of a frame. Where nothing tells the height of its optical centre, its name goes into `unknown`.
+fn lidar(
+    frames: &Frames,
+    frame: &Frame,
+    base: &str,
+    format: RigFormat,
+    settings: &ImportSettings,
+    unknown: &mut Vec<String>,
+) -> Result<RigLidar, RigError> {
+    let (said, optical) = match &frame.holds {
+        Holds::Lidar { sensor, optical } => (sensor.clone(), *optical),
+        _ => (None, None),
+    };
+    let (name, mounting) = (&frame.name, &settings.mounting);
+    let sensor = settings.sensors.get(name).map(|name| known::usual(name)).or(said);
+    let stands_on_foot =
+        || frame.holds == Holds::Unsaid && frames.get(&frame.parent).is_some_and(is_named_lidar);
+    let given = mounting.given_height(name, sensor.as_deref());
+    let up_from_foot = match (given, optical) {
+        _ if !format.holds_feet() => IDENTITY,
+        (Some(height), _) => up(height),
+        (None, Some(optical)) => optical,
+        (None, None) if stands_on_foot() => IDENTITY,
+        (None, None) => {
+            let height = mounting.height(name, sensor.as_deref());
+            unknown.extend(height.is_none().then(|| name.clone()));
+            up(height.unwrap_or(0.0))
+        }
+    };
+    let pose = mounting.to_ego(&compose(&frames.in_base(base, frame)?, &up_from_foot));
+    Ok(RigLidar { frame: name.clone(), sensor, pose })
+}

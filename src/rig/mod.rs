@@ -1,0 +1,42 @@
+//! Rigs in the formats of other programs: the LiDARs of one vehicle, read, written and compared.
+//!
+//! A [`Rig`] holds optical centres in the ego frame. What a file holds instead (the foot of a sensor, a
+//! frame on a frame, degrees, a left-handed frame, another origin) is converted in this room alone.
+
+mod angles;
+mod autoware;
+mod carla;
+mod carla_objects;
+mod compare;
+mod detect;
+mod error;
+mod export;
+mod fields;
+mod format;
+mod frames;
+mod import;
+mod known;
+mod launch;
+mod literal;
+mod model;
+mod mounting;
+mod pandaset;
+mod placements;
+mod sdf;
+mod simulated;
+mod source;
+#[cfg(test)]
+mod tests;
+mod urdf;
+mod xml;
+
+pub use compare::{Asymmetry, Comparison, Moved, compare};
+pub use error::RigError;
+pub use export::{Exported, export};
+pub use format::RigFormat;
+pub use import::{ImportSettings, Imported, import, import_texts};
+pub use known::Fan;
+pub use model::{BASE_LINK, Rig, RigLidar};
+pub use mounting::Mounting;
+pub use placements::{read_rig, rig_json};
+pub use source::{NamedText, Source, sources};

@@ -1,0 +1,70 @@
+//! URDF: fixed joints `<origin xyz rpy>`, `R = Rz·Ry·Rx`, in metres and radians.
+
+use std::fmt::Write;
+
+use super::frames::{Frame, Frames, Holds};
+use super::simulated::{add_sensor, sensor_element};
+use super::{BASE_LINK, Mounting, Rig, RigError, Source, xml};
+use crate::vehicle::SensorPose;
+
+/// Reads every fixed joint, and the LiDARs that Gazebo is told of.
+pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
+    let file = &source.file;
+    let document = xml::parse(&source.text, file)?;
+    let robot = document.root_element();
+    frames.name = robot.attribute("name").map(str::to_owned);
+    let fixed = |joint: &roxmltree::Node| {
+        joint.has_tag_name("joint") && joint.attribute("type") == Some("fixed")
+    };
+    for joint in robot.children().filter(fixed) {
+        let at = xml::place(joint, file);
+        let link = |key: &str| {
+            let missing =
+                || RigError::Missing { at: Box::new(at.clone()), key: format!("<{key}>") };
+            let element = xml::child(joint, key).ok_or_else(missing)?;
+            xml::attribute(element, "link", &at.key(key)).map(str::to_owned)
+        };
+        let triple = |key: &str| {
+            let text = xml::child(joint, "origin").and_then(|origin| origin.attribute(key));
+            text.map_or(Ok([0.0; 3]), |text| {
+                xml::numbers(text, &at.key(&format!("origin.{key}")), "three numbers")
+            })
+        };
+        let ([x, y, z], [roll, pitch, yaw]) = (triple("xyz")?, triple("rpy")?);
+        let pose = SensorPose::from_values([x, y, z, roll, pitch, yaw]);
+        let (name, parent) = (link("child")?, link("parent")?);
+        frames.add(Frame { name, parent, pose, holds: Holds::Unsaid, at })?;
+    }
+    for gazebo in robot.children().filter(|node| node.has_tag_name("gazebo")) {
+        let Some(link) = gazebo.attribute("reference") else { continue };
+        for sensor in gazebo.children().filter(|node| node.has_tag_name("sensor")) {
+            let pose = xml::child(sensor, "pose").and_then(|pose| pose.text()).unwrap_or_default();
+            let optical = xml::six(pose, &xml::place(sensor, file).key("pose"))?;
+            add_sensor(frames, sensor, link, optical, file)?;
+        }
+    }
+    Ok(())
+}
+
+/// A robot of `base_link` and one link a LiDAR.
+pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
+    let mut text = format!(
+        "<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n  <link name=\"{BASE_LINK}\"/>\n",
+        xml::escape(&rig.name)
+    );
+    for lidar in &rig.lidars {
+        let sensor = lidar.sensor.as_deref();
+        let (foot, height) = mounting.foot(&lidar.frame, sensor, &lidar.pose);
+        let [x, y, z, roll, pitch, yaw] = foot.values();
+        let frame = xml::escape(&lidar.frame);
+        let _ = write!(
+            text,
+            "  <link name=\"{frame}\"/>\n  <joint name=\"{frame}_joint\" type=\"fixed\">\n    \
+             <origin xyz=\"{x} {y} {z}\" rpy=\"{roll} {pitch} {yaw}\"/>\n    \
+             <parent link=\"{BASE_LINK}\"/>\n    <child link=\"{frame}\"/>\n  </joint>\n  \
+             <gazebo reference=\"{frame}\">\n{}  </gazebo>\n",
+            sensor_element(&lidar.frame, sensor, height, "    ")
+        );
+    }
+    text + "</robot>\n"
+}

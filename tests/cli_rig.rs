@@ -1,0 +1,115 @@
+//! Rigs on the command line: out, in again, compared, refused.
+
+use std::fs;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{fails, ok, sightline};
+
+const FORMATS: [&str; 7] =
+    ["autoware", "urdf", "sdf", "ros2-launch", "carla", "carla-objects", "json"];
+
+/// A folder with two placements, one of them with sensors.
+fn folder() -> TempDir {
+    let dir = TempDir::new().unwrap();
+    let lidar = |y: f64, roll: f64| json!({ "x": 0.6, "y": y, "z": 2.8, "roll": roll, "pitch": 0.1, "yaw": -0.5 * y });
+    let placements = json!({ "placements": [
+        { "name": "pair", "lidars": [lidar(0.5, -0.02), lidar(-0.5, -0.02)] },
+        { "name": "one", "lidars": [{ "x": 0.0, "y": 0.0, "z": 2.0, "sensor": "VLP-16" }] },
+    ]});
+    fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
+    dir
+}
+
+fn printed(dir: &TempDir, args: &[&str]) -> (String, String) {
+    let output = sightline(dir.path(), args);
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
+    assert!(output.status.success(), "{args:?}: {stderr}");
+    (stdout, stderr)
+}
+
+#[test]
+fn a_placement_goes_out_and_comes_in_in_every_format() {
+    let dir = folder();
+    for format in FORMATS {
+        let out = format!("{format}.out");
+        let base = "--base-link=-1.4,0,0.25";
+        printed(&dir, &["rig", "export", "p.json:pair", "--format", format, base, "--out", &out]);
+        // Placements of this program are in the ego frame already.
+        let base = if format == "json" { "--base-link=0" } else { base };
+        let name = ["--name", "pair"];
+        let (read, _) = printed(&dir, &[&["rig", "import", &out, base][..], &name].concat());
+        let read: Value = serde_json::from_str(&read).unwrap();
+        assert_eq!(read["placements"][0]["name"], "pair", "{format}");
+        for (lidar, y) in
+            read["placements"][0]["lidars"].as_array().unwrap().iter().zip([0.5, -0.5])
+        {
+            for (key, wanted) in [("x", 0.6), ("y", y), ("z", 2.8), ("roll", -0.02), ("pitch", 0.1)]
+            {
+                let found = lidar[key].as_f64().unwrap();
+                assert!((found - wanted).abs() < 1e-15, "{format}: {key} is {found}");
+            }
+        }
+    }
+    let names = |folder: &str| {
+        let entries = fs::read_dir(dir.path().join(folder)).unwrap();
+        let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names("autoware.out"), ["sensor_kit_calibration.yaml", "sensors_calibration.yaml"]);
+}
+
+#[test]
+fn both_files_of_autoware_on_stdout_are_one_document() {
+    let dir = folder();
+    let export = ["rig", "export", "p.json:one", "--format", "autoware", "--frame", "velodyne_top"];
+    let (text, notes) = printed(&dir, &export);
+    assert!(text.contains("z: 1.9623") && notes.contains("--optical-height"), "{text}{notes}");
+    fs::write(dir.path().join("both.yaml"), text).unwrap();
+    let args =
+        ["rig", "import", "both.yaml", "--sensor", "velodyne_top=VLP-16", "--out", "in.json"];
+    let (stdout, notes) = printed(&dir, &args);
+    assert!(stdout.is_empty() && notes.contains("LiDAR 0 is `velodyne_top`, VLP-16"), "{notes}");
+    let read: Value =
+        serde_json::from_slice(&fs::read(dir.path().join("in.json")).unwrap()).unwrap();
+    let lidar = &read["placements"][0]["lidars"][0];
+    assert_eq!((&lidar["sensor"], &lidar["z"]), (&json!("VLP-16"), &json!(2.0)));
+}
+
+#[test]
+fn rigs_are_compared_as_text_and_as_json() {
+    let dir = folder();
+    let args = ["rig", "compare", "p.json:pair", "p.json:pair"];
+    let found = ok(dir.path(), &args);
+    assert_eq!(found["lidars"][0]["moved"], 0.0);
+    assert_eq!(found["after"][0]["same_roll"], true);
+    assert!((found["after"][0]["turned"].as_f64().unwrap() - 0.04).abs() < 1e-9);
+    let (text, _) = printed(&dir, &args);
+    assert!(
+        text.contains("lidar_0 with lidar_1") && text.contains("roll changes its sign"),
+        "{text}"
+    );
+    let error = fails(dir.path(), &["rig", "compare", "p.json:pair", "p.json:one"]);
+    assert!(error.contains("nor the same number"), "{error}");
+}
+
+#[test]
+fn what_cannot_be_done_is_a_sentence() {
+    let dir = folder();
+    let export = |args: &[&str]| fails(dir.path(), &[&["rig", "export"], args].concat());
+    assert!(export(&["p.json", "--format", "urdf"]).contains("pick one of `pair`, `one`"));
+    assert!(export(&["p.json:two", "--format", "urdf"]).contains("called `two`"));
+    assert!(export(&["p.json:one", "--format", "usd"]).contains("carla-objects"));
+    assert!(export(&["p.json:pair", "--format", "urdf", "--frame", "a"]).contains("1 names"));
+    let args = ["p.json:one", "--format", "urdf", "--sensor", "top=VLP-16"];
+    assert!(export(&args).contains("there are `lidar_0`"));
+    let args = ["p.json:one", "--format", "urdf", "--out", "p.json"];
+    assert!(export(&args).contains("would be overwritten"));
+    assert!(export(&["none.json", "--format", "urdf"]).contains("none.json"));
+    let error = fails(dir.path(), &["rig", "import", "p.json", "--base-link", "1,2"]);
+    assert!(error.contains("X,Y,Z"), "{error}");
+    assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+}
