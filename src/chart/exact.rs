@@ -89,7 +89,7 @@ impl Exact {
     pub(super) fn tallies(&self, placements: &[Placement]) -> Vec<Tally> {
         let words = self.roi.voxel_count().div_ceil(64) as usize;
         let tally = |bitmap: &mut Vec<u64>, placement: &Placement| {
-            let mut tally = Tally::zero(self.content.classes().len(), placement.lidars.len());
+            let mut tally = Tally::zero(self.content.set_count(), placement.lidars.len());
             let mut entropy = [0.0; 3];
             for frame in 0..self.frame_count() {
                 bitmap.fill(0);

@@ -142,7 +142,7 @@ impl CpuBackend {
         range: Option<f32>,
     ) -> Result<Vec<Tally>, BackendError> {
         let problem = self.problem.clone();
-        let classes = problem.content().classes().len();
+        let classes = problem.content().set_count();
         let mut tallies: Vec<Tally> =
             placements.iter().map(|p| Tally::zero(classes, p.lidars.len())).collect();
         for chunk in self.chunks(placements)? {

@@ -76,7 +76,7 @@ impl Backend for ReferenceBackend {
         let (problem, mut tallies) = (self.problem.clone(), Vec::with_capacity(placements.len()));
         for placement in placements {
             let batch = SensorBatch::new(&problem, &placement.lidars, range)?;
-            let mut tally = Tally::zero(problem.content().classes().len(), batch.len());
+            let mut tally = Tally::zero(problem.content().set_count(), batch.len());
             for frame in 0..problem.frame_count() {
                 let hits = self.cast(&batch, frame);
                 let bitmaps = self.cover(&batch, frame, hits.as_deref());

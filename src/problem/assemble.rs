@@ -102,6 +102,8 @@ impl Problem {
     ) -> Result<Self, ProblemError> {
         let roi = psog.roi();
         let content = Content::from_psog(psog, &scene.detection_among(psog.classes()));
+        let required = scene.vehicle().map_or(&[][..], |vehicle| &vehicle.require);
+        let content = content.with_areas(roi, required);
         let sensors = sensors.into();
         let far = Self::far_range_of(roi, sensors.longest_range());
         let frames = if scene.has_geometry() { frames } else { &[] };

@@ -23,7 +23,18 @@ use serde::Serialize;
 
 use crate::memory::OutOfMemory;
 use crate::psog::Roi;
-use crate::vehicle::{Constraints, Sensors};
+use crate::vehicle::{Constraints, Requirement, Sensors};
+
+/// A set of voxels of which a share must be covered.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Area {
+    /// What the vehicle calls it.
+    pub name: String,
+    /// Least share, from 0 to 1, a mean over frames.
+    pub share: f64,
+    /// Its voxels.
+    pub voxels: u64,
+}
 
 /// What covering a voxel is worth: the occupied voxels of a P-SOG with their entropies and classes.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,8 +43,9 @@ pub struct Content {
     occupied: Vec<OccupiedVoxel>,
     /// Linear indices, class after class.
     class_voxels: Vec<u32>,
-    /// Where each class begins in `class_voxels`, and the end.
+    /// Where each class begins in `class_voxels`, then each area, and the end.
     class_starts: Vec<u32>,
+    areas: Vec<Area>,
     entropy_total: [u64; 3],
     has_detection: bool,
 }
@@ -57,7 +69,45 @@ impl Content {
             }
         }
         let class_voxels = voxels_by_class.concat();
-        Self { classes, occupied, class_voxels, class_starts, entropy_total, has_detection }
+        let areas = Vec::new();
+        Self { classes, occupied, class_voxels, class_starts, areas, entropy_total, has_detection }
+    }
+
+    /// The same, and what must be seen: the voxels whose middle lies in each area.
+    pub fn with_areas(mut self, roi: &Roi, required: &[Requirement]) -> Self {
+        let ([_, ny, nz], min, voxel) = (roi.shape(), roi.min(), roi.voxel());
+        let middle = |k: usize, i: u32| min[k] + (f64::from(i) + 0.5) * voxel[k];
+        for requirement in required {
+            let before = self.class_voxels.len();
+            let [low, high] = requirement.inside;
+            let [xs, ys, zs] = [0, 1, 2].map(|k| {
+                let within = |i: &u32| (low[k]..high[k]).contains(&middle(k, *i));
+                (0..roi.shape()[k]).filter(within).collect::<Vec<u32>>()
+            });
+            for &i in &xs {
+                for &j in &ys {
+                    let column = zs.iter().filter(|&&k| {
+                        requirement.contains([middle(0, i), middle(1, j), middle(2, k)])
+                    });
+                    self.class_voxels.extend(column.map(|&k| (i * ny + j) * nz + k));
+                }
+            }
+            let voxels = (self.class_voxels.len() - before) as u64;
+            let Requirement { name, share, .. } = requirement;
+            self.areas.push(Area { name: name.clone(), share: *share, voxels });
+            self.class_starts.push(self.class_voxels.len() as u32);
+        }
+        self
+    }
+
+    /// What must be seen.
+    pub fn areas(&self) -> &[Area] {
+        &self.areas
+    }
+
+    /// Sets of voxels whose covered ones are counted: classes, then areas.
+    pub fn set_count(&self) -> usize {
+        self.class_starts.len() - 1
     }
 
     /// Class names by class id.
@@ -70,7 +120,8 @@ impl Content {
         &self.occupied
     }
 
-    /// Linear indices of the voxels in which a class occurs in at least one frame, rising.
+    /// Linear indices of the voxels in which a class occurs in at least one frame, rising; behind the
+    /// classes, those of each area.
     pub fn voxels_of_class(&self, class: usize) -> &[u32] {
         let range = self.class_starts[class] as usize..self.class_starts[class + 1] as usize;
         &self.class_voxels[range]

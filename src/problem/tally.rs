@@ -14,7 +14,7 @@ pub struct Tally {
     pub covered_nonzero: u64,
     /// Σ H over covered voxels: all classes, detection target against the rest, occupied or not.
     pub entropy: [u64; 3],
-    /// Covered voxels in which a class occurs in at least one frame, by class id.
+    /// Covered voxels in which a class occurs in at least one frame, by class id; then those of each area.
     pub by_class: Vec<u64>,
     /// Σ H (all classes) over the voxels that only this LiDAR covers, by LiDAR.
     pub unique: Vec<u64>,

@@ -73,7 +73,7 @@ impl EntropyIndex {
         Self {
             occupied: Words::new(occupied.iter().map(|&(bit, _)| bit)),
             entropy: occupied.iter().map(|&(_, entropy)| entropy).collect(),
-            classes: (0..content.classes().len()).into_par_iter().map(of_class).collect(),
+            classes: (0..content.set_count()).into_par_iter().map(of_class).collect(),
         }
     }
 }

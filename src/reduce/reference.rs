@@ -8,7 +8,7 @@ use crate::problem::{Content, Tally};
 /// CPU twin of `shaders/reduce_words.wgsl`, `reduce_occupied.wgsl` and `reduce_classes.wgsl`.
 pub fn reduce(lidars: usize, content: &Content, bitmaps: &[u64]) -> Tally {
     let maps: Vec<&[u64]> = bitmaps.chunks(bitmaps.len() / lidars.max(1)).collect();
-    let mut tally = Tally::zero(content.classes().len(), lidars);
+    let mut tally = Tally::zero(content.set_count(), lidars);
     reduce_words(&maps, &mut tally);
     reduce_occupied(&maps, content, &mut tally);
     reduce_classes(&maps, content, &mut tally);

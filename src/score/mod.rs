@@ -67,6 +67,9 @@ pub struct Scores {
     pub detection: Option<TaskScores>,
     /// Share of the information that only this LiDAR gains, by LiDAR.
     pub unique_share: Vec<f64>,
+    /// What must be seen, and how much of it is.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub required: Vec<Seen>,
     /// Why the scores should not be believed; empty when nothing speaks against them.
     pub guards: Vec<Guard>,
 }
@@ -91,6 +94,28 @@ fn map_of_counts<S: Serializer>(
         }
     }
     serializer.collect_map(counts.iter().map(|(name, count)| (name, Count(*count))))
+}
+
+/// An area of which a share must be seen.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Seen {
+    /// What the vehicle calls it.
+    pub name: String,
+    /// Share of its voxels that beams pass, a mean over frames.
+    pub share: f64,
+    /// Least share.
+    pub least: f64,
+}
+
+/// Shares of the areas of a content.
+fn required(tally: &Tally, content: &Content, frames: usize) -> Vec<Seen> {
+    let counts = tally.by_class.iter().skip(content.classes().len());
+    let seen = content.areas().iter().zip(counts).map(|(area, &count)| Seen {
+        name: area.name.clone(),
+        share: count as f64 / (frames as u64 * area.voxels).max(1) as f64,
+        least: area.share,
+    });
+    seen.collect()
 }
 
 impl Scores {
@@ -129,8 +154,14 @@ impl Scores {
             unique_share: unique
                 .map(|&u| if gained == 0 { 0.0 } else { u as f64 / gained as f64 })
                 .collect(),
+            required: required(tally, content, frames),
             guards: guards_of(tally, content, has_hits, frames, reference),
         }
+    }
+
+    /// Share that is missing of what must be seen, over all areas.
+    pub fn missing(&self) -> f64 {
+        self.required.iter().map(|seen| (seen.least - seen.share).max(0.0)).sum()
     }
 }
 

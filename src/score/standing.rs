@@ -24,7 +24,11 @@ pub struct Standing {
 impl Standing {
     /// A placement that keeps the rules of the mount, by its scores.
     pub fn of(scores: &Scores, objective: &Objective) -> Self {
-        Self { violation: 0.0, guards: scores.guards.len(), value: objective.value(scores) }
+        Self {
+            violation: scores.missing(),
+            guards: scores.guards.len(),
+            value: objective.value(scores),
+        }
     }
 
     /// A placement that breaks rules of the mount by `violation` m and rad together, and was not scored.

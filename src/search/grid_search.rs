@@ -268,8 +268,9 @@ impl GridSearch {
         placement: &GridPlacement,
     ) -> Result<Standing, SearchError> {
         let scored = placement.placement(self.atlas.grid(), "standing");
-        let guards = evaluator.scores(&[scored])?[0].guards.len();
-        Ok(Standing { violation: 0.0, guards, value: Some(placement.value) })
+        let scores = evaluator.scores(&[scored])?.remove(0);
+        let (violation, guards) = (scores.missing(), scores.guards.len());
+        Ok(Standing { violation, guards, value: Some(placement.value) })
     }
 
     /// The better of two placements, the first of equal ones.

@@ -65,7 +65,7 @@ impl Pilot {
     }
 
     fn sum(&self, index: usize, frames: &[usize]) -> Tally {
-        let classes = self.problem.content().classes().len();
+        let classes = self.problem.content().set_count();
         let mut sum = Tally::zero(classes, self.placements[index].lidars.len());
         frames.iter().for_each(|&frame| sum += &self.by_frame[frame][index]);
         sum

@@ -11,12 +11,15 @@
 //! | `generations` | CMA-ES over the free pose fields |
 //! | `levels`, `on_demand` | few frames that stand for all, and when more are needed |
 //! | `atlas`, `grid_search`, `climb`, `swaps` | placements on a grid of poses |
+//! | `equip`, `areas` | models and numbers of sensors under a budget; what must be seen |
 //! | `bound` | how much better than the result another placement could be |
 //! | `findings`, `rules` | what goes with the objective; the rules of the mount in words |
 
+mod areas;
 pub(crate) mod atlas;
 pub(crate) mod bound;
 pub(crate) mod climb;
+mod equip;
 mod error;
 mod evaluator;
 mod findings;
@@ -32,6 +35,7 @@ mod settings;
 pub(crate) mod swaps;
 
 pub use bound::{Certificate, GainBound};
+pub use equip::{Equipped, cost_front, equip};
 pub use error::SearchError;
 pub use evaluator::Evaluator;
 pub use findings::Finding;

@@ -28,7 +28,7 @@ impl Scored {
     /// Its standing among placements that keep the rules of the mount.
     pub(super) fn standing(&self) -> Standing {
         let guards = self.scores.guards.len();
-        Standing { violation: 0.0, guards, value: self.objective }
+        Standing { violation: self.scores.missing(), guards, value: self.objective }
     }
 }
 

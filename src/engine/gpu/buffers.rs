@@ -36,7 +36,7 @@ impl Sizes {
             hits: if has_geometry { size_of::<Hit>() as u64 * directions } else { 0 },
             instances: instances as u64,
             partials: 4 * u64::from(occupied_workgroups(problem) * PARTIAL_WORDS),
-            totals: 4 * (1 + problem.content().classes().len() as u64),
+            totals: 4 * (1 + problem.content().set_count() as u64),
         }
     }
 }
@@ -107,7 +107,7 @@ fn in_bricks(content: &Content, order: &BitOrder) -> Content {
         bits.sort_unstable();
         bits
     };
-    let by_class: Vec<Vec<u32>> = (0..content.classes().len()).map(of_class).collect();
+    let by_class: Vec<Vec<u32>> = (0..content.set_count()).map(of_class).collect();
     let classes = content.classes().to_vec();
     Content::new(classes, occupied, &by_class, content.has_detection())
 }

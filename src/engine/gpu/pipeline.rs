@@ -156,7 +156,7 @@ impl<'a> Pipeline<'a> {
             bitmap_words: self.bitmap_words(),
             voxel: roi.voxel().map(|v| v as f32),
             occupied_count: content.occupied().len() as u32,
-            class_count: content.classes().len() as u32,
+            class_count: content.set_count() as u32,
             ends_at_hits: u32::from(self.problem.ends_at_hits()),
             spare: [0; 2],
         };
@@ -315,7 +315,7 @@ impl<'a> Pipeline<'a> {
                 dispatch("reduce_classes", &buffers, scene.class_run_count);
             }
         };
-        let stride = 1 + self.problem.content().classes().len() as u64;
+        let stride = 1 + self.problem.content().set_count() as u64;
         let totals = (&work.totals, 4 * u64::from(count) * stride);
         let each = u64::from(occupied_groups) * u64::from(PARTIAL_WORDS);
         let partials = (&work.partials, 4 * u64::from(count) * each);

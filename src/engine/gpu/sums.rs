@@ -19,7 +19,7 @@ impl Sums {
         placements: &[Placement],
         frames: u64,
     ) -> Result<Self, UnknownSensor> {
-        let classes = problem.content().classes().len();
+        let classes = problem.content().set_count();
         let of_placement = |placement: &Placement| {
             let batch = SensorBatch::new(problem, &placement.lidars, None)?;
             let beams = frames * batch.beams() as u64;

@@ -1,0 +1,309 @@
+//! The equipment of a vehicle: which models stand on which mounts, and how many, for the money.
+//!
+//! Poses of every model on every mount lie on one coarse grid, each cast once into a few frames. The
+//! information gain and what must be seen are both submodular in the set of sensors, so sensors are added one by
+//! one, the best first, once by what each adds and once by what it adds for its price; then single sensors are
+//! exchanged, moved, dropped or added while that gains.
+
+use serde::Serialize;
+
+use super::areas::Areas;
+use super::error::SearchError;
+use super::evaluator::Evaluator;
+use super::grid_search::GridSearch;
+use crate::engine::EngineChoice;
+use crate::problem::{Problem, spread};
+use crate::score::Objective;
+use crate::search::atlas::Atlas;
+use crate::vehicle::{
+    Constraints, Equipment, MAX_LIDARS, Placement, PoseGrid, SensorName, Spacing, Vehicle,
+};
+
+/// Frames that the choice looks at, spread evenly.
+const FRAMES: u32 = 4;
+/// Most poses of the grid, over all models and mounts.
+const POSES: u32 = 3000;
+/// Spacing of the grid to begin with; widened until the poses are few enough.
+const SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
+/// Factor by which a grid with too many poses is widened.
+const WIDER: f64 = 1.25;
+/// Worth of all that must be seen, against the largest gain of a single sensor: what must be seen comes first.
+const REQUIRED: f64 = 1e3;
+/// Budgets of a front, beside the one that wants for nothing.
+const BUDGETS: u32 = 8;
+/// Most rounds of exchanges.
+const ROUNDS: usize = 20;
+
+/// What a vehicle carries, and where on the coarse grid.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Equipped {
+    /// Number of a mount and a model for each LiDAR.
+    pub equipment: Equipment,
+    /// A placement to start from.
+    pub placement: Placement,
+    /// Price of all sensors.
+    pub cost: f64,
+    /// Objective over the few frames.
+    pub value: f64,
+    /// Share that is missing of what must be seen, over all areas.
+    pub missing: f64,
+}
+
+/// A sensor on the grid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Choice {
+    pose: u32,
+    mount: usize,
+    sensor: SensorName,
+}
+
+/// The search for equipment.
+struct Equip<'a> {
+    vehicle: &'a Vehicle,
+    budget: f64,
+    grid: GridSearch,
+    areas: Areas,
+    /// Mount and model of each kind of pose.
+    kinds: Vec<(usize, SensorName)>,
+    required: f64,
+}
+
+/// Equipment for at most `budget`, as good as found, of the problem's vehicle.
+///
+/// # Errors
+/// A budget below the cheapest equipment, an objective other than the information gain, or an engine that
+/// failed.
+pub fn equip(
+    problem: &Problem,
+    vehicle: &Vehicle,
+    objective: &Objective,
+    budget: f64,
+    engine: &EngineChoice,
+) -> Result<Equipped, SearchError> {
+    let cheapest = vehicle.cheapest();
+    let least = vehicle.cost(&cheapest);
+    if least > budget {
+        return Err(SearchError::Budget { budget, least });
+    }
+    if !objective.is_information_gain() {
+        return Err(SearchError::NotForEquipment { objective: objective.to_string() });
+    }
+    let mut search = Equip::new(problem, vehicle, objective, budget, engine)?;
+    Ok(search.best())
+}
+
+/// The best equipment for each of some budgets, from the cheapest rig to one that wants for nothing.
+///
+/// # Errors
+/// As [`equip`].
+pub fn cost_front(
+    problem: &Problem,
+    vehicle: &Vehicle,
+    objective: &Objective,
+    engine: &EngineChoice,
+) -> Result<Vec<Equipped>, SearchError> {
+    if !objective.is_information_gain() {
+        return Err(SearchError::NotForEquipment { objective: objective.to_string() });
+    }
+    let mut search = Equip::new(problem, vehicle, objective, f64::INFINITY, engine)?;
+    let least = vehicle.cost(&vehicle.cheapest());
+    let most = search.best();
+    let mut front = Vec::new();
+    for step in 0..BUDGETS {
+        search.budget = least + (most.cost - least) * f64::from(step) / f64::from(BUDGETS);
+        front.push(search.best());
+    }
+    front.push(most);
+    front.dedup_by(|a, b| a.equipment == b.equipment);
+    Ok(front)
+}
+
+/// Rules with a slot for each sensor that a mount could hold of each model, and mount and model by kind.
+fn every_kind(vehicle: &Vehicle) -> (Constraints, Vec<(usize, SensorName)>) {
+    let mounts = vehicle.mounts.iter().enumerate().filter(|(_, mount)| mount.count[1] > 0);
+    let kinds: Vec<(usize, SensorName)> = mounts
+        .flat_map(|(k, mount)| mount.sensors.iter().map(move |&sensor| (k, sensor)))
+        .collect();
+    let slots = kinds.iter().flat_map(|&kind| vec![kind; vehicle.mounts[kind.0].count[1]]);
+    let constraints = vehicle.constraints(&slots.collect());
+    // In the order in which the constraints have sorted them.
+    let of_kind = constraints.kinds().into_iter().map(|(slot, _)| {
+        let mount = vehicle.mounts.iter().position(|mount| mount.region == slot.region);
+        (mount.unwrap_or(0), slot.sensor)
+    });
+    let kinds = of_kind.collect();
+    (constraints, kinds)
+}
+
+impl<'a> Equip<'a> {
+    fn new(
+        problem: &Problem,
+        vehicle: &'a Vehicle,
+        objective: &Objective,
+        budget: f64,
+        engine: &EngineChoice,
+    ) -> Result<Self, SearchError> {
+        let (constraints, kinds) = every_kind(vehicle);
+        let frames = spread(problem.frame_count(), Some(FRAMES));
+        let problem = problem.over(&frames).with_constraints(constraints.untied());
+        let mut spacing = SPACING;
+        let grid = loop {
+            let grid = PoseGrid::new(&constraints.untied(), spacing);
+            match grid {
+                Ok(grid) if grid.len() <= POSES.max(kinds.len() as u32) => break grid,
+                Err(error) if spacing.metres > 100.0 => return Err(error.into()),
+                _ => {
+                    spacing.metres *= WIDER;
+                    spacing.radians *= WIDER;
+                }
+            }
+        };
+        let mut evaluator = Evaluator::on_cpu(problem);
+        let all: Vec<u32> = (0..grid.len()).collect();
+        let areas = Areas::cast(&mut evaluator, &grid, &all)?;
+        let atlas = Atlas::new(evaluator.shared_problem(), grid, false, engine.memory_budget() / 2);
+        let mut grid = GridSearch::new(atlas, objective.clone(), &evaluator);
+        grid.hold(&mut evaluator, &all)?;
+        let singles = grid.values_with(&[], &all);
+        let most = singles.iter().map(|(_, value)| *value).fold(0.0, f64::max);
+        Ok(Self { vehicle, budget, grid, areas, kinds, required: REQUIRED * most.max(1e-9) })
+    }
+
+    /// The better of the equipment grown by gain and that grown by gain for the money.
+    fn best(&mut self) -> Equipped {
+        let by_gain = self.grown(Vec::new(), |gain, _| gain);
+        let by_price = self.grown(Vec::new(), |gain, price| gain / price.max(1e-9));
+        let ends = [by_gain, by_price].map(|start| self.exchanged(start));
+        let worths = ends.each_ref().map(|end| self.worth(end));
+        let best = if worths[1] > worths[0] { &ends[1] } else { &ends[0] };
+        self.equipped(best)
+    }
+
+    fn poses(chosen: &[Choice]) -> Vec<u32> {
+        chosen.iter().map(|choice| choice.pose).collect()
+    }
+
+    fn cost(&self, chosen: &[Choice]) -> f64 {
+        chosen.iter().map(|choice| self.vehicle.price(choice.sensor)).sum()
+    }
+
+    /// Gain, and what must be seen as far as it is, as one submodular number.
+    fn worth(&mut self, chosen: &[Choice]) -> f64 {
+        let poses = Self::poses(chosen);
+        self.grid.held_value(&poses) + self.required * self.areas.kept(&poses)
+    }
+
+    /// Sensors that may come beside those chosen: room on their mount, apart from the others, and money left
+    /// for what other mounts must hold.
+    fn candidates(&self, chosen: &[Choice]) -> Vec<Choice> {
+        if chosen.len() >= MAX_LIDARS {
+            return Vec::new();
+        }
+        let poses = Self::poses(chosen);
+        let on = |mount: usize| chosen.iter().filter(|choice| choice.mount == mount).count();
+        let spent = self.cost(chosen);
+        let mut found = Vec::new();
+        let cheapest = self.vehicle.cheapest();
+        // What the mounts must hold beyond those chosen: its price, and how many sensors.
+        let owed = |beside: usize| -> (f64, usize) {
+            let mounts = self.vehicle.mounts.iter().enumerate();
+            let owed = mounts.map(|(mount, of)| {
+                let have = on(mount) + usize::from(mount == beside);
+                let missing = of.count[0].saturating_sub(have);
+                let price = cheapest.iter().find(|(k, _)| *k == mount);
+                (missing as f64 * price.map_or(0.0, |(_, sensor)| self.vehicle.price(*sensor)), missing)
+            });
+            owed.fold((0.0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1))
+        };
+        for pose in 0..self.grid.atlas().grid().len() {
+            let (mount, sensor) = self.kinds[self.grid.atlas().grid().kind(pose)];
+            let (reserve, sensors) = owed(mount);
+            let price = self.vehicle.price(sensor);
+            let affordable = spent + price + reserve <= self.budget * (1.0 + 1e-12);
+            let has_room = on(mount) < self.vehicle.mounts[mount].count[1]
+                && chosen.len() + 1 + sensors <= MAX_LIDARS;
+            if affordable && has_room && self.grid.fits(pose, &poses) {
+                found.push(Choice { pose, mount, sensor });
+            }
+        }
+        found
+    }
+
+    /// The candidate with the largest rating of what it adds and its price.
+    fn best_beside(
+        &mut self,
+        chosen: &[Choice],
+        rating: impl Fn(f64, f64) -> f64,
+    ) -> Option<(Choice, f64)> {
+        let candidates = self.candidates(chosen);
+        let (poses, before) = (Self::poses(chosen), self.worth(chosen));
+        let values = self.grid.values_with(&poses, &Self::poses(&candidates));
+        let seen = self.areas.union(&poses);
+        let of = |(choice, (pose, value)): (Choice, (u32, f64))| {
+            let worth = value + self.required * self.areas.kept_with(&seen, pose);
+            (choice, rating(worth - before, self.vehicle.price(choice.sensor)), worth - before)
+        };
+        let rated = candidates.into_iter().zip(values).map(of);
+        // Of equal ones the first.
+        let best = rated.reduce(|best, other| if other.1 > best.1 { other } else { best });
+        best.map(|(choice, _, added)| (choice, added))
+    }
+
+    /// Sensors added until none is left that adds anything, or that a mount must hold.
+    fn grown(&mut self, mut chosen: Vec<Choice>, rating: impl Fn(f64, f64) -> f64) -> Vec<Choice> {
+        while let Some((choice, added)) = self.best_beside(&chosen, &rating) {
+            let must = self.vehicle.mounts.iter().enumerate().any(|(mount, of)| {
+                chosen.iter().filter(|choice| choice.mount == mount).count() < of.count[0]
+            });
+            if added <= 0.0 && !must && !chosen.is_empty() {
+                break;
+            }
+            chosen.push(choice);
+        }
+        chosen
+    }
+
+    /// The same after single sensors were exchanged for others while that gains.
+    fn exchanged(&mut self, mut chosen: Vec<Choice>) -> Vec<Choice> {
+        let mut held = self.worth(&chosen);
+        for _ in 0..ROUNDS {
+            let before = held;
+            for index in 0..chosen.len() {
+                let mut without = chosen.clone();
+                without.remove(index);
+                let other = self.grown(without, |gain, _| gain);
+                let worth = self.worth(&other);
+                if worth > held * (1.0 + 1e-9) && self.keeps_counts(&other) {
+                    (chosen, held) = (other, worth);
+                    break;
+                }
+            }
+            if held <= before {
+                break;
+            }
+        }
+        chosen
+    }
+
+    fn keeps_counts(&self, chosen: &[Choice]) -> bool {
+        let on = |mount: usize| chosen.iter().filter(|choice| choice.mount == mount).count();
+        self.vehicle.mounts.iter().enumerate().all(|(k, mount)| on(k) >= mount.count[0])
+    }
+
+    fn equipped(&mut self, chosen: &[Choice]) -> Equipped {
+        let mut sorted = chosen.to_vec();
+        // The grid's order, which is that of the slots.
+        sorted.sort_by_key(|choice| choice.pose);
+        let poses = Self::poses(&sorted);
+        let grid = self.grid.atlas().grid();
+        let lidars = poses.iter().map(|&pose| grid.pose(pose)).collect();
+        let missing = self.areas.missing(&poses);
+        Equipped {
+            equipment: sorted.iter().map(|choice| (choice.mount, choice.sensor)).collect(),
+            placement: Placement { name: "equipped".into(), lidars },
+            cost: self.cost(chosen),
+            value: self.grid.held_value(&poses),
+            missing,
+        }
+    }
+}
