@@ -31,6 +31,7 @@ mod common;
 mod cover;
 #[cfg(feature = "gpu")]
 mod equal_frames;
+mod equip;
 mod far;
 mod fast_stages;
 #[cfg(feature = "gpu")]

@@ -273,6 +273,12 @@ impl Problem {
         Self { constraints, ..self }
     }
 
+    /// The same where areas must be seen.
+    pub fn with_areas(self, required: &[Requirement]) -> Self {
+        let content = Content::clone(&self.content).with_areas(&self.roi, required);
+        Self { content: Arc::new(content), ..self }
+    }
+
     /// The same with the numbers of its frames in the scene.
     fn numbered(self, frames: &[usize]) -> Self {
         Self { numbers: frames.to_vec(), ..self }

@@ -137,6 +137,7 @@ mod tests {
             hit_share: None,
             detection: None,
             unique_share: vec![1.0],
+            required: Vec::new(),
             guards: Vec::new(),
         };
         let placement = Placement { name: name.to_owned(), lidars: Vec::new() };

@@ -211,7 +211,10 @@ impl<'a> Equip<'a> {
                 let have = on(mount) + usize::from(mount == beside);
                 let missing = of.count[0].saturating_sub(have);
                 let price = cheapest.iter().find(|(k, _)| *k == mount);
-                (missing as f64 * price.map_or(0.0, |(_, sensor)| self.vehicle.price(*sensor)), missing)
+                (
+                    missing as f64 * price.map_or(0.0, |(_, sensor)| self.vehicle.price(*sensor)),
+                    missing,
+                )
             });
             owed.fold((0.0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1))
         };

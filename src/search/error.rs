@@ -19,7 +19,9 @@ pub enum SearchError {
     #[error(transparent)]
     Grid(#[from] PoseGridError),
     /// Less money than the cheapest sensors cost that the mounts must hold.
-    #[error("a budget of {budget} is below the cheapest rig of this vehicle, which costs {least}; raise it")]
+    #[error(
+        "a budget of {budget} is below the cheapest rig of this vehicle, which costs {least}; raise it"
+    )]
     Budget {
         /// As given.
         budget: f64,

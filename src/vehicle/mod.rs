@@ -21,8 +21,7 @@ mod variables;
 pub(crate) mod vehicle_file;
 
 pub use beam_table::{BeamGrid, BeamTable, SensorError};
-pub(crate) use constraints::Ties;
-pub use constraints::{Constraints, Slot, Violation};
+pub use constraints::{Constraints, Slot, Ties, Violation};
 pub(crate) use description::{LidarDescription, MountDescription};
 pub use equipment::{Equipment, Requirement, Vehicle, VehicleMount, VehicleSensor};
 pub use lidar::Lidar;

@@ -6,6 +6,7 @@ use super::*;
 
 mod errors;
 mod own;
+mod vehicle;
 
 /// The small form of the contract.
 const SMALL: &str = r#"{ "sightline": 1, "name": "two-walls",

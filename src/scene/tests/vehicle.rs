@@ -1,0 +1,164 @@
+//! Vehicles in scenes: inline, in a file, in place of what the scene says; and what is wrong with them.
+
+use glam::DVec3;
+
+use super::*;
+use crate::vehicle::{Phase, SensorName, SensorPose};
+
+const VEHICLE: &str = r#"{ "sightline": 1, "name": "van", "body": [
+    { "class": "vehicle", "box": { "foot": [0, 0, 0.2], "size": [4, 2, 1] } }],
+  "sensors": [
+    { "name": "spinning", "price": 900, "lidar": { "channels": 4, "fov": [-20, 10], "azimuth_steps": 60, "range": 80 } },
+    { "name": "solid", "price": 200, "phase": 0.1,
+      "lidar": { "channels": 3, "fov": [-10, 10], "azimuth": [-40, 40], "azimuth_steps": 21, "range": 30 } }],
+  "mounts": [
+    { "name": "roof", "min": [-0.5, -0.5, 1.3], "max": [0.5, 0.5, 1.6], "sensors": ["spinning"], "count": 1 },
+    { "name": "left", "polygon": [[1, 1.05, 0.5], [-1, 1.05, 0.5], [-1, 1.05, 0.9], [1, 1.05, 0.9]],
+      "offset": [0, 0.1], "yaw": [-0.2, 0.2], "sensors": ["solid"], "count": [0, 2] }],
+  "min_distance": 0.3,
+  "require": [{ "name": "left side", "min": [-2, 1, 0.2], "max": [2, 3, 0.8], "share": 0.5 }] }"#;
+
+/// A scene with a vehicle in place of a LiDAR and a mount.
+fn with(vehicle: &str) -> String {
+    let scene = full(BOX, "");
+    let (from, to) = (scene.find("\"lidar\"").unwrap(), scene.find("\"static\"").unwrap());
+    format!("{}\"vehicle\": {vehicle}, {}", &scene[..from], &scene[to..])
+}
+
+#[test]
+fn a_vehicle_brings_sensors_mounts_and_body() {
+    let scene = read(&with(VEHICLE)).unwrap();
+    let vehicle = scene.vehicle().unwrap();
+    assert_eq!((vehicle.name.as_str(), vehicle.min_distance), ("van", 0.3));
+    let phases: Vec<Phase> = vehicle.sensors.iter().map(|sensor| sensor.phase).collect();
+    assert_eq!(phases, [Phase::Free, Phase::Locked(0.1)]);
+    let models = scene.sensors().unwrap();
+    assert_eq!((models.table(0).directions().len(), models.table(1).directions().len()), (240, 63));
+    assert_eq!(models.longest_range(), 80.0);
+    // The building of the scene and the body of the vehicle: two boxes.
+    assert_eq!(scene.frame(0, EgoBody::Include).faces.len(), 24);
+    assert_eq!(scene.frame(0, EgoBody::Exclude).faces.len(), 12);
+    let cheapest = vehicle.cheapest();
+    assert_eq!((cheapest.len(), vehicle.cost(&cheapest), vehicle.has_choice()), (1, 900.0, true));
+    let solid = SensorName::new("solid").unwrap();
+    let rules = vehicle.constraints(&vec![(1, solid), (0, cheapest[0].1), (1, solid)]);
+    let names: Vec<&str> = rules.slots.iter().map(|slot| slot.region.name.as_str()).collect();
+    assert_eq!(names, ["roof", "left", "left"]);
+    // At rest a sensor on the side looks along the normal, upright.
+    let rest = rules.slots[1].region.pose([0.05, 0.0, 0.0, 0.0, 0.0, 0.0], solid);
+    assert!((rest.position() - DVec3::new(0.0, 1.1, 0.7)).length() < 1e-12, "{rest:?}");
+    assert!((rest.yaw - std::f64::consts::FRAC_PI_2).abs() < 1e-12 && rest.roll.abs() < 1e-12);
+    let required = &vehicle.require[0];
+    assert!(required.contains([0.0, 2.0, 0.5]) && !required.contains([0.0, 0.5, 0.5]));
+}
+
+#[test]
+fn placements_keep_the_rules_of_a_vehicle_in_any_order() {
+    let scene = read(&with(VEHICLE)).unwrap();
+    let vehicle = scene.vehicle().unwrap();
+    let [spinning, solid] = ["spinning", "solid"].map(|name| SensorName::new(name).unwrap());
+    let rules = vehicle.constraints(&vec![(0, spinning), (1, solid), (1, solid)]);
+    let side = |x: f64, sensor| SensorPose {
+        yaw: std::f64::consts::FRAC_PI_2,
+        sensor,
+        ..SensorPose::at(x, 1.1, 0.7)
+    };
+    let top = SensorPose { sensor: spinning, ..SensorPose::at(0.0, 0.0, 1.5) };
+    let of = |lidars: Vec<SensorPose>| crate::vehicle::Placement { name: "x".into(), lidars };
+    let good = of(vec![side(0.8, solid), top, side(-0.8, solid)]);
+    assert_eq!(rules.violations(&good), []);
+    let ordered = rules.in_slots(&good.lidars).unwrap();
+    assert_eq!(ordered[0], top);
+    let variables = rules.variables_of(&good).unwrap();
+    let back = rules.poses_of(&variables);
+    assert!(
+        ordered.iter().zip(&back).all(|(a, b)| a
+            .values()
+            .iter()
+            .zip(b.values())
+            .all(|(a, b)| (a - b).abs() < 1e-9)),
+        "{back:?}"
+    );
+    for (bad, word) in [
+        (vec![side(0.8, solid), top, side(0.7, solid)], "too close"),
+        (vec![side(1.8, solid), top, side(-0.8, solid)], "outside the mount"),
+        (vec![side(0.8, spinning), top, side(-0.8, solid)], "no mount for one more `spinning`"),
+    ] {
+        let found = rules.violations(&of(bad));
+        assert!(found.iter().any(|v| v.to_string().contains(word)), "{found:?} lacks {word}");
+    }
+}
+
+#[test]
+fn a_vehicle_file_takes_the_place_of_what_a_scene_says() {
+    let dir = tempfile::tempdir().unwrap();
+    let (scene, vehicle) = (dir.path().join("s.json"), dir.path().join("van.json"));
+    std::fs::write(&scene, full(BOX, "")).unwrap();
+    std::fs::write(&vehicle, VEHICLE).unwrap();
+    let given = Scene::read_with(&scene, Some(&vehicle)).unwrap();
+    assert_eq!(given.vehicle().unwrap().name, "van");
+    assert!(given.files().contains(&vehicle));
+    assert_eq!(given.frame(0, EgoBody::Include).faces.len(), 24);
+    std::fs::write(&scene, with("\"van.json\"")).unwrap();
+    let named = Scene::read(&scene).unwrap();
+    assert_eq!(named.vehicle(), given.vehicle());
+    std::fs::write(&vehicle, VEHICLE.replace("\"name\": \"van\", ", "")).unwrap();
+    assert_eq!(Scene::read(&scene).unwrap().vehicle().unwrap().name, "van", "after its file");
+}
+
+#[test]
+fn what_is_wrong_with_a_vehicle_is_said_with_its_place() {
+    let cases = [
+        (
+            "\"sensors\": [\"solid\"]",
+            "\"sensors\": [\"solud\"]",
+            "mounts[1].sensors[0]: `solud` is not a sensor",
+        ),
+        ("\"sensors\": [\"solid\"]", "\"sensors\": []", "mounts[1].sensors: an empty list is not"),
+        (
+            "[[1, 1.05, 0.5], [-1, 1.05, 0.5], [-1, 1.05, 0.9], [1, 1.05, 0.9]]",
+            "[]",
+            "mounts[1].polygon: a list of 0",
+        ),
+        ("[-1, 1.05, 0.9], [1, 1.05, 0.9]]", "[-3, 1.05, 0.5]]", "its corners lie on a line"),
+        ("[1, 1.05, 0.9]]", "[1, 1.25, 0.9]]", "of the plane of the others"),
+        ("\"count\": 1", "\"count\": 17", "mounts[0].count: 17 is not a whole number from 0 to 16"),
+        ("\"count\": [0, 2]", "\"count\": [3, 2]", "mounts[1].count: 3 is not"),
+        ("\"count\": 1", "\"count\": \"two\"", "a number of sensors, 4 for example"),
+        ("\"count\": 1", "\"cuont\": 1", "unknown key `cuont`"),
+        ("\"phase\": 0.1", "\"phase\": \"loose\"", "sensors[1].phase: \"loose\" is not \"free\""),
+        ("\"price\": 900", "\"price\": -1", "sensors[0].price: -1 is not"),
+        ("\"name\": \"solid\"", "\"name\": \"spinning\"", "it is used twice"),
+        ("\"share\": 0.5", "\"share\": 2", "require[0].share: 2 is not a share"),
+        ("\"offset\": [0, 0.1]", "\"offset\": [0.1, 0]", "mounts[1].offset"),
+        (
+            "\"min_distance\": 0.3",
+            "\"symmetric\": true",
+            "possible with one mount for one sensor model",
+        ),
+        ("\"azimuth\": [-40, 40]", "\"azimuth\": [-180, 180]", "azimuth"),
+    ];
+    for (from, to, wanted) in cases {
+        let text = VEHICLE.replacen(from, to, 1);
+        assert_ne!(text, VEHICLE, "{from}");
+        let found = message(&with(&text));
+        assert!(found.contains(wanted), "{found}\n  lacks {wanted}");
+    }
+    let cut = VEHICLE.find("\"mounts\"").unwrap();
+    let end = VEHICLE.find("\"min_distance\"").unwrap();
+    let none = format!("{}\"mounts\": [], {}", &VEHICLE[..cut], &VEHICLE[end..]);
+    assert!(
+        message(&with(&none)).contains("mounts: a list of 0 is not"),
+        "{}",
+        message(&with(&none))
+    );
+    let both = with(VEHICLE).replacen(
+        "\"vehicle\":",
+        "\"mount\": { \"min\": [0,0,2], \"max\": [0,0,2], \"lidars\": 1 }, \"vehicle\":",
+        1,
+    );
+    assert!(message(&both).contains("`mount` cannot stand here"), "{}", message(&both));
+    assert!(message(&full(BOX, "").replace("\"lidar\"", "\"x\"")).contains("unknown key"));
+    assert!(message(&with("\"none.json\"")).contains("none.json: cannot be read"));
+    assert!(message(&with("3")).contains("the name of a vehicle file, or a vehicle"));
+}

@@ -1,0 +1,160 @@
+//! Equipment of a vehicle: against every combination of a small one, and what must be seen.
+
+use std::sync::Arc;
+
+use sightline::engine::EngineChoice;
+use sightline::problem::Problem;
+use sightline::search::{Equipped, cost_front, equip};
+use sightline::vehicle::{
+    Phase, Region, Requirement, SensorName, Vehicle, VehicleMount, VehicleSensor,
+};
+
+use crate::common::random_problem;
+
+/// Two models, two small mounts of at most two and one sensors.
+fn vehicle(require: Vec<Requirement>) -> Vehicle {
+    let lidar = |steps, range, name: &str| {
+        let text = format!(
+            r#"{{ "sightline": 1, "roi": {{ "min": [0,0,0], "max": [9,9,9], "voxel": [1,1,1] }}, "psog": {{ "file": "x" }},
+                 "lidar": {{ "channels": 5, "fov": [-30, 30], "azimuth_steps": {steps}, "range": {range} }},
+                 "mount": {{ "min": [1,1,1], "max": [1,1,1], "lidars": 1 }} }}"#
+        );
+        let scene = sightline::scene::Scene::from_json(&text, "".as_ref(), "s").unwrap();
+        let name = SensorName::new(name).unwrap();
+        let price = f64::from(steps) / 10.0;
+        VehicleSensor { name, lidar: scene.lidar().clone(), phase: Phase::Locked(0.0), price }
+    };
+    let sensors = vec![lidar(60, 12, "dear"), lidar(20, 6, "cheap")];
+    let mount = |name: &str, x: f64, sensors: Vec<SensorName>, count| VehicleMount {
+        region: Arc::new(Region {
+            name: name.into(),
+            lower: [x, -0.2, 0.0, 0.0, 0.0, 0.0],
+            upper: [x, 0.2, 0.2, 0.0, 0.0, 0.0],
+            ..Region::default()
+        }),
+        sensors,
+        count,
+    };
+    let names: Vec<SensorName> = sensors.iter().map(|sensor| sensor.name).collect();
+    Vehicle {
+        name: "small".into(),
+        mounts: vec![
+            mount("front", 1.5, names.clone(), [0, 2]),
+            mount("rear", -1.5, names, [0, 1]),
+        ],
+        sensors,
+        min_distance: 0.15,
+        keep_out: Vec::new(),
+        ties: Default::default(),
+        require,
+    }
+}
+
+fn problem(seed: u64, vehicle: &Vehicle) -> Problem {
+    let problem = Arc::unwrap_or_clone(random_problem(seed, true));
+    let models = vehicle.models().unwrap();
+    problem.with_sensors(models)
+}
+
+fn equipped(problem: &Problem, vehicle: &Vehicle, budget: f64) -> Equipped {
+    let objective = "information_gain".parse().unwrap();
+    equip(problem, vehicle, &objective, budget, &EngineChoice::cpu()).unwrap()
+}
+
+#[test]
+fn no_other_equipment_of_a_small_vehicle_gains_much_more() {
+    let vehicle = vehicle(Vec::new());
+    let [dear, cheap] = [&vehicle.sensors[0], &vehicle.sensors[1]];
+    for seed in 1..=3 {
+        let problem = problem(seed, &vehicle);
+        for budget in [2.0, 6.0, 8.5, 10.5, 30.0] {
+            let found = equipped(&problem, &vehicle, budget);
+            assert!(found.cost <= budget && !found.equipment.is_empty());
+            // The same search with each equipment fixed: no choice is left but that of poses.
+            let mut best = f64::MIN;
+            for front in [
+                vec![],
+                vec![dear],
+                vec![cheap],
+                vec![dear, dear],
+                vec![dear, cheap],
+                vec![cheap, cheap],
+            ] {
+                for rear in [vec![], vec![dear], vec![cheap]] {
+                    let all: Vec<_> = front.iter().chain(&rear).collect();
+                    let cost: f64 = all.iter().map(|sensor| sensor.price).sum();
+                    if all.is_empty() || cost > budget {
+                        continue;
+                    }
+                    let mut mounts = Vec::new();
+                    for (k, sensors) in [&front, &rear].into_iter().enumerate() {
+                        for sensor in sensors {
+                            let (sensors, count) = (vec![sensor.name], [1, 1]);
+                            let region = vehicle.mounts[k].region.clone();
+                            let name = format!("{}-{}", region.name, mounts.len());
+                            let region = Arc::new(Region { name, ..Region::clone(&region) });
+                            mounts.push(VehicleMount { region, sensors, count });
+                        }
+                    }
+                    let fixed = Vehicle { mounts, ..vehicle.clone() };
+                    best = best.max(equipped(&problem, &fixed, budget).value);
+                }
+            }
+            assert!(
+                found.value >= 0.97 * best,
+                "seed {seed}, budget {budget}: {} of {best}",
+                found.value
+            );
+        }
+    }
+}
+
+#[test]
+fn more_money_never_gains_less_along_a_front() {
+    let vehicle = vehicle(Vec::new());
+    let problem = problem(4, &vehicle);
+    let objective = "information_gain".parse().unwrap();
+    let front = cost_front(&problem, &vehicle, &objective, &EngineChoice::cpu()).unwrap();
+    assert!(front.len() >= 4, "{front:?}");
+    assert_eq!(front[0].cost, 2.0);
+    assert!(front.windows(2).all(|pair| pair[0].value <= 1.02 * pair[1].value), "{front:?}");
+    assert!(front.last().unwrap().equipment.len() == 3);
+}
+
+#[test]
+fn what_must_be_seen_comes_before_what_gains() {
+    let near = |share| Requirement {
+        name: "behind".into(),
+        inside: [[-4.0, -2.0, -1.0], [-2.0, 2.0, 1.0]],
+        without: Vec::new(),
+        share,
+    };
+    let seen = |share, budget| {
+        let vehicle = vehicle(vec![near(share)]);
+        let problem = problem(5, &vehicle).with_areas(&vehicle.require);
+        (equipped(&problem, &vehicle, budget), vehicle)
+    };
+    let (free, _) = seen(0.0, 2.0);
+    let (bound, _) = seen(0.3, 2.0);
+    assert_eq!((free.missing, bound.missing), (0.0, 0.0));
+    let (all, vehicle) = seen(1.0, 2.0);
+    assert!(all.missing > 0.0, "one cheap sensor does not see everything");
+    assert_eq!(all.equipment[0].0, 1, "it stands in the rear: {all:?}");
+    assert!(all.value <= free.value && vehicle.cost(&all.equipment) <= 2.0);
+}
+
+#[test]
+fn a_budget_below_the_cheapest_rig_is_refused() {
+    let mut vehicle = vehicle(Vec::new());
+    vehicle.mounts[0].count = [2, 2];
+    let problem = problem(6, &vehicle);
+    let gain = "information_gain".parse().unwrap();
+    let error = equip(&problem, &vehicle, &gain, 3.0, &EngineChoice::cpu()).unwrap_err();
+    assert!(
+        error.to_string().contains("3 is below the cheapest rig of this vehicle, which costs 4"),
+        "{error}"
+    );
+    let m_sog = "m_sog_scaled".parse().unwrap();
+    assert!(equip(&problem, &vehicle, &m_sog, 30.0, &EngineChoice::cpu()).is_err());
+    assert_eq!(equipped(&problem, &vehicle, 4.0).equipment.len(), 2);
+}
