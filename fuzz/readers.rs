@@ -25,9 +25,10 @@ pub struct Reader {
 }
 
 /// All readers of outside bytes.
-pub const READERS: [Reader; 19] = [
+pub const READERS: [Reader; 20] = [
     Reader { name: "scene_json", read: scene_json },
     Reader { name: "sensor_file", read: sensor_file },
+    Reader { name: "vehicle_json", read: vehicle_json },
     Reader { name: "placements_json", read: placements_json },
     Reader { name: "placements_jsonl", read: placements_jsonl },
     Reader { name: "psog_npz", read: psog_npz },
@@ -197,6 +198,26 @@ fn scene_with(lidar: &str, more: &str) -> String {
             "mount": {{ "min": [0, 0, 1], "max": [0, 0, 1], "lidars": 1 }},
             "psog": {{ "file": "none.npz" }} }}"#
     )
+}
+
+/// A vehicle file of a scene without anything else; its meshes and sensors do not exist.
+pub fn vehicle_json(folder: &Path, bytes: &[u8]) {
+    let scene = r#"{ "sightline": 1, "roi": { "min": [-40, -40, -1], "max": [40, 40, 5], "voxel": [1, 1, 1] },
+                     "psog": { "file": "x.npz" }, "coverage": "through", "vehicle": "vehicle.json" }"#;
+    if fs::write(folder.join("vehicle.json"), bytes).is_err() {
+        return;
+    }
+    let scene = Scene::from_json(scene, folder, "scene.json");
+    if let Some(vehicle) = scene.as_ref().ok().and_then(Scene::vehicle) {
+        let equipment = vehicle.cheapest();
+        assert!((1..=16).contains(&equipment.len()) && vehicle.cost(&equipment) >= 0.0);
+        let rules = vehicle.constraints(&equipment);
+        let middle = |(low, high): &(f64, f64)| 0.5 * (low + high);
+        let middles: Vec<f64> = rules.variable_bounds().iter().map(middle).collect();
+        let poses = rules.poses_of(&middles);
+        assert!(poses.iter().all(|pose| pose.values().iter().all(|v| v.is_finite())));
+    }
+    check_scene(scene);
 }
 
 fn check_scene<E: std::fmt::Display>(scene: Result<Scene, E>) {
