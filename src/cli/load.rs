@@ -8,7 +8,7 @@ use sightline::engine::open;
 use sightline::problem::{Problem, spread};
 use sightline::psog::Psog;
 use sightline::scene::{PsogSource, Scene};
-use sightline::search::Evaluator;
+use sightline::search::{Evaluator, SearchError};
 
 use super::args::{Compute, Talk};
 use super::error::Error;
@@ -109,6 +109,36 @@ pub fn note_frames(scene: &Scene, wanted: Option<u32>, talk: Talk) {
     let count = scene.frame_count();
     if let Some(wanted) = wanted.filter(|wanted| *wanted as usize > count) {
         talk.note(format!("--frames {wanted}: the scene has {count}; all of them are used"));
+    }
+}
+
+/// Says where scenes have other classes than the first: no score but the counts by class compares them.
+pub fn note_classes(scenes: &[Scene], talk: Talk) {
+    for scene in scenes.iter().skip(1) {
+        let missing = |from: &Scene, of: &Scene| -> Vec<String> {
+            of.classes().iter().filter(|class| !from.classes().contains(class)).cloned().collect()
+        };
+        let (less, more) = (missing(scene, &scenes[0]), missing(&scenes[0], scene));
+        if !less.is_empty() || !more.is_empty() {
+            let lists =
+                [("lacks", less), ("adds", more)].into_iter().filter(|(_, l)| !l.is_empty());
+            let lists: Vec<String> = lists.map(|(w, l)| format!("{w} {}", l.join(", "))).collect();
+            talk.note(format!(
+                "{}: its classes are not those of {}: it {}; a count by class is the mean over the scenes that \
+                 have the class, nothing else depends on it",
+                scene.name(),
+                scenes[0].name(),
+                lists.join(" and ")
+            ));
+        }
+    }
+}
+
+/// An error of scenes and settings, with the file of the scene that it is about.
+pub fn in_scene(error: SearchError, scenes: &[&PathBuf]) -> Error {
+    match error.scene().and_then(|scene| scenes.get(scene)) {
+        Some(scene) => Error::Usage(format!("{}: {error}", scene.display())),
+        None => error.into(),
     }
 }
 

@@ -221,6 +221,12 @@ impl Problem {
         Self { world: Arc::new(self.world.over(frames)), ends_at_hits, ..self.clone() }
     }
 
+    /// The same with mirrored sensors: a mirrored placement here has the scores of the placement itself in
+    /// the scene mirrored at the plane y = 0. World and content are shared.
+    pub fn mirrored(&self) -> Self {
+        Self { table: self.table.mirrored(), ..self.clone() }
+    }
+
     /// The voxels.
     pub fn roi(&self) -> &Roi {
         &self.roi

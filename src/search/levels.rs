@@ -1,13 +1,12 @@
 //! Few frames that stand for all in a ranking of placements, as a pilot over every frame sees it.
 
-use std::sync::Arc;
-
 use rayon::prelude::*;
 
 use crate::engine::BackendError;
 use crate::engine::CpuBackend;
-use crate::problem::{Problem, Tally};
+use crate::problem::Tally;
 use crate::score::Objective;
+use crate::search::suite::{Member, Suite};
 use crate::vehicle::Placement;
 
 /// Sets of frames that are all tried; of larger ones the best is looked for by exchanging frames.
@@ -16,7 +15,7 @@ const ALL_SETS: u64 = 4000;
 /// Some frames, and how well their score stands for that over all.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Level {
-    /// Frames in rising order.
+    /// Frames in rising order, numbered through all scenes.
     pub frames: Vec<usize>,
     /// Root mean square over the placements of 1 − a · score / score over all frames, with the a that
     /// makes it least: what is left when the one is taken for the other in a ranking. `None` where no
@@ -24,9 +23,9 @@ pub struct Level {
     pub error: Option<f64>,
 }
 
-/// Tallies of a few placements, frame by frame.
+/// Tallies of a few placements, frame by frame of every scene.
 pub struct Pilot {
-    problem: Arc<Problem>,
+    suite: Suite,
     placements: Vec<Placement>,
     by_frame: Vec<Vec<Tally>>,
 }
@@ -37,19 +36,23 @@ impl Pilot {
     /// # Errors
     /// One placement does not fit.
     pub fn new(
-        problem: &Arc<Problem>,
+        suite: &Suite,
         placements: Vec<Placement>,
         memory: u64,
     ) -> Result<Self, BackendError> {
         let mut by_frame: Vec<Vec<Tally>> = Vec::new();
-        let mut backend = CpuBackend::new(problem.clone(), memory);
-        for frame in 0..problem.frame_count() {
-            by_frame.push(match by_frame.get(problem.first_equal(frame)) {
-                Some(equal) => equal.clone(),
-                None => backend.tally_frame(&placements, frame)?,
-            });
+        for member in suite.members() {
+            let problem = member.problem();
+            let (first, seen) = (by_frame.len(), member.seen(&placements));
+            let mut backend = CpuBackend::new(problem.clone(), memory);
+            for frame in 0..problem.frame_count() {
+                by_frame.push(match by_frame.get(first + problem.first_equal(frame)) {
+                    Some(equal) => equal.clone(),
+                    None => backend.tally_frame(&seen, frame)?,
+                });
+            }
         }
-        Ok(Self { problem: problem.clone(), placements, by_frame })
+        Ok(Self { suite: suite.clone(), placements, by_frame })
     }
 
     /// Placements × frames that were scored.
@@ -57,25 +60,59 @@ impl Pilot {
         (self.placements.len() * self.by_frame.len()) as u64
     }
 
-    /// The placements and their tallies over all frames: the same as a backend gives for them.
-    pub fn tallies(&self) -> Vec<(Placement, Tally)> {
-        let all: Vec<usize> = (0..self.by_frame.len()).collect();
-        let sums = (0..self.placements.len()).map(|index| self.sum(index, &all));
-        self.placements.iter().cloned().zip(sums).collect()
+    /// The placements and their tallies over all frames of each scene: the same as a backend gives for
+    /// them.
+    pub fn tallies(&self) -> Vec<(Placement, Vec<Tally>)> {
+        let ranges = self.suite.frame_ranges();
+        let sums = |index: usize| {
+            let members = self.suite.members().iter().zip(&ranges);
+            members.map(|(member, range)| self.sum(index, member, range.clone())).collect()
+        };
+        let placements = self.placements.iter().cloned().enumerate();
+        placements.map(|(index, placement)| (placement, sums(index))).collect()
     }
 
-    fn sum(&self, index: usize, frames: &[usize]) -> Tally {
-        let classes = self.problem.content().classes().len();
+    /// Shares of the information that a placement gains in each frame, `[scenes][frames]`; those of a mirror
+    /// image are averaged with its original's.
+    pub fn gain_shares(&self, index: usize) -> Vec<Vec<f64>> {
+        let mut shares: Vec<Vec<f64>> = vec![Vec::new(); self.suite.scene_count()];
+        let mut images = vec![0.0; shares.len()];
+        for (member, range) in self.suite.members().iter().zip(self.suite.frame_ranges()) {
+            let total = member.problem().content().entropy_total()[0].max(1) as f64;
+            let gains = range.map(|frame| self.by_frame[frame][index].entropy[0] as f64 / total);
+            let (sums, scene) = (&mut shares[member.scene()], member.scene());
+            sums.resize(gains.len(), 0.0);
+            sums.iter_mut().zip(gains).for_each(|(sum, gain)| *sum += gain);
+            images[scene] += 1.0;
+        }
+        for (shares, images) in shares.iter_mut().zip(images) {
+            shares.iter_mut().for_each(|share| *share /= images);
+        }
+        shares
+    }
+
+    fn sum(&self, index: usize, member: &Member, frames: impl Iterator<Item = usize>) -> Tally {
+        let classes = member.problem().content().classes().len();
         let mut sum = Tally::zero(classes, self.placements[index].lidars.len());
-        frames.iter().for_each(|&frame| sum += &self.by_frame[frame][index]);
+        frames.for_each(|frame| sum += &self.by_frame[frame][index]);
         sum
     }
 
-    /// Objective of each placement over some frames.
+    /// Objective of each placement over some frames; scenes without any of them do not count.
     fn values(&self, objective: &Objective, frames: &[usize]) -> Vec<Option<f64>> {
-        let content = self.problem.content();
-        let value =
-            |index| objective.value_of_tally(&self.sum(index, frames), content, frames.len());
+        let members = self.suite.members().iter().zip(self.suite.frame_ranges());
+        let some = members.map(|(member, range)| {
+            let own = frames.iter().copied().filter(move |frame| range.contains(frame));
+            (member, own.collect::<Vec<usize>>())
+        });
+        let some: Vec<(&Member, Vec<usize>)> = some.filter(|(_, own)| !own.is_empty()).collect();
+        let value = |index| {
+            let scenes = some.iter().map(|(member, own)| {
+                let sum = self.sum(index, member, own.iter().copied());
+                (sum, member.problem().content(), own.len())
+            });
+            objective.value_over_scenes(scenes)
+        };
         (0..self.placements.len()).map(value).collect()
     }
 
@@ -196,10 +233,12 @@ fn with_one_more(chosen: &[usize], count: usize) -> Vec<Vec<usize>> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::bvh::Bvh;
     use crate::geom::TriangleSoup;
-    use crate::problem::Content;
+    use crate::problem::{Content, Problem};
     use crate::psog::Roi;
     use crate::vehicle::BeamTable;
 
@@ -216,7 +255,7 @@ mod tests {
         let tally =
             |&gain: &u64| Tally { covered: 10, entropy: [gain << 28, 0, 0], ..Tally::default() };
         Pilot {
-            problem,
+            suite: problem.into(),
             placements: (0..gains[0].len()).map(placement).collect(),
             by_frame: gains.iter().map(|frame| frame.iter().map(tally).collect()).collect(),
         }
