@@ -154,7 +154,7 @@ pub mod internals {
     pub use crate::search::rules::rules_in_words;
     pub use crate::search::swaps::{SwapSettings, Swapped, swap_from};
     pub use crate::vehicle::constraints::Ties;
-    pub use crate::vehicle::placement_file::count_placements;
+    pub use crate::vehicle::placement_file::{count_placements, holds_placements};
     pub use crate::vehicle::pose_grid::{PoseGrid, PoseGridError, Spacing};
     pub use crate::vehicle::random::random_placements_by_the_rules;
     pub use crate::verify::compare::{Differences, compared_frames};

@@ -8,7 +8,7 @@ use sightline::engine::open;
 use sightline::problem::{Problem, spread};
 use sightline::psog::Psog;
 use sightline::scene::{PsogSource, Scene};
-use sightline::search::{Evaluator, SearchError};
+use sightline::search::{Evaluator, SearchError, Suite};
 
 use super::args::{Compute, Talk};
 use super::error::Error;
@@ -45,6 +45,41 @@ pub fn scene(path: &Path, frames: Option<u32>, compute: &Compute) -> Result<Load
     let evaluator = evaluator(Problem::with_psog(&scene, &psog, &frames)?, compute)?;
     times.build += start.elapsed().as_secs_f64();
     Ok(Loaded { scene, evaluator, times })
+}
+
+/// Scenes ready to be scored together.
+pub struct Suited {
+    pub scenes: Vec<Scene>,
+    pub evaluator: Evaluator,
+    pub times: LoadTimes,
+}
+
+/// As [`scene`], for several that share LiDAR and mount.
+pub fn suite(paths: &[PathBuf], frames: Option<u32>, compute: &Compute) -> Result<Suited, Error> {
+    let mut times = LoadTimes::default();
+    let (mut scenes, mut problems) = (Vec::new(), Vec::new());
+    for path in paths {
+        let (scene, psog, took) = scene_and_psog(path, compute.talk)?;
+        note_frames(&scene, frames, compute.talk);
+        let start = Instant::now();
+        let frames = spread(scene.frame_count(), frames);
+        let problem = Arc::new(Problem::with_psog(&scene, &psog, &frames)?);
+        compute.talk.detail(problem.modelled().to_string());
+        problems.push((scene.name().to_owned(), problem));
+        times.load += took.load;
+        times.build += took.build + start.elapsed().as_secs_f64();
+        scenes.push(scene);
+    }
+    note_classes(&scenes, compute.talk);
+    let start = Instant::now();
+    let paths: Vec<&PathBuf> = paths.iter().collect();
+    let suite = Suite::new(problems).map_err(|error| in_scene(error, &paths))?;
+    let talk = compute.talk;
+    let opened = Evaluator::open(&suite, &compute.engine(), move |change| talk.note(change));
+    let (evaluator, notes) = opened?;
+    notes.iter().for_each(|note| talk.note(note));
+    times.build += start.elapsed().as_secs_f64();
+    Ok(Suited { scenes, evaluator, times })
 }
 
 /// Reads a scene and says what in it is most likely not meant.

@@ -141,11 +141,28 @@ impl Evaluator {
     /// # Errors
     /// As [`Backend::covered`].
     pub fn covered(&mut self, placement: &Placement) -> Result<Vec<u64>, BackendError> {
+        self.covered_in(0, placement)
+    }
+
+    /// As [`Self::covered`], in the member of that number, from 0.
+    ///
+    /// # Errors
+    /// As [`Backend::covered`].
+    ///
+    /// # Panics
+    /// There is no such member.
+    pub fn covered_in(
+        &mut self,
+        member: usize,
+        placement: &Placement,
+    ) -> Result<Vec<u64>, BackendError> {
+        let Seat { member, backend, .. } = &mut self.seats[member];
         let mut union = BTreeSet::new();
-        let frames = self.problem().frame_count();
+        let (frames, seen) = (member.problem().frame_count(), std::slice::from_ref(placement));
+        let seen = member.seen(seen);
         let mut covered = Vec::new();
         for frame in 0..frames {
-            covered = self.backend_mut().covered(placement, frame)?;
+            covered = backend.covered(&seen[0], frame)?;
             if frames > 1 {
                 union.extend(covered.iter().copied());
             }

@@ -1,5 +1,7 @@
 //! Few frames that stand for all in a ranking of placements, as a pilot over every frame sees it.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::engine::BackendError;
@@ -118,16 +120,18 @@ impl Pilot {
 
     /// Few frames that stand for all, then twice as many and so on to all of them.
     ///
-    /// The first level is the smallest of 1, 2, 4, … whose error is within `tolerance`. The frames of
-    /// a level are those with the least error of all sets of that size, or of those reached from the
-    /// best smaller set by adding and exchanging frames where there are too many to try.
+    /// The first level is the smallest of 1, 2, 4, … whose error is within `tolerance`; of several scenes
+    /// the smallest of as many frames as scenes and mirror images, twice as many, …, with a frame at least of
+    /// each, so that no scene is ever forgotten. The frames of a level are those with the least error of all
+    /// sets of that size, or of those reached from the best smaller set by adding and exchanging frames where
+    /// there are too many to try.
     pub fn levels(&self, objective: &Objective, tolerance: f64) -> Vec<Level> {
         let count = self.by_frame.len();
         let all: Vec<usize> = (0..count).collect();
         let choice = Choice { pilot: self, objective, reference: self.values(objective, &all) };
         let mut levels: Vec<Level> = Vec::new();
-        let mut best: Vec<usize> = Vec::new();
-        let mut size = 1;
+        let mut best: Vec<usize> = choice.least();
+        let mut size = best.len().max(1);
         while size < count {
             best = choice.best(size, best);
             let error = choice.error(&best);
@@ -157,11 +161,27 @@ impl Choice<'_> {
         scatter(&self.reference, self.pilot.values(self.objective, frames))
     }
 
+    /// The frames that every set grows from: the first of each of several scenes.
+    fn least(&self) -> Vec<usize> {
+        let several = self.pilot.suite.frame_ranges();
+        let several = several.into_iter().filter(|_| !self.pilot.suite.is_single());
+        several.map(|range| range.start).collect()
+    }
+
+    /// Whether a set has a frame of each of several scenes.
+    fn is_of_all(&self, frames: &[usize]) -> bool {
+        let suite = &self.pilot.suite;
+        let in_set = |range: Range<usize>| frames.iter().any(|frame| range.contains(frame));
+        suite.is_single() || suite.frame_ranges().into_iter().all(in_set)
+    }
+
     /// The best `size` frames, sorted.
     fn best(&self, size: usize, from: Vec<usize>) -> Vec<usize> {
         let count = self.pilot.by_frame.len();
         if sets(count, size) <= ALL_SETS {
-            return self.first_of(subsets(count, size));
+            let mut all = subsets(count, size);
+            all.retain(|frames| self.is_of_all(frames));
+            return self.first_of(all);
         }
         let mut chosen = from;
         while chosen.len() < size {
@@ -174,6 +194,7 @@ impl Choice<'_> {
                 rest.remove(index);
                 swapped.extend(with_one_more(&rest, count));
             }
+            swapped.retain(|frames| self.is_of_all(frames));
             let better = self.first_of(swapped);
             if better == chosen {
                 return chosen;
