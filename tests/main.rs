@@ -22,6 +22,8 @@ mod cli_output;
 mod cli_rules;
 #[cfg(feature = "cli")]
 mod cli_scene;
+#[cfg(all(unix, feature = "cli"))]
+mod cli_scenes;
 #[cfg(feature = "cli")]
 mod cli_study;
 #[cfg_attr(not(feature = "gpu"), allow(dead_code))]
@@ -58,5 +60,6 @@ mod optimize;
 mod own_scenes;
 mod packets;
 mod reference;
+mod scenes;
 mod walk;
 mod world;

@@ -25,6 +25,9 @@ pub struct Level {
     pub error: Option<f64>,
 }
 
+/// Placements with their tallies over all frames of each scene.
+pub type Known = Vec<(Placement, Vec<Tally>)>;
+
 /// Tallies of a few placements, frame by frame of every scene.
 pub struct Pilot {
     suite: Suite,
@@ -64,7 +67,7 @@ impl Pilot {
 
     /// The placements and their tallies over all frames of each scene: the same as a backend gives for
     /// them.
-    pub fn tallies(&self) -> Vec<(Placement, Vec<Tally>)> {
+    pub fn tallies(&self) -> Known {
         let ranges = self.suite.frame_ranges();
         let sums = |index: usize| {
             let members = self.suite.members().iter().zip(&ranges);

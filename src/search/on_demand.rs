@@ -4,10 +4,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::error::SearchError;
-use super::levels::Pilot;
+use super::levels::{Known, Pilot};
 use super::settings::Settings;
 use super::suite::Suite;
-use crate::problem::Tally;
 use crate::score::{Objective, Scores, Standing};
 use crate::vehicle::{Constraints, Placement, random_placements};
 
@@ -116,7 +115,7 @@ impl FramesOnDemand {
         whole: &Suite,
         settings: &Settings,
         memory: u64,
-    ) -> Result<(Self, Vec<(Placement, Vec<Tally>)>), SearchError> {
+    ) -> Result<(Self, Known), SearchError> {
         let count = whole.frame_count();
         let (mut levels, mut errors) = (vec![(0..count).collect()], vec![None]);
         let mut work = PlacementFrames::default();

@@ -3,12 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use crate::engine::EngineChoice;
-use crate::problem::Tally;
 use crate::score::Objective;
 use crate::search::bound::Bounds;
 use crate::search::error::SearchError;
 use crate::search::evaluator::{Evaluator, Judged};
 use crate::search::generations::{GenerationRecord, Generations, GenerationsStop, why_left_out};
+use crate::search::levels::Known;
 use crate::search::observer::Watch;
 use crate::search::on_demand::FramesOnDemand;
 use crate::search::outcome::{LeftOut, Scored, SearchTimes};
@@ -75,7 +75,7 @@ pub(super) struct Sitting {
     /// Over all frames, where the search is over fewer.
     pub over_all: Option<Evaluator>,
     /// Placements whose tallies over all frames of each scene are known.
-    pub known: Vec<(Placement, Vec<Tally>)>,
+    pub known: Known,
     /// The baselines over all frames.
     pub baselines: Option<Vec<Scored>>,
     /// Generations of this sitting.
