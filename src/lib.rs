@@ -150,7 +150,8 @@ pub mod internals {
     pub use crate::search::generations::{Generation, Generations};
     pub use crate::search::grid_search::GridPlacement;
     pub use crate::search::grid_search::GridSearch;
-    pub use crate::search::levels::{Level, Pilot};
+    pub use crate::search::levels::Level;
+    pub use crate::search::pilot::Pilot;
     pub use crate::search::rules::rules_in_words;
     pub use crate::search::swaps::{SwapSettings, Swapped, swap_from};
     pub use crate::vehicle::constraints::Ties;

@@ -22,7 +22,11 @@ pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> 
     });
     let share = best.scores.segmentation.information_gain_share;
     let share = share.map_or(String::new(), |share| {
-        format!(" Its beams gain {:.1} % of the information that the scene holds.", 100.0 * share)
+        let held = match best.by_scene.len() {
+            0 => "the scene holds",
+            _ => "the scenes hold, a mean over them",
+        };
+        format!(" Its beams gain {:.1} % of the information that {held}.", 100.0 * share)
     });
     let guards = match best.scores.guards.as_slice() {
         [] => "No guard speaks against it.".to_owned(),

@@ -10,7 +10,7 @@
 //! | `suite` | the scenes of a run, and their mirror images |
 //! | `evaluator`, `seat` | scores of placements: over all scenes, and in one on its engine |
 //! | `generations` | CMA-ES over the free pose fields |
-//! | `levels`, `on_demand` | few frames that stand for all, and when more are needed |
+//! | `pilot`, `levels`, `on_demand` | few frames that stand for all, and when more are needed |
 //! | `atlas`, `atlases`, `grid_search`, `climb`, `swaps` | placements on a grid of poses |
 //! | `bound` | how much better than the result another placement could be |
 //! | `spread` | whether a gain over several scenes is more than their spread |
@@ -29,6 +29,7 @@ pub(crate) mod levels;
 mod observer;
 mod on_demand;
 mod outcome;
+pub(crate) mod pilot;
 pub(crate) mod rules;
 mod run;
 mod seat;

@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::error::SearchError;
-use super::levels::{Known, Pilot};
+use super::pilot::{Known, Pilot};
 use super::settings::Settings;
 use super::suite::Suite;
 use crate::score::{Objective, Scores, Standing};
