@@ -8,7 +8,7 @@ use sightline::engine::open;
 use sightline::problem::{Problem, spread};
 use sightline::psog::Psog;
 use sightline::scene::{PsogSource, Scene};
-use sightline::search::{Evaluator, SearchError, Suite};
+use sightline::search::{Evaluator, Member, SearchError, Suite};
 
 use super::args::{Compute, Talk};
 use super::error::Error;
@@ -70,10 +70,10 @@ pub fn suite(paths: &[PathBuf], frames: Option<u32>, compute: &Compute) -> Resul
         times.build += took.build + start.elapsed().as_secs_f64();
         scenes.push(scene);
     }
-    note_classes(&scenes, compute.talk);
     let start = Instant::now();
     let paths: Vec<&PathBuf> = paths.iter().collect();
     let suite = Suite::new(problems).map_err(|error| in_scene(error, &paths))?;
+    note_classes(&suite, compute.talk);
     let talk = compute.talk;
     let opened = Evaluator::open(&suite, &compute.engine(), move |change| talk.note(change));
     let (evaluator, notes) = opened?;
@@ -148,21 +148,24 @@ pub fn note_frames(scene: &Scene, wanted: Option<u32>, talk: Talk) {
 }
 
 /// Says where scenes have other classes than the first: no score but the counts by class compares them.
-pub fn note_classes(scenes: &[Scene], talk: Talk) {
-    for scene in scenes.iter().skip(1) {
-        let missing = |from: &Scene, of: &Scene| -> Vec<String> {
-            of.classes().iter().filter(|class| !from.classes().contains(class)).cloned().collect()
-        };
-        let (less, more) = (missing(scene, &scenes[0]), missing(&scenes[0], scene));
-        if !less.is_empty() || !more.is_empty() {
-            let lists =
-                [("lacks", less), ("adds", more)].into_iter().filter(|(_, l)| !l.is_empty());
-            let lists: Vec<String> = lists.map(|(w, l)| format!("{w} {}", l.join(", "))).collect();
+pub fn note_classes(suite: &Suite, talk: Talk) {
+    let Some((first, others)) = suite.members().split_first() else { return };
+    let classes_of = |member: &Member| member.problem().content().classes().to_vec();
+    let known = classes_of(first);
+    for member in others {
+        let own = classes_of(member);
+        let less = known.iter().filter(|class| !own.contains(class)).cloned().collect();
+        let more = own.iter().filter(|class| !known.contains(class)).cloned().collect();
+        let lists: [(&str, Vec<String>); 2] = [("lacks", less), ("adds", more)];
+        let lists = lists.iter().filter(|(_, list)| !list.is_empty());
+        let lists: Vec<String> =
+            lists.map(|(w, list)| format!("{w} {}", list.join(", "))).collect();
+        if !lists.is_empty() {
             talk.note(format!(
                 "{}: its classes are not those of {}: it {}; a count by class is the mean over the scenes that \
                  have the class, nothing else depends on it",
-                scene.name(),
-                scenes[0].name(),
+                member.name(),
+                first.name(),
                 lists.join(" and ")
             ));
         }

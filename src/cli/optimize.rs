@@ -81,7 +81,7 @@ fn open(begun: &settings::Begun, args: &Args) -> Result<Opened, Error> {
         scenes.push(scene);
     }
     let suite = Suite::new(problems).map_err(|error| in_scene(error, begun))?;
-    load::note_classes(&scenes, args.compute.talk);
+    load::note_classes(&suite, args.compute.talk);
     let suite = if begun.mirror { suite.with_mirror_images() } else { suite };
     Ok(Opened { scenes, suite, inputs, times })
 }
