@@ -154,13 +154,9 @@ impl FramesOnDemand {
 
     /// Position of the least level from the present one on that is enough after a share of the evaluations.
     pub fn enough(&self, progress: f64) -> usize {
-        let least = if progress < LATE || self.is_exact() { 0 } else { self.second() };
+        let exact = self.errors[0].is_some_and(|error| error <= LATE_ERROR);
+        let least = if progress < LATE || exact { 0 } else { self.second() };
         least.max(self.at)
-    }
-
-    /// Whether the first level is enough for all generations.
-    fn is_exact(&self) -> bool {
-        self.errors[0].is_some_and(|error| error <= LATE_ERROR)
     }
 
     /// Position of the level after the present one; of the last one where there is none.
@@ -168,10 +164,9 @@ impl FramesOnDemand {
         (self.at + 1).min(self.levels.len() - 1)
     }
 
-    /// Position of the level that swaps are over. Of several scenes the first may do, which has a frame of
-    /// each: no single one flatters the end.
-    pub fn of_swaps(&self, several: bool) -> usize {
-        if several && self.is_exact() { self.at } else { self.second().max(self.at) }
+    /// Position of the level that swaps are over.
+    pub fn of_swaps(&self) -> usize {
+        self.second().max(self.at)
     }
 
     /// Position of the second level, or of the only one.

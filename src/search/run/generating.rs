@@ -70,9 +70,9 @@ impl Run {
 
     /// Scores the finalists of the generations over all frames, and goes to the frames of the swaps.
     pub(super) fn settle(&mut self, watch: &mut Watch) -> Result<(), SearchError> {
-        let (objective, several) = (self.objective(), !self.suite.is_single());
+        let objective = self.objective();
         if let Some(levels) = &self.state.levels {
-            let (finalists, level) = (levels.to_confirm(), levels.of_swaps(several));
+            let (finalists, level) = (levels.to_confirm(), levels.of_swaps());
             let judged = self.judged_over_all(&finalists, watch)?;
             let scores: Vec<Scores> = judged.into_iter().map(|judged| judged.scores).collect();
             if let Some(levels) = &mut self.state.levels {
