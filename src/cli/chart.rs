@@ -34,7 +34,8 @@ pub struct Args {
         conflicts_with = "resume"
     )]
     files: Vec<PathBuf>,
-    /// Folder for chart.svg, chart.csv and chart.json, of several scenes one in it for each [default: runs/SCENE-chart, numbered if it is taken]
+    /// Folder for chart.svg, chart.csv and chart.json, of several scenes one in it for each
+    /// [default: runs/SCENE-chart, numbered if it is taken]
     #[arg(long, value_name = "DIR", conflicts_with = "resume")]
     out: Option<PathBuf>,
     /// Go on with an interrupted run; settings that were measured are kept
