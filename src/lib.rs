@@ -88,7 +88,7 @@ pub use problem::Problem;
 pub use psog::Psog;
 pub use scene::Scene;
 pub use score::{Objective, Scores};
-pub use search::{Evaluator, Event, Observer, Outcome, Settings, optimize};
+pub use search::{Evaluator, Event, Observer, Outcome, Settings, Suite, optimize};
 pub use vehicle::{BeamTable, Constraints, Placement, SensorPose, read_placements};
 
 /// Parts that the program, the tests and the benchmarks of this project look into; nothing here is stable.
@@ -125,6 +125,7 @@ pub mod internals {
     pub use crate::psog::roi::HIT_PUSH;
     pub use crate::psog::vote::{FrameVotes, PsogBuilder};
     pub use crate::reduce::reduce;
+    pub use crate::report::by_scene::by_scene;
     pub use crate::report::chart::fidelity_svg;
     pub use crate::report::chart_table::{ChartFrame, fidelity_csv, seconds};
     pub use crate::report::chart_words::chart_words;
@@ -138,22 +139,27 @@ pub mod internals {
     pub use crate::report::study::study_plot;
     pub use crate::report::table::{ScoreColumn, optional};
     pub use crate::report::text::{align_columns, findings_text, poses_text, study_text};
-    pub use crate::report::words::{certificate_in_words, methods_in_words, verdict};
+    pub use crate::report::words::{
+        certificate_in_words, methods_in_words, spread_in_words, verdict,
+    };
     pub use crate::scene::street::FEWEST_STREET_TRIANGLES;
     pub use crate::score::guard::{guards_of, reference_layout, short_sight};
+    pub use crate::score::over_scenes::totals;
     pub use crate::score::ranking::{kendall_tau, mean_height, spearman};
     pub use crate::score::standing::Standing;
     pub use crate::search::atlas::{Atlas, Union};
+    pub use crate::search::atlases::Atlases;
     pub use crate::search::bound::{Effort, GridSample, LipschitzBound, bound_gain};
     pub use crate::search::climb::Moves;
     pub use crate::search::generations::{Generation, Generations};
     pub use crate::search::grid_search::GridPlacement;
     pub use crate::search::grid_search::GridSearch;
-    pub use crate::search::levels::{Level, Pilot};
+    pub use crate::search::levels::Level;
+    pub use crate::search::pilot::Pilot;
     pub use crate::search::rules::rules_in_words;
     pub use crate::search::swaps::{SwapSettings, Swapped, swap_from};
     pub use crate::vehicle::constraints::Ties;
-    pub use crate::vehicle::placement_file::count_placements;
+    pub use crate::vehicle::placement_file::{count_placements, holds_placements};
     pub use crate::vehicle::pose_grid::{PoseGrid, PoseGridError, Spacing};
     pub use crate::vehicle::random::random_placements_by_the_rules;
     pub use crate::verify::compare::{Differences, compared_frames};

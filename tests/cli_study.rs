@@ -316,7 +316,6 @@ fn wrong_input_is_named() {
     room(dir.path());
     for (args, says) in [
         (&["study", "transfer", "room.json"][..], "two or more scene files"),
-        (&["study", "height", "room.json", "room.json"][..], "takes one scene"),
         (&["study", "regions", "room.json", "--box", "a:1,2,3"][..], "NAME:x0,y0,z0,x1,y1,z1"),
         (&["study", "channels", "room.json", "--sensor", "none.json"][..], "none.json"),
         (&["study", "lidars", "room.json", "--objective", "gain"][..], "did you mean"),

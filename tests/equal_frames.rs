@@ -69,8 +69,8 @@ fn equal_frames_are_cast_once_with_the_same_sums() {
     for mut backend in both(&shared) {
         assert_eq!(backend.tally(&placements, Some(range)).unwrap(), want, "{}", backend.name());
     }
-    let pilot = Pilot::new(&shared, placements.clone(), MEMORY).unwrap();
-    let sums: Vec<Tally> = pilot.tallies().into_iter().map(|(_, tally)| tally).collect();
+    let pilot = Pilot::new(&(&shared).into(), placements.clone(), MEMORY).unwrap();
+    let sums: Vec<Tally> = pilot.tallies().into_iter().flat_map(|(_, tally)| tally).collect();
     assert_eq!(sums, want);
     // Some of the frames: of those that are equal, as many as are named.
     let some = shared.over(&[1, 2, 3]);

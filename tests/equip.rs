@@ -58,7 +58,7 @@ fn problem(seed: u64, vehicle: &Vehicle) -> Problem {
 
 fn equipped(problem: &Problem, vehicle: &Vehicle, budget: f64) -> Equipped {
     let objective = "information_gain".parse().unwrap();
-    equip(problem, vehicle, &objective, budget, &EngineChoice::cpu()).unwrap()
+    equip(&problem.clone().into(), vehicle, &objective, budget, &EngineChoice::cpu()).unwrap()
 }
 
 #[test]
@@ -114,7 +114,7 @@ fn more_money_never_gains_less_along_a_front() {
     let vehicle = vehicle(Vec::new());
     let problem = problem(4, &vehicle);
     let objective = "information_gain".parse().unwrap();
-    let front = cost_front(&problem, &vehicle, &objective, &EngineChoice::cpu()).unwrap();
+    let front = cost_front(&problem.into(), &vehicle, &objective, &EngineChoice::cpu()).unwrap();
     assert!(front.len() >= 4, "{front:?}");
     assert_eq!(front[0].cost, 2.0);
     assert!(front.windows(2).all(|pair| pair[0].value <= 1.02 * pair[1].value), "{front:?}");
@@ -149,12 +149,13 @@ fn a_budget_below_the_cheapest_rig_is_refused() {
     vehicle.mounts[0].count = [2, 2];
     let problem = problem(6, &vehicle);
     let gain = "information_gain".parse().unwrap();
-    let error = equip(&problem, &vehicle, &gain, 3.0, &EngineChoice::cpu()).unwrap_err();
+    let error =
+        equip(&problem.clone().into(), &vehicle, &gain, 3.0, &EngineChoice::cpu()).unwrap_err();
     assert!(
         error.to_string().contains("3 is below the cheapest rig of this vehicle, which costs 4"),
         "{error}"
     );
     let m_sog = "m_sog_scaled".parse().unwrap();
-    assert!(equip(&problem, &vehicle, &m_sog, 30.0, &EngineChoice::cpu()).is_err());
+    assert!(equip(&problem.clone().into(), &vehicle, &m_sog, 30.0, &EngineChoice::cpu()).is_err());
     assert_eq!(equipped(&problem, &vehicle, 4.0).equipment.len(), 2);
 }

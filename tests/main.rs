@@ -24,6 +24,8 @@ mod cli_rig;
 mod cli_rules;
 #[cfg(feature = "cli")]
 mod cli_scene;
+#[cfg(all(unix, feature = "cli"))]
+mod cli_scenes;
 #[cfg(feature = "cli")]
 mod cli_study;
 #[cfg_attr(not(feature = "gpu"), allow(dead_code))]
@@ -62,5 +64,6 @@ mod optimize;
 mod own_scenes;
 mod packets;
 mod reference;
+mod scenes;
 mod walk;
 mod world;

@@ -1,29 +1,31 @@
-//! `sightline audit`: attempts to fool the scores, and rankings under changes of the model.
+//! `sightline audit`: attempts to fool the scores, and rankings under changes of the model, scene by scene.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use serde_json::json;
 use sightline::audit::{AUDIT_PARTS, Audit, AuditEvent, AuditSettings, Verdict, audit};
 use sightline::internals::{ScoreColumn, align_columns};
 use sightline::score::Scores;
-use sightline::vehicle::{read_placements, table_7};
+use sightline::vehicle::{Placement, read_placements, table_7};
 
 use super::args::{Compute, Format};
 use super::error::Error;
+use super::files::{Files, told_apart};
 use super::{load, progress};
 
 /// Exit code of a check that failed.
 const FAILED: u8 = 1;
 
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  sightline audit scenes/highway.json")]
+#[command(after_help = "Examples:
+  sightline audit scenes/highway.json
+  sightline audit scenes/highway.json scenes/residential.json scenes/placements.json")]
 pub struct Args {
-    /// Scene file
-    scene: PathBuf,
-    /// Placements to start from, which should be sound ones: the best of them is changed so that it sees
-    /// less, and no score may rise unnoticed [default: Table 7 of the paper]
-    placements: Option<PathBuf>,
+    /// Scene files, and placements to start from, which should be sound ones: the best of them is changed so
+    /// that it sees less, and no score may rise unnoticed [default: Table 7 of the paper]
+    #[arg(value_name = "SCENE… [PLACEMENTS]", required = true)]
+    files: Vec<PathBuf>,
     /// Score by which the best placement is chosen, and that is watched while the model changes
     #[arg(long, default_value_t = AuditSettings::default().objective.to_string())]
     objective: String,
@@ -39,27 +41,75 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     args.compute.start()?;
-    let honest = match &args.placements {
+    let Files { scenes, placements } = Files::sort(&args.files)?;
+    let honest = match &placements {
         Some(path) => read_placements(path)?,
         None => table_7(),
     };
-    let objective = args.objective.parse()?;
-    let (scene, psog, _) = load::scene_and_psog(&args.scene, args.compute.talk)?;
-    load::note_frames(&scene, args.frames, args.compute.talk);
-    let frames = args.frames.unwrap_or(AuditSettings::default().frames);
-    let settings = AuditSettings { objective, frames, engine: args.compute.engine() };
-    let bar = progress::bar(AUDIT_PARTS, "parts", args.compute.talk);
+    let settings = AuditSettings {
+        objective: args.objective.parse()?,
+        frames: args.frames.unwrap_or(AuditSettings::default().frames),
+        engine: args.compute.engine(),
+    };
+    let mut all = Vec::new();
+    for path in &scenes {
+        let found = of_scene(path, &honest, &settings, args)?;
+        if args.format == Format::Text {
+            out!("{}", if all.is_empty() { "" } else { "\n" })?;
+            print(&found)?;
+        }
+        all.push(found);
+    }
+    let passed = all.iter().all(|found| found.passed);
+    match (args.format, &all[..]) {
+        (Format::Json, [found]) => outln!("{}", json!(found))?,
+        (Format::Json, all) => outln!("{}", json!({ "scenes": all, "passed": passed }))?,
+        (Format::Text, [_]) => {}
+        (Format::Text, all) => print_summary(all)?,
+    }
+    Ok(if passed { ExitCode::SUCCESS } else { ExitCode::from(FAILED) })
+}
+
+/// The audit of one scene.
+fn of_scene(
+    path: &Path,
+    honest: &[Placement],
+    settings: &AuditSettings,
+    args: &Args,
+) -> Result<Audit, Error> {
+    let talk = args.compute.talk;
+    let (scene, psog, _) = load::scene_and_psog(path, talk)?;
+    load::note_frames(&scene, args.frames, talk);
+    let bar = progress::bar(AUDIT_PARTS, "parts", talk);
     let tell = |event: AuditEvent| match event {
-        AuditEvent::Note(note) => args.compute.talk.note(note),
+        AuditEvent::Note(note) => talk.note(note),
         AuditEvent::PartDone => bar.inc(1),
     };
-    let found = audit(&scene, &psog, &honest, &settings, &tell)?;
+    let found = audit(&scene, &psog, honest, settings, &tell)?;
     bar.finish_and_clear();
-    match args.format {
-        Format::Json => outln!("{}", json!(found))?,
-        Format::Text => print(&found)?,
+    Ok(found)
+}
+
+/// A row a scene: what each attempt came to, and the least that the ranking kept under changes.
+fn print_summary(all: &[Audit]) -> Result<(), Error> {
+    let titles = ["scene", "base", "caught", "fooled", "least τ", "verdict"];
+    let mut rows = vec![titles.map(str::to_owned).to_vec()];
+    let names = told_apart(all.iter().map(|found| found.scene.clone()));
+    for (name, found) in names.into_iter().zip(all) {
+        let count = |verdict| found.trials.iter().filter(|t| t.verdict == verdict).count();
+        let taus = found.stability.iter().filter_map(|change| change.kendall_tau);
+        let least = taus.min_by(f64::total_cmp);
+        rows.push(vec![
+            name,
+            found.base.name.clone(),
+            count(Verdict::Caught).to_string(),
+            count(Verdict::Fooled).to_string(),
+            least.map_or("–".into(), |tau| format!("{tau:.2}")),
+            if found.passed { "passed" } else { "FAILED" }.to_owned(),
+        ]);
     }
-    Ok(if found.passed { ExitCode::SUCCESS } else { ExitCode::from(FAILED) })
+    outln!("\nall scenes")?;
+    out!("{}", align_columns(&rows))
 }
 
 fn print(found: &Audit) -> Result<(), Error> {

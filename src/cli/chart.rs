@@ -1,5 +1,7 @@
 //! `sightline chart`: cost against accuracy, and the cheapest setting that keeps the ranking.
 
+mod print;
+
 use std::cell::RefCell;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -8,29 +10,32 @@ use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use sightline::chart::{Chart, ChartObserver, ChartSettings, ChartState, chart};
-use sightline::internals::{
-    ChartFrame, Input, RunDir, align_columns, chart_words, fidelity_csv, fidelity_svg, seconds,
-};
+use sightline::internals::{ChartFrame, Input, RunDir, chart_words, fidelity_csv, fidelity_svg};
 use sightline::vehicle::{read_placements, table_7};
 
 use super::args::{Compute, Format, Talk, whole};
 use super::error::Error;
+use super::files::{Files, told_apart};
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::{load, progress};
+use print::{print, print_summary};
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   sightline chart scenes/urban-crossing.json --out runs/chart
   sightline chart scenes/highway.json --quick --objective information_gain
+  sightline chart scenes/highway.json scenes/residential.json --quick
   sightline chart --resume runs/chart")]
 pub struct Args {
-    /// Scene file
-    #[arg(required_unless_present = "resume", conflicts_with = "resume")]
-    scene: Option<PathBuf>,
-    /// Placements to rank together with random ones [default: Table 7 of the paper]
-    #[arg(conflicts_with = "resume")]
-    placements: Option<PathBuf>,
-    /// Folder for chart.svg, chart.csv and chart.json [default: runs/SCENE-chart, numbered if it is taken]
+    /// Scene files, and placements to rank together with random ones [default: Table 7 of the paper]
+    #[arg(
+        value_name = "SCENE… [PLACEMENTS]",
+        required_unless_present = "resume",
+        conflicts_with = "resume"
+    )]
+    files: Vec<PathBuf>,
+    /// Folder for chart.svg, chart.csv and chart.json, of several scenes one in it for each
+    /// [default: runs/SCENE-chart, numbered if it is taken]
     #[arg(long, value_name = "DIR", conflicts_with = "resume")]
     out: Option<PathBuf>,
     /// Go on with an interrupted run; settings that were measured are kept
@@ -86,12 +91,86 @@ struct Saved {
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     args.compute.start()?;
-    let talk = args.compute.talk;
-    let resumed = args.resume.as_ref().map(|folder| RunDir::<Saved>::resume("chart", folder));
-    let (resumed, saved) = match resumed.transpose()? {
-        Some((dir, saved)) => (Some(dir), saved),
-        None => (None, fresh(args)?),
+    let stop = Interrupt::listen(args.compute.talk);
+    let begun = begun(args)?;
+    let count = begun.len();
+    let (mut charts, mut answers, mut missing) = (Vec::new(), Vec::new(), 0);
+    for begun in begun {
+        let (found, dir, answer) = of_scene(args, begun, &stop)?;
+        if args.format == Format::Text {
+            out!("{}", if charts.is_empty() { "" } else { "\n" })?;
+            print(&found)?;
+            outln!("chart: {}", dir.join("chart.svg").display())?;
+        }
+        if found.missing > 0 {
+            args.compute.talk.note(format!(
+                "interrupted with {} settings to go; go on with --resume {}",
+                found.missing,
+                dir.display()
+            ));
+        }
+        missing += found.missing;
+        charts.push(found);
+        answers.push(answer);
+        if stop.is_set() {
+            break;
+        }
+    }
+    match (args.format, &answers[..]) {
+        (Format::Json, [answer]) if count == 1 => outln!("{answer}")?,
+        (Format::Json, answers) => outln!("{}", json!({ "scenes": answers }))?,
+        (Format::Text, [_]) => {}
+        (Format::Text, _) => print_summary(&charts)?,
+    }
+    let is_finished = missing == 0 && charts.len() == count;
+    Ok(if is_finished { ExitCode::SUCCESS } else { ExitCode::from(INTERRUPTED) })
+}
+
+/// A chart to be made: in a new folder, or in one that an earlier run has left.
+struct Begun {
+    saved: Saved,
+    resumed: Option<RunDir<Saved>>,
+    /// Where a new folder is to be, if it was said.
+    out: Option<PathBuf>,
+    /// Name of the scene among those of the command.
+    name: String,
+}
+
+/// The charts that are asked for, one a scene.
+fn begun(args: &Args) -> Result<Vec<Begun>, Error> {
+    if let Some(folder) = &args.resume {
+        let (dir, saved) = RunDir::<Saved>::resume("chart", folder)?;
+        return Ok(vec![Begun { saved, resumed: Some(dir), out: None, name: String::new() }]);
+    }
+    let Files { scenes, placements } = Files::sort(&args.files)?;
+    let settings = ChartSettings {
+        given: match &placements {
+            Some(file) => read_placements(file)?,
+            None => table_7(),
+        },
+        random: args.random,
+        objective: args.objective.parse()?,
+        finest: args.finest,
+        quick: args.quick,
+        seed: args.seed,
+        engine: args.compute.engine(),
     };
+    let stem = |scene: &PathBuf| scene.file_stem().unwrap_or_default().to_string_lossy().into();
+    let names = told_apart(scenes.iter().map(stem));
+    let several = scenes.len() > 1;
+    let begun = |(scene, name): (&PathBuf, String)| {
+        let scene = std::path::absolute(scene).map_err(Error::io(scene))?;
+        let out = args.out.as_ref().map(|out| if several { out.join(&name) } else { out.clone() });
+        let saved = Saved { scene, settings: settings.clone(), state: ChartState::default() };
+        Ok(Begun { saved, resumed: None, out, name })
+    };
+    scenes.iter().zip(names).map(begun).collect()
+}
+
+/// The chart of one scene, its folder, and all of `chart.json`.
+fn of_scene(args: &Args, begun: Begun, stop: &Interrupt) -> Result<(Chart, PathBuf, Value), Error> {
+    let talk = args.compute.talk;
+    let Begun { saved, resumed, out, name } = begun;
     let (scene, psog, _) = load::scene_and_psog(&saved.scene, talk)?;
     let inputs = Input::of(&scene)?;
     let dir = match resumed {
@@ -99,17 +178,14 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             dir.check(&inputs)?;
             dir
         }
-        None => {
-            let stem = saved.scene.file_stem().unwrap_or_default().to_string_lossy();
-            RunDir::create("chart", args.out.as_deref(), &format!("{stem}-chart"), inputs)?
-        }
+        None => RunDir::create("chart", out.as_deref(), &format!("{name}-chart"), inputs)?,
     };
     let settings = ChartSettings { engine: args.compute.engine(), ..saved.settings.clone() };
     let mut state = saved.state.clone();
     let sitting = Sitting {
         dir: &dir,
         saved: &saved,
-        stop: Interrupt::listen(talk),
+        stop: stop.clone(),
         bar: progress::share(MILLION, talk),
         talk,
         failed: RefCell::default(),
@@ -122,40 +198,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let found = found?;
     let answer = answer(&Saved { state, ..saved.clone() }, &found);
     write(&dir, &found, &answer)?;
-    match args.format {
-        Format::Json => outln!("{answer}")?,
-        Format::Text => {
-            print(&found)?;
-            outln!("chart: {}", dir.path().join("chart.svg").display())?;
-        }
-    }
-    if found.missing == 0 {
-        return Ok(ExitCode::SUCCESS);
-    }
-    talk.note(format!(
-        "interrupted with {} settings to go; go on with --resume {}",
-        found.missing,
-        dir.path().display()
-    ));
-    Ok(ExitCode::from(INTERRUPTED))
-}
-
-fn fresh(args: &Args) -> Result<Saved, Error> {
-    let scene = args.scene.as_deref().unwrap_or(std::path::Path::new(""));
-    let settings = ChartSettings {
-        given: match &args.placements {
-            Some(file) => read_placements(file)?,
-            None => table_7(),
-        },
-        random: args.random,
-        objective: args.objective.parse()?,
-        finest: args.finest,
-        quick: args.quick,
-        seed: args.seed,
-        engine: args.compute.engine(),
-    };
-    let scene = std::path::absolute(scene).map_err(Error::io(scene))?;
-    Ok(Saved { scene, settings, state: ChartState::default() })
+    Ok((found, dir.path().to_owned(), answer))
 }
 
 /// Steps of the bar: the share of the work in millionths.
@@ -231,70 +274,4 @@ fn write(dir: &RunDir<Saved>, found: &Chart, answer: &Value) -> Result<(), Error
     dir.write_text("chart.svg", &fidelity_svg(&found.rated, &frame))?;
     dir.write_text("chart.csv", &fidelity_csv(&found.rated, found.edge))?;
     Ok(dir.write_json("chart.json", answer)?)
-}
-
-/// Titles of the printed table.
-const TITLES: [&str; 12] = [
-    "setting",
-    "s a placement",
-    "MiB",
-    "score error %: median",
-    "largest",
-    "Kendall τ",
-    "95 %",
-    "regret %",
-    "95 %",
-    "swapped %",
-    "95 %",
-    "front",
-];
-
-fn print(found: &Chart) -> Result<(), Error> {
-    let rows = found.rows();
-    outln!(
-        "{}: {} placements ranked by {}, against {}",
-        found.scene,
-        found.placements.len(),
-        found.objective,
-        rows.first().map_or("nothing", |row| &row.setting)
-    )?;
-    let cells = rows.iter().map(|row| {
-        let mark = if row.same_quantity { " " } else { "*" };
-        let error = &row.error;
-        let (tau, range) = match error.tau {
-            Some(t) => (format!("{:.3}", t.value), format!("{:.3}–{:.3}", t.low, t.high)),
-            None => ("–".to_owned(), String::new()),
-        };
-        vec![
-            row.setting.clone(),
-            seconds(row.seconds),
-            format!("{:.1}", row.bytes as f64 / f64::from(1 << 20)),
-            format!("{:.3}{mark}", 100.0 * error.score_median),
-            format!("{:.3}{mark}", 100.0 * error.score_largest),
-            tau,
-            range,
-            format!("{:.2}", 100.0 * error.regret.value),
-            format!("{:.2}–{:.2}", 100.0 * error.regret.low, 100.0 * error.regret.high),
-            format!("{:.1}", 100.0 * error.swapped.value),
-            format!("{:.1}–{:.1}", 100.0 * error.swapped.low, 100.0 * error.swapped.high),
-            if row.on_front { "front" } else { "" }.to_owned(),
-        ]
-    });
-    let titles = TITLES.map(str::to_owned).to_vec();
-    out!("{}", align_columns(&std::iter::once(titles).chain(cells).collect::<Vec<_>>()))?;
-    outln!(
-        "* other voxels, beams or coverage make the score another quantity; only the ranking compares"
-    )?;
-    outln!(
-        "swapped: of the pairs farther apart than {} % of the best score, those in another order",
-        100.0 * found.tolerance
-    )?;
-    for line in &found.left_out {
-        outln!("left out: {line}")?;
-    }
-    outln!()?;
-    for line in chart_words(found) {
-        outln!("{line}")?;
-    }
-    Ok(())
 }

@@ -8,7 +8,7 @@ use sightline::engine::open;
 use sightline::problem::{Problem, spread};
 use sightline::psog::Psog;
 use sightline::scene::{PsogSource, Scene};
-use sightline::search::Evaluator;
+use sightline::search::{Evaluator, Member, SearchError, Suite};
 
 use super::args::{Compute, Talk};
 use super::error::Error;
@@ -45,6 +45,41 @@ pub fn scene(path: &Path, frames: Option<u32>, compute: &Compute) -> Result<Load
     let evaluator = evaluator(Problem::with_psog(&scene, &psog, &frames)?, compute)?;
     times.build += start.elapsed().as_secs_f64();
     Ok(Loaded { scene, evaluator, times })
+}
+
+/// Scenes ready to be scored together.
+pub struct Suited {
+    pub scenes: Vec<Scene>,
+    pub evaluator: Evaluator,
+    pub times: LoadTimes,
+}
+
+/// As [`scene`], for several that share LiDAR and mount.
+pub fn suite(paths: &[PathBuf], frames: Option<u32>, compute: &Compute) -> Result<Suited, Error> {
+    let mut times = LoadTimes::default();
+    let (mut scenes, mut problems) = (Vec::new(), Vec::new());
+    for path in paths {
+        let (scene, psog, took) = scene_and_psog(path, compute.talk)?;
+        note_frames(&scene, frames, compute.talk);
+        let start = Instant::now();
+        let frames = spread(scene.frame_count(), frames);
+        let problem = Arc::new(Problem::with_psog(&scene, &psog, &frames)?);
+        compute.talk.detail(problem.modelled().to_string());
+        problems.push((scene.name().to_owned(), problem));
+        times.load += took.load;
+        times.build += took.build + start.elapsed().as_secs_f64();
+        scenes.push(scene);
+    }
+    let start = Instant::now();
+    let paths: Vec<&PathBuf> = paths.iter().collect();
+    let suite = Suite::new(problems).map_err(|error| in_scene(error, &paths))?;
+    note_classes(&suite, compute.talk);
+    let talk = compute.talk;
+    let opened = Evaluator::open(&suite, &compute.engine(), move |change| talk.note(change));
+    let (evaluator, notes) = opened?;
+    notes.iter().for_each(|note| talk.note(note));
+    times.build += start.elapsed().as_secs_f64();
+    Ok(Suited { scenes, evaluator, times })
 }
 
 /// Reads a scene and says what in it is most likely not meant.
@@ -109,6 +144,39 @@ pub fn note_frames(scene: &Scene, wanted: Option<u32>, talk: Talk) {
     let count = scene.frame_count();
     if let Some(wanted) = wanted.filter(|wanted| *wanted as usize > count) {
         talk.note(format!("--frames {wanted}: the scene has {count}; all of them are used"));
+    }
+}
+
+/// Says where scenes have other classes than the first: no score but the counts by class compares them.
+pub fn note_classes(suite: &Suite, talk: Talk) {
+    let Some((first, others)) = suite.members().split_first() else { return };
+    let classes_of = |member: &Member| member.problem().content().classes().to_vec();
+    let known = classes_of(first);
+    for member in others {
+        let own = classes_of(member);
+        let less = known.iter().filter(|class| !own.contains(class)).cloned().collect();
+        let more = own.iter().filter(|class| !known.contains(class)).cloned().collect();
+        let lists: [(&str, Vec<String>); 2] = [("lacks", less), ("adds", more)];
+        let lists = lists.iter().filter(|(_, list)| !list.is_empty());
+        let lists: Vec<String> =
+            lists.map(|(w, list)| format!("{w} {}", list.join(", "))).collect();
+        if !lists.is_empty() {
+            talk.note(format!(
+                "{}: its classes are not those of {}: it {}; a count by class is the mean over the scenes that \
+                 have the class, nothing else depends on it",
+                member.name(),
+                first.name(),
+                lists.join(" and ")
+            ));
+        }
+    }
+}
+
+/// An error of scenes and settings, with the file of the scene that it is about.
+pub fn in_scene(error: SearchError, scenes: &[&PathBuf]) -> Error {
+    match error.scene().and_then(|scene| scenes.get(scene)) {
+        Some(scene) => Error::Usage(format!("{}: {error}", scene.display())),
+        None => error.into(),
     }
 }
 

@@ -9,6 +9,7 @@ mod cast;
 mod chart;
 mod devices;
 mod error;
+mod files;
 mod interrupt;
 mod load;
 mod optimize;

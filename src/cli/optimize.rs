@@ -3,7 +3,7 @@
 mod record;
 mod settings;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -11,10 +11,12 @@ use std::time::{Duration, Instant};
 use indicatif::ProgressBar;
 use sightline::Problem;
 use sightline::internals::{
-    Input, RunDir, certificate_in_words, findings_text, methods_in_words, poses_text, verdict,
+    Input, RunDir, align_columns, by_scene, certificate_in_words, findings_text, methods_in_words,
+    poses_text, spread_in_words, verdict,
 };
 use sightline::report::{self, RunRecord};
-use sightline::search::{Event, Outcome, Run, SearchError, TimeLimit, Work};
+use sightline::scene::Scene;
+use sightline::search::{Event, Outcome, Run, SearchError, Suite, TimeLimit, Work};
 
 use super::args::{Format, Talk};
 use super::error::Error;
@@ -43,14 +45,13 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         folder.check(&opened.inputs)?;
     }
     let (folder, run) = match resumed {
-        Some((folder, saved)) => (folder, Run::resume(opened.problem.clone(), saved.run)),
+        Some((folder, saved)) => (folder, Run::resume(opened.suite.clone(), saved.run)),
         None => {
-            let run = Run::new(opened.problem.clone(), &settings::of(args)?);
-            let run = run.map_err(|error| in_scene(error, &begun.scene))?;
+            let run = Run::new(opened.suite.clone(), &settings::of(args)?);
+            let run = run.map_err(|error| in_scene(error, &begun))?;
             // Before the search, so that a folder that cannot be written is found out now.
-            let name = begun.scene.file_stem().unwrap_or_default().to_string_lossy();
             let inputs = opened.inputs.clone();
-            (RunDir::create("optimize", args.out.as_deref(), &name, inputs)?, run)
+            (RunDir::create("optimize", args.out.as_deref(), &begun.folder(), inputs)?, run)
         }
     };
     let earlier = read_spent(&folder);
@@ -71,12 +72,32 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
 }
 
 fn open(begun: &settings::Begun, args: &Args) -> Result<Opened, Error> {
+    let mut times = load::LoadTimes::default();
+    let (mut scenes, mut problems, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
+    for path in begun.scenes() {
+        let (scene, problem) = open_scene(path, begun, args, &mut times)?;
+        inputs.extend(Input::of(&scene)?);
+        problems.push((scene.name().to_owned(), problem));
+        scenes.push(scene);
+    }
+    let suite = Suite::new(problems).map_err(|error| in_scene(error, begun))?;
+    load::note_classes(&suite, args.compute.talk);
+    let suite = if begun.mirror { suite.with_mirror_images() } else { suite };
+    Ok(Opened { scenes, suite, inputs, times })
+}
+
+/// A scene with the rules of the options, and its problem over all frames.
+fn open_scene(
+    path: &Path,
+    begun: &settings::Begun,
+    args: &Args,
+    times: &mut load::LoadTimes,
+) -> Result<(Scene, Arc<Problem>), Error> {
     let talk = args.compute.talk;
-    let (scene, psog, mut times) = load::scene_and_psog(&begun.scene, talk)?;
+    let (scene, psog, took) = load::scene_and_psog(path, talk)?;
     load::note_frames(&scene, args.frames, talk);
-    let inputs = Input::of(&scene)?;
     let scene = scene
-        .with_rules(&begun.rules, &begun.scene.display().to_string())
+        .with_rules(&begun.rules, &path.display().to_string())
         .map_err(|error| Error::Usage(format!("options for the mount: {error}")))?;
     let building = Instant::now();
     let all: Vec<usize> = (0..scene.frame_count()).collect();
@@ -87,16 +108,15 @@ fn open(begun: &settings::Begun, args: &Args) -> Result<Opened, Error> {
         problem.bytes() >> 20,
         args.compute.memory_budget() >> 20
     ));
-    times.build += building.elapsed().as_secs_f64();
-    Ok(Opened { scene, problem, inputs, times })
+    times.load += took.load;
+    times.build += took.build + building.elapsed().as_secs_f64();
+    Ok((scene, problem))
 }
 
 /// An error of the settings, with the scene that they do not fit.
-fn in_scene(error: SearchError, scene: &Path) -> Error {
-    match error {
-        SearchError::NoDetection { .. } => Error::Usage(format!("{}: {error}", scene.display())),
-        error => error.into(),
-    }
+fn in_scene(error: SearchError, begun: &settings::Begun) -> Error {
+    let scenes: Vec<&PathBuf> = begun.scenes().collect();
+    load::in_scene(error, &scenes)
 }
 
 impl Sitting<'_> {
@@ -180,8 +200,15 @@ fn print(args: &Args, record: &RunRecord, folder: &Path) -> Result<(), Error> {
     let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
     rows.extend(record.baselines.iter().map(|baseline| baseline.scores.clone()));
     outln!("{}\n", verdict(record.best.as_ref(), &record.baselines, &record.objective))?;
+    if let Some(words) = spread_in_words(record) {
+        outln!("{words}\n")?;
+    }
     outln!("{}: maximizing {} over {} frame(s)", record.scene, record.objective, record.frames)?;
     out!("{}", report::scores_text(&rows))?;
+    if let Some(rows) = by_scene(record) {
+        outln!("\nscene by scene")?;
+        out!("{}", align_columns(&rows))?;
+    }
     match &record.best {
         Some(best) => {
             outln!("\noptimized placement (m, rad):")?;

@@ -1,5 +1,7 @@
 //! `score`: scores of a batch of placements, written as they are computed.
 
+mod several;
+
 use std::cell::RefCell;
 use std::io::Write;
 use std::iter::Peekable;
@@ -21,6 +23,7 @@ use sightline::vehicle::{Placement, PlacementFileError, PlacementReader};
 
 use super::args::{Compute, Format};
 use super::error::Error;
+use super::files::Files;
 use super::load::{self, LoadTimes, Loaded};
 use super::output::unless_closed;
 use super::progress;
@@ -31,13 +34,13 @@ const BLOCK: usize = 1024;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   sightline score scenes/highway.json scenes/placements.json
-  sightline score scenes/highway.json million.jsonl --format json --out scores.json")]
+  sightline score scenes/highway.json million.jsonl --format json --out scores.json
+  sightline score scenes/highway.json scenes/residential.json scenes/placements.json")]
 pub struct Args {
-    /// Scene file
-    scene: PathBuf,
-    /// Placements: a .json document, or a .jsonl file with one placement a line, read as a stream; - is
-    /// stdin
-    placements: PathBuf,
+    /// Scene files, and placements: a .json document, or a .jsonl file with one placement a line, read as a
+    /// stream; - is stdin. Several scenes share one LiDAR and mount, and get the mean beside each
+    #[arg(value_name = "SCENE… PLACEMENTS", required = true)]
+    files: Vec<PathBuf>,
     /// How to print
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
@@ -45,10 +48,10 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Write the covered voxels of each placement to DIR/NAME.npy: u64 linear indices, rising; with
-    /// several frames, voxels covered in at least one
+    /// several frames, voxels covered in at least one; of several scenes DIR/SCENE/NAME.npy
     #[arg(long, value_name = "DIR")]
     coverage_out: Option<PathBuf>,
-    /// Average over this many frames, spread evenly over the scene [default: all]
+    /// Average over this many frames, spread evenly over each scene [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
     #[command(flatten)]
@@ -58,27 +61,36 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let start = Instant::now();
     args.compute.start()?;
+    let (scenes, placements) = Files::with_placements(&args.files)?;
     // Everything that can be wrong is found before the first score is computed or printed; a pipe can
     // be read only once.
-    let is_file = args.placements != Path::new("-") && args.placements.is_file();
-    let total = if is_file { count_placements(&args.placements)? } else { 0 };
-    let loaded = load::scene(&args.scene, args.frames, &args.compute)?;
+    let is_file = placements != Path::new("-") && placements.is_file();
+    let total = if is_file { count_placements(&placements)? } else { 0 };
+    let [scene] = &scenes[..] else {
+        several::run(args, &scenes, &placements, start)?;
+        return Ok(ExitCode::SUCCESS);
+    };
+    let loaded = load::scene(scene, args.frames, &args.compute)?;
     load::note_frames(&loaded.scene, args.frames, args.compute.talk);
     if let Some(file) = &args.out {
-        writable_file(file, loaded.inputs(&args.placements))?;
+        writable_file(file, loaded.inputs(&placements))?;
     }
     if let Some(folder) = &args.coverage_out {
         shared_folder(folder)?;
     }
-    match &args.out {
-        Some(path) => write_whole(path, |file| print(args, loaded, total, start, path, file)),
-        None => {
-            let path = Path::new("stdout");
-            let mut out = std::io::stdout().lock();
-            unless_closed(print(args, loaded, total, start, path, &mut out))
-        }
-    }?;
+    write_out(args, |path, out| print(args, loaded, &placements, total, start, path, out))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Hands out the file of `--out`, which is whole at any time, or standard output.
+fn write_out(
+    args: &Args,
+    print: impl FnOnce(&Path, &mut dyn Write) -> Result<(), Error>,
+) -> Result<(), Error> {
+    match &args.out {
+        Some(path) => write_whole(path, |file| print(path, file)),
+        None => unless_closed(print(Path::new("stdout"), &mut std::io::stdout().lock())),
+    }
 }
 
 /// Placements that are read, scored and handed on block by block.
@@ -114,7 +126,7 @@ impl Scoring<'_> {
         let scores = self.evaluator.scores(&block)?;
         if let Some(folder) = &self.args.coverage_out {
             for placement in &block {
-                write_coverage(folder, placement, &mut self.evaluator)?;
+                write_coverage(folder, placement, self.evaluator.covered(placement)?)?;
             }
         }
         self.count += block.len() as u64;
@@ -150,18 +162,19 @@ impl Scoring<'_> {
 fn print(
     args: &Args,
     loaded: Loaded,
+    placements: &Path,
     total: u64,
     start: Instant,
     path: &Path,
     out: &mut dyn Write,
 ) -> Result<(), Error> {
     let Loaded { scene, evaluator, times, .. } = loaded;
-    let reader = PlacementReader::open(&args.placements)?.peekable();
+    let reader = PlacementReader::open(placements)?.peekable();
     let bar = progress::bar(total, "placements", args.compute.talk);
     let mut scoring = Scoring { args, evaluator, reader, bar, total, count: 0, times, start };
     // Before anything is written: what cannot be computed prints nothing.
     let Some(first) = scoring.next()? else {
-        return Err(PlacementFileError::Empty { path: args.placements.clone() }.into());
+        return Err(PlacementFileError::Empty { path: placements.to_owned() }.into());
     };
     match args.format {
         Format::Json => print_json(&mut scoring, first, scene.name(), path, out)?,
@@ -265,12 +278,8 @@ impl Serialize for ScoreStream<'_, '_> {
     }
 }
 
-fn write_coverage(
-    folder: &Path,
-    placement: &Placement,
-    evaluator: &mut Evaluator,
-) -> Result<(), Error> {
-    let covered = evaluator.covered(placement)?;
+/// Writes the covered voxels of a placement, in rising order.
+fn write_coverage(folder: &Path, placement: &Placement, covered: Vec<u64>) -> Result<(), Error> {
     let path = folder.join(format!("{}.npy", placement.name));
     write_whole(&path, |file| write_npy(file, covered).map_err(Error::io(&path)))
 }

@@ -1,7 +1,7 @@
 //! `sightline study`: questions that take many runs.
 
 use std::cell::{Cell, RefCell};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
 
@@ -12,10 +12,13 @@ use serde_json::{Value, json};
 use sightline::internals::{Input, RunDir, holds_run, study_plot, study_text};
 use sightline::psog::Psog;
 use sightline::scene::Scene;
-use sightline::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, study};
+use sightline::study::{
+    Kind, Region, Row, StudyObserver, StudySettings, Table, mean_over_scenes, study,
+};
 
 use super::args::{Compute, Format, Talk, at_least_one, whole};
 use super::error::Error;
+use super::files::told_apart;
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::{load, progress};
 
@@ -23,6 +26,7 @@ use super::{load, progress};
 #[command(after_help = "Examples:
   sightline study lidars scenes/highway.json
   sightline study channels scenes/highway.json --sensor velodyne_vlp_32c.json --sensor os1_64.json
+  sightline study loss scenes/highway.json scenes/residential.json
   sightline study regions scenes/residential.json --box crossing:10,-5,0,30,5,2
   sightline study transfer scenes/highway.json scenes/residential.json
 
@@ -32,10 +36,10 @@ pub struct Args {
     /// What to study
     #[arg(value_parser = kinds())]
     kind: Kind,
-    /// Scene file; `transfer` takes several
+    /// Scene files: `transfer` looks at all together, every other kind at one after the other
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
-    /// Folder for the study [default: studies/SCENE-KIND]
+    /// Folder for the study, of several scenes one in it for each [default: studies/SCENE-KIND]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Score to maximize where placements are searched
@@ -79,48 +83,94 @@ fn kinds() -> impl TypedValueParser<Value = Kind> {
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     args.compute.start()?;
-    let talk = args.compute.talk;
     let settings = settings(args)?;
-    args.kind.check_scenes(args.scenes.len())?;
-    let interrupt = Interrupt::listen(talk);
+    let interrupt = Interrupt::listen(args.compute.talk);
+    // What needs several scenes looks at them together; all other kinds at one after the other.
+    let together = args.kind == Kind::Transfer || args.scenes.len() == 1;
+    if together {
+        args.kind.check_scenes(args.scenes.len())?;
+    }
+    let each: Vec<&[PathBuf]> =
+        if together { vec![&args.scenes] } else { args.scenes.chunks(1).collect() };
+    let stems = each.iter().map(|scenes| stem(&scenes[0]));
+    let (folders, mut tables) = (told_apart(stems), Vec::new());
+    for (scenes, name) in each.iter().zip(&folders) {
+        let folder = match &args.out {
+            Some(out) if together => out.clone(),
+            Some(out) => out.join(name),
+            None => PathBuf::from("studies").join(format!("{name}-{}", args.kind.name())),
+        };
+        let found = of_scenes(args, scenes, &settings, &folder, &interrupt)?;
+        if args.format == Format::Text {
+            outln!("{}{}", if tables.is_empty() { "" } else { "\n" }, found.title)?;
+            out!("{}", study_text(&found))?;
+            outln!("\n{}: study.json, table.csv, chart.svg", folder.display())?;
+        }
+        tables.push(found);
+        if interrupt.is_set() {
+            break;
+        }
+    }
+    print(args, &tables)?;
+    if interrupt.is_set() {
+        args.compute.talk.note("interrupted; the same command goes on");
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// What comes after the tables of the scenes: their mean, and all of it in JSON.
+fn print(args: &Args, tables: &[Table]) -> Result<(), Error> {
+    let mean = if tables.len() > 1 { mean_over_scenes(tables) } else { None };
+    match (args.format, tables) {
+        (Format::Json, [table]) => outln!("{}", json!(table)),
+        (Format::Json, tables) => outln!("{}", json!({ "scenes": tables, "mean": mean })),
+        (Format::Text, _) => match mean {
+            Some(mean) => outln!("\n{}\n{}", mean.title, study_text(&mean).trim_end()),
+            None => Ok(()),
+        },
+    }
+}
+
+fn stem(scene: &Path) -> String {
+    scene.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// The study of one scene, or of several together, in its folder.
+fn of_scenes(
+    args: &Args,
+    paths: &[PathBuf],
+    settings: &StudySettings,
+    folder: &Path,
+    interrupt: &Interrupt,
+) -> Result<Table, Error> {
+    let talk = args.compute.talk;
     let mut scenes = Vec::new();
-    for path in &args.scenes {
+    for path in paths {
         let (scene, psog, _) = load::scene_and_psog(path, talk)?;
         load::note_frames(&scene, args.frames, talk);
         scenes.push((scene, psog));
     }
-    let recorded = recorded(args, &settings)?;
-    let (dir, mut known) = folder_of(args, &recorded)?;
+    let recorded = recorded(args, paths, settings)?;
+    let (dir, mut known) = open_folder(folder, &recorded)?;
     let session = Session {
         dir: &dir,
         recorded: &recorded,
-        interrupt: &interrupt,
+        interrupt,
         bar: progress::bar(0, "cases", talk),
         talk,
         is_named: Cell::new(false),
         failed: RefCell::default(),
     };
     let borrowed: Vec<(&Scene, &Psog)> = scenes.iter().map(|(s, p)| (s, &**p)).collect();
-    let found = study(args.kind, &borrowed, &settings, &mut known, &session);
+    let found = study(args.kind, &borrowed, settings, &mut known, &session);
     session.bar.finish_and_clear();
     if let Some(error) = session.failed.take() {
         return Err(error);
     }
     let found = found?;
     session.finish(&known, &found)?;
-    match args.format {
-        Format::Json => outln!("{}", json!(found))?,
-        Format::Text => {
-            outln!("{}", found.title)?;
-            out!("{}", study_text(&found))?;
-            outln!("\n{}: study.json, table.csv, chart.svg", dir.path().display())?;
-        }
-    }
-    if interrupt.is_set() {
-        talk.note("interrupted; the same command goes on");
-        return Ok(ExitCode::from(INTERRUPTED));
-    }
-    Ok(ExitCode::SUCCESS)
+    Ok(found)
 }
 
 fn settings(args: &Args) -> Result<StudySettings, Error> {
@@ -151,16 +201,13 @@ struct Saved {
     rows: Vec<Row>,
 }
 
-/// The folder of the study and the rows that it holds; one that holds another study is an error.
-fn folder_of(args: &Args, recorded: &Recorded) -> Result<(RunDir<Saved>, Vec<Row>), Error> {
-    let stem = args.scenes[0].file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let standard = || PathBuf::from("studies").join(format!("{stem}-{}", args.kind.name()));
-    let folder = args.out.clone().unwrap_or_else(standard);
-    if !holds_run(&folder) {
-        let dir = RunDir::create("study", Some(&folder), "", recorded.inputs.clone())?;
+/// The folder of a study and the rows that it holds; one that holds another study is an error.
+fn open_folder(folder: &Path, recorded: &Recorded) -> Result<(RunDir<Saved>, Vec<Row>), Error> {
+    if !holds_run(folder) {
+        let dir = RunDir::create("study", Some(folder), "", recorded.inputs.clone())?;
         return Ok((dir, Vec::new()));
     }
-    let (dir, saved): (RunDir<Saved>, Saved) = RunDir::resume("study", &folder)?;
+    let (dir, saved): (RunDir<Saved>, Saved) = RunDir::resume("study", folder)?;
     if saved.settings != recorded.settings {
         return Err(Error::Usage(format!(
             "{}: holds a study of other settings; name another folder with --out",
@@ -223,12 +270,12 @@ impl Session<'_> {
     }
 }
 
-fn recorded(args: &Args, settings: &StudySettings) -> Result<Recorded, Error> {
+fn recorded(args: &Args, scenes: &[PathBuf], settings: &StudySettings) -> Result<Recorded, Error> {
     let absolute = |paths: &[PathBuf]| -> Result<Vec<PathBuf>, Error> {
         paths.iter().map(|p| std::path::absolute(p).map_err(Error::io(p))).collect()
     };
     let mut inputs = Vec::new();
-    for scene in &args.scenes {
+    for scene in scenes {
         inputs.extend(Input::of(&Scene::read(scene)?)?);
     }
     for sensor in &args.sensor {
@@ -237,7 +284,7 @@ fn recorded(args: &Args, settings: &StudySettings) -> Result<Recorded, Error> {
     let settings = json!({
         "sightline": env!("CARGO_PKG_VERSION"),
         "study": args.kind.name(),
-        "scenes": absolute(&args.scenes)?,
+        "scenes": absolute(scenes)?,
         "objective": args.objective,
         "evaluations": args.evaluations,
         "frames": settings.frames,

@@ -1,6 +1,6 @@
 //! `sightline verify`: the GPU against the CPU reference bit by bit, and the reference against f64.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
@@ -15,29 +15,34 @@ use sightline::verify::{Verification, verify};
 
 use super::args::{Compute, Format, whole};
 use super::error::Error;
+use super::files::Files;
 use super::{load, progress};
 
 /// Exit code of a check that failed.
 const FAILED: u8 = 1;
+/// Random placements where nothing else is said.
+const RANDOM: usize = 200;
+/// Hostile ones.
+const HOSTILE: usize = 50;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   sightline verify scenes/highway.json
   sightline verify scenes/highway.json scenes/placements.json --frames 20 --format json")]
 pub struct Args {
-    /// Scene file
-    scene: PathBuf,
-    /// Placements [default: Table 7 of the paper, random ones from the mount, and hostile ones]
-    placements: Option<PathBuf>,
+    /// Scene files, and placements [default: Table 7 of the paper, random ones from the mount, and hostile
+    /// ones]
+    #[arg(value_name = "SCENE… [PLACEMENTS]", required = true)]
+    files: Vec<PathBuf>,
     /// Frames to compare, spread evenly over the scene
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
-    /// Random placements
-    #[arg(long, value_name = "N", default_value_t = 200, value_parser = whole::<usize>, conflicts_with = "placements")]
-    random: usize,
-    /// Hostile placements: on voxel faces, along axes, in solids, underground, far away
-    #[arg(long, value_name = "N", default_value_t = 50, value_parser = whole::<usize>, conflicts_with = "placements")]
-    hostile: usize,
+    /// Random placements [default: 200]
+    #[arg(long, value_name = "N", value_parser = whole::<usize>)]
+    random: Option<usize>,
+    /// Hostile placements: on voxel faces, along axes, in solids, underground, far away [default: 50]
+    #[arg(long, value_name = "N", value_parser = whole::<usize>)]
+    hostile: Option<usize>,
     /// Beams of the CPU reference that are compared with brute force in f64
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = whole::<u64>)]
     sample: u64,
@@ -64,13 +69,52 @@ struct Answer<'a> {
 }
 
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
-    let start = Instant::now();
     args.compute.start()?;
-    let (scene, psog, _) = load::scene_and_psog(&args.scene, args.compute.talk)?;
+    let Files { scenes, placements } = Files::sort(&args.files)?;
+    let given = match &placements {
+        Some(path) if args.random.or(args.hostile).is_some() => {
+            return Err(Error::Usage(format!(
+                "{}: holds the placements; leave out --random and --hostile, or this file",
+                path.display()
+            )));
+        }
+        Some(path) => Some(read_placements(path)?),
+        None => None,
+    };
+    let format = if args.json { Format::Json } else { args.format };
+    let mut answers = Vec::new();
+    let mut passed = true;
+    for path in &scenes {
+        let start = Instant::now();
+        let (scene, found) = of_scene(path, given.as_deref(), args)?;
+        passed &= found.passed;
+        match format {
+            Format::Json => {
+                let seconds = start.elapsed().as_secs_f64();
+                answers.push(json!(Answer { scene: &scene, found: &found, seconds }));
+            }
+            Format::Text => print(&scene, &found)?,
+        }
+    }
+    match (format, &answers[..]) {
+        (Format::Json, [answer]) => outln!("{answer}")?,
+        (Format::Json, all) => outln!("{}", json!({ "scenes": all, "passed": passed }))?,
+        (Format::Text, _) => {}
+    }
+    Ok(if passed { ExitCode::SUCCESS } else { ExitCode::from(FAILED) })
+}
+
+/// Name of a scene, and what is verified in it.
+fn of_scene(
+    path: &Path,
+    given: Option<&[Placement]>,
+    args: &Args,
+) -> Result<(String, Verification), Error> {
+    let (scene, psog, _) = load::scene_and_psog(path, args.compute.talk)?;
     load::note_frames(&scene, Some(args.frames), args.compute.talk);
     let frames = spread(scene.frame_count(), Some(args.frames));
     let problem = Arc::new(Problem::with_psog(&scene, &psog, &frames)?);
-    let placements = placements(args, &problem)?;
+    let placements = given.map_or_else(|| drawn(args, &problem), <[Placement]>::to_vec);
     let memory = args.compute.memory_budget() / 2;
     let mut gpu = GpuBackend::new(problem.clone(), args.compute.adapter.as_deref(), memory)?;
     let steps = (placements.len() * compared_frames(&problem)) as u64;
@@ -78,24 +122,16 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let done = || bar.inc(1);
     let found = verify(&problem, &mut gpu, &placements, args.sample, args.seed, &done)?;
     bar.finish_and_clear();
-    match if args.json { Format::Json } else { args.format } {
-        Format::Json => {
-            let seconds = start.elapsed().as_secs_f64();
-            outln!("{}", json!(Answer { scene: scene.name(), found: &found, seconds }))?;
-        }
-        Format::Text => print(scene.name(), &found)?,
-    }
-    Ok(if found.passed { ExitCode::SUCCESS } else { ExitCode::from(FAILED) })
+    Ok((scene.name().to_owned(), found))
 }
 
-fn placements(args: &Args, problem: &Problem) -> Result<Vec<Placement>, Error> {
-    if let Some(path) = &args.placements {
-        return Ok(read_placements(path)?);
-    }
+/// Table 7 of the paper, random placements from the mount, and hostile ones.
+fn drawn(args: &Args, problem: &Problem) -> Vec<Placement> {
+    let (random, hostile) = (args.random.unwrap_or(RANDOM), args.hostile.unwrap_or(HOSTILE));
     let mut all = table_7();
-    all.extend(random_placements(problem.constraints(), args.random, args.seed));
-    all.extend(hostile_placements(problem.roi(), args.hostile, args.seed));
-    Ok(all)
+    all.extend(random_placements(problem.constraints(), random, args.seed));
+    all.extend(hostile_placements(problem.roi(), hostile, args.seed));
+    all
 }
 
 fn print(scene: &str, found: &Verification) -> Result<(), Error> {

@@ -25,14 +25,12 @@ use crate::memory::OutOfMemory;
 use crate::psog::Roi;
 use crate::vehicle::{Constraints, Requirement, Sensors};
 
-/// A set of voxels of which a share must be covered.
+/// What must be seen, and its voxels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Area {
-    /// What the vehicle calls it.
-    pub name: String,
-    /// Least share, from 0 to 1, a mean over frames.
-    pub share: f64,
-    /// Its voxels.
+    /// As the vehicle says.
+    pub required: Requirement,
+    /// Number of its voxels.
     pub voxels: u64,
 }
 
@@ -93,11 +91,21 @@ impl Content {
                 }
             }
             let voxels = (self.class_voxels.len() - before) as u64;
-            let Requirement { name, share, .. } = requirement;
-            self.areas.push(Area { name: name.clone(), share: *share, voxels });
+            self.areas.push(Area { required: requirement.clone(), voxels });
             self.class_starts.push(self.class_voxels.len() as u32);
         }
         self
+    }
+
+    /// The same with every area mirrored at the plane y = 0.
+    fn with_mirrored_areas(&self, roi: &Roi) -> Self {
+        let mirrored: Vec<Requirement> =
+            self.areas.iter().map(|area| area.required.mirrored()).collect();
+        let mut content = self.clone();
+        content.class_starts.truncate(self.classes.len() + 1);
+        content.class_voxels.truncate(content.class_starts[self.classes.len()] as usize);
+        content.areas.clear();
+        content.with_areas(roi, &mirrored)
     }
 
     /// What must be seen.
@@ -292,6 +300,16 @@ impl Problem {
         let ends_at_hits = self.ends_at_hits && !frames.is_empty();
         let numbers = frames.iter().map(|&frame| self.numbers[frame]).collect();
         Self { world: Arc::new(self.world.over(frames)), numbers, ends_at_hits, ..self.clone() }
+    }
+
+    /// The same with mirrored sensors: a mirrored placement here has the scores of the placement itself in
+    /// the scene mirrored at the plane y = 0. World and content are shared.
+    pub fn mirrored(&self) -> Self {
+        let content = match self.content.areas() {
+            [] => self.content.clone(),
+            _ => Arc::new(self.content.with_mirrored_areas(&self.roi)),
+        };
+        Self { sensors: self.sensors.mirrored(), content, ..self.clone() }
     }
 
     /// The voxels.

@@ -3,8 +3,8 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::{
-    InformationMap, RunRecord, ScoreColumn, certificate_in_words, convergence_svg,
-    methods_in_words, optional, placement_svg, verdict,
+    InformationMap, RunRecord, ScoreColumn, by_scene, certificate_in_words, convergence_svg,
+    methods_in_words, optional, placement_svg, spread_in_words, verdict,
 };
 use crate::search::{GenerationRecord, Scored};
 use crate::vehicle::Constraints;
@@ -26,25 +26,28 @@ pub struct Figures {
     pub convergence: String,
     /// The placement on the vehicle; `None` without a result.
     pub placement: Option<String>,
-    /// Information gained, seen from above; `None` without a result.
-    pub map: Option<String>,
+    /// Information gained, seen from above, with the name of each scene; empty without a result.
+    pub maps: Vec<(String, String)>,
 }
 
 impl Figures {
-    /// Draws a run; `body` holds the ego body's triangles in the ego frame, `map` what the result
-    /// gains.
+    /// Draws a run; `body` holds the ego body's triangles in the ego frame, `maps` what the result gains in
+    /// each scene, by name.
     pub fn new(
         run: &RunRecord,
         history: &[GenerationRecord],
         constraints: &Constraints,
         body: &[[[f32; 3]; 3]],
-        map: Option<&InformationMap>,
+        maps: &[(String, InformationMap)],
     ) -> Self {
         let best = run.best.as_ref();
         Self {
             convergence: convergence_svg(history, &run.objective, &run.baselines, best),
             placement: best.map(|best| placement_svg(best, constraints, body)),
-            map: best.zip(map).map(|(best, map)| map.svg(&best.placement)),
+            maps: best.map_or_else(Vec::new, |best| {
+                let svg = |map: &InformationMap| map.svg(&best.placement);
+                maps.iter().map(|(scene, map)| (scene.clone(), svg(map))).collect()
+            }),
         }
     }
 }
@@ -63,17 +66,22 @@ pub fn report_html(run: &RunRecord, figures: &Figures) -> String {
             body {
                 h1 { (run.scene) }
                 p { (verdict(run.best.as_ref(), &run.baselines, &run.objective)) }
+                @if let Some(words) = spread_in_words(run) { p { (words) } }
                 (scores(run))
+                (scenes(run))
                 @if let Some(best) = &run.best {
                     (placement(best, figures, &run.active_bounds))
                 }
-                @if let Some(map) = &figures.map {
+                @if !figures.maps.is_empty() {
                     h2 { "What it sees" }
                     p {
                         "Information of each column of voxels, from above: red where the beams gain it, \
                          grey where it stays unseen."
                     }
-                    (PreEscaped(map))
+                    @for (scene, map) in &figures.maps {
+                        @if figures.maps.len() > 1 { h3 { (scene) } }
+                        (PreEscaped(map))
+                    }
                 }
                 (findings(run))
                 h2 { "The search" }
@@ -114,6 +122,28 @@ fn scores(run: &RunRecord) -> Markup {
              the more of what changes in the scene the beams reach, the larger it is. M-SOG is its negative \
              mean, −(1/N)·ΣH, and can be raised by looking at what never changes. Red lines are guards: \
              reasons not to believe a row."
+        }
+    }
+}
+
+/// Gains in each of several scenes.
+fn scenes(run: &RunRecord) -> Markup {
+    let rows = by_scene(run).unwrap_or_default();
+    html! {
+        @if let Some((titles, rows)) = rows.split_first() {
+            h2 { "Scene by scene" }
+            div.wide {
+                table {
+                    tr { @for title in titles { th { (title) } } }
+                    @for (index, row) in rows.iter().enumerate() {
+                        tr.best[index == 0 && run.best.is_some()] { @for cell in row { td { (cell) } } }
+                    }
+                }
+            }
+            p {
+                "Share of each scene's information. Over all is the mean, each scene counting the same; the \
+                 gain in nats above is that share of the mean total."
+            }
         }
     }
 }

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `record` | all of `result.json` |
 //! | `words` | the findings of a run as sentences |
+//! | `by_scene` | gains in each of several scenes |
 //! | `table` | columns of scores |
 //! | `svg` | parts of every drawing: page, colours, axes |
 //! | `plot`, `convergence`, `study` | plain charts of some series |
@@ -13,6 +14,7 @@
 //! | `table`, `text` | the one table of scores, tables as text |
 //! | `html` | the page |
 
+pub(crate) mod by_scene;
 pub(crate) mod chart;
 mod chart_labels;
 pub(crate) mod chart_table;
@@ -31,13 +33,14 @@ pub(crate) mod table;
 pub(crate) mod text;
 pub(crate) mod words;
 
+pub(crate) use by_scene::by_scene;
 pub(crate) use chart_table::seconds;
 pub(crate) use convergence::convergence_svg;
 pub use html::{Figures, report_html};
 pub(crate) use map::InformationMap;
 pub(crate) use placement::placement_svg;
 pub(crate) use plot::{Axis, Plot, Series};
-pub use record::{RunContext, RunRecord, RunTimes};
+pub use record::{RunContext, RunRecord, RunTimes, SceneRecord};
 pub(crate) use table::{ScoreColumn, optional};
 pub use text::scores_text;
-pub(crate) use words::{certificate_in_words, methods_in_words, verdict};
+pub(crate) use words::{certificate_in_words, methods_in_words, spread_in_words, verdict};

@@ -3,9 +3,10 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::problem::{Modelled, Problem};
+use crate::problem::Modelled;
 use crate::search::{
-    Certificate, Finding, FramesUsed, LeftOut, MethodRecord, Outcome, Scored, rules_in_words,
+    Certificate, Finding, FramesUsed, GainSpread, LeftOut, Member, MethodRecord, Outcome, Scored,
+    Suite, rules_in_words,
 };
 
 /// Wall times of a run in seconds.
@@ -38,8 +39,11 @@ pub struct RunTimes {
 pub struct RunRecord {
     /// Version of the program.
     pub sightline: &'static str,
-    /// Name of the scene.
+    /// Name of the scene; of several all names.
     pub scene: String,
+    /// Each of several scenes, and their mirror images; empty where there is one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub scenes: Vec<SceneRecord>,
     /// Every setting that decides about the result.
     pub settings: Value,
     /// `cpu` or `gpu`.
@@ -77,6 +81,9 @@ pub struct RunRecord {
     pub best: Option<Scored>,
     /// Hand-made layouts to compare with.
     pub baselines: Vec<Scored>,
+    /// Whether the gain over the best baseline is more than the scenes' own spread; `None` for one scene.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spread: Option<GainSpread>,
     /// How much better than the result another placement could be; `None` without a result.
     pub certificate: Option<Certificate>,
     /// What each way of searching found, and which one gave the result.
@@ -96,14 +103,35 @@ pub struct RunRecord {
     pub peak_memory: Option<u64>,
 }
 
+/// One of several scenes of a run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SceneRecord {
+    /// Its name, as the scores by scene have it.
+    pub name: String,
+    /// Whether it is the mirror image of the one before it.
+    pub mirrored: bool,
+    /// Frames that the scores average over.
+    pub frames: usize,
+    /// How much of it they are taken over.
+    pub modelled: Modelled,
+}
+
+impl SceneRecord {
+    fn of(member: &Member) -> Self {
+        let (name, problem) = (member.name().to_owned(), member.problem());
+        let (frames, modelled) = (problem.frame_count(), problem.modelled());
+        Self { name, mirrored: member.is_mirrored(), frames, modelled }
+    }
+}
+
 /// What a record holds beside the outcome.
 pub struct RunContext<'a> {
-    /// Name of the scene.
+    /// Name of the scene where there is one; several are named by the suite.
     pub scene: &'a str,
     /// Every setting that decides about the result.
     pub settings: Value,
-    /// The problem over all frames.
-    pub problem: &'a Problem,
+    /// The scenes over all frames.
+    pub suite: &'a Suite,
     /// Seed of the search.
     pub seed: u64,
     /// What was maximized.
@@ -120,9 +148,13 @@ impl RunRecord {
     /// The record of a run.
     pub fn new(outcome: &Outcome, run: RunContext) -> Self {
         let outcome = outcome.clone();
+        let several = run.suite.members().iter().filter(|_| !run.suite.is_single());
+        let scenes: Vec<SceneRecord> = several.map(SceneRecord::of).collect();
+        let names: Vec<&str> = scenes.iter().map(|scene| &*scene.name).collect();
         Self {
             sightline: env!("CARGO_PKG_VERSION"),
-            scene: run.scene.to_owned(),
+            scene: if names.is_empty() { run.scene.to_owned() } else { names.join(", ") },
+            scenes,
             settings: run.settings,
             backend: outcome.backend,
             adapter: outcome.adapter,
@@ -130,17 +162,18 @@ impl RunRecord {
             threads: rayon::current_num_threads(),
             seed: run.seed,
             objective: run.objective,
-            modelled: run.problem.modelled(),
+            modelled: run.suite.modelled(),
             search_frames: outcome.search_frames,
-            frames: run.problem.frame_count(),
+            frames: run.suite.frame_count(),
             stopped: outcome.stopped.to_string(),
             ended: outcome.ended,
             left_out: outcome.left_out,
-            constraints: rules_in_words(run.problem.constraints()),
+            constraints: rules_in_words(run.suite.constraints()),
             generations: outcome.history.len() as u64,
             evaluations: outcome.evaluations,
             best: outcome.best,
             baselines: outcome.baselines,
+            spread: outcome.spread,
             certificate: outcome.certificate,
             methods: outcome.methods,
             findings: outcome.findings,

@@ -22,7 +22,11 @@ pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> 
     });
     let share = best.scores.segmentation.information_gain_share;
     let share = share.map_or(String::new(), |share| {
-        format!(" Its beams gain {:.1} % of the information that the scene holds.", 100.0 * share)
+        let held = match best.by_scene.len() {
+            0 => "the scene holds",
+            _ => "the scenes hold, a mean over them",
+        };
+        format!(" Its beams gain {:.1} % of the information that {held}.", 100.0 * share)
     });
     let guards = match best.scores.guards.as_slice() {
         [] => "No guard speaks against it.".to_owned(),
@@ -36,13 +40,10 @@ pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> 
 
 /// The first sentence of [`verdict`]; `None` without a baseline to compare with.
 fn against(best: &Scored, baselines: &[Scored], objective: &str) -> Option<String> {
-    let honest =
-        || baselines.iter().filter(|b| b.violations.is_empty() && b.scores.guards.is_empty());
-    let highest = |value: fn(&Scored) -> Option<f64>| {
-        honest().filter_map(|b| Some((value(b)?, b))).max_by(|a, b| a.0.total_cmp(&b.0))
-    };
-    let gain_of: fn(&Scored) -> Option<f64> = |scored| scored.scores.segmentation.information_gain;
-    let (theirs, rival) = highest(|scored| scored.objective)?;
+    let honest = || baselines.iter().filter(|baseline| baseline.is_honest());
+    let gain_of = |scored: &Scored| scored.scores.segmentation.information_gain;
+    let rival = Scored::yardstick(baselines)?;
+    let theirs = rival.objective?;
     let name = &rival.placement.name;
     let known = if honest().count() == baselines.len() {
         format!("{name}, the best baseline,")
@@ -56,7 +57,9 @@ fn against(best: &Scored, baselines: &[Scored], objective: &str) -> Option<Strin
         return Some(sentence + ".");
     }
     // The baseline that gains most may be another than the best one by the objective.
-    if let (Some(ours_gain), Some((most, seer))) = (gain_of(best), highest(gain_of)) {
+    let gains = honest().filter_map(|b| Some((gain_of(b)?, b)));
+    let highest = gains.max_by(|a, b| a.0.total_cmp(&b.0));
+    if let (Some(ours_gain), Some((most, seer))) = (gain_of(best), highest) {
         let gains = compare(ours_gain, most, ["more", "less", "as much"]);
         let same = ours.total_cmp(&theirs) == ours_gain.total_cmp(&most);
         let link = if same { "and" } else { "but" };
@@ -88,6 +91,20 @@ fn compare(ours: f64, theirs: f64, [above, below, equal]: [&str; 3]) -> String {
         percent if percent < 0.05 => format!("less than 0.1 % {word}"),
         percent => format!("{percent:.1} % {word}"),
     }
+}
+
+/// Whether the gain over the best baseline is more than the scenes' own spread; `None` where there is nothing to
+/// compare.
+pub fn spread_in_words(run: &RunRecord) -> Option<String> {
+    let rival = run.best.as_ref().and_then(|_| Scored::yardstick(&run.baselines))?;
+    let words = run.spread.as_ref().map(|spread| spread.words.clone());
+    Some(words.unwrap_or_else(|| {
+        format!(
+            "A single scene cannot say whether the gain over {} is more than the scenes' own spread: give \
+             several.",
+            rival.placement.name
+        )
+    }))
 }
 
 /// Value that each way of searching reached, and which one gave the result.
@@ -141,7 +158,8 @@ mod tests {
             guards: Vec::new(),
         };
         let placement = Placement { name: name.to_owned(), lidars: Vec::new() };
-        Scored { placement, scores, objective: Some(m_sog_scaled), violations: Vec::new() }
+        let (objective, by_scene) = (Some(m_sog_scaled), Vec::new());
+        Scored { placement, scores, by_scene, objective, violations: Vec::new() }
     }
 
     fn first_sentence(best: &Scored, baselines: &[Scored], objective: &str) -> String {

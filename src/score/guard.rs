@@ -60,6 +60,13 @@ pub enum Guard {
         /// Share of the information that only it gains.
         share: f64,
     },
+    /// Any of these in one of several scenes.
+    InScene {
+        /// Name of the scene.
+        scene: String,
+        /// What speaks against the placement there.
+        guard: Box<Guard>,
+    },
 }
 
 impl std::fmt::Display for Guard {
@@ -103,6 +110,7 @@ impl std::fmt::Display for Guard {
                 (1e4 * share).floor() / 100.0,
                 100.0 * LEAST_UNIQUE
             ),
+            Self::InScene { scene, guard } => write!(f, "{guard} (in {scene})"),
         }
     }
 }

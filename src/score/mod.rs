@@ -3,8 +3,10 @@
 //! All scores are "larger is better". Sums over covered voxels are means over frames: with c(v) the
 //! share of frames in which voxel v is covered, N = Σ c(v) and every Σ is weighted by c(v).
 
+mod bootstrap;
 pub(crate) mod guard;
 mod objective;
+pub(crate) mod over_scenes;
 pub(crate) mod ranking;
 pub(crate) mod standing;
 
@@ -13,9 +15,11 @@ use serde::{Serialize, Serializer};
 use crate::problem::{Content, Tally};
 use crate::psog::to_nats;
 
+pub use bootstrap::{Interval, bootstrap};
 pub use guard::Guard;
 pub(crate) use guard::{guards_of, reference_layout, short_sight};
 pub use objective::{Objective, ObjectiveError};
+pub(crate) use over_scenes::totals;
 pub(crate) use ranking::{kendall_tau, mean_height, spearman};
 pub(crate) use standing::Standing;
 
@@ -39,7 +43,7 @@ pub struct TaskScores {
 }
 
 /// All that is known about one placement.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Scores {
     /// Of the placement.
     pub name: String,
@@ -111,9 +115,9 @@ pub struct Seen {
 fn required(tally: &Tally, content: &Content, frames: usize) -> Vec<Seen> {
     let counts = tally.by_class.iter().skip(content.classes().len());
     let seen = content.areas().iter().zip(counts).map(|(area, &count)| Seen {
-        name: area.name.clone(),
+        name: area.required.name.clone(),
         share: count as f64 / (frames as u64 * area.voxels).max(1) as f64,
-        least: area.share,
+        least: area.required.share,
     });
     seen.collect()
 }

@@ -4,6 +4,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
+use super::over_scenes::totals;
 use super::{Scores, TaskScores, Tasks};
 use crate::problem::{Content, Tally};
 
@@ -145,6 +146,19 @@ impl Objective {
     /// as from its scores, without its guards.
     pub fn value_of_tally(&self, tally: &Tally, content: &Content, frames: usize) -> Option<f64> {
         self.value_of(&Tasks::new(tally, content, frames))
+    }
+
+    /// As [`Self::value_of_tally`], over several scenes: of their scores together, see
+    /// [`Scores::over_scenes`]. Each scene has the tally over its frames, its content and their number.
+    pub fn value_over_scenes<'a>(
+        &self,
+        scenes: impl IntoIterator<Item = (Tally, &'a Content, usize)>,
+    ) -> Option<f64> {
+        let of_scene = |(tally, content, frames): (Tally, &Content, usize)| {
+            (Tasks::new(&tally, content, frames), totals(content))
+        };
+        let tasks: Vec<_> = scenes.into_iter().map(of_scene).collect();
+        self.value_of(&Tasks::over_scenes(&tasks))
     }
 
     fn value_of(&self, tasks: &Tasks) -> Option<f64> {

@@ -159,12 +159,12 @@ impl GridSearch {
             return values.into_iter().map(|(_, value)| value).collect();
         }
         self.evaluations += candidates.len() as u64;
-        let value = |union: &mut Union, poses: &Vec<u32>| {
+        let value = |union: &mut Vec<Union>, poses: &Vec<u32>| {
             let Some((&last, others)) = poses.split_last() else { return f64::NEG_INFINITY };
             self.atlas.union(others, union);
             self.value_with(union, last)
         };
-        candidates.par_iter().map_init(Union::default, value).collect()
+        candidates.par_iter().map_init(Vec::new, value).collect()
     }
 
     /// The best placement of a turn that beats `least` and violates no guard.

@@ -8,13 +8,13 @@
 use serde::Serialize;
 
 use super::areas::Areas;
+use super::atlases::Atlases;
 use super::error::SearchError;
 use super::evaluator::Evaluator;
 use super::grid_search::GridSearch;
+use super::suite::Suite;
 use crate::engine::EngineChoice;
-use crate::problem::{Problem, spread};
 use crate::score::Objective;
-use crate::search::atlas::Atlas;
 use crate::vehicle::{
     Constraints, Equipment, MAX_LIDARS, Placement, PoseGrid, SensorName, Spacing, Vehicle,
 };
@@ -68,13 +68,13 @@ struct Equip<'a> {
     required: f64,
 }
 
-/// Equipment for at most `budget`, as good as found, of the problem's vehicle.
+/// Equipment for at most `budget`, as good as found, of the vehicle of some scenes.
 ///
 /// # Errors
 /// A budget below the cheapest equipment, an objective other than the information gain, or an engine that
 /// failed.
 pub fn equip(
-    problem: &Problem,
+    suite: &Suite,
     vehicle: &Vehicle,
     objective: &Objective,
     budget: f64,
@@ -88,7 +88,7 @@ pub fn equip(
     if !objective.is_information_gain() {
         return Err(SearchError::NotForEquipment { objective: objective.to_string() });
     }
-    let mut search = Equip::new(problem, vehicle, objective, budget, engine)?;
+    let mut search = Equip::new(suite, vehicle, objective, budget, engine)?;
     Ok(search.best())
 }
 
@@ -97,7 +97,7 @@ pub fn equip(
 /// # Errors
 /// As [`equip`].
 pub fn cost_front(
-    problem: &Problem,
+    suite: &Suite,
     vehicle: &Vehicle,
     objective: &Objective,
     engine: &EngineChoice,
@@ -105,7 +105,7 @@ pub fn cost_front(
     if !objective.is_information_gain() {
         return Err(SearchError::NotForEquipment { objective: objective.to_string() });
     }
-    let mut search = Equip::new(problem, vehicle, objective, f64::INFINITY, engine)?;
+    let mut search = Equip::new(suite, vehicle, objective, f64::INFINITY, engine)?;
     let least = vehicle.cost(&vehicle.cheapest());
     let most = search.best();
     let mut front = Vec::new();
@@ -137,15 +137,14 @@ fn every_kind(vehicle: &Vehicle) -> (Constraints, Vec<(usize, SensorName)>) {
 
 impl<'a> Equip<'a> {
     fn new(
-        problem: &Problem,
+        suite: &Suite,
         vehicle: &'a Vehicle,
         objective: &Objective,
         budget: f64,
         engine: &EngineChoice,
     ) -> Result<Self, SearchError> {
         let (constraints, kinds) = every_kind(vehicle);
-        let frames = spread(problem.frame_count(), Some(FRAMES));
-        let problem = problem.over(&frames).with_constraints(constraints.untied());
+        let suite = suite.over(&suite.spread(Some(FRAMES))).with_constraints(&constraints.untied());
         let mut spacing = SPACING;
         let grid = loop {
             let grid = PoseGrid::new(&constraints.untied(), spacing);
@@ -158,11 +157,12 @@ impl<'a> Equip<'a> {
                 }
             }
         };
-        let mut evaluator = Evaluator::on_cpu(problem);
+        let memory = engine.memory_budget();
+        let mut evaluator = Evaluator::suite_on_cpu(&suite, memory / 2);
         let all: Vec<u32> = (0..grid.len()).collect();
-        let areas = Areas::cast(&mut evaluator, &grid, &all)?;
-        let atlas = Atlas::new(evaluator.shared_problem(), grid, false, engine.memory_budget() / 2);
-        let mut grid = GridSearch::new(atlas, objective.clone(), &evaluator);
+        let areas = Areas::cast(&mut evaluator, &grid)?;
+        let atlases = Atlases::new(&evaluator, &grid, false, memory / 2);
+        let mut grid = GridSearch::new(atlases, objective.clone(), &evaluator);
         grid.hold(&mut evaluator, &all)?;
         let singles = grid.values_with(&[], &all);
         let most = singles.iter().map(|(_, value)| *value).fold(0.0, f64::max);

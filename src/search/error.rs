@@ -37,6 +37,46 @@ pub enum SearchError {
         /// The objective.
         objective: String,
     },
+    /// A suite without a scene.
+    #[error("there is no scene to search over; give one at least")]
+    NoScene,
+    /// A scene with other beams than the first: one placement then is two.
+    #[error(
+        "the scene `{name}` has another LiDAR than `{first}`; give all scenes of a run the same `lidar`, or \
+         run them one by one"
+    )]
+    OtherLidar {
+        /// Number of the scene, from 0.
+        scene: usize,
+        /// Its name.
+        name: String,
+        /// Name of the first scene.
+        first: String,
+    },
+    /// A scene with other rules of the mount than the first.
+    #[error(
+        "the scene `{name}` has another mount than `{first}`; give all scenes of a run the same `mount`, or \
+         run them one by one"
+    )]
+    OtherMount {
+        /// Number of the scene, from 0.
+        scene: usize,
+        /// Its name.
+        name: String,
+        /// Name of the first scene.
+        first: String,
+    },
+    /// One of several scenes whose P-SOG tells nothing: no gain is a share of it.
+    #[error(
+        "the scene `{name}` has a P-SOG in which nothing is uncertain, so that no gain is a share of it; leave \
+         it out, or give it frames in which something moves"
+    )]
+    NothingUncertain {
+        /// Number of the scene, from 0.
+        scene: usize,
+        /// Its name.
+        name: String,
+    },
     /// An objective of a task that the scene does not have.
     #[error(
         "the objective `{objective}` needs a detection target; name its classes under `detection` in the \
@@ -45,5 +85,20 @@ pub enum SearchError {
     NoDetection {
         /// The objective.
         objective: String,
+        /// Number of the scene, from 0.
+        scene: usize,
     },
+}
+
+impl SearchError {
+    /// Number of the scene that it is about, from 0.
+    pub fn scene(&self) -> Option<usize> {
+        match self {
+            Self::OtherLidar { scene, .. }
+            | Self::OtherMount { scene, .. }
+            | Self::NothingUncertain { scene, .. }
+            | Self::NoDetection { scene, .. } => Some(*scene),
+            _ => None,
+        }
+    }
 }

@@ -1,21 +1,39 @@
-//! Scores of placements: one problem, one engine, and the reference layouts that the guards compare with.
+//! Scores of placements: one scene or several, an engine for each, and the scores over all of them.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use glam::DVec3;
+use serde::Serialize;
 
-use crate::engine::{Backend, BackendError, CpuBackend, EngineChoice};
+use super::seat::Seat;
+use super::suite::{Member, Suite};
+use crate::engine::{Backend, BackendError, CpuBackend, EngineChoice, open};
 use crate::problem::{Problem, Tally};
-use crate::score::{Scores, reference_layout, short_sight};
-use crate::vehicle::{Constraints, Placement, SensorName, SensorPose};
+use crate::score::{Scores, totals};
+use crate::vehicle::{Constraints, Placement};
 
-/// Scores placements on one engine.
+/// Scores placements on an engine for each scene; most have one scene.
 pub struct Evaluator {
-    problem: Arc<Problem>,
-    backend: Box<dyn Backend>,
-    /// Tallies of the reference layout by number of LiDARs; see [`crate::score::Guard`].
-    references: BTreeMap<Vec<SensorName>, Tally>,
+    /// At least one.
+    seats: Vec<Seat>,
+}
+
+/// The scores of a placement in one of several scenes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SceneScores {
+    /// Name of the scene.
+    pub scene: String,
+    /// The scores there.
+    pub scores: Scores,
+}
+
+/// The scores of a placement over all scenes, see [`Scores::over_scenes`], and in each of several.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Judged {
+    /// Over all scenes.
+    pub scores: Scores,
+    /// In each of several, mirror images included; empty where there is one.
+    pub by_scene: Vec<SceneScores>,
 }
 
 impl Evaluator {
@@ -29,51 +47,122 @@ impl Evaluator {
 
     /// An evaluator of a problem; its mount decides where the reference layout of the guards stands.
     pub fn new(problem: Arc<Problem>, backend: Box<dyn Backend>) -> Self {
-        Self { problem, backend, references: BTreeMap::new() }
+        let seat = |member: &Member| Seat::new(member.clone(), backend);
+        Self { seats: Suite::from(problem).members().first().map(seat).into_iter().collect() }
     }
 
     /// An evaluator on the host processor, within half of the free memory.
     pub fn cpu(problem: impl Into<Arc<Problem>>) -> Self {
-        let problem = problem.into();
-        let memory = EngineChoice::cpu().memory_budget();
-        Self::new(problem.clone(), Box::new(CpuBackend::new(problem, memory)))
+        Self::on_cpu(problem)
     }
 
-    /// The problem.
+    /// An evaluator of all members of a suite on the CPU, within about `memory` bytes.
+    pub fn suite_on_cpu(suite: &Suite, memory: u64) -> Self {
+        let share = memory / suite.members().len().max(1) as u64;
+        let seat = |member: &Member| {
+            let engine = CpuBackend::new(member.problem().clone(), share);
+            Seat::new(member.clone(), Box::new(engine))
+        };
+        Self { seats: suite.members().iter().map(seat).collect() }
+    }
+
+    /// Opens an engine for each member of a suite, and hands out what the first opening has to say.
+    ///
+    /// # Errors
+    /// As [`open`].
+    pub fn open(
+        suite: &Suite,
+        choice: &EngineChoice,
+        on_change: impl Fn(&str) + Clone + Send + 'static,
+    ) -> Result<(Self, Vec<String>), BackendError> {
+        let mut choice = choice.clone();
+        if !suite.is_single() {
+            choice.memory = Some(choice.memory_budget() / suite.members().len().max(1) as u64);
+        }
+        let (mut seats, mut notes) = (Vec::new(), Vec::new());
+        for member in suite.members() {
+            let opened = open(member.problem(), &choice, on_change.clone())?;
+            if seats.is_empty() {
+                notes = opened.notes;
+            }
+            seats.push(Seat::new(member.clone(), opened.engine));
+        }
+        Ok((Self { seats }, notes))
+    }
+
+    /// The problem; of several the first.
     pub fn problem(&self) -> &Problem {
-        &self.problem
+        self.seats[0].member.problem()
     }
 
-    /// The problem, to be shared.
+    /// The problem, to be shared; of several the first.
     pub fn shared_problem(&self) -> Arc<Problem> {
-        self.problem.clone()
+        self.seats[0].member.problem().clone()
+    }
+
+    /// Scenes and mirror images, each with its engine.
+    pub fn members(&self) -> impl ExactSizeIterator<Item = (&Member, &dyn Backend)> {
+        self.seats.iter().map(|seat| (&seat.member, &*seat.backend))
+    }
+
+    /// Frames of all members together.
+    pub fn frame_count(&self) -> usize {
+        self.seats.iter().map(|seat| seat.member.problem().frame_count()).sum()
     }
 
     /// The rules of the mount.
     pub fn constraints(&self) -> &Constraints {
-        self.problem.constraints()
+        self.problem().constraints()
     }
 
-    /// The engine.
+    /// The engine; of several scenes that of the first.
     pub fn backend(&self) -> &dyn Backend {
-        &*self.backend
+        &*self.seats[0].backend
     }
 
-    /// The engine, for single stages.
+    /// The engine, for single stages; of several scenes that of the first.
     pub fn backend_mut(&mut self) -> &mut dyn Backend {
-        &mut *self.backend
+        &mut *self.seats[0].backend
     }
 
-    /// Linear indices of the voxels that a placement covers in any frame, rising.
+    /// The engines of all members, in order.
+    pub(super) fn backends_mut(&mut self) -> impl Iterator<Item = &mut Box<dyn Backend>> {
+        self.seats.iter_mut().map(|seat| &mut seat.backend)
+    }
+
+    /// Devices lost since the engines were opened, and what took over, in words.
+    pub fn changes(&self) -> Vec<String> {
+        self.seats.iter().flat_map(|seat| seat.backend.changes().iter().cloned()).collect()
+    }
+
+    /// Linear indices of the voxels that a placement covers in any frame, rising; in the first of several
+    /// scenes.
     ///
     /// # Errors
     /// As [`Backend::covered`].
     pub fn covered(&mut self, placement: &Placement) -> Result<Vec<u64>, BackendError> {
+        self.covered_in(0, placement)
+    }
+
+    /// As [`Self::covered`], in the member of that number, from 0.
+    ///
+    /// # Errors
+    /// As [`Backend::covered`].
+    ///
+    /// # Panics
+    /// There is no such member.
+    pub fn covered_in(
+        &mut self,
+        member: usize,
+        placement: &Placement,
+    ) -> Result<Vec<u64>, BackendError> {
+        let Seat { member, backend, .. } = &mut self.seats[member];
         let mut union = BTreeSet::new();
-        let frames = self.problem.frame_count();
+        let (frames, seen) = (member.problem().frame_count(), std::slice::from_ref(placement));
+        let seen = member.seen(seen);
         let mut covered = Vec::new();
         for frame in 0..frames {
-            covered = self.backend.covered(placement, frame)?;
+            covered = backend.covered(&seen[0], frame)?;
             if frames > 1 {
                 union.extend(covered.iter().copied());
             }
@@ -81,12 +170,21 @@ impl Evaluator {
         Ok(if frames > 1 { union.into_iter().collect() } else { covered })
     }
 
-    /// Scores and guards of each placement, in order.
+    /// Scores and guards of each placement, in order; over all scenes.
     ///
     /// # Errors
     /// As [`Backend::tally`].
     pub fn scores(&mut self, placements: &[Placement]) -> Result<Vec<Scores>, BackendError> {
-        self.scores_at(placements, None)
+        Ok(self.judged(placements)?.into_iter().map(|judged| judged.scores).collect())
+    }
+
+    /// As [`Self::scores`], and the scores in each of several scenes beside them.
+    ///
+    /// # Errors
+    /// As [`Backend::tally`].
+    pub fn judged(&mut self, placements: &[Placement]) -> Result<Vec<Judged>, BackendError> {
+        let tallies = self.tallies(placements)?;
+        self.judged_from(placements, &tallies)
     }
 
     /// As [`Self::scores`], with beams that end at `range` metres, as in fog; the guards still compare
@@ -99,76 +197,59 @@ impl Evaluator {
         placements: &[Placement],
         range: Option<f32>,
     ) -> Result<Vec<Scores>, BackendError> {
-        let tallies = self.backend.tally(placements, range)?;
-        self.scores_from(placements, &tallies, range)
+        let mut by_member = Vec::new();
+        for seat in &mut self.seats {
+            let tallies = seat.tally(placements, range)?;
+            by_member.push(seat.scores_from(placements, &tallies, range)?);
+        }
+        let judged = self.together(placements.len(), &by_member);
+        Ok(judged.into_iter().map(|judged| judged.scores).collect())
     }
 
-    /// Scores and guards of placements whose tallies over all frames, with beams of `range` metres, are
-    /// known.
+    /// Tallies over all frames, `[members][placements]`.
     ///
     /// # Errors
     /// As [`Backend::tally`].
-    pub(crate) fn scores_from(
+    pub(crate) fn tallies(
         &mut self,
         placements: &[Placement],
-        tallies: &[Tally],
-        range: Option<f32>,
-    ) -> Result<Vec<Scores>, BackendError> {
-        for models in placements.iter().map(models_of) {
-            if !self.references.contains_key(&models) {
-                let layout = reference_layout(self.problem.constraints(), &models);
-                // With unlimited range, so that a placement whose range is cut, by fog say, compares
-                // with a layout that sees all.
-                let tally =
-                    self.backend.tally(&[layout], Some(self.problem.far_range()))?.remove(0);
-                self.references.insert(models, tally);
-            }
-        }
-        let unlimited = self.unlimited_tallies(placements, range)?;
-        let scores = placements.iter().zip(tallies).enumerate();
-        let scores = scores.map(|(index, (placement, tally))| {
-            let mut scores = Scores::new(
-                &placement.name,
-                tally,
-                self.problem.content(),
-                self.problem.frame_count(),
-                self.problem.ends_at_hits(),
-                self.references.get(&models_of(placement)),
-            );
-            let unlimited = unlimited.get(&index);
-            scores.guards.extend(unlimited.and_then(|far| short_sight(tally, far)));
-            scores
-        });
-        Ok(scores.collect())
+    ) -> Result<Vec<Vec<Tally>>, BackendError> {
+        self.seats.iter_mut().map(|seat| seat.tally(placements, None)).collect()
     }
 
-    /// Tallies without a limit of range, by index, of the placements that have voxels beyond it.
-    fn unlimited_tallies(
+    /// Scores and guards of placements whose [`Self::tallies`] are known.
+    ///
+    /// # Errors
+    /// As [`Backend::tally`].
+    pub(crate) fn judged_from(
         &mut self,
         placements: &[Placement],
-        range: Option<f32>,
-    ) -> Result<BTreeMap<usize, Tally>, BackendError> {
-        let roi = self.problem.roi();
-        let (min, max) = (DVec3::from(roi.min()), DVec3::from(roi.max()));
-        let sensors = self.problem.sensors();
-        let is_limited = |pose: &SensorPose| {
-            let position = pose.position();
-            let farthest = (position - min).abs().max((position - max).abs()).length();
-            let own = sensors.number(pose).map(|model| sensors.table(model).range());
-            own.is_ok_and(|own| farthest > f64::from(range.unwrap_or(own)))
+        tallies: &[Vec<Tally>],
+    ) -> Result<Vec<Judged>, BackendError> {
+        let seats = self.seats.iter_mut().zip(tallies);
+        let by_member = seats.map(|(seat, known)| seat.scores_from(placements, known, None));
+        let by_member = by_member.collect::<Result<Vec<_>, _>>()?;
+        Ok(self.together(placements.len(), &by_member))
+    }
+
+    /// From the scores of each member to those of each of so many placements.
+    fn together(&self, placements: usize, by_member: &[Vec<Scores>]) -> Vec<Judged> {
+        let judged = |index: usize| {
+            let seats = self.seats.iter().zip(by_member);
+            let scenes: Vec<_> = seats
+                .map(|(seat, scores)| {
+                    let totals = totals(seat.member.problem().content());
+                    (seat.member.name(), &scores[index], totals)
+                })
+                .collect();
+            let of_scene = |&(scene, scores, _): &(&str, &Scores, _)| SceneScores {
+                scene: scene.to_owned(),
+                scores: scores.clone(),
+            };
+            let by_scene =
+                if scenes.len() > 1 { scenes.iter().map(of_scene).collect() } else { vec![] };
+            Judged { scores: Scores::over_scenes(&scenes), by_scene }
         };
-        let limited: Vec<usize> = (0..placements.len())
-            .filter(|&p| placements[p].lidars.iter().any(is_limited))
-            .collect();
-        let chosen: Vec<Placement> = limited.iter().map(|&i| placements[i].clone()).collect();
-        let tallies = self.backend.tally(&chosen, Some(self.problem.far_range()))?;
-        Ok(limited.into_iter().zip(tallies).collect())
+        (0..placements).map(judged).collect()
     }
-}
-
-/// Names of the models of a placement's sensors, sorted.
-fn models_of(placement: &Placement) -> Vec<SensorName> {
-    let mut models: Vec<SensorName> = placement.lidars.iter().map(|pose| pose.sensor).collect();
-    models.sort_unstable();
-    models
 }

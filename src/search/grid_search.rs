@@ -6,11 +6,11 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::atlases::Atlases;
 use super::error::SearchError;
 use super::evaluator::Evaluator;
-use crate::problem::Tally;
 use crate::score::{Objective, Standing};
-use crate::search::atlas::{Atlas, Union};
+use crate::search::atlas::Union;
 use crate::vehicle::{Constraints, Placement, PoseGrid};
 
 /// Stale gains that lazy greedy looks at again at once: enough to keep every core busy.
@@ -44,7 +44,7 @@ impl Places {
 
 /// Searches placements whose LiDARs stand on poses of a grid.
 pub struct GridSearch {
-    pub(super) atlas: Atlas,
+    pub(super) atlas: Atlases,
     pub(super) objective: Objective,
     pub(super) constraints: Constraints,
     pub(super) evaluations: u64,
@@ -74,8 +74,13 @@ pub(super) fn better_first(a: &(u32, f64), b: &(u32, f64)) -> Ordering {
 
 impl GridSearch {
     /// A search of placements that keep the evaluator's constraints.
-    pub fn new(atlas: Atlas, objective: Objective, evaluator: &Evaluator) -> Self {
-        Self { atlas, objective, constraints: evaluator.constraints().clone(), evaluations: 0 }
+    pub fn new(atlas: impl Into<Atlases>, objective: Objective, evaluator: &Evaluator) -> Self {
+        Self {
+            atlas: atlas.into(),
+            objective,
+            constraints: evaluator.constraints().clone(),
+            evaluations: 0,
+        }
     }
 
     /// Drops the rules that tie LiDARs together: a bound over more placements bounds them, too.
@@ -83,8 +88,8 @@ impl GridSearch {
         self.constraints = self.constraints.untied();
     }
 
-    /// The atlas it reads.
-    pub fn atlas(&self) -> &Atlas {
+    /// The atlas that it reads of each scene.
+    pub fn atlas(&self) -> &Atlases {
         &self.atlas
     }
 
@@ -117,7 +122,7 @@ impl GridSearch {
     /// # Errors
     /// From the backend, or more poses than the atlas holds.
     pub fn hold(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<(), SearchError> {
-        Ok(self.atlas.hold(evaluator.backend_mut(), poses)?)
+        Ok(self.atlas.hold(evaluator, poses)?)
     }
 
     /// Whether a pose may stand beside others: in no box that is kept free, another pose, and far
@@ -151,7 +156,7 @@ impl GridSearch {
     /// The objective of held poses and one candidate more, for each candidate; `−∞` where it does not
     /// exist.
     pub(super) fn values_with(&mut self, poses: &[u32], candidates: &[u32]) -> Vec<(u32, f64)> {
-        let mut union = Union::default();
+        let mut union = Vec::new();
         self.atlas.union(poses, &mut union);
         self.evaluations += candidates.len() as u64;
         candidates.par_iter().map(|&pose| (pose, self.value_with(&union, pose))).collect()
@@ -162,7 +167,7 @@ impl GridSearch {
     pub(super) fn values_beside(&mut self, sets: &[&[u32]]) -> Vec<Vec<f64>> {
         let poses = self.atlas.grid().len();
         self.evaluations += u64::from(poses) * sets.len() as u64;
-        let mut unions = vec![Union::default(); sets.len()];
+        let mut unions = vec![Vec::new(); sets.len()];
         unions.iter_mut().zip(sets).for_each(|(union, set)| self.atlas.union(set, union));
         let of_pose = |pose: u32| -> Vec<f64> {
             unions.iter().map(|union| self.value_with(union, pose)).collect()
@@ -172,11 +177,9 @@ impl GridSearch {
         (0..sets.len()).map(of_set).collect()
     }
 
-    /// The objective of a union and one held pose more; `−∞` where it does not exist.
-    pub(super) fn value_with(&self, union: &Union, pose: u32) -> f64 {
-        let (problem, tally) = (self.atlas.problem(), self.atlas.tally_with(union, pose));
-        let value = self.objective.value_of_tally(&tally, problem.content(), problem.frame_count());
-        value.unwrap_or(f64::NEG_INFINITY)
+    /// The objective of a union in each scene and one held pose more; `−∞` where it does not exist.
+    pub(super) fn value_with(&self, unions: &[Union], pose: u32) -> f64 {
+        self.atlas.value_with(&self.objective, unions, pose).unwrap_or(f64::NEG_INFINITY)
     }
 
     /// The objective of held poses, 0 for none.
@@ -185,19 +188,9 @@ impl GridSearch {
         self.values_with(others, &[last])[0].1
     }
 
-    /// Growth of an information gain with each fixed-point unit of the two tasks' entropies,
-    /// (objective of a sum of 2⁴⁰ units) / 2⁴⁰; 0 where it does not exist.
-    pub(super) fn worth_units(&self) -> [f64; 2] {
-        let problem = self.atlas.problem();
-        [0, 1].map(|task| {
-            // A power of two, and large: as exact as the objective's own factors.
-            let sum = 1u64 << 40;
-            let mut tally = Tally { covered: 1, covered_nonzero: 1, ..Tally::default() };
-            tally.entropy[task] = sum;
-            let content = problem.content();
-            let value = self.objective.value_of_tally(&tally, content, problem.frame_count());
-            value.unwrap_or(0.0) / sum as f64
-        })
+    /// As [`Atlases::worth_units`].
+    pub(super) fn worth_units(&self) -> Vec<[f64; 2]> {
+        self.atlas.worth_units(&self.objective)
     }
 
     /// The objective of a placement.

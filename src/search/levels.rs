@@ -1,14 +1,11 @@
 //! Few frames that stand for all in a ranking of placements, as a pilot over every frame sees it.
 
-use std::sync::Arc;
+use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::engine::BackendError;
-use crate::engine::CpuBackend;
-use crate::problem::{Problem, Tally};
+use super::pilot::Pilot;
 use crate::score::Objective;
-use crate::vehicle::Placement;
 
 /// Sets of frames that are all tried; of larger ones the best is looked for by exchanging frames.
 const ALL_SETS: u64 = 4000;
@@ -16,7 +13,7 @@ const ALL_SETS: u64 = 4000;
 /// Some frames, and how well their score stands for that over all.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Level {
-    /// Frames in rising order.
+    /// Frames in rising order, numbered through all scenes.
     pub frames: Vec<usize>,
     /// Root mean square over the placements of 1 − a · score / score over all frames, with the a that
     /// makes it least: what is left when the one is taken for the other in a ranking. `None` where no
@@ -24,73 +21,21 @@ pub struct Level {
     pub error: Option<f64>,
 }
 
-/// Tallies of a few placements, frame by frame.
-pub struct Pilot {
-    problem: Arc<Problem>,
-    placements: Vec<Placement>,
-    by_frame: Vec<Vec<Tally>>,
-}
-
 impl Pilot {
-    /// Scores `placements` in every frame, on the CPU, within about `memory` bytes.
-    ///
-    /// # Errors
-    /// One placement does not fit.
-    pub fn new(
-        problem: &Arc<Problem>,
-        placements: Vec<Placement>,
-        memory: u64,
-    ) -> Result<Self, BackendError> {
-        let mut by_frame: Vec<Vec<Tally>> = Vec::new();
-        let mut backend = CpuBackend::new(problem.clone(), memory);
-        for frame in 0..problem.frame_count() {
-            by_frame.push(match by_frame.get(problem.first_equal(frame)) {
-                Some(equal) => equal.clone(),
-                None => backend.tally_frame(&placements, frame)?,
-            });
-        }
-        Ok(Self { problem: problem.clone(), placements, by_frame })
-    }
-
-    /// Placements × frames that were scored.
-    pub fn work(&self) -> u64 {
-        (self.placements.len() * self.by_frame.len()) as u64
-    }
-
-    /// The placements and their tallies over all frames: the same as a backend gives for them.
-    pub fn tallies(&self) -> Vec<(Placement, Tally)> {
-        let all: Vec<usize> = (0..self.by_frame.len()).collect();
-        let sums = (0..self.placements.len()).map(|index| self.sum(index, &all));
-        self.placements.iter().cloned().zip(sums).collect()
-    }
-
-    fn sum(&self, index: usize, frames: &[usize]) -> Tally {
-        let classes = self.problem.content().set_count();
-        let mut sum = Tally::zero(classes, self.placements[index].lidars.len());
-        frames.iter().for_each(|&frame| sum += &self.by_frame[frame][index]);
-        sum
-    }
-
-    /// Objective of each placement over some frames.
-    fn values(&self, objective: &Objective, frames: &[usize]) -> Vec<Option<f64>> {
-        let content = self.problem.content();
-        let value =
-            |index| objective.value_of_tally(&self.sum(index, frames), content, frames.len());
-        (0..self.placements.len()).map(value).collect()
-    }
-
     /// Few frames that stand for all, then twice as many and so on to all of them.
     ///
-    /// The first level is the smallest of 1, 2, 4, … whose error is within `tolerance`. The frames of
-    /// a level are those with the least error of all sets of that size, or of those reached from the
-    /// best smaller set by adding and exchanging frames where there are too many to try.
+    /// The first level is the smallest of 1, 2, 4, … whose error is within `tolerance`; of several scenes
+    /// the smallest of as many frames as scenes and mirror images, twice as many, …, with a frame at least of
+    /// each, so that no scene is ever forgotten. The frames of a level are those with the least error of all
+    /// sets of that size, or of those reached from the best smaller set by adding and exchanging frames where
+    /// there are too many to try.
     pub fn levels(&self, objective: &Objective, tolerance: f64) -> Vec<Level> {
         let count = self.by_frame.len();
         let all: Vec<usize> = (0..count).collect();
         let choice = Choice { pilot: self, objective, reference: self.values(objective, &all) };
         let mut levels: Vec<Level> = Vec::new();
-        let mut best: Vec<usize> = Vec::new();
-        let mut size = 1;
+        let mut best: Vec<usize> = choice.least();
+        let mut size = best.len().max(1);
         while size < count {
             best = choice.best(size, best);
             let error = choice.error(&best);
@@ -120,11 +65,27 @@ impl Choice<'_> {
         scatter(&self.reference, self.pilot.values(self.objective, frames))
     }
 
+    /// The frames that every set grows from: the first of each of several scenes.
+    fn least(&self) -> Vec<usize> {
+        let several = self.pilot.suite.frame_ranges();
+        let several = several.into_iter().filter(|_| !self.pilot.suite.is_single());
+        several.map(|range| range.start).collect()
+    }
+
+    /// Whether a set has a frame of each of several scenes.
+    fn is_of_all(&self, frames: &[usize]) -> bool {
+        let suite = &self.pilot.suite;
+        let in_set = |range: Range<usize>| frames.iter().any(|frame| range.contains(frame));
+        suite.is_single() || suite.frame_ranges().into_iter().all(in_set)
+    }
+
     /// The best `size` frames, sorted.
     fn best(&self, size: usize, from: Vec<usize>) -> Vec<usize> {
         let count = self.pilot.by_frame.len();
         if sets(count, size) <= ALL_SETS {
-            return self.first_of(subsets(count, size));
+            let mut all = subsets(count, size);
+            all.retain(|frames| self.is_of_all(frames));
+            return self.first_of(all);
         }
         let mut chosen = from;
         while chosen.len() < size {
@@ -137,6 +98,7 @@ impl Choice<'_> {
                 rest.remove(index);
                 swapped.extend(with_one_more(&rest, count));
             }
+            swapped.retain(|frames| self.is_of_all(frames));
             let better = self.first_of(swapped);
             if better == chosen {
                 return chosen;
@@ -196,12 +158,14 @@ fn with_one_more(chosen: &[usize], count: usize) -> Vec<Vec<usize>> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::bvh::Bvh;
     use crate::geom::TriangleSoup;
-    use crate::problem::Content;
+    use crate::problem::{Content, Problem, Tally};
     use crate::psog::Roi;
-    use crate::vehicle::BeamTable;
+    use crate::vehicle::{BeamTable, Placement};
 
     /// A pilot whose gains by frame and placement are given; each placement covers ten voxels.
     fn pilot(gains: &[&[u64]]) -> Pilot {
@@ -216,7 +180,7 @@ mod tests {
         let tally =
             |&gain: &u64| Tally { covered: 10, entropy: [gain << 28, 0, 0], ..Tally::default() };
         Pilot {
-            problem,
+            suite: problem.into(),
             placements: (0..gains[0].len()).map(placement).collect(),
             by_frame: gains.iter().map(|frame| frame.iter().map(tally).collect()).collect(),
         }

@@ -7,16 +7,19 @@
 //! |---|---|
 //! | `settings`, `observer`, `outcome`, `error` | what goes into a run, and what comes out of it |
 //! | `run` | the run as a machine of a few states |
-//! | `evaluator` | scores of placements on one engine |
+//! | `suite` | the scenes of a run, and their mirror images |
+//! | `evaluator`, `seat` | scores of placements: over all scenes, and in one on its engine |
 //! | `generations` | CMA-ES over the free pose fields |
-//! | `levels`, `on_demand` | few frames that stand for all, and when more are needed |
-//! | `atlas`, `grid_search`, `climb`, `swaps` | placements on a grid of poses |
+//! | `pilot`, `levels`, `on_demand` | few frames that stand for all, and when more are needed |
+//! | `atlas`, `atlases`, `grid_search`, `climb`, `swaps` | placements on a grid of poses |
 //! | `equip`, `areas` | models and numbers of sensors under a budget; what must be seen |
 //! | `bound` | how much better than the result another placement could be |
+//! | `spread` | whether a gain over several scenes is more than their spread |
 //! | `findings`, `rules` | what goes with the objective; the rules of the mount in words |
 
 mod areas;
 pub(crate) mod atlas;
+pub(crate) mod atlases;
 pub(crate) mod bound;
 pub(crate) mod climb;
 mod equip;
@@ -29,15 +32,19 @@ pub(crate) mod levels;
 mod observer;
 mod on_demand;
 mod outcome;
+pub(crate) mod pilot;
 pub(crate) mod rules;
 mod run;
+mod seat;
 mod settings;
+mod spread;
+mod suite;
 pub(crate) mod swaps;
 
 pub use bound::{Certificate, GainBound};
 pub use equip::{Equipped, cost_front, equip};
 pub use error::SearchError;
-pub use evaluator::Evaluator;
+pub use evaluator::{Evaluator, Judged, SceneScores};
 pub use findings::Finding;
 pub use generations::{GenerationRecord, GenerationsStop};
 pub use observer::{Event, Observer, Work};
@@ -46,4 +53,6 @@ pub use outcome::{LeftOut, MethodRecord, Outcome, Scored, SearchTimes, Stopped};
 pub(crate) use rules::rules_in_words;
 pub use run::{Phase, Run, State, optimize};
 pub use settings::{FrameChoice, Method, Settings, TimeLimit};
+pub use spread::GainSpread;
+pub use suite::{Member, Suite};
 pub(crate) use swaps::SWAP_SPACING;

@@ -1,14 +1,12 @@
 //! Frames on demand: a search begins over a few frames that stand for all, goes on over more when they no
 //! longer tell the best apart, and its finalists are confirmed over all.
 
-use std::sync::Arc;
-
 use serde::{Deserialize, Serialize};
 
 use super::error::SearchError;
-use super::levels::Pilot;
+use super::pilot::{Known, Pilot};
 use super::settings::Settings;
-use crate::problem::{Problem, Tally};
+use super::suite::Suite;
 use crate::score::{Objective, Scores, Standing};
 use crate::vehicle::{Constraints, Placement, random_placements};
 
@@ -46,7 +44,7 @@ struct Finalist {
 /// The levels of frames, where a search stands among them, and its finalists.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct FramesOnDemand {
-    /// Frames of each level, ever more; the last is all of them.
+    /// Frames of each level, numbered through all scenes, ever more; the last is all of them.
     levels: Vec<Vec<usize>>,
     /// Error of each level against all frames, as the pilot saw it; see [`super::Level`].
     errors: Vec<Option<f64>>,
@@ -108,16 +106,16 @@ pub struct WorkByPurpose {
 }
 
 impl FramesOnDemand {
-    /// Chooses the levels of a problem over all frames, by a pilot of the baselines and some random
+    /// Chooses the levels of a suite over all frames, by a pilot of the baselines and some random
     /// placements, within about `memory` bytes; hands out the pilot's tallies over all frames.
     ///
     /// # Errors
     /// One placement does not fit.
     pub fn choose(
-        whole: &Arc<Problem>,
+        whole: &Suite,
         settings: &Settings,
         memory: u64,
-    ) -> Result<(Self, Vec<(Placement, Tally)>), SearchError> {
+    ) -> Result<(Self, Known), SearchError> {
         let count = whole.frame_count();
         let (mut levels, mut errors) = (vec![(0..count).collect()], vec![None]);
         let mut work = PlacementFrames::default();

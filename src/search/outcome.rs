@@ -5,9 +5,11 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::bound::Certificate;
+use super::evaluator::SceneScores;
 use super::findings::Finding;
 use super::generations::{GenerationRecord, GenerationsStop};
 use super::on_demand::FramesUsed;
+use super::spread::GainSpread;
 use crate::score::{Scores, Standing};
 use crate::vehicle::Placement;
 
@@ -16,8 +18,11 @@ use crate::vehicle::Placement;
 pub struct Scored {
     /// Name and poses.
     pub placement: Placement,
-    /// Scores over all frames of the scene.
+    /// Scores over all frames of the scene, or of all scenes.
     pub scores: Scores,
+    /// Scores in each of several scenes and mirror images; empty where there is one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub by_scene: Vec<SceneScores>,
     /// Its objective; `None` where a score it needs does not exist.
     pub objective: Option<f64>,
     /// Rules of the mount that it breaks, in words.
@@ -25,6 +30,19 @@ pub struct Scored {
 }
 
 impl Scored {
+    /// Whether it keeps every rule of the mount and no guard speaks against it: only then is it a baseline to
+    /// compare with.
+    pub(crate) fn is_honest(&self) -> bool {
+        self.violations.is_empty() && self.scores.guards.is_empty()
+    }
+
+    /// The best of the honest baselines by the objective.
+    pub(crate) fn yardstick(baselines: &[Self]) -> Option<&Self> {
+        let honest = baselines.iter().filter(|baseline| baseline.is_honest());
+        let valued = honest.filter_map(|baseline| Some((baseline.objective?, baseline)));
+        valued.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, baseline)| baseline)
+    }
+
     /// Its standing among placements that keep the rules of the mount.
     pub(super) fn standing(&self) -> Standing {
         let guards = self.scores.guards.len();
@@ -125,6 +143,9 @@ pub struct Outcome {
     /// How much better than the result another placement could be; `None` without a result, or where
     /// the run ended before its bounds.
     pub certificate: Option<Certificate>,
+    /// Whether the gain over the best baseline is more than the scenes' own spread; `None` for one scene,
+    /// which cannot say, or without a baseline.
+    pub spread: Option<GainSpread>,
     /// How properties of layouts go with the objective, over random placements on the grid.
     pub findings: Vec<Finding>,
     /// Frames that were used, saved and risked; `None` where they were given.

@@ -4,7 +4,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::atlas::Atlas;
+use super::atlases::Atlases;
 use super::climb::Moves;
 use super::error::SearchError;
 use super::evaluator::Evaluator;
@@ -92,7 +92,7 @@ fn grid_search(
 ) -> Result<GridSearch, SearchError> {
     let grid = PoseGrid::new(evaluator.constraints(), settings.spacing)?;
     let counts_all = objective.counts_all_covered();
-    let atlas = Atlas::new(evaluator.shared_problem(), grid, counts_all, settings.memory);
+    let atlas = Atlases::new(evaluator, &grid, counts_all, settings.memory);
     Ok(GridSearch::new(atlas, objective.clone(), evaluator))
 }
 

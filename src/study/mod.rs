@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `scene` | problems, searches and scores of one scene, shared by its cases |
 //! | `cases` | the cases, measured once and kept by name; the observer |
-//! | `table` | the result |
+//! | `table`, `mean` | the result, and the mean of several scenes |
 //! | `lidars`, `sensors`, `height` | how many LiDARs, of which kind, how high |
 //! | `random`, `tasks`, `regions`, `loss` | placements of one scene against each other |
 //! | `voxels`, `transfer`, `published` | other voxels, other scenes, the published results |
@@ -16,6 +16,7 @@ mod height;
 mod kind;
 mod lidars;
 mod loss;
+mod mean;
 mod published;
 mod random;
 mod region;
@@ -34,6 +35,7 @@ use crate::scene::Scene;
 pub use cases::StudyObserver;
 pub use error::StudyError;
 pub use kind::Kind;
+pub use mean::mean_over_scenes;
 pub use region::Region;
 pub use settings::StudySettings;
 pub use table::{Drawing, Row, Table};

@@ -122,7 +122,7 @@ impl<'a> StudyScene<'a> {
             ..Settings::default()
         };
         let mut observe = |_: &Event| self.goes_on();
-        let outcome = optimize(&evaluator.shared_problem(), &settings, &mut observe)?;
+        let outcome = optimize(evaluator.shared_problem(), &settings, &mut observe)?;
         Ok(outcome.best.map(|best| best.placement))
     }
 

@@ -11,9 +11,9 @@ use glam::DVec3;
 /// once, so that every backend reads the same numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BeamTable {
-    directions: Arc<[[f32; 3]]>,
-    range: f32,
-    grid: Option<Arc<BeamGrid>>,
+    pub(super) directions: Arc<[[f32; 3]]>,
+    pub(super) range: f32,
+    pub(super) grid: Option<Arc<BeamGrid>>,
 }
 
 /// Beams by channel, then azimuth step: beam (k, j) has the elevation of channel k and the azimuth

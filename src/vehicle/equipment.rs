@@ -45,6 +45,14 @@ pub struct Requirement {
 }
 
 impl Requirement {
+    /// The same mirrored at the plane y = 0.
+    pub fn mirrored(&self) -> Self {
+        let image =
+            |[low, high]: &[[f64; 3]; 2]| [[low[0], -high[1], low[2]], [high[0], -low[1], high[2]]];
+        let without = self.without.iter().map(image).collect();
+        Self { inside: image(&self.inside), without, ..self.clone() }
+    }
+
     /// Whether a point belongs to the area.
     pub fn contains(&self, point: [f64; 3]) -> bool {
         let within =

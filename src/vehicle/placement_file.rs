@@ -187,6 +187,18 @@ fn sniff(reader: &mut impl BufRead) -> io::Result<(Vec<u8>, bool)> {
     Ok((head, is_document))
 }
 
+/// Whether a file is one of placements rather than a scene: standard input and pipes, `.jsonl` by its name, a
+/// document by its first key. False where it cannot be read.
+pub fn holds_placements(path: &Path) -> bool {
+    let is_stream = path == Path::new("-") || (path.exists() && !path.is_file() && !path.is_dir());
+    if is_stream || path.extension().is_some_and(|ending| ending == "jsonl") {
+        return true;
+    }
+    // Nothing is read of a pipe, which could be read only once.
+    let head = File::open(path).and_then(|file| sniff(&mut BufReader::new(file)));
+    path.is_file() && head.is_ok_and(|(_, is_document)| is_document)
+}
+
 impl PlacementReader {
     /// Opens a file; parses a document at once, lines as they are asked for.
     ///

@@ -67,6 +67,18 @@ impl Sensors {
         Self { seed, ..self.clone() }
     }
 
+    /// The same as a mirror at the plane y = 0 shows them: beams, and phases that turn the other way.
+    pub fn mirrored(&self) -> Self {
+        let image = |model: &SensorModel| {
+            let phase = match model.phase {
+                Phase::Locked(phase) => Phase::Locked(0.0 - phase),
+                Phase::Free => Phase::Free,
+            };
+            SensorModel { table: model.table.mirrored(), phase, ..model.clone() }
+        };
+        Self { models: self.models.iter().map(image).collect(), ..self.clone() }
+    }
+
     /// All models, in the vehicle's order.
     pub fn models(&self) -> &[SensorModel] {
         &self.models

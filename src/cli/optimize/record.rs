@@ -1,6 +1,5 @@
 //! What `optimize` leaves in its run folder.
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
@@ -8,18 +7,18 @@ use serde_json::{Value, json};
 use sightline::engine::{EngineChoice, open};
 use sightline::internals::{InformationMap, Input, RunDir, peak_memory};
 use sightline::report::{Figures, RunContext, RunRecord, RunTimes, report_html};
-use sightline::search::{FrameChoice, LeftOut, Outcome, Run, Settings};
+use sightline::scene::Scene;
+use sightline::search::{FrameChoice, LeftOut, Member, Outcome, Run, Settings, Suite};
+use sightline::vehicle::Placement;
 
 use super::settings::{Args, Begun, Saved};
 use crate::cli::error::Error;
 use crate::cli::load::LoadTimes;
-use sightline::Problem;
-use sightline::scene::Scene;
 
-/// A scene with the rules of the options, and its problem over all frames.
+/// Scenes with the rules of the options, and their problems over all frames.
 pub(super) struct Opened {
-    pub(super) scene: Scene,
-    pub(super) problem: Arc<Problem>,
+    pub(super) scenes: Vec<Scene>,
+    pub(super) suite: Suite,
     pub(super) inputs: Vec<Input>,
     pub(super) times: LoadTimes,
 }
@@ -88,15 +87,15 @@ pub(super) fn save(sitting: &Sitting) -> Result<(), Error> {
 
 /// Writes result, charts and page, and hands out the record.
 pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, Error> {
-    let (folder, problem) = (&sitting.folder, &sitting.opened.problem);
+    let (folder, suite) = (&sitting.folder, &sitting.opened.suite);
     let spent = sitting.spent();
     let settings = sitting.run.state().settings();
     let record = RunRecord::new(
         outcome,
         RunContext {
-            scene: sitting.opened.scene.name(),
+            scene: sitting.opened.scenes[0].name(),
             settings: settings_json(&sitting.begun, settings, &outcome.left_out),
-            problem,
+            suite,
             seed: settings.seed,
             objective: settings.objective.to_string(),
             rate: spent.searched as f64 / spent.seconds,
@@ -104,26 +103,34 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
             peak_memory: peak_memory(),
         },
     );
-    let engine = EngineChoice { memory: sitting.args.compute.memory, ..EngineChoice::cpu() };
-    let mut engine = open(problem, &engine, |_| {})?.engine;
-    let map = outcome
-        .best
-        .as_ref()
-        .map(|best| InformationMap::of(problem, &mut *engine, &best.placement));
-    let map = map.transpose()?;
-    let body = sitting.opened.scene.body();
-    let constraints = problem.constraints();
-    let figures = Figures::new(&record, &outcome.history, constraints, &body, map.as_ref());
+    let best = outcome.best.as_ref().map(|best| &best.placement);
+    let maps = best.map_or(Ok(Vec::new()), |best| maps(sitting, best))?;
+    let body = sitting.opened.scenes[0].body();
+    let figures = Figures::new(&record, &outcome.history, suite.constraints(), &body, &maps);
     folder.write_json(TIMES, &spent)?;
     folder.write_json("result.json", &record)?;
     folder.write_text("convergence.svg", &figures.convergence)?;
-    for (name, figure) in [("placement.svg", &figures.placement), ("map.svg", &figures.map)] {
-        if let Some(figure) = figure {
-            folder.write_text(name, figure)?;
-        }
+    if let Some(figure) = &figures.placement {
+        folder.write_text("placement.svg", figure)?;
+    }
+    for (index, (_, map)) in figures.maps.iter().enumerate() {
+        let number = if index > 0 { format!("-{}", index + 1) } else { String::new() };
+        folder.write_text(&format!("map{number}.svg"), map)?;
     }
     folder.write_text("report.html", &report_html(&record, &figures))?;
     Ok(record)
+}
+
+/// What a placement gains in each scene, with the scene's name.
+fn maps(sitting: &Sitting, placement: &Placement) -> Result<Vec<(String, InformationMap)>, Error> {
+    let engine = EngineChoice { memory: sitting.args.compute.memory, ..EngineChoice::cpu() };
+    let members = sitting.opened.suite.members().iter().filter(|member| !member.is_mirrored());
+    let map = |member: &Member| {
+        let mut engine = open(member.problem(), &engine, |_| {})?.engine;
+        let map = InformationMap::of(member.problem(), &mut *engine, placement)?;
+        Ok((member.name().to_owned(), map))
+    };
+    members.map(map).collect()
 }
 
 /// Every setting that decides about the result, in the keys of `result.json`.
@@ -133,7 +140,7 @@ fn settings_json(begun: &Begun, settings: &Settings, left_out: &[LeftOut]) -> Va
         FrameChoice::All => Some(u32::MAX),
         FrameChoice::Count(frames) => Some(frames),
     };
-    json!({
+    let mut all = json!({
         "scene": begun.scene,
         "frames": frames,
         "baselines": settings.baselines,
@@ -148,5 +155,12 @@ fn settings_json(begun: &Begun, settings: &Settings, left_out: &[LeftOut]) -> Va
             "seed": settings.seed,
             "delta": settings.delta,
         },
-    })
+    });
+    if !begun.more_scenes.is_empty() {
+        all["more_scenes"] = json!(begun.more_scenes);
+    }
+    if begun.mirror {
+        all["mirror"] = json!(true);
+    }
+    all
 }

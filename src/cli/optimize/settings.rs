@@ -14,12 +14,17 @@ use crate::cli::error::Error;
 #[command(after_help = "Examples:
   sightline optimize scenes/urban-crossing.json
   sightline optimize scenes/highway.json --objective '0.5*m_sog_scaled + 0.5*detection.m_sog_scaled'
+  sightline optimize scenes/highway.json scenes/residential.json --mirror
   sightline optimize scenes/highway.json --symmetric --equal-height --max-seconds 30
   sightline optimize --resume runs/highway")]
 pub struct Args {
-    /// Scene file
-    #[arg(required_unless_present = "resume", conflicts_with = "resume")]
-    scene: Option<PathBuf>,
+    /// Scene file; of several, which share LiDAR and mount, the mean is maximized, each normalized by its own
+    /// total
+    #[arg(value_name = "SCENE", required_unless_present = "resume", conflicts_with = "resume")]
+    scenes: Vec<PathBuf>,
+    /// Add each scene mirrored left to right, so that a result is not lopsided because one street is
+    #[arg(long, conflicts_with = "resume")]
+    mirror: bool,
     /// Folder for the run [default: runs/SCENE, numbered if it is taken]
     #[arg(long, value_name = "DIR", conflicts_with = "resume")]
     pub(super) out: Option<PathBuf>,
@@ -55,7 +60,7 @@ pub struct Args {
     /// longer tell the best apart (auto), or all (full); the result is confirmed over all
     #[arg(long, value_enum, default_value_t = Fidelity::Auto, conflicts_with = "resume")]
     fidelity: Fidelity,
-    /// Frames that the search averages over, spread evenly, whatever they lose
+    /// Frames of each scene that the search averages over, spread evenly, whatever they lose
     #[arg(long, value_name = "N", conflicts_with_all = ["resume", "fidelity"],
           value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) frames: Option<u32>,
@@ -105,10 +110,16 @@ fn method(text: &str) -> Result<Method, String> {
     }
 }
 
-/// Scene and rules that a run was begun with.
+/// Scenes and rules that a run was begun with.
 #[derive(Clone, Serialize, Deserialize)]
 pub(super) struct Begun {
     pub scene: PathBuf,
+    /// Those after the first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub more_scenes: Vec<PathBuf>,
+    /// Whether each scene is there mirrored, too.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub mirror: bool,
     /// Beside those of the scene.
     pub rules: MountRules,
 }
@@ -120,10 +131,28 @@ pub(super) struct Saved {
     pub run: State,
 }
 
+impl Begun {
+    /// The scene files, in the order given.
+    pub fn scenes(&self) -> impl Iterator<Item = &PathBuf> {
+        std::iter::once(&self.scene).chain(&self.more_scenes)
+    }
+
+    /// Name of the run's folder where none is given.
+    pub fn folder(&self) -> String {
+        let stem = self.scene.file_stem().unwrap_or_default().to_string_lossy();
+        match self.more_scenes.len() {
+            0 => stem.into_owned(),
+            more => format!("{stem}-and-{more}-more"),
+        }
+    }
+}
+
 pub(super) fn begun(args: &Args) -> Result<Begun, Error> {
-    let scene = args.scene.clone().expect("clap requires a scene or --resume");
-    let scene = std::path::absolute(&scene).map_err(Error::io(&scene))?;
-    Ok(Begun { scene, rules: args.rules.for_mount() })
+    let absolute = |scene: &PathBuf| std::path::absolute(scene).map_err(Error::io(scene));
+    let mut scenes = args.scenes.iter().map(absolute);
+    let scene = scenes.next().expect("clap requires a scene or --resume")?;
+    let more_scenes = scenes.collect::<Result<_, _>>()?;
+    Ok(Begun { scene, more_scenes, mirror: args.mirror, rules: args.rules.for_mount() })
 }
 
 /// The settings of a new run.

@@ -41,6 +41,8 @@ pub struct Atlas {
     /// Counts requests; pages remember the last one that asked for them.
     clock: u64,
     cast: u64,
+    /// Whether the problem is a mirror image, in which poses stand mirrored.
+    mirrored: bool,
 }
 
 /// What one pose covers.
@@ -84,7 +86,20 @@ impl Atlas {
             capacity,
             clock: 0,
             cast: 0,
+            mirrored: false,
         }
+    }
+
+    /// The same for the problem of a mirror image, see [`Problem::mirrored`]: its poses stand mirrored.
+    #[must_use]
+    pub fn of_mirror_image(mut self, mirrored: bool) -> Self {
+        self.mirrored = mirrored;
+        self
+    }
+
+    /// Holds no more than so many poses.
+    pub(crate) fn limit(&mut self, capacity: usize) {
+        self.capacity = self.capacity.min(capacity);
     }
 
     /// The grid of its poses.
@@ -163,7 +178,10 @@ impl Atlas {
         backend: &mut dyn Backend,
         numbers: &[u32],
     ) -> Result<Vec<Page>, BackendError> {
-        let poses: Vec<_> = numbers.iter().map(|&number| self.grid.pose(number)).collect();
+        let mut poses: Vec<_> = numbers.iter().map(|&number| self.grid.pose(number)).collect();
+        if self.mirrored {
+            poses.iter_mut().for_each(|pose| *pose = pose.mirrored());
+        }
         let (frames, each, used) = (self.problem.frame_count(), self.order.words(), self.clock);
         memory::check("bitmaps of sensor poses", (numbers.len() * self.page_bytes()) as u64)?;
         // By the threads that fill them: the first touch of new memory takes as long as the copy.

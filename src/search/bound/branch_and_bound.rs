@@ -98,7 +98,7 @@ pub fn bound_gain(
     let open = || Open { heap: BinaryHeap::new(), lidars, floor: found.value };
     let words = effort.pair_words;
     let (pairs, by_pairs) =
-        PairBound::tightest(search.atlas(), lidars, units, &typical, words, |pairs| {
+        PairBound::tightest(search.atlas(), lidars, &units, &typical, words, |pairs| {
             by_pairs(pairs, &places, open(), effort.pair_nodes(pairs))
         });
     let upper_at_root = beside.min(by_pairs).max(found.value);

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::branch_and_bound::{Effort, GainBound, bound_gain};
 use super::sample::GridSample;
-use crate::search::atlas::Atlas;
+use crate::search::atlases::Atlases;
 use crate::search::climb::Moves;
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
@@ -68,7 +68,7 @@ fn gain(
     let grid = grid(evaluator.constraints(), settings)?;
     let poses = grid.len();
     let counts_all = objective.counts_all_covered();
-    let atlas = Atlas::new(evaluator.shared_problem(), grid, counts_all, memory);
+    let atlas = Atlases::new(evaluator, &grid, counts_all, memory);
     if poses as usize > atlas.capacity() {
         return Ok(Err(format!(
             "no bound was computed: the {poses} sensor poses of the grid take {} MiB, more than half of \

@@ -1,7 +1,7 @@
 //! Bounds on sets of sensors from single poses and from the overlaps of pairs of them.
 
 use super::voxel_groups::Columns;
-use crate::search::atlas::Atlas;
+use crate::search::atlases::Atlases;
 
 /// Shares of the typical poses that cover a voxel by which voxels are grouped, as multiples of
 /// 1 / (k − 1) for k sensors: at that share k random sensors less their overlaps come to one.
@@ -50,12 +50,13 @@ impl PairBound {
     /// value.
     ///
     /// At most `most_words` words of bitmaps are read for the overlaps: voxels of later groups then count
-    /// without them. The worth of a voxel is `units` × its entropies. The bound holds whatever poses are `typical`; it
+    /// without them. The worth of a voxel is `units` of its
+    /// scene × its entropies. The bound holds whatever poses are `typical`; it
     /// is tight if good placements are made of poses like them.
     pub fn tightest(
-        atlas: &Atlas,
+        atlas: &Atlases,
         lidars: usize,
-        units: [f64; 2],
+        units: &[[f64; 2]],
         typical: &[u32],
         most_words: u64,
         mut bound_of: impl FnMut(&Self) -> f64,
@@ -99,16 +100,19 @@ impl PairBound {
 }
 
 /// Worth of each bit of a frame as an integer, not below, and its unit.
-fn integer_worths(atlas: &Atlas, units: [f64; 2]) -> (Vec<u32>, f64) {
+fn integer_worths(atlas: &Atlases, units: &[[f64; 2]]) -> (Vec<u32>, f64) {
     let worths = atlas.worths();
-    let value = |worth: &[u32; 3]| units[0] * f64::from(worth[0]) + units[1] * f64::from(worth[1]);
+    let value = |(worth, scene): &([u32; 3], usize)| {
+        let [first, second] = units[*scene];
+        first * f64::from(worth[0]) + second * f64::from(worth[1])
+    };
     let unit = match units {
-        [unit, 0.0] | [0.0, unit] => unit,
+        [[unit, 0.0] | [0.0, unit]] => *unit,
         _ => worths.iter().map(value).fold(f64::MIN_POSITIVE, f64::max) / f64::from(u32::MAX - 1),
     };
-    let integer = |worth: &[u32; 3]| match units {
-        [_, 0.0] => worth[0],
-        [0.0, _] => worth[1],
+    let integer = |worth: &([u32; 3], usize)| match units {
+        [[_, 0.0]] => worth.0[0],
+        [[0.0, _]] => worth.0[1],
         _ => (value(worth) / unit).ceil() as u32,
     };
     (worths.iter().map(integer).collect(), unit)

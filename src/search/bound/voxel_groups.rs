@@ -6,7 +6,7 @@ use std::ops::Range;
 use multiversion::multiversion;
 use rayon::prelude::*;
 
-use crate::search::atlas::Atlas;
+use crate::search::atlases::Atlases;
 
 /// Largest worth of a level as a multiple of its least one: overlaps of pairs count at the least worth,
 /// so that a bound from them stays one.
@@ -70,11 +70,19 @@ impl Places {
 }
 
 impl Columns {
-    /// The columns of held poses `0..poses`. `worths` holds the worth of each bit of a frame; a column
+    /// The columns of held poses `0..poses`. `worths` holds the worth of each bit, of a frame where all
+    /// frames have the same; a column
     /// joins the first group whose entry of `shares`, rising, is not below the share of the `typical`
     /// poses that cover it.
-    pub fn new(atlas: &Atlas, poses: u32, worths: &[u32], shares: &[f64], typical: &[u32]) -> Self {
-        let pages: Vec<&[u64]> = (0..poses).map(|pose| atlas.occupied_of(pose)).collect();
+    pub fn new(
+        atlas: &Atlases,
+        poses: u32,
+        worths: &[u32],
+        shares: &[f64],
+        typical: &[u32],
+    ) -> Self {
+        let pages: Vec<_> = (0..poses).map(|pose| atlas.occupied_of(pose)).collect();
+        let pages: Vec<&[u64]> = pages.iter().map(|page| &**page).collect();
         let covered = any(&pages);
         let some: Vec<&[u64]> = typical.iter().map(|&pose| pages[pose as usize]).collect();
         let counts = counts(&some);

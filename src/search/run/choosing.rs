@@ -4,6 +4,7 @@ use super::state::{Phase, Run};
 use crate::problem::Tally;
 use crate::score::Scores;
 use crate::search::error::SearchError;
+use crate::search::evaluator::Judged;
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::on_demand::FramesOnDemand;
 use crate::search::outcome::Scored;
@@ -22,7 +23,7 @@ impl Run {
         if self.state.settings.frames == FrameChoice::OnDemand {
             let memory = self.memory();
             let (levels, known) =
-                FramesOnDemand::choose(&self.problem, &self.state.settings, memory)?;
+                FramesOnDemand::choose(&self.suite, &self.state.settings, memory)?;
             self.state.levels = Some(levels);
             self.sitting.known = known;
         }
@@ -86,19 +87,19 @@ impl Run {
     }
 
     /// Scores over all frames, told a few placements at a time.
-    pub(super) fn scores_over_all(
+    pub(super) fn judged_over_all(
         &mut self,
         placements: &[Placement],
         watch: &mut Watch,
-    ) -> Result<Vec<Scores>, SearchError> {
-        let work = Work::Confirming { frames: self.problem.frame_count() };
-        let mut scores = Vec::new();
+    ) -> Result<Vec<Judged>, SearchError> {
+        let work = Work::Confirming { frames: self.suite.frame_count() };
+        let mut judged = Vec::new();
         for some in placements.chunks(CONFIRMED_AT_ONCE) {
-            scores.extend(self.over_all(watch)?.scores(some)?);
-            let (done, total) = (scores.len() as u64, placements.len() as u64);
+            judged.extend(self.over_all(watch)?.judged(some)?);
+            let (done, total) = (judged.len() as u64, placements.len() as u64);
             watch.tell(&Event::Progress { work, done, total });
         }
-        Ok(scores)
+        Ok(judged)
     }
 
     /// The baselines over all frames; those that the pilot has scored are not cast again.
@@ -112,11 +113,15 @@ impl Run {
         let missing: Vec<Placement> =
             baselines.iter().filter(|p| known(p).is_none()).cloned().collect();
         let evaluator = self.over_all(watch)?;
-        let mut cast = evaluator.backend_mut().tally(&missing, None)?.into_iter();
-        let tallies: Vec<Tally> =
-            baselines.iter().filter_map(|p| known(p).cloned().or_else(|| cast.next())).collect();
-        let scores = evaluator.scores_from(&baselines, &tallies, None)?;
-        let scored = self.scored(&baselines, scores);
+        let cast = evaluator.tallies(&missing)?.into_iter().enumerate();
+        let tallies = cast.map(|(member, cast)| {
+            let mut cast = cast.into_iter();
+            let tally = |p| known(p).map(|known| known[member].clone()).or_else(|| cast.next());
+            baselines.iter().filter_map(tally).collect()
+        });
+        let tallies: Vec<Vec<Tally>> = tallies.collect();
+        let judged = evaluator.judged_from(&baselines, &tallies)?;
+        let scored = self.scored(&baselines, judged);
         self.sitting.baselines = Some(scored.clone());
         Ok(scored)
     }

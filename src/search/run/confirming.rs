@@ -4,12 +4,15 @@ use super::state::Run;
 use crate::score::Standing;
 use crate::search::bound::Certificate;
 use crate::search::error::SearchError;
+use crate::search::evaluator::Evaluator;
 use crate::search::findings::findings;
 use crate::search::observer::Watch;
 use crate::search::on_demand::FramesOnDemand;
 use crate::search::outcome::{MethodRecord, Outcome, Scored, Stopped};
+use crate::search::pilot::Pilot;
 use crate::search::rules::active_bounds;
 use crate::search::settings::Method;
+use crate::search::spread::GainSpread;
 use crate::vehicle::Placement;
 
 impl Run {
@@ -34,15 +37,20 @@ impl Run {
         let baselines = self.baselines(watch)?;
         self.tell_changes(watch);
         let evaluations = self.state.generations.evaluations();
-        let constraints = self.problem.constraints();
+        let constraints = self.suite.constraints();
         let swapped = self.state.swaps.as_ref().map_or(0, |swaps| swaps.poses_cast);
         let used =
             |levels: &FramesOnDemand| levels.used(evaluations, swapped, constraints.lidars());
         let search_frames = self.frames().len();
         let sample = self.state.bounds.as_ref().filter(|_| best.is_some());
-        let engine = self.sitting.evaluator.as_ref().map(|evaluator| evaluator.backend());
+        let spread = match &best {
+            Some(best) => self.spread(best, &baselines)?,
+            None => None,
+        };
+        let evaluator = self.sitting.evaluator.as_ref();
+        let engine = evaluator.map(|evaluator| evaluator.backend());
         let mut backend_changes = self.sitting.changes.clone();
-        backend_changes.extend(engine.into_iter().flat_map(|engine| engine.changes()).cloned());
+        backend_changes.extend(evaluator.into_iter().flat_map(Evaluator::changes));
         Ok(Outcome {
             active_bounds: best
                 .as_ref()
@@ -52,6 +60,7 @@ impl Run {
             baselines,
             methods,
             certificate,
+            spread,
             findings: sample.map(|bounds| findings(&bounds.sample.scored())).unwrap_or_default(),
             frames_used: self.state.levels.as_ref().map(used),
             search_frames,
@@ -75,8 +84,8 @@ impl Run {
         let best = self.state.generations.best().map(|best| best.placement.clone());
         let Some(best) = self.state.chosen.clone().or(best) else { return Ok(None) };
         let named = [Placement { name: "optimized".into(), ..best }];
-        let scores = self.scores_over_all(&named, watch)?;
-        let scored = self.scored(&named, scores).remove(0);
+        let judged = self.judged_over_all(&named, watch)?;
+        let scored = self.scored(&named, judged).remove(0);
         let evaluations = self.state.generations.evaluations();
         let method = MethodRecord {
             method: "cma-es",
@@ -99,8 +108,8 @@ impl Run {
         if !self.is_over_all() {
             ends.extend(swaps.others);
         }
-        let scores = self.scores_over_all(&ends, watch)?;
-        let mut scored = self.scored(&ends, scores);
+        let judged = self.judged_over_all(&ends, watch)?;
+        let mut scored = self.scored(&ends, judged);
         let standings: Vec<Standing> = scored.iter().map(Scored::standing).collect();
         let scored = scored.swap_remove(Standing::best(&standings).unwrap_or(0));
         let method = MethodRecord {
@@ -123,10 +132,28 @@ impl Run {
         let there = self.evaluator(watch)?.scores(std::slice::from_ref(best))?.remove(0);
         let found = self.objective().value(&there).unwrap_or(f64::NAN);
         let mut certificate = Certificate::new(bounds.sample.lipschitz(), bounds.gain, found);
-        if certificate.gain.is_some() && self.problem.constraints().ties.any() {
+        if certificate.gain.is_some() && self.suite.constraints().ties.any() {
             certificate.gain_says += " (over placements that need not be symmetric or level)";
         }
         Ok(Some(certificate))
+    }
+
+    /// Whether the result gains more than the best baseline by more than the scenes' own spread; `None` for
+    /// one scene, or without a baseline to compare with.
+    fn spread(
+        &self,
+        best: &Scored,
+        baselines: &[Scored],
+    ) -> Result<Option<GainSpread>, SearchError> {
+        let Some(rival) = Scored::yardstick(baselines).filter(|_| self.suite.scene_count() > 1)
+        else {
+            return Ok(None);
+        };
+        let pair = vec![best.placement.clone(), rival.placement.clone()];
+        let by_frame = Pilot::new(&self.suite, pair, self.memory())?;
+        let [ours, theirs] = [0, 1].map(|index| by_frame.gain_shares(index));
+        let seed = self.state.settings.seed;
+        Ok(GainSpread::new(&rival.placement.name, &ours, &theirs, seed))
     }
 
     fn stopped(&self, watch: &Watch) -> Stopped {

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::state::{Phase, Run};
-use crate::score::Standing;
+use crate::score::{Scores, Standing};
 use crate::search::error::SearchError;
 use crate::search::observer::{Event, Watch, Work};
 
@@ -25,7 +25,7 @@ impl Run {
         }
         self.evaluator(watch)?;
         let evaluator = self.sitting.evaluator.as_mut().expect("opened in the line above");
-        let frames = evaluator.problem().frame_count();
+        let frames = evaluator.frame_count();
         let start = Instant::now();
         let generation = self.state.generations.step(evaluator, &self.state.settings)?;
         let took = start.elapsed();
@@ -73,7 +73,8 @@ impl Run {
         let objective = self.objective();
         if let Some(levels) = &self.state.levels {
             let (finalists, level) = (levels.to_confirm(), levels.of_swaps());
-            let scores = self.scores_over_all(&finalists, watch)?;
+            let judged = self.judged_over_all(&finalists, watch)?;
+            let scores: Vec<Scores> = judged.into_iter().map(|judged| judged.scores).collect();
             if let Some(levels) = &mut self.state.levels {
                 levels.confirmed(&scores, &objective);
                 self.state.chosen = levels.winner();

@@ -1,28 +1,28 @@
 //! The loop over the steps of a run.
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use super::state::{Phase, Run};
-use crate::problem::Problem;
 use crate::search::error::SearchError;
 use crate::search::observer::{Observer, Watch};
 use crate::search::outcome::Outcome;
 use crate::search::settings::{Settings, TimeLimit};
+use crate::search::suite::Suite;
 
 /// Searches the placement that makes the objective largest: frames on demand, CMA-ES, swaps, finalists
 /// confirmed over all frames, a bound on what any other placement could reach.
 ///
-/// `problem` is over all frames of the scene; its constraints are the rules that every candidate keeps.
+/// `scenes` is a problem over all frames of its scene, or a [`Suite`] of several whose mean is maximized; its
+/// constraints are the rules that every candidate keeps.
 ///
 /// # Errors
-/// Settings that the problem does not allow, or from the engine.
+/// Settings that a scene does not allow, or from the engine.
 pub fn optimize(
-    problem: &Arc<Problem>,
+    scenes: impl Into<Suite>,
     settings: &Settings,
     observer: &mut dyn Observer,
 ) -> Result<Outcome, SearchError> {
-    let mut run = Run::new(problem.clone(), settings)?;
+    let mut run = Run::new(scenes, settings)?;
     loop {
         if let Some(outcome) = run.step(observer)? {
             return Ok(outcome);

@@ -21,13 +21,13 @@ impl Run {
         starts.extend(self.best_baseline(watch)?);
         let on_grid = SwapSettings {
             spacing: settings.delta.unwrap_or(SWAP_SPACING),
-            casts: settings.poses_for_swaps(self.problem.constraints().lidars()),
+            casts: settings.poses_for_swaps(self.suite.constraints().lidars()),
             memory: self.memory() / 2,
             seed: settings.seed,
         };
         // Where no candidate of the generations kept the rules, greedy may find one that does.
         let anywhere = settings.method == Method::Swaps || starts.is_empty();
-        let grid = PoseGrid::new(self.problem.constraints(), on_grid.spacing)?;
+        let grid = PoseGrid::new(self.suite.constraints(), on_grid.spacing)?;
         let total = if anywhere { u64::from(grid.len()) } else { on_grid.casts };
         let evaluator = self.evaluator(watch)?;
         let mut go_on = |cast: u64| {
@@ -50,7 +50,7 @@ impl Run {
 
     /// The best baseline that keeps every rule and violates no guard.
     fn best_baseline(&mut self, watch: &mut Watch) -> Result<Option<Placement>, SearchError> {
-        let lidars = self.problem.constraints().lidars();
+        let lidars = self.suite.constraints().lidars();
         let mut good = self.baselines(watch)?;
         good.retain(|baseline| {
             baseline.violations.is_empty()

@@ -1,20 +1,19 @@
 //! The state of a run as a value, and beside it what only lives as long as the process.
 
-use std::sync::Arc;
-
 use serde::{Deserialize, Serialize};
 
-use crate::engine::{CpuBackend, EngineChoice, open};
-use crate::problem::{Problem, Tally, spread};
-use crate::score::{Objective, Scores};
+use crate::engine::EngineChoice;
+use crate::score::Objective;
 use crate::search::bound::Bounds;
 use crate::search::error::SearchError;
-use crate::search::evaluator::Evaluator;
+use crate::search::evaluator::{Evaluator, Judged};
 use crate::search::generations::{GenerationRecord, Generations, GenerationsStop, why_left_out};
 use crate::search::observer::Watch;
 use crate::search::on_demand::FramesOnDemand;
 use crate::search::outcome::{LeftOut, Scored, SearchTimes};
+use crate::search::pilot::Known;
 use crate::search::settings::{FrameChoice, Settings, TimeLimit};
+use crate::search::suite::Suite;
 use crate::search::swaps::{SWAP_SPACING, Swapped};
 use crate::vehicle::{Placement, PoseGrid};
 
@@ -75,8 +74,8 @@ pub(super) struct Sitting {
     pub evaluator: Option<Evaluator>,
     /// Over all frames, where the search is over fewer.
     pub over_all: Option<Evaluator>,
-    /// Placements whose tallies over all frames are known.
-    pub known: Vec<(Placement, Tally)>,
+    /// Placements whose tallies over all frames of each scene are known.
+    pub known: Known,
     /// The baselines over all frames.
     pub baselines: Option<Vec<Scored>>,
     /// Generations of this sitting.
@@ -92,9 +91,9 @@ pub(super) struct Sitting {
     pub times: SearchTimes,
 }
 
-/// A run under way: a [`State`], the problem over all frames, and open engines.
+/// A run under way: a [`State`], the scenes over all frames, and open engines.
 pub struct Run {
-    pub(super) problem: Arc<Problem>,
+    pub(super) suite: Suite,
     pub(super) state: State,
     /// The state before the first cut, where there was one.
     pub(super) before_cut: Option<State>,
@@ -102,20 +101,23 @@ pub struct Run {
 }
 
 impl Run {
-    /// A run over the frames of a problem.
+    /// A run over the frames of a problem, or of several scenes.
     ///
     /// # Errors
-    /// Settings that the problem does not allow, or that the CMA-ES refuses.
-    pub fn new(problem: impl Into<Arc<Problem>>, settings: &Settings) -> Result<Self, SearchError> {
-        let (problem, settings) = (problem.into(), settings.clone());
+    /// Settings that a scene does not allow, or that the CMA-ES refuses.
+    pub fn new(scenes: impl Into<Suite>, settings: &Settings) -> Result<Self, SearchError> {
+        let (suite, settings) = (scenes.into(), settings.clone());
         let objective = &settings.objective;
-        if objective.needs_detection() && !problem.content().has_detection() {
-            return Err(SearchError::NoDetection { objective: objective.to_string() });
+        let without =
+            suite.members().iter().find(|member| !member.problem().content().has_detection());
+        if let Some(member) = without.filter(|_| objective.needs_detection()) {
+            let (objective, scene) = (objective.to_string(), member.scene());
+            return Err(SearchError::NoDetection { objective, scene });
         }
         // Before any work, so that a grid too fine is found out now.
-        PoseGrid::new(problem.constraints(), settings.delta.unwrap_or(SWAP_SPACING))?;
+        PoseGrid::new(suite.constraints(), settings.delta.unwrap_or(SWAP_SPACING))?;
         let starts = settings.baselines.iter().chain(&settings.starts);
-        let generations = Generations::new(&settings, problem.constraints(), starts)?;
+        let generations = Generations::new(&settings, suite.constraints(), starts)?;
         let state = State {
             phase: Phase::Frames,
             settings,
@@ -126,13 +128,12 @@ impl Run {
             swaps: None,
             bounds: None,
         };
-        Ok(Self::resume(problem, state))
+        Ok(Self::resume(suite, state))
     }
 
-    /// Goes on with a state that an earlier run over the same problem was in.
-    pub fn resume(problem: impl Into<Arc<Problem>>, state: State) -> Self {
-        let problem = problem.into();
-        Self { problem, state, before_cut: None, sitting: Sitting::default() }
+    /// Goes on with a state that an earlier run over the same scenes was in.
+    pub fn resume(scenes: impl Into<Suite>, state: State) -> Self {
+        Self { suite: scenes.into(), state, before_cut: None, sitting: Sitting::default() }
     }
 
     /// Sets engine and time limit, which are no part of a saved state.
@@ -152,7 +153,7 @@ impl Run {
 
     /// Layouts to start from, beside the baselines, that the mount does not allow.
     pub fn left_out(&self) -> Vec<LeftOut> {
-        let constraints = self.problem.constraints();
+        let constraints = self.suite.constraints();
         let layouts = self.state.settings.starts.iter().map(|placement| LeftOut {
             name: placement.name.clone(),
             why: why_left_out(constraints, placement),
@@ -183,35 +184,34 @@ impl Run {
         self.state.settings.engine.memory_budget()
     }
 
-    /// Frames of the search.
+    /// Frames of the search, numbered through all scenes.
     pub(super) fn frames(&self) -> Vec<usize> {
-        let all = self.problem.frame_count();
         match (&self.state.levels, self.state.settings.frames) {
             (Some(levels), _) => levels.frames().to_vec(),
-            (None, FrameChoice::Count(wanted)) => spread(all, Some(wanted)),
-            (None, _) => spread(all, None),
+            (None, FrameChoice::Count(wanted)) => self.suite.spread(Some(wanted)),
+            (None, _) => self.suite.spread(None),
         }
     }
 
     /// Whether the search is over all frames.
     pub(super) fn is_over_all(&self) -> bool {
-        self.frames().len() == self.problem.frame_count()
+        self.frames().len() == self.suite.frame_count()
     }
 
     /// Scores over the frames of the search.
     pub(super) fn evaluator(&mut self, watch: &mut Watch) -> Result<&mut Evaluator, SearchError> {
         if self.sitting.evaluator.is_none() {
-            let problem = match self.is_over_all() {
-                true => self.problem.clone(),
-                false => Arc::new(self.problem.over(&self.frames())),
+            let suite = match self.is_over_all() {
+                true => self.suite.clone(),
+                false => self.suite.over(&self.frames()),
             };
-            // Lost devices are told after each step, from the engine's own list.
-            let opened = open(&problem, &self.state.settings.engine, |_| {})?;
+            // Lost devices are told after each step, from the engines' own lists.
+            let (evaluator, notes) = Evaluator::open(&suite, &self.state.settings.engine, |_| {})?;
             if !self.sitting.named {
-                opened.notes.iter().for_each(|note| watch.note(note));
+                notes.iter().for_each(|note| watch.note(note));
                 self.sitting.named = true;
             }
-            self.sitting.evaluator = Some(Evaluator::new(problem, opened.engine));
+            self.sitting.evaluator = Some(evaluator);
         }
         Ok(self.sitting.evaluator.as_mut().expect("opened above"))
     }
@@ -219,7 +219,7 @@ impl Run {
     /// Closes the engine of the search: the next one is over other frames.
     pub(super) fn close(&mut self) {
         if let Some(evaluator) = self.sitting.evaluator.take() {
-            self.sitting.changes.extend_from_slice(evaluator.backend().changes());
+            self.sitting.changes.extend(evaluator.changes());
             self.sitting.told = 0;
         }
     }
@@ -230,19 +230,15 @@ impl Run {
         if self.is_over_all() {
             return self.evaluator(watch);
         }
-        let memory = self.memory();
-        let problem = &self.problem;
-        let opened = || {
-            let engine = CpuBackend::new(problem.clone(), memory);
-            Evaluator::new(problem.clone(), Box::new(engine))
-        };
+        let (memory, suite) = (self.memory(), &self.suite);
+        let opened = || Evaluator::suite_on_cpu(suite, memory);
         Ok(self.sitting.over_all.get_or_insert_with(opened))
     }
 
     /// Tells of devices that were lost since the last call.
     pub(super) fn tell_changes(&mut self, watch: &mut Watch) {
         let Some(evaluator) = &self.sitting.evaluator else { return };
-        let changes = evaluator.backend().changes();
+        let changes = evaluator.changes();
         changes[self.sitting.told.min(changes.len())..]
             .iter()
             .for_each(|change| watch.note(change));
@@ -250,13 +246,14 @@ impl Run {
     }
 
     /// Placements with their scores and the rules that they break.
-    pub(super) fn scored(&self, placements: &[Placement], scores: Vec<Scores>) -> Vec<Scored> {
-        let (objective, constraints) = (self.objective(), self.problem.constraints());
-        let scored = placements.iter().zip(scores).map(|(placement, scores)| Scored {
-            objective: objective.value(&scores),
+    pub(super) fn scored(&self, placements: &[Placement], judged: Vec<Judged>) -> Vec<Scored> {
+        let (objective, constraints) = (self.objective(), self.suite.constraints());
+        let scored = placements.iter().zip(judged).map(|(placement, judged)| Scored {
+            objective: objective.value(&judged.scores),
             violations: constraints.violations(placement).iter().map(ToString::to_string).collect(),
             placement: placement.clone(),
-            scores,
+            scores: judged.scores,
+            by_scene: judged.by_scene,
         });
         scored.collect()
     }

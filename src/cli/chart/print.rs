@@ -1,0 +1,97 @@
+//! Charts as tables: the settings of a scene, and the one to take in each of several.
+
+use sightline::chart::Chart;
+use sightline::internals::{align_columns, chart_words, seconds};
+
+use crate::cli::error::Error;
+use crate::cli::files::told_apart;
+
+/// Titles of the printed table.
+const TITLES: [&str; 12] = [
+    "setting",
+    "s a placement",
+    "MiB",
+    "score error %: median",
+    "largest",
+    "Kendall τ",
+    "95 %",
+    "regret %",
+    "95 %",
+    "swapped %",
+    "95 %",
+    "front",
+];
+
+/// The table of one scene's settings, and what it means.
+pub(super) fn print(found: &Chart) -> Result<(), Error> {
+    let rows = found.rows();
+    outln!(
+        "{}: {} placements ranked by {}, against {}",
+        found.scene,
+        found.placements.len(),
+        found.objective,
+        rows.first().map_or("nothing", |row| &row.setting)
+    )?;
+    let cells = rows.iter().map(|row| {
+        let mark = if row.same_quantity { " " } else { "*" };
+        let error = &row.error;
+        let (tau, range) = match error.tau {
+            Some(t) => (format!("{:.3}", t.value), format!("{:.3}–{:.3}", t.low, t.high)),
+            None => ("–".to_owned(), String::new()),
+        };
+        vec![
+            row.setting.clone(),
+            seconds(row.seconds),
+            format!("{:.1}", row.bytes as f64 / f64::from(1 << 20)),
+            format!("{:.3}{mark}", 100.0 * error.score_median),
+            format!("{:.3}{mark}", 100.0 * error.score_largest),
+            tau,
+            range,
+            format!("{:.2}", 100.0 * error.regret.value),
+            format!("{:.2}–{:.2}", 100.0 * error.regret.low, 100.0 * error.regret.high),
+            format!("{:.1}", 100.0 * error.swapped.value),
+            format!("{:.1}–{:.1}", 100.0 * error.swapped.low, 100.0 * error.swapped.high),
+            if row.on_front { "front" } else { "" }.to_owned(),
+        ]
+    });
+    let titles = TITLES.map(str::to_owned).to_vec();
+    out!("{}", align_columns(&std::iter::once(titles).chain(cells).collect::<Vec<_>>()))?;
+    outln!(
+        "* other voxels, beams or coverage make the score another quantity; only the ranking compares"
+    )?;
+    outln!(
+        "swapped: of the pairs farther apart than {} % of the best score, those in another order",
+        100.0 * found.tolerance
+    )?;
+    for line in &found.left_out {
+        outln!("left out: {line}")?;
+    }
+    outln!()?;
+    for line in chart_words(found) {
+        outln!("{line}")?;
+    }
+    Ok(())
+}
+
+/// The setting to take in each scene, a row each.
+pub(super) fn print_summary(charts: &[Chart]) -> Result<(), Error> {
+    let titles = ["scene", "cheapest setting that keeps the ranking", "× faster", "τ", "regret %"];
+    let mut rows = vec![titles.map(str::to_owned).to_vec()];
+    let names = told_apart(charts.iter().map(|chart| chart.scene.clone()));
+    for (name, chart) in names.into_iter().zip(charts) {
+        let all = chart.rows();
+        let chosen = chart.verdict.and_then(|verdict| Some((verdict, all.get(verdict.setting)?)));
+        rows.push(match chosen {
+            None => vec![name, "none".to_owned()],
+            Some((verdict, row)) => vec![
+                name,
+                row.setting.clone(),
+                format!("{:.1}", verdict.saves_over_f64),
+                row.error.tau.map_or("–".into(), |tau| format!("{:.3}", tau.value)),
+                format!("{:.2}", 100.0 * row.error.regret.value),
+            ],
+        });
+    }
+    outln!("\nall scenes")?;
+    out!("{}", align_columns(&rows))
+}

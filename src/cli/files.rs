@@ -1,0 +1,62 @@
+//! Which of the files given are scenes, and which one holds placements.
+
+use std::path::{Path, PathBuf};
+
+use sightline::internals::holds_placements;
+
+use super::error::Error;
+
+/// Scenes in the order given, and the file of placements where there is one.
+pub struct Files {
+    pub scenes: Vec<PathBuf>,
+    pub placements: Option<PathBuf>,
+}
+
+impl Files {
+    /// Sorts files by what they hold: placements are a `.jsonl` file, standard input, or a document
+    /// `{"placements": [ … ]}`; all others are scenes.
+    pub fn sort(files: &[PathBuf]) -> Result<Self, Error> {
+        let (placements, scenes): (Vec<PathBuf>, Vec<PathBuf>) =
+            files.iter().cloned().partition(|file| holds_placements(file));
+        if let [first, second, ..] = &placements[..] {
+            return Err(Error::Usage(format!(
+                "{} and {}: both hold placements; give one such file",
+                first.display(),
+                second.display()
+            )));
+        }
+        if let ([], Some(only)) = (&scenes[..], placements.first()) {
+            return Err(Error::Usage(format!(
+                "{}: holds placements; give a scene to score them in before it",
+                only.display()
+            )));
+        }
+        Ok(Self { scenes, placements: placements.into_iter().next() })
+    }
+
+    /// As [`Self::sort`], for a command that needs placements: where no file is one of them by its look the
+    /// last is taken for it, whose own fault then is told.
+    pub fn with_placements(files: &[PathBuf]) -> Result<(Vec<PathBuf>, PathBuf), Error> {
+        let Self { mut scenes, placements } = Self::sort(files)?;
+        let placements = placements.or_else(|| scenes.pop());
+        match (placements, scenes.is_empty()) {
+            (Some(placements), false) => Ok((scenes, placements)),
+            (only, _) => Err(Error::Usage(format!(
+                "{}: is the only file; give a scene, and the placements to score in it",
+                only.as_deref().unwrap_or(Path::new("")).display()
+            ))),
+        }
+    }
+}
+
+/// Names of scenes, of equal ones the later ones with a number: they tell rows and folders apart.
+pub fn told_apart(names: impl IntoIterator<Item = String>) -> Vec<String> {
+    let mut told: Vec<String> = Vec::new();
+    for wanted in names {
+        let numbered = (2..).map(|number| format!("{wanted}-{number}"));
+        let mut candidates = std::iter::once(wanted.clone()).chain(numbered);
+        let free = candidates.find(|name| !told.contains(name));
+        told.push(free.unwrap_or(wanted));
+    }
+    told
+}

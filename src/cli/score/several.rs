@@ -1,0 +1,170 @@
+//! `score` over several scenes: the scores in each, and their mean.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde_json::{Value, json};
+use sightline::internals::{shared_folder, writable_file};
+use sightline::report;
+use sightline::score::Scores;
+use sightline::search::{Evaluator, Judged, Member};
+use sightline::vehicle::{Placement, PlacementReader};
+
+use super::{Args, BLOCK, write_coverage, write_out};
+use crate::cli::args::Format;
+use crate::cli::error::Error;
+use crate::cli::load::{self, LoadTimes, Suited};
+use crate::cli::progress;
+
+/// Placements that are held at once at most: a mean needs their scores in every scene.
+const MOST: usize = 100_000;
+
+pub(super) fn run(
+    args: &Args,
+    scenes: &[PathBuf],
+    placements: &Path,
+    start: Instant,
+) -> Result<(), Error> {
+    let Suited { scenes, evaluator, times } = load::suite(scenes, args.frames, &args.compute)?;
+    if let Some(file) = &args.out {
+        let inputs = scenes.iter().flat_map(|scene| scene.files()).map(PathBuf::as_path);
+        writable_file(file, inputs.chain([placements]))?;
+    }
+    let placements = read(placements)?;
+    let mut batch = Batch { evaluator, times, start, judged: Vec::new() };
+    let bar = progress::bar(placements.len() as u64, "placements", args.compute.talk);
+    for block in placements.chunks(BLOCK) {
+        batch.judged.extend(batch.evaluator.judged(block)?);
+        bar.inc(block.len() as u64);
+    }
+    bar.finish_and_clear();
+    if let Some(folder) = &args.coverage_out {
+        batch.write_coverage(folder, &placements)?;
+    }
+    let seconds = start.elapsed().as_secs_f64() - batch.times.load - batch.times.build;
+    write_out(args, |path, out| {
+        let text = match args.format {
+            Format::Json => format!("{:#}\n", batch.json()),
+            Format::Text => batch.text(),
+        };
+        out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Error::io(path))
+    })?;
+    let (count, frames) = (placements.len(), batch.evaluator.frame_count());
+    args.compute.talk.note(format!(
+        "{count} placements × {frames} frames of all scenes in {seconds:.2} s: {:.1} placements × frames/s",
+        (count * frames) as f64 / seconds
+    ));
+    Ok(())
+}
+
+/// All placements of a file, unless these are too many to be held with their scores in every scene.
+fn read(path: &Path) -> Result<Vec<Placement>, Error> {
+    let mut placements = Vec::new();
+    for placement in PlacementReader::open(path)? {
+        placements.push(placement?);
+        if placements.len() > MOST {
+            return Err(Error::Usage(format!(
+                "{}: holds more than {MOST} placements, too many for several scenes at once; score one scene \
+                 at a time",
+                path.display()
+            )));
+        }
+    }
+    if placements.is_empty() {
+        return Err(sightline::vehicle::PlacementFileError::Empty { path: path.to_owned() }.into());
+    }
+    Ok(placements)
+}
+
+/// Placements with their scores in every scene.
+struct Batch {
+    evaluator: Evaluator,
+    times: LoadTimes,
+    start: Instant,
+    judged: Vec<Judged>,
+}
+
+impl Batch {
+    fn members(&self) -> impl Iterator<Item = (usize, &Member)> {
+        self.evaluator.members().map(|(member, _)| member).enumerate()
+    }
+
+    /// Scores of all placements in one scene.
+    fn of_scene(&self, scene: usize) -> Vec<&Scores> {
+        self.judged.iter().map(|judged| &judged.by_scene[scene].scores).collect()
+    }
+
+    fn mean(&self) -> Vec<Scores> {
+        self.judged.iter().map(|judged| judged.scores.clone()).collect()
+    }
+
+    /// A table a scene, and the mean.
+    fn text(&self) -> String {
+        let mut text = String::new();
+        for (index, member) in self.members() {
+            let problem = member.problem();
+            text += &format!(
+                "{}: {} over {} frame(s), {} beams a LiDAR\n",
+                member.name(),
+                problem.coverage(),
+                problem.frame_count(),
+                problem.sensors().most_beams()
+            );
+            let scores: Vec<Scores> = self.of_scene(index).into_iter().cloned().collect();
+            text += &format!("{}\n", report::scores_text(&scores));
+        }
+        let names: Vec<&str> = self.members().map(|(_, member)| member.name()).collect();
+        text += &format!(
+            "mean of {}: each scene's gain as a share of its own total, in nats of the mean total\n",
+            names.join(", ")
+        );
+        text + &report::scores_text(&self.mean())
+    }
+
+    /// An object a scene, as `score` of that scene alone prints it, and the mean.
+    fn json(&self) -> Value {
+        let engines: Vec<_> = self.evaluator.members().map(|(_, engine)| engine).collect();
+        let scene = |(index, member): (usize, &Member)| {
+            let (problem, engine) = (member.problem(), engines[index]);
+            let stages = engine.times();
+            let mut scene = json!({
+                "scene": member.name(),
+                "backend": engine.name(),
+                "adapter": engine.adapter(),
+                "coverage": problem.coverage(),
+                "frames": problem.frame_count(),
+                "modelled": problem.modelled(),
+                "threads": rayon::current_num_threads(),
+                "scores": self.of_scene(index),
+                // Loading and the whole are those of all scenes together.
+                "timings": {
+                    "load": self.times.load,
+                    "build": self.times.build,
+                    "cast": stages.cast.as_secs_f64(),
+                    "cover": stages.cover.as_secs_f64(),
+                    "reduce": stages.reduce.as_secs_f64(),
+                    "total": self.start.elapsed().as_secs_f64(),
+                },
+            });
+            if !engine.changes().is_empty() {
+                scene["backend_changes"] = json!(engine.changes());
+            }
+            scene
+        };
+        json!({ "scenes": self.members().map(scene).collect::<Vec<_>>(), "mean": self.mean() })
+    }
+
+    /// Covered voxels of each placement, in a folder a scene.
+    fn write_coverage(&mut self, folder: &Path, placements: &[Placement]) -> Result<(), Error> {
+        let names: Vec<String> = self.members().map(|(_, m)| m.name().to_owned()).collect();
+        for (scene, name) in names.iter().enumerate() {
+            let folder = folder.join(name);
+            shared_folder(&folder)?;
+            for placement in placements {
+                let covered = self.evaluator.covered_in(scene, placement)?;
+                write_coverage(&folder, placement, covered)?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,133 @@
+//! A pose atlas for each scene, over one grid of poses.
+
+use std::borrow::Cow;
+
+use super::atlas::{Atlas, Union};
+use super::evaluator::Evaluator;
+use crate::engine::BackendError;
+use crate::problem::{Content, Tally};
+use crate::score::Objective;
+use crate::vehicle::PoseGrid;
+
+/// Fixed-point sum by which the worth of one unit is found: a power of two, and large, so that it is as
+/// exact as the objective's own factors.
+const UNITS: u64 = 1 << 40;
+
+/// What the poses of a grid cover in each scene; all hold the same poses.
+pub struct Atlases {
+    /// At least one.
+    each: Vec<Atlas>,
+}
+
+impl From<Atlas> for Atlases {
+    fn from(atlas: Atlas) -> Self {
+        Self { each: vec![atlas] }
+    }
+}
+
+impl Atlases {
+    /// Empty ones of the evaluator's scenes that hold at most about `bytes` together; see [`Atlas::new`].
+    pub fn new(evaluator: &Evaluator, grid: &PoseGrid, counts_all: bool, bytes: u64) -> Self {
+        let share = bytes / evaluator.members().len().max(1) as u64;
+        let atlas = |member: &super::suite::Member| {
+            Atlas::new(member.problem().clone(), grid.clone(), counts_all, share)
+                .of_mirror_image(member.is_mirrored())
+        };
+        let mut each: Vec<Atlas> = evaluator.members().map(|(member, _)| atlas(member)).collect();
+        let capacity = each.iter().map(Atlas::capacity).min().unwrap_or(0);
+        each.iter_mut().for_each(|atlas| atlas.limit(capacity));
+        Self { each }
+    }
+
+    /// The grid of their poses.
+    pub fn grid(&self) -> &PoseGrid {
+        self.each[0].grid()
+    }
+
+    /// Poses that fit at once.
+    pub fn capacity(&self) -> usize {
+        self.each[0].capacity()
+    }
+
+    /// Bytes of one pose in all scenes, at most.
+    pub fn page_bytes(&self) -> usize {
+        self.each.iter().map(Atlas::page_bytes).sum()
+    }
+
+    /// Poses cast so far, each counted once for all scenes.
+    pub fn poses_cast(&self) -> u64 {
+        self.each[0].poses_cast()
+    }
+
+    /// As [`Atlas::hold`], in every scene.
+    ///
+    /// # Errors
+    /// As [`Atlas::hold`].
+    pub fn hold(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<(), BackendError> {
+        let mut pairs = self.each.iter_mut().zip(evaluator.backends_mut());
+        pairs.try_for_each(|(atlas, backend)| atlas.hold(&mut **backend, poses))
+    }
+
+    /// The unions of held poses, one a scene.
+    ///
+    /// # Panics
+    /// A pose is not held.
+    pub fn union(&self, poses: &[u32], unions: &mut Vec<Union>) {
+        unions.resize_with(self.each.len(), Union::default);
+        self.each.iter().zip(unions).for_each(|(atlas, union)| atlas.union(poses, union));
+    }
+
+    /// The objective of unions and one held pose more, over all scenes; `None` where it does not exist.
+    ///
+    /// # Panics
+    /// The pose is not held.
+    pub fn value_with(&self, objective: &Objective, unions: &[Union], pose: u32) -> Option<f64> {
+        let tally = |(atlas, union): (&Atlas, &Union)| atlas.tally_with(union, pose);
+        let tallies = self.each.iter().zip(unions).map(tally);
+        objective.value_over_scenes(
+            tallies.zip(&self.each).map(|(tally, atlas)| with_content(tally, atlas)),
+        )
+    }
+
+    /// Growth of an information gain with each fixed-point unit of the two tasks' entropies, in each scene:
+    /// (objective of a sum of 2⁴⁰ units) / 2⁴⁰; 0 where it does not exist.
+    pub(super) fn worth_units(&self, objective: &Objective) -> Vec<[f64; 2]> {
+        let unit = |scene: usize, task: usize| {
+            let tallies = (0..self.each.len()).map(|index| {
+                let mut tally = Tally { covered: 1, covered_nonzero: 1, ..Tally::default() };
+                if index == scene {
+                    tally.entropy[task] = UNITS;
+                }
+                with_content(tally, &self.each[index])
+            });
+            objective.value_over_scenes(tallies).unwrap_or(0.0) / UNITS as f64
+        };
+        (0..self.each.len()).map(|scene| [0, 1].map(|task| unit(scene, task))).collect()
+    }
+
+    /// As [`Atlas::occupied_of`], scene after scene.
+    ///
+    /// # Panics
+    /// The pose is not held.
+    pub(super) fn occupied_of(&self, pose: u32) -> Cow<'_, [u64]> {
+        match &self.each[..] {
+            [atlas] => Cow::Borrowed(atlas.occupied_of(pose)),
+            all => all.iter().flat_map(|atlas| atlas.occupied_of(pose)).copied().collect(),
+        }
+    }
+
+    /// The fixed-point entropies of each bit of [`Self::occupied_of`], and the number of its scene; of a
+    /// single scene those of one frame, since all its frames have the same.
+    pub(super) fn worths(&self) -> Vec<([u32; 3], usize)> {
+        let of_scene = |(scene, atlas): (usize, &Atlas)| {
+            let frames = if self.each.len() > 1 { atlas.problem().frame_count() } else { 1 };
+            let worths: Vec<_> = atlas.worths().into_iter().map(|worth| (worth, scene)).collect();
+            worths.repeat(frames)
+        };
+        self.each.iter().enumerate().flat_map(of_scene).collect()
+    }
+}
+
+fn with_content(tally: Tally, atlas: &Atlas) -> (Tally, &Content, usize) {
+    (tally, atlas.problem().content(), atlas.problem().frame_count())
+}

@@ -1,0 +1,105 @@
+//! A few placements scored frame by frame: what frames are chosen by, and what a gain's spread is taken from.
+
+use super::suite::{Member, Suite};
+use crate::engine::{BackendError, CpuBackend};
+use crate::problem::Tally;
+use crate::score::Objective;
+use crate::vehicle::Placement;
+
+/// Placements with their tallies over all frames of each scene.
+pub type Known = Vec<(Placement, Vec<Tally>)>;
+
+/// Tallies of a few placements, frame by frame of every scene.
+pub struct Pilot {
+    pub(super) suite: Suite,
+    pub(super) placements: Vec<Placement>,
+    /// `[frames][placements]`, frames numbered through all scenes.
+    pub(super) by_frame: Vec<Vec<Tally>>,
+}
+
+impl Pilot {
+    /// Scores `placements` in every frame, on the CPU, within about `memory` bytes.
+    ///
+    /// # Errors
+    /// One placement does not fit.
+    pub fn new(
+        suite: &Suite,
+        placements: Vec<Placement>,
+        memory: u64,
+    ) -> Result<Self, BackendError> {
+        let mut by_frame: Vec<Vec<Tally>> = Vec::new();
+        for member in suite.members() {
+            let problem = member.problem();
+            let (first, seen) = (by_frame.len(), member.seen(&placements));
+            let mut backend = CpuBackend::new(problem.clone(), memory);
+            for frame in 0..problem.frame_count() {
+                by_frame.push(match by_frame.get(first + problem.first_equal(frame)) {
+                    Some(equal) => equal.clone(),
+                    None => backend.tally_frame(&seen, frame)?,
+                });
+            }
+        }
+        Ok(Self { suite: suite.clone(), placements, by_frame })
+    }
+
+    /// Placements × frames that were scored.
+    pub fn work(&self) -> u64 {
+        (self.placements.len() * self.by_frame.len()) as u64
+    }
+
+    /// The placements and their tallies over all frames of each scene: the same as a backend gives for
+    /// them.
+    pub fn tallies(&self) -> Known {
+        let ranges = self.suite.frame_ranges();
+        let sums = |index: usize| {
+            let members = self.suite.members().iter().zip(&ranges);
+            members.map(|(member, range)| self.sum(index, member, range.clone())).collect()
+        };
+        let placements = self.placements.iter().cloned().enumerate();
+        placements.map(|(index, placement)| (placement, sums(index))).collect()
+    }
+
+    /// Shares of the information that a placement gains in each frame, `[scenes][frames]`; those of a mirror
+    /// image are averaged with its original's.
+    pub fn gain_shares(&self, index: usize) -> Vec<Vec<f64>> {
+        let mut shares: Vec<Vec<f64>> = vec![Vec::new(); self.suite.scene_count()];
+        let mut images = vec![0.0; shares.len()];
+        for (member, range) in self.suite.members().iter().zip(self.suite.frame_ranges()) {
+            let total = member.problem().content().entropy_total()[0].max(1) as f64;
+            let gains = range.map(|frame| self.by_frame[frame][index].entropy[0] as f64 / total);
+            let (sums, scene) = (&mut shares[member.scene()], member.scene());
+            sums.resize(gains.len(), 0.0);
+            sums.iter_mut().zip(gains).for_each(|(sum, gain)| *sum += gain);
+            images[scene] += 1.0;
+        }
+        for (shares, images) in shares.iter_mut().zip(images) {
+            shares.iter_mut().for_each(|share| *share /= images);
+        }
+        shares
+    }
+
+    fn sum(&self, index: usize, member: &Member, frames: impl Iterator<Item = usize>) -> Tally {
+        let classes = member.problem().content().classes().len();
+        let mut sum = Tally::zero(classes, self.placements[index].lidars.len());
+        frames.for_each(|frame| sum += &self.by_frame[frame][index]);
+        sum
+    }
+
+    /// Objective of each placement over some frames; scenes without any of them do not count.
+    pub(super) fn values(&self, objective: &Objective, frames: &[usize]) -> Vec<Option<f64>> {
+        let members = self.suite.members().iter().zip(self.suite.frame_ranges());
+        let some = members.map(|(member, range)| {
+            let own = frames.iter().copied().filter(move |frame| range.contains(frame));
+            (member, own.collect::<Vec<usize>>())
+        });
+        let some: Vec<(&Member, Vec<usize>)> = some.filter(|(_, own)| !own.is_empty()).collect();
+        let value = |index| {
+            let scenes = some.iter().map(|(member, own)| {
+                let sum = self.sum(index, member, own.iter().copied());
+                (sum, member.problem().content(), own.len())
+            });
+            objective.value_over_scenes(scenes)
+        };
+        (0..self.placements.len()).map(value).collect()
+    }
+}

@@ -1,0 +1,221 @@
+//! Commands over several scenes, as a user would give them.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{fails, ok, room, sightline};
+
+/// Two rooms of one vehicle, and two placements: in the second room another walker goes about, on one side.
+fn rooms() -> TempDir {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let other = |scene: &mut Value| {
+        scene["name"] = json!("hall");
+        scene["frames"] = json!(4);
+        scene["actors"][0]["poses"] =
+            (0..4).map(|t| json!({ "x": f64::from(t) - 3.0, "y": 1.8 })).collect();
+    };
+    changed(dir.path(), "hall.json", other);
+    let placements = json!({ "placements": [
+        { "name": "middle", "lidars": [{ "x": 0, "y": 0.2, "z": 1.5 }, { "x": 0, "y": -0.2, "z": 1.5 }] },
+        { "name": "sides", "lidars": [{ "x": 0.1, "y": 0.5, "z": 1.7, "roll": 0.2 },
+                                      { "x": 0, "y": -0.5, "z": 1.3 }] }] });
+    fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
+    dir
+}
+
+/// The room with something else in it.
+fn changed(dir: &Path, name: &str, change: impl FnOnce(&mut Value)) {
+    let text = fs::read_to_string(dir.join("room.json")).unwrap();
+    let mut scene: Value = serde_json::from_str(&text).unwrap();
+    change(&mut scene);
+    fs::write(dir.join(name), scene.to_string()).unwrap();
+}
+
+const CPU: [&str; 2] = ["--backend", "cpu"];
+
+#[test]
+fn score_prints_each_scene_and_the_mean() {
+    let dir = rooms();
+    let score = |files: &[&str]| ok(dir.path(), &[&["score"], files, &CPU].concat());
+    // Placements may stand anywhere, and scenes of one name are told apart.
+    let all = score(&["room.json", "p.json", "hall.json", "room.json"]);
+    let alone = ["room.json", "hall.json"].map(|scene| score(&[scene, "p.json"]));
+    let scenes = all["scenes"].as_array().unwrap();
+    let names: Vec<&str> = scenes.iter().map(|s| s["scene"].as_str().unwrap()).collect();
+    assert_eq!(names, ["room", "hall", "room-2"]);
+    for (scene, alone) in scenes.iter().zip([&alone[0], &alone[1], &alone[0]]) {
+        assert_eq!(scene["scores"], alone["scores"]);
+        let keys =
+            |value: &Value| -> Vec<String> { value.as_object().unwrap().keys().cloned().collect() };
+        let (mut ours, mut theirs) = (keys(scene), keys(alone));
+        ours.sort();
+        theirs.sort();
+        assert_eq!(ours, theirs, "a scene is printed as it is alone");
+    }
+    for (index, mean) in all["mean"].as_array().unwrap().iter().enumerate() {
+        let share = |scores: &Value| scores["information_gain_share"].as_f64().unwrap();
+        let want = scenes.iter().map(|s| share(&s["scores"][index])).sum::<f64>() / 3.0;
+        assert!((share(mean) - want).abs() < 1e-12);
+    }
+    let covers = [&["score", "room.json", "hall.json", "p.json", "--coverage-out", "c"], &CPU[..]];
+    ok(dir.path(), &covers.concat());
+    assert!(dir.path().join("c/hall/sides.npy").exists());
+    let text = sightline(dir.path(), &["score", "room.json", "hall.json", "p.json"]);
+    let text = String::from_utf8_lossy(&text.stdout).into_owned();
+    for words in ["room: first-hit over 3", "hall: first-hit over 4", "mean of room, hall"] {
+        assert!(text.contains(words), "{text}");
+    }
+}
+
+#[test]
+fn scenes_that_do_not_belong_together_are_refused_in_a_sentence() {
+    let dir = rooms();
+    changed(dir.path(), "dense.json", |scene| scene["lidar"]["channels"] = json!(9));
+    changed(dir.path(), "high.json", |scene| scene["mount"]["max"][2] = json!(1.9));
+    changed(dir.path(), "still.json", |scene| scene["actors"] = json!([]));
+    for command in [&["optimize"][..], &["score", "p.json"]] {
+        let run = |scene: &str| {
+            let files = ["room.json", scene, "--backend", "cpu"];
+            fails(dir.path(), &[command, &files[..]].concat())
+        };
+        for (scene, words) in [
+            ("dense.json", "dense.json: the scene `room-2` has another LiDAR than `room`"),
+            ("high.json", "high.json: the scene `room-2` has another mount than `room`"),
+            ("still.json", "still.json: the scene `room-2` has a P-SOG in which nothing"),
+        ] {
+            let error = run(scene);
+            assert!(error.contains(words), "{error}");
+        }
+    }
+    for (args, words) in [
+        (&["score", "p.json"][..], "p.json: holds placements; give a scene"),
+        (&["score", "room.json"], "room.json: is the only file"),
+        (&["score", "room.json", "p.json", "q.jsonl"], "both hold placements; give one"),
+        (&["audit", "p.json"], "p.json: holds placements; give a scene"),
+    ] {
+        let error = fails(dir.path(), args);
+        assert!(error.contains(words), "{args:?}: {error}");
+    }
+    // Other classes are no error: no score compares them.
+    changed(dir.path(), "tree.json", |scene| {
+        scene["classes"] = json!(["ground", "wall", "pedestrian", "hedge"]);
+        scene["static"][1]["class"] = json!("hedge");
+        scene["name"] = json!("garden");
+    });
+    let output = sightline(dir.path(), &["score", "room.json", "tree.json", "p.json"]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{said}");
+    assert!(
+        said.contains("garden: its classes are not those of room: it")
+            && said.contains("adds hedge"),
+        "{said}"
+    );
+}
+
+fn optimize<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let fixed = ["optimize", "room.json", "hall.json", "--seed", "3", "--out", out];
+    [&fixed[..], &CPU, more].concat()
+}
+
+#[test]
+fn optimize_shows_every_scene_and_says_whether_the_gain_is_more_than_chance() {
+    let dir = rooms();
+    let found = ok(
+        dir.path(),
+        &optimize("both", &["--evaluations", "60", "--mirror", "--baselines", "p.json"]),
+    );
+    let scenes = found["scenes"].as_array().unwrap();
+    let names: Vec<&str> = scenes.iter().map(|s| s["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["room", "room mirrored", "hall", "hall mirrored"]);
+    assert_eq!(found["frames"], 14);
+    for scored in std::iter::once(&found["best"]).chain(found["baselines"].as_array().unwrap()) {
+        assert_eq!(scored["by_scene"].as_array().unwrap().len(), 4);
+    }
+    assert_eq!(found["spread"]["scenes"], 2, "mirror images are no scenes of their own");
+    assert_eq!(found["spread"]["resamples"], 10_000);
+    let page = fs::read_to_string(dir.path().join("both/report.html")).unwrap();
+    let words = found["spread"]["words"].as_str().unwrap();
+    assert!(words.contains("the scenes' own spread"), "{words}");
+    assert!(page.contains("Scene by scene") && page.contains("hall mirrored"));
+    assert!(page.contains("Over 2 scenes it gains"), "{words}");
+    assert!(dir.path().join("both/map-2.svg").exists());
+    // One scene cannot say, and its result has no keys of several.
+    let args = ["optimize", "hall.json", "--out", "one", "--evaluations", "30"];
+    let text = sightline(dir.path(), &[&args[..], &["--baselines", "p.json"], &CPU].concat());
+    let text = String::from_utf8_lossy(&text.stdout).into_owned();
+    assert!(text.contains("A single scene cannot say whether"), "{text}");
+    let one: Value =
+        serde_json::from_slice(&fs::read(dir.path().join("one/result.json")).unwrap()).unwrap();
+    assert!(["scenes", "spread"].iter().all(|key| one.get(key).is_none()));
+    assert!(one["best"].get("by_scene").is_none() && one["settings"].get("mirror").is_none());
+}
+
+#[test]
+fn a_run_over_scenes_that_was_interrupted_goes_on_to_the_same_bytes() {
+    let dir = rooms();
+    let more = ["--evaluations", "400", "--mirror"];
+    ok(dir.path(), &optimize("whole", &more));
+    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
+        .args(optimize("broken", &more))
+        .current_dir(dir.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let (checkpoint, start) = (dir.path().join("broken/checkpoint.json"), Instant::now());
+    while !checkpoint.exists() {
+        assert!(start.elapsed() < Duration::from_secs(60), "no checkpoint was written");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    // Killed, not asked: what stands in the folder is all there is.
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let read = |run: &str, file: &str| fs::read(dir.path().join(run).join(file)).unwrap();
+    let cut = read("broken", "checkpoint.json");
+    assert_ne!(cut, read("whole", "checkpoint.json"), "killed too late");
+    let resumed = ok(dir.path(), &["optimize", "--resume", "broken", "--backend", "cpu"]);
+    for file in ["history.jsonl", "checkpoint.json", "convergence.svg", "map.svg", "map-2.svg"] {
+        assert_eq!(read("whole", file), read("broken", file), "{file}");
+    }
+    let whole: Value = serde_json::from_slice(&read("whole", "result.json")).unwrap();
+    for key in ["best", "baselines", "spread", "certificate", "scenes"] {
+        assert_eq!(whole[key], resumed[key], "{key}");
+    }
+    // Another second scene is another run.
+    changed(dir.path(), "hall.json", |scene| scene["name"] = json!("hall"));
+    let error = fails(dir.path(), &["optimize", "--resume", "broken", "--backend", "cpu"]);
+    assert!(error.contains("hall.json: has changed"), "{error}");
+}
+
+#[test]
+fn audit_study_and_chart_go_from_scene_to_scene() {
+    let dir = rooms();
+    let both = ["room.json", "hall.json"];
+    let args = [&["audit"], &both[..], &["p.json", "--format", "json"], &CPU].concat();
+    let audit = sightline(dir.path(), &args);
+    let audit: Value = serde_json::from_slice(&audit.stdout).unwrap();
+    let names: Vec<&str> =
+        audit["scenes"].as_array().unwrap().iter().map(|s| s["scene"].as_str().unwrap()).collect();
+    assert_eq!(names, ["room", "hall"]);
+    assert!(audit["passed"].is_boolean());
+
+    let more = ["--evaluations", "24", "--out", "study"];
+    let study = ok(dir.path(), &[&["study", "height"], &both[..], &more, &CPU].concat());
+    let gain = |table: &Value| table["rows"][0]["values"][0].as_f64().unwrap();
+    let scenes = study["scenes"].as_array().unwrap();
+    let mean = 0.5 * (gain(&scenes[0]) + gain(&scenes[1]));
+    assert!((gain(&study["mean"]) - mean).abs() < 1e-12, "{study}");
+    assert!(dir.path().join("study/hall/table.csv").exists());
+
+    let more = ["--quick", "--placements", "4", "--out", "chart"];
+    let charts = ok(dir.path(), &[&["chart"], &both[..], &["p.json"], &more, &CPU].concat());
+    assert_eq!(charts["scenes"][1]["scene"], "hall");
+    assert_eq!(charts["scenes"][0]["placements"].as_array().unwrap().len(), 6);
+    assert!(dir.path().join("chart/room/chart.svg").exists());
+}
