@@ -1,5 +1,6 @@
 //! Options that several commands share.
 
+use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
@@ -24,6 +25,9 @@ pub struct Compute {
     /// Memory for work buffers, as 800M or 2G [default: half of what is free]
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub memory: Option<u64>,
+    /// Vehicle file: its sensors, mounts and body in place of the scene's
+    #[arg(long, value_name = "FILE")]
+    pub vehicle: Option<PathBuf>,
     #[command(flatten)]
     pub talk: Talk,
 }

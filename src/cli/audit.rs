@@ -78,7 +78,7 @@ fn of_scene(
     args: &Args,
 ) -> Result<Audit, Error> {
     let talk = args.compute.talk;
-    let (scene, psog, _) = load::scene_and_psog(path, talk)?;
+    let (scene, psog, _) = load::scene_and_psog(path, &args.compute)?;
     load::note_frames(&scene, args.frames, talk);
     let bar = progress::bar(AUDIT_PARTS, "parts", talk);
     let tell = |event: AuditEvent| match event {

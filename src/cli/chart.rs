@@ -171,7 +171,7 @@ fn begun(args: &Args) -> Result<Vec<Begun>, Error> {
 fn of_scene(args: &Args, begun: Begun, stop: &Interrupt) -> Result<(Chart, PathBuf, Value), Error> {
     let talk = args.compute.talk;
     let Begun { saved, resumed, out, name } = begun;
-    let (scene, psog, _) = load::scene_and_psog(&saved.scene, talk)?;
+    let (scene, psog, _) = load::scene_and_psog(&saved.scene, &args.compute)?;
     let inputs = Input::of(&scene)?;
     let dir = match resumed {
         Some(dir) => {

@@ -39,7 +39,7 @@ impl Loaded {
 
 /// Reads a scene and its P-SOG, and opens an engine over `frames` of its frames (all if `None`).
 pub fn scene(path: &Path, frames: Option<u32>, compute: &Compute) -> Result<Loaded, Error> {
-    let (scene, psog, mut times) = scene_and_psog(path, compute.talk)?;
+    let (scene, psog, mut times) = scene_and_psog(path, compute)?;
     let start = Instant::now();
     let frames = spread(scene.frame_count(), frames);
     let evaluator = evaluator(Problem::with_psog(&scene, &psog, &frames)?, compute)?;
@@ -59,7 +59,7 @@ pub fn suite(paths: &[PathBuf], frames: Option<u32>, compute: &Compute) -> Resul
     let mut times = LoadTimes::default();
     let (mut scenes, mut problems) = (Vec::new(), Vec::new());
     for path in paths {
-        let (scene, psog, took) = scene_and_psog(path, compute.talk)?;
+        let (scene, psog, took) = scene_and_psog(path, compute)?;
         note_frames(&scene, frames, compute.talk);
         let start = Instant::now();
         let frames = spread(scene.frame_count(), frames);
@@ -83,16 +83,19 @@ pub fn suite(paths: &[PathBuf], frames: Option<u32>, compute: &Compute) -> Resul
 }
 
 /// Reads a scene and says what in it is most likely not meant.
-pub fn read(path: &Path, talk: Talk) -> Result<Scene, Error> {
-    let scene = Scene::read(path)?;
+pub fn read(path: &Path, vehicle: Option<&Path>, talk: Talk) -> Result<Scene, Error> {
+    let scene = Scene::read_with(path, vehicle)?;
     scene.notes().iter().for_each(|note| talk.note(note));
     Ok(scene)
 }
 
 /// Reads a scene and reads or builds its P-SOG.
-pub fn scene_and_psog(path: &Path, talk: Talk) -> Result<(Scene, Arc<Psog>, LoadTimes), Error> {
-    let start = Instant::now();
-    let scene = read(path, talk)?;
+pub fn scene_and_psog(
+    path: &Path,
+    compute: &Compute,
+) -> Result<(Scene, Arc<Psog>, LoadTimes), Error> {
+    let (start, talk) = (Instant::now(), compute.talk);
+    let scene = read(path, compute.vehicle.as_deref(), talk)?;
     let from_file = matches!(scene.psog_source(), PsogSource::File(_));
     let mut times = LoadTimes { load: start.elapsed().as_secs_f64(), build: 0.0 };
     let start = Instant::now();
@@ -115,7 +118,7 @@ pub fn scene_and_psog(path: &Path, talk: Talk) -> Result<(Scene, Arc<Psog>, Load
 /// Reads a scene for its geometry in one frame; its P-SOG is not needed and stays empty.
 pub fn geometry(path: &Path, frame: u32, compute: &Compute) -> Result<Loaded, Error> {
     let start = Instant::now();
-    let scene = read(path, compute.talk)?;
+    let scene = read(path, compute.vehicle.as_deref(), compute.talk)?;
     if !scene.has_geometry() {
         return Err(Error::Usage(format!(
             "{}: has no geometry to cast into; add static shapes, actors or an ego body",

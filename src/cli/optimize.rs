@@ -1,5 +1,6 @@
 //! `sightline optimize`: options to settings, progress on stderr, a run folder, the result on stdout.
 
+mod equipment;
 mod record;
 mod settings;
 
@@ -18,7 +19,7 @@ use sightline::report::{self, RunRecord};
 use sightline::scene::Scene;
 use sightline::search::{Event, Outcome, Run, SearchError, Suite, TimeLimit, Work};
 
-use super::args::{Format, Talk};
+use super::args::{Compute, Format, Talk};
 use super::error::Error;
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::load;
@@ -36,18 +37,19 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     args.compute.start()?;
     let resumed =
         args.resume.as_deref().map(|path| RunDir::<Saved>::resume("optimize", path)).transpose()?;
-    let begun = match &resumed {
+    let mut begun = match &resumed {
         Some((_, saved)) => saved.begun.clone(),
         None => settings::begun(args)?,
     };
-    let opened = open(&begun, args)?;
+    let opened = open(&mut begun, args)?;
     if let Some((folder, _)) = &resumed {
         folder.check(&opened.inputs)?;
     }
     let (folder, run) = match resumed {
         Some((folder, saved)) => (folder, Run::resume(opened.suite.clone(), saved.run)),
         None => {
-            let run = Run::new(opened.suite.clone(), &settings::of(args)?);
+            let settings = equipment::begin(settings::of(args)?, &begun, &opened.suite, args);
+            let run = Run::new(opened.suite.clone(), &settings);
             let run = run.map_err(|error| in_scene(error, &begun))?;
             // Before the search, so that a folder that cannot be written is found out now.
             let inputs = opened.inputs.clone();
@@ -71,7 +73,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     Ok(if is_interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
 
-fn open(begun: &settings::Begun, args: &Args) -> Result<Opened, Error> {
+fn open(begun: &mut settings::Begun, args: &Args) -> Result<Opened, Error> {
     let mut times = load::LoadTimes::default();
     let (mut scenes, mut problems, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
     for path in begun.scenes() {
@@ -83,6 +85,7 @@ fn open(begun: &settings::Begun, args: &Args) -> Result<Opened, Error> {
     let suite = Suite::new(problems).map_err(|error| in_scene(error, begun))?;
     load::note_classes(&suite, args.compute.talk);
     let suite = if begun.mirror { suite.with_mirror_images() } else { suite };
+    let suite = equipment::equipped(begun, &scenes, &suite, args)?;
     Ok(Opened { scenes, suite, inputs, times })
 }
 
@@ -94,7 +97,8 @@ fn open_scene(
     times: &mut load::LoadTimes,
 ) -> Result<(Scene, Arc<Problem>), Error> {
     let talk = args.compute.talk;
-    let (scene, psog, took) = load::scene_and_psog(path, talk)?;
+    let compute = Compute { vehicle: begun.vehicle.clone(), ..args.compute.clone() };
+    let (scene, psog, took) = load::scene_and_psog(path, &compute)?;
     load::note_frames(&scene, args.frames, talk);
     let scene = scene
         .with_rules(&begun.rules, &path.display().to_string())
@@ -213,6 +217,9 @@ fn print(args: &Args, record: &RunRecord, folder: &Path) -> Result<(), Error> {
         Some(best) => {
             outln!("\noptimized placement (m, rad):")?;
             out!("{}", poses_text(&best.placement))?;
+            for seen in &best.scores.required {
+                outln!("  must be seen: {seen}")?;
+            }
             for bound in &record.active_bounds {
                 outln!("  active: {bound}")?;
             }

@@ -121,7 +121,7 @@ fn build(args: &BuildArgs) -> Result<(), Error> {
             build_kitti_psog(&KittiSequence::open(folder)?, &options)?
         }
         (Some(path), None) => {
-            let scene = load::read(path, args.talk)?;
+            let scene = load::read(path, None, args.talk)?;
             if !scene.has_geometry() {
                 return Err(Error::Usage(format!(
                     "{}: has no geometry to scan; a P-SOG is built from static shapes and actors",

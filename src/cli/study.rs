@@ -147,7 +147,7 @@ fn of_scenes(
     let talk = args.compute.talk;
     let mut scenes = Vec::new();
     for path in paths {
-        let (scene, psog, _) = load::scene_and_psog(path, talk)?;
+        let (scene, psog, _) = load::scene_and_psog(path, &args.compute)?;
         load::note_frames(&scene, args.frames, talk);
         scenes.push((scene, psog));
     }

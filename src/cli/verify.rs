@@ -110,7 +110,7 @@ fn of_scene(
     given: Option<&[Placement]>,
     args: &Args,
 ) -> Result<(String, Verification), Error> {
-    let (scene, psog, _) = load::scene_and_psog(path, args.compute.talk)?;
+    let (scene, psog, _) = load::scene_and_psog(path, &args.compute)?;
     load::note_frames(&scene, Some(args.frames), args.compute.talk);
     let frames = spread(scene.frame_count(), Some(args.frames));
     let problem = Arc::new(Problem::with_psog(&scene, &psog, &frames)?);

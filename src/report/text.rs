@@ -75,9 +75,12 @@ pub fn study_text(table: &Table) -> String {
 pub fn poses_text(placement: &Placement) -> String {
     let titles = ["LiDAR", "x", "y", "z", "roll", "pitch", "yaw"];
     let mut rows = vec![titles.map(str::to_owned).to_vec()];
+    let named = placement.lidars.iter().any(|pose| !pose.sensor.is_none());
+    rows[0].extend(named.then(|| "sensor".to_owned()));
     for (index, pose) in placement.lidars.iter().enumerate() {
         let mut row = vec![index.to_string()];
         row.extend(pose.fields().map(|(_, value)| format!("{value:.3}")));
+        row.extend(named.then(|| pose.sensor.to_string()));
         rows.push(row);
     }
     align_columns(&rows)

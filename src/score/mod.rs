@@ -111,6 +111,19 @@ pub struct Seen {
     pub least: f64,
 }
 
+impl std::fmt::Display for Seen {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { name, share, least } = self;
+        let is = if share < least { "too little of" } else { "of" };
+        write!(
+            f,
+            "{:.1} % {is} {name}, at least {:.1} % is asked for",
+            100.0 * share,
+            100.0 * least
+        )
+    }
+}
+
 /// Shares of the areas of a content.
 fn required(tally: &Tally, content: &Content, frames: usize) -> Vec<Seen> {
     let counts = tally.by_class.iter().skip(content.classes().len());

@@ -5,7 +5,7 @@
 //! one, the best first, once by what each adds and once by what it adds for its price; then single sensors are
 //! exchanged, moved, dropped or added while that gains.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::areas::Areas;
 use super::atlases::Atlases;
@@ -35,7 +35,7 @@ const BUDGETS: u32 = 8;
 const ROUNDS: usize = 20;
 
 /// What a vehicle carries, and where on the coarse grid.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Equipped {
     /// Number of a mount and a model for each LiDAR.
     pub equipment: Equipment,

@@ -17,6 +17,8 @@ pub struct Constraints {
     pub keep_out: Vec<[[f64; 3]; 2]>,
     /// Rules that tie the LiDARs of a placement together; only where all slots are alike.
     pub ties: Ties,
+    /// The model that LiDARs are of which name none.
+    pub first: SensorName,
 }
 
 /// What one LiDAR of a placement may be.
@@ -209,6 +211,11 @@ impl std::fmt::Display for Violation {
 }
 
 impl Constraints {
+    /// Whether a slot is for a sensor of this model.
+    fn has_model(&self, slot: usize, pose: &SensorPose) -> bool {
+        self.slots[slot].sensor == if pose.sensor.is_none() { self.first } else { pose.sensor }
+    }
+
     /// A slot for each LiDAR of a placement, by its model and where it stands: the nearest ones where it
     /// has too many of a kind. Slots that are alike go to LiDARs in the order of their fields.
     fn slots_of(&self, lidars: &[SensorPose]) -> Vec<Option<usize>> {
@@ -226,7 +233,7 @@ impl Constraints {
                 let off = |slot: usize| -> f64 {
                     self.slots[slot].region.outside(pose).iter().map(|(_, by)| by).sum()
                 };
-                let fits = |slot: &usize| free[*slot] && self.slots[*slot].sensor == pose.sensor;
+                let fits = |slot: &usize| free[*slot] && self.has_model(*slot, pose);
                 let nearest = (0..self.slots.len())
                     .filter(fits)
                     .map(|slot| (slot, off(slot)))
@@ -261,7 +268,7 @@ impl Constraints {
         let slots = if alike { Vec::new() } else { self.slots_of(&placement.lidars) };
         for (lidar, pose) in placement.lidars.iter().enumerate() {
             let slot = if alike { Some(0) } else { slots[lidar] };
-            let Some(slot) = slot.filter(|&slot| self.slots[slot].sensor == pose.sensor) else {
+            let Some(slot) = slot.filter(|&slot| self.has_model(slot, pose)) else {
                 found.push(Violation::NoPlace { lidar, sensor: pose.sensor });
                 continue;
             };

@@ -146,6 +146,7 @@ impl Vehicle {
             min_distance: self.min_distance,
             keep_out: self.keep_out.clone(),
             ties: self.ties,
+            first: self.sensors.first().map_or(SensorName::NONE, |model| model.name),
         }
     }
 }

@@ -162,5 +162,10 @@ fn settings_json(begun: &Begun, settings: &Settings, left_out: &[LeftOut]) -> Va
     if begun.mirror {
         all["mirror"] = json!(true);
     }
+    if let Some(equipped) = &begun.equipped {
+        all["vehicle"] = json!(begun.vehicle);
+        all["budget"] = json!(begun.budget);
+        all["equipped"] = json!(equipped);
+    }
     all
 }

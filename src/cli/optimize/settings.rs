@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 use sightline::internals::Spacing;
-use sightline::search::{FrameChoice, Method, Settings, State};
+use sightline::search::{Equipped, FrameChoice, Method, Settings, State};
 use sightline::vehicle::{MountRules, SensorPose, read_placements};
 
 use crate::cli::args::{Compute, Format, at_least_one, finite, parse_seconds, whole};
@@ -16,6 +16,7 @@ use crate::cli::error::Error;
   sightline optimize scenes/highway.json --objective '0.5*m_sog_scaled + 0.5*detection.m_sog_scaled'
   sightline optimize scenes/highway.json scenes/residential.json --mirror
   sightline optimize scenes/highway.json --symmetric --equal-height --max-seconds 30
+  sightline optimize scenes/*.json --vehicle scenes/vehicles/car.json --budget 12000
   sightline optimize --resume runs/highway")]
 pub struct Args {
     /// Scene file; of several, which share LiDAR and mount, the mean is maximized, each normalized by its own
@@ -82,6 +83,10 @@ pub struct Args {
     /// More placements to start from where the mount allows them; not compared with
     #[arg(long, value_name = "FILE", conflicts_with = "resume")]
     inject: Option<PathBuf>,
+    /// Most that the sensors of a vehicle may cost, in the currency of its prices; its models, mounts and
+    /// numbers are chosen for the money
+    #[arg(long, value_name = "PRICE", conflicts_with = "resume", value_parser = finite)]
+    budget: Option<f64>,
     /// How to print the result
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub(super) format: Format,
@@ -89,6 +94,13 @@ pub struct Args {
     rules: Rules,
     #[command(flatten)]
     pub(super) compute: Compute,
+}
+
+impl Args {
+    /// Whether no placements to compare with were given.
+    pub(super) fn has_no_baselines(&self) -> bool {
+        self.baselines.is_none()
+    }
 }
 
 /// Value of `--fidelity`.
@@ -122,6 +134,15 @@ pub(super) struct Begun {
     pub mirror: bool,
     /// Beside those of the scene.
     pub rules: MountRules,
+    /// Vehicle file in place of what the scenes say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vehicle: Option<PathBuf>,
+    /// Most that the sensors may cost.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub budget: Option<f64>,
+    /// What a vehicle carries in this run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub equipped: Option<Equipped>,
 }
 
 /// All that a checkpoint holds.
@@ -152,7 +173,9 @@ pub(super) fn begun(args: &Args) -> Result<Begun, Error> {
     let mut scenes = args.scenes.iter().map(absolute);
     let scene = scenes.next().expect("clap requires a scene or --resume")?;
     let more_scenes = scenes.collect::<Result<_, _>>()?;
-    Ok(Begun { scene, more_scenes, mirror: args.mirror, rules: args.rules.for_mount() })
+    let vehicle = args.compute.vehicle.as_ref().map(absolute).transpose()?;
+    let (mirror, rules, budget) = (args.mirror, args.rules.for_mount(), args.budget);
+    Ok(Begun { scene, more_scenes, mirror, rules, vehicle, budget, equipped: None })
 }
 
 /// The settings of a new run.
