@@ -115,6 +115,17 @@ pub fn audit(
         let scores = evaluator(problem, settings)?.0.scores(honest)?;
         stability.push(ranking.under(&world.name, &[scores]));
     }
+    let sensors = scene.sensors()?;
+    if sensors.turns() && !sensors.has_free_phase() {
+        let problem = Problem::with_psog(scene, psog, &frames)?;
+        let free = |draw| {
+            let sensors = sensors.with_free_phases().with_seed(draw);
+            let (mut freed, _) = evaluator(problem.clone().with_sensors(sensors), settings)?;
+            freed.scores(honest)
+        };
+        let draws = (1..=PHASE_DRAWS).map(free).collect::<Result<Vec<_>, _>>()?;
+        stability.push(ranking.under("azimuth phases free, not in step", &draws));
+    }
     tell(AuditEvent::PartDone);
     Ok(Audit {
         scene: scene.name().to_owned(),
@@ -126,6 +137,9 @@ pub fn audit(
         ranking_against_mean_height: ranking.against_mean_height(),
     })
 }
+
+/// Draws of free phases that the ranking is tried with.
+const PHASE_DRAWS: u64 = 3;
 
 /// An evaluator of a problem, and sentences that name its engine.
 fn evaluator(

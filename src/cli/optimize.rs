@@ -217,6 +217,9 @@ fn print(args: &Args, record: &RunRecord, folder: &Path) -> Result<(), Error> {
         Some(best) => {
             outln!("\noptimized placement (m, rad):")?;
             out!("{}", poses_text(&best.placement))?;
+            if let Some(phases) = &record.phases {
+                outln!("\n{}", phases.words)?;
+            }
             for seen in &best.scores.required {
                 outln!("  must be seen: {seen}")?;
             }

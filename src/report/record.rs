@@ -5,8 +5,8 @@ use serde_json::Value;
 
 use crate::problem::Modelled;
 use crate::search::{
-    Certificate, Finding, FramesUsed, GainSpread, LeftOut, Member, MethodRecord, Outcome, Scored,
-    Suite, rules_in_words,
+    Certificate, Finding, FramesUsed, GainSpread, LeftOut, Member, MethodRecord, Outcome,
+    PhaseCheck, Scored, Suite, rules_in_words,
 };
 
 /// Wall times of a run in seconds.
@@ -84,6 +84,10 @@ pub struct RunRecord {
     /// Whether the gain over the best baseline is more than the scenes' own spread; `None` for one scene.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spread: Option<GainSpread>,
+    /// What result and best baseline are worth at phases that the search has not seen; `None` where all
+    /// phases are locked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub phases: Option<PhaseCheck>,
     /// How much better than the result another placement could be; `None` without a result.
     pub certificate: Option<Certificate>,
     /// What each way of searching found, and which one gave the result.
@@ -174,6 +178,7 @@ impl RunRecord {
             best: outcome.best,
             baselines: outcome.baselines,
             spread: outcome.spread,
+            phases: outcome.phases,
             certificate: outcome.certificate,
             methods: outcome.methods,
             findings: outcome.findings,

@@ -35,7 +35,14 @@ pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> 
             format!("{} guards speak against it, the first: {first}.", others.len() + 1)
         }
     };
-    format!("{against}{share} {guards}")
+    let lacking: Vec<String> = best
+        .scores
+        .required
+        .iter()
+        .filter(|seen| seen.share < seen.least)
+        .map(|seen| format!(" What must be seen is not: {seen}."))
+        .collect();
+    format!("{against}{share}{} {guards}", lacking.concat())
 }
 
 /// The first sentence of [`verdict`]; `None` without a baseline to compare with.

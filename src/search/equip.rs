@@ -22,7 +22,7 @@ use crate::vehicle::{
 /// Frames that the choice looks at, spread evenly.
 const FRAMES: u32 = 4;
 /// Most poses of the grid, over all models and mounts.
-const POSES: u32 = 3000;
+const POSES: u32 = 1200;
 /// Spacing of the grid to begin with; widened until the poses are few enough.
 const SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
 /// Factor by which a grid with too many poses is widened.
@@ -47,6 +47,23 @@ pub struct Equipped {
     pub value: f64,
     /// Share that is missing of what must be seen, over all areas.
     pub missing: f64,
+}
+
+impl Equipped {
+    /// Sensors by mount, in words: `2 × spinning-16 on roof, …`.
+    pub fn words(&self, vehicle: &Vehicle) -> String {
+        let mut counted: Vec<((usize, SensorName), usize)> = Vec::new();
+        for kind in &self.equipment {
+            match counted.iter_mut().find(|(known, _)| known == kind) {
+                Some((_, count)) => *count += 1,
+                None => counted.push((*kind, 1)),
+            }
+        }
+        let word = |&((mount, sensor), count): &((usize, SensorName), usize)| {
+            format!("{count} × {sensor} on {}", vehicle.mounts[mount].region.name)
+        };
+        counted.iter().map(word).collect::<Vec<_>>().join(", ")
+    }
 }
 
 /// A sensor on the grid.

@@ -13,6 +13,7 @@
 //! | `pilot`, `levels`, `on_demand` | few frames that stand for all, and when more are needed |
 //! | `atlas`, `atlases`, `grid_search`, `climb`, `swaps` | placements on a grid of poses |
 //! | `equip`, `areas` | models and numbers of sensors under a budget; what must be seen |
+//! | `phases` | what a result is worth at phases that the search has not seen |
 //! | `bound` | how much better than the result another placement could be |
 //! | `spread` | whether a gain over several scenes is more than their spread |
 //! | `findings`, `rules` | what goes with the objective; the rules of the mount in words |
@@ -32,6 +33,7 @@ pub(crate) mod levels;
 mod observer;
 mod on_demand;
 mod outcome;
+mod phases;
 pub(crate) mod pilot;
 pub(crate) mod rules;
 mod run;
@@ -50,6 +52,7 @@ pub use generations::{GenerationRecord, GenerationsStop};
 pub use observer::{Event, Observer, Work};
 pub use on_demand::{FramesUsed, WorkByPurpose};
 pub use outcome::{LeftOut, MethodRecord, Outcome, Scored, SearchTimes, Stopped};
+pub use phases::PhaseCheck;
 pub(crate) use rules::rules_in_words;
 pub use run::{Phase, Run, State, optimize};
 pub use settings::{FrameChoice, Method, Settings, TimeLimit};

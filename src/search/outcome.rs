@@ -9,6 +9,7 @@ use super::evaluator::SceneScores;
 use super::findings::Finding;
 use super::generations::{GenerationRecord, GenerationsStop};
 use super::on_demand::FramesUsed;
+use super::phases::PhaseCheck;
 use super::spread::GainSpread;
 use crate::score::{Scores, Standing};
 use crate::vehicle::Placement;
@@ -33,7 +34,7 @@ impl Scored {
     /// Whether it keeps every rule of the mount and no guard speaks against it: only then is it a baseline to
     /// compare with.
     pub(crate) fn is_honest(&self) -> bool {
-        self.violations.is_empty() && self.scores.guards.is_empty()
+        self.violations.is_empty() && self.scores.guards.is_empty() && self.scores.missing() == 0.0
     }
 
     /// The best of the honest baselines by the objective.
@@ -146,6 +147,9 @@ pub struct Outcome {
     /// Whether the gain over the best baseline is more than the scenes' own spread; `None` for one scene,
     /// which cannot say, or without a baseline.
     pub spread: Option<GainSpread>,
+    /// What result and best baseline are worth at phases that the search has not seen; `None` where all
+    /// phases are locked.
+    pub phases: Option<PhaseCheck>,
     /// How properties of layouts go with the objective, over random placements on the grid.
     pub findings: Vec<Finding>,
     /// Frames that were used, saved and risked; `None` where they were given.

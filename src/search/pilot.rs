@@ -79,7 +79,7 @@ impl Pilot {
     }
 
     fn sum(&self, index: usize, member: &Member, frames: impl Iterator<Item = usize>) -> Tally {
-        let classes = member.problem().content().classes().len();
+        let classes = member.problem().content().set_count();
         let mut sum = Tally::zero(classes, self.placements[index].lidars.len());
         frames.for_each(|frame| sum += &self.by_frame[frame][index]);
         sum

@@ -189,6 +189,17 @@ impl Suite {
         self.members.iter().map(range).collect()
     }
 
+    /// The same at other draws of the free phases.
+    #[must_use]
+    pub fn with_phases(&self, seed: u64) -> Self {
+        let drawn = |member: &Member| {
+            let problem = Problem::clone(&member.problem);
+            let sensors = problem.sensors().with_seed(seed);
+            Member { problem: Arc::new(problem.with_sensors(sensors)), ..member.clone() }
+        };
+        Self { members: self.members.iter().map(drawn).collect() }
+    }
+
     /// The same with other rules of the mount.
     #[must_use]
     pub fn with_constraints(&self, constraints: &Constraints) -> Self {

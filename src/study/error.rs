@@ -12,6 +12,12 @@ use crate::vehicle::SensorError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StudyError {
+    /// A study of prices of a scene without a vehicle.
+    #[error("{scene}: has no vehicle, so no prices; give one with --vehicle")]
+    NoVehicle {
+        /// File of the scene.
+        scene: String,
+    },
     /// No study of that name.
     #[error("`{name}` is no study; there are {known}")]
     NoKind {

@@ -10,6 +10,8 @@ use super::StudyError;
 pub enum Kind {
     /// One to eight LiDARs.
     Lidars,
+    /// What a vehicle's sensors gain for their price.
+    Cost,
     /// Numbers of channels, and real sensors.
     Channels,
     /// Voxel sizes.
@@ -32,13 +34,22 @@ pub enum Kind {
 
 impl Kind {
     /// Every kind, its name, and its cases.
-    pub const ALL: [(Self, &str, &str); 10] = [
+    pub const ALL: [(Self, &str, &str); 11] = [
         (
             Self::Lidars,
             "lidars",
             "One to eight LiDARs: the best placement of each number, marginal gains, the knee",
         ),
-        (Self::Channels, "channels", "16 to 128 channels, and real sensors (--sensor)"),
+        (
+            Self::Cost,
+            "cost",
+            "What a vehicle's sensors gain for their price, from the cheapest rig up (--vehicle)",
+        ),
+        (
+            Self::Channels,
+            "channels",
+            "16 to 128 channels, elevations crowded at the horizon, and real sensors (--sensor)",
+        ),
         (Self::Voxels, "voxels", "The four voxel sizes of the paper with the layouts of Table 7"),
         (Self::Random, "random", "Random placements against hand-made ones and an optimized one"),
         (

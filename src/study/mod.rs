@@ -5,12 +5,13 @@
 //! | `scene` | problems, searches and scores of one scene, shared by its cases |
 //! | `cases` | the cases, measured once and kept by name; the observer |
 //! | `table`, `mean` | the result, and the mean of several scenes |
-//! | `lidars`, `sensors`, `height` | how many LiDARs, of which kind, how high |
+//! | `lidars`, `cost`, `sensors`, `height` | how many LiDARs, for what money, of which kind, how high |
 //! | `random`, `tasks`, `regions`, `loss` | placements of one scene against each other |
 //! | `voxels`, `transfer`, `published` | other voxels, other scenes, the published results |
 
 mod cases;
 mod columns;
+mod cost;
 mod error;
 mod height;
 mod kind;
@@ -68,6 +69,7 @@ pub fn study(
     let cases = &mut cases;
     match kind {
         Kind::Lidars => lidars::lidars(one, cases),
+        Kind::Cost => cost::cost(one, cases),
         Kind::Channels => sensors::channels(one, cases),
         Kind::Voxels => voxels::voxels(one, cases),
         Kind::Random => random::random(one, cases),

@@ -9,6 +9,19 @@ use crate::vehicle::Lidar;
 /// Channels that are compared over the scene's own field of view.
 const CHANNELS: [u32; 4] = [16, 32, 64, 128];
 
+/// Powers by which elevations are crowded at the horizon: 1 leaves them even.
+const CROWDED: [f64; 3] = [1.0, 1.5, 2.0];
+
+/// An elevation in degrees, drawn to the horizon: of the way from there to the end of the field of view the
+/// share x becomes x^power. The ends stay where they are.
+fn crowded(elevation: f64, [low, high]: [f64; 2], power: f64) -> f64 {
+    let end = if elevation < 0.0 { low } else { high };
+    if low >= 0.0 || high <= 0.0 || end == 0.0 {
+        return elevation;
+    }
+    end * (elevation / end).powf(power)
+}
+
 pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
     let Lidar::Spinning { elevations, azimuth_steps, azimuth, range, .. } = scene.scene.lidar()
     else {
@@ -27,6 +40,19 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
             range: *range,
         };
         sensors.push((format!("{count} channels"), lidar));
+    }
+    for power in CROWDED {
+        let count = elevations.len() as u32;
+        let step = (high - low) / f64::from(count.max(2) - 1);
+        let even = (0..count).map(|k| low + f64::from(k) * step);
+        let lidar = Lidar::Spinning {
+            elevations: even.map(|e| crowded(e, [low, high], power)).collect(),
+            azimuth_offsets: vec![0.0; count as usize],
+            azimuth_steps: *azimuth_steps,
+            azimuth: *azimuth,
+            range: *range,
+        };
+        sensors.push((format!("{count} channels, crowded to the power of {power}"), lidar));
     }
     for path in &scene.settings.sensors {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -47,8 +73,9 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
         Ok((values, best))
     })?;
     let notes = vec![format!(
-        "Evenly spaced channels from {low}° to {high}°, as the scene's own; every sensor turns in {} \
-         steps and sees {} m far, so that elevations alone differ.",
+        "Channels from {low}° to {high}°, as the scene's own, evenly spaced, or drawn to the horizon: the share x \
+         of the way from there to an end becomes x to the power given. Every sensor turns in {} steps and sees \
+         {} m far, so that elevations alone differ.",
         azimuth_steps, range
     )];
     let title = scene.title("the best placement of each sensor");

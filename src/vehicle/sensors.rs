@@ -110,6 +110,21 @@ impl Sensors {
         if names.is_empty() { "one model without a name".into() } else { names.join(", ") }
     }
 
+    /// Whether any model turns all the way round.
+    pub fn turns(&self) -> bool {
+        let turns = |model: &SensorModel| model.table.grid().is_some_and(|grid| grid.turn);
+        self.models.iter().any(turns)
+    }
+
+    /// The same with every model that turns free of the others.
+    pub fn with_free_phases(&self) -> Self {
+        let freed = |model: &SensorModel| match model.table.grid() {
+            Some(grid) if grid.turn => SensorModel { phase: Phase::Free, ..model.clone() },
+            _ => model.clone(),
+        };
+        Self { models: self.models.iter().map(freed).collect(), ..self.clone() }
+    }
+
     /// Range of the model that sees farthest, in metres.
     pub fn longest_range(&self) -> f32 {
         self.models.iter().map(|model| model.table.range()).fold(0.0, f32::max)

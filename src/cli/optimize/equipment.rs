@@ -42,7 +42,7 @@ fn choose(
     let objective = settings::of(args)?.objective;
     let budget = budget.unwrap_or(f64::INFINITY);
     let found = equip(suite, vehicle, &objective, budget, &args.compute.engine())?;
-    talk.note(format!("equipment: {}, {} in all", words(vehicle, &found), found.cost));
+    talk.note(format!("equipment: {}, {} in all", found.words(vehicle), found.cost));
     if found.missing > 0.0 {
         talk.note(format!(
             "what must be seen is not seen: {:.1} % is missing with the sensors chosen, over few frames; raise \
@@ -51,21 +51,6 @@ fn choose(
         ));
     }
     Ok(found)
-}
-
-/// Sensors by mount, in words.
-pub(super) fn words(vehicle: &Vehicle, equipped: &Equipped) -> String {
-    let mut counted: Vec<((usize, sightline::vehicle::SensorName), usize)> = Vec::new();
-    for kind in &equipped.equipment {
-        match counted.iter_mut().find(|(known, _)| known == kind) {
-            Some((_, count)) => *count += 1,
-            None => counted.push((*kind, 1)),
-        }
-    }
-    let word = |&((mount, sensor), count): &((usize, _), usize)| {
-        format!("{count} × {sensor} on {}", vehicle.mounts[mount].region.name)
-    };
-    counted.iter().map(word).collect::<Vec<_>>().join(", ")
 }
 
 /// Settings that start from the chosen sensors, and compare with the same sensors put up plainly: in the middle of

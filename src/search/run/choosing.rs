@@ -108,7 +108,11 @@ impl Run {
             return Ok(baselines.clone());
         }
         let baselines = self.state.settings.baselines.clone();
-        let known = std::mem::take(&mut self.sitting.known);
+        let mut known = std::mem::take(&mut self.sitting.known);
+        if self.suite.has_free_phase() {
+            // Of the phases that the search has seen.
+            known.clear();
+        }
         let known = |p: &Placement| known.iter().find(|(k, _)| k.lidars == p.lidars).map(|k| &k.1);
         let missing: Vec<Placement> =
             baselines.iter().filter(|p| known(p).is_none()).cloned().collect();

@@ -1,6 +1,6 @@
 //! The last step: what each method found over all frames, the better of them, and the outcome.
 
-use super::state::Run;
+use super::state::{CONFIRMING, Run};
 use crate::score::Standing;
 use crate::search::bound::Certificate;
 use crate::search::error::SearchError;
@@ -9,6 +9,7 @@ use crate::search::findings::findings;
 use crate::search::observer::Watch;
 use crate::search::on_demand::FramesOnDemand;
 use crate::search::outcome::{MethodRecord, Outcome, Scored, Stopped};
+use crate::search::phases;
 use crate::search::pilot::Pilot;
 use crate::search::rules::active_bounds;
 use crate::search::settings::Method;
@@ -47,6 +48,15 @@ impl Run {
             Some(best) => self.spread(best, &baselines)?,
             None => None,
         };
+        let phases = match best.as_ref().filter(|_| self.suite.has_free_phase()) {
+            Some(best) => {
+                let rival = Scored::yardstick(&baselines).map(|rival| &rival.placement);
+                let (objective, memory) = (self.objective(), self.memory());
+                let best = &best.placement;
+                Some(phases::check(&self.suite, &objective, best, rival, CONFIRMING, memory)?)
+            }
+            None => None,
+        };
         let evaluator = self.sitting.evaluator.as_ref();
         let engine = evaluator.map(|evaluator| evaluator.backend());
         let mut backend_changes = self.sitting.changes.clone();
@@ -61,6 +71,7 @@ impl Run {
             methods,
             certificate,
             spread,
+            phases,
             findings: sample.map(|bounds| findings(&bounds.sample.scored())).unwrap_or_default(),
             frames_used: self.state.levels.as_ref().map(used),
             search_frames,

@@ -1,0 +1,100 @@
+//! What a result is worth at azimuth phases that the search has not seen.
+
+use serde::Serialize;
+
+use super::error::SearchError;
+use super::evaluator::Evaluator;
+use super::suite::Suite;
+use crate::score::Objective;
+use crate::vehicle::Placement;
+
+/// Draws of the phases that the search has not seen.
+pub(super) const DRAWS: u64 = 8;
+/// Two-sided 95 % of Student's distribution with [`DRAWS`] − 1 degrees of freedom.
+const STUDENT: f64 = 2.365;
+
+/// The objective of a result and of the best baseline over several draws of the free phases.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PhaseCheck {
+    /// Objective of the result, by draw.
+    pub ours: Vec<f64>,
+    /// Objective of the best baseline, by draw; empty without one.
+    pub theirs: Vec<f64>,
+    /// In a sentence.
+    pub words: String,
+}
+
+/// Mean, and how far to both sides its 95 % interval reaches.
+fn interval(values: &[f64]) -> [f64; 2] {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
+    [mean, STUDENT * (variance / count).sqrt()]
+}
+
+impl Suite {
+    /// Whether any sensor's phase differs from frame to frame.
+    pub fn has_free_phase(&self) -> bool {
+        self.members().iter().any(|member| member.problem().sensors().has_free_phase())
+    }
+}
+
+/// Scores a result and a baseline at [`DRAWS`] draws that follow `seed`.
+pub(super) fn check(
+    suite: &Suite,
+    objective: &Objective,
+    best: &Placement,
+    baseline: Option<&Placement>,
+    seed: u64,
+    memory: u64,
+) -> Result<PhaseCheck, SearchError> {
+    let both: Vec<Placement> = std::iter::once(best).chain(baseline).cloned().collect();
+    let (mut ours, mut theirs) = (Vec::new(), Vec::new());
+    for draw in 1..=DRAWS {
+        let drawn = suite.with_phases(seed + draw);
+        let scores = Evaluator::suite_on_cpu(&drawn, memory).scores(&both)?;
+        ours.extend(objective.value(&scores[0]));
+        theirs.extend(scores.get(1).and_then(|scores| objective.value(scores)));
+    }
+    let words = words(&ours, &theirs, baseline);
+    Ok(PhaseCheck { ours, theirs, words })
+}
+
+fn words(ours: &[f64], theirs: &[f64], baseline: Option<&Placement>) -> String {
+    let [mean, reach] = interval(ours);
+    let mut words = format!(
+        "At {} draws of the azimuth phases that the search has not seen the result reaches {mean:.4e} ± {:.2} % \
+         (95 % interval of the mean)",
+        ours.len(),
+        100.0 * reach / mean.abs()
+    );
+    if let (Some(baseline), true) = (baseline, theirs.len() == ours.len()) {
+        let more: Vec<f64> =
+            ours.iter().zip(theirs).map(|(a, b)| 100.0 * (a - b) / b.abs()).collect();
+        let [mean, reach] = interval(&more);
+        words += &format!(
+            ", {:+.2} % (interval {:+.2} to {:+.2}) against {}",
+            mean,
+            mean - reach,
+            mean + reach,
+            baseline.name
+        );
+    }
+    words + "."
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_interval_is_students() {
+        let [mean, reach] = interval(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
+        // By hand: variance 6, standard error √(6/8).
+        assert!((mean - 4.5).abs() < 1e-12 && (reach - 2.365 * 0.75_f64.sqrt()).abs() < 1e-12);
+        let baseline = Placement { name: "plain".into(), lidars: vec![] };
+        let said = words(&[110.0; 8], &[100.0; 8], Some(&baseline));
+        assert!(said.contains("1.1000e2 ± 0.00 %"), "{said}");
+        assert!(said.contains("+10.00 % (interval +10.00 to +10.00) against plain."), "{said}");
+    }
+}

@@ -1,0 +1,41 @@
+//! What sensors are worth their price: the front of what is gained against what it costs.
+
+use super::cases::Cases;
+use super::columns::{self, SCORES};
+use super::scene::{StudyScene, score};
+use super::{Drawing, StudyError, Table};
+use crate::search::{Equipped, cost_front};
+
+pub(super) fn cost(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
+    let Some(vehicle) = scene.scene.vehicle() else {
+        return Err(StudyError::NoVehicle { scene: scene.place() });
+    };
+    let evaluator = scene.evaluator()?;
+    let suite = evaluator.shared_problem().into();
+    let front = cost_front(&suite, vehicle, &scene.settings.objective, &scene.settings.engine)?;
+    let named: Vec<(String, Equipped)> =
+        front.into_iter().map(|equipped| (equipped.words(vehicle), equipped)).collect();
+    let rows = cases.each(named, |equipped, _| {
+        let constraints = vehicle.constraints(&equipped.equipment);
+        let mut evaluator = scene.evaluator_with(scene.scene.sensors()?, constraints)?;
+        let starts = std::slice::from_ref(&equipped.placement);
+        let found = scene.optimize_from(&evaluator, &scene.settings.objective, starts)?;
+        let best = found.unwrap_or_else(|| equipped.placement.clone());
+        let scores = score(&mut evaluator, &best)?;
+        let mut values = vec![Some(equipped.cost)];
+        values.extend(columns::values(&scores));
+        values.push(Some(best.lidars.len() as f64));
+        values.push(Some(100.0 * scores.missing()));
+        Ok((values, Some(best)))
+    })?;
+    let notes = vec![
+        "Models, mounts and numbers are chosen for each budget on a coarse grid, then poses are searched; a fall \
+         is a search that ended early, not a sensor that harms."
+            .to_owned(),
+        format!("Prices, and what the mounts may hold, are those of {}.", vehicle.name),
+    ];
+    let title = scene.title("what is gained for the money");
+    let columns = ["sensors", "price"].into_iter().chain(SCORES).chain(["LiDARs", "not seen %"]);
+    let drawing = Drawing::Against { x_title: "price".to_owned(), y_title: SCORES[0].to_owned() };
+    Ok(Table::new(title, columns, rows, notes, drawing))
+}
