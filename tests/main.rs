@@ -28,6 +28,8 @@ mod cli_scene;
 mod cli_scenes;
 #[cfg(feature = "cli")]
 mod cli_study;
+#[cfg(feature = "cli")]
+mod cli_vehicle;
 #[cfg_attr(not(feature = "gpu"), allow(dead_code))]
 mod common;
 mod cover;

@@ -355,10 +355,10 @@ impl Scene {
         }
     }
 
-    /// Rules of placements: of the vehicle with its cheapest equipment, or of the mount.
+    /// Rules of placements: of the vehicle with its fullest equipment, or of the mount.
     pub fn constraints(&self) -> Constraints {
         match &self.vehicle {
-            Some(vehicle) => vehicle.constraints(&vehicle.cheapest()),
+            Some(vehicle) => vehicle.constraints(&vehicle.fullest()),
             None => (&self.mount).into(),
         }
     }

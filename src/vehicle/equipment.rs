@@ -4,7 +4,8 @@
 use std::sync::Arc;
 
 use super::{
-    Constraints, Lidar, Phase, Region, SensorError, SensorModel, SensorName, Sensors, Slot, Ties,
+    Constraints, Lidar, MAX_LIDARS, Phase, Region, SensorError, SensorModel, SensorName, Sensors,
+    Slot, Ties,
 };
 
 /// A sensor model that the vehicle may carry.
@@ -124,6 +125,19 @@ impl Vehicle {
         let all = self.mounts.iter().enumerate().map(|(k, mount)| (k, cheapest(mount)));
         let first = all.min_by(|a, b| self.price(a.1).total_cmp(&self.price(b.1)));
         first.into_iter().collect()
+    }
+
+    /// The fullest equipment, at most [`MAX_LIDARS`] sensors: what the mounts must hold first, then what else
+    /// they may, each mount's models in turn.
+    pub fn fullest(&self) -> Equipment {
+        let of = |k: usize, sensors: std::ops::Range<usize>| {
+            let models = &self.mounts[k].sensors;
+            sensors.map(move |index| (k, models[index % models.len()])).collect::<Equipment>()
+        };
+        let mounts = || self.mounts.iter().enumerate();
+        let must = mounts().flat_map(|(k, mount)| of(k, 0..mount.count[0]));
+        let may = mounts().flat_map(|(k, mount)| of(k, mount.count[0]..mount.count[1]));
+        must.chain(may).take(MAX_LIDARS).collect()
     }
 
     /// Whether there is anything to choose: a number of sensors or a model.

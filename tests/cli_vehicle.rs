@@ -1,0 +1,154 @@
+//! Vehicles on the command line: mixed rigs, a budget, phases, what must be seen.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{fails, ok, room};
+
+const CPU: [&str; 2] = ["--backend", "cpu"];
+
+/// A room, and a vehicle with a spinning sensor on the roof and solid ones on two sides.
+fn garage() -> TempDir {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let spinning = json!({ "channels": 6, "fov": [-40, 30], "azimuth_steps": 90, "range": 20 });
+    let solid = json!({ "channels": 5, "fov": [-30, 30], "azimuth": [-50, 50], "azimuth_steps": 31, "range": 8 });
+    let side = |name: &str, y: f64| {
+        let x = 0.3 * y.signum();
+        let polygon = json!([[x, y, 0.9], [-x, y, 0.9], [-x, y, 1.2], [x, y, 1.2]]);
+        json!({ "name": name, "polygon": polygon, "pitch": [-0.2, 0.2], "sensors": ["solid"], "count": [0, 1] })
+    };
+    let vehicle = json!({
+        "sightline": 1,
+        "sensors": [{ "name": "spinning", "price": 10, "lidar": spinning },
+                    { "name": "solid", "price": 3, "lidar": solid }],
+        "mounts": [{ "name": "roof", "min": [-0.4, -0.4, 1.4], "max": [0.4, 0.4, 1.7], "roll": [-0.2, 0.2],
+                     "sensors": ["spinning"], "count": [0, 1] },
+                   side("left", 0.5), side("right", -0.5)],
+        "min_distance": 0.2
+    });
+    fs::write(dir.path().join("cart.json"), vehicle.to_string()).unwrap();
+    dir
+}
+
+fn changed(dir: &Path, name: &str, change: impl FnOnce(&mut Value)) {
+    let text = fs::read_to_string(dir.join("cart.json")).unwrap();
+    let mut vehicle: Value = serde_json::from_str(&text).unwrap();
+    change(&mut vehicle);
+    fs::write(dir.join(name), vehicle.to_string()).unwrap();
+}
+
+/// Models of the LiDARs of a run's result.
+fn sensors(result: &Value) -> Vec<&str> {
+    let lidars = result["best"]["placement"]["lidars"].as_array().unwrap();
+    lidars.iter().map(|lidar| lidar["sensor"].as_str().unwrap()).collect()
+}
+
+fn optimize<'a>(budget: &'a str, out: &'a str) -> Vec<&'a str> {
+    let fixed = ["optimize", "room.json", "--vehicle", "cart.json"];
+    let more = ["--evaluations", "40", "--budget", budget, "--out", out, "--backend", "cpu"];
+    [&fixed[..], &more].concat()
+}
+
+#[test]
+fn sensors_are_chosen_for_the_money_and_put_where_they_may_stand() {
+    let dir = garage();
+    let rich = ok(dir.path(), &optimize("16", "rich"));
+    assert_eq!(sensors(&rich), ["spinning", "solid", "solid"]);
+    assert_eq!(rich["settings"]["equipped"]["cost"], 16.0);
+    let poor = ok(dir.path(), &optimize("6.5", "poor"));
+    assert_eq!(sensors(&poor), ["solid", "solid"]);
+    let gain = |result: &Value| result["best"]["scores"]["information_gain"].as_f64().unwrap();
+    assert!(gain(&rich) > gain(&poor), "{} and {}", gain(&rich), gain(&poor));
+    assert!(
+        rich["phases"]["words"].as_str().unwrap().contains("has not seen"),
+        "{}",
+        rich["phases"]
+    );
+    assert!(poor.get("phases").is_none(), "solid sensors do not turn");
+    let lidars = rich["best"]["placement"]["lidars"].as_array().unwrap();
+    assert!(lidars[1]["y"].as_f64().unwrap() > 0.49 && lidars[2]["y"].as_f64().unwrap() < -0.49);
+    // What a run writes, others read.
+    let best = json!({ "placements": [rich["best"]["placement"]] });
+    fs::write(dir.path().join("best.json"), best.to_string()).unwrap();
+    let again = ok(
+        dir.path(),
+        &["score", "room.json", "best.json", "--vehicle", "cart.json", "--backend", "cpu"],
+    );
+    let again = again["scores"][0]["information_gain"].as_f64().unwrap();
+    // At other draws of the spinning sensor's phases.
+    assert!((again / gain(&rich) - 1.0).abs() < 0.1, "{again} and {}", gain(&rich));
+}
+
+#[test]
+fn what_must_be_seen_changes_what_is_bought() {
+    let dir = garage();
+    changed(dir.path(), "cart.json", |vehicle| {
+        vehicle["require"] = json!([
+            { "name": "left", "min": [-0.5, 0.6, 0.6], "max": [0.5, 1.6, 1.4], "share": 0.5 },
+        ]);
+    });
+    let found = ok(dir.path(), &optimize("3", "one"));
+    let lidar = &found["best"]["placement"]["lidars"][0];
+    assert!(sensors(&found) == ["solid"] && lidar["y"].as_f64().unwrap() > 0.0, "{lidar}");
+    let seen = &found["best"]["scores"]["required"][0];
+    assert!(seen["share"].as_f64().unwrap() >= 0.5, "{seen}");
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn mixed_rigs_pass_verify() {
+    let dir = garage();
+    let found = ok(
+        dir.path(),
+        &["verify", "room.json", "--vehicle", "cart.json", "--random", "6", "--backend", "gpu"],
+    );
+    assert_eq!(found["passed"], true, "{found}");
+}
+
+#[test]
+fn the_study_of_cost_rises_with_the_price() {
+    let dir = garage();
+    let study = ["study", "cost", "room.json", "--vehicle", "cart.json", "--evaluations", "20"];
+    let table = ok(dir.path(), &[&study[..], &CPU].concat());
+    let rows = table["rows"].as_array().unwrap();
+    let prices: Vec<f64> = rows.iter().map(|row| row["values"][0].as_f64().unwrap()).collect();
+    assert!(prices.len() >= 3 && prices.is_sorted() && prices[0] == 3.0, "{prices:?}");
+    assert_eq!(prices.last(), Some(&16.0));
+    let gains: Vec<f64> = rows.iter().map(|row| row["values"][1].as_f64().unwrap()).collect();
+    assert!(gains.last() > gains.first(), "{gains:?}");
+}
+
+#[test]
+fn faults_are_said() {
+    let dir = garage();
+    let says = |args: &[&str], parts: &[&str]| {
+        let message = fails(dir.path(), args);
+        for part in parts {
+            assert!(message.contains(part), "{message}\n  lacks {part}");
+        }
+    };
+    says(&optimize("2", "x"), &["a budget of 2 is below the cheapest rig", "costs 3"]);
+    says(&["optimize", "room.json", "--budget", "9"], &["--budget", "--vehicle"]);
+    says(&["study", "cost", "room.json"], &["room.json", "has no vehicle", "--vehicle"]);
+    let of_m_sog = [&optimize("9", "x")[..], &["--objective", "m_sog_scaled"]].concat();
+    says(&of_m_sog, &["chosen by information_gain", "m_sog_scaled"]);
+    says(
+        &["score", "room.json", "p.json", "--vehicle", "none.json"],
+        &["none.json: cannot be read"],
+    );
+    let other = json!({ "placements": [{ "name": "x", "lidars": [{ "x": 0, "y": 0, "z": 1.5, "sensor": "sonar" }] }] });
+    fs::write(dir.path().join("sonar.json"), other.to_string()).unwrap();
+    says(
+        &["score", "room.json", "sonar.json", "--vehicle", "cart.json", "--backend", "cpu"],
+        &["no sensor `sonar`", "`spinning`, `solid`"],
+    );
+    changed(dir.path(), "bad.json", |vehicle| vehicle["mounts"] = json!([]));
+    says(
+        &["score", "room.json", "sonar.json", "--vehicle", "bad.json"],
+        &["bad.json: mounts: a list of 0"],
+    );
+}
