@@ -67,6 +67,7 @@ pub fn report_html(run: &RunRecord, figures: &Figures) -> String {
                 h1 { (run.scene) }
                 p { (verdict(run.best.as_ref(), &run.baselines, &run.objective)) }
                 @if let Some(words) = spread_in_words(run) { p { (words) } }
+                @if let Some(phases) = &run.phases { p { (phases.words) } }
                 (scores(run))
                 (scenes(run))
                 @if let Some(best) = &run.best {
@@ -151,7 +152,8 @@ fn scenes(run: &RunRecord) -> Markup {
 /// Guards that speak against a placement, and rules of the mount that it breaks.
 fn reasons(scored: &Scored) -> impl Iterator<Item = String> {
     let guards = scored.scores.guards.iter().map(ToString::to_string);
-    guards.chain(scored.violations.iter().cloned())
+    let lacking = scored.scores.required.iter().filter(|seen| seen.share < seen.least);
+    guards.chain(scored.violations.iter().cloned()).chain(lacking.map(ToString::to_string))
 }
 
 /// The poses of the result.
@@ -159,21 +161,27 @@ fn placement(best: &Scored, figures: &Figures, active_bounds: &[String]) -> Mark
     let titles =
         ["LiDAR", "x m", "y m", "z m", "roll rad", "pitch rad", "yaw rad", "only it gains %"];
     let lidars = best.placement.lidars.iter().zip(&best.scores.unique_share).enumerate();
+    let named = best.placement.lidars.iter().any(|pose| !pose.sensor.is_none());
     html! {
         h2 { "The placement" }
         (PreEscaped(figures.placement.as_deref().unwrap_or_default()))
         div.wide {
             table {
-                tr { @for title in titles { th { (title) } } }
+                tr {
+                    @for title in titles { th { (title) } }
+                    @if named { th { "sensor" } }
+                }
                 @for (index, (pose, unique)) in lidars {
                     tr {
                         td { (index) }
                         @for (_, value) in pose.fields() { td { (format!("{value:.3}")) } }
                         td { (format!("{:.1}", 100.0 * unique)) }
+                        @if named { td { (pose.sensor) } }
                     }
                 }
             }
         }
+        @for seen in &best.scores.required { p { "Must be seen: " (seen) "." } }
         @if !active_bounds.is_empty() {
             p { "On a bound or a rule of the mount: " (active_bounds.join("; ")) "." }
         }
