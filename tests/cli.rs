@@ -279,7 +279,8 @@ fn audit_catches_what_games_the_scores() {
     // In a room of 8 m nothing is beyond 20 m.
     assert!(!guards("visibility cut to 20 m").contains("short_sight"));
     let changes = answer["stability"].as_array().unwrap();
-    assert_eq!(changes.len(), 8, "{changes:?}");
+    assert_eq!(changes.len(), 9, "{changes:?}");
+    assert_eq!(changes[8]["change"], "azimuth phases free, not in step");
     for change in changes {
         assert!(change["worst_relative_change"].as_f64().unwrap() >= 0.0);
         assert!(change.get("ranking_against_mean_height").is_some());

@@ -9,16 +9,13 @@ use crate::vehicle::Lidar;
 /// Channels that are compared over the scene's own field of view.
 const CHANNELS: [u32; 4] = [16, 32, 64, 128];
 
-/// Powers by which elevations are crowded at the horizon: 1 leaves them even.
-const CROWDED: [f64; 3] = [1.0, 1.5, 2.0];
+/// Powers by which the elevations of the scene's own number of channels are crowded at the horizon.
+const CROWDED: [f64; 3] = [1.25, 1.5, 2.0];
 
 /// An elevation in degrees, drawn to the horizon: of the way from there to the end of the field of view the
 /// share x becomes x^power. The ends stay where they are.
 fn crowded(elevation: f64, [low, high]: [f64; 2], power: f64) -> f64 {
     let end = if elevation < 0.0 { low } else { high };
-    if low >= 0.0 || high <= 0.0 || end == 0.0 {
-        return elevation;
-    }
     end * (elevation / end).powf(power)
 }
 
@@ -41,7 +38,8 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
         };
         sensors.push((format!("{count} channels"), lidar));
     }
-    for power in CROWDED {
+    let has_horizon = elevations.len() > 1 && low < 0.0 && high > 0.0;
+    for power in CROWDED.into_iter().filter(|_| has_horizon) {
         let count = elevations.len() as u32;
         let step = (high - low) / f64::from(count.max(2) - 1);
         let even = (0..count).map(|k| low + f64::from(k) * step);
