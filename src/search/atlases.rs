@@ -89,6 +89,18 @@ impl Atlases {
         )
     }
 
+    /// Whether anything must be seen.
+    pub(super) fn has_areas(&self) -> bool {
+        self.each.iter().any(Atlas::has_areas)
+    }
+
+    /// Share that unions and one more held pose, if any, miss of what must be seen, a mean over scenes.
+    pub(super) fn missing_with(&self, unions: &[Union], pose: Option<u32>) -> f64 {
+        let each = self.each.iter().zip(unions);
+        each.map(|(atlas, union)| atlas.missing_with(union, pose)).sum::<f64>()
+            / self.each.len() as f64
+    }
+
     /// Growth of an information gain with each fixed-point unit of the two tasks' entropies, in each scene:
     /// (objective of a sum of 2⁴⁰ units) / 2⁴⁰; 0 where it does not exist.
     pub(super) fn worth_units(&self, objective: &Objective) -> Vec<[f64; 2]> {

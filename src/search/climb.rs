@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::error::SearchError;
 use super::evaluator::Evaluator;
 use super::grid_search::{GridPlacement, GridSearch};
+use crate::score::Standing;
 use crate::search::atlas::Union;
 
 /// Best swaps of a sensor that are offered to the guards before the sensor stays where it is.
@@ -56,14 +57,14 @@ impl GridSearch {
     ) -> Result<GridPlacement, SearchError> {
         let value = self.value(evaluator, start)?;
         let mut here = GridPlacement { poses: start.to_vec(), value };
-        let sound = self.standing(evaluator, &here)?.is_sound();
-        let mut least = if sound { here.value } else { f64::NEG_INFINITY };
+        let mut held = self.standing(evaluator, &here)?;
+        let mut least = if held.is_sound() { here.value } else { f64::NEG_INFINITY };
         let turns = self.turns(start);
         let (mut settled, mut turn) = (0, 0);
         while settled < turns.len() && go_on(self.atlas.poses_cast()) {
-            match self.best_swap(evaluator, &here.poses, turns[turn], moves, least)? {
-                Some(better) => {
-                    least = better.value;
+            match self.best_swap(evaluator, &here.poses, turns[turn], moves, (least, &held))? {
+                Some((better, standing)) => {
+                    (least, held) = (better.value, standing);
                     here = better;
                     settled = 0;
                 }
@@ -174,8 +175,8 @@ impl GridSearch {
         here: &[u32],
         turn: Turn,
         moves: Moves,
-        least: f64,
-    ) -> Result<Option<GridPlacement>, SearchError> {
+        (least, held): (f64, &Standing),
+    ) -> Result<Option<(GridPlacement, Standing)>, SearchError> {
         let moved = match turn {
             Turn::Lidar(_) => 1,
             Turn::Pair(_) => 2,
@@ -193,8 +194,10 @@ impl GridSearch {
         // Stable: of equal ones the one with the lower number of a pose.
         better.sort_by(|a, b| b.value.total_cmp(&a.value));
         for placement in better.into_iter().take(OFFERS) {
-            if self.standing(evaluator, &placement)?.is_sound() {
-                return Ok(Some(placement));
+            let standing = self.standing(evaluator, &placement)?;
+            // What must be seen and is not may be won back step by step.
+            if standing.is_sound() || standing.violation < held.violation {
+                return Ok(Some((placement, standing)));
             }
         }
         Ok(None)

@@ -7,7 +7,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::areas::Areas;
 use super::atlases::Atlases;
 use super::error::SearchError;
 use super::evaluator::Evaluator;
@@ -27,7 +26,8 @@ const POSES: u32 = 1200;
 const SPACING: Spacing = Spacing { metres: 0.1, radians: 0.1 };
 /// Factor by which a grid with too many poses is widened.
 const WIDER: f64 = 1.25;
-/// Worth of all that must be seen, against the largest gain of a single sensor: what must be seen comes first.
+/// Worth of an area that must be seen, against the largest gain of a single sensor: what must be seen comes
+/// first.
 const REQUIRED: f64 = 1e3;
 /// Budgets of a front, beside the one that wants for nothing.
 const BUDGETS: u32 = 8;
@@ -79,10 +79,10 @@ struct Equip<'a> {
     vehicle: &'a Vehicle,
     budget: f64,
     grid: GridSearch,
-    areas: Areas,
     /// Mount and model of each kind of pose.
     kinds: Vec<(usize, SensorName)>,
-    required: f64,
+    /// As of [`GridSearch::require`].
+    penalty: f64,
 }
 
 /// Equipment for at most `budget`, as good as found, of the vehicle of some scenes.
@@ -177,13 +177,14 @@ impl<'a> Equip<'a> {
         let memory = engine.memory_budget();
         let mut evaluator = Evaluator::suite_on_cpu(&suite, memory / 2);
         let all: Vec<u32> = (0..grid.len()).collect();
-        let areas = Areas::cast(&mut evaluator, &grid)?;
         let atlases = Atlases::new(&evaluator, &grid, false, memory / 2);
         let mut grid = GridSearch::new(atlases, objective.clone(), &evaluator);
         grid.hold(&mut evaluator, &all)?;
         let singles = grid.values_with(&[], &all);
         let most = singles.iter().map(|(_, value)| *value).fold(0.0, f64::max);
-        Ok(Self { vehicle, budget, grid, areas, kinds, required: REQUIRED * most.max(1e-9) })
+        let penalty = REQUIRED * most.max(1e-9);
+        grid.require(penalty);
+        Ok(Self { vehicle, budget, grid, kinds, penalty })
     }
 
     /// The better of the equipment grown by gain and that grown by gain for the money.
@@ -204,10 +205,10 @@ impl<'a> Equip<'a> {
         chosen.iter().map(|choice| self.vehicle.price(choice.sensor)).sum()
     }
 
-    /// Gain, and what must be seen as far as it is, as one submodular number.
+    /// Gain, less what is not seen of what must be, as one submodular number.
     fn worth(&mut self, chosen: &[Choice]) -> f64 {
         let poses = Self::poses(chosen);
-        self.grid.held_value(&poses) + self.required * self.areas.kept(&poses)
+        self.grid.held_value(&poses)
     }
 
     /// Sensors that may come beside those chosen: room on their mount, apart from the others, and money left
@@ -258,10 +259,9 @@ impl<'a> Equip<'a> {
         let candidates = self.candidates(chosen);
         let (poses, before) = (Self::poses(chosen), self.worth(chosen));
         let values = self.grid.values_with(&poses, &Self::poses(&candidates));
-        let seen = self.areas.union(&poses);
-        let of = |(choice, (pose, value)): (Choice, (u32, f64))| {
-            let worth = value + self.required * self.areas.kept_with(&seen, pose);
-            (choice, rating(worth - before, self.vehicle.price(choice.sensor)), worth - before)
+        let of = |(choice, (_, value)): (Choice, (u32, f64))| {
+            let added = value - before;
+            (choice, rating(added, self.vehicle.price(choice.sensor)), added)
         };
         let rated = candidates.into_iter().zip(values).map(of);
         // Of equal ones the first.
@@ -315,14 +315,18 @@ impl<'a> Equip<'a> {
         // The grid's order, which is that of the slots.
         sorted.sort_by_key(|choice| choice.pose);
         let poses = Self::poses(&sorted);
+        let missing = self.grid.missing(&poses);
+        // The objective alone.
+        self.grid.require(0.0);
+        let value = self.grid.held_value(&poses);
+        self.grid.require(self.penalty);
         let grid = self.grid.atlas().grid();
         let lidars = poses.iter().map(|&pose| grid.pose(pose)).collect();
-        let missing = self.areas.missing(&poses);
         Equipped {
             equipment: sorted.iter().map(|choice| (choice.mount, choice.sensor)).collect(),
             placement: Placement { name: "equipped".into(), lidars },
             cost: self.cost(chosen),
-            value: self.grid.held_value(&poses),
+            value,
             missing,
         }
     }

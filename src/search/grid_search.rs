@@ -48,6 +48,8 @@ pub struct GridSearch {
     pub(super) objective: Objective,
     pub(super) constraints: Constraints,
     pub(super) evaluations: u64,
+    /// What a share that must be seen and is not takes off the objective; 0 where nothing must be seen.
+    penalty: f64,
 }
 
 /// A placement on the grid.
@@ -80,6 +82,7 @@ impl GridSearch {
             objective,
             constraints: evaluator.constraints().clone(),
             evaluations: 0,
+            penalty: 0.0,
         }
     }
 
@@ -179,12 +182,37 @@ impl GridSearch {
 
     /// The objective of a union in each scene and one held pose more; `−∞` where it does not exist.
     pub(super) fn value_with(&self, unions: &[Union], pose: u32) -> f64 {
-        self.atlas.value_with(&self.objective, unions, pose).unwrap_or(f64::NEG_INFINITY)
+        let value = self.atlas.value_with(&self.objective, unions, pose);
+        let value = value.unwrap_or(f64::NEG_INFINITY);
+        match self.penalty > 0.0 {
+            true => value - self.penalty * self.atlas.missing_with(unions, Some(pose)),
+            false => value,
+        }
     }
 
-    /// The objective of held poses, 0 for none.
+    /// Whether anything must be seen.
+    pub(super) fn has_areas(&self) -> bool {
+        self.atlas.has_areas()
+    }
+
+    /// From now on what must be seen comes first: each share that is missing takes `penalty` times it off the
+    /// objective.
+    pub(super) fn require(&mut self, penalty: f64) {
+        self.penalty = if self.has_areas() { penalty } else { 0.0 };
+    }
+
+    /// Share that held poses miss of what must be seen, over all areas.
+    pub(super) fn missing(&self, poses: &[u32]) -> f64 {
+        let mut unions = Vec::new();
+        self.atlas.union(poses, &mut unions);
+        self.atlas.missing_with(&unions, None)
+    }
+
+    /// The objective of held poses, 0 for none, less what is not seen of what must be.
     pub(super) fn held_value(&mut self, poses: &[u32]) -> f64 {
-        let Some((&last, others)) = poses.split_last() else { return 0.0 };
+        let Some((&last, others)) = poses.split_last() else {
+            return -self.penalty * self.missing(poses);
+        };
         self.values_with(others, &[last])[0].1
     }
 

@@ -12,13 +12,12 @@
 //! | `generations` | CMA-ES over the free pose fields |
 //! | `pilot`, `levels`, `on_demand` | few frames that stand for all, and when more are needed |
 //! | `atlas`, `atlases`, `grid_search`, `climb`, `swaps` | placements on a grid of poses |
-//! | `equip`, `areas` | models and numbers of sensors under a budget; what must be seen |
+//! | `equip` | models and numbers of sensors under a budget; what must be seen |
 //! | `phases` | what a result is worth at phases that the search has not seen |
 //! | `bound` | how much better than the result another placement could be |
 //! | `spread` | whether a gain over several scenes is more than their spread |
 //! | `findings`, `rules` | what goes with the objective; the rules of the mount in words |
 
-mod areas;
 pub(crate) mod atlas;
 pub(crate) mod atlases;
 pub(crate) mod bound;

@@ -27,6 +27,9 @@ const AS_GOOD: f64 = 0.01;
 /// Random placements of which the best is a start of the swaps where greedy has no place.
 const DRAWN: usize = 64;
 
+/// What all that must be seen is worth in swaps, in starts: a hundredth of it as much as all of a start.
+const MISSING: f64 = 100.0;
+
 /// What decides about swaps, beside problem and starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SwapSettings {
@@ -86,14 +89,22 @@ impl Swapped {
 
 /// A search on the grid of the settings, over the evaluator's frames.
 fn grid_search(
-    evaluator: &Evaluator,
+    evaluator: &mut Evaluator,
     objective: &Objective,
     settings: &SwapSettings,
+    starts: &[Placement],
 ) -> Result<GridSearch, SearchError> {
     let grid = PoseGrid::new(evaluator.constraints(), settings.spacing)?;
     let counts_all = objective.counts_all_covered();
     let atlas = Atlases::new(evaluator, &grid, counts_all, settings.memory);
-    Ok(GridSearch::new(atlas, objective.clone(), evaluator))
+    let mut search = GridSearch::new(atlas, objective.clone(), evaluator);
+    let required = search.has_areas();
+    if let Some(poses) = starts.iter().filter(|_| required).find_map(|start| search.start_of(start))
+    {
+        let scale = search.value(evaluator, &poses)?.abs();
+        search.require(MISSING * scale);
+    }
+    Ok(search)
 }
 
 /// Ends of climbs, and the best of them.
@@ -140,7 +151,7 @@ pub fn swap_from(
     starts: &[Placement],
     go_on: &mut dyn FnMut(u64) -> bool,
 ) -> Result<Option<Swapped>, SearchError> {
-    let mut search = grid_search(evaluator, objective, settings)?;
+    let mut search = grid_search(evaluator, objective, settings, starts)?;
     let mut go_on = |cast: u64| cast < settings.casts && go_on(cast);
     let mut ends = Ends::default();
     for start in starts {
@@ -175,7 +186,7 @@ pub fn swap_anywhere(
     starts: &[Placement],
     go_on: &mut dyn FnMut(u64) -> bool,
 ) -> Result<Option<Swapped>, SearchError> {
-    let mut search = grid_search(evaluator, objective, settings)?;
+    let mut search = grid_search(evaluator, objective, settings, starts)?;
     let mut first: Vec<Vec<u32>> = Vec::new();
     if evaluator.constraints().ties.any() {
         let random = drawn(evaluator.constraints(), DRAWN, settings.seed);

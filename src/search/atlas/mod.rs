@@ -3,6 +3,7 @@
 //!
 //! The sums over a union are those that a [`Backend`] gives for the placement, to the bit.
 
+mod areas;
 mod order;
 mod sparse;
 
@@ -16,6 +17,7 @@ use crate::engine::{Backend, BackendError};
 use crate::memory;
 use crate::problem::{Problem, Tally};
 use crate::vehicle::PoseGrid;
+use areas::AreaBits;
 use order::{LevelOrder, ToLevels};
 use sparse::Sparse;
 
@@ -29,6 +31,7 @@ pub struct Atlas {
     problem: Arc<Problem>,
     grid: PoseGrid,
     order: LevelOrder,
+    areas: AreaBits,
     /// From the order of the engine that cast last.
     to_levels: Option<ToLevels>,
     /// The order in which empty voxels are kept: that of the engine that cast first.
@@ -51,6 +54,8 @@ struct Page {
     occupied: Box<[u64]>,
     /// The others in each frame; none where their number does not matter.
     empty: Vec<Arc<Sparse>>,
+    /// Voxels of areas that must be seen, frame after frame.
+    areas: Box<[u64]>,
     used: u64,
 }
 
@@ -62,6 +67,7 @@ pub struct Union {
     empty: Vec<u64>,
     /// Bits set in `empty`.
     empty_count: u64,
+    areas: Vec<u64>,
 }
 
 impl Atlas {
@@ -71,14 +77,16 @@ impl Atlas {
     /// Without `counts_all`, [`Tally::covered`] stays 1 where anything is covered: the empty voxels,
     /// ten times as many bits as the others, are then not kept.
     pub fn new(problem: Arc<Problem>, grid: PoseGrid, counts_all: bool, bytes: u64) -> Self {
-        let order = LevelOrder::new(problem.content());
+        let (order, areas) = (LevelOrder::new(problem.content()), AreaBits::new(problem.content()));
         let empty_words = if counts_all { BitOrder::most_words(problem.roi()) } else { 0 };
-        let page = 8 * (problem.frame_count() * (order.words() + empty_words)).max(1) as u64;
+        let page = 8
+            * (problem.frame_count() * (order.words() + empty_words + areas.words())).max(1) as u64;
         let capacity = (bytes / page).max(crate::vehicle::MAX_LIDARS as u64) as usize;
         Self {
             problem,
             grid,
             order,
+            areas,
             to_levels: None,
             empty_order: None,
             empty_words,
@@ -119,7 +127,8 @@ impl Atlas {
 
     /// Bytes of one pose, at most.
     pub fn page_bytes(&self) -> usize {
-        8 * self.problem.frame_count() * (self.order.words() + self.empty_words)
+        let words = self.order.words() + self.empty_words + self.areas.words();
+        8 * self.problem.frame_count() * words
     }
 
     /// Poses cast so far, those cast again after they were dropped included.
@@ -185,7 +194,13 @@ impl Atlas {
         let (frames, each, used) = (self.problem.frame_count(), self.order.words(), self.clock);
         memory::check("bitmaps of sensor poses", (numbers.len() * self.page_bytes()) as u64)?;
         // By the threads that fill them: the first touch of new memory takes as long as the copy.
-        let page = |_| Page { occupied: vec![0; frames * each].into(), empty: vec![], used };
+        let area_words = self.areas.words();
+        let page = |_| Page {
+            occupied: vec![0; frames * each].into(),
+            empty: vec![],
+            areas: vec![0; frames * area_words].into(),
+            used,
+        };
         let mut pages: Vec<Page> = numbers.par_iter().map(page).collect();
         for frame in 0..frames {
             let equal = self.problem.first_equal(frame);
@@ -193,6 +208,8 @@ impl Atlas {
                 for page in &mut pages {
                     page.occupied.copy_within(equal * each..(equal + 1) * each, frame * each);
                     page.empty.extend(page.empty.get(equal).cloned());
+                    let areas = equal * area_words..(equal + 1) * area_words;
+                    page.areas.copy_within(areas, frame * area_words);
                 }
                 continue;
             }
@@ -211,9 +228,12 @@ impl Atlas {
         let Some(to_levels) = &self.to_levels else { return };
         let empty_order = *self.empty_order.get_or_insert(from);
         let counts_all = self.empty_words > 0;
+        let (areas, area_words) = (&self.areas, self.areas.words());
         pages.par_iter_mut().zip(bitmaps.words.par_chunks(from.words())).for_each(
             |(page, bitmap)| {
                 to_levels.reorder(bitmap, &mut page.occupied[frame * each..(frame + 1) * each]);
+                let of_frame = frame * area_words..(frame + 1) * area_words;
+                areas.take(from, bitmap, &mut page.areas[of_frame]);
                 if counts_all && from == empty_order {
                     page.empty.push(Arc::new(Sparse::new(to_levels.empty(bitmap))));
                 } else if counts_all {
@@ -262,6 +282,11 @@ impl Atlas {
                 }
             }
         });
+        union.areas.clear();
+        union.areas.resize(frames * self.areas.words(), 0);
+        for page in &pages {
+            union.areas.iter_mut().zip(&page.areas).for_each(|(or, word)| *or |= word);
+        }
         union.empty.clear();
         union.empty.resize(frames * self.empty_words, 0);
         union.empty_count = 0;
@@ -271,6 +296,18 @@ impl Atlas {
                 page.empty[frame].add_to(words);
             }
         }
+    }
+
+    /// Share that a union and one more held pose, if any, miss of what must be seen, over all areas.
+    pub(crate) fn missing_with(&self, union: &Union, pose: Option<u32>) -> f64 {
+        let Some(pose) = pose else { return self.areas.missing(&union.areas) };
+        let both = union.areas.iter().zip(&self.page(pose).areas).map(|(a, b)| a | b);
+        self.areas.missing(&both.collect::<Vec<u64>>())
+    }
+
+    /// Whether anything must be seen.
+    pub(crate) fn has_areas(&self) -> bool {
+        self.areas.words() > 0
     }
 
     /// Sums over the voxels of the union and of one more held pose, added up over frames.
