@@ -20,7 +20,23 @@ use super::args::{Compute, Format, Talk, at_least_one, whole};
 use super::error::Error;
 use super::files::told_apart;
 use super::interrupt::{INTERRUPTED, Interrupt};
-use super::{load, progress};
+use super::{load, near_field, progress};
+
+/// A study of one table is a command of its own; all others name their kind.
+#[derive(clap::Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct Command {
+    #[command(subcommand)]
+    look: Option<Look>,
+    #[command(flatten)]
+    args: Option<Args>,
+}
+
+#[derive(clap::Subcommand)]
+enum Look {
+    /// Ground and poles near the vehicle: what is seen, what is blind, what hits the own body
+    Nearfield(near_field::Args),
+}
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -28,6 +44,7 @@ use super::{load, progress};
   sightline study channels scenes/highway.json --sensor velodyne_vlp_32c.json --sensor os1_64.json
   sightline study loss scenes/highway.json scenes/residential.json
   sightline study regions scenes/residential.json --box crossing:10,-5,0,30,5,2
+  sightline study nearfield scenes/highway.json --out near.svg
   sightline study transfer scenes/highway.json scenes/residential.json
 
 A study writes study.json, table.csv and chart.svg into its folder. The same command goes on with an
@@ -81,7 +98,15 @@ fn kinds() -> impl TypedValueParser<Value = Kind> {
     PossibleValuesParser::new(values).try_map(|name| Kind::from_str(&name))
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Error> {
+pub fn run(command: &Command) -> Result<ExitCode, Error> {
+    match (&command.look, &command.args) {
+        (Some(Look::Nearfield(args)), _) => near_field::run(args),
+        (None, Some(args)) => make(args),
+        (None, None) => Err(Error::Usage("name a study and a scene; see --help".to_owned())),
+    }
+}
+
+fn make(args: &Args) -> Result<ExitCode, Error> {
     args.compute.start()?;
     let settings = settings(args)?;
     let interrupt = Interrupt::listen(args.compute.talk);

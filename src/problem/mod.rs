@@ -276,6 +276,11 @@ impl Problem {
         Self { sensors: sensors.into(), ..self }
     }
 
+    /// The same with voxels that are worth something else.
+    pub fn with_content(self, content: impl Into<Arc<Content>>) -> Self {
+        Self { content: content.into(), ..self }
+    }
+
     /// The same with other rules of the mount.
     pub fn with_constraints(self, constraints: Constraints) -> Self {
         Self { constraints, ..self }
