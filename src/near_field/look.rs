@@ -15,7 +15,7 @@ use crate::scene::{EgoBody, Scene};
 use crate::vehicle::Placement;
 
 /// Metres from a cell's centre, counted level, within which a hit sees it.
-pub const CLOSE: f64 = 0.25;
+pub const CLOSE: f64 = 0.5;
 /// Longest side of a body in metres.
 const MOST_BODY: f64 = 50.0;
 
