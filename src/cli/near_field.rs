@@ -46,7 +46,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     args.compute.start()?;
     let talk = args.compute.talk;
     let placements = args.placements.as_deref().map_or_else(|| Ok(table_7()), read_placements)?;
-    let scene = load::read(&args.scene, talk)?;
+    let scene = load::read(&args.scene, args.compute.vehicle.as_deref(), talk)?;
     load::note_frames(&scene, args.frames, talk);
     if let Some(file) = &args.out {
         let inputs = scene.files().iter().map(PathBuf::as_path);

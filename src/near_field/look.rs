@@ -183,9 +183,8 @@ impl NearSite {
         for (which, within) in [NEAR, RING].into_iter().enumerate() {
             let cells = self.cells.cells.iter().zip(ground).zip(&seen);
             let of_ring = cells.filter(|((cell, ground), _)| **ground && cell.distance <= within);
-            let [all, seen] = of_ring.fold([0_u64; 2], |[all, both], (_, seen)| {
-                [all + 1, both + u64::from(*seen)]
-            });
+            let [all, seen] = of_ring
+                .fold([0_u64; 2], |[all, both], (_, seen)| [all + 1, both + u64::from(*seen)]);
             if all > 0 {
                 sums.shares[which] += weight as f64 * seen as f64 / all as f64;
                 sums.frames[which] += weight;

@@ -1,15 +1,36 @@
 //! Ground near the vehicle that counts more in a search.
 
+use std::collections::HashSet;
+
+use serde::Serialize;
+
+#[cfg(doc)]
+use super::NearField;
+use super::NearFieldError;
 use super::ground::{GROUND, NEAR};
 use super::look::outline;
-use super::NearFieldError;
-use crate::problem::{Content, Problem};
+use crate::problem::Problem;
 use crate::psog::fixed;
 use crate::scene::Scene;
-use glam::DVec3;
 
 /// Most nats that a voxel of near ground may be given.
 pub const MOST_WEIGHT: f64 = 4.0;
+
+/// What a placement gains in truth, and what it sees near the vehicle: stands beside a weighted search.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NearGain {
+    /// Of the scene, where there are several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scene: Option<String>,
+    /// Of the placement.
+    pub name: String,
+    /// Σ H over covered voxels without the weight, in nats.
+    pub information_gain: Option<f64>,
+    /// As [`NearField::near_field`].
+    pub near_field: f64,
+    /// As [`NearField::ring`].
+    pub ring: Option<f64>,
+}
 
 /// The problem with `nats` more entropy in every voxel of ground within 10 m of the own body: voxels in which
 /// a class of the ground occurs in the P-SOG, whose centres lie outside the footprint.
@@ -23,29 +44,30 @@ pub fn weighted(scene: &Scene, problem: Problem, nats: f64) -> Result<Problem, N
     if !(0.0..=MOST_WEIGHT).contains(&nats) {
         return Err(NearFieldError::Weight { given: nats, most: MOST_WEIGHT });
     }
+    changed(scene, problem, i64::from(fixed(nats)))
+}
+
+/// The problem as it was before [`weighted`] with the same number of nats.
+///
+/// # Errors
+/// As [`weighted`].
+pub fn unweighted(scene: &Scene, problem: Problem, nats: f64) -> Result<Problem, NearFieldError> {
+    changed(scene, problem, -i64::from(fixed(nats)))
+}
+
+fn changed(scene: &Scene, problem: Problem, more: i64) -> Result<Problem, NearFieldError> {
     let (footprint, roi, content) = (outline(scene)?, *problem.roi(), problem.content());
-    let (min, edge) = (DVec3::from(roi.min()), DVec3::from(roi.voxel()));
-    let classes = content.classes();
-    let mut is_ground = vec![false; content.occupied().len()];
-    for (class, _) in classes.iter().enumerate().filter(|(_, name)| GROUND.contains(&name.as_str())) {
-        for voxel in content.voxels_of_class(class) {
-            if let Ok(at) = content.occupied().binary_search_by_key(voxel, |v| v.index) {
-                is_ground[at] = true;
-            }
-        }
-    }
-    let mut occupied = content.occupied().to_vec();
-    for (voxel, _) in occupied.iter_mut().zip(is_ground).filter(|(_, is_ground)| *is_ground) {
-        let [i, j, k] = roi.coords(u64::from(voxel.index)).map(f64::from);
-        let centre = min + (DVec3::new(i, j, k) + 0.5) * edge;
-        let distance = footprint.distance([centre.x, centre.y]);
-        if distance > 0.0 && distance <= NEAR {
-            voxel.entropy[0] = voxel.entropy[0].saturating_add(fixed(nats));
-        }
-    }
-    let by_class: Vec<Vec<u32>> =
-        (0..classes.len()).map(|class| content.voxels_of_class(class).to_vec()).collect();
-    let content =
-        Content::new(classes.to_vec(), occupied, &by_class, content.has_detection());
+    let (min, edge) = (roi.min(), roi.voxel());
+    let classes = content.classes().iter().enumerate();
+    let ground = classes.filter(|(_, name)| GROUND.contains(&name.as_str()));
+    let voxels = ground.flat_map(|(class, _)| content.voxels_of_class(class).iter().copied());
+    let is_near = |&voxel: &u32| {
+        let at = roi.coords(u64::from(voxel));
+        let middle = [0, 1].map(|k| min[k] + (f64::from(at[k]) + 0.5) * edge[k]);
+        let distance = footprint.distance(middle);
+        distance > 0.0 && distance <= NEAR
+    };
+    let near: HashSet<u32> = voxels.filter(is_near).collect();
+    let content = content.with_more_entropy(|voxel| if near.contains(&voxel) { more } else { 0 });
     Ok(problem.with_content(content))
 }
