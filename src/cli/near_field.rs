@@ -22,7 +22,7 @@ use super::{load, progress};
 #[command(after_help = "Example:
   sightline study nearfield scenes/urban-crossing.json scenes/placements.json --out near.svg
 
-near %: ground cells within 10 m of the body with a hit within 0.25 m; poles: seen of all, by standard, at
+near %: ground cells within 10 m of the body with a hit within 0.5 m; poles: seen of all, by standard, at
 five beams or more; own body %: beams that end at the own vehicle. docs/nearfield.md has the definitions.")]
 pub struct Args {
     /// Scene file; it must have geometry and an own body

@@ -8,9 +8,9 @@
 //!   10 m and, for the ring, 3 m, and is ground: the first surface straight down from z = 2 m is of a ground
 //!   class and within 2 m of z = 0, and does not lie inside a closed thing (an odd number of other
 //!   surfaces is above it).
-//! - **Seen**: a beam of any LiDAR ends at a surface of a ground class at most 0.25 m from the cell's
-//!   centre, counted level. A cell's own square alone would count points rather than what lies between them:
-//!   at 10 m beams of a common sensor are 0.25 m apart along a ring.
+//! - **Seen**: a beam of any LiDAR ends at a surface of a ground class at most 0.5 m from the cell's
+//!   centre, counted level: the width of a person. The cell's own square alone would count beams rather than
+//!   ground that nothing can hide on, since rings of 16 channels lie up to 1.3 m apart there.
 //! - **`near_field`**: share of the cells that count which are seen, a mean over the frames; blind ground is
 //!   the mean number of the others times 0.0625 m².
 //! - **Blind zone**: a polygon over 72 directions from the middle of the footprint; a cell takes part if it

@@ -33,7 +33,7 @@ pub fn own_shares(
     Ok((0..batch.len()).map(share).collect())
 }
 
-/// The guards of a placement's LiDARs that waste more than a fifth of their beams on the own vehicle.
+/// The guards of a placement's LiDARs that waste more than a quarter of their beams on the own vehicle.
 ///
 /// Needs hits of its own: tallies count those of all LiDARs together, whatever is hit. So a search does
 /// not know this guard; it is for placements that are reported.

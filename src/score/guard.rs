@@ -21,7 +21,7 @@ const MOST_OUT_OF_RANGE: f64 = 0.01;
 const LEAST_UNIQUE: f64 = 0.01;
 
 /// A LiDAR that ends more than this share of its beams at the own vehicle wastes much.
-pub const MOST_SELF_HITS: f64 = 0.2;
+pub const MOST_SELF_HITS: f64 = 0.25;
 
 /// A reason not to believe a placement's scores: literal M-SOG is perfect for sensors that see only
 /// what never changes.
