@@ -73,10 +73,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     // be read only once.
     let is_file = placements != Path::new("-") && placements.is_file();
     let total = if is_file { count_placements(&placements)? } else { 0 };
+    if args.near_weight.is_some() && scenes.len() > 1 {
+        return Err(Error::Usage("--near-weight: takes one scene".to_owned()));
+    }
     let [scene] = &scenes[..] else {
-        if args.near_weight.is_some() {
-            return Err(Error::Usage("--near-weight: takes one scene".to_owned()));
-        }
         several::run(args, &scenes, &placements, start)?;
         return Ok(ExitCode::SUCCESS);
     };

@@ -23,19 +23,43 @@ use super::interrupt::{INTERRUPTED, Interrupt};
 use super::{load, near_field, progress};
 
 /// A study of one table is a command of its own; all others name their kind.
-#[derive(clap::Args)]
-#[command(args_conflicts_with_subcommands = true)]
-pub struct Command {
-    #[command(subcommand)]
-    look: Option<Look>,
-    #[command(flatten)]
-    args: Option<Args>,
+pub enum Command {
+    Make(Box<Args>),
+    NearField(Box<near_field::Args>),
 }
 
-#[derive(clap::Subcommand)]
-enum Look {
-    /// Ground and poles near the vehicle: what is seen, what is blind, what hits the own body
-    Nearfield(near_field::Args),
+/// Name of the study that is a command.
+const NEAR_FIELD: &str = "nearfield";
+
+impl clap::FromArgMatches for Command {
+    fn from_arg_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
+        Ok(match matches.subcommand() {
+            Some((NEAR_FIELD, matches)) => {
+                Self::NearField(Box::new(near_field::Args::from_arg_matches(matches)?))
+            }
+            _ => Self::Make(Box::new(Args::from_arg_matches(matches)?)),
+        })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &clap::ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl clap::Args for Command {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        let near = clap::Command::new(NEAR_FIELD)
+            .about("Ground and poles near the vehicle: what is seen, what is blind, what hits the own body");
+        Args::augment_args(command)
+            .subcommand(near_field::Args::augment_args(near))
+            .args_conflicts_with_subcommands(true)
+            .subcommand_negates_reqs(true)
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        Self::augment_args(command)
+    }
 }
 
 #[derive(clap::Args)]
@@ -99,10 +123,9 @@ fn kinds() -> impl TypedValueParser<Value = Kind> {
 }
 
 pub fn run(command: &Command) -> Result<ExitCode, Error> {
-    match (&command.look, &command.args) {
-        (Some(Look::Nearfield(args)), _) => near_field::run(args),
-        (None, Some(args)) => make(args),
-        (None, None) => Err(Error::Usage("name a study and a scene; see --help".to_owned())),
+    match command {
+        Command::Make(args) => make(args),
+        Command::NearField(args) => near_field::run(args),
     }
 }
 

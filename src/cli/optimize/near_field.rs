@@ -5,37 +5,43 @@ use std::sync::Arc;
 
 use sightline::engine::{EngineChoice, open};
 use sightline::near_field::{NearGain, NearSite, self_hits, unweighted};
-use sightline::search::{Evaluator, Outcome, Scored};
+use sightline::scene::Scene;
+use sightline::search::{Evaluator, Outcome, Scored, Suite};
 use sightline::vehicle::Placement;
 
-use super::record::Sitting;
 use crate::cli::error::Error;
 
 /// The outcome with the guard `self_hit` where a LiDAR looks at the own vehicle: a search does not know it.
-pub(super) fn with_self_hits(sitting: &Sitting, outcome: &Outcome) -> Result<Outcome, Error> {
+pub(super) fn with_self_hits(
+    scenes: &[Scene],
+    suite: &Suite,
+    outcome: &Outcome,
+) -> Result<Outcome, Error> {
     let mut outcome = outcome.clone();
-    let opened = &sitting.opened;
-    let Some(member) = opened.suite.members().first() else { return Ok(outcome) };
-    let (scene, problem) = (&opened.scenes[member.scene()], member.problem());
-    let mut engine = open(problem, &on_cpu(sitting), |_| {})?.engine;
+    let Some(member) = suite.members().first() else { return Ok(outcome) };
+    let (scene, problem) = (&scenes[member.scene()], member.problem());
+    let mut engine = open(problem, &EngineChoice::cpu(), |_| {})?.engine;
     for Scored { placement, scores, .. } in outcome.best.iter_mut().chain(&mut outcome.baselines) {
         scores.guards.extend(self_hits(scene, problem, &mut *engine, placement)?);
     }
     Ok(outcome)
 }
 
-/// True gain and near field of the result and the baselines in each scene; none where near ground had no
-/// weight.
-pub(super) fn near_gains(sitting: &Sitting, outcome: &Outcome) -> Result<Vec<NearGain>, Error> {
-    let Some(nats) = sitting.begun.near_weight else { return Ok(Vec::new()) };
+/// True gain and near field of the result and the baselines in each scene, where near ground had a weight.
+pub(super) fn near_gains(
+    scenes: &[Scene],
+    suite: &Suite,
+    outcome: &Outcome,
+    nats: f64,
+) -> Result<Vec<NearGain>, Error> {
     let all = outcome.best.iter().chain(&outcome.baselines);
     let placements: Vec<Placement> = all.map(|scored| scored.placement.clone()).collect();
-    let (suite, mut gains) = (&sitting.opened.suite, Vec::new());
+    let mut gains = Vec::new();
     for member in suite.members().iter().filter(|member| !member.is_mirrored()) {
-        let scene = &sitting.opened.scenes[member.scene()];
+        let scene = &scenes[member.scene()];
         let problem = unweighted(scene, member.problem().as_ref().clone(), nats)?;
         let problem = Arc::new(problem);
-        let engine = open(&problem, &on_cpu(sitting), |_| {})?.engine;
+        let engine = open(&problem, &EngineChoice::cpu(), |_| {})?.engine;
         let mut evaluator = Evaluator::new(problem.clone(), engine);
         let site = NearSite::new(scene, &problem)?;
         for scores in evaluator.scores(&placements)? {
@@ -51,8 +57,4 @@ pub(super) fn near_gains(sitting: &Sitting, outcome: &Outcome) -> Result<Vec<Nea
         }
     }
     Ok(gains)
-}
-
-fn on_cpu(sitting: &Sitting) -> EngineChoice {
-    EngineChoice { memory: sitting.args.compute.memory, ..EngineChoice::cpu() }
 }

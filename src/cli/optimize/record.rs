@@ -91,7 +91,7 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
     let (folder, suite) = (&sitting.folder, &sitting.opened.suite);
     let spent = sitting.spent();
     let settings = sitting.run.state().settings();
-    let outcome = &with_self_hits(sitting, outcome)?;
+    let outcome = &with_self_hits(&sitting.opened.scenes, suite, outcome)?;
     let mut record = RunRecord::new(
         outcome,
         RunContext {
@@ -105,7 +105,9 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
             peak_memory: peak_memory(),
         },
     );
-    record.near_field = near_gains(sitting, outcome)?;
+    if let Some(nats) = sitting.begun.near_weight {
+        record.near_field = near_gains(&sitting.opened.scenes, suite, outcome, nats)?;
+    }
     let best = outcome.best.as_ref().map(|best| &best.placement);
     let maps = best.map_or(Ok(Vec::new()), |best| maps(sitting, best))?;
     let body = sitting.opened.scenes[0].body();
