@@ -12,7 +12,7 @@ fn yard(dir: &TempDir) {
     let scene = json!({
         "sightline": 1, "name": "yard", "frames": 3, "coverage": "first-hit",
         "roi": { "min": [-12, -12, -0.4], "max": [12, 12, 2.8], "voxel": [0.4, 0.4, 0.4] },
-        "lidar": { "channels": 12, "fov": [-50, 0], "azimuth_steps": 120, "range": 60 },
+        "lidar": { "channels": 12, "fov": [-30, 0], "azimuth_steps": 120, "range": 60 },
         "mount": { "min": [-1.5, -0.8, 1.6], "max": [1.5, 0.8, 2.4], "lidars": 1 },
         "static": [{ "class": "road", "plane": { "min": [-40, -40], "max": [40, 40], "z": 0 } }],
         "actors": [{ "name": "walker", "poses": [{ "x": 5, "y": 3 }, { "x": 5, "y": 5 }, { "x": -6, "y": 3 }],

@@ -94,7 +94,7 @@ pub fn near_field_svg(footprint: &Footprint, all: &[(&Placement, &NearField)]) -
         }
         g transform={ "translate(8 " (px(rows as f64 * (size[1] + TITLE) + 18.0)) ")" } { (legend()) }
     };
-    let width = (columns as f64 * size[0]).max(620.0).round();
+    let width = (columns as f64 * size[0]).max(660.0).round();
     let height = (rows as f64 * (size[1] + TITLE) + 34.0).round();
     page([width, height], "Ground near the vehicle that is not seen, from above", &drawing)
 }
@@ -163,15 +163,15 @@ fn around(footprint: &Footprint, within: f64) -> Vec<[f64; 2]> {
 }
 
 fn legend() -> Markup {
-    let dots = [(GOOD, "pole with 5 beams or more", 0.0), (INK, "pole with fewer", 190.0)];
+    let dots = [(GOOD, "pole with 5 beams or more", 0.0), (INK, "pole with fewer", 205.0)];
     html! {
         @for (colour, words, x) in dots {
             circle cx=(x + 5.0) cy="-4" r="4" fill=(colour) {}
             text x=(x + 14.0) y="0" { (words) }
         }
-        rect x="310" y="-10" width="12" height="12" fill=(UNSEEN) {}
-        text x="327" y="0" { "ground not seen" }
-        rect x="445" y="-10" width="12" height="12" fill=(ACCENT) fill-opacity=".3" {}
-        text x="462" y="0" { "blind zone; 3 m, 10 m" }
+        rect x="328" y="-10" width="12" height="12" fill=(UNSEEN) {}
+        text x="345" y="0" { "ground not seen" }
+        rect x="463" y="-10" width="12" height="12" fill=(ACCENT) fill-opacity=".3" {}
+        text x="480" y="0" { "blind zone; 3 m, 10 m" }
     }
 }
