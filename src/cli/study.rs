@@ -49,10 +49,10 @@ impl clap::FromArgMatches for Command {
 
 impl clap::Args for Command {
     fn augment_args(command: clap::Command) -> clap::Command {
-        let near = clap::Command::new(NEAR_FIELD)
+        let near = near_field::Args::augment_args(clap::Command::new(NEAR_FIELD))
             .about("Ground and poles near the vehicle: what is seen, what is blind, what hits the own body");
         Args::augment_args(command)
-            .subcommand(near_field::Args::augment_args(near))
+            .subcommand(near)
             .args_conflicts_with_subcommands(true)
             .subcommand_negates_reqs(true)
     }
