@@ -224,7 +224,7 @@ fn scenes_without_body_or_ground_are_refused() {
     assert_eq!(refusal("road", &ego("[2, 1, 1]")), None);
     let says = |text: Option<String>, words: &str| {
         let text = text.expect("a refusal");
-        assert!(text.contains(words) && text.starts_with("s.json: "), "{text}");
+        assert!(text.contains(words) && text.starts_with("s: "), "{text}");
     };
     says(refusal("road", ""), "no body");
     says(refusal("wall", &ego("[2, 1, 1]")), "no ground within 10 m");
