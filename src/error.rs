@@ -4,6 +4,7 @@ use crate::audit::AuditError;
 use crate::chart::ChartError;
 use crate::engine::{BackendError, OpenError};
 use crate::files::FileError;
+use crate::near_field::NearFieldError;
 use crate::problem::ProblemError;
 use crate::psog::{GridError, KittiError, PsogFileError};
 use crate::rig::RigError;
@@ -64,6 +65,9 @@ pub enum Error {
     /// From a setting of the chart.
     #[error(transparent)]
     Chart(#[from] ChartError),
+    /// From the near field of a scene.
+    #[error(transparent)]
+    NearField(#[from] NearFieldError),
     /// From the search.
     #[error(transparent)]
     Search(#[from] SearchError),

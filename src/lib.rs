@@ -49,6 +49,7 @@
 //! | [`scan`] | scans of a scene by virtual sensors |
 //! | [`engine`] | the three stages on the CPU and on the GPU behind one trait |
 //! | [`score`] | scores, guards and objectives from the sums |
+//! | [`near_field`] | ground, poles and own body near a vehicle |
 //! | [`search`] | CMA-ES and swaps over a problem, bounds on what they leave |
 //! | [`audit`] | trials against the metric itself |
 //! | [`verify`] | comparisons of engines bit by bit, and with `f64` |
@@ -69,6 +70,7 @@ pub mod engine;
 mod files;
 pub mod geom;
 mod json;
+pub mod near_field;
 pub mod problem;
 pub mod psog;
 mod reduce;
@@ -131,6 +133,7 @@ pub mod internals {
     pub use crate::report::chart_words::chart_words;
     pub use crate::report::convergence::convergence_svg;
     pub use crate::report::map::InformationMap;
+    pub use crate::report::near_field::{near_field_svg, near_field_text, near_gain_text};
     pub use crate::report::placement::placement_svg;
     pub use crate::report::plot::{Axis, Plot, Series};
     pub use crate::report::record::peak_memory;

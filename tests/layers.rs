@@ -8,10 +8,31 @@ use std::collections::{BTreeMap, BTreeSet};
 use imports::{Source, Sources, words};
 
 /// Modules of the library, top to bottom: each imports only from itself and from those above it.
-const ORDER: [&str; 23] = [
-    "memory", "geom", "json", "vehicle", "rig", "scene", "psog", "bvh", "problem", "cast", "cover",
-    "reduce", "scan", "files", "engine", "score", "search", "audit", "verify", "chart", "study",
-    "report", "error",
+const ORDER: [&str; 24] = [
+    "memory",
+    "geom",
+    "json",
+    "vehicle",
+    "rig",
+    "scene",
+    "psog",
+    "bvh",
+    "problem",
+    "cast",
+    "cover",
+    "reduce",
+    "scan",
+    "files",
+    "engine",
+    "score",
+    "near_field",
+    "search",
+    "audit",
+    "verify",
+    "chart",
+    "study",
+    "report",
+    "error",
 ];
 
 /// Foreign crates and the files that may name them, by the start of their names.

@@ -15,6 +15,8 @@ mod cli_errors;
 #[cfg(feature = "cli")]
 mod cli_inputs;
 #[cfg(feature = "cli")]
+mod cli_near_field;
+#[cfg(feature = "cli")]
 mod cli_optimize;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_output;

@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 use sightline::engine::{EngineChoice, EngineKind};
+use sightline::near_field::MOST_WEIGHT;
 
 use super::error::Error;
 use super::output::say;
@@ -100,6 +101,12 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
         Ok(seconds) if (0.0..=1e9).contains(&seconds) => Ok(seconds),
         _ => Err("give a number of seconds, as 30".into()),
     }
+}
+
+/// `--near-weight`: nats.
+pub fn parse_weight(text: &str) -> Result<f64, String> {
+    let given = text.parse().ok().filter(|nats| (0.0..=MOST_WEIGHT).contains(nats));
+    given.ok_or_else(|| format!("give nats from 0 to {MOST_WEIGHT}, as 0.1"))
 }
 
 /// Bytes from `4096`, `800M`, `2G` or `2GiB`; K, M, G and T are powers of 1024.

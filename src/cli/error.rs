@@ -35,6 +35,7 @@ from_modules!(
     sightline::chart::ChartError,
     sightline::engine::BackendError,
     sightline::engine::OpenError,
+    sightline::near_field::NearFieldError,
     sightline::problem::ProblemError,
     sightline::psog::GridError,
     sightline::psog::KittiError,

@@ -12,6 +12,7 @@ mod error;
 mod files;
 mod interrupt;
 mod load;
+mod near_field;
 mod optimize;
 mod progress;
 mod psog;
@@ -56,7 +57,7 @@ enum Command {
     /// Try to make the scores fail, and say which guard notices
     Audit(audit::Args),
     /// Answer a question that takes many runs: how many LiDARs, which sensor, the loss of one LiDAR
-    Study(study::Args),
+    Study(study::Command),
     /// Build, inspect and merge P-SOG files
     #[command(subcommand)]
     Psog(psog::Command),
@@ -82,7 +83,7 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Verify(args) => verify::run(&args),
         Command::Chart(args) => chart::run(&args),
         Command::Audit(args) => audit::run(&args),
-        Command::Study(args) => study::run(&args),
+        Command::Study(command) => study::run(&command),
         Command::Psog(command) => psog::run(&command),
         Command::Sensor(command) => sensor::run(&command),
         Command::Rig(command) => rig::run(&command),

@@ -1,6 +1,7 @@
 //! `sightline optimize`: options to settings, progress on stderr, a run folder, the result on stdout.
 
 mod equipment;
+mod near_field;
 mod record;
 mod settings;
 
@@ -13,8 +14,9 @@ use indicatif::ProgressBar;
 use sightline::Problem;
 use sightline::internals::{
     Input, RunDir, align_columns, by_scene, certificate_in_words, findings_text, methods_in_words,
-    poses_text, spread_in_words, verdict,
+    near_gain_text, poses_text, spread_in_words, verdict,
 };
+use sightline::near_field::weighted;
 use sightline::report::{self, RunRecord};
 use sightline::scene::Scene;
 use sightline::search::{Event, Outcome, Run, SearchError, Suite, TimeLimit, Work};
@@ -105,7 +107,11 @@ fn open_scene(
         .map_err(|error| Error::Usage(format!("options for the mount: {error}")))?;
     let building = Instant::now();
     let all: Vec<usize> = (0..scene.frame_count()).collect();
-    let problem = Arc::new(Problem::with_psog(&scene, &psog, &all)?);
+    let problem = Problem::with_psog(&scene, &psog, &all)?;
+    let problem = Arc::new(match begun.near_weight {
+        Some(nats) => weighted(&scene, problem, nats)?,
+        None => problem,
+    });
     talk.detail(problem.modelled().to_string());
     talk.detail(format!(
         "scene and P-SOG take {} MiB, work buffers at most {} MiB",
@@ -212,6 +218,9 @@ fn print(args: &Args, record: &RunRecord, folder: &Path) -> Result<(), Error> {
     if let Some(rows) = by_scene(record) {
         outln!("\nscene by scene")?;
         out!("{}", align_columns(&rows))?;
+    }
+    if !record.near_field.is_empty() {
+        out!("\n{}", near_gain_text(&record.near_field))?;
     }
     match &record.best {
         Some(best) => {

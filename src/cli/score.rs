@@ -16,12 +16,14 @@ use serde_json::{Value, json};
 use sightline::internals::{
     LinePerElement, count_placements, shared_folder, writable_file, write_npy, write_whole,
 };
+use sightline::near_field::{self_hits, weighted};
 use sightline::report;
+use sightline::scene::Scene;
 use sightline::score::Scores;
 use sightline::search::Evaluator;
 use sightline::vehicle::{Placement, PlacementFileError, PlacementReader};
 
-use super::args::{Compute, Format};
+use super::args::{Compute, Format, parse_weight};
 use super::error::Error;
 use super::files::Files;
 use super::load::{self, LoadTimes, Loaded};
@@ -30,6 +32,8 @@ use super::progress;
 
 /// Placements that are read, scored and printed at a time.
 const BLOCK: usize = 1024;
+/// Placements in all up to which the guard `self_hit` is looked for, which needs hits of its own.
+const FEW: usize = 64;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -54,6 +58,9 @@ pub struct Args {
     /// Average over this many frames, spread evenly over each scene [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
+    /// Count W nats more in every voxel of ground within 10 m of the own body, as in `optimize`; one scene
+    #[arg(long, value_name = "W", value_parser = parse_weight)]
+    near_weight: Option<f64>,
     #[command(flatten)]
     compute: Compute,
 }
@@ -66,11 +73,19 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     // be read only once.
     let is_file = placements != Path::new("-") && placements.is_file();
     let total = if is_file { count_placements(&placements)? } else { 0 };
+    if args.near_weight.is_some() && scenes.len() > 1 {
+        return Err(Error::Usage("--near-weight: takes one scene".to_owned()));
+    }
     let [scene] = &scenes[..] else {
         several::run(args, &scenes, &placements, start)?;
         return Ok(ExitCode::SUCCESS);
     };
-    let loaded = load::scene(scene, args.frames, &args.compute)?;
+    let mut loaded = load::scene(scene, args.frames, &args.compute)?;
+    if let Some(nats) = args.near_weight {
+        let problem = loaded.evaluator.problem().clone();
+        let problem = weighted(&loaded.scene, problem, nats)?;
+        loaded.evaluator = load::evaluator(problem, &args.compute)?;
+    }
     load::note_frames(&loaded.scene, args.frames, args.compute.talk);
     if let Some(file) = &args.out {
         writable_file(file, loaded.inputs(&placements))?;
@@ -96,6 +111,7 @@ fn write_out(
 /// Placements that are read, scored and handed on block by block.
 struct Scoring<'a> {
     args: &'a Args,
+    scene: &'a Scene,
     evaluator: Evaluator,
     reader: Peekable<PlacementReader>,
     bar: ProgressBar,
@@ -123,7 +139,14 @@ impl Scoring<'_> {
             self.args.compute.talk.note(words);
         }
         let block = block?;
-        let scores = self.evaluator.scores(&block)?;
+        let mut scores = self.evaluator.scores(&block)?;
+        if self.count == 0 && block.len() <= FEW && self.reader.peek().is_none() {
+            for (placement, scores) in block.iter().zip(&mut scores) {
+                let (problem, engine) =
+                    (self.evaluator.shared_problem(), self.evaluator.backend_mut());
+                scores.guards.extend(self_hits(self.scene, &problem, engine, placement)?);
+            }
+        }
         if let Some(folder) = &self.args.coverage_out {
             for placement in &block {
                 write_coverage(folder, placement, self.evaluator.covered(placement)?)?;
@@ -171,7 +194,8 @@ fn print(
     let Loaded { scene, evaluator, times, .. } = loaded;
     let reader = PlacementReader::open(placements)?.peekable();
     let bar = progress::bar(total, "placements", args.compute.talk);
-    let mut scoring = Scoring { args, evaluator, reader, bar, total, count: 0, times, start };
+    let mut scoring =
+        Scoring { args, scene: &scene, evaluator, reader, bar, total, count: 0, times, start };
     // Before anything is written: what cannot be computed prints nothing.
     let Some(first) = scoring.next()? else {
         return Err(PlacementFileError::Empty { path: placements.to_owned() }.into());

@@ -20,7 +20,47 @@ use super::args::{Compute, Format, Talk, at_least_one, whole};
 use super::error::Error;
 use super::files::told_apart;
 use super::interrupt::{INTERRUPTED, Interrupt};
-use super::{load, progress};
+use super::{load, near_field, progress};
+
+/// A study of one table is a command of its own; all others name their kind.
+pub enum Command {
+    Make(Box<Args>),
+    NearField(Box<near_field::Args>),
+}
+
+/// Name of the study that is a command.
+const NEAR_FIELD: &str = "nearfield";
+
+impl clap::FromArgMatches for Command {
+    fn from_arg_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
+        Ok(match matches.subcommand() {
+            Some((NEAR_FIELD, matches)) => {
+                Self::NearField(Box::new(near_field::Args::from_arg_matches(matches)?))
+            }
+            _ => Self::Make(Box::new(Args::from_arg_matches(matches)?)),
+        })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &clap::ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl clap::Args for Command {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        let near = near_field::Args::augment_args(clap::Command::new(NEAR_FIELD))
+            .about("Ground and poles near the vehicle: what is seen, what is blind, what hits the own body");
+        Args::augment_args(command)
+            .subcommand(near)
+            .args_conflicts_with_subcommands(true)
+            .subcommand_negates_reqs(true)
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        Self::augment_args(command)
+    }
+}
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -28,6 +68,7 @@ use super::{load, progress};
   sightline study channels scenes/highway.json --sensor velodyne_vlp_32c.json --sensor os1_64.json
   sightline study loss scenes/highway.json scenes/residential.json
   sightline study regions scenes/residential.json --box crossing:10,-5,0,30,5,2
+  sightline study nearfield scenes/highway.json --out near.svg
   sightline study transfer scenes/highway.json scenes/residential.json
 
 A study writes study.json, table.csv and chart.svg into its folder. The same command goes on with an
@@ -81,7 +122,14 @@ fn kinds() -> impl TypedValueParser<Value = Kind> {
     PossibleValuesParser::new(values).try_map(|name| Kind::from_str(&name))
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Error> {
+pub fn run(command: &Command) -> Result<ExitCode, Error> {
+    match command {
+        Command::Make(args) => make(args),
+        Command::NearField(args) => near_field::run(args),
+    }
+}
+
+fn make(args: &Args) -> Result<ExitCode, Error> {
     args.compute.start()?;
     let settings = settings(args)?;
     let interrupt = Interrupt::listen(args.compute.talk);

@@ -10,6 +10,7 @@
 //! | `plot`, `convergence`, `study` | plain charts of some series |
 //! | `sensor`, `sensor_svg` | what a sensor file holds |
 //! | `chart`, `chart_labels`, `chart_table`, `chart_words` | cost against ranking error |
+//! | `near_field` | what is seen of the ground near the vehicle |
 //! | `placement`, `map` | a placement on its vehicle, and what it sees from above |
 //! | `table`, `text` | the one table of scores, tables as text |
 //! | `html` | the page |
@@ -22,6 +23,7 @@ pub(crate) mod chart_words;
 pub(crate) mod convergence;
 mod html;
 pub(crate) mod map;
+pub(crate) mod near_field;
 pub(crate) mod placement;
 pub(crate) mod plot;
 pub(crate) mod record;

@@ -15,10 +15,12 @@ pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> 
             .into();
     };
     let against = against(best, baselines, objective).unwrap_or_else(|| {
-        format!(
-            "The search found a placement of {} LiDARs; there is no baseline to compare it with.",
-            best.placement.lidars.len()
-        )
+        let lidars = best.placement.lidars.len();
+        let why = match baselines.is_empty() {
+            true => "there is no baseline to compare it with",
+            false => "no baseline keeps all rules, so that none is compared with it",
+        };
+        format!("The search found a placement of {lidars} LiDARs; {why}.")
     });
     let share = best.scores.segmentation.information_gain_share;
     let share = share.map_or(String::new(), |share| {

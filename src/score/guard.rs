@@ -20,6 +20,9 @@ const MOST_OUT_OF_RANGE: f64 = 0.01;
 /// A LiDAR that alone gains less than this share of the information is redundant.
 const LEAST_UNIQUE: f64 = 0.01;
 
+/// A LiDAR that ends more than this share of its beams at the own vehicle wastes much.
+pub const MOST_SELF_HITS: f64 = 0.25;
+
 /// A reason not to believe a placement's scores: literal M-SOG is perfect for sensors that see only
 /// what never changes.
 ///
@@ -58,6 +61,13 @@ pub enum Guard {
         /// Index of the LiDAR.
         lidar: usize,
         /// Share of the information that only it gains.
+        share: f64,
+    },
+    /// A LiDAR that looks at the own vehicle; see [`crate::near_field`].
+    SelfHit {
+        /// Index of the LiDAR.
+        lidar: usize,
+        /// Share of its beams that end at the own body.
         share: f64,
     },
     /// Any of these in one of several scenes.
@@ -109,6 +119,13 @@ impl std::fmt::Display for Guard {
                 // Rounded down, so that it reads as less.
                 (1e4 * share).floor() / 100.0,
                 100.0 * LEAST_UNIQUE
+            ),
+            Self::SelfHit { lidar, share } => write!(
+                f,
+                "self_hit: LiDAR {lidar} ends {:.1} % of its beams at the own vehicle, more than {:.0} %",
+                // Rounded up, so that it reads as more.
+                (1e3 * share).ceil() / 10.0,
+                100.0 * MOST_SELF_HITS
             ),
             Self::InScene { scene, guard } => write!(f, "{guard} (in {scene})"),
         }

@@ -16,7 +16,7 @@ use crate::problem::{Content, Tally};
 use crate::psog::to_nats;
 
 pub use bootstrap::{Interval, bootstrap};
-pub use guard::Guard;
+pub use guard::{Guard, MOST_SELF_HITS};
 pub(crate) use guard::{guards_of, reference_layout, short_sight};
 pub use objective::{Objective, ObjectiveError};
 pub(crate) use over_scenes::totals;

@@ -11,6 +11,7 @@ use sightline::scene::Scene;
 use sightline::search::{FrameChoice, LeftOut, Member, Outcome, Run, Settings, Suite};
 use sightline::vehicle::Placement;
 
+use super::near_field::{near_gains, with_self_hits};
 use super::settings::{Args, Begun, Saved};
 use crate::cli::error::Error;
 use crate::cli::load::LoadTimes;
@@ -90,7 +91,8 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
     let (folder, suite) = (&sitting.folder, &sitting.opened.suite);
     let spent = sitting.spent();
     let settings = sitting.run.state().settings();
-    let record = RunRecord::new(
+    let outcome = &with_self_hits(&sitting.opened.scenes, suite, outcome)?;
+    let mut record = RunRecord::new(
         outcome,
         RunContext {
             scene: sitting.opened.scenes[0].name(),
@@ -103,6 +105,9 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
             peak_memory: peak_memory(),
         },
     );
+    if let Some(nats) = sitting.begun.near_weight {
+        record.near_field = near_gains(&sitting.opened.scenes, suite, outcome, nats)?;
+    }
     let best = outcome.best.as_ref().map(|best| &best.placement);
     let maps = best.map_or(Ok(Vec::new()), |best| maps(sitting, best))?;
     let body = sitting.opened.scenes[0].body();
@@ -158,6 +163,9 @@ fn settings_json(begun: &Begun, settings: &Settings, left_out: &[LeftOut]) -> Va
     });
     if !begun.more_scenes.is_empty() {
         all["more_scenes"] = json!(begun.more_scenes);
+    }
+    if let Some(nats) = begun.near_weight {
+        all["near_weight"] = json!(nats);
     }
     if begun.mirror {
         all["mirror"] = json!(true);

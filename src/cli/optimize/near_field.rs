@@ -1,0 +1,60 @@
+//! What is said of the near field of a result and its baselines: guards, and beside a weighted search the true
+//! gain.
+
+use std::sync::Arc;
+
+use sightline::engine::{EngineChoice, open};
+use sightline::near_field::{NearGain, NearSite, self_hits, unweighted};
+use sightline::scene::Scene;
+use sightline::search::{Evaluator, Outcome, Scored, Suite};
+use sightline::vehicle::Placement;
+
+use crate::cli::error::Error;
+
+/// The outcome with the guard `self_hit` where a LiDAR looks at the own vehicle: a search does not know it.
+pub(super) fn with_self_hits(
+    scenes: &[Scene],
+    suite: &Suite,
+    outcome: &Outcome,
+) -> Result<Outcome, Error> {
+    let mut outcome = outcome.clone();
+    let Some(member) = suite.members().first() else { return Ok(outcome) };
+    let (scene, problem) = (&scenes[member.scene()], member.problem());
+    let mut engine = open(problem, &EngineChoice::cpu(), |_| {})?.engine;
+    for Scored { placement, scores, .. } in outcome.best.iter_mut().chain(&mut outcome.baselines) {
+        scores.guards.extend(self_hits(scene, problem, &mut *engine, placement)?);
+    }
+    Ok(outcome)
+}
+
+/// True gain and near field of the result and the baselines in each scene, where near ground had a weight.
+pub(super) fn near_gains(
+    scenes: &[Scene],
+    suite: &Suite,
+    outcome: &Outcome,
+    nats: f64,
+) -> Result<Vec<NearGain>, Error> {
+    let all = outcome.best.iter().chain(&outcome.baselines);
+    let placements: Vec<Placement> = all.map(|scored| scored.placement.clone()).collect();
+    let mut gains = Vec::new();
+    for member in suite.members().iter().filter(|member| !member.is_mirrored()) {
+        let scene = &scenes[member.scene()];
+        let problem = unweighted(scene, member.problem().as_ref().clone(), nats)?;
+        let problem = Arc::new(problem);
+        let engine = open(&problem, &EngineChoice::cpu(), |_| {})?.engine;
+        let mut evaluator = Evaluator::new(problem.clone(), engine);
+        let site = NearSite::new(scene, &problem)?;
+        for scores in evaluator.scores(&placements)? {
+            let placement = &placements[gains.len() % placements.len()];
+            let near = site.look(evaluator.backend_mut(), placement)?;
+            gains.push(NearGain {
+                scene: (suite.scene_count() > 1).then(|| member.name().to_owned()),
+                name: scores.name,
+                information_gain: scores.segmentation.information_gain,
+                near_field: near.near_field,
+                ring: near.ring,
+            });
+        }
+    }
+    Ok(gains)
+}

@@ -1,0 +1,248 @@
+//! What the beams of a placement end at, and the ground near the vehicle that they see.
+
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use super::ground::{Cell, Cells, GROUND};
+use super::zone::BlindZone;
+use super::{CELL, Footprint, NEAR, NearFieldError, Pole, RING, poles};
+use crate::bvh::{Bvh, Hit};
+use crate::engine::{Backend, BackendError};
+use crate::geom::Pose;
+use crate::problem::{Frame, Problem, SensorBatch};
+use crate::scene::{EgoBody, Scene};
+use crate::vehicle::Placement;
+
+/// Metres from a cell's centre, counted level, within which a hit sees it.
+pub const CLOSE: f64 = 0.5;
+/// Longest side of a body in metres.
+const MOST_BODY: f64 = 50.0;
+
+/// All about the near field of a scene that is fixed while placements vary.
+pub struct NearSite {
+    problem: Arc<Problem>,
+    footprint: Footprint,
+    cells: Cells,
+    /// By triangle of a frame.
+    is_ground: Vec<bool>,
+    /// Number of the first triangle of the own body.
+    own: u32,
+    /// The own body alone.
+    body: Frame,
+    /// Of each distinct frame: its number, frames that it stands for, which cells are ground.
+    frames: Vec<(usize, u64, Vec<bool>)>,
+}
+
+/// What the beams of a LiDAR end at, as shares of all; a mean over frames.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct BeamShares {
+    /// Surfaces of the ground's classes.
+    pub ground: f64,
+    /// The own body: wasted.
+    pub own: f64,
+    /// Any other surface.
+    pub other: f64,
+    /// Nothing within range.
+    pub nothing: f64,
+}
+
+/// The near field of a placement.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NearField {
+    /// Of the placement.
+    pub name: String,
+    /// Share of the ground cells within 10 m that are seen.
+    pub near_field: f64,
+    /// The same within 3 m; `None` where none of them is ground.
+    pub ring: Option<f64>,
+    /// Square metres of ground within 10 m that are not seen.
+    pub blind_area: f64,
+    /// The zone around the body before the nearest ground seen.
+    pub zone: BlindZone,
+    /// What beams end at, by LiDAR.
+    pub beams: Vec<BeamShares>,
+    /// Every pole of the preset.
+    pub poles: Vec<Pole>,
+    /// Centres of the cells that count in some frame, metres, and the share of those frames in which each
+    /// is seen.
+    #[serde(skip)]
+    pub cells: Vec<([f64; 2], f64)>,
+}
+
+/// Sums over frames.
+struct Sums {
+    /// Of each cell, frames in which it is ground, and in which it is seen too.
+    ground: Vec<u64>,
+    seen: Vec<u64>,
+    /// Shares of the frames, added up: near, ring; and the frames that have such cells.
+    shares: [f64; 2],
+    frames: [u64; 2],
+    /// Beams by LiDAR: on ground, on the own body, on others, on nothing.
+    beams: Vec<[u64; 4]>,
+}
+
+impl NearSite {
+    /// The site of a problem that was made of a scene.
+    ///
+    /// # Errors
+    /// A scene without an own body, or without ground near it.
+    pub fn new(scene: &Scene, problem: &Arc<Problem>) -> Result<Self, NearFieldError> {
+        let footprint = outline(scene)?;
+        let cells = Cells::around(&footprint);
+        let ground_class = |class: &u16| {
+            let name = scene.classes().get(usize::from(*class)).map(String::as_str);
+            name.is_some_and(|name| GROUND.contains(&name))
+        };
+        let classes = scene.face_classes(EgoBody::Include);
+        let own = scene.face_classes(EgoBody::Exclude).len() as u32;
+        let is_ground = |(prim, class): (u32, &u16)| prim < own && ground_class(class);
+        let is_ground: Vec<bool> = (0..).zip(&classes).map(is_ground).collect();
+        let soup = scene.part(scene.part_count() - 1);
+        let body = Frame::from(Arc::new(Bvh::build(&soup, problem.far_range())));
+        let mut frames = Vec::new();
+        for (frame, weight) in problem.distinct_frames() {
+            let Some(geometry) = problem.geometry(frame) else { continue };
+            let ground = cells.are_ground(geometry, &is_ground);
+            frames.push((frame, weight, ground));
+        }
+        if !frames.iter().any(|(_, _, ground)| ground.contains(&true)) {
+            let (scene, names) = (place(scene), GROUND.join(", "));
+            return Err(NearFieldError::NoGround { scene, within: NEAR, names });
+        }
+        Ok(Self { problem: problem.clone(), footprint, cells, is_ground, own, body, frames })
+    }
+
+    /// Outline of the own body.
+    pub fn footprint(&self) -> &Footprint {
+        &self.footprint
+    }
+
+    /// Square metres of ground within 10 m, a mean over frames.
+    pub fn ground_area(&self) -> f64 {
+        let count = |ground: &[bool]| ground.iter().filter(|is| **is).count() as u64;
+        let frames: u64 = self.frames.iter().map(|(_, weight, _)| weight).sum();
+        let cells: u64 = self.frames.iter().map(|(_, weight, g)| weight * count(g)).sum();
+        cells as f64 / frames as f64 * CELL * CELL
+    }
+
+    /// The near field of a placement, by the hits of an engine of the site's problem.
+    ///
+    /// # Errors
+    /// A sensor of a model that the vehicle does not have, or as [`Backend::hits`].
+    pub fn look(
+        &self,
+        engine: &mut dyn Backend,
+        placement: &Placement,
+    ) -> Result<NearField, BackendError> {
+        let batch = SensorBatch::new(&self.problem, &placement.lidars, None)?;
+        let count = self.cells.cells.len();
+        let mut sums = Sums {
+            ground: vec![0; count],
+            seen: vec![0; count],
+            shares: [0.0; 2],
+            frames: [0; 2],
+            beams: vec![[0; 4]; batch.len()],
+        };
+        for (frame, weight, ground) in &self.frames {
+            let hits = engine.hits(&placement.lidars, *frame)?;
+            let poses = batch.ego_from_sensors(*frame);
+            self.add_frame(&mut sums, &batch, &poses, &hits, (*weight, ground));
+        }
+        let poses = batch.ego_from_sensors(0);
+        let poles = poles::count(&self.footprint, &batch, &poses, &self.body);
+        Ok(self.result(placement, sums, poles))
+    }
+
+    fn add_frame(
+        &self,
+        sums: &mut Sums,
+        batch: &SensorBatch<'_>,
+        poses: &[Pose],
+        hits: &[Hit],
+        (weight, ground): (u64, &[bool]),
+    ) {
+        let mut seen = vec![false; ground.len()];
+        for (k, pose) in poses.iter().enumerate() {
+            let beams = batch.table(k).directions().iter().zip(&hits[batch.beams_of(k)]);
+            for (direction, hit) in beams {
+                let kind = match hit.prim {
+                    _ if !hit.is_hit() => 3,
+                    prim if prim >= self.own => 1,
+                    prim if self.is_ground[prim as usize] => 0,
+                    _ => 2,
+                };
+                sums.beams[k][kind] += weight;
+                if kind == 0 {
+                    let along = glam::DVec3::from(direction.map(f64::from)) * f64::from(hit.t);
+                    let point = pose.apply(along);
+                    self.cells.within([point.x, point.y], CLOSE).for_each(|cell| seen[cell] = true);
+                }
+            }
+        }
+        for (which, within) in [NEAR, RING].into_iter().enumerate() {
+            let cells = self.cells.cells.iter().zip(ground).zip(&seen);
+            let of_ring = cells.filter(|((cell, ground), _)| **ground && cell.distance <= within);
+            let [all, seen] = of_ring
+                .fold([0_u64; 2], |[all, both], (_, seen)| [all + 1, both + u64::from(*seen)]);
+            if all > 0 {
+                sums.shares[which] += weight as f64 * seen as f64 / all as f64;
+                sums.frames[which] += weight;
+            }
+        }
+        for (cell, _) in ground.iter().enumerate().filter(|(_, is)| **is) {
+            sums.ground[cell] += weight;
+            sums.seen[cell] += weight * u64::from(seen[cell]);
+        }
+    }
+
+    fn result(&self, placement: &Placement, sums: Sums, poles: Vec<Pole>) -> NearField {
+        let share = |which: usize| {
+            (sums.frames[which] > 0).then(|| sums.shares[which] / sums.frames[which] as f64)
+        };
+        let counting = || (0..sums.ground.len()).filter(|&cell| sums.ground[cell] > 0);
+        let is_seen = |&cell: &usize| 2 * sums.seen[cell] >= sums.ground[cell];
+        let seen: Vec<Cell> =
+            counting().filter(is_seen).map(|cell| self.cells.cells[cell]).collect();
+        let frames: u64 = self.frames.iter().map(|(_, weight, _)| weight).sum();
+        let blind: u64 = counting().map(|cell| sums.ground[cell] - sums.seen[cell]).sum();
+        let shares = |beams: &[u64; 4]| {
+            let all = beams.iter().sum::<u64>().max(1) as f64;
+            let [ground, own, other, nothing] = beams.map(|count| count as f64 / all);
+            BeamShares { ground, own, other, nothing }
+        };
+        let cell = |cell: usize| {
+            let share = sums.seen[cell] as f64 / sums.ground[cell] as f64;
+            (self.cells.cells[cell].centre, share)
+        };
+        NearField {
+            name: placement.name.clone(),
+            near_field: share(0).unwrap_or_default(),
+            ring: share(1),
+            blind_area: blind as f64 / frames as f64 * CELL * CELL,
+            zone: BlindZone::new(&self.footprint, &seen),
+            beams: sums.beams.iter().map(shares).collect(),
+            poles,
+            cells: counting().map(cell).collect(),
+        }
+    }
+}
+
+/// Outline of the own body of a scene.
+pub(super) fn outline(scene: &Scene) -> Result<Footprint, NearFieldError> {
+    let corners = scene.body().into_iter().flatten();
+    let footprint = Footprint::of(corners.map(|[x, y, _]| [f64::from(x), f64::from(y)]));
+    let footprint = footprint.ok_or_else(|| NearFieldError::NoBody { scene: place(scene) })?;
+    let [low, high] = footprint.bounds();
+    let length = (high[0] - low[0]).max(high[1] - low[1]);
+    if length > MOST_BODY {
+        return Err(NearFieldError::LargeBody { scene: place(scene), length, most: MOST_BODY });
+    }
+    Ok(footprint)
+}
+
+/// File of a scene, or its name where it was read from none.
+fn place(scene: &Scene) -> String {
+    let file = scene.files().first();
+    file.map_or_else(|| scene.name().to_owned(), |file| file.display().to_string())
+}

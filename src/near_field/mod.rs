@@ -1,0 +1,51 @@
+//! The ground, the poles and the own body near a vehicle: what no score of voxels sees.
+//!
+//! To the letter:
+//!
+//! - **Footprint**: convex hull of the own body seen from above, in the ego frame.
+//! - **Cell**: a square of 0.25 m of a grid along the ego frame's axes with lines through its origin. A
+//!   cell counts in a frame if its centre lies outside the footprint and at most R from its outline, R =
+//!   10 m and, for the ring, 3 m, and is ground: the first surface straight down from z = 2 m is of a ground
+//!   class and within 2 m of z = 0, and does not lie inside a closed thing (an odd number of other
+//!   surfaces is above it).
+//! - **Seen**: a beam of any LiDAR ends at a surface of a ground class at most 0.5 m from the cell's
+//!   centre, counted level: the width of a person. The cell's own square alone would count beams rather than
+//!   ground that nothing can hide on, since rings of 16 channels lie up to 1.3 m apart there.
+//! - **`near_field`**: share of the cells that count which are seen, a mean over the frames; blind ground is
+//!   the mean number of the others times 0.0625 m².
+//! - **Blind zone**: a polygon over 72 directions from the middle of the footprint; a cell takes part if it
+//!   is seen in at least half of the frames in which it counts.
+//! - **Wasted**: share of a LiDAR's beams that end at the own body, a mean over the frames.
+//! - **Poles** stand alone on level ground, with the own body and without the scene; one is seen with five
+//!   beams or more.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `footprint` | the outline of the body |
+//! | `ground` | cells, and which of them are ground |
+//! | `look` | what beams end at, cells seen, shares: the whole of a placement |
+//! | `zone` | the blind zone |
+//! | `poles` | the preset of poles, and the beams on each |
+//! | `self_hit` | the guard of placements that look at the own vehicle |
+//! | `weight` | ground near the vehicle that counts more in a search |
+
+mod error;
+mod footprint;
+mod ground;
+mod look;
+mod poles;
+mod self_hit;
+mod weight;
+mod zone;
+
+#[cfg(test)]
+mod tests;
+
+pub use error::NearFieldError;
+pub use footprint::Footprint;
+pub use ground::{CELL, NEAR, RING};
+pub use look::{BeamShares, CLOSE, NearField, NearSite};
+pub use poles::{POLE_BEAMS, POLE_HEIGHT, POLE_RADIUS, Pole, Standard};
+pub use self_hit::{own_shares, self_hits};
+pub use weight::{MOST_WEIGHT, NearGain, unweighted, weighted};
+pub use zone::{BlindZone, DIRECTIONS};

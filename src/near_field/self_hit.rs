@@ -1,0 +1,52 @@
+//! The guard of placements of which a LiDAR looks at the own vehicle.
+
+use crate::engine::{Backend, BackendError};
+use crate::problem::{Problem, SensorBatch};
+use crate::scene::{EgoBody, Scene};
+use crate::score::{Guard, MOST_SELF_HITS};
+use crate::vehicle::Placement;
+
+/// Share of each LiDAR's beams that end at the own body in the first frame of a problem of the scene;
+/// zeros where beams end at nothing. The body stands nearest and is the same in every frame, so that one
+/// frame tells.
+///
+/// # Errors
+/// A sensor of a model that the vehicle does not have, or as [`Backend::hits`].
+pub fn own_shares(
+    scene: &Scene,
+    problem: &Problem,
+    engine: &mut dyn Backend,
+    placement: &Placement,
+) -> Result<Vec<f64>, BackendError> {
+    if !problem.ends_at_hits() || scene.part_triangles(scene.part_count() - 1) == 0 {
+        return Ok(vec![0.0; placement.lidars.len()]);
+    }
+    let own: usize = (0..scene.part_count() - 1).map(|part| scene.part_triangles(part)).sum();
+    let batch = SensorBatch::new(problem, &placement.lidars, None)?;
+    let hits = engine.hits(&placement.lidars, 0)?;
+    let share = |lidar: usize| {
+        let hits = &hits[batch.beams_of(lidar)];
+        let own = hits.iter().filter(|hit| hit.is_hit() && hit.prim as usize >= own);
+        own.count() as f64 / hits.len() as f64
+    };
+    debug_assert_eq!(own, scene.face_classes(EgoBody::Exclude).len());
+    Ok((0..batch.len()).map(share).collect())
+}
+
+/// The guards of a placement's LiDARs that waste more than a quarter of their beams on the own vehicle.
+///
+/// Needs hits of its own: tallies count those of all LiDARs together, whatever is hit. So a search does
+/// not know this guard; it is for placements that are reported.
+///
+/// # Errors
+/// As [`own_shares`].
+pub fn self_hits(
+    scene: &Scene,
+    problem: &Problem,
+    engine: &mut dyn Backend,
+    placement: &Placement,
+) -> Result<Vec<Guard>, BackendError> {
+    let shares = own_shares(scene, problem, engine, placement)?;
+    let much = shares.into_iter().enumerate().filter(|(_, share)| *share > MOST_SELF_HITS);
+    Ok(much.map(|(lidar, share)| Guard::SelfHit { lidar, share }).collect())
+}

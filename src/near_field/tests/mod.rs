@@ -1,0 +1,250 @@
+//! The near field against closed forms on level ground: rings, shadows of a box, beams on a cylinder.
+
+mod weight;
+
+use std::f64::consts::TAU;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::*;
+use crate::engine::CpuBackend;
+use crate::problem::Problem;
+use crate::psog::Psog;
+use crate::scene::Scene;
+use crate::vehicle::{BeamTable, Placement, SensorPose};
+
+/// Half length, half width and height of the own body, a box that stands on the ground.
+const BODY: [f64; 3] = [2.0, 1.0, 1.5];
+const OFFSET: f64 = 0.37;
+
+/// Level ground, the own body, and other static shapes.
+pub(super) fn scene(others: &str) -> Scene {
+    let [x, y, z] = BODY;
+    let text = format!(
+        r#"{{ "sightline": 1, "name": "level",
+        "roi": {{ "min": [-16, -16, -0.4], "max": [16, 16, 2.8], "voxel": [0.4, 0.4, 0.4] }},
+        "lidar": {{ "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 100 }},
+        "mount": {{ "min": [-2, -1, 0.1], "max": [3, 1, 2.7], "lidars": 1 }},
+        "coverage": "first-hit",
+        "static": [{{ "class": "road", "plane": {{ "min": [-60, -60], "max": [60, 60], "z": 0 }} }}
+                   {others}],
+        "ego": {{ "body": [{{ "class": "vehicle",
+                  "box": {{ "min": [-{x}, -{y}, 0], "max": [{x}, {y}, {z}] }} }}] }} }}"#
+    );
+    Scene::from_json(&text, Path::new(""), "level.json").unwrap_or_else(|e| panic!("{e}"))
+}
+
+pub(super) fn problem(scene: &Scene) -> Problem {
+    let roi = scene.roi().grid().unwrap();
+    let psog = Psog::new(roi, 1, scene.classes().to_vec(), vec![], vec![]).unwrap();
+    Problem::with_psog(scene, &psog, &[0]).unwrap()
+}
+
+fn cpu(problem: &Arc<Problem>) -> CpuBackend {
+    CpuBackend::new(problem.clone(), 1 << 30)
+}
+
+fn one(pose: SensorPose) -> Placement {
+    Placement { name: "one".into(), lidars: vec![pose] }
+}
+
+fn look(scene: &Scene, table: BeamTable, pose: SensorPose) -> NearField {
+    let problem = Arc::new(problem(scene).with_sensors(table));
+    let site = NearSite::new(scene, &problem).unwrap();
+    site.look(&mut cpu(&problem), &one(pose)).unwrap()
+}
+
+/// Where the beams of a level spinning sensor over the middle of the roof reach the ground; `None` for those
+/// that end at the roof: at its height they have not left it yet.
+fn reach(elevations: &[f64], steps: u32, height: f64) -> Vec<Option<[f64; 2]>> {
+    let mut ends = Vec::new();
+    for elevation in elevations {
+        let slope = (-elevation).to_radians().tan();
+        let (ring, at_roof) = (height / slope, (height - BODY[2]) / slope);
+        for step in 0..steps {
+            let azimuth = TAU * f64::from(step) / f64::from(steps) + OFFSET.to_radians();
+            let [x, y] = [azimuth.cos(), azimuth.sin()];
+            let on_roof = (at_roof * x).abs() <= BODY[0] && (at_roof * y).abs() <= BODY[1];
+            ends.push((!on_roof).then_some([ring * x, ring * y]));
+        }
+    }
+    ends
+}
+
+/// Share of the cells within a distance of the box that have a point within half a metre.
+fn share(points: &[[f64; 2]], within: f64) -> f64 {
+    let (mut all, mut seen) = (0.0, 0.0);
+    for i in -60..60 {
+        for j in -60..60 {
+            let [x, y] = [i, j].map(|k| 0.25 * f64::from(k) + 0.125);
+            let [beyond_x, beyond_y] = [(x.abs() - BODY[0]).max(0.0), (y.abs() - BODY[1]).max(0.0)];
+            let distance = beyond_x.hypot(beyond_y);
+            if distance > 0.0 && distance <= within {
+                let is_close = |p: &[f64; 2]| (p[0] - x).powi(2) + (p[1] - y).powi(2) <= 0.25;
+                all += 1.0;
+                seen += f64::from(u8::from(points.iter().any(is_close)));
+            }
+        }
+    }
+    seen / all
+}
+
+#[test]
+fn rings_and_the_shadow_of_the_body_in_closed_form() {
+    let elevations: Vec<f64> = (0..40).map(|k| -62.3 + 1.5 * f64::from(k)).collect();
+    let channels: Vec<(f64, f64)> = elevations.iter().map(|&e| (e, OFFSET)).collect();
+    let table = BeamTable::spinning(&channels, 250, 100.0).unwrap();
+    let scene = scene("");
+    for height in [1.6, 2.0, 2.63] {
+        let near = look(&scene, table.clone(), SensorPose::at(0.0, 0.0, height));
+        let ends = reach(&elevations, 250, height);
+        let points: Vec<[f64; 2]> = ends.iter().flatten().copied().collect();
+        let wasted = (ends.len() - points.len()) as f64 / ends.len() as f64;
+        // Beams that reach the ground beyond its edge, 60 m away, end at nothing.
+        let on_ground = points.iter().filter(|p| p[0].abs() <= 60.0 && p[1].abs() <= 60.0).count();
+        let on_ground = on_ground as f64 / ends.len() as f64;
+        let [shares] = near.beams[..] else { panic!("one LiDAR") };
+        assert!((shares.own - wasted).abs() < 1e-12, "{height}: {} {wasted}", shares.own);
+        assert!((shares.ground - on_ground).abs() < 1e-12, "{height}: {shares:?} {on_ground}");
+        assert!((shares.ground + shares.own + shares.nothing - 1.0).abs() < 1e-12);
+        assert!((near.near_field - share(&points, 10.0)).abs() < 1e-3, "{height}: {near:?}");
+        let ring = near.ring.unwrap();
+        assert!((ring - share(&points, 3.0)).abs() < 1e-3, "{height}: {ring}");
+        // Similar triangles: the roof's edge, at BODY from the sensor's foot, ends the shadow.
+        let shadow = |half: f64| half * height / (height - BODY[2]) - half;
+        for (found, half) in [(near.zone.ahead, BODY[0]), (near.zone.left, BODY[1])] {
+            let edge = shadow(half);
+            match found {
+                Some(found) => {
+                    assert!(found > edge - CLOSE - CELL, "{height}: {found} {edge}");
+                    assert!(found < 1.2 * edge + CLOSE + CELL, "{height}: {found} {edge}");
+                }
+                None => assert!(edge > NEAR - 1.0, "{height}: {edge}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn a_sensor_close_above_the_roof_wastes_beams_and_says_so() {
+    let scene = scene("");
+    let channels: Vec<(f64, f64)> = (0..16).map(|k| (-24.7 + 1.6 * f64::from(k), OFFSET)).collect();
+    let table = BeamTable::spinning(&channels, 250, 100.0).unwrap();
+    let problem = Arc::new(problem(&scene).with_sensors(table));
+    let mut engine = cpu(&problem);
+    let elevations: Vec<f64> = channels.iter().map(|c| c.0).collect();
+    let ends = reach(&elevations, 250, 1.6);
+    let wasted = ends.iter().filter(|end| end.is_none()).count() as f64 / ends.len() as f64;
+    assert!(wasted > crate::score::MOST_SELF_HITS && wasted < 0.9, "{wasted}");
+    let guards = self_hits(&scene, &problem, &mut engine, &one(SensorPose::at(0.0, 0.0, 1.6)));
+    let [crate::score::Guard::SelfHit { lidar: 0, share }] = guards.unwrap()[..] else { panic!() };
+    assert!((share - wasted).abs() < 1e-12);
+    let high = self_hits(&scene, &problem, &mut engine, &one(SensorPose::at(0.0, 0.0, 2.7)));
+    assert_eq!(high.unwrap(), []);
+}
+
+#[test]
+fn beams_on_poles_in_closed_form() {
+    let scene = scene("");
+    let elevations: Vec<f64> = (0..12).map(|k| -20.2 + 2.7 * f64::from(k)).collect();
+    let channels: Vec<(f64, f64)> = elevations.iter().map(|&e| (e, OFFSET)).collect();
+    let table = BeamTable::spinning(&channels, 900, 100.0).unwrap();
+    // Before the front edge and lower than a pole: nothing ends at a top, nor hides what lies ahead.
+    let height = 0.55;
+    let near = look(&scene, table, SensorPose::at(2.01, 0.0, height));
+    let ahead: Vec<&Pole> = near.poles.iter().filter(|p| p.standard == Standard::R159).collect();
+    assert_eq!(ahead.len(), 9);
+    for pole in ahead {
+        let [x, y] = [pole.at[0] - 2.01, pole.at[1]];
+        let (away, towards) = (x.hypot(y), y.atan2(x));
+        let mut count = 0;
+        for elevation in &elevations {
+            for step in 0..900 {
+                let aside = TAU * f64::from(step) / 900.0 + OFFSET.to_radians() - towards;
+                let inside = 0.15_f64.powi(2) - (away * aside.sin()).powi(2);
+                if inside > 0.0 && aside.cos() > 0.0 {
+                    let entry = away * aside.cos() - inside.sqrt();
+                    let z = height + entry * elevation.to_radians().tan();
+                    count += u32::from((0.0..=0.8).contains(&z));
+                }
+            }
+        }
+        assert!(count > 20, "{:?}", pole.at);
+        assert_eq!(pole.beams, [count], "{:?}", pole.at);
+        assert!(pole.seen);
+    }
+    // The body hides all that is straight behind it.
+    let behind = near.poles.iter().filter(|p| p.standard == Standard::R158Detection);
+    assert!(behind.clone().count() == 15 && behind.clone().all(|p| p.beams == [0] && !p.seen));
+}
+
+#[test]
+fn ground_inside_and_on_top_of_things_is_none() {
+    let area = |others: &str| {
+        let scene = scene(others);
+        let problem = Arc::new(problem(&scene));
+        NearSite::new(&scene, &problem).unwrap().ground_area()
+    };
+    let free = area("");
+    // The body's box, grown by 10 m with round corners, without the box.
+    let exact = 4.0 * (BODY[0] + BODY[1]) * NEAR + std::f64::consts::PI * NEAR * NEAR;
+    assert!((free - exact).abs() < 0.01 * exact, "{free} {exact}");
+    let house = |top: f64| {
+        format!(
+            r#", {{ "class": "building", "box": {{ "min": [5, -3, 0], "max": [9, 3, {top}] }} }}"#
+        )
+    };
+    for top in [0.5, 1.9, 6.0] {
+        assert_eq!(free - area(&house(top)), 24.0, "{top}");
+    }
+    let roof = r#", { "class": "vegetation", "box": { "min": [5, -3, 3], "max": [9, 3, 6] } }"#;
+    assert_eq!(area(roof), free);
+    let low = r#", { "class": "sidewalk", "box": { "min": [5, -3, 0], "max": [9, 3, 0.15] } }"#;
+    assert_eq!(area(low), free);
+}
+
+#[test]
+fn scenes_without_body_or_ground_are_refused() {
+    let whole = r#"{ "sightline": 1,
+        "roi": { "min": [-4, -4, 0], "max": [4, 4, 3], "voxel": [0.5, 0.5, 0.5] },
+        "lidar": { "channels": 4, "fov": [-20, 0], "azimuth_steps": 8, "range": 100 },
+        "mount": { "min": [-1, -1, 2], "max": [1, 1, 2.5], "lidars": 1 },
+        "static": [{ "class": "CLASS", "plane": { "min": [-9, -9], "max": [9, 9], "z": 0 } }]EGO }"#;
+    let ego = |size: &str| {
+        format!(
+            r#", "ego": {{ "body": [{{ "class": "vehicle", "box": {{ "foot": [0, 0, 0], "size": {size} }} }}] }}"#
+        )
+    };
+    let refusal = |class: &str, ego: &str| {
+        let text = whole.replace("CLASS", class).replace("EGO", ego);
+        let scene = Scene::from_json(&text, Path::new(""), "s.json").unwrap();
+        let problem = Arc::new(problem(&scene));
+        NearSite::new(&scene, &problem).err().map(|error| error.to_string())
+    };
+    assert_eq!(refusal("road", &ego("[2, 1, 1]")), None);
+    let says = |text: Option<String>, words: &str| {
+        let text = text.expect("a refusal");
+        assert!(text.contains(words) && text.starts_with("s: "), "{text}");
+    };
+    says(refusal("road", ""), "no body");
+    says(refusal("wall", &ego("[2, 1, 1]")), "no ground within 10 m");
+    says(refusal("road", &ego("[80, 1, 1]")), "80 m long");
+}
+
+#[test]
+fn a_cylinder_is_met_at_its_side_its_top_or_not() {
+    use glam::DVec3;
+    let distance = |from: [f64; 3], along: [f64; 3]| {
+        poles::distance(DVec3::from(from), DVec3::from(along).normalize(), [1.0, 0.0])
+    };
+    assert!((distance([0.0, 0.0, 0.4], [1.0, 0.0, 0.0]).unwrap() - 0.85).abs() < 1e-12);
+    assert_eq!(distance([0.0, 0.0, 0.9], [1.0, 0.0, 0.0]), None);
+    assert_eq!(distance([0.0, 0.16, 0.4], [1.0, 0.0, 0.0]), None);
+    assert_eq!(distance([2.0, 0.0, 0.4], [1.0, 0.0, 0.0]), None);
+    assert!((distance([1.1, 0.0, 2.0], [0.0, 0.0, -1.0]).unwrap() - 1.2).abs() < 1e-12);
+    assert_eq!(distance([1.1, 0.0, 2.0], [0.0, 0.0, 1.0]), None);
+    assert_eq!(distance([1.0, 0.0, 0.4], [1.0, 0.0, 0.0]), None, "from inside");
+    // Down at 45° over the near edge onto the top, 0.1 m behind it.
+    let top = distance([0.95 - 1.0, 0.0, 1.8], [1.0, 0.0, -1.0]).unwrap();
+    assert!((top - 2_f64.sqrt()).abs() < 1e-12, "{top}");
+}

@@ -1,0 +1,177 @@
+//! The near field of placements: a table, and a drawing from above.
+
+use std::fmt::Write;
+
+use maud::{Markup, html};
+
+use super::optional;
+use super::svg::{ACCENT, FAINT, GREY, INK, SECOND, SOFT, corners, page, px};
+use super::text::align_columns;
+use crate::near_field::{CELL, Footprint, NEAR, NearField, NearGain, RING, Standard};
+use crate::vehicle::Placement;
+
+/// Drawings beside each other.
+const COLUMNS: usize = 3;
+/// Pixels of a metre, and of the line of words over a drawing.
+const SCALE: f64 = 14.0;
+const TITLE: f64 = 40.0;
+const UNSEEN: &str = "#f0d3d6";
+const GOOD: &str = "#3d8f5f";
+
+/// A line a placement: shares, blind ground, nearest ground seen, poles seen by standard, wasted beams.
+pub fn near_field_text(all: &[NearField]) -> String {
+    let titles = [
+        "placement",
+        "near %",
+        "3 m %",
+        "blind m²",
+        "zone m²",
+        "ahead m",
+        "behind",
+        "left",
+        "right",
+    ];
+    let standards = Standard::ALL.map(|(_, name)| name.to_owned());
+    let mut rows = vec![titles.map(str::to_owned).into_iter().chain(standards).collect::<Vec<_>>()];
+    rows[0].push("own body %, by LiDAR".to_owned());
+    rows.extend(all.iter().map(|near| {
+        let zone = &near.zone;
+        let mut row = vec![near.name.clone(), format!("{:.1}", 100.0 * near.near_field)];
+        row.push(optional(near.ring.map(|share| 100.0 * share), 1));
+        row.extend([near.blind_area, zone.area].map(|area| format!("{area:.0}")));
+        row.extend([zone.ahead, zone.behind, zone.left, zone.right].map(|d| optional(d, 1)));
+        row.extend(Standard::ALL.map(|(standard, _)| {
+            let [seen, poles] = seen_of(near, standard);
+            format!("{seen}/{poles}")
+        }));
+        let wasted = near.beams.iter().map(|beams| format!("{:.0}", 100.0 * beams.own));
+        row.push(wasted.collect::<Vec<_>>().join(" "));
+        row
+    }));
+    align_columns(&rows)
+}
+
+/// A line a placement of a weighted search: what it gains in truth, and what it sees near the vehicle.
+pub fn near_gain_text(all: &[NearGain]) -> String {
+    let titles = ["without the weight", "gain nats", "near %", "3 m %"].map(str::to_owned);
+    let mut rows = vec![titles.to_vec()];
+    rows.extend(all.iter().map(|near| {
+        let scene = near.scene.as_ref().map_or(String::new(), |scene| format!(" in {scene}"));
+        let per_cent = |share: f64| 100.0 * share;
+        vec![
+            near.name.clone() + &scene,
+            optional(near.information_gain, 0),
+            optional(Some(per_cent(near.near_field)), 1),
+            optional(near.ring.map(per_cent), 1),
+        ]
+    }));
+    align_columns(&rows)
+}
+
+/// Poles seen, and poles, of a standard.
+fn seen_of(near: &NearField, standard: Standard) -> [usize; 2] {
+    let poles = near.poles.iter().filter(|pole| pole.standard == standard);
+    poles.fold([0; 2], |[seen, all], pole| [seen + usize::from(pole.seen), all + 1])
+}
+
+/// One drawing a placement, from above: ground that is not seen, the blind zone, poles and LiDARs. Forward
+/// is to the right, left is up.
+pub fn near_field_svg(footprint: &Footprint, all: &[(&Placement, &NearField)]) -> String {
+    let [low, high] = footprint.bounds();
+    let size = [0, 1].map(|k| (high[k] - low[k] + 2.0 * NEAR + 1.0) * SCALE);
+    let at = |[x, y]: [f64; 2]| {
+        ((x - low[0] + NEAR + 0.5) * SCALE, TITLE + (high[1] - y + NEAR + 0.5) * SCALE)
+    };
+    let columns = all.len().clamp(1, COLUMNS);
+    let rows = all.len().div_ceil(columns);
+    let drawing = html! {
+        @for (k, (placement, near)) in all.iter().enumerate() {
+            @let left = (k % columns) as f64 * size[0];
+            @let top = (k / columns) as f64 * (size[1] + TITLE);
+            g transform={ "translate(" (px(left)) " " (px(top)) ")" } {
+                (panel(footprint, placement, near, &at))
+            }
+        }
+        g transform={ "translate(8 " (px(rows as f64 * (size[1] + TITLE) + 18.0)) ")" } { (legend()) }
+    };
+    let width = (columns as f64 * size[0]).max(660.0).round();
+    let height = (rows as f64 * (size[1] + TITLE) + 34.0).round();
+    page([width, height], "Ground near the vehicle that is not seen, from above", &drawing)
+}
+
+fn panel(
+    footprint: &Footprint,
+    placement: &Placement,
+    near: &NearField,
+    at: &dyn Fn([f64; 2]) -> (f64, f64),
+) -> Markup {
+    let seen = near.poles.iter().filter(|pole| pole.seen).count();
+    let words = format!(
+        "{:.0} % within 10 m, {} % of the ring, {seen} of {} poles",
+        100.0 * near.near_field,
+        optional(near.ring.map(|share| 100.0 * share), 0),
+        near.poles.len()
+    );
+    html! {
+        text x="8" y="18" font-weight="600" { (near.name) }
+        text x="8" y="34" fill=(SOFT) { (words) }
+        path d=(unseen(near, at)) stroke=(UNSEEN) stroke-width=(px(CELL * SCALE)) {}
+        @for within in [RING, NEAR] {
+            polygon points=(corners(around(footprint, within).into_iter().map(at))) fill="none"
+                stroke=(GREY) stroke-dasharray="3 3" stroke-width=".7" {}
+        }
+        polygon points=(corners(near.zone.polygon.iter().map(|c| at(*c)))) fill=(ACCENT)
+            fill-opacity=".18" stroke=(ACCENT) {}
+        polygon points=(corners(footprint.corners().iter().map(|c| at(*c)))) fill=(FAINT) stroke=(INK) {}
+        @for pole in &near.poles {
+            @let (x, y) = at(pole.at);
+            circle cx=(px(x)) cy=(px(y)) r="2.6" stroke="#fff" stroke-width=".6"
+                fill=(if pole.seen { GOOD } else { INK }) {}
+        }
+        @for pose in &placement.lidars {
+            @let (x, y) = at([pose.x, pose.y]);
+            rect x=(px(x - 3.0)) y=(px(y - 3.0)) width="6" height="6" fill=(SECOND) stroke="#fff" {}
+        }
+    }
+}
+
+/// Cells seen in less than half of their frames, as runs along y.
+fn unseen(near: &NearField, at: &dyn Fn([f64; 2]) -> (f64, f64)) -> String {
+    let mut path = String::new();
+    let mut cells = near.cells.iter().filter(|(_, share)| *share < 0.5).map(|(c, _)| *c).peekable();
+    while let Some(first) = cells.next() {
+        let mut last = first;
+        while let Some(next) = cells.next_if(|c| c[0] == last[0] && c[1] - last[1] < 1.5 * CELL) {
+            last = next;
+        }
+        let (x, y) = at([first[0], first[1] - CELL / 2.0]);
+        let _ = write!(path, "M{x:.1} {y:.1}v{:.1}", -(last[1] - first[1] + CELL) * SCALE);
+    }
+    path
+}
+
+/// Points at a distance around a footprint: each corner with a round.
+fn around(footprint: &Footprint, within: f64) -> Vec<[f64; 2]> {
+    let turns = (0..180).map(|k| (f64::from(k).to_radians() * 2.0).sin_cos());
+    let farthest = |(sin, cos): (f64, f64)| {
+        let along = |c: &&[f64; 2]| c[0] * cos + c[1] * sin;
+        let corners = footprint.corners().iter();
+        let corner = corners.max_by(|a, b| along(a).total_cmp(&along(b)));
+        corner.map(|c| [c[0] + within * cos, c[1] + within * sin])
+    };
+    turns.filter_map(farthest).collect()
+}
+
+fn legend() -> Markup {
+    let dots = [(GOOD, "pole with 5 beams or more", 0.0), (INK, "pole with fewer", 205.0)];
+    html! {
+        @for (colour, words, x) in dots {
+            circle cx=(x + 5.0) cy="-4" r="4" fill=(colour) {}
+            text x=(x + 14.0) y="0" { (words) }
+        }
+        rect x="328" y="-10" width="12" height="12" fill=(UNSEEN) {}
+        text x="345" y="0" { "ground not seen" }
+        rect x="463" y="-10" width="12" height="12" fill=(ACCENT) fill-opacity=".3" {}
+        text x="480" y="0" { "blind zone; 3 m, 10 m" }
+    }
+}

@@ -1,0 +1,102 @@
+//! `study nearfield`, weights of near ground and the guard of the own body, from outside.
+
+use std::fs;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{fails, ok, sightline};
+
+/// Level ground, a walker that comes and goes, a vehicle of 4 × 2 × 1.5 m and a LiDAR over its roof.
+fn yard(dir: &TempDir) {
+    let scene = json!({
+        "sightline": 1, "name": "yard", "frames": 3, "coverage": "first-hit",
+        "roi": { "min": [-12, -12, -0.4], "max": [12, 12, 2.8], "voxel": [0.4, 0.4, 0.4] },
+        "lidar": { "channels": 12, "fov": [-30, 0], "azimuth_steps": 120, "range": 60 },
+        "mount": { "min": [-1.5, -0.8, 1.6], "max": [1.5, 0.8, 2.4], "lidars": 1 },
+        "static": [{ "class": "road", "plane": { "min": [-40, -40], "max": [40, 40], "z": 0 } }],
+        "actors": [{ "name": "walker", "poses": [{ "x": 5, "y": 3 }, { "x": 5, "y": 5 }, { "x": -6, "y": 3 }],
+            "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.5, 1.8] } }] }],
+        "ego": { "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [4, 2, 1.5] } }] },
+    });
+    fs::write(dir.path().join("yard.json"), scene.to_string()).unwrap();
+    let pose = |z: f64| json!([{ "x": 0.0, "y": 0.0, "z": z }]);
+    let low = json!({ "name": "low", "lidars": pose(1.6) });
+    let high = json!({ "name": "high", "lidars": pose(2.4) });
+    let placements = json!({ "placements": [low, high] });
+    fs::write(dir.path().join("two.json"), placements.to_string()).unwrap();
+}
+
+#[test]
+fn the_near_field_of_two_heights() {
+    let dir = TempDir::new().unwrap();
+    yard(&dir);
+    let args =
+        ["study", "nearfield", "yard.json", "two.json", "--backend", "cpu", "--out", "n.svg"];
+    let found = ok(dir.path(), &args);
+    let of = |k: usize| found["near_fields"][k].clone();
+    let number = |value: &Value| value.as_f64().unwrap();
+    let (low, high) = (of(0), of(1));
+    assert!(number(&low["ring"]) < number(&high["ring"]), "{low} {high}");
+    assert!(number(&low["beams"][0]["own"]) > number(&high["beams"][0]["own"]));
+    assert_eq!(low["zone"]["polygon"].as_array().unwrap().len(), 72);
+    assert_eq!(low["poles"].as_array().unwrap().len(), 58);
+    let area = number(&found["ground_area"]);
+    let (share, blind) = (number(&high["near_field"]), number(&high["blind_area"]));
+    assert!(((1.0 - share) * area - blind).abs() < 0.01 * area, "{share} of {area}: {blind}");
+    let svg = fs::read_to_string(dir.path().join("n.svg")).unwrap();
+    assert!(svg.matches("<circle").count() >= 116 && svg.ends_with("</svg>\n"));
+    let text = sightline(dir.path(), &args[..6]);
+    let text = String::from_utf8(text.stdout).unwrap();
+    assert_eq!(text.lines().count(), 4, "{text}");
+}
+
+#[test]
+fn a_lidar_on_the_roof_is_told_off_and_weights_are_told() {
+    let dir = TempDir::new().unwrap();
+    yard(&dir);
+    let scored = |more: &[&str]| {
+        let args = ["score", "yard.json", "two.json", "--backend", "cpu"];
+        ok(dir.path(), &[&args[..], more].concat())["scores"].clone()
+    };
+    let plain = scored(&[]);
+    let guards = |k: usize| plain[k]["guards"].to_string();
+    assert!(guards(0).contains("self_hit: LiDAR 0 ends") && !guards(1).contains("self_hit"));
+    let gain = |scores: &Value| scores[1]["information_gain"].as_f64().unwrap();
+    let heavy = scored(&["--near-weight", "0.5"]);
+    assert!(gain(&heavy) > gain(&plain) + 10.0);
+    assert_eq!(plain[1]["covered"], heavy[1]["covered"]);
+
+    let args = ["optimize", "yard.json", "--baselines", "two.json", "--evaluations", "12"];
+    let more = ["--near-weight", "0.5", "--backend", "cpu", "--out", "run"];
+    let record = ok(dir.path(), &[&args[..], &more].concat());
+    assert_eq!(record["settings"]["near_weight"], 0.5);
+    let near = &record["near_field"][2];
+    assert_eq!(near["name"], "high");
+    assert!((near["information_gain"].as_f64().unwrap() - gain(&plain)).abs() < 1e-6, "{near}");
+    let weighted = &record["baselines"][1]["scores"]["information_gain"];
+    assert!((weighted.as_f64().unwrap() - gain(&heavy)).abs() < 1e-6, "{weighted}");
+}
+
+#[test]
+fn what_cannot_be_is_named() {
+    let dir = TempDir::new().unwrap();
+    yard(&dir);
+    for (args, says) in [
+        (&["study", "nearfield", "none.json"][..], "none.json"),
+        (&["study", "nearfield", "yard.json", "two.json", "--out", "two.json"], "two.json"),
+        (&["study"], "<KIND>"),
+        (&["score", "yard.json", "two.json", "--near-weight", "-1"], "0 to 4"),
+        (
+            &["optimize", "yard.json", "--near-weight", "1", "--objective", "m_sog"],
+            "information_gain",
+        ),
+    ] {
+        let message = fails(dir.path(), args);
+        assert!(message.contains(says), "{args:?}: {message}");
+    }
+    let text = fs::read_to_string(dir.path().join("yard.json")).unwrap();
+    fs::write(dir.path().join("yard.json"), text.replace("road", "wall")).unwrap();
+    let message = fails(dir.path(), &["study", "nearfield", "yard.json", "--backend", "cpu"]);
+    assert!(message.contains("yard.json: there is no ground within 10 m"), "{message}");
+}
