@@ -2,7 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::description::{SceneDescription, ShapeDescription, VehicleSource};
+use super::classes::Classes;
+use super::description::{Dictionary, SceneDescription, ShapeDescription, VehicleSource};
+use super::shapes::Builder;
+use super::solid::Solid;
 use crate::json::{DescriptionError, Place};
 use crate::vehicle::{Lidar, Mount, Vehicle, VehicleDescription, read_vehicle};
 
@@ -24,6 +27,19 @@ pub(super) struct Body {
     pub at: Place,
     /// Where its files are.
     pub dir: PathBuf,
+}
+
+impl Body {
+    /// The body's triangles, and the files that its shapes name.
+    pub fn build(
+        &self,
+        classes: &Classes,
+        shapes: &Dictionary<Vec<ShapeDescription>>,
+    ) -> Result<(Solid, Vec<PathBuf>), DescriptionError> {
+        let mut builder = Builder::new(&self.at, classes, shapes, &self.dir);
+        let solid = builder.list(&self.at.key("body"), &self.shapes)?;
+        Ok((solid, builder.files()))
+    }
 }
 
 impl Carrier {

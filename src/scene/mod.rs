@@ -26,7 +26,7 @@ use glam::DVec3;
 use crate::geom::{Pose, TriangleSoup};
 use crate::json::{self, check};
 use crate::vehicle::{Constraints, Lidar, Mount, MountRules, SensorError, Sensors, Vehicle};
-use carrier::{Body, Carrier};
+use carrier::Carrier;
 use classes::Classes;
 use description::{ActorDescription, EgoDescription, SceneDescription, ShapeDescription};
 use route::Motion;
@@ -154,6 +154,14 @@ pub enum EgoBody {
     Exclude,
 }
 
+/// The name given, or that of the scene's file without its ending.
+fn name_of(top: &Place, given: Option<String>) -> Result<String, DescriptionError> {
+    let given = given.filter(|name| !name.trim().is_empty());
+    let given = given.map(|name| check::text(&top.key("name"), name)).transpose()?;
+    let stem = || Path::new(&top.file).file_stem().unwrap_or_default().to_string_lossy();
+    Ok(given.unwrap_or_else(|| stem().replace(char::is_control, "-")))
+}
+
 impl Scene {
     /// Reads a scene file and every sensor and mesh file that it names.
     ///
@@ -217,11 +225,7 @@ impl Scene {
         json::check_version(text, name_for_errors)?;
         let mut scene: SceneDescription = json::parse(text, name_for_errors)?;
         let top = Place::top(name_for_errors);
-        let stem = || Path::new(name_for_errors).file_stem().unwrap_or_default().to_string_lossy();
-        let name = scene.name.take().filter(|name| !name.trim().is_empty());
-        let name = name.map(|name| check::text(&top.key("name"), name)).transpose()?;
-        let name = name.unwrap_or_else(|| stem().replace(char::is_control, "-"));
-
+        let name = name_of(&top, scene.name.take())?;
         let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
         let carrier = Carrier::new(&top, &mut scene, dir, vehicle)?;
         let Carrier { lidar, mount, vehicle, body, mut files } = carrier;
@@ -232,12 +236,12 @@ impl Scene {
         builder.check_named()?;
         let mut things =
             Things::new(&mut builder, &top, &scene.world, &scene.actors, scene.ego.as_ref())?;
-        if let Some(Body { shapes, at, dir }) = body {
-            let mut builder = Builder::new(&at, &classes, &scene.shapes, &dir);
-            things.body = builder.list(&at.key("body"), &shapes)?;
-            files.extend(builder.files());
-        }
         files.extend(builder.files());
+        if let Some(body) = body {
+            let (solid, more) = body.build(&classes, &scene.shapes)?;
+            things.body = solid;
+            files.extend(more);
+        }
         let notes = builder.notes();
 
         let has_geometry = things.has_geometry();

@@ -19,6 +19,25 @@ fn crowded(elevation: f64, [low, high]: [f64; 2], power: f64) -> f64 {
     end * (elevation / end).powf(power)
 }
 
+/// The scene's own sensor with its elevations crowded; none where no channel lies to one side of the horizon.
+fn crowded_sensors(lidar: &Lidar, [low, high]: [f64; 2]) -> Vec<(String, Lidar)> {
+    let Lidar::Spinning { elevations, .. } = lidar else { return Vec::new() };
+    let count = elevations.len();
+    if count < 2 || low >= 0.0 || high <= 0.0 {
+        return Vec::new();
+    }
+    let even = |k: usize| low + k as f64 * (high - low) / (count - 1) as f64;
+    let sensor = |power: f64| {
+        let mut lidar = lidar.clone();
+        if let Lidar::Spinning { elevations, azimuth_offsets, .. } = &mut lidar {
+            *elevations = (0..count).map(|k| crowded(even(k), [low, high], power)).collect();
+            azimuth_offsets.fill(0.0);
+        }
+        (format!("{count} channels, crowded to the power of {power}"), lidar)
+    };
+    CROWDED.into_iter().map(sensor).collect()
+}
+
 pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
     let Lidar::Spinning { elevations, azimuth_steps, azimuth, range, .. } = scene.scene.lidar()
     else {
@@ -38,20 +57,7 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
         };
         sensors.push((format!("{count} channels"), lidar));
     }
-    let has_horizon = elevations.len() > 1 && low < 0.0 && high > 0.0;
-    for power in CROWDED.into_iter().filter(|_| has_horizon) {
-        let count = elevations.len() as u32;
-        let step = (high - low) / f64::from(count.max(2) - 1);
-        let even = (0..count).map(|k| low + f64::from(k) * step);
-        let lidar = Lidar::Spinning {
-            elevations: even.map(|e| crowded(e, [low, high], power)).collect(),
-            azimuth_offsets: vec![0.0; count as usize],
-            azimuth_steps: *azimuth_steps,
-            azimuth: *azimuth,
-            range: *range,
-        };
-        sensors.push((format!("{count} channels, crowded to the power of {power}"), lidar));
-    }
+    sensors.extend(crowded_sensors(scene.scene.lidar(), [low, high]));
     for path in &scene.settings.sensors {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let mut lidar = Lidar::from_sensor_file(path, *azimuth_steps, *range)?;

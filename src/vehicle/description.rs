@@ -1,4 +1,4 @@
-//! The `lidar` and `mount` of a scene file, as they are written.
+//! The `lidar`, `mount` and `vehicle` of a scene file, and a vehicle file, as they are written.
 //!
 //! Keys, units and defaults are explained in `scenes/README.md`.
 
@@ -45,4 +45,83 @@ pub(crate) struct MountDescription {
 pub(crate) struct KeepOutDescription {
     pub min: [f64; 3],
     pub max: [f64; 3],
+}
+
+/// A vehicle file; `B` is a shape of the body, which a scene reads.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct VehicleDescription<B> {
+    #[serde(rename = "sightline")]
+    pub _version: Option<u64>,
+    pub name: Option<String>,
+    #[serde(default = "Vec::new")]
+    pub body: Vec<B>,
+    pub sensors: Vec<ModelDescription>,
+    pub mounts: Vec<MountingDescription>,
+    #[serde(default)]
+    pub min_distance: f64,
+    #[serde(default)]
+    pub keep_out: Vec<KeepOutDescription>,
+    #[serde(default)]
+    pub equal_height: bool,
+    #[serde(default)]
+    pub symmetric: bool,
+    #[serde(default)]
+    pub require: Vec<RequirementDescription>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ModelDescription {
+    pub name: String,
+    pub lidar: LidarDescription,
+    #[serde(default)]
+    pub price: f64,
+    pub phase: Option<PhaseDescription>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(untagged, expecting = "expected \"free\" or an angle in radians")]
+pub(crate) enum PhaseDescription {
+    Angle(f64),
+    Word(String),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct MountingDescription {
+    pub name: String,
+    pub min: Option<[f64; 3]>,
+    pub max: Option<[f64; 3]>,
+    pub polygon: Option<Vec<[f64; 3]>>,
+    pub offset: Option<[f64; 2]>,
+    #[serde(default)]
+    pub roll: [f64; 2],
+    #[serde(default)]
+    pub pitch: [f64; 2],
+    #[serde(default)]
+    pub yaw: [f64; 2],
+    pub sensors: Option<Vec<String>>,
+    pub count: CountDescription,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected a number of sensors, 4 for example, or a range, [0, 2] for example"
+)]
+pub(crate) enum CountDescription {
+    Exactly(u64),
+    Range([u64; 2]),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RequirementDescription {
+    pub name: String,
+    pub min: [f64; 3],
+    pub max: [f64; 3],
+    #[serde(default)]
+    pub without: Vec<KeepOutDescription>,
+    pub share: f64,
 }

@@ -9,7 +9,7 @@ use crate::search::findings::findings;
 use crate::search::observer::Watch;
 use crate::search::on_demand::FramesOnDemand;
 use crate::search::outcome::{MethodRecord, Outcome, Scored, Stopped};
-use crate::search::phases;
+use crate::search::phases::{self, PhaseCheck};
 use crate::search::pilot::Pilot;
 use crate::search::rules::active_bounds;
 use crate::search::settings::Method;
@@ -48,15 +48,7 @@ impl Run {
             Some(best) => self.spread(best, &baselines)?,
             None => None,
         };
-        let phases = match best.as_ref().filter(|_| self.suite.has_free_phase()) {
-            Some(best) => {
-                let rival = Scored::yardstick(&baselines).map(|rival| &rival.placement);
-                let (objective, memory) = (self.objective(), self.memory());
-                let best = &best.placement;
-                Some(phases::check(&self.suite, &objective, best, rival, CONFIRMING, memory)?)
-            }
-            None => None,
-        };
+        let phases = self.phase_check(best.as_ref(), &baselines)?;
         let evaluator = self.sitting.evaluator.as_ref();
         let engine = evaluator.map(|evaluator| evaluator.backend());
         let mut backend_changes = self.sitting.changes.clone();
@@ -85,6 +77,19 @@ impl Run {
             backend_changes,
             times: self.sitting.times,
         })
+    }
+
+    /// What the result and the best baseline are worth at phases that the search has not seen.
+    fn phase_check(
+        &self,
+        best: Option<&Scored>,
+        baselines: &[Scored],
+    ) -> Result<Option<PhaseCheck>, SearchError> {
+        let Some(best) = best.filter(|_| self.suite.has_free_phase()) else { return Ok(None) };
+        let rival = Scored::yardstick(baselines).map(|rival| &rival.placement);
+        let (objective, memory) = (self.objective(), self.memory());
+        let best = &best.placement;
+        phases::check(&self.suite, &objective, best, rival, CONFIRMING, memory).map(Some)
     }
 
     /// The best of the generations.
