@@ -43,7 +43,9 @@ pub(super) fn active_bounds(placement: &Placement, constraints: &Constraints) ->
         let Some(slot) = constraints.slots.get(lidar) else { continue };
         let fields = slot.region.fields(pose);
         for k in slot.region.free_fields() {
-            let (low, high) = (slot.region.lower[k], slot.region.upper[k]);
+            // Bounds of a patch are computed: a nanometre more or less says nothing.
+            let said = |bound: f64| (bound * 1e9).round() / 1e9;
+            let (low, high) = (said(slot.region.lower[k]), said(slot.region.upper[k]));
             let (field, value) = (SensorPose::FIELDS[k], fields[k]);
             let near = ON_BOUND * (high - low);
             if value - low <= near {
