@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::error::SearchError;
 use super::evaluator::Evaluator;
-use super::suite::Suite;
+use super::suite::{Member, Suite};
 use crate::score::Objective;
 use crate::vehicle::Placement;
 
@@ -33,9 +33,13 @@ fn interval(values: &[f64]) -> [f64; 2] {
 }
 
 impl Suite {
-    /// Whether any sensor's phase differs from frame to frame.
+    /// Whether any sensor of a placement has a phase that differs from frame to frame.
     pub fn has_free_phase(&self) -> bool {
-        self.members().iter().any(|member| member.problem().sensors().has_free_phase())
+        let free = |member: &Member| {
+            let slots = member.problem().constraints().slots.iter();
+            slots.map(|slot| slot.sensor).any(|name| member.problem().sensors().is_free(name))
+        };
+        self.members().iter().any(free)
     }
 }
 

@@ -135,6 +135,12 @@ impl Sensors {
         self.models.iter().map(|model| model.table.directions().len()).max().unwrap_or(0)
     }
 
+    /// Whether the phase of the model of a name differs from frame to frame; the first's for no name.
+    pub fn is_free(&self, name: SensorName) -> bool {
+        let named = |model: &&SensorModel| name.is_none() || model.name == name;
+        self.models.iter().find(named).is_some_and(|model| model.phase == Phase::Free)
+    }
+
     /// Whether any model's phase differs from frame to frame.
     pub fn has_free_phase(&self) -> bool {
         self.models.iter().any(|model| model.phase == Phase::Free)
