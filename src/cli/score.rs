@@ -216,9 +216,9 @@ fn print_text(
     out: &mut dyn Write,
 ) -> Result<(), Error> {
     let problem = scoring.evaluator.problem();
-    let (frames, beams) = (problem.frame_count(), problem.sensors().most_beams());
+    let (frames, beams) = (problem.frame_count(), problem.sensors().beams_in_words());
     let coverage = problem.coverage();
-    writeln!(out, "{scene}: {coverage} over {frames} frame(s), {beams} beams a LiDAR")
+    writeln!(out, "{scene}: {coverage} over {frames} frame(s), {beams} a LiDAR")
         .and_then(|()| write!(out, "{}", report::scores_text(&first)))
         .map_err(Error::io(path))?;
     while let Some(block) = scoring.next()? {

@@ -110,6 +110,16 @@ impl Sensors {
         if names.is_empty() { "one model without a name".into() } else { names.join(", ") }
     }
 
+    /// Beams of one sensor in words: `4000 beams`, of several models `4000 or 8000 beams`.
+    pub fn beams_in_words(&self) -> String {
+        let mut beams: Vec<usize> =
+            self.models.iter().map(|model| model.table.directions().len()).collect();
+        beams.sort_unstable();
+        beams.dedup();
+        let beams: Vec<String> = beams.iter().map(usize::to_string).collect();
+        format!("{} beams", beams.join(" or "))
+    }
+
     /// Whether any model turns all the way round.
     pub fn turns(&self) -> bool {
         let turns = |model: &SensorModel| model.table.grid().is_some_and(|grid| grid.turn);

@@ -104,11 +104,11 @@ impl Batch {
         for (index, member) in self.members() {
             let problem = member.problem();
             text += &format!(
-                "{}: {} over {} frame(s), {} beams a LiDAR\n",
+                "{}: {} over {} frame(s), {} a LiDAR\n",
                 member.name(),
                 problem.coverage(),
                 problem.frame_count(),
-                problem.sensors().most_beams()
+                problem.sensors().beams_in_words()
             );
             let scores: Vec<Scores> = self.of_scene(index).into_iter().cloned().collect();
             text += &format!("{}\n", report::scores_text(&scores));
