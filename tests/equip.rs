@@ -158,4 +158,10 @@ fn a_budget_below_the_cheapest_rig_is_refused() {
     let m_sog = "m_sog_scaled".parse().unwrap();
     assert!(equip(&problem.clone().into(), &vehicle, &m_sog, 30.0, &EngineChoice::cpu()).is_err());
     assert_eq!(equipped(&problem, &vehicle, 4.0).equipment.len(), 2);
+    // Where there is nothing to choose any objective will do.
+    for (k, mount) in vehicle.mounts.iter_mut().enumerate() {
+        (mount.count, mount.sensors) = ([1, 1], vec![vehicle.sensors[k].name]);
+    }
+    let fixed = equip(&problem.into(), &vehicle, &m_sog, 30.0, &EngineChoice::cpu()).unwrap();
+    assert_eq!((fixed.equipment.len(), fixed.cost, fixed.value < 0.0), (2, 8.0, true));
 }

@@ -202,7 +202,7 @@ fn a_search_over_some_frames_is_confirmed_over_all() {
     assert_eq!(all.baselines, two.baselines, "scored over all frames by both");
     for outcome in [&all, &two] {
         let best = outcome.best.clone().unwrap();
-        let mut evaluator = sightline::Evaluator::cpu(problem.clone());
+        let mut evaluator = sightline::Evaluator::on_cpu(problem.clone());
         let scores = evaluator.scores(&[best.placement]).unwrap().remove(0);
         assert_eq!(scores, best.scores);
         let won: Vec<_> = outcome.methods.iter().filter(|m| m.won).collect();

@@ -17,6 +17,7 @@ use sightline::internals::{
     LinePerElement, count_placements, shared_folder, writable_file, write_npy, write_whole,
 };
 use sightline::near_field::{self_hits, weighted};
+use sightline::problem::StageTimes;
 use sightline::report;
 use sightline::scene::Scene;
 use sightline::score::Scores;
@@ -160,15 +161,7 @@ impl Scoring<'_> {
 
     /// Seconds of each stage up to now.
     fn timings(&self) -> Value {
-        let stages = self.evaluator.backend().times();
-        json!({
-            "load": self.times.load,
-            "build": self.times.build,
-            "cast": stages.cast.as_secs_f64(),
-            "cover": stages.cover.as_secs_f64(),
-            "reduce": stages.reduce.as_secs_f64(),
-            "total": self.start.elapsed().as_secs_f64(),
-        })
+        timings(self.times, self.evaluator.backend().times(), self.start)
     }
 
     /// Says how fast it was.
@@ -306,4 +299,16 @@ impl Serialize for ScoreStream<'_, '_> {
 fn write_coverage(folder: &Path, placement: &Placement, covered: Vec<u64>) -> Result<(), Error> {
     let path = folder.join(format!("{}.npy", placement.name));
     write_whole(&path, |file| write_npy(file, covered).map_err(Error::io(&path)))
+}
+
+/// Seconds of loading, of each stage up to now, and of all since a start.
+fn timings(load: LoadTimes, stages: StageTimes, start: Instant) -> Value {
+    json!({
+        "load": load.load,
+        "build": load.build,
+        "cast": stages.cast.as_secs_f64(),
+        "cover": stages.cover.as_secs_f64(),
+        "reduce": stages.reduce.as_secs_f64(),
+        "total": start.elapsed().as_secs_f64(),
+    })
 }

@@ -13,7 +13,7 @@ use super::evaluator::Evaluator;
 use super::grid_search::GridSearch;
 use super::suite::Suite;
 use crate::engine::EngineChoice;
-use crate::score::Objective;
+use crate::score::{Objective, reference_layout};
 use crate::vehicle::{
     Constraints, Equipment, MAX_LIDARS, Placement, PoseGrid, SensorName, Spacing, Vehicle,
 };
@@ -88,8 +88,8 @@ struct Equip<'a> {
 /// Equipment for at most `budget`, as good as found, of the vehicle of some scenes.
 ///
 /// # Errors
-/// A budget below the cheapest equipment, an objective other than the information gain, or an engine that
-/// failed.
+/// A budget below the cheapest equipment, an objective other than the information gain where there is a choice,
+/// or an engine that failed.
 pub fn equip(
     suite: &Suite,
     vehicle: &Vehicle,
@@ -103,10 +103,35 @@ pub fn equip(
         return Err(SearchError::Budget { budget, least });
     }
     if !objective.is_information_gain() {
-        return Err(SearchError::NotForEquipment { objective: objective.to_string() });
+        if vehicle.has_choice() {
+            return Err(SearchError::NotForEquipment { objective: objective.to_string() });
+        }
+        return plain(suite, vehicle, objective, engine);
     }
     let mut search = Equip::new(suite, vehicle, objective, budget, engine)?;
     Ok(search.best())
+}
+
+/// The only equipment of a vehicle that leaves no choice, as the reference layout puts it up.
+fn plain(
+    suite: &Suite,
+    vehicle: &Vehicle,
+    objective: &Objective,
+    engine: &EngineChoice,
+) -> Result<Equipped, SearchError> {
+    let equipment = vehicle.cheapest();
+    let models: Vec<SensorName> = equipment.iter().map(|(_, sensor)| *sensor).collect();
+    let placement = reference_layout(&vehicle.constraints(&equipment), &models);
+    let few = suite.over(&suite.spread(Some(FRAMES)));
+    let mut evaluator = Evaluator::suite_on_cpu(&few, engine.memory_budget());
+    let scores = evaluator.scores(std::slice::from_ref(&placement))?.remove(0);
+    Ok(Equipped {
+        cost: vehicle.cost(&equipment),
+        value: objective.value(&scores).unwrap_or(f64::NEG_INFINITY),
+        missing: scores.missing(),
+        placement: Placement { name: "equipped".into(), ..placement },
+        equipment,
+    })
 }
 
 /// The best equipment for each of some budgets, from the cheapest rig to one that wants for nothing.

@@ -51,11 +51,6 @@ impl Evaluator {
         Self { seats: Suite::from(problem).members().first().map(seat).into_iter().collect() }
     }
 
-    /// An evaluator on the host processor, within half of the free memory.
-    pub fn cpu(problem: impl Into<Arc<Problem>>) -> Self {
-        Self::on_cpu(problem)
-    }
-
     /// An evaluator of all members of a suite on the CPU, within about `memory` bytes.
     pub fn suite_on_cpu(suite: &Suite, memory: u64) -> Self {
         let share = memory / suite.members().len().max(1) as u64;

@@ -1,5 +1,6 @@
 //! The vehicle: sensors and their beams, the mount, placements and the rules they must keep.
 
+mod angles;
 mod beam_table;
 pub(crate) mod constraints;
 mod description;

@@ -1,6 +1,6 @@
 //! A region of a vehicle where sensors may be mounted.
 
-use glam::{DMat3, DVec3, EulerRot};
+use glam::DVec3;
 
 use super::mirror::SLACK;
 use super::{SensorName, SensorPose};
@@ -118,25 +118,6 @@ impl Outline {
         }
         if inside { 0.0 } else { nearest }
     }
-}
-
-impl From<&Pose> for SensorPose {
-    /// The angles of R = Rz(yaw)·Ry(pitch)·Rx(roll); where pitch is ±π/2, roll is 0.
-    fn from(pose: &Pose) -> Self {
-        let [x, y, z] = pose.translation.to_array();
-        let (yaw, pitch, roll) = angles(&pose.rotation);
-        Self::from_values([x, y, z, roll, pitch, yaw])
-    }
-}
-
-/// Yaw, pitch and roll of a rotation.
-fn angles(rotation: &DMat3) -> (f64, f64, f64) {
-    if rotation.x_axis.z.abs() > 1.0 - 1e-12 {
-        // Yaw and roll turn about the same axis.
-        let pitch = -rotation.x_axis.z.signum() * std::f64::consts::FRAC_PI_2;
-        return ((-rotation.y_axis.x).atan2(rotation.y_axis.y), pitch, 0.0);
-    }
-    rotation.to_euler(EulerRot::ZYX)
 }
 
 #[cfg(test)]

@@ -137,14 +137,7 @@ impl Batch {
                 "threads": rayon::current_num_threads(),
                 "scores": self.of_scene(index),
                 // Loading and the whole are those of all scenes together.
-                "timings": {
-                    "load": self.times.load,
-                    "build": self.times.build,
-                    "cast": stages.cast.as_secs_f64(),
-                    "cover": stages.cover.as_secs_f64(),
-                    "reduce": stages.reduce.as_secs_f64(),
-                    "total": self.start.elapsed().as_secs_f64(),
-                },
+                "timings": super::timings(self.times, stages, self.start),
             });
             if !engine.changes().is_empty() {
                 scene["backend_changes"] = json!(engine.changes());
