@@ -67,7 +67,7 @@ fn no_other_equipment_of_a_small_vehicle_gains_much_more() {
     let [dear, cheap] = [&vehicle.sensors[0], &vehicle.sensors[1]];
     for seed in 1..=3 {
         let problem = problem(seed, &vehicle);
-        for budget in [2.0, 6.0, 8.5, 10.5, 30.0] {
+        for budget in [2.0, 5.5, 6.0, 8.5, 9.9, 10.5, 30.0] {
             let found = equipped(&problem, &vehicle, budget);
             assert!(found.cost <= budget && !found.equipment.is_empty());
             // The same search with each equipment fixed: no choice is left but that of poses.
