@@ -1,6 +1,8 @@
 //! Rigid transforms.
 
-use glam::{DMat3, DVec3};
+use std::f64::consts::{PI, TAU};
+
+use glam::{DMat3, DQuat, DVec3};
 
 /// Rigid transform `p ↦ rotation · p + translation`, in metres.
 ///
@@ -34,6 +36,21 @@ impl Pose {
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.transpose();
         Self { rotation, translation: -(rotation * self.translation) }
+    }
+
+    /// `share` of the way to another pose, on a straight line and turning evenly the short way; 0 is `self`
+    /// to the bit, and beyond 1 things go on.
+    pub fn toward(&self, other: &Self, share: f64) -> Self {
+        if share == 0.0 || self == other {
+            return *self;
+        }
+        let (axis, angle) =
+            DQuat::from_mat3(&(other.rotation * self.rotation.transpose())).to_axis_angle();
+        // Angles come from 0 to 2π; the short way round is at most half a turn.
+        let angle = if angle > PI { angle - TAU } else { angle };
+        let turn = DMat3::from_axis_angle(axis, angle * share);
+        let translation = self.translation + (other.translation - self.translation) * share;
+        Self { rotation: turn * self.rotation, translation }
     }
 
     /// `self` after `inner`: `(a_from_b).then_inner(b_from_c)` is `a_from_c`.

@@ -47,6 +47,14 @@ pub(crate) fn length(at: &Place, value: f64) -> Result<f64, DescriptionError> {
     Err(bad(at, value, "a positive length"))
 }
 
+/// So many a second, above 0.
+pub(crate) fn rate(at: &Place, value: f64) -> Result<f64, DescriptionError> {
+    if (1e-3..=1e4).contains(&value) {
+        return Ok(value);
+    }
+    Err(bad(at, value, "a number a second from 0.001 to 10000"))
+}
+
 /// A heading in radians; logs add up turns.
 pub(crate) fn heading(at: &Place, value: f64) -> Result<f64, DescriptionError> {
     // Up to 1e9 an `f64` resolves 1e-6 rad.

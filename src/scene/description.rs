@@ -30,6 +30,7 @@ pub(crate) struct SceneDescription {
     #[serde(default)]
     pub actors: Vec<ActorDescription>,
     pub frames: Option<u64>,
+    pub rate: Option<f64>,
     pub ego: Option<EgoDescription>,
 }
 
@@ -96,9 +97,8 @@ pub(crate) struct ScanDescription {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ActorDescription {
-    /// A note for the reader of the file.
-    #[serde(rename = "name")]
-    pub _name: Option<String>,
+    pub name: Option<String>,
+    pub kind: Option<String>,
     pub parts: Vec<ShapeDescription>,
     pub poses: Option<Vec<PoseDescription>>,
     pub route: Option<RouteDescription>,

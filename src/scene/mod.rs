@@ -8,6 +8,7 @@
 mod carrier;
 mod classes;
 mod description;
+mod kind;
 mod mesh;
 mod origins;
 mod parts;
@@ -18,6 +19,7 @@ mod settings;
 mod shapes;
 mod solid;
 pub(crate) mod street;
+mod tracks;
 
 use std::path::{Path, PathBuf};
 
@@ -35,12 +37,16 @@ use solid::Solid;
 
 pub use crate::json::{DescriptionError, Place};
 pub use classes::DEFAULT_CLASSES;
+pub use kind::ActorKind;
 pub use settings::{Coverage, PsogSource, RoiBounds, ScanSettings};
 pub use street::street;
+pub use tracks::Track;
 
 /// Largest scene file in bytes; ten million listed directions fit.
 const MAX_FILE: u64 = 1 << 30;
 const MAX_FRAMES: u64 = 10_000;
+/// Frames a second of a scene that does not say.
+const RATE: f64 = 10.0;
 
 /// A scene, read and checked.
 #[derive(Debug, Clone)]
@@ -54,6 +60,8 @@ pub struct Scene {
     coverage: Coverage,
     psog: PsogSource,
     frames: usize,
+    /// Frames a second.
+    rate: f64,
     /// In the world frame.
     world: Solid,
     actors: Vec<Actor>,
@@ -69,6 +77,8 @@ pub struct Scene {
 /// Moving object: triangles in its own frame and a pose for each frame.
 #[derive(Debug, Clone)]
 struct Actor {
+    name: String,
+    kind: ActorKind,
     parts: Solid,
     motion: Motion,
 }
@@ -93,14 +103,18 @@ impl Things {
         let world = builder.list(&top.key("static"), world)?;
         let actors = actors.iter().enumerate().map(|(i, actor)| {
             let at = top.key("actors").item(i);
+            let name = actor.name.clone().unwrap_or_default();
+            let name = check::text(&at.key("name"), name)?;
             let parts = builder.list(&at.key("parts"), &actor.parts)?;
             let motion = Motion::new(&at, actor.poses.as_deref(), actor.route.as_ref())?;
+            let class = parts.classes.first().map(|&class| builder.class_name(class));
+            let kind = ActorKind::read(&at.key("kind"), actor.kind.as_deref(), class)?;
             let missing = || DescriptionError::Missing {
                 at: Box::new(at),
                 key: "poses",
                 mend: "say where the actor is, with `poses` or `route`".to_owned(),
             };
-            Ok(Actor { parts, motion: motion.ok_or_else(missing)? })
+            Ok(Actor { name, kind, parts, motion: motion.ok_or_else(missing)? })
         });
         let actors = actors.collect::<Result<_, DescriptionError>>()?;
         let none = EgoDescription { body: Vec::new(), poses: None, route: None };
@@ -246,6 +260,7 @@ impl Scene {
 
         let has_geometry = things.has_geometry();
         let frames = things.frames(&top, scene.frames)?;
+        let rate = check::rate(&top.key("rate"), scene.rate.unwrap_or(RATE))?;
         let Things { world, actors, body, ego } = things;
         let ego = ego.unwrap_or(Motion::Still);
         let mut origins = vec![origins::middle_of_way(&top.key("ego"), &ego, frames, &world)?];
@@ -270,6 +285,7 @@ impl Scene {
             coverage,
             psog,
             frames,
+            rate,
             world,
             actors,
             body,
@@ -391,6 +407,11 @@ impl Scene {
     /// Number of frames, T; 1 without geometry.
     pub fn frame_count(&self) -> usize {
         self.frames
+    }
+
+    /// Frames a second.
+    pub fn rate(&self) -> f64 {
+        self.rate
     }
 
     /// Pose of the ego in frame `t`: takes ego coordinates to world coordinates.

@@ -59,6 +59,11 @@ impl<'a> Builder<'a> {
         files
     }
 
+    /// Name of a class.
+    pub fn class_name(&self, class: u16) -> &'a str {
+        &self.classes.names[usize::from(class)]
+    }
+
     /// Notes on material names that no mesh has.
     pub fn notes(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notes)

@@ -1,0 +1,157 @@
+//! One scan: what every beam of a rig came back with in a frame, and the boxes that stood around it.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use crate::geom::Pose;
+use crate::scene::ActorKind;
+
+/// Class of a beam that met no surface.
+pub const NO_CLASS: u16 = u16::MAX;
+/// Instance of what is no actor.
+pub const NO_INSTANCE: u16 = 0;
+/// Instance of the ego vehicle's own body.
+pub const EGO_INSTANCE: u16 = u16::MAX;
+
+/// What a beam came back as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Status {
+    /// From the surface that it met.
+    Hit = 0,
+    /// Not at all: it met nothing within range.
+    Miss = 1,
+    /// Not at all: what came back was too weak.
+    Lost = 2,
+    /// Not at all: thrown away, although it was strong enough.
+    Dropped = 3,
+    /// From the fog.
+    Fog = 4,
+    /// From a flake of snow.
+    Snow = 5,
+    /// At a wrong distance, for another sensor's pulse.
+    Crosstalk = 6,
+    /// A second time, from a surface behind the first.
+    Second = 7,
+}
+
+impl Status {
+    /// Whether there is a point.
+    pub fn is_point(self) -> bool {
+        !matches!(self, Self::Miss | Self::Lost | Self::Dropped)
+    }
+}
+
+/// A beam and what came back; ordered by LiDAR, channel, column, a second return behind its first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Return {
+    /// Where it came from, in the ego frame at the scan's time, metres: the sensor's motion since is made up
+    /// for. Not a number where there is no point.
+    pub position: [f32; 3],
+    /// The same as a sensor sees it that does not know that it moved: its distance along the beam of a
+    /// sensor that stands where it stood at the scan's time.
+    pub raw: [f32; 3],
+    /// Metres along the beam; not a number where there is no point.
+    pub range: f32,
+    /// Calibrated reflectivity, from 0 to 1.
+    pub intensity: f32,
+    /// Seconds since the scan's time.
+    pub time: f32,
+    /// Number of the LiDAR in the placement.
+    pub lidar: u16,
+    /// Channel of the LiDAR.
+    pub channel: u16,
+    /// Azimuth step of the channel.
+    pub column: u32,
+    /// Class of the surface that the point is counted as; [`NO_CLASS`] for fog, snow, crosstalk and none.
+    pub class: u16,
+    /// Class of the surface that the beam meets in clear air; [`NO_CLASS`] if none.
+    pub clean_class: u16,
+    /// 1 + the number of the actor, [`NO_INSTANCE`] or [`EGO_INSTANCE`].
+    pub instance: u16,
+    /// Cosine of the angle of incidence on the surface, 0 to 1; 0 if none.
+    pub incidence: f32,
+    /// What came back.
+    pub status: Status,
+}
+
+/// An actor's box in a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrackedBox {
+    /// 1 + the number of the actor: the same in all frames.
+    pub instance: u16,
+    /// Name of the actor in the scene; may be empty.
+    pub name: String,
+    /// What it is.
+    pub kind: ActorKind,
+    /// Class of its first part.
+    pub class: u16,
+    /// Takes the box's frame (x forward, origin in its middle) to the ego frame.
+    pub ego_from_box: Pose,
+    /// Extents along its x, y and z in metres.
+    pub size: DVec3,
+    /// In the world frame, metres a second.
+    pub velocity: DVec3,
+    /// Points of the scan that lie in it, whatever they are of.
+    pub points: u32,
+}
+
+impl TrackedBox {
+    /// Whether a point of the ego frame lies in it, its faces included.
+    pub fn contains(&self, point: [f32; 3]) -> bool {
+        let point = self.ego_from_box.inverse().apply(DVec3::from(point.map(f64::from)));
+        point.abs().cmple(self.size / 2.0).all()
+    }
+}
+
+/// A LiDAR as it stood at the time of a scan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScanLidar {
+    /// Name of its model; may be empty.
+    pub model: String,
+    /// Takes its frame to that of the ego.
+    pub ego_from_sensor: Pose,
+    /// Channels; 1 of a list of directions.
+    pub channels: u32,
+    /// Azimuth steps of a channel.
+    pub columns: u32,
+    /// Range in metres.
+    pub range: f32,
+}
+
+/// All that a rig saw in a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scan {
+    /// Name of the scene.
+    pub scene: Arc<str>,
+    /// Number of the frame in the scene.
+    pub frame: usize,
+    /// Seconds since frame 0: when the turn begins.
+    pub time: f64,
+    /// Class names; the index is the class.
+    pub classes: Arc<[String]>,
+    /// In the order of the placement.
+    pub lidars: Vec<ScanLidar>,
+    /// Takes the ego frame to that of the world.
+    pub world_from_ego: Pose,
+    /// Every beam.
+    pub returns: Vec<Return>,
+    /// Actors, as the scene lists them.
+    pub boxes: Vec<TrackedBox>,
+}
+
+impl Scan {
+    /// Beams that came back as points.
+    pub fn points(&self) -> impl Iterator<Item = &Return> {
+        self.returns.iter().filter(|beam| beam.status.is_point())
+    }
+
+    /// Counts the points in every box anew.
+    pub fn count_points(&mut self) {
+        for tracked in &mut self.boxes {
+            let inside = self.returns.iter().filter(|beam| beam.status.is_point());
+            tracked.points = inside.filter(|beam| tracked.contains(beam.position)).count() as u32;
+        }
+    }
+}
