@@ -58,6 +58,7 @@
 //! | `files` | files that are whole at any time, folders of runs |
 //! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
 
+mod chance;
 mod error;
 mod memory;
 

@@ -6,7 +6,7 @@ use sightline::engine::EngineChoice;
 use sightline::problem::Problem;
 use sightline::search::{Equipped, cost_front, equip};
 use sightline::vehicle::{
-    Phase, Region, Requirement, SensorName, Vehicle, VehicleMount, VehicleSensor,
+    Phase, Region, Requirement, Response, SensorName, Vehicle, VehicleMount, VehicleSensor,
 };
 
 use crate::common::random_problem;
@@ -22,7 +22,8 @@ fn vehicle(require: Vec<Requirement>) -> Vehicle {
         let scene = sightline::scene::Scene::from_json(&text, "".as_ref(), "s").unwrap();
         let name = SensorName::new(name).unwrap();
         let price = f64::from(steps) / 10.0;
-        VehicleSensor { name, lidar: scene.lidar().clone(), phase: Phase::Locked(0.0), price }
+        let (lidar, phase) = (scene.lidar().clone(), Phase::Locked(0.0));
+        VehicleSensor { name, lidar, phase, price, response: Response::usual(f64::from(range)) }
     };
     let sensors = vec![lidar(60, 12, "dear"), lidar(20, 6, "cheap")];
     let mount = |name: &str, x: f64, sensors: Vec<SensorName>, count| VehicleMount {

@@ -12,7 +12,7 @@ use sightline::vehicle::{
 use crate::common::{cpu, random_placements, random_problem};
 
 fn model(name: &str, table: BeamTable, phase: Phase) -> SensorModel {
-    SensorModel { name: SensorName::new(name).unwrap(), table, phase, price: 1.0 }
+    SensorModel { name: SensorName::new(name).unwrap(), phase, ..SensorModel::plain(table) }
 }
 
 /// A spinning sensor of 7 × 45 beams, a solid-state one of 5 × 21 and a list of 40 directions, each of

@@ -5,6 +5,7 @@
 
 mod batch;
 mod bounds;
+mod bundle;
 mod fan;
 mod fan_blocks;
 mod fan_bounds;
@@ -16,6 +17,7 @@ mod sight;
 mod walk;
 
 pub use batch::{Caster, Casting};
+pub(crate) use bundle::{Left, closer_hits_of_beams, closer_hits_of_bundle};
 pub use fan::Fan;
 pub use lanes::{FAN_DIRECTIONS, PACKET_RAYS, PacketHits};
 pub(crate) use reference::closest_hit_in;

@@ -9,5 +9,5 @@ mod pose;
 mod soup;
 
 pub(crate) use aabb::Aabb;
-pub use pose::Pose;
+pub use pose::{Glide, Pose};
 pub use soup::TriangleSoup;

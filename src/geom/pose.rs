@@ -38,26 +38,50 @@ impl Pose {
         Self { rotation, translation: -(rotation * self.translation) }
     }
 
-    /// `share` of the way to another pose, on a straight line and turning evenly the short way; 0 is `self`
-    /// to the bit, and beyond 1 things go on.
-    pub fn toward(&self, other: &Self, share: f64) -> Self {
-        if share == 0.0 || self == other {
-            return *self;
-        }
-        let (axis, angle) =
-            DQuat::from_mat3(&(other.rotation * self.rotation.transpose())).to_axis_angle();
-        // Angles come from 0 to 2π; the short way round is at most half a turn.
-        let angle = if angle > PI { angle - TAU } else { angle };
-        let turn = DMat3::from_axis_angle(axis, angle * share);
-        let translation = self.translation + (other.translation - self.translation) * share;
-        Self { rotation: turn * self.rotation, translation }
-    }
-
     /// `self` after `inner`: `(a_from_b).then_inner(b_from_c)` is `a_from_c`.
     pub fn compose(&self, inner: &Self) -> Self {
         Self {
             rotation: self.rotation * inner.rotation,
             translation: self.apply(inner.translation),
         }
+    }
+}
+
+/// An even motion from one pose to another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Glide {
+    from: Pose,
+    step: DVec3,
+    axis: DVec3,
+    /// From −π to π.
+    angle: f64,
+}
+
+impl Glide {
+    /// On a straight line and turning evenly the short way.
+    pub fn new(from: &Pose, to: &Pose) -> Self {
+        let step = to.translation - from.translation;
+        if from.rotation == to.rotation {
+            return Self { from: *from, step, axis: DVec3::Z, angle: 0.0 };
+        }
+        let turn = DQuat::from_mat3(&(to.rotation * from.rotation.transpose())).normalize();
+        let (axis, angle) = turn.to_axis_angle();
+        // Angles come from 0 to 2π; the short way round is at most half a turn.
+        Self { from: *from, step, axis, angle: if angle > PI { angle - TAU } else { angle } }
+    }
+
+    /// Whether nothing moves.
+    pub fn is_still(&self) -> bool {
+        self.step == DVec3::ZERO && self.angle == 0.0
+    }
+
+    /// The pose after a share of the motion: at 0 the first to the bit, and beyond 1 things go on.
+    pub fn at(&self, share: f64) -> Pose {
+        let translation = self.from.translation + self.step * share;
+        if self.angle == 0.0 || share == 0.0 {
+            return Pose { translation, ..self.from };
+        }
+        let turn = DMat3::from_axis_angle(self.axis, self.angle * share);
+        Pose { rotation: turn * self.from.rotation, translation }
     }
 }

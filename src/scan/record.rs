@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 use crate::geom::Pose;
 use crate::scene::ActorKind;
@@ -97,14 +98,6 @@ pub struct TrackedBox {
     pub points: u32,
 }
 
-impl TrackedBox {
-    /// Whether a point of the ego frame lies in it, its faces included.
-    pub fn contains(&self, point: [f32; 3]) -> bool {
-        let point = self.ego_from_box.inverse().apply(DVec3::from(point.map(f64::from)));
-        point.abs().cmple(self.size / 2.0).all()
-    }
-}
-
 /// A LiDAR as it stood at the time of a scan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScanLidar {
@@ -149,9 +142,22 @@ impl Scan {
 
     /// Counts the points in every box anew.
     pub fn count_points(&mut self) {
-        for tracked in &mut self.boxes {
-            let inside = self.returns.iter().filter(|beam| beam.status.is_point());
-            tracked.points = inside.filter(|beam| tracked.contains(beam.position)).count() as u32;
-        }
+        let returns = &self.returns;
+        self.boxes.par_iter_mut().for_each(|tracked| {
+            let box_from_ego = tracked.ego_from_box.inverse();
+            let center = tracked.ego_from_box.translation.as_vec3();
+            // What lies outside of the sphere around the box need not be turned.
+            let reach = (tracked.size.length() / 2.0 + 1e-3) as f32;
+            let half = tracked.size / 2.0;
+            let near = |beam: &&Return| {
+                let away = Vec3::from(beam.position) - center;
+                away.length_squared() <= reach * reach && beam.status.is_point()
+            };
+            let inside = |beam: &&Return| {
+                let point = DVec3::from(beam.position.map(f64::from));
+                box_from_ego.apply(point).abs().cmple(half).all()
+            };
+            tracked.points = returns.iter().filter(near).filter(inside).count() as u32;
+        });
     }
 }

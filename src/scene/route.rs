@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::description::{PoseDescription, RouteDescription};
-use crate::geom::Pose;
+use crate::geom::{Glide, Pose};
 use crate::json::check::{self, bad};
 use crate::json::{DescriptionError, Place};
 
@@ -56,19 +56,20 @@ impl Motion {
         }
     }
 
-    /// Pose `share` of the way from frame `t` to the next, on a straight line and turning evenly; after
-    /// the last frame things go on as they came.
-    pub fn between(&self, t: usize, share: f64) -> Pose {
+    /// The way from frame `t` to the next, on a straight line and turning evenly; after the last frame things
+    /// go on as they came.
+    pub fn glide(&self, t: usize) -> Glide {
         let here = self.pose(t);
-        match self {
+        let next = match self {
             Self::Still => here,
             Self::Poses(poses) => match (poses.get(t + 1), t.checked_sub(1)) {
-                (Some(next), _) => here.toward(next, share),
-                (None, Some(before)) => poses[before].toward(&here, 1.0 + share),
+                (Some(next), _) => *next,
+                (None, Some(before)) => Glide::new(&poses[before], &here).at(2.0),
                 (None, None) => here,
             },
-            Self::Route(route) => here.toward(&route.pose(t + 1), share),
-        }
+            Self::Route(route) => route.pose(t + 1),
+        };
+        Glide::new(&here, &next)
     }
 
     /// Pose in frame `t`, below the number of frames.
@@ -185,18 +186,18 @@ mod tests {
     fn between_two_frames_things_move_evenly_and_after_the_last_they_go_on() {
         let at = |x, yaw| Pose::new(DVec3::new(x, 0.0, 0.0), 0.0, 0.0, yaw);
         let motion = Motion::Poses(vec![at(0.0, 3.0), at(2.0, -3.0)]);
-        assert_eq!(motion.between(0, 0.0), at(0.0, 3.0), "to the bit");
+        assert_eq!(motion.glide(0).at(0.0), at(0.0, 3.0), "to the bit");
         // From 3 to −3 rad the short way is forward, through π.
         let turn = std::f64::consts::TAU - 6.0;
         for (t, share, x, yaw) in
             [(0, 0.25, 0.5, 3.0 + 0.25 * turn), (1, 0.5, 3.0, 3.0 + 1.5 * turn)]
         {
-            let (found, expected) = (motion.between(t, share), at(x, yaw));
+            let (found, expected) = (motion.glide(t).at(share), at(x, yaw));
             assert!((found.translation - expected.translation).length() < 1e-12, "{found:?}");
             assert!((found.rotation * DVec3::X - expected.rotation * DVec3::X).length() < 1e-12);
         }
         let alone = Motion::Poses(vec![at(1.0, 0.5)]);
-        assert_eq!(alone.between(0, 0.7), at(1.0, 0.5), "what moves nobody knows");
+        assert_eq!(alone.glide(0).at(0.7), at(1.0, 0.5), "what moves nobody knows");
     }
 
     #[test]

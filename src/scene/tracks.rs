@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::{ActorKind, Scene};
-use crate::geom::Pose;
+use crate::geom::Glide;
 
 /// An actor as a box on its way.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,22 +42,29 @@ impl Scene {
         self.actors.iter().map(track).collect()
     }
 
-    /// Takes the frame of an actor, counted as listed, to that of the world, `share` of the way from frame
-    /// `t` to the next.
+    /// How an actor, counted as listed, moves from frame `t` to the next: takes its frame to the world's.
     ///
     /// # Panics
     /// An actor or a frame that does not exist.
-    pub fn world_from_actor(&self, actor: usize, t: usize, share: f64) -> Pose {
+    pub fn actor_glide(&self, actor: usize, t: usize) -> Glide {
         assert!(t < self.frames, "frame {t} of {}", self.frames);
-        self.actors[actor].motion.between(t, share)
+        self.actors[actor].motion.glide(t)
     }
 
-    /// Takes the ego frame to that of the world, `share` of the way from frame `t` to the next.
+    /// How the ego moves from frame `t` to the next: takes its frame to the world's.
     ///
     /// # Panics
     /// If `t` is not below [`Scene::frame_count`].
-    pub fn world_from_ego(&self, t: usize, share: f64) -> Pose {
+    pub fn ego_glide(&self, t: usize) -> Glide {
         assert!(t < self.frames, "frame {t} of {}", self.frames);
-        self.ego.between(t, share)
+        self.ego.glide(t)
+    }
+
+    /// Origin of a part's frame in the frame of its owner: world, actor or ego.
+    ///
+    /// # Panics
+    /// A part that does not exist.
+    pub fn part_origin(&self, part: usize) -> DVec3 {
+        self.origins[part]
     }
 }

@@ -78,6 +78,20 @@ pub(crate) struct ModelDescription {
     #[serde(default)]
     pub price: f64,
     pub phase: Option<PhaseDescription>,
+    pub response: Option<ResponseDescription>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ResponseDescription {
+    pub rate: Option<f64>,
+    pub rated_range: Option<f64>,
+    pub softness: Option<f64>,
+    pub noise: Option<f64>,
+    pub divergence: Option<[f64; 2]>,
+    pub pulse: Option<f64>,
+    pub echoes: Option<String>,
+    pub min_range: Option<f64>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use super::{
-    Constraints, Lidar, MAX_LIDARS, Phase, Region, SensorError, SensorModel, SensorName, Sensors,
-    Slot, Ties,
+    Constraints, Lidar, MAX_LIDARS, Phase, Region, Response, SensorError, SensorModel, SensorName,
+    Sensors, Slot, Ties,
 };
 
 /// A sensor model that the vehicle may carry.
@@ -19,6 +19,8 @@ pub struct VehicleSensor {
     pub phase: Phase,
     /// What one costs, in any currency.
     pub price: f64,
+    /// What it makes of what its beams meet.
+    pub response: Response,
 }
 
 /// A mount: a region and what it may hold.
@@ -91,8 +93,8 @@ impl Vehicle {
     /// A model without beams.
     pub fn models(&self) -> Result<Sensors, SensorError> {
         let model = |sensor: &VehicleSensor| {
-            let VehicleSensor { name, lidar, phase, price } = sensor;
-            Ok(SensorModel { name: *name, table: lidar.table()?, phase: *phase, price: *price })
+            let VehicleSensor { name, lidar, phase, price, response } = sensor.clone();
+            Ok(SensorModel { name, table: lidar.table()?, phase, price, response })
         };
         let models = self.sensors.iter().map(model).collect::<Result<Vec<_>, SensorError>>()?;
         Sensors::new(models).ok_or(SensorError::NoBeams)

@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::{BeamTable, SensorName, SensorPose};
+use super::{BeamTable, Response, SensorName, SensorPose};
+use crate::chance::mixed;
 use crate::geom::Pose;
 
 /// Where in its turn a spinning sensor fires: an angle about its own axis, added to every azimuth.
@@ -29,6 +30,17 @@ pub struct SensorModel {
     pub phase: Phase,
     /// What one costs, in any currency.
     pub price: f64,
+    /// What it makes of what its beams meet.
+    pub response: Response,
+}
+
+impl SensorModel {
+    /// A model without a name, locked at 0, of the usual response.
+    pub fn plain(table: BeamTable) -> Self {
+        let response = Response::usual(f64::from(table.range()));
+        let (name, phase, price) = (SensorName::default(), Phase::Locked(0.0), 0.0);
+        Self { name, table, phase, price, response }
+    }
 }
 
 /// A placement names a model that the vehicle does not have.
@@ -51,8 +63,7 @@ pub struct Sensors {
 impl From<BeamTable> for Sensors {
     /// One model without a name, locked at 0.
     fn from(table: BeamTable) -> Self {
-        let (name, phase, price) = (SensorName::default(), Phase::Locked(0.0), 0.0);
-        Self { models: [SensorModel { name, table, phase, price }].into(), seed: 0 }
+        Self { models: [SensorModel::plain(table)].into(), seed: 0 }
     }
 }
 
@@ -178,14 +189,6 @@ impl Sensors {
     }
 }
 
-/// One step of SplitMix64 (Steele, Lea, Flood 2014).
-fn mixed(word: u64) -> u64 {
-    let z = word.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
-}
-
 impl BeamTable {
     /// The least turn about the sensor's axis that leaves its beams as they are, in radians: one azimuth
     /// step of a spinning sensor, a whole turn of any other.
@@ -201,7 +204,7 @@ mod tests {
     fn sensors(phase: Phase) -> Sensors {
         let table = BeamTable::spinning(&[(0.0, 0.0)], 250, 100.0).unwrap();
         let name = SensorName::new("spinning").unwrap();
-        Sensors::new(vec![SensorModel { name, table, phase, price: 1.0 }]).unwrap()
+        Sensors::new(vec![SensorModel { name, phase, ..SensorModel::plain(table) }]).unwrap()
     }
 
     fn turn(sensors: &Sensors, pose: &SensorPose, frame: usize) -> f64 {

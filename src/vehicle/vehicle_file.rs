@@ -12,7 +12,7 @@ use super::description::{
 use super::equipment::{Requirement, Vehicle, VehicleMount, VehicleSensor};
 use super::mount::keep_out_boxes;
 use super::mounting::mounting;
-use super::{Lidar, MAX_LIDARS, Phase, SensorName, Ties};
+use super::{Lidar, MAX_LIDARS, Phase, Response, SensorName, Ties};
 use crate::json::check::{self, bad};
 use crate::json::{self, DescriptionError, Place};
 
@@ -132,7 +132,8 @@ fn sensor(
     if !(0.0..=1e12).contains(&model.price) {
         return Err(bad(&at.key("price"), model.price, "a price of 0 or more"));
     }
-    Ok(VehicleSensor { name, lidar, phase, price: model.price })
+    let response = Response::new(&at.key("response"), model.response.as_ref(), lidar.range())?;
+    Ok(VehicleSensor { name, lidar, phase, price: model.price, response })
 }
 
 fn requirement(

@@ -1,0 +1,83 @@
+//! Why a condition cannot be.
+
+/// Why a condition cannot be.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConditionError {
+    /// There is no condition of that name.
+    #[error("there is no condition `{name}`; known are fog, wet, snow, blur, crosstalk and echo")]
+    UnknownCondition {
+        /// As written.
+        name: String,
+    },
+    /// A part that is no pair.
+    #[error("`{part}` in the condition `{text}` is no KEY=VALUE; {condition} takes {known}")]
+    NoPair {
+        /// The part.
+        part: String,
+        /// All that was written.
+        text: String,
+        /// The condition's name.
+        condition: &'static str,
+        /// Its keys in words.
+        known: String,
+    },
+    /// A key that the condition does not have.
+    #[error("{condition} in the mode {mode} has no key `{key}`; it takes {known}{hint}")]
+    UnknownKey {
+        /// As written.
+        key: String,
+        /// The condition's name.
+        condition: &'static str,
+        /// The mode's name.
+        mode: &'static str,
+        /// Its keys in words.
+        known: String,
+        /// That the other mode has it; empty if it has not.
+        hint: String,
+    },
+    /// A key given more than once.
+    #[error("the condition `{text}` gives `{key}` twice; give it once")]
+    RepeatedKey {
+        /// The key.
+        key: String,
+        /// All that was written.
+        text: String,
+    },
+    /// A value that is none of some words.
+    #[error("`{key}={value}` of {condition}: `{value}` is not one of {known}")]
+    UnknownWord {
+        /// The key.
+        key: &'static str,
+        /// As written.
+        value: String,
+        /// The condition's name.
+        condition: &'static str,
+        /// The words that may stand there.
+        known: String,
+    },
+    /// A value that is no number or outside of its limits.
+    #[error("`{key}={value}` of {condition}: wanted is a number from {least} to {most}{unit}")]
+    BadNumber {
+        /// The key.
+        key: &'static str,
+        /// As written.
+        value: String,
+        /// The condition's name.
+        condition: &'static str,
+        /// Least value.
+        least: String,
+        /// Greatest value.
+        most: String,
+        /// Unit with a space before it.
+        unit: &'static str,
+    },
+    /// The same condition twice in one mode.
+    #[error("the condition {condition} is given twice in the mode {mode}; give it once")]
+    Repeated {
+        /// The condition's name.
+        condition: &'static str,
+        /// The mode's name.
+        mode: &'static str,
+    },
+}

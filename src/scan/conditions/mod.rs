@@ -1,0 +1,67 @@
+//! Weather and faults in scans: exact for each beam, or the way of the public benchmark Robo3D.
+
+mod condition;
+mod error;
+mod faults;
+mod fog;
+mod fresnel;
+mod pulse;
+mod robo3d;
+mod snow;
+mod snow_law;
+mod specs;
+#[cfg(test)]
+mod tests;
+mod wet;
+
+pub use condition::Condition;
+pub use error::ConditionError;
+pub use faults::{Crosstalk, IncompleteEcho, MotionBlur};
+pub use fog::Fog;
+pub use robo3d::Corruptions;
+pub use snow::{Fallen, Flake, Snowfall};
+pub use specs::{Kind, Mode};
+pub use wet::{WetGround, is_ground};
+
+/// What a beam meets on its way besides surfaces, and what the sensor makes of it; nothing by default.
+#[derive(Debug, Clone, Default)]
+pub struct Weather {
+    /// Fog in the air.
+    pub fog: Option<Fog>,
+    /// Water on the ground.
+    pub wet: Option<WetGround>,
+    /// Snow in the air.
+    pub snow: Option<Snowfall>,
+    /// The sensor's motion left in the points.
+    pub blur: Option<MotionBlur>,
+    /// Pulses of other sensors.
+    pub crosstalk: Option<Crosstalk>,
+    /// Vehicles that mirror beams away.
+    pub echo: Option<IncompleteEcho>,
+}
+
+/// Parts conditions into those that act on beams and those that change the finished scan, in the order given.
+///
+/// # Errors
+/// The same condition twice in one mode.
+pub fn sort(conditions: &[Condition]) -> Result<(Weather, Corruptions), ConditionError> {
+    let mut weather = Weather::default();
+    let mut corruptions = Corruptions::default();
+    for (place, condition) in conditions.iter().enumerate() {
+        let (kind, mode) = (condition.kind(), condition.mode());
+        if conditions[..place].iter().any(|other| (other.kind(), other.mode()) == (kind, mode)) {
+            return Err(ConditionError::Repeated { condition: kind.name(), mode: mode.name() });
+        }
+        let value = |key: &str| condition.value(key).unwrap_or(0.0);
+        match (mode, kind) {
+            (Mode::Robo3d, _) => corruptions.push(condition),
+            (_, Kind::Fog) => weather.fog = Some(Fog::new(value("mor"), value("gain"))),
+            (_, Kind::Wet) => weather.wet = Some(WetGround::new(value("water"))),
+            (_, Kind::Snow) => weather.snow = Some(Snowfall::new(value("rate"), value("speed"))),
+            (_, Kind::Blur) => weather.blur = Some(MotionBlur::new(value("share"))),
+            (_, Kind::Crosstalk) => weather.crosstalk = Some(Crosstalk::new(value("share"))),
+            (_, Kind::Echo) => weather.echo = Some(IncompleteEcho::new(value("ratio"))),
+        }
+    }
+    Ok((weather, corruptions))
+}

@@ -1,0 +1,321 @@
+//! Falling snow, for each beam: the flakes in its cone, those first whose echoes are strongest.
+
+use std::f64::consts::PI;
+use std::sync::LazyLock;
+
+use super::pulse::overlap;
+use super::snow_law::Balls;
+
+/// Reflectance of a flake, as the public snow takes it.
+pub(super) const FLAKE: f64 = 0.9;
+/// Most flakes of a beam that are drawn one by one.
+const MOST: usize = 12;
+
+/// Snow of one rate and speed of fall.
+///
+/// Flakes are a Poisson process in space. One whose cross-section is smaller than the beam's takes its share
+/// s = D²/(h·v·r²) of the light once its centre is in the cone; a larger one takes all of it, once the beam's
+/// axis meets it. Either way a metre of air takes n·π/4·E[D²] of the light on the mean. What comes back of a flake
+/// is 0.9·s·ξ(r)/r², ξ the overlap of beam and receiver near the sensor.
+///
+/// Flakes are drawn by falling echo, not by distance: the number of flakes with echoes above p is Poisson of
+/// a mean that has a closed form, so that the strongest comes from one number, and a beam costs the same however
+/// many flakes are in it. Once none that is left can win, the rest takes its mean share of the light.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Snowfall {
+    balls: Option<Balls>,
+}
+
+/// A flake that sends back more than any other of its beam.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Flake {
+    /// Metres along the beam.
+    pub range: f64,
+    /// In the unit of ρ·cos θ / r², after what nearer flakes take.
+    pub power: f64,
+}
+
+/// What snow does to a beam.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fallen {
+    /// Share of the light that goes as far as the beam does; a flake shades the way out and the way back
+    /// alike, so it counts once.
+    pub passed: f64,
+    /// The flake of the strongest echo; none if none sends anything back.
+    pub flake: Option<Flake>,
+}
+
+/// A flake drawn by itself.
+#[derive(Debug, Clone, Copy, Default)]
+struct Drawn {
+    range: f64,
+    /// Share of the beam's light that it takes.
+    share: f64,
+}
+
+impl Drawn {
+    fn power(&self) -> f64 {
+        FLAKE * self.share * overlap(self.range) / (self.range * self.range).max(f64::MIN_POSITIVE)
+    }
+}
+
+impl Snowfall {
+    /// Snow that falls at a rate in millimetres of water an hour and a speed in metres a second.
+    pub fn new(rate: f64, speed: f64) -> Self {
+        Self { balls: Balls::new(rate, speed) }
+    }
+
+    /// Share of the light that a metre of air takes off a beam, in 1/m.
+    pub fn extinction(&self) -> f64 {
+        self.balls.map_or(0.0, |balls| balls.extinction())
+    }
+
+    /// What snow does to a beam of a divergence (full widths across and along, radians) that goes `reach` metres.
+    /// `draw` gives numbers from 0 to below 1.
+    pub fn beam(&self, divergence: [f64; 2], reach: f64, mut draw: impl FnMut() -> f64) -> Fallen {
+        let Some(balls) = &self.balls else { return Fallen { passed: 1.0, flake: None } };
+        let width = (divergence[0] * divergence[1]).sqrt();
+        let blocked = first_block(balls, width, reach, &mut draw);
+        let mut fall = Fall::new(balls, width, blocked.unwrap_or(reach));
+        let last = blocked.map(|range| Drawn { range, share: 1.0 });
+        fall.add(last);
+        while fall.next(&mut draw) {}
+        Fallen { passed: if blocked.is_some() { 0.0 } else { fall.passed() }, flake: fall.best() }
+    }
+}
+
+/// Where the first flake stands that is larger than the beam; none before `reach`.
+///
+/// Along the axis they follow each other at a rate of μ·Q(3, w·r/D̄), μ the extinction, w the beam's width, Q the
+/// upper incomplete gamma function; its integral is solved for by Newton's steps.
+fn first_block(
+    balls: &Balls,
+    width: f64,
+    reach: f64,
+    draw: &mut impl FnMut() -> f64,
+) -> Option<f64> {
+    let (slope, rate) = (width / balls.mean, balls.extinction());
+    let u = draw();
+    // −ln(1 − u) is at least u, the integral at most 3: most beams end here.
+    if u * slope >= 3.0 * rate {
+        return None;
+    }
+    let wait = -(-u).ln_1p() / rate;
+    if slope == 0.0 {
+        return (wait < reach).then_some(wait);
+    }
+    // ∫ Q(3, z) dz, concave: the steps come from below.
+    let integral = |z: f64| 3.0 - (-z).exp() * (3.0 + z * (2.0 + 0.5 * z));
+    let wanted = wait * slope;
+    if wanted >= integral(slope * reach) {
+        return None;
+    }
+    let mut z = wanted;
+    for _ in 0..60 {
+        let step = (wanted - integral(z)) / ((-z).exp() * (1.0 + z * (1.0 + 0.5 * z)));
+        z += step;
+        if step.abs() < 1e-9 * z {
+            break;
+        }
+    }
+    Some((z / slope).min(reach))
+}
+
+/// The flakes of one beam, drawn by falling echo.
+///
+/// With κ = √(p·w²/0.9), flakes with echoes above p are those with D > κ·r²; their number up to R is Poisson of mean
+/// n·π/4·w²·R³·g(x), g(x) = ∫₀¹ t²·e^(−xt²) dt, x = κR²/D̄. At a given p, t = r/R is distributed as t⁴·e^(−xt²).
+struct Fall<'a> {
+    balls: &'a Balls,
+    width: f64,
+    reach: f64,
+    /// n·π/4·w²·R³: three times the mean number of flakes.
+    scale: f64,
+    /// Sum of exponential steps so far.
+    arrived: f64,
+    /// x of the last flake: the rest is below.
+    x: f64,
+    drawn: [Drawn; MOST],
+    len: usize,
+    /// Power of the strongest echo so far, shaded by the flakes drawn.
+    strongest: f64,
+}
+
+impl<'a> Fall<'a> {
+    fn new(balls: &'a Balls, width: f64, reach: f64) -> Self {
+        let scale = balls.per_cubic_metre() * PI / 4.0 * width * width * reach.powi(3);
+        Self {
+            balls,
+            width,
+            reach,
+            scale,
+            arrived: 0.0,
+            x: f64::INFINITY,
+            drawn: [Drawn::default(); MOST],
+            len: 0,
+            strongest: 0.0,
+        }
+    }
+
+    fn add(&mut self, flake: Option<Drawn>) {
+        let Some(flake) = flake else { return };
+        self.drawn[self.len] = flake;
+        self.len += 1;
+        let powers = (0..self.len).map(|k| self.drawn[k].power() * self.light_at(k));
+        self.strongest = powers.fold(0.0, f64::max);
+    }
+
+    /// Share of the light that the nearer flakes drawn leave to one of them.
+    fn light_at(&self, k: usize) -> f64 {
+        let nearer =
+            self.drawn[..self.len].iter().filter(|other| other.range < self.drawn[k].range);
+        nearer.map(|other| 1.0 - other.share).product()
+    }
+
+    /// Draws the next flake; whether another may still win.
+    fn next(&mut self, draw: &mut impl FnMut() -> f64) -> bool {
+        self.arrived -= (-draw()).ln_1p();
+        let share = 3.0 * self.arrived / self.scale;
+        let is_flake = share < 1.0;
+        if !is_flake || self.len == MOST {
+            // No flakes are left; or so many were in the way that the rest is haze.
+            self.x = if is_flake { self.x } else { 0.0 };
+            return false;
+        }
+        self.x = TABLES.threshold(share);
+        let t = TABLES.place(self.x, draw());
+        let range = self.reach * t;
+        // D / (w·r) = x·t²·D̄ / (w·r).
+        let across = self.x * t * self.balls.mean / (self.width * self.reach);
+        let nominal =
+            FLAKE * (self.x * self.balls.mean / (self.width * self.reach.powi(2))).powi(2);
+        // Larger flakes than the beam are drawn by themselves.
+        if across <= 1.0 {
+            self.add(Some(Drawn { range, share: across * across }));
+        }
+        // What is left is weaker than this flake would be in full view.
+        self.strongest < nominal
+    }
+
+    /// Share of the light that the flakes not drawn leave up to a range.
+    fn haze(&self, range: f64) -> f64 {
+        let x = self.x * (range / self.reach).powi(2);
+        let all = self.balls.extinction() * range;
+        (-all * TABLES.mean_share(x)).exp()
+    }
+
+    fn passed(&self) -> f64 {
+        let drawn: f64 = self.drawn[..self.len].iter().map(|flake| 1.0 - flake.share).product();
+        drawn * self.haze(self.reach)
+    }
+
+    fn best(&self) -> Option<Flake> {
+        let power = |k: usize| self.drawn[k].power() * self.light_at(k);
+        let best = (0..self.len).max_by(|&a, &b| power(a).total_cmp(&power(b)))?;
+        let Drawn { range, .. } = self.drawn[best];
+        let power = power(best) * self.haze(range);
+        (power > 0.0).then_some(Flake { range, power })
+    }
+}
+
+/// Steps of each table.
+const STEPS: usize = 1024;
+/// z of P(5/2, z) and of the mean share up to which the tables go.
+const WIDEST: f64 = 36.0;
+const WIDEST_MEAN: f64 = 400.0;
+
+/// The functions of a fall that have no short form, the same for all snow.
+struct Tables {
+    /// x·q² by q = g'^(1/3), g' = 3·g(x).
+    threshold: Vec<f64>,
+    /// P(5/2, w²) by w.
+    gamma: Vec<f64>,
+    /// ∫₀¹ P(3, x·t²) dt by √x.
+    mean_share: Vec<f64>,
+}
+
+static TABLES: LazyLock<Tables> = LazyLock::new(Tables::new);
+
+impl Tables {
+    fn new() -> Self {
+        let step = |k: usize| k as f64 / STEPS as f64;
+        let erf_part = |w: f64, power: i32| {
+            // ∫₀ʷ v^power·e^(−v²) dv by Simpson's rule.
+            let f = |v: f64| v.powi(power) * (-v * v).exp();
+            let h = w / 200.0;
+            let inner = (1..200).map(|k| f(h * f64::from(k)) * if k % 2 == 1 { 4.0 } else { 2.0 });
+            (f(0.0) + f(w) + inner.sum::<f64>()) * h / 3.0
+        };
+        // 3·g(x), with v = t√x.
+        let g = |x: f64| {
+            if x < 1e-12 { 1.0 } else { 3.0 * erf_part(x.sqrt().min(8.0), 2) / x.powf(1.5) }
+        };
+        let threshold = (0..=STEPS).map(|k| {
+            let q = step(k);
+            let product = |x: f64| x * q * q;
+            if k == 0 {
+                return (3.0 * PI.sqrt() / 4.0).powf(2.0 / 3.0);
+            }
+            let (mut low, mut high) = (0.0, 2.0 / (q * q));
+            for _ in 0..60 {
+                let middle = 0.5 * (low + high);
+                if g(middle) > q.powi(3) { low = middle } else { high = middle }
+            }
+            product(0.5 * (low + high))
+        });
+        let gamma = (0..=STEPS).map(|k| {
+            let w = step(k) * WIDEST.sqrt();
+            // Γ(5/2) = 3√π/4.
+            2.0 * erf_part(w, 4) / (0.75 * PI.sqrt())
+        });
+        let mean_share = (0..=STEPS).map(|k| {
+            let x = (step(k) * WIDEST_MEAN.sqrt()).powi(2);
+            let p = |z: f64| 1.0 - (-z).exp() * (1.0 + z * (1.0 + 0.5 * z));
+            (0..400).map(|i| p(x * ((f64::from(i) + 0.5) / 400.0).powi(2))).sum::<f64>() / 400.0
+        });
+        Self {
+            threshold: threshold.collect(),
+            gamma: gamma.collect(),
+            mean_share: mean_share.collect(),
+        }
+    }
+
+    /// x above which a share of the flakes has its echoes.
+    fn threshold(&self, share: f64) -> f64 {
+        // At q = 10⁻⁶ echoes are stronger than any in ten thousand years of snow.
+        let q = share.cbrt().max(1e-6);
+        at(&self.threshold, q) / (q * q)
+    }
+
+    /// t = r/R of a flake with its echo at x.
+    fn place(&self, x: f64, u: f64) -> f64 {
+        if x < 0.01 {
+            return u.powf(0.2);
+        }
+        let widest = x.sqrt();
+        let steps = widest / WIDEST.sqrt() * STEPS as f64;
+        let part =
+            u * if steps >= STEPS as f64 { 1.0 } else { at(&self.gamma, steps / STEPS as f64) };
+        let above = self.gamma.partition_point(|&p| p <= part).clamp(1, STEPS);
+        let (a, b) = (self.gamma[above - 1], self.gamma[above]);
+        let share = if b > a { (part - a) / (b - a) } else { 0.0 };
+        let w = ((above - 1) as f64 + share) / STEPS as f64 * WIDEST.sqrt();
+        (w / widest).min(1.0)
+    }
+
+    /// Share of the mean extinction up to R that is left to flakes with echoes below x.
+    fn mean_share(&self, x: f64) -> f64 {
+        if x >= WIDEST_MEAN {
+            // 1 − ∫₀^∞ Q(3, v²) dv / √x; the integral is 15√π/16.
+            return 1.0 - 15.0 * PI.sqrt() / 16.0 / x.sqrt();
+        }
+        at(&self.mean_share, (x / WIDEST_MEAN).sqrt())
+    }
+}
+
+/// Value of a table at a place from 0 to 1.
+fn at(table: &[f64], place: f64) -> f64 {
+    let place = place * (table.len() - 1) as f64;
+    let below = (place as usize).min(table.len() - 2);
+    table[below] + (place - below as f64) * (table[below + 1] - table[below])
+}

@@ -1,0 +1,184 @@
+//! Snow of beams: extinction, blocked lines, and all flakes drawn one by one.
+
+use std::f64::consts::PI;
+
+use super::{ks, uniform};
+use crate::scan::conditions::snow_law::Balls;
+use crate::scan::conditions::{Fallen, Snowfall};
+
+const WIDE: [f64; 2] = [3e-3, 1.5e-3];
+
+fn exponential(draw: &mut impl FnMut() -> f64) -> f64 {
+    -(1.0 - draw()).ln()
+}
+
+#[test]
+fn the_extinction_is_that_of_the_balls() {
+    for (rate, speed) in [(0.5, 2.0), (1.0, 1.6), (2.5, 1.6)] {
+        let balls = Balls::new(rate, speed).unwrap();
+        let mut draw = uniform(3);
+        let diameters: Vec<f64> =
+            (0..400_000).map(|_| balls.mean * exponential(&mut draw)).collect();
+        let mean = |k: i32| diameters.iter().map(|d| d.powi(k)).sum::<f64>() / 400_000.0;
+        let number = balls.volume / (PI / 6.0 * mean(3));
+        let wanted = number * PI / 4.0 * mean(2);
+        let found = Snowfall::new(rate, speed).extinction();
+        assert!((found / wanted - 1.0).abs() < 0.02, "{found} {wanted}");
+        assert!((balls.per_cubic_metre() / number - 1.0).abs() < 0.03);
+    }
+}
+
+#[test]
+fn no_snow_is_clean() {
+    let fallen = Snowfall::new(0.0, 1.6).beam(WIDE, 100.0, || unreachable!("nothing is drawn"));
+    assert_eq!(fallen, Fallen { passed: 1.0, flake: None });
+    let mut draw = uniform(1);
+    for _ in 0..1000 {
+        let fallen = Snowfall::new(1e-9, 1.6).beam(WIDE, 100.0, &mut draw);
+        assert!(fallen.passed > 0.999, "{fallen:?}");
+        let tiny = Snowfall::new(1e-300, 1.6).beam(WIDE, 100.0, &mut draw);
+        assert!(tiny.passed > 0.999, "{tiny:?}");
+    }
+}
+
+#[test]
+fn a_line_is_blocked_at_exponential_ranges() {
+    let snow = Snowfall::new(2.5, 1.6);
+    let mut draw = uniform(2);
+    let reach = 5000.0;
+    let mut ranges = Vec::new();
+    for _ in 0..4000 {
+        let fallen = snow.beam([0.0, 0.0], reach, &mut draw);
+        assert_eq!(fallen.passed, if fallen.flake.is_some() { 0.0 } else { 1.0 });
+        ranges.extend(fallen.flake.map(|flake| flake.range));
+    }
+    let rate = snow.extinction();
+    let whole = 1.0 - (-rate * reach).exp();
+    assert!(ranges.len() > 3500);
+    // Flakes nearer than 0.9 m send nothing back; 1e-3 of a line's.
+    let gap = ks(&mut ranges, |r| (1.0 - (-rate * r).exp()) / whole);
+    assert!(gap < 1.63 / 3500_f64.sqrt() + 1e-3, "{gap}");
+}
+
+#[test]
+fn the_light_that_passes_is_that_of_the_extinction() {
+    for (rate, speed) in [(0.5, 2.0), (2.5, 1.6)] {
+        let snow = Snowfall::new(rate, speed);
+        for reach in [5.0, 30.0, 100.0] {
+            let mut draw = uniform(4);
+            let beams = 40_000;
+            let passed: Vec<f64> =
+                (0..beams).map(|_| snow.beam(WIDE, reach, &mut draw).passed).collect();
+            let mean = passed.iter().sum::<f64>() / f64::from(beams);
+            let variance =
+                passed.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / f64::from(beams);
+            let wanted = (-snow.extinction() * reach).exp();
+            let error = (variance / f64::from(beams)).sqrt();
+            assert!((mean - wanted).abs() < 4.0 * error + 1e-5, "{rate} {reach}: {mean} {wanted}");
+        }
+    }
+}
+
+/// A beam of which every flake is drawn: those in the cone, and those larger than the beam that its axis meets.
+fn brute(balls: &Balls, reach: f64, draw: &mut impl FnMut() -> f64) -> Fallen {
+    let number = balls.volume / (PI / 6.0 * 6.0 * balls.mean.powi(3));
+    let mut flakes = Vec::new();
+    let volume = PI / 12.0 * WIDE[0] * WIDE[1] * reach.powi(3);
+    let mut sum = exponential(draw);
+    while sum < number * volume {
+        let (range, diameter) = (reach * draw().cbrt(), balls.mean * exponential(draw));
+        let share = diameter * diameter / (WIDE[0] * WIDE[1] * range * range);
+        if share < 1.0 {
+            flakes.push((range, share));
+        }
+        sum += exponential(draw);
+    }
+    let rate = number * PI / 4.0 * 2.0 * balls.mean * balls.mean;
+    let mut range = exponential(draw) / rate;
+    while range < reach {
+        let diameter = balls.mean * (0..3).map(|_| exponential(draw)).sum::<f64>();
+        if diameter * diameter > WIDE[0] * WIDE[1] * range * range {
+            flakes.push((range, 1.0));
+        }
+        range += exponential(draw) / rate;
+    }
+    flakes.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut light = 1.0;
+    let mut fallen = Fallen { passed: 1.0, flake: None };
+    for (range, share) in flakes {
+        let seen = ((range - 0.9) / 0.1).clamp(0.0, 1.0);
+        let power = light * 0.9 * share * seen / (range * range);
+        if power > fallen.flake.map_or(0.0, |flake| flake.power) {
+            fallen.flake = Some(crate::scan::conditions::Flake { range, power });
+        }
+        light *= 1.0 - share;
+    }
+    Fallen { passed: light, ..fallen }
+}
+
+/// Greatest distance between the distributions of two samples.
+fn ks_two(a: &mut [f64], b: &[f64]) -> f64 {
+    let mut b = b.to_vec();
+    b.sort_by(f64::total_cmp);
+    let n = b.len() as f64;
+    ks(a, |x| b.partition_point(|y| *y <= x) as f64 / n)
+}
+
+#[test]
+fn returns_are_distributed_as_if_every_flake_were_drawn() {
+    for (rate, speed, reach) in [(0.5, 2.0, 20.0), (2.5, 1.6, 50.0), (2.5, 1.6, 4.0)] {
+        let (snow, balls) = (Snowfall::new(rate, speed), Balls::new(rate, speed).unwrap());
+        let (mut draw, mut other) = (uniform(6), uniform(7));
+        let beams = 6000;
+        let fast: Vec<Fallen> = (0..beams).map(|_| snow.beam(WIDE, reach, &mut draw)).collect();
+        let all: Vec<Fallen> = (0..beams).map(|_| brute(&balls, reach, &mut other)).collect();
+        type Part = fn(&Fallen) -> f64;
+        let parts: [(&str, Part); 3] = [
+            ("power", |fallen| fallen.flake.map_or(0.0, |flake| flake.power)),
+            ("range", |fallen| fallen.flake.map_or(1e3, |flake| flake.range)),
+            // The weak flakes together make no difference of half a hundredth.
+            ("passed", |fallen| (fallen.passed * 100.0).round()),
+        ];
+        for (name, part) in &parts[..2] {
+            let mut a: Vec<f64> = fast.iter().map(part).collect();
+            let b: Vec<f64> = all.iter().map(part).collect();
+            let gap = ks_two(&mut a, &b);
+            // 1 % level of two samples.
+            assert!(gap < 1.63 * (2.0 / f64::from(beams)).sqrt(), "{name} {rate} {reach}: {gap}");
+        }
+        let beats = |fallen: &[Fallen]| {
+            let target = 0.3 / (reach * reach);
+            let won = |fallen: &&Fallen| {
+                fallen.flake.is_some_and(|flake| flake.power > target * fallen.passed)
+            };
+            fallen.iter().filter(won).count() as f64 / f64::from(beams)
+        };
+        let (a, b) = (beats(&fast), beats(&all));
+        let error = (2.0 * b.max(1e-3) / f64::from(beams)).sqrt();
+        println!("{rate} mm/h, target at {reach} m: {:.2} % become snow", 100.0 * b);
+        assert!((a - b).abs() < 3.0 * error, "{a} {b}");
+    }
+}
+
+/// `cargo test --release --lib snow_costs -- --ignored --nocapture`
+#[test]
+#[ignore = "prints a time"]
+fn what_snow_costs() {
+    use crate::scan::chance::{Chance, Purpose};
+    for (rate, speed) in [(0.5, 2.0), (1.0, 1.6), (2.5, 1.6)] {
+        let snow = Snowfall::new(rate, speed);
+        let (beams, mut sum) = (1_000_000, snow.beam(WIDE, 50.0, || 0.5).passed);
+        let start = std::time::Instant::now();
+        for beam in 0..beams {
+            let chance = Chance::new(1, 2, 3, beam);
+            let mut drawn = 0;
+            let draw = || {
+                drawn += 1;
+                chance.draw(Purpose::Snow, drawn - 1)
+            };
+            sum += snow.beam(WIDE, 5.0 + f64::from(beam % 95), draw).passed;
+        }
+        let each = start.elapsed().as_secs_f64() * 1e9 / f64::from(beams);
+        println!("{rate} mm/h: {each:.0} ns a beam, mean {:.4}", sum / f64::from(beams));
+    }
+}

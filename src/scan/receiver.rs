@@ -1,0 +1,290 @@
+//! From what a beam meets to what the sensor reports: power, threshold, noise, echoes.
+
+use glam::{DVec3, Vec3};
+
+use super::chance::{Chance, Purpose};
+use super::conditions::Weather;
+use super::echoes::{Echo, EchoList};
+use super::reflectance::Reflectance;
+use super::stage::Stage;
+use super::sweep::{RAYS, Surface, Sweep, Sweeper, ray_share};
+use super::{NO_CLASS, NO_INSTANCE, Return, Status};
+use crate::cast::Left;
+use crate::vehicle::Echoes;
+
+/// Standard deviations of the threshold beyond which nothing is left to chance.
+const CERTAIN: f64 = 5.0;
+/// Power in units of the threshold at which the noise begins to grow, and how far it grows.
+const STRONG: f64 = 9.0;
+const MOST_NOISE: f64 = 3.0;
+
+/// What receives the echoes of a LiDAR in a frame.
+pub(super) struct Receiver<'a> {
+    pub stage: &'a Stage,
+    pub sweeper: &'a Sweeper,
+    pub sweep: &'a Sweep,
+    pub reflectance: &'a Reflectance,
+    pub weather: &'a Weather,
+    /// Of each class: whether water may stand on it.
+    pub ground: &'a [bool],
+    pub lidar: u16,
+    /// Nothing but geometry.
+    pub ideal: bool,
+    pub seed: u64,
+    pub frame: usize,
+}
+
+impl Receiver<'_> {
+    /// Reports the returns of a beam, one at least.
+    pub fn returns(&self, beam: usize, left: &mut Left, mut report: impl FnMut(Return)) {
+        let surface = self.sweep.surfaces[beam];
+        if self.ideal {
+            let reflectance = self.reflectance.of(surface.class, surface.instance);
+            let intensity = reflectance as f32 * surface.incidence;
+            let status = if surface.is_hit() { Status::Hit } else { Status::Miss };
+            let echo = Echo { range: f64::from(surface.t), power: 0.0, ray: Some(0), status };
+            return report(self.record(beam, &[surface], &echo, echo.range, intensity));
+        }
+        let rays = if self.is_edge(beam) {
+            self.sweeper.rays(self.stage, self.sweep, beam, left)
+        } else {
+            None
+        };
+        let rays = rays.as_ref().map_or(std::slice::from_ref(&surface), |rays| &rays[..]);
+        let chance = Chance::new(self.seed, self.frame as u32, u32::from(self.lidar), beam as u32);
+        let mut echoes = EchoList::default();
+        self.surfaces(rays, &mut echoes);
+        self.weather(&chance, &surface, &mut echoes);
+        let mut reported = None;
+        for (k, wanted) in self.wanted(&chance, echoes.as_slice()).into_iter().enumerate() {
+            let Some(at) = wanted.filter(|&at| reported != Some(at)) else { continue };
+            let echo = &echoes.as_slice()[at];
+            report(self.measure(beam, rays, &chance, echo, k as u32));
+            reported = Some(at);
+        }
+        if reported.is_none() {
+            let status = if surface.is_hit() { Status::Lost } else { Status::Miss };
+            let echo = Echo { range: f64::NAN, power: 0.0, ray: None, status };
+            report(self.record(beam, rays, &echo, f64::NAN, 0.0));
+        }
+    }
+
+    /// Echoes that the sensor reports, by their place in the list.
+    fn wanted(&self, chance: &Chance, echoes: &[Echo]) -> [Option<usize>; 2] {
+        let response = &self.sweeper.model().response;
+        let threshold = response.threshold();
+        let seen = |at: usize| {
+            let over = echoes[at].power / threshold - 1.0;
+            let sure = CERTAIN * response.softness;
+            let by_chance = || {
+                let share = normal_share(over / response.softness);
+                chance.draw(Purpose::Detection, at as u32) < share
+            };
+            let strong = over > sure || over > -sure && by_chance();
+            strong && echoes[at].range >= response.min_range
+        };
+        let all = 0..echoes.len();
+        // Of equal ones the first.
+        let strongest = || {
+            let by_power = |a: &usize, b: &usize| echoes[*a].power.total_cmp(&echoes[*b].power);
+            all.clone().rev().max_by(by_power).filter(|&at| seen(at))
+        };
+        let last = || {
+            let by_range = |a: &usize, b: &usize| echoes[*a].range.total_cmp(&echoes[*b].range);
+            all.clone().filter(|&at| seen(at)).max_by(by_range)
+        };
+        match response.echoes {
+            Echoes::Strongest => [strongest(), None],
+            Echoes::Last => [last(), None],
+            Echoes::Dual => [strongest(), last()],
+        }
+    }
+
+    /// Echoes of the surfaces that a beam's rays meet; those within a pulse's length are one.
+    fn surfaces(&self, rays: &[Surface], echoes: &mut EchoList) {
+        if let [only] = rays {
+            if only.is_hit() {
+                echoes.push(self.echo(only, 0, 1.0));
+            }
+            return;
+        }
+        let mut order: [u8; RAYS] = std::array::from_fn(|ray| ray as u8);
+        order.sort_by(|&a, &b| rays[usize::from(a)].t.total_cmp(&rays[usize::from(b)].t));
+        let pulse = self.sweeper.model().response.pulse;
+        // Where the echo begins, and the most that one ray adds to it.
+        let (mut from, mut most) = (f64::NEG_INFINITY, 0.0);
+        for ray in order {
+            let surface = &rays[usize::from(ray)];
+            if !surface.is_hit() {
+                continue;
+            }
+            let echo = self.echo(surface, ray, ray_share(ray.into()));
+            match echoes.last_mut().filter(|_| echo.range - from <= pulse) {
+                Some(joined) => {
+                    joined.join(&echo);
+                    if echo.power > most {
+                        (most, joined.ray) = (echo.power, echo.ray);
+                    }
+                }
+                None => {
+                    (from, most) = (echo.range, echo.power);
+                    echoes.push(echo);
+                }
+            }
+        }
+        if let [only] = echoes.as_mut_slice()
+            && rays.iter().all(Surface::is_hit)
+        {
+            // All of the beam meets what lies around its middle: the echo comes from there.
+            (only.range, only.ray) = (f64::from(rays[0].t), Some(0));
+        }
+    }
+
+    /// What a share of the beam's power brings back from a surface.
+    fn echo(&self, surface: &Surface, ray: u8, share: f64) -> Echo {
+        let range = f64::from(surface.t);
+        let incidence = f64::from(surface.incidence);
+        let mut reflectance = self.reflectance.of(surface.class, surface.instance);
+        if let Some(echo) = &self.weather.echo
+            && self.reflectance.is_mixed(surface.class)
+        {
+            reflectance = echo.reflectance(reflectance, self.reflectance.draw(surface.instance));
+        }
+        if let Some(wet) = &self.weather.wet
+            && self.ground.get(usize::from(surface.class)).is_some_and(|&ground| ground)
+        {
+            reflectance = wet.reflectance(reflectance, incidence);
+        }
+        let fog = self.weather.fog.as_ref().map_or(1.0, |fog| fog.attenuation(range));
+        let power = share * reflectance * incidence / (range * range) * fog;
+        Echo { range, power, ray: Some(ray), status: Status::Hit }
+    }
+
+    /// Echoes of fog and snow, and what snow takes from the surfaces.
+    fn weather(&self, chance: &Chance, surface: &Surface, echoes: &mut EchoList) {
+        let model = self.sweeper.model();
+        let target = if surface.is_hit() { f64::from(surface.t) } else { f64::INFINITY };
+        let medium = |range, power, status| Echo { range, power, ray: None, status };
+        let surfaces = echoes.len();
+        if let Some(fog) = &self.weather.fog {
+            let range = fog.soft_range(target, chance.draw(Purpose::FogRange, 0));
+            echoes.push(medium(range, fog.soft_power(target), Status::Fog));
+        }
+        if let Some(snow) = &self.weather.snow {
+            let reach = f64::from(model.table.range()).min(target);
+            let mut draws = 0;
+            let draw = || {
+                draws += 1;
+                chance.draw(Purpose::Snow, draws - 1)
+            };
+            let fallen = snow.beam(model.response.divergence, reach, draw);
+            for echo in &mut echoes.as_mut_slice()[..surfaces] {
+                echo.power *= fallen.passed;
+            }
+            if let Some(flake) = fallen.flake {
+                let fog = self.weather.fog.as_ref().map_or(1.0, |fog| fog.attenuation(flake.range));
+                echoes.push(medium(flake.range, flake.power * fog, Status::Snow));
+            }
+        }
+    }
+
+    /// Whether a neighbour of the beam sees past the surface that it meets, or the other way round.
+    fn is_edge(&self, beam: usize) -> bool {
+        let (columns, channels) = self.sweeper.shape();
+        let (channel, column) = (beam / columns, beam % columns);
+        let turns = self.sweeper.model().table.grid().is_none_or(|grid| grid.turn);
+        let surfaces = &self.sweep.surfaces;
+        let here = &surfaces[beam];
+        let beside = |step: usize| {
+            let other = column + step;
+            let inside = turns || (1..=columns).contains(&other);
+            inside.then(|| channel * columns + (other + columns - 1) % columns)
+        };
+        let above = (channel + 1 < channels).then(|| beam + columns);
+        let below = channel.checked_sub(1).map(|_| beam - columns);
+        let all = [beside(0), beside(2), above, below];
+        all.into_iter().flatten().any(|at| here.is_apart_from(&surfaces[at]))
+    }
+
+    /// A return, with the errors of its measurement; the second is one behind another.
+    fn measure(
+        &self,
+        beam: usize,
+        rays: &[Surface],
+        chance: &Chance,
+        echo: &Echo,
+        number: u32,
+    ) -> Return {
+        let response = &self.sweeper.model().response;
+        let weak = (STRONG * response.threshold() / echo.power).sqrt().clamp(1.0, MOST_NOISE);
+        let noise = response.noise * weak * chance.normal(Purpose::RangeNoise, number);
+        let mut range = (echo.range + noise).max(0.0);
+        let mut echo = *echo;
+        if number == 1 && echo.status == Status::Hit {
+            echo.status = Status::Second;
+        }
+        if let Some(crosstalk) = &self.weather.crosstalk
+            && chance.draw(Purpose::Crosstalk, 2 * number) < crosstalk.share()
+        {
+            let draw = chance.draw(Purpose::Crosstalk, 2 * number + 1);
+            range = crosstalk.false_range(response.min_range, range, draw);
+            echo.status = Status::Crosstalk;
+        }
+        let intensity = (echo.power * echo.range * echo.range).clamp(0.0, 1.0) as f32;
+        self.record(beam, rays, &echo, range, intensity)
+    }
+
+    /// The record of a return at a range.
+    fn record(
+        &self,
+        beam: usize,
+        rays: &[Surface],
+        echo: &Echo,
+        range: f64,
+        intensity: f32,
+    ) -> Return {
+        let (columns, _) = self.sweeper.shape();
+        let is_point = echo.status.is_point();
+        let (position, raw) =
+            if is_point { self.positions(beam, rays, echo, range) } else { (Vec3::NAN, Vec3::NAN) };
+        let labelled = matches!(echo.status, Status::Hit | Status::Second);
+        let surface = echo.ray.filter(|_| labelled).map(|ray| &rays[usize::from(ray)]);
+        Return {
+            position: position.to_array(),
+            raw: raw.to_array(),
+            range: if is_point { range as f32 } else { f32::NAN },
+            intensity: if is_point { intensity } else { 0.0 },
+            time: if self.ideal { 0.0 } else { self.sweeper.time_of(beam) as f32 },
+            lidar: self.lidar,
+            channel: (beam / columns) as u16,
+            column: (beam % columns) as u32,
+            class: surface.map_or(NO_CLASS, |surface| surface.class),
+            clean_class: rays[0].class,
+            instance: surface.map_or(NO_INSTANCE, |surface| surface.instance),
+            incidence: surface.map_or(0.0, |surface| surface.incidence),
+            status: echo.status,
+        }
+    }
+
+    /// Where a return at a range comes from, and where it seems to come from if the sensor stood still.
+    fn positions(&self, beam: usize, rays: &[Surface], echo: &Echo, range: f64) -> (Vec3, Vec3) {
+        let direction = self.sweeper.model().table.directions()[beam].map(f64::from);
+        let point = DVec3::from(direction) * range;
+        let raw = self.sweep.first().start_from_sensor.apply(point).as_vec3();
+        let own = &rays[0];
+        let position = if echo.ray == Some(0) && range == f64::from(own.t) {
+            // To the bit where nothing has moved it.
+            own.position
+        } else {
+            let station = self.sweeper.station_of(self.sweep, beam);
+            station.start_from_sensor.apply(point).as_vec3()
+        };
+        let blur = self.weather.blur.as_ref().map_or(0.0, |blur| blur.share() as f32);
+        (position + (raw - position) * blur, raw)
+    }
+}
+
+/// Share of a normal distribution below x.
+fn normal_share(x: f64) -> f64 {
+    0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2)
+}

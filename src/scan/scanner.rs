@@ -1,0 +1,241 @@
+//! Scans of a scene from one placement, frame after frame.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::conditions::{self, Condition, ConditionError, Corruptions, Weather};
+use super::receiver::Receiver;
+use super::reflectance::Reflectance;
+use super::stage::{Motions, Stage};
+use super::sweep::Sweeper;
+use super::{EGO_INSTANCE, Return, Scan, ScanLidar, TrackedBox};
+use crate::cast::Left;
+use crate::engine::OutOfMemory;
+use crate::geom::Pose;
+use crate::scene::{Scene, Track};
+use crate::vehicle::{Placement, SensorError, Sensors, UnknownSensor};
+
+/// Beams of one parallel task.
+const BEAMS_A_TASK: usize = 2048;
+
+/// How a rig is to scan.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Scanning {
+    /// Geometry alone: every beam returns from what it meets, at once, without error.
+    pub ideal: bool,
+    /// Of all that is left to chance.
+    pub seed: u64,
+    /// Weather and faults; those in the way of the `robo3d` mode change the finished scan, in this order.
+    pub conditions: Vec<Condition>,
+}
+
+/// Why a scene cannot be scanned.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ScanError {
+    /// There is nothing to scan.
+    #[error("the scene `{scene}` has no geometry; a scan needs `static`, `actors` or a body")]
+    NoGeometry {
+        /// Name of the scene.
+        scene: String,
+    },
+    /// Instances are numbers of 16 bits.
+    #[error(
+        "the scene `{scene}` has {actors} actors, a scan tells at most 65534 apart; leave some out"
+    )]
+    TooManyActors {
+        /// Name of the scene.
+        scene: String,
+        /// Actors that it has.
+        actors: usize,
+    },
+    /// A sensor of a model that the vehicle does not have.
+    #[error(transparent)]
+    UnknownSensor(#[from] UnknownSensor),
+    /// A model without beams.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// Conditions that do not go together.
+    #[error(transparent)]
+    Condition(#[from] ConditionError),
+    /// The trees do not fit into memory.
+    #[error(transparent)]
+    OutOfMemory(#[from] OutOfMemory),
+}
+
+/// A rig in a scene, ready to scan any frame of it.
+///
+/// What is left to chance depends on seed, frame, LiDAR and beam alone: frames come out the same in any
+/// order and on any number of threads.
+pub struct Scanner<'a> {
+    scene: &'a Scene,
+    name: Arc<str>,
+    classes: Arc<[String]>,
+    placement: &'a Placement,
+    sensors: Sensors,
+    /// Of each LiDAR, its model.
+    models: Vec<usize>,
+    sweepers: Vec<Sweeper>,
+    stage: Stage,
+    tracks: Vec<Track>,
+    scanning: Scanning,
+    weather: Weather,
+    corruptions: Corruptions,
+    reflectance: Reflectance,
+    ground: Vec<bool>,
+}
+
+impl<'a> Scanner<'a> {
+    /// Builds the trees of the scene, once for all frames.
+    ///
+    /// # Errors
+    /// A scene without geometry, a sensor that the vehicle does not have, a condition given twice.
+    pub fn new(
+        scene: &'a Scene,
+        placement: &'a Placement,
+        scanning: &Scanning,
+    ) -> Result<Self, ScanError> {
+        if !scene.has_geometry() {
+            return Err(ScanError::NoGeometry { scene: scene.name().to_owned() });
+        }
+        let tracks = scene.tracks();
+        if tracks.len() >= usize::from(EGO_INSTANCE) - 1 {
+            let (scene, actors) = (scene.name().to_owned(), tracks.len());
+            return Err(ScanError::TooManyActors { scene, actors });
+        }
+        let sensors = scene.sensors()?;
+        let models = placement.lidars.iter().map(|pose| sensors.number(pose));
+        let models = models.collect::<Result<Vec<usize>, _>>()?;
+        let (weather, corruptions) = conditions::sort(&scanning.conditions)?;
+        let classes: Arc<[String]> = scene.classes().into();
+        Ok(Self {
+            scene,
+            name: scene.name().into(),
+            placement,
+            models,
+            sweepers: sensors.models().iter().map(Sweeper::new).collect(),
+            stage: Stage::new(scene, sensors.longest_range())?,
+            sensors,
+            tracks,
+            scanning: scanning.clone(),
+            weather,
+            corruptions,
+            reflectance: Reflectance::new(&classes, scanning.seed),
+            ground: classes.iter().map(|class| conditions::is_ground(class)).collect(),
+            classes,
+        })
+    }
+
+    /// Frames of the scene.
+    pub fn frames(&self) -> usize {
+        self.scene.frame_count()
+    }
+
+    /// Beams of one frame.
+    pub fn beams(&self) -> usize {
+        self.models.iter().map(|&model| self.sensors.table(model).directions().len()).sum()
+    }
+
+    /// All frames, one after the other.
+    pub fn scans(&self) -> impl Iterator<Item = Scan> {
+        (0..self.frames()).map(|frame| self.scan(frame))
+    }
+
+    /// A frame.
+    ///
+    /// # Panics
+    /// A frame that the scene does not have.
+    pub fn scan(&self, frame: usize) -> Scan {
+        let motions = Motions::new(self.scene, &self.stage, frame);
+        let poses = self.placement.lidars.iter().zip(&self.models);
+        let poses: Vec<Pose> =
+            poses.map(|(pose, &model)| self.sensors.ego_from_sensor(model, pose, frame)).collect();
+        let lidars = 0..self.models.len();
+        let returns = lidars.into_par_iter().map(|k| self.lidar(k, frame, &motions, &poses[k]));
+        let mut scan = Scan {
+            scene: self.name.clone(),
+            frame,
+            time: frame as f64 / self.scene.rate(),
+            classes: self.classes.clone(),
+            lidars: self.models.iter().zip(&poses).map(|(&m, pose)| self.facts(m, pose)).collect(),
+            world_from_ego: self.scene.ego_pose(frame),
+            returns: returns.collect::<Vec<_>>().concat(),
+            boxes: self.boxes(frame),
+        };
+        self.corruptions.apply(&mut scan, self.scanning.seed);
+        scan.count_points();
+        scan
+    }
+
+    /// Returns of one LiDAR.
+    fn lidar(
+        &self,
+        lidar: usize,
+        frame: usize,
+        motions: &Motions,
+        ego_from_sensor: &Pose,
+    ) -> Vec<Return> {
+        let sweeper = &self.sweepers[self.models[lidar]];
+        let frame_time = 1.0 / self.scene.rate();
+        let rolling = !self.scanning.ideal;
+        let sweep = sweeper.sweep(&self.stage, motions, ego_from_sensor, frame_time, rolling);
+        let receiver = Receiver {
+            stage: &self.stage,
+            sweeper,
+            sweep: &sweep,
+            reflectance: &self.reflectance,
+            weather: &self.weather,
+            ground: &self.ground,
+            lidar: lidar as u16,
+            ideal: self.scanning.ideal,
+            seed: self.scanning.seed,
+            frame,
+        };
+        let beams = sweep.surfaces.len();
+        let tasks = (0..beams.div_ceil(BEAMS_A_TASK)).into_par_iter().map(|task| {
+            let from = task * BEAMS_A_TASK;
+            let (mut left, mut returns) = (Left::new(), Vec::with_capacity(BEAMS_A_TASK));
+            for beam in from..(from + BEAMS_A_TASK).min(beams) {
+                receiver.returns(beam, &mut left, |found| returns.push(found));
+            }
+            returns
+        });
+        tasks.collect::<Vec<_>>().concat()
+    }
+
+    fn facts(&self, model: usize, pose: &Pose) -> ScanLidar {
+        let (columns, channels) = self.sweepers[model].shape();
+        let model = &self.sensors.models()[model];
+        ScanLidar {
+            model: model.name.to_string(),
+            ego_from_sensor: *pose,
+            channels: channels as u32,
+            columns: columns as u32,
+            range: model.table.range(),
+        }
+    }
+
+    /// Boxes of the actors in a frame, no points counted yet.
+    fn boxes(&self, frame: usize) -> Vec<TrackedBox> {
+        let ego_from_world = self.scene.ego_pose(frame).inverse();
+        let boxed = |(actor, track): (usize, &Track)| {
+            let glide = self.scene.actor_glide(actor, frame);
+            let (here, next) = (glide.at(0.0), glide.at(1.0));
+            let mut ego_from_box = ego_from_world.compose(&here);
+            ego_from_box.translation = ego_from_box.apply(track.center);
+            TrackedBox {
+                instance: actor as u16 + 1,
+                name: track.name.clone(),
+                kind: track.kind,
+                class: track.class,
+                ego_from_box,
+                size: track.size,
+                velocity: (next.apply(track.center) - here.apply(track.center)) * self.scene.rate(),
+                points: 0,
+            }
+        };
+        let boxes = self.tracks.iter().enumerate().filter(|(_, track)| track.size.length() > 0.0);
+        boxes.map(boxed).collect()
+    }
+}

@@ -1,0 +1,218 @@
+//! What the frames of a scan share: trees, faces, spheres around parts; and how all of it moves in a frame.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+
+use super::{EGO_INSTANCE, NO_INSTANCE};
+use crate::bvh::Bvh;
+use crate::cast::Part;
+use crate::engine::OutOfMemory;
+use crate::geom::{Glide, Pose};
+use crate::problem::{DevicePose, World};
+use crate::scene::{EgoBody, Scene};
+
+/// A rigid part of the scene, not empty.
+pub(super) struct Thing {
+    tree: Arc<Bvh>,
+    /// Number of the part in the scene.
+    part: usize,
+    first_prim: u32,
+    pub(super) instance: u16,
+    /// Sphere around it in its own frame.
+    center: DVec3,
+    radius: f64,
+    /// Unit normals by face, zero of a face without area.
+    normals: Vec<[f32; 3]>,
+    classes: Vec<u16>,
+}
+
+/// Whose motion a part shares.
+#[derive(Clone, Copy, PartialEq)]
+enum Owner {
+    World,
+    Actor(usize),
+    Ego,
+}
+
+/// All that does not change from frame to frame.
+pub(super) struct Stage {
+    pub(super) things: Vec<Thing>,
+}
+
+impl Stage {
+    /// # Errors
+    /// The trees do not fit into memory.
+    pub fn new(scene: &Scene, range: f32) -> Result<Self, OutOfMemory> {
+        let world = World::of(scene, &[0], range, EgoBody::Include)?;
+        let full = (0..scene.part_count()).filter(|&part| scene.part_triangles(part) > 0);
+        let classes = scene.face_classes(EgoBody::Include);
+        let thing = |(part, instance): (usize, &crate::problem::Instance)| {
+            let soup = scene.part(part);
+            let bounds = instance.tree.bounds();
+            let (low, high) =
+                bounds.map_or((Vec3::ZERO, Vec3::ZERO), |bounds| (bounds.min, bounds.max));
+            let (low, high) = (low.as_dvec3(), high.as_dvec3());
+            let normal = |prim: u32| {
+                let [a, b, c] = soup.corners(prim).map(Vec3::from);
+                (b - a).cross(c - a).normalize_or_zero().to_array()
+            };
+            let first = instance.first_prim as usize;
+            Thing {
+                tree: instance.tree.clone(),
+                part,
+                first_prim: instance.first_prim,
+                instance: match part {
+                    0 => NO_INSTANCE,
+                    part if part + 1 == scene.part_count() => EGO_INSTANCE,
+                    part => u16::try_from(part).unwrap_or(EGO_INSTANCE - 1),
+                },
+                center: (low + high) / 2.0,
+                radius: (high - low).length() / 2.0,
+                normals: (0..soup.faces.len() as u32).map(normal).collect(),
+                classes: classes[first..first + soup.faces.len()].to_vec(),
+            }
+        };
+        let instances = world.frames().iter().flat_map(|frame| frame.instances());
+        Ok(Self { things: full.zip(instances).map(thing).collect() })
+    }
+
+    /// The thing that a face belongs to.
+    pub fn thing_of(&self, prim: u32) -> usize {
+        self.things.partition_point(|thing| thing.first_prim <= prim).max(1) - 1
+    }
+}
+
+impl Thing {
+    /// Class and normal of a face, by its number in the frame.
+    pub fn face(&self, prim: u32) -> (u16, Vec3) {
+        let face = (prim - self.first_prim) as usize;
+        (self.classes[face], Vec3::from(self.normals[face]))
+    }
+
+    /// The tree under a pose that takes a sensor's frame to the thing's.
+    pub fn as_part(&self, thing_from_sensor: &Pose) -> Part<'_> {
+        Part {
+            bvh: &self.tree,
+            pose: DevicePose::from(thing_from_sensor),
+            first_prim: self.first_prim,
+        }
+    }
+}
+
+/// How everything moves in a frame.
+pub(super) struct Motions {
+    pub(super) ego: Glide,
+    /// Of each thing: takes the frame of its owner to that of the world.
+    owners: Vec<Glide>,
+    /// Of each thing, in the frame of its owner.
+    origins: Vec<DVec3>,
+    ego_things: Vec<bool>,
+}
+
+impl Motions {
+    pub fn new(scene: &Scene, stage: &Stage, frame: usize) -> Self {
+        let owner = |part: usize| match part {
+            0 => Owner::World,
+            part if part + 1 == scene.part_count() => Owner::Ego,
+            part => Owner::Actor(part - 1),
+        };
+        let ego = scene.ego_glide(frame);
+        let still = Glide::new(&Pose::IDENTITY, &Pose::IDENTITY);
+        let glide = |thing: &Thing| match owner(thing.part) {
+            Owner::World => still,
+            Owner::Ego => ego,
+            Owner::Actor(actor) => scene.actor_glide(actor, frame),
+        };
+        Self {
+            ego,
+            owners: stage.things.iter().map(glide).collect(),
+            origins: stage.things.iter().map(|thing| scene.part_origin(thing.part)).collect(),
+            ego_things: stage.things.iter().map(|t| owner(t.part) == Owner::Ego).collect(),
+        }
+    }
+
+    /// Whether nothing moves, as seen from the ego.
+    pub fn are_still(&self) -> bool {
+        let still =
+            |(glide, &of_ego): (&Glide, &bool)| of_ego || glide.is_still() && self.ego.is_still();
+        self.owners.iter().zip(&self.ego_things).all(still)
+    }
+
+    /// Takes a thing's frame to that of the world a share of the way to the next frame; none of what stands
+    /// still in the ego frame.
+    pub fn world_from_thing(&self, thing: usize, share: f64) -> Option<Pose> {
+        (!self.ego_things[thing]).then(|| {
+            let mut pose = self.owners[thing].at(share);
+            pose.translation = pose.apply(self.origins[thing]);
+            pose
+        })
+    }
+
+    /// Takes a thing's frame to that of the ego, where it stands still.
+    pub fn ego_from_body(&self, thing: usize) -> Pose {
+        Pose { translation: self.origins[thing], ..Pose::IDENTITY }
+    }
+
+    /// Takes a thing's frame to that of the ego at the same moment.
+    fn ego_from_thing(&self, thing: usize, share: f64) -> Pose {
+        let world_from_thing = self.world_from_thing(thing, share);
+        world_from_thing.map_or_else(
+            || self.ego_from_body(thing),
+            |world_from_thing| self.ego.at(share).inverse().compose(&world_from_thing),
+        )
+    }
+}
+
+/// Azimuths of a sensor, in radians, among which a thing is seen at some moment of a sweep.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Seen {
+    Never,
+    Always,
+    /// From the first, counter-clockwise, so many radians.
+    Between(f64, f64),
+}
+
+impl Seen {
+    /// Of a thing in a sweep that ends `last` of the way to the next frame; `ego_from_sensor` stands still.
+    ///
+    /// The thing's sphere moves in the sensor's frame; all of its way lies in a sphere around its middle
+    /// position, larger by the farthest that the ends are from there, and half as much again for the curve.
+    pub fn of(
+        motions: &Motions,
+        thing: usize,
+        sphere: &Thing,
+        ego_from_sensor: &Pose,
+        last: f64,
+        range: f64,
+    ) -> Self {
+        let at = |share: f64| {
+            let sensor_from_thing =
+                ego_from_sensor.inverse().compose(&motions.ego_from_thing(thing, share));
+            sensor_from_thing.apply(sphere.center)
+        };
+        let (first, middle, end) = (at(0.0), at(last / 2.0), at(last));
+        let moved = (first - middle).length().max((end - middle).length());
+        let radius = sphere.radius + 1.5 * moved + 0.01;
+        if middle.length() - radius > range {
+            return Self::Never;
+        }
+        let across = middle.truncate().length();
+        if across <= radius {
+            return Self::Always;
+        }
+        let half = (radius / across).asin();
+        Self::Between(middle.y.atan2(middle.x) - half, 2.0 * half)
+    }
+
+    /// Whether a beam of some azimuth may meet it; beams point up to `wide` radians beside it.
+    pub fn at(&self, azimuth: f64, wide: f64) -> bool {
+        match *self {
+            Self::Never => false,
+            Self::Always => true,
+            Self::Between(from, width) => {
+                (azimuth - from + wide).rem_euclid(std::f64::consts::TAU) <= width + 2.0 * wide
+            }
+        }
+    }
+}

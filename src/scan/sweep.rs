@@ -1,0 +1,360 @@
+//! A LiDAR's beams of a frame, each cast from where the sensor is when it fires.
+
+use std::f64::consts::TAU;
+
+use glam::{DMat3, DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::stage::{Motions, Seen, Stage};
+use super::{NO_CLASS, NO_INSTANCE};
+use crate::bvh::{Hit, NO_HIT};
+use crate::cast::{Caster, Left, Part, closer_hits_of_beams, closer_hits_of_bundle};
+use crate::geom::Pose;
+use crate::vehicle::SensorModel;
+
+/// Pieces of a list of beams that fire one after the other.
+const PIECES: usize = 1024;
+/// Columns of one parallel task.
+const COLUMNS_A_TASK: usize = 16;
+/// Metres by which a neighbour must lie off a beam's surface to lie behind an edge, and as a share of their
+/// distance.
+const APART: f32 = 0.05;
+const APART_SHARE: f32 = 0.002;
+/// Rays that a beam is made of where its middle is not enough: the middle, its sides, its corners.
+pub(super) const RAYS: usize = 9;
+/// Where the rays lie across and along the beam, in half widths. A bell curve of three points, ¼ ½ ¼, each way
+/// gives the middle 4, the sides 2 and the corners 1 of 16 parts of its power.
+const PATTERN: [([f64; 2], f64); RAYS] = [
+    ([0.0, 0.0], 4.0),
+    ([-1.0, 0.0], 2.0),
+    ([1.0, 0.0], 2.0),
+    ([0.0, -1.0], 2.0),
+    ([0.0, 1.0], 2.0),
+    ([-1.0, -1.0], 1.0),
+    ([1.0, -1.0], 1.0),
+    ([-1.0, 1.0], 1.0),
+    ([1.0, 1.0], 1.0),
+];
+
+/// Share of a beam's power that goes with one of its rays.
+pub(super) fn ray_share(ray: usize) -> f64 {
+    PATTERN[ray].1 / 16.0
+}
+
+/// A sensor model, ready to be swept.
+pub(super) struct Sweeper {
+    model: SensorModel,
+    whole: Caster,
+    firing: Firing,
+    /// Rays of a beam along +x, and the largest angle between one and the middle.
+    rays: Option<([DVec3; RAYS], f32)>,
+    /// Farthest that a channel's azimuth lies beside its column's.
+    wide: f64,
+}
+
+/// Beams that fire at the same time.
+#[derive(Clone, Copy)]
+enum Firing {
+    /// One azimuth step of all channels; azimuths in radians.
+    Column { channels: usize, steps: usize, start: f64, step: f64 },
+    /// So many of a list that follow each other.
+    Piece { size: usize, beams: usize },
+}
+
+/// Where the sensor is when a column fires, and what it may see then.
+pub(super) struct Station {
+    /// Takes the sensor's frame, as it is now, to that of the ego at the frame's time.
+    pub start_from_sensor: Pose,
+    /// Things that may be seen, each with the pose that takes the sensor's frame to the thing's.
+    things: Vec<(usize, Pose)>,
+}
+
+/// What a beam meets.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Surface {
+    /// Metres; as far as the range goes where it meets nothing.
+    pub t: f32,
+    pub prim: u32,
+    pub class: u16,
+    pub instance: u16,
+    /// Cosine of the angle of incidence.
+    pub incidence: f32,
+    /// Normal and position in the ego frame at the frame's time.
+    pub normal: Vec3,
+    pub position: Vec3,
+}
+
+impl Surface {
+    pub fn is_hit(&self) -> bool {
+        self.prim != NO_HIT
+    }
+}
+
+/// A LiDAR's beams of a frame.
+pub(super) struct Sweep {
+    /// By beam, in the order of the table.
+    pub surfaces: Vec<Surface>,
+    /// By firing; one where all fire at once.
+    stations: Vec<Station>,
+}
+
+impl Sweep {
+    /// Where the sensor stands at the frame's time.
+    pub fn first(&self) -> &Station {
+        &self.stations[0]
+    }
+}
+
+impl Sweeper {
+    pub fn new(model: &SensorModel) -> Self {
+        let table = &model.table;
+        let beams = table.directions().len();
+        let firing = match table.grid() {
+            Some(grid) => Firing::Column {
+                channels: grid.channels.len(),
+                steps: grid.steps,
+                start: grid.start,
+                step: grid.step,
+            },
+            None => Firing::Piece { size: beams.div_ceil(PIECES).max(1), beams },
+        };
+        let [across, along] = model.response.divergence.map(|width| width / 2.0);
+        let ray = |k: usize| {
+            let [a, b] = PATTERN[k].0;
+            DVec3::new(1.0, (a * across).tan(), (b * along).tan()).normalize()
+        };
+        // A half more than the corner's angle, for rounding.
+        let width = 1.5 * across.hypot(along);
+        let rays = (width > 0.0).then(|| (std::array::from_fn(ray), width as f32));
+        let wide = table.grid().map_or(TAU, |grid| {
+            grid.channels.iter().fold(1e-6, |wide: f64, (_, offset)| wide.max(offset.abs() + 1e-6))
+        });
+        Self { whole: Caster::new(table), firing, rays, wide, model: model.clone() }
+    }
+
+    pub fn model(&self) -> &SensorModel {
+        &self.model
+    }
+
+    /// Columns that follow each other in a channel, and channels.
+    pub fn shape(&self) -> (usize, usize) {
+        match self.firing {
+            Firing::Column { channels, steps, .. } => (steps, channels),
+            Firing::Piece { beams, .. } => (beams, 1),
+        }
+    }
+
+    fn firings(&self) -> usize {
+        match self.firing {
+            Firing::Column { steps, .. } => steps,
+            Firing::Piece { size, beams } => beams.div_ceil(size),
+        }
+    }
+
+    fn firing_of(&self, beam: usize) -> usize {
+        match self.firing {
+            Firing::Column { steps, .. } => beam % steps,
+            Firing::Piece { size, .. } => beam / size,
+        }
+    }
+
+    /// Beams of a firing: the first, the step to the next, how many.
+    fn beams_of(&self, firing: usize) -> (usize, usize, usize) {
+        match self.firing {
+            Firing::Column { channels, steps, .. } => (firing, steps, channels),
+            Firing::Piece { size, beams } => (firing * size, 1, size.min(beams - firing * size)),
+        }
+    }
+
+    /// Seconds from the beginning of a sweep until a beam fires.
+    pub fn time_of(&self, beam: usize) -> f64 {
+        self.firing_of(beam) as f64 / (self.firings() as f64 * self.model.response.rate)
+    }
+
+    /// Where a beam is cast from.
+    pub fn station_of<'s>(&self, sweep: &'s Sweep, beam: usize) -> &'s Station {
+        let firing = if sweep.stations.len() == 1 { 0 } else { self.firing_of(beam) };
+        &sweep.stations[firing]
+    }
+
+    /// Casts all beams of a sensor in a frame that lasts `frame_time` seconds: at once where nothing moves or
+    /// `rolling` is off, else column after column.
+    pub fn sweep(
+        &self,
+        stage: &Stage,
+        motions: &Motions,
+        ego_from_sensor: &Pose,
+        frame_time: f64,
+        rolling: bool,
+    ) -> Sweep {
+        if rolling && !motions.are_still() && self.firings() > 1 {
+            return self.columns(stage, motions, ego_from_sensor, frame_time);
+        }
+        let directions = self.model.table.directions();
+        let station = station(motions, 0..stage.things.len(), ego_from_sensor, 0.0);
+        let mut hits = vec![Hit::none(self.model.table.range()); directions.len()];
+        self.whole.closer_hits(&station.parts(stage), &mut hits);
+        let surface = |(&direction, hit)| station.surface(stage, direction, hit);
+        let surfaces = directions.par_iter().zip(&hits).with_min_len(1024).map(surface).collect();
+        Sweep { surfaces, stations: vec![station] }
+    }
+
+    /// Casts column after column, each from its own pose and with things where they are then.
+    fn columns(
+        &self,
+        stage: &Stage,
+        motions: &Motions,
+        ego_from_sensor: &Pose,
+        frame_time: f64,
+    ) -> Sweep {
+        let (firings, range) = (self.firings(), self.model.table.range());
+        let last = 1.0 / (self.model.response.rate * frame_time);
+        let seen =
+            stage.things.iter().enumerate().map(|(k, thing)| {
+                Seen::of(motions, k, thing, ego_from_sensor, last, f64::from(range))
+            });
+        let seen: Vec<Seen> = seen.collect();
+        let directions = self.model.table.directions();
+        let fire = |left: &mut Left, firing: usize| {
+            let visible = |&k: &usize| match self.firing {
+                Firing::Column { start, step, .. } => {
+                    seen[k].at(start + firing as f64 * step, self.wide)
+                }
+                Firing::Piece { .. } => seen[k] != Seen::Never,
+            };
+            let share = last * firing as f64 / firings as f64;
+            let visible = (0..seen.len()).filter(visible);
+            let station = station(motions, visible, ego_from_sensor, share);
+            let (from, step, count) = self.beams_of(firing);
+            let fired = directions[from..].iter().step_by(step).take(count).copied();
+            let mut hits = vec![Hit::none(range); count];
+            closer_hits_of_beams(&station.parts(stage), fired.clone(), &mut hits, left);
+            let surface = |(direction, hit)| station.surface(stage, direction, hit);
+            let surfaces: Vec<Surface> = fired.zip(&hits).map(surface).collect();
+            (station, surfaces)
+        };
+        let all = (0..firings).into_par_iter().with_min_len(COLUMNS_A_TASK);
+        let fired: Vec<(Station, Vec<Surface>)> = all.map_init(Left::new, fire).collect();
+        let mut surfaces = vec![Surface::none(range); directions.len()];
+        let mut stations = Vec::with_capacity(firings);
+        for (firing, (station, found)) in fired.into_iter().enumerate() {
+            let (from, step, _) = self.beams_of(firing);
+            for (place, surface) in surfaces[from..].iter_mut().step_by(step).zip(found) {
+                *place = surface;
+            }
+            stations.push(station);
+        }
+        Sweep { surfaces, stations }
+    }
+
+    /// What the rays of a beam meet, the middle one as it is known; none for a beam without width.
+    pub fn rays(
+        &self,
+        stage: &Stage,
+        sweep: &Sweep,
+        beam: usize,
+        left: &mut Left,
+    ) -> Option<[Surface; RAYS]> {
+        let (rays, width) = self.rays.as_ref()?;
+        let station = self.station_of(sweep, beam);
+        let middle = self.model.table.directions()[beam];
+        let direction = DVec3::from(middle.map(f64::from));
+        // Ry(−elevation), then Rz(azimuth), take +x to the beam.
+        let (azimuth, across) = (direction.y.atan2(direction.x), direction.truncate().length());
+        let turn =
+            DMat3::from_rotation_z(azimuth) * DMat3::from_rotation_y(-direction.z.atan2(across));
+        let mut directions = rays.map(|ray| (turn * ray).as_vec3().to_array());
+        directions[0] = middle;
+        let mut hits = [Hit::none(self.model.table.range()); RAYS];
+        closer_hits_of_bundle(&station.parts(stage), &directions, *width, &mut hits, left);
+        let mut surfaces = [sweep.surfaces[beam]; RAYS];
+        for ray in 1..RAYS {
+            surfaces[ray] = station.surface(stage, directions[ray], &hits[ray]);
+        }
+        Some(surfaces)
+    }
+}
+
+/// A sensor `share` of the way from one frame to the next, and the things that it may see.
+fn station(
+    motions: &Motions,
+    visible: impl Iterator<Item = usize>,
+    ego_from_sensor: &Pose,
+    share: f64,
+) -> Station {
+    let ego = motions.ego.at(share);
+    let sensor_from_world = ego.compose(ego_from_sensor).inverse();
+    let thing = |k: usize| {
+        let sensor_from_thing = match motions.world_from_thing(k, share) {
+            Some(world_from_thing) => sensor_from_world.compose(&world_from_thing),
+            None => ego_from_sensor.inverse().compose(&motions.ego_from_body(k)),
+        };
+        (k, sensor_from_thing.inverse())
+    };
+    Station {
+        start_from_sensor: motions.ego.at(0.0).inverse().compose(&ego).compose(ego_from_sensor),
+        things: visible.map(thing).collect(),
+    }
+}
+
+impl Station {
+    /// Trees as the sensor sees them.
+    fn parts<'s>(&self, stage: &'s Stage) -> Vec<Part<'s>> {
+        self.things.iter().map(|(k, pose)| stage.things[*k].as_part(pose)).collect()
+    }
+
+    /// The surface that a beam of the sensor's frame hits.
+    fn surface(&self, stage: &Stage, direction: [f32; 3], hit: &Hit) -> Surface {
+        let number = stage.thing_of(hit.prim);
+        let seen = self.things.iter().find(|(k, _)| hit.is_hit() && *k == number);
+        let Some((_, pose)) = seen else { return Surface::none(hit.t) };
+        let thing = &stage.things[number];
+        let direction = DVec3::from(direction.map(f64::from));
+        let (class, normal) = thing.face(hit.prim);
+        let normal = pose.rotation.transpose() * normal.as_dvec3();
+        // Towards the sensor.
+        let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
+        Surface {
+            t: hit.t,
+            prim: hit.prim,
+            class,
+            instance: thing.instance,
+            incidence: (-normal.dot(direction)).clamp(0.0, 1.0) as f32,
+            normal: (self.start_from_sensor.rotation * normal).as_vec3(),
+            position: self.start_from_sensor.apply(direction * f64::from(hit.t)).as_vec3(),
+        }
+    }
+}
+
+impl Surface {
+    /// Whether an edge lies between two neighbouring beams, behind which one of them sees: one meets nothing,
+    /// or one lies in front of the other's plane and that one behind its own. Where each lies in front of the
+    /// other's plane, or each behind it, the surfaces go over into each other in an inner or an outer corner.
+    pub fn is_apart_from(&self, other: &Self) -> bool {
+        match (self.is_hit(), other.is_hit()) {
+            (false, false) => false,
+            (true, true) if self.prim == other.prim => false,
+            (true, true) => {
+                let between = other.position - self.position;
+                let least = APART + APART_SHARE * self.t.min(other.t);
+                // In front of each other's planes, in metres.
+                let (there, here) = (self.normal.dot(between), -other.normal.dot(between));
+                there.abs().max(here.abs()) > least && (there > 0.0) != (here > 0.0)
+            }
+            _ => true,
+        }
+    }
+
+    /// Nothing within `range` metres.
+    fn none(range: f32) -> Self {
+        Self {
+            t: range,
+            prim: NO_HIT,
+            class: NO_CLASS,
+            instance: NO_INSTANCE,
+            incidence: 0.0,
+            normal: Vec3::ZERO,
+            position: Vec3::NAN,
+        }
+    }
+}
