@@ -60,6 +60,7 @@
 
 mod error;
 mod memory;
+mod mesh;
 
 pub mod audit;
 mod bvh;

@@ -6,6 +6,7 @@ mod gltf;
 mod obj;
 #[cfg(feature = "mesh")]
 mod ply;
+mod placing;
 mod raw;
 
 use std::path::Path;
@@ -13,12 +14,8 @@ use std::path::Path;
 use crate::json::{DescriptionError, Place, read_limited};
 use raw::{Fault, MAX_FILE};
 
+pub(crate) use placing::Placing;
 pub(crate) use raw::RawMesh;
-
-/// Whether files with this ending have y up by default.
-pub(crate) fn default_y_up(file: &Path) -> bool {
-    matches!(extension(file).as_str(), "gltf" | "glb")
-}
 
 fn extension(file: &Path) -> String {
     file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
