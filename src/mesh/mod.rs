@@ -4,9 +4,9 @@
 mod gltf;
 #[cfg(feature = "mesh")]
 mod obj;
+mod placing;
 #[cfg(feature = "mesh")]
 mod ply;
-mod placing;
 mod raw;
 
 use std::path::Path;
