@@ -43,7 +43,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         Some((_, saved)) => saved.begun.clone(),
         None => settings::begun(args)?,
     };
-    let opened = open(&mut begun, args)?;
+    let (opened, interrupt) = open(&mut begun, args)?;
+    let Some(opened) = opened else { return Ok(ExitCode::from(INTERRUPTED)) };
     if let Some((folder, _)) = &resumed {
         folder.check(&opened.inputs)?;
     }
@@ -60,7 +61,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     };
     let earlier = read_spent(&folder);
     let mut sitting = Sitting { args, begun, opened, folder, run, earlier, start };
-    let interrupt = Interrupt::listen(args.compute.talk);
     let outcome = sitting.search(&interrupt)?;
     let is_interrupted = interrupt.is_set();
     let record = finish(&sitting, &outcome)?;
@@ -75,7 +75,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     Ok(if is_interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
 
-fn open(begun: &mut settings::Begun, args: &Args) -> Result<Opened, Error> {
+/// Scenes, problems and sensors of a run, and Ctrl-C, which counts from then on that the scenes are loaded;
+/// `None` after it while the sensors are chosen.
+fn open(begun: &mut settings::Begun, args: &Args) -> Result<(Option<Opened>, Interrupt), Error> {
     let mut times = load::LoadTimes::default();
     let (mut scenes, mut problems, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
     for path in begun.scenes() {
@@ -87,8 +89,9 @@ fn open(begun: &mut settings::Begun, args: &Args) -> Result<Opened, Error> {
     let suite = Suite::new(problems).map_err(|error| in_scene(error, begun))?;
     load::note_classes(&suite, args.compute.talk);
     let suite = if begun.mirror { suite.with_mirror_images() } else { suite };
-    let suite = equipment::equipped(begun, &scenes, &suite, args)?;
-    Ok(Opened { scenes, suite, inputs, times })
+    let interrupt = Interrupt::listen(args.compute.talk);
+    let suite = equipment::equipped(begun, &scenes, &suite, args, &interrupt)?;
+    Ok((suite.map(|suite| Opened { scenes, suite, inputs, times }), interrupt))
 }
 
 /// A scene with the rules of the options, and its problem over all frames.
