@@ -6,6 +6,8 @@ use crate::geom::Pose;
 
 /// Most cells of the lookup grid along one axis.
 const MOST_CELLS: f64 = 128.0;
+/// Most cells that a triangle touches, on average.
+const MOST_TOUCHED: usize = 32;
 /// Share of a triangle by which a point may lie beside it and still counts as on it.
 const ON_EDGE: f64 = 1e-9;
 
@@ -77,22 +79,36 @@ impl Surface {
         let corners = || facets.iter().flat_map(|facet| facet.corners.map(flat));
         let low = corners().reduce(DVec2::min)?;
         let high = corners().reduce(DVec2::max)?;
-        let along = (facets.len() as f64).sqrt().ceil().clamp(1.0, MOST_CELLS);
-        let count = [along as usize; 2];
-        let size = ((high - low) / along).max(DVec2::splat(1e-9));
+        let mut along = (facets.len() as f64).sqrt().clamp(1.0, MOST_CELLS) as usize;
         let mut surface =
-            Self { axes, facets, cells: vec![Vec::new(); count[0] * count[1]], count, low, size };
+            Self { axes, facets, cells: vec![], count: [1; 2], low, size: high - low };
+        loop {
+            surface.count = [along; 2];
+            surface.size = ((high - low) / along as f64).max(DVec2::splat(1e-9));
+            let touched: usize =
+                (0..surface.facets.len()).map(|k| surface.cells_of(k).count()).sum();
+            // Long thin triangles touch every cell: fewer cells then.
+            if along == 1 || touched <= MOST_TOUCHED * surface.facets.len() {
+                break;
+            }
+            along /= 2;
+        }
+        surface.cells = vec![Vec::new(); along * along];
         for number in 0..surface.facets.len() {
-            let corners = surface.flat(number);
-            let from = surface.cell(corners.into_iter().fold(DVec2::MAX, DVec2::min));
-            let to = surface.cell(corners.into_iter().fold(DVec2::MIN, DVec2::max));
-            for row in from[1]..=to[1] {
-                for column in from[0]..=to[0] {
-                    surface.cells[row * count[0] + column].push(number as u32);
-                }
+            for cell in surface.cells_of(number) {
+                surface.cells[cell].push(number as u32);
             }
         }
         Some(surface)
+    }
+
+    /// Cells that the box around a facet touches.
+    fn cells_of(&self, facet: usize) -> impl Iterator<Item = usize> + use<> {
+        let corners = self.flat(facet);
+        let from = self.cell(corners.into_iter().fold(DVec2::MAX, DVec2::min));
+        let to = self.cell(corners.into_iter().fold(DVec2::MIN, DVec2::max));
+        let columns = self.count[0];
+        (from[1]..=to[1]).flat_map(move |row| (from[0]..=to[0]).map(move |x| row * columns + x))
     }
 
     pub(super) fn axes(&self) -> [usize; 2] {
@@ -122,23 +138,33 @@ impl Surface {
     /// Where a sensor over a point of the plane stands.
     pub(super) fn foot(&self, point: [f64; 2]) -> Foot {
         let point = DVec2::from(point);
+        self.over(point).unwrap_or_else(|| {
+            let nearest = self.nearest(point);
+            // Where the nearest triangle ends, another one may lie farther out.
+            let over = self.over(DVec2::from(self.axes.map(|k| nearest.point[k])));
+            Foot { off: nearest.off, ..over.unwrap_or(nearest) }
+        })
+    }
+
+    /// The outermost foot over a point; `None` over no triangle.
+    fn over(&self, point: DVec2) -> Option<Foot> {
         let [column, row] = self.cell(point);
         let mut best: Option<Foot> = None;
         for &number in &self.cells[row * self.count[0] + column] {
             let weights = weights(self.flat(number as usize), point);
             if weights.iter().all(|weight| *weight >= -ON_EDGE) {
                 let foot = self.facets[number as usize].at(weights, 0.0);
-                let above = |other: &Foot| foot.point[self.along()] > other.point[self.along()];
-                if best.as_ref().is_none_or(above) {
+                if best.as_ref().is_none_or(|best| self.is_nearer(&foot, best)) {
                     best = Some(foot);
                 }
             }
         }
-        best.unwrap_or_else(|| self.nearest(point, [column, row]))
+        best
     }
 
     /// The foot nearest to a point over no triangle, found in rings of cells around it.
-    fn nearest(&self, point: DVec2, [column, row]: [usize; 2]) -> Foot {
+    fn nearest(&self, point: DVec2) -> Foot {
+        let [column, row] = self.cell(point);
         let mut best: Option<Foot> = None;
         let inside = point.clamp(self.low, self.low + self.size * self.count[0] as f64);
         for ring in 0..self.count[0] {
