@@ -117,6 +117,15 @@ impl Region {
         found
     }
 
+    /// Height of sensors that are put up plainly, in the region's frame: the top, on the side of a body the
+    /// middle, since a surface bends away at its edges.
+    pub(crate) fn plain_height(&self) -> f64 {
+        match &self.surface {
+            Some(surface) if surface.along() != 2 => 0.5 * (self.lower[2] + self.upper[2]),
+            _ => self.upper[2],
+        }
+    }
+
     /// Corners of the smallest box in the ego frame around all positions.
     pub fn corners(&self) -> [[f64; 3]; 2] {
         let (mut low, mut high) = (DVec3::MAX, DVec3::MIN);

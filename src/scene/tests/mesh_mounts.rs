@@ -50,8 +50,9 @@ fn sensors_stand_on_a_curved_roof_and_rest_on_its_normal() {
         let axis = pose.ego_from_sensor().rotation.z_axis;
         let normal = DVec3::new(0.2 * at.x, 0.4 * at.y, 1.0).normalize();
         assert!(axis.angle_between(normal) < 0.02, "{axis} is not {normal}");
-        let ahead = pose.ego_from_sensor().rotation.x_axis;
-        assert!(ahead.y.abs() < 1e-12 && ahead.x > 0.9, "it looks ahead: {ahead}");
+        let rotation = pose.ego_from_sensor().rotation;
+        let is_ahead = rotation.y_axis.x.abs() < 1e-12 && rotation.x_axis.x > 0.9;
+        assert!(is_ahead, "as far ahead as the normal allows: {rotation}");
         tilted = tilted.max(axis.angle_between(DVec3::Z));
         steps += 1;
     }
