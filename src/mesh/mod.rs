@@ -12,14 +12,10 @@ mod raw;
 use std::path::Path;
 
 use crate::json::{DescriptionError, Place, read_limited};
-use raw::{Fault, MAX_FILE};
+use raw::{Fault, MAX_FILE, extension};
 
 pub(crate) use placing::Placing;
 pub(crate) use raw::RawMesh;
-
-fn extension(file: &Path) -> String {
-    file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
-}
 
 /// Reads the mesh named at `at`; the ending of its name tells the format.
 pub(crate) fn load(at: &Place, file: &Path) -> Result<RawMesh, DescriptionError> {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::{RawMesh, extension};
+use super::raw::{RawMesh, extension};
 use crate::geom::Pose;
 use crate::json::check::{self, bad};
 use crate::json::{DescriptionError, Place};

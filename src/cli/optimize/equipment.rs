@@ -4,7 +4,7 @@ use sightline::scene::Scene;
 use sightline::search::{Equipped, Event, Settings, Suite, equip};
 use sightline::vehicle::{Placement, Vehicle};
 
-use super::Bars;
+use super::bars::Bars;
 use super::settings::{self, Args, Begun};
 use crate::cli::error::Error;
 use crate::cli::interrupt::Interrupt;
@@ -48,7 +48,7 @@ fn choose(
     let talk = args.compute.talk;
     let objective = settings::of(args)?.objective;
     let budget = budget.unwrap_or(f64::INFINITY);
-    let mut bars = Bars { shown: None, talk };
+    let mut bars = Bars::new(talk);
     let mut observe = |event: &Event| {
         bars.show(event);
         !interrupt.is_set()
