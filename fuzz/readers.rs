@@ -200,10 +200,14 @@ fn scene_with(lidar: &str, more: &str) -> String {
     )
 }
 
-/// A vehicle file of a scene without anything else; its meshes and sensors do not exist.
+/// A vehicle file of a scene without anything else; of its files only the mesh `roof.obj` exists.
 pub fn vehicle_json(folder: &Path, bytes: &[u8]) {
     let scene = r#"{ "sightline": 1, "roi": { "min": [-40, -40, -1], "max": [40, 40, 5], "voxel": [1, 1, 1] },
                      "psog": { "file": "x.npz" }, "coverage": "through", "vehicle": "vehicle.json" }"#;
+    let roof = folder.join("roof.obj");
+    if !roof.exists() && fs::write(roof, include_str!("../tests/data/roof.obj")).is_err() {
+        return;
+    }
     if fs::write(folder.join("vehicle.json"), bytes).is_err() {
         return;
     }

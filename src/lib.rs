@@ -61,6 +61,7 @@
 mod chance;
 mod error;
 mod memory;
+mod mesh;
 
 pub mod audit;
 mod bvh;

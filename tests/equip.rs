@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use sightline::engine::EngineChoice;
 use sightline::problem::Problem;
-use sightline::search::{Equipped, cost_front, equip};
+use sightline::search::{Equipped, Event, SearchError, Work, cost_front};
 use sightline::vehicle::{
     Phase, Region, Requirement, Response, SensorName, Vehicle, VehicleMount, VehicleSensor,
 };
@@ -55,6 +55,48 @@ fn problem(seed: u64, vehicle: &Vehicle) -> Problem {
     let problem = Arc::unwrap_or_clone(random_problem(seed, true));
     let models = vehicle.models().unwrap();
     problem.with_sensors(models)
+}
+
+/// The choice without anybody looking on.
+fn equip(
+    suite: &sightline::Suite,
+    vehicle: &Vehicle,
+    objective: &sightline::Objective,
+    budget: f64,
+    engine: &EngineChoice,
+) -> Result<Equipped, SearchError> {
+    let silent = &mut |_: &Event| true;
+    let found = sightline::search::equip(suite, vehicle, objective, budget, engine, silent)?;
+    Ok(found.expect("nobody stops it"))
+}
+
+#[test]
+fn the_choice_tells_how_far_it_is_and_stops_when_told() {
+    let vehicle = vehicle(Vec::new());
+    let problem = problem(5, &vehicle);
+    let objective = "information_gain".parse().unwrap();
+    let (suite, engine) = (problem.clone().into(), EngineChoice::cpu());
+    let mut told: Vec<(Work, u64, u64)> = Vec::new();
+    for stop_after in [1, 3, usize::MAX] {
+        told.clear();
+        let mut observe = |event: &Event| {
+            if let Event::Progress { work, done, total } = *event {
+                told.push((work, done, total));
+            }
+            told.len() < stop_after
+        };
+        let found =
+            sightline::search::equip(&suite, &vehicle, &objective, 14.0, &engine, &mut observe);
+        let found = found.unwrap();
+        assert_eq!(found.is_some(), stop_after == usize::MAX);
+        assert!(told.len() <= stop_after);
+        if let Some(found) = found {
+            assert_eq!(found, equipped(&problem, &vehicle, 14.0), "looking on changes nothing");
+        }
+    }
+    assert!(told.iter().any(|(work, ..)| *work == Work::Equipment));
+    assert!(told.iter().any(|(work, ..)| *work == Work::Exchanges));
+    assert!(told.iter().all(|(_, done, total)| done < total), "{told:?}");
 }
 
 fn equipped(problem: &Problem, vehicle: &Vehicle, budget: f64) -> Equipped {

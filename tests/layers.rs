@@ -8,10 +8,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use imports::{Source, Sources, words};
 
 /// Modules of the library, top to bottom: each imports only from itself and from those above it.
-const ORDER: [&str; 24] = [
+const ORDER: [&str; 25] = [
     "memory",
     "geom",
     "json",
+    "mesh",
     "vehicle",
     "rig",
     "scene",
@@ -41,9 +42,9 @@ const FOREIGN: [(&str, &[&str]); 11] = [
     ("clap", &["cli/"]),
     ("indicatif", &["cli/"]),
     ("ctrlc", &["cli/"]),
-    ("gltf", &["scene/mesh/"]),
-    ("tobj", &["scene/mesh/"]),
-    ("ply_rs_bw", &["scene/mesh/"]),
+    ("gltf", &["mesh/"]),
+    ("tobj", &["mesh/"]),
+    ("ply_rs_bw", &["mesh/"]),
     ("roxmltree", &["rig/"]),
     ("npyz", &["psog/", "files/"]),
     ("serde_yaml_ng", &["json/"]),

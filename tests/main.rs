@@ -64,6 +64,8 @@ mod lost_device;
 mod main_job;
 mod mixed;
 mod optimize;
+#[cfg(feature = "mesh")]
+mod own_mesh;
 #[cfg_attr(not(feature = "cli"), allow(dead_code))]
 mod own_scenes;
 mod packets;

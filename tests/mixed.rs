@@ -54,10 +54,11 @@ fn bits(hits: &[Hit]) -> Vec<(u32, u32)> {
 }
 
 fn engines(problem: &Arc<Problem>) -> Vec<Box<dyn Backend>> {
-    let mut engines: Vec<Box<dyn Backend>> = vec![Box::new(cpu(problem))];
-    #[cfg(feature = "gpu")]
-    engines.push(Box::new(crate::common::gpu(problem)));
-    engines
+    vec![
+        Box::new(cpu(problem)),
+        #[cfg(feature = "gpu")]
+        Box::new(crate::common::gpu(problem)),
+    ]
 }
 
 #[test]

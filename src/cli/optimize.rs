@@ -1,5 +1,6 @@
 //! `sightline optimize`: options to settings, progress on stderr, a run folder, the result on stdout.
 
+mod bars;
 mod equipment;
 mod near_field;
 mod record;
@@ -10,7 +11,6 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use indicatif::ProgressBar;
 use sightline::Problem;
 use sightline::internals::{
     Input, RunDir, align_columns, by_scene, certificate_in_words, findings_text, methods_in_words,
@@ -19,13 +19,13 @@ use sightline::internals::{
 use sightline::near_field::weighted;
 use sightline::report::{self, RunRecord};
 use sightline::scene::Scene;
-use sightline::search::{Event, Outcome, Run, SearchError, Suite, TimeLimit, Work};
+use sightline::search::{Event, Outcome, Run, SearchError, Suite, TimeLimit};
 
-use super::args::{Compute, Format, Talk};
+use super::args::{Compute, Format};
 use super::error::Error;
 use super::interrupt::{INTERRUPTED, Interrupt};
 use super::load;
-use super::progress;
+use bars::Bars;
 use record::{Opened, Sitting, finish, read_spent, save};
 pub use settings::Args;
 use settings::Saved;
@@ -43,7 +43,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         Some((_, saved)) => saved.begun.clone(),
         None => settings::begun(args)?,
     };
-    let opened = open(&mut begun, args)?;
+    let (opened, interrupt) = open(&mut begun, args)?;
+    let Some(opened) = opened else { return Ok(ExitCode::from(INTERRUPTED)) };
     if let Some((folder, _)) = &resumed {
         folder.check(&opened.inputs)?;
     }
@@ -60,7 +61,6 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     };
     let earlier = read_spent(&folder);
     let mut sitting = Sitting { args, begun, opened, folder, run, earlier, start };
-    let interrupt = Interrupt::listen(args.compute.talk);
     let outcome = sitting.search(&interrupt)?;
     let is_interrupted = interrupt.is_set();
     let record = finish(&sitting, &outcome)?;
@@ -75,7 +75,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     Ok(if is_interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
 }
 
-fn open(begun: &mut settings::Begun, args: &Args) -> Result<Opened, Error> {
+/// Scenes, problems and sensors of a run, and Ctrl-C, which counts from then on that the scenes are loaded;
+/// `None` after it while the sensors are chosen.
+fn open(begun: &mut settings::Begun, args: &Args) -> Result<(Option<Opened>, Interrupt), Error> {
     let mut times = load::LoadTimes::default();
     let (mut scenes, mut problems, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
     for path in begun.scenes() {
@@ -87,8 +89,9 @@ fn open(begun: &mut settings::Begun, args: &Args) -> Result<Opened, Error> {
     let suite = Suite::new(problems).map_err(|error| in_scene(error, begun))?;
     load::note_classes(&suite, args.compute.talk);
     let suite = if begun.mirror { suite.with_mirror_images() } else { suite };
-    let suite = equipment::equipped(begun, &scenes, &suite, args)?;
-    Ok(Opened { scenes, suite, inputs, times })
+    let interrupt = Interrupt::listen(args.compute.talk);
+    let suite = equipment::equipped(begun, &scenes, &suite, args, &interrupt)?;
+    Ok((suite.map(|suite| Opened { scenes, suite, inputs, times }), interrupt))
 }
 
 /// A scene with the rules of the options, and its problem over all frames.
@@ -138,7 +141,7 @@ impl Sitting<'_> {
             length: Duration::from_secs_f64(seconds),
         });
         self.run.open_with(self.args.compute.engine(), time);
-        let mut bars = Bars { shown: None, talk };
+        let mut bars = Bars::new(talk);
         let mut saved: Option<Instant> = None;
         let outcome = loop {
             let mut observe = |event: &Event| {
@@ -163,43 +166,6 @@ impl Sitting<'_> {
         }
         talk.note(line);
         Ok(outcome)
-    }
-}
-
-/// Progress of a run on stderr.
-struct Bars {
-    shown: Option<(Work, ProgressBar)>,
-    talk: Talk,
-}
-
-impl Bars {
-    fn show(&mut self, event: &Event) {
-        match *event {
-            Event::Note(sentence) => self.talk.note(sentence),
-            Event::Generation(record) => {
-                if let (Some((_, bar)), Some(best)) = (&self.shown, record.best_so_far) {
-                    bar.set_message(format!("· best {best:.4e}"));
-                }
-            }
-            Event::Progress { work, done, total } => {
-                if self.shown.as_ref().is_none_or(|(shown, _)| *shown != work) {
-                    self.clear();
-                    let bar = progress::bar(total, &work.to_string(), self.talk);
-                    self.shown = Some((work, bar));
-                }
-                if let Some((_, bar)) = &self.shown {
-                    bar.set_length(total);
-                    bar.set_position(done);
-                }
-            }
-            _ => {}
-        }
-    }
-
-    fn clear(&mut self) {
-        if let Some((_, bar)) = self.shown.take() {
-            bar.finish_and_clear();
-        }
     }
 }
 

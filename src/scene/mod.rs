@@ -9,7 +9,6 @@ mod carrier;
 mod classes;
 mod description;
 mod kind;
-mod mesh;
 mod origins;
 mod parts;
 mod polygon;

@@ -8,12 +8,12 @@ use glam::DVec3;
 
 use super::classes::Classes;
 use super::description::{Dictionary, MeshDescription, ShapeDescription};
-use super::mesh::{self, RawMesh};
 use super::primitives::{cuboid, cylinder, plane, prism};
 use super::solid::Solid;
 use crate::geom::Pose;
 use crate::json::check::{self, bad};
 use crate::json::{DescriptionError, Place, nearest};
+use crate::mesh::{self, Placing, RawMesh};
 
 /// Most triangles of a scene: static world, actors, ego body and each named shape once.
 const MAX_TRIANGLES: u64 = 10_000_000;
@@ -213,7 +213,7 @@ impl<'a> Builder<'a> {
         default: Option<u16>,
     ) -> Result<Solid, DescriptionError> {
         let file = self.dir.join(&mesh.file);
-        let (y_up, scale, pose) = mesh_placed(at, mesh, &file)?;
+        let placing = placing(at, mesh, &file)?;
         let mut map = HashMap::new();
         for (material, class) in &mesh.classes.0 {
             map.insert(
@@ -239,51 +239,17 @@ impl<'a> Builder<'a> {
             })
         };
         let ids = raw.materials.iter().map(class_of).collect::<Result<Vec<_>, _>>()?;
-        let place = |(i, v): (usize, &DVec3)| {
-            let v = if y_up { DVec3::new(v.x, -v.z, v.y) } else { *v };
-            let v = pose.apply(v * scale);
-            if v.abs().max_element() <= check::MAX_METRES {
-                return Ok(v);
-            }
-            Err(DescriptionError::Mesh {
-                at: Box::new(at.clone()),
-                mesh: file.clone(),
-                element: format!("vertex {i}"),
-                problem: format!("lies at {v}, further than 1e9 m from the origin"),
-            })
-        };
         Ok(Solid {
-            vertices: raw.vertices.iter().enumerate().map(place).collect::<Result<_, _>>()?,
+            vertices: placing.vertices(at, &file, &raw)?,
             faces: raw.faces.clone(),
             classes: raw.face_material.iter().map(|&m| ids[m as usize]).collect(),
         })
     }
 }
 
-/// How the vertices of a mesh come into the frame of its owner: whether y points up in the file, a
-/// scale, then a pose.
-fn mesh_placed(
-    at: &Place,
-    mesh: &MeshDescription,
-    file: &Path,
-) -> Result<(bool, f64, Pose), DescriptionError> {
-    let y_up = match mesh.axes.as_deref() {
-        None => mesh::default_y_up(file),
-        Some("z-up") => false,
-        Some("y-up") => true,
-        Some(other) => {
-            return Err(bad(&at.key("axes"), format!("{other:?}"), "\"z-up\" or \"y-up\""));
-        }
-    };
-    let scale = mesh.scale.unwrap_or(1.0);
-    if !(scale > 0.0 && scale <= 1.0e6) {
-        return Err(bad(&at.key("scale"), scale, "a scale above 0 and at most 1000000"));
-    }
-    let roll = check::radians(&at.key("roll"), mesh.roll)?;
-    let pitch = check::radians(&at.key("pitch"), mesh.pitch)?;
-    let yaw = check::radians(&at.key("yaw"), mesh.yaw)?;
-    let translate = check::point(&at.key("translate"), mesh.translate)?;
-    Ok((y_up, scale, Pose::new(translate.into(), roll, pitch, yaw)))
+fn placing(at: &Place, mesh: &MeshDescription, file: &Path) -> Result<Placing, DescriptionError> {
+    let MeshDescription { scale, translate, roll, pitch, yaw, .. } = *mesh;
+    Placing::new(at, file, mesh.axes.as_deref(), scale, translate, [roll, pitch, yaw])
 }
 
 impl Builder<'_> {

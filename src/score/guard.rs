@@ -178,7 +178,7 @@ fn around<'a>(
             (middle(k) + offset).clamp(lower[k], upper[k])
         };
         let (x, y) = (on_edge(0, turn.cos()), on_edge(1, turn.sin()));
-        region.pose([x, y, upper[2], level(3), level(4), level(5)], sensor)
+        region.pose([x, y, region.plain_height(), level(3), level(4), level(5)], sensor)
     })
 }
 

@@ -11,6 +11,7 @@ use super::atlases::Atlases;
 use super::error::SearchError;
 use super::evaluator::Evaluator;
 use super::grid_search::GridSearch;
+use super::observer::{Event, Observer, Watch, Work};
 use super::suite::Suite;
 use crate::engine::EngineChoice;
 use crate::score::{Objective, reference_layout};
@@ -33,6 +34,8 @@ const REQUIRED: f64 = 1e3;
 const BUDGETS: u32 = 8;
 /// Most rounds of exchanges.
 const ROUNDS: usize = 20;
+/// Poses that are cast at once, so that progress is told in between.
+const CAST: usize = 32;
 
 /// What a vehicle carries, and where on the coarse grid.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -85,7 +88,8 @@ struct Equip<'a> {
     penalty: f64,
 }
 
-/// Equipment for at most `budget`, as good as found, of the vehicle of some scenes.
+/// Equipment for at most `budget`, as good as found, of the vehicle of some scenes; `None` where the observer
+/// stops the choice.
 ///
 /// # Errors
 /// A budget below the cheapest equipment, an objective other than the information gain where there is a choice,
@@ -96,7 +100,8 @@ pub fn equip(
     objective: &Objective,
     budget: f64,
     engine: &EngineChoice,
-) -> Result<Equipped, SearchError> {
+    observer: &mut dyn Observer,
+) -> Result<Option<Equipped>, SearchError> {
     let cheapest = vehicle.cheapest();
     let least = vehicle.cost(&cheapest);
     if least > budget {
@@ -106,10 +111,11 @@ pub fn equip(
         if vehicle.has_choice() {
             return Err(SearchError::NotForEquipment { objective: objective.to_string() });
         }
-        return plain(suite, vehicle, objective, engine);
+        return plain(suite, vehicle, objective, engine).map(Some);
     }
-    let mut search = Equip::new(suite, vehicle, objective, budget, engine)?;
-    Ok(search.best())
+    let mut watch = Watch::new(observer, false);
+    let search = Equip::new(suite, vehicle, objective, budget, engine, &mut watch)?;
+    Ok(search.and_then(|mut search| search.best(&mut watch)))
 }
 
 /// The only equipment of a vehicle that leaves no choice, as the reference layout puts it up.
@@ -147,13 +153,16 @@ pub fn cost_front(
     if !objective.is_information_gain() {
         return Err(SearchError::NotForEquipment { objective: objective.to_string() });
     }
-    let mut search = Equip::new(suite, vehicle, objective, f64::INFINITY, engine)?;
+    let silent = &mut |_: &Event| true;
+    let mut watch = Watch::new(silent, false);
+    let search = Equip::new(suite, vehicle, objective, f64::INFINITY, engine, &mut watch)?;
+    let Some(mut search) = search else { return Ok(Vec::new()) };
     let least = vehicle.cost(&vehicle.cheapest());
-    let most = search.best();
+    let Some(most) = search.best(&mut watch) else { return Ok(Vec::new()) };
     let mut front = Vec::new();
     for step in 0..BUDGETS {
         search.budget = least + (most.cost - least) * f64::from(step) / f64::from(BUDGETS);
-        front.push(search.best());
+        front.extend(search.best(&mut watch));
     }
     front.push(most);
     front.dedup_by(|a, b| a.equipment == b.equipment);
@@ -184,7 +193,8 @@ impl<'a> Equip<'a> {
         objective: &Objective,
         budget: f64,
         engine: &EngineChoice,
-    ) -> Result<Self, SearchError> {
+        watch: &mut Watch,
+    ) -> Result<Option<Self>, SearchError> {
         let (constraints, kinds) = every_kind(vehicle);
         let suite = suite.over(&suite.spread(Some(FRAMES))).with_constraints(&constraints.untied());
         let mut spacing = SPACING;
@@ -204,22 +214,29 @@ impl<'a> Equip<'a> {
         let all: Vec<u32> = (0..grid.len()).collect();
         let atlases = Atlases::new(&evaluator, &grid, false, memory / 2);
         let mut grid = GridSearch::new(atlases, objective.clone(), &evaluator);
-        grid.hold(&mut evaluator, &all)?;
+        for (block, poses) in all.chunks(CAST).enumerate() {
+            let (work, done, total) = (Work::Equipment, (block * CAST) as u64, all.len() as u64);
+            if !watch.tell(&Event::Progress { work, done, total }) {
+                return Ok(None);
+            }
+            grid.hold(&mut evaluator, poses)?;
+        }
         let singles = grid.values_with(&[], &all);
         let most = singles.iter().map(|(_, value)| *value).fold(0.0, f64::max);
         let penalty = REQUIRED * most.max(1e-9);
         grid.require(penalty);
-        Ok(Self { vehicle, budget, grid, kinds, penalty })
+        Ok(Some(Self { vehicle, budget, grid, kinds, penalty }))
     }
 
-    /// The better of the equipment grown by gain and that grown by gain for the money.
-    fn best(&mut self) -> Equipped {
+    /// The better of the equipment grown by gain and that grown by gain for the money; `None` where the observer
+    /// stops the choice.
+    fn best(&mut self, watch: &mut Watch) -> Option<Equipped> {
         let by_gain = self.grown(Vec::new(), |gain, _| gain);
         let by_price = self.grown(Vec::new(), |gain, price| gain / price.max(1e-9));
-        let ends = [by_gain, by_price].map(|start| self.exchanged(start));
+        let ends = [self.exchanged(by_gain, 0, watch)?, self.exchanged(by_price, ROUNDS, watch)?];
         let worths = ends.each_ref().map(|end| self.worth(end));
         let best = if worths[1] > worths[0] { &ends[1] } else { &ends[0] };
-        self.equipped(best)
+        Some(self.equipped(best))
     }
 
     fn poses(chosen: &[Choice]) -> Vec<u32> {
@@ -308,12 +325,23 @@ impl<'a> Equip<'a> {
         chosen
     }
 
-    /// The same after single sensors were exchanged for others while that gains.
-    fn exchanged(&mut self, mut chosen: Vec<Choice>) -> Vec<Choice> {
+    /// The same after single sensors were exchanged for others while that gains, in rounds that come after `told`
+    /// others; `None` where the observer stops it.
+    fn exchanged(
+        &mut self,
+        mut chosen: Vec<Choice>,
+        told: usize,
+        watch: &mut Watch,
+    ) -> Option<Vec<Choice>> {
         let mut held = self.worth(&chosen);
-        for _ in 0..ROUNDS {
+        for round in 0..ROUNDS {
             let before = held;
             for index in 0..chosen.len() {
+                let (work, done) = (Work::Exchanges, (told + round) as u64);
+                let total = 2 * ROUNDS as u64;
+                if !watch.tell(&Event::Progress { work, done, total }) {
+                    return None;
+                }
                 let mut without = chosen.clone();
                 without.remove(index);
                 let other = self.grown(without, |gain, _| gain);
@@ -327,7 +355,7 @@ impl<'a> Equip<'a> {
                 break;
             }
         }
-        chosen
+        Some(chosen)
     }
 
     fn keeps_counts(&self, chosen: &[Choice]) -> bool {

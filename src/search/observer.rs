@@ -43,6 +43,10 @@ pub enum Event<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Work {
+    /// Sensor poses cast for the choice of equipment.
+    Equipment,
+    /// Rounds of exchanges in the choice of equipment.
+    Exchanges,
     /// Placements of the generations.
     Generations,
     /// Sensor poses cast for swaps.
@@ -59,6 +63,8 @@ pub enum Work {
 impl fmt::Display for Work {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Equipment => f.write_str("poses for the choice of sensors"),
+            Self::Exchanges => f.write_str("rounds of exchanged sensors at most"),
             Self::Generations => f.write_str("placements"),
             Self::Swaps => f.write_str("poses for swaps"),
             Self::Bounds => f.write_str("sets of sensors bounded"),

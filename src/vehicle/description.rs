@@ -108,6 +108,7 @@ pub(crate) struct MountingDescription {
     pub min: Option<[f64; 3]>,
     pub max: Option<[f64; 3]>,
     pub polygon: Option<Vec<[f64; 3]>>,
+    pub mesh: Option<MeshPatchDescription>,
     pub offset: Option<[f64; 2]>,
     #[serde(default)]
     pub roll: [f64; 2],
@@ -117,6 +118,31 @@ pub(crate) struct MountingDescription {
     pub yaw: [f64; 2],
     pub sensors: Option<Vec<String>>,
     pub count: CountDescription,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct MeshPatchDescription {
+    pub file: String,
+    pub scale: Option<f64>,
+    #[serde(default)]
+    pub translate: [f64; 3],
+    #[serde(default)]
+    pub roll: f64,
+    #[serde(default)]
+    pub pitch: f64,
+    #[serde(default)]
+    pub yaw: f64,
+    pub axes: Option<String>,
+    pub within: Option<KeepOutDescription>,
+    pub facing: Option<FacingDescription>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FacingDescription {
+    pub direction: [f64; 3],
+    pub angle: Option<f64>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -1,11 +1,14 @@
 //! Mounts of a vehicle file: their regions, the models they may hold, and how many.
 
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 
 use super::description::{CountDescription, MountingDescription};
 use super::equipment::{VehicleMount, VehicleSensor};
+use super::mesh_mount;
+use super::surface::{is_roof, rest};
 use super::{MAX_LIDARS, Outline, Region};
 use crate::geom::Pose;
 use crate::json::check::{self, bad};
@@ -16,22 +19,33 @@ const MOST_CORNERS: usize = 256;
 /// Metres that corners of a polygon may lie off its plane.
 const FLAT: f64 = 0.01;
 
-/// Checks a mount, which may hold some of `sensors`.
+/// Checks a mount, which may hold some of `sensors`; `dir` is where its mesh is. Returns the files read too.
 pub(super) fn mounting(
     at: &Place,
     mount: MountingDescription,
     sensors: &[VehicleSensor],
-) -> Result<VehicleMount, DescriptionError> {
+    dir: &Path,
+) -> Result<(VehicleMount, Vec<PathBuf>), DescriptionError> {
     let name = check::text(&at.key("name"), mount.name.clone())?;
-    let region = match (&mount.polygon, mount.min, mount.max) {
-        (None, Some(min), Some(max)) => boxed(at, &mount, min, max)?,
-        (Some(corners), None, None) => patch(at, &mount, corners)?,
-        (polygon, min, max) => {
-            let found =
-                [("polygon", polygon.is_some()), ("min", min.is_some()), ("max", max.is_some())];
-            let found: Vec<&str> =
-                found.iter().filter(|(_, is)| *is).map(|(key, _)| *key).collect();
-            let wanted = "a region: give `min` and `max` of a box, or a `polygon`";
+    let mut files = Vec::new();
+    let region = match (&mount.polygon, &mount.mesh, mount.min, mount.max) {
+        (None, None, Some(min), Some(max)) => boxed(at, &mount, min, max)?,
+        (Some(corners), None, None, None) => patch(at, &mount, corners)?,
+        (None, Some(patch), None, None) => {
+            let (region, read) = mesh_mount::patch(&at.key("mesh"), patch, dir)?;
+            files = read;
+            let along = region.surface.as_ref().map_or(2, |surface| surface.along());
+            with_ranges(at, &mount, region, along)?
+        }
+        (polygon, mesh, min, max) => {
+            let keys = [
+                ("polygon", polygon.is_some()),
+                ("mesh", mesh.is_some()),
+                ("min", min.is_some()),
+                ("max", max.is_some()),
+            ];
+            let found: Vec<&str> = keys.iter().filter(|(_, is)| *is).map(|(key, _)| *key).collect();
+            let wanted = "a region: give `min` and `max` of a box, or a `polygon`, or a `mesh`";
             return Err(bad(at, format!("a mount with {found:?}"), wanted));
         }
     };
@@ -65,7 +79,7 @@ pub(super) fn mounting(
     let most = check::count(&at_count, most, 0, MAX_LIDARS as u64)? as usize;
     let least = check::count(&at_count, least, 0, most as u64)? as usize;
     let region = Arc::new(Region { name, ..region });
-    Ok(VehicleMount { region, sensors: allowed, count: [least, most] })
+    Ok((VehicleMount { region, sensors: allowed, count: [least, most] }, files))
 }
 
 /// The ranges of the angles, side by side.
@@ -84,7 +98,7 @@ fn boxed(
     max: [f64; 3],
 ) -> Result<Region, DescriptionError> {
     if mount.offset.is_some() {
-        let (at, mend) = (Box::new(at.clone()), "it belongs to `polygon`".to_owned());
+        let (at, mend) = (Box::new(at.clone()), "it belongs to `polygon` and `mesh`".to_owned());
         return Err(DescriptionError::Misplaced { at, key: "offset", mend });
     }
     let min = check::point(&at.key("min"), min)?;
@@ -133,44 +147,41 @@ fn patch(
             return Err(bad(&place.item(i), format!("{corner:?}", corner = corners[i]), wanted));
         }
     }
-    let on_roof = normal.z.abs() >= std::f64::consts::FRAC_1_SQRT_2;
+    let on_roof = is_roof(normal);
     let rotation = rest(normal, on_roof);
     let frame = Pose { rotation, translation: middle };
     let back = frame.inverse();
     let axes = if on_roof { [0, 1] } else { [1, 2] };
     let outline: Vec<[f64; 2]> =
         points.iter().map(|point| back.apply(*point)).map(|p| axes.map(|k| p[k])).collect();
-    let [from, to] = mount.offset.unwrap_or_default();
     let along = if on_roof { 2 } else { 0 };
-    let [roll, pitch, yaw] = angles(at, mount)?;
     let (mut lower, mut upper) = ([0.0; 6], [0.0; 6]);
-    for (k, bounds) in [[from, to], roll, pitch, yaw].into_iter().enumerate() {
-        let field = if k == 0 { along } else { k + 2 };
-        (lower[field], upper[field]) = (bounds[0], bounds[1]);
-    }
-    if !(from <= to && from.abs().max(to.abs()) <= 10.0) {
-        let wanted = "a range of metres in front of the patch, [0, 0.1] for example";
-        return Err(bad(&at.key("offset"), format!("{:?}", [from, to]), wanted));
-    }
     for (side, &field) in axes.iter().enumerate() {
         let values = outline.iter().map(|corner| corner[side]);
         lower[field] = values.clone().fold(f64::MAX, f64::min);
         upper[field] = values.fold(f64::MIN, f64::max);
     }
     let outline = Outline { axes, corners: outline };
-    Ok(Region { ego_from_region: Some(frame), lower, upper, outline, ..Region::default() })
+    let region =
+        Region { ego_from_region: Some(frame), lower, upper, outline, ..Region::default() };
+    with_ranges(at, mount, region, along)
 }
 
-/// Axes of a sensor at rest on a patch: on a roof z along the normal and x ahead, on a side x along the
-/// normal and z up, as near as may be.
-fn rest(normal: DVec3, on_roof: bool) -> DMat3 {
-    let [x, y, z] = if on_roof {
-        let up = normal;
-        let y = up.cross(DVec3::X).normalize_or(DVec3::Y);
-        [y.cross(up), y, up]
-    } else {
-        let y = DVec3::Z.cross(normal).normalize_or(DVec3::Y);
-        [normal, y, normal.cross(y)]
-    };
-    DMat3::from_cols(x, y, z)
+/// A patch with the ranges of `offset`, in front of it, and of the angles.
+fn with_ranges(
+    at: &Place,
+    mount: &MountingDescription,
+    mut region: Region,
+    along: usize,
+) -> Result<Region, DescriptionError> {
+    let [from, to] = mount.offset.unwrap_or_default();
+    if !(from <= to && from.abs().max(to.abs()) <= 10.0) {
+        let wanted = "a range of metres in front of the patch, [0, 0.1] for example";
+        return Err(bad(&at.key("offset"), format!("{:?}", [from, to]), wanted));
+    }
+    let [roll, pitch, yaw] = angles(at, mount)?;
+    for (field, range) in [(along, [from, to]), (3, roll), (4, pitch), (5, yaw)] {
+        (region.lower[field], region.upper[field]) = (range[0], range[1]);
+    }
+    Ok(region)
 }

@@ -1,15 +1,18 @@
 //! A region of a vehicle where sensors may be mounted.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use super::mirror::SLACK;
-use super::{SensorName, SensorPose};
+use super::{SensorName, SensorPose, Surface};
 use crate::geom::Pose;
 
-/// Where sensors may stand: a box, or a patch with an outline, in a frame of its own.
+/// Where sensors may stand: a box, a flat patch with an outline, or a curved surface, in a frame of its own.
 ///
 /// The six fields of a pose count from the region's frame: the ego frame for a box along its axes, for a
-/// patch one whose z is the patch's outward normal on a roof, and whose x is the normal on a side.
+/// patch one whose z is the patch's outward normal on a roof, and whose x is the normal on a side. On a surface the frame is that of its mean normal, the field
+/// along it counts from the surface, and angles count from a sensor at rest on the surface there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
     /// What the vehicle calls it.
@@ -22,6 +25,8 @@ pub struct Region {
     pub upper: [f64; 6],
     /// Corners of a patch in the plane of two of its axes; empty: the whole box.
     pub outline: Outline,
+    /// What sensors stand on, where it is not flat.
+    pub surface: Option<Arc<Surface>>,
 }
 
 /// A simple polygon across two axes of a region.
@@ -35,15 +40,29 @@ pub struct Outline {
 
 impl Default for Region {
     fn default() -> Self {
-        let (name, outline) = ("mount".to_owned(), Outline::default());
-        Self { name, ego_from_region: None, lower: [0.0; 6], upper: [0.0; 6], outline }
+        Self {
+            name: "mount".to_owned(),
+            ego_from_region: None,
+            lower: [0.0; 6],
+            upper: [0.0; 6],
+            outline: Outline::default(),
+            surface: None,
+        }
     }
 }
 
 impl Region {
     /// Pose in the ego frame of six fields in the region's.
+    ///
+    /// On a surface a position over no triangle is moved to the nearest that has one.
     pub fn pose(&self, fields: [f64; 6], sensor: SensorName) -> SensorPose {
         let pose = SensorPose::from_values(fields);
+        if let (Some(surface), Some(frame)) = (&self.surface, &self.ego_from_region) {
+            let foot = surface.foot(surface.axes().map(|k| fields[k]));
+            let rest = surface.rest(frame, &foot, fields[surface.along()]);
+            let turned = Pose::new(DVec3::ZERO, fields[3], fields[4], fields[5]);
+            return SensorPose { sensor, ..SensorPose::from(&rest.compose(&turned)) };
+        }
         let pose = match &self.ego_from_region {
             None => pose,
             Some(frame) => SensorPose::from(&frame.compose(&pose.ego_from_sensor())),
@@ -53,6 +72,15 @@ impl Region {
 
     /// Six fields in the region's frame of a pose in the ego frame.
     pub fn fields(&self, pose: &SensorPose) -> [f64; 6] {
+        if let (Some(surface), Some(frame)) = (&self.surface, &self.ego_from_region) {
+            let mut point = frame.inverse().apply(pose.position());
+            let foot = surface.foot(surface.axes().map(|k| point[k]));
+            point[surface.along()] -= foot.point[surface.along()];
+            let rest = surface.rest(frame, &foot, 0.0);
+            let turned = rest.inverse().compose(&pose.ego_from_sensor());
+            let [.., roll, pitch, yaw] = SensorPose::from(&turned).values();
+            return [point.x, point.y, point.z, roll, pitch, yaw];
+        }
         match &self.ego_from_region {
             None => pose.values(),
             Some(frame) => {
@@ -66,8 +94,8 @@ impl Region {
         (0..6).filter(|&k| self.upper[k] > self.lower[k]).collect()
     }
 
-    /// Fields that are out of bounds and how far, in m or rad; a position beside the outline counts for
-    /// its first axis.
+    /// Fields that are out of bounds and how far, in m or rad; a position beside the outline or over no
+    /// triangle of the surface counts for its first axis.
     pub fn outside(&self, pose: &SensorPose) -> Vec<(&'static str, f64)> {
         // A region with a frame is read back through it, which rounds.
         let slack = if self.ego_from_region.is_some() { 1e3 * SLACK } else { SLACK };
@@ -77,16 +105,41 @@ impl Region {
             .map(|k| (SensorPose::FIELDS[k], beyond(k)))
             .filter(|(_, by)| *by > slack)
             .collect();
-        let beside = self.outline.distance(fields);
+        let (beside, axis) = match &self.surface {
+            None => (self.outline.distance(fields), self.outline.axes[0]),
+            Some(surface) => {
+                (surface.foot(surface.axes().map(|k| fields[k])).off, surface.axes()[0])
+            }
+        };
         if beside > slack {
-            found.push((SensorPose::FIELDS[self.outline.axes[0]], beside));
+            found.push((SensorPose::FIELDS[axis], beside));
         }
         found
+    }
+
+    /// Height of sensors that are put up plainly, in the region's frame: the top, on the side of a body the
+    /// middle, since a surface bends away at its edges.
+    pub(crate) fn plain_height(&self) -> f64 {
+        match &self.surface {
+            Some(surface) if surface.along() != 2 => 0.5 * (self.lower[2] + self.upper[2]),
+            _ => self.upper[2],
+        }
     }
 
     /// Corners of the smallest box in the ego frame around all positions.
     pub fn corners(&self) -> [[f64; 3]; 2] {
         let (mut low, mut high) = (DVec3::MAX, DVec3::MIN);
+        if let (Some(surface), Some(frame)) = (&self.surface, &self.ego_from_region) {
+            for mut point in surface.corners() {
+                let foot = point[surface.along()];
+                for offset in [self.lower, self.upper].map(|bound| bound[surface.along()]) {
+                    point[surface.along()] = foot + offset;
+                    let at = frame.apply(point);
+                    (low, high) = (low.min(at), high.max(at));
+                }
+            }
+            return [low.to_array(), high.to_array()];
+        }
         for corner in 0..8 {
             let side = |k: usize| if corner >> k & 1 == 1 { self.upper[k] } else { self.lower[k] };
             let at = DVec3::new(side(0), side(1), side(2));
@@ -134,6 +187,7 @@ mod tests {
             lower: [0.0, -0.5, 0.0, 0.0, -0.1, -0.3],
             upper: [0.0, 0.5, 0.4, 0.0, 0.1, 0.3],
             outline,
+            surface: None,
         }
     }
 

@@ -63,7 +63,8 @@ impl Vehicle {
             }
             sensors.push(sensor);
         }
-        let mounts = mounts(at, vehicle.mounts, &sensors)?;
+        let (mounts, meshes) = mounts(at, vehicle.mounts, &sensors, dir)?;
+        files.extend(meshes);
         let min_distance = vehicle.min_distance;
         if !(0.0..=check::MAX_METRES).contains(&min_distance) {
             return Err(bad(&at.key("min_distance"), min_distance, "a distance of 0 m or more"));
@@ -83,21 +84,24 @@ impl Vehicle {
     }
 }
 
-/// All mounts, which differ in their names and hold 1 to 16 sensors together.
+/// All mounts, which differ in their names and hold 1 to 16 sensors together, and the files of their meshes.
 fn mounts(
     at: &Place,
     list: Vec<MountingDescription>,
     sensors: &[VehicleSensor],
-) -> Result<Vec<VehicleMount>, DescriptionError> {
+    dir: &Path,
+) -> Result<(Vec<VehicleMount>, Vec<PathBuf>), DescriptionError> {
     let mut names = HashSet::new();
-    let mut mounts = Vec::new();
+    let (mut mounts, mut files) = (Vec::new(), Vec::new());
     for (i, mount) in list.into_iter().enumerate() {
         let at = at.key("mounts").item(i);
         if !names.insert(mount.name.clone()) {
             let wanted = "a name of its own; it is used twice";
             return Err(bad(&at.key("name"), format!("`{}`", mount.name), wanted));
         }
-        mounts.push(mounting(&at, mount, sensors)?);
+        let (mount, read) = mounting(&at, mount, sensors, dir)?;
+        mounts.push(mount);
+        files.extend(read);
     }
     let most: usize = mounts.iter().map(|mount| mount.count[1]).sum();
     let least: usize = mounts.iter().map(|mount| mount.count[0]).sum();
@@ -106,7 +110,7 @@ fn mounts(
         let found = format!("a list for {least} to {most} sensors");
         return Err(bad(&at.key("mounts"), found, wanted));
     }
-    Ok(mounts)
+    Ok((mounts, files))
 }
 
 fn sensor(

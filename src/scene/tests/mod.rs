@@ -5,6 +5,8 @@ use glam::DVec3;
 use super::*;
 
 mod errors;
+#[cfg(feature = "mesh")]
+mod mesh_mounts;
 mod own;
 mod vehicle;
 

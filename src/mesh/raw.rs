@@ -1,12 +1,17 @@
 //! A mesh as its file gives it, and the fault of one that cannot be used.
 
 use std::collections::HashMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
 /// Largest mesh file or buffer, in bytes.
 pub(super) const MAX_FILE: u64 = 2 << 30;
+
+/// What a file's name ends in, in small letters.
+pub(super) fn extension(file: &Path) -> String {
+    file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
 
 /// A mesh as its file gives it, before scale, axes and classes.
 #[derive(Debug, Default)]

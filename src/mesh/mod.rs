@@ -4,6 +4,7 @@
 mod gltf;
 #[cfg(feature = "mesh")]
 mod obj;
+mod placing;
 #[cfg(feature = "mesh")]
 mod ply;
 mod raw;
@@ -11,18 +12,10 @@ mod raw;
 use std::path::Path;
 
 use crate::json::{DescriptionError, Place, read_limited};
-use raw::{Fault, MAX_FILE};
+use raw::{Fault, MAX_FILE, extension};
 
+pub(crate) use placing::Placing;
 pub(crate) use raw::RawMesh;
-
-/// Whether files with this ending have y up by default.
-pub(crate) fn default_y_up(file: &Path) -> bool {
-    matches!(extension(file).as_str(), "gltf" | "glb")
-}
-
-fn extension(file: &Path) -> String {
-    file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
-}
 
 /// Reads the mesh named at `at`; the ending of its name tells the format.
 pub(crate) fn load(at: &Place, file: &Path) -> Result<RawMesh, DescriptionError> {
