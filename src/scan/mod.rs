@@ -19,3 +19,5 @@ pub use record::{
     EGO_INSTANCE, NO_CLASS, NO_INSTANCE, Return, Scan, ScanLidar, Status, TrackedBox,
 };
 pub use scanner::{ScanError, Scanner, Scanning};
+#[cfg(test)]
+mod tests;

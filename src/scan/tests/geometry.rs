@@ -1,0 +1,278 @@
+//! Where points lie: on the triangles, at the moment their beam fired.
+
+use glam::{DVec3, Vec3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::{bits, ideal, placement, scan, scene};
+use crate::bvh::{Bvh, Ray};
+use crate::geom::{Pose, TriangleSoup};
+use crate::scan::{EGO_INSTANCE, Scanner, Scanning, Status};
+use crate::scene::{EgoBody, Scene};
+use crate::vehicle::SensorPose;
+
+/// A street with houses, poles and things that drive and turn.
+const STREET: &str = r#"
+    "static": [
+        { "class": "road", "plane": { "min": [-60, -5], "max": [60, 5], "z": 0 } },
+        { "class": "building", "box": { "min": [-30, 8, 0], "max": [-5, 20, 6] } },
+        { "class": "building", "box": { "min": [4, 8, 0], "max": [40, 20, 8] } },
+        { "class": "wall", "box": { "min": [-40, -9, 0], "max": [40, -8, 2.5] } },
+        { "class": "pole", "cylinder": { "foot": [6, 5.5, 0], "radius": 0.1, "height": 5, "sides": 8 } } ],
+    "actors": [
+        { "name": "car", "parts": [{ "class": "vehicle", "box": { "foot": [0, 0, 0.2], "size": [4.2, 1.8, 1.4] } }],
+          "route": { "points": [[20, 2.5], [-60, 2.5]], "spacing": 2.5 } },
+        { "name": "turning", "kind": "truck",
+          "parts": [{ "class": "vehicle", "box": { "foot": [1, 0, 0.2], "size": [8, 2.4, 3] } }],
+          "poses": [{ "x": -14, "y": -2 }, { "x": -13, "y": -2, "yaw": 0.3 }, { "x": -12, "y": -1.5, "yaw": 0.7 }] },
+        { "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.6, 1.8] } }],
+          "poses": [{ "x": 5, "y": 6 }, { "x": 5, "y": 6.2 }, { "x": 5, "y": 6.4 }] } ],
+    "ego": { "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0.3], "size": [4, 1.8, 1.3] } }],
+             "poses": [{ "x": 0, "y": -2.5 }, { "x": 2, "y": -2.4, "yaw": 0.1 }, { "x": 4, "y": -2.1, "yaw": 0.15 }] }"#;
+const SPINNING: &str = r#"{ "channels": 12, "fov": [-25, 10], "azimuth_steps": 90, "range": 60 }"#;
+/// No width, no noise, a threshold far off: what is left is the motion.
+const EXACT: &str = r#"{ "divergence": [0, 0], "noise": 0, "rated_range": 10000, "rate": 8 }"#;
+
+fn poses() -> [SensorPose; 2] {
+    [
+        SensorPose { roll: 0.1, pitch: -0.05, yaw: 0.4, ..SensorPose::at(0.3, 0.4, 2.2) },
+        SensorPose { roll: -0.2, yaw: 2.0, ..SensorPose::at(-0.6, -0.3, 2.5) },
+    ]
+}
+
+/// Metres from a point to a triangle, by a fine search: its plane inside, its edges outside.
+fn distance(point: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+    let normal = (b - a).cross(c - a).normalize();
+    let inside = [(a, b), (b, c), (c, a)]
+        .iter()
+        .all(|&(from, to)| (to - from).cross(point - from).dot(normal) >= -1e-9);
+    if inside {
+        return (point - a).dot(normal).abs();
+    }
+    let to_edge = |(from, to): &(DVec3, DVec3)| {
+        let along =
+            ((point - *from).dot(*to - *from) / (*to - *from).length_squared()).clamp(0.0, 1.0);
+        (*from + (*to - *from) * along - point).length()
+    };
+    [(a, b), (b, c), (c, a)].iter().map(to_edge).fold(f64::MAX, f64::min)
+}
+
+#[test]
+fn ideal_scans_are_the_hits_of_the_reference_and_lie_on_triangles_of_their_class() {
+    let scene = scene(STREET, SPINNING, EXACT);
+    let scans = scan(&scene, &poses(), &ideal());
+    assert_eq!(scans.len(), 3);
+    let table = scene.sensors().unwrap().table(0).clone();
+    let mut kinds = std::collections::HashSet::new();
+    for (frame, scan) in scans.iter().enumerate() {
+        let soup = scene.frame(frame, EgoBody::Include);
+        let bvh = Bvh::build(&soup, 60.0);
+        assert_eq!(scan.returns.len(), 2 * 12 * 90);
+        for (k, beam) in scan.returns.iter().enumerate() {
+            let (lidar, index) = (k / 1080, k % 1080);
+            assert_eq!(usize::from(beam.lidar), lidar);
+            assert_eq!(usize::from(beam.channel) * 90 + beam.column as usize, index);
+            let pose = poses()[lidar].ego_from_sensor();
+            let direction = pose.rotation * DVec3::from(table.directions()[index].map(f64::from));
+            let ray = Ray::new(pose.translation.as_vec3(), direction.as_vec3(), 60.0);
+            let hit = bvh.closest_hit_brute_force(&ray);
+            assert_eq!(beam.status == Status::Hit, hit.is_hit());
+            if !hit.is_hit() {
+                assert!(beam.range.is_nan() && beam.position[0].is_nan());
+                continue;
+            }
+            assert!((beam.range - hit.t).abs() < 1e-3, "{} {}", beam.range, hit.t);
+            let class = soup.face_class[hit.prim as usize];
+            let on = |face: u32| {
+                let corners = soup.corners(face).map(|corner| DVec3::from(corner.map(f64::from)));
+                soup.face_class[face as usize] == beam.class
+                    && distance(DVec3::from(beam.position.map(f64::from)), corners) < 1e-3
+            };
+            assert!((0..soup.faces.len() as u32).any(on), "{beam:?}");
+            assert_eq!((beam.class, beam.clean_class), (class, class));
+            kinds.insert((beam.class, beam.instance));
+        }
+    }
+    // Road, two kinds of houses, pole, three actors, the own body.
+    assert!(kinds.len() >= 7, "{kinds:?}");
+    assert!(kinds.iter().any(|(_, instance)| *instance == EGO_INSTANCE));
+}
+
+/// The triangles of a scene as the ego sees them a share of the way to the next frame.
+fn soup_between(scene: &Scene, frame: usize, share: f64) -> TriangleSoup {
+    let mut soup = TriangleSoup::default();
+    let ego_from_world = scene.ego_glide(frame).at(share).inverse();
+    for part in 0..scene.part_count() {
+        let own = scene.part(part);
+        let mut world_from_part = match part {
+            0 => Pose::IDENTITY,
+            part if part + 1 == scene.part_count() => scene.ego_glide(frame).at(share),
+            part => scene.actor_glide(part - 1, frame).at(share),
+        };
+        world_from_part.translation = world_from_part.apply(scene.part_origin(part));
+        let pose = ego_from_world.compose(&world_from_part);
+        let base = soup.vertices.len() as u32;
+        let moved = own.vertices.iter().map(|v| pose.apply(DVec3::from(v.map(f64::from))));
+        soup.vertices.extend(moved.map(|v| v.as_vec3().to_array()));
+        soup.faces.extend(own.faces.iter().map(|face| face.map(|v| v + base)));
+        soup.face_class.extend(own.face_class);
+    }
+    soup
+}
+
+#[test]
+fn each_column_meets_the_world_as_it_is_when_it_fires() {
+    let scene = scene(STREET, SPINNING, EXACT);
+    let scans = scan(&scene, &poses(), &Scanning::default());
+    let table = scene.sensors().unwrap().table(0).clone();
+    let (mut moved, mut compared) = (0, 0);
+    for (frame, scan) in scans.iter().enumerate() {
+        for column in (0..90).step_by(7) {
+            // 8 turns and 5 frames a second.
+            let share = f64::from(column) / 90.0 * 5.0 / 8.0;
+            let bvh = Bvh::build(&soup_between(&scene, frame, share), 60.0);
+            let start_from_ego =
+                scene.ego_pose(frame).inverse().compose(&scene.ego_glide(frame).at(share));
+            for beam in scan.returns.iter().filter(|beam| beam.column == column as u32) {
+                let pose = poses()[usize::from(beam.lidar)].ego_from_sensor();
+                let direction =
+                    table.directions()[usize::from(beam.channel) * 90 + column as usize];
+                let direction = pose.rotation * DVec3::from(direction.map(f64::from));
+                let ray = Ray::new(pose.translation.as_vec3(), direction.as_vec3(), 60.0);
+                let hit = bvh.closest_hit_brute_force(&ray);
+                let time = column as f32 / 90.0 / 8.0;
+                assert!((beam.time - time).abs() < 1e-6);
+                // The ego body may be met at its edge by one and not by the other.
+                if beam.status != Status::Hit || !hit.is_hit() {
+                    assert_eq!(beam.status == Status::Hit, hit.is_hit(), "{beam:?} {hit:?}");
+                    continue;
+                }
+                assert!((beam.range - hit.t).abs() < 2e-3, "{beam:?} {hit:?}");
+                let place = pose.translation + direction * f64::from(beam.range);
+                let expected = start_from_ego.apply(place).as_vec3();
+                assert!((Vec3::from(beam.position) - expected).length() < 1e-3);
+                assert!((Vec3::from(beam.raw) - place.as_vec3()).length() < 1e-3);
+                moved += u32::from((place.as_vec3() - expected).length() > 0.1);
+                compared += 1;
+            }
+        }
+    }
+    assert!(compared > 400 && moved > 100, "{compared} {moved}");
+}
+
+#[test]
+fn a_wall_shears_by_the_way_driven_and_stands_straight_once_that_is_made_up_for() {
+    // 5 frames a second, 3 m a frame: 15 m/s.
+    let things = r#""static": [{ "class": "wall", "box": { "min": [30, -40, -5], "max": [31, 40, 20] } }],
+        "ego": { "route": { "points": [[0, 0], [100, 0]], "spacing": 3 } }"#;
+    let lidar = r#"{ "channels": 2, "fov": [-1, 1], "azimuth_steps": 400, "range": 60 }"#;
+    let scene = scene(
+        things,
+        lidar,
+        r#"{ "divergence": [0, 0], "noise": 0, "rated_range": 10000, "rate": 10 }"#,
+    );
+    let scans = scan(&scene, &[SensorPose::at(0.0, 0.0, 2.0)], &Scanning::default());
+    let mut wall = 0;
+    for beam in scans[0].points() {
+        assert!((beam.position[0] - 30.0).abs() < 1e-4, "{beam:?}");
+        let sheared = 30.0 - 15.0 * beam.time;
+        assert!((beam.raw[0] - sheared).abs() < 1e-4, "{beam:?}");
+        wall += 1;
+    }
+    assert!(wall > 200);
+    // The last column fires almost a tenth of a second after the first.
+    let latest = scans[0].points().map(|beam| beam.time).fold(0.0, f32::max);
+    assert!(latest > 0.098, "{latest}");
+}
+
+#[test]
+fn boxes_follow_the_actors_and_count_their_points() {
+    let scene = scene(STREET, SPINNING, EXACT);
+    let scans = scan(&scene, &poses(), &ideal());
+    for scan in &scans {
+        assert_eq!(scan.boxes.len(), 3);
+        for tracked in &scan.boxes {
+            let own = scan.points().filter(|beam| beam.instance == tracked.instance).count();
+            // Points on the faces may be rounded out of the box, by less than a micrometre.
+            let grown = tracked.size / 2.0 + 1e-4;
+            let inside = scan.points().filter(|beam| {
+                let p = DVec3::from(beam.position.map(f64::from));
+                tracked.ego_from_box.inverse().apply(p).abs().cmple(grown).all()
+            });
+            assert!(inside.count() >= own);
+            assert!(usize::try_from(tracked.points).unwrap() <= scan.returns.len());
+        }
+    }
+    let car = |frame: usize| &scans[frame].boxes[0];
+    assert_eq!((car(0).name.as_str(), car(0).kind.name()), ("car", "car"));
+    assert_eq!(scans[0].boxes[1].kind.name(), "truck");
+    assert_eq!(scans[0].boxes[2].kind.name(), "pedestrian");
+    assert!((car(0).velocity - DVec3::new(-12.5, 0.0, 0.0)).length() < 1e-9);
+    assert!((car(0).size - DVec3::new(4.2, 1.8, 1.4)).length() < 1e-9);
+    let center = scene.ego_pose(1).apply(car(1).ego_from_box.translation);
+    assert!((center - DVec3::new(17.5, 2.5, 0.9)).length() < 1e-9, "{center}");
+}
+
+#[test]
+fn the_same_bytes_on_any_number_of_threads_and_in_any_order_of_frames() {
+    let scene = scene(STREET, SPINNING, "{}");
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| bits(&scan(&scene, &poses(), &Scanning::default())))
+    };
+    assert_eq!(on(1), on(3));
+    let placement = placement(&poses());
+    let scanner = Scanner::new(&scene, &placement, &Scanning::default()).unwrap();
+    let mut backwards: Vec<_> = (0..3).rev().map(|frame| scanner.scan(frame)).collect();
+    backwards.reverse();
+    assert_eq!(bits(&backwards), on(1));
+    let other = Scanning { seed: 1, ..Scanning::default() };
+    assert_ne!(bits(&scan(&scene, &poses(), &other)), on(1));
+}
+
+#[test]
+fn beams_one_by_one_and_in_bundles_give_the_bits_of_the_reference() {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let mut soup = TriangleSoup::default();
+    for _ in 0..700 {
+        let at = Vec3::from([0; 3].map(|_| rng.random_range(-20.0..20.0)));
+        let corner = |rng: &mut ChaCha8Rng| {
+            (at + Vec3::from([0; 3].map(|_| rng.random_range(-2.0..2.0)))).to_array()
+        };
+        let base = soup.vertices.len() as u32;
+        soup.vertices.extend([corner(&mut rng), corner(&mut rng), corner(&mut rng)]);
+        soup.faces.push([base, base + 1, base + 2]);
+        soup.face_class.push(0);
+    }
+    let bvh = Bvh::build(&soup, 60.0);
+    let mut left = crate::cast::Left::new();
+    let mut hits_seen = 0;
+    for _ in 0..400 {
+        let turn = [0; 3].map(|_| rng.random_range(-3.0..3.0));
+        let at = DVec3::from([0; 3].map(|_| rng.random_range(-15.0..15.0)));
+        let pose = Pose::new(at, turn[0], turn[1], turn[2]);
+        let part = crate::cast::Part {
+            bvh: &bvh,
+            pose: crate::problem::DevicePose::from(&pose),
+            first_prim: 7,
+        };
+        let directions: [[f32; 3]; 9] = std::array::from_fn(|k| {
+            let off = if k == 0 { [0.0; 2] } else { [0; 2].map(|_| rng.random_range(-0.02..0.02)) };
+            Vec3::new(1.0, off[0], off[1]).normalize().to_array()
+        });
+        let reference = directions.map(|direction| {
+            let origin = crate::problem::beam_origin(&part.pose);
+            let direction = crate::problem::beam_direction(&part.pose, direction);
+            let hit = bvh.closest_hit_brute_force(&Ray::new(origin, direction, 40.0));
+            if hit.is_hit() { crate::bvh::Hit { prim: hit.prim + 7, ..hit } } else { hit }
+        });
+        let mut single = [crate::bvh::Hit::none(40.0); 9];
+        let mut bundle = single;
+        crate::cast::closer_hits_of_beams(&[part], directions.into_iter(), &mut single, &mut left);
+        crate::cast::closer_hits_of_bundle(&[part], &directions, 0.04, &mut bundle, &mut left);
+        assert_eq!(single, reference);
+        assert_eq!(bundle, reference);
+        hits_seen += reference.iter().filter(|hit| hit.is_hit()).count();
+    }
+    assert!(hits_seen > 500, "{hits_seen}");
+}
