@@ -16,6 +16,7 @@ const ORDER: [&str; 25] = [
     "vehicle",
     "rig",
     "scene",
+    "worlds",
     "psog",
     "bvh",
     "problem",
@@ -37,7 +38,7 @@ const ORDER: [&str; 25] = [
 ];
 
 /// Foreign crates and the files that may name them, by the start of their names.
-const FOREIGN: [(&str, &[&str]); 11] = [
+const FOREIGN: [(&str, &[&str]); 12] = [
     ("wgpu", &["engine/gpu/"]),
     ("clap", &["cli/"]),
     ("indicatif", &["cli/"]),
@@ -46,10 +47,23 @@ const FOREIGN: [(&str, &[&str]); 11] = [
     ("tobj", &["mesh/"]),
     ("ply_rs_bw", &["mesh/"]),
     ("roxmltree", &["rig/"]),
+    ("xodr", &["worlds/"]),
     ("npyz", &["psog/", "files/"]),
     ("serde_yaml_ng", &["json/"]),
     // Where files are read and written.
-    ("serde_json", &["json/", "files/", "vehicle/", "rig/", "score/mod.rs", "report/", "cli/"]),
+    (
+        "serde_json",
+        &[
+            "json/",
+            "files/",
+            "vehicle/",
+            "rig/",
+            "worlds/scene_file.rs",
+            "score/mod.rs",
+            "report/",
+            "cli/",
+        ],
+    ),
 ];
 
 fn module(source: &str) -> &str {
