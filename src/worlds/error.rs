@@ -45,17 +45,20 @@ pub enum WorldError {
         /// Metres of the longest way tried.
         longest: f64,
     },
-    /// More lanes than a world can hold.
+    /// More than a world can hold.
     #[error(
-        "{file}: its lanes have {points} points, a world holds {most}; cut a region out of the map"
+        "{file}: the {what} are {value}, a world holds at most {most}; cut a region out of the map, \
+         and move it to the origin"
     )]
     TooLarge {
         /// Name of the file.
         file: String,
-        /// Points of all lanes, or bytes of the file.
-        points: usize,
+        /// What there is too much of.
+        what: &'static str,
+        /// How much there is.
+        value: f64,
         /// The limit.
-        most: usize,
+        most: f64,
     },
     /// A file larger than any map.
     #[error("{file}: is larger than {most} MiB; cut a region out of the map")]

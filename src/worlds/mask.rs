@@ -64,6 +64,16 @@ impl Mask {
         }
     }
 
+    /// As [`Mask::fill`], for a quad whose sides from its first and last corner are long: in pieces.
+    pub fn fill_long(&mut self, [a, b, c, d]: [DVec3; 4], bits: u8) {
+        let length = (b - a).length().max((c - d).length());
+        let pieces = (length / 4.0).ceil().clamp(1.0, 1e5) as u32;
+        for k in 0..pieces {
+            let [u, v] = [k, k + 1].map(|k| f64::from(k) / f64::from(pieces));
+            self.fill([a.lerp(b, u), a.lerp(b, v), d.lerp(c, v), d.lerp(c, u)], bits);
+        }
+    }
+
     /// Whether a rectangle (middle, unit direction, half sizes) touches a cell with one of `bits`.
     pub fn touches(&self, middle: DVec2, ahead: DVec2, half: DVec2, bits: u8) -> bool {
         // Half a cell's diagonal more, so that no marked cell lies between two that are looked at.

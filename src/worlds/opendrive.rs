@@ -14,8 +14,15 @@ use super::network::{KERB, Lane, Network, Post, Street, Strip, Use};
 
 /// Largest file in bytes.
 pub(crate) const MAX_FILE: u64 = 128 << 20;
-/// Most points of lanes: a town of a thousand kilometres.
-const MAX_POINTS: usize = 4_000_000;
+/// Most points of lanes and paint.
+const MAX_POINTS: usize = 8_000_000;
+/// Most metres of road, and widest lane: what a town may have, with trees and houses along all of it.
+const MAX_LENGTH: f64 = 60_000.0;
+const MAX_WIDTH: f64 = 60.0;
+/// Farthest coordinate: beyond it the reader's `f32` is coarser than a centimetre.
+const MAX_FAR: f64 = 1e5;
+/// Most signs and lights that are taken over.
+const MAX_POSTS: usize = 20_000;
 
 /// Edges of a lane in the direction of its road, left and right.
 struct Ribbon {
@@ -32,10 +39,7 @@ pub(crate) fn network(text: &str, file: &str) -> Result<Network, WorldError> {
         WorldError::OpenDrive { file: file.to_owned(), source: Box::new(source) }
     })?;
     let permanent = |l: &&xodr::Lane| l.layer == Layer::Permanent;
-    let points: usize = roads.lanes().iter().map(|l| l.center.points().len()).sum();
-    if points > MAX_POINTS {
-        return Err(WorldError::TooLarge { file: file.to_owned(), points, most: MAX_POINTS });
-    }
+    check(&roads, file)?;
     let mut network = Network::default();
     let mut lane_of: BTreeMap<usize, usize> = BTreeMap::new();
     for lane in roads.lanes().iter().filter(permanent) {
@@ -59,8 +63,40 @@ pub(crate) fn network(text: &str, file: &str) -> Result<Network, WorldError> {
     network.streets = streets(&roads);
     let pieces = roads.road_marks().iter().flat_map(|m| &m.lines).flat_map(|l| &l.pieces);
     network.marks = pieces.map(|q| q.map(|p| point(p) + DVec3::Z * super::network::MARK)).collect();
-    network.posts = roads.signals().iter().map(post).collect();
+    network.posts = roads.signals().iter().take(MAX_POSTS).map(post).collect();
     Ok(network)
+}
+
+/// Refuses what a world cannot hold before it is made.
+fn check(roads: &RoadNetwork, file: &str) -> Result<(), WorldError> {
+    let large = |what, value: f64, most: f64| WorldError::TooLarge {
+        file: file.to_owned(),
+        what,
+        value: value.round(),
+        most,
+    };
+    let lanes = roads.lanes();
+    let painted = roads.road_marks().iter().flat_map(|m| &m.lines).map(|l| 4 * l.pieces.len());
+    let points = lanes.iter().map(|l| l.center.points().len()).chain(painted).sum::<usize>();
+    if points > MAX_POINTS {
+        return Err(large("points of its lanes", points as f64, MAX_POINTS as f64));
+    }
+    let length: f64 = roads.roads().iter().map(|r| r.length()).sum();
+    if length > MAX_LENGTH {
+        return Err(large("metres of its roads", length, MAX_LENGTH));
+    }
+    let widths = lanes.iter().flat_map(|l| l.widths.iter().chain([&l.width]));
+    let width = widths.fold(0.0, |most: f64, w| most.max(f64::from(*w)));
+    if width > MAX_WIDTH {
+        return Err(large("metres of its widest lane", width, MAX_WIDTH));
+    }
+    let points = lanes.iter().flat_map(|l| l.center.points());
+    let far =
+        points.flat_map(|p| p.to_array()).fold(0.0, |most: f64, v| most.max(f64::from(v.abs())));
+    if far > MAX_FAR {
+        return Err(large("metres of its farthest coordinate from 0", far, MAX_FAR));
+    }
+    Ok(())
 }
 
 fn point(p: Point) -> DVec3 {

@@ -212,7 +212,7 @@ impl Settings<'_> {
         let inset = rng.random_range(0.35..(street.walks[side] - 1.4).max(0.45));
         let line = Line::new(edge.offset(inward * inset));
         let line = if rng.random_bool(0.5) { line } else { line.reversed() };
-        let from = rng.random_range(0.0..line.length());
+        let from = rng.random_range(0.0..1.0) * line.length();
         if near(line.at(from)) {
             self.walk(people, model, &line, from, rng, KERB);
         }

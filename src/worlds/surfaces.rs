@@ -22,7 +22,7 @@ pub(crate) fn draw(network: &Network, model: &mut Model, open: u16) -> (Mask, Te
     let mut mask = Mask::default();
     for strip in &network.strips {
         if matches!(strip.used, Use::Road | Use::Rail) {
-            quads(strip).for_each(|q| mask.fill(q, ROAD));
+            quads(strip).for_each(|q| mask.fill_long(q, ROAD));
         }
     }
     let walked = |strip: &&Strip| strip.used == Use::Walk;
@@ -48,7 +48,7 @@ pub(crate) fn draw(network: &Network, model: &mut Model, open: u16) -> (Mask, Te
                 continue;
             }
             model.quad(q, class::SIDEWALK);
-            walks.fill(q, WALK);
+            walks.fill_long(q, WALK);
             for [a, b] in [[q[0], q[1]], [q[3], q[2]]] {
                 let down = DVec3::Z * SKIRT;
                 model.quad([a, b, b - down, a - down], class::SIDEWALK);

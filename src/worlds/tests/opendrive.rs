@@ -1,0 +1,102 @@
+//! OpenDRIVE: a small map by hand, maps that are none, and a real town where it lies beside the project.
+
+use std::io::Read;
+use std::path::Path;
+
+use super::*;
+use crate::worlds::{WorldError, import_opendrive, read_opendrive};
+
+const FORK: &str = include_str!("../../../tests/data/fork.xodr");
+
+/// Middles of lanes of the map by hand, computed from its lines and arcs: x, y, height.
+fn middles() -> Vec<DVec3> {
+    let mut places = Vec::new();
+    for k in 1..12 {
+        // Road 1: along x, rising by 2 %, lanes of 3.5 m.
+        let s = 10.0 * f64::from(k);
+        places.extend([-1.75, 1.75].map(|t| DVec3::new(s, t, 0.02 * s)));
+        // Road 3: the same on the level.
+        places.extend([-1.75, 1.75].map(|t| DVec3::new(140.0 + s, t, 2.4)));
+        // Road 11: an arc of radius 20 to the left about (120, 20), one lane to the right.
+        let angle = 1.0 * f64::from(k) / 12.0;
+        let radius = 20.0 + 1.75;
+        places.push(DVec3::new(120.0 + radius * angle.sin(), 20.0 - radius * angle.cos(), 2.4));
+    }
+    places
+}
+
+#[test]
+fn lanes_of_a_map_lie_where_its_lines_and_arcs_say() {
+    let world = import_opendrive(FORK, "fork.xodr", 1, 20).unwrap();
+    let places = middles();
+    let raised: Vec<DVec3> = places.iter().map(|p| *p + DVec3::Z * 0.3).collect();
+    for (place, found) in places.iter().zip(below(&world, &raised)) {
+        let (class, z) = found.unwrap();
+        assert!(["road", "road_line"].contains(&class), "{class} at {place}");
+        assert!((z - place.z).abs() < 0.02, "{z} at {place}");
+    }
+    let scene = read_back(&world);
+    ego_stands_on_the_road(&world, &scene, 0.05, "fork");
+    nobody_runs_into_another(&scene, "fork");
+    nothing_stands_on_the_road(&world, "fork");
+    let walk = below(&world, &[DVec3::new(60.0, 4.5, 2.0)])[0].unwrap();
+    assert_eq!(walk.0, "sidewalk");
+    assert!((walk.1 - (1.2 + 0.13)).abs() < 0.01, "{walk:?}");
+}
+
+#[test]
+fn a_map_without_what_a_world_needs_is_refused_with_a_sentence() {
+    let told = |text: &str| import_opendrive(text, "m.xodr", 1, 40).unwrap_err().to_string();
+    let cases = [
+        ("", "m.xodr: invalid OpenDRIVE XML"),
+        ("<OpenDRIVE><road", "m.xodr: invalid OpenDRIVE XML"),
+        ("<OpenDRIVE></OpenDRIVE>", "at least one road"),
+        (&FORK.replace("\"driving\"", "\"sidewalk\""), "no lane of the type `driving`"),
+        (&FORK.replace("a=\"3.5\"", "a=\"350\""), "metres of its widest lane are 350"),
+        (&FORK.replace("x=\"140\"", "x=\"4e6\""), "farthest coordinate"),
+        (&FORK.replace("length=\"120\"", "length=\"90000\""), "metres of its roads"),
+    ];
+    for (text, expected) in cases {
+        let told = told(text);
+        assert!(told.contains(expected), "{told}");
+        assert_eq!(told.lines().count(), 1, "{told}");
+    }
+    let short = FORK.replace("length=\"120\"", "length=\"9\"");
+    let error = import_opendrive(&short, "m.xodr", 1, 1000).unwrap_err();
+    assert!(matches!(error, WorldError::NoWay { .. }), "{error}");
+    // A number that is none leaves its road out, not the map.
+    let nan = FORK.replace("x=\"140\"", "x=\"NaN\"");
+    assert!(import_opendrive(&nan, "m.xodr", 1, 10).is_ok());
+}
+
+#[test]
+fn a_file_that_is_no_text_says_what_to_do() {
+    let dir = TempDir::new().unwrap();
+    let told = |name: &str, bytes: &[u8]| {
+        std::fs::write(dir.path().join(name), bytes).unwrap();
+        read_opendrive(&dir.path().join(name)).unwrap_err().to_string()
+    };
+    assert!(told("a.xodr.gz", &[0x1f, 0x8b, 8, 0]).contains("gunzip"));
+    assert!(told("b.xodr", &[0xff, 0xfe, 0x00]).contains("UTF-8"));
+    let missing = read_opendrive(&dir.path().join("none.xodr")).unwrap_err().to_string();
+    assert!(missing.contains("none.xodr"), "{missing}");
+}
+
+#[test]
+fn a_real_town_is_driven_through() {
+    let file = "../shared/data/xodr/carla/Town01.xodr.gz";
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(file);
+    let Ok(packed) = std::fs::File::open(&path) else {
+        eprintln!("{file} is not here: the real town is left out");
+        return;
+    };
+    let mut text = String::new();
+    flate2::read::GzDecoder::new(packed).read_to_string(&mut text).unwrap();
+    let world = import_opendrive(&text, "Town01.xodr", 1, 40).unwrap();
+    assert_eq!(world.lanes().count(), text.matches("type=\"driving\"").count());
+    assert!(world.mesh().faces.len() < 1_000_000);
+    let scene = read_back(&world);
+    ego_stands_on_the_road(&world, &scene, 0.1, "Town01");
+    nobody_runs_into_another(&scene, "Town01");
+    nothing_stands_on_the_road(&world, "Town01");
+}
