@@ -12,6 +12,7 @@ use sightline::rig::{ImportSettings, Mounting, RigFormat, Source, export, import
 use sightline::scene::{EgoBody, Scene};
 use sightline::vehicle::read_placements;
 use sightline::vehicle::sensor_file::{self as sensors, Beams};
+use sightline::worlds::{import_opendrive, read_opendrive};
 
 /// Triangles up to which the frames of an accepted scene are looked at.
 const MAX_FACES: usize = 200_000;
@@ -25,7 +26,7 @@ pub struct Reader {
 }
 
 /// All readers of outside bytes.
-pub const READERS: [Reader; 20] = [
+pub const READERS: [Reader; 21] = [
     Reader { name: "scene_json", read: scene_json },
     Reader { name: "sensor_file", read: sensor_file },
     Reader { name: "vehicle_json", read: vehicle_json },
@@ -46,6 +47,7 @@ pub const READERS: [Reader; 20] = [
     Reader { name: "rig_carla", read: rig_carla },
     Reader { name: "rig_objects", read: rig_objects },
     Reader { name: "rig_json", read: rig_json },
+    Reader { name: "map_xodr", read: map_xodr },
 ];
 
 /// A folder for the readers' files: in memory where there is such a place, since a file system on disk
@@ -138,6 +140,19 @@ pub fn mesh_ply(folder: &Path, bytes: &[u8]) {
 pub fn mesh_gltf(folder: &Path, bytes: &[u8]) {
     put(folder, "beside.bin", &[0; 64]);
     check_mesh(folder, "mesh.gltf", bytes);
+}
+
+/// A map in OpenDRIVE, made into a world of two frames; its scene reads back.
+pub fn map_xodr(folder: &Path, bytes: &[u8]) {
+    put(folder, "map.xodr", bytes);
+    let Ok(text) = said(read_opendrive(&folder.join("map.xodr"))) else { return };
+    let Ok(world) = said(import_opendrive(&text, "map.xodr", 1, 2)) else { return };
+    let mut scene = world.scene("map", "map.ply");
+    // The mesh has a reader of its own.
+    scene["static"] = serde_json::Value::Array(Vec::new());
+    let read = Scene::from_json(&scene.to_string(), folder, "scene.json");
+    assert!(read.is_ok(), "{read:?}");
+    assert!(world.mesh().vertices.iter().flatten().all(|v| v.is_finite()));
 }
 
 /// A rig in Autoware's YAML, or PandaSet's.

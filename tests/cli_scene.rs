@@ -8,7 +8,7 @@ use tempfile::TempDir;
 use crate::cli::{fails, ok, sightline};
 
 fn generate(dir: &TempDir, file: &str, seed: &str) {
-    let args = ["scene", "--triangles", "5000", "--frames", "2", "--seed", seed, "--out", file];
+    let args = ["scene", "new", "--triangles", "5000", "--frames", "2", "--seed", seed, "--out", file];
     let output = sightline(dir.path(), &args);
     assert!(output.status.success() && output.stdout.is_empty(), "{output:?}");
 }
@@ -36,9 +36,48 @@ fn a_generated_street_can_be_cast_into() {
 #[test]
 fn a_street_that_cannot_be_made_is_refused() {
     let dir = TempDir::new().unwrap();
-    let error = fails(dir.path(), &["scene", "--triangles", "10", "--out", "x.json"]);
+    let error = fails(dir.path(), &["scene", "new", "--triangles", "10", "--out", "x.json"]);
     assert!(error.contains("--triangles") && error.contains("4000"), "{error}");
-    let error = fails(dir.path(), &["scene", "--out", "x.ply"]);
+    let error = fails(dir.path(), &["scene", "new", "--out", "x.ply"]);
     assert!(error.contains("ending .json"), "{error}");
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_world_is_made_and_its_contents_counted() {
+    let dir = TempDir::new().unwrap();
+    for kind in ["yard", "residential"] {
+        let file = format!("{kind}.json");
+        let args = ["scene", "new", "--kind", kind, "--frames", "2", "--out", &file];
+        let output = sightline(dir.path(), &args);
+        assert!(output.status.success() && output.stdout.is_empty(), "{output:?}");
+    }
+    let facts = ok(dir.path(), &["scene", "info", "yard.json", "residential.json"]);
+    let [yard, residential] = [&facts[0], &facts[1]];
+    assert_eq!((&yard["name"], &yard["frames"]), (&json!("yard"), &json!(2)));
+    assert!(yard["actors"]["truck"].as_u64().unwrap() > 0, "{yard}");
+    assert!(residential["actors"]["car"].as_u64().unwrap() > 0, "{residential}");
+    assert!(yard["voxel_share"]["ground"].as_f64().unwrap() > 1.0, "{yard}");
+    let hits: f64 =
+        yard["hits_by_range"].as_array().unwrap().iter().map(|h| h.as_f64().unwrap()).sum();
+    assert!((hits - 100.0).abs() < 1e-6, "{yard}");
+}
+
+#[test]
+fn a_map_is_imported_or_refused() {
+    let dir = TempDir::new().unwrap();
+    let map = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/fork.xodr");
+    fs::copy(map, dir.path().join("fork.xodr")).unwrap();
+    let args = ["scene", "import", "fork.xodr", "--frames", "3", "--out", "fork.json"];
+    let output = sightline(dir.path(), &args);
+    assert!(output.status.success() && output.stdout.is_empty(), "{output:?}");
+    assert!(dir.path().join("fork.ply").is_file());
+    let facts = ok(dir.path(), &["scene", "info", "fork.json"]);
+    assert!(facts[0]["voxel_share"]["sidewalk"].as_f64().unwrap() > 0.1, "{facts}");
+    let import = |file: &str| fails(dir.path(), &["scene", "import", file, "--out", "x.json"]);
+    assert!(import("none.xodr").contains("none.xodr"));
+    assert!(import("fork.json").contains("OpenDRIVE"));
+    fs::write(dir.path().join("a.xodr.gz"), [0x1f, 0x8b, 8]).unwrap();
+    assert!(import("a.xodr.gz").contains("gunzip"));
+    assert!(!dir.path().join("x.json").exists());
 }

@@ -36,6 +36,8 @@ const BASE: usize = 1 << 20;
 const PER_BYTE: usize = 2000;
 /// Memory for each thing that a count in a scene asks for, in bytes: a box and where it stands.
 const PER_COUNT: usize = 4096;
+/// Memory that a world may take, however small its map: see the limits in `src/worlds/opendrive.rs`.
+const WORLD: usize = 1 << 30;
 /// Largest count in a scene that is taken as one.
 const LARGEST_COUNT: f64 = 100_000.0;
 /// An input that takes longer hangs.
@@ -63,7 +65,9 @@ fn allowed(reader: &Reader, bytes: &[u8]) -> usize {
     } else {
         0.0
     };
-    BASE + PER_BYTE * bytes.len() + PER_COUNT * counts as usize
+    // Terrain, trees and houses stand along whatever roads a map has.
+    let world = if reader.name == "map_xodr" { WORLD } else { 0 };
+    BASE + PER_BYTE * bytes.len() + PER_COUNT * counts as usize + world
 }
 
 /// Ends the process when one input takes too long: a test that hangs tells nothing.

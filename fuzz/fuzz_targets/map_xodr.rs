@@ -1,0 +1,5 @@
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    sightline_fuzz::readers::map_xodr(sightline_fuzz::folder(), bytes);
+});
