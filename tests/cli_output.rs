@@ -120,6 +120,7 @@ fn numbers_below_0_reach_the_options() {
 #[test]
 fn a_street_is_not_written_where_its_mesh_cannot_stand_beside_it() {
     let dir = corridor();
-    let message = fails(dir.path(), &["scene", "new", "--triangles", "20000", "--out", "/dev/stdout"]);
+    let message =
+        fails(dir.path(), &["scene", "new", "--triangles", "20000", "--out", "/dev/stdout"]);
     assert!(message.contains("/dev/stdout: is no regular file"), "{message}");
 }

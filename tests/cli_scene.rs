@@ -8,7 +8,8 @@ use tempfile::TempDir;
 use crate::cli::{fails, ok, sightline};
 
 fn generate(dir: &TempDir, file: &str, seed: &str) {
-    let args = ["scene", "new", "--triangles", "5000", "--frames", "2", "--seed", seed, "--out", file];
+    let args =
+        ["scene", "new", "--triangles", "5000", "--frames", "2", "--seed", seed, "--out", file];
     let output = sightline(dir.path(), &args);
     assert!(output.status.success() && output.stdout.is_empty(), "{output:?}");
 }

@@ -222,10 +222,10 @@ fn town(rng: &mut ChaCha8Rng) -> Plan {
     let (xs, ys) = (widths(columns), widths(rows));
     let mut plan = Plan::default();
     let mut nodes = Vec::new();
-    for i in 0..=columns + 1 {
-        for j in 0..=rows + 1 {
+    for x in &xs {
+        for y in &ys {
             let shift = DVec2::new(rng.random_range(-9.0..9.0), rng.random_range(-9.0..9.0));
-            nodes.push(plan.node(DVec2::new(xs[i], ys[j]) + shift));
+            nodes.push(plan.node(DVec2::new(*x, *y) + shift));
         }
     }
     let id = |i: usize, j: usize| nodes[i * (rows + 2) + j];

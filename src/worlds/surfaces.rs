@@ -70,11 +70,11 @@ fn quads(strip: &Strip) -> impl Iterator<Item = [DVec3; 4]> {
     pairs.map(|(l, r)| [l[0], l[1], r[1], r[0]])
 }
 
-/// Points of both edges, at most `step` metres apart.
+/// Points of both edges and between them, at most `step` metres apart.
 fn samples(strip: &Strip, step: f64) -> impl Iterator<Item = DVec3> {
-    let pairs = strip.left.windows(2).chain(strip.right.windows(2));
-    pairs.flat_map(move |pair| {
-        let (a, b) = (pair[0], pair[1]);
+    let along = strip.left.windows(2).chain(strip.right.windows(2)).map(|p| (p[0], p[1]));
+    let across = strip.left.iter().copied().zip(strip.right.iter().copied());
+    along.chain(across).flat_map(move |(a, b)| {
         let pieces = ((b - a).length() / step).ceil().clamp(1.0, 1e4) as u32;
         (0..=pieces).map(move |k| a.lerp(b, f64::from(k) / f64::from(pieces)))
     })
@@ -154,7 +154,6 @@ impl Terrain {
 }
 
 /// Known heights as they are, a little lower; between them those of their neighbours, smoothed.
-
 fn blended(below: &[f64], [n, m]: [usize; 2]) -> Vec<f64> {
     let around = |k: usize| {
         let (i, j) = (k / m, k % m);

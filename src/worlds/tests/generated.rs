@@ -106,27 +106,20 @@ fn every_kind_has_its_classes_and_its_ego_drives_on_the_road() {
 }
 
 #[test]
-fn nobody_runs_into_another_and_nothing_stands_on_the_road_of_any_kind() {
+fn traffic_moves_without_a_touch_and_nothing_stands_on_the_road() {
     each(|kind, seed, world| {
         let name = format!("{} {seed}", kind.name());
         let scene = read_back(&world);
         let kinds: BTreeSet<&str> = scene.tracks().iter().map(|t| t.kind.name()).collect();
         assert!(kinds.len() >= 2, "{name}: only {kinds:?}");
-        nobody_runs_into_another(&scene, &name);
-        nothing_stands_on_the_road(&world, &name);
-    });
-}
-
-#[test]
-fn traffic_moves() {
-    each(|kind, seed, world| {
-        let scene = read_back(&world);
         let moves = (0..scene.tracks().len()).filter(|&a| {
             let [first, last] = [0, 39].map(|t| scene.world_from_actor(a, t, 0.0).translation);
             first.distance(last) > 1.0
         });
         let moving = moves.count();
-        assert!(moving >= 3, "{} {seed}: {moving} of {} move", kind.name(), world.actors());
+        assert!(moving >= 3, "{name}: {moving} of {} move", world.actors());
+        nobody_runs_into_another(&scene, &name);
+        nothing_stands_on_the_road(&world, &name);
     });
 }
 

@@ -35,7 +35,7 @@ fn height_over([a, b, c]: [DVec3; 3], p: DVec2) -> Option<f64> {
     let u = (b - p.extend(0.0)).truncate().perp_dot((c - p.extend(0.0)).truncate()) / area;
     let v = (c - p.extend(0.0)).truncate().perp_dot((a - p.extend(0.0)).truncate()) / area;
     let inside = u >= -1e-9 && v >= -1e-9 && u + v <= 1.0 + 1e-9;
-    inside.then(|| a.z * u + b.z * v + c.z * (1.0 - u - v))
+    inside.then_some(a.z * u + b.z * v + c.z * (1.0 - u - v))
 }
 
 /// Class and height of the first surface below each place, by trying every triangle.
