@@ -114,7 +114,7 @@ fn hits(problem: Problem, classes: &[u16], frames: usize) -> Result<(f64, [f64; 
     let (mut beams, mut count) = (0, [0_usize; 5]);
     for t in 0..frames {
         let problem = problem.over(&[t]);
-        let columns = BeamHits::of(&[placement.clone()], &problem, classes, |poses| {
+        let columns = BeamHits::of(std::slice::from_ref(&placement), &problem, classes, |poses| {
             evaluator.backend_mut().hits(poses, t)
         })?;
         beams += columns.beams();
