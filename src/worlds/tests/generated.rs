@@ -113,7 +113,7 @@ fn traffic_moves_without_a_touch_and_nothing_stands_on_the_road() {
         let kinds: BTreeSet<&str> = scene.tracks().iter().map(|t| t.kind.name()).collect();
         assert!(kinds.len() >= 2, "{name}: only {kinds:?}");
         let moves = (0..scene.tracks().len()).filter(|&a| {
-            let [first, last] = [0, 39].map(|t| scene.world_from_actor(a, t, 0.0).translation);
+            let [first, last] = [0, 39].map(|t| scene.actor_glide(a, t).at(0.0).translation);
             first.distance(last) > 1.0
         });
         let moving = moves.count();

@@ -79,7 +79,7 @@ fn nobody_runs_into_another(scene: &Scene, name: &str) {
         scene.tracks().iter().map(|t| (t.size, t.center)).collect();
     sizes.push(ego);
     let poses = |t: usize| -> Vec<Pose> {
-        let actors = (0..sizes.len() - 1).map(|a| scene.world_from_actor(a, t, 0.0));
+        let actors = (0..sizes.len() - 1).map(|a| scene.actor_glide(a, t).at(0.0));
         actors.chain([scene.ego_pose(t)]).collect()
     };
     for t in 0..scene.frame_count() {

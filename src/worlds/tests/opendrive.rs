@@ -6,7 +6,11 @@ use std::path::Path;
 use super::*;
 use crate::worlds::{WorldError, import_opendrive, read_opendrive};
 
-const FORK: &str = include_str!("../../../tests/data/fork.xodr");
+/// A road that forks: two lines and two arcs, one of them rising.
+fn fork() -> String {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/fork.xodr");
+    std::fs::read_to_string(file).unwrap()
+}
 
 /// Middles of lanes of the map by hand, computed from its lines and arcs: x, y, height.
 fn middles() -> Vec<DVec3> {
@@ -27,7 +31,7 @@ fn middles() -> Vec<DVec3> {
 
 #[test]
 fn lanes_of_a_map_lie_where_its_lines_and_arcs_say() {
-    let world = import_opendrive(FORK, "fork.xodr", 1, 20).unwrap();
+    let world = import_opendrive(&fork(), "fork.xodr", 1, 20).unwrap();
     let places = middles();
     let raised: Vec<DVec3> = places.iter().map(|p| *p + DVec3::Z * 0.3).collect();
     for (place, found) in places.iter().zip(below(&world, &raised)) {
@@ -51,21 +55,21 @@ fn a_map_without_what_a_world_needs_is_refused_with_a_sentence() {
         ("", "m.xodr: invalid OpenDRIVE XML"),
         ("<OpenDRIVE><road", "m.xodr: invalid OpenDRIVE XML"),
         ("<OpenDRIVE></OpenDRIVE>", "at least one road"),
-        (&FORK.replace("\"driving\"", "\"sidewalk\""), "no lane of the type `driving`"),
-        (&FORK.replace("a=\"3.5\"", "a=\"350\""), "metres of its widest lane are 350"),
-        (&FORK.replace("x=\"140\"", "x=\"4e6\""), "farthest coordinate"),
-        (&FORK.replace("length=\"120\"", "length=\"90000\""), "metres of its roads"),
+        (&fork().replace("\"driving\"", "\"sidewalk\""), "no lane of the type `driving`"),
+        (&fork().replace("a=\"3.5\"", "a=\"350\""), "metres of its widest lane are 350"),
+        (&fork().replace("x=\"140\"", "x=\"4e6\""), "farthest coordinate"),
+        (&fork().replace("length=\"120\"", "length=\"90000\""), "metres of its roads"),
     ];
     for (text, expected) in cases {
         let told = told(text);
         assert!(told.contains(expected), "{told}");
         assert_eq!(told.lines().count(), 1, "{told}");
     }
-    let short = FORK.replace("length=\"120\"", "length=\"9\"");
+    let short = fork().replace("length=\"120\"", "length=\"9\"");
     let error = import_opendrive(&short, "m.xodr", 1, 1000).unwrap_err();
     assert!(matches!(error, WorldError::NoWay { .. }), "{error}");
     // A number that is none leaves its road out, not the map.
-    let nan = FORK.replace("x=\"140\"", "x=\"NaN\"");
+    let nan = fork().replace("x=\"140\"", "x=\"NaN\"");
     assert!(import_opendrive(&nan, "m.xodr", 1, 10).is_ok());
 }
 
