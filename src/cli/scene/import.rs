@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use sightline::worlds::{import_opendrive, read_opendrive};
 
-use super::Target;
+use super::target::Target;
 use crate::cli::args::{Talk, whole};
 use crate::cli::error::Error;
 

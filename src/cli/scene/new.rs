@@ -9,7 +9,7 @@ use sightline::internals::FEWEST_STREET_TRIANGLES;
 use sightline::scene::street;
 use sightline::worlds::{self, generate, mesh_shape};
 
-use super::Target;
+use super::target::Target;
 use crate::cli::args::{Talk, whole};
 use crate::cli::error::Error;
 

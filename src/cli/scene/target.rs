@@ -1,0 +1,67 @@
+//! The scene file that is written, and its mesh beside it.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+use sightline::geom::TriangleSoup;
+use sightline::internals::{FileError, is_sink, target, writable_file, write_whole};
+use sightline::worlds::write_ply;
+
+use crate::cli::args::Talk;
+use crate::cli::error::Error;
+
+/// A scene file to be written, with its mesh beside it.
+pub struct Target<'a> {
+    out: &'a Path,
+    mesh: PathBuf,
+}
+
+impl<'a> Target<'a> {
+    /// Checks that both files can be written where `inputs` are read.
+    pub fn new(out: &'a Path, inputs: Option<&Path>) -> Result<Self, Error> {
+        let mesh = out.with_extension("ply");
+        if mesh == out {
+            return Err(Error::Usage(format!(
+                "{}: is the name of the mesh; give the scene the ending .json",
+                out.display()
+            )));
+        }
+        if is_sink(&target(out)?) {
+            return Err(Error::Usage(format!(
+                "{}: is no regular file, and the mesh is to stand beside it; name a file",
+                out.display()
+            )));
+        }
+        writable_file(out, inputs)?;
+        Ok(Self { out, mesh })
+    }
+
+    /// Name of the scene: that of its file.
+    pub fn name(&self) -> String {
+        self.out.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
+    /// Name of the mesh as the scene has it.
+    pub fn mesh_name(&self) -> String {
+        self.mesh.file_name().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
+    /// Writes both and says so.
+    pub fn write(&self, soup: &TriangleSoup, scene: &Value, talk: Talk) -> Result<(), Error> {
+        let mesh = &self.mesh;
+        write_whole(mesh, |file| write_ply(soup, file).map_err(Error::io(mesh)))?;
+        write_whole(self.out, |file| {
+            serde_json::to_writer_pretty(&mut *file, scene)
+                .map_err(|source| FileError::Json { path: self.out.to_owned(), source })?;
+            file.write_all(b"\n").map_err(Error::io(self.out))
+        })?;
+        talk.note(format!(
+            "{} triangles in {}, scene in {}",
+            soup.faces.len(),
+            mesh.display(),
+            self.out.display()
+        ));
+        Ok(())
+    }
+}
