@@ -6,8 +6,8 @@
 use std::fs;
 use std::path::Path;
 
-use sightline::internals::KittiSequence;
-use sightline::psog::{KittiPsogOptions, Roi, build_kitti_psog, read_psog, write_psog};
+use sightline::datasets::{KittiSequence, PsogOptions, build_psog};
+use sightline::psog::{Roi, read_psog, write_psog};
 use sightline::rig::{ImportSettings, Mounting, RigFormat, Source, export, import_texts};
 use sightline::scene::{EgoBody, Scene};
 use sightline::vehicle::read_placements;
@@ -265,7 +265,7 @@ fn check_kitti(folder: &Path, bin: &[u8], label: &[u8], poses: &[u8], calib: &[u
     put(folder, "calib.txt", calib);
     let Ok(sequence) = said(KittiSequence::open(folder)) else { return };
     let roi = Roi::new([-8.0, -8.0, 0.0], [1.0; 3], [16, 16, 4]).expect("a valid grid");
-    let Ok((psog, report)) = said(build_kitti_psog(&sequence, &KittiPsogOptions::new(roi))) else {
+    let Ok((psog, report)) = said(build_psog(&[sequence], &PsogOptions::new(roi))) else {
         return;
     };
     assert_eq!((psog.frames(), report.frames), (1, 1));
