@@ -44,7 +44,7 @@ const THINGS: [(&str, &str, ActorKind); 9] = [
 
 impl CarlaTags {
     /// Names by number.
-    pub(super) fn names(self) -> &'static [&'static str] {
+    pub(in super::super) fn names(self) -> &'static [&'static str] {
         match self {
             Self::Until0913 => &UNTIL_0913,
             Self::Since0914 => &SINCE_0914,
