@@ -83,6 +83,7 @@ pub mod search;
 pub mod study;
 pub mod vehicle;
 pub mod verify;
+pub mod worlds;
 
 pub use engine::{EngineChoice, EngineKind};
 pub use error::Error;
