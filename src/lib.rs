@@ -40,6 +40,7 @@
 //! | [`vehicle`] | sensors, mount, placements and their rules |
 //! | [`rig`] | rigs in the formats of other programs |
 //! | [`scene`] | the scene file, meshes and primitives, one triangle soup a frame |
+//! | [`worlds`] | worlds by rule: generated, and on OpenDRIVE roads |
 //! | [`psog`] | region of interest, voxels, P-SOG, entropy |
 //! | `bvh` | bounding volume hierarchy, flat and wide |
 //! | [`problem`] | what is asked, ready to be computed |

@@ -54,7 +54,7 @@ impl World {
 }
 
 /// The shape that reads the mesh in `file` with the classes of its labels.
-pub(crate) fn mesh_shape(soup: &TriangleSoup, file: &str) -> Value {
+pub fn mesh_shape(soup: &TriangleSoup, file: &str) -> Value {
     let used: BTreeSet<u16> = soup.face_class.iter().copied().collect();
     let name = |c: u16| (c.to_string(), json!(DEFAULT_CLASSES[usize::from(c)]));
     let classes: serde_json::Map<String, Value> = used.into_iter().map(name).collect();
