@@ -54,8 +54,8 @@ impl Houses<'_> {
             let foot = edge.at(middle).truncate();
             let plot = Plot {
                 middle: foot + outward * (setback + 0.5 * depth),
-                // Counter-clockwise corners whose first two look at the street.
-                ahead: left_of(outward),
+                // Its left is away from the street, so that y = -1 is the front.
+                ahead: -left_of(outward),
                 half: DVec2::new(0.5 * width, 0.5 * depth),
             };
             let room = plot.half + DVec2::new(0.0, 0.5);

@@ -93,13 +93,30 @@ fn stub(
     profile: Profile,
     rng: &mut ChaCha8Rng,
 ) {
-    let bend = rng.random_range(-0.5..0.5);
     let at = plan.nodes[node];
-    let end = at + DVec2::from_angle(0.5 * bend).rotate(out) * length;
-    let into = DVec2::from_angle(bend).rotate(out);
-    let line = curve(at.extend(0.0), out, end.extend(0.0), into, STEP);
-    let end = plan.node(end);
-    plan.road(node, end, line, profile);
+    for shorter in [1.0, 0.85, 0.7, 0.6] {
+        let bend = rng.random_range(-0.5..0.5);
+        let end = at + DVec2::from_angle(0.5 * bend).rotate(out) * (length * shorter);
+        let into = DVec2::from_angle(bend).rotate(out);
+        let line = curve(at.extend(0.0), out, end.extend(0.0), into, STEP);
+        if clear(plan, &line) {
+            let end = plan.node(end);
+            plan.road(node, end, line, profile);
+            return;
+        }
+    }
+}
+
+/// Whether a line, but for its first metres, keeps away from all roads.
+fn clear(plan: &Plan, line: &Line) -> bool {
+    /// Metres of the line beside its own junction.
+    const START: f64 = 40.0;
+    /// Metres between the middles of two roads.
+    const APART: f64 = 32.0;
+    let start = line.at(0.0);
+    let points = || line.points().iter().filter(|p| p.distance(start) > START);
+    let mut others = plan.roads.iter().flat_map(|r| r.line.points());
+    others.all(|other| points().all(|p| p.distance(*other) > APART))
 }
 
 /// Places along a line, `gap` metres apart or more.

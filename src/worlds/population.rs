@@ -12,6 +12,8 @@ use super::traffic::{Scene, Stand, Track, stand_on, way};
 
 /// Metres from the ego's way within which things move.
 const NEAR: f64 = 95.0;
+/// Metres that the ego keeps from where roads end, if it can.
+const FROM_END: f64 = 70.0;
 /// Least metres of an ego's way beyond what it drives.
 const WAY: f64 = 100.0;
 
@@ -64,9 +66,10 @@ impl Settings<'_> {
     pub fn populate(&self, rng: &mut ChaCha8Rng) -> Result<Population, NoWay> {
         let seconds = self.frames as f64 / self.rate;
         let mut longest = 0.0_f64;
-        for attempt in 0..60 {
+        let open = self.open_ends();
+        for attempt in 0..80 {
             // Slower after many failures, for networks of short lanes.
-            let ease = if attempt < 40 { 1.0 } else { 0.5 };
+            let ease = if attempt < 60 { 1.0 } else { 0.5 };
             let speed = rng.random_range(self.style.speed[0]..self.style.speed[1]) * ease;
             let lane = rng.random_range(0..self.network.lanes.len());
             let first = &self.network.lanes[lane];
@@ -75,6 +78,11 @@ impl Settings<'_> {
             let start = 12.0 + rng.random_range(0.0..1.0) * 0.5 * first.centre.length();
             let end = start + speed * seconds + 15.0;
             if first.junction || first.width < 2.2 || line.length() < end.max(WAY) {
+                continue;
+            }
+            // Rather where the world goes on to all sides.
+            let far = |s: f64| open.iter().all(|p| p.distance(line.at(s)) > FROM_END);
+            if attempt < 40 && !(far(start) && far(end)) {
                 continue;
             }
             let mut people = self.around(&line, start, end, rng);
@@ -92,6 +100,17 @@ impl Settings<'_> {
         }
         let wanted = WAY.max(12.0 + self.style.speed[0] * seconds + 15.0);
         Err(NoWay { wanted, longest })
+    }
+
+    /// Where roads end: ends of lanes that lead nowhere, and starts that nothing leads to.
+    fn open_ends(&self) -> Vec<DVec3> {
+        let lanes = &self.network.lanes;
+        let mut led = vec![false; lanes.len()];
+        lanes.iter().flat_map(|l| &l.next).for_each(|n| led[*n] = true);
+        let ends = lanes.iter().filter(|l| l.next.is_empty());
+        let ends = ends.map(|l| l.centre.at(l.centre.length()));
+        let starts = lanes.iter().zip(&led).filter(|(_, led)| !**led);
+        ends.chain(starts.map(|(l, _)| l.centre.at(0.0))).collect()
     }
 
     /// What does not depend on the ego: parked vehicles and people.
@@ -190,7 +209,7 @@ impl Settings<'_> {
         let model = people.any("pedestrian", rng);
         let edge = &street.edges[side];
         let inward = if side == 0 { -1.0 } else { 1.0 };
-        let inset = rng.random_range(0.35..(street.walks[side] - 0.9).max(0.45));
+        let inset = rng.random_range(0.35..(street.walks[side] - 1.4).max(0.45));
         let line = Line::new(edge.offset(inward * inset));
         let line = if rng.random_bool(0.5) { line } else { line.reversed() };
         let from = rng.random_range(0.0..line.length());

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::mask::{Mask, ROAD, WALK};
 use super::model::{Model, class};
-use super::network::{Network, Strip, Use};
+use super::network::{KERB, Network, Strip, Use};
 
 /// Metres of terrain around the network.
 const MARGIN: f64 = 70.0;
@@ -41,7 +41,12 @@ pub(crate) fn draw(network: &Network, model: &mut Model, open: u16) -> (Mask, Te
     }
     let mut walks = Mask::default();
     for strip in network.strips.iter().filter(walked) {
-        for q in quads(strip).filter(|q| free(&mask, q)) {
+        for q in quads(strip) {
+            if !free(&mask, &q) {
+                // Maps lead walks across junctions: there they are part of the road, just below it.
+                model.quad(q.map(|p| p - DVec3::Z * (KERB + 0.004)), class::ROAD);
+                continue;
+            }
             model.quad(q, class::SIDEWALK);
             walks.fill(q, WALK);
             for [a, b] in [[q[0], q[1]], [q[3], q[2]]] {
@@ -149,6 +154,7 @@ impl Terrain {
 }
 
 /// Known heights as they are, a little lower; between them those of their neighbours, smoothed.
+
 fn blended(below: &[f64], [n, m]: [usize; 2]) -> Vec<f64> {
     let around = |k: usize| {
         let (i, j) = (k / m, k % m);

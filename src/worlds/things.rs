@@ -66,12 +66,12 @@ impl Things<'_> {
         let out = if side == 0 { 1.0 } else { -1.0 };
         let outward = |s: f64| left_of(edge.heading(s)) * out;
         let place = |s: f64, from_edge: f64| edge.at(s).truncate() + outward(s) * from_edge;
-        let from_kerb = if walk > 0.0 { 0.55 - walk } else { 1.3 };
+        let from_kerb = if walk > 0.0 { 0.9 - walk } else { 1.3 };
         let mut s = self.rng.random_range(2.0..9.0);
         while s < edge.length() {
             let (p, at) = (place(s, from_kerb), edge.at(s));
             let foot = self.ground(at, p, walk);
-            if self.free(p, 0.1) {
+            if self.free(p, 0.0) {
                 let trees = if self.style.trees > 0.0 { 6.0 / self.style.trees } else { 0.0 };
                 let lamps = if self.style.lamps > 0.0 { 6.0 / self.style.lamps } else { 0.0 };
                 match self.rng.random_range(0.0..1.0) {
@@ -102,7 +102,7 @@ impl Things<'_> {
         while s < edge.length() {
             let far = self.rng.random_range(2.0..34.0);
             let p = edge.at(s).truncate() + left_of(edge.heading(s)) * (out * far);
-            s += self.rng.random_range(0.5..1.5) * if self.style.goods { 9.0 } else { 5.0 };
+            s += self.rng.random_range(0.5..1.5) * if self.style.goods { 9.0 } else { 3.5 };
             if !self.clear(p, 1.2, ROAD | WALK | HOUSE | THING) {
                 continue;
             }
@@ -122,7 +122,7 @@ impl Things<'_> {
     }
 
     fn tree(&mut self, foot: DVec3, size: f64) {
-        if !self.clear(foot.truncate(), 0.5, ROAD | HOUSE) {
+        if !self.clear(foot.truncate(), 0.0, ROAD | HOUSE) {
             return;
         }
         let trunk = size * self.rng.random_range(2.0..3.4);

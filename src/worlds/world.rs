@@ -232,6 +232,7 @@ fn rails(draw: &mut Draw<'_>) {
         return;
     };
     let track = Line::new(street.edges[1].offset(-3.2));
+    let mut beds = Vec::new();
     let mut s = 0.0;
     while s + 1.0 < track.length() {
         let (at, ahead) = (track.at(s + 0.5), track.heading(s + 0.5));
@@ -252,8 +253,11 @@ fn rails(draw: &mut Draw<'_>) {
                 };
                 draw.model.block(&rail, [z, z + 0.3], class::RAIL_TRACK);
             }
-            draw.mask.block(middle, ahead, bed.half, THING | HOUSE);
+            beds.push(bed);
         }
         s += 1.0;
+    }
+    for bed in beds {
+        draw.mask.block(bed.middle, bed.ahead, bed.half, THING | HOUSE);
     }
 }
