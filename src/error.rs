@@ -14,6 +14,7 @@ use crate::score::ObjectiveError;
 use crate::search::SearchError;
 use crate::study::StudyError;
 use crate::vehicle::{PlacementError, PlacementFileError, PoseGridError, SensorError};
+use crate::worlds::WorldError;
 
 /// Any error of this library, so that `?` works across its modules.
 ///
@@ -75,6 +76,9 @@ pub enum Error {
     /// From an audit.
     #[error(transparent)]
     Audit(#[from] AuditError),
+    /// From making a world.
+    #[error(transparent)]
+    World(#[from] WorldError),
     /// From a study.
     #[error(transparent)]
     Study(#[from] StudyError),

@@ -40,6 +40,7 @@
 //! | [`vehicle`] | sensors, mount, placements and their rules |
 //! | [`rig`] | rigs in the formats of other programs |
 //! | [`scene`] | the scene file, meshes and primitives, one triangle soup a frame |
+//! | [`worlds`] | worlds by rule: generated, and on OpenDRIVE roads |
 //! | [`psog`] | region of interest, voxels, P-SOG, entropy |
 //! | [`datasets`] | labelled scans of public data sets, to P-SOGs and to scenes of boxes |
 //! | `bvh` | bounding volume hierarchy, flat and wide |
@@ -85,6 +86,7 @@ pub mod search;
 pub mod study;
 pub mod vehicle;
 pub mod verify;
+pub mod worlds;
 
 pub use engine::{EngineChoice, EngineKind};
 pub use error::Error;

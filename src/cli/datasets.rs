@@ -1,6 +1,6 @@
 //! Options of commands that read data sets.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use sightline::datasets::{CarlaSequence, CarlaTags};
@@ -14,9 +14,6 @@ pub struct DatasetArgs {
     /// Version of the tables of nuScenes, as v1.0-mini [default: the only one there]
     #[arg(long, value_name = "VERSION", requires = "nuscenes")]
     pub version: Option<String>,
-    /// Folder of scans of CARLA's semantic LiDAR, named by their frames: 000123.ply, .bin or .npy
-    #[arg(long, value_name = "DIR", requires = "poses", conflicts_with = "scene")]
-    pub carla: Option<PathBuf>,
     /// CSV of the LiDAR's carla.Transform: frame or file, x, y, z, roll, pitch, yaw, and perhaps time
     #[arg(long, value_name = "FILE", requires = "carla")]
     pub poses: Option<PathBuf>,
@@ -25,7 +22,7 @@ pub struct DatasetArgs {
     pub carla_tags: Tags,
     /// Height of the recording LiDAR above the ground in metres, for KITTI and CARLA [default: 1.73 for
     /// KITTI; above the road of the first scan for CARLA]
-    #[arg(long, value_name = "M", conflicts_with_all = ["scene", "nuscenes"], value_parser = finite)]
+    #[arg(long, value_name = "M", conflicts_with = "nuscenes", value_parser = finite)]
     pub lidar_height: Option<f64>,
 }
 
@@ -42,10 +39,8 @@ pub enum Tags {
 
 impl DatasetArgs {
     /// The scans of CARLA.
-    pub fn carla(&self, talk: Talk) -> Result<CarlaSequence, Error> {
-        let (Some(folder), Some(poses)) = (&self.carla, &self.poses) else {
-            unreachable!("clap requires both")
-        };
+    pub fn carla(&self, folder: &Path, talk: Talk) -> Result<CarlaSequence, Error> {
+        let Some(poses) = &self.poses else { unreachable!("clap requires it with a folder") };
         let tags = match self.carla_tags {
             Tags::Until0913 => CarlaTags::Until0913,
             Tags::Since0914 => CarlaTags::Since0914,

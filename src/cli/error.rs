@@ -49,6 +49,7 @@ from_modules!(
     sightline::internals::PoseGridError,
     sightline::vehicle::PlacementFileError,
     sightline::vehicle::SensorError,
+    sightline::worlds::WorldError,
 );
 
 impl Error {

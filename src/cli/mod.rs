@@ -68,8 +68,9 @@ enum Command {
     /// Read, write and compare rigs of Autoware, URDF, SDF, ROS 2 and CARLA
     #[command(subcommand)]
     Rig(rig::Command),
-    /// Write a street scene of as many triangles as asked for
-    Scene(scene::Args),
+    /// Make scenes, import maps, count what scenes hold
+    #[command(subcommand)]
+    Scene(scene::Command),
     /// List Vulkan devices and which one is taken by default
     Devices(devices::Args),
 }
@@ -88,7 +89,7 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Psog(command) => psog::run(&command),
         Command::Sensor(command) => sensor::run(&command),
         Command::Rig(command) => rig::run(&command),
-        Command::Scene(args) => scene::run(&args),
+        Command::Scene(command) => scene::run(&command),
         Command::Devices(args) => devices::run(&args),
     }
 }

@@ -41,17 +41,21 @@ pub enum Command {
   sightline psog build --carla scans --poses poses.csv --carla-tags 0.9.14 --out carla.psog.npz")]
 pub struct BuildArgs {
     /// Scene file whose geometry is scanned
-    #[arg(required_unless_present_any = ["kitti", "nuscenes", "carla"])]
+    #[arg(required_unless_present_any = ["kitti", "nuscenes", "carla"],
+          conflicts_with_all = ["kitti", "nuscenes", "carla", "lidar_height"])]
     scene: Option<PathBuf>,
     /// Folder of labelled frames in the SemanticKITTI layout: velodyne/, labels/, poses.txt, calib.txt
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["scene", "nuscenes", "carla"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["nuscenes", "carla"])]
     kitti: Option<PathBuf>,
     /// Folder of a set in the layout of nuScenes with lidarseg: v1.0-…/, samples/, lidarseg/
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["scene", "carla"])]
+    #[arg(long, value_name = "DIR", conflicts_with = "carla")]
     nuscenes: Option<PathBuf>,
     /// Scenes of the set [default: all]
     #[arg(long, value_name = "NAME", value_delimiter = ',', requires = "nuscenes")]
     scenes: Vec<String>,
+    /// Folder of scans of CARLA's semantic LiDAR, named by their frames: 000123.ply, .bin or .npy
+    #[arg(long, value_name = "DIR", requires = "poses")]
+    carla: Option<PathBuf>,
     #[command(flatten)]
     datasets: DatasetArgs,
     /// Merge only the frames this many numbers before and after into each frame [default: all]
@@ -158,7 +162,8 @@ fn of_scans(args: &BuildArgs) -> Result<(Psog, BuildReport), Error> {
         let scenes = read_nuscenes(folder, sets.version.as_deref(), &args.scenes)?;
         return Ok(build_psog(&scenes, &options)?);
     }
-    Ok(build_psog(&[sets.carla(args.talk)?], &options)?)
+    let Some(folder) = &args.carla else { unreachable!("clap requires one of them") };
+    Ok(build_psog(&[sets.carla(folder, args.talk)?], &options)?)
 }
 
 fn merge(args: &MergeArgs) -> Result<(), Error> {

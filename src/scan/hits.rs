@@ -76,6 +76,11 @@ impl BeamHits {
         }
     }
 
+    /// Metres to the hits; infinite without one.
+    pub fn distances(&self) -> impl Iterator<Item = f32> + '_ {
+        self.distance.iter().copied()
+    }
+
     /// Beams B.
     pub fn beams(&self) -> usize {
         self.distance.len()

@@ -1,0 +1,68 @@
+//! Why a world could not be made.
+
+/// Why a world could not be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum WorldError {
+    /// The file cannot be read as OpenDRIVE.
+    #[error("{file}: {source}; give an OpenDRIVE document with at least one road")]
+    OpenDrive {
+        /// Name of the file.
+        file: String,
+        /// What the reader says.
+        source: Box<xodr::ImportError>,
+    },
+    /// The file cannot be read at all.
+    #[error("{file}: {source}; give an OpenDRIVE file (.xodr)")]
+    File {
+        /// Name of the file.
+        file: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A compressed file.
+    #[error("{file}: is compressed; unpack it first: gunzip --keep {file}")]
+    Compressed {
+        /// Name of the file.
+        file: String,
+    },
+    /// No lane in which a vehicle may drive.
+    #[error("{file}: has no lane of the type `driving`; the ego vehicle needs one to drive on")]
+    NoLane {
+        /// Name of the file.
+        file: String,
+    },
+    /// No way long enough for the ego.
+    #[error(
+        "{file}: no sequence of driving lanes is {wanted:.0} m long, the longest tried has \
+         {longest:.0} m; ask for fewer frames or give a larger network"
+    )]
+    NoWay {
+        /// Name of the file.
+        file: String,
+        /// Metres that the ego drives.
+        wanted: f64,
+        /// Metres of the longest way tried.
+        longest: f64,
+    },
+    /// More lanes than a world can hold.
+    #[error(
+        "{file}: its lanes have {points} points, a world holds {most}; cut a region out of the map"
+    )]
+    TooLarge {
+        /// Name of the file.
+        file: String,
+        /// Points of all lanes, or bytes of the file.
+        points: usize,
+        /// The limit.
+        most: usize,
+    },
+    /// A file larger than any map.
+    #[error("{file}: is larger than {most} MiB; cut a region out of the map")]
+    FileTooLarge {
+        /// Name of the file.
+        file: String,
+        /// The limit in MiB.
+        most: u64,
+    },
+}

@@ -1,0 +1,1 @@
+//! Worlds: read back, driven through, compared.
