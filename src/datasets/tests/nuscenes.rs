@@ -147,7 +147,7 @@ fn counts_are_those_of_brute_force() {
             }
         }
         let theirs = brute_force(&set, window);
-        assert!(theirs.len() > 4000, "{}", theirs.len());
+        assert!(theirs.len() > 3000, "{}", theirs.len());
         assert!(ours == theirs, "window {window}: {} and {} counts", ours.len(), theirs.len());
     }
 }
@@ -312,6 +312,8 @@ fn bad_sets_are_refused() {
 fn boxes_of_a_real_sweep_hold_their_points() {
     let folder = Path::new(env!("REAL_DATA")).join("nc/nuscenes");
     let text = std::fs::read_to_string(folder.join("boxes.json")).unwrap();
+    // Velocities that nobody knows stand there as NaN, which is no JSON.
+    let text = text.replace("NaN", "null");
     let boxes: serde_json::Value = serde_json::from_str(&text).unwrap();
     let sweep = "n015-2018-07-24-11-22-45+0800__LIDAR_TOP__1532402927647951.pcd.bin";
     let points = crate::datasets::files::read_points::<20>(&folder.join(sweep)).unwrap();
