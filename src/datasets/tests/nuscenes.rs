@@ -8,7 +8,7 @@ use glam::{DMat3, DQuat, DVec3};
 use super::nuscenes_set::{BoxRow, Keyframe, lidar, write};
 use crate::datasets::nuscenes::ScanBox;
 use crate::datasets::{
-    ImportOptions, LabelledSequence, PsogOptions, build_psog, read_nuscenes, to_scene,
+    ImportOptions, Imported, LabelledSequence, PsogOptions, build_psog, read_nuscenes, to_scene,
 };
 use crate::geom::Pose;
 use crate::psog::Roi;
@@ -183,8 +183,9 @@ fn a_scene_of_boxes_stands_where_the_points_were() {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path(), &set(), &BOXES);
     let sequence = read_nuscenes(folder.path(), None, &["scene-0061".into()]).unwrap().remove(0);
-    let imported = to_scene(&sequence, &ImportOptions::default()).unwrap();
-    assert!(imported.plates > 100 && imported.boxes > 10 && imported.actors == 2);
+    let imported = to_scene(&sequence, &ImportOptions { cell: 1.0 }).unwrap();
+    let Imported { plates, boxes, actors, .. } = imported;
+    assert!(plates > 100 && boxes > 10 && actors == 2, "{plates} {boxes} {actors}");
     let scene = Scene::from_json(&imported.scene.to_string(), folder.path(), "scene.json").unwrap();
     assert_eq!((scene.frame_count(), scene.rate()), (3, 2.0));
     let start = DVec3::new(600.0, 1600.0, 0.02);
@@ -261,7 +262,7 @@ const SPOILT: [(Spoil, &str); 16] = [
         "DIR/v1.0-mini/instance.json: has no row for \"parked\", which sample_annotation.json names;",
     ),
     (
-        |d| edit(d, "category", "static.manmade", "static.man"),
+        |d| edit(d, "category", "\"name\": \"static.manmade\"", "\"name\": \"static.man\""),
         "DIR/v1.0-mini/category.json: category \"static.man\" is unknown; known are `noise`, `animal`,",
     ),
     (
