@@ -16,7 +16,7 @@ use super::kitti::above_ground;
 use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel};
 use crate::geom::Pose;
 use crate::scene::DEFAULT_CLASSES;
-use poses::Stood;
+use poses::{Stood, frame_of};
 use records::Record;
 pub use tags::CarlaTags;
 use tags::Tag;
@@ -183,13 +183,6 @@ impl LabelledSequence for CarlaSequence {
 /// Whether a point lies on a vehicle or person that the simulator moves: parts of the map have object 0.
 fn is_actor(record: &Record, (_, boxed, _): &Tag) -> bool {
     *boxed && record.object != 0
-}
-
-/// The frame that a name ends with.
-fn frame_of(name: &Path) -> Option<u32> {
-    let stem = name.file_stem()?.to_str()?;
-    let digits = stem.trim_end_matches(|c: char| c.is_ascii_digit()).len();
-    stem[digits..].parse().ok()
 }
 
 fn list_scans(folder: &Path) -> Result<Vec<(u32, PathBuf)>, DatasetError> {

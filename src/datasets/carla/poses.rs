@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::super::{DatasetError, files};
-use super::frame_of;
 use crate::geom::Pose;
 use crate::rig::mirrored;
 use crate::vehicle::SensorPose;
@@ -71,4 +70,11 @@ pub(super) fn read(path: &Path) -> Result<BTreeMap<u32, Stood>, DatasetError> {
 /// The start of a cell, for messages.
 fn short(cell: &str) -> String {
     cell.chars().take(40).collect()
+}
+
+/// The frame that a name ends with.
+pub(super) fn frame_of(name: &Path) -> Option<u32> {
+    let stem = name.file_stem()?.to_str()?;
+    let digits = stem.trim_end_matches(|c: char| c.is_ascii_digit()).len();
+    stem[digits..].parse().ok()
 }

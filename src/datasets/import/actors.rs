@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde_json::{Map, Value, json};
 
-use super::rounded;
+use super::rounding::rounded;
 use crate::datasets::BoxTrack;
 use crate::geom::Pose;
 use crate::vehicle::SensorPose;

@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::merge::{Block, Cell, merge};
-use super::rounded;
+use super::rounding::rounded;
 
 /// Classes of ground, of nuScenes, CARLA and SemanticKITTI; lane markings lie on the road.
 const GROUND: [&str; 8] =

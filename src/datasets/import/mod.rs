@@ -7,6 +7,7 @@
 mod actors;
 mod ground;
 mod merge;
+mod rounding;
 
 use std::path::PathBuf;
 
@@ -157,9 +158,4 @@ fn frame_of_scene(name: &str, sensor: DVec3) -> Value {
                    "min_distance": 0.2, "lidars": 4 },
         "coverage": "first-hit",
     })
-}
-
-/// Metres to a tenth of a millimetre: more digits are noise.
-fn rounded(metres: f64) -> f64 {
-    (metres * 1e4).round() / 1e4
 }
