@@ -6,8 +6,10 @@
 use std::fs;
 use std::path::Path;
 
-use sightline::internals::KittiSequence;
-use sightline::psog::{KittiPsogOptions, Roi, build_kitti_psog, read_psog, write_psog};
+use sightline::datasets::{
+    CarlaSequence, CarlaTags, ImportOptions, KittiSequence, PsogOptions, build_psog, to_scene,
+};
+use sightline::psog::{Roi, read_psog, write_psog};
 use sightline::rig::{ImportSettings, Mounting, RigFormat, Source, export, import_texts};
 use sightline::scene::{EgoBody, Scene};
 use sightline::vehicle::read_placements;
@@ -26,7 +28,7 @@ pub struct Reader {
 }
 
 /// All readers of outside bytes.
-pub const READERS: [Reader; 21] = [
+pub const READERS: [Reader; 23] = [
     Reader { name: "scene_json", read: scene_json },
     Reader { name: "sensor_file", read: sensor_file },
     Reader { name: "vehicle_json", read: vehicle_json },
@@ -37,6 +39,8 @@ pub const READERS: [Reader; 21] = [
     Reader { name: "kitti_label", read: kitti_label },
     Reader { name: "kitti_poses", read: kitti_poses },
     Reader { name: "kitti_calib", read: kitti_calib },
+    Reader { name: "carla_ply", read: carla_ply },
+    Reader { name: "carla_poses", read: carla_poses },
     Reader { name: "mesh_obj", read: mesh_obj },
     Reader { name: "mesh_ply", read: mesh_ply },
     Reader { name: "mesh_gltf", read: mesh_gltf },
@@ -126,6 +130,16 @@ pub fn kitti_calib(folder: &Path, bytes: &[u8]) {
     check_kitti(folder, &SCAN, &LABEL, POSES.as_bytes(), bytes);
 }
 
+/// A scan of CARLA's semantic LiDAR.
+pub fn carla_ply(folder: &Path, bytes: &[u8]) {
+    check_carla(folder, bytes, CARLA_POSES.as_bytes());
+}
+
+/// Poses of CARLA's LiDAR.
+pub fn carla_poses(folder: &Path, bytes: &[u8]) {
+    check_carla(folder, CARLA_SCAN.as_bytes(), bytes);
+}
+
 /// A mesh in Wavefront OBJ.
 pub fn mesh_obj(folder: &Path, bytes: &[u8]) {
     check_mesh(folder, "mesh.obj", bytes);
@@ -195,6 +209,10 @@ const SCAN: [u8; 16] = [0, 0, 128, 63, 0, 0, 128, 63, 0, 0, 128, 63, 0, 0, 0, 0]
 const LABEL: [u8; 4] = [80, 0, 0, 0];
 const POSES: &str = "1 0 0 0 0 1 0 0 0 0 1 0\n";
 const CALIB: &str = "Tr: 0 -1 0 0 0 0 -1 -0.1 1 0 0 -0.2\n";
+
+const CARLA_POSES: &str = "frame,x,y,z,roll,pitch,yaw\n1,10,-5,2,0,0,30\n";
+const CARLA_SCAN: &str = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float32 x\nproperty float32 y\n\
+    property float32 z\nproperty uint32 ObjIdx\nproperty uint32 ObjTag\nend_header\n1 2 -1.5 0 1\n";
 
 fn put(folder: &Path, name: &str, bytes: &[u8]) {
     fs::write(folder.join(name), bytes).expect("the folder can be written");
@@ -284,11 +302,28 @@ fn check_kitti(folder: &Path, bin: &[u8], label: &[u8], poses: &[u8], calib: &[u
     put(folder, "calib.txt", calib);
     let Ok(sequence) = said(KittiSequence::open(folder)) else { return };
     let roi = Roi::new([-8.0, -8.0, 0.0], [1.0; 3], [16, 16, 4]).expect("a valid grid");
-    let Ok((psog, report)) = said(build_kitti_psog(&sequence, &KittiPsogOptions::new(roi))) else {
+    let Ok((psog, report)) = said(build_psog(&[sequence], &PsogOptions::new(roi))) else {
         return;
     };
     assert_eq!((psog.frames(), report.frames), (1, 1));
     assert!(report.points_in + report.points_outside <= bin.len() as u64 / 16);
+}
+
+/// Reads a scan of CARLA; one that is accepted becomes a P-SOG and a scene, where it is not too wide for one.
+fn check_carla(folder: &Path, ply: &[u8], poses: &[u8]) {
+    let scans = folder.join("carla");
+    fs::create_dir_all(&scans).expect("the folder can be written");
+    put(&scans, "000001.ply", ply);
+    put(folder, "poses.csv", poses);
+    let (tags, poses) = (CarlaTags::Since0914, folder.join("poses.csv"));
+    let sequence = CarlaSequence::open(&scans, &poses, tags, Some(2.0));
+    let Ok(sequence) = said(sequence) else { return };
+    if let Ok(imported) = said(to_scene(&sequence, &ImportOptions::default())) {
+        check_scene(Scene::from_json(&imported.scene.to_string(), folder, "scene.json"));
+    }
+    let roi = Roi::new([-8.0, -8.0, 0.0], [1.0; 3], [16, 16, 4]).expect("a valid grid");
+    let Ok((psog, _)) = said(build_psog(&[sequence], &PsogOptions::new(roi))) else { return };
+    assert_eq!(psog.frames(), 1);
 }
 
 fn check_mesh(folder: &Path, name: &str, bytes: &[u8]) {

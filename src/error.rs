@@ -2,11 +2,12 @@
 
 use crate::audit::AuditError;
 use crate::chart::ChartError;
+use crate::datasets::DatasetError;
 use crate::engine::{BackendError, OpenError};
 use crate::files::FileError;
 use crate::near_field::NearFieldError;
 use crate::problem::ProblemError;
-use crate::psog::{GridError, KittiError, PsogFileError};
+use crate::psog::{GridError, PsogFileError};
 use crate::rig::RigError;
 use crate::scene::DescriptionError;
 use crate::score::ObjectiveError;
@@ -44,7 +45,7 @@ pub enum Error {
     PsogFile(#[from] PsogFileError),
     /// From labelled frames.
     #[error(transparent)]
-    Kitti(#[from] KittiError),
+    Dataset(#[from] DatasetError),
     /// From the sensor.
     #[error(transparent)]
     Sensor(#[from] SensorError),

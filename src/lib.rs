@@ -42,6 +42,7 @@
 //! | [`scene`] | the scene file, meshes and primitives, one triangle soup a frame |
 //! | [`worlds`] | worlds by rule: generated, and on OpenDRIVE roads |
 //! | [`psog`] | region of interest, voxels, P-SOG, entropy |
+//! | [`datasets`] | labelled scans of public data sets, to P-SOGs and to scenes of boxes |
 //! | `bvh` | bounding volume hierarchy, flat and wide |
 //! | [`problem`] | what is asked, ready to be computed |
 //! | `cast` | closest hits of all beams |
@@ -69,6 +70,7 @@ mod bvh;
 mod cast;
 pub mod chart;
 mod cover;
+pub mod datasets;
 pub mod engine;
 mod files;
 pub mod geom;
@@ -124,9 +126,6 @@ pub mod internals {
     pub use crate::problem::beam::beam_direction;
     pub use crate::problem::pose::DevicePose;
     pub use crate::psog::entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, fixed, to_nats};
-    pub use crate::psog::kitti::{KittiSequence, LabelledScan};
-    pub use crate::psog::kitti_labels::{KITTI_CLASSES, KittiLabel, kitti_label};
-    pub use crate::psog::kitti_psog::KITTI_LIDAR_HEIGHT;
     pub use crate::psog::npz_member::ArrayFault;
     pub use crate::psog::roi::HIT_PUSH;
     pub use crate::psog::vote::{FrameVotes, PsogBuilder};

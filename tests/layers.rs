@@ -8,7 +8,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use imports::{Source, Sources, words};
 
 /// Modules of the library, top to bottom: each imports only from itself and from those above it.
-const ORDER: [&str; 26] = [
+const ORDER: [&str; 28] = [
+    "chance",
     "memory",
     "geom",
     "json",
@@ -18,6 +19,7 @@ const ORDER: [&str; 26] = [
     "scene",
     "worlds",
     "psog",
+    "datasets",
     "bvh",
     "problem",
     "cast",
@@ -58,6 +60,7 @@ const FOREIGN: [(&str, &[&str]); 12] = [
             "files/",
             "vehicle/",
             "rig/",
+            "datasets/",
             "worlds/scene_file.rs",
             "score/mod.rs",
             "report/",

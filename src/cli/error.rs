@@ -33,12 +33,12 @@ macro_rules! from_modules {
 from_modules!(
     sightline::audit::AuditError,
     sightline::chart::ChartError,
+    sightline::datasets::DatasetError,
     sightline::engine::BackendError,
     sightline::engine::OpenError,
     sightline::near_field::NearFieldError,
     sightline::problem::ProblemError,
     sightline::psog::GridError,
-    sightline::psog::KittiError,
     sightline::psog::PsogFileError,
     sightline::rig::RigError,
     sightline::scene::DescriptionError,

@@ -7,6 +7,7 @@ mod args;
 mod audit;
 mod cast;
 mod chart;
+mod datasets;
 mod devices;
 mod error;
 mod files;

@@ -4,14 +4,16 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use serde_json::json;
-use sightline::internals::{KittiSequence, align_columns, writable_file, write_whole};
-use sightline::psog::{
-    BuildReport, KittiPsogOptions, Psog, PsogInfo, Roi, build_kitti_psog, read_psog, write_psog,
+use sightline::datasets::{
+    KITTI_LIDAR_HEIGHT, KittiSequence, PsogOptions, build_psog, read_nuscenes,
 };
+use sightline::internals::{align_columns, writable_file, write_whole};
+use sightline::psog::{BuildReport, Psog, PsogInfo, Roi, read_psog, write_psog};
 use sightline::scan::scan_scene;
 use sightline::scene::{PsogSource, ScanSettings};
 
-use super::args::{Format, Talk, finite};
+use super::args::{Format, Talk};
+use super::datasets::DatasetArgs;
 use super::error::Error;
 use super::{load, progress};
 
@@ -23,7 +25,7 @@ const VOXEL: [f64; 3] = [0.1; 3];
 #[derive(clap::Subcommand)]
 pub enum Command {
     /// Build a P-SOG from a scene's geometry, or from real labelled frames
-    Build(BuildArgs),
+    Build(Box<BuildArgs>),
     /// Print what a P-SOG holds
     Info(InfoArgs),
     /// Add up P-SOGs of the same grid and classes
@@ -34,20 +36,31 @@ pub enum Command {
 #[command(after_help = "Examples:
   sightline psog build scenes/highway.json --out highway.psog.npz
   sightline psog build --kitti sequences/00 --out kitti.psog.npz
-  sightline psog build --kitti sequences/00 --window 5 --voxel 0.2 0.2 0.2 --out kitti.psog.npz")]
+  sightline psog build --kitti sequences/00 --window 5 --voxel 0.2 0.2 0.2 --out kitti.psog.npz
+  sightline psog build --nuscenes nuscenes --scenes scene-0061,scene-0103 --out nuscenes.psog.npz
+  sightline psog build --carla scans --poses poses.csv --carla-tags 0.9.14 --out carla.psog.npz")]
 pub struct BuildArgs {
     /// Scene file whose geometry is scanned
-    #[arg(required_unless_present = "kitti", conflicts_with = "kitti")]
+    #[arg(required_unless_present_any = ["kitti", "nuscenes", "carla"],
+          conflicts_with_all = ["kitti", "nuscenes", "carla", "lidar_height"])]
     scene: Option<PathBuf>,
     /// Folder of labelled frames in the SemanticKITTI layout: velodyne/, labels/, poses.txt, calib.txt
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["nuscenes", "carla"])]
     kitti: Option<PathBuf>,
+    /// Folder of a set in the layout of nuScenes with lidarseg: v1.0-…/, samples/, lidarseg/
+    #[arg(long, value_name = "DIR", conflicts_with = "carla")]
+    nuscenes: Option<PathBuf>,
+    /// Scenes of the set [default: all]
+    #[arg(long, value_name = "NAME", value_delimiter = ',', requires = "nuscenes")]
+    scenes: Vec<String>,
+    /// Folder of scans of CARLA's semantic LiDAR, named by their frames: 000123.ply, .bin or .npy
+    #[arg(long, value_name = "DIR", requires = "poses")]
+    carla: Option<PathBuf>,
+    #[command(flatten)]
+    datasets: DatasetArgs,
     /// Merge only the frames this many numbers before and after into each frame [default: all]
     #[arg(long, value_name = "N", conflicts_with = "scene")]
     window: Option<u32>,
-    /// Height of the recording LiDAR above the ground, in metres
-    #[arg(long, value_name = "M", conflicts_with = "scene", default_value_t = 1.73, value_parser = finite)]
-    lidar_height: f64,
     /// Lower corner of the region of interest, in metres
     #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_hyphen_values = true,
           conflicts_with = "scene", default_values_t = REGION[0])]
@@ -109,18 +122,8 @@ fn triple(values: &[f64]) -> [f64; 3] {
 
 fn build(args: &BuildArgs) -> Result<(), Error> {
     writable_file(&args.out, args.scene.as_deref())?;
-    let (psog, report) = match (&args.scene, &args.kitti) {
-        (_, Some(folder)) => {
-            let [min, max] = [&args.roi_min, &args.roi_max].map(|corner| triple(corner));
-            let roi = Roi::from_bounds(min, max, triple(&args.voxel))?;
-            let options = KittiPsogOptions {
-                lidar_height: args.lidar_height,
-                window: args.window,
-                ..KittiPsogOptions::new(roi)
-            };
-            build_kitti_psog(&KittiSequence::open(folder)?, &options)?
-        }
-        (Some(path), None) => {
+    let (psog, report) = match &args.scene {
+        Some(path) => {
             let scene = load::read(path, None, args.talk)?;
             if !scene.has_geometry() {
                 return Err(Error::Usage(format!(
@@ -138,10 +141,29 @@ fn build(args: &BuildArgs) -> Result<(), Error> {
             bar.finish_and_clear();
             built
         }
-        (None, None) => unreachable!("clap requires one of them"),
+        None => of_scans(args)?,
     };
     write(&args.out, &psog)?;
     print(&psog, Some(&report), args.format)
+}
+
+/// The P-SOG of a data set's labelled scans.
+fn of_scans(args: &BuildArgs) -> Result<(Psog, BuildReport), Error> {
+    let [min, max] = [&args.roi_min, &args.roi_max].map(|corner| triple(corner));
+    let roi = Roi::from_bounds(min, max, triple(&args.voxel))?;
+    let options = PsogOptions { window: args.window, ..PsogOptions::new(roi) };
+    let sets = &args.datasets;
+    if let Some(folder) = &args.kitti {
+        let height = sets.lidar_height.unwrap_or(KITTI_LIDAR_HEIGHT);
+        let sequence = KittiSequence::open(folder)?.with_lidar_height(height)?;
+        return Ok(build_psog(&[sequence], &options)?);
+    }
+    if let Some(folder) = &args.nuscenes {
+        let scenes = read_nuscenes(folder, sets.version.as_deref(), &args.scenes)?;
+        return Ok(build_psog(&scenes, &options)?);
+    }
+    let Some(folder) = &args.carla else { unreachable!("clap requires one of them") };
+    Ok(build_psog(&[sets.carla(folder, args.talk)?], &options)?)
 }
 
 fn merge(args: &MergeArgs) -> Result<(), Error> {

@@ -8,16 +8,12 @@
 //! | `npz_out` | writing of `.npz` archives |
 //! | `entropy` | entropy of each voxel, in nats and in fixed point |
 //! | `vote` | labelled points to one class a voxel and frame, frames to a P-SOG |
-//! | `kitti`, `kitti_labels`, `kitti_psog` | labelled frames in the SemanticKITTI layout |
 //! | `info` | what `psog info` prints |
 
 mod counts;
 pub(crate) mod entropy;
 mod error;
 mod info;
-pub(crate) mod kitti;
-pub(crate) mod kitti_labels;
-pub(crate) mod kitti_psog;
 mod npz;
 pub(crate) mod npz_member;
 mod npz_out;
@@ -30,9 +26,6 @@ pub use counts::Psog;
 pub(crate) use entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, fixed, to_nats};
 pub use error::GridError;
 pub use info::{ClassEntropy, PsogInfo};
-pub use kitti::KittiError;
-pub(crate) use kitti_labels::KITTI_CLASSES;
-pub use kitti_psog::{KittiPsogOptions, build_kitti_psog};
 pub use npz::{read_psog, write_psog};
 pub use npz_member::PsogFileError;
 pub(crate) use npz_out::{NpzOut, write_npz};

@@ -15,7 +15,7 @@ use crate::vehicle::SensorPose;
 pub(super) const LIDAR: &str = "sensor.lidar.ray_cast";
 
 /// CARLA's six numbers of a pose of ours, angles in degrees; and ours of CARLA's.
-pub(super) fn mirrored(pose: &SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
+pub(crate) fn mirrored(pose: &SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
     SensorPose {
         x: pose.x,
         y: 0.0 - pose.y,

@@ -30,6 +30,7 @@ mod tests;
 mod urdf;
 mod xml;
 
+pub(crate) use carla::mirrored;
 pub use compare::{Asymmetry, Comparison, Moved, compare};
 pub use error::RigError;
 pub use export::{Exported, export};

@@ -2,8 +2,6 @@
 
 mod counts;
 mod entropy;
-mod kitti;
-mod kitti_real;
 mod npz;
 mod npz_malformed;
 mod roi;

@@ -119,7 +119,7 @@ fn fog_takes_dark_targets_first_and_no_fog_changes_no_byte() {
     let at = |distance: f64, conditions: &[&str]| at_wall(distance, response, conditions);
     let clear = at(40.0, &[]);
     assert_eq!(share(&clear, Status::Hit), 1.0);
-    assert_eq!(bits(&[clear.clone()]), bits(&[at(40.0, &["fog:mor=inf"])]));
+    assert_eq!(bits(std::slice::from_ref(&clear)), bits(&[at(40.0, &["fog:mor=inf"])]));
     // From thin to dense: fewer hits, and never more.
     let hits: Vec<f64> = [1000.0, 300.0, 100.0, 50.0, 20.0]
         .map(|mor| share(&at(40.0, &[&format!("fog:mor={mor}")]), Status::Hit))

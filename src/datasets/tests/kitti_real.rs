@@ -4,11 +4,8 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use crate::psog::kitti::KittiSequence;
-use crate::psog::{
-    BuildReport, EntropyKind, KittiPsogOptions, Psog, PsogInfo, Roi, build_kitti_psog, read_psog,
-    write_psog,
-};
+use crate::datasets::{KittiSequence, LabelledSequence, PsogOptions, build_psog};
+use crate::psog::{BuildReport, EntropyKind, Psog, PsogInfo, Roi, read_psog, write_psog};
 
 /// A sequence of the real data.
 fn real() -> PathBuf {
@@ -39,9 +36,9 @@ fn digest(psog: &Psog) -> (Vec<u64>, u64) {
 #[cfg_attr(not(has_kitti), ignore = "needs SemanticKITTI in ../shared/data or SIGHTLINE_DATA")]
 fn golden_counts_of_one_frame() {
     let folder = real();
-    let sequence = KittiSequence::open(&folder).unwrap();
-    let options = KittiPsogOptions { frames: Some(vec![0]), ..KittiPsogOptions::new(roi()) };
-    let (psog, report) = build_kitti_psog(&sequence, &options).unwrap();
+    let sequence = [KittiSequence::open(&folder).unwrap()];
+    let options = PsogOptions { frames: Some(vec![0]), ..PsogOptions::new(roi()) };
+    let (psog, report) = build_psog(&sequence, &options).unwrap();
     assert_eq!(
         report,
         BuildReport {
@@ -68,8 +65,8 @@ fn golden_counts_of_one_frame() {
 #[cfg_attr(not(has_kitti), ignore = "needs SemanticKITTI in ../shared/data or SIGHTLINE_DATA")]
 fn golden_counts_of_four_merged_frames() {
     let folder = real();
-    let sequence = KittiSequence::open(&folder).unwrap();
-    let (psog, report) = build_kitti_psog(&sequence, &KittiPsogOptions::new(roi())).unwrap();
+    let sequence = [KittiSequence::open(&folder).unwrap()];
+    let (psog, report) = build_psog(&sequence, &PsogOptions::new(roi())).unwrap();
     assert_eq!(
         report,
         BuildReport {

@@ -2,10 +2,9 @@
 
 use std::path::Path;
 
-use super::names;
-use crate::psog::kitti::KittiSequence;
-use crate::psog::kitti_labels::kitti_label;
-use crate::psog::{EntropyKind, KITTI_CLASSES, KittiPsogOptions, Psog, Roi, build_kitti_psog};
+use crate::datasets::kitti_labels::{KITTI_CLASSES, kitti_label};
+use crate::datasets::{KittiSequence, LabelledSequence, PsogOptions, build_psog};
+use crate::psog::{EntropyKind, Roi};
 
 /// A LiDAR that looks along camera z: x_cam = −y, y_cam = −z, z_cam = x, moved by (0, −0.1, −0.2).
 const CALIB: &str = "P0: 1 0 0 0 0 1 0 0 0 0 1 0\nTr: 0 -1 0 0 0 0 -1 -0.1 1 0 0 -0.2\n";
@@ -57,8 +56,8 @@ fn roi() -> Roi {
 fn lidar_poses_come_from_camera_poses() {
     let folder = sequence();
     let sequence = KittiSequence::open(folder.path()).unwrap();
-    assert_eq!(sequence.frames().collect::<Vec<_>>(), [0, 2]);
-    let pose = sequence.world_from_lidar(2).unwrap();
+    assert_eq!(sequence.frames(), [0, 2]);
+    let pose = sequence.world_from_sensor(2).unwrap();
     // The camera sits at LiDAR (0.2, 0, −0.1). Two metres on, turned left by 90°: the LiDAR is
     // 0.2 m "behind" the camera, now along +y: world (2 + 0.2, 0, −0.1) − (0, 0.2, −0.1).
     let origin = pose.apply(glam::DVec3::ZERO);
@@ -72,10 +71,9 @@ fn lidar_poses_come_from_camera_poses() {
 #[test]
 fn frames_merge_at_rest_points_only() {
     let folder = sequence();
-    let sequence = KittiSequence::open(folder.path()).unwrap();
-    let mut options = KittiPsogOptions::new(roi());
-    options.lidar_height = 1.0;
-    let (psog, report) = build_kitti_psog(&sequence, &options).unwrap();
+    let sequence = [KittiSequence::open(folder.path()).unwrap().with_lidar_height(1.0).unwrap()];
+    let mut options = PsogOptions::new(roi());
+    let (psog, report) = build_psog(&sequence, &options).unwrap();
     let voxel = |x: i32, y: i32| roi().linear([(x + 8) as u32, (y + 8) as u32, 1]);
     let at = |x, y| psog.find(voxel(x, y)).map(|k| (psog.row(k)[17], psog.row(k)[0]));
     let (pole, car) = (Some((1, 0)), Some((0, 1)));
@@ -92,12 +90,12 @@ fn frames_merge_at_rest_points_only() {
     assert_eq!((report.points_in, report.frames, report.ties), (8, 2, 0));
 
     options.window = Some(1); // frames 0 and 2 are two apart
-    let (alone, _) = build_kitti_psog(&sequence, &options).unwrap();
+    let (alone, _) = build_psog(&sequence, &options).unwrap();
     assert_eq!(alone.index().len(), 5);
     options.window = Some(2);
-    assert_eq!(build_kitti_psog(&sequence, &options).unwrap().0, psog);
+    assert_eq!(build_psog(&sequence, &options).unwrap().0, psog);
     (options.window, options.frames) = (None, Some(vec![2]));
-    let (one, _) = build_kitti_psog(&sequence, &options).unwrap();
+    let (one, _) = build_psog(&sequence, &options).unwrap();
     assert_eq!((one.frames(), one.index().len()), (1, 2));
     assert_eq!(one.entropy_total(EntropyKind::Segmentation), 0.0);
 }
@@ -117,7 +115,6 @@ fn all_34_ids_are_known_and_no_other() {
     {
         assert_eq!(class(id), class(at_rest));
     }
-    assert_eq!(Psog::kitti_classes(), names(&KITTI_CLASSES));
 }
 
 type Spoil = fn(&Path);
@@ -179,7 +176,7 @@ fn bad_sequences_are_refused() {
         let folder = sequence();
         spoil(folder.path());
         let message = KittiSequence::open(folder.path())
-            .and_then(|s| build_kitti_psog(&s, &KittiPsogOptions::new(roi())))
+            .and_then(|s| build_psog(&[s], &PsogOptions::new(roi())))
             .unwrap_err()
             .to_string()
             .replace(&folder.path().display().to_string(), "DIR");
@@ -190,12 +187,12 @@ fn bad_sequences_are_refused() {
 #[test]
 fn bad_options_are_refused() {
     let folder = sequence();
-    let sequence = KittiSequence::open(folder.path()).unwrap();
-    let mut options = KittiPsogOptions { frames: Some(vec![1]), ..KittiPsogOptions::new(roi()) };
-    let message = build_kitti_psog(&sequence, &options).unwrap_err().to_string();
+    let sequence = [KittiSequence::open(folder.path()).unwrap()];
+    let options = PsogOptions { frames: Some(vec![1]), ..PsogOptions::new(roi()) };
+    let message = build_psog(&sequence, &options).unwrap_err().to_string();
     assert!(message.ends_with("velodyne has no frame 1; it has [0, 2]"), "{message}");
-    options.lidar_height = f64::NAN;
-    let message = build_kitti_psog(&sequence, &options).unwrap_err().to_string();
+    let [sequence] = sequence;
+    let message = sequence.with_lidar_height(f64::NAN).unwrap_err().to_string();
     assert!(message.starts_with("the LiDAR height is NaN m;"), "{message}");
 }
 

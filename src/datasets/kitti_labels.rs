@@ -1,5 +1,7 @@
 //! Label ids of SemanticKITTI and their classes.
 
+use super::PointLabel;
+
 /// The classes of a P-SOG from SemanticKITTI labels: the 19 that its benchmark scores, in its order.
 pub const KITTI_CLASSES: [&str; 19] = [
     "car",
@@ -23,22 +25,13 @@ pub const KITTI_CLASSES: [&str; 19] = [
     "traffic-sign",
 ];
 
-/// Meaning of a SemanticKITTI label id for a P-SOG.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct KittiLabel {
-    /// Position in [`KITTI_CLASSES`]; `None` for labels that do not vote.
-    pub class: Option<u16>,
-    /// The object moved while it was recorded, so its points belong to one frame only.
-    pub moving: bool,
-}
-
 /// The meaning of a label id (the lower 16 bits of a label); `None` for an id that the data set
 /// does not define.
 ///
 /// Follows the benchmark's own folding of its 34 ids: buses, trains and trams are other vehicles,
 /// lane markings are road, moving things belong to the class of the thing, and what is unlabelled,
 /// an outlier, or some other structure or object does not vote.
-pub fn kitti_label(id: u16) -> Option<KittiLabel> {
+pub fn kitti_label(id: u16) -> Option<PointLabel> {
     let class = match id {
         0 | 1 | 52 | 99 => None, // unlabelled, outlier, other structure, other object
         10 | 252 => Some(0),
@@ -62,5 +55,5 @@ pub fn kitti_label(id: u16) -> Option<KittiLabel> {
         81 => Some(18),
         _ => return None,
     };
-    Some(KittiLabel { class, moving: id >= 252 })
+    Some(PointLabel { class, moving: id >= 252, on_track: false })
 }

@@ -1,0 +1,56 @@
+//! Options of commands that read data sets.
+
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+use sightline::datasets::{CarlaSequence, CarlaTags};
+
+use super::args::{Talk, finite};
+use super::error::Error;
+
+/// Where labelled scans lie, beside the folder of a command's own option.
+#[derive(clap::Args)]
+pub struct DatasetArgs {
+    /// Version of the tables of nuScenes, as v1.0-mini [default: the only one there]
+    #[arg(long, value_name = "VERSION", requires = "nuscenes")]
+    pub version: Option<String>,
+    /// CSV of the LiDAR's carla.Transform: frame or file, x, y, z, roll, pitch, yaw, and perhaps time
+    #[arg(long, value_name = "FILE", requires = "carla")]
+    pub poses: Option<PathBuf>,
+    /// Version of CARLA whose tags the points have: 0.9.10 to 0.9.13, or 0.9.14 and later
+    #[arg(long, value_enum, value_name = "VERSION", requires = "carla", default_value_t = Tags::Since0914)]
+    pub carla_tags: Tags,
+    /// Height of the recording LiDAR above the ground in metres, for KITTI and CARLA [default: 1.73 for
+    /// KITTI; above the road of the first scan for CARLA]
+    #[arg(long, value_name = "M", conflicts_with = "nuscenes", value_parser = finite)]
+    pub lidar_height: Option<f64>,
+}
+
+/// Value of `--carla-tags`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Tags {
+    /// 0 to 22.
+    #[value(name = "0.9.10")]
+    Until0913,
+    /// 0 to 28.
+    #[value(name = "0.9.14")]
+    Since0914,
+}
+
+impl DatasetArgs {
+    /// The scans of CARLA.
+    pub fn carla(&self, folder: &Path, talk: Talk) -> Result<CarlaSequence, Error> {
+        let Some(poses) = &self.poses else { unreachable!("clap requires it with a folder") };
+        let tags = match self.carla_tags {
+            Tags::Until0913 => CarlaTags::Until0913,
+            Tags::Since0914 => CarlaTags::Since0914,
+        };
+        let sequence = CarlaSequence::open(folder, poses, tags, self.lidar_height)?;
+        talk.detail(format!(
+            "{}: the LiDAR stands {:.2} m above the ground",
+            folder.display(),
+            sequence.lidar_height()
+        ));
+        Ok(sequence)
+    }
+}

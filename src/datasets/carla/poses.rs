@@ -1,0 +1,80 @@
+//! A table of the LiDAR's poses: CSV with one `carla.Transform` a frame.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::super::{DatasetError, files};
+use crate::geom::Pose;
+use crate::rig::mirrored;
+use crate::vehicle::SensorPose;
+
+/// Columns of a transform, in metres and degrees.
+const COLUMNS: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
+/// Largest number: beyond, angles lose their degrees.
+const MOST: f64 = 1e7;
+
+/// Where the LiDAR stood.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stood {
+    pub world_from_sensor: Pose,
+    /// Seconds.
+    pub time: Option<f64>,
+}
+
+/// Reads the poses by frame. The world is CARLA's with y to the left.
+pub(super) fn read(path: &Path) -> Result<BTreeMap<u32, Stood>, DatasetError> {
+    let text = files::read_text(path)?;
+    let fault = |line: usize, fault: String| DatasetError::Line {
+        path: path.to_owned(),
+        line: line + 1,
+        fault,
+    };
+    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+    let mut rows = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    let titles = rows.next().map_or("", |(_, line)| line).to_ascii_lowercase();
+    let titles: Vec<&str> = titles.split(',').map(str::trim).collect();
+    let column = |name: &str| titles.iter().position(|title| *title == name);
+    let wanted = || "give a first row with frame (or file), x, y, z, roll, pitch, yaw".to_owned();
+    let key = column("frame").or(column("file")).ok_or_else(|| fault(0, wanted()))?;
+    let mut places = [0; 6];
+    for (place, name) in places.iter_mut().zip(COLUMNS) {
+        *place =
+            column(name).ok_or_else(|| fault(0, format!("has no column {name}; {}", wanted())))?;
+    }
+    let time = column("time").or(column("timestamp"));
+    let mut poses = BTreeMap::new();
+    for (line, text) in rows {
+        let cells: Vec<&str> = text.split(',').map(str::trim).collect();
+        let cell = |place: usize| cells.get(place).copied().unwrap_or_default();
+        let number = |place: usize| match cell(place).parse::<f64>() {
+            Ok(number) if number.abs() <= MOST => Ok(number),
+            _ => Err(fault(line, format!("{:?} is no number within ±1e7", short(cell(place))))),
+        };
+        let frame = frame_of(Path::new(cell(key))).ok_or_else(|| {
+            fault(line, format!("{:?} ends with no frame number", short(cell(key))))
+        })?;
+        let mut six = [0.0; 6];
+        for (value, place) in six.iter_mut().zip(places) {
+            *value = number(place)?;
+        }
+        let pose = mirrored(&SensorPose::from_values(six), f64::to_radians);
+        let time = time.map(number).transpose()?;
+        let stood = Stood { world_from_sensor: pose.ego_from_sensor(), time };
+        if poses.insert(frame, stood).is_some() {
+            return Err(fault(line, format!("frame {frame} comes twice; keep one row")));
+        }
+    }
+    Ok(poses)
+}
+
+/// The start of a cell, for messages.
+fn short(cell: &str) -> String {
+    cell.chars().take(40).collect()
+}
+
+/// The frame that a name ends with.
+pub(super) fn frame_of(name: &Path) -> Option<u32> {
+    let stem = name.file_stem()?.to_str()?;
+    let digits = stem.trim_end_matches(|c: char| c.is_ascii_digit()).len();
+    stem[digits..].parse().ok()
+}

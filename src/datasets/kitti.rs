@@ -1,0 +1,196 @@
+//! Labelled scans in the SemanticKITTI layout.
+
+use std::path::{Path, PathBuf};
+
+use glam::{DMat3, DVec3};
+
+use super::files::{check_count, read_points, read_text, read_units};
+use super::kitti_labels::{KITTI_CLASSES, kitti_label};
+use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel};
+use crate::geom::Pose;
+
+/// Height of the KITTI car's LiDAR above the ground, in metres.
+pub const KITTI_LIDAR_HEIGHT: f64 = 1.73;
+
+/// A sequence of labelled scans in the SemanticKITTI layout: `velodyne/NNNNNN.bin`,
+/// `labels/NNNNNN.label`, `poses.txt`, `calib.txt`. Scans may be a part of the sequence: the number
+/// in the name is the frame, and line n + 1 of `poses.txt` is the pose of frame n.
+#[derive(Debug, Clone)]
+pub struct KittiSequence {
+    folder: PathBuf,
+    /// Frame number and path of each scan, by rising number.
+    scans: Vec<(u32, PathBuf)>,
+    world_from_lidar: Vec<Pose>,
+    /// The ego frame stands on the ground below the LiDAR.
+    ego_from_lidar: Pose,
+}
+
+impl KittiSequence {
+    /// Opens a sequence folder: lists its scans and reads its poses. The file gives poses P of
+    /// camera 0; LiDAR pose i is Tr⁻¹·P_i·Tr, so that the world is the LiDAR frame of frame 0.
+    ///
+    /// # Errors
+    /// Missing or malformed files, a scan without a pose; see [`DatasetError`].
+    pub fn open(folder: &Path) -> Result<Self, DatasetError> {
+        let scans = list_scans(&folder.join("velodyne"))?;
+        let camera_from_lidar = read_tr(&folder.join("calib.txt"))?;
+        let poses = folder.join("poses.txt");
+        let lidar_from_camera = camera_from_lidar.inverse();
+        let world_from_lidar: Vec<_> = read_text(&poses)?
+            .trim_end()
+            .lines()
+            .enumerate()
+            .map(|(n, line)| {
+                let pose = parse_pose(&poses, n + 1, line)?;
+                Ok(lidar_from_camera.compose(&pose).compose(&camera_from_lidar))
+            })
+            .collect::<Result<_, DatasetError>>()?;
+        if let Some(&(frame, _)) = scans.last()
+            && frame as usize >= world_from_lidar.len()
+        {
+            let poses_read = world_from_lidar.len();
+            return Err(DatasetError::NoPose { path: poses, frame, poses: poses_read });
+        }
+        let (folder, ego_from_lidar) = (folder.to_owned(), above_ground(KITTI_LIDAR_HEIGHT)?);
+        Ok(Self { folder, scans, world_from_lidar, ego_from_lidar })
+    }
+
+    /// The same recorded with the LiDAR at another height above the ground, metres.
+    ///
+    /// # Errors
+    /// A height that is not finite.
+    pub fn with_lidar_height(self, height: f64) -> Result<Self, DatasetError> {
+        Ok(Self { ego_from_lidar: above_ground(height)?, ..self })
+    }
+
+    /// The sequence folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+}
+
+impl LabelledSequence for KittiSequence {
+    fn name(&self) -> String {
+        self.folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
+    fn classes(&self) -> Vec<String> {
+        KITTI_CLASSES.map(str::to_owned).to_vec()
+    }
+
+    fn frames(&self) -> Vec<u32> {
+        self.scans.iter().map(|&(frame, _)| frame).collect()
+    }
+
+    fn rate(&self) -> Option<f64> {
+        Some(10.0)
+    }
+
+    fn ego_from_sensor(&self, _: u32) -> Result<Pose, DatasetError> {
+        Ok(self.ego_from_lidar)
+    }
+
+    /// Pose of the LiDAR at a frame, in the LiDAR frame of frame 0.
+    fn world_from_sensor(&self, frame: u32) -> Result<Pose, DatasetError> {
+        self.world_from_lidar.get(frame as usize).copied().ok_or_else(|| DatasetError::NoPose {
+            path: self.folder.join("poses.txt"),
+            frame,
+            poses: self.world_from_lidar.len(),
+        })
+    }
+
+    fn tracks(&self) -> Result<Vec<BoxTrack>, DatasetError> {
+        Ok(Vec::new())
+    }
+
+    fn read(&self, frame: u32) -> Result<LabelledScan, DatasetError> {
+        let Ok(at) = self.scans.binary_search_by_key(&frame, |&(n, _)| n) else {
+            let (path, have) = (self.folder.join("velodyne"), self.frames());
+            return Err(DatasetError::NoFrame { path, frame, have });
+        };
+        let scan = &self.scans[at].1;
+        let points = read_points::<16>(scan)?;
+        let mut label_path = self.folder.join("labels");
+        label_path.push(scan.file_stem().unwrap_or_default());
+        label_path.set_extension("label");
+        let labels = read_labels(&label_path)?;
+        check_count(label_path, labels.len(), scan, points.len())?;
+        Ok(LabelledScan { points, labels })
+    }
+}
+
+/// Pose of a sensor above the origin of the ego frame.
+pub(super) fn above_ground(height: f64) -> Result<Pose, DatasetError> {
+    if !height.is_finite() {
+        return Err(DatasetError::Height { value: height });
+    }
+    Ok(Pose { translation: DVec3::new(0.0, 0.0, height), ..Pose::IDENTITY })
+}
+
+fn list_scans(folder: &Path) -> Result<Vec<(u32, PathBuf)>, DatasetError> {
+    let to_read = |cause| DatasetError::Read { path: folder.to_owned(), cause };
+    let mut scans = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(to_read)? {
+        let path = entry.map_err(to_read)?.path();
+        if path.extension().is_none_or(|e| e != "bin") {
+            continue;
+        }
+        let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
+        match stem.parse() {
+            Ok(frame) if stem.bytes().all(|b| b.is_ascii_digit()) => scans.push((frame, path)),
+            _ => return Err(DatasetError::Name { path }),
+        }
+    }
+    scans.sort();
+    if let Some(pair) = scans.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+        return Err(DatasetError::Twice { path: folder.to_owned(), frame: pair[0].0 });
+    }
+    if scans.is_empty() {
+        return Err(DatasetError::NoScans { path: folder.to_owned() });
+    }
+    Ok(scans)
+}
+
+fn read_labels(path: &Path) -> Result<Vec<PointLabel>, DatasetError> {
+    let bytes = read_units(path, 4)?;
+    let ids = bytes.as_chunks::<4>().0.iter().map(|&b| u32::from_le_bytes(b) as u16);
+    ids.enumerate()
+        .map(|(point, id)| {
+            let unknown = || DatasetError::LabelId { path: path.to_owned(), point, id };
+            kitti_label(id).ok_or_else(unknown)
+        })
+        .collect()
+}
+
+fn read_tr(path: &Path) -> Result<Pose, DatasetError> {
+    for (n, line) in read_text(path)?.lines().enumerate() {
+        if let Some(numbers) = line.trim_start().strip_prefix("Tr:") {
+            return parse_pose(path, n + 1, numbers);
+        }
+    }
+    Err(DatasetError::NoTr { path: path.to_owned() })
+}
+
+/// A 3×4 transform from twelve numbers, row by row. The printed rotation is rounded, so it is made
+/// orthonormal again: x kept in direction, y in its plane with x.
+fn parse_pose(path: &Path, line: usize, text: &str) -> Result<Pose, DatasetError> {
+    let error = |fault: String| DatasetError::Matrix { path: path.to_owned(), line, fault };
+    let numbers: Vec<f64> = text
+        .split_whitespace()
+        .map(|word| match word.parse::<f64>() {
+            Ok(number) if number.is_finite() => Ok(number),
+            _ => Err(error(format!("{word:?} is not a finite number"))),
+        })
+        .collect::<Result<_, _>>()?;
+    let &[a, b, c, x, d, e, f, y, g, h, i, z] = &numbers[..] else {
+        return Err(error(format!("it has {} numbers", numbers.len())));
+    };
+    let printed = DMat3::from_cols_array(&[a, d, g, b, e, h, c, f, i]);
+    let x_axis = printed.x_axis.normalize_or_zero();
+    let y_axis = (printed.y_axis - x_axis * x_axis.dot(printed.y_axis)).normalize_or_zero();
+    let rotation = DMat3::from_cols(x_axis, y_axis, x_axis.cross(y_axis));
+    if !rotation.abs_diff_eq(printed, 1e-3) {
+        return Err(error("its left 3×3 part is not a rotation".to_owned()));
+    }
+    Ok(Pose { rotation, translation: DVec3::new(x, y, z) })
+}

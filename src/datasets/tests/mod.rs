@@ -1,0 +1,7 @@
+//! Tests of data sets.
+
+mod carla;
+mod kitti;
+mod kitti_real;
+mod nuscenes;
+mod nuscenes_set;
