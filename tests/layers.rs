@@ -10,6 +10,7 @@ use imports::{Source, Sources, words};
 /// Modules of the library, top to bottom: each imports only from itself and from those above it.
 const ORDER: [&str; 25] = [
     "memory",
+    "chance",
     "geom",
     "json",
     "mesh",

@@ -100,7 +100,7 @@ fn first_block(
     if u * slope >= 3.0 * rate {
         return None;
     }
-    let wait = -(-u).ln_1p() / rate;
+    let wait = -(1.0 - u).ln() / rate;
     if slope == 0.0 {
         return (wait < reach).then_some(wait);
     }
@@ -174,7 +174,7 @@ impl<'a> Fall<'a> {
 
     /// Draws the next flake; whether another may still win.
     fn next(&mut self, draw: &mut impl FnMut() -> f64) -> bool {
-        self.arrived -= (-draw()).ln_1p();
+        self.arrived -= (1.0 - draw()).ln();
         let share = 3.0 * self.arrived / self.scale;
         let is_flake = share < 1.0;
         if !is_flake || self.len == MOST {
@@ -220,6 +220,7 @@ impl<'a> Fall<'a> {
 
 /// Steps of each table.
 const STEPS: usize = 1024;
+const GUIDES: usize = 512;
 /// z of P(5/2, z) and of the mean share up to which the tables go.
 const WIDEST: f64 = 36.0;
 const WIDEST_MEAN: f64 = 400.0;
@@ -230,6 +231,8 @@ struct Tables {
     threshold: Vec<f64>,
     /// P(5/2, w²) by w.
     gamma: Vec<f64>,
+    /// By P, where in its table to begin to look for it.
+    guide: Vec<u16>,
     /// ∫₀¹ P(3, x·t²) dt by √x.
     mean_share: Vec<f64>,
 }
@@ -239,16 +242,13 @@ static TABLES: LazyLock<Tables> = LazyLock::new(Tables::new);
 impl Tables {
     fn new() -> Self {
         let step = |k: usize| k as f64 / STEPS as f64;
-        let erf_part = |w: f64, power: i32| {
-            // ∫₀ʷ v^power·e^(−v²) dv by Simpson's rule.
-            let f = |v: f64| v.powi(power) * (-v * v).exp();
-            let h = w / 200.0;
-            let inner = (1..200).map(|k| f(h * f64::from(k)) * if k % 2 == 1 { 4.0 } else { 2.0 });
-            (f(0.0) + f(w) + inner.sum::<f64>()) * h / 3.0
-        };
-        // 3·g(x), with v = t√x.
-        let g = |x: f64| {
-            if x < 1e-12 { 1.0 } else { 3.0 * erf_part(x.sqrt().min(8.0), 2) / x.powf(1.5) }
+        // 3·∫₀¹ t²·e^(−xt²) dt.
+        let g = |x: f64| match x < 1e-3 {
+            true => 1.0 - 0.6 * x + 3.0 / 14.0 * x * x,
+            false => {
+                let w = x.sqrt();
+                (0.75 * PI.sqrt() * libm::erf(w) - 1.5 * w * (-x).exp()) / (x * w)
+            }
         };
         let threshold = (0..=STEPS).map(|k| {
             let q = step(k);
@@ -265,25 +265,31 @@ impl Tables {
         });
         let gamma = (0..=STEPS).map(|k| {
             let w = step(k) * WIDEST.sqrt();
-            // Γ(5/2) = 3√π/4.
-            2.0 * erf_part(w, 4) / (0.75 * PI.sqrt())
+            let tail = (-w * w).exp() * w * (1.0 + 2.0 / 3.0 * w * w);
+            (libm::erf(w) - 2.0 / PI.sqrt() * tail).max(0.0)
         });
         let mean_share = (0..=STEPS).map(|k| {
             let x = (step(k) * WIDEST_MEAN.sqrt()).powi(2);
             let p = |z: f64| 1.0 - (-z).exp() * (1.0 + z * (1.0 + 0.5 * z));
             (0..400).map(|i| p(x * ((f64::from(i) + 0.5) / 400.0).powi(2))).sum::<f64>() / 400.0
         });
+        let gamma: Vec<f64> = gamma.collect();
+        let guide = (0..GUIDES).map(|k| {
+            let below = gamma.partition_point(|&p| p <= k as f64 / GUIDES as f64);
+            below.clamp(1, STEPS) as u16
+        });
         Self {
             threshold: threshold.collect(),
-            gamma: gamma.collect(),
+            guide: guide.collect(),
             mean_share: mean_share.collect(),
+            gamma,
         }
     }
 
     /// x above which a share of the flakes has its echoes.
     fn threshold(&self, share: f64) -> f64 {
         // At q = 10⁻⁶ echoes are stronger than any in ten thousand years of snow.
-        let q = share.cbrt().max(1e-6);
+        let q = f64::from((share as f32).cbrt()).max(1e-6);
         at(&self.threshold, q) / (q * q)
     }
 
@@ -296,7 +302,11 @@ impl Tables {
         let steps = widest / WIDEST.sqrt() * STEPS as f64;
         let part =
             u * if steps >= STEPS as f64 { 1.0 } else { at(&self.gamma, steps / STEPS as f64) };
-        let above = self.gamma.partition_point(|&p| p <= part).clamp(1, STEPS);
+        let bucket = (part * GUIDES as f64) as usize;
+        let mut above = usize::from(self.guide[bucket.min(GUIDES - 1)]);
+        while above < STEPS && self.gamma[above] <= part {
+            above += 1;
+        }
         let (a, b) = (self.gamma[above - 1], self.gamma[above]);
         let share = if b > a { (part - a) / (b - a) } else { 0.0 };
         let w = ((above - 1) as f64 + share) / STEPS as f64 * WIDEST.sqrt();
