@@ -130,7 +130,7 @@ fn returns_are_distributed_as_if_every_flake_were_drawn() {
     for (rate, speed, reach) in [(0.5, 2.0, 20.0), (2.5, 1.6, 50.0), (2.5, 1.6, 4.0)] {
         let (snow, balls) = (Snowfall::new(rate, speed), Balls::new(rate, speed).unwrap());
         let (mut draw, mut other) = (uniform(6), uniform(7));
-        let beams = 6000;
+        let beams = 40_000;
         let fast: Vec<Fallen> = (0..beams).map(|_| snow.beam(WIDE, reach, &mut draw)).collect();
         let all: Vec<Fallen> = (0..beams).map(|_| brute(&balls, reach, &mut other)).collect();
         type Part = fn(&Fallen) -> f64;
