@@ -9,8 +9,8 @@ use imports::{Source, Sources, words};
 
 /// Modules of the library, top to bottom: each imports only from itself and from those above it.
 const ORDER: [&str; 28] = [
-    "chance",
     "memory",
+    "chance",
     "geom",
     "json",
     "mesh",

@@ -9,6 +9,7 @@ mod pulse;
 mod robo3d;
 mod snow;
 mod snow_law;
+mod snow_tables;
 mod specs;
 #[cfg(test)]
 mod tests;

@@ -1,10 +1,10 @@
 //! Falling snow, for each beam: the flakes in its cone, those first whose echoes are strongest.
 
 use std::f64::consts::PI;
-use std::sync::LazyLock;
 
 use super::pulse::overlap;
 use super::snow_law::Balls;
+use super::snow_tables::TABLES;
 
 /// Reflectance of a flake, as the public snow takes it.
 pub(super) const FLAKE: f64 = 0.9;
@@ -100,7 +100,7 @@ fn first_block(
     if u * slope >= 3.0 * rate {
         return None;
     }
-    let wait = -(-u).ln_1p() / rate;
+    let wait = -(1.0 - u).ln() / rate;
     if slope == 0.0 {
         return (wait < reach).then_some(wait);
     }
@@ -174,7 +174,7 @@ impl<'a> Fall<'a> {
 
     /// Draws the next flake; whether another may still win.
     fn next(&mut self, draw: &mut impl FnMut() -> f64) -> bool {
-        self.arrived -= (-draw()).ln_1p();
+        self.arrived -= (1.0 - draw()).ln();
         let share = 3.0 * self.arrived / self.scale;
         let is_flake = share < 1.0;
         if !is_flake || self.len == MOST {
@@ -216,106 +216,4 @@ impl<'a> Fall<'a> {
         let power = power(best) * self.haze(range);
         (power > 0.0).then_some(Flake { range, power })
     }
-}
-
-/// Steps of each table.
-const STEPS: usize = 1024;
-/// z of P(5/2, z) and of the mean share up to which the tables go.
-const WIDEST: f64 = 36.0;
-const WIDEST_MEAN: f64 = 400.0;
-
-/// The functions of a fall that have no short form, the same for all snow.
-struct Tables {
-    /// x·q² by q = g'^(1/3), g' = 3·g(x).
-    threshold: Vec<f64>,
-    /// P(5/2, w²) by w.
-    gamma: Vec<f64>,
-    /// ∫₀¹ P(3, x·t²) dt by √x.
-    mean_share: Vec<f64>,
-}
-
-static TABLES: LazyLock<Tables> = LazyLock::new(Tables::new);
-
-impl Tables {
-    fn new() -> Self {
-        let step = |k: usize| k as f64 / STEPS as f64;
-        let erf_part = |w: f64, power: i32| {
-            // ∫₀ʷ v^power·e^(−v²) dv by Simpson's rule.
-            let f = |v: f64| v.powi(power) * (-v * v).exp();
-            let h = w / 200.0;
-            let inner = (1..200).map(|k| f(h * f64::from(k)) * if k % 2 == 1 { 4.0 } else { 2.0 });
-            (f(0.0) + f(w) + inner.sum::<f64>()) * h / 3.0
-        };
-        // 3·g(x), with v = t√x.
-        let g = |x: f64| {
-            if x < 1e-12 { 1.0 } else { 3.0 * erf_part(x.sqrt().min(8.0), 2) / x.powf(1.5) }
-        };
-        let threshold = (0..=STEPS).map(|k| {
-            let q = step(k);
-            let product = |x: f64| x * q * q;
-            if k == 0 {
-                return (3.0 * PI.sqrt() / 4.0).powf(2.0 / 3.0);
-            }
-            let (mut low, mut high) = (0.0, 2.0 / (q * q));
-            for _ in 0..60 {
-                let middle = 0.5 * (low + high);
-                if g(middle) > q.powi(3) { low = middle } else { high = middle }
-            }
-            product(0.5 * (low + high))
-        });
-        let gamma = (0..=STEPS).map(|k| {
-            let w = step(k) * WIDEST.sqrt();
-            // Γ(5/2) = 3√π/4.
-            2.0 * erf_part(w, 4) / (0.75 * PI.sqrt())
-        });
-        let mean_share = (0..=STEPS).map(|k| {
-            let x = (step(k) * WIDEST_MEAN.sqrt()).powi(2);
-            let p = |z: f64| 1.0 - (-z).exp() * (1.0 + z * (1.0 + 0.5 * z));
-            (0..400).map(|i| p(x * ((f64::from(i) + 0.5) / 400.0).powi(2))).sum::<f64>() / 400.0
-        });
-        Self {
-            threshold: threshold.collect(),
-            gamma: gamma.collect(),
-            mean_share: mean_share.collect(),
-        }
-    }
-
-    /// x above which a share of the flakes has its echoes.
-    fn threshold(&self, share: f64) -> f64 {
-        // At q = 10⁻⁶ echoes are stronger than any in ten thousand years of snow.
-        let q = share.cbrt().max(1e-6);
-        at(&self.threshold, q) / (q * q)
-    }
-
-    /// t = r/R of a flake with its echo at x.
-    fn place(&self, x: f64, u: f64) -> f64 {
-        if x < 0.01 {
-            return u.powf(0.2);
-        }
-        let widest = x.sqrt();
-        let steps = widest / WIDEST.sqrt() * STEPS as f64;
-        let part =
-            u * if steps >= STEPS as f64 { 1.0 } else { at(&self.gamma, steps / STEPS as f64) };
-        let above = self.gamma.partition_point(|&p| p <= part).clamp(1, STEPS);
-        let (a, b) = (self.gamma[above - 1], self.gamma[above]);
-        let share = if b > a { (part - a) / (b - a) } else { 0.0 };
-        let w = ((above - 1) as f64 + share) / STEPS as f64 * WIDEST.sqrt();
-        (w / widest).min(1.0)
-    }
-
-    /// Share of the mean extinction up to R that is left to flakes with echoes below x.
-    fn mean_share(&self, x: f64) -> f64 {
-        if x >= WIDEST_MEAN {
-            // 1 − ∫₀^∞ Q(3, v²) dv / √x; the integral is 15√π/16.
-            return 1.0 - 15.0 * PI.sqrt() / 16.0 / x.sqrt();
-        }
-        at(&self.mean_share, (x / WIDEST_MEAN).sqrt())
-    }
-}
-
-/// Value of a table at a place from 0 to 1.
-fn at(table: &[f64], place: f64) -> f64 {
-    let place = place * (table.len() - 1) as f64;
-    let below = (place as usize).min(table.len() - 2);
-    table[below] + (place - below as f64) * (table[below + 1] - table[below])
 }

@@ -19,6 +19,9 @@ fn normals(chance: &Chance, k: u32) -> DVec3 {
 /// One shift of the whole cloud a frame, and a jitter of each point; the published cut at 30 deviations of the
 /// jitter never acts and is left out.
 pub(super) fn blur(scan: &mut Scan, draws: &Draws, sigma: f64) {
+    if sigma == 0.0 {
+        return;
+    }
     let (chances, origins) = (draws.returns(scan), origins(scan));
     let whole = normals(&draws.frame(), 0);
     for k in points(scan) {

@@ -110,7 +110,9 @@ fn fog_begins_at_the_18_published_ranges() {
     for (beta, ranges) in table {
         for (alpha, wanted) in ALPHAS.into_iter().zip(ranges) {
             let found = critical(alpha, beta);
-            assert!((found - wanted).abs() < 0.051, "β {beta}, α {alpha}: {found}, not {wanted}");
+            // Given is the first row of the published tables, which go by 0.1 m.
+            let row = (found * 10.0).ceil() / 10.0;
+            assert!((row - wanted).abs() < 1e-9, "β {beta}, α {alpha}: {found}, not {wanted}");
             // And so in a scan.
             let fog = format!("fog:mode=robo3d,beta={beta},alpha={alpha}");
             let clean = walls(9500);
@@ -233,7 +235,12 @@ fn discs_and_wedges_are_as_many_as_published() {
         assert!((mean * 1e3 / radius - 1.0).abs() < 0.03, "{mean}");
         let area = wedge::WEDGE * 80.0 * 80.0 / 2.0 + 2.0 * radius * 1e-3 * 80.0;
         let number = drawn.len() as f64 / 4000.0;
-        assert!((number / (density * area) - 1.0).abs() < 0.015, "{number}");
+        // Four standard errors.
+        let wanted = balls.discs_per_square_metre() * area;
+        assert!(
+            (number / wanted - 1.0).abs() < 4.0 / (4000.0 * wanted).sqrt(),
+            "{number} {wanted}"
+        );
     }
 }
 
@@ -251,37 +258,55 @@ fn shares_of_a_wedge_add_up_and_dim_as_the_slice_does() {
         }
         let (loss, wanted) = (sum / 20_000.0, 1.0 - (-40.0_f64 / mfp).exp());
         assert!((loss / wanted - 1.0).abs() < 0.05, "{rate}: {loss} {wanted}");
+        // The balls in space take less: plain instead of size-biased diameters fill the plane.
+        assert!((1.5 * balls.extinction() * mfp - 1.0).abs() < 0.02, "{rate}");
     }
 }
 
 #[test]
 fn about_one_beam_in_a_hundred_becomes_snow() {
+    let mut shares = Vec::new();
     for (rate, speed, ..) in SNOW {
         let text = format!("snow:mode=robo3d,rate={rate},speed={speed}");
-        let mut clean = walls(5500);
-        for beam in &mut clean.returns {
-            beam.intensity = 40.0 / 255.0;
-        }
-        let snowy = corrupted(&clean, &[&text], 4);
-        let share = with(&snowy, Status::Snow).len() as f64 / 5500.0;
-        println!("{rate} mm/h: {:.2} % become snow", 100.0 * share);
-        assert!((0.001..0.03).contains(&share), "{share}");
-        for (beam, clean) in snowy.returns.iter().zip(&clean.returns) {
-            assert!(beam.intensity <= 1.0 && beam.range < clean.range + 0.2);
-            assert!(beam.status == Status::Snow || beam.position == clean.position);
+        for intensity in [5.0, 20.0, 40.0, 75.0] {
+            let mut clean = walls(5500);
+            for beam in &mut clean.returns {
+                beam.intensity = intensity / 255.0;
+            }
+            let snowy = corrupted(&clean, &[&text], 4);
+            let share = with(&snowy, Status::Snow).len() as f64 / 5500.0;
+            println!("{rate} mm/h, {intensity} of 255: {:.2} % become snow", 100.0 * share);
+            shares.push(share);
+            for (beam, clean) in snowy.returns.iter().zip(&clean.returns) {
+                assert!(beam.intensity <= 1.0 && beam.range < clean.range + 0.2);
+                assert!(beam.status == Status::Snow || beam.position == clean.position);
+            }
         }
     }
-    // With a road, the noise takes what is dark and far.
+    // Published: 0 to 3 %, about 1 % on the mean of targets from 5 to 75.
+    assert!(shares.iter().all(|share| *share < 0.035), "{shares:?}");
+    let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+    assert!((0.003..0.02).contains(&mean), "{mean}");
+}
+
+#[test]
+fn snow_loses_what_is_below_the_noise_of_the_ground() {
+    // Every third point is of a dark car.
     let mut mixed = road();
-    let dark = mixed.returns.iter_mut().step_by(3).map(|beam| {
-        (beam.class, beam.clean_class) = (VEHICLE, VEHICLE);
-        beam.intensity = 0.005;
-    });
-    assert_eq!(dark.count(), 1000);
+    for beam in mixed.returns.iter_mut().step_by(3) {
+        (beam.class, beam.clean_class, beam.intensity) = (VEHICLE, VEHICLE, 0.005);
+    }
     let snowy = corrupted(&mixed, &["snow:mode=robo3d"], 4);
-    let lost = with(&snowy, Status::Lost);
-    assert!(lost.iter().filter(|beam| beam.clean_class == VEHICLE).count() > 900);
-    assert!(lost.iter().filter(|beam| beam.clean_class == ROAD).count() < 100);
+    let share = |class: u16, to: f32| {
+        let pairs = || snowy.returns.iter().zip(&mixed.returns);
+        let of = || pairs().filter(move |(_, c)| c.class == class && c.range < to);
+        let lost = of().filter(|(s, _)| s.status == Status::Lost).count();
+        lost as f64 / of().count() as f64
+    };
+    // A square polynomial fits cos θ badly, so that a part of the road goes with them: as published.
+    assert!(share(VEHICLE, 25.0) > 0.95 && share(ROAD, 25.0) < 0.4);
+    let few = corrupted(&walls(2000), &["snow:mode=robo3d"], 4);
+    assert!(with(&few, Status::Lost).is_empty(), "without ground there is no noise");
 }
 
 #[test]
