@@ -58,6 +58,7 @@
 //! | [`chart`] | settings from fine to coarse, their cost and their error |
 //! | [`study`] | how many LiDARs, which sensor, what if one fails |
 //! | `files` | files that are whole at any time, folders of runs |
+//! | [`export`] | scans as data sets that public loaders read |
 //! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
 
 mod chance;
@@ -72,6 +73,7 @@ pub mod chart;
 mod cover;
 pub mod datasets;
 pub mod engine;
+pub mod export;
 mod files;
 pub mod geom;
 mod json;

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use imports::{Source, Sources, words};
 
 /// Modules of the library, top to bottom: each imports only from itself and from those above it.
-const ORDER: [&str; 28] = [
+const ORDER: [&str; 29] = [
     "memory",
     "chance",
     "geom",
@@ -27,6 +27,7 @@ const ORDER: [&str; 28] = [
     "reduce",
     "scan",
     "files",
+    "export",
     "engine",
     "score",
     "near_field",
@@ -58,6 +59,7 @@ const FOREIGN: [(&str, &[&str]); 12] = [
         &[
             "json/",
             "files/",
+            "export/",
             "vehicle/",
             "rig/",
             "datasets/",

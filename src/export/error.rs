@@ -1,0 +1,192 @@
+//! Why a data set cannot be written.
+
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use crate::files::FileError;
+
+/// Why a data set cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DatasetError {
+    /// No layout of that name.
+    #[error("`{name}` is no layout; take `semantickitti`, `nuscenes` or `npz`")]
+    UnknownLayout {
+        /// As written.
+        name: String,
+    },
+    /// Shares that are no shares.
+    #[error("splits {train}, {val}, {test}: take three shares of 0 or more whose sum is above 0")]
+    Splits {
+        /// For training.
+        train: f64,
+        /// For validation.
+        val: f64,
+        /// For tests.
+        test: f64,
+    },
+    /// A number of a setting that makes no sense.
+    #[error("`{name}` is 0; take 1 or more")]
+    Zero {
+        /// Of the setting.
+        name: &'static str,
+    },
+    /// Nothing to write.
+    #[error("a data set needs at least one scene")]
+    NoScenes,
+    /// A scene of which nothing would be written.
+    #[error(
+        "the scene `{scene}` has no frames to write; name at least one, or leave the scene out"
+    )]
+    NoFrames {
+        /// Name of the scene.
+        scene: String,
+    },
+    /// Frames in no order.
+    #[error("the frames of the scene `{scene}` do not rise; name each once, from first to last")]
+    Frames {
+        /// Name of the scene.
+        scene: String,
+    },
+    /// Two scenes would share a folder.
+    #[error("two scenes are called `{scene}`; rename one")]
+    SameName {
+        /// Name of the scenes.
+        scene: String,
+    },
+    /// A class that the format has no label for.
+    #[error(
+        "scene `{scene}`: the class `{class}` has no label in this layout; map it to one that has, \
+         as in `{class}=building`"
+    )]
+    UnmappedClass {
+        /// Name of the scene.
+        scene: String,
+        /// Name of the class.
+        class: String,
+    },
+    /// A mapping to a class that has no label either.
+    #[error(
+        "the map `{class}={to}`: `{to}` is no class with a label; take one of the scene format's own, \
+         such as `building`, `vehicle` or `vegetation`"
+    )]
+    UnknownTarget {
+        /// Name of the class that is mapped.
+        class: String,
+        /// What it is mapped to.
+        to: String,
+    },
+    /// Loaders replace the word everywhere in a path.
+    #[error(
+        "{}: has `velodyne` in its path, which loaders of SemanticKITTI replace by `labels`; name \
+         another folder", path.display()
+    )]
+    Velodyne {
+        /// Folder of the data set.
+        path: PathBuf,
+    },
+    /// More scenes than the format has names for.
+    #[error(
+        "{scenes} scenes for {split}: {layout} has {limit} names for those; use fewer, or other splits"
+    )]
+    TooManyScenes {
+        /// Scenes of the split.
+        scenes: usize,
+        /// Name of the split.
+        split: &'static str,
+        /// Name of the layout.
+        layout: &'static str,
+        /// Most that it can have.
+        limit: usize,
+    },
+    /// The folder holds something else.
+    #[error("{}: is not empty and holds no data set of this program; name another folder", path.display())]
+    Foreign {
+        /// Folder of the data set.
+        path: PathBuf,
+    },
+    /// The folder holds another data set.
+    #[error(
+        "{}: holds a data set of other settings ({difference}); name another folder, or take the same settings",
+        path.display()
+    )]
+    OtherSettings {
+        /// Folder of the data set.
+        path: PathBuf,
+        /// What differs.
+        difference: String,
+    },
+    /// A scan that was not announced.
+    #[error("frame {frame} of scene {scene} is not among those that the data set was made for")]
+    Unplanned {
+        /// Number of the scene.
+        scene: usize,
+        /// Number of the frame.
+        frame: usize,
+    },
+    /// A frame whose placement or classes are others than announced.
+    #[error("frame {frame} of the scene `{scene}`: {what}")]
+    Scan {
+        /// Name of the scene.
+        scene: String,
+        /// Number of the frame.
+        frame: usize,
+        /// What is wrong.
+        what: String,
+    },
+    /// Frames are missing.
+    #[error("{}: {missing} of {frames} frames are missing, the first is frame {frame} of `{scene}`; \
+             run again to write them", path.display())]
+    Incomplete {
+        /// Folder of the data set.
+        path: PathBuf,
+        /// Frames that are not there.
+        missing: usize,
+        /// All frames.
+        frames: usize,
+        /// Scene of the first that is missing.
+        scene: String,
+        /// Its number.
+        frame: usize,
+    },
+    /// The disk would not hold it.
+    #[error("{}: the frames to come need about {need} MB, {free} MB are free; make room, or write fewer frames",
+            path.display())]
+    Space {
+        /// Folder of the data set.
+        path: PathBuf,
+        /// Megabytes that it needs.
+        need: u64,
+        /// Megabytes that are free.
+        free: u64,
+    },
+    /// The disk is full.
+    #[error("{}: the disk is full; make room and run again, what is written is kept", path.display())]
+    Full {
+        /// File that did not fit.
+        path: PathBuf,
+    },
+    /// A file that cannot be written or read.
+    #[error(transparent)]
+    File(#[from] FileError),
+}
+
+impl DatasetError {
+    /// Names the file in an error of the operating system.
+    pub(super) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
+        move |source| match source.kind() {
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
+                Self::Full { path: path.to_owned() }
+            }
+            _ => Self::File(FileError::io(path)(source)),
+        }
+    }
+
+    /// Names the file in an error of its JSON.
+    pub(super) fn json(path: &Path) -> impl FnOnce(serde_json::Error) -> Self + '_ {
+        move |source| match source.io_error_kind() {
+            Some(kind) => Self::io(path)(kind.into()),
+            None => Self::File(FileError::Json { path: path.to_owned(), source }),
+        }
+    }
+}

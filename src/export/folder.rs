@@ -1,0 +1,148 @@
+//! The folder of a data set: files that come into it whole, records of frames, what stands in it.
+
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use tempfile::NamedTempFile;
+
+use super::DatasetError;
+use super::record::{FrameRecord, Written};
+use crate::files::{FileError, write_whole};
+
+/// Records and files that are being written: hidden, because loaders list the other folders.
+const HIDDEN: &str = ".sightline";
+
+/// Folder of a data set.
+pub(super) struct Folder {
+    root: PathBuf,
+}
+
+/// A file that is being written; it takes its place when it is done.
+pub(super) struct Staged {
+    out: BufWriter<NamedTempFile>,
+    place: PathBuf,
+    name: String,
+}
+
+impl Folder {
+    /// Makes the folder if there is none.
+    pub fn open(root: &Path) -> Result<Self, DatasetError> {
+        let hidden = root.join(HIDDEN);
+        std::fs::create_dir_all(&hidden).map_err(DatasetError::io(&hidden))?;
+        Ok(Self { root: root.to_owned() })
+    }
+
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Begins a file, named from the root with `/`.
+    pub fn begin(&self, name: &str) -> Result<Staged, DatasetError> {
+        let place = self.root.join(name);
+        let hidden = self.root.join(HIDDEN);
+        let mut builder = tempfile::Builder::new();
+        // As readable as any new file of the user.
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            builder.permissions(std::fs::Permissions::from_mode(0o666));
+        }
+        let file = builder.tempfile_in(&hidden).map_err(DatasetError::io(&hidden))?;
+        Ok(Staged { out: BufWriter::with_capacity(1 << 18, file), place, name: name.to_owned() })
+    }
+
+    /// Writes a file of records of any kind.
+    pub fn put(&self, name: &str, bytes: &[u8]) -> Result<Written, DatasetError> {
+        let mut staged = self.begin(name)?;
+        staged.write(|out| out.write_all(bytes))?;
+        staged.end()
+    }
+
+    /// Writes a value as JSON.
+    pub fn put_json(&self, name: &str, value: &impl Serialize) -> Result<(), DatasetError> {
+        let path = self.root.join(name);
+        write_whole(&path, |out| {
+            serde_json::to_writer_pretty(&mut *out, value).map_err(DatasetError::json(&path))?;
+            out.write_all(b"\n").map_err(DatasetError::io(&path))
+        })
+    }
+
+    /// Takes a file away, if it is there.
+    pub fn remove(&self, name: &str) -> Result<(), DatasetError> {
+        let path = self.root.join(name);
+        match std::fs::remove_file(&path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                Err(DatasetError::io(&path)(error))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn record_name(scene: usize, frame: usize) -> String {
+        format!("{HIDDEN}/{scene:04}/{frame:08}.json")
+    }
+
+    /// Whether a frame is there whole.
+    pub fn has(&self, scene: usize, frame: usize) -> bool {
+        self.record(scene, frame).is_ok_and(|record| {
+            record.files.iter().all(|file| {
+                let meta = std::fs::metadata(self.root.join(&file.path));
+                meta.is_ok_and(|meta| meta.is_file() && meta.len() == file.bytes)
+            })
+        })
+    }
+
+    /// Keeps the record of a frame whose files are all in place.
+    pub fn keep(&self, scene: usize, record: &FrameRecord) -> Result<(), DatasetError> {
+        let name = Self::record_name(scene, record.frame);
+        let text =
+            serde_json::to_vec(record).map_err(DatasetError::json(&self.root.join(&name)))?;
+        self.put(&name, &text).map(drop)
+    }
+
+    /// The record of a frame.
+    pub fn record(&self, scene: usize, frame: usize) -> Result<FrameRecord, DatasetError> {
+        let path = self.root.join(Self::record_name(scene, frame));
+        let file = File::open(&path).map_err(DatasetError::io(&path))?;
+        serde_json::from_reader(BufReader::new(file)).map_err(DatasetError::json(&path))
+    }
+
+    /// Checks that the disk holds `need` more bytes, where the system says what is free.
+    pub fn check_space(&self, need: u64) -> Result<(), DatasetError> {
+        #[cfg(unix)]
+        if let Ok(disk) = rustix::fs::statvfs(&self.root) {
+            let free = disk.f_bavail.saturating_mul(disk.f_frsize);
+            if free < need {
+                let path = self.root.clone();
+                let (need, free) = (need.div_ceil(1 << 20), free >> 20);
+                return Err(DatasetError::Space { path, need, free });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Staged {
+    /// The writer; errors name the place of the file.
+    pub fn write<T>(
+        &mut self,
+        write: impl FnOnce(&mut BufWriter<NamedTempFile>) -> std::io::Result<T>,
+    ) -> Result<T, DatasetError> {
+        write(&mut self.out).map_err(DatasetError::io(&self.place))
+    }
+
+    /// Moves the file to its place.
+    pub fn end(self) -> Result<Written, DatasetError> {
+        let Self { out, place, name } = self;
+        let io = |error| DatasetError::io(&place)(error);
+        let mut file = out.into_inner().map_err(|error| io(error.into_error()))?;
+        let bytes = file.seek(SeekFrom::End(0)).map_err(io)?;
+        if let Some(folder) = place.parent() {
+            std::fs::create_dir_all(folder).map_err(DatasetError::io(folder))?;
+        }
+        file.persist(&place).map_err(|error| FileError::io(&place)(error.error))?;
+        Ok(Written { path: name, bytes })
+    }
+}

@@ -1,0 +1,80 @@
+//! What every nuScenes set has: categories, attributes, visibilities.
+
+/// Categories; the index is the label of lidarseg, and none may be left out.
+pub(super) const CATEGORIES: [&str; 32] = [
+    "noise",
+    "animal",
+    "human.pedestrian.adult",
+    "human.pedestrian.child",
+    "human.pedestrian.construction_worker",
+    "human.pedestrian.personal_mobility",
+    "human.pedestrian.police_officer",
+    "human.pedestrian.stroller",
+    "human.pedestrian.wheelchair",
+    "movable_object.barrier",
+    "movable_object.debris",
+    "movable_object.pushable_pullable",
+    "movable_object.trafficcone",
+    "static_object.bicycle_rack",
+    "vehicle.bicycle",
+    "vehicle.bus.bendy",
+    "vehicle.bus.rigid",
+    "vehicle.car",
+    "vehicle.construction",
+    "vehicle.emergency.ambulance",
+    "vehicle.emergency.police",
+    "vehicle.motorcycle",
+    "vehicle.trailer",
+    "vehicle.truck",
+    "flat.driveable_surface",
+    "flat.other",
+    "flat.sidewalk",
+    "flat.terrain",
+    "static.manmade",
+    "static.other",
+    "static.vegetation",
+    "vehicle.ego",
+];
+
+/// Category of an actor of no other.
+pub(super) const DEBRIS: u8 = 10;
+/// First and last category of things that have boxes.
+pub(super) const BOXED: std::ops::RangeInclusive<u8> = 1..=23;
+
+/// All attributes.
+pub(super) const ATTRIBUTES: [&str; 8] = [
+    "vehicle.moving",
+    "vehicle.stopped",
+    "vehicle.parked",
+    "cycle.with_rider",
+    "cycle.without_rider",
+    "pedestrian.sitting_lying_down",
+    "pedestrian.standing",
+    "pedestrian.moving",
+];
+
+/// Attribute of an actor; those of other categories have none.
+pub(super) fn attribute(category: u8, moves: bool) -> Option<&'static str> {
+    let name = CATEGORIES.get(usize::from(category))?;
+    Some(match *name {
+        "vehicle.bicycle" | "vehicle.motorcycle" => "cycle.with_rider",
+        _ if name.starts_with("vehicle") && moves => "vehicle.moving",
+        _ if name.starts_with("vehicle") => "vehicle.stopped",
+        _ if name.starts_with("human") && moves => "pedestrian.moving",
+        _ if name.starts_with("human") => "pedestrian.standing",
+        _ => return None,
+    })
+}
+
+/// Visibilities by token, from 1.
+pub(super) const VISIBILITIES: [&str; 4] = ["v0-40", "v40-60", "v60-80", "v80-100"];
+
+/// Cameras that mmdetection3d asks for, and where they look: degrees to the left.
+pub(super) const CAMERAS: [(&str, f64); 6] = [
+    ("CAM_FRONT", 0.0),
+    ("CAM_FRONT_RIGHT", -55.0),
+    ("CAM_FRONT_LEFT", 55.0),
+    ("CAM_BACK", 180.0),
+    ("CAM_BACK_LEFT", 110.0),
+    ("CAM_BACK_RIGHT", -110.0),
+];

@@ -1,0 +1,158 @@
+//! The tables of nuScenes, streamed from the records of frames.
+
+use serde_json::{Value, json};
+use std::io::Write;
+
+use super::fixed::{ATTRIBUTES, CAMERAS, CATEGORIES, VISIBILITIES};
+use super::frames::scene_rows;
+use super::{About, channels, names, token};
+use crate::export::folder::{Folder, Staged};
+use crate::export::plan::Planned;
+use crate::export::{DatasetError, DatasetSettings, SceneFacts, Split};
+
+/// A picture of one pixel, as the mask of the map.
+const PIXEL: &[u8] = &[
+    137, 80, 78, 71, 13, 10, 26, 10, 0, 0, 0, 13, 73, 72, 68, 82, 0, 0, 0, 1, 0, 0, 0, 1, 8, 4, 0,
+    0, 0, 181, 28, 12, 2, 0, 0, 0, 11, 73, 68, 65, 84, 120, 218, 99, 100, 96, 0, 0, 0, 6, 0, 2, 48,
+    129, 208, 47, 0, 0, 0, 0, 73, 69, 78, 68, 174, 66, 96, 130,
+];
+
+/// A table that is being written: a list of objects, one a line.
+pub(super) struct Table {
+    staged: Staged,
+    empty: bool,
+}
+
+impl Table {
+    fn begin(folder: &Folder, version: &str, name: &str) -> Result<Self, DatasetError> {
+        let staged = folder.begin(&format!("{version}/{name}.json"))?;
+        Ok(Self { staged, empty: true })
+    }
+
+    pub fn push(&mut self, row: &Value) -> Result<(), DatasetError> {
+        let before: &[u8] = if std::mem::take(&mut self.empty) { b"[\n" } else { b",\n" };
+        self.staged.write(|out| {
+            out.write_all(before)?;
+            Ok(serde_json::to_writer(out, row)?)
+        })
+    }
+
+    fn end(mut self) -> Result<(), DatasetError> {
+        let end: &[u8] = if self.empty { b"[]\n" } else { b"\n]\n" };
+        self.staged.write(|out| out.write_all(end))?;
+        self.staged.end().map(drop)
+    }
+}
+
+/// Tables that grow with scenes and frames.
+pub(super) struct Tables {
+    pub calibrated_sensor: Table,
+    pub ego_pose: Table,
+    pub instance: Table,
+    pub lidarseg: Table,
+    pub log: Table,
+    pub sample: Table,
+    pub sample_annotation: Table,
+    pub sample_data: Table,
+    pub scene: Table,
+}
+
+/// Writes the tables of every version that has scenes.
+pub(in crate::export) fn finish(
+    folder: &Folder,
+    settings: &DatasetSettings,
+    scenes: &[SceneFacts],
+    plan: &[Planned],
+) -> Result<(), DatasetError> {
+    let counts = Split::ALL.map(|split| plan.iter().filter(|at| at.split == split).count());
+    let mut versions = Split::ALL.map(|split| names::version(counts, split)).to_vec();
+    versions.dedup();
+    for version in versions {
+        let of_version = |at: &usize| names::version(counts, plan[*at].split) == version;
+        let members: Vec<usize> = (0..scenes.len()).filter(of_version).collect();
+        if members.is_empty() {
+            continue;
+        }
+        let table = |name: &str| Table::begin(folder, version, name);
+        let mut tables = Tables {
+            calibrated_sensor: table("calibrated_sensor")?,
+            ego_pose: table("ego_pose")?,
+            instance: table("instance")?,
+            lidarseg: table("lidarseg")?,
+            log: table("log")?,
+            sample: table("sample")?,
+            sample_annotation: table("sample_annotation")?,
+            sample_data: table("sample_data")?,
+            scene: table("scene")?,
+        };
+        let mut lidars = 0;
+        for &number in &members {
+            let about = About { settings, planned: &plan[number], counts };
+            lidars = lidars.max(scene_rows(folder, &about, number, &scenes[number], &mut tables)?);
+        }
+        fixed_tables(folder, settings, version, lidars, members.iter().map(|&at| &plan[at]))?;
+        tables.end()?;
+    }
+    folder.put("maps/plain.png", PIXEL).map(drop)
+}
+
+impl Tables {
+    fn end(self) -> Result<(), DatasetError> {
+        self.calibrated_sensor.end()?;
+        self.ego_pose.end()?;
+        self.instance.end()?;
+        self.lidarseg.end()?;
+        self.log.end()?;
+        self.sample.end()?;
+        self.sample_annotation.end()?;
+        self.sample_data.end()?;
+        self.scene.end()
+    }
+}
+
+fn whole(
+    folder: &Folder,
+    version: &str,
+    name: &str,
+    rows: impl IntoIterator<Item = Value>,
+) -> Result<(), DatasetError> {
+    let mut table = Table::begin(folder, version, name)?;
+    for row in rows {
+        table.push(&row)?;
+    }
+    table.end()
+}
+
+/// Tables that do not grow with frames.
+fn fixed_tables<'a>(
+    folder: &Folder,
+    settings: &DatasetSettings,
+    version: &str,
+    lidars: usize,
+    scenes: impl Iterator<Item = &'a Planned>,
+) -> Result<(), DatasetError> {
+    let categories = (0..).zip(CATEGORIES).map(|(index, name): (u8, _)| {
+        json!({"token": token(&["category", name]), "name": name, "description": "", "index": index})
+    });
+    whole(folder, version, "category", categories)?;
+    let attributes = ATTRIBUTES
+        .iter()
+        .map(|name| json!({"token": token(&["attribute", name]), "name": name, "description": ""}));
+    whole(folder, version, "attribute", attributes)?;
+    let visibilities = (1..).zip(VISIBILITIES).map(|(number, level): (u8, _)| {
+        json!({"token": number.to_string(), "level": level, "description": ""})
+    });
+    whole(folder, version, "visibility", visibilities)?;
+    let sensor = |channel: &str, modality: &str| json!({"token": token(&["sensor", channel]), "channel": channel, "modality": modality});
+    let lidars =
+        channels(lidars, settings.each_lidar).map(|(channel, _)| sensor(&channel, "lidar"));
+    let cameras = CAMERAS.iter().filter(|_| settings.camera_stubs);
+    let cameras = cameras.map(|(channel, _)| sensor(channel, "camera"));
+    whole(folder, version, "sensor", lidars.chain(cameras))?;
+    let logs: Vec<String> = scenes.map(|planned| token(&["log", &planned.name])).collect();
+    let map = json!({
+        "token": token(&["map", version]), "log_tokens": logs, "category": "semantic_prior",
+        "filename": "maps/plain.png",
+    });
+    whole(folder, version, "map", [map])
+}
