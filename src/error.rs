@@ -4,11 +4,14 @@ use crate::audit::AuditError;
 use crate::chart::ChartError;
 use crate::datasets::DatasetError;
 use crate::engine::{BackendError, OpenError};
+use crate::export::ExportError;
 use crate::files::FileError;
 use crate::near_field::NearFieldError;
 use crate::problem::ProblemError;
 use crate::psog::{GridError, PsogFileError};
 use crate::rig::RigError;
+use crate::scan::ScanError;
+use crate::scan::conditions::ConditionError;
 use crate::scene::DescriptionError;
 use crate::score::ObjectiveError;
 use crate::search::SearchError;
@@ -46,6 +49,15 @@ pub enum Error {
     /// From labelled frames.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
+    /// From scanning a scene.
+    #[error(transparent)]
+    Scan(#[from] ScanError),
+    /// From weather and faults as they are written.
+    #[error(transparent)]
+    Condition(#[from] ConditionError),
+    /// From writing a data set.
+    #[error(transparent)]
+    Export(#[from] ExportError),
     /// From the sensor.
     #[error(transparent)]
     Sensor(#[from] SensorError),

@@ -152,12 +152,13 @@ impl Compute {
                  them out"
             )));
         }
-        if let Some(threads) = self.threads {
-            rayon::ThreadPoolBuilder::new()
-                .num_threads(usize::from(threads))
-                .build_global()
-                .map_err(|error| Error::Usage(format!("--threads {threads}: {error}")))?;
-        }
-        Ok(())
+        start_threads(self.threads)
     }
+}
+
+/// Starts the threads of `--threads`.
+pub fn start_threads(threads: Option<u16>) -> Result<(), Error> {
+    let Some(threads) = threads else { return Ok(()) };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
+    pool.build_global().map_err(|error| Error::Usage(format!("--threads {threads}: {error}")))
 }

@@ -18,6 +18,7 @@ mod optimize;
 mod progress;
 mod psog;
 mod rig;
+mod scan;
 mod scene;
 mod score;
 mod sensor;
@@ -51,6 +52,8 @@ enum Command {
     Score(score::Args),
     /// Write every beam's hit
     Cast(cast::Args),
+    /// Write labelled scans of placements, in good and bad weather, as data sets
+    Scan(scan::Args),
     /// Compare the GPU with the CPU reference bit by bit, and the reference with f64
     Verify(verify::Args),
     /// Chart cost against accuracy, and find the cheapest setting that keeps the ranking
@@ -82,6 +85,7 @@ pub fn run() -> Result<ExitCode, Error> {
         Command::Optimize(args) => optimize::run(&args),
         Command::Score(args) => score::run(&args),
         Command::Cast(args) => cast::run(&args),
+        Command::Scan(args) => scan::run(&args),
         Command::Verify(args) => verify::run(&args),
         Command::Chart(args) => chart::run(&args),
         Command::Audit(args) => audit::run(&args),

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::folder::Folder;
 use super::labels::{Label, of_classes};
 use super::plan::{Planned, plan};
-use super::{DatasetError, DatasetSettings, Layout, SceneFacts, kitti, npz, nuscenes};
+use super::{DatasetSettings, ExportError, Layout, SceneFacts, kitti, npz, nuscenes};
 use crate::files::FileError;
 use crate::scan::Scan;
 
@@ -72,13 +72,13 @@ impl Dataset {
         dir: &Path,
         settings: &DatasetSettings,
         scenes: &[SceneFacts],
-    ) -> Result<Self, DatasetError> {
+    ) -> Result<Self, ExportError> {
         let plan = plan(settings, scenes)?;
         let mut labels = Vec::new();
         if settings.layout == Layout::SemanticKitti {
-            let path = std::path::absolute(dir).map_err(DatasetError::io(dir))?;
+            let path = std::path::absolute(dir).map_err(ExportError::io(dir))?;
             if path.to_string_lossy().contains("velodyne") {
-                return Err(DatasetError::Velodyne { path });
+                return Err(ExportError::Velodyne { path });
             }
         }
         if settings.layout != Layout::Npz {
@@ -115,7 +115,7 @@ impl Dataset {
         Ok(set)
     }
 
-    fn say_incomplete(&self) -> Result<(), DatasetError> {
+    fn say_incomplete(&self) -> Result<(), ExportError> {
         let frames: usize = self.scenes.iter().map(|scene| scene.frames.len()).sum();
         let words = format!(
             "This data set is being written: {frames} frames in all. The same command again goes on.\n"
@@ -132,9 +132,9 @@ impl Dataset {
     ///
     /// # Errors
     /// A scan that was not announced, a full disk.
-    pub fn write(&self, scene: usize, scan: &Scan) -> Result<(), DatasetError> {
+    pub fn write(&self, scene: usize, scan: &Scan) -> Result<(), ExportError> {
         let frame = scan.frame;
-        let unplanned = DatasetError::Unplanned { scene, frame };
+        let unplanned = ExportError::Unplanned { scene, frame };
         let Some((facts, planned)) = self.scenes.get(scene).zip(self.plan.get(scene)) else {
             return Err(unplanned);
         };
@@ -142,7 +142,7 @@ impl Dataset {
         if scan.classes[..] != facts.classes[..] {
             let (scene, what) =
                 (facts.name.clone(), "its classes are others than announced".into());
-            return Err(DatasetError::Scan { scene, frame, what });
+            return Err(ExportError::Scan { scene, frame, what });
         }
         let (folder, name, each) = (&self.folder, &planned.name, self.settings.each_lidar);
         let record = match self.settings.layout {
@@ -166,6 +166,12 @@ impl Dataset {
         Ok(())
     }
 
+    /// Frames of a scene that are not there, by their numbers in it; none of a scene that the set does not have.
+    pub fn missing_of(&self, scene: usize) -> Vec<usize> {
+        let frames = self.scenes.get(scene).map_or(&[][..], |scene| &scene.frames);
+        frames.iter().copied().filter(|&frame| !self.has(scene, frame)).collect()
+    }
+
     /// Frames that are not there, and the first of them.
     fn missing(&self) -> (usize, Option<(usize, usize)>) {
         let all = self.scenes.iter().enumerate();
@@ -179,11 +185,11 @@ impl Dataset {
     ///
     /// # Errors
     /// Frames that are missing, a full disk.
-    pub fn finish(self) -> Result<Summary, DatasetError> {
+    pub fn finish(self) -> Result<Summary, ExportError> {
         let frames: usize = self.scenes.iter().map(|scene| scene.frames.len()).sum();
         if let (missing, Some((scene, frame))) = self.missing() {
             let (path, scene) = (self.folder.root().to_owned(), self.scenes[scene].name.clone());
-            return Err(DatasetError::Incomplete { path, missing, frames, scene, frame });
+            return Err(ExportError::Incomplete { path, missing, frames, scene, frame });
         }
         let (folder, each) = (&self.folder, self.settings.each_lidar);
         match self.settings.layout {
@@ -209,24 +215,24 @@ impl Dataset {
     }
 }
 
-fn read_about(dir: &Path) -> Result<About, DatasetError> {
+fn read_about(dir: &Path) -> Result<About, ExportError> {
     let path = dir.join(ABOUT);
     let text = std::fs::read_to_string(&path).map_err(FileError::io(&path))?;
-    serde_json::from_str(&text).map_err(DatasetError::json(&path))
+    serde_json::from_str(&text).map_err(ExportError::json(&path))
 }
 
 /// Whether the folder holds this very data set; an empty one or none holds nothing.
-fn check_folder(dir: &Path, wanted: &About) -> Result<bool, DatasetError> {
+fn check_folder(dir: &Path, wanted: &About) -> Result<bool, ExportError> {
     let mut entries = match std::fs::read_dir(dir) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(false),
-        entries => entries.map_err(DatasetError::io(dir))?,
+        entries => entries.map_err(ExportError::io(dir))?,
     };
     if !dir.join(ABOUT).is_file() {
         // A run that ended before it could say what it makes leaves the hidden folder alone.
         let foreign =
             entries.any(|entry| entry.is_ok_and(|entry| entry.file_name() != ".sightline"));
         return if foreign {
-            Err(DatasetError::Foreign { path: dir.to_owned() })
+            Err(ExportError::Foreign { path: dir.to_owned() })
         } else {
             Ok(false)
         };
@@ -242,5 +248,5 @@ fn check_folder(dir: &Path, wanted: &About) -> Result<bool, DatasetError> {
         return Ok(true);
     };
     let (path, difference) = (dir.to_owned(), difference.to_owned());
-    Err(DatasetError::OtherSettings { path, difference })
+    Err(ExportError::OtherSettings { path, difference })
 }

@@ -8,7 +8,7 @@ use crate::files::FileError;
 /// Why a data set cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum DatasetError {
+pub enum ExportError {
     /// No layout of that name.
     #[error("`{name}` is no layout; take `semantickitti`, `nuscenes` or `npz`")]
     UnknownLayout {
@@ -171,7 +171,7 @@ pub enum DatasetError {
     File(#[from] FileError),
 }
 
-impl DatasetError {
+impl ExportError {
     /// Names the file in an error of the operating system.
     pub(super) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
         move |source| match source.kind() {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use tempfile::NamedTempFile;
 
-use super::DatasetError;
+use super::ExportError;
 use super::record::{FrameRecord, Written};
 use crate::files::{FileError, write_whole};
 
@@ -28,9 +28,9 @@ pub(super) struct Staged {
 
 impl Folder {
     /// Makes the folder if there is none.
-    pub fn open(root: &Path) -> Result<Self, DatasetError> {
+    pub fn open(root: &Path) -> Result<Self, ExportError> {
         let hidden = root.join(HIDDEN);
-        std::fs::create_dir_all(&hidden).map_err(DatasetError::io(&hidden))?;
+        std::fs::create_dir_all(&hidden).map_err(ExportError::io(&hidden))?;
         Ok(Self { root: root.to_owned() })
     }
 
@@ -39,7 +39,7 @@ impl Folder {
     }
 
     /// Begins a file, named from the root with `/`.
-    pub fn begin(&self, name: &str) -> Result<Staged, DatasetError> {
+    pub fn begin(&self, name: &str) -> Result<Staged, ExportError> {
         let place = self.root.join(name);
         let hidden = self.root.join(HIDDEN);
         let mut builder = tempfile::Builder::new();
@@ -49,32 +49,32 @@ impl Folder {
             use std::os::unix::fs::PermissionsExt;
             builder.permissions(std::fs::Permissions::from_mode(0o666));
         }
-        let file = builder.tempfile_in(&hidden).map_err(DatasetError::io(&hidden))?;
+        let file = builder.tempfile_in(&hidden).map_err(ExportError::io(&hidden))?;
         Ok(Staged { out: BufWriter::with_capacity(1 << 18, file), place, name: name.to_owned() })
     }
 
     /// Writes a file of records of any kind.
-    pub fn put(&self, name: &str, bytes: &[u8]) -> Result<Written, DatasetError> {
+    pub fn put(&self, name: &str, bytes: &[u8]) -> Result<Written, ExportError> {
         let mut staged = self.begin(name)?;
         staged.write(|out| out.write_all(bytes))?;
         staged.end()
     }
 
     /// Writes a value as JSON.
-    pub fn put_json(&self, name: &str, value: &impl Serialize) -> Result<(), DatasetError> {
+    pub fn put_json(&self, name: &str, value: &impl Serialize) -> Result<(), ExportError> {
         let path = self.root.join(name);
         write_whole(&path, |out| {
-            serde_json::to_writer_pretty(&mut *out, value).map_err(DatasetError::json(&path))?;
-            out.write_all(b"\n").map_err(DatasetError::io(&path))
+            serde_json::to_writer_pretty(&mut *out, value).map_err(ExportError::json(&path))?;
+            out.write_all(b"\n").map_err(ExportError::io(&path))
         })
     }
 
     /// Takes a file away, if it is there.
-    pub fn remove(&self, name: &str) -> Result<(), DatasetError> {
+    pub fn remove(&self, name: &str) -> Result<(), ExportError> {
         let path = self.root.join(name);
         match std::fs::remove_file(&path) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                Err(DatasetError::io(&path)(error))
+                Err(ExportError::io(&path)(error))
             }
             _ => Ok(()),
         }
@@ -95,29 +95,28 @@ impl Folder {
     }
 
     /// Keeps the record of a frame whose files are all in place.
-    pub fn keep(&self, scene: usize, record: &FrameRecord) -> Result<(), DatasetError> {
+    pub fn keep(&self, scene: usize, record: &FrameRecord) -> Result<(), ExportError> {
         let name = Self::record_name(scene, record.frame);
-        let text =
-            serde_json::to_vec(record).map_err(DatasetError::json(&self.root.join(&name)))?;
+        let text = serde_json::to_vec(record).map_err(ExportError::json(&self.root.join(&name)))?;
         self.put(&name, &text).map(drop)
     }
 
     /// The record of a frame.
-    pub fn record(&self, scene: usize, frame: usize) -> Result<FrameRecord, DatasetError> {
+    pub fn record(&self, scene: usize, frame: usize) -> Result<FrameRecord, ExportError> {
         let path = self.root.join(Self::record_name(scene, frame));
-        let file = File::open(&path).map_err(DatasetError::io(&path))?;
-        serde_json::from_reader(BufReader::new(file)).map_err(DatasetError::json(&path))
+        let file = File::open(&path).map_err(ExportError::io(&path))?;
+        serde_json::from_reader(BufReader::new(file)).map_err(ExportError::json(&path))
     }
 
     /// Checks that the disk holds `need` more bytes, where the system says what is free.
-    pub fn check_space(&self, need: u64) -> Result<(), DatasetError> {
+    pub fn check_space(&self, need: u64) -> Result<(), ExportError> {
         #[cfg(unix)]
         if let Ok(disk) = rustix::fs::statvfs(&self.root) {
             let free = disk.f_bavail.saturating_mul(disk.f_frsize);
             if free < need {
                 let path = self.root.clone();
                 let (need, free) = (need.div_ceil(1 << 20), free >> 20);
-                return Err(DatasetError::Space { path, need, free });
+                return Err(ExportError::Space { path, need, free });
             }
         }
         Ok(())
@@ -129,18 +128,18 @@ impl Staged {
     pub fn write<T>(
         &mut self,
         write: impl FnOnce(&mut BufWriter<NamedTempFile>) -> std::io::Result<T>,
-    ) -> Result<T, DatasetError> {
-        write(&mut self.out).map_err(DatasetError::io(&self.place))
+    ) -> Result<T, ExportError> {
+        write(&mut self.out).map_err(ExportError::io(&self.place))
     }
 
     /// Moves the file to its place.
-    pub fn end(self) -> Result<Written, DatasetError> {
+    pub fn end(self) -> Result<Written, ExportError> {
         let Self { out, place, name } = self;
-        let io = |error| DatasetError::io(&place)(error);
+        let io = |error| ExportError::io(&place)(error);
         let mut file = out.into_inner().map_err(|error| io(error.into_error()))?;
         let bytes = file.seek(SeekFrom::End(0)).map_err(io)?;
         if let Some(folder) = place.parent() {
-            std::fs::create_dir_all(folder).map_err(DatasetError::io(folder))?;
+            std::fs::create_dir_all(folder).map_err(ExportError::io(folder))?;
         }
         file.persist(&place).map_err(|error| FileError::io(&place)(error.error))?;
         Ok(Written { path: name, bytes })

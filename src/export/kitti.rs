@@ -14,7 +14,7 @@ use super::labels::{Label, Labels};
 use super::pickle::Pickle;
 use super::plan::Planned;
 use super::record::{FrameRecord, LidarRecord, Written};
-use super::{DatasetError, SceneFacts, Split};
+use super::{ExportError, SceneFacts, Split};
 use crate::geom::Pose;
 use crate::scan::Scan;
 
@@ -37,7 +37,7 @@ pub(super) fn write(
     scan: &Scan,
     classes: &[Label],
     each: bool,
-) -> Result<FrameRecord, DatasetError> {
+) -> Result<FrameRecord, ExportError> {
     let labels = Labels::new(classes, &scan.boxes);
     let mounts = poses(scan);
     let mut files: Vec<Written> = Vec::new();
@@ -65,7 +65,7 @@ pub(super) fn finish(
     scenes: &[SceneFacts],
     plan: &[Planned],
     each: bool,
-) -> Result<(), DatasetError> {
+) -> Result<(), ExportError> {
     let mut lidars = 0;
     for (number, (scene, planned)) in scenes.iter().zip(plan).enumerate() {
         let first = folder.record(number, scene.frames[0])?;
@@ -95,7 +95,7 @@ fn sequence(
     scene: &SceneFacts,
     name: &str,
     source: Source,
-) -> Result<(), DatasetError> {
+) -> Result<(), ExportError> {
     let place = format!("{}sequences/{name}", root_of(source));
     let mut poses = folder.begin(&format!("{place}/poses.txt"))?;
     let mut times = folder.begin(&format!("{place}/times.txt"))?;
@@ -130,7 +130,7 @@ fn infos(
     plan: &[Planned],
     source: Source,
     split: Split,
-) -> Result<(), DatasetError> {
+) -> Result<(), ExportError> {
     let name = format!("{}semantickitti_infos_{}.pkl", root_of(source), split.name());
     let mut staged: Staged = folder.begin(&name)?;
     staged.write(|out| {

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::{DatasetError, SceneFacts};
+use super::{ExportError, SceneFacts};
 use crate::scan::{EGO_INSTANCE, Return, TrackedBox};
 use crate::scene::ActorKind;
 
@@ -120,16 +120,16 @@ pub(super) fn of_kind(kind: ActorKind) -> Option<Label> {
 pub(super) fn of_classes(
     scene: &SceneFacts,
     map: &[(String, String)],
-) -> Result<Vec<Label>, DatasetError> {
+) -> Result<Vec<Label>, ExportError> {
     let known: HashMap<&str, Label> = CLASSES.into_iter().collect();
     for (class, to) in map {
         if !known.contains_key(to.as_str()) {
-            return Err(DatasetError::UnknownTarget { class: class.clone(), to: to.clone() });
+            return Err(ExportError::UnknownTarget { class: class.clone(), to: to.clone() });
         }
     }
     let label = |class: &String| {
         let mapped = map.iter().find(|(from, _)| from == class).map_or(class, |(_, to)| to);
-        known.get(mapped.as_str()).copied().ok_or_else(|| DatasetError::UnmappedClass {
+        known.get(mapped.as_str()).copied().ok_or_else(|| ExportError::UnmappedClass {
             scene: scene.name.clone(),
             class: class.clone(),
         })

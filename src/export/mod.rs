@@ -15,10 +15,12 @@ mod nuscenes;
 mod pickle;
 mod plan;
 mod record;
+mod recording;
 mod settings;
 #[cfg(test)]
 mod tests;
 
 pub use dataset::{Dataset, Summary};
-pub use error::DatasetError;
+pub use error::ExportError;
+pub use recording::record;
 pub use settings::{DatasetSettings, Layout, SceneFacts, Split, Splits};

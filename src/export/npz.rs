@@ -2,7 +2,7 @@
 
 use glam::DMat4;
 
-use super::DatasetError;
+use super::ExportError;
 use super::folder::Folder;
 use super::record::FrameRecord;
 use crate::geom::Pose;
@@ -15,7 +15,7 @@ pub(super) fn write(
     scene: &str,
     at: usize,
     scan: &Scan,
-) -> Result<FrameRecord, DatasetError> {
+) -> Result<FrameRecord, ExportError> {
     let mut staged = folder.begin(&format!("{scene}/{at:06}.npz"))?;
     staged.write(|out| {
         write_npz(out, false, |npz| {

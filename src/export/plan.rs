@@ -1,7 +1,7 @@
 //! Which scene is for what, and what the format calls it.
 
 use super::nuscenes::scene_names;
-use super::{DatasetError, DatasetSettings, Layout, SceneFacts, Split, Splits};
+use super::{DatasetSettings, ExportError, Layout, SceneFacts, Split, Splits};
 use crate::chance::mixed;
 
 /// Numbers of sequences that every loader of SemanticKITTI takes for training, validation and tests.
@@ -19,7 +19,7 @@ pub(super) struct Planned {
 pub(super) fn plan(
     settings: &DatasetSettings,
     scenes: &[SceneFacts],
-) -> Result<Vec<Planned>, DatasetError> {
+) -> Result<Vec<Planned>, ExportError> {
     check(settings, scenes)?;
     let splits = assign(settings, scenes);
     let names = Split::ALL.map(|split| splits.iter().filter(|at| **at == split).count());
@@ -37,28 +37,28 @@ pub(super) fn plan(
     Ok(splits.into_iter().map(|split| Planned { split, name: next(split) }).collect())
 }
 
-fn check(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Result<(), DatasetError> {
+fn check(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Result<(), ExportError> {
     let Splits { train, val, test } = settings.splits;
     let shares = [train, val, test];
     if shares.iter().any(|s| !(0.0..1e9).contains(s)) || shares.iter().sum::<f64>() <= 0.0 {
-        return Err(DatasetError::Splits { train, val, test });
+        return Err(ExportError::Splits { train, val, test });
     }
     if settings.keyframe_every == 0 {
-        return Err(DatasetError::Zero { name: "keyframe_every" });
+        return Err(ExportError::Zero { name: "keyframe_every" });
     }
     if scenes.is_empty() {
-        return Err(DatasetError::NoScenes);
+        return Err(ExportError::NoScenes);
     }
     for (i, SceneFacts { name: scene, frames, .. }) in scenes.iter().enumerate() {
         let scene = scene.clone();
         if frames.is_empty() {
-            return Err(DatasetError::NoFrames { scene });
+            return Err(ExportError::NoFrames { scene });
         }
         if !frames.is_sorted_by(|a, b| a < b) {
-            return Err(DatasetError::Frames { scene });
+            return Err(ExportError::Frames { scene });
         }
         if scenes[..i].iter().any(|other| folder_name(&other.name) == folder_name(&scene)) {
-            return Err(DatasetError::SameName { scene });
+            return Err(ExportError::SameName { scene });
         }
     }
     Ok(())
@@ -81,12 +81,12 @@ fn limited(
     settings: &DatasetSettings,
     wanted: [usize; 3],
     names: [Vec<String>; 3],
-) -> Result<[Vec<String>; 3], DatasetError> {
+) -> Result<[Vec<String>; 3], ExportError> {
     for split in Split::ALL {
         let (scenes, limit) = (wanted[split as usize], names[split as usize].len());
         if scenes > limit {
             let layout = settings.layout.name();
-            return Err(DatasetError::TooManyScenes { scenes, split: split.name(), layout, limit });
+            return Err(ExportError::TooManyScenes { scenes, split: split.name(), layout, limit });
         }
     }
     Ok(names)

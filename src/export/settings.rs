@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::DatasetError;
+use super::ExportError;
 
 /// Format of a data set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -31,12 +31,12 @@ impl Layout {
 }
 
 impl FromStr for Layout {
-    type Err = DatasetError;
+    type Err = ExportError;
 
-    fn from_str(name: &str) -> Result<Self, DatasetError> {
+    fn from_str(name: &str) -> Result<Self, ExportError> {
         let all = [Self::SemanticKitti, Self::Nuscenes, Self::Npz];
         let found = all.into_iter().find(|layout| layout.name() == name);
-        found.ok_or_else(|| DatasetError::UnknownLayout { name: name.to_owned() })
+        found.ok_or_else(|| ExportError::UnknownLayout { name: name.to_owned() })
     }
 }
 

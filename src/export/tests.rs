@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use super::{Dataset, DatasetError, DatasetSettings, Layout, SceneFacts, Split};
+use super::{Dataset, DatasetSettings, ExportError, Layout, SceneFacts, Split};
 use crate::geom::Pose;
 use crate::scan::{NO_INSTANCE, Return, Scan, ScanLidar, Status, TrackedBox};
 use crate::scene::{ActorKind, DEFAULT_CLASSES};
@@ -244,7 +244,12 @@ fn what_cannot_be_written_is_a_sentence_and_leaves_nothing() {
         assert!(!dir.exists());
     };
     let one = facts("one", Split::Train);
-    refused(&dir.path().join("velodyne/x"), &kitti, std::slice::from_ref(&one), "has `velodyne` in its path");
+    refused(
+        &dir.path().join("velodyne/x"),
+        &kitti,
+        std::slice::from_ref(&one),
+        "has `velodyne` in its path",
+    );
     refused(&out, &kitti, &[], "at least one scene");
     let none = SceneFacts { frames: vec![], ..one.clone() };
     refused(&out, &kitti, &[none], "the scene `one` has no frames");
@@ -254,7 +259,12 @@ fn what_cannot_be_written_is_a_sentence_and_leaves_nothing() {
         map: vec![("lamp".to_owned(), to.to_owned())],
         ..kitti.clone()
     };
-    refused(&out, &mapped("lantern"), std::slice::from_ref(&own), "`lantern` is no class with a label");
+    refused(
+        &out,
+        &mapped("lantern"),
+        std::slice::from_ref(&own),
+        "`lantern` is no class with a label",
+    );
     refused(&out, &kitti, &[one.clone(), one.clone()], "two scenes are called `one`");
     let vals = [facts("a", Split::Val), facts("b", Split::Val)];
     refused(&out, &kitti, &vals, "2 scenes for val: semantickitti has 1 names");
@@ -270,12 +280,12 @@ fn other_folders_are_refused() {
     let scenes = scenes(Layout::Npz);
     let create =
         |settings: &DatasetSettings| Dataset::create(dir.path(), settings, &scenes).map(drop);
-    assert!(matches!(create(&settings), Err(DatasetError::Foreign { .. })));
+    assert!(matches!(create(&settings), Err(ExportError::Foreign { .. })));
     std::fs::remove_file(dir.path().join("note.txt")).unwrap();
     create(&settings).unwrap();
     create(&settings).unwrap();
     let other = DatasetSettings { seed: 1, ..settings };
-    assert!(matches!(create(&other), Err(DatasetError::OtherSettings { .. })));
+    assert!(matches!(create(&other), Err(ExportError::OtherSettings { .. })));
 }
 
 #[test]

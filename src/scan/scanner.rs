@@ -87,6 +87,28 @@ pub struct Scanner<'a> {
 }
 
 impl<'a> Scanner<'a> {
+    /// Finds what would keep [`Self::new`] from making a scanner, but for memory, before any work is done.
+    ///
+    /// # Errors
+    /// As of [`Self::new`].
+    pub fn check(
+        scene: &Scene,
+        placement: &Placement,
+        scanning: &Scanning,
+    ) -> Result<(), ScanError> {
+        if !scene.has_geometry() {
+            return Err(ScanError::NoGeometry { scene: scene.name().to_owned() });
+        }
+        let actors = scene.tracks().len();
+        if actors >= usize::from(EGO_INSTANCE) - 1 {
+            return Err(ScanError::TooManyActors { scene: scene.name().to_owned(), actors });
+        }
+        let sensors = scene.sensors()?;
+        placement.lidars.iter().try_for_each(|pose| sensors.number(pose).map(drop))?;
+        conditions::sort(&scanning.conditions)?;
+        Ok(())
+    }
+
     /// Builds the trees of the scene, once for all frames.
     ///
     /// # Errors
@@ -96,14 +118,8 @@ impl<'a> Scanner<'a> {
         placement: &'a Placement,
         scanning: &Scanning,
     ) -> Result<Self, ScanError> {
-        if !scene.has_geometry() {
-            return Err(ScanError::NoGeometry { scene: scene.name().to_owned() });
-        }
+        Self::check(scene, placement, scanning)?;
         let tracks = scene.tracks();
-        if tracks.len() >= usize::from(EGO_INSTANCE) - 1 {
-            let (scene, actors) = (scene.name().to_owned(), tracks.len());
-            return Err(ScanError::TooManyActors { scene, actors });
-        }
         let sensors = scene.sensors()?;
         let models = placement.lidars.iter().map(|pose| sensors.number(pose));
         let models = models.collect::<Result<Vec<usize>, _>>()?;

@@ -12,7 +12,7 @@ use crate::export::cloud::Source;
 use crate::export::folder::Folder;
 use crate::export::labels::MOVES;
 use crate::export::record::FrameRecord;
-use crate::export::{DatasetError, SceneFacts};
+use crate::export::{ExportError, SceneFacts};
 use crate::geom::Pose;
 
 /// An actor's row while its scene is read.
@@ -39,7 +39,7 @@ pub(super) fn scene_rows(
     number: usize,
     scene: &SceneFacts,
     tables: &mut Tables,
-) -> Result<usize, DatasetError> {
+) -> Result<usize, ExportError> {
     let first = folder.record(number, scene.frames[0])?;
     let lidars = first.lidars.len();
     let channels = channels(lidars, about.settings.each_lidar).collect();
@@ -88,7 +88,7 @@ impl Rows<'_> {
         at.map_or(String::new(), |at| self.token(table, at))
     }
 
-    fn scene(&mut self, scene: &SceneFacts) -> Result<(), DatasetError> {
+    fn scene(&mut self, scene: &SceneFacts) -> Result<(), ExportError> {
         let (name, step) = (&self.about.planned.name, self.about.settings.keyframe_every);
         let last = (self.frames - 1) / step * step;
         let log = token(&["log", name]);
@@ -104,7 +104,7 @@ impl Rows<'_> {
         }))
     }
 
-    fn sensors(&mut self, record: &FrameRecord) -> Result<(), DatasetError> {
+    fn sensors(&mut self, record: &FrameRecord) -> Result<(), ExportError> {
         let mounts: Vec<Pose> =
             record.lidars.iter().map(|lidar| lidar.ego_from_sensor.pose()).collect();
         for (channel, source) in &self.channels {
@@ -134,7 +134,7 @@ impl Rows<'_> {
         Ok(())
     }
 
-    fn clouds(&mut self, at: usize, record: &FrameRecord) -> Result<(), DatasetError> {
+    fn clouds(&mut self, at: usize, record: &FrameRecord) -> Result<(), ExportError> {
         let about = self.about;
         let (pose, stamp) = (record.world_from_ego.pose(), about.timestamp(record.time));
         let ego_pose = self.token("ego_pose", at);
@@ -171,7 +171,7 @@ impl Rows<'_> {
         Ok(())
     }
 
-    fn sample(&mut self, at: usize, record: &FrameRecord) -> Result<(), DatasetError> {
+    fn sample(&mut self, at: usize, record: &FrameRecord) -> Result<(), ExportError> {
         let step = self.about.settings.keyframe_every;
         self.tables.sample.push(&json!({
             "token": self.token("sample", at), "timestamp": self.about.timestamp(record.time),
@@ -191,7 +191,7 @@ impl Rows<'_> {
         here: &FrameRecord,
         before: Option<&FrameRecord>,
         ahead: Option<&FrameRecord>,
-    ) -> Result<(), DatasetError> {
+    ) -> Result<(), ExportError> {
         let step = self.about.settings.keyframe_every;
         let name =
             |instance: u16, at: usize| self.token("sample_annotation", format!("{instance}/{at}"));
@@ -232,7 +232,7 @@ impl Rows<'_> {
         Ok(())
     }
 
-    fn instances(&mut self) -> Result<(), DatasetError> {
+    fn instances(&mut self) -> Result<(), ExportError> {
         for (instance, row) in std::mem::take(&mut self.instances) {
             let category = CATEGORIES[usize::from(row.category).min(CATEGORIES.len() - 1)];
             self.tables.instance.push(&json!({

@@ -16,7 +16,7 @@ use super::folder::Folder;
 use super::labels::{Label, Labels, of_kind};
 use super::plan::Planned;
 use super::record::FrameRecord;
-use super::{DatasetError, DatasetSettings};
+use super::{DatasetSettings, ExportError};
 use crate::geom::Pose;
 use crate::scan::Scan;
 
@@ -95,7 +95,7 @@ pub(super) fn write(
     at: usize,
     scan: &Scan,
     classes: &[Label],
-) -> Result<FrameRecord, DatasetError> {
+) -> Result<FrameRecord, ExportError> {
     let mounts = poses(scan);
     let rings = first_rings(scan);
     let mut files = Vec::new();

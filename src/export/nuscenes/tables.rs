@@ -8,7 +8,7 @@ use super::frames::scene_rows;
 use super::{About, channels, names, token};
 use crate::export::folder::{Folder, Staged};
 use crate::export::plan::Planned;
-use crate::export::{DatasetError, DatasetSettings, SceneFacts, Split};
+use crate::export::{DatasetSettings, ExportError, SceneFacts, Split};
 
 /// A picture of one pixel, as the mask of the map.
 const PIXEL: &[u8] = &[
@@ -24,12 +24,12 @@ pub(super) struct Table {
 }
 
 impl Table {
-    fn begin(folder: &Folder, version: &str, name: &str) -> Result<Self, DatasetError> {
+    fn begin(folder: &Folder, version: &str, name: &str) -> Result<Self, ExportError> {
         let staged = folder.begin(&format!("{version}/{name}.json"))?;
         Ok(Self { staged, empty: true })
     }
 
-    pub fn push(&mut self, row: &Value) -> Result<(), DatasetError> {
+    pub fn push(&mut self, row: &Value) -> Result<(), ExportError> {
         let before: &[u8] = if std::mem::take(&mut self.empty) { b"[\n" } else { b",\n" };
         self.staged.write(|out| {
             out.write_all(before)?;
@@ -37,7 +37,7 @@ impl Table {
         })
     }
 
-    fn end(mut self) -> Result<(), DatasetError> {
+    fn end(mut self) -> Result<(), ExportError> {
         let end: &[u8] = if self.empty { b"[]\n" } else { b"\n]\n" };
         self.staged.write(|out| out.write_all(end))?;
         self.staged.end().map(drop)
@@ -63,7 +63,7 @@ pub(in crate::export) fn finish(
     settings: &DatasetSettings,
     scenes: &[SceneFacts],
     plan: &[Planned],
-) -> Result<(), DatasetError> {
+) -> Result<(), ExportError> {
     let counts = Split::ALL.map(|split| plan.iter().filter(|at| at.split == split).count());
     let mut versions = Split::ALL.map(|split| names::version(counts, split)).to_vec();
     versions.dedup();
@@ -97,7 +97,7 @@ pub(in crate::export) fn finish(
 }
 
 impl Tables {
-    fn end(self) -> Result<(), DatasetError> {
+    fn end(self) -> Result<(), ExportError> {
         self.calibrated_sensor.end()?;
         self.ego_pose.end()?;
         self.instance.end()?;
@@ -115,7 +115,7 @@ fn whole(
     version: &str,
     name: &str,
     rows: impl IntoIterator<Item = Value>,
-) -> Result<(), DatasetError> {
+) -> Result<(), ExportError> {
     let mut table = Table::begin(folder, version, name)?;
     for row in rows {
         table.push(&row)?;
@@ -130,7 +130,7 @@ fn fixed_tables<'a>(
     version: &str,
     lidars: usize,
     scenes: impl Iterator<Item = &'a Planned>,
-) -> Result<(), DatasetError> {
+) -> Result<(), ExportError> {
     let categories = (0..).zip(CATEGORIES).map(|(index, name): (u8, _)| {
         json!({"token": token(&["category", name]), "name": name, "description": "", "index": index})
     });
