@@ -15,7 +15,7 @@ const MOST: usize = 12;
 ///
 /// Flakes are a Poisson process in space. One whose cross-section is smaller than the beam's takes its share
 /// s = D²/(h·v·r²) of the light once its centre is in the cone; a larger one takes all of it, once the beam's
-/// axis meets it. Either way a metre of air takes n·π/4·E[D²] of the light on the mean. What comes back of a flake
+/// axis meets it. Either way a metre of air takes n·π/4·⟨D²⟩ of the light on the mean. What comes back of a flake
 /// is 0.9·s·ξ(r)/r², ξ the overlap of beam and receiver near the sensor.
 ///
 /// Flakes are drawn by falling echo, not by distance: the number of flakes with echoes above p is Poisson of
