@@ -66,6 +66,17 @@ impl Sight {
         along < -self.radius || along - self.radius > t || along * along < self.least_square
     }
 
+    /// The same for all that lies within an angle in radians around a beam, a small one: the sphere grows by
+    /// what the angle spans at its far side.
+    pub(crate) fn widened(&self, angle: f32) -> Self {
+        let center = DVec3::from(self.center.map(f64::from));
+        let (far, radius) = (center.length(), f64::from(self.radius));
+        let radius = radius + 1.01 * f64::from(angle) * (far + radius);
+        let square = far * far;
+        let least_square = square - radius * radius - SQUARE_SLACK * square;
+        Self { radius: radius as f32, least_square: least_square as f32, ..*self }
+    }
+
     /// The sphere around several, each of which a sensor with the same rotation sees.
     pub(crate) fn around(all: &[Self]) -> Option<Self> {
         let first = all.first()?;

@@ -7,7 +7,7 @@ use super::conditions::Weather;
 use super::echoes::{Echo, EchoList};
 use super::reflectance::Reflectance;
 use super::stage::Stage;
-use super::sweep::{RAYS, Surface, Sweep, Sweeper, ray_share};
+use super::sweep::{Edge, RAYS, Surface, Sweep, Sweeper, ray_share};
 use super::{NO_CLASS, NO_INSTANCE, Return, Status};
 use crate::cast::Left;
 use crate::vehicle::Echoes;
@@ -45,10 +45,12 @@ impl Receiver<'_> {
             let echo = Echo { range: f64::from(surface.t), power: 0.0, ray: Some(0), status };
             return report(self.record(beam, &[surface], &echo, echo.range, intensity));
         }
-        let rays = if self.is_edge(beam) {
-            self.sweeper.rays(self.stage, self.sweep, beam, left)
-        } else {
-            None
+        let rays = match self.edge(beam) {
+            Edge::None => None,
+            edge => {
+                let in_front = edge == Edge::InFront;
+                self.sweeper.rays(self.stage, self.sweep, beam, in_front, left)
+            }
         };
         let rays = rays.as_ref().map_or(std::slice::from_ref(&surface), |rays| &rays[..]);
         let chance = Chance::new(self.seed, self.frame as u32, u32::from(self.lidar), beam as u32);
@@ -188,8 +190,8 @@ impl Receiver<'_> {
         }
     }
 
-    /// Whether a neighbour of the beam sees past the surface that it meets, or the other way round.
-    fn is_edge(&self, beam: usize) -> bool {
+    /// The edge between the beam and its neighbours; one that it sees behind before one in front.
+    fn edge(&self, beam: usize) -> Edge {
         let (columns, channels) = self.sweeper.shape();
         let (channel, column) = (beam / columns, beam % columns);
         let turns = self.sweeper.model().table.grid().is_none_or(|grid| grid.turn);
@@ -203,7 +205,8 @@ impl Receiver<'_> {
         let above = (channel + 1 < channels).then(|| beam + columns);
         let below = channel.checked_sub(1).map(|_| beam - columns);
         let all = [beside(0), beside(2), above, below];
-        all.into_iter().flatten().any(|at| here.is_apart_from(&surfaces[at]))
+        let edges = all.into_iter().flatten().map(|at| here.edge_to(&surfaces[at]));
+        edges.max().unwrap_or(Edge::None)
     }
 
     /// A return, with the errors of its measurement; the second is one behind another.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 use super::{EGO_INSTANCE, NO_INSTANCE};
-use crate::bvh::Bvh;
+use crate::bvh::{Bvh, Triangle};
 use crate::cast::Part;
 use crate::engine::OutOfMemory;
 use crate::geom::{Glide, Pose};
@@ -24,6 +24,8 @@ pub(super) struct Thing {
     radius: f64,
     /// Unit normals by face, zero of a face without area.
     normals: Vec<[f32; 3]>,
+    /// Where each face lies among the tree's triangles.
+    places: Vec<u32>,
     classes: Vec<u16>,
 }
 
@@ -70,6 +72,7 @@ impl Stage {
                 center: (low + high) / 2.0,
                 radius: (high - low).length() / 2.0,
                 normals: (0..soup.faces.len() as u32).map(normal).collect(),
+                places: places(&instance.tree),
                 classes: classes[first..first + soup.faces.len()].to_vec(),
             }
         };
@@ -83,7 +86,21 @@ impl Stage {
     }
 }
 
+/// Where each face lies among a tree's triangles, which are in the order of its leaves.
+fn places(tree: &Bvh) -> Vec<u32> {
+    let mut places = vec![0; tree.triangles.len()];
+    for (place, triangle) in (0..).zip(&tree.triangles) {
+        places[triangle.prim as usize] = place;
+    }
+    places
+}
+
 impl Thing {
+    /// A face as the tree has it, by its number in the frame.
+    pub fn triangle(&self, prim: u32) -> &Triangle {
+        &self.tree.triangles[self.places[(prim - self.first_prim) as usize] as usize]
+    }
+
     /// Class and normal of a face, by its number in the frame.
     pub fn face(&self, prim: u32) -> (u16, Vec3) {
         let face = (prim - self.first_prim) as usize;

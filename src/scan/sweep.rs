@@ -8,7 +8,9 @@ use rayon::prelude::*;
 use super::stage::{Motions, Seen, Stage};
 use super::{NO_CLASS, NO_INSTANCE};
 use crate::bvh::{Hit, NO_HIT};
-use crate::cast::{Caster, Left, Part, closer_hits_of_beams, closer_hits_of_bundle};
+use crate::cast::{
+    Caster, Left, Part, Target, all_hit, closer_hits_of_beams, closer_hits_of_bundle,
+};
 use crate::geom::Pose;
 use crate::vehicle::SensorModel;
 
@@ -20,25 +22,14 @@ const COLUMNS_A_TASK: usize = 16;
 /// distance.
 const APART: f32 = 0.05;
 const APART_SHARE: f32 = 0.002;
-/// Rays that a beam is made of where its middle is not enough: the middle, its sides, its corners.
-pub(super) const RAYS: usize = 9;
-/// Where the rays lie across and along the beam, in half widths. A bell curve of three points, ¼ ½ ¼, each way
-/// gives the middle 4, the sides 2 and the corners 1 of 16 parts of its power.
-const PATTERN: [([f64; 2], f64); RAYS] = [
-    ([0.0, 0.0], 4.0),
-    ([-1.0, 0.0], 2.0),
-    ([1.0, 0.0], 2.0),
-    ([0.0, -1.0], 2.0),
-    ([0.0, 1.0], 2.0),
-    ([-1.0, -1.0], 1.0),
-    ([1.0, -1.0], 1.0),
-    ([-1.0, 1.0], 1.0),
-    ([1.0, 1.0], 1.0),
-];
+/// Rays that a beam is made of where its middle is not enough: the middle, and a ring of six on its rim.
+pub(super) const RAYS: usize = 7;
+/// Share of the beam's power in the middle; the ring has the rest.
+const MIDDLE: f64 = 0.4;
 
 /// Share of a beam's power that goes with one of its rays.
 pub(super) fn ray_share(ray: usize) -> f64 {
-    PATTERN[ray].1 / 16.0
+    if ray == 0 { MIDDLE } else { (1.0 - MIDDLE) / (RAYS - 1) as f64 }
 }
 
 /// A sensor model, ready to be swept.
@@ -90,6 +81,17 @@ impl Surface {
     }
 }
 
+/// What lies between two neighbouring beams, as one of them sees it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Edge {
+    /// No edge.
+    None,
+    /// The end of its own surface, behind which the other sees.
+    InFront,
+    /// The end of the other's surface, behind which it sees.
+    Behind,
+}
+
 /// A LiDAR's beams of a frame.
 pub(super) struct Sweep {
     /// By beam, in the order of the table.
@@ -120,11 +122,13 @@ impl Sweeper {
         };
         let [across, along] = model.response.divergence.map(|width| width / 2.0);
         let ray = |k: usize| {
-            let [a, b] = PATTERN[k].0;
-            DVec3::new(1.0, (a * across).tan(), (b * along).tan()).normalize()
+            // The middle, then round the ellipse of the half widths.
+            let (sin, cos) = (TAU * (k as f64 + 0.5) / (RAYS - 1) as f64).sin_cos();
+            let [a, b] = if k == 0 { [0.0; 2] } else { [cos * across, sin * along] };
+            DVec3::new(1.0, a.tan(), b.tan()).normalize()
         };
-        // A half more than the corner's angle, for rounding.
-        let width = 1.5 * across.hypot(along);
+        // A tenth more than the angle to the rim, for rounding.
+        let width = 1.1 * across.max(along);
         let rays = (width > 0.0).then(|| (std::array::from_fn(ray), width as f32));
         let wide = table.grid().map_or(TAU, |grid| {
             grid.channels.iter().fold(1e-6, |wide: f64, (_, offset)| wide.max(offset.abs() + 1e-6))
@@ -228,7 +232,8 @@ impl Sweeper {
             let (from, step, count) = self.beams_of(firing);
             let fired = directions[from..].iter().step_by(step).take(count).copied();
             let mut hits = vec![Hit::none(range); count];
-            closer_hits_of_beams(&station.parts(stage), fired.clone(), &mut hits, left);
+            let targets = station.targets(stage, range, 0.0);
+            closer_hits_of_beams(&targets, fired.clone(), &mut hits, left);
             let surface = |(direction, hit)| station.surface(stage, direction, hit);
             let surfaces: Vec<Surface> = fired.zip(&hits).map(surface).collect();
             (station, surfaces)
@@ -247,12 +252,14 @@ impl Sweeper {
         Sweep { surfaces, stations }
     }
 
-    /// What the rays of a beam meet, the middle one as it is known; none for a beam without width.
+    /// What the rays of a beam meet, the middle one as it is known; none for a beam without width, and where all
+    /// rays of one that sees nothing nearer beside it meet the same triangle.
     pub fn rays(
         &self,
         stage: &Stage,
         sweep: &Sweep,
         beam: usize,
+        in_front: bool,
         left: &mut Left,
     ) -> Option<[Surface; RAYS]> {
         let (rays, width) = self.rays.as_ref()?;
@@ -265,8 +272,21 @@ impl Sweeper {
             DMat3::from_rotation_z(azimuth) * DMat3::from_rotation_y(-direction.z.atan2(across));
         let mut directions = rays.map(|ray| (turn * ray).as_vec3().to_array());
         directions[0] = middle;
-        let mut hits = [Hit::none(self.model.table.range()); RAYS];
-        closer_hits_of_bundle(&station.parts(stage), &directions, *width, &mut hits, left);
+        let range = self.model.table.range();
+        let own = &sweep.surfaces[beam];
+        if in_front && own.is_hit() {
+            let number = stage.thing_of(own.prim);
+            let thing = &stage.things[number];
+            let pose = station.things.iter().find(|(k, _)| *k == number).map(|(_, pose)| pose);
+            if pose.is_some_and(|pose| {
+                all_hit(&thing.as_part(pose), &directions, thing.triangle(own.prim), range)
+            }) {
+                return None;
+            }
+        }
+        let mut hits = [Hit::none(range); RAYS];
+        let targets = station.targets(stage, range, *width);
+        closer_hits_of_bundle(&targets, &directions, *width, &mut hits, left);
         let mut surfaces = [sweep.surfaces[beam]; RAYS];
         for ray in 1..RAYS {
             surfaces[ray] = station.surface(stage, directions[ray], &hits[ray]);
@@ -303,6 +323,12 @@ impl Station {
         self.things.iter().map(|(k, pose)| stage.things[*k].as_part(pose)).collect()
     }
 
+    /// The same for single beams and bundles of some width.
+    fn targets<'s>(&self, stage: &'s Stage, range: f32, width: f32) -> Vec<Target<'s>> {
+        let parts = self.parts(stage).into_iter();
+        parts.filter_map(|part| Target::new(part, range, width)).collect()
+    }
+
     /// The surface that a beam of the sensor's frame hits.
     fn surface(&self, stage: &Stage, direction: [f32; 3], hit: &Hit) -> Surface {
         let number = stage.thing_of(hit.prim);
@@ -327,21 +353,28 @@ impl Station {
 }
 
 impl Surface {
-    /// Whether an edge lies between two neighbouring beams, behind which one of them sees: one meets nothing,
-    /// or one lies in front of the other's plane and that one behind its own. Where each lies in front of the
-    /// other's plane, or each behind it, the surfaces go over into each other in an inner or an outer corner.
-    pub fn is_apart_from(&self, other: &Self) -> bool {
+    /// Whether an edge lies between two neighbouring beams, and on which side the nearer surface is: one meets
+    /// nothing, or one lies in front of the other's plane and that one behind its own. Where each lies in
+    /// front of the other's plane, or each behind it, they go over into each other in an inner or an outer corner.
+    pub fn edge_to(&self, other: &Self) -> Edge {
         match (self.is_hit(), other.is_hit()) {
-            (false, false) => false,
-            (true, true) if self.prim == other.prim => false,
+            (false, false) => Edge::None,
+            (true, false) => Edge::InFront,
+            (false, true) => Edge::Behind,
+            (true, true) if self.prim == other.prim => Edge::None,
             (true, true) => {
                 let between = other.position - self.position;
                 let least = APART + APART_SHARE * self.t.min(other.t);
                 // In front of each other's planes, in metres.
                 let (there, here) = (self.normal.dot(between), -other.normal.dot(between));
-                there.abs().max(here.abs()) > least && (there > 0.0) != (here > 0.0)
+                if there.abs().max(here.abs()) <= least || (there > 0.0) == (here > 0.0) {
+                    Edge::None
+                } else if here > 0.0 {
+                    Edge::InFront
+                } else {
+                    Edge::Behind
+                }
             }
-            _ => true,
         }
     }
 

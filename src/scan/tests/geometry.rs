@@ -268,8 +268,9 @@ fn beams_one_by_one_and_in_bundles_give_the_bits_of_the_reference() {
         });
         let mut single = [crate::bvh::Hit::none(40.0); 9];
         let mut bundle = single;
-        crate::cast::closer_hits_of_beams(&[part], directions.into_iter(), &mut single, &mut left);
-        crate::cast::closer_hits_of_bundle(&[part], &directions, 0.04, &mut bundle, &mut left);
+        let targets: Vec<_> = crate::cast::Target::new(part, 40.0, 0.04).into_iter().collect();
+        crate::cast::closer_hits_of_beams(&targets, directions.into_iter(), &mut single, &mut left);
+        crate::cast::closer_hits_of_bundle(&targets, &directions, 0.04, &mut bundle, &mut left);
         assert_eq!(single, reference);
         assert_eq!(bundle, reference);
         hits_seen += reference.iter().filter(|hit| hit.is_hit()).count();

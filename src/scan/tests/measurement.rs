@@ -86,7 +86,7 @@ fn a_wide_beam_at_the_edge_of_a_board_sees_both_and_elsewhere_one() {
     // The board's edge at y = 0 fills one half of the beam in the middle.
     let things = r#""static": [
         { "class": "building", "box": { "min": [40, -60, -60], "max": [41, 60, 60] } },
-        { "class": "traffic_sign", "box": { "min": [20, 0.001, -5], "max": [20.02, 30, 5] } }]"#;
+        { "class": "traffic_sign", "box": { "min": [15, 0.001, -5], "max": [15.02, 30, 5] } }]"#;
     let lidar = r#"{ "channels": 3, "fov": [-2, 2], "azimuth": [-4, 4], "azimuth_steps": 9, "range": 100 }"#;
     let returns = |echoes: &str, width: f64| {
         let response = format!(
@@ -102,10 +102,10 @@ fn a_wide_beam_at_the_edge_of_a_board_sees_both_and_elsewhere_one() {
     };
     // The middle of the beam passes beside the board.
     assert_eq!(range_in_the_middle("strongest", 0.0), [(40, Status::Hit)]);
-    // Of the 16 parts of the beam 4 meet the board, 12 the wall: 4·0.39/20² against 12·0.41/40².
-    assert_eq!(range_in_the_middle("strongest", 0.003), [(20, Status::Hit)]);
+    // Two rays of the rim meet the board, the rest the wall: 0.2·0.39/15² against 0.8·0.41/40².
+    assert_eq!(range_in_the_middle("strongest", 0.003), [(15, Status::Hit)]);
     assert_eq!(range_in_the_middle("last", 0.003), [(40, Status::Hit)]);
-    assert_eq!(range_in_the_middle("dual", 0.003), [(20, Status::Hit), (40, Status::Second)]);
+    assert_eq!(range_in_the_middle("dual", 0.003), [(15, Status::Hit), (40, Status::Second)]);
     for (wide, thin) in returns("strongest", 0.003).iter().zip(&returns("strongest", 0.0)) {
         if wide.column != 4 {
             assert_eq!((wide.range, wide.class), (thin.range, thin.class), "away from the edge");
