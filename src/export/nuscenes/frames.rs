@@ -6,7 +6,7 @@ use glam::DQuat;
 use serde_json::{Value, json};
 
 use super::fixed::{CAMERAS, CATEGORIES, attribute};
-use super::tables::Tables;
+use super::table::Tables;
 use super::{About, MARGIN, channels, right_forward, token};
 use crate::export::cloud::Source;
 use crate::export::folder::Folder;

@@ -6,6 +6,7 @@
 mod fixed;
 mod frames;
 mod names;
+mod table;
 mod tables;
 
 use glam::{DMat3, DVec3};

@@ -1,12 +1,12 @@
 //! The tables of nuScenes, streamed from the records of frames.
 
 use serde_json::{Value, json};
-use std::io::Write;
 
 use super::fixed::{ATTRIBUTES, CAMERAS, CATEGORIES, VISIBILITIES};
 use super::frames::scene_rows;
+use super::table::{Table, Tables};
 use super::{About, channels, names, token};
-use crate::export::folder::{Folder, Staged};
+use crate::export::folder::Folder;
 use crate::export::plan::Planned;
 use crate::export::{DatasetSettings, ExportError, SceneFacts, Split};
 
@@ -16,46 +16,6 @@ const PIXEL: &[u8] = &[
     0, 0, 181, 28, 12, 2, 0, 0, 0, 11, 73, 68, 65, 84, 120, 218, 99, 100, 96, 0, 0, 0, 6, 0, 2, 48,
     129, 208, 47, 0, 0, 0, 0, 73, 69, 78, 68, 174, 66, 96, 130,
 ];
-
-/// A table that is being written: a list of objects, one a line.
-pub(super) struct Table {
-    staged: Staged,
-    empty: bool,
-}
-
-impl Table {
-    fn begin(folder: &Folder, version: &str, name: &str) -> Result<Self, ExportError> {
-        let staged = folder.begin(&format!("{version}/{name}.json"))?;
-        Ok(Self { staged, empty: true })
-    }
-
-    pub fn push(&mut self, row: &Value) -> Result<(), ExportError> {
-        let before: &[u8] = if std::mem::take(&mut self.empty) { b"[\n" } else { b",\n" };
-        self.staged.write(|out| {
-            out.write_all(before)?;
-            Ok(serde_json::to_writer(out, row)?)
-        })
-    }
-
-    fn end(mut self) -> Result<(), ExportError> {
-        let end: &[u8] = if self.empty { b"[]\n" } else { b"\n]\n" };
-        self.staged.write(|out| out.write_all(end))?;
-        self.staged.end().map(drop)
-    }
-}
-
-/// Tables that grow with scenes and frames.
-pub(super) struct Tables {
-    pub calibrated_sensor: Table,
-    pub ego_pose: Table,
-    pub instance: Table,
-    pub lidarseg: Table,
-    pub log: Table,
-    pub sample: Table,
-    pub sample_annotation: Table,
-    pub sample_data: Table,
-    pub scene: Table,
-}
 
 /// Writes the tables of every version that has scenes.
 pub(in crate::export) fn finish(
@@ -73,18 +33,7 @@ pub(in crate::export) fn finish(
         if members.is_empty() {
             continue;
         }
-        let table = |name: &str| Table::begin(folder, version, name);
-        let mut tables = Tables {
-            calibrated_sensor: table("calibrated_sensor")?,
-            ego_pose: table("ego_pose")?,
-            instance: table("instance")?,
-            lidarseg: table("lidarseg")?,
-            log: table("log")?,
-            sample: table("sample")?,
-            sample_annotation: table("sample_annotation")?,
-            sample_data: table("sample_data")?,
-            scene: table("scene")?,
-        };
+        let mut tables = Tables::begin(folder, version)?;
         let mut lidars = 0;
         for &number in &members {
             let about = About { settings, planned: &plan[number], counts };
@@ -94,20 +43,6 @@ pub(in crate::export) fn finish(
         tables.end()?;
     }
     folder.put("maps/plain.png", PIXEL).map(drop)
-}
-
-impl Tables {
-    fn end(self) -> Result<(), ExportError> {
-        self.calibrated_sensor.end()?;
-        self.ego_pose.end()?;
-        self.instance.end()?;
-        self.lidarseg.end()?;
-        self.log.end()?;
-        self.sample.end()?;
-        self.sample_annotation.end()?;
-        self.sample_data.end()?;
-        self.scene.end()
-    }
 }
 
 fn whole(
