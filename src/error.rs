@@ -10,8 +10,8 @@ use crate::near_field::NearFieldError;
 use crate::problem::ProblemError;
 use crate::psog::{GridError, PsogFileError};
 use crate::rig::RigError;
-use crate::scan::ScanError;
 use crate::scan::conditions::ConditionError;
+use crate::scan::{ScanError, VisibilityError};
 use crate::scene::DescriptionError;
 use crate::score::ObjectiveError;
 use crate::search::SearchError;
@@ -52,6 +52,9 @@ pub enum Error {
     /// From scanning a scene.
     #[error(transparent)]
     Scan(#[from] ScanError),
+    /// From scores under conditions.
+    #[error(transparent)]
+    Visibility(#[from] VisibilityError),
     /// From weather and faults as they are written.
     #[error(transparent)]
     Condition(#[from] ConditionError),

@@ -34,6 +34,7 @@ mod cli_study;
 mod cli_vehicle;
 #[cfg_attr(not(feature = "gpu"), allow(dead_code))]
 mod common;
+mod conditions;
 mod cover;
 #[cfg(feature = "gpu")]
 mod equal_frames;

@@ -8,6 +8,9 @@ use super::Triangle;
 /// Triangle id of a ray that hits nothing.
 pub const NO_HIT: u32 = u32::MAX;
 
+/// Triangle id of a beam that ends somewhere without a hit: nothing of it comes back.
+pub(crate) const ENDED: u32 = NO_HIT - 1;
+
 /// Stands for 1/0: larger than any quotient a scene can give, and still finite when multiplied by a
 /// distance, because shaders may assume that no infinity occurs.
 pub const FAR_INVERSE: f32 = 1e20;
@@ -28,9 +31,14 @@ impl Hit {
         Self { t: t_max, prim: NO_HIT }
     }
 
+    /// Nothing comes back; what is known of the beam ends after `t` metres.
+    pub(crate) fn ended(t: f32) -> Self {
+        Self { t, prim: ENDED }
+    }
+
     /// Whether a triangle was hit.
     pub fn is_hit(&self) -> bool {
-        self.prim != NO_HIT
+        self.prim < ENDED
     }
 }
 

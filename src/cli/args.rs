@@ -6,6 +6,7 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 use sightline::engine::{EngineChoice, EngineKind};
 use sightline::near_field::MOST_WEIGHT;
+use sightline::scan::conditions::Condition;
 
 use super::error::Error;
 use super::output::say;
@@ -31,6 +32,15 @@ pub struct Compute {
     pub vehicle: Option<PathBuf>,
     #[command(flatten)]
     pub talk: Talk,
+}
+
+/// Weather and faults that scores are computed under.
+#[derive(Args, Debug, Clone, Default)]
+pub struct Conditions {
+    /// Weather or a fault, as fog:mor=50, snow:rate=1, wet:water=1, crosstalk:share=0.01, echo:ratio=0.85:
+    /// beams that do not come back cover nothing
+    #[arg(long, value_name = "NAME[:KEY=VALUE,…]")]
+    pub condition: Vec<Condition>,
 }
 
 /// How much is said on stderr.

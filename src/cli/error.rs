@@ -43,6 +43,7 @@ from_modules!(
     sightline::psog::PsogFileError,
     sightline::rig::RigError,
     sightline::scan::ScanError,
+    sightline::scan::VisibilityError,
     sightline::scene::DescriptionError,
     sightline::score::ObjectiveError,
     sightline::search::SearchError,

@@ -7,6 +7,8 @@ use std::time::Instant;
 use sightline::engine::open;
 use sightline::problem::{Problem, spread};
 use sightline::psog::Psog;
+use sightline::scan::conditions::Condition;
+use sightline::scan::in_conditions;
 use sightline::scene::{PsogSource, Scene};
 use sightline::search::{Evaluator, Member, SearchError, Suite};
 
@@ -38,11 +40,17 @@ impl Loaded {
 }
 
 /// Reads a scene and its P-SOG, and opens an engine over `frames` of its frames (all if `None`).
-pub fn scene(path: &Path, frames: Option<u32>, compute: &Compute) -> Result<Loaded, Error> {
+pub fn scene(
+    path: &Path,
+    frames: Option<u32>,
+    conditions: &[Condition],
+    compute: &Compute,
+) -> Result<Loaded, Error> {
     let (scene, psog, mut times) = scene_and_psog(path, compute)?;
     let start = Instant::now();
     let frames = spread(scene.frame_count(), frames);
-    let evaluator = evaluator(Problem::with_psog(&scene, &psog, &frames)?, compute)?;
+    let problem = Problem::with_psog(&scene, &psog, &frames)?;
+    let evaluator = evaluator(in_conditions(&scene, problem, conditions)?, compute)?;
     times.build += start.elapsed().as_secs_f64();
     Ok(Loaded { scene, evaluator, times })
 }
@@ -55,7 +63,12 @@ pub struct Suited {
 }
 
 /// As [`scene`], for several that share LiDAR and mount.
-pub fn suite(paths: &[PathBuf], frames: Option<u32>, compute: &Compute) -> Result<Suited, Error> {
+pub fn suite(
+    paths: &[PathBuf],
+    frames: Option<u32>,
+    conditions: &[Condition],
+    compute: &Compute,
+) -> Result<Suited, Error> {
     let mut times = LoadTimes::default();
     let (mut scenes, mut problems) = (Vec::new(), Vec::new());
     for path in paths {
@@ -63,7 +76,8 @@ pub fn suite(paths: &[PathBuf], frames: Option<u32>, compute: &Compute) -> Resul
         note_frames(&scene, frames, compute.talk);
         let start = Instant::now();
         let frames = spread(scene.frame_count(), frames);
-        let problem = Arc::new(Problem::with_psog(&scene, &psog, &frames)?);
+        let problem = Problem::with_psog(&scene, &psog, &frames)?;
+        let problem = Arc::new(in_conditions(&scene, problem, conditions)?);
         compute.talk.detail(problem.modelled().to_string());
         problems.push((scene.name().to_owned(), problem));
         times.load += took.load;

@@ -18,6 +18,8 @@ use sightline::internals::{
 };
 use sightline::near_field::weighted;
 use sightline::report::{self, RunRecord};
+use sightline::scan::conditions::{Condition, ConditionError};
+use sightline::scan::in_conditions;
 use sightline::scene::Scene;
 use sightline::search::{Event, Outcome, Run, SearchError, Suite, TimeLimit};
 
@@ -110,7 +112,11 @@ fn open_scene(
         .map_err(|error| Error::Usage(format!("options for the mount: {error}")))?;
     let building = Instant::now();
     let all: Vec<usize> = (0..scene.frame_count()).collect();
+    let conditions = begun.conditions.iter().map(|text| text.parse());
+    let conditions = conditions.collect::<Result<Vec<Condition>, ConditionError>>();
+    let conditions = conditions.map_err(sightline::Error::from)?;
     let problem = Problem::with_psog(&scene, &psog, &all)?;
+    let problem = in_conditions(&scene, problem, &conditions)?;
     let problem = Arc::new(match begun.near_weight {
         Some(nats) => weighted(&scene, problem, nats)?,
         None => problem,

@@ -24,7 +24,7 @@ use sightline::score::Scores;
 use sightline::search::Evaluator;
 use sightline::vehicle::{Placement, PlacementFileError, PlacementReader};
 
-use super::args::{Compute, Format, parse_weight};
+use super::args::{Compute, Conditions, Format, parse_weight};
 use super::error::Error;
 use super::files::Files;
 use super::load::{self, LoadTimes, Loaded};
@@ -63,6 +63,8 @@ pub struct Args {
     #[arg(long, value_name = "W", value_parser = parse_weight)]
     near_weight: Option<f64>,
     #[command(flatten)]
+    conditions: Conditions,
+    #[command(flatten)]
     compute: Compute,
 }
 
@@ -81,7 +83,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         several::run(args, &scenes, &placements, start)?;
         return Ok(ExitCode::SUCCESS);
     };
-    let mut loaded = load::scene(scene, args.frames, &args.compute)?;
+    let mut loaded = load::scene(scene, args.frames, &args.conditions.condition, &args.compute)?;
     if let Some(nats) = args.near_weight {
         let problem = loaded.evaluator.problem().clone();
         let problem = weighted(&loaded.scene, problem, nats)?;

@@ -16,7 +16,7 @@ use sightline::study::{
     Kind, Region, Row, StudyObserver, StudySettings, Table, mean_over_scenes, study,
 };
 
-use super::args::{Compute, Format, Talk, at_least_one, whole};
+use super::args::{Compute, Conditions, Format, Talk, at_least_one, whole};
 use super::error::Error;
 use super::files::told_apart;
 use super::interrupt::{INTERRUPTED, Interrupt};
@@ -113,6 +113,8 @@ pub struct Args {
     /// How to print the result
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
+    #[command(flatten)]
+    conditions: Conditions,
     #[command(flatten)]
     compute: Compute,
 }
@@ -232,6 +234,7 @@ fn settings(args: &Args) -> Result<StudySettings, Error> {
         seed: args.seed,
         sensors: args.sensor.clone(),
         regions: args.boxes.clone(),
+        conditions: args.conditions.condition.clone(),
         engine: args.compute.engine(),
     })
 }
@@ -329,7 +332,7 @@ fn recorded(args: &Args, scenes: &[PathBuf], settings: &StudySettings) -> Result
     for sensor in &args.sensor {
         inputs.push(Input::read(sensor)?);
     }
-    let settings = json!({
+    let mut settings = json!({
         "sightline": env!("CARGO_PKG_VERSION"),
         "study": args.kind.name(),
         "scenes": absolute(scenes)?,
@@ -342,6 +345,11 @@ fn recorded(args: &Args, scenes: &[PathBuf], settings: &StudySettings) -> Result
         "voxel": args.voxel,
         "seed": args.seed,
     });
+    if !args.conditions.condition.is_empty() {
+        let conditions: Vec<String> =
+            args.conditions.condition.iter().map(|condition| condition.to_string()).collect();
+        settings["conditions"] = json!(conditions);
+    }
     Ok(Recorded { settings, inputs })
 }
 

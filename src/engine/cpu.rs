@@ -113,9 +113,13 @@ impl CpuBackend {
         frame: usize,
     ) -> Result<(), BackendError> {
         let start = Instant::now();
-        if let Some(frame) = self.problem.ends(frame) {
+        if let Some(geometry) = self.problem.ends(frame) {
             memory::reserve(&mut self.hits, batch.beams(), "hits")?;
-            cast(&self.casters, batch, sensors, frame, &mut self.hits);
+            cast(&self.casters, batch, sensors, geometry, &mut self.hits);
+            if let Some(air) = self.problem.air() {
+                let number = self.problem.number_of(frame);
+                air.dim(batch, sensors, geometry, number, &mut self.hits);
+            }
         }
         self.times.cast += start.elapsed();
         Ok(())

@@ -151,6 +151,11 @@ pub fn open(
     let mut notes = Vec::new();
     let engine = match choice.kind {
         EngineKind::Cpu => cpu(problem, choice),
+        // What comes back through weather is decided on the host.
+        _ if problem.air().is_some() => {
+            notes.push("computing on the CPU: conditions are not computed on devices".to_owned());
+            cpu(problem, choice)
+        }
         EngineKind::Auto if choice.adapter.is_none() => {
             match device::hardware(problem, choice, on_change) {
                 Ok(engine) => engine,

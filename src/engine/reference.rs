@@ -28,7 +28,12 @@ impl ReferenceBackend {
     /// Hits of a batch in a frame that ends beams; `None` in one that does not.
     fn cast(&mut self, batch: &SensorBatch<'_>, frame: usize) -> Option<Vec<Hit>> {
         let start = Instant::now();
-        let hits = cast(batch, frame, self.problem.ends(frame)?);
+        let geometry = self.problem.ends(frame)?;
+        let mut hits = cast(batch, frame, geometry);
+        if let Some(air) = self.problem.air() {
+            let sensors = batch.ego_from_sensors(frame);
+            air.dim(batch, &sensors, geometry, self.problem.number_of(frame), &mut hits);
+        }
         self.times.cast += start.elapsed();
         Some(hits)
     }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::{DevicePose, Problem};
 use crate::geom::Pose;
-use crate::vehicle::{BeamTable, SensorPose, UnknownSensor};
+use crate::vehicle::{BeamTable, SensorModel, SensorPose, UnknownSensor};
 
 /// Sensors whose beams lie one sensor after the other.
 pub struct SensorBatch<'a> {
@@ -65,6 +65,11 @@ impl<'a> SensorBatch<'a> {
     /// Number of a sensor's model.
     pub fn model(&self, sensor: usize) -> usize {
         self.models[sensor]
+    }
+
+    /// Model of a sensor.
+    pub fn sensor_model(&self, sensor: usize) -> &'a SensorModel {
+        &self.problem.sensors().models()[self.models[sensor]]
     }
 
     /// Beam table of a sensor.

@@ -23,6 +23,8 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde::Serialize;
 
+use crate::bvh::Hit;
+use crate::geom::Pose;
 use crate::memory::OutOfMemory;
 use crate::psog::Roi;
 use crate::vehicle::{Constraints, Requirement, Sensors};
@@ -113,6 +115,23 @@ pub struct Problem {
     /// Number of each frame in the scene, which free phases depend on.
     numbers: Vec<usize>,
     ends_at_hits: bool,
+    /// What keeps beams from coming back, if anything.
+    air: Option<Arc<dyn Air>>,
+}
+
+/// What keeps beams from coming back.
+pub trait Air: std::fmt::Debug + Send + Sync {
+    /// Ends beams early: `hits` are those of a batch's sensors, which stand at `ego_from_sensors` in a frame
+    /// that the scene knows by its number. What is left to chance depends on the number, the sensor's model
+    /// and the beam alone.
+    fn dim(
+        &self,
+        batch: &SensorBatch<'_>,
+        ego_from_sensors: &[Pose],
+        frame: &Frame,
+        number: usize,
+        hits: &mut [Hit],
+    );
 }
 
 impl Problem {
@@ -133,7 +152,7 @@ impl Problem {
         let ends_at_hits = ends_at_hits && !world.frames().is_empty();
         let constraints = Constraints::default();
         let (sensors, numbers) = (sensors.into(), (0..world.frames().len()).collect());
-        Self { roi, content, sensors, constraints, world, numbers, ends_at_hits }
+        Self { roi, content, sensors, constraints, world, numbers, ends_at_hits, air: None }
     }
 
     /// The same with other sensor models.
@@ -149,6 +168,16 @@ impl Problem {
     /// The same with other rules of the mount.
     pub fn with_constraints(self, constraints: Constraints) -> Self {
         Self { constraints, ..self }
+    }
+
+    /// The same in air that keeps beams from coming back: they then cover less.
+    pub fn in_air(self, air: Arc<dyn Air>) -> Self {
+        Self { air: Some(air), ..self }
+    }
+
+    /// What keeps beams from coming back, if anything.
+    pub(crate) fn air(&self) -> Option<&dyn Air> {
+        self.air.as_deref()
     }
 
     /// The same where areas must be seen.

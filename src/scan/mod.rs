@@ -4,6 +4,7 @@ mod chance;
 pub mod conditions;
 mod echoes;
 mod hits;
+mod optics;
 mod psog;
 mod receiver;
 mod record;
@@ -12,6 +13,7 @@ mod rings;
 mod scanner;
 mod stage;
 mod sweep;
+mod visibility;
 
 pub use hits::BeamHits;
 pub use psog::scan_scene;
@@ -19,5 +21,6 @@ pub use record::{
     EGO_INSTANCE, NO_CLASS, NO_INSTANCE, Return, Scan, ScanLidar, Status, TrackedBox,
 };
 pub use scanner::{ScanError, Scanner, Scanning};
+pub use visibility::{Visibility, VisibilityError, in_conditions};
 #[cfg(test)]
 mod tests;

@@ -3,17 +3,14 @@
 use glam::{DVec3, Vec3};
 
 use super::chance::{Chance, Purpose};
-use super::conditions::Weather;
 use super::echoes::{Echo, EchoList};
-use super::reflectance::Reflectance;
+use super::optics::{Optics, is_seen};
 use super::stage::Stage;
 use super::sweep::{Edge, RAYS, Surface, Sweep, Sweeper, ray_share};
 use super::{NO_CLASS, NO_INSTANCE, Return, Status};
 use crate::cast::Left;
 use crate::vehicle::Echoes;
 
-/// Standard deviations of the threshold beyond which nothing is left to chance.
-const CERTAIN: f64 = 5.0;
 /// Power in units of the threshold at which the noise begins to grow, and how far it grows.
 const STRONG: f64 = 9.0;
 const MOST_NOISE: f64 = 3.0;
@@ -23,10 +20,7 @@ pub(super) struct Receiver<'a> {
     pub stage: &'a Stage,
     pub sweeper: &'a Sweeper,
     pub sweep: &'a Sweep,
-    pub reflectance: &'a Reflectance,
-    pub weather: &'a Weather,
-    /// Of each class: whether water may stand on it.
-    pub ground: &'a [bool],
+    pub optics: &'a Optics,
     pub lidar: u16,
     /// Nothing but geometry.
     pub ideal: bool,
@@ -39,7 +33,7 @@ impl Receiver<'_> {
     pub fn returns(&self, beam: usize, left: &mut Left, mut report: impl FnMut(Return)) {
         let surface = self.sweep.surfaces[beam];
         if self.ideal {
-            let reflectance = self.reflectance.of(surface.class, surface.instance);
+            let reflectance = self.optics.reflectance.of(surface.class, surface.instance);
             let intensity = reflectance as f32 * surface.incidence;
             let status = if surface.is_hit() { Status::Hit } else { Status::Miss };
             let echo = Echo { range: f64::from(surface.t), power: 0.0, ray: Some(0), status };
@@ -74,16 +68,9 @@ impl Receiver<'_> {
     /// Echoes that the sensor reports, by their place in the list.
     fn wanted(&self, chance: &Chance, echoes: &[Echo]) -> [Option<usize>; 2] {
         let response = &self.sweeper.model().response;
-        let threshold = response.threshold();
         let seen = |at: usize| {
-            let over = echoes[at].power / threshold - 1.0;
-            let sure = CERTAIN * response.softness;
-            let by_chance = || {
-                let share = normal_share(over / response.softness);
-                chance.draw(Purpose::Detection, at as u32) < share
-            };
-            let strong = over > sure || over > -sure && by_chance();
-            strong && echoes[at].range >= response.min_range
+            let draw = || chance.draw(Purpose::Detection, at as u32);
+            is_seen(response, echoes[at].power, draw) && echoes[at].range >= response.min_range
         };
         let all = 0..echoes.len();
         // Of equal ones the first.
@@ -144,21 +131,8 @@ impl Receiver<'_> {
 
     /// What a share of the beam's power brings back from a surface.
     fn echo(&self, surface: &Surface, ray: u8, share: f64) -> Echo {
-        let range = f64::from(surface.t);
-        let incidence = f64::from(surface.incidence);
-        let mut reflectance = self.reflectance.of(surface.class, surface.instance);
-        if let Some(echo) = &self.weather.echo
-            && self.reflectance.is_mixed(surface.class)
-        {
-            reflectance = echo.reflectance(reflectance, self.reflectance.draw(surface.instance));
-        }
-        if let Some(wet) = &self.weather.wet
-            && self.ground.get(usize::from(surface.class)).is_some_and(|&ground| ground)
-        {
-            reflectance = wet.reflectance(reflectance, incidence);
-        }
-        let fog = self.weather.fog.as_ref().map_or(1.0, |fog| fog.attenuation(range));
-        let power = share * reflectance * incidence / (range * range) * fog;
+        let (range, incidence) = (f64::from(surface.t), f64::from(surface.incidence));
+        let power = share * self.optics.power(surface.class, surface.instance, incidence, range);
         Echo { range, power, ray: Some(ray), status: Status::Hit }
     }
 
@@ -168,11 +142,11 @@ impl Receiver<'_> {
         let target = if surface.is_hit() { f64::from(surface.t) } else { f64::INFINITY };
         let medium = |range, power, status| Echo { range, power, ray: None, status };
         let surfaces = echoes.len();
-        if let Some(fog) = &self.weather.fog {
+        if let Some(fog) = &self.optics.weather.fog {
             let range = fog.soft_range(target, chance.draw(Purpose::FogRange, 0));
             echoes.push(medium(range, fog.soft_power(target), Status::Fog));
         }
-        if let Some(snow) = &self.weather.snow {
+        if let Some(snow) = &self.optics.weather.snow {
             let reach = f64::from(model.table.range()).min(target);
             let mut draws = 0;
             let draw = || {
@@ -184,8 +158,8 @@ impl Receiver<'_> {
                 echo.power *= fallen.passed;
             }
             if let Some(flake) = fallen.flake {
-                let fog = self.weather.fog.as_ref().map_or(1.0, |fog| fog.attenuation(flake.range));
-                echoes.push(medium(flake.range, flake.power * fog, Status::Snow));
+                let power = flake.power * self.optics.through_fog(flake.range);
+                echoes.push(medium(flake.range, power, Status::Snow));
             }
         }
     }
@@ -226,7 +200,7 @@ impl Receiver<'_> {
         if number == 1 && echo.status == Status::Hit {
             echo.status = Status::Second;
         }
-        if let Some(crosstalk) = &self.weather.crosstalk
+        if let Some(crosstalk) = &self.optics.weather.crosstalk
             && chance.draw(Purpose::Crosstalk, 2 * number) < crosstalk.share()
         {
             let draw = chance.draw(Purpose::Crosstalk, 2 * number + 1);
@@ -282,12 +256,7 @@ impl Receiver<'_> {
             let station = self.sweeper.station_of(self.sweep, beam);
             station.start_from_sensor.apply(point).as_vec3()
         };
-        let blur = self.weather.blur.as_ref().map_or(0.0, |blur| blur.share() as f32);
+        let blur = self.optics.weather.blur.as_ref().map_or(0.0, |blur| blur.share() as f32);
         (position + (raw - position) * blur, raw)
     }
-}
-
-/// Share of a normal distribution below x.
-fn normal_share(x: f64) -> f64 {
-    0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2)
 }

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::conditions::{self, Condition, ConditionError, Corruptions, Weather};
+use super::conditions::{self, Condition, ConditionError, Corruptions};
+use super::optics::Optics;
 use super::receiver::Receiver;
-use super::reflectance::Reflectance;
 use super::stage::{Motions, Stage};
 use super::sweep::Sweeper;
 use super::{EGO_INSTANCE, Return, Scan, ScanLidar, TrackedBox};
@@ -80,10 +80,8 @@ pub struct Scanner<'a> {
     stage: Stage,
     tracks: Vec<Track>,
     scanning: Scanning,
-    weather: Weather,
+    optics: Optics,
     corruptions: Corruptions,
-    reflectance: Reflectance,
-    ground: Vec<bool>,
 }
 
 impl<'a> Scanner<'a> {
@@ -135,10 +133,8 @@ impl<'a> Scanner<'a> {
             sensors,
             tracks,
             scanning: scanning.clone(),
-            weather,
+            optics: Optics::new(&classes, weather, scanning.seed),
             corruptions,
-            reflectance: Reflectance::new(&classes, scanning.seed),
-            ground: classes.iter().map(|class| conditions::is_ground(class)).collect(),
             classes,
         })
     }
@@ -200,9 +196,7 @@ impl<'a> Scanner<'a> {
             stage: &self.stage,
             sweeper,
             sweep: &sweep,
-            reflectance: &self.reflectance,
-            weather: &self.weather,
-            ground: &self.ground,
+            optics: &self.optics,
             lidar: lidar as u16,
             ideal: self.scanning.ideal,
             seed: self.scanning.seed,

@@ -9,10 +9,11 @@ use crate::bvh::{Bvh, Triangle};
 use crate::cast::Part;
 use crate::engine::OutOfMemory;
 use crate::geom::{Glide, Pose};
-use crate::problem::{DevicePose, World};
+use crate::problem::{DevicePose, Instance, World};
 use crate::scene::{EgoBody, Scene};
 
 /// A rigid part of the scene, not empty.
+#[derive(Debug)]
 pub(super) struct Thing {
     tree: Arc<Bvh>,
     /// Number of the part in the scene.
@@ -38,6 +39,7 @@ enum Owner {
 }
 
 /// All that does not change from frame to frame.
+#[derive(Debug)]
 pub(super) struct Stage {
     pub(super) things: Vec<Thing>,
 }
@@ -47,9 +49,15 @@ impl Stage {
     /// The trees do not fit into memory.
     pub fn new(scene: &Scene, range: f32) -> Result<Self, OutOfMemory> {
         let world = World::of(scene, &[0], range, EgoBody::Include)?;
+        let instances = world.frames().iter().flat_map(|frame| frame.instances());
+        Ok(Self::of(scene, instances))
+    }
+
+    /// Of trees that there are already, one for each part of the scene that is not empty.
+    pub fn of<'i>(scene: &Scene, instances: impl Iterator<Item = &'i Instance>) -> Self {
         let full = (0..scene.part_count()).filter(|&part| scene.part_triangles(part) > 0);
         let classes = scene.face_classes(EgoBody::Include);
-        let thing = |(part, instance): (usize, &crate::problem::Instance)| {
+        let thing = |(part, instance): (usize, &Instance)| {
             let soup = scene.part(part);
             let bounds = instance.tree.bounds();
             let (low, high) =
@@ -76,8 +84,7 @@ impl Stage {
                 classes: classes[first..first + soup.faces.len()].to_vec(),
             }
         };
-        let instances = world.frames().iter().flat_map(|frame| frame.instances());
-        Ok(Self { things: full.zip(instances).map(thing).collect() })
+        Self { things: full.zip(instances).map(thing).collect() }
     }
 
     /// The thing that a face belongs to.

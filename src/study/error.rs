@@ -3,6 +3,7 @@
 use crate::engine::BackendError;
 use crate::problem::ProblemError;
 use crate::psog::GridError;
+use crate::scan::VisibilityError;
 use crate::scene::DescriptionError;
 use crate::score::ObjectiveError;
 use crate::search::SearchError;
@@ -111,4 +112,7 @@ pub enum StudyError {
     /// A search failed.
     #[error(transparent)]
     Search(#[from] SearchError),
+    /// Conditions that scores cannot be computed under.
+    #[error(transparent)]
+    Visibility(#[from] VisibilityError),
 }

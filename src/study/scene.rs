@@ -6,7 +6,7 @@ use super::{StudyError, StudyObserver, StudySettings};
 use crate::engine::open;
 use crate::problem::{Problem, ProblemError, spread};
 use crate::psog::{Psog, Roi};
-use crate::scan::scan_scene;
+use crate::scan::{in_conditions, scan_scene};
 use crate::scene::{PsogSource, Scene};
 use crate::score::{Objective, Scores};
 use crate::search::{Evaluator, Event, Settings, optimize};
@@ -95,7 +95,8 @@ impl<'a> StudyScene<'a> {
     }
 
     fn open(&self, problem: Problem) -> Result<Evaluator, StudyError> {
-        let problem = Arc::new(problem);
+        let conditions = &self.settings.conditions;
+        let problem = Arc::new(in_conditions(self.scene, problem, conditions)?);
         let opened = open(&problem, &self.settings.engine, |_| {})?;
         self.observer.opened(&opened.notes);
         Ok(Evaluator::new(problem, opened.engine))

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use super::region::Region;
 use crate::engine::EngineChoice;
+use crate::scan::conditions::Condition;
 use crate::score::Objective;
 
 /// Settings of a study: with its scenes they decide about every number.
@@ -25,6 +26,8 @@ pub struct StudySettings {
     pub sensors: Vec<PathBuf>,
     /// Regions to look at beside the standard ones.
     pub regions: Vec<Region>,
+    /// Weather and faults, in the mode `physical`.
+    pub conditions: Vec<Condition>,
     /// Which engine computes; every engine gives the same bits.
     pub engine: EngineChoice,
 }
@@ -40,6 +43,7 @@ impl Default for StudySettings {
             seed: 1,
             sensors: Vec::new(),
             regions: Vec::new(),
+            conditions: Vec::new(),
             engine: EngineChoice::cpu(),
         }
     }

@@ -167,6 +167,9 @@ fn settings_json(begun: &Begun, settings: &Settings, left_out: &[LeftOut]) -> Va
     if let Some(nats) = begun.near_weight {
         all["near_weight"] = json!(nats);
     }
+    if !begun.conditions.is_empty() {
+        all["conditions"] = json!(begun.conditions);
+    }
     if begun.mirror {
         all["mirror"] = json!(true);
     }

@@ -7,8 +7,11 @@ use sightline::internals::Spacing;
 use sightline::search::{Equipped, FrameChoice, Method, Settings, State};
 use sightline::vehicle::{MountRules, SensorPose, read_placements};
 
-use crate::cli::args::{Compute, Format, at_least_one, finite, parse_seconds, parse_weight, whole};
+use crate::cli::args::{
+    Compute, Conditions, Format, at_least_one, finite, parse_seconds, parse_weight, whole,
+};
 use crate::cli::error::Error;
+use sightline::scan::conditions::Condition;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -92,6 +95,8 @@ pub struct Args {
     /// the true gain and the near field stand beside the result
     #[arg(long, value_name = "W", conflicts_with = "resume", value_parser = parse_weight)]
     near_weight: Option<f64>,
+    #[command(flatten)]
+    conditions: Conditions,
     /// How to print the result
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub(super) format: Format,
@@ -148,6 +153,9 @@ pub(super) struct Begun {
     /// Nats that near ground counts more.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub near_weight: Option<f64>,
+    /// Weather and faults, as they are written.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub conditions: Vec<String>,
     /// What a vehicle carries in this run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub equipped: Option<Equipped>,
@@ -184,7 +192,18 @@ pub(super) fn begun(args: &Args) -> Result<Begun, Error> {
     let vehicle = args.compute.vehicle.as_ref().map(absolute).transpose()?;
     let (mirror, rules, budget) = (args.mirror, args.rules.for_mount(), args.budget);
     let (near_weight, equipped) = (args.near_weight, None);
-    Ok(Begun { scene, more_scenes, mirror, rules, vehicle, budget, near_weight, equipped })
+    let conditions = args.conditions.condition.iter().map(Condition::to_string).collect();
+    Ok(Begun {
+        scene,
+        more_scenes,
+        mirror,
+        rules,
+        vehicle,
+        budget,
+        near_weight,
+        conditions,
+        equipped,
+    })
 }
 
 /// The settings of a new run.

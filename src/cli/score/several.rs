@@ -25,7 +25,9 @@ pub(super) fn run(
     placements: &Path,
     start: Instant,
 ) -> Result<(), Error> {
-    let Suited { scenes, evaluator, times } = load::suite(scenes, args.frames, &args.compute)?;
+    let conditions = &args.conditions.condition;
+    let suited = load::suite(scenes, args.frames, conditions, &args.compute)?;
+    let Suited { scenes, evaluator, times } = suited;
     if let Some(file) = &args.out {
         let inputs = scenes.iter().flat_map(|scene| scene.files()).map(PathBuf::as_path);
         writable_file(file, inputs.chain([placements]))?;

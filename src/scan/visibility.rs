@@ -1,0 +1,214 @@
+//! What of a beam comes back through weather, for scores: the beams that do not cover nothing.
+
+use std::sync::{Arc, Mutex};
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::chance::{Chance, Purpose};
+use super::conditions::{self, Condition, Mode};
+use super::optics::{Optics, is_seen};
+use super::stage::Stage;
+use crate::bvh::Hit;
+use crate::geom::Pose;
+use crate::problem::{Air, Frame, Problem, SensorBatch};
+use crate::scene::{Coverage, Scene};
+use crate::vehicle::{Echoes, Response};
+
+/// Reflectance of a target that faces the sensor, by which beams that meet nothing are cut: farther than it
+/// would be seen they tell nothing.
+const TARGET: f64 = 0.3;
+/// Steps of the table of how far that is, by chance.
+const STEPS: usize = 256;
+
+/// Why scores cannot be computed under conditions.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum VisibilityError {
+    /// Beams that end at nothing send nothing back.
+    #[error(
+        "the scene `{scene}` has no geometry that ends beams (coverage `through`); conditions need \
+         `\"coverage\": \"first-hit\"`"
+    )]
+    Through {
+        /// Name of the scene.
+        scene: String,
+    },
+    /// A finished scan is changed, and scores have none.
+    #[error("the condition `{condition}` changes finished scans; scores take the mode `physical`")]
+    Robo3d {
+        /// As written.
+        condition: String,
+    },
+    /// Conditions that do not go together.
+    #[error(transparent)]
+    Condition(#[from] conditions::ConditionError),
+}
+
+/// Weather and faults as scores see them.
+///
+/// A beam that meets a surface comes back with the probability that a scan gives it, and then covers what it
+/// covers in clear air; otherwise it covers nothing. A beam that meets nothing covers as far as a target of
+/// 30 % would be seen. Which beams come back is drawn once for each frame, model and beam, so that a voxel is
+/// weighted with the probability that a beam tells of it, in whole beams: all engines have the same bits, and
+/// neighbouring placements the same luck.
+#[derive(Debug)]
+pub struct Visibility {
+    optics: Optics,
+    stage: Stage,
+    /// Of the models so far.
+    reaches: Mutex<Vec<Reach>>,
+}
+
+/// Response and range of a model, and how far the target is seen, by the draw that decides.
+type Reach = (Response, f32, Arc<[f32]>);
+
+/// A scene's problem under conditions in the mode `physical`; as it is under none.
+///
+/// # Errors
+/// Beams that end at nothing, the mode `robo3d`, a condition given twice.
+pub fn in_conditions(
+    scene: &Scene,
+    problem: Problem,
+    conditions: &[Condition],
+) -> Result<Problem, VisibilityError> {
+    if conditions.is_empty() {
+        return Ok(problem);
+    }
+    let air = Visibility::new(scene, &problem, conditions)?;
+    Ok(problem.in_air(air))
+}
+
+impl Visibility {
+    /// Of a scene's problem under conditions in the mode `physical`.
+    ///
+    /// # Errors
+    /// Beams that end at nothing, the mode `robo3d`, a condition given twice.
+    pub fn new(
+        scene: &Scene,
+        problem: &Problem,
+        conditions: &[Condition],
+    ) -> Result<Arc<Self>, VisibilityError> {
+        if scene.coverage() == Coverage::Through || !scene.has_geometry() {
+            return Err(VisibilityError::Through { scene: scene.name().to_owned() });
+        }
+        if let Some(condition) = conditions.iter().find(|c| c.mode() == Mode::Robo3d) {
+            return Err(VisibilityError::Robo3d { condition: condition.to_string() });
+        }
+        let (weather, _) = conditions::sort(conditions)?;
+        let optics = Optics::new(scene.classes(), weather, 0);
+        let first = problem.geometry(0).into_iter().flat_map(|frame| frame.instances());
+        Ok(Arc::new(Self { stage: Stage::of(scene, first), optics, reaches: Mutex::default() }))
+    }
+
+    /// How far the target is seen by a model, by the draw that decides.
+    fn reaches(&self, response: &Response, range: f32) -> Arc<[f32]> {
+        let mut known = self.reaches.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some((.., found)) = known.iter().find(|(r, far, _)| r == response && *far == range) {
+            return found.clone();
+        }
+        let step = |step: usize| {
+            let draw = (step as f64 + 0.5) / STEPS as f64;
+            reach(response, &self.optics, f64::from(range), draw) as f32
+        };
+        let reaches: Arc<[f32]> = (0..STEPS).map(step).collect();
+        known.push((*response, range, reaches.clone()));
+        reaches
+    }
+
+    /// Whether a beam comes back from the surface that it hits.
+    fn returns(
+        &self,
+        response: &Response,
+        chance: &Chance,
+        prim: u32,
+        cosine: f64,
+        range: f64,
+    ) -> bool {
+        let thing = &self.stage.things[self.stage.thing_of(prim)];
+        let (class, _) = thing.face(prim);
+        let weather = &self.optics.weather;
+        let mut power = self.optics.power(class, thing.instance, cosine, range);
+        let mut other = weather.fog.as_ref().map_or(0.0, |fog| fog.soft_power(range));
+        if let Some(snow) = &weather.snow {
+            let mut draws = 0;
+            let fallen = snow.beam(response.divergence, range, || {
+                draws += 1;
+                chance.draw(Purpose::Snow, draws - 1)
+            });
+            power *= fallen.passed;
+            let flake =
+                fallen.flake.map(|flake| flake.power * self.optics.through_fog(flake.range));
+            other = flake.map_or(other, |flake| other.max(flake));
+        }
+        let hidden = response.echoes == Echoes::Strongest && other > power;
+        let wrong = weather.crosstalk.as_ref();
+        let wrong = wrong.is_some_and(|c| chance.draw(Purpose::Crosstalk, 0) < c.share());
+        let draw = || chance.draw(Purpose::Detection, 0);
+        !hidden && !wrong && is_seen(response, power, draw) && range >= response.min_range
+    }
+}
+
+impl Air for Visibility {
+    fn dim(
+        &self,
+        batch: &SensorBatch<'_>,
+        ego_from_sensors: &[Pose],
+        frame: &Frame,
+        number: usize,
+        hits: &mut [Hit],
+    ) {
+        let mut rows = Vec::with_capacity(batch.len());
+        let mut rest = hits;
+        for sensor in 0..batch.len() {
+            let (row, others) = rest.split_at_mut(batch.beams_of(sensor).len());
+            rest = others;
+            rows.push((sensor, row));
+        }
+        rows.into_par_iter().for_each(|(sensor, row)| {
+            let model = batch.sensor_model(sensor);
+            let reaches = self.reaches(&model.response, model.table.range());
+            let poses = frame.instances().iter();
+            let turns: Vec<_> = poses
+                .map(|instance| instance.pose_from(&ego_from_sensors[sensor]).rotation)
+                .collect();
+            let directions = batch.table(sensor).directions();
+            for (beam, (hit, direction)) in row.iter_mut().zip(directions).enumerate() {
+                let chance = Chance::new(0, number as u32, batch.model(sensor) as u32, beam as u32);
+                if !hit.is_hit() {
+                    let draw = chance.draw(Purpose::Detection, 0);
+                    let reach = reaches[(draw * STEPS as f64) as usize];
+                    *hit = Hit::ended(hit.t.min(reach));
+                    continue;
+                }
+                let thing = self.stage.thing_of(hit.prim);
+                let (_, normal) = self.stage.things[thing].face(hit.prim);
+                let direction = turns[thing] * DVec3::from(direction.map(f64::from));
+                let cosine = normal.as_dvec3().dot(direction).abs().min(1.0);
+                if !self.returns(&model.response, &chance, hit.prim, cosine, f64::from(hit.t)) {
+                    *hit = Hit::ended(0.0);
+                }
+            }
+        });
+    }
+}
+
+/// Farthest that [`TARGET`] is seen up to `range` metres: its power falls with distance.
+fn reach(response: &Response, optics: &Optics, range: f64, draw: f64) -> f64 {
+    let seen = |r: f64| {
+        let power = TARGET / (r * r) * optics.through_fog(r);
+        let fog = optics.weather.fog.as_ref();
+        let hidden = response.echoes == Echoes::Strongest
+            && fog.is_some_and(|fog| fog.soft_power(r) > power);
+        !hidden && is_seen(response, power, || draw)
+    };
+    if seen(range) {
+        return range;
+    }
+    let (mut near, mut far) = (0.0, range);
+    for _ in 0..40 {
+        let middle = 0.5 * (near + far);
+        if seen(middle) { near = middle } else { far = middle }
+    }
+    near
+}

@@ -1,0 +1,117 @@
+//! Scores under weather: the same bits from every engine, and less the worse the weather is.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use sightline::engine::{Backend, CpuBackend, EngineChoice, open};
+use sightline::internals::ReferenceBackend;
+use sightline::problem::{Problem, Tally};
+use sightline::psog::Psog;
+use sightline::scan::conditions::Condition;
+use sightline::scan::in_conditions;
+use sightline::scene::Scene;
+use sightline::vehicle::{Placement, SensorPose};
+
+/// A street with a house, a car and the own body, its sensor rated for `rated` metres.
+fn scene(rated: f64) -> Scene {
+    let text = format!(
+        r#"{{ "sightline": 1, "name": "street", "frames": 2, "coverage": "first-hit",
+             "roi": {{ "min": [-20, -20, -0.5], "max": [20, 20, 3.5], "voxel": [0.5, 0.5, 0.5] }},
+             "static": [{{ "class": "road", "plane": {{ "min": [-60, -60], "max": [60, 60], "z": 0 }} }},
+                        {{ "class": "building", "box": {{ "min": [12, -10, 0], "max": [14, 10, 6] }} }}],
+             "actors": [{{ "parts": [{{ "class": "vehicle", "box": {{ "foot": [0, 0, 0.2], "size": [4, 1.8, 1.4] }} }}],
+                          "poses": [{{ "x": 6, "y": 4 }}, {{ "x": 6, "y": 3 }}] }}],
+             "ego": {{ "body": [{{ "class": "vehicle", "box": {{ "foot": [0, 0, 0.3], "size": [4, 1.8, 1.3] }} }}] }},
+             "vehicle": {{ "sensors": [{{ "name": "s", "phase": 0,
+                               "lidar": {{ "channels": 16, "fov": [-25, 5], "azimuth_steps": 120, "range": 60 }},
+                               "response": {{ "rated_range": {rated} }} }}],
+                           "mounts": [{{ "name": "roof", "min": [-1, -1, 2], "max": [1, 1, 3], "count": 2 }}] }} }}"#
+    );
+    Scene::from_json(&text, Path::new(""), "street").unwrap()
+}
+
+fn psog(scene: &Scene) -> Psog {
+    Psog::of(scene, || {}).unwrap()
+}
+
+fn problem(scene: &Scene, psog: &Psog, conditions: &[&str]) -> Arc<Problem> {
+    let conditions: Vec<Condition> = conditions.iter().map(|text| text.parse().unwrap()).collect();
+    let problem = Problem::with_psog(scene, psog, &[0, 1]).unwrap();
+    Arc::new(in_conditions(scene, problem, &conditions).unwrap())
+}
+
+fn placements() -> Vec<Placement> {
+    let poses = [
+        SensorPose::at(0.5, 0.4, 2.3),
+        SensorPose { roll: 0.2, ..SensorPose::at(-0.5, -0.4, 2.4) },
+    ];
+    vec![
+        Placement { name: "one".into(), lidars: poses[..1].to_vec() },
+        Placement { name: "two".into(), lidars: poses.to_vec() },
+    ]
+}
+
+fn tallies(problem: &Arc<Problem>) -> Vec<Tally> {
+    CpuBackend::new(problem.clone(), 1 << 28).tally(&placements(), None).unwrap()
+}
+
+#[test]
+fn every_engine_sees_the_same_through_weather() {
+    let scene = scene(36.0);
+    let psog = psog(&scene);
+    for conditions in
+        [&["fog:mor=40"][..], &["snow:rate=2.5", "wet:water=1.2"], &["crosstalk:share=0.1", "echo"]]
+    {
+        let problem = problem(&scene, &psog, conditions);
+        let expected = ReferenceBackend::new(problem.clone()).tally(&placements(), None).unwrap();
+        assert_eq!(tallies(&problem), expected, "{conditions:?}");
+        let lidars = &placements()[1].lidars;
+        let mut cpu = CpuBackend::new(problem.clone(), 1 << 28);
+        let mut reference = ReferenceBackend::new(problem.clone());
+        for frame in 0..2 {
+            let [fast, plain] = [
+                cpu.bitmaps(lidars, frame).unwrap().union(),
+                reference.bitmaps(lidars, frame).unwrap().union(),
+            ];
+            assert_eq!(fast, plain, "{conditions:?}, frame {frame}");
+        }
+        let opened = open(&problem, &EngineChoice::default(), |_| {}).unwrap();
+        assert_eq!(opened.engine.name(), "cpu");
+        assert!(opened.notes[0].contains("conditions are not computed on devices"));
+    }
+}
+
+#[test]
+fn the_denser_the_fog_the_less_is_covered_and_none_is_like_clear_air() {
+    let scene = scene(36.0);
+    let psog = psog(&scene);
+    let covered = |conditions: &[&str]| tallies(&problem(&scene, &psog, conditions))[1].covered;
+    let clear = covered(&["fog:mor=inf"]);
+    let fogs = [300.0, 100.0, 40.0, 15.0].map(|mor| covered(&[&format!("fog:mor={mor}")]));
+    assert!(fogs.windows(2).all(|pair| pair[1] <= pair[0]), "{clear} {fogs:?}");
+    assert!(fogs[3] < clear * 9 / 10, "{clear} {fogs:?}");
+    assert!(covered(&["wet:water=1.2"]) < clear);
+    assert!(covered(&["crosstalk:share=0.5"]) < clear);
+    // A sensor that sees everything has the coverage of one without a response.
+    let far = self::scene(10_000.0);
+    let all = tallies(&problem(&far, &psog, &["fog:mor=inf"]));
+    let plain = tallies(&problem(&far, &psog, &[]));
+    for (all, plain) in all.iter().zip(&plain) {
+        assert_eq!((all.covered, all.hits), (plain.covered, plain.hits));
+    }
+}
+
+#[test]
+fn what_scores_have_no_answer_to_is_refused() {
+    let scene = scene(36.0);
+    let psog = psog(&scene);
+    let refused = |scene: &Scene, condition: &str| {
+        let problem = Problem::with_psog(scene, &psog, &[0]).unwrap();
+        in_conditions(scene, problem, &[condition.parse().unwrap()]).unwrap_err().to_string()
+    };
+    let published = refused(&scene, "fog:mode=robo3d");
+    assert!(
+        published.contains("changes finished scans; scores take the mode `physical`"),
+        "{published}"
+    );
+}
