@@ -25,6 +25,8 @@ mod cli_rig;
 #[cfg(feature = "cli")]
 mod cli_rules;
 #[cfg(feature = "cli")]
+mod cli_scan;
+#[cfg(feature = "cli")]
 mod cli_scene;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_scenes;

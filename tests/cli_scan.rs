@@ -1,0 +1,149 @@
+//! `scan` on the command line: folders that are whole or go on, the same bytes, refusals.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use serde_json::json;
+use tempfile::TempDir;
+
+use crate::cli::{fails, ok, sightline};
+
+/// A street with a house and a car that drives, and two placements.
+fn street() -> TempDir {
+    let dir = TempDir::new().unwrap();
+    let scene = json!({
+        "sightline": 1, "name": "street", "frames": 3, "rate": 10, "coverage": "first-hit",
+        "roi": { "min": [-20, -20, -0.5], "max": [20, 20, 3.5], "voxel": [0.5, 0.5, 0.5] },
+        "lidar": { "channels": 8, "fov": [-25, 5], "azimuth_steps": 60, "range": 60 },
+        "mount": { "min": [-1, -1, 2], "max": [1, 1, 3], "lidars": 2 },
+        "static": [
+            { "class": "road", "plane": { "min": [-60, -60], "max": [60, 60], "z": 0 } },
+            { "class": "building", "box": { "min": [12, -10, 0], "max": [14, 10, 6] } } ],
+        "actors": [{ "name": "car", "parts": [{ "class": "vehicle", "box": { "foot": [0, 0, 0.2], "size": [4, 1.8, 1.4] } }],
+                     "route": { "points": [[6, 4], [60, 4]], "spacing": 0.5 } }],
+        "ego": { "route": { "points": [[0, 0], [60, 0]], "spacing": 0.5 } },
+    });
+    let lidar = |x: f64| json!({ "x": x, "y": 0.0, "z": 2.3 });
+    let placements = json!({ "placements": [
+        { "name": "one", "lidars": [lidar(0.0)] },
+        { "name": "two", "lidars": [lidar(0.5), lidar(-0.5)] },
+    ]});
+    fs::write(dir.path().join("s.json"), scene.to_string()).unwrap();
+    fs::write(dir.path().join("p.json"), placements.to_string()).unwrap();
+    dir
+}
+
+/// Every file below a folder, with its bytes.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(next) = open.pop() {
+        for entry in fs::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                open.push(path);
+            } else {
+                let name = path.strip_prefix(folder).unwrap().display().to_string();
+                found.insert(name, fs::read(&path).unwrap());
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn a_folder_is_whole_the_same_on_any_threads_and_goes_on_where_it_was_left() {
+    let dir = street();
+    for layout in ["npz", "semantickitti", "nuscenes"] {
+        let scan = |out: &str, threads: &str, more: &[&str]| {
+            let args = ["scan", "s.json", "--placement", "p.json:two", "--layout", layout];
+            let rest = ["--out", out, "--threads", threads];
+            ok(dir.path(), &[&args[..], &rest, more].concat())
+        };
+        let (first, second) = (format!("{layout}-1"), format!("{layout}-2"));
+        let summary = scan(&first, "1", &[]);
+        let set = &summary["datasets"][0];
+        assert_eq!((set["frames"].as_u64(), set["scenes"].as_u64()), (Some(3), Some(1)));
+        assert!(set["points"].as_u64().unwrap() > 500, "{set}");
+        let whole = files(&dir.path().join(&first));
+        assert!(!whole.keys().any(|name| name.contains("INCOMPLETE")));
+        scan(&second, "3", &[]);
+        assert_eq!(whole, files(&dir.path().join(&second)), "{layout}: any number of threads");
+        // A cloud that is missing is written again, and nothing else.
+        let lost = whole.keys().find(|name| name.ends_with(".npz") || name.ends_with(".bin"));
+        fs::remove_file(dir.path().join(&second).join(lost.unwrap())).unwrap();
+        let again = scan(&second, "2", &[]);
+        assert!(again["datasets"][0]["points_now"].as_u64() < set["points"].as_u64());
+        assert_eq!(whole, files(&dir.path().join(&second)), "{layout}: gone on with");
+    }
+}
+
+#[test]
+fn several_placements_have_a_folder_each_and_weather_changes_the_points() {
+    let dir = street();
+    ok(dir.path(), &["scan", "s.json", "--placement", "p.json", "--out", "all"]);
+    for name in ["one", "two"] {
+        assert!(dir.path().join("all").join(name).join("dataset.json").is_file());
+    }
+    let points = |condition: &str| {
+        let args = ["scan", "s.json", "--placement", "p.json:one"];
+        let rest = ["--out", condition, "--condition", condition];
+        let set = ok(dir.path(), &[&args[..], &rest].concat());
+        set["datasets"][0]["points"].as_u64().unwrap()
+    };
+    assert!(points("fog:mor=15") < points("fog:mor=inf"));
+    let score = |condition: &[&str]| {
+        let args = ["score", "s.json", "p.json", "--backend", "cpu"];
+        ok(dir.path(), &[&args[..], condition].concat())["scores"][1]["covered"].as_f64().unwrap()
+    };
+    assert!(score(&["--condition", "fog:mor=10"]) < score(&[]));
+}
+
+#[test]
+fn what_cannot_be_scanned_is_said_before_anything_is_written() {
+    let dir = street();
+    let refused = |args: &[&str]| {
+        let error = fails(dir.path(), &[&["scan", "s.json"][..], args].concat());
+        assert!(!dir.path().join("out").exists(), "{args:?}");
+        error
+    };
+    let one = ["--placement", "p.json:one"];
+    for (more, words) in [
+        (
+            &["--placement", "p.json:three", "--out", "out"][..],
+            "has no placement `three`; it has one, two",
+        ),
+        (
+            &["--placement", "p.json", "--placement", "p.json:one", "--out", "out"],
+            "`one` comes twice",
+        ),
+        (
+            &[one[0], one[1], "--out", "out/velodyne", "--layout", "semantickitti"],
+            "has `velodyne` in its path",
+        ),
+        (&[one[0], one[1], "--out", "out", "--map", "lamp"], "write CLASS=CLASS"),
+        (
+            &[one[0], one[1], "--out", "out", "--condition", "fog:mor=-5"],
+            "`mor=-5` of fog: wanted is a number from",
+        ),
+        (&[one[0], one[1], "--out", "out", "--condition", "rain"], "there is no condition `rain`"),
+        (&[one[0], one[1], "--out", "out", "--layout", "kitti"], "`kitti` is no layout"),
+        (&[one[0], one[1], "--out", "p.json"], "p.json"),
+    ] {
+        let error = refused(more);
+        assert!(error.contains(words), "{more:?}: {error}");
+    }
+    fs::create_dir(dir.path().join("mine")).unwrap();
+    fs::write(dir.path().join("mine/thesis.txt"), "all of it").unwrap();
+    let error = fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "mine"]);
+    assert!(error.contains("is not empty and holds no data set"), "{error}");
+    ok(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set"]);
+    let error =
+        fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set", "--seed", "7"]);
+    assert!(error.contains("holds a data set of other settings"), "{error}");
+    let help = sightline(dir.path(), &["scan", "--help"]);
+    assert!(
+        String::from_utf8_lossy(&help.stdout).contains("sightline scan scenes/urban-crossing.json")
+    );
+}
