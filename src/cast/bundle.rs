@@ -7,10 +7,10 @@
 use multiversion::multiversion;
 
 use super::sight::Sight;
-use super::walk::Part;
 use crate::bvh::bvh16::{BLOCK, Block16, Node16, WIDTH};
 use crate::bvh::{Bvh, Hit, Ray, Triangle};
-use crate::problem::{beam_direction, beam_origin};
+use crate::geom::Pose;
+use crate::problem::{DevicePose, beam_direction, beam_origin};
 
 /// Rounding of a box's bounds, as a share of the largest coordinate: 2⁻²³ of each of middle, half extent and
 /// origin, with room.
@@ -21,38 +21,46 @@ const STRETCH: f32 = 1e-6;
 /// Parts of a tree that are left to visit, with where they begin; kept from ray to ray.
 pub(crate) type Left = Vec<(f32, u32)>;
 
-/// A tree as one sensor sees it, up to its range.
-#[derive(Clone, Copy)]
-pub(crate) struct Target<'a> {
-    part: Part<'a>,
+/// Where a tree lies for one sensor: the pose that takes the sensor's frame to the tree's, rounded, and
+/// spheres around it that most beams and bundles miss.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Standing {
+    pose: DevicePose,
     sight: Sight,
-    /// The same for rays of a bundle.
     wide: Sight,
 }
 
-impl<'a> Target<'a> {
+impl Standing {
     /// For bundles of rays within `width` radians; none where the tree is empty or out of `range`.
-    pub(crate) fn new(part: Part<'a>, range: f32, width: f32) -> Option<Self> {
-        let sight = Sight::new(&part.pose, part.bvh, range)?;
-        Some(Self { part, sight, wide: sight.widened(width) })
+    pub(crate) fn new(tree: &Bvh, pose: &Pose, range: f32, width: f32) -> Option<Self> {
+        let pose = DevicePose::from(pose);
+        let sight = Sight::new(&pose, tree, range)?;
+        Some(Self { pose, sight, wide: sight.widened(width) })
     }
+}
+
+/// A tree as one sensor sees it, its faces numbered from `first_prim` on.
+#[derive(Clone, Copy)]
+pub(crate) struct Target<'a> {
+    pub(crate) tree: &'a Bvh,
+    pub(crate) first_prim: u32,
+    pub(crate) standing: &'a Standing,
 }
 
 /// Replaces the hits of beams by closer ones in some trees, and by equally close ones of a lower face: what
 /// [`super::Caster::closer_hits`] does, beam by beam, for a few directions of the sensor's frame.
-pub(crate) fn closer_hits_of_beams(
-    targets: &[Target<'_>],
+pub(crate) fn closer_hits_of_beams<'a>(
+    targets: impl Iterator<Item = Target<'a>>,
     directions: impl Iterator<Item = [f32; 3]> + Clone,
     hits: &mut [Hit],
     left: &mut Left,
 ) {
-    for Target { part, sight, .. } in targets {
-        let origin = beam_origin(&part.pose);
+    for Target { tree, first_prim, standing: Standing { pose, sight, .. } } in targets {
+        let origin = beam_origin(pose);
         for (direction, hit) in directions.clone().zip(&mut *hits) {
             if !sight.misses(direction, hit.t) {
-                let direction = beam_direction(&part.pose, direction);
-                let rays = [Ray::new(origin, direction, hit.t)];
-                descend(part.bvh, part.first_prim, &rays, 0.0, std::slice::from_mut(hit), left);
+                let rays = [Ray::new(origin, beam_direction(pose, direction), hit.t)];
+                descend(tree, first_prim, &rays, 0.0, std::slice::from_mut(hit), left);
             }
         }
     }
@@ -60,37 +68,38 @@ pub(crate) fn closer_hits_of_beams(
 
 /// The same for rays around the first of `directions`, none farther from it than `width` radians, which go
 /// down together.
-pub(crate) fn closer_hits_of_bundle<const N: usize>(
-    targets: &[Target<'_>],
+pub(crate) fn closer_hits_of_bundle<'a, const N: usize>(
+    targets: impl Iterator<Item = Target<'a>>,
     directions: &[[f32; 3]; N],
     width: f32,
     hits: &mut [Hit; N],
     left: &mut Left,
 ) {
-    for Target { part, wide, .. } in targets {
+    for Target { tree, first_prim, standing: Standing { pose, wide, .. } } in targets {
         let farthest = hits.iter().fold(0.0, |t: f32, hit| t.max(hit.t));
         if wide.misses(directions[0], farthest) {
             continue;
         }
-        let origin = beam_origin(&part.pose);
-        let ray = |k: usize| Ray::new(origin, beam_direction(&part.pose, directions[k]), hits[k].t);
+        let origin = beam_origin(pose);
+        let ray = |k: usize| Ray::new(origin, beam_direction(pose, directions[k]), hits[k].t);
         let rays: [Ray; N] = std::array::from_fn(ray);
-        descend(part.bvh, part.first_prim, &rays, width, hits, left);
+        descend(tree, first_prim, &rays, width, hits, left);
     }
 }
 
-/// Whether rays of one origin all hit one triangle.
+/// Whether rays of one origin all hit one triangle of a tree.
 pub(crate) fn all_hit<const N: usize>(
-    part: &Part<'_>,
+    target: &Target<'_>,
     directions: &[[f32; 3]; N],
     triangle: &Triangle,
     range: f32,
 ) -> bool {
-    let origin = beam_origin(&part.pose);
+    let pose = &target.standing.pose;
+    let origin = beam_origin(pose);
     directions.iter().all(|&direction| {
-        let ray = Ray::new(origin, beam_direction(&part.pose, direction), range);
+        let ray = Ray::new(origin, beam_direction(pose, direction), range);
         let mut hit = Hit::none(range);
-        ray.intersect(triangle, part.bvh.pad, 0, &mut hit);
+        ray.intersect(triangle, target.tree.pad, 0, &mut hit);
         hit.is_hit()
     })
 }

@@ -17,7 +17,9 @@ mod sight;
 mod walk;
 
 pub use batch::{Caster, Casting};
-pub(crate) use bundle::{Left, Target, all_hit, closer_hits_of_beams, closer_hits_of_bundle};
+pub(crate) use bundle::{
+    Left, Standing, Target, all_hit, closer_hits_of_beams, closer_hits_of_bundle,
+};
 pub use fan::Fan;
 pub use lanes::{FAN_DIRECTIONS, PACKET_RAYS, PacketHits};
 pub(crate) use reference::closest_hit_in;

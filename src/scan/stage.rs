@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 
 use super::{EGO_INSTANCE, NO_INSTANCE};
 use crate::bvh::{Bvh, Triangle};
-use crate::cast::Part;
+use crate::cast::{Part, Standing, Target};
 use crate::engine::OutOfMemory;
 use crate::geom::{Glide, Pose};
 use crate::problem::{DevicePose, Instance, World};
@@ -112,6 +112,16 @@ impl Thing {
     pub fn face(&self, prim: u32) -> (u16, Vec3) {
         let face = (prim - self.first_prim) as usize;
         (self.classes[face], Vec3::from(self.normals[face]))
+    }
+
+    /// Where the tree lies for a sensor whose frame a pose takes to the thing's; none where it sees nothing of it.
+    pub fn standing(&self, thing_from_sensor: &Pose, range: f32, width: f32) -> Option<Standing> {
+        Standing::new(&self.tree, thing_from_sensor, range, width)
+    }
+
+    /// The tree where it lies for a sensor.
+    pub fn as_target<'a>(&'a self, standing: &'a Standing) -> Target<'a> {
+        Target { tree: &self.tree, first_prim: self.first_prim, standing }
     }
 
     /// The tree under a pose that takes a sensor's frame to the thing's.

@@ -9,7 +9,7 @@ use super::stage::{Motions, Seen, Stage};
 use super::{NO_CLASS, NO_INSTANCE};
 use crate::bvh::{Hit, NO_HIT};
 use crate::cast::{
-    Caster, Left, Part, Target, all_hit, closer_hits_of_beams, closer_hits_of_bundle,
+    Caster, Left, Part, Standing, Target, all_hit, closer_hits_of_beams, closer_hits_of_bundle,
 };
 use crate::geom::Pose;
 use crate::vehicle::SensorModel;
@@ -56,8 +56,16 @@ enum Firing {
 pub(super) struct Station {
     /// Takes the sensor's frame, as it is now, to that of the ego at the frame's time.
     pub start_from_sensor: Pose,
-    /// Things that may be seen, each with the pose that takes the sensor's frame to the thing's.
-    things: Vec<(usize, Pose)>,
+    things: Vec<Nearby>,
+}
+
+/// A thing that a sensor may see.
+struct Nearby {
+    /// Its number on the stage.
+    thing: usize,
+    /// Takes the sensor's frame to the thing's.
+    pose: Pose,
+    standing: Standing,
 }
 
 /// What a beam meets.
@@ -195,7 +203,7 @@ impl Sweeper {
             return self.columns(stage, motions, ego_from_sensor, frame_time);
         }
         let directions = self.model.table.directions();
-        let station = station(motions, 0..stage.things.len(), ego_from_sensor, 0.0);
+        let station = self.station(stage, motions, 0..stage.things.len(), ego_from_sensor, 0.0);
         let mut hits = vec![Hit::none(self.model.table.range()); directions.len()];
         self.whole.closer_hits(&station.parts(stage), &mut hits);
         let surface = |(&direction, hit)| station.surface(stage, direction, hit);
@@ -228,12 +236,11 @@ impl Sweeper {
             };
             let share = last * firing as f64 / firings as f64;
             let visible = (0..seen.len()).filter(visible);
-            let station = station(motions, visible, ego_from_sensor, share);
+            let station = self.station(stage, motions, visible, ego_from_sensor, share);
             let (from, step, count) = self.beams_of(firing);
             let fired = directions[from..].iter().step_by(step).take(count).copied();
             let mut hits = vec![Hit::none(range); count];
-            let targets = station.targets(stage, range, 0.0);
-            closer_hits_of_beams(&targets, fired.clone(), &mut hits, left);
+            closer_hits_of_beams(station.targets(stage), fired.clone(), &mut hits, left);
             let surface = |(direction, hit)| station.surface(stage, direction, hit);
             let surfaces: Vec<Surface> = fired.zip(&hits).map(surface).collect();
             (station, surfaces)
@@ -250,6 +257,33 @@ impl Sweeper {
             stations.push(station);
         }
         Sweep { surfaces, stations }
+    }
+
+    /// The sensor `share` of the way from one frame to the next, and the things that it may see.
+    fn station(
+        &self,
+        stage: &Stage,
+        motions: &Motions,
+        visible: impl Iterator<Item = usize>,
+        ego_from_sensor: &Pose,
+        share: f64,
+    ) -> Station {
+        let ego = motions.ego.at(share);
+        let sensor_from_world = ego.compose(ego_from_sensor).inverse();
+        let (range, width) = (self.model.table.range(), self.rays.map_or(0.0, |(_, width)| width));
+        let nearby = |thing: usize| {
+            let sensor_from_thing = match motions.world_from_thing(thing, share) {
+                Some(world_from_thing) => sensor_from_world.compose(&world_from_thing),
+                None => ego_from_sensor.inverse().compose(&motions.ego_from_body(thing)),
+            };
+            let pose = sensor_from_thing.inverse();
+            let standing = stage.things[thing].standing(&pose, range, width)?;
+            Some(Nearby { thing, pose, standing })
+        };
+        Station {
+            start_from_sensor: motions.ego.at(0.0).inverse().compose(&ego).compose(ego_from_sensor),
+            things: visible.filter_map(nearby).collect(),
+        }
     }
 
     /// What the rays of a beam meet, the middle one as it is known; none for a beam without width, and where all
@@ -275,18 +309,14 @@ impl Sweeper {
         let range = self.model.table.range();
         let own = &sweep.surfaces[beam];
         if in_front && own.is_hit() {
-            let number = stage.thing_of(own.prim);
-            let thing = &stage.things[number];
-            let pose = station.things.iter().find(|(k, _)| *k == number).map(|(_, pose)| pose);
-            if pose.is_some_and(|pose| {
-                all_hit(&thing.as_part(pose), &directions, thing.triangle(own.prim), range)
-            }) {
+            let triangle = stage.things[stage.thing_of(own.prim)].triangle(own.prim);
+            let target = station.nearby(stage, own.prim).map(|nearby| nearby.target(stage));
+            if target.is_some_and(|target| all_hit(&target, &directions, triangle, range)) {
                 return None;
             }
         }
         let mut hits = [Hit::none(range); RAYS];
-        let targets = station.targets(stage, range, *width);
-        closer_hits_of_bundle(&targets, &directions, *width, &mut hits, left);
+        closer_hits_of_bundle(station.targets(stage), &directions, *width, &mut hits, left);
         let mut surfaces = [sweep.surfaces[beam]; RAYS];
         for ray in 1..RAYS {
             surfaces[ray] = station.surface(stage, directions[ray], &hits[ray]);
@@ -295,46 +325,35 @@ impl Sweeper {
     }
 }
 
-/// A sensor `share` of the way from one frame to the next, and the things that it may see.
-fn station(
-    motions: &Motions,
-    visible: impl Iterator<Item = usize>,
-    ego_from_sensor: &Pose,
-    share: f64,
-) -> Station {
-    let ego = motions.ego.at(share);
-    let sensor_from_world = ego.compose(ego_from_sensor).inverse();
-    let thing = |k: usize| {
-        let sensor_from_thing = match motions.world_from_thing(k, share) {
-            Some(world_from_thing) => sensor_from_world.compose(&world_from_thing),
-            None => ego_from_sensor.inverse().compose(&motions.ego_from_body(k)),
-        };
-        (k, sensor_from_thing.inverse())
-    };
-    Station {
-        start_from_sensor: motions.ego.at(0.0).inverse().compose(&ego).compose(ego_from_sensor),
-        things: visible.map(thing).collect(),
+impl Nearby {
+    fn target<'s>(&'s self, stage: &'s Stage) -> Target<'s> {
+        stage.things[self.thing].as_target(&self.standing)
     }
 }
 
 impl Station {
-    /// Trees as the sensor sees them.
+    /// Trees as the sensor sees them, all of its beams together.
     fn parts<'s>(&self, stage: &'s Stage) -> Vec<Part<'s>> {
-        self.things.iter().map(|(k, pose)| stage.things[*k].as_part(pose)).collect()
+        let part = |nearby: &Nearby| stage.things[nearby.thing].as_part(&nearby.pose);
+        self.things.iter().map(part).collect()
     }
 
-    /// The same for single beams and bundles of some width.
-    fn targets<'s>(&self, stage: &'s Stage, range: f32, width: f32) -> Vec<Target<'s>> {
-        let parts = self.parts(stage).into_iter();
-        parts.filter_map(|part| Target::new(part, range, width)).collect()
+    /// The same for single beams and bundles.
+    fn targets<'s>(&'s self, stage: &'s Stage) -> impl Iterator<Item = Target<'s>> {
+        self.things.iter().map(|nearby| nearby.target(stage))
+    }
+
+    /// The thing that a face belongs to.
+    fn nearby(&self, stage: &Stage, prim: u32) -> Option<&Nearby> {
+        let number = stage.thing_of(prim);
+        self.things.iter().find(|nearby| nearby.thing == number)
     }
 
     /// The surface that a beam of the sensor's frame hits.
     fn surface(&self, stage: &Stage, direction: [f32; 3], hit: &Hit) -> Surface {
-        let number = stage.thing_of(hit.prim);
-        let seen = self.things.iter().find(|(k, _)| hit.is_hit() && *k == number);
-        let Some((_, pose)) = seen else { return Surface::none(hit.t) };
-        let thing = &stage.things[number];
+        let seen = if hit.is_hit() { self.nearby(stage, hit.prim) } else { None };
+        let Some(Nearby { thing, pose, .. }) = seen else { return Surface::none(hit.t) };
+        let thing = &stage.things[*thing];
         let direction = DVec3::from(direction.map(f64::from));
         let (class, normal) = thing.face(hit.prim);
         let normal = pose.rotation.transpose() * normal.as_dvec3();

@@ -28,5 +28,5 @@ pub use scene_file::{mesh_shape, write_ply};
 pub use style::Kind;
 pub use world::{World, generate, import_opendrive, read_opendrive};
 
-#[cfg(test)]
+#[cfg(all(test, feature = "mesh"))]
 mod tests;

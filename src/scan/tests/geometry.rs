@@ -251,26 +251,31 @@ fn beams_one_by_one_and_in_bundles_give_the_bits_of_the_reference() {
         let turn = [0; 3].map(|_| rng.random_range(-3.0..3.0));
         let at = DVec3::from([0; 3].map(|_| rng.random_range(-15.0..15.0)));
         let pose = Pose::new(at, turn[0], turn[1], turn[2]);
-        let part = crate::cast::Part {
-            bvh: &bvh,
-            pose: crate::problem::DevicePose::from(&pose),
-            first_prim: 7,
+        let standing = crate::cast::Standing::new(&bvh, &pose, 40.0, 0.04);
+        let targets = || {
+            let target = |standing| crate::cast::Target { tree: &bvh, first_prim: 7, standing };
+            standing.iter().map(target)
         };
+        let pose = crate::problem::DevicePose::from(&pose);
         let directions: [[f32; 3]; 9] = std::array::from_fn(|k| {
             let off = if k == 0 { [0.0; 2] } else { [0; 2].map(|_| rng.random_range(-0.02..0.02)) };
             Vec3::new(1.0, off[0], off[1]).normalize().to_array()
         });
         let reference = directions.map(|direction| {
-            let origin = crate::problem::beam_origin(&part.pose);
-            let direction = crate::problem::beam_direction(&part.pose, direction);
+            let origin = crate::problem::beam_origin(&pose);
+            let direction = crate::problem::beam_direction(&pose, direction);
             let hit = bvh.closest_hit_brute_force(&Ray::new(origin, direction, 40.0));
             if hit.is_hit() { crate::bvh::Hit { prim: hit.prim + 7, ..hit } } else { hit }
         });
         let mut single = [crate::bvh::Hit::none(40.0); 9];
         let mut bundle = single;
-        let targets: Vec<_> = crate::cast::Target::new(part, 40.0, 0.04).into_iter().collect();
-        crate::cast::closer_hits_of_beams(&targets, directions.into_iter(), &mut single, &mut left);
-        crate::cast::closer_hits_of_bundle(&targets, &directions, 0.04, &mut bundle, &mut left);
+        crate::cast::closer_hits_of_beams(
+            targets(),
+            directions.into_iter(),
+            &mut single,
+            &mut left,
+        );
+        crate::cast::closer_hits_of_bundle(targets(), &directions, 0.04, &mut bundle, &mut left);
         assert_eq!(single, reference);
         assert_eq!(bundle, reference);
         hits_seen += reference.iter().filter(|hit| hit.is_hit()).count();
