@@ -28,5 +28,6 @@ pub use scene_file::{mesh_shape, write_ply};
 pub use style::Kind;
 pub use world::{World, generate, import_opendrive, read_opendrive};
 
-#[cfg(all(test, feature = "mesh"))]
+#[cfg(test)]
+#[cfg(feature = "mesh")]
 mod tests;
