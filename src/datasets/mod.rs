@@ -31,5 +31,6 @@ pub use carla::{CarlaSequence, CarlaTags};
 pub use error::DatasetError;
 pub use import::{ImportOptions, Imported, to_scene};
 pub use kitti::{KITTI_LIDAR_HEIGHT, KittiSequence};
+pub(crate) use nuscenes::NUSCENES_CATEGORIES;
 pub use nuscenes::{NuscenesScene, read_nuscenes};
 pub use sequence::{BoxTrack, LabelledScan, LabelledSequence, PointLabel, TrackPose};

@@ -23,8 +23,6 @@ pub(super) struct Thing {
     /// Sphere around it in its own frame.
     center: DVec3,
     radius: f64,
-    /// Unit normals by face, zero of a face without area.
-    normals: Vec<[f32; 3]>,
     /// Where each face lies among the tree's triangles.
     places: Vec<u32>,
     classes: Vec<u16>,
@@ -58,15 +56,10 @@ impl Stage {
         let full = (0..scene.part_count()).filter(|&part| scene.part_triangles(part) > 0);
         let classes = scene.face_classes(EgoBody::Include);
         let thing = |(part, instance): (usize, &Instance)| {
-            let soup = scene.part(part);
             let bounds = instance.tree.bounds();
             let (low, high) =
                 bounds.map_or((Vec3::ZERO, Vec3::ZERO), |bounds| (bounds.min, bounds.max));
             let (low, high) = (low.as_dvec3(), high.as_dvec3());
-            let normal = |prim: u32| {
-                let [a, b, c] = soup.corners(prim).map(Vec3::from);
-                (b - a).cross(c - a).normalize_or_zero().to_array()
-            };
             let first = instance.first_prim as usize;
             Thing {
                 tree: instance.tree.clone(),
@@ -79,9 +72,8 @@ impl Stage {
                 },
                 center: (low + high) / 2.0,
                 radius: (high - low).length() / 2.0,
-                normals: (0..soup.faces.len() as u32).map(normal).collect(),
                 places: places(&instance.tree),
-                classes: classes[first..first + soup.faces.len()].to_vec(),
+                classes: classes[first..first + scene.part_triangles(part)].to_vec(),
             }
         };
         Self { things: full.zip(instances).map(thing).collect() }
@@ -108,10 +100,11 @@ impl Thing {
         &self.tree.triangles[self.places[(prim - self.first_prim) as usize] as usize]
     }
 
-    /// Class and normal of a face, by its number in the frame.
+    /// Class of a face, by its number in the frame, and its unit normal in the thing's frame, zero of a face
+    /// without area.
     pub fn face(&self, prim: u32) -> (u16, Vec3) {
-        let face = (prim - self.first_prim) as usize;
-        (self.classes[face], Vec3::from(self.normals[face]))
+        let class = self.classes[(prim - self.first_prim) as usize];
+        (class, Vec3::from(self.triangle(prim).normal))
     }
 
     /// Where the tree lies for a sensor whose frame a pose takes to the thing's; none where it sees nothing of it.

@@ -51,6 +51,17 @@ const NUSCENES: [(&str, &str, ActorKind); 32] = [
     ("vehicle.ego", "", ActorKind::Other),
 ];
 
+/// Names of nuScenes' categories; the index is the label of lidarseg.
+pub(crate) const NUSCENES_CATEGORIES: [&str; NUSCENES.len()] = {
+    let mut names = [""; NUSCENES.len()];
+    let mut k = 0;
+    while k < names.len() {
+        names[k] = NUSCENES[k].0;
+        k += 1;
+    }
+    names
+};
+
 /// The meaning of a category's name; `None` for one that is not known.
 pub(super) fn category(name: &str) -> Option<Category> {
     let Some(&(_, class, kind)) = NUSCENES.iter().find(|(known, ..)| *known == name) else {

@@ -15,6 +15,7 @@ use glam::{DVec3, Vec3};
 
 pub(super) use boxes::ScanBox;
 use categories::Category;
+pub(crate) use categories::NUSCENES_CATEGORIES;
 pub use read::read_nuscenes;
 
 use super::files::{check_count, read_points, read_units};
