@@ -60,6 +60,7 @@
 //! | `files` | files that are whole at any time, folders of runs |
 //! | [`export`] | scans as data sets that public loaders read |
 //! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
+//! | `cli` | the program: parses arguments, calls the modules above, prints |
 
 mod chance;
 mod error;
@@ -70,6 +71,9 @@ pub mod audit;
 mod bvh;
 mod cast;
 pub mod chart;
+#[cfg(feature = "cli")]
+#[doc(hidden)]
+pub mod cli;
 mod cover;
 pub mod datasets;
 pub mod engine;

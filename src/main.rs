@@ -1,12 +1,10 @@
 //! The `sightline` program: maps what [`cli::run`] returns to an exit code.
 
-// Both panic where nothing can be written; `cli` has its own.
-#![warn(clippy::print_stdout, clippy::print_stderr)]
-
 mod allocator;
-mod cli;
 
 use std::process::ExitCode;
+
+use sightline::cli;
 
 #[global_allocator]
 static ALLOCATOR: allocator::Sentence = allocator::Sentence;
@@ -19,11 +17,5 @@ fn main() -> ExitCode {
     unsafe {
         std::env::set_var("NODEVICE_SELECT", "1");
     }
-    match cli::run() {
-        Ok(code) => code,
-        Err(error) => {
-            cli::say(&error.to_string());
-            ExitCode::from(2)
-        }
-    }
+    ExitCode::from(cli::run(std::env::args_os()).code())
 }

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use crate::engine::{EngineChoice, EngineKind};
+use crate::near_field::MOST_WEIGHT;
+use crate::scan::conditions::Condition;
 use clap::{Args, ValueEnum};
-use sightline::engine::{EngineChoice, EngineKind};
-use sightline::near_field::MOST_WEIGHT;
-use sightline::scan::conditions::Condition;
 
 use super::error::Error;
 use super::output::say;

@@ -1,21 +1,18 @@
 //! `sightline audit`: attempts to fool the scores, and rankings under changes of the model, scene by scene.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
+use crate::audit::{AUDIT_PARTS, Audit, AuditEvent, AuditSettings, Verdict, audit};
+use crate::internals::{ScoreColumn, align_columns};
+use crate::score::Scores;
+use crate::vehicle::{Placement, read_placements, table_7};
 use serde_json::json;
-use sightline::audit::{AUDIT_PARTS, Audit, AuditEvent, AuditSettings, Verdict, audit};
-use sightline::internals::{ScoreColumn, align_columns};
-use sightline::score::Scores;
-use sightline::vehicle::{Placement, read_placements, table_7};
 
 use super::args::{Compute, Format};
 use super::error::Error;
+use super::exit::Exit;
 use super::files::{Files, told_apart};
 use super::{load, progress};
-
-/// Exit code of a check that failed.
-const FAILED: u8 = 1;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -39,7 +36,7 @@ pub struct Args {
     compute: Compute,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Error> {
+pub fn run(args: &Args) -> Result<Exit, Error> {
     args.compute.start()?;
     let Files { scenes, placements } = Files::sort(&args.files)?;
     let honest = match &placements {
@@ -67,7 +64,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         (Format::Text, [_]) => {}
         (Format::Text, all) => print_summary(all)?,
     }
-    Ok(if passed { ExitCode::SUCCESS } else { ExitCode::from(FAILED) })
+    Ok(if passed { Exit::Done } else { Exit::CheckFailed })
 }
 
 /// The audit of one scene.

@@ -1,18 +1,18 @@
 //! `cast`: every beam's hit in one frame of a scene.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::time::Instant;
 
+use crate::scan::BeamHits;
+use crate::scene::EgoBody;
+use crate::vehicle::read_placements;
 use serde_json::json;
-use sightline::scan::BeamHits;
-use sightline::scene::EgoBody;
-use sightline::vehicle::read_placements;
 
 use super::args::{Compute, Format};
 use super::error::Error;
+use super::exit::Exit;
 use super::load;
-use sightline::internals::{writable_file, write_whole};
+use crate::internals::{writable_file, write_whole};
 
 #[derive(clap::Args)]
 #[command(after_help = "Example:
@@ -35,7 +35,7 @@ pub struct Args {
     compute: Compute,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Error> {
+pub fn run(args: &Args) -> Result<Exit, Error> {
     let start = Instant::now();
     args.compute.start()?;
     let placements = read_placements(&args.placements)?;
@@ -82,5 +82,5 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             soup.faces.len()
         )?,
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Exit::Done)
 }

@@ -4,19 +4,19 @@ mod print;
 
 use std::cell::RefCell;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
+use crate::chart::{Chart, ChartObserver, ChartSettings, ChartState, chart};
+use crate::internals::{ChartFrame, Input, RunDir, chart_words, fidelity_csv, fidelity_svg};
+use crate::vehicle::{read_placements, table_7};
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use sightline::chart::{Chart, ChartObserver, ChartSettings, ChartState, chart};
-use sightline::internals::{ChartFrame, Input, RunDir, chart_words, fidelity_csv, fidelity_svg};
-use sightline::vehicle::{read_placements, table_7};
 
 use super::args::{Compute, Format, Talk, whole};
 use super::error::Error;
+use super::exit::Exit;
 use super::files::{Files, told_apart};
-use super::interrupt::{INTERRUPTED, Interrupt};
+use super::interrupt::Interrupt;
 use super::{load, progress};
 use print::{print, print_summary};
 
@@ -89,7 +89,7 @@ struct Saved {
     state: ChartState,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Error> {
+pub fn run(args: &Args) -> Result<Exit, Error> {
     args.compute.start()?;
     let stop = Interrupt::listen(args.compute.talk);
     let begun = begun(args)?;
@@ -123,7 +123,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         (Format::Text, _) => print_summary(&charts)?,
     }
     let is_finished = missing == 0 && charts.len() == count;
-    Ok(if is_finished { ExitCode::SUCCESS } else { ExitCode::from(INTERRUPTED) })
+    Ok(if is_finished { Exit::Done } else { Exit::Interrupted })
 }
 
 /// A chart to be made: in a new folder, or in one that an earlier run has left.

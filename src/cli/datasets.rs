@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::datasets::{CarlaSequence, CarlaTags};
 use clap::ValueEnum;
-use sightline::datasets::{CarlaSequence, CarlaTags};
 
 use super::args::{Talk, finite};
 use super::error::Error;

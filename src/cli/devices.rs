@@ -1,12 +1,11 @@
 //! `devices`: the Vulkan devices and the one that `auto` takes.
 
-use std::process::ExitCode;
-
-use sightline::engine::gpu::list_adapters;
-use sightline::internals::align_columns;
+use crate::engine::gpu::list_adapters;
+use crate::internals::align_columns;
 
 use super::args::Format;
 use super::error::Error;
+use super::exit::Exit;
 
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  sightline devices")]
@@ -16,7 +15,7 @@ pub struct Args {
     format: Format,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Error> {
+pub fn run(args: &Args) -> Result<Exit, Error> {
     let adapters = list_adapters();
     match args.format {
         Format::Json => outln!("{}", serde_json::json!({ "devices": adapters }))?,
@@ -42,5 +41,5 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             }
         }
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Exit::Done)
 }

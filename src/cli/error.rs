@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use sightline::internals::FileError;
+use crate::internals::FileError;
 
 /// Everything that ends a command with exit code 2; printed as one sentence.
 #[derive(Debug, thiserror::Error)]
@@ -10,7 +10,7 @@ use sightline::internals::FileError;
 pub enum Error {
     /// From the library.
     #[error(transparent)]
-    Library(#[from] sightline::Error),
+    Library(#[from] crate::Error),
     /// From a file or folder.
     #[error(transparent)]
     File(#[from] FileError),
@@ -31,28 +31,28 @@ macro_rules! from_modules {
 }
 
 from_modules!(
-    sightline::audit::AuditError,
-    sightline::chart::ChartError,
-    sightline::datasets::DatasetError,
-    sightline::engine::BackendError,
-    sightline::engine::OpenError,
-    sightline::export::ExportError,
-    sightline::near_field::NearFieldError,
-    sightline::problem::ProblemError,
-    sightline::psog::GridError,
-    sightline::psog::PsogFileError,
-    sightline::rig::RigError,
-    sightline::scan::ScanError,
-    sightline::scan::VisibilityError,
-    sightline::scene::DescriptionError,
-    sightline::score::ObjectiveError,
-    sightline::search::SearchError,
-    sightline::study::StudyError,
-    sightline::vehicle::PlacementError,
-    sightline::internals::PoseGridError,
-    sightline::vehicle::PlacementFileError,
-    sightline::vehicle::SensorError,
-    sightline::worlds::WorldError,
+    crate::audit::AuditError,
+    crate::chart::ChartError,
+    crate::datasets::DatasetError,
+    crate::engine::BackendError,
+    crate::engine::OpenError,
+    crate::export::ExportError,
+    crate::near_field::NearFieldError,
+    crate::problem::ProblemError,
+    crate::psog::GridError,
+    crate::psog::PsogFileError,
+    crate::rig::RigError,
+    crate::scan::ScanError,
+    crate::scan::VisibilityError,
+    crate::scene::DescriptionError,
+    crate::score::ObjectiveError,
+    crate::search::SearchError,
+    crate::study::StudyError,
+    crate::vehicle::PlacementError,
+    crate::internals::PoseGridError,
+    crate::vehicle::PlacementFileError,
+    crate::vehicle::SensorError,
+    crate::worlds::WorldError,
 );
 
 impl Error {

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use sightline::internals::holds_placements;
+use crate::internals::holds_placements;
 
 use super::error::Error;
 

@@ -4,9 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::args::Talk;
-
-/// Exit code after Ctrl-C, as shells expect of it.
-pub const INTERRUPTED: u8 = 130;
+use super::exit::Exit;
 
 /// Whether the user has asked to stop.
 #[derive(Clone)]
@@ -19,7 +17,7 @@ impl Interrupt {
         let set = flag.clone();
         let handler = ctrlc::set_handler(move || {
             if set.swap(true, Ordering::SeqCst) {
-                std::process::exit(i32::from(INTERRUPTED));
+                std::process::exit(i32::from(Exit::Interrupted.code()));
             }
         });
         if let Err(error) = handler {

@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-use sightline::engine::open;
-use sightline::problem::{Problem, spread};
-use sightline::psog::Psog;
-use sightline::scan::conditions::Condition;
-use sightline::scan::in_conditions;
-use sightline::scene::{PsogSource, Scene};
-use sightline::search::{Evaluator, Member, SearchError, Suite};
+use crate::engine::open;
+use crate::problem::{Problem, spread};
+use crate::psog::Psog;
+use crate::scan::conditions::Condition;
+use crate::scan::in_conditions;
+use crate::scene::{PsogSource, Scene};
+use crate::search::{Evaluator, Member, SearchError, Suite};
 
 use super::args::{Compute, Talk};
 use super::error::Error;

@@ -1,4 +1,7 @@
-//! Arguments and commands; one file a command.
+//! The program: arguments and commands, one file a command; parses, calls the library, prints.
+
+// Both panic where nothing can be written; `output` has its own.
+#![warn(clippy::print_stdout, clippy::print_stderr)]
 
 #[macro_use]
 mod output;
@@ -10,6 +13,7 @@ mod chart;
 mod datasets;
 mod devices;
 mod error;
+mod exit;
 mod files;
 mod interrupt;
 mod load;
@@ -25,13 +29,12 @@ mod sensor;
 mod study;
 mod verify;
 
-use std::process::ExitCode;
+use std::ffi::OsString;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use error::Error;
-
-pub use output::say;
+pub use exit::Exit;
 
 /// Where on this vehicle should the LiDARs go?
 ///
@@ -78,10 +81,19 @@ enum Command {
     Devices(devices::Args),
 }
 
-/// Parses the arguments and runs the command.
-pub fn run() -> Result<ExitCode, Error> {
-    let matches = taking_negative_numbers(Cli::command()).get_matches();
-    match Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command {
+/// Runs the program: `arguments` as a shell gives them, the program's own name first. Prints results to
+/// stdout, all else to stderr, an error as one sentence. Help, version and wrong usage end the process.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Exit {
+    let matches = taking_negative_numbers(Cli::command()).get_matches_from(arguments);
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    dispatch(cli.command).unwrap_or_else(|error| {
+        output::say(&error.to_string());
+        Exit::BadInput
+    })
+}
+
+fn dispatch(command: Command) -> Result<Exit, Error> {
+    match command {
         Command::Optimize(args) => optimize::run(&args),
         Command::Score(args) => score::run(&args),
         Command::Cast(args) => cast::run(&args),

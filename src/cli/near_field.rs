@@ -2,20 +2,20 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
+use crate::internals::{near_field_svg, near_field_text, writable_file, write_whole};
+use crate::near_field::{NearField, NearSite};
+use crate::problem::{Problem, spread};
+use crate::psog::Psog;
+use crate::scene::Scene;
+use crate::search::Evaluator;
+use crate::vehicle::{Placement, read_placements, table_7};
 use serde_json::json;
-use sightline::internals::{near_field_svg, near_field_text, writable_file, write_whole};
-use sightline::near_field::{NearField, NearSite};
-use sightline::problem::{Problem, spread};
-use sightline::psog::Psog;
-use sightline::scene::Scene;
-use sightline::search::Evaluator;
-use sightline::vehicle::{Placement, read_placements, table_7};
 
 use super::args::{Compute, Format};
 use super::error::Error;
-use super::interrupt::{INTERRUPTED, Interrupt};
+use super::exit::Exit;
+use super::interrupt::Interrupt;
 use super::{load, progress};
 
 #[derive(clap::Args)]
@@ -42,7 +42,7 @@ pub struct Args {
     compute: Compute,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Error> {
+pub fn run(args: &Args) -> Result<Exit, Error> {
     args.compute.start()?;
     let talk = args.compute.talk;
     let placements = args.placements.as_deref().map_or_else(|| Ok(table_7()), read_placements)?;
@@ -85,7 +85,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             out!("{}", near_field_text(&all))?;
         }
     }
-    Ok(if interrupt.is_set() { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+    Ok(if interrupt.is_set() { Exit::Interrupted } else { Exit::Done })
 }
 
 fn look(

@@ -7,25 +7,25 @@ mod record;
 mod settings;
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use sightline::Problem;
-use sightline::internals::{
+use crate::Problem;
+use crate::internals::{
     Input, RunDir, align_columns, by_scene, certificate_in_words, findings_text, methods_in_words,
     near_gain_text, poses_text, spread_in_words, verdict,
 };
-use sightline::near_field::weighted;
-use sightline::report::{self, RunRecord};
-use sightline::scan::conditions::{Condition, ConditionError};
-use sightline::scan::in_conditions;
-use sightline::scene::Scene;
-use sightline::search::{Event, Outcome, Run, SearchError, Suite, TimeLimit};
+use crate::near_field::weighted;
+use crate::report::{self, RunRecord};
+use crate::scan::conditions::{Condition, ConditionError};
+use crate::scan::in_conditions;
+use crate::scene::Scene;
+use crate::search::{Event, Outcome, Run, SearchError, Suite, TimeLimit};
 
 use super::args::{Compute, Format};
 use super::error::Error;
-use super::interrupt::{INTERRUPTED, Interrupt};
+use super::exit::Exit;
+use super::interrupt::Interrupt;
 use super::load;
 use bars::Bars;
 use record::{Opened, Sitting, finish, read_spent, save};
@@ -36,7 +36,7 @@ use settings::Saved;
 /// where generations are quick.
 const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(1);
 
-pub fn run(args: &Args) -> Result<ExitCode, Error> {
+pub fn run(args: &Args) -> Result<Exit, Error> {
     let start = Instant::now();
     args.compute.start()?;
     let resumed =
@@ -46,7 +46,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         None => settings::begun(args)?,
     };
     let (opened, interrupt) = open(&mut begun, args)?;
-    let Some(opened) = opened else { return Ok(ExitCode::from(INTERRUPTED)) };
+    let Some(opened) = opened else { return Ok(Exit::Interrupted) };
     if let Some((folder, _)) = &resumed {
         folder.check(&opened.inputs)?;
     }
@@ -74,7 +74,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         )));
     }
     print(args, &record, sitting.folder.path())?;
-    Ok(if is_interrupted { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+    Ok(if is_interrupted { Exit::Interrupted } else { Exit::Done })
 }
 
 /// Scenes, problems and sensors of a run, and Ctrl-C, which counts from then on that the scenes are loaded;
@@ -114,7 +114,7 @@ fn open_scene(
     let all: Vec<usize> = (0..scene.frame_count()).collect();
     let conditions = begun.conditions.iter().map(|text| text.parse());
     let conditions = conditions.collect::<Result<Vec<Condition>, ConditionError>>();
-    let conditions = conditions.map_err(sightline::Error::from)?;
+    let conditions = conditions.map_err(crate::Error::from)?;
     let problem = Problem::with_psog(&scene, &psog, &all)?;
     let problem = in_conditions(&scene, problem, &conditions)?;
     let problem = Arc::new(match begun.near_weight {

@@ -4,7 +4,7 @@ use std::fmt::Arguments;
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 
-use sightline::internals::FileError;
+use crate::internals::FileError;
 
 use super::error::Error;
 

@@ -1,20 +1,18 @@
 //! `psog`: builds P-SOG files from scenes or labelled frames, prints and merges them.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
+use crate::datasets::{KITTI_LIDAR_HEIGHT, KittiSequence, PsogOptions, build_psog, read_nuscenes};
+use crate::internals::{align_columns, writable_file, write_whole};
+use crate::psog::{BuildReport, Psog, PsogInfo, Roi, read_psog, write_psog};
+use crate::scan::scan_scene;
+use crate::scene::{PsogSource, ScanSettings};
 use serde_json::json;
-use sightline::datasets::{
-    KITTI_LIDAR_HEIGHT, KittiSequence, PsogOptions, build_psog, read_nuscenes,
-};
-use sightline::internals::{align_columns, writable_file, write_whole};
-use sightline::psog::{BuildReport, Psog, PsogInfo, Roi, read_psog, write_psog};
-use sightline::scan::scan_scene;
-use sightline::scene::{PsogSource, ScanSettings};
 
 use super::args::{Format, Talk};
 use super::datasets::DatasetArgs;
 use super::error::Error;
+use super::exit::Exit;
 use super::{load, progress};
 
 /// Region around the ego vehicle, as in the own scenes: lower and upper corner in metres.
@@ -106,13 +104,13 @@ pub struct MergeArgs {
     out: PathBuf,
 }
 
-pub fn run(command: &Command) -> Result<ExitCode, Error> {
+pub fn run(command: &Command) -> Result<Exit, Error> {
     match command {
         Command::Build(args) => build(args)?,
         Command::Info(args) => print(&read_psog(&args.psog)?, None, args.format)?,
         Command::Merge(args) => merge(args)?,
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Exit::Done)
 }
 
 /// The three values of an option that clap takes three of.

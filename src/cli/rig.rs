@@ -3,18 +3,18 @@
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
-use serde_json::json;
-use sightline::internals::{align_columns, shared_folder, writable_file, write_whole};
-use sightline::rig::{
+use crate::internals::{align_columns, shared_folder, writable_file, write_whole};
+use crate::rig::{
     Asymmetry, Comparison, Exported, Fan, ImportSettings, Imported, Mounting, Rig, RigError,
     RigFormat, compare, export, import, read_rig, rig_json,
 };
-use sightline::scene::Scene;
+use crate::scene::Scene;
+use serde_json::json;
 
 use super::args::{Format, Talk};
 use super::error::Error;
+use super::exit::Exit;
 
 /// Frames left out that a note lists.
 const MOST_LISTED: usize = 12;
@@ -124,13 +124,13 @@ pub struct CompareArgs {
     talk: Talk,
 }
 
-pub fn run(command: &Command) -> Result<ExitCode, Error> {
+pub fn run(command: &Command) -> Result<Exit, Error> {
     match command {
         Command::Export(args) => run_export(args)?,
         Command::Import(args) => run_import(args)?,
         Command::Compare(args) => run_compare(args)?,
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Exit::Done)
 }
 
 fn base_link(text: &str) -> Result<[f64; 3], String> {

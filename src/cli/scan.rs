@@ -1,21 +1,21 @@
 //! `scan`: labelled scans of placements, written as data sets.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
+use crate::Placement;
+use crate::export::{Dataset, DatasetSettings, Layout, SceneFacts, Splits, record};
+use crate::scan::conditions::Condition;
+use crate::scan::{Scanner, Scanning};
+use crate::scene::Scene;
+use crate::vehicle::read_placements;
 use serde_json::json;
-use sightline::Placement;
-use sightline::export::{Dataset, DatasetSettings, Layout, SceneFacts, Splits, record};
-use sightline::scan::conditions::Condition;
-use sightline::scan::{Scanner, Scanning};
-use sightline::scene::Scene;
-use sightline::vehicle::read_placements;
 
 use super::args::{Format, Talk, finite, whole};
 use super::error::Error;
-use super::interrupt::{INTERRUPTED, Interrupt};
+use super::exit::Exit;
+use super::interrupt::Interrupt;
 use super::{load, progress};
 
 #[derive(clap::Args)]
@@ -81,7 +81,7 @@ pub struct Args {
     talk: Talk,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Error> {
+pub fn run(args: &Args) -> Result<Exit, Error> {
     super::args::start_threads(args.threads)?;
     let interrupt = Interrupt::listen(args.talk);
     let placements = placements(&args.placement)?;
@@ -104,7 +104,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             None => {
                 let again = "the same command goes on";
                 args.talk.note(format!("stopped; {} is not complete, {again}", out.display()));
-                return Ok(ExitCode::from(INTERRUPTED));
+                return Ok(Exit::Interrupted);
             }
         }
     }
@@ -124,7 +124,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
             }
         }
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Exit::Done)
 }
 
 /// The data set of one placement; `None` if it was interrupted.

@@ -5,9 +5,8 @@ mod info;
 mod new;
 mod target;
 
-use std::process::ExitCode;
-
 use super::error::Error;
+use super::exit::Exit;
 
 #[derive(clap::Subcommand)]
 pub enum Command {
@@ -19,11 +18,11 @@ pub enum Command {
     Info(info::Args),
 }
 
-pub fn run(command: &Command) -> Result<ExitCode, Error> {
+pub fn run(command: &Command) -> Result<Exit, Error> {
     match command {
         Command::New(args) => new::run(args)?,
         Command::Import(args) => import::run(args)?,
         Command::Info(args) => info::run(args)?,
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Exit::Done)
 }

@@ -6,26 +6,26 @@ use std::cell::RefCell;
 use std::io::Write;
 use std::iter::Peekable;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::time::Instant;
 
+use crate::internals::{
+    LinePerElement, count_placements, shared_folder, writable_file, write_npy, write_whole,
+};
+use crate::near_field::{self_hits, weighted};
+use crate::problem::StageTimes;
+use crate::report;
+use crate::scene::Scene;
+use crate::score::Scores;
+use crate::search::Evaluator;
+use crate::vehicle::{Placement, PlacementFileError, PlacementReader};
 use indicatif::ProgressBar;
 use serde::ser::{Error as _, SerializeMap, SerializeSeq};
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
-use sightline::internals::{
-    LinePerElement, count_placements, shared_folder, writable_file, write_npy, write_whole,
-};
-use sightline::near_field::{self_hits, weighted};
-use sightline::problem::StageTimes;
-use sightline::report;
-use sightline::scene::Scene;
-use sightline::score::Scores;
-use sightline::search::Evaluator;
-use sightline::vehicle::{Placement, PlacementFileError, PlacementReader};
 
 use super::args::{Compute, Conditions, Format, parse_weight};
 use super::error::Error;
+use super::exit::Exit;
 use super::files::Files;
 use super::load::{self, LoadTimes, Loaded};
 use super::output::unless_closed;
@@ -68,7 +68,7 @@ pub struct Args {
     compute: Compute,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Error> {
+pub fn run(args: &Args) -> Result<Exit, Error> {
     let start = Instant::now();
     args.compute.start()?;
     let (scenes, placements) = Files::with_placements(&args.files)?;
@@ -81,7 +81,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     }
     let [scene] = &scenes[..] else {
         several::run(args, &scenes, &placements, start)?;
-        return Ok(ExitCode::SUCCESS);
+        return Ok(Exit::Done);
     };
     let mut loaded = load::scene(scene, args.frames, &args.conditions.condition, &args.compute)?;
     if let Some(nats) = args.near_weight {
@@ -97,7 +97,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         shared_folder(folder)?;
     }
     write_out(args, |path, out| print(args, loaded, &placements, total, start, path, out))?;
-    Ok(ExitCode::SUCCESS)
+    Ok(Exit::Done)
 }
 
 /// Hands out the file of `--out`, which is whole at any time, or standard output.

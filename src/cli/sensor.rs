@@ -2,13 +2,13 @@
 
 use std::io::Write;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use sightline::internals::{SensorFacts, sensor_svg, sensor_text, write_whole};
-use sightline::vehicle::sensor_file;
+use crate::internals::{SensorFacts, sensor_svg, sensor_text, write_whole};
+use crate::vehicle::sensor_file;
 
 use super::args::{Format, Talk};
 use super::error::Error;
+use super::exit::Exit;
 
 #[derive(clap::Subcommand)]
 pub enum Command {
@@ -42,7 +42,7 @@ pub struct Args {
     talk: Talk,
 }
 
-pub fn run(command: &Command) -> Result<ExitCode, Error> {
+pub fn run(command: &Command) -> Result<Exit, Error> {
     let Command::Info(args) = command;
     let window = match args.window.as_deref() {
         Some(&[from, to]) if from < to => Some([from, to]),
@@ -60,5 +60,5 @@ pub fn run(command: &Command) -> Result<ExitCode, Error> {
         Format::Json => outln!("{}", serde_json::json!(facts))?,
         Format::Text => out!("{}", sensor_text(&pattern, &facts))?,
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Exit::Done)
 }

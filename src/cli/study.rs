@@ -2,24 +2,24 @@
 
 use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::str::FromStr;
 
+use crate::internals::{Input, RunDir, holds_run, study_plot, study_text};
+use crate::psog::Psog;
+use crate::scene::Scene;
+use crate::study::{
+    Kind, Region, Row, StudyObserver, StudySettings, Table, mean_over_scenes, study,
+};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use sightline::internals::{Input, RunDir, holds_run, study_plot, study_text};
-use sightline::psog::Psog;
-use sightline::scene::Scene;
-use sightline::study::{
-    Kind, Region, Row, StudyObserver, StudySettings, Table, mean_over_scenes, study,
-};
 
 use super::args::{Compute, Conditions, Format, Talk, at_least_one, whole};
 use super::error::Error;
+use super::exit::Exit;
 use super::files::told_apart;
-use super::interrupt::{INTERRUPTED, Interrupt};
+use super::interrupt::Interrupt;
 use super::{load, near_field, progress};
 
 /// A study of one table is a command of its own; all others name their kind.
@@ -124,14 +124,14 @@ fn kinds() -> impl TypedValueParser<Value = Kind> {
     PossibleValuesParser::new(values).try_map(|name| Kind::from_str(&name))
 }
 
-pub fn run(command: &Command) -> Result<ExitCode, Error> {
+pub fn run(command: &Command) -> Result<Exit, Error> {
     match command {
         Command::Make(args) => make(args),
         Command::NearField(args) => near_field::run(args),
     }
 }
 
-fn make(args: &Args) -> Result<ExitCode, Error> {
+fn make(args: &Args) -> Result<Exit, Error> {
     args.compute.start()?;
     let settings = settings(args)?;
     let interrupt = Interrupt::listen(args.compute.talk);
@@ -164,9 +164,9 @@ fn make(args: &Args) -> Result<ExitCode, Error> {
     print(args, &tables)?;
     if interrupt.is_set() {
         args.compute.talk.note("interrupted; the same command goes on");
-        return Ok(ExitCode::from(INTERRUPTED));
+        return Ok(Exit::Interrupted);
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(Exit::Done)
 }
 
 /// What comes after the tables of the scenes: their mean, and all of it in JSON.

@@ -1,25 +1,23 @@
 //! `sightline verify`: the GPU against the CPU reference bit by bit, and the reference against f64.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::engine::gpu::GpuBackend;
+use crate::internals::{align_columns, compared_frames, hostile_placements};
+use crate::problem::{Problem, spread};
+use crate::vehicle::{Placement, random_placements, read_placements, table_7};
+use crate::verify::{Verification, verify};
 use serde::Serialize;
 use serde_json::json;
-use sightline::engine::gpu::GpuBackend;
-use sightline::internals::{align_columns, compared_frames, hostile_placements};
-use sightline::problem::{Problem, spread};
-use sightline::vehicle::{Placement, random_placements, read_placements, table_7};
-use sightline::verify::{Verification, verify};
 
 use super::args::{Compute, Format, whole};
 use super::error::Error;
+use super::exit::Exit;
 use super::files::Files;
 use super::{load, progress};
 
-/// Exit code of a check that failed.
-const FAILED: u8 = 1;
 /// Random placements where nothing else is said.
 const RANDOM: usize = 200;
 /// Hostile ones.
@@ -68,7 +66,7 @@ struct Answer<'a> {
     seconds: f64,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode, Error> {
+pub fn run(args: &Args) -> Result<Exit, Error> {
     args.compute.start()?;
     let Files { scenes, placements } = Files::sort(&args.files)?;
     let given = match &placements {
@@ -101,7 +99,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         (Format::Json, all) => outln!("{}", json!({ "scenes": all, "passed": passed }))?,
         (Format::Text, _) => {}
     }
-    Ok(if passed { ExitCode::SUCCESS } else { ExitCode::from(FAILED) })
+    Ok(if passed { Exit::Done } else { Exit::CheckFailed })
 }
 
 /// Name of a scene, and what is verified in it.

@@ -1,7 +1,7 @@
 //! Charts as tables: the settings of a scene, and the one to take in each of several.
 
-use sightline::chart::Chart;
-use sightline::internals::{align_columns, chart_words, seconds};
+use crate::chart::Chart;
+use crate::internals::{align_columns, chart_words, seconds};
 
 use crate::cli::error::Error;
 use crate::cli::files::told_apart;

@@ -1,7 +1,7 @@
 //! Bars on stderr of the work of a run.
 
+use crate::search::{Event, Work};
 use indicatif::ProgressBar;
-use sightline::search::{Event, Work};
 
 use crate::cli::args::Talk;
 use crate::cli::progress;
@@ -36,7 +36,6 @@ impl Bars {
                     bar.set_position(done);
                 }
             }
-            _ => {}
         }
     }
 

@@ -1,8 +1,8 @@
 //! Which sensors a vehicle carries in a run, and what the result is compared with.
 
-use sightline::scene::Scene;
-use sightline::search::{Equipped, Event, Settings, Suite, equip};
-use sightline::vehicle::{Placement, Vehicle};
+use crate::scene::Scene;
+use crate::search::{Equipped, Event, Settings, Suite, equip};
+use crate::vehicle::{Placement, Vehicle};
 
 use super::bars::Bars;
 use super::settings::{self, Args, Begun};
@@ -77,7 +77,7 @@ pub(super) fn begin(mut settings: Settings, begun: &Begun, suite: &Suite, args: 
     let Some(equipped) = &begun.equipped else { return settings };
     if args.has_no_baselines() {
         let models: Vec<_> = equipped.equipment.iter().map(|(_, sensor)| *sensor).collect();
-        let plain = sightline::internals::reference_layout(suite.constraints(), &models);
+        let plain = crate::internals::reference_layout(suite.constraints(), &models);
         settings.baselines = vec![Placement { name: "plain".into(), ..plain }];
     }
     settings.starts.push(equipped.placement.clone());

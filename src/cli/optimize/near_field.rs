@@ -3,11 +3,11 @@
 
 use std::sync::Arc;
 
-use sightline::engine::{EngineChoice, open};
-use sightline::near_field::{NearGain, NearSite, self_hits, unweighted};
-use sightline::scene::Scene;
-use sightline::search::{Evaluator, Outcome, Scored, Suite};
-use sightline::vehicle::Placement;
+use crate::engine::{EngineChoice, open};
+use crate::near_field::{NearGain, NearSite, self_hits, unweighted};
+use crate::scene::Scene;
+use crate::search::{Evaluator, Outcome, Scored, Suite};
+use crate::vehicle::Placement;
 
 use crate::cli::error::Error;
 

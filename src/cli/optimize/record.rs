@@ -2,14 +2,14 @@
 
 use std::time::Instant;
 
+use crate::engine::{EngineChoice, open};
+use crate::internals::{InformationMap, Input, RunDir, peak_memory};
+use crate::report::{Figures, RunContext, RunRecord, RunTimes, report_html};
+use crate::scene::Scene;
+use crate::search::{FrameChoice, LeftOut, Member, Outcome, Run, Settings, Suite};
+use crate::vehicle::Placement;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use sightline::engine::{EngineChoice, open};
-use sightline::internals::{InformationMap, Input, RunDir, peak_memory};
-use sightline::report::{Figures, RunContext, RunRecord, RunTimes, report_html};
-use sightline::scene::Scene;
-use sightline::search::{FrameChoice, LeftOut, Member, Outcome, Run, Settings, Suite};
-use sightline::vehicle::Placement;
 
 use super::near_field::{near_gains, with_self_hits};
 use super::settings::{Args, Begun, Saved};

@@ -2,16 +2,16 @@
 
 use std::path::PathBuf;
 
+use crate::internals::Spacing;
+use crate::search::{Equipped, FrameChoice, Method, Settings, State};
+use crate::vehicle::{MountRules, SensorPose, read_placements};
 use serde::{Deserialize, Serialize};
-use sightline::internals::Spacing;
-use sightline::search::{Equipped, FrameChoice, Method, Settings, State};
-use sightline::vehicle::{MountRules, SensorPose, read_placements};
 
 use crate::cli::args::{
     Compute, Conditions, Format, at_least_one, finite, parse_seconds, parse_weight, whole,
 };
 use crate::cli::error::Error;
-use sightline::scan::conditions::Condition;
+use crate::scan::conditions::Condition;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:

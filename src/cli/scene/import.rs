@@ -3,10 +3,10 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use sightline::datasets::{ImportOptions, Imported, LabelledSequence, read_nuscenes, to_scene};
-use sightline::internals::{FileError, writable_file, write_whole};
-use sightline::scene::Scene;
-use sightline::worlds::{import_opendrive, read_opendrive};
+use crate::datasets::{ImportOptions, Imported, LabelledSequence, read_nuscenes, to_scene};
+use crate::internals::{FileError, writable_file, write_whole};
+use crate::scene::Scene;
+use crate::worlds::{import_opendrive, read_opendrive};
 
 use super::target::Target;
 use crate::cli::args::{Talk, finite, whole};

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use crate::internals::align_columns;
+use crate::psog::{Psog, PsogInfo};
+use crate::scan::BeamHits;
+use crate::scene::EgoBody;
+use crate::{Evaluator, Placement, Problem, SensorPose};
 use serde::Serialize;
 use serde_json::json;
-use sightline::internals::align_columns;
-use sightline::psog::{Psog, PsogInfo};
-use sightline::scan::BeamHits;
-use sightline::scene::EgoBody;
-use sightline::{Evaluator, Placement, Problem, SensorPose};
 
 use crate::cli::args::{Format, Talk};
 use crate::cli::error::Error;

@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
+use crate::geom::TriangleSoup;
+use crate::internals::FEWEST_STREET_TRIANGLES;
+use crate::scene::street;
+use crate::worlds::{self, generate, mesh_shape};
 use clap::ValueEnum;
 use serde_json::{Value, json};
-use sightline::geom::TriangleSoup;
-use sightline::internals::FEWEST_STREET_TRIANGLES;
-use sightline::scene::street;
-use sightline::worlds::{self, generate, mesh_shape};
 
 use super::target::Target;
 use crate::cli::args::{Talk, whole};

@@ -3,10 +3,10 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use crate::geom::TriangleSoup;
+use crate::internals::{FileError, is_sink, target, writable_file, write_whole};
+use crate::worlds::write_ply;
 use serde_json::Value;
-use sightline::geom::TriangleSoup;
-use sightline::internals::{FileError, is_sink, target, writable_file, write_whole};
-use sightline::worlds::write_ply;
 
 use crate::cli::args::Talk;
 use crate::cli::error::Error;

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use crate::internals::{shared_folder, writable_file};
+use crate::report;
+use crate::score::Scores;
+use crate::search::{Evaluator, Judged, Member};
+use crate::vehicle::{Placement, PlacementReader};
 use serde_json::{Value, json};
-use sightline::internals::{shared_folder, writable_file};
-use sightline::report;
-use sightline::score::Scores;
-use sightline::search::{Evaluator, Judged, Member};
-use sightline::vehicle::{Placement, PlacementReader};
 
 use super::{Args, BLOCK, write_coverage, write_out};
 use crate::cli::args::Format;
@@ -73,7 +73,7 @@ fn read(path: &Path) -> Result<Vec<Placement>, Error> {
         }
     }
     if placements.is_empty() {
-        return Err(sightline::vehicle::PlacementFileError::Empty { path: path.to_owned() }.into());
+        return Err(crate::vehicle::PlacementFileError::Empty { path: path.to_owned() }.into());
     }
     Ok(placements)
 }
