@@ -109,7 +109,7 @@ pub(crate) fn all_hit<const N: usize>(
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
-fn descend(
+pub(super) fn descend(
     bvh: &Bvh,
     first_prim: u32,
     rays: &[Ray],

@@ -12,6 +12,7 @@ mod fan_bounds;
 mod groups;
 mod intersect;
 mod lanes;
+mod rays;
 mod reference;
 mod sight;
 mod walk;
@@ -22,6 +23,7 @@ pub(crate) use bundle::{
 };
 pub use fan::Fan;
 pub use lanes::{FAN_DIRECTIONS, PACKET_RAYS, PacketHits};
+pub use rays::cast_rays;
 pub(crate) use reference::closest_hit_in;
 pub use reference::{cast_closest, cast_frame_closest};
 #[cfg(feature = "gpu")]

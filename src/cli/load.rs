@@ -147,11 +147,9 @@ pub fn geometry(path: &Path, frame: u32, compute: &Compute) -> Result<Loaded, Er
             frames - 1
         )));
     }
-    let psog = Psog::new(scene.roi().grid()?, 1, scene.classes().to_vec(), vec![], vec![])?;
-
     let load = start.elapsed().as_secs_f64();
     let start = Instant::now();
-    let evaluator = evaluator(Problem::with_psog(&scene, &psog, &[frame])?, compute)?;
+    let evaluator = evaluator(Problem::of_frame(&scene, frame)?, compute)?;
     let times = LoadTimes { load, build: start.elapsed().as_secs_f64() };
     Ok(Loaded { scene, evaluator, times })
 }

@@ -10,8 +10,8 @@ use crate::psog::GridError;
 #[allow(missing_docs)] // the messages name every field
 pub enum DatasetError {
     /// A file or folder cannot be read.
-    #[error("cannot read {}: {cause}", path.display())]
-    Read { path: PathBuf, cause: std::io::Error },
+    #[error("cannot read {}: {source}", path.display())]
+    Read { path: PathBuf, source: std::io::Error },
     /// No scan to read.
     #[error("{} holds no scan named like 000000.bin; give a sequence folder with velodyne, labels, poses.txt and calib.txt", path.display())]
     NoScans { path: PathBuf },
@@ -49,8 +49,8 @@ pub enum DatasetError {
     #[error("the LiDAR height is {value} m; give a finite height above the ground")]
     Height { value: f64 },
     /// A table of nuScenes that is not there.
-    #[error("{}: the table is missing ({cause}); give a folder that holds the version's tables, samples and lidarseg", path.display())]
-    Table { path: PathBuf, cause: std::io::Error },
+    #[error("{}: the table is missing ({source}); give a folder that holds the version's tables, samples and lidarseg", path.display())]
+    Table { path: PathBuf, source: std::io::Error },
     /// A table that is no list of rows.
     #[error("{}: row {row}: {cause}; a table is a list of objects, as nuScenes has it", path.display())]
     Json { path: PathBuf, row: usize, cause: serde_json::Error },

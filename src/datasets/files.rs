@@ -8,7 +8,7 @@ use super::DatasetError;
 
 /// Opens a file; refuses pipes and devices, which may have no end.
 pub(super) fn open(path: &Path) -> Result<File, DatasetError> {
-    let to_read = |cause| DatasetError::Read { path: path.to_owned(), cause };
+    let to_read = |source| DatasetError::Read { path: path.to_owned(), source };
     if !std::fs::metadata(path).map_err(to_read)?.is_file() {
         return Err(to_read(std::io::Error::other("is not a plain file")));
     }
@@ -20,7 +20,7 @@ pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, DatasetError> {
     let mut bytes = Vec::new();
     open(path)?
         .read_to_end(&mut bytes)
-        .map_err(|cause| DatasetError::Read { path: path.to_owned(), cause })?;
+        .map_err(|source| DatasetError::Read { path: path.to_owned(), source })?;
     Ok(bytes)
 }
 
@@ -39,7 +39,7 @@ pub(super) fn read_text(path: &Path) -> Result<String, DatasetError> {
     let mut text = String::new();
     open(path)?
         .read_to_string(&mut text)
-        .map_err(|cause| DatasetError::Read { path: path.to_owned(), cause })?;
+        .map_err(|source| DatasetError::Read { path: path.to_owned(), source })?;
     Ok(text)
 }
 

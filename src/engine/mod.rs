@@ -28,6 +28,7 @@ pub use opening::{EngineChoice, EngineKind, OpenError, Opened, open};
 pub(crate) use reference::ReferenceBackend;
 
 pub use crate::bvh::{Hit, NO_HIT};
+pub use crate::cast::cast_rays;
 pub(crate) use crate::cover::Bitmaps;
 use crate::problem::{Problem, StageTimes, Tally};
 use crate::vehicle::{Placement, SensorPose, UnknownSensor};

@@ -75,6 +75,19 @@ impl Problem {
         Self::with_psog(scene, &psog, &frames)
     }
 
+    /// One frame of a scene to cast into, without a P-SOG: no voxel is worth anything.
+    ///
+    /// # Errors
+    /// A region of interest that makes no grid, a sensor without beams.
+    ///
+    /// # Panics
+    /// A frame that the scene does not have.
+    pub fn of_frame(scene: &Scene, frame: usize) -> Result<Self, OpenError> {
+        let classes = scene.classes().to_vec();
+        let psog = Psog::new(scene.roi().grid()?, 1, classes, Vec::new(), Vec::new())?;
+        Self::with_psog(scene, &psog, &[frame])
+    }
+
     /// The problem that a scene poses with a P-SOG, over some of its frames: the scene's sensor, mount and
     /// coverage.
     ///

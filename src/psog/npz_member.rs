@@ -18,8 +18,8 @@ const ARRAYS: [&str; 7] = ["roi_min", "voxel", "shape", "frames", "classes", "in
 #[allow(missing_docs)] // the messages name every field
 pub enum PsogFileError {
     /// The file cannot be opened.
-    #[error("cannot read {}: {cause}", path.display())]
-    Open { path: PathBuf, cause: std::io::Error },
+    #[error("cannot read {}: {source}", path.display())]
+    Open { path: PathBuf, source: std::io::Error },
     /// The file is no zip archive, or has lost its end.
     #[error("{} is not a readable .npz archive ({cause}); if it was cut short, copy or write it again", path.display())]
     Archive { path: PathBuf, cause: String },
@@ -132,7 +132,7 @@ pub(crate) struct Archive {
 impl Archive {
     /// Opens the archive and checks that it holds each of [`ARRAYS`] once, and nothing else.
     pub fn open(path: &Path) -> Result<Self, PsogFileError> {
-        let to_open = |cause| PsogFileError::Open { path: path.to_owned(), cause };
+        let to_open = |source| PsogFileError::Open { path: path.to_owned(), source };
         let file = File::open(path).map_err(to_open)?;
         if file.metadata().map_err(to_open)?.is_dir() {
             return Err(to_open(std::io::ErrorKind::IsADirectory.into()));

@@ -14,13 +14,20 @@ const BEAMS_TOGETHER: usize = 16 << 20;
 /// Columns of B beams, ordered by placement, LiDAR, channel, azimuth step; ego frame, metres.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct BeamHits {
-    origin: Vec<f32>,
-    direction: Vec<f32>,
-    distance: Vec<f32>,
-    triangle: Vec<u32>,
-    class: Vec<u16>,
-    placement: Vec<u32>,
-    lidar: Vec<u16>,
+    /// Origins in the ego frame, metres, `[B, 3]`.
+    pub origin: Vec<f32>,
+    /// Unit directions in the ego frame, `[B, 3]`.
+    pub direction: Vec<f32>,
+    /// Metres to the hit, infinite without one, `[B]`.
+    pub distance: Vec<f32>,
+    /// Triangle of the frame, [`NO_HIT`](crate::engine::NO_HIT) for none, `[B]`.
+    pub triangle: Vec<u32>,
+    /// Class of the triangle, 2¹⁶−1 for none, `[B]`.
+    pub class: Vec<u16>,
+    /// Position of the placement in the batch, `[B]`.
+    pub placement: Vec<u32>,
+    /// Position of the LiDAR in the placement, `[B]`.
+    pub lidar: Vec<u16>,
 }
 
 impl BeamHits {
@@ -74,11 +81,6 @@ impl BeamHits {
             let class = if hit.is_hit() { face_class[hit.prim as usize] } else { u16::MAX };
             self.class.push(class);
         }
-    }
-
-    /// Metres to the hits; infinite without one.
-    pub fn distances(&self) -> impl Iterator<Item = f32> + '_ {
-        self.distance.iter().copied()
     }
 
     /// Beams B.

@@ -53,6 +53,12 @@ pub struct Equipped {
 }
 
 impl Equipped {
+    /// The same sensors put up plainly: in the middle of their mounts, or evenly around it, looking straight.
+    pub fn plain(&self, constraints: &Constraints) -> Placement {
+        let models: Vec<SensorName> = self.equipment.iter().map(|(_, sensor)| *sensor).collect();
+        Placement { name: "plain".into(), ..reference_layout(constraints, &models) }
+    }
+
     /// Sensors by mount, in words: `2 × spinning-16 on roof, …`.
     pub fn words(&self, vehicle: &Vehicle) -> String {
         let mut counted: Vec<((usize, SensorName), usize)> = Vec::new();

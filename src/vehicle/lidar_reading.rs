@@ -8,7 +8,7 @@ use super::sensor_file::{
     self, Beams, Channel, MAX_BEAMS, MAX_CHANNELS, SensorFormat, SensorPattern,
 };
 use crate::json::check::{self, bad};
-use crate::json::{DescriptionError, Place};
+use crate::json::{self, DescriptionError, Place};
 
 const MAX_STEPS: u64 = 100_000;
 
@@ -31,6 +31,20 @@ impl Lidar {
                 spinning(&at, lists(&channels), u64::from(azimuth_steps), None, range)
             }
         }
+    }
+
+    /// Reads a LiDAR from JSON text: what a scene has under `lidar`.
+    ///
+    /// File names are relative to `dir`; error messages call the text `name_for_errors`.
+    ///
+    /// # Errors
+    /// Text that is no such object, numbers out of bounds, a sensor file that cannot be read.
+    pub fn from_json(
+        text: &str,
+        dir: &Path,
+        name_for_errors: &str,
+    ) -> Result<Self, DescriptionError> {
+        Self::new(&Place::top(name_for_errors), json::parse(text, name_for_errors)?, dir)
     }
 
     pub(crate) fn new(

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, IgnoredAny};
 
 use super::description::{
     KeepOutDescription, ModelDescription, MountingDescription, PhaseDescription,
@@ -34,6 +34,17 @@ pub(crate) fn read<B: DeserializeOwned>(
 }
 
 impl Vehicle {
+    /// Reads a vehicle file; its body is left to the scenes that name it.
+    ///
+    /// # Errors
+    /// Any [`DescriptionError`]; each names the file, the place in it and what to change.
+    pub fn read(path: &Path) -> Result<Self, DescriptionError> {
+        let dir = path.parent().unwrap_or(Path::new(""));
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let at = Place::top(&path.display().to_string());
+        Ok(Self::new(&at, read::<IgnoredAny>(path)?, &stem, dir)?.0)
+    }
+
     /// Checks a description; `dir` is where its files are. Returns the vehicle and the files it names.
     pub(crate) fn new<B>(
         at: &Place,

@@ -2,7 +2,7 @@
 
 use crate::scene::Scene;
 use crate::search::{Equipped, Event, Settings, Suite, equip};
-use crate::vehicle::{Placement, Vehicle};
+use crate::vehicle::Vehicle;
 
 use super::bars::Bars;
 use super::settings::{self, Args, Begun};
@@ -76,9 +76,7 @@ fn choose(
 pub(super) fn begin(mut settings: Settings, begun: &Begun, suite: &Suite, args: &Args) -> Settings {
     let Some(equipped) = &begun.equipped else { return settings };
     if args.has_no_baselines() {
-        let models: Vec<_> = equipped.equipment.iter().map(|(_, sensor)| *sensor).collect();
-        let plain = crate::internals::reference_layout(suite.constraints(), &models);
-        settings.baselines = vec![Placement { name: "plain".into(), ..plain }];
+        settings.baselines = vec![equipped.plain(suite.constraints())];
     }
     settings.starts.push(equipped.placement.clone());
     settings

@@ -118,8 +118,8 @@ fn hits(problem: Problem, classes: &[u16], frames: usize) -> Result<(f64, [f64; 
             evaluator.backend_mut().hits(poses, t)
         })?;
         beams += columns.beams();
-        for distance in columns.distances().filter(|d| d.is_finite()) {
-            count[RANGES.partition_point(|end| *end <= distance).min(4)] += 1;
+        for distance in columns.distance.iter().filter(|d| d.is_finite()) {
+            count[RANGES.partition_point(|end| end <= distance).min(4)] += 1;
         }
     }
     let hits: usize = count.iter().sum();

@@ -186,7 +186,7 @@ fn is_actor(record: &Record, (_, boxed, _): &Tag) -> bool {
 }
 
 fn list_scans(folder: &Path) -> Result<Vec<(u32, PathBuf)>, DatasetError> {
-    let to_read = |cause| DatasetError::Read { path: folder.to_owned(), cause };
+    let to_read = |source| DatasetError::Read { path: folder.to_owned(), source };
     let mut scans = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(to_read)? {
         let path = entry.map_err(to_read)?.path();

@@ -56,7 +56,7 @@ pub fn read_nuscenes(
 
 /// The only version in a folder.
 fn only_version(folder: &Path) -> Result<String, DatasetError> {
-    let to_read = |cause| DatasetError::Read { path: folder.to_owned(), cause };
+    let to_read = |source| DatasetError::Read { path: folder.to_owned(), source };
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(to_read)? {
         let entry = entry.map_err(to_read)?;

@@ -136,7 +136,7 @@ impl Tables {
     ) -> Result<(), DatasetError> {
         let path = self.path(name);
         let file = files::open(&path).map_err(|error| match error {
-            DatasetError::Read { path, cause } => DatasetError::Table { path, cause },
+            DatasetError::Read { path, source } => DatasetError::Table { path, source },
             other => other,
         })?;
         let (mut row, mut refused) = (0, None);
