@@ -3,9 +3,9 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::io::Write;
 
-use sightline::internals::may_fail;
+use crate::memory::may_fail;
 
-/// The system's allocator; where it refuses memory that nobody can do without, the program says so and
+/// The system's allocator; where it refuses memory that nobody can do without, the process says so and
 /// exits with code 2, as after any other error.
 pub struct Sentence;
 

@@ -62,6 +62,7 @@
 //! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
 //! | `cli` | the program: parses arguments, calls the modules above, prints |
 
+mod allocator;
 mod chance;
 mod error;
 mod memory;
@@ -108,6 +109,7 @@ pub use vehicle::{BeamTable, Constraints, Placement, SensorPose, read_placements
 /// Parts that the program, the tests and the benchmarks of this project look into; nothing here is stable.
 #[doc(hidden)]
 pub mod internals {
+    pub use crate::allocator::Sentence;
     pub use crate::bvh::{Bvh, Hit, NO_HIT, Ray, major_axis};
     pub use crate::cast::{
         Caster, Casting, FAN_DIRECTIONS, Fan, Instructions, PACKET_RAYS, PacketHits, Part,

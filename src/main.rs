@@ -1,13 +1,12 @@
 //! The `sightline` program: maps what [`cli::run`] returns to an exit code.
 
-mod allocator;
-
 use std::process::ExitCode;
 
 use sightline::cli;
+use sightline::internals::Sentence;
 
 #[global_allocator]
-static ALLOCATOR: allocator::Sentence = allocator::Sentence;
+static ALLOCATOR: Sentence = Sentence;
 
 fn main() -> ExitCode {
     // Mesa's device selection layer looks for a display and complains on stderr when there is none;

@@ -8,8 +8,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use imports::{Source, Sources, words};
 
 /// Modules of the library, top to bottom: each imports only from itself and from those above it.
-const ORDER: [&str; 29] = [
+const ORDER: [&str; 30] = [
     "memory",
+    "allocator",
     "chance",
     "geom",
     "json",

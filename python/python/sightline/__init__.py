@@ -1,0 +1,55 @@
+"""Where on this vehicle should the LiDARs go?
+
+>>> import sightline
+>>> scene = sightline.Scene.load("scenes/highway.json")
+>>> scores = scene.score(sightline.read_placements("scenes/placements.json"))
+>>> scores["information_gain"]                    # doctest: +SKIP
+array([ 9049.6..., 10116.9..., ...])
+
+Frame: x forward, y left, z up, origin on the ground under the vehicle's reference point. Metres, radians, nats,
+seconds. A pose is ``x, y, z, roll, pitch, yaw``, with R = Rz(yaw) · Ry(pitch) · Rx(roll).
+
+Errors are ``ValueError`` for what is wrong in arguments and files, ``OSError`` for files and devices that cannot be
+used, ``MemoryError`` for work that does not fit. Long work leaves the GIL to others and ends at Ctrl-C.
+"""
+
+import os as _os
+
+# Mesa's device selection layer looks for a display and complains where there is none.
+_os.environ.setdefault("NODEVICE_SELECT", "1")
+
+from ._native import (  # noqa: E402
+    Placement,
+    Psog,
+    ScanIterator,
+    Scene,
+    Sensor,
+    Suite,
+    Vehicle,
+    __version__,
+    optimize,
+    published,
+    read_placements,
+    set_threads,
+)
+from ._records import Boxes, Result, Scan, Scores, Status  # noqa: E402
+
+__all__ = [
+    "Boxes",
+    "Placement",
+    "Psog",
+    "Result",
+    "Scan",
+    "ScanIterator",
+    "Scene",
+    "Scores",
+    "Sensor",
+    "Status",
+    "Suite",
+    "Vehicle",
+    "__version__",
+    "optimize",
+    "published",
+    "read_placements",
+    "set_threads",
+]

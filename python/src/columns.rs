@@ -1,0 +1,69 @@
+//! Scores as columns: one array a score, `NaN` where there is none.
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sightline::Scores;
+use sightline::score::TaskScores;
+
+use crate::arrays::{column, shaped};
+
+/// Gets a score of a task.
+type OfTask = fn(&TaskScores) -> Option<f64>;
+
+/// Scores of a task by name.
+const TASK: [(&str, OfTask); 6] = [
+    ("m_sog", |task| task.m_sog),
+    ("m_sog_scaled", |task| task.m_sog_scaled),
+    ("m_sog_nonzero", |task| task.m_sog_nonzero),
+    ("m_sog_scaled_nonzero", |task| task.m_sog_scaled_nonzero),
+    ("information_gain", |task| task.information_gain),
+    ("information_gain_share", |task| task.information_gain_share),
+];
+
+/// The `Scores` object of the package, with a column for everything that is known about placements.
+pub fn scores_object<'py>(py: Python<'py>, scores: &[Scores]) -> PyResult<Bound<'py, PyAny>> {
+    let columns = PyDict::new(py);
+    let maybe = |of: &dyn Fn(&Scores) -> Option<f64>| {
+        column(py, scores.iter().map(|s| of(s).unwrap_or(f64::NAN)).collect::<Vec<f64>>())
+    };
+    for (name, of) in TASK {
+        columns.set_item(name, maybe(&|s| of(&s.segmentation)))?;
+    }
+    columns.set_item("s_mig", maybe(&|s| s.s_mig))?;
+    columns.set_item("entropy_sum", maybe(&|s| s.entropy_sum))?;
+    columns.set_item("covered", maybe(&|s| Some(s.covered)))?;
+    columns.set_item("covered_nonzero", maybe(&|s| Some(s.covered_nonzero)))?;
+    columns.set_item("beams", column(py, scores.iter().map(|s| s.beams).collect()))?;
+    columns.set_item("hit_share", maybe(&|s| s.hit_share))?;
+    if scores.iter().any(|s| s.detection.is_some()) {
+        for (name, of) in TASK {
+            let name = format!("detection.{name}");
+            columns.set_item(name, maybe(&|s| s.detection.as_ref().and_then(of)))?;
+        }
+    }
+    let classes: Vec<&str> = scores
+        .first()
+        .map(|s| s.covered_by_class.iter().map(|(name, _)| name.as_str()).collect())
+        .unwrap_or_default();
+    let counts: Vec<f64> =
+        scores.iter().flat_map(|s| s.covered_by_class.iter().map(|(_, count)| *count)).collect();
+    columns.set_item("covered_by_class", shaped(py, counts, &[scores.len(), classes.len()])?)?;
+    let lidars = scores.iter().map(|s| s.unique_share.len()).max().unwrap_or(0);
+    let unique = |s: &Scores| {
+        let mut row = s.unique_share.clone();
+        row.resize(lidars, f64::NAN);
+        row
+    };
+    let unique: Vec<f64> = scores.iter().flat_map(unique).collect();
+    columns.set_item("unique_share", shaped(py, unique, &[scores.len(), lidars])?)?;
+    for (k, area) in scores.first().map(|s| &s.required[..]).unwrap_or_default().iter().enumerate()
+    {
+        let share = maybe(&|s| s.required.get(k).map(|seen| seen.share));
+        columns.set_item(format!("seen.{}", area.name), share)?;
+    }
+    let names: Vec<&str> = scores.iter().map(|s| s.name.as_str()).collect();
+    let guards: Vec<Vec<String>> =
+        scores.iter().map(|s| s.guards.iter().map(ToString::to_string).collect()).collect();
+    let class = py.import("sightline._records")?.getattr("Scores")?;
+    class.call1((names, columns, guards, classes))
+}

@@ -1,0 +1,76 @@
+//! Python module of sightline: arrays in, the library's work beside the interpreter, arrays out.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `arrays`, `json` | conversions |
+//! | `errors` | exceptions |
+//! | `wait` | long work without the GIL, with Ctrl-C |
+//! | `sensors`, `placements`, `psogs`, `scenes` | what the user holds |
+//! | `engine` | what is built once from a scene |
+//! | `columns` | scores as arrays |
+//! | `scans` | scans as an iterator |
+//! | `search` | suites and `optimize` |
+
+mod arrays;
+mod columns;
+mod engine;
+mod errors;
+mod json;
+mod placements;
+mod psogs;
+mod scans;
+mod scenes;
+mod search;
+mod sensors;
+mod wait;
+
+use std::ffi::OsString;
+
+use pyo3::prelude::*;
+
+use errors::bad;
+use sightline::internals::Sentence;
+
+/// Where memory that nobody can do without is refused, the process ends with a sentence instead of a crash.
+#[global_allocator]
+static ALLOCATOR: Sentence = Sentence;
+
+/// Runs the program with the arguments that a shell would give, its own name first; returns the exit code.
+#[pyfunction]
+fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+    py.detach(|| sightline::cli::run(arguments).code())
+}
+
+/// Lets the CPU engine use so many threads; to be called before anything is computed.
+#[pyfunction]
+fn set_threads(count: usize) -> PyResult<()> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(count);
+    pool.build_global().map_err(|_| {
+        bad("threads: are at work already; call set_threads before anything is computed")
+    })
+}
+
+#[pymodule]
+mod _native {
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use super::placements::{PyPlacement, published, read};
+    #[pymodule_export]
+    use super::psogs::PyPsog;
+    #[pymodule_export]
+    use super::scans::ScanIterator;
+    #[pymodule_export]
+    use super::scenes::PyScene;
+    #[pymodule_export]
+    use super::search::{PySuite, search};
+    #[pymodule_export]
+    use super::sensors::{PySensor, PyVehicle};
+    #[pymodule_export]
+    use super::{main, set_threads};
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

@@ -1,0 +1,165 @@
+//! Placements: sensor poses by name, from objects, files and arrays.
+
+use std::path::PathBuf;
+
+use numpy::{PyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use sightline::vehicle::{MAX_LIDARS, SensorName, table_7};
+use sightline::{Placement, SensorPose, read_placements};
+
+use crate::arrays::{matrix, numbers, shape_in_words};
+use crate::errors::{bad, raised};
+use crate::json::to_python;
+
+/// What an array of poses has to be, in words.
+const WANTED: &str =
+    "[N, L, 6], or [L, 6] for one placement: x, y, z in metres, roll, pitch, yaw in radians";
+
+/// A placement: a name and a pose for each LiDAR.
+#[pyclass(name = "Placement", module = "sightline", frozen, eq)]
+#[derive(Clone, PartialEq)]
+pub struct PyPlacement(pub Placement);
+
+#[pymethods]
+impl PyPlacement {
+    #[new]
+    #[pyo3(signature = (poses, *, name = "placement", sensors = None))]
+    fn new(poses: &Bound<'_, PyAny>, name: &str, sensors: Option<Vec<String>>) -> PyResult<Self> {
+        let mut all = from_array(poses, &sensors_of(sensors)?)?;
+        let [placement] = &mut all[..] else {
+            return Err(bad(format!(
+                "poses: are those of {} placements; give one of them, [L, 6]",
+                all.len()
+            )));
+        };
+        name.clone_into(&mut placement.name);
+        let placement = all.remove(0);
+        placement.validate().map_err(raised)?;
+        Ok(Self(placement))
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        &self.0.name
+    }
+
+    #[getter]
+    fn poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let values = self.0.lidars.iter().flat_map(SensorPose::values).collect();
+        matrix(py, values, 6)
+    }
+
+    #[getter]
+    fn sensors(&self) -> Vec<&'static str> {
+        self.0.lidars.iter().map(|pose| pose.sensor.as_str()).collect()
+    }
+
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &self.0)
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.lidars.len()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Placement({:?}, {} LiDARs)", self.0.name, self.0.lidars.len())
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let py = slf.py();
+        let this = slf.get();
+        let named = this.0.lidars.iter().any(|pose| !pose.sensor.is_none());
+        let options = PyDict::new(py);
+        options.set_item("name", &this.0.name)?;
+        options.set_item("sensors", named.then(|| this.sensors()))?;
+        let rebuild = py.import("sightline._pickle")?.getattr("call")?;
+        let arguments = (slf.get_type(), (this.poses(py)?,), options);
+        PyTuple::new(py, [rebuild, arguments.into_pyobject(py)?.into_any()])
+    }
+}
+
+/// Sensor names of each LiDAR; empty where none is named.
+pub fn sensors_of(names: Option<Vec<String>>) -> PyResult<Vec<SensorName>> {
+    let name = |name: &String| match name.as_str() {
+        "" => Ok(SensorName::NONE),
+        name => SensorName::new(name).map_err(bad),
+    };
+    names.unwrap_or_default().iter().map(name).collect()
+}
+
+/// Placements from a `Placement`, a list of them, or an array `[N, L, 6]` or `[L, 6]`.
+pub fn placements_of(
+    given: &Bound<'_, PyAny>,
+    sensors: Option<Vec<String>>,
+) -> PyResult<Vec<Placement>> {
+    let names = sensors_of(sensors)?;
+    let taken = |placement: &PyPlacement| {
+        if names.is_empty() {
+            return Ok(placement.0.clone());
+        }
+        Err(bad("sensors: a Placement names its own; give `sensors` with arrays of poses only"))
+    };
+    if let Ok(one) = given.cast::<PyPlacement>() {
+        return Ok(vec![taken(one.get())?]);
+    }
+    if let Ok(list) = given.extract::<Vec<Bound<'_, PyPlacement>>>()
+        && !list.is_empty()
+    {
+        return list.iter().map(|one| taken(one.get())).collect();
+    }
+    let all = from_array(given, &names)?;
+    all.iter().try_for_each(|placement| placement.validate().map_err(raised))?;
+    Ok(all)
+}
+
+fn from_array(given: &Bound<'_, PyAny>, sensors: &[SensorName]) -> PyResult<Vec<Placement>> {
+    let array = numbers::<f64>("poses", given, WANTED)?;
+    let shape = array.shape().to_vec();
+    let wrong = || bad(format!("poses: have the shape {}; give {WANTED}", shape_in_words(&shape)));
+    let (count, lidars) = match shape[..] {
+        [lidars, 6] => (1, lidars),
+        [count, lidars, 6] => (count, lidars),
+        _ => return Err(wrong()),
+    };
+    if !(1..=MAX_LIDARS).contains(&lidars) {
+        return Err(bad(format!(
+            "poses: have the shape {}, {lidars} LiDARs a placement; 1 to {MAX_LIDARS} are possible",
+            shape_in_words(&shape)
+        )));
+    }
+    if !sensors.is_empty() && sensors.len() != lidars {
+        return Err(bad(format!(
+            "sensors: are {} names for {lidars} LiDARs; give one for each",
+            sensors.len()
+        )));
+    }
+    let values: Vec<f64> = array.as_array().iter().copied().collect();
+    let pose = |k: usize, v: &[f64]| SensorPose {
+        x: v[0],
+        y: v[1],
+        z: v[2],
+        roll: v[3],
+        pitch: v[4],
+        yaw: v[5],
+        sensor: sensors.get(k).copied().unwrap_or_default(),
+    };
+    let placement = |n: usize| Placement {
+        name: n.to_string(),
+        lidars: (0..lidars).map(|k| pose(k, &values[6 * (n * lidars + k)..][..6])).collect(),
+    };
+    Ok((0..count).map(placement).collect())
+}
+
+/// All placements of a `.json` or `.jsonl` file.
+#[pyfunction(name = "read_placements")]
+pub fn read(path: PathBuf) -> PyResult<Vec<PyPlacement>> {
+    Ok(read_placements(&path).map_err(raised)?.into_iter().map(PyPlacement).collect())
+}
+
+/// The eleven placements of Table 7 of Place3D, four LiDARs each.
+#[pyfunction]
+pub fn published() -> Vec<PyPlacement> {
+    table_7().into_iter().map(PyPlacement).collect()
+}

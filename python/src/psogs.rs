@@ -1,0 +1,284 @@
+//! P-SOGs as arrays, and from labelled points.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3};
+use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use sightline::Psog;
+use sightline::datasets::{
+    BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel, PsogOptions, build_psog,
+};
+use sightline::geom::Pose;
+use sightline::internals::{EntropyKind, FileError, to_nats, write_whole};
+use sightline::psog::{PsogInfo, Roi, read_psog, write_psog};
+
+use crate::arrays::{column, matrix, numbers, rows};
+use crate::errors::{bad, raised};
+use crate::json::to_python;
+use crate::wait::interruptible;
+
+/// A probabilistic semantic occupancy grid.
+#[pyclass(name = "Psog", module = "sightline", frozen)]
+#[derive(Clone)]
+pub struct PyPsog(pub Arc<Psog>);
+
+#[pymethods]
+impl PyPsog {
+    #[new]
+    #[pyo3(signature = (*, index, counts, frames, classes, roi_min, voxel, shape))]
+    fn new(
+        index: &Bound<'_, PyAny>,
+        counts: &Bound<'_, PyAny>,
+        frames: u32,
+        classes: Vec<String>,
+        roi_min: [f64; 3],
+        voxel: [f64; 3],
+        shape: [u32; 3],
+    ) -> PyResult<Self> {
+        let index = numbers::<u64>("index", index, "the linear indices of K voxels, rising")?;
+        let wanted = "frames of each class, [K, classes]";
+        let counts = numbers::<u16>("counts", counts, wanted)?;
+        let cells = rows("counts", &counts, classes.len())?;
+        if cells.nrows() != index.len() {
+            return Err(bad(format!(
+                "counts: have {} rows for {} voxels; give one for each",
+                cells.nrows(),
+                index.len()
+            )));
+        }
+        let roi = Roi::new(roi_min, voxel, shape).map_err(raised)?;
+        let index = index.as_array().iter().copied().collect();
+        let counts = cells.iter().copied().collect();
+        let psog = Psog::new(roi, frames, classes, index, counts).map_err(raised)?;
+        Ok(Self(Arc::new(psog)))
+    }
+
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        py.detach(|| Ok(Self(Arc::new(read_psog(&path).map_err(raised)?))))
+    }
+
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let write =
+            || write_whole(&path, |file| write_psog(file, &self.0).map_err(FileError::io(&path)));
+        py.detach(write).map_err(raised)
+    }
+
+    /// From labelled points, a frame a list entry.
+    #[staticmethod]
+    #[pyo3(signature = (points, labels, poses, *, classes, roi, voxel, window = None, moving = None))]
+    #[allow(clippy::too_many_arguments)]
+    fn from_scans(
+        py: Python<'_>,
+        points: Vec<Bound<'_, PyAny>>,
+        labels: Vec<Bound<'_, PyAny>>,
+        poses: Vec<Bound<'_, PyAny>>,
+        classes: Vec<String>,
+        roi: [[f64; 3]; 2],
+        voxel: [f64; 3],
+        window: Option<u32>,
+        moving: Option<Vec<String>>,
+    ) -> PyResult<Self> {
+        if points.len() != labels.len() || points.len() != poses.len() {
+            return Err(bad(format!(
+                "points, labels and poses: are lists of {}, {} and {} frames; give one entry a frame in each",
+                points.len(),
+                labels.len(),
+                poses.len()
+            )));
+        }
+        let moves = moving.unwrap_or_default();
+        if let Some(unknown) = moves.iter().find(|name| !classes.contains(name)) {
+            return Err(bad(format!("moving: `{unknown}` is none of the classes {classes:?}")));
+        }
+        let moves: Vec<bool> = classes.iter().map(|name| moves.contains(name)).collect();
+        let mut frames = Vec::with_capacity(points.len());
+        for (t, points) in points.iter().enumerate() {
+            let scan = labelled(t, points, &labels[t], &moves)?;
+            frames.push((scan, pose(t, &poses[t])?));
+        }
+        let grid = Roi::from_bounds(roi[0], roi[1], voxel).map_err(raised)?;
+        let recording = Recording { classes, frames };
+        let options = PsogOptions { window, ..PsogOptions::new(grid) };
+        let (psog, _) =
+            interruptible(py, move |_| build_psog(&[recording], &options))?.map_err(raised)?;
+        Ok(Self(Arc::new(psog)))
+    }
+
+    #[getter]
+    fn index<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
+        column(py, self.0.index().to_vec())
+    }
+
+    #[getter]
+    fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u16>>> {
+        matrix(py, self.0.counts().to_vec(), self.0.classes().len())
+    }
+
+    #[getter]
+    fn frames(&self) -> u32 {
+        self.0.frames()
+    }
+
+    #[getter]
+    fn classes(&self) -> Vec<String> {
+        self.0.classes().to_vec()
+    }
+
+    #[getter]
+    fn roi_min<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        column(py, self.0.roi().min().to_vec())
+    }
+
+    #[getter]
+    fn voxel<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        column(py, self.0.roi().voxel().to_vec())
+    }
+
+    #[getter]
+    fn shape(&self) -> (u32, u32, u32) {
+        let [x, y, z] = self.0.roi().shape();
+        (x, y, z)
+    }
+
+    /// Entropy of each listed voxel in nats.
+    fn entropy<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let psog = &self.0;
+        let entropies = py.detach(|| psog.entropies(EntropyKind::Segmentation));
+        column(py, entropies.into_iter().map(|fixed| to_nats(fixed.into())).collect())
+    }
+
+    /// The P-SOG over the frames of both.
+    fn merge(&self, other: &Self) -> PyResult<Self> {
+        Ok(Self(Arc::new(self.0.merge(&other.0).map_err(raised)?)))
+    }
+
+    fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &PsogInfo::new(&self.0, None))
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.index().len()
+    }
+
+    fn __repr__(&self) -> String {
+        let [x, y, z] = self.0.roi().shape();
+        let (voxels, frames) = (self.__len__(), self.0.frames());
+        format!("Psog({voxels} of {x} × {y} × {z} voxels, {frames} frames)")
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let py = slf.py();
+        let options = pyo3::types::PyDict::new(py);
+        for name in ["index", "counts", "frames", "classes", "roi_min", "voxel", "shape"] {
+            options.set_item(name, slf.getattr(name)?)?;
+        }
+        let rebuild = py.import("sightline._pickle")?.getattr("call")?;
+        let arguments = (slf.get_type(), PyTuple::empty(py), options).into_pyobject(py)?;
+        PyTuple::new(py, [rebuild, arguments.into_any()])
+    }
+}
+
+/// Points of a frame with their classes; a negative class votes for nothing.
+fn labelled(
+    t: usize,
+    points: &Bound<'_, PyAny>,
+    labels: &Bound<'_, PyAny>,
+    moves: &[bool],
+) -> PyResult<LabelledScan> {
+    let what = format!("points[{t}]");
+    let points = numbers::<f32>(&what, points, "[N, 3] coordinates in the sensor frame, metres")?;
+    let points = rows(&what, &points, 3)?;
+    let points: Vec<[f32; 3]> = points.rows().into_iter().map(|p| [p[0], p[1], p[2]]).collect();
+    if let Some(at) = points.iter().flatten().position(|value| !value.is_finite()) {
+        return Err(bad(format!("{what}[{}]: is not finite; leave the point out", at / 3)));
+    }
+    let what = format!("labels[{t}]");
+    let labels = numbers::<i64>(&what, labels, "[N] positions in `classes`, −1 for no vote")?;
+    if labels.len() != points.len() {
+        let (labels, points) = (labels.len(), points.len());
+        return Err(bad(format!("{what}: has {labels} labels for {points} points; give one each")));
+    }
+    let label = |(n, &id): (usize, &i64)| {
+        let class = (id >= 0).then(|| usize::try_from(id).unwrap_or(usize::MAX));
+        match class {
+            Some(class) if class >= moves.len() => Err(bad(format!(
+                "{what}[{n}]: is {id}; give a position in `classes`, below {}, or −1 for no vote",
+                moves.len()
+            ))),
+            class => Ok(PointLabel {
+                class: class.map(|class| class as u16),
+                moving: class.is_some_and(|class| moves[class]),
+                on_track: false,
+            }),
+        }
+    };
+    let labels = labels.as_array().iter().enumerate().map(label).collect::<PyResult<_>>()?;
+    Ok(LabelledScan { points, labels })
+}
+
+/// A rigid 4 × 4 matrix that takes the sensor frame to the world.
+fn pose(t: usize, given: &Bound<'_, PyAny>) -> PyResult<Pose> {
+    let what = format!("poses[{t}]");
+    let array = numbers::<f64>(&what, given, "a rigid 4 × 4 matrix, world from sensor")?;
+    let m = rows(&what, &array, 4)?;
+    let wrong =
+        || bad(format!("{what}: is no rigid transform; give a 4 × 4 matrix, world from sensor"));
+    if m.nrows() != 4 || !m.iter().all(|value| value.is_finite()) {
+        return Err(wrong());
+    }
+    let column = |k: usize| DVec3::new(m[(0, k)], m[(1, k)], m[(2, k)]);
+    let found = Pose {
+        rotation: DMat3::from_cols(column(0), column(1), column(2)),
+        translation: column(3),
+    };
+    let product = found.rotation.transpose() * found.rotation;
+    let off = (product - DMat3::IDENTITY)
+        .to_cols_array()
+        .into_iter()
+        .fold(0.0, |m: f64, v| m.max(v.abs()));
+    if off > 1e-6 || found.rotation.determinant() < 0.0 { Err(wrong()) } else { Ok(found) }
+}
+
+/// Labelled frames from arrays, the sensor's frame being that of the ego.
+struct Recording {
+    classes: Vec<String>,
+    frames: Vec<(LabelledScan, Pose)>,
+}
+
+impl LabelledSequence for Recording {
+    fn name(&self) -> String {
+        "arrays".to_owned()
+    }
+
+    fn classes(&self) -> Vec<String> {
+        self.classes.clone()
+    }
+
+    fn frames(&self) -> Vec<u32> {
+        (0..self.frames.len() as u32).collect()
+    }
+
+    fn rate(&self) -> Option<f64> {
+        None
+    }
+
+    fn ego_from_sensor(&self, _: u32) -> Result<Pose, DatasetError> {
+        Ok(Pose::IDENTITY)
+    }
+
+    fn world_from_sensor(&self, frame: u32) -> Result<Pose, DatasetError> {
+        Ok(self.frames[frame as usize].1)
+    }
+
+    fn tracks(&self) -> Result<Vec<BoxTrack>, DatasetError> {
+        Ok(Vec::new())
+    }
+
+    fn read(&self, frame: u32) -> Result<LabelledScan, DatasetError> {
+        Ok(self.frames[frame as usize].0.clone())
+    }
+}

@@ -1,0 +1,141 @@
+//! Scans as an iterator: the next frame is scanned while Python works on the last.
+
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::{Arc, Mutex};
+
+use numpy::PyArrayMethods;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use sightline::scan::{Return, Scan, ScanError, Scanner, Scanning, TrackedBox};
+use sightline::{Placement, Scene};
+
+use crate::arrays::{column, homogeneous, matrix, shaped};
+use crate::errors::{bad, raised};
+use crate::wait::wait;
+
+/// Scans of a scene, frame after frame.
+#[pyclass(name = "ScanIterator", module = "sightline", frozen)]
+pub struct ScanIterator {
+    scans: Mutex<Receiver<Result<Scan, ScanError>>>,
+    misses: bool,
+}
+
+impl ScanIterator {
+    /// Checks everything, then begins to scan.
+    pub fn begin(
+        scene: Arc<Scene>,
+        placement: Placement,
+        conditions: &[String],
+        ideal: bool,
+        seed: u64,
+        frames: Option<Vec<usize>>,
+        misses: bool,
+    ) -> PyResult<Self> {
+        let conditions = conditions.iter().map(|text| text.parse().map_err(raised));
+        let conditions = conditions.collect::<PyResult<_>>()?;
+        let scanning = Scanning { ideal, seed, conditions };
+        Scanner::check(&scene, &placement, &scanning).map_err(raised)?;
+        let count = scene.frame_count();
+        let frames = frames.unwrap_or_else(|| (0..count).collect());
+        if let Some(frame) = frames.iter().find(|frame| **frame >= count) {
+            return Err(bad(format!("frames: hold {frame}; give 0 to {}", count - 1)));
+        }
+        // One frame waits while another is scanned.
+        let (sender, scans) = sync_channel(1);
+        std::thread::spawn(move || {
+            let scanner = match Scanner::new(&scene, &placement, &scanning) {
+                Ok(scanner) => scanner,
+                Err(error) => return drop(sender.send(Err(error))),
+            };
+            for frame in frames {
+                // Nobody listens any more.
+                if sender.send(Ok(scanner.scan(frame))).is_err() {
+                    break;
+                }
+            }
+        });
+        Ok(Self { scans: Mutex::new(scans), misses })
+    }
+}
+
+#[pymethods]
+impl ScanIterator {
+    fn __iter__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        slf
+    }
+
+    fn __next__<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        match wait(py, &self.scans)? {
+            Some(scan) => Ok(Some(scan_object(py, &scan.map_err(raised)?, self.misses)?)),
+            None => Ok(None),
+        }
+    }
+}
+
+/// The `Scan` object of the package.
+fn scan_object<'py>(py: Python<'py>, scan: &Scan, misses: bool) -> PyResult<Bound<'py, PyAny>> {
+    let kept: Vec<&Return> =
+        scan.returns.iter().filter(|beam| misses || beam.status.is_point()).collect();
+    let fields = PyDict::new(py);
+    fields.set_item("scene", &*scan.scene)?;
+    fields.set_item("frame", scan.frame)?;
+    fields.set_item("time", scan.time)?;
+    fields.set_item("classes", scan.classes.to_vec())?;
+    fields.set_item("world_from_ego", homogeneous(py, &scan.world_from_ego)?)?;
+    let lidars = PyList::empty(py);
+    for lidar in &scan.lidars {
+        let facts = PyDict::new(py);
+        facts.set_item("model", &lidar.model)?;
+        facts.set_item("ego_from_sensor", homogeneous(py, &lidar.ego_from_sensor)?)?;
+        facts.set_item("channels", lidar.channels)?;
+        facts.set_item("columns", lidar.columns)?;
+        facts.set_item("range", lidar.range)?;
+        lidars.append(facts)?;
+    }
+    fields.set_item("lidars", lidars)?;
+    let triples = |of: fn(&Return) -> [f32; 3]| {
+        matrix(py, kept.iter().flat_map(|beam| of(beam)).collect(), 3)
+    };
+    fields.set_item("xyz", triples(|beam| beam.position)?)?;
+    fields.set_item("raw", triples(|beam| beam.raw)?)?;
+    macro_rules! columns {
+        ($($name:literal: $of:expr),* $(,)?) => {$(
+            let of = $of;
+            fields.set_item($name, column(py, kept.iter().map(|beam| of(beam)).collect()))?;
+        )*};
+    }
+    columns!(
+        "range": |beam: &Return| beam.range,
+        "intensity": |beam: &Return| beam.intensity,
+        "time_offset": |beam: &Return| beam.time,
+        "incidence": |beam: &Return| beam.incidence,
+        "lidar": |beam: &Return| beam.lidar,
+        "ring": |beam: &Return| beam.channel,
+        "column": |beam: &Return| beam.column,
+        "class_id": |beam: &Return| beam.class,
+        "clean_class_id": |beam: &Return| beam.clean_class,
+        "instance": |beam: &Return| beam.instance,
+        "status": |beam: &Return| beam.status as u8,
+    );
+    fields.set_item("boxes", boxes_object(py, &scan.boxes)?)?;
+    py.import("sightline._records")?.getattr("Scan")?.call((), Some(&fields))
+}
+
+/// The `Boxes` object of the package.
+fn boxes_object<'py>(py: Python<'py>, boxes: &[TrackedBox]) -> PyResult<Bound<'py, PyAny>> {
+    let fields = PyDict::new(py);
+    let poses = boxes.iter().map(|tracked| homogeneous(py, &tracked.ego_from_box));
+    let poses: Vec<f64> =
+        poses.map(|pose| Ok(pose?.to_vec()?)).collect::<PyResult<Vec<_>>>()?.concat();
+    fields.set_item("ego_from_box", shaped(py, poses, &[boxes.len(), 4, 4])?)?;
+    let triples =
+        |of: fn(&TrackedBox) -> [f64; 3]| matrix(py, boxes.iter().flat_map(of).collect(), 3);
+    fields.set_item("size", triples(|tracked| tracked.size.to_array())?)?;
+    fields.set_item("velocity", triples(|tracked| tracked.velocity.to_array())?)?;
+    fields.set_item("instance", column(py, boxes.iter().map(|b| b.instance).collect()))?;
+    fields.set_item("class_id", column(py, boxes.iter().map(|b| b.class).collect()))?;
+    fields.set_item("points", column(py, boxes.iter().map(|b| b.points).collect()))?;
+    fields.set_item("names", boxes.iter().map(|b| b.name.clone()).collect::<Vec<_>>())?;
+    fields.set_item("kinds", boxes.iter().map(|b| b.kind.name()).collect::<Vec<_>>())?;
+    py.import("sightline._records")?.getattr("Boxes")?.call((), Some(&fields))
+}

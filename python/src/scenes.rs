@@ -1,0 +1,396 @@
+//! Scenes: reading, scoring, casting, verifying.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use numpy::{PyArray1, PyArray2, PyArrayDyn};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use sightline::engine::cast_rays;
+use sightline::internals::{Input, hostile_placements};
+use sightline::problem::spread;
+use sightline::scan::BeamHits;
+use sightline::scene::EgoBody;
+use sightline::vehicle::{random_placements, table_7};
+use sightline::verify::verify;
+use sightline::{Placement, Problem, Scene, engine};
+
+use crate::arrays::{column, homogeneous, matrix, numbers, rows, shaped};
+use crate::columns::scores_object;
+use crate::engine::{Built, Options, score};
+use crate::errors::{bad, raised};
+use crate::json::{to_python, to_text};
+use crate::placements::placements_of;
+use crate::psogs::PyPsog;
+use crate::scans::ScanIterator;
+use crate::sensors::PySensor;
+use crate::wait::interruptible;
+
+/// Metres within which rays of callers hit.
+const RAY_RANGE: f32 = 1e6;
+
+/// Where a scene comes from.
+#[derive(Clone)]
+enum Source {
+    File { path: PathBuf, vehicle: Option<PathBuf> },
+    Text { text: String, folder: PathBuf },
+}
+
+/// A scene, ready to be scored.
+#[pyclass(name = "Scene", module = "sightline", frozen)]
+pub struct PyScene {
+    pub built: Arc<Built>,
+    source: Source,
+    conditions: Vec<String>,
+    backend: String,
+}
+
+#[pymethods]
+impl PyScene {
+    #[staticmethod]
+    #[pyo3(signature = (path, *, vehicle = None, psog = None, frames = None, conditions = Vec::new(),
+        backend = "auto", adapter = None, memory = None))]
+    #[allow(clippy::too_many_arguments)]
+    fn load(
+        py: Python<'_>,
+        path: PathBuf,
+        vehicle: Option<PathBuf>,
+        psog: Option<&Bound<'_, PyPsog>>,
+        frames: Option<u32>,
+        conditions: Vec<String>,
+        backend: &str,
+        adapter: Option<String>,
+        memory: Option<u64>,
+    ) -> PyResult<Self> {
+        let psog = psog.map(|psog| psog.get().0.clone());
+        let options = Options::new(psog, frames, &conditions, backend, adapter, memory)?;
+        let scene = py.detach(|| Scene::read_with(&path, vehicle.as_deref())).map_err(raised)?;
+        Ok(Self {
+            built: Arc::new(Built::new(scene, options)),
+            source: Source::File { path, vehicle },
+            conditions,
+            backend: backend.to_owned(),
+        })
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (scene, *, folder = PathBuf::from("."), psog = None, frames = None,
+        conditions = Vec::new(), backend = "auto", adapter = None, memory = None))]
+    #[allow(clippy::too_many_arguments)]
+    fn from_dict(
+        scene: &Bound<'_, PyAny>,
+        folder: PathBuf,
+        psog: Option<&Bound<'_, PyPsog>>,
+        frames: Option<u32>,
+        conditions: Vec<String>,
+        backend: &str,
+        adapter: Option<String>,
+        memory: Option<u64>,
+    ) -> PyResult<Self> {
+        let psog = psog.map(|psog| psog.get().0.clone());
+        let options = Options::new(psog, frames, &conditions, backend, adapter, memory)?;
+        let text = to_text("scene", scene)?;
+        let read = Scene::from_json(&text, &folder, "scene").map_err(raised)?;
+        Ok(Self {
+            built: Arc::new(Built::new(read, options)),
+            source: Source::Text { text, folder },
+            conditions,
+            backend: backend.to_owned(),
+        })
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        self.built.scene.name()
+    }
+
+    #[getter]
+    fn classes(&self) -> Vec<String> {
+        self.built.scene.classes().to_vec()
+    }
+
+    #[getter]
+    fn frames(&self) -> usize {
+        self.built.scene.frame_count()
+    }
+
+    #[getter]
+    fn rate(&self) -> f64 {
+        self.built.scene.rate()
+    }
+
+    #[getter]
+    fn has_geometry(&self) -> bool {
+        self.built.scene.has_geometry()
+    }
+
+    #[getter]
+    fn files(&self) -> &[PathBuf] {
+        self.built.scene.files()
+    }
+
+    #[getter]
+    fn notes(&self) -> &[String] {
+        self.built.scene.notes()
+    }
+
+    #[getter]
+    fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        let Some(vehicle) = self.built.scene.vehicle() else {
+            all.set_item("", PySensor::of(self.built.scene.lidar())?)?;
+            return Ok(all);
+        };
+        for model in &vehicle.sensors {
+            all.set_item(model.name.as_str(), PySensor::of(&model.lidar)?)?;
+        }
+        Ok(all)
+    }
+
+    #[getter]
+    fn psog(&self, py: Python<'_>) -> PyResult<PyPsog> {
+        let built = self.built.clone();
+        Ok(PyPsog(interruptible(py, move |_| built.psog())??))
+    }
+
+    /// Pose of the vehicle in a frame.
+    fn world_from_ego<'py>(
+        &self,
+        py: Python<'py>,
+        frame: usize,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let frames = self.built.scene.frame_count();
+        if frame >= frames {
+            return Err(bad(format!("frame: is {frame}; give 0 to {}", frames - 1)));
+        }
+        homogeneous(py, &self.built.scene.ego_pose(frame))
+    }
+
+    /// Triangles of a frame.
+    #[pyo3(signature = (frame = 0, *, body = true))]
+    fn mesh<'py>(&self, py: Python<'py>, frame: usize, body: bool) -> PyResult<Bound<'py, PyDict>> {
+        let frames = self.built.scene.frame_count();
+        if frame >= frames {
+            return Err(bad(format!("frame: is {frame}; give 0 to {}", frames - 1)));
+        }
+        let body = if body { EgoBody::Include } else { EgoBody::Exclude };
+        let soup = py.detach(|| self.built.scene.frame(frame, body));
+        let mesh = PyDict::new(py);
+        mesh.set_item("vertices", matrix(py, soup.vertices.into_flattened(), 3)?)?;
+        mesh.set_item("faces", matrix(py, soup.faces.into_flattened(), 3)?)?;
+        mesh.set_item("class_ids", column(py, soup.face_class))?;
+        Ok(mesh)
+    }
+
+    /// Scores placements.
+    #[pyo3(signature = (poses, *, sensors = None))]
+    fn score<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        sensors: Option<Vec<String>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let placements = placements_of(poses, sensors)?;
+        let built = self.built.clone();
+        let scores = interruptible(py, move |stop| {
+            let stopped = || stop.load(Ordering::SeqCst);
+            built.evaluate(|evaluator| score(evaluator, &placements, stopped))
+        })??;
+        scores_object(py, &scores)
+    }
+
+    /// Voxels that a placement covers in any frame.
+    #[pyo3(signature = (poses, *, sensors = None))]
+    fn covered<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        sensors: Option<Vec<String>>,
+    ) -> PyResult<Bound<'py, PyArray1<u64>>> {
+        let placement = only(placements_of(poses, sensors)?)?;
+        let built = self.built.clone();
+        let covered = interruptible(py, move |_| {
+            built.evaluate(|evaluator| evaluator.covered(&placement).map_err(raised))
+        })??;
+        Ok(column(py, covered))
+    }
+
+    /// Casts all beams of placements in one frame.
+    #[pyo3(signature = (poses, *, frame = 0, sensors = None))]
+    fn cast<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        frame: usize,
+        sensors: Option<Vec<String>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let placements = placements_of(poses, sensors)?;
+        let built = self.built.clone();
+        let hits = interruptible(py, move |_| {
+            let problem = built.frame(frame)?;
+            let class = built.scene.face_classes(EgoBody::Include);
+            let opened = engine::open(&problem, &built.options.engine, |_| {});
+            let mut engine = opened.map_err(raised)?.engine;
+            BeamHits::of(&placements, &problem, &class, |poses| engine.hits(poses, 0))
+                .map_err(raised)
+        })??;
+        let columns = PyDict::new(py);
+        columns.set_item("origin", matrix(py, hits.origin, 3)?)?;
+        columns.set_item("direction", matrix(py, hits.direction, 3)?)?;
+        columns.set_item("t_hit", column(py, hits.distance))?;
+        columns.set_item("primitive_ids", column(py, hits.triangle))?;
+        columns.set_item("class_ids", column(py, hits.class))?;
+        columns.set_item("placement", column(py, hits.placement))?;
+        columns.set_item("lidar", column(py, hits.lidar))?;
+        Ok(columns)
+    }
+
+    /// Casts rays of any origin and direction in one frame.
+    #[pyo3(signature = (rays, *, frame = 0))]
+    fn cast_rays<'py>(
+        &self,
+        py: Python<'py>,
+        rays: &Bound<'py, PyAny>,
+        frame: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let wanted = "[N, 6]: origin and direction in the ego frame, metres";
+        let array = numbers::<f32>("rays", rays, wanted)?;
+        let view = rows("rays", &array, 6)?;
+        if let Some(at) = view.rows().into_iter().position(|ray| !ray.iter().all(|v| v.is_finite()))
+        {
+            return Err(bad(format!("rays[{at}]: is not finite; leave the ray out")));
+        }
+        let rays: Vec<[f32; 6]> =
+            view.rows().into_iter().map(|r| std::array::from_fn(|k| r[k])).collect();
+        let built = self.built.clone();
+        let (hits, class) = interruptible(py, move |_| {
+            let problem = built.frame(frame)?;
+            let class = built.scene.face_classes(EgoBody::Include);
+            let geometry = problem.geometry(0).ok_or_else(|| bad("the frame has no geometry"))?;
+            Ok::<_, PyErr>((cast_rays(geometry, &rays, RAY_RANGE), class))
+        })??;
+        let columns = PyDict::new(py);
+        let t = hits.iter().map(|hit| if hit.is_hit() { hit.t } else { f32::INFINITY });
+        columns.set_item("t_hit", column(py, t.collect()))?;
+        let class = hits.iter().map(|hit| class.get(hit.prim as usize).copied());
+        let class = class.map(|class| class.unwrap_or(u16::MAX)).collect();
+        columns.set_item("primitive_ids", column(py, hits.iter().map(|hit| hit.prim).collect()))?;
+        columns.set_item("class_ids", column(py, class))?;
+        Ok(columns)
+    }
+
+    /// Scans frame after frame.
+    #[pyo3(signature = (poses, *, sensors = None, conditions = Vec::new(), ideal = false, seed = 0,
+        frames = None, misses = false))]
+    #[allow(clippy::too_many_arguments)]
+    fn scan(
+        &self,
+        poses: &Bound<'_, PyAny>,
+        sensors: Option<Vec<String>>,
+        conditions: Vec<String>,
+        ideal: bool,
+        seed: u64,
+        frames: Option<Vec<usize>>,
+        misses: bool,
+    ) -> PyResult<ScanIterator> {
+        let placement = only(placements_of(poses, sensors)?)?;
+        let scene = self.built.scene.clone();
+        ScanIterator::begin(scene, placement, &conditions, ideal, seed, frames, misses)
+    }
+
+    /// Compares the engine with the reference, and the reference with brute force in `f64`.
+    #[pyo3(signature = (poses = None, *, sensors = None, frames = 1, random = 200, hostile = 50,
+        sample = 20_000, seed = 1))]
+    #[allow(clippy::too_many_arguments)]
+    fn verify<'py>(
+        &self,
+        py: Python<'py>,
+        poses: Option<&Bound<'py, PyAny>>,
+        sensors: Option<Vec<String>>,
+        frames: u32,
+        random: usize,
+        hostile: usize,
+        sample: u64,
+        seed: u64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let given = poses.map(|poses| placements_of(poses, sensors)).transpose()?;
+        let built = self.built.clone();
+        let found = interruptible(py, move |_| {
+            let psog = built.psog()?;
+            let frames = spread(built.scene.frame_count(), Some(frames.max(1)));
+            let problem = Problem::with_psog(&built.scene, &psog, &frames).map_err(raised)?;
+            let placements = given.unwrap_or_else(|| {
+                let mut all = table_7();
+                all.extend(random_placements(problem.constraints(), random, seed));
+                all.extend(hostile_placements(problem.roi(), hostile, seed));
+                all
+            });
+            let problem = Arc::new(problem);
+            let opened = engine::open(&problem, &built.options.engine, |_| {});
+            let mut engine = opened.map_err(raised)?.engine;
+            verify(&problem, &mut *engine, &placements, sample, seed, &|| {}).map_err(raised)
+        })??;
+        to_python(py, &found)
+    }
+
+    /// Random placements that keep the rules of the mount, `[count, L, 6]`.
+    #[pyo3(signature = (count, *, seed = 1))]
+    fn random_poses<'py>(
+        &self,
+        py: Python<'py>,
+        count: usize,
+        seed: u64,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let constraints = self.built.scene.constraints();
+        let placements = random_placements(&constraints, count, seed);
+        let values: Vec<f64> =
+            placements.iter().flat_map(|p| &p.lidars).flat_map(|pose| pose.values()).collect();
+        shaped(py, values, &[placements.len(), constraints.lidars(), 6])
+    }
+
+    /// SHA-256 of every file that the scene is made of.
+    fn _inputs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &Input::of(&self.built.scene).map_err(raised)?)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Scene({:?}, {} frames)", self.name(), self.frames())
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let (py, this) = (slf.py(), slf.get());
+        let options = PyDict::new(py);
+        let (make, first) = match &this.source {
+            Source::File { path, vehicle } => {
+                options.set_item("vehicle", vehicle)?;
+                (slf.getattr("load")?, path.into_pyobject(py)?.into_any())
+            }
+            Source::Text { text, folder } => {
+                options.set_item("folder", folder)?;
+                (slf.getattr("from_dict")?, py.import("json")?.call_method1("loads", (text,))?)
+            }
+        };
+        let engine = &this.built.options.engine;
+        let psog = this.built.options.psog.clone().map(PyPsog);
+        options.set_item("psog", psog)?;
+        options.set_item("frames", this.built.options.frames)?;
+        options.set_item("conditions", &this.conditions)?;
+        options.set_item("backend", &this.backend)?;
+        options.set_item("adapter", &engine.adapter)?;
+        options.set_item("memory", engine.memory)?;
+        let rebuild = py.import("sightline._pickle")?.getattr("scene")?;
+        let arguments = (make, first, options, this._inputs(py)?).into_pyobject(py)?;
+        PyTuple::new(py, [rebuild, arguments.into_any()])
+    }
+}
+
+/// The one placement of a list.
+pub fn only(mut placements: Vec<Placement>) -> PyResult<Placement> {
+    match placements.len() {
+        1 => Ok(placements.remove(0)),
+        count => {
+            Err(bad(format!("poses: are those of {count} placements; give one of them, [L, 6]")))
+        }
+    }
+}

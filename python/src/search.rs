@@ -1,0 +1,346 @@
+//! Suites of scenes, and the search for a better placement.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::channel;
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use serde_json::json;
+use sightline::engine::EngineChoice;
+use sightline::report::{RunContext, RunRecord, RunTimes};
+use sightline::search::{
+    Event, FrameChoice, Method, Outcome, Settings, Suite, TimeLimit, equip, optimize,
+};
+use sightline::{Evaluator, Objective};
+
+use crate::columns::scores_object;
+use crate::engine::{Built, score, suite_of};
+use crate::errors::{bad, raised};
+use crate::json::to_python;
+use crate::placements::{PyPlacement, placements_of};
+use crate::scenes::PyScene;
+use crate::wait::{interruptible, wait};
+
+/// Several scenes that share LiDARs and mount.
+#[pyclass(name = "Suite", module = "sightline", frozen)]
+pub struct PySuite {
+    scenes: Vec<Arc<Built>>,
+    evaluator: Arc<Mutex<Option<Evaluator>>>,
+}
+
+#[pymethods]
+impl PySuite {
+    #[new]
+    fn new(scenes: Vec<Bound<'_, PyScene>>) -> PyResult<Self> {
+        if scenes.is_empty() {
+            return Err(bad("scenes: are none; give at least one"));
+        }
+        let scenes = scenes.iter().map(|scene| scene.get().built.clone()).collect();
+        Ok(Self { scenes, evaluator: Arc::default() })
+    }
+
+    #[getter]
+    fn names(&self) -> Vec<&str> {
+        self.scenes.iter().map(|built| built.scene.name()).collect()
+    }
+
+    /// Scores over all scenes, each counting the same.
+    #[pyo3(signature = (poses, *, sensors = None))]
+    fn score<'py>(
+        &self,
+        py: Python<'py>,
+        poses: &Bound<'py, PyAny>,
+        sensors: Option<Vec<String>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let placements = placements_of(poses, sensors)?;
+        let (scenes, kept) = (self.scenes.clone(), self.evaluator.clone());
+        let scores = interruptible(py, move |stop| {
+            let mut evaluator = kept.lock().unwrap_or_else(PoisonError::into_inner);
+            if evaluator.is_none() {
+                let suite = suite_of(&scenes)?;
+                let choice = &scenes[0].options.engine;
+                *evaluator = Some(Evaluator::open(&suite, choice, |_| {}).map_err(raised)?.0);
+            }
+            let stopped = || stop.load(Ordering::SeqCst);
+            match &mut *evaluator {
+                Some(evaluator) => score(evaluator, &placements, stopped),
+                None => Ok(Vec::new()),
+            }
+        })??;
+        scores_object(py, &scores)
+    }
+
+    fn __len__(&self) -> usize {
+        self.scenes.len()
+    }
+}
+
+/// What is asked of a search, in Rust's terms.
+struct Asked {
+    settings: Settings,
+    scenes: Vec<Arc<Built>>,
+    mirror: bool,
+    budget: f64,
+    seconds: Option<f64>,
+    plain_baselines: bool,
+}
+
+impl Asked {
+    /// The suite with its sensors chosen, and the settings that go with them; `None` where the observer stops it.
+    fn prepared(
+        &self,
+        observe: &mut dyn FnMut(&Event) -> bool,
+    ) -> PyResult<Option<(Suite, Settings)>> {
+        let mut settings = self.settings.clone();
+        let suite = suite_of(&self.scenes)?;
+        let suite = if self.mirror { suite.with_mirror_images() } else { suite };
+        let Some(vehicle) = self.scenes[0].scene.vehicle() else {
+            if self.budget.is_finite() {
+                return Err(bad(
+                    "budget: the scene has one LiDAR and no prices; load it with a vehicle",
+                ));
+            }
+            return Ok(Some((suite, settings)));
+        };
+        let mut observe = |event: &Event| observe(event);
+        let (objective, engine) = (&settings.objective, &settings.engine);
+        let found = equip(&suite, vehicle, objective, self.budget, engine, &mut observe);
+        let Some(found) = found.map_err(raised)? else { return Ok(None) };
+        let suite = suite.with_constraints(&vehicle.constraints(&found.equipment));
+        if self.plain_baselines {
+            settings.baselines = vec![found.plain(suite.constraints())];
+        }
+        settings.starts.push(found.placement);
+        Ok(Some((suite, settings)))
+    }
+
+    /// Runs to the outcome; `None` where the observer stops the choice of sensors.
+    fn run(
+        mut self,
+        observe: &mut dyn FnMut(&Event) -> bool,
+    ) -> PyResult<Option<(Suite, Settings, Outcome)>> {
+        self.settings.time =
+            self.seconds.map(|seconds| TimeLimit::from_now(Duration::from_secs_f64(seconds)));
+        let Some((suite, settings)) = self.prepared(observe)? else { return Ok(None) };
+        let mut observe = |event: &Event| observe(event);
+        let outcome = optimize(suite.clone(), &settings, &mut observe).map_err(raised)?;
+        Ok(Some((suite, settings, outcome)))
+    }
+}
+
+/// Tells a callback of an event; `Ok(false)` where it asks for the end.
+fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
+    let told = PyDict::new(py);
+    match event {
+        Event::Note(text) => {
+            told.set_item("event", "note")?;
+            told.set_item("text", text)?;
+        }
+        Event::Generation(record) => {
+            told.set_item("event", "generation")?;
+            told.update(to_python(py, record)?.cast::<PyDict>()?.as_mapping())?;
+        }
+        Event::Progress { work, done, total } => {
+            told.set_item("event", "progress")?;
+            told.set_item("work", work.to_string())?;
+            told.set_item("done", done)?;
+            told.set_item("total", total)?;
+        }
+        _ => return Ok(true),
+    }
+    let answer = callback.call1(py, (told,))?;
+    Ok(answer.is_none(py) || answer.is_truthy(py)?)
+}
+
+/// Searches placements over scenes.
+#[pyfunction(name = "optimize")]
+#[pyo3(signature = (scenes, *, objective = "information_gain", evaluations = 180, seed = 1,
+    method = "both", frames = "on-demand", population = None, baselines = None, starts = None,
+    target = None, seconds = None, mirror = false, budget = None, callback = None))]
+#[allow(clippy::too_many_arguments)]
+pub fn search<'py>(
+    py: Python<'py>,
+    scenes: &Bound<'py, PyAny>,
+    objective: &str,
+    evaluations: u64,
+    seed: u64,
+    method: &str,
+    frames: &str,
+    population: Option<usize>,
+    baselines: Option<&Bound<'py, PyAny>>,
+    starts: Option<&Bound<'py, PyAny>>,
+    target: Option<f64>,
+    seconds: Option<f64>,
+    mirror: bool,
+    budget: Option<f64>,
+    callback: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let scenes: Vec<Bound<'_, PyScene>> = match scenes.cast::<PyScene>() {
+        Ok(one) => vec![one.clone()],
+        Err(_) => scenes.extract().map_err(|_| bad("scenes: give a Scene or a list of them"))?,
+    };
+    let scenes: Vec<Arc<Built>> = scenes.iter().map(|scene| scene.get().built.clone()).collect();
+    let engine: EngineChoice = match scenes.first() {
+        Some(built) => built.options.engine.clone(),
+        None => return Err(bad("scenes: are none; give at least one")),
+    };
+    if let Some(seconds) = seconds.filter(|seconds| !(*seconds > 0.0 && *seconds < 1e9)) {
+        return Err(bad(format!("seconds: are {seconds}; give more than 0")));
+    }
+    let given = |list: Option<&Bound<'py, PyAny>>| {
+        list.filter(|list| !list.len().is_ok_and(|length| length == 0))
+            .map_or_else(|| Ok(Vec::new()), |list| placements_of(list, None))
+    };
+    let default = Settings::default();
+    let settings = Settings {
+        objective: objective.parse::<Objective>().map_err(raised)?,
+        method: word(
+            "method",
+            method,
+            &[("both", Method::Both), ("cma", Method::Cma), ("swaps", Method::Swaps)],
+        )?,
+        evaluations,
+        population,
+        seed,
+        frames: frames_of(frames)?,
+        baselines: baselines.map_or(Ok(default.baselines.clone()), |list| given(Some(list)))?,
+        starts: given(starts)?,
+        target,
+        engine,
+        ..default
+    };
+    let asked = Asked {
+        settings,
+        scenes,
+        mirror,
+        budget: budget.unwrap_or(f64::INFINITY),
+        seconds,
+        plain_baselines: baselines.is_none(),
+    };
+    let (ended, signal) = beside(py, asked, callback)?;
+    let result = match ended {
+        Some((suite, settings, outcome)) => Some(result_object(py, &suite, &settings, &outcome)?),
+        None => None,
+    };
+    match (signal, result) {
+        (Some(signal), result) => {
+            signal.value(py).setattr("result", result)?;
+            Err(signal)
+        }
+        (None, Some(result)) => Ok(result),
+        (None, None) => Ok(py.None().into_bound(py)),
+    }
+}
+
+/// What a search has come to, and the signal or the callback's exception that ended it.
+type Ended = (Option<(Suite, Settings, Outcome)>, Option<PyErr>);
+
+/// Searches on a thread of its own. After Ctrl-C, or an exception of the callback, the search finishes its generation and
+/// confirms what it has; after a second one it is left alone.
+fn beside(py: Python<'_>, asked: Asked, callback: Option<Py<PyAny>>) -> PyResult<Ended> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let failed: Arc<Mutex<Option<PyErr>>> = Arc::default();
+    let (sender, receiver) = channel();
+    let (told, failing) = (stop.clone(), failed.clone());
+    std::thread::spawn(move || {
+        let mut observe = |event: &Event| {
+            if let Some(callback) = callback.as_ref().filter(|_| !told.load(Ordering::SeqCst)) {
+                match Python::attach(|py| tell(py, callback, event)) {
+                    Ok(true) => {}
+                    Ok(false) => told.store(true, Ordering::SeqCst),
+                    Err(error) => {
+                        *failing.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+                        told.store(true, Ordering::SeqCst);
+                    }
+                }
+            }
+            !told.load(Ordering::SeqCst)
+        };
+        sender.send(asked.run(&mut observe))
+    });
+    let receiver = Mutex::new(receiver);
+    let mut signal = None;
+    let ended = match wait(py, &receiver) {
+        Err(first) => {
+            stop.store(true, Ordering::SeqCst);
+            signal = Some(first);
+            wait(py, &receiver)?
+        }
+        Ok(ended) => ended,
+    };
+    let Some(ended) = ended else {
+        return Err(PyRuntimeError::new_err("the search ended without a result; see stderr"));
+    };
+    let failed = failed.lock().unwrap_or_else(PoisonError::into_inner).take();
+    Ok((ended?, signal.or(failed)))
+}
+
+/// The `Result` object of the package.
+fn result_object<'py>(
+    py: Python<'py>,
+    suite: &Suite,
+    settings: &Settings,
+    outcome: &Outcome,
+) -> PyResult<Bound<'py, PyAny>> {
+    let scene = suite.members().first().map_or("", |member| member.name());
+    let times = &outcome.times;
+    let record = RunRecord::new(
+        outcome,
+        RunContext {
+            scene,
+            settings: json!(settings),
+            suite,
+            seed: settings.seed,
+            objective: settings.objective.to_string(),
+            rate: times.scored as f64 / times.generations.max(1e-9),
+            timings: RunTimes {
+                search: times.search,
+                generations: times.generations,
+                bookkeeping: times.bookkeeping,
+                swaps: times.swaps,
+                bounds: times.bounds,
+                confirm: times.confirm,
+                total: times.frames + times.search + times.confirm,
+                ..RunTimes::default()
+            },
+            peak_memory: None,
+        },
+    );
+    let placement = |scored: &sightline::search::Scored| PyPlacement(scored.placement.clone());
+    let all = outcome.best.iter().chain(&outcome.baselines);
+    let scores: Vec<_> = all.map(|scored| scored.scores.clone()).collect();
+    let fields = PyDict::new(py);
+    fields.set_item("best", outcome.best.as_ref().map(placement))?;
+    fields.set_item("baselines", outcome.baselines.iter().map(placement).collect::<Vec<_>>())?;
+    fields.set_item("scores", scores_object(py, &scores)?)?;
+    fields.set_item("history", to_python(py, &outcome.history)?)?;
+    fields.set_item("record", to_python(py, &record)?)?;
+    py.import("sightline._records")?.getattr("Result")?.call((), Some(&fields))
+}
+
+/// A value by its word.
+fn word<T: Copy>(what: &str, given: &str, known: &[(&str, T)]) -> PyResult<T> {
+    let found = known.iter().find(|(name, _)| *name == given);
+    found.map(|(_, value)| *value).ok_or_else(|| {
+        let names: Vec<&str> = known.iter().map(|(name, _)| *name).collect();
+        bad(format!("{what}: `{given}` is none; give {}", names.join(", ")))
+    })
+}
+
+/// `on-demand`, `all`, or a number.
+fn frames_of(given: &str) -> PyResult<FrameChoice> {
+    match given {
+        "on-demand" => Ok(FrameChoice::OnDemand),
+        "all" => Ok(FrameChoice::All),
+        number => match number.parse() {
+            Ok(count) if count > 0 => Ok(FrameChoice::Count(count)),
+            _ => Err(bad(format!(
+                "frames: `{number}` is none; give on-demand, all, or a number as \"8\""
+            ))),
+        },
+    }
+}

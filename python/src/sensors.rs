@@ -1,0 +1,139 @@
+//! Sensors and vehicles.
+
+use std::path::{Path, PathBuf};
+
+use numpy::PyArray2;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use serde_json::json;
+use sightline::BeamTable;
+use sightline::vehicle::{Lidar, Vehicle};
+
+use crate::arrays::matrix;
+use crate::errors::raised;
+use crate::json::{to_python, to_text};
+
+/// A LiDAR model: its beams in its own frame.
+#[pyclass(name = "Sensor", module = "sightline", frozen)]
+pub struct PySensor {
+    table: BeamTable,
+    range: f64,
+}
+
+impl PySensor {
+    pub fn of(lidar: &Lidar) -> PyResult<Self> {
+        Ok(Self { table: lidar.table().map_err(raised)?, range: lidar.range() })
+    }
+
+    fn from_text(text: &str, folder: &Path, name: &str) -> PyResult<Self> {
+        Self::of(&Lidar::from_json(text, folder, name).map_err(raised)?)
+    }
+}
+
+#[pymethods]
+impl PySensor {
+    /// From a file of a vendor, told apart by what it holds.
+    #[staticmethod]
+    #[pyo3(signature = (path, *, range = 100.0, azimuth_steps = None))]
+    fn load(path: PathBuf, range: f64, azimuth_steps: Option<u32>) -> PyResult<Self> {
+        let mut lidar = json!({ "file": path, "range": range });
+        if let Some(steps) = azimuth_steps {
+            lidar["azimuth_steps"] = steps.into();
+        }
+        Self::from_text(&lidar.to_string(), Path::new(""), &path.display().to_string())
+    }
+
+    /// From what a scene has under `lidar`.
+    #[staticmethod]
+    #[pyo3(signature = (lidar, *, folder = None))]
+    fn from_dict(lidar: &Bound<'_, PyAny>, folder: Option<PathBuf>) -> PyResult<Self> {
+        let text = to_text("lidar", lidar)?;
+        Self::from_text(&text, &folder.unwrap_or_default(), "lidar")
+    }
+
+    #[getter]
+    fn directions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        matrix(py, self.table.directions().as_flattened().to_vec(), 3)
+    }
+
+    #[getter]
+    fn range(&self) -> f64 {
+        self.range
+    }
+
+    fn __len__(&self) -> usize {
+        self.table.directions().len()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Sensor({} beams, {} m)", self.__len__(), self.range)
+    }
+}
+
+/// A vehicle file: the models that it may carry, its mounts and rules.
+#[pyclass(name = "Vehicle", module = "sightline", frozen)]
+pub struct PyVehicle {
+    pub path: PathBuf,
+    vehicle: Vehicle,
+}
+
+#[pymethods]
+impl PyVehicle {
+    #[staticmethod]
+    fn load(path: PathBuf) -> PyResult<Self> {
+        let vehicle = Vehicle::read(&path).map_err(raised)?;
+        Ok(Self { path, vehicle })
+    }
+
+    #[getter]
+    fn path(&self) -> &Path {
+        &self.path
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        &self.vehicle.name
+    }
+
+    #[getter]
+    fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        for model in &self.vehicle.sensors {
+            all.set_item(model.name.as_str(), PySensor::of(&model.lidar)?)?;
+        }
+        Ok(all)
+    }
+
+    #[getter]
+    fn prices<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        for model in &self.vehicle.sensors {
+            all.set_item(model.name.as_str(), model.price)?;
+        }
+        Ok(all)
+    }
+
+    #[getter]
+    fn mounts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let mounts = self.vehicle.mounts.iter().map(|mount| {
+            json!({
+                "name": mount.region.name,
+                "lower": mount.region.lower,
+                "upper": mount.region.upper,
+                "sensors": mount.sensors,
+                "count": mount.count,
+            })
+        });
+        to_python(py, &mounts.collect::<Vec<_>>())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Vehicle({:?})", self.vehicle.name)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let load = slf.getattr("load")?;
+        let arguments = (&slf.get().path,).into_pyobject(slf.py())?;
+        PyTuple::new(slf.py(), [load, arguments.into_any()])
+    }
+}

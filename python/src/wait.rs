@@ -1,0 +1,50 @@
+//! Long work beside the interpreter: the GIL is free, and Ctrl-C is heard.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+
+/// Time between two looks for a signal.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Waits for a value without the GIL, looking for signals in between; `None` where the sender is gone.
+///
+/// # Errors
+/// A signal whose handler raises, as Ctrl-C does.
+pub fn wait<T: Send>(py: Python<'_>, receiver: &Mutex<Receiver<T>>) -> PyResult<Option<T>> {
+    let receive = || receiver.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(LOOK);
+    loop {
+        match py.detach(receive) {
+            Ok(value) => return Ok(Some(value)),
+            Err(RecvTimeoutError::Timeout) => py.check_signals()?,
+            Err(RecvTimeoutError::Disconnected) => return Ok(None),
+        }
+    }
+}
+
+/// Runs `work` on a thread of its own and waits for it; it is told to stop when a signal raises, and goes on in the
+/// background until it looks.
+///
+/// # Errors
+/// As [`wait`]; a panic of `work`.
+pub fn interruptible<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce(&AtomicBool) -> T + Send + 'static,
+) -> PyResult<T> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let (sender, receiver) = channel();
+    let told = stop.clone();
+    std::thread::spawn(move || sender.send(work(&told)));
+    match wait(py, &Mutex::new(receiver)) {
+        Ok(Some(value)) => Ok(value),
+        Ok(None) => Err(PyRuntimeError::new_err("the work ended without a result; see stderr")),
+        Err(signal) => {
+            stop.store(true, Ordering::SeqCst);
+            Err(signal)
+        }
+    }
+}
