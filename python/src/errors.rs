@@ -4,34 +4,63 @@ use std::error::Error as StdError;
 
 use pyo3::PyErr;
 use pyo3::exceptions::{PyMemoryError, PyOSError, PyValueError};
-use sightline::engine::{BackendError, OutOfMemory};
+use sightline::Error;
+use sightline::engine::{BackendError, OpenError};
+use sightline::problem::ProblemError;
+use sightline::psog::GridError;
+use sightline::scan::ScanError;
+use sightline::search::SearchError;
 
 /// The exception for an error of the library, with the library's sentence.
-pub fn raised(error: impl Into<sightline::Error>) -> PyErr {
+pub fn raised(error: impl Into<Error>) -> PyErr {
     let error = error.into();
     let sentence = error.to_string();
-    let mut cause: Option<&(dyn StdError + 'static)> = Some(&error);
-    while let Some(error) = cause {
-        if error.is::<std::io::Error>() {
-            return PyOSError::new_err(sentence);
-        }
-        if error.is::<OutOfMemory>() {
-            return PyMemoryError::new_err(sentence);
-        }
-        match error.downcast_ref::<BackendError>() {
-            Some(BackendError::NoDevice { .. } | BackendError::Device { .. }) => {
-                return PyOSError::new_err(sentence);
-            }
-            Some(BackendError::TooLarge { .. } | BackendError::OutOfMemory(_)) => {
-                return PyMemoryError::new_err(sentence);
-            }
-            _ => cause = error.source(),
-        }
+    if lacks_memory(&error) {
+        PyMemoryError::new_err(sentence)
+    } else if lacks_file_or_device(&error) {
+        PyOSError::new_err(sentence)
+    } else {
+        PyValueError::new_err(sentence)
     }
-    PyValueError::new_err(sentence)
 }
 
 /// A `ValueError` with a sentence of the module's own.
 pub fn bad(sentence: impl Into<String>) -> PyErr {
     PyValueError::new_err(sentence.into())
+}
+
+/// The engine's error, where it is one.
+fn of_engine(error: &Error) -> Option<&BackendError> {
+    match error {
+        Error::Backend(error) | Error::Search(SearchError::Backend(error)) => Some(error),
+        _ => None,
+    }
+}
+
+fn lacks_memory(error: &Error) -> bool {
+    let engine = of_engine(error);
+    matches!(engine, Some(BackendError::TooLarge { .. } | BackendError::OutOfMemory(_)))
+        || matches!(
+            error,
+            Error::Scan(ScanError::OutOfMemory(_))
+                | Error::Grid(GridError::OutOfMemory(_))
+                | Error::Problem(ProblemError::OutOfMemory(_))
+                | Error::Open(OpenError::Grid(GridError::OutOfMemory(_)))
+                | Error::Open(OpenError::Problem { source: ProblemError::OutOfMemory(_), .. })
+        )
+}
+
+fn lacks_file_or_device(error: &Error) -> bool {
+    let engine = of_engine(error);
+    if matches!(engine, Some(BackendError::NoDevice { .. } | BackendError::Device { .. })) {
+        return true;
+    }
+    let mut cause: Option<&(dyn StdError + 'static)> = Some(error);
+    while let Some(error) = cause {
+        if error.is::<std::io::Error>() {
+            return true;
+        }
+        cause = error.source();
+    }
+    false
 }

@@ -16,7 +16,10 @@ use crate::json::to_python;
 const WANTED: &str =
     "[N, L, 6], or [L, 6] for one placement: x, y, z in metres, roll, pitch, yaw in radians";
 
-/// A placement: a name and a pose for each LiDAR.
+/// A placement: a name and a pose for each of L LiDARs.
+///
+/// `poses` is `[L, 6]`: x, y, z in metres, roll, pitch, yaw in radians, in the ego frame. `sensors` names the model of
+/// each LiDAR on a vehicle that has several.
 #[pyclass(name = "Placement", module = "sightline", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub struct PyPlacement(pub Placement);
@@ -39,22 +42,26 @@ impl PyPlacement {
         Ok(Self(placement))
     }
 
+    /// Name, 1 to 64 of letters, digits, `.`, `_`, `-`.
     #[getter]
     fn name(&self) -> &str {
         &self.0.name
     }
 
+    /// `[L, 6]` f64: x, y, z in metres, roll, pitch, yaw in radians.
     #[getter]
     fn poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let values = self.0.lidars.iter().flat_map(SensorPose::values).collect();
         matrix(py, values, 6)
     }
 
+    /// Model of each LiDAR; empty text where none is named.
     #[getter]
     fn sensors(&self) -> Vec<&'static str> {
         self.0.lidars.iter().map(|pose| pose.sensor.as_str()).collect()
     }
 
+    /// What a placement file holds of it.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         to_python(py, &self.0)
     }
@@ -153,6 +160,8 @@ fn from_array(given: &Bound<'_, PyAny>, sensors: &[SensorName]) -> PyResult<Vec<
 }
 
 /// All placements of a `.json` or `.jsonl` file.
+///
+/// Raises `OSError` for a file that cannot be read, `ValueError` for one that names the placement that is wrong.
 #[pyfunction(name = "read_placements")]
 pub fn read(path: PathBuf) -> PyResult<Vec<PyPlacement>> {
     Ok(read_placements(&path).map_err(raised)?.into_iter().map(PyPlacement).collect())

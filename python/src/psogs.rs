@@ -14,13 +14,17 @@ use sightline::datasets::{
 use sightline::geom::Pose;
 use sightline::internals::{EntropyKind, FileError, to_nats, write_whole};
 use sightline::psog::{PsogInfo, Roi, read_psog, write_psog};
+use sightline::scan::NO_CLASS;
 
 use crate::arrays::{column, matrix, numbers, rows};
 use crate::errors::{bad, raised};
 use crate::json::to_python;
 use crate::wait::interruptible;
 
-/// A probabilistic semantic occupancy grid.
+/// A probabilistic semantic occupancy grid: in how many of T frames a voxel has each of M classes.
+///
+/// Voxel (i, j, k) is `roi_min` + [i, i+1) · `voxel` × …, its linear index (i · ny + j) · nz + k. `index` `[K]` lists, rising,
+/// the voxels that have a class in some frame, `counts` `[K, M]` in how many; T − Σ is empty.
 #[pyclass(name = "Psog", module = "sightline", frozen)]
 #[derive(Clone)]
 pub struct PyPsog(pub Arc<Psog>);
@@ -56,18 +60,25 @@ impl PyPsog {
         Ok(Self(Arc::new(psog)))
     }
 
+    /// Reads a `.npz` file.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         py.detach(|| Ok(Self(Arc::new(read_psog(&path).map_err(raised)?))))
     }
 
+    /// Writes a `.npz` file, whole at any time.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let write =
             || write_whole(&path, |file| write_psog(file, &self.0).map_err(FileError::io(&path)));
         py.detach(write).map_err(raised)
     }
 
-    /// From labelled points, a frame a list entry.
+    /// From labelled points: lists with an entry a frame.
+    ///
+    /// `points[t]` `[N, 3]` in the vehicle's frame of frame t, metres; `labels[t]` `[N]`, positions in `classes`, 65535 and
+    /// negative ones vote for nothing; `poses[t]` `[4, 4]`, world from vehicle. `roi` is the lower and the upper corner in the
+    /// vehicle's frame, `voxel` the edges. Frame t merges the frames t − `window` ..= t + `window`, all of them for `None`;
+    /// points of classes in `moving` count in their own frame only.
     #[staticmethod]
     #[pyo3(signature = (points, labels, poses, *, classes, roi, voxel, window = None, moving = None))]
     #[allow(clippy::too_many_arguments)]
@@ -108,43 +119,50 @@ impl PyPsog {
         Ok(Self(Arc::new(psog)))
     }
 
+    /// `[K]` u64, linear indices, rising.
     #[getter]
     fn index<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
         column(py, self.0.index().to_vec())
     }
 
+    /// `[K, M]` u16, frames in which the voxel has the class.
     #[getter]
     fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u16>>> {
         matrix(py, self.0.counts().to_vec(), self.0.classes().len())
     }
 
+    /// T.
     #[getter]
     fn frames(&self) -> u32 {
         self.0.frames()
     }
 
+    /// Names of the M classes.
     #[getter]
     fn classes(&self) -> Vec<String> {
         self.0.classes().to_vec()
     }
 
+    /// `[3]` f64, lower corner in metres.
     #[getter]
     fn roi_min<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         column(py, self.0.roi().min().to_vec())
     }
 
+    /// `[3]` f64, edges in metres.
     #[getter]
     fn voxel<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         column(py, self.0.roi().voxel().to_vec())
     }
 
+    /// Voxels along x, y, z.
     #[getter]
     fn shape(&self) -> (u32, u32, u32) {
         let [x, y, z] = self.0.roi().shape();
         (x, y, z)
     }
 
-    /// Entropy of each listed voxel in nats.
+    /// `[K]` f64, entropy of each listed voxel in nats; every other voxel has none.
     fn entropy<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         let psog = &self.0;
         let entropies = py.detach(|| psog.entropies(EntropyKind::Segmentation));
@@ -156,6 +174,7 @@ impl PyPsog {
         Ok(Self(Arc::new(self.0.merge(&other.0).map_err(raised)?)))
     }
 
+    /// What `sightline psog info` prints.
     fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         to_python(py, &PsogInfo::new(&self.0, None))
     }
@@ -203,7 +222,8 @@ fn labelled(
         return Err(bad(format!("{what}: has {labels} labels for {points} points; give one each")));
     }
     let label = |(n, &id): (usize, &i64)| {
-        let class = (id >= 0).then(|| usize::try_from(id).unwrap_or(usize::MAX));
+        let class = (id >= 0 && id != i64::from(NO_CLASS))
+            .then(|| usize::try_from(id).unwrap_or(usize::MAX));
         match class {
             Some(class) if class >= moves.len() => Err(bad(format!(
                 "{what}[{n}]: is {id}; give a position in `classes`, below {}, or −1 for no vote",

@@ -11,7 +11,7 @@ use sightline::{Placement, Scene};
 
 use crate::arrays::{column, homogeneous, matrix, shaped};
 use crate::errors::{bad, raised};
-use crate::wait::wait;
+use crate::wait::{start, wait};
 
 /// Scans of a scene, frame after frame.
 #[pyclass(name = "ScanIterator", module = "sightline", frozen)]
@@ -42,7 +42,7 @@ impl ScanIterator {
         }
         // One frame waits while another is scanned.
         let (sender, scans) = sync_channel(1);
-        std::thread::spawn(move || {
+        start(move || {
             let scanner = match Scanner::new(&scene, &placement, &scanning) {
                 Ok(scanner) => scanner,
                 Err(error) => return drop(sender.send(Err(error))),
@@ -53,7 +53,7 @@ impl ScanIterator {
                     break;
                 }
             }
-        });
+        })?;
         Ok(Self { scans: Mutex::new(scans), misses })
     }
 }

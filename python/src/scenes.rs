@@ -37,7 +37,10 @@ enum Source {
     Text { text: String, folder: PathBuf },
 }
 
-/// A scene, ready to be scored.
+/// A scene, ready to be scored; what scoring needs is built when it is first needed, and kept.
+///
+/// `poses` of the methods is an array `[N, L, 6]` (or `[L, 6]` for one placement), a `Placement`, or a list of them;
+/// `sensors` names the model of each LiDAR of an array.
 #[pyclass(name = "Scene", module = "sightline", frozen)]
 pub struct PyScene {
     pub built: Arc<Built>,
@@ -48,6 +51,12 @@ pub struct PyScene {
 
 #[pymethods]
 impl PyScene {
+    /// Reads a scene file.
+    ///
+    /// `vehicle` is a vehicle file in place of the scene's LiDAR and mount, `psog` a P-SOG in place of its own. Scores are
+    /// means over all frames, or over `frames` of them, spread evenly. `conditions` are weather and faults, as `"fog:mor=50"`.
+    /// `backend` is `auto` (the best hardware Vulkan device, else the CPU), `gpu` (any device, `adapter` a part of its name)
+    /// or `cpu`; all give the same bits. `memory` bounds work buffers, in bytes.
     #[staticmethod]
     #[pyo3(signature = (path, *, vehicle = None, psog = None, frames = None, conditions = Vec::new(),
         backend = "auto", adapter = None, memory = None))]
@@ -74,6 +83,7 @@ impl PyScene {
         })
     }
 
+    /// A scene from what a scene file holds; files that it names are relative to `folder`. Options as of `load`.
     #[staticmethod]
     #[pyo3(signature = (scene, *, folder = PathBuf::from("."), psog = None, frames = None,
         conditions = Vec::new(), backend = "auto", adapter = None, memory = None))]
@@ -100,41 +110,49 @@ impl PyScene {
         })
     }
 
+    /// Name of the scene.
     #[getter]
     fn name(&self) -> &str {
         self.built.scene.name()
     }
 
+    /// Class names; a class is a position in this list.
     #[getter]
     fn classes(&self) -> Vec<String> {
         self.built.scene.classes().to_vec()
     }
 
+    /// Frames of the scene.
     #[getter]
     fn frames(&self) -> usize {
         self.built.scene.frame_count()
     }
 
+    /// Frames a second.
     #[getter]
     fn rate(&self) -> f64 {
         self.built.scene.rate()
     }
 
+    /// Whether there is anything to cast into.
     #[getter]
     fn has_geometry(&self) -> bool {
         self.built.scene.has_geometry()
     }
 
+    /// Every file that the scene is made of.
     #[getter]
     fn files(&self) -> &[PathBuf] {
         self.built.scene.files()
     }
 
+    /// Likely mistakes in the scene, a sentence each.
     #[getter]
     fn notes(&self) -> &[String] {
         self.built.scene.notes()
     }
 
+    /// Models by name; without a vehicle one, whose name is empty.
     #[getter]
     fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
@@ -148,13 +166,14 @@ impl PyScene {
         Ok(all)
     }
 
+    /// The P-SOG: read, or built from virtual scans.
     #[getter]
     fn psog(&self, py: Python<'_>) -> PyResult<PyPsog> {
         let built = self.built.clone();
         Ok(PyPsog(interruptible(py, move |_| built.psog())??))
     }
 
-    /// Pose of the vehicle in a frame.
+    /// `[4, 4]` f64, takes the ego frame of a frame to the world.
     fn world_from_ego<'py>(
         &self,
         py: Python<'py>,
@@ -167,7 +186,8 @@ impl PyScene {
         homogeneous(py, &self.built.scene.ego_pose(frame))
     }
 
-    /// Triangles of a frame.
+    /// Triangles of a frame in the ego frame: `vertices` `[V, 3]` f32 in metres, `faces` `[F, 3]` u32, `class_ids` `[F]` u16;
+    /// without those of the own vehicle where `body` is false.
     #[pyo3(signature = (frame = 0, *, body = true))]
     fn mesh<'py>(&self, py: Python<'py>, frame: usize, body: bool) -> PyResult<Bound<'py, PyDict>> {
         let frames = self.built.scene.frame_count();
@@ -183,7 +203,8 @@ impl PyScene {
         Ok(mesh)
     }
 
-    /// Scores placements.
+    /// Scores of N placements, as `Scores`: an array a score. The bits are those of `sightline score`, whose guard `self_hit`
+    /// is not among these.
     #[pyo3(signature = (poses, *, sensors = None))]
     fn score<'py>(
         &self,
@@ -200,7 +221,7 @@ impl PyScene {
         scores_object(py, &scores)
     }
 
-    /// Voxels that a placement covers in any frame.
+    /// u64, rising linear indices of the voxels that a placement covers in any frame.
     #[pyo3(signature = (poses, *, sensors = None))]
     fn covered<'py>(
         &self,
@@ -216,7 +237,11 @@ impl PyScene {
         Ok(column(py, covered))
     }
 
-    /// Casts all beams of placements in one frame.
+    /// Closest hits of all B beams of placements in one frame, ordered by placement, LiDAR, channel, azimuth step.
+    ///
+    /// `origin`, `direction` `[B, 3]` f32 in the ego frame, unit directions; `t_hit` `[B]` f32 metres, `inf` for no hit within
+    /// range; `primitive_ids` `[B]` u32, faces of `mesh(frame)`, 2³²−1 for none; `class_ids` `[B]` u16, 65535 for none;
+    /// `placement` `[B]` u32, `lidar` `[B]` u16.
     #[pyo3(signature = (poses, *, frame = 0, sensors = None))]
     fn cast<'py>(
         &self,
@@ -246,7 +271,8 @@ impl PyScene {
         Ok(columns)
     }
 
-    /// Casts rays of any origin and direction in one frame.
+    /// Closest hits of `rays` `[N, 6]`, origin and direction in the ego frame, in one frame: `t_hit` `[N]` f32 in lengths of the
+    /// direction, `inf` for none; `primitive_ids` and `class_ids` as of `cast`.
     #[pyo3(signature = (rays, *, frame = 0))]
     fn cast_rays<'py>(
         &self,
@@ -280,7 +306,10 @@ impl PyScene {
         Ok(columns)
     }
 
-    /// Scans frame after frame.
+    /// Labelled scans of one placement, frame after frame, as an iterator of `Scan`; the next frame is scanned meanwhile.
+    ///
+    /// `conditions` are weather and faults of the scan, as `"snow:rate=1"`; `ideal` leaves the sensor's own limits out; `frames`
+    /// are all unless given; with `misses` every beam is there, not only the points. Chance depends on `seed` alone.
     #[pyo3(signature = (poses, *, sensors = None, conditions = Vec::new(), ideal = false, seed = 0,
         frames = None, misses = false))]
     #[allow(clippy::too_many_arguments)]
@@ -299,7 +328,9 @@ impl PyScene {
         ScanIterator::begin(scene, placement, &conditions, ideal, seed, frames, misses)
     }
 
-    /// Compares the engine with the reference, and the reference with brute force in `f64`.
+    /// Compares hits, voxels and sums of the scene's engine with the CPU reference, bit by bit, and `sample` beams of the
+    /// reference with brute force in f64, over `frames` frames: what `sightline verify --format json` prints. Placements are
+    /// those of Table 7, `random` and `hostile` ones unless given.
     #[pyo3(signature = (poses = None, *, sensors = None, frames = 1, random = 200, hostile = 50,
         sample = 20_000, seed = 1))]
     #[allow(clippy::too_many_arguments)]

@@ -6,7 +6,7 @@ use std::sync::mpsc::channel;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use pyo3::exceptions::PyRuntimeError;
+use pyo3::exceptions::{PyRuntimeError, PyStopIteration};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::json;
@@ -23,9 +23,9 @@ use crate::errors::{bad, raised};
 use crate::json::to_python;
 use crate::placements::{PyPlacement, placements_of};
 use crate::scenes::PyScene;
-use crate::wait::{interruptible, wait};
+use crate::wait::{interruptible, start, wait};
 
-/// Several scenes that share LiDARs and mount.
+/// Several scenes that share LiDARs and mount; each counts the same.
 #[pyclass(name = "Suite", module = "sightline", frozen)]
 pub struct PySuite {
     scenes: Vec<Arc<Built>>,
@@ -43,12 +43,13 @@ impl PySuite {
         Ok(Self { scenes, evaluator: Arc::default() })
     }
 
+    /// Names of the scenes.
     #[getter]
     fn names(&self) -> Vec<&str> {
         self.scenes.iter().map(|built| built.scene.name()).collect()
     }
 
-    /// Scores over all scenes, each counting the same.
+    /// Scores over all scenes: the mean of the scenes' shares of information. `poses` as of `Scene`.
     #[pyo3(signature = (poses, *, sensors = None))]
     fn score<'py>(
         &self,
@@ -132,7 +133,7 @@ impl Asked {
     }
 }
 
-/// Tells a callback of an event; `Ok(false)` where it asks for the end.
+/// Tells a callback of an event; `Ok(false)` where it asks for the end by `StopIteration`, as SciPy has it.
 fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
     let told = PyDict::new(py);
     match event {
@@ -152,11 +153,24 @@ fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
         }
         _ => return Ok(true),
     }
-    let answer = callback.call1(py, (told,))?;
-    Ok(answer.is_none(py) || answer.is_truthy(py)?)
+    match callback.call1(py, (told,)) {
+        Ok(_) => Ok(true),
+        Err(error) if error.is_instance_of::<PyStopIteration>(py) => Ok(false),
+        Err(error) => Err(error),
+    }
 }
 
-/// Searches placements over scenes.
+/// Searches placements over a scene or several, as `sightline optimize` does with the same settings.
+///
+/// `objective` is a score by name or a weighted sum; `method` `both`, `cma` or `swaps`; `frames` `on-demand`, `all` or a number
+/// as text. The search ends after `evaluations` and their swaps, at `target`, or after `seconds`. `baselines` are compared
+/// with (Table 7 unless given), `starts` started from. `mirror` adds the mirror image of each scene. A vehicle's sensors are
+/// chosen for at most `budget`.
+///
+/// `callback` is called with a dict for each event: `{"event": "note", "text"}`, `{"event": "generation", "generation",
+/// "evaluations", "best_so_far", …}`, `{"event": "progress", "work", "done", "total"}`. `StopIteration` raised by it ends the
+/// search, which finishes its generation, confirms what it has and returns it. So do Ctrl-C and any other exception, but
+/// that they go on to the caller, with the `Result` as their `result`.
 #[pyfunction(name = "optimize")]
 #[pyo3(signature = (scenes, *, objective = "information_gain", evaluations = 180, seed = 1,
     method = "both", frames = "on-demand", population = None, baselines = None, starts = None,
@@ -246,7 +260,7 @@ fn beside(py: Python<'_>, asked: Asked, callback: Option<Py<PyAny>>) -> PyResult
     let failed: Arc<Mutex<Option<PyErr>>> = Arc::default();
     let (sender, receiver) = channel();
     let (told, failing) = (stop.clone(), failed.clone());
-    std::thread::spawn(move || {
+    start(move || {
         let mut observe = |event: &Event| {
             if let Some(callback) = callback.as_ref().filter(|_| !told.load(Ordering::SeqCst)) {
                 match Python::attach(|py| tell(py, callback, event)) {
@@ -260,8 +274,8 @@ fn beside(py: Python<'_>, asked: Asked, callback: Option<Py<PyAny>>) -> PyResult
             }
             !told.load(Ordering::SeqCst)
         };
-        sender.send(asked.run(&mut observe))
-    });
+        drop(sender.send(asked.run(&mut observe)));
+    })?;
     let receiver = Mutex::new(receiver);
     let mut signal = None;
     let ended = match wait(py, &receiver) {

@@ -32,7 +32,9 @@ impl PySensor {
 
 #[pymethods]
 impl PySensor {
-    /// From a file of a vendor, told apart by what it holds.
+    /// From a file of a vendor, told apart by what it holds; `docs/sensors.md` lists the formats.
+    ///
+    /// `range` in metres; `azimuth_steps` a turn where the file does not state them.
     #[staticmethod]
     #[pyo3(signature = (path, *, range = 100.0, azimuth_steps = None))]
     fn load(path: PathBuf, range: f64, azimuth_steps: Option<u32>) -> PyResult<Self> {
@@ -43,7 +45,8 @@ impl PySensor {
         Self::from_text(&lidar.to_string(), Path::new(""), &path.display().to_string())
     }
 
-    /// From what a scene has under `lidar`.
+    /// From what a scene has under `lidar`, as `{"channels": 16, "fov": [-24.8, 2], "azimuth_steps": 250, "range": 100}`;
+    /// files that it names are relative to `folder`.
     #[staticmethod]
     #[pyo3(signature = (lidar, *, folder = None))]
     fn from_dict(lidar: &Bound<'_, PyAny>, folder: Option<PathBuf>) -> PyResult<Self> {
@@ -51,11 +54,13 @@ impl PySensor {
         Self::from_text(&text, &folder.unwrap_or_default(), "lidar")
     }
 
+    /// `[B, 3]` f32, unit vectors in the sensor frame, by channel and azimuth step.
     #[getter]
     fn directions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         matrix(py, self.table.directions().as_flattened().to_vec(), 3)
     }
 
+    /// Metres.
     #[getter]
     fn range(&self) -> f64 {
         self.range
@@ -79,22 +84,26 @@ pub struct PyVehicle {
 
 #[pymethods]
 impl PyVehicle {
+    /// Reads a vehicle file.
     #[staticmethod]
     fn load(path: PathBuf) -> PyResult<Self> {
         let vehicle = Vehicle::read(&path).map_err(raised)?;
         Ok(Self { path, vehicle })
     }
 
+    /// The file.
     #[getter]
     fn path(&self) -> &Path {
         &self.path
     }
 
+    /// Name in reports.
     #[getter]
     fn name(&self) -> &str {
         &self.vehicle.name
     }
 
+    /// Models by name; the first is meant where a placement names none.
     #[getter]
     fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
@@ -104,6 +113,7 @@ impl PyVehicle {
         Ok(all)
     }
 
+    /// Price of each model, in any currency.
     #[getter]
     fn prices<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
@@ -113,6 +123,7 @@ impl PyVehicle {
         Ok(all)
     }
 
+    /// Of each mount `name`, `lower` and `upper` bounds of x, y, z (m), roll, pitch, yaw (rad), `sensors` that it may hold, `count` `[fewest, most]`.
     #[getter]
     fn mounts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let mounts = self.vehicle.mounts.iter().map(|mount| {

@@ -5,8 +5,21 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use pyo3::exceptions::PyRuntimeError;
+use pyo3::exceptions::{PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
+
+/// Starts work on a thread of its own.
+///
+/// # Errors
+/// `OSError`: the system refuses another thread.
+pub fn start(work: impl FnOnce() + Send + 'static) -> PyResult<()> {
+    let started = std::thread::Builder::new().name("sightline".into()).spawn(work);
+    started.map(drop).map_err(|error| {
+        PyOSError::new_err(format!(
+            "cannot start a thread: {error}; raise the limits of memory (ulimit -v) or threads (ulimit -u) of this process"
+        ))
+    })
+}
 
 /// Time between two looks for a signal.
 const LOOK: Duration = Duration::from_millis(20);
@@ -38,7 +51,7 @@ pub fn interruptible<T: Send + 'static>(
     let stop = Arc::new(AtomicBool::new(false));
     let (sender, receiver) = channel();
     let told = stop.clone();
-    std::thread::spawn(move || sender.send(work(&told)));
+    start(move || drop(sender.send(work(&told))))?;
     match wait(py, &Mutex::new(receiver)) {
         Ok(Some(value)) => Ok(value),
         Ok(None) => Err(PyRuntimeError::new_err("the work ended without a result; see stderr")),

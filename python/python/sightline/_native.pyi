@@ -1,0 +1,254 @@
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from os import PathLike
+from typing import Any, Literal, TypedDict, final
+
+import numpy as np
+import numpy.typing as npt
+
+from ._records import F32, F64, U16, U32, Result, Scan, Scores
+
+__all__ = [
+    "Placement",
+    "Psog",
+    "ScanIterator",
+    "Scene",
+    "Sensor",
+    "Suite",
+    "Vehicle",
+    "__version__",
+    "main",
+    "optimize",
+    "published",
+    "read_placements",
+    "set_threads",
+]
+
+__version__: str
+
+_Path = str | PathLike[str]
+_Poses = Placement | Sequence[Placement] | npt.ArrayLike
+_Backend = Literal["auto", "cpu", "gpu"]
+
+class _Mesh(TypedDict):
+    vertices: F32
+    faces: U32
+    class_ids: U16
+
+class _RayHits(TypedDict):
+    t_hit: F32
+    primitive_ids: U32
+    class_ids: U16
+
+class _BeamHits(_RayHits):
+    origin: F32
+    direction: F32
+    placement: U32
+    lidar: U16
+
+@final
+class Placement:
+    def __new__(
+        cls, poses: npt.ArrayLike, *, name: str = "placement", sensors: Sequence[str] | None = None
+    ) -> Placement: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def poses(self) -> F64: ...
+    @property
+    def sensors(self) -> list[str]: ...
+    def to_dict(self) -> dict[str, Any]: ...
+    def __len__(self) -> int: ...
+    def __eq__(self, value: object, /) -> bool: ...
+    def __ne__(self, value: object, /) -> bool: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class Sensor:
+    @staticmethod
+    def load(path: _Path, *, range: float = 100.0, azimuth_steps: int | None = None) -> Sensor: ...
+    @staticmethod
+    def from_dict(lidar: Mapping[str, Any], *, folder: _Path | None = None) -> Sensor: ...
+    @property
+    def directions(self) -> F32: ...
+    @property
+    def range(self) -> float: ...
+    def __len__(self) -> int: ...
+
+@final
+class Vehicle:
+    @staticmethod
+    def load(path: _Path) -> Vehicle: ...
+    @property
+    def path(self) -> PathLike[str]: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def sensors(self) -> dict[str, Sensor]: ...
+    @property
+    def prices(self) -> dict[str, float]: ...
+    @property
+    def mounts(self) -> list[dict[str, Any]]: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class Psog:
+    def __new__(
+        cls,
+        *,
+        index: npt.ArrayLike,
+        counts: npt.ArrayLike,
+        frames: int,
+        classes: Sequence[str],
+        roi_min: Sequence[float] | F64,
+        voxel: Sequence[float] | F64,
+        shape: Sequence[int],
+    ) -> Psog: ...
+    @staticmethod
+    def load(path: _Path) -> Psog: ...
+    def save(self, path: _Path) -> None: ...
+    @staticmethod
+    def from_scans(
+        points: Sequence[npt.ArrayLike],
+        labels: Sequence[npt.ArrayLike],
+        poses: Sequence[npt.ArrayLike],
+        *,
+        classes: Sequence[str],
+        roi: Sequence[Sequence[float]],
+        voxel: Sequence[float],
+        window: int | None = None,
+        moving: Sequence[str] | None = None,
+    ) -> Psog: ...
+    @property
+    def index(self) -> npt.NDArray[np.uint64]: ...
+    @property
+    def counts(self) -> U16: ...
+    @property
+    def frames(self) -> int: ...
+    @property
+    def classes(self) -> list[str]: ...
+    @property
+    def roi_min(self) -> F64: ...
+    @property
+    def voxel(self) -> F64: ...
+    @property
+    def shape(self) -> tuple[int, int, int]: ...
+    def entropy(self) -> F64: ...
+    def merge(self, other: Psog) -> Psog: ...
+    def info(self) -> dict[str, Any]: ...
+    def __len__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class ScanIterator:
+    def __iter__(self) -> Iterator[Scan]: ...
+    def __next__(self) -> Scan: ...
+
+@final
+class Scene:
+    @staticmethod
+    def load(
+        path: _Path,
+        *,
+        vehicle: _Path | None = None,
+        psog: Psog | None = None,
+        frames: int | None = None,
+        conditions: Sequence[str] = ...,
+        backend: _Backend = "auto",
+        adapter: str | None = None,
+        memory: int | None = None,
+    ) -> Scene: ...
+    @staticmethod
+    def from_dict(
+        scene: Mapping[str, Any],
+        *,
+        folder: _Path = ...,
+        psog: Psog | None = None,
+        frames: int | None = None,
+        conditions: Sequence[str] = ...,
+        backend: _Backend = "auto",
+        adapter: str | None = None,
+        memory: int | None = None,
+    ) -> Scene: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def classes(self) -> list[str]: ...
+    @property
+    def frames(self) -> int: ...
+    @property
+    def rate(self) -> float: ...
+    @property
+    def has_geometry(self) -> bool: ...
+    @property
+    def files(self) -> list[PathLike[str]]: ...
+    @property
+    def notes(self) -> list[str]: ...
+    @property
+    def sensors(self) -> dict[str, Sensor]: ...
+    @property
+    def psog(self) -> Psog: ...
+    def world_from_ego(self, frame: int) -> F64: ...
+    def mesh(self, frame: int = 0, *, body: bool = True) -> _Mesh: ...
+    def score(self, poses: _Poses, *, sensors: Sequence[str] | None = None) -> Scores: ...
+    def covered(
+        self, poses: _Poses, *, sensors: Sequence[str] | None = None
+    ) -> npt.NDArray[np.uint64]: ...
+    def cast(
+        self, poses: _Poses, *, frame: int = 0, sensors: Sequence[str] | None = None
+    ) -> _BeamHits: ...
+    def cast_rays(self, rays: npt.ArrayLike, *, frame: int = 0) -> _RayHits: ...
+    def scan(
+        self,
+        poses: _Poses,
+        *,
+        sensors: Sequence[str] | None = None,
+        conditions: Sequence[str] = ...,
+        ideal: bool = False,
+        seed: int = 0,
+        frames: Sequence[int] | None = None,
+        misses: bool = False,
+    ) -> ScanIterator: ...
+    def verify(
+        self,
+        poses: _Poses | None = None,
+        *,
+        sensors: Sequence[str] | None = None,
+        frames: int = 1,
+        random: int = 200,
+        hostile: int = 50,
+        sample: int = 20_000,
+        seed: int = 1,
+    ) -> dict[str, Any]: ...
+    def random_poses(self, count: int, *, seed: int = 1) -> F64: ...
+    def _inputs(self) -> list[dict[str, str]]: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class Suite:
+    def __new__(cls, scenes: Sequence[Scene]) -> Suite: ...
+    @property
+    def names(self) -> list[str]: ...
+    def score(self, poses: _Poses, *, sensors: Sequence[str] | None = None) -> Scores: ...
+    def __len__(self) -> int: ...
+
+def main(arguments: Sequence[_Path]) -> int: ...
+def set_threads(count: int) -> None: ...
+def published() -> list[Placement]: ...
+def read_placements(path: _Path) -> list[Placement]: ...
+def optimize(
+    scenes: Scene | Sequence[Scene],
+    *,
+    objective: str = "information_gain",
+    evaluations: int = 180,
+    seed: int = 1,
+    method: Literal["both", "cma", "swaps"] = "both",
+    frames: str = "on-demand",
+    population: int | None = None,
+    baselines: Sequence[Placement] | None = None,
+    starts: Sequence[Placement] | None = None,
+    target: float | None = None,
+    seconds: float | None = None,
+    mirror: bool = False,
+    budget: float | None = None,
+    callback: Callable[[dict[str, Any]], object] | None = None,
+) -> Result: ...

@@ -1,0 +1,167 @@
+"""Tasks on actors that may be lost."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import ray
+from ray.exceptions import GetTimeoutError, RayError, RayTaskError
+
+#: Tasks in flight for each actor: one at work, one behind it.
+IN_FLIGHT = 2
+#: Times that a task is lost with its worker before it is given up.
+TRIES = 5
+#: Seconds between two looks at workers that do not answer.
+LOOK = 5.0
+
+
+@dataclass
+class Task:
+    """A call of a worker's method."""
+
+    method: str
+    arguments: tuple[Any, ...]
+    #: What a worker has to build for it; workers keep to what they have built.
+    home: int
+    #: Where its result belongs.
+    index: tuple[int, ...] = ()
+    tries: int = 0
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far the work is."""
+
+    done: int
+    total: int
+    #: Since the start of this call.
+    seconds: float
+    #: Until the end at the rate so far; ``None`` before anything is done.
+    seconds_left: float | None
+    #: Workers that answer.
+    workers: int
+    #: Workers lost so far.
+    lost: int
+
+
+@dataclass(eq=False)
+class _Member:
+    actor: Any
+    cores: float
+    homes: set[int] = field(default_factory=set)
+    load: int = 0
+    is_ready: bool = False
+
+
+class Pool:
+    """Actors that are started again where they are lost; to be used in a ``with`` statement."""
+
+    def __init__(
+        self,
+        start: Callable[[float], Any],
+        cores: list[float],
+        progress: Callable[[Progress], object] | None,
+    ) -> None:
+        self._start, self._progress = start, progress
+        self._members: list[_Member] = []
+        self._flying: dict[Any, tuple[_Member, Task | None]] = {}
+        self._lost = 0
+        for count in cores:
+            self._hire(count)
+
+    def __enter__(self) -> Pool:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for member in self._members:
+            ray.kill(member.actor)
+
+    def run(
+        self,
+        tasks: Iterable[Task],
+        done: Callable[[Task, Any], Iterator[Task]],
+        *,
+        total: int,
+        already: int = 0,
+        weigh: Callable[[Task], int] = lambda _: 1,
+    ) -> None:
+        """Runs tasks to the last; ``done`` takes each result as it comes, and may return further tasks."""
+        waiting: dict[int, deque[Task]] = {}
+        for task in tasks:
+            waiting.setdefault(task.home, deque()).append(task)
+        begun, finished = time.monotonic(), 0
+        while any(waiting.values()) or any(task for _, task in self._flying.values()):
+            self._hand_out(waiting)
+            answered, _ = ray.wait(list(self._flying), num_returns=1, timeout=LOOK)
+            for reference in answered:
+                member, task = self._flying.pop(reference)
+                try:
+                    value = ray.get(reference, timeout=LOOK)
+                except RayTaskError as error:
+                    # The method itself failed: every other worker would fail as well.
+                    raise error.cause if isinstance(error.cause, Exception) else error
+                except (RayError, GetTimeoutError) as error:
+                    self._replace(member)
+                    if task is not None:
+                        self._again(task, waiting, error)
+                    continue
+                if task is None:
+                    member.is_ready = True
+                    continue
+                member.load -= 1
+                finished += weigh(task)
+                for further in done(task, value):
+                    waiting.setdefault(further.home, deque()).append(further)
+                self._tell(finished, already, total, begun)
+
+    def _hire(self, cores: float) -> None:
+        member = _Member(self._start(cores), cores)
+        self._members.append(member)
+        self._flying[member.actor.ready.remote()] = (member, None)
+
+    def _replace(self, member: _Member) -> None:
+        """Starts another in place of a lost one; its other tasks come back as lost by themselves."""
+        if member in self._members:
+            self._members.remove(member)
+            self._lost += 1
+            self._hire(member.cores)
+
+    @staticmethod
+    def _again(task: Task, waiting: dict[int, deque[Task]], error: Exception) -> None:
+        task.tries += 1
+        if task.tries >= TRIES:
+            raise RuntimeError(
+                f"{task.method}{task.arguments!r:.200}: its worker was lost {TRIES} times, the last time with: "
+                f"{str(error).splitlines()[0]}; if workers run out of memory, start fewer a node, or load the scenes "
+                "with fewer frames or a smaller `memory`"
+            ) from error
+        waiting.setdefault(task.home, deque()).appendleft(task)
+
+    def _hand_out(self, waiting: dict[int, deque[Task]]) -> None:
+        """Gives tasks to the workers with the least to do, each of a home that it has built if there is one."""
+        while True:
+            free = [m for m in self._members if m.is_ready and m.load < IN_FLIGHT]
+            homes = [home for home, tasks in waiting.items() if tasks]
+            if not free or not homes:
+                return
+            member = min(free, key=lambda m: m.load)
+            own = [home for home in homes if home in member.homes]
+            builders = {home: sum(home in m.homes for m in self._members) for home in homes}
+            home = own[0] if own else min(homes, key=lambda home: builders[home])
+            task = waiting[home].popleft()
+            member.homes.add(home)
+            member.load += 1
+            reference = getattr(member.actor, task.method).remote(*task.arguments)
+            self._flying[reference] = (member, task)
+
+    def _tell(self, finished: int, already: int, total: int, begun: float) -> None:
+        if self._progress is None:
+            return
+        seconds = time.monotonic() - begun
+        left = seconds * (total - already - finished) / finished if finished else None
+        workers = sum(member.is_ready for member in self._members)
+        self._progress(Progress(already + finished, total, seconds, left, workers, self._lost))

@@ -1,0 +1,233 @@
+"""Beyond one machine, with Ray: ``pip install sightline[ray]``.
+
+>>> import sightline
+>>> from sightline import distributed
+>>> scenes = [sightline.Scene.load(path, backend="cpu") for path in paths]     # doctest: +SKIP
+>>> by_scene = distributed.score(scenes, poses, checkpoint="scores")           # doctest: +SKIP
+
+An actor a node builds the engine of a scene once and keeps it. Work is cut into chunks of a second or more, two of
+them in flight for each actor, and what comes back is put together by index: the bytes are those of one process.
+Chunks of workers and nodes that are lost are done again by others. With ``checkpoint=`` the driver itself may die:
+the next call with the same arguments goes on from there.
+
+Scenes travel as paths, so every node needs the same files at the same places; a scene whose files differ is refused.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+try:
+    import ray
+except ImportError as error:  # pragma: no cover
+    raise ImportError("sightline.distributed needs Ray; pip install sightline[ray]") from error
+
+from . import Result, Scene, Scores, optimize as _optimize, set_threads
+from ._checkpoint import Checkpoint, gaps
+from ._pool import Pool, Progress, Task
+
+__all__ = ["Completed", "Progress", "optimize", "run", "score"]
+
+#: Placements of the first chunk of a scene, whose time tells how large the others may be.
+PROBE = 16
+#: Seconds that a chunk is to take.
+CHUNK_SECONDS = 2.0
+
+
+class _Worker:
+    """Holds scenes whose engines are built when they are first asked for."""
+
+    def __init__(self, threads: int | None, scenes: list[Scene], poses: Any, sensors: Any) -> None:
+        if threads is not None:
+            set_threads(threads)
+        self.scenes, self.poses, self.sensors = scenes, poses, sensors
+
+    def ready(self) -> None:
+        """Says that the worker stands."""
+
+    def score(self, scene: int, start: int, stop: int) -> tuple[Scores, float]:
+        """Scores of some placements in a scene, and the seconds that took without building the engine."""
+        self.scenes[scene].score(self.poses[start : start + 1], sensors=self.sensors)
+        begun = time.perf_counter()
+        scores = self.scenes[scene].score(self.poses[start:stop], sensors=self.sensors)
+        seconds = time.perf_counter() - begun
+        # Placements are numbered over all chunks.
+        scores.names = [str(number) for number in range(start, stop)]
+        return scores, seconds
+
+    def optimize(self, scene: int, settings: dict[str, Any]) -> Result:
+        """A search in a scene."""
+        return _optimize(self.scenes[scene], **settings)
+
+    def run(self, arguments: list[str]) -> Completed:
+        """A command of the program."""
+        command = [sys.executable, "-m", "sightline", *arguments]
+        done = subprocess.run(command, capture_output=True, text=True)
+        return Completed(arguments, done.returncode, done.stdout, done.stderr)
+
+
+@dataclass(frozen=True)
+class Completed:
+    """A command of the program that has ended."""
+
+    #: Without the program's name.
+    arguments: list[str]
+    #: 0 done, 1 a check failed, 2 bad input, 130 interrupted.
+    code: int
+    stdout: str
+    stderr: str
+
+
+def score(
+    scenes: Sequence[Scene],
+    poses: npt.ArrayLike,
+    *,
+    sensors: Sequence[str] | None = None,
+    actors: int | None = None,
+    threads: int | None = None,
+    checkpoint: str | Path | None = None,
+    progress: Callable[[Progress], object] | None = None,
+) -> list[Scores]:
+    """Scores of N placements in each of some scenes.
+
+    ``poses`` is ``[N, L, 6]`` as for :meth:`sightline.Scene.score`, ``sensors`` names the model of each LiDAR. There
+    is an actor a node with all of its cores, or ``actors`` of them with ``threads`` threads each. ``checkpoint`` is a
+    folder that finished chunks are kept in. ``progress`` is told after each chunk.
+
+    Raises ``ValueError`` for placements and scenes that do not go together, and for a checkpoint of other inputs;
+    ``RuntimeError`` where a chunk fails over and over.
+    """
+    array = np.ascontiguousarray(poses, dtype=np.float64)
+    if array.ndim != 3 or array.shape[2] != 6 or len(array) == 0:
+        raise ValueError(f"poses: have the shape {list(array.shape)}; give [N, L, 6] with N of at least 1")
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        raise ValueError(f"poses{bad[0].tolist()}: is not finite; give a number")
+    if not scenes:
+        raise ValueError("scenes: are none; give at least one")
+    names = list(sensors) if sensors is not None else None
+    kept = Checkpoint.open(checkpoint, list(scenes), array, names)
+    finished: list[dict[int, Scores]] = [dict(kept.read(k)) for k in range(len(scenes))]
+    count = len(array)
+    total = count * len(scenes)
+
+    def probe(scene: int) -> Iterator[Task]:
+        for start, stop in gaps(count, finished[scene]):
+            yield Task("score", (scene, start, min(start + PROBE, stop)), home=scene)
+            return
+
+    def rest(scene: int, rate: float) -> Iterator[Task]:
+        size = max(PROBE, int(rate * CHUNK_SECONDS))
+        for start, stop in gaps(count, finished[scene]):
+            for at in range(start, stop, size):
+                yield Task("score", (scene, at, min(at + size, stop)), home=scene)
+
+    cut = [False] * len(scenes)
+
+    def done(task: Task, value: tuple[Scores, float]) -> Iterator[Task]:
+        scene, start, stop = task.arguments
+        scores, seconds = value
+        kept.write(scene, start, scores)
+        finished[scene][start] = scores
+        if not cut[scene]:
+            cut[scene] = True
+            yield from rest(scene, (stop - start) / max(seconds, 1e-6))
+
+    have = sum(len(part) for parts in finished for part in parts.values())
+    pool = _pool(actors, threads, list(scenes), array, names, progress)
+    with pool:
+        first = [task for scene in range(len(scenes)) for task in probe(scene)]
+        weigh = lambda task: task.arguments[2] - task.arguments[1]  # noqa: E731
+        pool.run(first, done, total=total, already=have, weigh=weigh)
+    return [Scores.concatenate(parts[start] for start in sorted(parts)) for parts in finished]
+
+
+def optimize(
+    scenes: Sequence[Scene],
+    *,
+    seeds: Sequence[int] = (1,),
+    actors: int | None = None,
+    threads: int | None = None,
+    progress: Callable[[Progress], object] | None = None,
+    **settings: Any,
+) -> list[list[Result]]:
+    """A search in each scene with each seed: ``[scene][seed]``.
+
+    ``settings`` are those of :func:`sightline.optimize`, but for ``callback``, which cannot travel.
+    """
+    results: list[list[Result | None]] = [[None] * len(seeds) for _ in scenes]
+    tasks = [
+        Task("optimize", (scene, {**settings, "seed": seed}), home=scene, index=(scene, k))
+        for scene in range(len(scenes))
+        for k, seed in enumerate(seeds)
+    ]
+
+    def done(task: Task, value: Result) -> Iterator[Task]:
+        scene, k = task.index
+        results[scene][k] = value
+        return iter(())
+
+    with _pool(actors, threads, list(scenes), None, None, progress) as pool:
+        pool.run(tasks, done, total=len(tasks))
+    return [[result for result in row if result is not None] for row in results]
+
+
+def run(
+    commands: Sequence[Sequence[str]],
+    *,
+    actors: int | None = None,
+    threads: int | None = None,
+    progress: Callable[[Progress], object] | None = None,
+) -> list[Completed]:
+    """Commands of the program, each on some node, as ``["study", "cost", "scenes/highway.json"]``; in their order.
+
+    Files that they read and write are those of the node; take a folder that all nodes share. ``threads`` is given to
+    the commands as ``--threads``.
+    """
+    results: list[Completed | None] = [None] * len(commands)
+    more = ["--threads", str(threads)] if threads is not None else []
+    tasks = [
+        Task("run", ([*command, *more],), home=k, index=(k,)) for k, command in enumerate(commands)
+    ]
+
+    def done(task: Task, value: Completed) -> Iterator[Task]:
+        results[task.index[0]] = value
+        return iter(())
+
+    with _pool(actors, None, [], None, None, progress) as pool:
+        pool.run(tasks, done, total=len(tasks))
+    return [result for result in results if result is not None]
+
+
+def _pool(
+    actors: int | None,
+    threads: int | None,
+    scenes: list[Scene],
+    poses: npt.NDArray[np.float64] | None,
+    sensors: list[str] | None,
+    progress: Callable[[Progress], object] | None,
+) -> Pool:
+    if not ray.is_initialized():
+        ray.init(log_to_driver=False, include_dashboard=False)
+    # Constructor references must outlive every actor, or a new one could not be made from them.
+    shared = [ray.put(scenes), ray.put(poses), ray.put(sensors)]
+    remote = ray.remote(max_restarts=0)(_Worker)
+
+    def start(cores: float) -> Any:
+        own = threads if threads is not None or actors is not None else int(cores)
+        return remote.options(num_cpus=cores).remote(own, *shared)
+
+    alive = [node["Resources"].get("CPU", 0) for node in ray.nodes() if node["Alive"]]
+    wanted = [float(threads or 1)] * actors if actors else [cores for cores in alive if cores >= 1]
+    if not wanted:
+        raise RuntimeError("Ray has no node with a core; start one, or give actors=")
+    return Pool(start, wanted, progress)

@@ -1,0 +1,128 @@
+"""What is wrong is said: what was expected, where, and what to do."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import sightline
+from sightline import Psog, Scene
+
+POSES = "poses: "
+
+
+@pytest.mark.parametrize(
+    ("poses", "sentence"),
+    [
+        (np.zeros((2, 4, 5)), r"have the shape \[2, 4, 5\]; give \[N, L, 6\]"),
+        (np.zeros(6), r"have the shape \[6\]"),
+        (np.zeros((1, 0, 6)), r"0 LiDARs a placement; 1 to 16 are possible"),
+        (np.zeros((1, 17, 6)), r"17 LiDARs a placement; 1 to 16 are possible"),
+        (np.full((1, 1, 6), np.nan), r"placement `0`, LiDAR 0: x = NaN"),
+        (np.full((3, 1, 6), np.inf), r"placement `0`, LiDAR 0: x = inf"),
+        (np.zeros((1, 1, 6), dtype=complex), r"has the type complex128"),
+        (np.zeros((1, 1, 6), dtype=bool), r"has the type bool"),
+        (np.array([["a"] * 6]), r"has the type <U1"),
+        ([[1, 2], [3]], r"is no array of numbers"),
+        (object(), r"has the type object"),
+        (None, r"has the type object"),
+    ],
+)
+def test_arrays(scene, poses, sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        scene.score(poses)
+
+
+def test_an_empty_batch_has_no_scores(scene) -> None:
+    assert len(scene.score(np.zeros((0, 4, 6)))) == 0
+
+
+def test_rays(small) -> None:
+    with pytest.raises(ValueError, match=r"rays: has the shape \[4, 5\]; give \[N, 6\]"):
+        small.cast_rays(np.zeros((4, 5)))
+    with pytest.raises(ValueError, match=r"rays\[2\]: is not finite"):
+        small.cast_rays(np.array([[0, 0, 0, 1, 0, 0]] * 2 + [[0, 0, 0, np.nan, 0, 0]]))
+    with pytest.raises(ValueError, match="frame: is 2; give 0 to 1"):
+        small.cast_rays(np.zeros((1, 6)), frame=2)
+
+
+def test_files_that_cannot_be_read() -> None:
+    for read in (Scene.load, Psog.load, sightline.read_placements, sightline.Vehicle.load, sightline.Sensor.load):
+        with pytest.raises(OSError, match="nowhere.json"):
+            read("nowhere.json")
+    with pytest.raises(ValueError, match=re.escape("scenes/placements.json: ")):
+        Scene.load("scenes/placements.json")
+
+
+def test_options(small, scene) -> None:
+    with pytest.raises(ValueError, match="backend: `tpu` is none; give auto, cpu or gpu"):
+        Scene.load("scenes/highway.json", backend="tpu")
+    with pytest.raises(ValueError, match="frames: are 0"):
+        Scene.load("scenes/highway.json", frames=0)
+    with pytest.raises(ValueError, match="hail"):
+        Scene.load("scenes/highway.json", conditions=["hail"])
+    with pytest.raises(ValueError, match="`gain` is no score; did you mean"):
+        sightline.optimize(scene, objective="gain")
+    with pytest.raises(ValueError, match="method: `magic` is none; give both, cma, swaps"):
+        sightline.optimize(scene, method="magic")
+    with pytest.raises(ValueError, match="frames: `few` is none"):
+        sightline.optimize(scene, frames="few")
+    with pytest.raises(ValueError, match="budget: the scene has one LiDAR and no prices"):
+        sightline.optimize(small, budget=10.0)
+    with pytest.raises(ValueError, match="scenes: give a Scene or a list of them"):
+        sightline.optimize("scenes/highway.json")
+    with pytest.raises(ValueError, match="sensors: are 1 names for 2 LiDARs"):
+        scene.score(np.zeros((1, 2, 6)), sensors=["a"])
+    with pytest.raises(ValueError, match="frames: hold 9; give 0 to 1"):
+        small.scan([[0, 0, 2, 0, 0, 0]], frames=[0, 9])
+
+
+def test_scenes_without_geometry(small, tmp_path) -> None:
+    small.psog.save(tmp_path / "small.npz")
+    _, text, *_ = small.__reduce__()[1]
+    flat = {key: text[key] for key in ("sightline", "roi", "lidar", "mount")}
+    flat |= {"psog": {"file": "small.npz"}, "coverage": "through"}
+    scene = Scene.from_dict(flat, folder=tmp_path, backend="cpu")
+    assert scene.score([[0, 0, 1.5, 0, 0, 0]])["information_gain"][0] > 0
+    for use in (lambda: scene.cast([[0, 0, 1.5, 0, 0, 0]]), lambda: scene.cast_rays(np.ones((1, 6)))):
+        with pytest.raises(ValueError, match="has no geometry to cast into"):
+            use()
+    with pytest.raises(ValueError, match="has no geometry"):
+        scene.scan([[0, 0, 1.5, 0, 0, 0]])
+
+
+def test_psogs() -> None:
+    good = dict(
+        index=np.array([3, 5], np.uint64), counts=np.array([[1, 0], [0, 2]]), frames=2,
+        classes=["a", "b"], roi_min=[0, 0, 0], voxel=[1, 1, 1], shape=[2, 2, 2],
+    )  # fmt: skip
+    assert Psog(**good).counts.tolist() == [[1, 0], [0, 2]]
+    for change, sentence in (
+        ({"index": np.array([5, 3])}, "3"),
+        ({"index": np.array([3, 8])}, "8"),
+        ({"counts": np.array([[1, 0]])}, "counts: have 1 rows for 2 voxels"),
+        ({"counts": np.array([[1, 0], [0, 3]])}, "3"),
+        ({"counts": np.array([1, 2])}, r"counts: has the shape \[2\]; give \[N, 2\]"),
+        ({"voxel": [1, 0, 1]}, "0"),
+    ):
+        with pytest.raises(ValueError, match=sentence):
+            Psog(**(good | change))
+    frame = dict(classes=["a"], roi=[[0, 0, 0], [2, 2, 2]], voxel=[1, 1, 1])
+    points, labels, pose = np.ones((3, 3)), np.zeros(3, int), np.eye(4)
+    with pytest.raises(ValueError, match=r"labels\[0\]\[2\]: is 1; give a position in `classes`, below 1"):
+        Psog.from_scans([points], [[0, 0, 1]], [pose], **frame)
+    with pytest.raises(ValueError, match=r"labels\[0\]: has 2 labels for 3 points"):
+        Psog.from_scans([points], [[0, 0]], [pose], **frame)
+    with pytest.raises(ValueError, match=r"poses\[0\]: is no rigid transform"):
+        Psog.from_scans([points], [labels], [2 * pose], **frame)
+    with pytest.raises(ValueError, match=r"points\[0\]\[1\]: is not finite"):
+        Psog.from_scans([np.array([[1, 1, 1], [np.nan, 1, 1], [1, 1, 1]])], [labels], [pose], **frame)
+
+
+def test_large_labels_do_not_wrap() -> None:
+    """u16 would take 65 536 + 0 for class 0."""
+    frame = dict(classes=["a"], roi=[[0, 0, 0], [2, 2, 2]], voxel=[1, 1, 1])
+    with pytest.raises(ValueError, match="is 65536"):
+        Psog.from_scans([np.ones((1, 3))], [[65536]], [np.eye(4)], **frame)

@@ -1,0 +1,112 @@
+"""Scores from many actors are those of one process, whoever dies meanwhile."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+ray = pytest.importorskip("ray")
+
+import sightline  # noqa: E402
+from sightline import Scene, distributed  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def scenes() -> list[Scene]:
+    names = ("industrial-yard", "highway")
+    return [Scene.load(f"scenes/{name}.json", backend="cpu", frames=2) for name in names]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cluster():
+    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, logging_level="ERROR")
+    yield
+    ray.shutdown()
+
+
+def workers() -> list[int]:
+    """Process numbers of the actors of this session, not of the parent process that starts them."""
+    found = subprocess.run(["pgrep", "-f", "^ray::_Worker"], capture_output=True, text=True)
+    return [int(line) for line in found.stdout.split()]
+
+
+def test_a_killed_worker_changes_no_byte_and_a_dead_driver_loses_none(scenes, tmp_path) -> None:
+    poses = scenes[0].random_poses(120, seed=3)
+    one = [scene.score(poses) for scene in scenes]
+    killed, told = [], []
+
+    def progress(done) -> None:
+        told.append(done)
+        if done.done >= done.total // 4 and not killed:
+            killed.append(workers()[0])
+            os.kill(killed[0], signal.SIGKILL)
+
+    many = distributed.score(
+        scenes, poses, actors=2, threads=1, checkpoint=tmp_path / "kept", progress=progress
+    )
+    assert many == one
+    assert killed and told[-1].lost == 1 and told[-1].done == told[-1].total == 240
+    # A driver that comes after finds all but what is taken away here.
+    chunks = sorted((tmp_path / "kept").glob("*/*.npz"))
+    chunks[1].unlink()
+    told.clear()
+    again = distributed.score(
+        scenes, poses, actors=2, threads=1, checkpoint=tmp_path / "kept", progress=told.append
+    )
+    assert again == one
+    assert told[0].done > 100 and told[-1].done == 240
+    with pytest.raises(ValueError, match=r"was begun with other inputs \(poses\)"):
+        distributed.score(scenes, poses + 0.01, checkpoint=tmp_path / "kept")
+
+
+def test_searches_and_programs_are_spread(scenes) -> None:
+    found = distributed.optimize(scenes[:1], seeds=(1, 2), actors=2, threads=1, evaluations=12)
+    alone = sightline.optimize(scenes[0], seed=2, evaluations=12)
+    assert [len(row) for row in found] == [2]
+    assert found[0][1].best == alone.best
+    score = ["score", "scenes/placements.json", "--frames", "1", "--backend", "cpu"]
+    good, bad = distributed.run([["score", "scenes/highway.json", *score[1:]], score], actors=2, threads=1)
+    assert good.code == 0 and "Ours-seg" in good.stdout
+    assert bad.code == 2 and bad.stderr.startswith("sightline: ")
+
+
+def test_what_is_wrong_is_said(scenes) -> None:
+    with pytest.raises(ValueError, match=r"poses: have the shape \[3, 6\]"):
+        distributed.score(scenes, np.zeros((3, 6)))
+    with pytest.raises(ValueError, match=r"poses\[1, 0, 2\]: is not finite"):
+        poses = np.zeros((2, 1, 6))
+        poses[1, 0, 2] = np.nan
+        distributed.score(scenes, poses)
+    with pytest.raises(ValueError, match="is no score; did you mean"):
+        distributed.optimize(scenes[:1], objective="gain", actors=1)
+
+
+HUNGRY = """
+import resource, sys, sightline
+scene = sightline.Scene.load("scenes/industrial-yard.json", backend="cpu", frames=2)
+scene.psog
+now = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (now + (int(sys.argv[1]) << 20),) * 2)
+try:
+    scene.score(scene.random_poses(64))
+except (MemoryError, OSError) as error:
+    print(error)
+"""
+
+
+def test_a_process_without_memory_ends_with_a_sentence() -> None:
+    """Python's MemoryError, or the end of the process with the library's sentence: never a crash."""
+    said = set()
+    for megabytes in (0, 10, 30, 60, 100):
+        child = subprocess.run(
+            [sys.executable, "-c", HUNGRY, str(megabytes)],
+            capture_output=True, text=True, timeout=120,
+        )  # fmt: skip
+        assert child.returncode in (0, 2), child.stderr
+        said.add(child.stdout or child.stderr)
+    assert sum("memory" in words for words in said) >= 2, said

@@ -1,0 +1,62 @@
+"""The examples run as a user runs them."""
+
+from __future__ import annotations
+
+import importlib.util
+import random
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+
+
+def town(file: Path) -> Path:
+    """Ground and forty houses along a street, as an OBJ file."""
+    draw, lines, count = random.Random(1), [], 0
+
+    def box(low, high) -> None:
+        nonlocal count
+        for z in (low[2], high[2]):
+            for x, y in ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])):
+                lines.append(f"v {x:.3f} {y:.3f} {z:.3f}")
+        for face in ((1, 2, 3, 4), (5, 6, 7, 8), (1, 2, 6, 5), (2, 3, 7, 6), (3, 4, 8, 7), (4, 1, 5, 8)):
+            lines.append("f " + " ".join(str(count + corner) for corner in face))
+        count += 8
+
+    box((-80, -80, -0.1), (80, 80, 0))
+    for _ in range(40):
+        x, y = draw.uniform(-70, 70), draw.choice((-1, 1)) * draw.uniform(7, 40)
+        size = [draw.uniform(1, 6) for _ in range(3)]
+        box((x, y, 0), (x + size[0], y + size[1], size[2]))
+    file.write_text("\n".join(lines))
+    return file
+
+
+def run(name: str, *arguments: object) -> str:
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / name), *map(str, arguments)],
+        capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_quickstart(tmp_path: Path) -> None:
+    assert len((EXAMPLES / "quickstart.py").read_text().splitlines()) < 45
+    printed = run("quickstart.py", town(tmp_path / "town.obj"), tmp_path / "plot.png")
+    assert "placements, best" in printed
+    assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.skipif(importlib.util.find_spec("torch") is None, reason="PyTorch is not installed")
+def test_train() -> None:
+    assert "loss" in run("train.py", "scenes/industrial-yard.json")
+
+
+def test_beyond_one_machine() -> None:
+    pytest.importorskip("ray")
+    printed = run("beyond_one_machine.py", "scenes/industrial-yard.json", "--placements", 150, "--frames", 1)
+    assert "of twice one" in printed and "64 nodes" in printed

@@ -1,0 +1,130 @@
+"""Scores are those of the program, to the bit, however placements come."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sightline
+from sightline import Scene, Scores
+
+
+def program(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "sightline", *arguments], capture_output=True, text=True, timeout=300
+    )
+
+
+def test_scores_are_those_of_the_program(scene, placements) -> None:
+    done = program(
+        "score", "scenes/industrial-yard.json", "scenes/placements.json",
+        "--frames", "4", "--backend", "cpu", "--format", "json",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    theirs = json.loads(done.stdout)["scores"]
+    ours = scene.score(placements)
+    assert ours.names == [row["name"] for row in theirs]
+    for column in ("m_sog", "m_sog_scaled", "information_gain", "s_mig", "covered", "beams", "hit_share"):
+        assert ours[column].tolist() == [row[column] for row in theirs], column
+    detection = ours["detection.information_gain"].tolist()
+    assert detection == [row["detection"]["information_gain"] for row in theirs]
+    counts = [[row["covered_by_class"][name] for name in ours.classes] for row in theirs]
+    assert ours["covered_by_class"].tolist() == counts
+    assert ours["unique_share"].tolist() == [row["unique_share"] for row in theirs]
+
+
+def test_arrays_of_any_layout_give_the_same_bits(scene, placements) -> None:
+    poses = np.stack([placement.poses for placement in placements])
+    expected = scene.score(placements)
+    strided = np.zeros((22, 4, 12))
+    strided[::2, :, ::2] = poses
+    frozen = poses.copy()
+    frozen.flags.writeable = False
+    for given in (poses, np.asfortranarray(poses), strided[::2, :, ::2], frozen, poses.tolist(), poses[::-1][::-1]):
+        assert scene.score(given)["information_gain"].tobytes() == expected["information_gain"].tobytes()
+    # What f32 holds of a pose is another pose; it is taken as it is.
+    single = scene.score(poses.astype(np.float32))
+    widened = scene.score(poses.astype(np.float32).astype(np.float64))
+    assert single == widened
+    whole = scene.score(np.zeros((1, 2, 6), dtype=np.int32) + [0, 0, 2, 0, 0, 0])
+    assert whole["information_gain"][0] > 0
+
+
+def test_chunks_change_nothing(scene) -> None:
+    poses = scene.random_poses(40, seed=5)
+    together = scene.score(poses)
+    parts = Scores.concatenate(scene.score(poses[k : k + 13]) for k in range(0, 40, 13))
+    parts.names = together.names
+    assert together == parts
+    assert together != scene.score(poses[::-1])
+
+
+def test_a_placement_that_covers_nothing_has_no_scores(scene) -> None:
+    scores = scene.score([[0, 0, -50, 0, 0, 0]])
+    assert np.isnan(scores["information_gain"][0])
+    assert scores.guards[0]
+
+
+def test_scores_become_tables(scene, placements) -> None:
+    scores = scene.score(placements)
+    frame = scores.to_pandas()
+    assert list(frame.index) == [placement.name for placement in placements]
+    assert frame["information_gain"].to_numpy().tolist() == scores["information_gain"].tolist()
+    assert f"covered_by_class.{scores.classes[0]}" in frame
+    with pytest.raises(KeyError, match="`gain` is no score; there are m_sog"):
+        scores["gain"]
+
+
+def test_a_suite_is_the_mean_of_its_scenes(scene, placements) -> None:
+    other = Scene.load("scenes/highway.json", backend="cpu", frames=3)
+    together = sightline.Suite([scene, other]).score(placements)
+    shares = [one.score(placements)["information_gain_share"] for one in (scene, other)]
+    np.testing.assert_allclose(together["information_gain_share"], np.mean(shares, axis=0), rtol=1e-12)
+
+
+def test_what_workers_need_is_pickled(scene, placements) -> None:
+    expected = scene.score(placements)
+    assert pickle.loads(pickle.dumps(scene)).score(placements) == expected
+    assert pickle.loads(pickle.dumps(expected)) == expected
+    assert pickle.loads(pickle.dumps(placements)) == placements
+    mixed = sightline.Placement([[0, 0, 2, 0, 0, 0]] * 2, name="mixed", sensors=["a", ""])
+    assert pickle.loads(pickle.dumps(mixed)) == mixed
+    psog = pickle.loads(pickle.dumps(scene.psog))
+    assert psog.counts.tobytes() == scene.psog.counts.tobytes()
+    vehicle = sightline.Vehicle.load("scenes/vehicles/car.json")
+    assert pickle.loads(pickle.dumps(vehicle)).name == vehicle.name
+
+
+def test_a_scene_whose_file_has_changed_is_refused(tmp_path: Path, small) -> None:
+    _, text, *_ = small.__reduce__()[1]
+    file = tmp_path / "scene.json"
+    file.write_text(json.dumps(text))
+    sent = pickle.dumps(Scene.load(file))
+    file.write_text(json.dumps(text | {"name": "other"}))
+    with pytest.raises(ValueError, match="is not the file that the scene was read from"):
+        pickle.loads(sent)
+
+
+def test_a_vehicle_names_its_models() -> None:
+    scene = Scene.load(
+        "scenes/urban-crossing.json", vehicle="scenes/vehicles/car.json", frames=1, backend="cpu"
+    )
+    vehicle = sightline.Vehicle.load("scenes/vehicles/car.json")
+    assert set(scene.sensors) == set(vehicle.sensors) == set(vehicle.prices)
+    model = next(iter(vehicle.sensors))
+    scores = scene.score([[0, 0, 2, 0, 0, 0]], sensors=[model])
+    assert scores["beams"][0] == len(vehicle.sensors[model])
+    with pytest.raises(ValueError, match="nope"):
+        scene.score([[0, 0, 2, 0, 0, 0]], sensors=["nope"])
+
+
+def test_the_engine_agrees_with_the_reference(scene, placements) -> None:
+    found = scene.verify(placements[:2], sample=2000)
+    assert found["passed"] and found["cpu_against_f64"]["beams"] > 0
+    assert found["gpu_against_cpu"]["beams"] == 2 * 4 * 4000
