@@ -73,6 +73,11 @@ class Pool:
         for count in cores:
             self._hire(count)
 
+    @property
+    def slots(self) -> int:
+        """Tasks that are in flight at most."""
+        return IN_FLIGHT * len(self._members)
+
     def __enter__(self) -> Pool:
         return self
 
@@ -91,10 +96,10 @@ class Pool:
     ) -> None:
         """Runs tasks to the last; ``done`` takes each result as it comes, and may return further tasks."""
         waiting: dict[int, deque[Task]] = {}
-        for task in tasks:
-            waiting.setdefault(task.home, deque()).append(task)
+        for first in tasks:
+            waiting.setdefault(first.home, deque()).append(first)
         begun, finished = time.monotonic(), 0
-        while any(waiting.values()) or any(task for _, task in self._flying.values()):
+        while any(waiting.values()) or any(flying for _, flying in self._flying.values()):
             self._hand_out(waiting)
             answered, _ = ray.wait(list(self._flying), num_returns=1, timeout=LOOK)
             for reference in answered:

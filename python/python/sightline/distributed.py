@@ -28,8 +28,8 @@ import numpy.typing as npt
 
 try:
     import ray
-except ImportError as error:  # pragma: no cover
-    raise ImportError("sightline.distributed needs Ray; pip install sightline[ray]") from error
+except ImportError as _missing:
+    raise ImportError("sightline.distributed needs Ray; pip install sightline[ray]") from _missing
 
 from . import Result, Scene, Scores, optimize as _optimize, set_threads
 from ._checkpoint import Checkpoint, gaps
@@ -126,8 +126,11 @@ def score(
             return
 
     def rest(scene: int, rate: float) -> Iterator[Task]:
-        size = max(PROBE, int(rate * CHUNK_SECONDS))
-        for start, stop in gaps(count, finished[scene]):
+        left = list(gaps(count, finished[scene]))
+        # Little work is shared by all workers rather than done in large chunks by some.
+        share = sum(stop - start for start, stop in left) // pool.slots + 1
+        size = max(PROBE, min(int(rate * CHUNK_SECONDS), share))
+        for start, stop in left:
             for at in range(start, stop, size):
                 yield Task("score", (scene, at, min(at + size, stop)), home=scene)
 
@@ -208,6 +211,10 @@ def run(
     return [result for result in results if result is not None]
 
 
+def _nodes() -> list[dict[str, Any]]:
+    return list(ray.nodes())  # type: ignore[no-untyped-call]
+
+
 def _pool(
     actors: int | None,
     threads: int | None,
@@ -226,7 +233,7 @@ def _pool(
         own = threads if threads is not None or actors is not None else int(cores)
         return remote.options(num_cpus=cores).remote(own, *shared)
 
-    alive = [node["Resources"].get("CPU", 0) for node in ray.nodes() if node["Alive"]]
+    alive = [node["Resources"].get("CPU", 0) for node in _nodes() if node["Alive"]]
     wanted = [float(threads or 1)] * actors if actors else [cores for cores in alive if cores >= 1]
     if not wanted:
         raise RuntimeError("Ray has no node with a core; start one, or give actors=")
