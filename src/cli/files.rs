@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::internals::holds_placements;
+use crate::vehicle::{Placement, read_placements};
 
 use super::error::Error;
 
@@ -59,4 +60,21 @@ pub fn told_apart(names: impl IntoIterator<Item = String>) -> Vec<String> {
         told.push(free.unwrap_or(wanted));
     }
     told
+}
+
+/// All placements of a file, or one by its name behind a colon.
+pub fn named_placements(text: &str) -> Result<Vec<Placement>, Error> {
+    let (file, name) = match text.rsplit_once(':') {
+        Some((file, name)) if !Path::new(text).exists() => (file, Some(name)),
+        _ => (text, None),
+    };
+    let all = read_placements(Path::new(file))?;
+    let Some(name) = name else { return Ok(all) };
+    let known: Vec<String> = all.iter().map(|placement| placement.name.clone()).collect();
+    let wanted: Vec<Placement> = all.into_iter().filter(|p| p.name == name).collect();
+    if wanted.is_empty() {
+        let known = known.join(", ");
+        return Err(Error::Usage(format!("{file}: has no placement `{name}`; it has {known}")));
+    }
+    Ok(wanted)
 }

@@ -49,4 +49,4 @@ pub use record::{RunContext, RunRecord, RunTimes, SceneRecord};
 pub(crate) use table::{ScoreColumn, optional};
 pub use text::scores_text;
 pub use view::{Gains, ViewData};
-pub(crate) use words::{certificate_in_words, methods_in_words, spread_in_words, verdict};
+pub(crate) use words::{certificate_in_words, judged, methods_in_words, spread_in_words, verdict};

@@ -22,7 +22,7 @@ mod stage;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::{RunRecord, SceneRecord, spread_in_words, verdict};
+use super::{RunRecord, SceneRecord, judged, spread_in_words, verdict};
 use crate::search::Scored;
 pub use figures::{Figures, Looks};
 pub use repeat::command;
@@ -60,6 +60,19 @@ impl<'a> Subject<'a> {
         }
     }
 
+    /// A placement that was given, by information gain; `command` makes the page again.
+    pub fn given(
+        scene: &'a str,
+        scenes: &'a [SceneRecord],
+        result: &'a Scored,
+        baselines: &'a [Scored],
+        command: String,
+    ) -> Self {
+        let objective = "information_gain";
+        let verdict = judged(&result.placement.name, result, baselines, objective);
+        Self { scene, scenes, objective, verdict, result: Some(result), baselines, command }
+    }
+
     /// The best baseline that keeps all rules.
     fn rival(&self) -> Option<&'a Scored> {
         Scored::yardstick(self.baselines)
@@ -92,7 +105,7 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
             body {
                 header {
                     p.scene { "sightline · " (subject.scene) }
-                    h1 { (first) (stop) }
+                    h1 { (unbroken(first)) (stop) }
                     @if !rest.is_empty() { p { (rest) } }
                 }
                 main {
@@ -113,6 +126,16 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                 footer { p { "Made by sightline " (env!("CARGO_PKG_VERSION")) "." } }
                 (stage::script(figures))
             }
+        }
+    }
+}
+
+/// Words of a heading; names with a hyphen stay on one line.
+fn unbroken(words: &str) -> Markup {
+    html! {
+        @for (index, word) in words.split(' ').enumerate() {
+            @if index > 0 { " " }
+            @if word.contains('-') { span.name { (word) } } @else { (word) }
         }
     }
 }

@@ -22,6 +22,11 @@ pub(super) fn stage(subject: &Subject<'_>, figures: &Figures) -> Markup {
                         span style={ "--own:" (COLOURS[index % COLOURS.len()]) } { b { (index) } }
                     }
                 }
+                div.buttons {
+                    button #zoom-in type="button" aria-label="Zoom in" { "+" }
+                    button #zoom-out type="button" aria-label="Zoom out" { "−" }
+                    button #reset type="button" { "Reset" }
+                }
             }
             ul #legend aria-label="What the colours mean" {}
             (controls(subject, figures, lidars))
@@ -80,11 +85,7 @@ fn controls(subject: &Subject<'_>, figures: &Figures, lidars: usize) -> Markup {
             }
             label.check { input type="checkbox" name="surfaces" checked; "surfaces" }
             label.check { input type="checkbox" name="voxels" checked; "voxels" }
-            span.buttons {
-                button #zoom-in type="button" aria-label="Zoom in" { "+" }
-                button #zoom-out type="button" aria-label="Zoom out" { "−" }
-                button #reset type="button" { "Reset" }
-            }
+            label.check { input type="checkbox" name="whole"; "walls in full" }
         }
     }
 }

@@ -17,9 +17,11 @@ void main() {
 // The normal is that of the plane through neighbouring pixels, so that corners need none.
 const MESH_FRAGMENT = `#version 300 es
 precision highp float;
+uniform float top;
 in vec3 at, tint;
 out vec4 colour;
 void main() {
+  if (at.z > top) discard;
   vec3 normal = normalize(cross(dFdx(at), dFdy(at)));
   float light = 0.74 + 0.26 * abs(dot(normal, normalize(vec3(0.35, 0.5, 0.8))));
   colour = vec4(tint * light, 1.0);
@@ -135,7 +137,7 @@ function painter(canvas, data) {
   gl.enableVertexAttribArray(lines.attribute("end"));
   gl.vertexAttribPointer(lines.attribute("end"), 3, gl.UNSIGNED_SHORT, true, 0, 0);
 
-  function drawThings({ view, frame, tints }) {
+  function drawThings({ view, frame, tints, top }) {
     gl.useProgram(mesh.made);
     gl.uniformMatrix4fv(mesh.uniform("view"), false, view);
     let triangles = 0;
@@ -145,6 +147,7 @@ function painter(canvas, data) {
       const body = thing === data.shape_of.length - 1;
       const first = 12 * (frame * data.shape_of.length + thing);
       gl.uniform3fv(mesh.uniform("tints"), body ? tints.body : thing === 0 ? tints.world : tints.actors);
+      gl.uniform1f(mesh.uniform("top"), thing === 0 ? top : 1e9);
       gl.uniformMatrix4fv(mesh.uniform("pose"), false, matrix(data.poses.subarray(first, first + 12)));
       gl.uniform3fv(mesh.uniform("low"), shape.low);
       gl.uniform3fv(mesh.uniform("size"), shape.size);

@@ -6,6 +6,8 @@ const LIDARS = LIDAR_COLOURS;
 const CLASSES = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7b5c3e", "#f0e442"];
 /** Viridis: from little to much on a dark page, the other way round on a light one. */
 const RAMP = ["#440154", "#3b528b", "#21918c", "#5ec962", "#fde725"];
+/** Metres at which walls are cut, so that streets can be looked into from above. */
+const CUT = 2.2;
 const [MORE, LESS] = ["#0072b2", "#d55e00"];
 
 const rgb = (hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16) / 255);
@@ -68,7 +70,7 @@ function start() {
   }
   by("view").hidden = false;
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
-  const home = () => ({ yaw: -2.3, pitch: 0.55, zoom: 1, target: [2, 0, 0.5] });
+  const home = () => ({ yaw: -2.5, pitch: 0.62, zoom: 1, target: [4, 0, 0] });
   let state = home();
   const controls = by("controls").elements;
   const choice = () => ({
@@ -80,7 +82,8 @@ function start() {
 
   /** Colour and size of a voxel in the way chosen: `null` is what nothing is to be said of. */
   function looker({ colour, baseline, lidar, frame }) {
-    const { worth, class: kinds, masks, shares } = data.voxel;
+    // Voxels come with most information first.
+    const { class: kinds, masks, shares } = data.voxel;
     const seen = masks.subarray(frame * data.voxels, (frame + 1) * data.voxels);
     const ours = LIDARS.map(rgb);
     const several = rgb(dark.matches ? "#e8edf2" : "#1b2a3a");
@@ -90,11 +93,11 @@ function start() {
       const step = Math.min(Math.floor(at), ramp.length - 2);
       return ramp[step].map((low, k) => low + (ramp[step + 1][k] - low) * (at - step));
     };
-    const steps = Array.from({ length: 256 }, (_, k) => along(Math.sqrt(k / 255)));
+    const steps = Array.from({ length: 256 }, (_, k) => along(k / 255));
     const kind = new Map(topClasses().map((name, k) => [name, rgb(CLASSES[k])]));
     const one = lidar === "none" || lidar === "all" ? -1 : Number(lidar);
     const of = {
-      information: (k) => (seen[k] ? steps[worth[k]] : null),
+      information: (k) => (seen[k] ? steps[Math.floor((255 * (data.voxels - 1 - k)) / data.voxels)] : null),
       class: (k) => kind.get(kinds[k]) ?? null,
       seen(k) {
         if (one >= 0) return (seen[k] >> one) & 1 ? ours[one % ours.length] : null;
@@ -122,9 +125,9 @@ function start() {
     const bytes = new Uint8Array(4 * data.voxels);
     for (let k = 0; k < data.voxels; k++) {
       const colour = look(k);
-      const size = 70 + 150 * Math.sqrt(data.voxel.worth[k] / 255);
+      const size = 120 + 130 * Math.sqrt(data.voxel.worth[k] / 255);
       bytes.set(colour ? colour.map((c) => 255 * c) : unseen, 4 * k);
-      bytes[4 * k + 3] = colour ? size : 0.45 * size;
+      bytes[4 * k + 3] = colour ? size : 0.5 * size;
     }
     paint.colour(bytes);
     document.body.dataset.coloured = String(bytes.reduce((sum, byte) => (31 * sum + byte) % 1000003, 7));
@@ -138,7 +141,7 @@ function start() {
     const grey = [dark.matches ? "#54606c" : "#b2bbc4", colour === "class" ? "other classes" : "not seen"];
     const names = controls.baseline ? [...controls.baseline.options].map((option) => option.text) : [];
     const words = {
-      information: [[`linear-gradient(90deg,${ramp})`, "seen: little to much information", true], grey],
+      information: [[`linear-gradient(90deg,${ramp})`, "seen: from least to most information", true], grey],
       class: [...topClasses().map((kind, k) => [CLASSES[k], data.classes[kind] ?? "?"]), grey],
       seen: [
         ...data.lidars.map((_, k) => [LIDARS[k % LIDARS.length], many ? `only LiDAR ${k}` : "seen"]),
@@ -204,7 +207,7 @@ function start() {
     const triangles = paint.draw({
       view: look.view, eye: look.eye, frame: now.frame, tints: tints(), beams: beamsOf(now),
       paper: rgb(dark.matches ? "#161c22" : "#ffffff"),
-      surfaces: controls.surfaces.checked, voxels: controls.voxels.checked,
+      top: controls.whole.checked ? 1e9 : CUT, surfaces: controls.surfaces.checked, voxels: controls.voxels.checked,
     });
     data.lidars.forEach((at, k) => {
       const [x, y, , w] = [0, 1, 2, 3].map((row) =>
