@@ -88,3 +88,17 @@ fn word(value: &Value) -> String {
         false => format!("'{}'", text.replace('\'', r"'\''")),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_survive_a_shell() {
+        assert_eq!(word(&json!("scenes/a-b_1.json")), "scenes/a-b_1.json");
+        assert_eq!(word(&json!("0.5*m_sog + s_mig")), "'0.5*m_sog + s_mig'");
+        assert_eq!(word(&json!("it's")), r"'it'\''s'");
+        assert_eq!(word(&json!("")), "''");
+        assert_eq!(word(&json!(7)), "7");
+    }
+}

@@ -9,6 +9,9 @@ use crate::report::against::{Against, against as compared};
 use crate::report::by_scene::rows_by_scene;
 use crate::search::Scored;
 
+/// Scenes from which on an interval of resampled scenes is about as wide as it should be.
+const MANY_SCENES: usize = 10;
+
 /// The gain over each baseline.
 pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup {
     let Some(best) = subject.result else { return html! {} };
@@ -17,6 +20,7 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
     let ends = |one: &Against| one.interval.map_or([one.difference; 2], |i| [i.low, i.high]);
     let widest = all.iter().flat_map(ends).map(f64::abs).fold(1e-12, f64::max);
     let several = !subject.scenes.is_empty();
+    let places = subject.scenes.iter().filter(|scene| !scene.mirrored).count();
     let titles = ["", "gain %", "more by", "95 % interval", ""];
     let percent = |share: f64| format!("{:+.2}", 100.0 * share);
     let rows = all.iter().map(|one| {
@@ -43,8 +47,10 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
                     ": the result has "
                     (ScoreColumn::GainShare.cell(&best.scores)) " %. "
                     @if several {
-                        "The interval resamples the " (subject.scenes.iter().filter(|s| !s.mirrored).count())
-                        " scenes: one that does not hold 0 is more than their own spread."
+                        "The interval resamples the " (places) " scenes: one that does not hold 0 is more than their \
+                         own spread"
+                        @if places < MANY_SCENES { "; so few make it too narrow rather than too wide" }
+                        "."
                     } @else {
                         "One scene gives no interval: give several to learn whether a difference is more than \
                          the scenes' own spread."

@@ -25,9 +25,9 @@ use world::Things;
 /// Frames that the slider goes through at most.
 pub const FRAMES: u32 = 12;
 /// Bytes that the voxels of a page may take, before base64 makes four of three.
-const VOXEL_BYTES: usize = 1_150_000;
+const VOXEL_BYTES: usize = 1_500_000;
 /// Most voxels that are drawn.
-const VOXELS: usize = 40_000;
+const VOXELS: usize = 60_000;
 
 /// All that the 3-D view of a placement in one scene shows.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,3 +97,6 @@ impl ViewData {
         frames.into_iter().chain(self.things.left_out()).chain(self.sight.left_out()).collect()
     }
 }
+
+#[cfg(test)]
+mod tests;

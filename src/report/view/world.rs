@@ -5,7 +5,7 @@ use crate::geom::TriangleSoup;
 use crate::scene::Scene;
 
 /// Most triangles of all shapes together; a page holds 19 bytes of each.
-pub const TRIANGLES: usize = 50_000;
+const TRIANGLES: usize = 40_000;
 /// Edge in metres of the cells that corners are first merged in where there are more, and of the last.
 const CELLS: [f64; 2] = [0.1, 30.0];
 
