@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::engine::{BackendError, EngineChoice, open};
 use crate::near_field::{Footprint, NearField, NearSite};
-use crate::problem::spread;
+use crate::problem::{Problem, spread};
 use crate::report::near_field::near_field_svg;
 use crate::report::view::ViewData;
 use crate::report::{InformationMap, convergence_svg, placement_svg};
@@ -24,7 +24,13 @@ pub struct Looks {
     /// It in the first scene, in 3-D.
     view: ViewData,
     /// Ground near the vehicle in the first scene that it and the best baseline see, or why there is none.
-    near: Result<(Footprint, Vec<(Placement, NearField)>), String>,
+    near: Result<Near, String>,
+}
+
+/// Near fields of some placements around one body.
+struct Near {
+    footprint: Footprint,
+    all: Vec<(Placement, NearField)>,
 }
 
 impl Looks {
@@ -64,10 +70,10 @@ impl Looks {
 /// Near fields of placements over a few frames.
 fn near<'a>(
     scene: &Scene,
-    problem: &crate::problem::Problem,
+    problem: &Problem,
     choice: &EngineChoice,
     placements: impl Iterator<Item = &'a Placement>,
-) -> Result<Result<(Footprint, Vec<(Placement, NearField)>), String>, BackendError> {
+) -> Result<Result<Near, String>, BackendError> {
     let few = Arc::new(problem.over(&spread(problem.frame_count(), Some(NEAR_FRAMES))));
     let site = match NearSite::new(scene, &few) {
         Ok(site) => site,
@@ -76,7 +82,7 @@ fn near<'a>(
     let mut engine = open(&few, choice, |_| {})?.engine;
     let look = |placement: &Placement| Ok((placement.clone(), site.look(&mut *engine, placement)?));
     let all = placements.map(look).collect::<Result<Vec<_>, BackendError>>()?;
-    Ok(Ok((site.footprint().clone(), all)))
+    Ok(Ok(Near { footprint: site.footprint().clone(), all }))
 }
 
 /// The drawings of a page, as SVG, and the data of its 3-D view.
@@ -110,7 +116,7 @@ impl Figures {
             view: None,
         };
         let Some((Looks { maps, view, near }, shown)) = looks.zip(shown) else { return none };
-        let near_field = near.map(|(footprint, all)| {
+        let near_field = near.map(|Near { footprint, all }| {
             let drawn: Vec<(&Placement, &NearField)> = all.iter().map(|(p, n)| (p, n)).collect();
             near_field_svg(&footprint, &drawn)
         });

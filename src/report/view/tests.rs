@@ -103,7 +103,7 @@ fn a_page_reads_back_what_was_packed() {
     assert!(indices.iter().eq(view.sight.voxels.iter().map(|voxel| &voxel.index)));
     let masks = array(&header["voxels"]["masks"], 1);
     assert_eq!(masks.len(), 3 * voxels);
-    assert!(masks.iter().any(|mask| *mask == 3) && masks.iter().all(|mask| *mask < 4));
+    assert!(masks.contains(&3) && masks.iter().all(|mask| *mask < 4));
     assert_eq!(array(&header["voxels"]["shares"], 1).len(), 2 * voxels);
     // The ends of beams come back within a step of the box that they are counted in.
     let ends: Vec<u16> = bytemuck::pod_collect_to_vec(&array(&header["beams"]["ends"], 2));
