@@ -214,7 +214,8 @@ function start() {
         look.view[row] * at[0] + look.view[4 + row] * at[1] + look.view[8 + row] * at[2] + look.view[12 + row]);
       const dot = by("lidars").children[k];
       dot.hidden = w <= 0 || Math.abs(x) > w || Math.abs(y) > w;
-      dot.style.transform = `translate(${((x / w + 1) / 2) * width}px, ${((1 - y / w) / 2) * height}px)`;
+dot.style.left = `${50 * (x / w + 1)}%`;
+      dot.style.top = `${50 * (1 - y / w)}%`;
     });
     const told = document.body.dataset;
     told.triangles = triangles;
