@@ -1,9 +1,11 @@
 """Opens the pages in a folder in Chromium: what they draw, what each control changes, what axe finds."""
 
+import io
 import json
 import sys
 from pathlib import Path
 
+from PIL import Image
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, sync_playwright
 
@@ -48,6 +50,12 @@ def changes(page: Page, what: str, act) -> None:
     before = picture(page)
     act()
     check(picture(page) != before, f"{what} changes nothing in the picture")
+
+
+def keep(page: Page, name: str) -> None:
+    """A small picture for the docs."""
+    shot = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    shot.quantize(64, dither=Image.Dither.NONE).save(f"docs/report/{name}.png", optimize=True)
 
 
 def draws(page: Page, triangles: int) -> None:
@@ -136,7 +144,7 @@ def fits(page: Page, what: str) -> None:
     check(wide <= screen, f"{what} is {wide} pixels wide on a screen of {screen}")
 
 
-def main(folder: Path, keep: bool) -> None:
+def main(folder: Path, renew: bool) -> None:
     run, view = folder / "run" / "report.html", folder / "view.html"
     triangles = json.loads((folder / "info.json").read_text())[0]["triangles"]
     for file in [run, view]:
@@ -145,8 +153,8 @@ def main(folder: Path, keep: bool) -> None:
         browser = tools.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         page = opened(browser, run, viewport=WIDE)
         draws(page, triangles)
-        if keep:
-            page.screenshot(path="docs/report/light.png")
+        if renew:
+            keep(page, "light")
         moves(page)
         controls(page)
         axe(page, "a light page")
@@ -161,9 +169,9 @@ def main(folder: Path, keep: bool) -> None:
         check(given.locator("#search").count() == 0, "a page without a search tells of one")
         check("95 % interval" in given.locator("body").inner_text(), "two scenes, and no interval")
         axe(given, "the page of a placement")
-        if keep:
-            dark.screenshot(path="docs/report/dark.png")
-            phone.screenshot(path="docs/report/phone.png")
+        if renew:
+            keep(dark, "dark")
+            keep(phone, "phone")
         print_out = page.pdf(format="A4")
         check(len(print_out) > 50_000, "nothing is printed")
         browser.close()
