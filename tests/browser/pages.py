@@ -55,7 +55,7 @@ def changes(page: Page, what: str, act) -> None:
 def keep(page: Page, name: str) -> None:
     """A small picture for the docs."""
     shot = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-    shot.quantize(64, dither=Image.Dither.NONE).save(f"docs/report/{name}.png", optimize=True)
+    shot.quantize(160, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(f"docs/report/{name}.png", optimize=True)
 
 
 def draws(page: Page, triangles: int) -> None:
