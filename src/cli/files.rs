@@ -62,12 +62,17 @@ pub fn told_apart(names: impl IntoIterator<Item = String>) -> Vec<String> {
     told
 }
 
-/// All placements of a file, or one by its name behind a colon.
-pub fn named_placements(text: &str) -> Result<Vec<Placement>, Error> {
-    let (file, name) = match text.rsplit_once(':') {
+/// A file of placements, and the name behind its colon if there is one.
+pub fn file_and_name(text: &str) -> (&str, Option<&str>) {
+    match text.rsplit_once(':') {
         Some((file, name)) if !Path::new(text).exists() => (file, Some(name)),
         _ => (text, None),
-    };
+    }
+}
+
+/// All placements of a file, or one by its name behind a colon.
+pub fn named_placements(text: &str) -> Result<Vec<Placement>, Error> {
+    let (file, name) = file_and_name(text);
     let all = read_placements(Path::new(file))?;
     let Some(name) = name else { return Ok(all) };
     let known: Vec<String> = all.iter().map(|placement| placement.name.clone()).collect();

@@ -13,7 +13,7 @@ use crate::vehicle::{Placement, table_7};
 use super::args::{Compute, Conditions};
 use super::error::Error;
 use super::exit::Exit;
-use super::files::named_placements;
+use super::files::{file_and_name, named_placements};
 use super::load::{self, Suited};
 use super::own_body::add_self_hits;
 
@@ -51,7 +51,8 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     let conditions = &args.conditions.condition;
     let mut suited = load::suite(&paths, None, conditions, &args.compute)?;
     let files = suited.scenes.iter().flat_map(|scene| scene.files()).map(PathBuf::as_path);
-    writable_file(&args.out, files.chain([Path::new(placements)]))?;
+    let named = args.baseline.iter().chain([placements]).map(|text| file_and_name(text).0);
+    writable_file(&args.out, files.chain(named.map(Path::new)))?;
     let page = page(args, &mut suited, shown, &baselines)?;
     write_whole(&args.out, |out| out.write_all(page.as_bytes()).map_err(Error::io(&args.out)))?;
     Ok(Exit::Done)

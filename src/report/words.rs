@@ -25,7 +25,8 @@ pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &st
             true => "there is no baseline to compare it with",
             false => "no baseline keeps all rules, so that none is compared with it",
         };
-        format!("{subject} has {lidars} LiDARs; {why}.")
+        let s = if lidars == 1 { "" } else { "s" };
+        format!("{subject} has {lidars} LiDAR{s}; {why}.")
     });
     let share = best.scores.segmentation.information_gain_share;
     let share = share.map_or(String::new(), |share| {

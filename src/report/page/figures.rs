@@ -12,7 +12,7 @@ use crate::scene::Scene;
 use crate::search::{GenerationRecord, Scored, Suite};
 use crate::vehicle::{Constraints, Placement};
 
-use super::RunRecord;
+use crate::report::RunRecord;
 
 /// Frames that the near field is taken over.
 const NEAR_FRAMES: u32 = 4;

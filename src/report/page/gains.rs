@@ -2,8 +2,9 @@
 
 use maud::{Markup, html};
 
+use super::figures::Figures;
 use super::parts::{bar, table, text};
-use super::{Figures, Subject};
+use super::subject::Subject;
 use crate::report::view::sight::Part;
 
 /// Gain by class and by distance, against the best baseline.

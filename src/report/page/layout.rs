@@ -2,8 +2,10 @@
 
 use maud::{Markup, html};
 
+use super::figures::Figures;
 use super::parts::{bar, figure, table, text};
-use super::{Figures, RunRecord, Subject};
+use super::subject::Subject;
+use crate::report::RunRecord;
 
 /// Poses of the result, and what each LiDAR gains alone and what only it gains.
 pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Markup {

@@ -3,14 +3,16 @@
 //! | file | holds |
 //! |---|---|
 //! | `figures` | the drawings, and what is computed for them |
+//! | `subject`, `command` | what a page is about, and the command that makes it again |
 //! | `stage` | the first screen: result in a sentence, 3-D view |
 //! | `scores` | result against baselines, guards, scene by scene |
 //! | `layout` | poses of the result, and what each LiDAR gives |
 //! | `gains` | gain by class and by distance |
 //! | `search` | convergence, findings, how the run was made |
-//! | `repeat` | the command that repeats a run |
+//! | `repeat` | that command, and every setting |
 //! | `parts` | tables and bars |
 
+mod command;
 mod figures;
 mod gains;
 mod layout;
@@ -19,65 +21,13 @@ mod repeat;
 mod scores;
 mod search;
 mod stage;
+mod subject;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::{RunRecord, SceneRecord, judged, spread_in_words, verdict};
-use crate::search::Scored;
+use super::{RunRecord, spread_in_words};
 pub use figures::{Figures, Looks};
-pub use repeat::command;
-
-/// What a page is about, whether it was searched for or given.
-#[derive(Debug, Clone)]
-pub struct Subject<'a> {
-    /// Name of the scene; of several all names.
-    pub scene: &'a str,
-    /// Each of several scenes.
-    pub scenes: &'a [SceneRecord],
-    /// What the comparison is by.
-    pub objective: &'a str,
-    /// The result in sentences, the first of which heads the page.
-    pub verdict: String,
-    /// What the page is about; `None` where a search found nothing.
-    pub result: Option<&'a Scored>,
-    /// Layouts to compare with.
-    pub baselines: &'a [Scored],
-    /// The command that makes this page again.
-    pub command: String,
-}
-
-impl<'a> Subject<'a> {
-    /// The subject of a run.
-    pub fn of(run: &'a RunRecord) -> Self {
-        Self {
-            scene: &run.scene,
-            scenes: &run.scenes,
-            objective: &run.objective,
-            verdict: verdict(run.best.as_ref(), &run.baselines, &run.objective),
-            result: run.best.as_ref(),
-            baselines: &run.baselines,
-            command: command(run),
-        }
-    }
-
-    /// A placement that was given, by information gain; `command` makes the page again.
-    pub fn given(
-        scene: &'a str,
-        scenes: &'a [SceneRecord],
-        result: &'a Scored,
-        baselines: &'a [Scored],
-        command: String,
-    ) -> Self {
-        let objective = "information_gain";
-        let verdict = judged(&result.placement.name, result, baselines, objective);
-        Self { scene, scenes, objective, verdict, result: Some(result), baselines, command }
-    }
-
-    /// The best baseline that keeps all rules.
-    fn rival(&self) -> Option<&'a Scored> {
-        Scored::yardstick(self.baselines)
-    }
-}
+pub use subject::Subject;
 
 /// The page of a run: the result in a sentence and a picture, then all that is known of it.
 pub fn report_html(run: &RunRecord, figures: &Figures) -> String {

@@ -3,10 +3,10 @@
 use maud::{Markup, html};
 
 use super::parts::{difference, table, text};
-use super::{RunRecord, Subject};
-use crate::report::ScoreColumn;
+use super::subject::Subject;
 use crate::report::against::{Against, against as compared};
 use crate::report::by_scene::rows_by_scene;
+use crate::report::{RunRecord, ScoreColumn};
 use crate::search::Scored;
 
 /// Scenes from which on an interval of resampled scenes is about as wide as it should be.

@@ -2,9 +2,9 @@
 
 use maud::{Markup, html};
 
+use super::figures::Figures;
 use super::parts::{figure, table, text};
-use super::{Figures, RunRecord};
-use crate::report::{certificate_in_words, methods_in_words, optional};
+use crate::report::{RunRecord, certificate_in_words, methods_in_words, optional};
 
 /// All about how the result was found.
 pub(super) fn search(run: &RunRecord, figures: &Figures) -> Markup {

@@ -2,7 +2,8 @@
 
 use maud::{Markup, PreEscaped, html};
 
-use super::{Figures, Subject};
+use super::figures::Figures;
+use super::subject::Subject;
 use crate::report::svg::COLOURS;
 
 /// The view with its controls; hidden until its script has begun.
