@@ -77,10 +77,10 @@ class Source:
         """The scene's region."""
         return Grid.of(self.described["roi"])
 
-    def open(self, **changed: Any) -> sightline.Scene:
-        """The scene with other entries, as ``lidar=…``."""
+    def open(self, frames: int | None = None, **changed: Any) -> sightline.Scene:
+        """The scene with other entries, as ``lidar=…``, scored over so many frames."""
         return sightline.Scene.from_dict(
-            {**self.described, **changed}, folder=self.path.parent, backend="cpu"
+            {**self.described, **changed}, folder=self.path.parent, backend="cpu", frames=frames
         )
 
     def digest(self) -> str:
