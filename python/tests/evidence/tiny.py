@@ -15,12 +15,12 @@ DESIGN = Design(
     train=(),
     test=(),
     own=False,
-    frames=2,
+    frames=1,
     random=0,
     searched=0,
     evaluations=0,
     seeds=(1,),
-    learner=trees.Settings(rounds=8, points=12_000),
+    learner=trees.Settings(rounds=8, points=8_000),
 )
 
 
