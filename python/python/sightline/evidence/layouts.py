@@ -91,14 +91,15 @@ def stratified(mount: dict[str, Any], each: int, seed: int) -> list[Layout]:
                     name = f"random-{'low mid high'.split()[level]}-{'wide' if wide else 'narrow'}"
                     name += f"{'-roll' if rolled else ''}-{n}"
                     roll = mount["roll"] if rolled else [0.0, 0.0]
-                    poses = _drawn(rng, low, high, level, wide, roll, mount.get("min_distance", 0.0))
+                    poses = drawn(rng, low, high, level, wide, roll, mount.get("min_distance", 0.0))
                     found.append(Layout(name, "box", poses))
     return found
 
 
-def _drawn(
+def drawn(
     rng: np.random.Generator, low: F64, high: F64, level: int, wide: bool, roll: list[float], apart: float
 ) -> F64:
+    """Four poses ``[4, 6]`` in a third (``level``) of the height of a mount, over all of its plan or the inner part."""
     third = (high[2] - low[2]) / 3
     middle, half = (low + high) / 2, (high - low) / 2 * (1.0 if wide else 0.4)
     # A mount with little room gets what of the distance it has room for.
