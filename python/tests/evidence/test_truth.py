@@ -40,13 +40,13 @@ def test_boxes_and_who_can_be_seen(small_file: Path) -> None:
 
 def test_cache_is_the_same_and_mends_itself(small_file: Path, tmp_path: Path) -> None:
     source = Source.read(small_file)
-    (made,) = cached(source, [1], tmp_path)
+    (made,) = cached(source, source.digest(), [1], tmp_path)
     (file,) = tmp_path.iterdir()
-    (read,) = cached(source, [1], tmp_path)
+    (read,) = cached(source, source.digest(), [1], tmp_path)
     for name, value in vars(made).items():
         np.testing.assert_array_equal(value, getattr(read, name))
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-    (mended,) = cached(source, [1], tmp_path)
+    (mended,) = cached(source, source.digest(), [1], tmp_path)
     np.testing.assert_array_equal(mended.keys, made.keys)
     assert len(list(tmp_path.iterdir())) == 1
 

@@ -17,7 +17,7 @@ from sightline.evidence.metrics import segmentation, targets
 
 # Small maps: more threads would wait for each other.
 torch.set_num_threads(1)
-SMALL = unet.Settings(steps=80, width=8, rate=5e-3, cell=2)
+SMALL = unet.Settings(steps=200, width=8, rate=5e-3, cell=2)
 
 
 @pytest.fixture(scope="module")

@@ -76,7 +76,7 @@ def say(sentence: str) -> None:
 
 def make_truth(world: Any, out: Path) -> dict[str, Any]:
     """Makes a scene's targets; returns what stands in them."""
-    found = truth.cached(world.source(), world.frames, out / "truth")
+    found = truth.cached(world.source(), world.sha256, world.frames, out / "truth")
     voxels = np.sum([np.bincount(t.labels, minlength=len(GROUPS)) for t in found], axis=0)
     return {
         "voxels": {name: int(n) for name, n in zip(GROUPS, voxels) if n},
@@ -91,7 +91,7 @@ def unit(plan: Plan, layout: Layout, seed: int, out: Path) -> dict[str, Any]:
     learner = trial.learn(seen, seed, plan.learner)
     judged = {}
     for world in plan.of("test"):
-        targets = truth.cached(world.source(), world.frames, out / "truth")
+        targets = truth.cached(world.source(), world.sha256, world.frames, out / "truth")
         judged[world.name] = trial.judge(world, targets, trial.frames_of(world, layout, seed), learner)
     return {
         "placement": layout.name,

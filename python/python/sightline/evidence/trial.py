@@ -17,7 +17,7 @@ from .learners import trees
 from .metrics import objects, segmentation, targets
 from .metrics.calibration import calibration
 from .truth import KINDS, VISIBLE, Truth
-from .worlds import World, opened
+from .worlds import World
 
 #: What placements are ranked by; larger is better.
 METRICS = (
@@ -53,7 +53,7 @@ class Frame:
 def frames_of(world: World, layout: Layout, seed: int) -> list[Frame]:
     """Scans of the frames of a scene, with their noise drawn by the seed."""
     rig = sightline.Placement(layout.poses, name=layout.name)
-    scans = opened(world.source()).scan(rig, seed=seed, frames=world.frames)
+    scans = world.scene().scan(rig, seed=seed, frames=world.frames)
     return [_frame(scan) for scan in scans]
 
 

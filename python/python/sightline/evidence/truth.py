@@ -159,9 +159,12 @@ def _behind(scan: sightline.Scan, kept: Bools) -> F64:
     return behind
 
 
-def cached(source: Source, frames: list[int], folder: Path) -> list[Truth]:
-    """``truth_of``, kept in ``folder`` under the hash of all that it depends on; a broken file is made again."""
-    about = {"version": VERSION, "scene": source.digest(), "lidar": DENSE, "frames": frames, "groups": GROUPS}
+def cached(source: Source, sha256: str, frames: list[int], folder: Path) -> list[Truth]:
+    """``truth_of``, kept in ``folder`` under the hash of all that it depends on; a broken file is made again.
+
+    ``sha256`` is the source's ``digest``, which reads all of its meshes and so is not taken anew each time.
+    """
+    about = {"version": VERSION, "scene": sha256, "lidar": DENSE, "frames": frames, "groups": GROUPS}
     about["engine"] = sightline.__version__
     name = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:32]
     path = folder / f"{name}.npz"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -31,8 +32,12 @@ class World:
     sha256: str
 
     def source(self) -> Source:
-        """The scene, read anew."""
-        return Source.read(self.path)
+        """The scene, read once in a process."""
+        return _source(self.path)
+
+    def scene(self) -> sightline.Scene:
+        """The scene with the study's LiDAR, opened once in a process."""
+        return _scene(self.path)
 
     def to_dict(self, out: Path) -> dict[str, Any]:
         """As a plan keeps it; files within ``out`` are named from there."""
@@ -92,3 +97,13 @@ def world(name: str, path: Path, role: str, frames: int) -> World:
 def opened(source: Source, frames: int | None = None) -> sightline.Scene:
     """A scene with the study's LiDAR; scores are means over so many frames."""
     return source.open(frames, lidar=LIDAR)
+
+
+@functools.lru_cache(maxsize=64)
+def _source(path: Path) -> Source:
+    return Source.read(path)
+
+
+@functools.lru_cache(maxsize=64)
+def _scene(path: Path) -> sightline.Scene:
+    return opened(_source(path))

@@ -20,7 +20,7 @@ from ..layouts import drawn
 from ..metrics.detection import Objects
 from ..metrics.targets import birds_eye
 from ..truth import KINDS, VISIBLE, Truth
-from ..worlds import World, opened
+from ..worlds import World
 
 try:
     import torch
@@ -117,7 +117,7 @@ def stream(given: list[tuple[World, list[Truth]]], seed: int, cell: int) -> Iter
     """Samples without end: a frame drawn at random, seen by four LiDARs drawn anew in the scene's mount."""
     rng = np.random.default_rng([seed, 2])
     ready = [(world, truths, world.source()) for world, truths in given]
-    scenes = [opened(source) for _, _, source in ready]
+    scenes = [world.scene() for world, _, _ in ready]
     while True:
         number = int(rng.integers(len(ready)))
         world, truths, source = ready[number]
@@ -217,7 +217,11 @@ def train(samples: Iterable[Sample], seed: int, settings: Settings) -> Unet:
 def _loss(net: Net, given: Sample) -> Tensor:
     groups, heat, boxes = net(torch.from_numpy(given.image)[None])
     labels = torch.from_numpy(given.labels.astype(np.int64))[None]
-    loss = functional.cross_entropy(groups, labels, ignore_index=0) if given.labels.any() else groups.sum() * 0
+    # Rare groups weigh more, as for trees: by one over the square root of their number.
+    count = np.bincount(given.labels.ravel(), minlength=len(GROUPS))
+    count[0] = 0
+    weight = torch.from_numpy(np.where(count > 0, 1 / np.sqrt(np.maximum(count, 1)), 0.0).astype(np.float32))
+    loss = functional.cross_entropy(groups, labels, weight, ignore_index=0) if count.any() else groups.sum() * 0
     # Focal loss of centres (Zhou 2019): near misses count little.
     wanted, found = torch.from_numpy(given.heat)[None], heat.sigmoid().clamp(1e-4, 1 - 1e-4)
     centre = wanted > 0.999
