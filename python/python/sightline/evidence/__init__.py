@@ -7,9 +7,9 @@
 | ``truth`` | targets that no placement moves |
 | ``learners`` | boosted trees for each placement; a shared bird's-eye U-Net |
 | ``correlate`` | how well a score predicts a metric, with intervals |
-| ``layouts``, ``scenes`` | placements and scenes of the studies |
+| ``layouts``, ``worlds``, ``scores`` | placements and scenes of the studies, and what is said of them |
 | ``plan`` | what is to be done, fixed and hashed before it is done |
-| ``trial``, ``run`` | one placement through a learner; all of them, resumably |
+| ``trial``, ``run``, ``summary`` | one placement through a learner; all of them, resumably; the result |
 | ``present`` | tables and figure |
 
 ``python -m sightline.evidence quick --out DIR`` runs it; ``docs/evidence.md`` says what came out.
