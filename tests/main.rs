@@ -73,6 +73,7 @@ mod own_mesh;
 mod own_scenes;
 mod packets;
 mod reference;
+mod round_trip;
 mod scenes;
 mod walk;
 mod world;

@@ -15,6 +15,7 @@ mod devices;
 mod error;
 mod exit;
 mod files;
+mod gltf;
 mod interrupt;
 mod load;
 mod near_field;
