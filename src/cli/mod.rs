@@ -27,6 +27,7 @@ mod scan;
 mod scene;
 mod score;
 mod sensor;
+mod shell;
 mod study;
 mod verify;
 
@@ -80,6 +81,10 @@ enum Command {
     Scene(scene::Command),
     /// List Vulkan devices and which one is taken by default
     Devices(devices::Args),
+    /// Print what a shell needs to complete commands and options
+    Completions(shell::CompletionsArgs),
+    /// Print the manual page of the program or of a command, or write all of them
+    Man(shell::ManArgs),
 }
 
 /// Runs the program: `arguments` as a shell gives them, the program's own name first. Prints results to
@@ -108,6 +113,8 @@ fn dispatch(command: Command) -> Result<Exit, Error> {
         Command::Rig(command) => rig::run(&command),
         Command::Scene(command) => scene::run(&command),
         Command::Devices(args) => devices::run(&args),
+        Command::Completions(args) => shell::completions(&args),
+        Command::Man(args) => shell::man(&args),
     }
 }
 
