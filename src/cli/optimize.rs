@@ -76,7 +76,8 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         )));
     }
     if let Some(best) = &record.best {
-        let (scene, placements) = (&sitting.opened.scenes[0], std::slice::from_ref(&best.placement));
+        let (scene, placements) =
+            (&sitting.opened.scenes[0], std::slice::from_ref(&best.placement));
         let view = GltfView { scene, frame: 0, placements, points: &[] };
         args.gltf.write(args.compute.talk, &view)?;
     }

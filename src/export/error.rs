@@ -176,7 +176,9 @@ pub enum ExportError {
         frame: usize,
     },
     /// Lengths in a binary glTF have 32 bits.
-    #[error("the glTF would have more than {need} bytes, at most {limit} fit; show fewer placements, or no points")]
+    #[error(
+        "the glTF would have more than {need} bytes, at most {limit} fit; show fewer placements, or no points"
+    )]
     GltfTooLarge {
         /// Bytes needed so far.
         need: u64,

@@ -121,7 +121,8 @@ impl LabelledSequence for NuscenesScene {
             let Category { class, boxed, .. } = self.category(path, point, id)?;
             let at = Vec3::from(xyz).as_dvec3();
             let found = boxes.iter().find(|(_, it)| boxed && it.holds(at)).map(|&(track, _)| track);
-            let beside = |(track, it): &(u32, ScanBox)| moves(*track) && it.holds_within(at, BESIDE);
+            let beside =
+                |(track, it): &(u32, ScanBox)| moves(*track) && it.holds_within(at, BESIDE);
             let moving = found.map_or_else(|| boxed && boxes.iter().any(beside), moves);
             labels.push(PointLabel { class, moving, on_track: found.is_some() });
         }

@@ -43,7 +43,8 @@ fn linear(value: u8) -> f64 {
 }
 
 fn of_letters(name: &str) -> [f64; 3] {
-    let hue = name.bytes().fold(7_u32, |hash, byte| hash.wrapping_mul(31).wrapping_add(byte.into()));
+    let hue =
+        name.bytes().fold(7_u32, |hash, byte| hash.wrapping_mul(31).wrapping_add(byte.into()));
     let hue = f64::from(hue % 360) / 60.0;
     [5.0, 3.0, 1.0].map(|n| {
         let k: f64 = (n + hue) % 6.0;
