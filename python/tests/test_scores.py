@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import pickle
 import subprocess
 import sys
@@ -128,3 +129,30 @@ def test_the_engine_agrees_with_the_reference(scene, placements) -> None:
     found = scene.verify(placements[:2], sample=2000)
     assert found["passed"] and found["cpu_against_f64"]["beams"] > 0
     assert found["gpu_against_cpu"]["beams"] == 2 * 4 * 4000
+
+
+def test_a_device_gives_the_same_bits(placements) -> None:
+    def scores(backend: str) -> Scores:
+        scene = Scene.load("scenes/highway.json", frames=1, backend=backend)
+        return scene.score(placements[:2])
+
+    try:
+        on_device = scores("gpu")
+    except OSError as error:
+        # Where a device has to be there, its absence is a fault.
+        assert not os.environ.get("EXPECT_ADAPTER"), error
+        pytest.skip(str(error))
+    assert on_device == scores("cpu")
+
+
+def test_arrays_are_handed_on_without_a_copy(scene, placements) -> None:
+    column = scene.score(placements)["information_gain"]
+    assert np.shares_memory(np.from_dlpack(column), column)
+    scan = next(scene.scan(placements[0]))
+    assert np.shares_memory(np.from_dlpack(scan.xyz), scan.xyz) and scan.xyz.flags.c_contiguous
+
+
+def test_the_program_answers(tmp_path: Path) -> None:
+    assert "Usage: sightline" in program("--help").stdout
+    wrong = program("score", "nowhere.json", "scenes/placements.json")
+    assert wrong.returncode == 2 and wrong.stderr.startswith("sightline: nowhere.json: ")
