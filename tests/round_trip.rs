@@ -14,9 +14,24 @@ use sightline::vehicle::{Placement, read_placements};
 const FRAMES: usize = 6;
 /// Share by which the voxels of a class may differ: positions are rounded to f32 in another frame.
 const TOLERANCE: f64 = 0.002;
-/// Classes that nuScenes has a category of their own for.
-const CLASSES: [&str; 7] =
-    ["vehicle", "pedestrian", "road", "sidewalk", "terrain", "building", "vegetation"];
+/// Classes that an export to nuScenes keeps, alone or with others that share a category with it.
+const CLASSES: [(&str, &[&str]); 7] = [
+    ("vehicle", &[]),
+    ("pedestrian", &[]),
+    ("road", &["road_line"]),
+    ("sidewalk", &[]),
+    ("terrain", &[]),
+    ("vegetation", &[]),
+    (
+        "building",
+        &["fence", "pole", "wall", "traffic_sign", "bridge", "guard_rail", "traffic_light"],
+    ),
+];
+
+/// What a class counts as, once it was exported.
+fn merged(name: &str) -> &str {
+    CLASSES.iter().find(|(_, others)| others.contains(&name)).map_or(name, |(into, _)| into)
+}
 
 /// Whether an actor is never farther than half a metre from where it was in the first of the scans.
 fn stands(scans: &[Scan], instance: u16) -> bool {
@@ -31,7 +46,10 @@ fn stands(scans: &[Scan], instance: u16) -> bool {
 /// Voxels of each class with the frames that they have it in: every point votes in all frames, those of
 /// actors on their way in their own.
 fn truth(scans: &[Scan], roi: &Roi) -> BTreeMap<u16, u64> {
-    let vehicle = scans[0].classes.iter().position(|name| name == "vehicle").unwrap() as u16;
+    let names = &scans[0].classes;
+    let number = |wanted: &str| names.iter().position(|name| name == wanted).unwrap() as u16;
+    let into: Vec<u16> = names.iter().map(|name| number(merged(name))).collect();
+    let vehicle = number("vehicle");
     // The export labels actors by their kind: who rides a bicycle is a part of it.
     let ridden = |scan: &Scan, instance: u16| {
         let found = scan.boxes.iter().find(|tracked| tracked.instance == instance);
@@ -56,7 +74,8 @@ fn truth(scans: &[Scan], roi: &Roi) -> BTreeMap<u16, u64> {
                 let cell = (at + 0.001 * (at - origin).normalize() - low) / edge;
                 let cell = cell.to_array().map(|v| v.floor() as i64);
                 if cell.iter().zip(shape).all(|(v, most)| (0..most).contains(v)) {
-                    let class = if ridden(scan, point.instance) { vehicle } else { point.class };
+                    let own = into[usize::from(point.class)];
+                    let class = if ridden(scan, point.instance) { vehicle } else { own };
                     *votes.entry(cell).or_default().entry(class).or_default() += 1;
                 }
             }
@@ -106,7 +125,7 @@ fn an_export_to_nuscenes_read_again_has_the_voxels_of_its_scans() {
         point.instance == NO_INSTANCE && scene.classes()[usize::from(point.class)] == "vehicle"
     });
     assert!(parked.count() > 100);
-    for name in CLASSES {
+    for (name, _) in CLASSES {
         let class = names.iter().position(|known| known == name).unwrap();
         let ours: u64 = psog.rows().map(|row| u64::from(row[class])).sum();
         let theirs = scene.classes().iter().position(|known| known == name).unwrap();

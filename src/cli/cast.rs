@@ -12,7 +12,7 @@ use serde_json::json;
 use super::args::{Compute, Format};
 use super::error::Error;
 use super::exit::Exit;
-use super::gltf::Gltf;
+use super::glb::Gltf;
 use super::load;
 use crate::internals::{writable_file, write_whole};
 

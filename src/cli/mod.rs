@@ -15,7 +15,8 @@ mod devices;
 mod error;
 mod exit;
 mod files;
-mod gltf;
+mod glb;
+
 mod interrupt;
 mod load;
 mod near_field;
@@ -113,8 +114,8 @@ fn dispatch(command: Command) -> Result<Exit, Error> {
         Command::Rig(command) => rig::run(&command),
         Command::Scene(command) => scene::run(&command),
         Command::Devices(args) => devices::run(&args),
-        Command::Completions(args) => shell::completions(&args),
-        Command::Man(args) => shell::man(&args),
+        Command::Completions(args) => shell::completions(&args, Cli::command()),
+        Command::Man(args) => shell::man(&args, Cli::command()),
     }
 }
 

@@ -15,7 +15,7 @@ use serde_json::json;
 use super::args::{Format, Talk, finite, whole};
 use super::error::Error;
 use super::exit::Exit;
-use super::gltf::Gltf;
+use super::glb::Gltf;
 use super::interrupt::Interrupt;
 use super::{load, progress};
 

@@ -1,14 +1,15 @@
 //! `completions` and `man`: what shells and `man` want to know of the program, from its own arguments.
 
-use std::path::PathBuf;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
-use clap::{Command, CommandFactory};
+use clap::Command;
 use clap_complete::Shell;
 use clap_mangen::Man;
 
 use super::error::Error;
 use super::exit::Exit;
-use crate::internals::{FileError, shared_folder, write_whole};
+use crate::internals::{shared_folder, write_whole};
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -34,26 +35,24 @@ pub struct ManArgs {
     out: Option<PathBuf>,
 }
 
-/// Prints what a shell completes.
-pub fn completions(args: &CompletionsArgs) -> Result<Exit, Error> {
+/// Prints what a shell completes of the program.
+pub fn completions(args: &CompletionsArgs, mut program: Command) -> Result<Exit, Error> {
     let mut text = Vec::new();
-    clap_complete::generate(args.shell, &mut super::Cli::command(), "sightline", &mut text);
+    clap_complete::generate(args.shell, &mut program, "sightline", &mut text);
     out!("{}", String::from_utf8_lossy(&text))?;
     Ok(Exit::Done)
 }
 
 /// Prints a page, or writes all of them.
-pub fn man(args: &ManArgs) -> Result<Exit, Error> {
-    let mut program = super::Cli::command().disable_help_subcommand(true);
+pub fn man(args: &ManArgs, program: Command) -> Result<Exit, Error> {
+    let mut program = program.disable_help_subcommand(true);
     program.build();
     if let Some(folder) = &args.out {
         shared_folder(folder)?;
         for command in with_commands(&program) {
             let path = folder.join(Man::new(command.clone()).get_filename());
             let page = page(command)?;
-            write_whole(&path, |file| {
-                std::io::Write::write_all(file, &page).map_err(Error::io(&path))
-            })?;
+            write_whole(&path, |file| file.write_all(&page).map_err(Error::io(&path)))?;
         }
         return Ok(Exit::Done);
     }
@@ -81,6 +80,6 @@ fn with_commands(command: &Command) -> Vec<&Command> {
 fn page(command: &Command) -> Result<Vec<u8>, Error> {
     let mut page = Vec::new();
     let rendered = Man::new(command.clone()).render(&mut page);
-    rendered.map_err(|source| FileError::io(std::path::Path::new("man"))(source))?;
+    rendered.map_err(Error::io(Path::new("man")))?;
     Ok(page)
 }

@@ -10,7 +10,7 @@ mod cloud;
 mod dataset;
 mod error;
 mod folder;
-mod gltf;
+mod glb;
 mod kitti;
 mod labels;
 mod npz;
@@ -25,6 +25,6 @@ mod tests;
 
 pub use dataset::{Dataset, Summary};
 pub use error::ExportError;
-pub use gltf::{Glb, GltfView};
+pub use glb::{Glb, GltfView};
 pub use recording::record;
 pub use settings::{DatasetSettings, Layout, SceneFacts, Split, Splits};

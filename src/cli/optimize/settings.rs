@@ -11,7 +11,7 @@ use crate::cli::args::{
     Compute, Conditions, Format, at_least_one, finite, parse_seconds, parse_weight, whole,
 };
 use crate::cli::error::Error;
-use crate::cli::gltf::Gltf;
+use crate::cli::glb::Gltf;
 use crate::scan::conditions::Condition;
 
 #[derive(clap::Args)]

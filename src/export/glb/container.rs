@@ -5,7 +5,7 @@ use std::io::Write;
 
 use serde_json::{Value, json};
 
-use crate::export::ExportError;
+use super::super::ExportError;
 
 /// Most bytes: lengths are 32-bit.
 const MOST_BYTES: u64 = u32::MAX as u64;

@@ -96,10 +96,11 @@ mod tests {
     /// The angles that a sensor was made of, not what its directions say.
     #[test]
     fn a_frustum_spans_what_the_sensor_was_made_of() {
-        let turning = BeamTable::spinning(&[(-0.4, 0.0), (0.1, 0.0)], 250, 100.0).unwrap();
+        let turning = BeamTable::spinning(&[(-25.0, 0.0), (5.0, 0.0)], 250, 100.0).unwrap();
         let found = Frustum::of(&turning);
         assert_eq!((found.azimuth, found.length), ([0.0, TAU], LENGTH));
-        assert!((found.elevation[0] + 0.4).abs() < 1e-6 && (found.elevation[1] - 0.1).abs() < 1e-6);
+        let off = |k: usize, degrees: f64| (found.elevation[k] - degrees.to_radians()).abs();
+        assert!(off(0, -25.0) < 1e-6 && off(1, 5.0) < 1e-6, "{found:?}");
         for [from, to] in [[-1.0, 0.5], [2.5, 3.9]] {
             let count = 101;
             let turn = |k: i32| from + (to - from) * f64::from(k) / f64::from(count - 1);
@@ -115,7 +116,7 @@ mod tests {
 
     #[test]
     fn lines_are_as_long_as_they_say() {
-        let table = BeamTable::spinning(&[(-0.2, 0.0), (0.2, 0.0)], 90, 50.0).unwrap();
+        let table = BeamTable::spinning(&[(-12.0, 0.0), (12.0, 0.0)], 90, 50.0).unwrap();
         let lines = Frustum::of(&table).lines();
         assert!(lines.len().is_multiple_of(2));
         for end in lines.iter().filter(|end| **end != [0.0; 3]) {
