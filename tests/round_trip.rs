@@ -91,7 +91,7 @@ fn truth(scans: &[Scan], roi: &Roi) -> BTreeMap<u16, u64> {
 
 /// One LiDAR in the middle, so that the merged cloud was seen from one place.
 fn one_lidar(scenes: &Path) -> Placement {
-    let mut placement = read_placements(&scenes.join("placements.json")).unwrap().remove(0);
+    let mut placement = read_placements(scenes.join("placements.json")).unwrap().remove(0);
     placement.lidars.truncate(1);
     placement
 }
