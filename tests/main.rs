@@ -38,6 +38,8 @@ mod cli_shell;
 mod cli_study;
 #[cfg(feature = "cli")]
 mod cli_vehicle;
+#[cfg(all(unix, feature = "cli"))]
+mod cli_view;
 #[cfg_attr(not(feature = "gpu"), allow(dead_code))]
 mod common;
 mod conditions;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::internals::holds_placements;
+use crate::vehicle::{Placement, read_placements};
 
 use super::error::Error;
 
@@ -59,4 +60,26 @@ pub fn told_apart(names: impl IntoIterator<Item = String>) -> Vec<String> {
         told.push(free.unwrap_or(wanted));
     }
     told
+}
+
+/// A file of placements, and the name behind its colon if there is one.
+pub fn file_and_name(text: &str) -> (&str, Option<&str>) {
+    match text.rsplit_once(':') {
+        Some((file, name)) if !Path::new(text).exists() => (file, Some(name)),
+        _ => (text, None),
+    }
+}
+
+/// All placements of a file, or one by its name behind a colon.
+pub fn named_placements(text: &str) -> Result<Vec<Placement>, Error> {
+    let (file, name) = file_and_name(text);
+    let all = read_placements(Path::new(file))?;
+    let Some(name) = name else { return Ok(all) };
+    let known: Vec<String> = all.iter().map(|placement| placement.name.clone()).collect();
+    let wanted: Vec<Placement> = all.into_iter().filter(|p| p.name == name).collect();
+    if wanted.is_empty() {
+        let known = known.join(", ");
+        return Err(Error::Usage(format!("{file}: has no placement `{name}`; it has {known}")));
+    }
+    Ok(wanted)
 }

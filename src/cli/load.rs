@@ -58,6 +58,7 @@ pub fn scene(
 /// Scenes ready to be scored together.
 pub struct Suited {
     pub scenes: Vec<Scene>,
+    pub suite: Suite,
     pub evaluator: Evaluator,
     pub times: LoadTimes,
 }
@@ -93,7 +94,7 @@ pub fn suite(
     let (evaluator, notes) = opened?;
     notes.iter().for_each(|note| talk.note(note));
     times.build += start.elapsed().as_secs_f64();
-    Ok(Suited { scenes, evaluator, times })
+    Ok(Suited { scenes, suite, evaluator, times })
 }
 
 /// Reads a scene and says what in it is most likely not meant.

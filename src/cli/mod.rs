@@ -21,6 +21,7 @@ mod interrupt;
 mod load;
 mod near_field;
 mod optimize;
+mod own_body;
 mod progress;
 mod psog;
 mod rig;
@@ -31,6 +32,7 @@ mod sensor;
 mod shell;
 mod study;
 mod verify;
+mod view;
 
 use std::ffi::OsString;
 
@@ -56,6 +58,8 @@ enum Command {
     Optimize(optimize::Args),
     /// Score a batch of placements
     Score(score::Args),
+    /// Write a page about a placement, with its 3-D view and the baselines beside it
+    View(view::Args),
     /// Write every beam's hit
     Cast(cast::Args),
     /// Write labelled scans of placements, in good and bad weather, as data sets
@@ -103,6 +107,7 @@ fn dispatch(command: Command) -> Result<Exit, Error> {
     match command {
         Command::Optimize(args) => optimize::run(&args),
         Command::Score(args) => score::run(&args),
+        Command::View(args) => view::run(&args),
         Command::Cast(args) => cast::run(&args),
         Command::Scan(args) => scan::run(&args),
         Command::Verify(args) => verify::run(&args),

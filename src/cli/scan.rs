@@ -9,12 +9,12 @@ use crate::export::{Dataset, DatasetSettings, GltfView, Layout, SceneFacts, Spli
 use crate::scan::conditions::Condition;
 use crate::scan::{Scanner, Scanning};
 use crate::scene::Scene;
-use crate::vehicle::read_placements;
 use serde_json::json;
 
 use super::args::{Format, Talk, finite, whole};
 use super::error::Error;
 use super::exit::Exit;
+use super::files::named_placements;
 use super::glb::Gltf;
 use super::interrupt::Interrupt;
 use super::{load, progress};
@@ -275,22 +275,7 @@ impl Args {
 fn placements(given: &[String]) -> Result<Vec<Placement>, Error> {
     let mut found: Vec<Placement> = Vec::new();
     for text in given {
-        let (file, name) = match text.rsplit_once(':') {
-            Some((file, name)) if !Path::new(text).exists() => (file, Some(name)),
-            _ => (text.as_str(), None),
-        };
-        let all = read_placements(Path::new(file))?;
-        let known: Vec<String> = all.iter().map(|placement| placement.name.clone()).collect();
-        let wanted = all.into_iter().filter(|p| name.is_none_or(|name| p.name == name));
-        let before = found.len();
-        found.extend(wanted);
-        if found.len() == before {
-            let name = name.unwrap_or_default();
-            return Err(Error::Usage(format!(
-                "{file}: has no placement `{name}`; it has {}",
-                known.join(", ")
-            )));
-        }
+        found.extend(named_placements(text)?);
     }
     for (k, placement) in found.iter().enumerate() {
         if found[..k].iter().any(|other| other.name == placement.name) {

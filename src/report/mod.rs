@@ -13,17 +13,20 @@
 //! | `near_field` | what is seen of the ground near the vehicle |
 //! | `placement`, `map` | a placement on its vehicle, and what it sees from above |
 //! | `table`, `text` | the one table of scores, tables as text |
-//! | `html` | the page |
+//! | `against` | the result against every baseline, with intervals |
+//! | `view` | what a page shows in 3-D |
+//! | `page` | the page |
 
+pub(crate) mod against;
 pub(crate) mod by_scene;
 pub(crate) mod chart;
 mod chart_labels;
 pub(crate) mod chart_table;
 pub(crate) mod chart_words;
 pub(crate) mod convergence;
-mod html;
 pub(crate) mod map;
 pub(crate) mod near_field;
+mod page;
 pub(crate) mod placement;
 pub(crate) mod plot;
 pub(crate) mod record;
@@ -33,16 +36,17 @@ pub(crate) mod study;
 mod svg;
 pub(crate) mod table;
 pub(crate) mod text;
+mod view;
 pub(crate) mod words;
 
-pub(crate) use by_scene::by_scene;
 pub(crate) use chart_table::seconds;
 pub(crate) use convergence::convergence_svg;
-pub use html::{Figures, report_html};
 pub(crate) use map::InformationMap;
+pub use page::{Figures, Looks, Subject, report_html, view_html};
 pub(crate) use placement::placement_svg;
 pub(crate) use plot::{Axis, Plot, Series};
 pub use record::{RunContext, RunRecord, RunTimes, SceneRecord};
 pub(crate) use table::{ScoreColumn, optional};
 pub use text::scores_text;
-pub(crate) use words::{certificate_in_words, methods_in_words, spread_in_words, verdict};
+pub use view::{Gains, ViewData};
+pub(crate) use words::{certificate_in_words, judged, methods_in_words, spread_in_words, verdict};

@@ -125,6 +125,12 @@ pub struct SceneRecord {
 }
 
 impl SceneRecord {
+    /// Each of several scenes of a suite; none where there is one.
+    pub fn several(suite: &Suite) -> Vec<Self> {
+        let several = suite.members().iter().filter(|_| !suite.is_single());
+        several.map(Self::of).collect()
+    }
+
     fn of(member: &Member) -> Self {
         let (name, problem) = (member.name().to_owned(), member.problem());
         let (frames, modelled) = (problem.frame_count(), problem.modelled());
@@ -156,8 +162,7 @@ impl RunRecord {
     /// The record of a run.
     pub fn new(outcome: &Outcome, run: RunContext) -> Self {
         let outcome = outcome.clone();
-        let several = run.suite.members().iter().filter(|_| !run.suite.is_single());
-        let scenes: Vec<SceneRecord> = several.map(SceneRecord::of).collect();
+        let scenes = SceneRecord::several(run.suite);
         let names: Vec<&str> = scenes.iter().map(|scene| &*scene.name).collect();
         Self {
             sightline: env!("CARGO_PKG_VERSION"),

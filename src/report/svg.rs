@@ -9,9 +9,9 @@ pub(super) const GREY: &str = "#8a97a5";
 pub(super) const SOFT: &str = "#5a6b7b";
 pub(super) const ACCENT: &str = "#d1495b";
 pub(super) const SECOND: &str = "#2f7ebc";
-/// One colour a LiDAR or series, told apart also in grey.
+/// One colour a LiDAR or series that the colour-blind tell apart (Okabe, Ito 2008), white text on them.
 pub(super) const COLOURS: [&str; 8] =
-    ["#d1495b", "#2f7ebc", "#3d8f5f", "#c98a1b", "#7a4fa3", "#1f9e9e", "#8a5a3b", "#5a6b7b"];
+    ["#d55e00", "#0072b2", "#009e73", "#b8568f", "#a67400", "#3a8fc7", "#7b5c3e", "#5a6b7b"];
 
 /// A drawing of a size in pixels, to stand alone or in a page.
 pub(super) fn page([width, height]: [f64; 2], title: &str, body: &Markup) -> String {

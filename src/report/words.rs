@@ -14,13 +14,19 @@ pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> 
                 min_distance."
             .into();
     };
-    let against = against(best, baselines, objective).unwrap_or_else(|| {
+    judged("The placement found", best, baselines, objective)
+}
+
+/// The same of a placement that `subject` names, whether it was searched for or given.
+pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) -> String {
+    let against = against(subject, best, baselines, objective).unwrap_or_else(|| {
         let lidars = best.placement.lidars.len();
         let why = match baselines.is_empty() {
             true => "there is no baseline to compare it with",
             false => "no baseline keeps all rules, so that none is compared with it",
         };
-        format!("The search found a placement of {lidars} LiDARs; {why}.")
+        let s = if lidars == 1 { "" } else { "s" };
+        format!("{subject} has {lidars} LiDAR{s}; {why}.")
     });
     let share = best.scores.segmentation.information_gain_share;
     let share = share.map_or(String::new(), |share| {
@@ -47,8 +53,8 @@ pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> 
     format!("{against}{share}{} {guards}", lacking.concat())
 }
 
-/// The first sentence of [`verdict`]; `None` without a baseline to compare with.
-fn against(best: &Scored, baselines: &[Scored], objective: &str) -> Option<String> {
+/// The first sentence of [`judged`]; `None` without a baseline to compare with.
+fn against(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) -> Option<String> {
     let honest = || baselines.iter().filter(|baseline| baseline.is_honest());
     let gain_of = |scored: &Scored| scored.scores.segmentation.information_gain;
     let rival = Scored::yardstick(baselines)?;
@@ -61,7 +67,7 @@ fn against(best: &Scored, baselines: &[Scored], objective: &str) -> Option<Strin
     };
     let ours = best.objective?;
     let by_objective = compare(ours, theirs, ["better than", "worse than", "as good as"]);
-    let mut sentence = format!("The placement found is {by_objective} {known} by {objective}");
+    let mut sentence = format!("{subject} is {by_objective} {known} by {objective}");
     if objective == GAIN {
         return Some(sentence + ".");
     }

@@ -5,14 +5,14 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::bound::Certificate;
-use super::evaluator::SceneScores;
+use super::evaluator::{Judged, SceneScores};
 use super::findings::Finding;
 use super::generations::{GenerationRecord, GenerationsStop};
 use super::on_demand::FramesUsed;
 use super::phases::PhaseCheck;
 use super::spread::GainSpread;
-use crate::score::{Scores, Standing};
-use crate::vehicle::Placement;
+use crate::score::{Objective, Scores, Standing};
+use crate::vehicle::{Constraints, Placement};
 
 /// A placement with its scores.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -31,6 +31,22 @@ pub struct Scored {
 }
 
 impl Scored {
+    /// A placement with its scores, its value by an objective, and the rules that it breaks.
+    pub fn new(
+        placement: &Placement,
+        judged: Judged,
+        objective: &Objective,
+        constraints: &Constraints,
+    ) -> Self {
+        Self {
+            objective: objective.value(&judged.scores),
+            violations: constraints.violations(placement).iter().map(ToString::to_string).collect(),
+            placement: placement.clone(),
+            scores: judged.scores,
+            by_scene: judged.by_scene,
+        }
+    }
+
     /// Whether it keeps every rule of the mount and no guard speaks against it: only then is it a baseline to
     /// compare with.
     pub(crate) fn is_honest(&self) -> bool {

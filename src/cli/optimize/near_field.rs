@@ -4,12 +4,13 @@
 use std::sync::Arc;
 
 use crate::engine::{EngineChoice, open};
-use crate::near_field::{NearGain, NearSite, self_hits, unweighted};
+use crate::near_field::{NearGain, NearSite, unweighted};
 use crate::scene::Scene;
-use crate::search::{Evaluator, Outcome, Scored, Suite};
+use crate::search::{Evaluator, Outcome, Suite};
 use crate::vehicle::Placement;
 
 use crate::cli::error::Error;
+use crate::cli::own_body::add_self_hits;
 
 /// The outcome with the guard `self_hit` where a LiDAR looks at the own vehicle: a search does not know it.
 pub(super) fn with_self_hits(
@@ -18,12 +19,7 @@ pub(super) fn with_self_hits(
     outcome: &Outcome,
 ) -> Result<Outcome, Error> {
     let mut outcome = outcome.clone();
-    let Some(member) = suite.members().first() else { return Ok(outcome) };
-    let (scene, problem) = (&scenes[member.scene()], member.problem());
-    let mut engine = open(problem, &EngineChoice::cpu(), |_| {})?.engine;
-    for Scored { placement, scores, .. } in outcome.best.iter_mut().chain(&mut outcome.baselines) {
-        scores.guards.extend(self_hits(scene, problem, &mut *engine, placement)?);
-    }
+    add_self_hits(scenes, suite, outcome.best.iter_mut().chain(&mut outcome.baselines))?;
     Ok(outcome)
 }
 

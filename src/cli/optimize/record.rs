@@ -2,12 +2,10 @@
 
 use std::time::Instant;
 
-use crate::engine::{EngineChoice, open};
-use crate::internals::{InformationMap, Input, RunDir, peak_memory};
-use crate::report::{Figures, RunContext, RunRecord, RunTimes, report_html};
+use crate::internals::{Input, RunDir, peak_memory};
+use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
 use crate::scene::Scene;
-use crate::search::{FrameChoice, LeftOut, Member, Outcome, Run, Settings, Suite};
-use crate::vehicle::Placement;
+use crate::search::{FrameChoice, LeftOut, Outcome, Run, Scored, Settings, Suite};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -108,13 +106,17 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
     if let Some(nats) = sitting.begun.near_weight {
         record.near_field = near_gains(&sitting.opened.scenes, suite, outcome, nats)?;
     }
-    let best = outcome.best.as_ref().map(|best| &best.placement);
-    let maps = best.map_or(Ok(Vec::new()), |best| maps(sitting, best))?;
-    let body = sitting.opened.scenes[0].body();
-    let figures = Figures::new(&record, &outcome.history, suite.constraints(), &body, &maps);
+    let memory = sitting.args.compute.memory;
+    let (scenes, best, baselines) = (&sitting.opened.scenes, &record.best, &record.baselines);
+    let look = |best: &Scored| Looks::new(scenes, suite, &best.placement, baselines, memory);
+    let looks = best.as_ref().map(look).transpose()?;
+    let figures = Figures::new(best.as_ref(), suite.constraints(), &scenes[0].body(), looks)
+        .with_search(&record, &outcome.history);
     folder.write_json(TIMES, &spent)?;
     folder.write_json("result.json", &record)?;
-    folder.write_text("convergence.svg", &figures.convergence)?;
+    if let Some(figure) = &figures.convergence {
+        folder.write_text("convergence.svg", figure)?;
+    }
     if let Some(figure) = &figures.placement {
         folder.write_text("placement.svg", figure)?;
     }
@@ -124,18 +126,6 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
     }
     folder.write_text("report.html", &report_html(&record, &figures))?;
     Ok(record)
-}
-
-/// What a placement gains in each scene, with the scene's name.
-fn maps(sitting: &Sitting, placement: &Placement) -> Result<Vec<(String, InformationMap)>, Error> {
-    let engine = EngineChoice { memory: sitting.args.compute.memory, ..EngineChoice::cpu() };
-    let members = sitting.opened.suite.members().iter().filter(|member| !member.is_mirrored());
-    let map = |member: &Member| {
-        let mut engine = open(member.problem(), &engine, |_| {})?.engine;
-        let map = InformationMap::of(member.problem(), &mut *engine, placement)?;
-        Ok((member.name().to_owned(), map))
-    };
-    members.map(map).collect()
 }
 
 /// Every setting that decides about the result, in the keys of `result.json`.

@@ -27,7 +27,7 @@ pub(super) fn run(
 ) -> Result<(), Error> {
     let conditions = &args.conditions.condition;
     let suited = load::suite(scenes, args.frames, conditions, &args.compute)?;
-    let Suited { scenes, evaluator, times } = suited;
+    let Suited { scenes, evaluator, times, .. } = suited;
     if let Some(file) = &args.out {
         let inputs = scenes.iter().flat_map(|scene| scene.files()).map(PathBuf::as_path);
         writable_file(file, inputs.chain([placements]))?;

@@ -255,13 +255,8 @@ impl Run {
     /// Placements with their scores and the rules that they break.
     pub(super) fn scored(&self, placements: &[Placement], judged: Vec<Judged>) -> Vec<Scored> {
         let (objective, constraints) = (self.objective(), self.suite.constraints());
-        let scored = placements.iter().zip(judged).map(|(placement, judged)| Scored {
-            objective: objective.value(&judged.scores),
-            violations: constraints.violations(placement).iter().map(ToString::to_string).collect(),
-            placement: placement.clone(),
-            scores: judged.scores,
-            by_scene: judged.by_scene,
-        });
+        let scored = placements.iter().zip(judged);
+        let scored = scored.map(|(p, judged)| Scored::new(p, judged, &objective, constraints));
         scored.collect()
     }
 }

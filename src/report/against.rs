@@ -1,0 +1,50 @@
+//! The gain of a result over every baseline, with intervals over scenes.
+
+use super::SceneRecord;
+use crate::score::{Interval, Scores, bootstrap};
+use crate::search::Scored;
+
+/// Times that scenes are drawn.
+const RESAMPLES: usize = 10_000;
+
+/// A result against one baseline.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Against<'a> {
+    /// Of the baseline.
+    pub name: &'a str,
+    /// Share of the information that the baseline gains.
+    pub gain: f64,
+    /// What the result gains more.
+    pub difference: f64,
+    /// Interval of that over the scenes, mirror images counting with the scene they show; `None` for one.
+    pub interval: Option<Interval>,
+}
+
+/// The result against every baseline that gains anything, in their order.
+pub fn against<'a>(
+    best: &Scored,
+    baselines: &'a [Scored],
+    scenes: &[SceneRecord],
+    seed: u64,
+) -> Vec<Against<'a>> {
+    let share = |scores: &Scores| scores.segmentation.information_gain_share;
+    let compare = |baseline: &'a Scored| {
+        let (ours, theirs) = (share(&best.scores)?, share(&baseline.scores)?);
+        // A scene and its mirror image are two frames of one place.
+        let mut differences: Vec<Vec<f64>> = Vec::new();
+        let pairs = best.by_scene.iter().zip(&baseline.by_scene);
+        for (scene, (ours, theirs)) in scenes.iter().zip(pairs) {
+            let difference =
+                share(&ours.scores).unwrap_or(0.0) - share(&theirs.scores).unwrap_or(0.0);
+            match differences.last_mut().filter(|_| scene.mirrored) {
+                Some(place) => place.push(difference),
+                None => differences.push(vec![difference]),
+            }
+        }
+        let several = differences.len() > 1;
+        let interval = several.then(|| bootstrap(&differences, RESAMPLES, seed)).flatten();
+        let (name, difference) = (baseline.placement.name.as_str(), ours - theirs);
+        Some(Against { name, gain: theirs, difference, interval })
+    };
+    baselines.iter().filter_map(compare).collect()
+}

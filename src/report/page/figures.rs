@@ -1,0 +1,133 @@
+//! The drawings of a page, and what is computed for them.
+
+use std::sync::Arc;
+
+use crate::engine::{BackendError, EngineChoice, open};
+use crate::near_field::{Footprint, NearField, NearSite};
+use crate::problem::{Problem, spread};
+use crate::report::near_field::near_field_svg;
+use crate::report::view::ViewData;
+use crate::report::{InformationMap, convergence_svg, placement_svg};
+use crate::scene::Scene;
+use crate::search::{GenerationRecord, Scored, Suite};
+use crate::vehicle::{Constraints, Placement};
+
+use crate::report::RunRecord;
+
+/// Frames that the near field is taken over.
+const NEAR_FRAMES: u32 = 4;
+
+/// What is computed of a placement for its page, beyond its scores.
+pub struct Looks {
+    /// What it gains, from above, in each scene by name.
+    maps: Vec<(String, InformationMap)>,
+    /// It in the first scene, in 3-D.
+    view: ViewData,
+    /// Ground near the vehicle in the first scene that it and the best baseline see, or why there is none.
+    near: Result<Near, String>,
+}
+
+/// Near fields of some placements around one body.
+struct Near {
+    footprint: Footprint,
+    all: Vec<(Placement, NearField)>,
+}
+
+impl Looks {
+    /// Looks at a placement and its baselines in the scenes of a suite whose problems are over all frames, on
+    /// the CPU within `memory` bytes.
+    ///
+    /// # Errors
+    /// As [`open`] and the stages of the engine.
+    pub fn new(
+        scenes: &[Scene],
+        suite: &Suite,
+        placement: &Placement,
+        baselines: &[Scored],
+        memory: Option<u64>,
+    ) -> Result<Self, BackendError> {
+        let choice = EngineChoice { memory, ..EngineChoice::cpu() };
+        let rival = Scored::yardstick(baselines).map(|rival| &rival.placement);
+        let layouts: Vec<Placement> = baselines.iter().map(|b| b.placement.clone()).collect();
+        let (mut maps, mut first) = (Vec::new(), None);
+        for member in suite.members().iter().filter(|member| !member.is_mirrored()) {
+            let problem = member.problem();
+            let mut engine = open(problem, &choice, |_| {})?.engine;
+            let map = InformationMap::of(problem, &mut *engine, placement)?;
+            maps.push((member.name().to_owned(), map));
+            if first.is_none() {
+                let scene = &scenes[member.scene()];
+                let view = ViewData::new(scene, problem, &mut *engine, placement, &layouts)?;
+                let near = near(scene, problem, &choice, std::iter::once(placement).chain(rival))?;
+                first = Some((view, near));
+            }
+        }
+        let (view, near) = first.expect("a suite has a scene that is no mirror image");
+        Ok(Self { maps, view, near })
+    }
+}
+
+/// Near fields of placements over a few frames.
+fn near<'a>(
+    scene: &Scene,
+    problem: &Problem,
+    choice: &EngineChoice,
+    placements: impl Iterator<Item = &'a Placement>,
+) -> Result<Result<Near, String>, BackendError> {
+    let few = Arc::new(problem.over(&spread(problem.frame_count(), Some(NEAR_FRAMES))));
+    let site = match NearSite::new(scene, &few) {
+        Ok(site) => site,
+        Err(why) => return Ok(Err(why.to_string())),
+    };
+    let mut engine = open(&few, choice, |_| {})?.engine;
+    let look = |placement: &Placement| Ok((placement.clone(), site.look(&mut *engine, placement)?));
+    let all = placements.map(look).collect::<Result<Vec<_>, BackendError>>()?;
+    Ok(Ok(Near { footprint: site.footprint().clone(), all }))
+}
+
+/// The drawings of a page, as SVG, and the data of its 3-D view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Figures {
+    /// Objective against evaluations; `None` without a search.
+    pub convergence: Option<String>,
+    /// The placement on the vehicle; `None` without a result.
+    pub placement: Option<String>,
+    /// Information gained, seen from above, with the name of each scene; empty without a result.
+    pub maps: Vec<(String, String)>,
+    /// The blind zone from above, or why it is not drawn.
+    pub near_field: Result<String, String>,
+    /// The 3-D view; `None` without a result.
+    pub view: Option<ViewData>,
+}
+
+impl Figures {
+    /// Draws a placement; `body` holds the ego body's triangles in the ego frame.
+    pub fn new(
+        shown: Option<&Scored>,
+        constraints: &Constraints,
+        body: &[[[f32; 3]; 3]],
+        looks: Option<Looks>,
+    ) -> Self {
+        let none = Self {
+            convergence: None,
+            placement: shown.map(|shown| placement_svg(shown, constraints, body)),
+            maps: Vec::new(),
+            near_field: Err("there is no result".to_owned()),
+            view: None,
+        };
+        let Some((Looks { maps, view, near }, shown)) = looks.zip(shown) else { return none };
+        let near_field = near.map(|Near { footprint, all }| {
+            let drawn: Vec<(&Placement, &NearField)> = all.iter().map(|(p, n)| (p, n)).collect();
+            near_field_svg(&footprint, &drawn)
+        });
+        let maps = maps.into_iter().map(|(name, map)| (name, map.svg(&shown.placement)));
+        Self { maps: maps.collect(), near_field, view: Some(view), ..none }
+    }
+
+    /// The same with the convergence of a run.
+    pub fn with_search(mut self, run: &RunRecord, history: &[GenerationRecord]) -> Self {
+        let best = run.best.as_ref();
+        self.convergence = Some(convergence_svg(history, &run.objective, &run.baselines, best));
+        self
+    }
+}

@@ -1,0 +1,63 @@
+//! The placement: its drawing, its poses, and what each LiDAR gives.
+
+use maud::{Markup, html};
+
+use super::figures::Figures;
+use super::parts::{bar, figure, table, text};
+use super::subject::Subject;
+use crate::report::RunRecord;
+
+/// Poses of the result, and what each LiDAR gains alone and what only it gains.
+pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Markup {
+    let Some(best) = subject.result else { return html! {} };
+    let poses = &best.placement.lidars;
+    let named = poses.iter().any(|pose| !pose.sensor.is_none());
+    let mut titles = vec!["LiDAR", "x m", "y m", "z m", "roll rad", "pitch rad", "yaw rad"];
+    titles.extend(named.then_some("sensor"));
+    let rows: Vec<_> = (0..poses.len())
+        .map(|index| {
+            let mut row = vec![text(index.to_string())];
+            row.extend(poses[index].fields().map(|(_, value)| text(format!("{value:.3}"))));
+            row.extend(named.then(|| text(poses[index].sensor.to_string())));
+            (false, row)
+        })
+        .collect();
+    let active = run.map_or(&[][..], |run| &run.active_bounds);
+    html! {
+        section aria-labelledby="placement" {
+            h2 #placement { "The placement" }
+            @if let Some(svg) = &figures.placement { (figure(svg, "The placement on the vehicle")) }
+            (table("Poses in the vehicle's frame: x forward, y left, z up", &titles, &rows))
+            @for seen in &best.scores.required { p { "Must be seen: " (seen) "." } }
+            @if !active.is_empty() {
+                p { "On a bound or a rule of the mount: " (active.join("; ")) "." }
+            }
+            (each_lidar(subject, figures))
+        }
+    }
+}
+
+/// What each LiDAR gains alone, and what would be lost without it.
+fn each_lidar(subject: &Subject<'_>, figures: &Figures) -> Markup {
+    let unique = subject.result.map_or(&[][..], |best| &best.scores.unique_share);
+    let gains = figures.view.as_ref().map(|view| view.gains());
+    let whole = gains.map_or(0.0, |gains| gains.gained()).max(f64::MIN_POSITIVE);
+    let rows = unique.iter().enumerate().map(|(index, only)| {
+        let alone = gains.and_then(|gains| gains.alone.get(index)).map(|nats| nats / whole);
+        let mut row = vec![text(index.to_string())];
+        row.push(text(alone.map_or("–".into(), |share| format!("{:.1}", 100.0 * share))));
+        row.push(text(format!("{:.1}", 100.0 * only)));
+        row.push(bar(alone.unwrap_or(0.0), Some(*only)));
+        (false, row)
+    });
+    let rows: Vec<_> = rows.collect();
+    html! {
+        h3 { "What each LiDAR gives" }
+        (table(
+            "Per cent of the placement's gain that a LiDAR reaches alone, and that only it reaches",
+            &["LiDAR", "alone %", "only it %", ""],
+            &rows,
+        ))
+        p.small { "Bar: alone; mark: only it, which is lost with that LiDAR." }
+    }
+}

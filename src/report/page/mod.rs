@@ -1,0 +1,129 @@
+//! The page of a run, or of placements alone: one file that opens offline and loads nothing.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `figures` | the drawings, and what is computed for them |
+//! | `subject`, `command` | what a page is about, and the command that makes it again |
+//! | `stage` | the first screen: result in a sentence, 3-D view |
+//! | `scores` | result against baselines, guards, scene by scene |
+//! | `layout` | poses of the result, and what each LiDAR gives |
+//! | `gains` | gain by class and by distance |
+//! | `search` | convergence, findings, how the run was made |
+//! | `repeat` | that command, and every setting |
+//! | `parts` | tables and bars |
+
+mod command;
+mod figures;
+mod gains;
+mod layout;
+mod parts;
+mod repeat;
+mod scores;
+mod search;
+mod stage;
+mod subject;
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::{RunRecord, spread_in_words};
+pub use figures::{Figures, Looks};
+pub use subject::Subject;
+
+/// The page of a run: the result in a sentence and a picture, then all that is known of it.
+pub fn report_html(run: &RunRecord, figures: &Figures) -> String {
+    page(&Subject::of(run), figures, Some(run)).into_string()
+}
+
+/// The same page of a placement that was not searched for.
+pub fn view_html(subject: &Subject<'_>, figures: &Figures) -> String {
+    page(subject, figures, None).into_string()
+}
+
+fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Markup {
+    let (first, rest) = subject.verdict.split_once(". ").unwrap_or((&subject.verdict, ""));
+    let stop = if rest.is_empty() { "" } else { "." };
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                title { "sightline: " (subject.scene) }
+                style { (PreEscaped(include_str!("style.css"))) }
+            }
+            body {
+                header {
+                    p.scene { "sightline · " (subject.scene) }
+                    h1 { (unbroken(first)) (stop) }
+                    @if !rest.is_empty() { p { (rest) } }
+                }
+                main {
+                    (stage::stage(subject, figures))
+                    @if let Some(words) = run.and_then(spread_in_words) { p { (words) } }
+                    @if let Some(phases) = run.and_then(|run| run.phases.as_ref()) { p { (phases.words) } }
+                    (scores::against(subject, run))
+                    (scores::guards(subject))
+                    (layout::layout(subject, figures, run))
+                    (gains::gains(subject, figures))
+                    (near_field(figures))
+                    (maps(figures))
+                    (scores::scores(subject))
+                    (scores::scenes(subject))
+                    @if let Some(run) = run { (search::search(run, figures)) }
+                    (repeat::repeat(subject, run))
+                }
+                footer { p { "Made by sightline " (env!("CARGO_PKG_VERSION")) "." } }
+                (stage::script(figures))
+            }
+        }
+    }
+}
+
+/// Words of a heading; names with a hyphen stay on one line.
+fn unbroken(words: &str) -> Markup {
+    html! {
+        @for (index, word) in words.split(' ').enumerate() {
+            @if index > 0 { " " }
+            @if word.contains('-') { span.name { (word) } } @else { (word) }
+        }
+    }
+}
+
+/// The blind zone from above.
+fn near_field(figures: &Figures) -> Markup {
+    html! {
+        section aria-labelledby="near" {
+            h2 #near { "Ground near the vehicle" }
+            @match &figures.near_field {
+                Ok(svg) => {
+                    p {
+                        "From above, forward is right: ground within 10 m that no beam sees, and the zone in \
+                         which nothing on the ground is seen."
+                    }
+                    (parts::figure(svg, "Blind zone from above"))
+                }
+                Err(why) => p { "Not drawn: " (why) "." }
+            }
+        }
+    }
+}
+
+/// Information gained from above, scene by scene.
+fn maps(figures: &Figures) -> Markup {
+    html! {
+        @if !figures.maps.is_empty() {
+            section #map aria-labelledby="seen" {
+                h2 #seen { "What it sees, from above" }
+                p {
+                    "Information of each column of voxels: red where the beams gain it, grey where it stays \
+                     unseen."
+                }
+                @for (scene, map) in &figures.maps {
+                    @if figures.maps.len() > 1 { h3 { (scene) } }
+                    div.paper { (parts::figure(map, "Information gained, from above")) }
+                }
+            }
+        }
+    }
+}

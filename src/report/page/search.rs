@@ -1,0 +1,86 @@
+//! The search: convergence, what goes with the score, and how the run was made.
+
+use maud::{Markup, html};
+
+use super::figures::Figures;
+use super::parts::{figure, table, text};
+use crate::report::{RunRecord, certificate_in_words, methods_in_words, optional};
+
+/// All about how the result was found.
+pub(super) fn search(run: &RunRecord, figures: &Figures) -> Markup {
+    html! {
+        section aria-labelledby="search" {
+            h2 #search { "The search" }
+            @if let Some(svg) = &figures.convergence { (figure(svg, "Convergence of the search")) }
+            (notes(run))
+            (facts(run))
+            (findings(run))
+        }
+    }
+}
+
+/// Rules, restarts, layouts left out and frames, a sentence each.
+fn notes(run: &RunRecord) -> Markup {
+    html! {
+        @for (title, lines) in [("Rules kept", &run.constraints), ("Restarts", &run.ended)] {
+            @if !lines.is_empty() { p { (title) ": " (lines.join("; ")) "." } }
+        }
+        @for layout in &run.left_out {
+            p { "Not started from " (layout.name) ": " (layout.why.join("; ")) "." }
+        }
+        @if let Some(words) = run.fidelity.as_ref().map(|frames| frames.words.as_str()) {
+            p { "Fidelity: " (words) "." }
+        }
+    }
+}
+
+/// Properties of layouts that go with the objective.
+fn findings(run: &RunRecord) -> Markup {
+    let row = |finding: &crate::search::Finding| {
+        let mut row = vec![text(finding.property)];
+        row.push(text(optional(finding.correlation, 2)));
+        row.push(text(optional(finding.beside_height, 2)));
+        (false, row)
+    };
+    let rows: Vec<_> = run.findings.iter().map(row).collect();
+    html! {
+        @if !rows.is_empty() {
+            h3 { "What goes with the score" }
+            p {
+                "Rank correlations (Spearman) of properties of layouts with the objective over random \
+                 placements, and what is left of them with mean height, the null model, held fixed."
+            }
+            (table("Properties of layouts", &["property", "correlation", "beside mean height"], &rows))
+        }
+    }
+}
+
+/// How the run was made, a line each.
+fn facts(run: &RunRecord) -> Markup {
+    let times = &run.timings;
+    let facts = [
+        ("stopped by", run.stopped.clone()),
+        (
+            "evaluations",
+            format!(
+                "{} in {} generations, over {} frame(s) each; scores above are over {}",
+                run.evaluations, run.generations, run.search_frames, run.frames
+            ),
+        ),
+        ("rate", format!("{:.1} placements × frames/s", run.rate)),
+        ("backend", format!("{}: {}", run.backend, run.adapter)),
+        ("seed", run.seed.to_string()),
+        (
+            "time",
+            format!(
+                "{:.1} s: load {:.1}, build {:.1}, search {:.1}, confirm {:.1}",
+                times.total, times.load, times.build, times.search, times.confirm
+            ),
+        ),
+        ("found by", methods_in_words(run)),
+        ("certificate", certificate_in_words(run)),
+    ];
+    html! {
+        dl { @for (name, value) in facts { div { dt { (name) } dd { (value) } } } }
+    }
+}

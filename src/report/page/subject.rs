@@ -1,0 +1,57 @@
+//! What a page is about.
+
+use super::command::command;
+use crate::report::{RunRecord, SceneRecord, judged, verdict};
+use crate::search::Scored;
+
+/// What a page is about, whether it was searched for or given.
+#[derive(Debug, Clone)]
+pub struct Subject<'a> {
+    /// Name of the scene; of several all names.
+    pub scene: &'a str,
+    /// Each of several scenes.
+    pub scenes: &'a [SceneRecord],
+    /// What the comparison is by.
+    pub objective: &'a str,
+    /// The result in sentences, the first of which heads the page.
+    pub verdict: String,
+    /// What the page is about; `None` where a search found nothing.
+    pub result: Option<&'a Scored>,
+    /// Layouts to compare with.
+    pub baselines: &'a [Scored],
+    /// The command that makes this page again.
+    pub command: String,
+}
+
+impl<'a> Subject<'a> {
+    /// The subject of a run.
+    pub fn of(run: &'a RunRecord) -> Self {
+        Self {
+            scene: &run.scene,
+            scenes: &run.scenes,
+            objective: &run.objective,
+            verdict: verdict(run.best.as_ref(), &run.baselines, &run.objective),
+            result: run.best.as_ref(),
+            baselines: &run.baselines,
+            command: command(run),
+        }
+    }
+
+    /// A placement that was given, by information gain; `command` makes the page again.
+    pub fn given(
+        scene: &'a str,
+        scenes: &'a [SceneRecord],
+        result: &'a Scored,
+        baselines: &'a [Scored],
+        command: String,
+    ) -> Self {
+        let objective = "information_gain";
+        let verdict = judged(&result.placement.name, result, baselines, objective);
+        Self { scene, scenes, objective, verdict, result: Some(result), baselines, command }
+    }
+
+    /// The best baseline that keeps all rules.
+    pub(super) fn rival(&self) -> Option<&'a Scored> {
+        Scored::yardstick(self.baselines)
+    }
+}

@@ -1,0 +1,60 @@
+//! Where the beams of each LiDAR end, by frame.
+
+use crate::engine::{Backend, BackendError};
+use crate::problem::{Problem, SensorBatch};
+use crate::vehicle::Placement;
+
+/// Most beams of a LiDAR that are drawn: of more, every second, third and so on.
+const BEAMS: usize = 1200;
+
+/// The ends of beams in the ego frame, metres; what hits nothing is left out where beams end at hits.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Beams {
+    /// `[frames][lidars]`.
+    pub ends: Vec<Vec<Vec<[f32; 3]>>>,
+    /// Of how many beams of a LiDAR one is drawn, the most over the LiDARs.
+    pub every: usize,
+    /// No end has a coordinate beyond it.
+    pub reach: f32,
+}
+
+impl Beams {
+    /// The beams of a placement in some frames.
+    pub fn new(
+        problem: &Problem,
+        engine: &mut dyn Backend,
+        placement: &Placement,
+        frames: &[usize],
+    ) -> Result<Self, BackendError> {
+        let batch = SensorBatch::new(problem, &placement.lidars, None)?;
+        let far = placement
+            .lidars
+            .iter()
+            .flat_map(|l| [l.x, l.y, l.z])
+            .fold(0.0, |m: f64, v| m.max(v.abs()));
+        let mut beams = Self { ends: vec![], every: 1, reach: problem.far_range() + far as f32 };
+        for &frame in frames {
+            let hits = match problem.geometry(frame) {
+                Some(_) => Some(engine.hits(&placement.lidars, frame)?),
+                None => None,
+            };
+            let mut of_frame = Vec::new();
+            for (lidar, pose) in batch.ego_from_sensors(frame).iter().enumerate() {
+                let directions = batch.table(lidar).directions();
+                let every = directions.len().div_ceil(BEAMS).max(1);
+                beams.every = beams.every.max(every);
+                let own = hits.as_ref().map(|hits| &hits[batch.beams_of(lidar)]);
+                let end = |beam: usize| {
+                    let hit = own.map(|hits| hits[beam]).filter(|hit| hit.is_hit());
+                    let missed = (!problem.ends_at_hits()).then(|| batch.range(lidar));
+                    let along = glam::DVec3::from(directions[beam].map(f64::from));
+                    let t = if problem.ends_at_hits() { hit.map(|hit| hit.t) } else { missed }?;
+                    Some(pose.apply(along * f64::from(t)).as_vec3().to_array())
+                };
+                of_frame.push((0..directions.len()).step_by(every).filter_map(end).collect());
+            }
+            beams.ends.push(of_frame);
+        }
+        Ok(beams)
+    }
+}

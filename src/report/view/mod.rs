@@ -1,0 +1,102 @@
+//! What the 3-D view of a page shows: things, voxels and beams of one scene, as plain data.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `world` | shapes once, and where each thing stands by frame |
+//! | `sight` | voxels with information, and which layouts see them |
+//! | `beams` | where the beams of each LiDAR end |
+//! | `pack` | all of it as one JSON header and one run of bytes |
+//! | `view.js`, `gl.js` | the view itself, in the page |
+
+mod beams;
+mod pack;
+pub(crate) mod sight;
+mod world;
+
+use crate::engine::{Backend, BackendError};
+use crate::problem::{Problem, spread};
+use crate::psog::Roi;
+use crate::scene::Scene;
+use crate::vehicle::Placement;
+use beams::Beams;
+pub use sight::{Gains, Sight};
+use world::Things;
+
+/// Frames that the slider goes through at most.
+pub const FRAMES: u32 = 12;
+/// Bytes that the voxels of a page may take, before base64 makes four of three.
+const VOXEL_BYTES: usize = 1_500_000;
+/// Most voxels that are drawn.
+const VOXELS: usize = 60_000;
+
+/// All that the 3-D view of a placement in one scene shows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ViewData {
+    scene: String,
+    roi: Roi,
+    classes: Vec<String>,
+    /// Numbers of the frames shown.
+    frames: Vec<usize>,
+    frame_count: usize,
+    placement: Placement,
+    things: Things,
+    sight: Sight,
+    beams: Beams,
+}
+
+impl ViewData {
+    /// What `placement` sees in a scene whose problem is over all of its frames, and what each of `baselines`
+    /// sees.
+    ///
+    /// # Errors
+    /// As [`Backend::bitmaps`] and [`Backend::hits`].
+    pub fn new(
+        scene: &Scene,
+        problem: &Problem,
+        engine: &mut dyn Backend,
+        placement: &Placement,
+        baselines: &[Placement],
+    ) -> Result<Self, BackendError> {
+        let frames = spread(problem.frame_count(), Some(FRAMES));
+        let mask = if placement.lidars.len() > 8 { 2 } else { 1 };
+        let each = 7 + baselines.len() + mask * frames.len();
+        let most = VOXELS.min(VOXEL_BYTES / each);
+        Ok(Self {
+            scene: scene.name().to_owned(),
+            roi: *problem.roi(),
+            classes: problem.content().classes().to_vec(),
+            frame_count: problem.frame_count(),
+            things: Things::new(scene, &frames),
+            sight: Sight::new(problem, engine, placement, baselines, &frames, most)?,
+            beams: Beams::new(problem, engine, placement, &frames)?,
+            placement: placement.clone(),
+            frames,
+        })
+    }
+
+    /// Name of the scene.
+    pub fn scene(&self) -> &str {
+        &self.scene
+    }
+
+    /// Numbers of the frames shown.
+    pub fn frames(&self) -> &[usize] {
+        &self.frames
+    }
+
+    /// What the layouts gain, by class and by distance.
+    pub fn gains(&self) -> &Gains {
+        &self.sight.gains
+    }
+
+    /// What of the scene is not in the view, a sentence each.
+    pub fn left_out(&self) -> Vec<String> {
+        let (shown, all) = (self.frames.len(), self.frame_count);
+        let frames =
+            (shown < all).then(|| format!("The slider goes through {shown} of {all} frames."));
+        frames.into_iter().chain(self.things.left_out()).chain(self.sight.left_out()).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,230 @@
+//! The voxels that hold information, which layouts see them, and what that comes to by class and distance.
+
+use crate::cover::Bitmaps;
+use crate::engine::{Backend, BackendError};
+use crate::problem::{Content, Problem, spread};
+use crate::psog::{Roi, to_nats};
+use crate::vehicle::Placement;
+
+/// Most frames that shares are taken over.
+const FRAMES: u32 = 48;
+/// Metres between two rings of distance, and most rings.
+const RING: f64 = 10.0;
+const RINGS: usize = 8;
+
+/// Information by one property of its voxels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// Class, or range of distance.
+    pub name: String,
+    /// Nats in all.
+    pub total: f64,
+    /// Nats that each layout gains: the placement, then the baselines.
+    pub gained: Vec<f64>,
+}
+
+/// What a placement and its baselines gain, over all frames or 48 spread evenly.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gains {
+    /// By class, most information first; a voxel of several classes counts with the rarest of them.
+    pub by_class: Vec<Part>,
+    /// By distance from the ego's origin, seen from above.
+    pub by_distance: Vec<Part>,
+    /// Nats that each LiDAR of the placement would gain alone.
+    pub alone: Vec<f64>,
+    /// Nats that the scene holds.
+    pub total: f64,
+    /// Frames that this is a mean over.
+    pub frames: usize,
+}
+
+/// A voxel that is drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drawn {
+    /// Linear index in the grid.
+    pub index: u32,
+    /// Share of the largest entropy.
+    pub worth: f64,
+    /// Position among the class names.
+    pub class: u16,
+}
+
+/// What is seen of the voxels that hold most information.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sight {
+    /// Those drawn, most information first.
+    pub voxels: Vec<Drawn>,
+    /// A bit a LiDAR that sees it, `[frames shown][voxels]`.
+    pub masks: Vec<Vec<u16>>,
+    /// Share of the frames in which a layout sees it, `[placement and baselines][voxels]`.
+    pub shares: Vec<Vec<f64>>,
+    /// Of all voxels, drawn or not.
+    pub gains: Gains,
+    /// Voxels that hold information, and nats of those drawn.
+    of: (usize, f64),
+}
+
+/// One voxel that holds information.
+struct Voxel {
+    drawn: Drawn,
+    nats: f64,
+    ring: usize,
+}
+
+impl Sight {
+    /// What is seen of the `most` voxels with most information in the frames `shown`.
+    pub fn new(
+        problem: &Problem,
+        engine: &mut dyn Backend,
+        placement: &Placement,
+        baselines: &[Placement],
+        shown: &[usize],
+        most: usize,
+    ) -> Result<Self, BackendError> {
+        let voxels = informative(problem.roi(), problem.content());
+        let count = voxels.len().min(most);
+        let frames = spread(problem.frame_count(), Some(FRAMES));
+        let mut gains = Gains::new(problem, &voxels, frames.len());
+        let mut shares = Vec::new();
+        for layout in std::iter::once(placement).chain(baselines) {
+            let mut seen = vec![0_u32; voxels.len()];
+            let mut alone = vec![0.0; layout.lidars.len()];
+            for &frame in &frames {
+                let marks = Marks(engine.bitmaps(&layout.lidars, frame)?);
+                let is_first = shares.is_empty();
+                for (seen, voxel) in seen.iter_mut().zip(&voxels) {
+                    let mask = marks.of(voxel.drawn.index);
+                    *seen += u32::from(mask != 0);
+                    for (lidar, nats) in
+                        alone.iter_mut().enumerate().take(if is_first { 16 } else { 0 })
+                    {
+                        if mask >> lidar & 1 == 1 {
+                            *nats += voxel.nats / frames.len() as f64;
+                        }
+                    }
+                }
+            }
+            let share: Vec<f64> =
+                seen.iter().map(|s| f64::from(*s) / frames.len() as f64).collect();
+            gains.add(&voxels, &share);
+            if shares.is_empty() {
+                gains.alone = alone;
+            }
+            shares.push(share[..count].to_vec());
+        }
+        let mut masks = Vec::new();
+        for &frame in shown {
+            let marks = Marks(engine.bitmaps(&placement.lidars, frame)?);
+            masks.push(voxels[..count].iter().map(|v| marks.of(v.drawn.index)).collect());
+        }
+        gains.by_class.retain(|part| part.total > 0.0);
+        gains.by_class.sort_by(|a, b| b.total.total_cmp(&a.total));
+        let drawn = voxels[..count].iter();
+        let of = (voxels.len(), drawn.clone().map(|voxel| voxel.nats).sum());
+        Ok(Self { voxels: drawn.map(|v| v.drawn).collect(), masks, shares, gains, of })
+    }
+
+    /// Whether voxels are not drawn, in a sentence.
+    pub fn left_out(&self) -> Option<String> {
+        let (all, nats) = self.of;
+        let drawn = self.voxels.len();
+        (drawn < all).then(|| {
+            format!(
+                "Drawn are the {drawn} of {all} voxels that hold most: {:.0} % of the information.",
+                100.0 * nats / self.gains.total
+            )
+        })
+    }
+}
+
+/// Which LiDARs cover which voxels in a frame.
+struct Marks(Bitmaps);
+
+impl Marks {
+    /// A bit a LiDAR.
+    fn of(&self, voxel: u32) -> u16 {
+        let bit = self.0.order.bit_of(voxel) as usize;
+        let sensors = self.0.sensors().enumerate();
+        sensors.fold(0, |mask, (k, words)| mask | ((words[bit / 64] >> (bit % 64) & 1) as u16) << k)
+    }
+}
+
+/// The voxels that hold information, most first.
+fn informative(roi: &Roi, content: &Content) -> Vec<Voxel> {
+    let occupied = content.occupied();
+    let mut classes = vec![0_u16; occupied.len()];
+    let mut order: Vec<usize> = (0..content.classes().len()).collect();
+    order.sort_by_key(|&class| std::cmp::Reverse(content.voxels_of_class(class).len()));
+    for class in order {
+        let mut next = 0;
+        for &index in content.voxels_of_class(class) {
+            while next < occupied.len() && occupied[next].index < index {
+                next += 1;
+            }
+            if let Some(slot) = classes.get_mut(next) {
+                *slot = class as u16;
+            }
+        }
+    }
+    let most = occupied.iter().map(|voxel| voxel.entropy[0]).max().unwrap_or(0).max(1);
+    let informative = occupied.iter().zip(classes).filter(|(voxel, _)| voxel.entropy[0] > 0);
+    let voxel = |(voxel, class): (&crate::problem::OccupiedVoxel, u16)| {
+        let coords = roi.coords(u64::from(voxel.index));
+        let [x, y] = [0, 1].map(|k| roi.min()[k] + (f64::from(coords[k]) + 0.5) * roi.voxel()[k]);
+        let worth = f64::from(voxel.entropy[0]) / f64::from(most);
+        Voxel {
+            drawn: Drawn { index: voxel.index, worth, class },
+            nats: to_nats(u64::from(voxel.entropy[0])),
+            ring: ((x.hypot(y) / RING) as usize).min(RINGS - 1),
+        }
+    };
+    let mut voxels: Vec<Voxel> = informative.map(voxel).collect();
+    voxels.sort_by(|a, b| b.nats.total_cmp(&a.nats).then(a.drawn.index.cmp(&b.drawn.index)));
+    voxels
+}
+
+impl Gains {
+    /// What there is to gain.
+    fn new(problem: &Problem, voxels: &[Voxel], frames: usize) -> Self {
+        let part = |name: String| Part { name, total: 0.0, gained: Vec::new() };
+        let ring = |ring: usize| match ring + 1 {
+            RINGS => format!("{:.0} m and more", ring as f64 * RING),
+            next => format!("{:.0} to {:.0} m", ring as f64 * RING, next as f64 * RING),
+        };
+        let rings = voxels.iter().map(|voxel| voxel.ring + 1).max().unwrap_or(0);
+        let mut gains = Self {
+            by_class: problem.content().classes().iter().cloned().map(part).collect(),
+            by_distance: (0..rings).map(|k| part(ring(k))).collect(),
+            alone: Vec::new(),
+            total: voxels.iter().map(|voxel| voxel.nats).sum(),
+            frames,
+        };
+        for voxel in voxels {
+            gains.by_class[usize::from(voxel.drawn.class)].total += voxel.nats;
+            gains.by_distance[voxel.ring].total += voxel.nats;
+        }
+        gains
+    }
+
+    /// Nats that the placement gains.
+    pub fn gained(&self) -> f64 {
+        self.by_distance.iter().filter_map(|part| part.gained.first()).sum()
+    }
+
+    /// Adds a layout that sees each voxel in a share of the frames.
+    fn add(&mut self, voxels: &[Voxel], shares: &[f64]) {
+        self.by_class
+            .iter_mut()
+            .chain(&mut self.by_distance)
+            .for_each(|part| part.gained.push(0.0));
+        for (voxel, share) in voxels.iter().zip(shares) {
+            let parts = [
+                &mut self.by_class[usize::from(voxel.drawn.class)],
+                &mut self.by_distance[voxel.ring],
+            ];
+            for gained in parts.into_iter().filter_map(|part| part.gained.last_mut()) {
+                *gained += share * voxel.nats;
+            }
+        }
+    }
+}

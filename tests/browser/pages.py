@@ -1,0 +1,187 @@
+"""Opens the pages in a folder in Chromium: what they draw, what each control changes, what axe finds."""
+
+import io
+import json
+import sys
+from pathlib import Path
+
+from PIL import Image
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Page, sync_playwright
+
+CHROMIUM = "/usr/bin/chromium"
+FLAGS = ["--no-sandbox", "--disable-background-networking"]
+WIDE, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 800}
+MOST_BYTES = 4_000_000
+# Chromium tells of its own software driver when pixels are read.
+HARMLESS = "GPU stall due to ReadPixels"
+
+
+def check(right: bool, wrong: object) -> None:
+    if not right:
+        raise SystemExit(f"tests/browser: {wrong}")
+
+
+def opened(browser, file: Path, address: str = "", **settings) -> Page:
+    """A page that has drawn; whatever it says on the console is an error."""
+    page = browser.new_context(**settings).new_page()
+    page.on("pageerror", lambda error: check(False, f"{file.name}: {error}"))
+    page.on("console", lambda line: check(HARMLESS in line.text, f"{file.name}: {line.type}: {line.text}"))
+    page.on("request", lambda sent: check(sent.url.startswith("file://"), f"{file.name} loads {sent.url}"))
+    page.goto(f"file://{file}{address}")
+    page.wait_for_function("document.body.dataset.state === 'drawn'", timeout=20_000)
+    return page
+
+
+def told(page: Page) -> dict:
+    """What the page tells of its picture, once it is drawn anew."""
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    return page.evaluate("({...document.body.dataset})")
+
+
+def picture(page: Page) -> str:
+    """What is on the canvas."""
+    told(page)
+    return page.evaluate("document.getElementById('canvas').toDataURL()")
+
+
+def changes(page: Page, what: str, act) -> None:
+    """Fails unless an act changes the picture."""
+    before = picture(page)
+    act()
+    check(picture(page) != before, f"{what} changes nothing in the picture")
+
+
+def keep(page: Page, name: str) -> None:
+    """A small picture for the docs."""
+    shot = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    shot.quantize(160, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(f"docs/report/{name}.png", optimize=True)
+
+
+def draws(page: Page, triangles: int) -> None:
+    state = told(page)
+    check(int(state["triangles"]) == triangles, f"{state['triangles']} triangles are drawn, the scene has {triangles}")
+    size = page.evaluate("document.getElementById('canvas').width * document.getElementById('canvas').height")
+    share = int(state["painted"]) / size
+    check(0.1 < share, f"only {share:.0%} of the canvas is painted")
+    check(int(state["voxels"]) > 1000, f"only {state['voxels']} voxels")
+
+
+def moves(page: Page) -> None:
+    """Pointer, wheel, keys and buttons move the camera; Reset brings the first picture back."""
+    first = picture(page)
+    box = page.locator("#canvas").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def drag(key: str | None = None) -> None:
+        if key:
+            page.keyboard.down(key)
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 90, y + 30)
+        page.mouse.up()
+        if key:
+            page.keyboard.up(key)
+
+    changes(page, "dragging", drag)
+    changes(page, "dragging with Shift", lambda: drag("Shift"))
+    changes(page, "the wheel", lambda: page.mouse.wheel(0, 300))
+    page.locator("#reset").click()
+    check(picture(page) == first, "Reset does not bring the first picture back")
+    page.locator("#canvas").focus()
+    page.keyboard.press("Home")
+    ring = page.evaluate("getComputedStyle(document.activeElement).outlineWidth")
+    check(ring == "3px", "nothing shows that the picture has the focus of the keyboard")
+    for key in ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "+", "-", "Shift+ArrowLeft"]:
+        changes(page, f"the key {key}", lambda key=key: page.keyboard.press(key))
+    page.keyboard.press("0")
+    check(picture(page) == first, "the key 0 does not bring the first picture back")
+    for button in ["#zoom-in", "#zoom-out"]:
+        changes(page, button, page.locator(button).click)
+    page.locator("#reset").click()
+
+
+def controls(page: Page) -> None:
+    """Each control does what it says, and has a way back."""
+    colour, legend = page.locator("[name=colour]"), page.locator("#legend")
+    check(not page.locator("[name=baseline]").is_visible(), "a baseline is asked for without a difference")
+    texts = {legend.inner_text()}
+    for value in ["class", "seen", "difference"]:
+        changes(page, f"colour by {value}", lambda value=value: colour.select_option(value))
+        texts.add(legend.inner_text())
+    check(len(texts) == 4, f"the legend does not tell four ways of colouring apart: {texts}")
+    changes(page, "another baseline", lambda: page.locator("[name=baseline]").select_option(index=0))
+    check("Center" in legend.inner_text() or "Line" in legend.inner_text(), "the legend names no baseline")
+    colour.select_option("information")
+    lidar = page.locator("[name=lidar]")
+    changes(page, "beams of LiDAR 1", lambda: lidar.select_option("1"))
+    one = int(told(page)["beams"])
+    changes(page, "beams of all LiDARs", lambda: lidar.select_option("all"))
+    check(0 < one < int(told(page)["beams"]), f"{one} beams of a LiDAR, {told(page)['beams']} of all")
+    lidar.select_option("none")
+    check(told(page)["beams"] == "0", "beams stay when none are asked for")
+    frame = page.locator("[name=frame]")
+    frame.focus()
+    changes(page, "another frame", lambda: page.keyboard.press("End"))
+    check(page.locator("#frame-number").inner_text() != "0", "the number of the frame stays")
+    for name, key in [("surfaces", "triangles"), ("voxels", "voxels")]:
+        box = page.locator(f"[name={name}]")
+        changes(page, name, box.uncheck)
+        check(told(page)[key] == "0", f"{key} are drawn without {name}")
+        box.check()
+    changes(page, "walls in full", page.locator("[name=whole]").check)
+
+
+def axe(page: Page, what: str) -> None:
+    found = Axe().run(page).response["violations"]
+    grave = [f for f in found if f["impact"] in ("serious", "critical", "moderate")]
+    words = [f"{f['id']}: {f['help']}: {f['nodes'][0]['html'][:200]}" for f in grave]
+    check(not grave, f"axe finds in {what}: {json.dumps(words, indent=1)}")
+
+
+def fits(page: Page, what: str) -> None:
+    wide, screen = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
+    check(wide <= screen, f"{what} is {wide} pixels wide on a screen of {screen}")
+
+
+def main(folder: Path, renew: bool) -> None:
+    run, view = folder / "run" / "report.html", folder / "view.html"
+    triangles = json.loads((folder / "info.json").read_text())[0]["triangles"]
+    for file in [run, view]:
+        check(file.stat().st_size <= MOST_BYTES, f"{file.name} has {file.stat().st_size} bytes")
+    with sync_playwright() as tools:
+        browser = tools.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        page = opened(browser, run, viewport=WIDE)
+        draws(page, triangles)
+        if renew:
+            keep(page, "light")
+        moves(page)
+        controls(page)
+        axe(page, "a light page")
+        dark = opened(browser, run, "#colour=seen&lidar=1&zoom=1.6", viewport=WIDE, color_scheme="dark")
+        axe(dark, "a dark page")
+        check(int(told(dark)["beams"]) > 0, "the address does not choose the beams")
+        phone = opened(browser, run, "#colour=difference", viewport=PHONE, has_touch=True)
+        fits(phone, "the page")
+        axe(phone, "a page on a phone")
+        given = opened(browser, view, viewport=WIDE)
+        check("Pyramid" in given.locator("h1").inner_text(), "the page does not name what it shows")
+        check(given.locator("#search").count() == 0, "a page without a search tells of one")
+        check("95 % interval" in given.locator("body").inner_text(), "two scenes, and no interval")
+        axe(given, "the page of a placement")
+        if renew:
+            keep(dark, "dark")
+            keep(phone, "phone")
+        print_out = page.pdf(format="A4")
+        check(len(print_out) > 50_000, "nothing is printed")
+        browser.close()
+        # Without WebGL2 the map stands in.
+        browser = tools.chromium.launch(executable_path=CHROMIUM, args=[*FLAGS, "--disable-webgl", "--disable-webgl2"])
+        plain = browser.new_context(viewport=WIDE).new_page()
+        plain.goto(f"file://{run}")
+        check(plain.evaluate("document.body.dataset.state") == "fallback", "no fallback without WebGL2")
+        check(plain.locator("#view-fallback svg").is_visible(), "no map without WebGL2")
+        browser.close()
+
+
+main(Path(sys.argv[1]).resolve(), "--pictures" in sys.argv)

@@ -1,0 +1,103 @@
+//! `view`, and that a run's page tells how to repeat it, from outside.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::json;
+use tempfile::TempDir;
+
+use crate::cli::{fails, sightline};
+
+/// Level ground and a walker before a vehicle with two LiDARs.
+fn yard(dir: &Path) {
+    let scene = json!({
+        "sightline": 1, "name": "yard", "frames": 3, "coverage": "first-hit",
+        "roi": { "min": [-12, -12, -0.4], "max": [12, 12, 2.8], "voxel": [0.4, 0.4, 0.4] },
+        "lidar": { "channels": 12, "fov": [-30, 0], "azimuth_steps": 60, "range": 60 },
+        "mount": { "min": [-1.5, -0.8, 1.6], "max": [1.5, 0.8, 2.4], "lidars": 1, "min_distance": 0 },
+        "static": [{ "class": "road", "plane": { "min": [-40, -40], "max": [40, 40], "z": 0 } }],
+        "actors": [{ "poses": [{ "x": 5, "y": 3 }, { "x": 5, "y": 5 }, { "x": -6, "y": 3 }],
+            "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.5, 1.8] } }] }],
+        "ego": { "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [4, 2, 1.5] } }] },
+    });
+    fs::write(dir.join("yard.json"), scene.to_string()).unwrap();
+    let at = |z: f64| json!([{ "x": 0.0, "y": 0.0, "z": z }]);
+    let placements = json!({ "placements": [
+        { "name": "low", "lidars": at(2.3) }, { "name": "high", "lidars": at(2.4) }] });
+    fs::write(dir.join("two.json"), placements.to_string()).unwrap();
+}
+
+#[test]
+fn a_page_of_a_placement_compares_it_with_those_given() {
+    let dir = TempDir::new().unwrap();
+    yard(dir.path());
+    let args =
+        ["view", "yard.json", "two.json:high", "--baseline", "two.json:low", "--out", "v.html"];
+    let run = sightline(dir.path(), &[&args[..], &["--backend", "cpu"]].concat());
+    assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));
+    let page = fs::read_to_string(dir.path().join("v.html")).unwrap();
+    assert!(page.contains("<h1>high is ") && page.contains(" than low, the best baseline"));
+    assert!(
+        page.contains(
+            "sightline view yard.json two.json:high --baseline two.json:low --out v.html"
+        )
+    );
+    assert!(!page.contains("The search"), "nothing was searched");
+    assert!(!page.contains("src=") && !page.contains("<link") && !page.contains("fetch("));
+    // Without a baseline those of the paper, without a name the first of the file.
+    let args = ["view", "yard.json", "two.json", "--out", "w.html", "--backend", "cpu"];
+    assert_eq!(sightline(dir.path(), &args).status.code(), Some(0));
+    let page = fs::read_to_string(dir.path().join("w.html")).unwrap();
+    assert!(page.contains("<h1>low ") && page.contains("Pyramid-roll"));
+}
+
+#[test]
+fn what_cannot_be_shown_is_told_before_work_begins() {
+    let dir = TempDir::new().unwrap();
+    yard(dir.path());
+    let view = |placement: &str, out: &str| {
+        fails(dir.path(), &["view", "yard.json", placement, "--out", out, "--backend", "cpu"])
+    };
+    let told = view("two.json:roof", "v.html");
+    assert!(told.contains("two.json: has no placement `roof`; it has low, high"), "{told}");
+    let told = view("two.json:low", "two.json");
+    assert!(told.contains("two.json"), "{told}");
+    assert!(!dir.path().join("v.html").exists());
+}
+
+/// The command on a page gives the run again.
+#[test]
+fn the_command_of_a_page_repeats_the_run() {
+    let dir = TempDir::new().unwrap();
+    yard(dir.path());
+    let args = [
+        "optimize",
+        "yard.json",
+        "--backend",
+        "cpu",
+        "--seed",
+        "7",
+        "--evaluations",
+        "24",
+        "--objective",
+        "0.5*information_gain + 2*m_sog",
+        "--fix",
+        "z=2",
+        "--frames",
+        "2",
+        "--out",
+        "a",
+    ];
+    let run = sightline(dir.path(), &args);
+    assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));
+    let page = fs::read_to_string(dir.path().join("a/report.html")).unwrap();
+    let (_, command) = page.split_once("<code>sightline ").unwrap();
+    let command = command.split_once("</code>").unwrap().0;
+    let shell = format!("'{}' {command} --out b", env!("CARGO_BIN_EXE_sightline"));
+    let again = Command::new("sh").args(["-c", &shell]).current_dir(dir.path()).output().unwrap();
+    assert!(again.status.success(), "{shell}: {}", String::from_utf8_lossy(&again.stderr));
+    let history =
+        |run: &str| fs::read_to_string(dir.path().join(run).join("history.jsonl")).unwrap();
+    assert_eq!(history("a"), history("b"), "{shell}");
+}
