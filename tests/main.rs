@@ -13,6 +13,8 @@ mod cli_edges;
 #[cfg(feature = "cli")]
 mod cli_errors;
 #[cfg(feature = "cli")]
+mod cli_gltf;
+#[cfg(feature = "cli")]
 mod cli_inputs;
 #[cfg(feature = "cli")]
 mod cli_near_field;
@@ -30,6 +32,8 @@ mod cli_scan;
 mod cli_scene;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_scenes;
+#[cfg(all(unix, feature = "cli"))]
+mod cli_shell;
 #[cfg(feature = "cli")]
 mod cli_study;
 #[cfg(feature = "cli")]
@@ -75,6 +79,7 @@ mod own_mesh;
 mod own_scenes;
 mod packets;
 mod reference;
+mod round_trip;
 mod scenes;
 mod walk;
 mod world;

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
+use crate::export::GltfView;
 use crate::scan::BeamHits;
 use crate::scene::EgoBody;
 use crate::vehicle::read_placements;
@@ -11,12 +12,14 @@ use serde_json::json;
 use super::args::{Compute, Format};
 use super::error::Error;
 use super::exit::Exit;
+use super::glb::Gltf;
 use super::load;
 use crate::internals::{writable_file, write_whole};
 
 #[derive(clap::Args)]
-#[command(after_help = "Example:
-  sightline cast scenes/highway.json scenes/placements.json --frame 3 --out hits.npz")]
+#[command(after_help = "Examples:
+  sightline cast scenes/highway.json scenes/placements.json --frame 3 --out hits.npz
+  sightline cast scenes/highway.json scenes/placements.json --gltf highway.glb")]
 pub struct Args {
     /// Scene file; it must have geometry
     scene: PathBuf,
@@ -32,6 +35,8 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
     #[command(flatten)]
+    gltf: Gltf,
+    #[command(flatten)]
     compute: Compute,
 }
 
@@ -43,6 +48,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     if let Some(path) = &args.out {
         writable_file(path, loaded.inputs(&args.placements))?;
     }
+    args.gltf.check(loaded.inputs(&args.placements))?;
     let soup = loaded.scene.frame(args.frame as usize, EgoBody::Include);
     let problem = loaded.evaluator.problem().clone();
     let columns = BeamHits::of(&placements, &problem, &soup.face_class, |poses| {
@@ -50,6 +56,12 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     })?;
     if let Some(path) = &args.out {
         write_whole(path, |file| columns.write(file, &soup).map_err(Error::io(path)))?;
+    }
+    if args.gltf.gltf.is_some() {
+        let points: Vec<_> = columns.points().collect();
+        let (scene, frame) = (&loaded.scene, args.frame as usize);
+        let view = GltfView { scene, frame, placements: &placements, points: &points };
+        args.gltf.write(args.compute.talk, &view)?;
     }
     let stages = loaded.evaluator.backend().times();
     let (beams, hits) = (columns.beams(), columns.hits());

@@ -15,6 +15,8 @@ mod devices;
 mod error;
 mod exit;
 mod files;
+mod glb;
+
 mod interrupt;
 mod load;
 mod near_field;
@@ -27,6 +29,7 @@ mod scan;
 mod scene;
 mod score;
 mod sensor;
+mod shell;
 mod study;
 mod verify;
 mod view;
@@ -83,6 +86,10 @@ enum Command {
     Scene(scene::Command),
     /// List Vulkan devices and which one is taken by default
     Devices(devices::Args),
+    /// Print what a shell needs to complete commands and options
+    Completions(shell::CompletionsArgs),
+    /// Print the manual page of the program or of a command, or write all of them
+    Man(shell::ManArgs),
 }
 
 /// Runs the program: `arguments` as a shell gives them, the program's own name first. Prints results to
@@ -112,6 +119,8 @@ fn dispatch(command: Command) -> Result<Exit, Error> {
         Command::Rig(command) => rig::run(&command),
         Command::Scene(command) => scene::run(&command),
         Command::Devices(args) => devices::run(&args),
+        Command::Completions(args) => shell::completions(&args, Cli::command()),
+        Command::Man(args) => shell::man(&args, Cli::command()),
     }
 }
 

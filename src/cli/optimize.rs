@@ -11,6 +11,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::Problem;
+use crate::export::GltfView;
 use crate::internals::{
     Input, RunDir, align_columns, by_scene, certificate_in_words, findings_text, methods_in_words,
     near_gain_text, poses_text, spread_in_words, verdict,
@@ -45,6 +46,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         Some((_, saved)) => saved.begun.clone(),
         None => settings::begun(args)?,
     };
+    args.gltf.check(begun.scenes().map(PathBuf::as_path))?;
     let (opened, interrupt) = open(&mut begun, args)?;
     let Some(opened) = opened else { return Ok(Exit::Interrupted) };
     if let Some((folder, _)) = &resumed {
@@ -72,6 +74,12 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
             sitting.begun.scene.display(),
             record.constraints.join("; ")
         )));
+    }
+    if let Some(best) = &record.best {
+        let (scene, placements) =
+            (&sitting.opened.scenes[0], std::slice::from_ref(&best.placement));
+        let view = GltfView { scene, frame: 0, placements, points: &[] };
+        args.gltf.write(args.compute.talk, &view)?;
     }
     print(args, &record, sitting.folder.path())?;
     Ok(if is_interrupted { Exit::Interrupted } else { Exit::Done })

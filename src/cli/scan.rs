@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use crate::Placement;
-use crate::export::{Dataset, DatasetSettings, Layout, SceneFacts, Splits, record};
+use crate::export::{Dataset, DatasetSettings, GltfView, Layout, SceneFacts, Splits, record};
 use crate::scan::conditions::Condition;
 use crate::scan::{Scanner, Scanning};
 use crate::scene::Scene;
@@ -15,6 +15,7 @@ use super::args::{Format, Talk, finite, whole};
 use super::error::Error;
 use super::exit::Exit;
 use super::files::named_placements;
+use super::glb::Gltf;
 use super::interrupt::Interrupt;
 use super::{load, progress};
 
@@ -74,6 +75,11 @@ pub struct Args {
     /// Threads [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
+    #[command(flatten)]
+    gltf: Gltf,
+    /// Frame that --gltf shows, with its points, from 0
+    #[arg(long, default_value_t = 0, value_name = "T", requires = "gltf")]
+    frame: u32,
     /// How to print the summary
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
@@ -93,6 +99,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
             Scanner::check(scene, placement, &args.scanning())?;
         }
     }
+    args.check_gltf(&scenes, &placements)?;
     let mut rows = Vec::new();
     for placement in &placements {
         let out = match placements.len() {
@@ -108,6 +115,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
             }
         }
     }
+    args.write_gltf(&scenes, &placements)?;
     match args.format {
         Format::Json => outln!("{}", json!({ "datasets": rows }))?,
         Format::Text => {
@@ -193,6 +201,38 @@ impl Args {
             frames: (0..scene.frame_count().min(frames)).collect(),
             split: None,
         }
+    }
+
+    /// Checks that what `--gltf` is to show is one frame of one scene, and its file.
+    fn check_gltf(&self, scenes: &[Scene], placements: &[Placement]) -> Result<(), Error> {
+        let (Some(path), [scene, ..]) = (&self.gltf.gltf, scenes) else { return Ok(()) };
+        if scenes.len() > 1 || placements.len() > 1 {
+            return Err(Error::Usage(format!(
+                "--gltf {}: shows one scene and one placement; give one of each",
+                path.display()
+            )));
+        }
+        let frames = scene.frame_count();
+        if self.frame as usize >= frames {
+            return Err(Error::Usage(format!(
+                "--frame {}: the scene `{}` has frames 0 to {}",
+                self.frame,
+                scene.name(),
+                frames - 1
+            )));
+        }
+        self.gltf.check(scene.files().iter().map(PathBuf::as_path))
+    }
+
+    /// Writes the frame of `--gltf` with the points of its scan.
+    fn write_gltf(&self, scenes: &[Scene], placements: &[Placement]) -> Result<(), Error> {
+        let (Some(_), [scene], [placement]) = (&self.gltf.gltf, scenes, placements) else {
+            return Ok(());
+        };
+        let scan = Scanner::new(scene, placement, &self.scanning())?.scan(self.frame as usize);
+        let points: Vec<_> = scan.points().map(|point| (point.class, point.position)).collect();
+        let frame = self.frame as usize;
+        self.gltf.write(self.talk, &GltfView { scene, frame, placements, points: &points })
     }
 
     fn settings(&self, placement: &Placement) -> Result<DatasetSettings, Error> {

@@ -4,6 +4,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use crate::files::FileError;
+use crate::vehicle::{SensorError, UnknownSensor};
 
 /// Why a data set cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -166,6 +167,30 @@ pub enum ExportError {
         /// File that did not fit.
         path: PathBuf,
     },
+    /// A view of a frame that is not there.
+    #[error("the scene `{scene}` has no frame {frame}; name one of its frames, from 0")]
+    NoFrame {
+        /// Name of the scene.
+        scene: String,
+        /// Number of the frame.
+        frame: usize,
+    },
+    /// Lengths in a binary glTF have 32 bits.
+    #[error(
+        "the glTF would have more than {need} bytes, at most {limit} fit; show fewer placements, or no points"
+    )]
+    GltfTooLarge {
+        /// Bytes needed so far.
+        need: u64,
+        /// Most that fit.
+        limit: u64,
+    },
+    /// A sensor of the vehicle that has no beams.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// A LiDAR of a model that the vehicle does not have.
+    #[error(transparent)]
+    UnknownSensor(#[from] UnknownSensor),
     /// A file that cannot be written or read.
     #[error(transparent)]
     File(#[from] FileError),

@@ -93,6 +93,16 @@ impl BeamHits {
         self.distance.iter().filter(|t| t.is_finite()).count()
     }
 
+    /// Where beams hit, in the ego frame, with the class of what they hit.
+    pub fn points(&self) -> impl Iterator<Item = (u16, [f32; 3])> {
+        let beams = self.origin.chunks_exact(3).zip(self.direction.chunks_exact(3));
+        let beams = beams.zip(self.distance.iter().zip(&self.class));
+        let hits = beams.filter(|(_, (distance, _))| distance.is_finite());
+        hits.map(|((origin, direction), (&distance, &class))| {
+            (class, std::array::from_fn(|k| origin[k] + distance * direction[k]))
+        })
+    }
+
     /// Writes the columns and the triangles that were cast into as an `.npz` archive, uncompressed.
     ///
     /// | array | dtype, shape | holds |

@@ -11,6 +11,7 @@ use crate::cli::args::{
     Compute, Conditions, Format, at_least_one, finite, parse_seconds, parse_weight, whole,
 };
 use crate::cli::error::Error;
+use crate::cli::glb::Gltf;
 use crate::scan::conditions::Condition;
 
 #[derive(clap::Args)]
@@ -100,6 +101,8 @@ pub struct Args {
     /// How to print the result
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub(super) format: Format,
+    #[command(flatten)]
+    pub(super) gltf: Gltf,
     #[command(flatten)]
     rules: Rules,
     #[command(flatten)]

@@ -25,6 +25,8 @@ use crate::scene::DEFAULT_CLASSES;
 
 /// Bytes of a point: x, y, z, intensity, ring.
 const POINT: usize = 20;
+/// Farthest that points of a thing in motion lie beside its box, metres: boxes are drawn by hand, ranges err.
+const BESIDE: f64 = 0.25;
 
 /// A scene of nuScenes: its keyframes, numbered from 0.
 #[derive(Debug, Clone)]
@@ -103,8 +105,8 @@ impl LabelledSequence for NuscenesScene {
         Ok(self.tracks.clone())
     }
 
-    /// A point of a thing that may have a box, and is in none that stands still, moves: only its own frame
-    /// knows where it is.
+    /// A point of a thing that may have a box moves where that box does, also a little beside it. One that
+    /// has no box stands still, as parked cars that a data set takes for a part of the street.
     fn read(&self, frame: u32) -> Result<LabelledScan, DatasetError> {
         let keyframe = self.keyframe(frame)?;
         let points = read_points::<POINT>(&keyframe.scan)?;
@@ -113,14 +115,16 @@ impl LabelledSequence for NuscenesScene {
         check_count(path.clone(), ids.len(), &keyframe.scan, points.len())?;
         let boxes = self.boxes(frame, &keyframe.world_from_sensor);
         let at_rest: Vec<bool> = self.tracks.iter().map(BoxTrack::at_rest).collect();
+        let moves = |track: u32| !at_rest[track as usize];
         let mut labels = Vec::with_capacity(ids.len());
         for (point, (&id, &xyz)) in ids.iter().zip(&points).enumerate() {
             let Category { class, boxed, .. } = self.category(path, point, id)?;
             let at = Vec3::from(xyz).as_dvec3();
             let found = boxes.iter().find(|(_, it)| boxed && it.holds(at)).map(|&(track, _)| track);
-            let still = found.is_some_and(|track| at_rest[track as usize]);
-            let on_track = found.is_some();
-            labels.push(PointLabel { class, moving: boxed && !still, on_track });
+            let beside =
+                |(track, it): &(u32, ScanBox)| moves(*track) && it.holds_within(at, BESIDE);
+            let moving = found.map_or_else(|| boxed && boxes.iter().any(beside), moves);
+            labels.push(PointLabel { class, moving, on_track: found.is_some() });
         }
         Ok(LabelledScan { points, labels })
     }

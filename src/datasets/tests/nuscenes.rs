@@ -82,11 +82,22 @@ fn in_world(frame: &Keyframe) -> (Vec<DVec3>, DVec3) {
     (points.map(|(p, _)| world(DVec3::from(p.map(f64::from)))).collect(), world(DVec3::ZERO))
 }
 
+/// Whether a world point lies in the box of an instance in a frame, grown by a margin; no box holds nothing.
+fn in_box(name: &str, frame: usize, point: DVec3, margin: f64) -> bool {
+    let Some(row) = BOXES.iter().find(|row| row.0 == name && row.2 == frame) else { return false };
+    let own = DQuat::from_rotation_z(-row.5) * (point - DVec3::from(row.3));
+    let half = [row.4[1], row.4[0], row.4[2]].map(|edge| edge / 2.0 + margin);
+    own.x.abs() <= half[0] && own.y.abs() <= half[1] && own.z.abs() <= half[2]
+}
+
 /// Whether a world point lies in the parked car's box of a frame.
 fn parked(frame: usize, point: DVec3) -> bool {
-    let row = BOXES.iter().find(|row| row.0 == "parked" && row.2 == frame).unwrap();
-    let own = DQuat::from_rotation_z(-row.5) * (point - DVec3::from(row.3));
-    2.0 * own.x.abs() <= row.4[1] && 2.0 * own.y.abs() <= row.4[0] && 2.0 * own.z.abs() <= row.4[2]
+    in_box("parked", frame, point, 0.0)
+}
+
+/// Whether a point of a thing moves: in the driving car's box or a quarter of a metre beside it.
+fn drives(frame: usize, point: DVec3) -> bool {
+    in_box("driving", frame, point, 0.25) && !parked(frame, point)
 }
 
 type Counts = BTreeMap<([i64; 3], usize), u16>;
@@ -101,7 +112,7 @@ fn brute_force(set: &[Keyframe], window: usize) -> Counts {
             let to_ego = |p: DVec3| frame.ego.1.inverse() * (p - frame.ego.0);
             for (&point, &(_, label)) in points.iter().zip(&other.points) {
                 let Some((class, boxed)) = class_of(label) else { continue };
-                if n != t && boxed && !parked(n, point) {
+                if n != t && boxed && drives(n, point) {
                     continue;
                 }
                 let (point, origin) = (to_ego(point), to_ego(sensor));
@@ -168,6 +179,7 @@ fn points_move_as_the_quaternions_say_and_boxes_hold_theirs() {
             let found = pose.apply(DVec3::from(point.map(f64::from)));
             assert!(found.distance(expected) < 1e-9, "{found} {expected}");
             assert!(label.moving || !label.on_track || parked(k, expected));
+            assert!(!label.moving || drives(k, expected));
             in_boxes += usize::from(label.on_track);
         }
     }

@@ -1,0 +1,109 @@
+//! `completions` and `man`: what the shells and groff at hand make of them.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use tempfile::TempDir;
+
+use crate::cli::{fails, sightline};
+
+fn printed(dir: &Path, args: &[&str]) -> String {
+    let output = sightline(dir, args);
+    assert!(output.status.success(), "{args:?}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn is_there(program: &str) -> bool {
+    let mut asked = Command::new(program);
+    let there = asked.arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok();
+    if !there {
+        eprintln!("left out: {program} is not installed");
+    }
+    there
+}
+
+#[test]
+fn shells_complete_commands_and_options() {
+    let dir = TempDir::new().unwrap();
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let script = printed(dir.path(), &["completions", shell]);
+        assert!(script.contains("optimize") && script.contains("condition"), "{shell}");
+        fs::write(dir.path().join(shell), script).unwrap();
+    }
+    let error = sightline(dir.path(), &["completions", "tcsh"]);
+    assert_eq!(error.status.code(), Some(2));
+    if !is_there("bash") {
+        return;
+    }
+    let complete = "source ./bash && COMP_WORDS=(sightline $1 $2) COMP_CWORD=$3 && \
+                    _sightline sightline \"$4\" sightline && echo ${COMPREPLY[@]}";
+    for (words, wanted) in [
+        (["opt", "", "1", "opt"], "optimize"),
+        (["scene", "imp", "2", "imp"], "import"),
+        (["scan", "--lay", "2", "--lay"], "--layout"),
+        (["completions", "po", "2", "po"], "powershell"),
+    ] {
+        let mut bash = Command::new("bash");
+        bash.args(["--norc", "-c", complete, "bash"]).args(words).current_dir(dir.path());
+        let output = bash.output().unwrap();
+        let found = String::from_utf8_lossy(&output.stdout);
+        assert_eq!(found.trim(), wanted, "{words:?}: {output:?}");
+    }
+}
+
+#[test]
+fn pages_are_there_for_all_commands_and_groff_finds_no_fault() {
+    let dir = TempDir::new().unwrap();
+    printed(dir.path(), &["man", "--out", "man1"]);
+    let mut pages: Vec<String> = fs::read_dir(dir.path().join("man1"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    pages.sort();
+    assert!(pages.len() > 25, "{pages:?}");
+    for name in ["sightline.1", "sightline-optimize.1", "sightline-scene-new.1"] {
+        assert!(pages.iter().any(|page| page == name), "{name} of {pages:?}");
+    }
+    let one = printed(dir.path(), &["man", "scene", "new"]);
+    assert_eq!(one, fs::read_to_string(dir.path().join("man1/sightline-scene-new.1")).unwrap());
+    assert!(one.contains(".TH sightline-scene-new 1"), "{one}");
+    let error = fails(dir.path(), &["man", "scene", "old"]);
+    assert!(error.contains("has no command `old`; it has "), "{error}");
+    if !is_there("groff") {
+        return;
+    }
+    for page in pages {
+        let mut groff = Command::new("groff");
+        groff.args(["-man", "-Tutf8", "-ww", "-Kutf8", "-z"]).arg(&page);
+        let output = groff.current_dir(dir.path().join("man1")).output().unwrap();
+        let faults = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && faults.is_empty(), "{page}: {faults}");
+    }
+}
+
+/// What a package would hold; `cargo publish --workspace --dry-run` also builds it.
+#[test]
+fn packages_hold_what_a_user_builds_and_nothing_else() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for (package, wanted) in [
+        ("sightline", &["src/main.rs", "README.md", "LICENSE", "scenes/highway.json"][..]),
+        ("sightline-cma", &["src/lib.rs", "README.md"]),
+    ] {
+        let args = ["package", "--list", "--allow-dirty", "--offline", "--package", package];
+        let output = Command::new(env!("CARGO")).args(args).current_dir(root).output().unwrap();
+        let faults = String::from_utf8_lossy(&output.stderr);
+        // The program has no address of its own yet that a manifest could name.
+        let known = "warning: manifest has no documentation, homepage or repository";
+        let mut warnings = faults.lines().filter(|line| line.starts_with("warning"));
+        let are_known = warnings.all(|line| line == known && package == "sightline");
+        assert!(output.status.success() && are_known, "{package}: {faults}");
+        let list = String::from_utf8(output.stdout).unwrap();
+        let files: Vec<&str> = list.lines().collect();
+        for file in wanted {
+            assert!(files.contains(file), "{package} lacks {file}");
+        }
+        let foreign = |file: &&&str| ["fuzz/", "python/"].iter().any(|dir| file.starts_with(dir));
+        assert!(files.iter().find(foreign).is_none(), "{package}");
+    }
+}
