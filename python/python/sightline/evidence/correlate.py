@@ -1,0 +1,153 @@
+"""How well a score predicts a metric: rank correlation with intervals, what height explains, noise, regret."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from ._types import F64, I64, Floats
+
+#: Draws of a bootstrap.
+DRAWS = 2000
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A number and the 2.5 and 97.5 percentiles of its bootstrap; ``NaN`` where nothing varies."""
+
+    value: float
+    low: float
+    high: float
+
+
+def spearman(x: Floats, y: Floats) -> float:
+    """Rank correlation of ``[N]`` with ``[N]``; ``NaN`` where either does not vary or fewer than three are finite."""
+    return _linear(*_ranks(x, y))
+
+
+def pearson(x: Floats, y: Floats) -> float:
+    """Linear correlation; ``NaN`` as of ``spearman``."""
+    kept = np.isfinite(x) & np.isfinite(y)
+    return _linear(x[kept], y[kept])
+
+
+def partial(x: Floats, y: Floats, given: Floats) -> float:
+    """Rank correlation of ``x`` and ``y`` once the ranks of ``given`` ``[N]`` are regressed out of both."""
+    kept = np.isfinite(x) & np.isfinite(y) & np.isfinite(given)
+    ranks = [stats.rankdata(values[kept]) for values in (x, y, given)]
+    if len(ranks[0]) < 4 or any(np.ptp(r) == 0 for r in ranks):
+        return float("nan")
+    design = np.c_[np.ones(len(ranks[2])), ranks[2]]
+    left, right = (r - design @ np.linalg.lstsq(design, r, rcond=None)[0] for r in ranks[:2])
+    # What the given ranks explain wholly leaves rounding errors, which correlate with nothing.
+    bound = 1e-9 * len(left)
+    return _linear(left, right) if min(np.ptp(left), np.ptp(right)) > bound else float("nan")
+
+
+def _ranks(x: Floats, y: Floats) -> tuple[F64, F64]:
+    kept = np.isfinite(x) & np.isfinite(y)
+    return stats.rankdata(x[kept]), stats.rankdata(y[kept])
+
+
+def _linear(x: Floats, y: Floats) -> float:
+    if len(x) < 3 or np.ptp(x) == 0 or np.ptp(y) == 0:
+        return float("nan")
+    return float(stats.pearsonr(x, y)[0])
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A bootstrap over placements and scenes, both drawn with replacement."""
+
+    #: ``[draws, placements]``, numbers of placements.
+    placements: I64
+    #: ``[draws, scenes]``, how often each scene was drawn.
+    scenes: I64
+
+    @staticmethod
+    def of(rng: np.random.Generator, placements: int, scenes: int, draws: int = DRAWS) -> Drawn:
+        """As many draws."""
+        often = rng.multinomial(scenes, np.full(scenes, 1 / scenes), draws)
+        return Drawn(rng.integers(0, placements, (draws, placements)), often)
+
+
+def spearman_interval(score: F64, metric: F64, drawn: Drawn) -> Interval:
+    """``spearman`` of the means over scenes, with its interval; ``[placements, scenes]`` both.
+
+    A scene without a value (``NaN``) for a placement is left out of its mean; placements that have none are left out.
+    """
+    ranks = []
+    for table in (score, metric):
+        means = _means(table, drawn.scenes)
+        ranks.append(stats.rankdata(np.take_along_axis(means, drawn.placements, axis=1), axis=1, nan_policy="omit"))
+    x, y = (r - r.mean(axis=1, keepdims=True) for r in ranks)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        values = (x * y).sum(axis=1) / np.sqrt((x**2).sum(axis=1) * (y**2).sum(axis=1))
+    everywhere = np.ones((1, score.shape[1]), np.int64)
+    whole = spearman(_means(score, everywhere)[0], _means(metric, everywhere)[0])
+    return _interval(whole, values)
+
+
+def _means(table: F64, often: I64) -> F64:
+    """Means ``[draws, placements]`` over scenes that count as ``often`` ``[draws, scenes]``."""
+    there = np.isfinite(table)
+    count = often @ there.T
+    means: F64 = np.where(count > 0, (often @ np.where(there, table, 0.0).T) / np.maximum(count, 1), np.nan)
+    return means
+
+
+def _interval(value: float, drawn: F64) -> Interval:
+    finite = drawn[np.isfinite(drawn)]
+    low, high = np.percentile(finite, [2.5, 97.5]) if finite.size else (np.nan, np.nan)
+    return Interval(value, float(low), float(high))
+
+
+def regret(score: Floats, metric: Floats) -> float:
+    """(best − picked) / (best − mean) of the placement that the score puts first: 0 the best, 1 a random one.
+
+    Of placements with equal best scores the mean counts. ``NaN`` where the metric does not vary.
+    """
+    kept = np.isfinite(score) & np.isfinite(metric)
+    if not kept.any():
+        return float("nan")
+    score, metric = score[kept], metric[kept]
+    best, mean = metric.max(), metric.mean()
+    picked = metric[score == score.max()].mean()
+    return float((best - picked) / (best - mean)) if best > mean else float("nan")
+
+
+def mean_regret(score: F64, metric: F64) -> float:
+    """Mean over scenes of the regret in each; ``score`` and ``metric`` are ``[placements, scenes]``."""
+    each = [regret(score[:, s], metric[:, s]) for s in range(score.shape[1])]
+    finite = [value for value in each if np.isfinite(value)]
+    return float(np.mean(finite)) if finite else float("nan")
+
+
+def regret_interval(score: F64, metric: F64, drawn: Drawn) -> Interval:
+    """``mean_regret`` with its interval over scenes alone: without a placement, another one would have been picked."""
+    each = np.array([[regret(score[:, s], metric[:, s]) for s in range(score.shape[1])]])
+    return _interval(mean_regret(score, metric), _means(each, drawn.scenes)[:, 0])
+
+
+def noise_ceiling(by_seed: F64) -> float:
+    """Rank correlation that a perfect score could reach with a metric measured by these seeds, ``[seeds, placements]``.
+
+    Mean over all splits of the seeds in two halves (an odd one left out of the second), stepped up to all seeds by
+    Spearman–Brown to the reliability r; a score that knows the truth correlates with √r. ``NaN`` for one seed.
+    """
+    seeds = len(by_seed)
+    if seeds < 2:
+        return float("nan")
+    halves = [
+        [k for k in range(seeds) if bits >> k & 1]
+        for bits in range(1, 2**seeds - 1)
+        if bin(bits).count("1") == seeds // 2
+    ]
+    found = []
+    for half in halves:
+        rest = [k for k in range(seeds) if k not in half]
+        found.append(spearman(by_seed[half].mean(axis=0), by_seed[rest].mean(axis=0)))
+    rho = float(np.nanmean(found)) if np.isfinite(found).any() else float("nan")
+    return float(np.sqrt(max(2 * rho / (1 + rho), 0.0))) if rho > -1 else float("nan")

@@ -1,0 +1,118 @@
+"""Placements of the studies: published, staggered, mixed, of one to six LiDARs, random by strata, and gamed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import sightline
+
+from ._types import F64
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A placement ``[L, 6]`` and the pool that it is compared in."""
+
+    name: str
+    #: ``box``: four LiDARs in the mount; ``mixed``: some beside it; ``number``: other counts; ``gamed``: must lose.
+    pool: str
+    poses: F64
+
+    def to_dict(self) -> dict[str, Any]:
+        """As a plan keeps it."""
+        return {"name": self.name, "pool": self.pool, "poses": self.poses.tolist()}
+
+    @staticmethod
+    def from_dict(kept: dict[str, Any]) -> Layout:
+        """Out of a plan."""
+        return Layout(kept["name"], kept["pool"], np.array(kept["poses"], dtype=np.float64))
+
+
+def published() -> list[Layout]:
+    """Table 7 of Place3D."""
+    return [Layout(placement.name, "box", placement.poses) for placement in sightline.published()]
+
+
+def staggered(steps: int) -> list[Layout]:
+    """Layouts whose sensors share azimuths, turned a quarter of one of ``steps`` azimuth steps apart."""
+    found = []
+    for layout in published():
+        if layout.name in ("Center", "Line", "Square"):
+            poses = layout.poses.copy()
+            poses[:, 5] += 2 * np.pi / steps * np.arange(len(poses)) / len(poses)
+            found.append(Layout(f"{layout.name}-staggered", "box", poses))
+    return found
+
+
+def mixed() -> list[Layout]:
+    """Two on the roof, two low at the corners of a body of 4.5 × 1.8 m."""
+    high = [[0.0, 0.5, 2.5, 0, 0, 0], [0.0, -0.5, 2.5, 0, 0, 0]]
+    corners = {"front": [(2.35, 1.0), (2.35, -1.0)], "rear": [(-2.35, 1.0), (-2.35, -1.0)]}
+    corners["diagonal"] = [(2.35, 1.0), (-2.35, -1.0)]
+    return [
+        Layout(f"low-{name}", "mixed", np.array(high + [[x, y, 0.6, 0, 0, 0] for x, y in spots]))
+        for name, spots in corners.items()
+    ]
+
+
+def numbers() -> list[Layout]:
+    """One to six LiDARs, each with all of the one before."""
+    spots = [(0, 0, 2.8), (0.6, 0.6, 2.5), (-0.6, -0.6, 2.5), (0.6, -0.6, 2.2), (-0.6, 0.6, 2.2), (0, 0.6, 2.8)]
+    poses = np.array([[*spot, 0.0, 0.0, 0.7 * k] for k, spot in enumerate(spots)])
+    return [Layout(f"count-{n}", "number", poses[:n]) for n in range(1, len(spots) + 1)]
+
+
+def gamed() -> list[Layout]:
+    """What no vehicle should carry: aimed at the sky, inside the cabin, four in one spot."""
+    (pyramid,) = (layout.poses for layout in published() if layout.name == "Pyramid")
+    sky = pyramid.copy()
+    sky[:, 4] = -math.pi / 2
+    cabin = np.array([[x, y, 1.2, 0, 0, 0] for x in (-0.6, 0.2) for y in (-0.3, 0.3)])
+    stacked = np.tile([0.0, 0, 2.2, 0, 0, 0], (4, 1))
+    return [Layout("sky", "gamed", sky), Layout("cabin", "gamed", cabin), Layout("stacked", "gamed", stacked)]
+
+
+def stratified(mount: dict[str, Any], each: int, seed: int) -> list[Layout]:
+    """``each`` random layouts of four in every stratum of mean height (3) × spread (2) × roll (2).
+
+    Yaw is uniform, so that the phases of azimuth steps are free. Sensors keep the mount's distance.
+    """
+    low, high = np.array(mount["min"], dtype=float), np.array(mount["max"], dtype=float)
+    found = []
+    for level in range(3):
+        for wide in (False, True):
+            for rolled in (False, True):
+                for n in range(each):
+                    rng = np.random.default_rng([seed, level, wide, rolled, n])
+                    name = f"random-{'low mid high'.split()[level]}-{'wide' if wide else 'narrow'}"
+                    name += f"{'-roll' if rolled else ''}-{n}"
+                    roll = mount["roll"] if rolled else [0.0, 0.0]
+                    poses = drawn(rng, low, high, level, wide, roll, mount.get("min_distance", 0.0))
+                    found.append(Layout(name, "box", poses))
+    return found
+
+
+def drawn(
+    rng: np.random.Generator, low: F64, high: F64, level: int, wide: bool, roll: list[float], apart: float
+) -> F64:
+    """Four poses ``[4, 6]`` in a third (``level``) of the height of a mount, over all of its plan or the inner part."""
+    third = (high[2] - low[2]) / 3
+    middle, half = (low + high) / 2, (high - low) / 2 * (1.0 if wide else 0.4)
+    # A mount with little room gets what of the distance it has room for.
+    for attempt in range(1000):
+        xy = rng.uniform(middle[:2] - half[:2], middle[:2] + half[:2], (4, 2))
+        z = low[2] + third * (level + rng.uniform(size=(4, 1)))
+        if _nearest(np.c_[xy, z]) >= apart * (1 - attempt / 1000):
+            break
+    angles = np.c_[rng.uniform(roll[0], roll[1], 4), np.zeros(4), rng.uniform(-np.pi, np.pi, 4)]
+    poses: F64 = np.round(np.c_[xy, z, angles], 4)
+    return poses
+
+
+def _nearest(spots: F64) -> float:
+    away = np.linalg.norm(spots[:, None] - spots[None], axis=2)
+    return float(away[np.triu_indices(len(spots), 1)].min())

@@ -1,0 +1,1 @@
+"""Learners of two families: ``trees`` (LightGBM, anew for each placement), ``unet`` (PyTorch, shared)."""

@@ -1,0 +1,109 @@
+"""Scenes of a study: the own four, and worlds made by rule, under one LiDAR."""
+
+from __future__ import annotations
+
+import functools
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import sightline
+
+from .truth import Source
+
+#: The LiDAR of all scenes: that of the own four.
+LIDAR = {"channels": 16, "fov": [-24.8, 2.0], "azimuth_steps": 250, "range": 100.0}
+
+#: The own scenes, never trained on.
+OWN = ("urban-crossing", "highway", "residential", "industrial-yard")
+
+
+@dataclass(frozen=True)
+class World:
+    """A scene of a study, and the frames that are used of it."""
+
+    name: str
+    path: Path
+    #: ``train`` or ``test``.
+    role: str
+    frames: list[int]
+    sha256: str
+
+    def source(self) -> Source:
+        """The scene, read once in a process."""
+        return _source(self.path)
+
+    def scene(self) -> sightline.Scene:
+        """The scene with the study's LiDAR, opened once in a process."""
+        return _scene(self.path)
+
+    def to_dict(self, out: Path) -> dict[str, Any]:
+        """As a plan keeps it; files within ``out`` are named from there."""
+        inside = self.path.is_relative_to(out)
+        file = self.path.relative_to(out).as_posix() if inside else self.path.name
+        return {
+            "name": self.name,
+            "file": file,
+            "made": inside,
+            "role": self.role,
+            "frames": self.frames,
+            "sha256": self.sha256,
+        }
+
+    @staticmethod
+    def from_dict(kept: dict[str, Any], out: Path, scenes: Path) -> World:
+        """Out of a plan; refuses a file that has changed since."""
+        path = (out if kept["made"] else scenes) / kept["file"]
+        if not path.is_file():
+            raise ValueError(f"{path}: is not there; give the folder of the own scenes with --scenes")
+        found = Source.read(path).digest()
+        if found != kept["sha256"]:
+            raise ValueError(f"{path}: is not the file that the plan was made with; give another --out")
+        return World(kept["name"], path, kept["role"], kept["frames"], found)
+
+
+def own(scenes: Path, frames: int) -> list[World]:
+    """The own four as test scenes."""
+    found = []
+    for name in OWN:
+        path = scenes / f"{name}.json"
+        if not path.is_file():
+            raise ValueError(f"{path}: is not there; give the folder of the own scenes with --scenes")
+        found.append(world(name, path, "test", frames))
+    return found
+
+
+def generated(kind: str, seed: int, role: str, frames: int, folder: Path) -> World:
+    """A world by rule, written to ``folder`` unless it is there."""
+    name = f"{kind}-{seed}"
+    path = folder / f"{name}.json"
+    if not path.is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        command = [sys.executable, "-m", "sightline", "scene", "new", "--quiet", "--kind", kind]
+        subprocess.run([*command, "--seed", str(seed), "--out", str(path)], check=True)
+    return world(name, path, role, frames)
+
+
+def world(name: str, path: Path, role: str, frames: int) -> World:
+    """A scene with so many frames, spread evenly and away from its ends."""
+    source = Source.read(path)
+    count = source.open().frames
+    frames = min(frames, count)
+    return World(name, path, role, [int((k + 0.5) * count / frames) for k in range(frames)], source.digest())
+
+
+def opened(source: Source, frames: int | None = None) -> sightline.Scene:
+    """A scene with the study's LiDAR; scores are means over so many frames."""
+    return source.open(frames, lidar=LIDAR)
+
+
+@functools.lru_cache(maxsize=64)
+def _source(path: Path) -> Source:
+    return Source.read(path)
+
+
+@functools.lru_cache(maxsize=64)
+def _scene(path: Path) -> sightline.Scene:
+    return opened(_source(path))

@@ -1,0 +1,138 @@
+"""The smallest whole study, which can fail: controls must lose, shuffled scores and labels must tell nothing."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("lightgbm", reason="lightgbm is not installed")
+pytest.importorskip("matplotlib", reason="matplotlib is not installed")
+from sightline.evidence import correlate, plan, present, run
+
+from . import tiny
+from .conftest import SMALL
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("study")
+
+
+@pytest.fixture(scope="module")
+def result(out: Path) -> dict[str, Any]:
+    return run.carry_out(tiny.study(out, SMALL), out, os.cpu_count() or 1, time.monotonic())
+
+
+def means(result: dict[str, Any], metric: str) -> dict[str, float]:
+    return {placement["name"]: placement["metrics"][metric] for placement in result["placements"]}
+
+
+def test_gamed_placements_rank_last(result: dict[str, Any]) -> None:
+    for metric in ("voxel_miou", "voxel_1m_miou", "birds_eye_miou"):
+        values = means(result, metric)
+        gamed = [values.pop(name) for name in ("sky", "cabin", "stacked")]
+        four = [value for name, value in values.items() if not name.startswith("count-")]
+        assert max(gamed) < min(four), metric
+    assert all(result["checks"]["gamed_rank_last"].values())
+
+
+def test_a_score_that_is_shuffled_does_not_correlate(result: dict[str, Any]) -> None:
+    """Of a hundred shuffles as many may do so by chance as the interval says; the metric itself must."""
+    metric = np.array(list(means(result, "voxel_1m_miou").values()))
+    rng = np.random.default_rng(1)
+    rho = np.array([correlate.spearman(rng.permutation(metric), metric) for _ in range(400)])
+    assert abs(rho.mean()) < 0.05
+    bound = 1.96 / np.sqrt(len(metric) - 1)
+    assert np.mean(np.abs(rho) > bound) < 0.12
+    pool = result["pools"]["all but the gamed"]["metrics"]["voxel_1m_miou"]["scores"]
+    assert pool["shuffled"]["spearman"]["low"] < 0 < pool["shuffled"]["spearman"]["high"]
+    assert pool["covered"]["spearman"]["low"] > 0
+
+
+def test_shuffled_labels_do_not_beat_chance(result: dict[str, Any]) -> None:
+    found = result["checks"]["shuffled-labels"]
+    assert found["shuffled"] < found["chance"] + 0.05 < found["right"]
+    assert [name for name in result["checks"]["learnt"]["not_learnt"] if not name.startswith("cabin")] == []
+
+
+def test_one_more_lidar_is_better(result: dict[str, Any]) -> None:
+    # Of one frame a world, what is within 1 m of a point follows the noise of the learner.
+    for metric in ("voxel_miou", "ground_seen_10m"):
+        one, two = result["checks"]["one_more_lidar"][metric]
+        assert two > one, metric
+
+
+def test_the_plan_stood_before_and_is_in_the_result(result: dict[str, Any], out: Path) -> None:
+    kept = json.loads((out / "plan.json").read_text())
+    assert result["plan_sha256"] == kept["plan_sha256"] == plan.digest(result["plan"])
+    first = min(path.stat().st_mtime for path in (out / "units").iterdir())
+    assert (out / "plan.json").stat().st_mtime < first
+
+
+def test_tables_and_figure(result: dict[str, Any], out: Path) -> None:
+    present.write(result, out)
+    text = (out / "tables.md").read_text()
+    assert "`information_gain`" in text and "gamed placements rank last" in text and "nan" not in text
+    picture = (out / "figure.svg").read_bytes()
+    present.write(result, out)
+    assert picture == (out / "figure.svg").read_bytes() and b"</svg>" in picture
+
+
+def test_a_changed_plan_or_scene_is_refused(result: dict[str, Any], out: Path, tmp_path: Path) -> None:
+    assert plan.read(tiny.DESIGN, out, out).sha256 == result["plan_sha256"]
+    kept = json.loads((out / "plan.json").read_text())
+    kept["plan"]["seeds"] = [2]
+    (tmp_path / "plan.json").write_text(json.dumps(kept))
+    with pytest.raises(ValueError, match="changed after it was hashed"):
+        plan.read(tiny.DESIGN, tmp_path, out)
+    (tmp_path / "plan.json").write_text("{")
+    with pytest.raises(ValueError, match="cannot be read"):
+        plan.read(tiny.DESIGN, tmp_path, out)
+    kept["plan_sha256"] = plan.digest(kept["plan"])
+    (tmp_path / "plan.json").write_text(json.dumps(kept))
+    with pytest.raises(ValueError, match="seeds is"):
+        plan.read(tiny.DESIGN, tmp_path, out)
+
+
+KILLED = """
+import json, sys, time
+sys.path.insert(0, {tests!r})
+from pathlib import Path
+import tiny
+from sightline.evidence import plan, run
+if __name__ == "__main__":
+    out = Path({out!r})
+    ready = plan.read(tiny.DESIGN, out, out)
+    run.carry_out(ready, out, 2, time.monotonic())
+"""
+
+
+def test_killed_and_run_again_is_the_same(result: dict[str, Any], out: Path, tmp_path: Path) -> None:
+    """SIGKILL in the middle of the units, twice; the last run gives the bytes of one that never stopped."""
+    few = ["Center", "Line", "Ours-seg"]
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    expected = run.carry_out(tiny.study(whole, SMALL, few), whole, 2, time.monotonic())
+    tiny.study(broken, SMALL, few)
+    script = KILLED.format(tests=str(Path(__file__).parent), out=str(broken))
+    file = tmp_path / "killed.py"
+    file.write_text(script)
+    for least in (1, 3):
+        process = subprocess.Popen([sys.executable, str(file)], stderr=subprocess.DEVNULL)
+        while process.poll() is None and len(list((broken / "units").glob("*.json"))) < least:
+            time.sleep(0.05)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        assert not (broken / "result.json").exists()
+    again = run.carry_out(plan.read(tiny.DESIGN, broken, broken), broken, 2, time.monotonic())
+    for found in (expected, again):
+        del found["times"]
+    assert json.dumps(plan.finite(expected), sort_keys=True) == json.dumps(plan.finite(again), sort_keys=True)
