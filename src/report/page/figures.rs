@@ -74,7 +74,9 @@ fn near<'a>(
     choice: &EngineChoice,
     placements: impl Iterator<Item = &'a Placement>,
 ) -> Result<Result<Near, String>, BackendError> {
-    let few = Arc::new(problem.over(&spread(problem.frame_count(), Some(NEAR_FRAMES))));
+    // A P-SOG without geometry has no frame to cast into.
+    let frames = spread(problem.geometry_frame_count(), Some(NEAR_FRAMES));
+    let few = Arc::new(problem.over(&frames));
     let site = match NearSite::new(scene, &few) {
         Ok(site) => site,
         Err(why) => return Ok(Err(why.to_string())),
