@@ -11,8 +11,12 @@ import pytest
 import sightline
 
 ROOT = Path(__file__).resolve().parents[2]
-# Scenes name their meshes from the folder of the project.
-os.chdir(ROOT)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def from_the_project() -> None:
+    """Scenes are named from the folder of the project. Not while tests are collected: pytest's paths are relative."""
+    os.chdir(ROOT)
 
 
 @pytest.fixture(scope="session")

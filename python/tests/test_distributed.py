@@ -32,7 +32,7 @@ def cluster():
 
 
 def workers() -> list[int]:
-    """Process numbers of the actors of this session, not of the parent process that starts them."""
+    """Process numbers of the actors, not of the process that starts them."""
     found = subprocess.run(["pgrep", "-f", "^ray::_Worker"], capture_output=True, text=True)
     return [int(line) for line in found.stdout.split()]
 
