@@ -178,5 +178,5 @@ pub mod internals {
     pub use crate::vehicle::random::random_placements_by_the_rules;
     pub use crate::verify::compare::{Differences, compared_frames};
     pub use crate::verify::oracle::{Agreement, EDGE_TOLERANCE, Explanation, explain, explain_in};
-    pub use crate::verify::placements::hostile_placements;
+    pub use crate::verify::placements::{hostile_placements, usual_placements};
 }

@@ -2,7 +2,8 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use pyo3::PyResult;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use sightline::engine::{EngineChoice, EngineKind, open};
 use sightline::problem::spread;
 use sightline::scan::conditions::Condition;
@@ -11,6 +12,11 @@ use sightline::search::Suite;
 use sightline::{Evaluator, Placement, Problem, Psog, Scene, Scores};
 
 use crate::errors::{bad, raised};
+use crate::psogs::PyPsog;
+
+/// Engines by the words of Python.
+const BACKENDS: [(&str, EngineKind); 3] =
+    [("auto", EngineKind::Auto), ("cpu", EngineKind::Cpu), ("gpu", EngineKind::Gpu)];
 
 /// How a scene is to be scored.
 #[derive(Clone, Default)]
@@ -35,18 +41,45 @@ impl Options {
         adapter: Option<String>,
         memory: Option<u64>,
     ) -> PyResult<Self> {
-        let kind = match backend {
-            "auto" => EngineKind::Auto,
-            "cpu" => EngineKind::Cpu,
-            "gpu" => EngineKind::Gpu,
-            other => return Err(bad(format!("backend: `{other}` is none; give auto, cpu or gpu"))),
-        };
+        let kind = BACKENDS.iter().find(|(name, _)| *name == backend).map(|(_, kind)| *kind);
+        let kind = kind
+            .ok_or_else(|| bad(format!("backend: `{backend}` is none; give auto, cpu or gpu")))?;
         if frames == Some(0) {
             return Err(bad("frames: are 0; give 1 or more, or None for all"));
         }
         let conditions = conditions.iter().map(|text| text.parse().map_err(raised));
         let conditions = conditions.collect::<PyResult<_>>()?;
         Ok(Self { psog, frames, conditions, engine: EngineChoice { kind, adapter, memory } })
+    }
+
+    /// Puts the words of Python that these come from into `words`.
+    pub fn put(&self, words: &Bound<'_, PyDict>) -> PyResult<()> {
+        let conditions: Vec<String> = self.conditions.iter().map(Condition::to_string).collect();
+        let backend = BACKENDS.iter().find(|(_, kind)| *kind == self.engine.kind);
+        words.set_item("psog", self.psog.clone().map(PyPsog))?;
+        words.set_item("frames", self.frames)?;
+        words.set_item("conditions", conditions)?;
+        words.set_item("backend", backend.map(|(name, _)| *name))?;
+        words.set_item("adapter", &self.engine.adapter)?;
+        words.set_item("memory", self.engine.memory)
+    }
+}
+
+/// An evaluator that is opened when it is first needed.
+#[derive(Default)]
+pub struct Kept(Mutex<Option<Evaluator>>);
+
+impl Kept {
+    /// Works with the evaluator, alone.
+    pub fn with<T>(
+        &self,
+        open: impl FnOnce() -> PyResult<Evaluator>,
+        work: impl FnOnce(&mut Evaluator) -> PyResult<T>,
+    ) -> PyResult<T> {
+        match &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner) {
+            Some(evaluator) => work(evaluator),
+            none => work(none.insert(open()?)),
+        }
     }
 }
 
@@ -56,7 +89,7 @@ pub struct Built {
     pub options: Options,
     psog: OnceLock<Arc<Psog>>,
     problem: OnceLock<Arc<Problem>>,
-    evaluator: Mutex<Option<Evaluator>>,
+    evaluator: Kept,
     /// The last frame that was cast into, and its problem.
     frame: Mutex<Option<(usize, Arc<Problem>)>>,
 }
@@ -69,7 +102,7 @@ impl Built {
             options,
             psog,
             problem: OnceLock::new(),
-            evaluator: Mutex::new(None),
+            evaluator: Kept::default(),
             frame: Mutex::new(None),
         }
     }
@@ -99,16 +132,21 @@ impl Built {
 
     /// Works with the engine, which is opened first if it was not.
     pub fn evaluate<T>(&self, work: impl FnOnce(&mut Evaluator) -> PyResult<T>) -> PyResult<T> {
-        let mut evaluator = self.evaluator.lock().unwrap_or_else(PoisonError::into_inner);
-        if evaluator.is_none() {
+        let open = || {
             let problem = self.problem()?;
             let opened = open(&problem, &self.options.engine, |_| {}).map_err(raised)?;
-            *evaluator = Some(Evaluator::new(problem, opened.engine));
+            Ok(Evaluator::new(problem, opened.engine))
+        };
+        self.evaluator.with(open, work)
+    }
+
+    /// Refuses frames that the scene does not have.
+    pub fn check_frame(&self, frame: usize) -> PyResult<()> {
+        let frames = self.scene.frame_count();
+        if frame < frames {
+            return Ok(());
         }
-        match &mut *evaluator {
-            Some(evaluator) => work(evaluator),
-            None => Err(bad("the engine is not there")),
-        }
+        Err(bad(format!("frame: is {frame}; give 0 to {}", frames - 1)))
     }
 
     /// One frame to cast into.
@@ -118,10 +156,7 @@ impl Built {
                 "the scene has no geometry to cast into; add static shapes, actors or an ego body",
             ));
         }
-        let frames = self.scene.frame_count();
-        if frame >= frames {
-            return Err(bad(format!("frame: is {frame}; give 0 to {}", frames - 1)));
-        }
+        self.check_frame(frame)?;
         let mut last = self.frame.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((number, problem)) = &*last
             && *number == frame

@@ -8,11 +8,11 @@ use numpy::{PyArray1, PyArray2, PyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use sightline::engine::cast_rays;
-use sightline::internals::{Input, hostile_placements};
+use sightline::internals::{Input, usual_placements};
 use sightline::problem::spread;
 use sightline::scan::BeamHits;
 use sightline::scene::EgoBody;
-use sightline::vehicle::{random_placements, table_7};
+use sightline::vehicle::random_placements;
 use sightline::verify::verify;
 use sightline::{Placement, Problem, Scene, engine};
 
@@ -45,8 +45,12 @@ enum Source {
 pub struct PyScene {
     pub built: Arc<Built>,
     source: Source,
-    conditions: Vec<String>,
-    backend: String,
+}
+
+impl PyScene {
+    fn new(scene: Scene, source: Source, options: Options) -> Self {
+        Self { built: Arc::new(Built::new(scene, options)), source }
+    }
 }
 
 #[pymethods]
@@ -75,12 +79,7 @@ impl PyScene {
         let psog = psog.map(|psog| psog.get().0.clone());
         let options = Options::new(psog, frames, &conditions, backend, adapter, memory)?;
         let scene = py.detach(|| Scene::read_with(&path, vehicle.as_deref())).map_err(raised)?;
-        Ok(Self {
-            built: Arc::new(Built::new(scene, options)),
-            source: Source::File { path, vehicle },
-            conditions,
-            backend: backend.to_owned(),
-        })
+        Ok(Self::new(scene, Source::File { path, vehicle }, options))
     }
 
     /// A scene from what a scene file holds; files that it names are relative to `folder`. Options as of `load`.
@@ -102,12 +101,7 @@ impl PyScene {
         let options = Options::new(psog, frames, &conditions, backend, adapter, memory)?;
         let text = to_text("scene", scene)?;
         let read = Scene::from_json(&text, &folder, "scene").map_err(raised)?;
-        Ok(Self {
-            built: Arc::new(Built::new(read, options)),
-            source: Source::Text { text, folder },
-            conditions,
-            backend: backend.to_owned(),
-        })
+        Ok(Self::new(read, Source::Text { text, folder }, options))
     }
 
     /// Name of the scene.
@@ -179,10 +173,7 @@ impl PyScene {
         py: Python<'py>,
         frame: usize,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let frames = self.built.scene.frame_count();
-        if frame >= frames {
-            return Err(bad(format!("frame: is {frame}; give 0 to {}", frames - 1)));
-        }
+        self.built.check_frame(frame)?;
         homogeneous(py, &self.built.scene.ego_pose(frame))
     }
 
@@ -190,10 +181,7 @@ impl PyScene {
     /// without those of the own vehicle where `body` is false.
     #[pyo3(signature = (frame = 0, *, body = true))]
     fn mesh<'py>(&self, py: Python<'py>, frame: usize, body: bool) -> PyResult<Bound<'py, PyDict>> {
-        let frames = self.built.scene.frame_count();
-        if frame >= frames {
-            return Err(bad(format!("frame: is {frame}; give 0 to {}", frames - 1)));
-        }
+        self.built.check_frame(frame)?;
         let body = if body { EgoBody::Include } else { EgoBody::Exclude };
         let soup = py.detach(|| self.built.scene.frame(frame, body));
         let mesh = PyDict::new(py);
@@ -351,12 +339,8 @@ impl PyScene {
             let psog = built.psog()?;
             let frames = spread(built.scene.frame_count(), Some(frames.max(1)));
             let problem = Problem::with_psog(&built.scene, &psog, &frames).map_err(raised)?;
-            let placements = given.unwrap_or_else(|| {
-                let mut all = table_7();
-                all.extend(random_placements(problem.constraints(), random, seed));
-                all.extend(hostile_placements(problem.roi(), hostile, seed));
-                all
-            });
+            let usual = || usual_placements(&problem, random, hostile, seed);
+            let placements = given.unwrap_or_else(usual);
             let problem = Arc::new(problem);
             let opened = engine::open(&problem, &built.options.engine, |_| {});
             let mut engine = opened.map_err(raised)?.engine;
@@ -402,14 +386,7 @@ impl PyScene {
                 (slf.getattr("from_dict")?, py.import("json")?.call_method1("loads", (text,))?)
             }
         };
-        let engine = &this.built.options.engine;
-        let psog = this.built.options.psog.clone().map(PyPsog);
-        options.set_item("psog", psog)?;
-        options.set_item("frames", this.built.options.frames)?;
-        options.set_item("conditions", &this.conditions)?;
-        options.set_item("backend", &this.backend)?;
-        options.set_item("adapter", &engine.adapter)?;
-        options.set_item("memory", engine.memory)?;
+        this.built.options.put(&options)?;
         let rebuild = py.import("sightline._pickle")?.getattr("scene")?;
         let arguments = (make, first, options, this._inputs(py)?).into_pyobject(py)?;
         PyTuple::new(py, [rebuild, arguments.into_any()])

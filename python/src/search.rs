@@ -18,7 +18,7 @@ use sightline::search::{
 use sightline::{Evaluator, Objective};
 
 use crate::columns::scores_object;
-use crate::engine::{Built, score, suite_of};
+use crate::engine::{Built, Kept, score, suite_of};
 use crate::errors::{bad, raised};
 use crate::json::to_python;
 use crate::placements::{PyPlacement, placements_of};
@@ -29,7 +29,7 @@ use crate::wait::{interruptible, start, wait};
 #[pyclass(name = "Suite", module = "sightline", frozen)]
 pub struct PySuite {
     scenes: Vec<Arc<Built>>,
-    evaluator: Arc<Mutex<Option<Evaluator>>>,
+    evaluator: Arc<Kept>,
 }
 
 #[pymethods]
@@ -60,17 +60,12 @@ impl PySuite {
         let placements = placements_of(poses, sensors)?;
         let (scenes, kept) = (self.scenes.clone(), self.evaluator.clone());
         let scores = interruptible(py, move |stop| {
-            let mut evaluator = kept.lock().unwrap_or_else(PoisonError::into_inner);
-            if evaluator.is_none() {
-                let suite = suite_of(&scenes)?;
-                let choice = &scenes[0].options.engine;
-                *evaluator = Some(Evaluator::open(&suite, choice, |_| {}).map_err(raised)?.0);
-            }
+            let open = || {
+                let (suite, choice) = (suite_of(&scenes)?, &scenes[0].options.engine);
+                Ok(Evaluator::open(&suite, choice, |_| {}).map_err(raised)?.0)
+            };
             let stopped = || stop.load(Ordering::SeqCst);
-            match &mut *evaluator {
-                Some(evaluator) => score(evaluator, &placements, stopped),
-                None => Ok(Vec::new()),
-            }
+            kept.with(open, |evaluator| score(evaluator, &placements, stopped))
         })??;
         scores_object(py, &scores)
     }
@@ -96,7 +91,7 @@ impl Asked {
         &self,
         observe: &mut dyn FnMut(&Event) -> bool,
     ) -> PyResult<Option<(Suite, Settings)>> {
-        let mut settings = self.settings.clone();
+        let settings = self.settings.clone();
         let suite = suite_of(&self.scenes)?;
         let suite = if self.mirror { suite.with_mirror_images() } else { suite };
         let Some(vehicle) = self.scenes[0].scene.vehicle() else {
@@ -112,10 +107,7 @@ impl Asked {
         let found = equip(&suite, vehicle, objective, self.budget, engine, &mut observe);
         let Some(found) = found.map_err(raised)? else { return Ok(None) };
         let suite = suite.with_constraints(&vehicle.constraints(&found.equipment));
-        if self.plain_baselines {
-            settings.baselines = vec![found.plain(suite.constraints())];
-        }
-        settings.starts.push(found.placement);
+        let settings = found.begin(settings, suite.constraints(), self.plain_baselines);
         Ok(Some((suite, settings)))
     }
 

@@ -55,7 +55,12 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     let (folder, run) = match resumed {
         Some((folder, saved)) => (folder, Run::resume(opened.suite.clone(), saved.run)),
         None => {
-            let settings = equipment::begin(settings::of(args)?, &begun, &opened.suite, args);
+            let settings = settings::of(args)?;
+            let (rules, plainly) = (opened.suite.constraints(), args.has_no_baselines());
+            let settings = match &begun.equipped {
+                Some(equipped) => equipped.begin(settings, rules, plainly),
+                None => settings,
+            };
             let run = Run::new(opened.suite.clone(), &settings);
             let run = run.map_err(|error| in_scene(error, &begun))?;
             // Before the search, so that a folder that cannot be written is found out now.

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::engine::gpu::GpuBackend;
-use crate::internals::{align_columns, compared_frames, hostile_placements};
+use crate::internals::{align_columns, compared_frames, usual_placements};
 use crate::problem::{Problem, spread};
-use crate::vehicle::{Placement, random_placements, read_placements, table_7};
+use crate::vehicle::{Placement, read_placements};
 use crate::verify::{Verification, verify};
 use serde::Serialize;
 use serde_json::json;
@@ -112,7 +112,9 @@ fn of_scene(
     load::note_frames(&scene, Some(args.frames), args.compute.talk);
     let frames = spread(scene.frame_count(), Some(args.frames));
     let problem = Arc::new(Problem::with_psog(&scene, &psog, &frames)?);
-    let placements = given.map_or_else(|| drawn(args, &problem), <[Placement]>::to_vec);
+    let (random, hostile) = (args.random.unwrap_or(RANDOM), args.hostile.unwrap_or(HOSTILE));
+    let usual = || usual_placements(&problem, random, hostile, args.seed);
+    let placements = given.map_or_else(usual, <[Placement]>::to_vec);
     let memory = args.compute.memory_budget() / 2;
     let mut gpu = GpuBackend::new(problem.clone(), args.compute.adapter.as_deref(), memory)?;
     let steps = (placements.len() * compared_frames(&problem)) as u64;
@@ -121,15 +123,6 @@ fn of_scene(
     let found = verify(&problem, &mut gpu, &placements, args.sample, args.seed, &done)?;
     bar.finish_and_clear();
     Ok((scene.name().to_owned(), found))
-}
-
-/// Table 7 of the paper, random placements from the mount, and hostile ones.
-fn drawn(args: &Args, problem: &Problem) -> Vec<Placement> {
-    let (random, hostile) = (args.random.unwrap_or(RANDOM), args.hostile.unwrap_or(HOSTILE));
-    let mut all = table_7();
-    all.extend(random_placements(problem.constraints(), random, args.seed));
-    all.extend(hostile_placements(problem.roi(), hostile, args.seed));
-    all
 }
 
 fn print(scene: &str, found: &Verification) -> Result<(), Error> {

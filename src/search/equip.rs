@@ -12,6 +12,7 @@ use super::error::SearchError;
 use super::evaluator::Evaluator;
 use super::grid_search::GridSearch;
 use super::observer::{Event, Observer, Watch, Work};
+use super::settings::Settings;
 use super::suite::Suite;
 use crate::engine::EngineChoice;
 use crate::score::{Objective, reference_layout};
@@ -53,8 +54,18 @@ pub struct Equipped {
 }
 
 impl Equipped {
+    /// Settings that start from the sensors chosen; where `plainly`, they compare with the same sensors put up plainly.
+    pub fn begin(&self, settings: Settings, constraints: &Constraints, plainly: bool) -> Settings {
+        let mut settings = settings;
+        if plainly {
+            settings.baselines = vec![self.plain(constraints)];
+        }
+        settings.starts.push(self.placement.clone());
+        settings
+    }
+
     /// The same sensors put up plainly: in the middle of their mounts, or evenly around it, looking straight.
-    pub fn plain(&self, constraints: &Constraints) -> Placement {
+    fn plain(&self, constraints: &Constraints) -> Placement {
         let models: Vec<SensorName> = self.equipment.iter().map(|(_, sensor)| *sensor).collect();
         Placement { name: "plain".into(), ..reference_layout(constraints, &models) }
     }

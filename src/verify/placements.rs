@@ -3,8 +3,22 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::problem::Problem;
 use crate::psog::Roi;
-use crate::vehicle::{Placement, SensorPose};
+use crate::vehicle::{Placement, SensorPose, random_placements, table_7};
+
+/// What is compared unless placements are given: Table 7 of the paper, random ones from the mount, and hostile ones.
+pub fn usual_placements(
+    problem: &Problem,
+    random: usize,
+    hostile: usize,
+    seed: u64,
+) -> Vec<Placement> {
+    let mut all = table_7();
+    all.extend(random_placements(problem.constraints(), random, seed));
+    all.extend(hostile_placements(problem.roi(), hostile, seed));
+    all
+}
 
 /// A kind of pose that methods fail at, from the grid and a number that varies it.
 type Kind = (&'static str, fn(&Roi, f64) -> SensorPose);

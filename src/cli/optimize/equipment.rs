@@ -1,7 +1,7 @@
 //! Which sensors a vehicle carries in a run, and what the result is compared with.
 
 use crate::scene::Scene;
-use crate::search::{Equipped, Event, Settings, Suite, equip};
+use crate::search::{Equipped, Event, Suite, equip};
 use crate::vehicle::Vehicle;
 
 use super::bars::Bars;
@@ -69,15 +69,4 @@ fn choose(
         ));
     }
     Ok(Some(found))
-}
-
-/// Settings that start from the chosen sensors, and compare with the same sensors put up plainly: in the middle of
-/// their mounts, or evenly around it, looking straight.
-pub(super) fn begin(mut settings: Settings, begun: &Begun, suite: &Suite, args: &Args) -> Settings {
-    let Some(equipped) = &begun.equipped else { return settings };
-    if args.has_no_baselines() {
-        settings.baselines = vec![equipped.plain(suite.constraints())];
-    }
-    settings.starts.push(equipped.placement.clone());
-    settings
 }

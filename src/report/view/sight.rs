@@ -1,5 +1,7 @@
 //! The voxels that hold information, which layouts see them, and what that comes to by class and distance.
 
+use rayon::prelude::*;
+
 use crate::cover::Bitmaps;
 use crate::engine::{Backend, BackendError};
 use crate::problem::{Content, Problem, spread};
@@ -88,21 +90,15 @@ impl Sight {
         let mut shares = Vec::new();
         for layout in std::iter::once(placement).chain(baselines) {
             let mut seen = vec![0_u32; voxels.len()];
-            let mut alone = vec![0.0; layout.lidars.len()];
+            let mut alone = vec![0.0; if shares.is_empty() { layout.lidars.len() } else { 0 }];
             for &frame in &frames {
-                let marks = Marks(engine.bitmaps(&layout.lidars, frame)?);
-                let is_first = shares.is_empty();
-                for (seen, voxel) in seen.iter_mut().zip(&voxels) {
-                    let mask = marks.of(voxel.drawn.index);
-                    *seen += u32::from(mask != 0);
-                    for (lidar, nats) in
-                        alone.iter_mut().enumerate().take(if is_first { 16 } else { 0 })
-                    {
-                        if mask >> lidar & 1 == 1 {
-                            *nats += voxel.nats / frames.len() as f64;
-                        }
-                    }
-                }
+                let marks = Marks::new(engine.bitmaps(&layout.lidars, frame)?, &voxels);
+                marks.count(&mut seen);
+                // Of the placement; each LiDAR's sum is taken in one order, so that threads change no bit.
+                alone.par_iter_mut().enumerate().for_each(|(lidar, nats)| {
+                    let gained: f64 = marks.of(lidar, &voxels).map(|voxel| voxel.nats).sum();
+                    *nats += gained / frames.len() as f64;
+                });
             }
             let share: Vec<f64> =
                 seen.iter().map(|s| f64::from(*s) / frames.len() as f64).collect();
@@ -114,8 +110,8 @@ impl Sight {
         }
         let mut masks = Vec::new();
         for &frame in shown {
-            let marks = Marks(engine.bitmaps(&placement.lidars, frame)?);
-            masks.push(voxels[..count].iter().map(|v| marks.of(v.drawn.index)).collect());
+            let marks = Marks::new(engine.bitmaps(&placement.lidars, frame)?, &voxels[..count]);
+            masks.push(marks.masks());
         }
         gains.by_class.retain(|part| part.total > 0.0);
         gains.by_class.sort_by(|a, b| b.total.total_cmp(&a.total));
@@ -137,16 +133,50 @@ impl Sight {
     }
 }
 
-/// Which LiDARs cover which voxels in a frame.
-struct Marks(Bitmaps);
+/// Which LiDARs cover some voxels in a frame.
+struct Marks {
+    bitmaps: Bitmaps,
+    /// Place of each voxel in the bitmaps.
+    bits: Vec<usize>,
+}
 
 impl Marks {
-    /// A bit a LiDAR.
-    fn of(&self, voxel: u32) -> u16 {
-        let bit = self.0.order.bit_of(voxel) as usize;
-        let sensors = self.0.sensors().enumerate();
-        sensors.fold(0, |mask, (k, words)| mask | ((words[bit / 64] >> (bit % 64) & 1) as u16) << k)
+    fn new(bitmaps: Bitmaps, voxels: &[Voxel]) -> Self {
+        let bit = |voxel: &Voxel| bitmaps.order.bit_of(voxel.drawn.index) as usize;
+        let bits = voxels.par_iter().map(bit).collect();
+        Self { bitmaps, bits }
     }
+
+    /// Counts one more for each voxel that any LiDAR covers.
+    fn count(&self, seen: &mut [u32]) {
+        let mut union: Vec<u64> = Vec::new();
+        for words in self.bitmaps.sensors() {
+            union.resize(words.len(), 0);
+            union.iter_mut().zip(words).for_each(|(all, word)| *all |= word);
+        }
+        let covered = seen.par_iter_mut().zip(&self.bits);
+        covered.for_each(|(seen, &bit)| *seen += u32::from(is_set(&union, bit)));
+    }
+
+    /// The voxels that a LiDAR covers.
+    fn of<'a>(&'a self, lidar: usize, voxels: &'a [Voxel]) -> impl Iterator<Item = &'a Voxel> {
+        let words = self.bitmaps.sensors().nth(lidar).unwrap_or_default();
+        let covered = move |&(_, &bit): &(&Voxel, &usize)| is_set(words, bit);
+        voxels.iter().zip(&self.bits).filter(covered).map(|(voxel, _)| voxel)
+    }
+
+    /// A bit a LiDAR for each voxel.
+    fn masks(&self) -> Vec<u16> {
+        let mask = |&bit: &usize| {
+            let sensors = self.bitmaps.sensors().enumerate();
+            sensors.fold(0, |mask, (k, words)| mask | u16::from(is_set(words, bit)) << k)
+        };
+        self.bits.par_iter().map(mask).collect()
+    }
+}
+
+fn is_set(words: &[u64], bit: usize) -> bool {
+    words[bit / 64] >> (bit % 64) & 1 == 1
 }
 
 /// The voxels that hold information, most first.
