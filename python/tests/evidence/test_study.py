@@ -16,7 +16,7 @@ import pytest
 
 pytest.importorskip("lightgbm", reason="lightgbm is not installed")
 pytest.importorskip("matplotlib", reason="matplotlib is not installed")
-from sightline.evidence import correlate, plan, present, run
+from sightline.evidence import correlate, files, plan, present, run
 
 from . import tiny
 from .conftest import SMALL
@@ -135,4 +135,4 @@ def test_killed_and_run_again_is_the_same(result: dict[str, Any], out: Path, tmp
     again = run.carry_out(plan.read(tiny.DESIGN, broken, broken), broken, 2, time.monotonic())
     for found in (expected, again):
         del found["times"]
-    assert json.dumps(plan.finite(expected), sort_keys=True) == json.dumps(plan.finite(again), sort_keys=True)
+    assert json.dumps(files.finite(expected), sort_keys=True) == json.dumps(files.finite(again), sort_keys=True)

@@ -17,8 +17,10 @@ DESIGN = Design(
     own=False,
     frames=1,
     random=0,
+    searches=0,
     searched=0,
     evaluations=0,
+    poses=(0, 0),
     seeds=(1,),
     learner=trees.Settings(rounds=8, points=8_000),
 )

@@ -18,18 +18,22 @@ class Layout:
     """A placement ``[L, 6]`` and the pool that it is compared in."""
 
     name: str
-    #: ``box``: four LiDARs in the mount; ``mixed``: some beside it; ``number``: other counts; ``gamed``: must lose.
+    #: ``box``: four LiDARs in the mount; ``mixed``: some beside it; ``number``: other counts; ``sensor``: other LiDARs;
+    #: ``gamed``: must lose.
     pool: str
     poses: F64
+    #: Another LiDAR than the study's, as a scene file has it.
+    lidar: dict[str, Any] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """As a plan keeps it."""
-        return {"name": self.name, "pool": self.pool, "poses": self.poses.tolist()}
+        kept = {"name": self.name, "pool": self.pool, "poses": self.poses.tolist()}
+        return {**kept, "lidar": self.lidar} if self.lidar else kept
 
     @staticmethod
     def from_dict(kept: dict[str, Any]) -> Layout:
         """Out of a plan."""
-        return Layout(kept["name"], kept["pool"], np.array(kept["poses"], dtype=np.float64))
+        return Layout(kept["name"], kept["pool"], np.array(kept["poses"], dtype=np.float64), kept.get("lidar"))
 
 
 def published() -> list[Layout]:
@@ -64,6 +68,15 @@ def numbers() -> list[Layout]:
     spots = [(0, 0, 2.8), (0.6, 0.6, 2.5), (-0.6, -0.6, 2.5), (0.6, -0.6, 2.2), (-0.6, 0.6, 2.2), (0, 0.6, 2.8)]
     poses = np.array([[*spot, 0.0, 0.0, 0.7 * k] for k, spot in enumerate(spots)])
     return [Layout(f"count-{n}", "number", poses[:n]) for n in range(1, len(spots) + 1)]
+
+
+def sensors(lidar: dict[str, Any]) -> list[Layout]:
+    """The published optimum with LiDARs of as many points: other channels, other fields of view."""
+    (ours,) = (layout.poses for layout in published() if layout.name == "Ours-seg")
+    points = lidar["channels"] * lidar["azimuth_steps"]
+    patterns = [(f"channels-{n}", {"channels": n, "azimuth_steps": points // n}) for n in (8, 32, 64)]
+    patterns += [(f"fov-{low}-{high}", {"fov": [low, high]}) for low, high in ((-15, 15), (-45, 5), (-12, 2))]
+    return [Layout(f"Ours-seg-{name}", "sensor", ours, {**lidar, **changed}) for name, changed in patterns]
 
 
 def gamed() -> list[Layout]:
