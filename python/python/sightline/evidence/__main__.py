@@ -1,4 +1,4 @@
-"""``python -m sightline.evidence quick|standard --out DIR``."""
+"""``python -m sightline.evidence quick|standard|tables --out DIR``."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ import os
 import sys
 from pathlib import Path
 
+#: Studies; the same as ``plan.DESIGNS``, which needs the extra.
+NAMES = ("quick", "standard")
+
 
 def main(arguments: list[str] | None = None) -> int:
     """Runs a study; returns the exit code: 0 done, 2 bad input, 130 interrupted."""
     parser = argparse.ArgumentParser(prog="python -m sightline.evidence", description=__doc__)
-    parser.add_argument("design", choices=["quick", "standard"], help="how large")
+    parser.add_argument("design", choices=[*NAMES, "tables"], help="which study; tables: of what a run has so far")
     parser.add_argument("--out", type=Path, required=True, help="folder of the run; one that is there goes on")
     parser.add_argument("--scenes", type=Path, default=Path("scenes"), help="folder of the own four scenes [scenes]")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes [all cores]")
@@ -20,20 +23,21 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error(f"--jobs: is {given.jobs}; give 1 or more")
     try:
         from . import present, run
-        from .plan import DESIGNS
+        from .stage import say
     except ImportError as error:
         print(f"error: {error}; pip install 'sightline[evidence]'", file=sys.stderr)
         return 2
     try:
-        result = run.run(DESIGNS[given.design], given.out.resolve(), given.scenes.resolve(), given.jobs)
+        out, scenes = given.out.resolve(), given.scenes.resolve()
+        result = run.so_far(out, scenes) if given.design == "tables" else run.run(given.design, out, scenes, given.jobs)
         present.write(result, given.out)
     except KeyboardInterrupt:
-        run.say("interrupted; the same command goes on")
+        say("interrupted; the same command goes on")
         return 130
     except (ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    run.say(f"wrote result.json, tables.md and figure.svg to {given.out}")
+    say(f"wrote result.json, tables.md and figure.svg to {given.out}")
     return 0
 
 

@@ -112,7 +112,8 @@ def _share(weight: F64) -> F64:
 
 def _square(xyz: F64) -> I64:
     cell = np.floor(xyz[:, :2] / BLOCK).astype(np.int64) + 4096
-    return cell[:, 0] * 8192 + cell[:, 1]
+    one: I64 = cell[:, 0] * 8192 + cell[:, 1]
+    return one
 
 
 @dataclass(frozen=True)

@@ -113,11 +113,21 @@ class Plan:
 
 
     def units(self) -> list[tuple[Layout, int]]:
-        """Placements and seeds in the order of their doing: the first seed of all, anchors and optima, the rest."""
-        first = [(layout, self.seeds[0]) for layout in self.placements]
-        more = [(layout, seed) for seed in self.seeds[1:] for layout in self.placements]
+        """Placements and seeds in the order of their doing, such that a run that is cut short has some of everything.
+
+        First seed: published ones and optima, one random one of each stratum, the rest. Then further seeds, of anchors
+        and optima first.
+        """
+        first = sorted(self.placements, key=_turn)
+        more = [(layout, seed) for seed in self.seeds[1:] for layout in first]
         more.sort(key=lambda unit: unit[0].name not in ANCHORS and not unit[0].name.startswith("best-"))
-        return first + more
+        return [(layout, self.seeds[0]) for layout in first] + more
+
+
+def _turn(layout: Layout) -> int:
+    if layout.name.startswith("random-"):
+        return 1 if layout.name.endswith("-0") else 3
+    return 0 if layout.pool == "box" else 2
 
 
 def digest(record: dict[str, Any]) -> str:

@@ -31,7 +31,8 @@ def drawn(mount: dict[str, Any], inside: int, low: int, seed: int) -> tuple[F64,
     rng = np.random.default_rng([seed, 40])
     least, most = np.array(mount["min"], dtype=float), np.array(mount["max"], dtype=float)
     spots = rng.uniform(least, most, (inside, 3))
-    roll = rng.uniform(*mount.get("roll", [0.0, 0.0]), inside) * (rng.random(inside) < 0.5)
+    least_roll, most_roll = mount.get("roll", [0.0, 0.0])
+    roll = rng.uniform(least_roll, most_roll, inside) * (rng.random(inside) < 0.5)
     high = np.c_[spots, roll, np.zeros(inside), rng.uniform(-np.pi, np.pi, inside)]
     along = rng.uniform(0, 1, low)
     corners = np.array([(2.35, 1.0), (-2.35, 1.0), (-2.35, -1.0), (2.35, -1.0), (2.35, 1.0)])
@@ -132,7 +133,8 @@ def objective(name: str, world_names: list[str], folder: Path) -> Objective:
 
     def totals(chosen: list[int]) -> F64:
         seen = sets.union(chosen)
-        return sets.weight[seen].sum() + sets.gains(seen)
+        found: F64 = sets.weight[seen].sum() + sets.gains(seen)
+        return found
 
     return totals
 

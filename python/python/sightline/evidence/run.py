@@ -10,12 +10,12 @@ import numpy as np
 
 from . import plan as plans
 from . import scores, stage, summary, trial, truth
-from .files import write_json
+from .files import is_whole, read_json, write_json
 from .groups import GROUPS
 from .layouts import Layout
 from .learners import trees
 from .metrics import segmentation
-from .plan import Design, Plan
+from .plan import DESIGNS, Plan
 from .stage import Task, say
 from .worlds import World
 
@@ -23,15 +23,28 @@ from .worlds import World
 ANCHOR = "Center"
 
 
-def run(design: Design, out: Path, scenes: Path, jobs: int) -> dict[str, Any]:
+def run(name: str, out: Path, scenes: Path, jobs: int) -> dict[str, Any]:
     """All of a study; writes ``plan.json`` before anything is learnt and ``result.json`` at the end, and returns it."""
-    began = time.monotonic()
+    began, design = time.monotonic(), DESIGNS[name]
     if (out / "plan.json").exists():
         plan = plans.read(design, out, scenes)
         say(f"goes on with the plan {plan.sha256[:12]} of {out}")
     else:
         plan = plans.make(design, out, scenes, jobs)
     return carry_out(plan, out, jobs, began)
+
+
+def so_far(out: Path, scenes: Path) -> dict[str, Any]:
+    """The result of the units that a run has, written to ``result.json``; says how many are missing."""
+    if not is_whole(out / "plan.json"):
+        raise ValueError(f"{out}: has no plan.json; give the folder of a run")
+    name = read_json(out / "plan.json")["plan"]["design"]
+    if name not in DESIGNS:
+        raise ValueError(f"{out / 'plan.json'}: the design {name} is none of {', '.join(DESIGNS)}")
+    result = summary.of(plans.read(DESIGNS[name], out, scenes), out)
+    say(f"{len(result['missing_units'])} units are missing: {', '.join(result['missing_units']) or 'none'}")
+    write_json(out / "result.json", result)
+    return result
 
 
 def carry_out(plan: Plan, out: Path, jobs: int, began: float) -> dict[str, Any]:
@@ -114,5 +127,7 @@ def check_curve(plan: Plan, layout: Layout) -> dict[str, list[float]]:
 
 def _quality(described: Any, labels: Any, unseen: list[trial.Frame], plan: Plan) -> tuple[float, Any]:
     learner = trial.OnPoints(trees.train(described, labels, plan.seeds[0], plan.learner))
-    counts = sum(segmentation.confusion(scan.labels, learner.predict(scan)[0], len(GROUPS)) for scan in unseen)
+    counts = np.zeros((len(GROUPS), len(GROUPS)), np.int64)
+    for scan in unseen:
+        counts += segmentation.confusion(scan.labels, learner.predict(scan)[0], len(GROUPS))
     return segmentation.nuscenes(counts).mean, counts
