@@ -63,14 +63,14 @@ def test_weights_are_shares_and_mean_what_they_say(ground: Ground) -> None:
     assert ratio[aside.argmin()] > ratio[aside.argmax()]
 
 
-def test_points_in_boxes_are_those_of_the_engine(source: Source, ground: Ground) -> None:
+def test_points_in_boxes_are_those_of_the_actors(source: Source, ground: Ground) -> None:
     scene = worlds.at(source, 1)
     poses = layouts.published()[8].poses
     seen = candidates.look(scene, ground, poses)
     (scan,) = worlds.opened(source).scan(poses, ideal=True, frames=[1])
-    # A scan has echoes and the car's own points; both count by boxes.
-    assert np.abs(seen.points - scan.boxes.points[: len(seen.points)]).max() <= 0.1 * max(scan.boxes.points)
-    assert seen.points.max() > 5
+    # By instance: ``boxes.points`` leaves out what rounding puts outside of a box's own surface.
+    np.testing.assert_array_equal(seen.points, [(scan.instance == one).sum() for one in scan.boxes.instance])
+    assert seen.points.max() > 20
 
 
 def test_union_of_poses_is_the_placement(source: Source, ground: Ground) -> None:
