@@ -7,8 +7,8 @@ import os
 import sys
 from pathlib import Path
 
-#: Studies; the same as ``plan.DESIGNS``, which needs the extra.
-NAMES = ("quick", "standard")
+#: Studies; the same as ``designs.DESIGNS``, which needs the extra.
+NAMES = ("quick", "standard", "channels", "conditions", "transfer")
 
 
 def main(arguments: list[str] | None = None) -> int:
