@@ -49,7 +49,7 @@ def of(given: Gathered, kept: Bools) -> dict[str, Any]:
             "by_metric": {m: asdict(over_scenes(row)) for m, row in zip(each, picked)},
         }
     placements = {
-        layout.name: {"mean": asdict(over_scenes(row)), "by_metric": {m: float(np.nanmean(each[m][k])) for m in each}}
+        layout.name: {"mean": asdict(over_scenes(row)), "by_metric": {m: float(mean(each[m][k], 0)) for m in each}}
         for k, (layout, row) in enumerate(zip(layouts, lost))
     }
     found = {"metrics": metrics, "scores": by_score, "placements": placements}

@@ -52,9 +52,11 @@ def cast(world: World, poses: F64, folder: Path) -> dict[str, int]:
     psog, body = whole.psog, body_of(whole)
     rng = np.random.default_rng(7)
     kept: dict[str, Any] = {}
+    ground: Ground | None = None
     for number, frame in enumerate(world.frames):
-        scene = worlds.at(source, frame)
-        ground = Ground.of(psog, source.grid, body, next(iter(scene.scan(poses[:1], ideal=True, frames=[0]))).boxes)
+        scene = worlds.at(source, frame, psog)
+        (scan,) = scene.scan(poses[:1], ideal=True, frames=[0])
+        ground = ground.with_boxes(scan.boxes) if ground else Ground.of(psog, source.grid, body, scan.boxes)
         sample = np.sort(rng.permutation(len(ground.keys))[:MOST])
         place = np.full(len(ground.keys), -1, np.int64)
         place[sample] = np.arange(len(sample))
