@@ -108,8 +108,8 @@ def test_search_finds_the_best_pair_in_the_pool(small_file: Path, tmp_path: Path
     pool.cast(world, poses, tmp_path)
     for name in ("gain", "distinct_voxels", "near_field", "actors_5", "blend"):
         totals = pool.objective(name, ["small"], tmp_path)
-        allowed = np.ones(len(poses), bool)
-        _, found = pool.search(totals, poses, allowed, 2, 0.0)
+        allowed = [np.ones(len(poses), bool)] * 2
+        _, found = pool.search(totals, poses, allowed, 0.0)
         pairs = [totals([a])[b] for a, b in itertools.combinations(range(len(poses)), 2)]
         assert found <= max(pairs) + 1e-9
         assert found >= np.sort(pairs)[-3] - 1e-9, name
@@ -117,7 +117,7 @@ def test_search_finds_the_best_pair_in_the_pool(small_file: Path, tmp_path: Path
 
 def test_search_keeps_the_distance(small_file: Path) -> None:
     poses = np.array([[0.0, 0, z, 0, 0, 0] for z in (2.2, 2.25, 2.5)])
-    chosen, _ = pool.search(lambda rest: np.array([3.0, 2.0, 1.0]), poses, np.ones(3, bool), 2, 0.2)
+    chosen, _ = pool.search(lambda rest: np.array([3.0, 2.0, 1.0]), poses, [np.ones(3, bool)] * 2, 0.2)
     assert chosen == [0, 2]
     with pytest.raises(ValueError, match="draw more poses"):
-        pool.search(lambda rest: np.zeros(3), poses, np.array([True, True, False]), 2, 0.2)
+        pool.search(lambda rest: np.zeros(3), poses, [np.array([True, True, False])] * 2, 0.2)

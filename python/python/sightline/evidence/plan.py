@@ -29,7 +29,8 @@ from .worlds import LIDAR, World
 #: Objectives whose optima by the engine are among the placements.
 OBJECTIVES = ("information_gain", "m_sog_scaled", "m_sog_scaled_nonzero")
 
-#: Candidates whose optima over a pool of poses are, in the mount and with poses low around the body.
+#: Candidates whose optima over a pool of poses are, of four in the mount and of two there and two low round the body.
+#: Left to themselves all of these chose four in the mount, in the pool of the standard run.
 IN_THE_MOUNT = ("gain", *(name for name in CANDIDATES if name not in ("gain", "actors_20", "gain_low", "near_field")))
 WITH_LOW = ("gain", "covered_occupied", "distinct_voxels", "actors_5", "blend")
 
@@ -108,7 +109,7 @@ def _transfer(design: Design, train: list[World], folder: Path, jobs: int) -> li
     groups["all"] = [world.name for world in train]
     found = [layout for layout in layouts.published() if layout.name in ("Ours-seg", "Center")]
     for kind, names in groups.items():
-        best = pool.optimum("gain", names, folder, poses, kinds == pool.INSIDE, float(mount.get("min_distance", 0.0)))
+        best = pool.optimum("gain", names, folder, poses, [kinds == pool.INSIDE] * 4, float(mount.get("min_distance", 0.0)))
         found.append(Layout(f"best-of-{kind}", "transfer", np.array(best["poses"])))
     return found
 
@@ -137,7 +138,10 @@ def _optima(design: Design, train: list[World], mount: dict[str, Any], folder: P
     stage.carry_out("pool", casts if len(poses) else [], jobs)
     names, inside = [world.name for world in train], kinds == pool.INSIDE
     apart = float(mount.get("min_distance", 0.0))
-    for group_name, allowed, among in (("box", inside, IN_THE_MOUNT), ("mixed", kinds >= 0, WITH_LOW)):
+    for group_name, allowed, among in (
+        ("box", [inside] * 4, IN_THE_MOUNT),
+        ("low", [inside, inside, ~inside, ~inside], WITH_LOW),
+    ):
         tasks += [
             (folder / f"pool-{name}-{group_name}.json", pool.optimum, (name, names, folder, poses, allowed, apart))
             for name in among
@@ -146,7 +150,7 @@ def _optima(design: Design, train: list[World], mount: dict[str, Any], folder: P
     stage.carry_out("optima", tasks, jobs)
     found = []
     for path, _, _ in tasks:
-        kind = "mixed" if path.stem.endswith("-mixed") else "box"
+        kind = "mixed" if path.stem.endswith("-low") else "box"
         found.append(Layout(f"best-{path.stem.removeprefix('best-')}", kind, np.array(read_json(path)["poses"])))
     return found
 
