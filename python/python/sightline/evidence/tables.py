@@ -12,7 +12,7 @@ def tables(result: dict[str, Any]) -> str:
     """What the rule says, regret, correlation of each pool, optima, effects, checks, placements."""
     parts = [f"# Evidence, {result['plan']['design']} run\n\nPlan {result['plan_sha256']}.\n"]
     if result["missing_units"]:
-        parts.append(f"\n**{len(result['missing_units'])} units are missing**: {', '.join(result['missing_units'])}.\n")
+        parts.append(f"\n**{missing(result['missing_units'])}.**\n")
     for name, pool in result["pools"].items():
         parts.append(f"\n## {name} ({pool['placements']} placements)\n")
         parts += [_verdict(pool["regret"]), _regret(pool["regret"]), _correlation(pool), _optima(pool["regret"])]
@@ -21,6 +21,16 @@ def tables(result: dict[str, Any]) -> str:
     parts += [_more(result["checks"]["one_more_lidar"]), _agreement(result["agreement"])]
     parts.append("\n## Checks\n\n" + "".join(f"- {line}\n" for line in _checks(result["checks"])))
     return "".join([*parts, _placements(result["placements"])])
+
+
+def missing(units: list[str]) -> str:
+    """How many units are missing, by seed, and which if they are few."""
+    if not units:
+        return "No unit is missing"
+    seeds = [unit.rpartition("-")[2] for unit in units]
+    by_seed = ", ".join(f"{seeds.count(seed)} of seed {seed}" for seed in sorted(set(seeds)))
+    named = f": {', '.join(units)}" if len(units) <= 12 else ""
+    return f"{len(units)} units are missing, {by_seed}{named}"
 
 
 def _verdict(regret: dict[str, Any]) -> str:
