@@ -20,20 +20,20 @@ COLOURS = {"published or by hand": "#dd6b20", "optimum of a score": "#2f855a", "
 
 def write(result: dict[str, Any], out: Path) -> None:
     """``tables.md``, ``figure.svg`` and ``short.json``, the result without what is by scene, in ``out``."""
-    write_json(out / "short.json", _rounded(short(result)))
+    write_json(out / "short.json", short(result))
     _whole(out / "tables.md", tables(result).encode())
     _whole(out / "figure.svg", figure(result))
 
 
 def short(result: dict[str, Any]) -> dict[str, Any]:
-    """The result with means over scenes alone."""
+    """The result with means over scenes alone, to four digits; the plan as it is."""
     left_out = ("by_seed_and_scene", "detail", "scores", "curve")
     placements = [
         {key: value for key, value in p.items() if key not in left_out}
         | {"scores": {name: _mean(values) for name, values in p["scores"].items()}}
         for p in result["placements"]
     ]
-    return {**result, "placements": placements}
+    return {**_rounded({**result, "placements": placements}), "plan": result["plan"]}
 
 
 def _mean(values: list[float | None]) -> float:
