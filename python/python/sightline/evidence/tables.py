@@ -17,6 +17,7 @@ def tables(result: dict[str, Any]) -> str:
         parts.append(f"\n## {name} ({pool['placements']} placements)\n")
         parts += [_verdict(pool["regret"]), _regret(pool["regret"]), _correlation(pool), _optima(pool["regret"])]
     parts += [_poses(result["effects"]["poses"]), _sensors(result["effects"]["sensors"])]
+    parts.append(_needed(result["effects"]["needed"]))
     parts += [_variants(result["effects"]["variants"]), _transfer(result["effects"]["transfer"])]
     parts += [_more(result["checks"]["one_more_lidar"]), _agreement(result["agreement"])]
     parts.append("\n## Checks\n\n" + "".join(f"- {line}\n" for line in _checks(result["checks"])))
@@ -99,6 +100,14 @@ def _sensors(effects: dict[str, Any]) -> str:
     text = "\n## Other LiDARs of about as many points at the poses of Ours-seg, less the study's own [95 %, over scenes]\n\n"
     text += head(["LiDAR", *metrics])
     return text + "".join(row([name, *(interval(of[m], 3) for m in metrics)]) for name, of in effects.items())
+
+
+def _needed(effects: dict[str, Any]) -> str:
+    if not effects:
+        return ""
+    text = "\n## Scenes that tell two placements in the mount apart by .01 (80 % power)\n\n"
+    text += head(["metric", "spread of a difference between scenes", "scenes"])
+    return text + "".join(row([m, number(of["spread"], 3), f"{of['scenes']:.0f}"]) for m, of in effects.items())
 
 
 def _variants(effects: dict[str, Any]) -> str:
