@@ -65,7 +65,7 @@ def _coefficients(told: F64, values: F64) -> F64:
 def _sensors(given: Gathered) -> dict[str, Any]:
     """Each other LiDAR less the study's own at the same poses, paired over scenes."""
     names = [layout.name for layout in given.layouts if layout.pool == "sensor"]
-    rows = [given.number(name) for name in names]
+    rows = [names_at(given, name) for name in names]
     metrics = [m for m in decide.DECIDING if m in given.metrics and np.isfinite(given.mean(m)[rows]).any(axis=1).all()]
     return {name: {m: asdict(decide.paired(given, m, name, decide.PUBLISHED)) for m in metrics} for name in names}
 
@@ -149,14 +149,13 @@ def agreement(given: Gathered) -> dict[str, Any]:
     """Spearman of the bird's-eye mIoU of the trees with the metrics of each other learner, with intervals."""
     found = {}
     for parts in (("box",), ("box", "mixed", "number", "sensor")):
-        kept = given.pool(*parts)
-        ours = given.mean("birds_eye_miou")[kept]
-        drawn = correlate.Drawn.of(np.random.default_rng(SEED), int(kept.sum()), len(given.scenes))
         for metric in given.metrics:
-            theirs = given.mean(metric)[kept]
-            both = np.isfinite(mean(ours, 1)) & np.isfinite(mean(theirs, 1))
-            if metric.startswith("unet_") and both.sum() >= 4:
-                rho = correlate.spearman_interval(ours, theirs, drawn)
-                tau = stats.kendalltau(mean(ours, 1)[both], mean(theirs, 1)[both])[0]
-                found[f"{metric}, {'+'.join(parts)}"] = {**asdict(rho), "kendall": float(tau), "of": int(both.sum())}
+            both = given.pool(*parts) & np.isfinite(given.mean(metric)).any(axis=1)
+            if not metric.startswith("unet_") or both.sum() < 4:
+                continue
+            ours, theirs = given.mean("birds_eye_miou")[both], given.mean(metric)[both]
+            drawn = correlate.Drawn.of(np.random.default_rng(SEED), len(ours), len(given.scenes))
+            rho = correlate.spearman_interval(ours, theirs, drawn)
+            tau = stats.kendalltau(mean(ours, 1), mean(theirs, 1))[0]
+            found[f"{metric}, {'+'.join(parts)}"] = {**asdict(rho), "kendall": float(tau), "of": len(ours)}
     return found

@@ -58,18 +58,20 @@ def of(plan: Plan, out: Path) -> dict[str, Any]:
 
 
 def _pool(given: Gathered, kept: Bools) -> dict[str, Any]:
-    scores = {s: values[kept] for s, values in given.scores.items()}
-    count, scenes = next(iter(scores.values())).shape
-    drawn = correlate.Drawn.of(np.random.default_rng(SEED), count, scenes)
-    height, hits = scores["mean_height"].mean(axis=1), scores["hits"].mean(axis=1)
     table: dict[str, Any] = {}
     for metric, every in given.metrics.items():
-        by_seed, by_scene = every[:, kept], given.mean(metric)[kept]
-        over = mean(by_scene, 1)
-        if not np.isfinite(over).any():
+        # Another learner may have judged some of them so far.
+        judged = kept & np.isfinite(given.mean(metric)).any(axis=1)
+        if judged.sum() < 4:
             continue
+        scores = {s: values[judged] for s, values in given.scores.items()}
+        height, hits = scores["mean_height"].mean(axis=1), scores["hits"].mean(axis=1)
+        by_seed, by_scene = every[:, judged], given.mean(metric)[judged]
+        drawn = correlate.Drawn.of(np.random.default_rng(SEED), *by_scene.shape)
+        over = mean(by_scene, 1)
         whole = np.isfinite(by_seed).any(axis=2).all(axis=0)
         table[metric] = {
+            "placements": len(over),
             "noise_ceiling": correlate.noise_ceiling(mean(by_seed[:, whole], 2)),
             "noise_ceiling_of": int(whole.sum()),
             "spread": [float(np.nanmin(over)), float(np.nanmean(over)), float(np.nanmax(over))],
@@ -83,7 +85,7 @@ def _pool(given: Gathered, kept: Bools) -> dict[str, Any]:
                 for score, values in scores.items()
             },
         }
-    return {"placements": count, "metrics": table}
+    return {"placements": int(kept.sum()), "metrics": table}
 
 
 def _placement(given: Gathered, k: int) -> dict[str, Any]:
