@@ -213,6 +213,8 @@ impl<'a> Equip<'a> {
         watch: &mut Watch,
     ) -> Result<Option<Self>, SearchError> {
         let (constraints, kinds) = every_kind(vehicle);
+        // What is chosen are models and mounts: the search that follows chooses phases.
+        let constraints = constraints.without_phases();
         let suite = suite.over(&suite.spread(Some(FRAMES))).with_constraints(&constraints.untied());
         let mut spacing = SPACING;
         let grid = loop {
