@@ -77,7 +77,8 @@ pub struct UnknownSensor {
     pub known: String,
 }
 
-/// Models of a vehicle, at least one, and the seed of their free phases.
+/// Models of a vehicle, at least one, and the seed of what is left to chance: free phases, and what the air lets
+/// through.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensors {
     models: Arc<[SensorModel]>,
@@ -97,7 +98,7 @@ impl Sensors {
         (!models.is_empty()).then(|| Self { models: models.into(), seed: 0 })
     }
 
-    /// The same with other free phases.
+    /// The same with another draw of what is left to chance.
     pub fn with_seed(&self, seed: u64) -> Self {
         Self { seed, ..self.clone() }
     }
@@ -109,6 +110,11 @@ impl Sensors {
             SensorModel { table, phase, ..model.clone() }
         };
         Self { models: self.models.iter().map(image).collect(), ..self.clone() }
+    }
+
+    /// The seed of what is left to chance.
+    pub fn seed(&self) -> u64 {
+        self.seed
     }
 
     /// All models, in the vehicle's order.
