@@ -97,7 +97,7 @@ impl Visibility {
             return Err(VisibilityError::Robo3d { condition: condition.to_string() });
         }
         let (weather, _) = conditions::sort(conditions)?;
-        let optics = Optics::new(scene.classes(), weather, 0);
+        let optics = Optics::new(scene, weather, 0);
         let first = problem.geometry(0).into_iter().flat_map(|frame| frame.instances());
         Ok(Arc::new(Self { stage: Stage::of(scene, first), optics, reaches: Mutex::default() }))
     }

@@ -229,9 +229,7 @@ impl<'a> Equipping<'a> {
     pub fn step(&mut self, observer: &mut dyn Observer) -> EquipStep {
         match &mut self.search {
             Search::Chosen(equipped) => EquipStep::Done(equipped.clone()),
-            Search::Open(search) => {
-                search.step(&mut self.state, &mut Watch::new(observer, false))
-            }
+            Search::Open(search) => search.step(&mut self.state, &mut Watch::new(observer, false)),
         }
     }
 }

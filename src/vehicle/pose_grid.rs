@@ -209,10 +209,10 @@ impl Part {
             false => whole(upper[k] - lower[k], k),
         };
         let phases = if slot.phase.is_some() { PHASES } else { 1 };
-        let poses = (0..6).fold(u128::from(phases), |product, k| {
-            product.saturating_mul(steps(k) as u128 + 1)
-        });
-        let count = [0, 1, 2, 3, 4, 5, 6].map(|k| if k == 6 { phases } else { steps(k) as u32 + 1 });
+        let poses = (0..6)
+            .fold(u128::from(phases), |product, k| product.saturating_mul(steps(k) as u128 + 1));
+        let count =
+            [0, 1, 2, 3, 4, 5, 6].map(|k| if k == 6 { phases } else { steps(k) as u32 + 1 });
         let lower = [0, 1, 2, 3, 4, 5, 6].map(|k| match k {
             6 => from,
             k if centred(k) => 0.0 - 0.5 * steps(k) * step[k],
