@@ -114,6 +114,35 @@ fn a_run_that_was_killed_while_sensors_were_chosen_goes_on_to_the_same_bytes() {
 }
 
 #[test]
+fn sensors_on_two_sides_stay_mirror_images() {
+    let dir = garage();
+    changed(dir.path(), "cart.json", |vehicle| {
+        vehicle["symmetric"] = json!(true);
+        for mount in vehicle["mounts"].as_array_mut().unwrap() {
+            mount["count"] = json!(1);
+        }
+    });
+    let found = ok(dir.path(), &optimize("100", "even"));
+    let lidars = found["best"]["placement"]["lidars"].as_array().unwrap();
+    let field = |k: usize, name: &str| lidars[k][name].as_f64().unwrap();
+    let side = |k: usize| lidars[k]["sensor"] == "solid";
+    let [a, b] = (0..3).filter(|&k| side(k)).collect::<Vec<_>>()[..] else { panic!("{found}") };
+    for (name, sign) in
+        [("x", 1.0), ("y", -1.0), ("z", 1.0), ("roll", -1.0), ("pitch", 1.0), ("yaw", -1.0)]
+    {
+        let off = field(a, name) - sign * field(b, name);
+        assert!(off.abs() < 1e-9, "{name}: {off}");
+    }
+    let top = (0..3).find(|&k| !side(k)).unwrap();
+    assert_eq!([field(top, "y"), field(top, "roll")], [0.0; 2], "in the plane");
+    assert!(found["methods"].as_array().unwrap().len() == 2, "swaps move them, too: {found}");
+    // One height on the roof and on the sides there is not.
+    changed(dir.path(), "cart.json", |vehicle| vehicle["equal_height"] = json!(true));
+    let message = fails(dir.path(), &optimize("100", "level"));
+    assert!(message.contains("unless all are boxes, and `left` is a patch"), "{message}");
+}
+
+#[test]
 fn what_must_be_seen_changes_what_is_bought() {
     let dir = garage();
     changed(dir.path(), "cart.json", |vehicle| {

@@ -112,7 +112,7 @@ impl GridSearch {
         let grid = self.atlas.grid();
         let mut placement = placement.clone();
         if self.constraints.kinds().len() > 1 {
-            placement.lidars = self.constraints.in_slots(&placement.lidars)?;
+            placement.lidars = self.constraints.ordered(&placement.lidars)?;
         }
         let poses = grid.numbers_of(&placement, self.constraints.ties);
         let snapped = GridPlacement { poses, value: 0.0 };

@@ -15,7 +15,8 @@ pub struct Constraints {
     /// Lower and upper corners of the boxes in the ego frame that LiDARs keep out of, in metres; faces are
     /// allowed.
     pub keep_out: Vec<[[f64; 3]; 2]>,
-    /// Rules that tie the LiDARs of a placement together; only where all slots are alike.
+    /// Rules that tie the LiDARs of a placement together; with mirrored pairs, those of a pair are neighbours and
+    /// come first.
     pub ties: Ties,
     /// The model that LiDARs are of which name none.
     pub first: SensorName,

@@ -33,6 +33,8 @@ pub struct PoseGrid {
     parts: Vec<Part>,
     /// Part of each LiDAR of a placement.
     part_of_lidar: Vec<usize>,
+    /// LiDARs in mirrored pairs; these come first.
+    paired: usize,
 }
 
 /// The poses of one kind of slot.
@@ -41,6 +43,8 @@ struct Part {
     slot: Slot,
     /// Number of its first pose.
     first: u32,
+    /// Number of the part that is its mirror image; its own where there is none.
+    image: usize,
     lower: [f64; 7],
     step: [f64; 7],
     /// Of each field, and of the phase.
@@ -80,16 +84,29 @@ impl PoseGrid {
         }
         let (mut parts, mut poses): (Vec<Part>, u128) = (Vec::new(), 0);
         for (slot, _) in constraints.kinds() {
-            let (part, count) = Part::new(slot, poses as u32, spacing, constraints.ties.symmetric);
+            let image = match constraints.ties.symmetric {
+                true if slot.is_image_of(slot) => Image::Itself,
+                true => {
+                    let other = parts.iter().position(|part| slot.is_image_of(&part.slot));
+                    other.map_or(Image::None, Image::Of)
+                }
+                false => Image::None,
+            };
+            let (mut part, count) = Part::new(slot, poses as u32, spacing, image);
             poses += count;
             if poses > u128::from(MAX_POSES) {
                 return Err(PoseGridError::TooManyPoses { poses });
+            }
+            let own = parts.len();
+            part.image = own;
+            if let Image::Of(other) = image {
+                (part.image, parts[other].image) = (other, own);
             }
             parts.push(part);
         }
         let part_of = |slot: &Slot| parts.iter().position(|part| part.slot == *slot);
         let part_of_lidar = constraints.slots.iter().filter_map(part_of).collect();
-        Ok(Self { parts, part_of_lidar })
+        Ok(Self { parts, part_of_lidar, paired: constraints.paired() })
     }
 
     /// Number of poses.
@@ -138,8 +155,9 @@ impl PoseGrid {
     pub fn mirrored(&self, number: u32) -> u32 {
         let part = self.part(number);
         let mut steps = part.steps_of(number);
+        let image = &self.parts[part.image];
         MIRRORED.iter().for_each(|&k| steps[k] = part.count[k] - 1 - steps[k]);
-        part.number_of(steps)
+        image.number_of(steps)
     }
 
     /// Number of a pose moved to the height of another.
@@ -151,12 +169,21 @@ impl PoseGrid {
     }
 
     /// Numbers of the poses nearest to a placement's, whose LiDARs are in the order of the slots; for
-    /// mirrored pairs, the nearest of the LiDAR of larger y and its mirror image.
+    /// mirrored pairs, the nearest of the LiDAR of larger y, or of the first of two slots, and its mirror image.
     pub fn numbers_of(&self, placement: &Placement, ties: Ties) -> Vec<u32> {
         let lidars = &placement.lidars;
         if !ties.symmetric {
             let numbered = lidars.iter().take(self.part_of_lidar.len()).enumerate();
             return numbered.map(|(lidar, pose)| self.nearest(lidar, pose)).collect();
+        }
+        if self.parts.len() > 1 {
+            let number = |(lidar, _): (usize, &SensorPose)| match lidar < self.paired {
+                true if lidar % 2 == 1 => {
+                    self.mirrored(self.nearest(lidar - 1, &lidars[lidar - 1]))
+                }
+                _ => self.nearest(lidar, &lidars[lidar]),
+            };
+            return lidars.iter().take(self.part_of_lidar.len()).enumerate().map(number).collect();
         }
         let pairs = pairs(lidars);
         let single = pairs.in_plane.iter().chain(&pairs.alone);
@@ -190,9 +217,20 @@ impl PoseGrid {
     }
 }
 
+/// Where the mirror images of a part's poses are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Image {
+    /// Nowhere: none are asked for.
+    None,
+    /// Among its own poses.
+    Itself,
+    /// Among those of an earlier part.
+    Of(usize),
+}
+
 impl Part {
     /// The grid of a slot, its first pose numbered `first`, and its number of poses.
-    fn new(slot: &Slot, first: u32, spacing: Spacing, symmetric: bool) -> (Self, u128) {
+    fn new(slot: &Slot, first: u32, spacing: Spacing, image: Image) -> (Self, u128) {
         let Spacing { metres, radians } = spacing;
         let [from, to] = slot.phase.unwrap_or_default();
         let phase = (to - from) / f64::from(PHASES);
@@ -202,7 +240,9 @@ impl Part {
             let steps = extent / step[k];
             if (steps - steps.round()).abs() < 1e-9 { steps.round() } else { steps.floor() }
         };
-        let centred = |k: usize| symmetric && MIRRORED.contains(&k);
+        let centred = |k: usize| image == Image::Itself && MIRRORED.contains(&k);
+        // From the bound that is the image of the lower one.
+        let down = |k: usize| matches!(image, Image::Of(_)) && MIRRORED.contains(&k);
         let Region { lower, upper, .. } = &*slot.region;
         let steps = |k: usize| match centred(k) {
             true => 2.0 * whole(upper[k], k),
@@ -216,9 +256,10 @@ impl Part {
         let lower = [0, 1, 2, 3, 4, 5, 6].map(|k| match k {
             6 => from,
             k if centred(k) => 0.0 - 0.5 * steps(k) * step[k],
+            k if down(k) => upper[k] - steps(k) * step[k],
             k => lower[k],
         });
-        (Self { slot: slot.clone(), first, lower, step, count }, poses)
+        (Self { slot: slot.clone(), first, image: 0, lower, step, count }, poses)
     }
 
     fn len(&self) -> u32 {

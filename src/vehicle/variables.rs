@@ -1,6 +1,6 @@
 //! Search variables: the pose fields of a placement that may vary and are not tied to others.
 
-use super::mirror::{MIRRORED, SLACK, pairs};
+use super::mirror::{MIRRORED, SLACK};
 use super::{Constraints, Placement, SensorPose, Slot};
 
 /// Number of the phase among the fields of a pose, behind the six of [`SensorPose::FIELDS`].
@@ -16,11 +16,6 @@ struct Variable {
 }
 
 impl Constraints {
-    /// Number of LiDARs in mirrored pairs; these come first.
-    fn paired(&self) -> usize {
-        if self.ties.symmetric { self.lidars() / 2 * 2 } else { 0 }
-    }
-
     fn variables(&self) -> Vec<Variable> {
         let paired = self.paired();
         let mut variables: Vec<Variable> = Vec::new();
@@ -37,7 +32,7 @@ impl Constraints {
                 let mut sets = vec![(lidar, 1.0)];
                 if lidar < paired {
                     sets.push((lidar + 1, if mirrored { -1.0 } else { 1.0 }));
-                    if field == 1 {
+                    if field == 1 && self.is_pair_of_one(lidar) {
                         // The first of a pair is the left one, at least half the distance from y = 0.
                         lower = (0.5 * self.min_distance).min(upper);
                     }
@@ -72,15 +67,16 @@ impl Constraints {
 
     /// Poses from search variables, in the order of [`Self::variable_bounds`].
     pub fn poses_of(&self, variables: &[f64]) -> Vec<SensorPose> {
-        let rest = |slot: &Slot| {
+        let paired = self.paired();
+        let rest = |(lidar, slot): (usize, &Slot)| {
             let mut fixed = slot.region.lower;
-            if self.ties.symmetric {
+            if self.ties.symmetric && (lidar >= paired || self.is_pair_of_one(lidar / 2 * 2)) {
                 // The ranges of y, roll and yaw run from −a to a.
                 MIRRORED.iter().for_each(|&k| fixed[k] = 0.0);
             }
             with_phase(fixed, None)
         };
-        let mut fields: Vec<[f64; 7]> = self.slots.iter().map(rest).collect();
+        let mut fields: Vec<[f64; 7]> = self.slots.iter().enumerate().map(rest).collect();
         for (variable, value) in self.variables().iter().zip(variables) {
             for &(lidar, sign) in &variable.sets {
                 fields[lidar][variable.field] = if sign < 0.0 { 0.0 - value } else { *value };
@@ -99,21 +95,10 @@ impl Constraints {
     /// `None` for another number of LiDARs, or for a broken tie: a symmetric placement of n LiDARs has
     /// ⌊n/2⌋ mirrored pairs, so two LiDARs in the plane y = 0 are no pair.
     pub fn variables_of(&self, placement: &Placement) -> Option<Vec<f64>> {
-        let mut lidars = placement.lidars.clone();
-        if lidars.len() != self.lidars() {
+        if placement.lidars.len() != self.lidars() {
             return None;
         }
-        if self.kinds().len() > 1 {
-            lidars = self.in_slots(&lidars)?;
-        }
-        if self.ties.symmetric {
-            let pairs = pairs(&lidars);
-            if 2 * pairs.mirrored.len() != self.paired() || !pairs.alone.is_empty() {
-                return None;
-            }
-            let order = pairs.mirrored.iter().flatten().chain(&pairs.in_plane);
-            lidars = order.map(|&lidar| placement.lidars[lidar]).collect();
-        }
+        let lidars = self.ordered(&placement.lidars)?;
         let slots = self.slots.iter().zip(&lidars);
         let fields = slots.map(|(slot, pose)| {
             with_phase(slot.region.fields(pose), pose.phase.or(slot.phase_at_rest()))

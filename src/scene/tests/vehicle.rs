@@ -139,7 +139,22 @@ fn what_is_wrong_with_a_vehicle_is_said_with_its_place() {
         (
             "\"min_distance\": 0.3",
             "\"symmetric\": true",
-            "possible with one mount for one sensor model",
+            "symmetric: true is not possible where `left` leaves a choice: give its `count`",
+        ),
+        (
+            "\"count\": [0, 2] }],\n  \"min_distance\": 0.3",
+            "\"count\": 2 }],\n  \"symmetric\": true",
+            "possible with `left`, which has no mirror image at the plane y = 0",
+        ),
+        (
+            "\"min_distance\": 0.3",
+            "\"equal_height\": true",
+            "equal_height: true is not possible with several mounts unless all are boxes, and `left`",
+        ),
+        (
+            "\"mounts\": [",
+            "\"equal_height\": true, \"mounts\": [{ \"name\": \"low\", \"min\": [1, 0, 0.5], \"max\": [1, 0, 0.6], \"count\": 1 },",
+            "is not possible with several mounts unless all are boxes",
         ),
         ("\"azimuth\": [-40, 40]", "\"azimuth\": [-180, 180]", "azimuth"),
     ];
