@@ -99,7 +99,7 @@ fn begin(
     let Some(suite) = suite else { return Ok(None) };
     opened.suite = suite.clone();
     let Wanted { settings, plainly, .. } = match course {
-        Course::Run(state) => return Ok(Some(Run::resume(suite, state))),
+        Course::Run(state) => return Ok(Some(Run::resume(suite, *state))),
         Course::Equipping(wanted) => wanted,
     };
     let settings = match &begun.equipped {

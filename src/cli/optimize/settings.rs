@@ -172,7 +172,7 @@ pub(super) enum Course {
     /// A vehicle's sensors are to be chosen.
     Equipping(Wanted),
     /// The search has begun.
-    Run(State),
+    Run(Box<State>),
 }
 
 /// A choice of sensors, and the search that is to follow.
