@@ -70,6 +70,10 @@ pub struct Args {
     /// A class of the scenes that is to count as another, as lamp=pole
     #[arg(long, value_name = "CLASS=CLASS")]
     map: Vec<String>,
+    /// Label fog, snow and crosstalk as Robo3D does: 21, 22, 23 in semantickitti and 41, 42, 43 in nuscenes,
+    /// whose evaluators know no such categories; else they are unlabelled
+    #[arg(long)]
+    robo3d_labels: bool,
     /// Vehicle file: its sensors, mounts and body in place of the scenes'
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
@@ -266,6 +270,7 @@ impl Args {
             splits,
             seed: self.seed,
             map,
+            robo3d_labels: self.robo3d_labels,
             provenance: provenance.to_string(),
             ..DatasetSettings::new(self.layout)
         })

@@ -122,8 +122,8 @@ pub struct Problem {
 /// What keeps beams from coming back.
 pub trait Air: std::fmt::Debug + Send + Sync {
     /// Ends beams early: `hits` are those of a batch's sensors, which stand at `ego_from_sensors` in a frame
-    /// that the scene knows by its number. What is left to chance depends on the number, the sensor's model
-    /// and the beam alone.
+    /// that the scene knows by its number. What is left to chance depends on the batch's seed, the number, the
+    /// sensor's model and the beam alone.
     fn dim(
         &self,
         batch: &SensorBatch<'_>,

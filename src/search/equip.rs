@@ -3,7 +3,8 @@
 //! Poses of every model on every mount lie on one coarse grid, each cast once into a few frames. The
 //! information gain and what must be seen are both submodular in the set of sensors, so sensors are added one by
 //! one, the best first, once by what each adds and once by what it adds for its price; then single sensors are
-//! exchanged, moved, dropped or added while that gains.
+//! exchanged, moved, dropped or added while that gains. Where it stands is a value, a [`Choosing`], from which it
+//! goes on to the same equipment.
 
 use serde::{Deserialize, Serialize};
 
@@ -94,6 +95,48 @@ struct Choice {
     sensor: SensorName,
 }
 
+/// How far a choice of equipment is: all that it goes on from, beside scenes, vehicle and budget. Poses are cast
+/// anew.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Choosing {
+    /// Poses at which climbs have ended: that of gain, then that of gain for the money.
+    ends: Vec<Vec<u32>>,
+    climb: Option<Climb>,
+}
+
+/// A climb by exchanges of single sensors.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Climb {
+    poses: Vec<u32>,
+    /// Exchanges that have gained.
+    round: usize,
+    /// Sensor that is exchanged next.
+    index: usize,
+}
+
+/// What a step of a choice gave.
+#[derive(Debug, Clone, PartialEq)]
+pub enum EquipStep {
+    /// It goes on.
+    On,
+    /// The observer has stopped it.
+    Stopped,
+    /// The equipment.
+    Done(Equipped),
+}
+
+/// A choice of equipment under way, step by step.
+pub struct Equipping<'a> {
+    search: Search<'a>,
+    state: Choosing,
+}
+
+enum Search<'a> {
+    /// There was nothing to choose.
+    Chosen(Equipped),
+    Open(Box<Equip<'a>>),
+}
+
 /// The search for equipment.
 struct Equip<'a> {
     vehicle: &'a Vehicle,
@@ -109,8 +152,7 @@ struct Equip<'a> {
 /// stops the choice.
 ///
 /// # Errors
-/// A budget below the cheapest equipment, an objective other than the information gain where there is a choice,
-/// or an engine that failed.
+/// As [`Equipping::open`].
 pub fn equip(
     suite: &Suite,
     vehicle: &Vehicle,
@@ -119,20 +161,77 @@ pub fn equip(
     engine: &EngineChoice,
     observer: &mut dyn Observer,
 ) -> Result<Option<Equipped>, SearchError> {
-    let cheapest = vehicle.cheapest();
-    let least = vehicle.cost(&cheapest);
-    if least > budget {
-        return Err(SearchError::Budget { budget, least });
-    }
-    if !objective.is_information_gain() {
-        if vehicle.has_choice() {
-            return Err(SearchError::NotForEquipment { objective: objective.to_string() });
+    let opened = Equipping::open(suite, vehicle, objective, budget, engine, observer)?;
+    let Some(mut choice) = opened else { return Ok(None) };
+    loop {
+        match choice.step(observer) {
+            EquipStep::On => {}
+            EquipStep::Stopped => return Ok(None),
+            EquipStep::Done(equipped) => return Ok(Some(equipped)),
         }
-        return plain(suite, vehicle, objective, engine).map(Some);
     }
-    let mut watch = Watch::new(observer, false);
-    let search = Equip::new(suite, vehicle, objective, budget, engine, &mut watch)?;
-    Ok(search.and_then(|mut search| search.best(&mut watch)))
+}
+
+impl<'a> Equipping<'a> {
+    /// Casts every model on every mount; `None` where the observer stops that.
+    ///
+    /// # Errors
+    /// A budget below the cheapest equipment, an objective other than the information gain where there is a
+    /// choice, or an engine that failed.
+    pub fn open(
+        suite: &Suite,
+        vehicle: &'a Vehicle,
+        objective: &Objective,
+        budget: f64,
+        engine: &EngineChoice,
+        observer: &mut dyn Observer,
+    ) -> Result<Option<Self>, SearchError> {
+        let cheapest = vehicle.cheapest();
+        let (least, state) = (vehicle.cost(&cheapest), Choosing::default());
+        if least > budget {
+            return Err(SearchError::Budget { budget, least });
+        }
+        if !objective.is_information_gain() {
+            if vehicle.has_choice() {
+                return Err(SearchError::NotForEquipment { objective: objective.to_string() });
+            }
+            let search = Search::Chosen(plain(suite, vehicle, objective, engine)?);
+            return Ok(Some(Self { search, state }));
+        }
+        let mut watch = Watch::new(observer, false);
+        let search = Equip::new(suite, vehicle, objective, budget, engine, &mut watch)?;
+        Ok(search.map(|search| Self { search: Search::Open(Box::new(search)), state }))
+    }
+
+    /// Goes on with a state that an earlier choice of the same vehicle in the same scenes was in; one that does
+    /// not fit begins anew.
+    #[must_use]
+    pub fn with_state(mut self, state: Choosing) -> Self {
+        let known = |search: &Equip| search.grid.atlas().grid().len();
+        let poses = match &self.search {
+            Search::Open(search) => known(search),
+            Search::Chosen(_) => 0,
+        };
+        let climbing = state.climb.iter().map(|climb| &climb.poses);
+        let mut all = state.ends.iter().chain(climbing).flatten();
+        if all.all(|&pose| pose < poses) {
+            self.state = state;
+        }
+        self
+    }
+
+    /// Where it stands.
+    pub fn state(&self) -> &Choosing {
+        &self.state
+    }
+
+    /// Exchanges one sensor, or begins or ends a climb.
+    pub fn step(&mut self, observer: &mut dyn Observer) -> EquipStep {
+        match &mut self.search {
+            Search::Chosen(equipped) => EquipStep::Done(equipped.clone()),
+            Search::Open(search) => search.step(&mut self.state, &mut Watch::new(observer, false)),
+        }
+    }
 }
 
 /// The only equipment of a vehicle that leaves no choice, as the reference layout puts it up.
@@ -213,6 +312,8 @@ impl<'a> Equip<'a> {
         watch: &mut Watch,
     ) -> Result<Option<Self>, SearchError> {
         let (constraints, kinds) = every_kind(vehicle);
+        // What is chosen are models and mounts: the search that follows chooses phases.
+        let constraints = constraints.without_phases();
         let suite = suite.over(&suite.spread(Some(FRAMES))).with_constraints(&constraints.untied());
         let mut spacing = SPACING;
         let grid = loop {
@@ -245,15 +346,59 @@ impl<'a> Equip<'a> {
         Ok(Some(Self { vehicle, budget, grid, kinds, penalty }))
     }
 
-    /// The better of the equipment grown by gain and that grown by gain for the money; `None` where the observer
-    /// stops the choice.
+    /// The equipment from the beginning; `None` where the observer stops the choice.
     fn best(&mut self, watch: &mut Watch) -> Option<Equipped> {
-        let by_gain = self.grown(Vec::new(), |gain, _| gain);
-        let by_price = self.grown(Vec::new(), |gain, price| gain / price.max(1e-9));
-        let ends = [self.exchanged(by_gain, 0, watch)?, self.exchanged(by_price, ROUNDS, watch)?];
-        let worths = ends.each_ref().map(|end| self.worth(end));
-        let best = if worths[1] > worths[0] { &ends[1] } else { &ends[0] };
-        Some(self.equipped(best))
+        let mut state = Choosing::default();
+        loop {
+            match self.step(&mut state, watch) {
+                EquipStep::On => {}
+                EquipStep::Stopped => return None,
+                EquipStep::Done(equipped) => return Some(equipped),
+            }
+        }
+    }
+
+    /// A climb from the equipment grown by gain, then one from that grown by gain for the money; the better end of
+    /// them.
+    fn step(&mut self, state: &mut Choosing, watch: &mut Watch) -> EquipStep {
+        if let Some(climb) = &mut state.climb {
+            if climb.index < climb.poses.len() && climb.round < ROUNDS {
+                let (work, done) = (Work::Exchanges, state.ends.len() * ROUNDS + climb.round);
+                let (done, total) = (done as u64, 2 * ROUNDS as u64);
+                if !watch.tell(&Event::Progress { work, done, total }) {
+                    return EquipStep::Stopped;
+                }
+                self.exchange(climb);
+            } else {
+                state.ends.push(std::mem::take(&mut climb.poses));
+                state.climb = None;
+            }
+            return EquipStep::On;
+        }
+        let grown = match state.ends.len() {
+            0 => self.grown(Vec::new(), |gain, _| gain),
+            1 => self.grown(Vec::new(), |gain, price| gain / price.max(1e-9)),
+            _ => return EquipStep::Done(self.better(&state.ends)),
+        };
+        state.climb = Some(Climb { poses: Self::poses(&grown), round: 0, index: 0 });
+        EquipStep::On
+    }
+
+    /// The better of two ends, the first of equal ones.
+    fn better(&mut self, ends: &[Vec<u32>]) -> Equipped {
+        let ends: Vec<Vec<Choice>> = ends.iter().map(|poses| self.choices(poses)).collect();
+        let worths: Vec<f64> = ends.iter().map(|end| self.worth(end)).collect();
+        let best = usize::from(worths[1] > worths[0]);
+        self.equipped(&ends[best])
+    }
+
+    /// Sensors at poses of the grid.
+    fn choices(&self, poses: &[u32]) -> Vec<Choice> {
+        let choice = |&pose: &u32| {
+            let (mount, sensor) = self.kinds[self.grid.atlas().grid().kind(pose)];
+            Choice { pose, mount, sensor }
+        };
+        poses.iter().map(choice).collect()
     }
 
     fn poses(chosen: &[Choice]) -> Vec<u32> {
@@ -342,37 +487,19 @@ impl<'a> Equip<'a> {
         chosen
     }
 
-    /// The same after single sensors were exchanged for others while that gains, in rounds that come after `told`
-    /// others; `None` where the observer stops it.
-    fn exchanged(
-        &mut self,
-        mut chosen: Vec<Choice>,
-        told: usize,
-        watch: &mut Watch,
-    ) -> Option<Vec<Choice>> {
-        let mut held = self.worth(&chosen);
-        for round in 0..ROUNDS {
-            let before = held;
-            for index in 0..chosen.len() {
-                let (work, done) = (Work::Exchanges, (told + round) as u64);
-                let total = 2 * ROUNDS as u64;
-                if !watch.tell(&Event::Progress { work, done, total }) {
-                    return None;
-                }
-                let mut without = chosen.clone();
-                without.remove(index);
-                let other = self.grown(without, |gain, _| gain);
-                let worth = self.worth(&other);
-                if worth > held * (1.0 + 1e-9) && self.keeps_counts(&other) {
-                    (chosen, held) = (other, worth);
-                    break;
-                }
-            }
-            if held <= before {
-                break;
-            }
+    /// Takes a climb's next sensor off and adds what gains most; kept where that gains.
+    fn exchange(&mut self, climb: &mut Climb) {
+        let chosen = self.choices(&climb.poses);
+        let held = self.worth(&chosen);
+        let mut without = chosen;
+        without.remove(climb.index);
+        let other = self.grown(without, |gain, _| gain);
+        let worth = self.worth(&other);
+        if worth > held * (1.0 + 1e-9) && self.keeps_counts(&other) {
+            *climb = Climb { poses: Self::poses(&other), round: climb.round + 1, index: 0 };
+        } else {
+            climb.index += 1;
         }
-        Some(chosen)
     }
 
     fn keeps_counts(&self, chosen: &[Choice]) -> bool {

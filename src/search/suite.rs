@@ -189,9 +189,9 @@ impl Suite {
         self.members.iter().map(range).collect()
     }
 
-    /// The same at other draws of the free phases.
+    /// The same at another draw of what is left to chance: free phases, and what the air lets through.
     #[must_use]
-    pub fn with_phases(&self, seed: u64) -> Self {
+    pub fn with_draw(&self, seed: u64) -> Self {
         let drawn = |member: &Member| {
             let problem = Problem::clone(&member.problem);
             let sensors = problem.sensors().with_seed(seed);

@@ -153,9 +153,19 @@ impl Vehicle {
         sorted.sort_by_key(|&(mount, sensor)| {
             (mount, self.sensors.iter().position(|model| model.name == sensor))
         });
+        let phase = |sensor: SensorName| match self
+            .sensors
+            .iter()
+            .find(|model| model.name == sensor)?
+            .phase
+        {
+            Phase::Between(from, to) => Some([from, to]),
+            Phase::Locked(_) | Phase::Free => None,
+        };
         let slot = |&(mount, sensor): &(usize, SensorName)| Slot {
             region: self.mounts[mount].region.clone(),
             sensor,
+            phase: phase(sensor),
         };
         Constraints {
             slots: sorted.iter().map(slot).collect(),

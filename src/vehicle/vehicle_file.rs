@@ -138,9 +138,11 @@ fn sensor(
         Some(PhaseDescription::Angle(angle)) => {
             Phase::Locked(check::radians(&at.key("phase"), angle)?)
         }
+        Some(PhaseDescription::Range(range)) => phase_between(&at.key("phase"), range)?,
         Some(PhaseDescription::Word(word)) if word == "free" => Phase::Free,
         Some(PhaseDescription::Word(word)) => {
-            let wanted = "\"free\" or an angle in radians at which the sensor is locked";
+            let wanted = "\"free\", an angle in radians at which the sensor is locked, or a range of such \
+                          angles";
             return Err(bad(&at.key("phase"), format!("{word:?}"), wanted));
         }
     };
@@ -149,6 +151,19 @@ fn sensor(
     }
     let response = Response::new(&at.key("response"), model.response.as_ref(), lidar.range())?;
     Ok(VehicleSensor { name, lidar, phase, price: model.price, response })
+}
+
+/// Angles to choose from, at most a whole turn of them.
+fn phase_between(at: &Place, [from, to]: [f64; 2]) -> Result<Phase, DescriptionError> {
+    let [from, to] = [check::radians(&at.item(0), from)?, check::radians(&at.item(1), to)?];
+    if from == to {
+        return Ok(Phase::Locked(from));
+    }
+    if !(0.0..=std::f64::consts::TAU).contains(&(to - from)) {
+        let wanted = "a range of angles in radians, the smaller first, at most a turn; one azimuth step is enough";
+        return Err(bad(at, format!("{:?}", [from, to]), wanted));
+    }
+    Ok(Phase::Between(from, to))
 }
 
 fn requirement(

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::near_field::{near_gains, with_self_hits};
-use super::settings::{Args, Begun, Saved};
+use super::settings::{Args, Begun, Course, Saved};
 use crate::cli::error::Error;
 use crate::cli::load::LoadTimes;
 
@@ -80,7 +80,7 @@ impl Sitting<'_> {
 pub(super) fn save(sitting: &Sitting) -> Result<(), Error> {
     let run = sitting.run.state().clone();
     sitting.folder.write_lines("history.jsonl", run.history())?;
-    sitting.folder.save(&Saved { begun: sitting.begun.clone(), run })?;
+    sitting.folder.save(&Saved { begun: sitting.begun.clone(), course: Course::Run(run) })?;
     Ok(sitting.folder.write_json(TIMES, &sitting.spent())?)
 }
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::internals::Spacing;
-use crate::search::{Equipped, FrameChoice, Method, Settings, State};
+use crate::search::{Choosing, Equipped, FrameChoice, Method, Settings, State};
 use crate::vehicle::{MountRules, SensorPose, read_placements};
 use serde::{Deserialize, Serialize};
 
@@ -109,13 +109,6 @@ pub struct Args {
     pub(super) compute: Compute,
 }
 
-impl Args {
-    /// Whether no placements to compare with were given.
-    pub(super) fn has_no_baselines(&self) -> bool {
-        self.baselines.is_none()
-    }
-}
-
 /// Value of `--fidelity`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Fidelity {
@@ -168,7 +161,27 @@ pub(super) struct Begun {
 #[derive(Serialize, Deserialize)]
 pub(super) struct Saved {
     pub begun: Begun,
-    pub run: State,
+    #[serde(flatten)]
+    pub course: Course,
+}
+
+/// Where a run stands.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Course {
+    /// A vehicle's sensors are to be chosen.
+    Equipping(Wanted),
+    /// The search has begun.
+    Run(State),
+}
+
+/// A choice of sensors, and the search that is to follow.
+#[derive(Clone, Serialize, Deserialize)]
+pub(super) struct Wanted {
+    pub choosing: Choosing,
+    pub settings: Settings,
+    /// Whether the result is compared with the same sensors put up plainly.
+    pub plainly: bool,
 }
 
 impl Begun {
@@ -209,8 +222,14 @@ pub(super) fn begun(args: &Args) -> Result<Begun, Error> {
     })
 }
 
+/// What a new run begins with.
+pub(super) fn wanted(args: &Args) -> Result<Wanted, Error> {
+    let (choosing, plainly) = (Choosing::default(), args.baselines.is_none());
+    Ok(Wanted { choosing, settings: of(args)?, plainly })
+}
+
 /// The settings of a new run.
-pub(super) fn of(args: &Args) -> Result<Settings, Error> {
+fn of(args: &Args) -> Result<Settings, Error> {
     let mut settings = Settings {
         objective: args.objective.parse()?,
         method: args.method,
