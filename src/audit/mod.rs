@@ -142,7 +142,6 @@ pub fn audit(
 /// Draws of free phases that the ranking is tried with.
 const PHASE_DRAWS: u64 = 3;
 
-/// An evaluator of a problem, and sentences that name its engine.
 /// The same LiDARs with the phases of their models.
 fn without_phases(placements: &[Placement]) -> Vec<Placement> {
     let mut freed = placements.to_vec();
@@ -150,6 +149,7 @@ fn without_phases(placements: &[Placement]) -> Vec<Placement> {
     freed
 }
 
+/// An evaluator of a problem, and sentences that name its engine.
 fn evaluator(
     problem: Problem,
     settings: &AuditSettings,

@@ -22,7 +22,8 @@ use super::{load, progress};
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   sightline scan scenes/urban-crossing.json --placement scenes/placements.json:Pyramid --out scans
-  sightline scan scenes/*.json --placement scenes/placements.json:Ours-seg --layout nuscenes --out nusc
+  sightline scan scenes/highway.json scenes/residential.json --placement scenes/placements.json:Ours-seg \
+    --layout nuscenes --out nusc
   sightline scan scenes/highway.json --placement scenes/placements.json:Line --condition fog:mor=50 \\
     --condition snow:rate=1 --out winter
 

@@ -13,7 +13,7 @@ pub(crate) use beam::beam_direction;
 pub(crate) use beam::beam_origin;
 pub use content::{Area, Content};
 pub(crate) use pose::DevicePose;
-pub use pose::OccupiedVoxel;
+pub use pose::{BY_CLASS, KINDS, OccupiedVoxel};
 pub(crate) use pose::{HIT_PUSH, NO_CROSSING, TINY_COMPONENT};
 pub use tally::{StageTimes, Tally};
 pub use world::{Frame, Instance, World};
@@ -305,7 +305,9 @@ impl Problem {
     /// How much of the scene is modelled.
     pub fn modelled(&self) -> Modelled {
         let occupied = self.content.occupied();
-        let informative = occupied.iter().filter(|voxel| voxel.entropy != [0; 3]);
+        let informative = occupied
+            .iter()
+            .filter(|voxel| voxel.entropy[0] > 0 || voxel.entropy[1] > 0 || voxel.entropy[2] > 0);
         let frames = if self.ends_at_hits { self.world.frames() } else { &[] };
         let triangles: u64 = frames.iter().map(|frame| frame.triangle_count()).sum();
         Modelled {

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::atlases::Atlases;
 use super::error::SearchError;
 use super::evaluator::Evaluator;
+use crate::problem::KINDS;
 use crate::score::{Objective, Standing};
 use crate::search::atlas::Union;
 use crate::vehicle::{Constraints, Placement, PoseGrid};
@@ -217,7 +218,7 @@ impl GridSearch {
     }
 
     /// As [`Atlases::worth_units`].
-    pub(super) fn worth_units(&self) -> Vec<[f64; 2]> {
+    pub(super) fn worth_units(&self) -> Vec<[f64; KINDS]> {
         self.atlas.worth_units(&self.objective)
     }
 

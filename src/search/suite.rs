@@ -244,7 +244,7 @@ mod tests {
         let beam = std::iter::once([1.0, 0.5, 0.0].into());
         let table = BeamTable::from_directions(beam, range).unwrap();
         let tree = Arc::new(Bvh::build(&TriangleSoup::default(), 10.0));
-        let occupied = vec![OccupiedVoxel { index: 3, entropy: [7; 3] }];
+        let occupied = vec![OccupiedVoxel { index: 3, entropy: [7; 4] }];
         let content = Content::new(vec![], occupied, &[], false);
         Arc::new(Problem::new(roi, content, table, vec![tree; frames], true))
     }

@@ -20,7 +20,7 @@ use crate::scan::conditions::Condition;
   sightline optimize scenes/highway.json --objective '0.5*m_sog_scaled + 0.5*detection.m_sog_scaled'
   sightline optimize scenes/highway.json scenes/residential.json --mirror
   sightline optimize scenes/highway.json --symmetric --equal-height --max-seconds 30
-  sightline optimize scenes/*.json --vehicle scenes/vehicles/car.json --budget 12000
+  sightline optimize scenes/highway.json scenes/residential.json --vehicle scenes/vehicles/car.json --budget 12000
   sightline optimize scenes/highway.json --near-weight 0.05
   sightline optimize --resume runs/highway")]
 pub struct Args {
