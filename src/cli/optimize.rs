@@ -44,7 +44,9 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         args.resume.as_deref().map(|path| RunDir::<Saved>::resume("optimize", path)).transpose()?;
     let (folder, mut begun, course) = match resumed {
         Some((folder, saved)) => (Some(folder), saved.begun, saved.course),
-        None => (None, settings::begun(args)?, Course::Equipping(settings::wanted(args)?)),
+        None => {
+            (None, settings::begun(args)?, Course::Equipping(Box::new(settings::wanted(args)?)))
+        }
     };
     args.gltf.check(begun.scenes().map(PathBuf::as_path))?;
     let (mut opened, interrupt) = open(&begun, args)?;
@@ -92,7 +94,7 @@ fn begin(
     interrupt: &Interrupt,
 ) -> Result<Option<Run>, Error> {
     let wanted = match &course {
-        Course::Equipping(wanted) => Some(wanted),
+        Course::Equipping(wanted) => Some(&**wanted),
         Course::Run(_) => None,
     };
     let suite = equipment::equipped(begun, wanted, opened, folder, args, interrupt)?;
@@ -100,7 +102,7 @@ fn begin(
     opened.suite = suite.clone();
     let Wanted { settings, plainly, .. } = match course {
         Course::Run(state) => return Ok(Some(Run::resume(suite, *state))),
-        Course::Equipping(wanted) => wanted,
+        Course::Equipping(wanted) => *wanted,
     };
     let settings = match &begun.equipped {
         Some(equipped) => equipped.begin(settings, suite.constraints(), plainly),

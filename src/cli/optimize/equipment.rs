@@ -35,7 +35,7 @@ pub(super) fn equipped(
     };
     if let (Some(wanted), None) = (wanted, &begun.equipped) {
         let save = |wanted: &Wanted| {
-            let course = Course::Equipping(wanted.clone());
+            let course = Course::Equipping(Box::new(wanted.clone()));
             Ok(folder.save(&Saved { begun: begun.clone(), course })?)
         };
         let found = choose(vehicle, begun.budget, wanted, &opened.suite, args, interrupt, &save)?;

@@ -80,7 +80,9 @@ impl Sitting<'_> {
 pub(super) fn save(sitting: &Sitting) -> Result<(), Error> {
     let run = sitting.run.state().clone();
     sitting.folder.write_lines("history.jsonl", run.history())?;
-    sitting.folder.save(&Saved { begun: sitting.begun.clone(), course: Course::Run(Box::new(run)) })?;
+    sitting
+        .folder
+        .save(&Saved { begun: sitting.begun.clone(), course: Course::Run(Box::new(run)) })?;
     Ok(sitting.folder.write_json(TIMES, &sitting.spent())?)
 }
 

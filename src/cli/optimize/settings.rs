@@ -170,7 +170,7 @@ pub(super) struct Saved {
 #[serde(rename_all = "lowercase")]
 pub(super) enum Course {
     /// A vehicle's sensors are to be chosen.
-    Equipping(Wanted),
+    Equipping(Box<Wanted>),
     /// The search has begun.
     Run(Box<State>),
 }
