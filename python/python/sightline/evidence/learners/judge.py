@@ -17,6 +17,9 @@ from . import points, shared, unet
 #: Confidence from which a prediction counts for the recall, and metres within which it must be.
 SURE, WITHIN = 0.3, 2.0
 
+#: Most predictions of a frame, and the confidence that they must have; what is less sure adds nothing to the AP.
+MOST, FAINT = 50, 0.02
+
 
 def judge(world: World, truths: list[Truth], layout: Layout, seed: int, net: unet.Unet) -> dict[str, Any]:
     """``metrics`` and ``detail`` over the frames of a scene together, as of the trees.
@@ -30,10 +33,10 @@ def judge(world: World, truths: list[Truth], layout: Layout, seed: int, net: une
     wanted, found = [], []
     for frame, truth in zip(world.frames, truths, strict=True):
         xyz = points.met(world, frame, layout, truth.body, seed)
-        groups, _, objects = net.predict(small, unet.image(small, xyz), most=50)
-        counts += targets.birds_eye_confusion(unet.target(grid, truth, net.settings.cell).labels, groups)
+        groups, _, objects = net.predict(small, unet.image(small, xyz), most=MOST)
+        counts += targets.birds_eye_confusion(unet.map_of(grid, truth, net.settings.cell), groups)
         wanted.append(_visible(truth))
-        found.append(objects)
+        found.append(_sure(objects))
     metrics, detail = _objects(wanted, found)
     whole = segmentation.fixed(counts)
     by_class = {name: float(v) for name, v in zip(GROUPS, whole.by_class) if np.isfinite(v)}
@@ -47,6 +50,12 @@ def _visible(truth: Truth) -> Objects:
     kept = truth.points >= VISIBLE
     kinds = [KINDS[kind] for kind in truth.kind[kept]]
     return Objects(truth.centre[kept], truth.size[kept], truth.yaw[kept], kinds, np.ones(len(kinds)))
+
+
+def _sure(found: Objects) -> Objects:
+    kept = found.score >= FAINT
+    kinds = [kind for kind, keep in zip(found.kind, kept) if keep]
+    return Objects(found.centre[kept], found.size[kept], found.yaw[kept], kinds, found.score[kept])
 
 
 def _objects(wanted: list[Objects], found: list[Objects]) -> tuple[dict[str, float], dict[str, Any]]:

@@ -100,10 +100,15 @@ def image(grid: Grid, xyz: Floats) -> F32:
     return seen
 
 
+def map_of(grid: Grid, truth: Truth, cell: int) -> U8:
+    """Fixed groups ``[H, W]`` of a frame over cells of so many voxels."""
+    small = coarse(grid, cell)
+    return birds_eye(small, small.keys(grid.centres(truth.keys)), truth.labels)
+
+
 def target(grid: Grid, truth: Truth, cell: int) -> Target:
     """Targets of a frame over cells of so many voxels; ``grid`` is that of the scene."""
-    small = coarse(grid, cell)
-    labels = birds_eye(small, small.keys(grid.centres(truth.keys)), truth.labels)
+    small, labels = coarse(grid, cell), map_of(grid, truth, cell)
     kept = truth.points >= VISIBLE
     heat = np.zeros((len(KINDS), *labels.shape), np.float32)
     middle = (truth.centre[kept, :2] - small.low[:2]) / small.voxel[:2]
