@@ -28,9 +28,14 @@ def ground(source: Source) -> Ground:
     return Ground.of(scene.psog, source.grid, body_of(scene), scan.boxes)
 
 
+def at_one(source: Source) -> sightline.Scene:
+    return worlds.at(source, 1, worlds.opened(source).psog)
+
+
 def test_a_later_start_is_the_same_frame(source: Source) -> None:
     poses = layouts.published()[2].poses
-    whole, later = worlds.opened(source), worlds.at(source, 2)
+    whole = worlds.opened(source)
+    later = worlds.at(source, 2, whole.psog)
     np.testing.assert_array_equal(whole.cast(poses, frame=2)["t_hit"], later.cast(poses)["t_hit"])
 
 
@@ -42,7 +47,7 @@ def test_gain_is_that_of_the_engine(small_file: Path, source: Source, published:
     whole = scene.psog.entropy().sum()
     shares = []
     for frame in range(3):
-        there = worlds.at(source, frame)
+        there = worlds.at(source, frame, scene.psog)
         (scan,) = there.scan(placed[0].poses, ideal=True, frames=[0])
         full = Ground.of(scene.psog, source.grid, body_of(scene), scan.boxes)
         shares.append([candidates.values(full, candidates.look(there, full, one.poses))["gain"] for one in placed])
@@ -64,7 +69,7 @@ def test_weights_are_shares_and_mean_what_they_say(ground: Ground) -> None:
 
 
 def test_points_in_boxes_are_those_of_the_actors(source: Source, ground: Ground) -> None:
-    scene = worlds.at(source, 1)
+    scene = at_one(source)
     poses = layouts.published()[8].poses
     seen = candidates.look(scene, ground, poses)
     (scan,) = worlds.opened(source).scan(poses, ideal=True, frames=[1])
@@ -74,7 +79,7 @@ def test_points_in_boxes_are_those_of_the_actors(source: Source, ground: Ground)
 
 
 def test_union_of_poses_is_the_placement(source: Source, ground: Ground) -> None:
-    scene = worlds.at(source, 1)
+    scene = at_one(source)
     poses = layouts.published()[8].poses
     whole = candidates.look(scene, ground, poses)
     each = [candidates.look(scene, ground, pose[None]) for pose in poses]
@@ -85,11 +90,11 @@ def test_union_of_poses_is_the_placement(source: Source, ground: Ground) -> None
 
 
 def test_all_candidates_have_a_value(ground: Ground, source: Source) -> None:
-    seen = candidates.look(worlds.at(source, 1), ground, layouts.published()[0].poses)
+    seen = candidates.look(at_one(source), ground, layouts.published()[0].poses)
     found = candidates.values(ground, seen)
     assert list(found) == list(CANDIDATES) and all(np.isfinite(list(found.values())))
     assert all(0 <= value <= 1 for name, value in found.items() if name != "blend")
-    blind = candidates.look(worlds.at(source, 1), ground, np.array([[0.0, 0, 2.5, 0, -np.pi / 2, 0]]))
+    blind = candidates.look(at_one(source), ground, np.array([[0.0, 0, 2.5, 0, -np.pi / 2, 0]]))
     assert all(candidates.values(ground, blind)[name] < value for name, value in found.items())
 
 
@@ -103,8 +108,8 @@ def test_search_finds_the_best_pair_in_the_pool(small_file: Path, tmp_path: Path
     pool.cast(world, poses, tmp_path)
     for name in ("gain", "distinct_voxels", "near_field", "actors_5", "blend"):
         totals = pool.objective(name, ["small"], tmp_path)
-        allowed = np.ones(len(poses), bool)
-        _, found = pool.search(totals, poses, allowed, 2, 0.0)
+        allowed = [np.ones(len(poses), bool)] * 2
+        _, found = pool.search(totals, poses, allowed, 0.0)
         pairs = [totals([a])[b] for a, b in itertools.combinations(range(len(poses)), 2)]
         assert found <= max(pairs) + 1e-9
         assert found >= np.sort(pairs)[-3] - 1e-9, name
@@ -112,7 +117,7 @@ def test_search_finds_the_best_pair_in_the_pool(small_file: Path, tmp_path: Path
 
 def test_search_keeps_the_distance(small_file: Path) -> None:
     poses = np.array([[0.0, 0, z, 0, 0, 0] for z in (2.2, 2.25, 2.5)])
-    chosen, _ = pool.search(lambda rest: np.array([3.0, 2.0, 1.0]), poses, np.ones(3, bool), 2, 0.2)
+    chosen, _ = pool.search(lambda rest: np.array([3.0, 2.0, 1.0]), poses, [np.ones(3, bool)] * 2, 0.2)
     assert chosen == [0, 2]
     with pytest.raises(ValueError, match="draw more poses"):
-        pool.search(lambda rest: np.zeros(3), poses, np.array([True, True, False]), 2, 0.2)
+        pool.search(lambda rest: np.zeros(3), poses, [np.array([True, True, False])] * 2, 0.2)

@@ -8,8 +8,8 @@ import os
 import sys
 from pathlib import Path
 
-#: Studies; the same as ``plan.DESIGNS``, which needs the extra.
-NAMES = ("quick", "standard")
+#: Studies; the same as ``designs.DESIGNS``, which needs the extra.
+NAMES = ("quick", "standard", "channels", "conditions", "transfer")
 
 #: Commands with arguments of their own, each a module with a ``main``.
 OTHERS = ("learned", "predictions", "cost")

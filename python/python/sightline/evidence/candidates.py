@@ -6,14 +6,15 @@ engine's c(v) counts, in one frame; a value is the mean over frames of what is s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 import sightline
 
-from ._types import F64, I64
+from ._types import F64, I32, I64
 from .grid import Grid
 from .groups import GROUND, groups_of
 from .metrics.objects import distance_to
@@ -82,6 +83,8 @@ class Ground:
     body: tuple[float, float, float, float]
     #: ``[V]``, rising numbers of the occupied voxels.
     keys: I64
+    #: ``[nx · ny · nz]``, where a voxel stands in ``keys``; −1: it is never occupied.
+    place: I32
     #: ``[V]`` each, shares that sum up to 1.
     weights: dict[str, F64]
     #: ``[C]``, rising numbers of the squares of near ground.
@@ -99,10 +102,22 @@ class Ground:
         weights = {name: _share(weight(entropy, centres, commonest, grid)) for name, weight in WEIGHTS.items()}
         floor = np.isin(groups_of(psog.classes, commonest.astype(np.uint16)), GROUND)
         floor &= (distance_to(outline, centres[:, :2]) <= NEAR) & (distance_to(outline, centres[:, :2]) > 0)
-        there = np.all(np.abs(boxes.ego_from_box[:, :2, 3]) < np.array(grid.shape[:2]) * grid.voxel[:2] / 2, axis=1)
-        return Ground(
-            grid, outline, keys, weights, np.unique(_square(centres[floor])), boxes.ego_from_box[there], boxes.size[there]
-        )
+        place = np.full(math.prod(grid.shape), -1, np.int32)
+        place[keys] = np.arange(len(keys))
+        squares = np.unique(_square(centres[floor]))
+        return Ground(grid, outline, keys, place, weights, squares, *_within(grid, boxes))
+
+    def with_boxes(self, boxes: sightline.Boxes) -> Ground:
+        """The same scene in another frame."""
+        pose, size = _within(self.grid, boxes)
+        return replace(self, ego_from_box=pose, size=size)
+
+
+def _within(grid: Grid, boxes: sightline.Boxes) -> tuple[F64, F64]:
+    low = np.array(grid.low[:2])
+    middle = boxes.ego_from_box[:, :2, 3]
+    there = np.all((middle >= low) & (middle < low + np.array(grid.shape[:2]) * grid.voxel[:2]), axis=1)
+    return boxes.ego_from_box[there], boxes.size[there]
 
 
 def _share(weight: F64) -> F64:
@@ -143,12 +158,16 @@ def look(scene: sightline.Scene, ground: Ground, poses: F64) -> Seen:
     xyz, groups, keys = xyz[kept], groups[kept], keys[kept]
     floor = np.isin(groups, GROUND)
     return Seen(
-        _places(ground.keys, scene.covered(poses).astype(np.int64)),
-        _places(ground.keys, np.unique(keys)),
+        _known(ground.place[scene.covered(poses)]),
+        _known(ground.place[np.unique(keys)]),
         _places(ground.squares, np.unique(_square(xyz[floor]))),
         _inside(ground, xyz[~floor]),
         len(keys),
     )
+
+
+def _known(place: I32) -> I64:
+    return place[place >= 0].astype(np.int64)
 
 
 def _places(among: I64, wanted: I64) -> I64:

@@ -45,11 +45,11 @@ def of(given: Gathered, kept: Bools) -> dict[str, Any]:
     for score, values in given.scores.items():
         picked = np.stack([picked_regret(values[kept], one) for one in each.values()])
         by_score[score] = {
-            "mean": asdict(_over_scenes(mean(picked, 0))),
-            "by_metric": {m: asdict(_over_scenes(row)) for m, row in zip(each, picked)},
+            "mean": asdict(over_scenes(mean(picked, 0))),
+            "by_metric": {m: asdict(over_scenes(row)) for m, row in zip(each, picked)},
         }
     placements = {
-        layout.name: {"mean": asdict(_over_scenes(row)), "by_metric": {m: float(np.nanmean(each[m][k])) for m in each}}
+        layout.name: {"mean": asdict(over_scenes(row)), "by_metric": {m: float(mean(each[m][k], 0)) for m in each}}
         for k, (layout, row) in enumerate(zip(layouts, lost))
     }
     found = {"metrics": metrics, "scores": by_score, "placements": placements}
@@ -97,12 +97,12 @@ def _optima(given: Gathered, kept: Bools, lost: F64, each: dict[str, F64]) -> di
         found[score] = {"placements": [names[k] for k in rows], "less_regret_than": {}, "metrics": {}}
         for other in dict.fromkeys((ours, least)):
             less = lost[other] - mean(lost[rows], 0)
-            found[score]["less_regret_than"][names[other]] = asdict(_over_scenes(less))
+            found[score]["less_regret_than"][names[other]] = asdict(over_scenes(less))
         for metric in each:
             table = given.mean(metric)[kept]
             best = hand[int(np.nanargmax(mean(table[hand], 1)))]
             found[score]["metrics"][metric] = {
-                f"minus {names[other]}": asdict(_over_scenes(mean(table[rows], 0) - table[other]))
+                f"minus {names[other]}": asdict(over_scenes(mean(table[rows], 0) - table[other]))
                 for other in dict.fromkeys((ours, best))
             }
     return found
@@ -120,12 +120,12 @@ def _verdict(given: Gathered, kept: Bools, by_score: dict[str, Any], lost: F64) 
     if not rows:
         return {**said, "becomes_default": False, "why": "it was not searched with"}
     best = hand[int(np.nanargmin(mean(lost[hand], 1)))]
-    less = _over_scenes(lost[best] - mean(lost[rows], 0))
+    less = over_scenes(lost[best] - mean(lost[rows], 0))
     why = f"its optima lose {less.value:.2f} [{less.low:.2f} {less.high:.2f}] less than {names[best]}, the best by hand"
     return {**said, "becomes_default": bool(less.low > 0), "why": why}
 
 
-def _over_scenes(values: F64) -> correlate.Interval:
+def over_scenes(values: F64) -> correlate.Interval:
     """Mean of ``[scenes]`` with its interval over scenes drawn with replacement."""
     there = values[np.isfinite(values)]
     if not there.size:
@@ -141,4 +141,4 @@ def paired(given: Gathered, metric: str, one: str, other: str) -> correlate.Inte
     if rows[0] is None or rows[1] is None:
         return correlate.Interval(float("nan"), float("nan"), float("nan"))
     table = given.mean(metric)
-    return _over_scenes(table[rows[0]] - table[rows[1]])
+    return over_scenes(table[rows[0]] - table[rows[1]])

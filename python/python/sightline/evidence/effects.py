@@ -20,7 +20,7 @@ QUANTITIES = ("mean_height", "spread_of_heights", "spread_in_plan", "mean_roll")
 
 def of(given: Gathered) -> dict[str, Any]:
     """Effects of poses in the mount, and of other LiDARs on the published optimum."""
-    return {"poses": _poses(given), "sensors": _sensors(given)}
+    return {"poses": _poses(given), "sensors": _sensors(given), "variants": _variants(given), "transfer": _transfer(given)}
 
 
 def described(layout: Layout) -> list[float]:
@@ -68,6 +68,59 @@ def _sensors(given: Gathered) -> dict[str, Any]:
         name: {m: asdict(decide.paired(given, m, name, decide.PUBLISHED)) for m in decide.DECIDING if m in given.metrics}
         for name in names
     }
+
+
+#: Scores that are shown beside variants.
+BESIDE = ("information_gain", "covered_occupied", "distinct_voxels")
+
+
+def _variants(given: Gathered) -> dict[str, Any]:
+    """Means of ``NAME@VARIANT`` over the names, less those of the first variant, and how it orders the names."""
+    names = [layout.name for layout in given.layouts if layout.pool == "variant"]
+    found: dict[str, Any] = {}
+    first = names[0].partition("@")[2] if names else ""
+    for variant in dict.fromkeys(name.partition("@")[2] for name in names):
+        bases = [n.partition("@")[0] for n in names if n.endswith(f"@{variant}") and f"{n.partition('@')[0]}@{first}" in names]
+        here, there = ([names_at(given, f"{base}@{v}") for base in bases] for v in (variant, first))
+        of = {m: given.mean(m) for m in decide.DECIDING if m in given.metrics}
+        found[variant] = {
+            "placements": len(bases),
+            "metrics": {
+                m: {
+                    "mean": float(np.nanmean(table[here])),
+                    "less_first": asdict(decide.over_scenes(mean(table[here] - table[there], 0))),
+                    "order_as_first": correlate.spearman(mean(table[here], 1), mean(table[there], 1)),
+                }
+                for m, table in of.items()
+            },
+            "scores": {s: float(given.scores[s][here].mean()) for s in BESIDE},
+        }
+    return found
+
+
+def names_at(given: Gathered, name: str) -> int:
+    """Where a placement stands that must be there."""
+    found = given.number(name)
+    if found is None:
+        raise ValueError(f"{name}: has no unit")
+    return found
+
+
+def _transfer(given: Gathered) -> dict[str, Any]:
+    """Of optima of one kind of worlds: less the published optimum, in each kind of test worlds."""
+    kinds = sorted({scene.rpartition("-")[0] for scene in given.scenes})
+    found: dict[str, Any] = {}
+    for layout in given.layouts:
+        if layout.pool != "transfer" or given.number(decide.PUBLISHED) is None:
+            continue
+        one, other = names_at(given, layout.name), names_at(given, decide.PUBLISHED)
+        found[layout.name] = {}
+        for metric in ("voxel_1m_miou", "birds_eye_miou", "objects_5"):
+            less = given.mean(metric)[one] - given.mean(metric)[other]
+            of = {kind: [k for k, scene in enumerate(given.scenes) if scene.rpartition("-")[0] == kind] for kind in kinds}
+            by_kind = {kind: float(np.nanmean(less[rows])) for kind, rows in of.items()}
+            found[layout.name][metric] = {"all": asdict(decide.over_scenes(less)), **by_kind}
+    return found
 
 
 def agreement(given: Gathered) -> dict[str, Any]:

@@ -24,16 +24,22 @@ class Layout:
     poses: F64
     #: Another LiDAR than the study's, as a scene file has it.
     lidar: dict[str, Any] | None = None
+    #: Conditions of the scans that it is trained on and tested on, as ``Scene.scan`` takes them.
+    trained_in: tuple[str, ...] = ()
+    tested_in: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """As a plan keeps it."""
         kept = {"name": self.name, "pool": self.pool, "poses": self.poses.tolist()}
-        return {**kept, "lidar": self.lidar} if self.lidar else kept
+        more = {"lidar": self.lidar, "trained_in": list(self.trained_in), "tested_in": list(self.tested_in)}
+        return kept | {key: value for key, value in more.items() if value}
 
     @staticmethod
     def from_dict(kept: dict[str, Any]) -> Layout:
         """Out of a plan."""
-        return Layout(kept["name"], kept["pool"], np.array(kept["poses"], dtype=np.float64), kept.get("lidar"))
+        poses = np.array(kept["poses"], dtype=np.float64)
+        weather = (tuple(kept.get(key, ())) for key in ("trained_in", "tested_in"))
+        return Layout(kept["name"], kept["pool"], poses, kept.get("lidar"), *weather)
 
 
 def published() -> list[Layout]:
@@ -77,6 +83,39 @@ def sensors(lidar: dict[str, Any]) -> list[Layout]:
     patterns = [(f"channels-{n}", {"channels": n, "azimuth_steps": points // n}) for n in (8, 32, 64)]
     patterns += [(f"fov-{low}-{high}", {"fov": [low, high]}) for low, high in ((-15, 15), (-45, 5), (-12, 2))]
     return [Layout(f"Ours-seg-{name}", "sensor", ours, {**lidar, **changed}) for name, changed in patterns]
+
+
+#: Placements that variants are made of.
+BASES = ("Center", "Line", "Pyramid", "Square", "Ours-seg")
+
+#: Conditions that a vehicle meets.
+CONDITIONS = ("fog", "wet", "snow", "blur", "crosstalk", "echo")
+
+
+def channels(lidar: dict[str, Any]) -> list[Layout]:
+    """Published ones with more channels in the same field of view, as ``NAME@VARIANT``."""
+    return [
+        Layout(f"{base.name}@{count}-channels", "variant", base.poses, {**lidar, "channels": count})
+        for count in (16, 32, 64, 128)
+        for base in _bases()
+    ]
+
+
+def conditions() -> list[Layout]:
+    """Published ones tested in each condition, trained in clear air or in it, as ``NAME@VARIANT``."""
+    weathers: list[tuple[str, tuple[str, ...], tuple[str, ...]]] = [("clear", (), ())]
+    for name in CONDITIONS:
+        weather = (f"{name}:level=heavy",)
+        weathers += [(f"{name}, trained in clear air", (), weather), (f"{name}, trained in it", weather, weather)]
+    return [
+        Layout(f"{base.name}@{name}", "variant", base.poses, None, trained, tested)
+        for name, trained, tested in weathers
+        for base in _bases()
+    ]
+
+
+def _bases() -> list[Layout]:
+    return [layout for layout in published() if layout.name in BASES]
 
 
 def gamed() -> list[Layout]:

@@ -6,6 +6,7 @@ import hashlib
 import importlib.metadata
 import json
 import platform
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import sightline
 
 from . import layouts, pool, stage, worlds
 from .candidates import CANDIDATES
+from .designs import KINDS, Design
 from .files import read_json, write_json
 from .layouts import Layout
 from .learners import trees
@@ -27,68 +29,13 @@ from .worlds import LIDAR, World
 #: Objectives whose optima by the engine are among the placements.
 OBJECTIVES = ("information_gain", "m_sog_scaled", "m_sog_scaled_nonzero")
 
-#: Candidates whose optima over a pool of poses are, in the mount and with poses low around the body.
+#: Candidates whose optima over a pool of poses are, of four in the mount and of two there and two low round the body.
+#: Left to themselves all of these chose four in the mount, in the pool of the standard run.
 IN_THE_MOUNT = ("gain", *(name for name in CANDIDATES if name not in ("gain", "actors_20", "gain_low", "near_field")))
 WITH_LOW = ("gain", "covered_occupied", "distinct_voxels", "actors_5", "blend")
 
 #: Placements that have their second seed first.
 ANCHORS = ("Center", "Line", "Square", "Pyramid", "Ours-seg", "Ours-det", "Center-staggered", "count-1", "count-6", "sky")
-
-
-@dataclass(frozen=True)
-class Design:
-    """How large a study is."""
-
-    name: str
-    #: Kinds and seeds of worlds.
-    train: tuple[tuple[str, int], ...]
-    test: tuple[tuple[str, int], ...]
-    own: bool
-    frames: int
-    #: Random layouts in each of twelve strata.
-    random: int
-    #: The engine searches so many times, on so many training worlds at once.
-    searches: int
-    searched: int
-    evaluations: int
-    #: Poses in the mount, and low ones, of the pool that candidates are searched in; 0: no search.
-    poses: tuple[int, int]
-    seeds: tuple[int, ...]
-    learner: trees.Settings
-
-
-_KINDS = ("street", "highway", "residential", "yard", "town")
-
-DESIGNS = {
-    "quick": Design(
-        name="quick",
-        train=(*((kind, 1) for kind in _KINDS), ("street", 2)),
-        test=(("street", 101), ("highway", 101), ("residential", 101), ("town", 101)),
-        own=True,
-        frames=2,
-        random=1,
-        searches=1,
-        searched=2,
-        evaluations=60,
-        poses=(100, 40),
-        seeds=(1, 2),
-        learner=trees.Settings(),
-    ),
-    "standard": Design(
-        name="standard",
-        train=tuple((kind, seed) for seed in range(1, 5) for kind in _KINDS),
-        test=tuple((kind, seed) for seed in range(101, 104) for kind in _KINDS[:4]),
-        own=True,
-        frames=2,
-        random=3,
-        searches=2,
-        searched=3,
-        evaluations=80,
-        poses=(300, 160),
-        seeds=(1, 2),
-        learner=trees.Settings(points=90_000),
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -110,7 +57,6 @@ class Plan:
     def of(self, role: str) -> list[World]:
         """Scenes to ``train`` or to ``test``."""
         return [world for world in self.worlds if world.role == role]
-
 
     def units(self) -> list[tuple[Layout, int]]:
         """Placements and seeds in the order of their doing, such that a run that is cut short has some of everything.
@@ -143,12 +89,38 @@ def make(design: Design, out: Path, scenes: Path, jobs: int) -> Plan:
     chosen += [worlds.generated(kind, seed, "test", design.frames, made) for kind, seed in design.test]
     chosen += worlds.own(scenes, design.frames) if design.own else []
     train = [world for world in chosen if world.role == "train"]
+    return settle(design, chosen, _PLACED[design.placements](design, train, out / "pool", jobs), out)
+
+
+def _study(design: Design, train: list[World], folder: Path, jobs: int) -> list[Layout]:
     mount = train[0].source().described["mount"]
-    placed = layouts.published() + _optima(design, train, mount, out / "pool", jobs)
+    placed = layouts.published() + _optima(design, train, mount, folder, jobs)
     placed += layouts.staggered(LIDAR["azimuth_steps"])  # type: ignore[arg-type]
     placed += layouts.mixed() + layouts.numbers() + layouts.gamed() + layouts.sensors(LIDAR)
-    placed += layouts.stratified(mount, design.random, seed=20)
-    return settle(design, chosen, placed, out)
+    return placed + layouts.stratified(mount, design.random, seed=20)
+
+
+def _transfer(design: Design, train: list[World], folder: Path, jobs: int) -> list[Layout]:
+    """The optimum of the gain in the worlds of each kind alone, and of all; beside the published one."""
+    mount = train[0].source().described["mount"]
+    poses, kinds = pool.drawn(mount, *design.poses, seed=1)
+    stage.carry_out("pool", [(folder / f"{w.name}.json", pool.cast, (w, poses, folder)) for w in train], jobs)
+    groups = {kind: [w.name for w in train if w.name.startswith(kind)] for kind in KINDS}
+    groups["all"] = [world.name for world in train]
+    found = [layout for layout in layouts.published() if layout.name in ("Ours-seg", "Center")]
+    for kind, names in groups.items():
+        best = pool.optimum("gain", names, folder, poses, [kinds == pool.INSIDE] * 4, float(mount.get("min_distance", 0.0)))
+        found.append(Layout(f"best-of-{kind}", "transfer", np.array(best["poses"])))
+    return found
+
+
+#: Placements of each sort of design.
+_PLACED: dict[str, Callable[[Design, list[World], Path, int], list[Layout]]] = {
+    "study": _study,
+    "transfer": _transfer,
+    "channels": lambda design, train, folder, jobs: layouts.channels(LIDAR),
+    "conditions": lambda design, train, folder, jobs: layouts.conditions(),
+}
 
 
 def _optima(design: Design, train: list[World], mount: dict[str, Any], folder: Path, jobs: int) -> list[Layout]:
@@ -166,7 +138,10 @@ def _optima(design: Design, train: list[World], mount: dict[str, Any], folder: P
     stage.carry_out("pool", casts if len(poses) else [], jobs)
     names, inside = [world.name for world in train], kinds == pool.INSIDE
     apart = float(mount.get("min_distance", 0.0))
-    for group_name, allowed, among in (("box", inside, IN_THE_MOUNT), ("mixed", kinds >= 0, WITH_LOW)):
+    for group_name, allowed, among in (
+        ("box", [inside] * 4, IN_THE_MOUNT),
+        ("low", [inside, inside, ~inside, ~inside], WITH_LOW),
+    ):
         tasks += [
             (folder / f"pool-{name}-{group_name}.json", pool.optimum, (name, names, folder, poses, allowed, apart))
             for name in among
@@ -175,7 +150,7 @@ def _optima(design: Design, train: list[World], mount: dict[str, Any], folder: P
     stage.carry_out("optima", tasks, jobs)
     found = []
     for path, _, _ in tasks:
-        kind = "mixed" if path.stem.endswith("-mixed") else "box"
+        kind = "mixed" if path.stem.endswith("-low") else "box"
         found.append(Layout(f"best-{path.stem.removeprefix('best-')}", kind, np.array(read_json(path)["poses"])))
     return found
 

@@ -52,9 +52,11 @@ def cast(world: World, poses: F64, folder: Path) -> dict[str, int]:
     psog, body = whole.psog, body_of(whole)
     rng = np.random.default_rng(7)
     kept: dict[str, Any] = {}
+    ground: Ground | None = None
     for number, frame in enumerate(world.frames):
-        scene = worlds.at(source, frame)
-        ground = Ground.of(psog, source.grid, body, next(iter(scene.scan(poses[:1], ideal=True, frames=[0]))).boxes)
+        scene = worlds.at(source, frame, psog)
+        (scan,) = scene.scan(poses[:1], ideal=True, frames=[0])
+        ground = ground.with_boxes(scan.boxes) if ground else Ground.of(psog, source.grid, body, scan.boxes)
         sample = np.sort(rng.permutation(len(ground.keys))[:MOST])
         place = np.full(len(ground.keys), -1, np.int64)
         place[sample] = np.arange(len(sample))
@@ -176,23 +178,25 @@ def _actors(enough: int, world_names: list[str], folder: Path) -> Actors:
     return Actors(np.concatenate(frames, axis=1), np.concatenate(weight), enough)
 
 
-def search(totals: Objective, poses: F64, allowed: Bools, count: int, apart: float) -> tuple[list[int], float]:
-    """Greedy choice of ``count`` poses, then exchanges of one for the best other until none helps.
+def search(totals: Objective, poses: F64, allowed: list[Bools], apart: float) -> tuple[list[int], float]:
+    """Greedy choice of a pose for each place, then exchanges of one for the best other until none helps.
 
-    Only ``allowed`` ``[P]`` ones, no two nearer than ``apart`` metres. Returns their numbers, rising, and the value.
+    ``allowed`` ``[P]`` ones for each place, no two nearer than ``apart`` metres. Returns their numbers, rising, and the
+    value.
     """
     chosen: list[int] = []
-    value = 0.0
-    for _ in range(count):
-        best, value = _best(totals, poses, allowed, chosen, apart)
+    value, count = 0.0, len(allowed)
+    for here in allowed:
+        best, value = _best(totals, poses, here, chosen, apart)
         chosen.append(best)
     slot, idle = 0, 0
     while idle < count:
         rest = chosen[:slot] + chosen[slot + 1 :]
-        best, found = _best(totals, poses, allowed, rest, apart)
+        best, found = _best(totals, poses, allowed[slot], rest, apart)
         idle = 0 if found > value * (1 + 1e-9) else idle + 1
         if not idle:
-            chosen[slot], value = best, found
+            chosen = [*rest[:slot], best, *rest[slot:]]
+            value = found
         slot = (slot + 1) % count
     return sorted(chosen), value
 
@@ -209,7 +213,9 @@ def _best(totals: Objective, poses: F64, allowed: Bools, rest: list[int], apart:
     return best, float(found[best])
 
 
-def optimum(name: str, world_names: list[str], folder: Path, poses: F64, allowed: Bools, apart: float) -> dict[str, Any]:
-    """The best four poses of a candidate and its value in training."""
-    chosen, value = search(objective(name, world_names, folder), poses, allowed, 4, apart)
+def optimum(
+    name: str, world_names: list[str], folder: Path, poses: F64, allowed: list[Bools], apart: float
+) -> dict[str, Any]:
+    """The best pose of each place for a candidate, and its value in training."""
+    chosen, value = search(objective(name, world_names, folder), poses, allowed, apart)
     return {"candidate": name, "poses": poses[chosen].tolist(), "numbers": chosen, "value": value}

@@ -10,12 +10,13 @@ import numpy as np
 
 from . import plan as plans
 from . import scores, stage, summary, trial, truth
+from .designs import DESIGNS
 from .files import is_whole, read_json, write_json
 from .groups import GROUPS
 from .layouts import Layout
 from .learners import trees
 from .metrics import segmentation
-from .plan import DESIGNS, Plan
+from .plan import Plan
 from .stage import Task, say
 from .worlds import World
 
@@ -85,12 +86,12 @@ def make_truth(world: World, out: Path) -> dict[str, Any]:
 def unit(plan: Plan, layout: Layout, seed: int, out: Path) -> dict[str, Any]:
     """A placement, trained and judged with one seed."""
     began = time.monotonic()
-    seen = [scan for world in plan.of("train") for scan in trial.frames_of(world, layout, seed)]
+    seen = [scan for world in plan.of("train") for scan in trial.frames_of(world, layout, seed, layout.trained_in)]
     learner = trial.learn(seen, seed, plan.learner)
     judged = {}
     for world in plan.of("test"):
         targets = truth.cached(world.source(), world.sha256, world.frames, out / "truth")
-        judged[world.name] = trial.judge(world, targets, trial.frames_of(world, layout, seed), learner)
+        judged[world.name] = trial.judge(world, targets, trial.frames_of(world, layout, seed, layout.tested_in), learner)
     return {
         "placement": layout.name,
         "seed": seed,

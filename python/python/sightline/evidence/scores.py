@@ -31,10 +31,11 @@ def of_world(world: World, placements: list[Layout], frames: int = FRAMES) -> di
     ``hits`` counts the beams that end in the region; ``shuffled`` is the gain of another placement.
     """
     table = {name: np.full(len(placements), np.nan) for name in SCORES}
+    psog = opened(Source.read(world.path)).psog
     lidars = [json.dumps(layout.lidar) for layout in placements]
     for lidar in sorted(set(lidars)):
         kept = np.array([one == lidar for one in lidars])
-        found = _of_one_lidar(world, [layout for layout, keep in zip(placements, kept) if keep], frames)
+        found = _of_one_lidar(world, psog, [layout for layout, keep in zip(placements, kept) if keep], frames)
         for name, values in found.items():
             table[name][kept] = values
     table["mean_height"] = np.array([layout.poses[:, 2].mean() for layout in placements])
@@ -44,18 +45,19 @@ def of_world(world: World, placements: list[Layout], frames: int = FRAMES) -> di
     return {name: table[name].tolist() for name in SCORES}
 
 
-def _of_one_lidar(world: World, placements: list[Layout], frames: int) -> dict[str, F64]:
+def _of_one_lidar(world: World, psog: sightline.Psog, placements: list[Layout], frames: int) -> dict[str, F64]:
     source, lidar = Source.read(world.path), placements[0].lidar
-    scene = opened(source, frames, lidar)
-    found = scene.score([sightline.Placement(layout.poses, name=layout.name) for layout in placements])
+    scene = opened(source, frames, lidar, psog)
+    found = scene.score([sightline.Placement(layout.poses, name=f"placement-{k}") for k, layout in enumerate(placements)])
     table = {name: np.asarray(found[name], dtype=np.float64) for name in _ENGINE}
     body = body_of(scene)
     count = min(frames, scene.frames)
-    rows = []
+    rows: list[list[list[float]]] = []
+    ground: Ground | None = None
     for frame in (k * scene.frames // count for k in range(count)):
-        there = at(source, frame, lidar)
+        there = at(source, frame, psog, lidar)
         (scan,) = there.scan(placements[0].poses, ideal=True, frames=[0])
-        ground = Ground.of(scene.psog, source.grid, body, scan.boxes)
+        ground = ground.with_boxes(scan.boxes) if ground else Ground.of(psog, source.grid, body, scan.boxes)
         seen = [candidates.look(there, ground, layout.poses) for layout in placements]
         rows.append([[*candidates.values(ground, one).values(), one.hits] for one in seen])
     mean = np.mean(rows, axis=0)

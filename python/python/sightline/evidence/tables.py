@@ -17,6 +17,7 @@ def tables(result: dict[str, Any]) -> str:
         parts.append(f"\n## {name} ({pool['placements']} placements)\n")
         parts += [_verdict(pool["regret"]), _regret(pool["regret"]), _correlation(pool), _optima(pool["regret"])]
     parts += [_poses(result["effects"]["poses"]), _sensors(result["effects"]["sensors"])]
+    parts += [_variants(result["effects"]["variants"]), _transfer(result["effects"]["transfer"])]
     parts += [_more(result["checks"]["one_more_lidar"]), _agreement(result["agreement"])]
     parts.append("\n## Checks\n\n" + "".join(f"- {line}\n" for line in _checks(result["checks"])))
     return "".join([*parts, _placements(result["placements"])])
@@ -86,6 +87,33 @@ def _sensors(effects: dict[str, Any]) -> str:
     text = "\n## Other LiDARs of about as many points at the poses of Ours-seg, less the study's own [95 %, over scenes]\n\n"
     text += head(["LiDAR", *metrics])
     return text + "".join(row([name, *(interval(of[m], 3) for m in metrics)]) for name, of in effects.items())
+
+
+def _variants(effects: dict[str, Any]) -> str:
+    if not effects:
+        return ""
+    first = next(iter(effects.values()))
+    metrics, scores = list(first["metrics"]), list(first["scores"])
+    text = f"\n## Variants of {first['placements']} placements\n\nMean, then less that of the first line [95 %, over scenes], then ρ "
+    text += "of the order of the placements with that in the first line; scores are means.\n\n" + head(["variant", *metrics, *scores])
+    for name, of in effects.items():
+        cells = [
+            f"{number(m['mean'], 3)}, {interval(m['less_first'], 3)}, {number(m['order_as_first'])}" for m in of["metrics"].values()
+        ]
+        text += row([name, *cells, *(f"{of['scores'][s]:.4g}" for s in scores)])
+    return text
+
+
+def _transfer(effects: dict[str, Any]) -> str:
+    if not effects:
+        return ""
+    kinds = list(next(iter(next(iter(effects.values())).values())))
+    text = "\n## Searched in one kind of worlds, tested in others; less Ours-seg, of all [95 %, over scenes]\n\n"
+    text += head(["optimum of", "metric", *kinds])
+    for name, of in effects.items():
+        for metric, by_kind in of.items():
+            text += row([name, metric, interval(by_kind["all"], 3), *(number(by_kind[k], 3) for k in kinds if k != "all")])
+    return text
 
 
 def _more(steps: dict[str, Any]) -> str:

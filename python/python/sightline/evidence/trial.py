@@ -61,13 +61,9 @@ class Frame:
     points: dict[int, int]
 
 
-def frames_of(
-    world: World, layout: Layout, seed: int, frames: list[int] | None = None, conditions: tuple[str, ...] = ()
-) -> list[Frame]:
-    """Scans of the frames of a scene, the world's own unless given, with their noise drawn by the seed."""
-    rig = sightline.Placement(layout.poses, name=layout.name)
-    frames = world.frames if frames is None else frames
-    scans = world.scene(layout.lidar).scan(rig, seed=seed, frames=frames, conditions=conditions)
+def frames_of(world: World, layout: Layout, seed: int, conditions: tuple[str, ...] = ()) -> list[Frame]:
+    """Scans of the frames of a scene in clear air or other conditions, with their noise drawn by the seed."""
+    scans = world.scene(layout.lidar).scan(layout.poses, seed=seed, frames=world.frames, conditions=conditions)
     return [_frame(scan) for scan in scans]
 
 

@@ -95,13 +95,24 @@ def world(name: str, path: Path, role: str, frames: int) -> World:
     return World(name, path, role, [int((k + 0.5) * count / frames) for k in range(frames)], source.digest())
 
 
-def opened(source: Source, frames: int | None = None, lidar: dict[str, Any] | None = None) -> sightline.Scene:
-    """A scene with the study's LiDAR or another; scores are means over so many frames."""
-    return source.open(frames, lidar=lidar or LIDAR)
+def opened(
+    source: Source,
+    frames: int | None = None,
+    lidar: dict[str, Any] | None = None,
+    psog: sightline.Psog | None = None,
+) -> sightline.Scene:
+    """A scene with the study's LiDAR or another; scores are means over so many frames.
+
+    ``psog`` is that of the scene, which it need not make again: it is the same for all LiDARs.
+    """
+    return source.open(frames, psog=psog, lidar=lidar or LIDAR)
 
 
-def at(source: Source, frame: int, lidar: dict[str, Any] | None = None) -> sightline.Scene:
-    """The scene from a frame on, scored in that one alone: what its ``covered`` gives is c(v) of this frame."""
+def at(source: Source, frame: int, psog: sightline.Psog, lidar: dict[str, Any] | None = None) -> sightline.Scene:
+    """The scene from a frame on, scored in that one alone: what its ``covered`` gives is c(v) of this frame.
+
+    ``psog`` is that of the whole scene, which it need not make again.
+    """
 
     def from_there(moves: dict[str, Any]) -> dict[str, Any]:
         if "poses" in moves:
@@ -115,7 +126,7 @@ def at(source: Source, frame: int, lidar: dict[str, Any] | None = None) -> sight
     described = source.described
     later = {**described, "frames": described["frames"] - frame, "ego": from_there(described.get("ego", {}))}
     later["actors"] = [from_there(actor) for actor in described.get("actors", [])]
-    return opened(Source(source.path, later), 1, lidar)
+    return opened(Source(source.path, later), 1, lidar, psog)
 
 
 @functools.lru_cache(maxsize=64)
