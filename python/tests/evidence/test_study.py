@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,7 +17,7 @@ import pytest
 
 pytest.importorskip("lightgbm", reason="lightgbm is not installed")
 pytest.importorskip("matplotlib", reason="matplotlib is not installed")
-from sightline.evidence import correlate, plan, present, run
+from sightline.evidence import correlate, files, plan, present, run, summary, tables
 
 from . import tiny
 from .conftest import SMALL
@@ -67,8 +68,9 @@ def test_shuffled_labels_do_not_beat_chance(result: dict[str, Any]) -> None:
 def test_one_more_lidar_is_better(result: dict[str, Any]) -> None:
     # Of one frame a world, what is within 1 m of a point follows the noise of the learner.
     for metric in ("voxel_miou", "ground_seen_10m"):
-        one, two = result["checks"]["one_more_lidar"][metric]
-        assert two > one, metric
+        found = result["checks"]["one_more_lidar"][metric]
+        one, two = found["means"]
+        assert two > one and found["steps"][0]["value"] == pytest.approx(two - one), metric
 
 
 def test_the_plan_stood_before_and_is_in_the_result(result: dict[str, Any], out: Path) -> None:
@@ -85,6 +87,37 @@ def test_tables_and_figure(result: dict[str, Any], out: Path) -> None:
     picture = (out / "figure.svg").read_bytes()
     present.write(result, out)
     assert picture == (out / "figure.svg").read_bytes() and b"</svg>" in picture
+
+
+def test_what_is_there_of_a_run_that_was_cut_short(result: dict[str, Any], out: Path, tmp_path: Path) -> None:
+    shutil.copytree(out, tmp_path / "cut")
+    (tmp_path / "cut" / "units" / "Line-1.json").unlink()
+    (tmp_path / "cut" / "units" / "Center-1.json").write_text("{")
+    found = summary.of(plan.read(tiny.DESIGN, tmp_path / "cut", out), tmp_path / "cut")
+    assert sorted(found["missing_units"]) == ["Center-1", "Line-1"]
+    assert {"Line", "Center"} & set(means(found, "voxel_miou")) == set()
+    kept = set(means(result, "voxel_miou")) - {"Line", "Center"}
+    assert {name: means(result, "voxel_miou")[name] for name in kept} == means(found, "voxel_miou")
+    assert "2 units are missing" in tables.tables(found)
+    for unit in (tmp_path / "cut" / "units").glob("*.json"):
+        unit.unlink()
+    with pytest.raises(ValueError, match="no unit yet"):
+        summary.of(plan.read(tiny.DESIGN, tmp_path / "cut", out), tmp_path / "cut")
+
+
+def test_another_learner_stands_beside(result: dict[str, Any], out: Path, tmp_path: Path) -> None:
+    """One that sees as the trees do agrees with them wholly."""
+    shutil.copytree(out, tmp_path / "run")
+    (tmp_path / "run" / "learned" / "units").mkdir(parents=True)
+    for unit in (tmp_path / "run" / "units").glob("*.json"):
+        shutil.copy(unit, tmp_path / "run" / "learned" / "units" / unit.name)
+    found = summary.of(plan.read(tiny.DESIGN, tmp_path / "run", out), tmp_path / "run")
+    agreed = found["agreement"]["unet_birds_eye_miou, box"]
+    assert agreed["value"] == pytest.approx(1) and agreed["of"] == 11
+    regret = found["pools"]["four in the mount"]["regret"]
+    assert "unet_birds_eye_miou" in regret["metrics"]
+    of = regret["scores"]["covered"]["by_metric"]
+    assert of["unet_birds_eye_miou"] == of["birds_eye_miou"]
 
 
 def test_a_changed_plan_or_scene_is_refused(result: dict[str, Any], out: Path, tmp_path: Path) -> None:
@@ -135,4 +168,4 @@ def test_killed_and_run_again_is_the_same(result: dict[str, Any], out: Path, tmp
     again = run.carry_out(plan.read(tiny.DESIGN, broken, broken), broken, 2, time.monotonic())
     for found in (expected, again):
         del found["times"]
-    assert json.dumps(plan.finite(expected), sort_keys=True) == json.dumps(plan.finite(again), sort_keys=True)
+    assert json.dumps(files.finite(expected), sort_keys=True) == json.dumps(files.finite(again), sort_keys=True)

@@ -7,21 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from sightline.evidence import layouts, plan, worlds
+from sightline.evidence.designs import Design
 from sightline.evidence.learners import trees
-from sightline.evidence.plan import Design, Plan
+from sightline.evidence.plan import Plan
 
-DESIGN = Design(
-    name="tiny",
-    train=(),
-    test=(),
-    own=False,
-    frames=1,
-    random=0,
-    searched=0,
-    evaluations=0,
-    seeds=(1,),
-    learner=trees.Settings(rounds=8, points=8_000),
-)
+DESIGN = Design(name="tiny", train=(), test=(), learner=trees.Settings(rounds=8, points=8_000))
 
 
 def variant(described: dict[str, Any], number: int) -> dict[str, Any]:

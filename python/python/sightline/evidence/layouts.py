@@ -18,18 +18,28 @@ class Layout:
     """A placement ``[L, 6]`` and the pool that it is compared in."""
 
     name: str
-    #: ``box``: four LiDARs in the mount; ``mixed``: some beside it; ``number``: other counts; ``gamed``: must lose.
+    #: ``box``: four LiDARs in the mount; ``mixed``: some beside it; ``number``: other counts; ``sensor``: other LiDARs;
+    #: ``gamed``: must lose.
     pool: str
     poses: F64
+    #: Another LiDAR than the study's, as a scene file has it.
+    lidar: dict[str, Any] | None = None
+    #: Conditions of the scans that it is trained on and tested on, as ``Scene.scan`` takes them.
+    trained_in: tuple[str, ...] = ()
+    tested_in: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """As a plan keeps it."""
-        return {"name": self.name, "pool": self.pool, "poses": self.poses.tolist()}
+        kept = {"name": self.name, "pool": self.pool, "poses": self.poses.tolist()}
+        more = {"lidar": self.lidar, "trained_in": list(self.trained_in), "tested_in": list(self.tested_in)}
+        return kept | {key: value for key, value in more.items() if value}
 
     @staticmethod
     def from_dict(kept: dict[str, Any]) -> Layout:
         """Out of a plan."""
-        return Layout(kept["name"], kept["pool"], np.array(kept["poses"], dtype=np.float64))
+        poses = np.array(kept["poses"], dtype=np.float64)
+        weather = (tuple(kept.get(key, ())) for key in ("trained_in", "tested_in"))
+        return Layout(kept["name"], kept["pool"], poses, kept.get("lidar"), *weather)
 
 
 def published() -> list[Layout]:
@@ -64,6 +74,48 @@ def numbers() -> list[Layout]:
     spots = [(0, 0, 2.8), (0.6, 0.6, 2.5), (-0.6, -0.6, 2.5), (0.6, -0.6, 2.2), (-0.6, 0.6, 2.2), (0, 0.6, 2.8)]
     poses = np.array([[*spot, 0.0, 0.0, 0.7 * k] for k, spot in enumerate(spots)])
     return [Layout(f"count-{n}", "number", poses[:n]) for n in range(1, len(spots) + 1)]
+
+
+def sensors(lidar: dict[str, Any]) -> list[Layout]:
+    """The published optimum with LiDARs of as many points: other channels, other fields of view."""
+    (ours,) = (layout.poses for layout in published() if layout.name == "Ours-seg")
+    points = lidar["channels"] * lidar["azimuth_steps"]
+    patterns = [(f"channels-{n}", {"channels": n, "azimuth_steps": points // n}) for n in (8, 32, 64)]
+    patterns += [(f"fov-{low}-{high}", {"fov": [low, high]}) for low, high in ((-15, 15), (-45, 5), (-12, 2))]
+    return [Layout(f"Ours-seg-{name}", "sensor", ours, {**lidar, **changed}) for name, changed in patterns]
+
+
+#: Placements that variants are made of.
+BASES = ("Center", "Line", "Pyramid", "Square", "Ours-seg")
+
+#: Conditions that a vehicle meets.
+CONDITIONS = ("fog", "wet", "snow", "blur", "crosstalk", "echo")
+
+
+def channels(lidar: dict[str, Any]) -> list[Layout]:
+    """Published ones with more channels in the same field of view, as ``NAME@VARIANT``."""
+    return [
+        Layout(f"{base.name}@{count}-channels", "variant", base.poses, {**lidar, "channels": count})
+        for count in (16, 32, 64, 128)
+        for base in _bases()
+    ]
+
+
+def conditions() -> list[Layout]:
+    """Published ones tested in each condition, trained in clear air or in it, as ``NAME@VARIANT``."""
+    weathers: list[tuple[str, tuple[str, ...], tuple[str, ...]]] = [("clear", (), ())]
+    for name in CONDITIONS:
+        weather = (f"{name}:level=heavy",)
+        weathers += [(f"{name}, trained in clear air", (), weather), (f"{name}, trained in it", weather, weather)]
+    return [
+        Layout(f"{base.name}@{name}", "variant", base.poses, None, trained, tested)
+        for name, trained, tested in weathers
+        for base in _bases()
+    ]
+
+
+def _bases() -> list[Layout]:
+    return [layout for layout in published() if layout.name in BASES]
 
 
 def gamed() -> list[Layout]:

@@ -5,17 +5,20 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import json
-import math
-import os
 import platform
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import sightline
 
-from . import layouts, worlds
+from . import layouts, pool, stage, worlds
+from .candidates import CANDIDATES
+from .designs import KINDS, Design
+from .files import read_json, write_json
 from .layouts import Layout
 from .learners import trees
 from .scores import SCORES
@@ -23,57 +26,16 @@ from .trial import METRICS
 from .truth import DENSE, VERSION, VISIBLE, Source
 from .worlds import LIDAR, World
 
-#: Objectives whose optima are among the placements.
-OBJECTIVES = ("information_gain", "m_sog_scaled")
+#: Objectives whose optima by the engine are among the placements.
+OBJECTIVES = ("information_gain", "m_sog_scaled", "m_sog_scaled_nonzero")
 
+#: Candidates whose optima over a pool of poses are, of four in the mount and of two there and two low round the body.
+#: Left to themselves all of these chose four in the mount, in the pool of the standard run.
+IN_THE_MOUNT = ("gain", *(name for name in CANDIDATES if name not in ("gain", "actors_20", "gain_low", "near_field")))
+WITH_LOW = ("gain", "covered_occupied", "distinct_voxels", "actors_5", "blend")
 
-@dataclass(frozen=True)
-class Design:
-    """How large a study is."""
-
-    name: str
-    #: Kinds and seeds of worlds.
-    train: tuple[tuple[str, int], ...]
-    test: tuple[tuple[str, int], ...]
-    own: bool
-    frames: int
-    #: Random layouts in each of twelve strata.
-    random: int
-    #: Optima are searched on so many of the training worlds.
-    searched: int
-    evaluations: int
-    seeds: tuple[int, ...]
-    learner: trees.Settings
-
-
-_KINDS = ("street", "highway", "residential", "yard", "town")
-
-DESIGNS = {
-    "quick": Design(
-        name="quick",
-        train=(*((kind, 1) for kind in _KINDS), ("street", 2)),
-        test=(("street", 101), ("highway", 101), ("residential", 101), ("town", 101)),
-        own=True,
-        frames=2,
-        random=1,
-        searched=1,
-        evaluations=60,
-        seeds=(1, 2),
-        learner=trees.Settings(),
-    ),
-    "standard": Design(
-        name="standard",
-        train=tuple((kind, seed) for seed in range(1, 5) for kind in _KINDS),
-        test=tuple((kind, seed) for seed in range(101, 104) for kind in _KINDS[:4]),
-        own=True,
-        frames=2,
-        random=4,
-        searched=5,
-        evaluations=120,
-        seeds=(1, 2),
-        learner=trees.Settings(points=120_000),
-    ),
-}
+#: Placements that have their second seed first.
+ANCHORS = ("Center", "Line", "Square", "Pyramid", "Ours-seg", "Ours-det", "Center-staggered", "count-1", "count-6", "sky")
 
 
 @dataclass(frozen=True)
@@ -96,29 +58,101 @@ class Plan:
         """Scenes to ``train`` or to ``test``."""
         return [world for world in self.worlds if world.role == role]
 
+    def units(self) -> list[tuple[Layout, int]]:
+        """Placements and seeds in the order of their doing, such that a run that is cut short has some of everything.
+
+        First seed: published ones and optima, one random one of each stratum, the rest. Then further seeds, of anchors
+        and optima first.
+        """
+        first = sorted(self.placements, key=_turn)
+        more = [(layout, seed) for seed in self.seeds[1:] for layout in first]
+        more.sort(key=lambda unit: unit[0].name not in ANCHORS and not unit[0].name.startswith("best-"))
+        return [(layout, self.seeds[0]) for layout in first] + more
+
+
+def _turn(layout: Layout) -> int:
+    if layout.name.startswith("random-"):
+        return 1 if layout.name.endswith("-0") else 3
+    return 0 if layout.pool == "box" else 2
+
 
 def digest(record: dict[str, Any]) -> str:
     """SHA-256 of a record's canonical JSON."""
     return hashlib.sha256(json.dumps(record, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
-def make(design: Design, out: Path, scenes: Path, say: Callable[[str], None]) -> Plan:
+def make(design: Design, out: Path, scenes: Path, jobs: int) -> Plan:
     """Makes worlds and layouts, searches optima on training worlds only, and writes ``plan.json``."""
-    say("making worlds")
+    stage.say("making worlds")
     made = out / "worlds"
     chosen = [worlds.generated(kind, seed, "train", design.frames, made) for kind, seed in design.train]
     chosen += [worlds.generated(kind, seed, "test", design.frames, made) for kind, seed in design.test]
     chosen += worlds.own(scenes, design.frames) if design.own else []
     train = [world for world in chosen if world.role == "train"]
+    return settle(design, chosen, _PLACED[design.placements](design, train, out / "pool", jobs), out)
+
+
+def _study(design: Design, train: list[World], folder: Path, jobs: int) -> list[Layout]:
     mount = train[0].source().described["mount"]
-    placed = layouts.published() + layouts.staggered(LIDAR["azimuth_steps"])  # type: ignore[arg-type]
-    placed += layouts.stratified(mount, design.random, seed=20)
-    placed += layouts.mixed() + layouts.numbers() + layouts.gamed()
-    for objective in OBJECTIVES:
-        for world in train[: design.searched]:
-            say(f"searching the optimum of {objective} in {world.name}")
-            placed.append(_optimum(world, objective, design.evaluations))
-    return settle(design, chosen, placed, out)
+    placed = layouts.published() + _optima(design, train, mount, folder, jobs)
+    placed += layouts.staggered(LIDAR["azimuth_steps"])  # type: ignore[arg-type]
+    placed += layouts.mixed() + layouts.numbers() + layouts.gamed() + layouts.sensors(LIDAR)
+    return placed + layouts.stratified(mount, design.random, seed=20)
+
+
+def _transfer(design: Design, train: list[World], folder: Path, jobs: int) -> list[Layout]:
+    """The optimum of the gain in the worlds of each kind alone, and of all; beside the published one."""
+    mount = train[0].source().described["mount"]
+    poses, kinds = pool.drawn(mount, *design.poses, seed=1)
+    stage.carry_out("pool", [(folder / f"{w.name}.json", pool.cast, (w, poses, folder)) for w in train], jobs)
+    groups = {kind: [w.name for w in train if w.name.startswith(kind)] for kind in KINDS}
+    groups["all"] = [world.name for world in train]
+    found = [layout for layout in layouts.published() if layout.name in ("Ours-seg", "Center")]
+    for kind, names in groups.items():
+        best = pool.optimum("gain", names, folder, poses, [kinds == pool.INSIDE] * 4, float(mount.get("min_distance", 0.0)))
+        found.append(Layout(f"best-of-{kind}", "transfer", np.array(best["poses"])))
+    return found
+
+
+#: Placements of each sort of design.
+_PLACED: dict[str, Callable[[Design, list[World], Path, int], list[Layout]]] = {
+    "study": _study,
+    "transfer": _transfer,
+    "channels": lambda design, train, folder, jobs: layouts.channels(LIDAR),
+    "conditions": lambda design, train, folder, jobs: layouts.conditions(),
+}
+
+
+def _optima(design: Design, train: list[World], mount: dict[str, Any], folder: Path, jobs: int) -> list[Layout]:
+    """Of the engine's objectives, then of the candidates; searched in training worlds alone."""
+    tasks: list[stage.Task] = []
+    for number in range(design.searches):
+        # Worlds of all kinds, other ones in each search.
+        group = [train[(number + k * design.searches) % len(train)] for k in range(design.searched)]
+        tasks += [
+            (folder / f"best-{name}-{number + 1}.json", _optimum, (group, name, design.evaluations, number + 1))
+            for name in OBJECTIVES
+        ]
+    poses, kinds = pool.drawn(mount, *design.poses, seed=1)
+    casts: list[stage.Task] = [(folder / f"{w.name}.json", pool.cast, (w, poses, folder)) for w in train]
+    stage.carry_out("pool", casts if len(poses) else [], jobs)
+    names, inside = [world.name for world in train], kinds == pool.INSIDE
+    apart = float(mount.get("min_distance", 0.0))
+    for group_name, allowed, among in (
+        ("box", [inside] * 4, IN_THE_MOUNT),
+        ("low", [inside, inside, ~inside, ~inside], WITH_LOW),
+    ):
+        tasks += [
+            (folder / f"pool-{name}-{group_name}.json", pool.optimum, (name, names, folder, poses, allowed, apart))
+            for name in among
+            if len(poses)
+        ]
+    stage.carry_out("optima", tasks, jobs)
+    found = []
+    for path, _, _ in tasks:
+        kind = "mixed" if path.stem.endswith("-low") else "box"
+        found.append(Layout(f"best-{path.stem.removeprefix('best-')}", kind, np.array(read_json(path)["poses"])))
+    return found
 
 
 def settle(design: Design, chosen: list[World], placed: list[Layout], out: Path) -> Plan:
@@ -137,6 +171,7 @@ def settle(design: Design, chosen: list[World], placed: list[Layout], out: Path)
         "seeds": list(design.seeds),
         "learner": trees.describe(design.learner),
         "scores": list(SCORES),
+        "candidates": CANDIDATES,
         "metrics": list(METRICS),
     }
     record = json.loads(json.dumps(record))
@@ -178,27 +213,9 @@ def versions() -> dict[str, str]:
     return {"sightline": sightline.__version__, "python": platform.python_version(), **found}
 
 
-def write_json(path: Path, value: Any) -> None:
-    """Writes beside, then renames, so that a killed run leaves nothing half-written."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    text = json.dumps(finite(value), indent=1, sort_keys=True, allow_nan=False)
-    beside.write_text(text + "\n", encoding="utf-8")
-    os.replace(beside, path)
-
-
-def finite(value: Any) -> Any:
-    """JSON has no ``NaN``: ``null`` in its place."""
-    if isinstance(value, dict):
-        return {key: finite(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(inner) for inner in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _optimum(world: World, objective: str, evaluations: int) -> Layout:
-    scene = worlds.opened(Source.read(world.path), frames=2)
-    found = sightline.optimize([scene], objective=objective, evaluations=evaluations, seed=1)
+def _optimum(group: list[World], objective: str, evaluations: int, seed: int) -> dict[str, Any]:
+    scenes = [worlds.opened(Source.read(world.path), frames=2) for world in group]
+    found = sightline.optimize(scenes, objective=objective, evaluations=evaluations, seed=seed)
     if found.best is None:
-        raise ValueError(f"{world.path}: the search for {objective} found no placement within the mount's rules")
-    return Layout(f"best-{objective}-{world.name}", "box", found.best.poses)
+        raise ValueError(f"the search for {objective} in {', '.join(w.name for w in group)} found no placement")
+    return {"objective": objective, "scenes": [w.name for w in group], "poses": found.best.poses.tolist()}

@@ -2,55 +2,60 @@
 
 from __future__ import annotations
 
-import json
-import multiprocessing
-import os
-import sys
-import threading
 import time
-from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import sightline
-
 from . import plan as plans
-from . import scores, summary, trial, truth
+from . import scores, stage, summary, trial, truth
+from .designs import DESIGNS
+from .files import is_whole, read_json, write_json
 from .groups import GROUPS
 from .layouts import Layout
 from .learners import trees
 from .metrics import segmentation
-from .plan import Design, Plan
+from .plan import Plan
+from .stage import Task, say
+from .worlds import World
 
 #: The placement that the checks of the learner are made with.
 ANCHOR = "Center"
 
-#: What is left to be done: the file that it writes, and the function that makes it.
-Task = tuple[Path, Callable[..., Any], tuple[Any, ...]]
 
-
-def run(design: Design, out: Path, scenes: Path, jobs: int) -> dict[str, Any]:
+def run(name: str, out: Path, scenes: Path, jobs: int) -> dict[str, Any]:
     """All of a study; writes ``plan.json`` before anything is learnt and ``result.json`` at the end, and returns it."""
-    began = time.monotonic()
+    began, design = time.monotonic(), DESIGNS[name]
     if (out / "plan.json").exists():
         plan = plans.read(design, out, scenes)
         say(f"goes on with the plan {plan.sha256[:12]} of {out}")
     else:
-        plan = plans.make(design, out, scenes, say)
+        plan = plans.make(design, out, scenes, jobs)
     return carry_out(plan, out, jobs, began)
+
+
+def so_far(out: Path, scenes: Path) -> dict[str, Any]:
+    """The result of the units that a run has, written to ``result.json``; says how many are missing."""
+    if not is_whole(out / "plan.json"):
+        raise ValueError(f"{out}: has no plan.json; give the folder of a run")
+    name = read_json(out / "plan.json")["plan"]["design"]
+    if name not in DESIGNS:
+        raise ValueError(f"{out / 'plan.json'}: the design {name} is none of {', '.join(DESIGNS)}")
+    result = summary.of(plans.read(DESIGNS[name], out, scenes), out)
+    say(f"{len(result['missing_units'])} units are missing: {', '.join(result['missing_units']) or 'none'}")
+    write_json(out / "result.json", result)
+    return result
 
 
 def carry_out(plan: Plan, out: Path, jobs: int, began: float) -> dict[str, Any]:
     """Whatever of a plan is not in ``out`` yet, and the result."""
     train, test = plan.of("train"), plan.of("test")
-    _stage("truth", [(out / "truth" / f"{w.name}.json", make_truth, (w, out)) for w in test], jobs)
+    stage.carry_out("truth", [(out / "truth" / f"{w.name}.json", make_truth, (w, out)) for w in test], jobs)
     tasks: list[Task] = [
         (out / "scores" / f"{w.name}.json", scores.of_world, (w, plan.placements)) for w in test
     ]
-    _stage("scores", tasks, jobs)
+    stage.carry_out("scores", tasks, jobs)
     (anchor,) = [layout for layout in plan.placements if layout.name == ANCHOR] or plan.placements[:1]
     tasks = [
         (out / "checks" / "shuffled-labels.json", check_shuffled, (plan, anchor)),
@@ -58,23 +63,17 @@ def carry_out(plan: Plan, out: Path, jobs: int, began: float) -> dict[str, Any]:
     ]
     tasks += [
         (out / "units" / f"{layout.name}-{seed}.json", unit, (plan, layout, seed, out))
-        for seed in plan.seeds
-        for layout in plan.placements
+        for layout, seed in plan.units()
     ]
     say(f"{len(train)} scenes to train, {len(test)} to test, {len(plan.placements)} placements, plan {plan.sha256[:12]}")
-    _stage("units", tasks, jobs)
+    stage.carry_out("units", tasks, jobs)
     result = summary.of(plan, out)
     result["times"] = {"seconds_of_this_call": round(time.monotonic() - began, 1), "jobs": jobs}
-    plans.write_json(out / "result.json", result)
+    write_json(out / "result.json", result)
     return result
 
 
-def say(sentence: str) -> None:
-    """Progress, to stderr."""
-    print(f"evidence: {sentence}", file=sys.stderr, flush=True)
-
-
-def make_truth(world: Any, out: Path) -> dict[str, Any]:
+def make_truth(world: World, out: Path) -> dict[str, Any]:
     """Makes a scene's targets; returns what stands in them."""
     found = truth.cached(world.source(), world.sha256, world.frames, out / "truth")
     voxels = np.sum([np.bincount(t.labels, minlength=len(GROUPS)) for t in found], axis=0)
@@ -87,12 +86,12 @@ def make_truth(world: Any, out: Path) -> dict[str, Any]:
 def unit(plan: Plan, layout: Layout, seed: int, out: Path) -> dict[str, Any]:
     """A placement, trained and judged with one seed."""
     began = time.monotonic()
-    seen = [scan for world in plan.of("train") for scan in trial.frames_of(world, layout, seed)]
+    seen = [scan for world in plan.of("train") for scan in trial.frames_of(world, layout, seed, layout.trained_in)]
     learner = trial.learn(seen, seed, plan.learner)
     judged = {}
     for world in plan.of("test"):
         targets = truth.cached(world.source(), world.sha256, world.frames, out / "truth")
-        judged[world.name] = trial.judge(world, targets, trial.frames_of(world, layout, seed), learner)
+        judged[world.name] = trial.judge(world, targets, trial.frames_of(world, layout, seed, layout.tested_in), learner)
     return {
         "placement": layout.name,
         "seed": seed,
@@ -107,7 +106,7 @@ def check_shuffled(plan: Plan, layout: Layout) -> dict[str, float]:
     """mIoU of trees that were fed shuffled labels, beside that of the same trees with the right ones, and chance."""
     seen = [scan for world in plan.of("train") for scan in trial.frames_of(world, layout, plan.seeds[0])]
     unseen = [scan for world in plan.of("test") for scan in trial.frames_of(world, layout, plan.seeds[0])]
-    described, labels = trial.gathered(seen)
+    described, labels = trial.sampled(seen, plan.learner.points, plan.seeds[0])
     wrong = np.random.default_rng(plan.seeds[0]).permutation(labels)
     right = {name: _quality(described, given, unseen, plan) for name, given in (("right", labels), ("shuffled", wrong))}
     counts = right["right"][1]
@@ -123,69 +122,13 @@ def check_curve(plan: Plan, layout: Layout) -> dict[str, list[float]]:
     for count in counts:
         seen = [scan for world in train[:count] for scan in trial.frames_of(world, layout, plan.seeds[0])]
         found["scenes"].append(count)
-        found["own_miou"].append(_quality(*trial.gathered(seen), unseen, plan)[0])
+        found["own_miou"].append(_quality(*trial.sampled(seen, plan.learner.points, plan.seeds[0]), unseen, plan)[0])
     return found
 
 
 def _quality(described: Any, labels: Any, unseen: list[trial.Frame], plan: Plan) -> tuple[float, Any]:
-    learner = trees.train(described, labels, plan.seeds[0], plan.learner)
-    features, truths = trial.gathered(unseen)
-    counts = segmentation.confusion(truths, learner.predict(features)[0], len(GROUPS))
+    learner = trial.OnPoints(trees.train(described, labels, plan.seeds[0], plan.learner))
+    counts = np.zeros((len(GROUPS), len(GROUPS)), np.int64)
+    for scan in unseen:
+        counts += segmentation.confusion(scan.labels, learner.predict(scan)[0], len(GROUPS))
     return segmentation.nuscenes(counts).mean, counts
-
-
-def _stage(name: str, tasks: list[Task], jobs: int) -> None:
-    left = [task for task in tasks if not is_whole(task[0])]
-    if not left:
-        return
-    for path, _, _ in left:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        for torn in path.parent.glob("*.tmp*"):
-            torn.unlink(missing_ok=True)
-    # Libraries of the workers shall not each take all cores.
-    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(variable, "1")
-    began = time.monotonic()
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(jobs, len(left)), mp_context=context, initializer=_begin) as pool:
-        pending = {pool.submit(_do, *task): task[0] for task in left}
-        try:
-            for done, future in enumerate(as_completed(pending), 1):
-                future.result()
-                rest = (time.monotonic() - began) / done * (len(left) - done)
-                say(f"{name} {done}/{len(left)} {pending[future].stem}, {in_words(rest)} left")
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
-
-
-def is_whole(path: Path) -> bool:
-    """Whether a task's file is there and can be read."""
-    try:
-        json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    return True
-
-
-def in_words(seconds: float) -> str:
-    """A duration as one reads it."""
-    return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"
-
-
-def _do(path: Path, work: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-    plans.write_json(path, work(*arguments))
-
-
-def _begin() -> None:
-    sightline.set_threads(1)
-    parent = multiprocessing.parent_process()
-    if parent is None:
-        return
-
-    def follow() -> None:
-        # A parent that is killed cannot tell its workers to end.
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=follow, daemon=True).start()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -39,43 +40,72 @@ REACH = 1.0
 NEAR = (3, 10)
 
 
+class Learner(Protocol):
+    """Whatever names the groups of points."""
+
+    @property
+    def curve(self) -> list[float]:
+        """How its loss fell."""
+
+    def predict(self, frame: Frame) -> tuple[U8, F32]:
+        """Groups ``[P]`` of a frame's points, and how sure it is ``[P]``."""
+
+
 @dataclass(frozen=True)
 class Frame:
-    """A placement's scan of one frame, ready to be learnt; its own body left out."""
+    """A placement's scan of one frame; its own body left out."""
 
     xyz: F64
     labels: U8
-    features: F32
     #: Points by actor's instance.
     points: dict[int, int]
 
 
-def frames_of(world: World, layout: Layout, seed: int) -> list[Frame]:
-    """Scans of the frames of a scene, with their noise drawn by the seed."""
-    rig = sightline.Placement(layout.poses, name=layout.name)
-    scans = world.scene().scan(rig, seed=seed, frames=world.frames)
+def frames_of(world: World, layout: Layout, seed: int, conditions: tuple[str, ...] = ()) -> list[Frame]:
+    """Scans of the frames of a scene in clear air or other conditions, with their noise drawn by the seed."""
+    scans = world.scene(layout.lidar).scan(layout.poses, seed=seed, frames=world.frames, conditions=conditions)
     return [_frame(scan) for scan in scans]
 
 
 def _frame(scan: sightline.Scan) -> Frame:
     others = scan.instance != 65535
-    xyz = scan.xyz[others].astype(np.float64)
     points = {int(box): int(n) for box, n in zip(scan.boxes.instance, scan.boxes.points)}
-    return Frame(xyz, groups_of(scan.classes, scan.class_id[others]), trees.features(xyz), points)
+    return Frame(scan.xyz[others].astype(np.float64), groups_of(scan.classes, scan.class_id[others]), points)
 
 
-def gathered(scans: list[Frame]) -> tuple[F32, U8]:
-    """Features ``[P, F]`` and groups ``[P]`` of several frames."""
-    return np.concatenate([scan.features for scan in scans]), np.concatenate([scan.labels for scan in scans])
+def sampled(scans: list[Frame], most: int, seed: int) -> tuple[F32, U8]:
+    """Features ``[P, F]`` and groups ``[P]`` of about ``most`` labelled points, drawn before they are described."""
+    labelled = [np.flatnonzero(scan.labels) for scan in scans]
+    share = min(1.0, most / max(sum(map(len, labelled)), 1))
+    rng = np.random.default_rng([seed, 2])
+    kept = [np.sort(rng.permutation(of)[: math.ceil(share * len(of))]) for of in labelled]
+    described = [trees.features(scan.xyz, of) for scan, of in zip(scans, kept)]
+    return np.concatenate(described), np.concatenate([scan.labels[of] for scan, of in zip(scans, kept)])
 
 
-def learn(scans: list[Frame], seed: int, settings: trees.Settings) -> trees.Trees | None:
+@dataclass(frozen=True)
+class OnPoints:
+    """Trees as a learner of frames."""
+
+    trees: trees.Trees
+
+    @property
+    def curve(self) -> list[float]:
+        """How its loss fell."""
+        return self.trees.curve
+
+    def predict(self, frame: Frame) -> tuple[U8, F32]:
+        """Groups ``[P]`` of a frame's points, and how sure it is ``[P]``."""
+        return self.trees.predict(trees.features(frame.xyz))
+
+
+def learn(scans: list[Frame], seed: int, settings: trees.Settings) -> OnPoints | None:
     """Trees on these frames; ``None`` where a placement sees too little to learn from."""
-    described, labels = gathered(scans)
-    return trees.train(described, labels, seed, settings) if len(np.unique(labels[labels > 0])) > 1 else None
+    described, labels = sampled(scans, settings.points, seed)
+    return OnPoints(trees.train(described, labels, seed, settings)) if len(np.unique(labels)) > 1 else None
 
 
-def judge(world: World, truths: list[Truth], scans: list[Frame], learner: trees.Trees | None) -> dict[str, Any]:
+def judge(world: World, truths: list[Truth], scans: list[Frame], learner: Learner | None) -> dict[str, Any]:
     """Metrics of a placement in a test scene, over its frames together: ``metrics`` to rank by, and ``detail``."""
     grid = world.source().grid
     counts = {name: np.zeros((len(GROUPS), len(GROUPS)), np.int64) for name in ("own", "voxel", "voxel_1m", "map")}
@@ -85,7 +115,7 @@ def judge(world: World, truths: list[Truth], scans: list[Frame], learner: trees.
     right: list[Bools] = []
     for truth, scan in zip(truths, scans, strict=True):
         predicted, confidence = (
-            learner.predict(scan.features) if learner else (np.zeros(0, np.uint8), np.zeros(0, np.float32))
+            learner.predict(scan) if learner else (np.zeros(0, np.uint8), np.zeros(0, np.float32))
         )
         xyz = scan.xyz if learner else scan.xyz[:0]
         if learner:

@@ -77,10 +77,10 @@ class Source:
         """The scene's region."""
         return Grid.of(self.described["roi"])
 
-    def open(self, frames: int | None = None, **changed: Any) -> sightline.Scene:
-        """The scene with other entries, as ``lidar=…``, scored over so many frames."""
+    def open(self, frames: int | None = None, psog: sightline.Psog | None = None, **changed: Any) -> sightline.Scene:
+        """The scene with other entries, as ``lidar=…``, scored over so many frames, with a P-SOG that is there."""
         return sightline.Scene.from_dict(
-            {**self.described, **changed}, folder=self.path.parent, backend="cpu", frames=frames
+            {**self.described, **changed}, folder=self.path.parent, psog=psog, backend="cpu", frames=frames
         )
 
     def digest(self) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import json
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -35,9 +36,9 @@ class World:
         """The scene, read once in a process."""
         return _source(self.path)
 
-    def scene(self) -> sightline.Scene:
-        """The scene with the study's LiDAR, opened once in a process."""
-        return _scene(self.path)
+    def scene(self, lidar: dict[str, Any] | None = None) -> sightline.Scene:
+        """The scene with the study's LiDAR or another, opened once in a process."""
+        return _scene(self.path, json.dumps(lidar or LIDAR))
 
     def to_dict(self, out: Path) -> dict[str, Any]:
         """As a plan keeps it; files within ``out`` are named from there."""
@@ -94,9 +95,38 @@ def world(name: str, path: Path, role: str, frames: int) -> World:
     return World(name, path, role, [int((k + 0.5) * count / frames) for k in range(frames)], source.digest())
 
 
-def opened(source: Source, frames: int | None = None) -> sightline.Scene:
-    """A scene with the study's LiDAR; scores are means over so many frames."""
-    return source.open(frames, lidar=LIDAR)
+def opened(
+    source: Source,
+    frames: int | None = None,
+    lidar: dict[str, Any] | None = None,
+    psog: sightline.Psog | None = None,
+) -> sightline.Scene:
+    """A scene with the study's LiDAR or another; scores are means over so many frames.
+
+    ``psog`` is that of the scene, which it need not make again: it is the same for all LiDARs.
+    """
+    return source.open(frames, psog=psog, lidar=lidar or LIDAR)
+
+
+def at(source: Source, frame: int, psog: sightline.Psog, lidar: dict[str, Any] | None = None) -> sightline.Scene:
+    """The scene from a frame on, scored in that one alone: what its ``covered`` gives is c(v) of this frame.
+
+    ``psog`` is that of the whole scene, which it need not make again.
+    """
+
+    def from_there(moves: dict[str, Any]) -> dict[str, Any]:
+        if "poses" in moves:
+            return {**moves, "poses": moves["poses"][frame:]}
+        if "route" not in moves:
+            return moves
+        route = moves["route"]
+        start = route.get("start", 0.0) + frame * route.get("spacing", 0.0)
+        return {**moves, "route": {**route, "start": start}}
+
+    described = source.described
+    later = {**described, "frames": described["frames"] - frame, "ego": from_there(described.get("ego", {}))}
+    later["actors"] = [from_there(actor) for actor in described.get("actors", [])]
+    return opened(Source(source.path, later), 1, lidar, psog)
 
 
 @functools.lru_cache(maxsize=64)
@@ -105,5 +135,5 @@ def _source(path: Path) -> Source:
 
 
 @functools.lru_cache(maxsize=64)
-def _scene(path: Path) -> sightline.Scene:
-    return opened(_source(path))
+def _scene(path: Path, lidar: str) -> sightline.Scene:
+    return opened(_source(path), lidar=json.loads(lidar))

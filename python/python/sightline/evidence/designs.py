@@ -1,0 +1,79 @@
+"""How large each study is, and what it is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .learners.trees import Settings
+
+#: Kinds of worlds.
+KINDS = ("street", "highway", "residential", "yard", "town")
+
+
+@dataclass(frozen=True)
+class Design:
+    """How large a study is."""
+
+    name: str
+    #: Kinds and seeds of worlds.
+    train: tuple[tuple[str, int], ...]
+    test: tuple[tuple[str, int], ...]
+    learner: Settings = Settings()
+    seeds: tuple[int, ...] = (1,)
+    #: Frames of each world.
+    frames: int = 1
+    #: Whether the own four scenes are tested on, too.
+    own: bool = False
+    #: ``study``: all sorts; ``channels``, ``conditions``, ``transfer``: one question each.
+    placements: str = "study"
+    #: Random layouts in each of twelve strata.
+    random: int = 0
+    #: The engine searches so many times, on so many training worlds at once.
+    searches: int = 0
+    searched: int = 0
+    evaluations: int = 0
+    #: Poses in the mount, and low ones, of the pool that candidates are searched in; 0: no search.
+    poses: tuple[int, int] = (0, 0)
+
+
+def _worlds(*seeds: int) -> tuple[tuple[str, int], ...]:
+    return tuple((kind, seed) for seed in seeds for kind in KINDS)
+
+
+_ALL = (
+    Design(
+        name="quick",
+        train=(*_worlds(1), ("street", 2)),
+        test=(("street", 101), ("highway", 101), ("residential", 101), ("town", 101)),
+        own=True,
+        frames=2,
+        random=1,
+        searches=1,
+        searched=2,
+        evaluations=60,
+        poses=(100, 40),
+        seeds=(1, 2),
+    ),
+    Design(
+        name="standard",
+        train=_worlds(1, 2, 3, 4),
+        test=(*_worlds(101, 102), ("street", 103), ("town", 103)),
+        own=True,
+        frames=2,
+        random=3,
+        searches=1,
+        searched=3,
+        evaluations=80,
+        poses=(300, 160),
+        seeds=(1, 2),
+        learner=Settings(points=90_000),
+    ),
+    Design(name="channels", train=_worlds(1), test=_worlds(101), placements="channels"),
+    Design(name="conditions", train=_worlds(1), test=_worlds(101), placements="conditions"),
+    Design(
+        name="transfer", train=_worlds(1, 2), test=_worlds(101, 102), frames=2, placements="transfer", poses=(160, 0)
+    ),
+)
+
+#: By name.
+DESIGNS = {design.name: design for design in _ALL}

@@ -1,0 +1,140 @@
+"""What else a study tells: height, spread and roll; other LiDARs; whether learners agree."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from . import correlate, decide
+from ._types import F64
+from .decide import SEED
+from .gathered import Gathered, mean
+from .layouts import Layout
+
+#: What describes a placement of four in the mount, in the order of ``described``.
+QUANTITIES = ("mean_height", "spread_of_heights", "spread_in_plan", "mean_roll")
+
+
+def of(given: Gathered) -> dict[str, Any]:
+    """Effects of poses in the mount, and of other LiDARs on the published optimum."""
+    return {"poses": _poses(given), "sensors": _sensors(given), "variants": _variants(given), "transfer": _transfer(given)}
+
+
+def described(layout: Layout) -> list[float]:
+    """``QUANTITIES`` of a placement: metres, metres, metres, radians (of its size, without sign)."""
+    poses = layout.poses
+    plan = np.hypot(poses[:, 0].std(), poses[:, 1].std())
+    return [poses[:, 2].mean(), poses[:, 2].std(), float(plan), float(np.abs(poses[:, 3]).mean())]
+
+
+def _poses(given: Gathered) -> dict[str, Any]:
+    """Standardized coefficients of a linear regression of each metric, with intervals over placements."""
+    kept = given.pool("box")
+    told = np.array([described(layout) for layout, keep in zip(given.layouts, kept) if keep]).reshape(-1, len(QUANTITIES))
+    if len(told) < 4 * len(QUANTITIES):
+        return {}
+    rng = np.random.default_rng(SEED)
+    drawn = [rng.integers(0, len(told), len(told)) for _ in range(500)]
+    found: dict[str, Any] = {}
+    for metric in given.metrics:
+        values = mean(given.mean(metric)[kept], 1)
+        if not np.isfinite(values).all():
+            continue
+        each = np.array([_coefficients(told[rows], values[rows]) for rows in drawn])
+        low, high = np.nanpercentile(each, [2.5, 97.5], axis=0)
+        found[metric] = {
+            name: {"value": float(v), "low": float(a), "high": float(b)}
+            for name, v, a, b in zip(QUANTITIES, _coefficients(told, values), low, high)
+        }
+    return found
+
+
+def _coefficients(told: F64, values: F64) -> F64:
+    spread = np.r_[told.std(axis=0), values.std()]
+    if np.any(spread == 0):
+        return np.full(told.shape[1], np.nan)
+    design = np.c_[np.ones(len(told)), (told - told.mean(axis=0)) / spread[:-1]]
+    found: F64 = np.linalg.lstsq(design, (values - values.mean()) / spread[-1], rcond=None)[0][1:]
+    return found
+
+
+def _sensors(given: Gathered) -> dict[str, Any]:
+    """Each other LiDAR less the study's own at the same poses, paired over scenes."""
+    names = [layout.name for layout in given.layouts if layout.pool == "sensor"]
+    return {
+        name: {m: asdict(decide.paired(given, m, name, decide.PUBLISHED)) for m in decide.DECIDING if m in given.metrics}
+        for name in names
+    }
+
+
+#: Scores that are shown beside variants.
+BESIDE = ("information_gain", "covered_occupied", "distinct_voxels")
+
+
+def _variants(given: Gathered) -> dict[str, Any]:
+    """Means of ``NAME@VARIANT`` over the names, less those of the first variant, and how it orders the names."""
+    names = [layout.name for layout in given.layouts if layout.pool == "variant"]
+    found: dict[str, Any] = {}
+    first = names[0].partition("@")[2] if names else ""
+    for variant in dict.fromkeys(name.partition("@")[2] for name in names):
+        bases = [n.partition("@")[0] for n in names if n.endswith(f"@{variant}") and f"{n.partition('@')[0]}@{first}" in names]
+        here, there = ([names_at(given, f"{base}@{v}") for base in bases] for v in (variant, first))
+        of = {m: given.mean(m) for m in decide.DECIDING if m in given.metrics}
+        found[variant] = {
+            "placements": len(bases),
+            "metrics": {
+                m: {
+                    "mean": float(np.nanmean(table[here])),
+                    "less_first": asdict(decide.over_scenes(mean(table[here] - table[there], 0))),
+                    "order_as_first": correlate.spearman(mean(table[here], 1), mean(table[there], 1)),
+                }
+                for m, table in of.items()
+            },
+            "scores": {s: float(given.scores[s][here].mean()) for s in BESIDE},
+        }
+    return found
+
+
+def names_at(given: Gathered, name: str) -> int:
+    """Where a placement stands that must be there."""
+    found = given.number(name)
+    if found is None:
+        raise ValueError(f"{name}: has no unit")
+    return found
+
+
+def _transfer(given: Gathered) -> dict[str, Any]:
+    """Of optima of one kind of worlds: less the published optimum, in each kind of test worlds."""
+    kinds = sorted({scene.rpartition("-")[0] for scene in given.scenes})
+    found: dict[str, Any] = {}
+    for layout in given.layouts:
+        if layout.pool != "transfer" or given.number(decide.PUBLISHED) is None:
+            continue
+        one, other = names_at(given, layout.name), names_at(given, decide.PUBLISHED)
+        found[layout.name] = {}
+        for metric in ("voxel_1m_miou", "birds_eye_miou", "objects_5"):
+            less = given.mean(metric)[one] - given.mean(metric)[other]
+            of = {kind: [k for k, scene in enumerate(given.scenes) if scene.rpartition("-")[0] == kind] for kind in kinds}
+            by_kind = {kind: float(np.nanmean(less[rows])) for kind, rows in of.items()}
+            found[layout.name][metric] = {"all": asdict(decide.over_scenes(less)), **by_kind}
+    return found
+
+
+def agreement(given: Gathered) -> dict[str, Any]:
+    """Spearman of the bird's-eye mIoU of the trees with the metrics of each other learner, with intervals."""
+    found = {}
+    for parts in (("box",), ("box", "mixed", "number", "sensor")):
+        kept = given.pool(*parts)
+        ours = given.mean("birds_eye_miou")[kept]
+        drawn = correlate.Drawn.of(np.random.default_rng(SEED), int(kept.sum()), len(given.scenes))
+        for metric in given.metrics:
+            theirs = given.mean(metric)[kept]
+            both = np.isfinite(mean(ours, 1)) & np.isfinite(mean(theirs, 1))
+            if metric.startswith("unet_") and both.sum() >= 4:
+                rho = correlate.spearman_interval(ours, theirs, drawn)
+                tau = stats.kendalltau(mean(ours, 1)[both], mean(theirs, 1)[both])[0]
+                found[f"{metric}, {'+'.join(parts)}"] = {**asdict(rho), "kendall": float(tau), "of": int(both.sum())}
+    return found

@@ -1,0 +1,75 @@
+"""Regret and the rule on studies whose answer is known."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy", reason="SciPy is not installed")
+pytest.importorskip("lightgbm", reason="lightgbm is not installed")
+from sightline.evidence import decide, effects
+from sightline.evidence.gathered import Gathered
+from sightline.evidence.layouts import Layout
+
+NAMES = ["Ours-seg", "Center", "best-pool-gain-box", "random-a", "random-b", "random-c"]
+
+
+def study(metric: Any, scores: dict[str, Any]) -> Gathered:
+    layouts = [Layout(name, "box", np.zeros((4, 6))) for name in NAMES]
+    scenes = [f"scene-{k}" for k in range(np.shape(metric)[1])]
+    plan: Any = SimpleNamespace()
+    tables = {"birds_eye_miou": np.array([metric], dtype=float)}
+    return Gathered(plan, layouts, scenes, [1], tables, {k: np.array(v, dtype=float) for k, v in scores.items()}, {}, [])
+
+
+def noisy(means: list[float], noise: float) -> Any:
+    return np.array(means)[:, None] + noise * np.random.default_rng(1).standard_normal((len(means), 12))
+
+
+def test_an_optimum_that_is_better_becomes_the_default() -> None:
+    metric = noisy([0.5, 0.4, 0.6, 0.2, 0.3, 0.1], 0.005)
+    given = study(metric, {"information_gain": metric, "m_sog": -metric, "mean_height": metric})
+    found = decide.of(given, given.pool("box"))
+    assert found["scores"]["information_gain"]["mean"]["value"] == 0
+    assert found["scores"]["m_sog"]["mean"]["value"] > 1
+    assert found["verdict"]["least_mean_regret"] == "information_gain"
+    assert found["verdict"]["becomes_default"] is True
+    against = found["optima"]["information_gain"]["metrics"]["birds_eye_miou"]
+    assert against["minus Ours-seg"]["value"] == pytest.approx(0.1, abs=0.01)
+
+
+def test_one_that_is_not_does_not() -> None:
+    metric = noisy([0.5, 0.4, 0.5, 0.2, 0.3, 0.1], 0.05)
+    given = study(metric, {"information_gain": metric, "m_sog": -metric})
+    assert decide.of(given, given.pool("box"))["verdict"]["becomes_default"] is False
+    given = study(metric, {"gain_low": metric, "m_sog": -metric})
+    assert decide.of(given, given.pool("box"))["verdict"]["why"] == "it was not searched with"
+
+
+def test_regret_by_hand() -> None:
+    metric = np.array([[3.0, 1.0], [1.0, 1.0], [2.0, 1.0]])
+    found = decide.regrets(metric)
+    np.testing.assert_allclose(found[:, 0], [0, 2, 1])
+    assert np.isnan(found[:, 1]).all()
+    score = np.array([[0.0, 0], [1, 0], [1, 0]])
+    np.testing.assert_allclose(decide.picked_regret(score, found)[0], 1.5)
+
+
+def test_effects_find_the_height() -> None:
+    rng = np.random.default_rng(2)
+    layouts, heights = [], rng.uniform(2.2, 2.8, 40)
+    for height in heights:
+        poses = np.zeros((4, 6))
+        poses[:, :2] = rng.uniform(-0.5, 0.5, (4, 2))
+        poses[:, 2] = height + rng.uniform(-0.05, 0.05, 4)
+        poses[:, 3] = rng.uniform(-0.3, 0.3, 4)
+        layouts.append(Layout(f"random-{height}", "box", poses))
+    plan: Any = SimpleNamespace()
+    metric = np.repeat(heights[:, None], 3, axis=1)[None]
+    given = Gathered(plan, layouts, ["a", "b", "c"], [1], {"birds_eye_miou": metric}, {}, {}, [])
+    found = effects.of(given)["poses"]["birds_eye_miou"]
+    assert found["mean_height"]["low"] > 0.9
+    assert found["mean_roll"]["low"] < 0 < found["mean_roll"]["high"]
