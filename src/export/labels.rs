@@ -192,3 +192,39 @@ impl<'a> Labels<'a> {
         self.of(point).0.nuscenes
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scan::{NO_CLASS, NO_INSTANCE};
+
+    #[test]
+    fn noise_has_the_published_labels_where_they_are_asked_for() {
+        let point = |class, status| Return {
+            position: [0.0; 3],
+            raw: [0.0; 3],
+            range: 1.0,
+            intensity: 0.0,
+            time: 0.0,
+            lidar: 0,
+            channel: 0,
+            column: 0,
+            class,
+            clean_class: class,
+            instance: NO_INSTANCE,
+            incidence: 0.0,
+            status,
+        };
+        let classes = [still(40, 24)];
+        for (published, want) in [(false, [(0, 0); 3]), (true, [(21, 41), (22, 42), (23, 43)])] {
+            let labels = Labels::new(&classes, &[], published);
+            let all = [Status::Fog, Status::Snow, Status::Crosstalk].map(|status| {
+                let noise = point(NO_CLASS, status);
+                (labels.kitti(&noise), labels.nuscenes(&noise))
+            });
+            assert_eq!(all, want);
+            let road = point(0, Status::Hit);
+            assert_eq!((labels.kitti(&road), labels.nuscenes(&road)), (40, 24));
+        }
+    }
+}

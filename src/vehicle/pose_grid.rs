@@ -26,7 +26,7 @@ pub struct Spacing {
 ///
 /// Along each pose field the grid starts at the lower bound and ends at the last step within the upper
 /// one. For mirrored pairs, y, roll and yaw run from −kδ to kδ instead: the mirror image of a pose is on
-/// the grid. A phase that is to be chosen takes [`PHASES`] values of its range. Poses are numbered from 0, one
+/// the grid. A phase that is to be chosen takes four values of its range. Poses are numbered from 0, one
 /// kind of slot after the other, with the phase fastest, then yaw, and x slowest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseGrid {

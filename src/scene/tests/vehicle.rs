@@ -129,7 +129,7 @@ fn what_is_wrong_with_a_vehicle_is_said_with_its_place() {
         ("\"count\": 1", "\"count\": \"two\"", "a number of sensors, 4 for example"),
         ("\"count\": 1", "\"cuont\": 1", "unknown key `cuont`"),
         ("\"phase\": 0.1", "\"phase\": [0.2, 0.1]", "sensors[1].phase: [0.2, 0.1] is not a range"),
-        ("\"phase\": 0.1", "\"phase\": [0, 7]", "sensors[1].phase: [0.0, 7.0] is not a range"),
+        ("\"phase\": 0.1", "\"phase\": [-4, 4]", "sensors[1].phase: [-4.0, 4.0] is not a range"),
         ("\"phase\": 0.1", "\"phase\": [0, 1, 2]", "a range of them"),
         ("\"phase\": 0.1", "\"phase\": \"loose\"", "sensors[1].phase: \"loose\" is not \"free\""),
         ("\"price\": 900", "\"price\": -1", "sensors[0].price: -1 is not"),
