@@ -148,7 +148,7 @@ def _taught(scene: Path, test: list[World], folder: Path, jobs: int) -> list[Pat
 def _judged(
     test: list[World], one: Candidate, lidar: dict[str, Any], net: Path, draw: int, folder: Path
 ) -> dict[str, list[float]]:
-    unet.torch.set_num_threads(1)
+    unet.one_thread()
     taught, layout = unet.Unet.load(net), Layout(one.name, "found", one.poses, lidar)
     found: dict[str, list[float]] = {}
     for world in test:
