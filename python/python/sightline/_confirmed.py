@@ -21,7 +21,7 @@ def optimize(words: list[str]) -> int:
     try:
         from .evidence import confirm
     except ImportError as error:
-        print(f"error: --confirm learned: {error}", file=sys.stderr)
+        print(f"error: --confirm learned: {error}; needed are torch and sightline[evidence]", file=sys.stderr)
         return 2
     if not (given.out / "result.json").is_file():
         # In a process of its own, for the program ends the one that it runs in.

@@ -54,16 +54,15 @@ def candidates(run: Path) -> tuple[str, list[Candidate]]:
     result = read_json(run / "result.json")
     if not result.get("best"):
         raise ValueError(f"{run / 'result.json'}: the search found no placement; there is nothing to confirm")
+    rest = [one for one in result.get("baselines", []) if one["objective"] is not None and not one["violations"]]
+    known = [max(rest, key=lambda one: float(one["objective"]))] if rest else []
+    baseline = [_candidate(one["placement"]["name"], one["placement"], one["objective"], "baseline") for one in known]
     found = [_candidate("best", result["best"]["placement"], result["best"]["objective"])]
     for one in _finalists(run):
         new = _candidate(f"finalist-{len(found) + 1}", one["placement"], (one.get("confirmed") or {}).get("value"))
-        if len(found) < FINALISTS and not any(_same(new, old) for old in found):
+        if len(found) < FINALISTS and not any(_same(new, old) for old in found + baseline):
             found.append(new)
-    rest = [one for one in result.get("baselines", []) if one["objective"] is not None and not one["violations"]]
-    if rest:
-        best = max(rest, key=lambda one: float(one["objective"]))
-        found.append(_candidate(best["placement"]["name"], best["placement"], best["objective"], "baseline"))
-    return result["objective"], found
+    return result["objective"], found + baseline
 
 
 def scene_of(run: Path) -> Path:
@@ -149,7 +148,7 @@ def _taught(scene: Path, test: list[World], folder: Path, jobs: int) -> list[Pat
 def _judged(
     test: list[World], one: Candidate, lidar: dict[str, Any], net: Path, draw: int, folder: Path
 ) -> dict[str, list[float]]:
-    unet.torch.set_num_threads(1)
+    unet.one_thread()
     taught, layout = unet.Unet.load(net), Layout(one.name, "found", one.poses, lidar)
     found: dict[str, list[float]] = {}
     for world in test:

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
+from . import agreement, stage, truth, worlds
 from . import plan as plans
-from . import stage, truth, worlds
+from .designs import DESIGNS
 from .files import is_whole, read_json
 from .layouts import Layout
 from .learners import judge, shared, unet
-from .plan import DESIGNS, Plan
+from .plan import Plan
 from .worlds import World
 
 #: Frames of each training world; more than trees have, which learn from points.
@@ -38,13 +38,19 @@ LOOKED = 8
 
 
 def read(out: Path, scenes: Path) -> Plan:
-    """The plan of a run's folder."""
-    if not is_whole(out / "plan.json"):
-        raise ValueError(f"{out}: has no plan.json; run quick or standard with this --out first")
-    name = read_json(out / "plan.json")["plan"]["design"]
-    if name not in DESIGNS:
-        raise ValueError(f"{out / 'plan.json'}: the design {name} is none of {', '.join(DESIGNS)}")
-    return plans.read(DESIGNS[name], out, scenes)
+    """The plan of a run's folder; refuses one that was changed, and worlds that are not those of the plan."""
+    path = out / "plan.json"
+    if not is_whole(path):
+        raise ValueError(f"{path}: is not there; run quick or standard with this --out first")
+    kept = read_json(path)
+    record = kept["plan"]
+    if kept["plan_sha256"] != plans.digest(record):
+        raise ValueError(f"{path}: was changed after it was hashed; give the folder of another run")
+    if record["design"] not in DESIGNS:
+        raise ValueError(f"{path}: the design {record['design']} is none of {', '.join(DESIGNS)}")
+    chosen = [World.from_dict(world, out, scenes) for world in record["scenes"]]
+    placed = [Layout.from_dict(layout) for layout in record["placements"]]
+    return Plan(chosen, placed, record["seeds"], DESIGNS[record["design"]].learner, record)
 
 
 def carry_out(plan: Plan, out: Path, anew: list[str], settings: unet.Settings, jobs: int) -> None:
@@ -60,7 +66,6 @@ def carry_out(plan: Plan, out: Path, anew: list[str], settings: unet.Settings, j
     tasks: list[stage.Task] = [
         (folder / f"seed-{seed}.json", teach, (train, test, folder, out / "truth", seed, settings)) for seed in SEEDS
     ]
-    tasks += [(folder / "shuffled-labels.json", check, (train, test, folder, out / "truth", settings))]
     stage.carry_out("U-Net, training", tasks, jobs)
     tasks = [
         (folder / "units" / f"{layout.name}-{seed}.json", unit, (test, layout, seed, folder / f"seed-{seed}.pt", out / "truth"))
@@ -68,11 +73,12 @@ def carry_out(plan: Plan, out: Path, anew: list[str], settings: unet.Settings, j
         for layout in plan.placements
     ]
     stage.carry_out("U-Net, placements", tasks, jobs)
-    tasks = [
+    tasks = [(folder / "shuffled-labels.json", check, (train, test, folder, out / "truth", settings))]
+    tasks += [
         (folder / "anew" / f"{name}-1.json", teach_anew, (train, test, layouts[name], folder, out / "truth", settings))
         for name in anew
     ]
-    stage.carry_out("U-Net, anew", tasks, jobs)
+    stage.carry_out("U-Net, checks and anew", tasks, jobs)
 
 
 def prepare(train: list[World], folder: Path, jobs: int) -> None:
@@ -100,7 +106,7 @@ def teach(
 
     The frames that are looked at are of test scenes, seen by random rigs; nothing is chosen by them.
     """
-    unet.torch.set_num_threads(1)
+    unet.one_thread()
     began, spent = time.monotonic(), time.process_time()
     at = shared.lesson_at(lessons_of(train, folder / "truth", settings.cell, lidar), seed)
     unseen = shared.lesson_at(lessons_of(test, truths, settings.cell, lidar), 1000 + seed)
@@ -132,7 +138,7 @@ def _parts(curve: list[float], count: int) -> list[list[float]]:
 
 def check(train: list[World], test: list[World], folder: Path, truths: Path, settings: unet.Settings) -> dict[str, float]:
     """mIoU of the maps of a net that was fed shuffled labels, of one with the right ones and as many steps, and chance."""
-    unet.torch.set_num_threads(1)
+    unet.one_thread()
     at = shared.lesson_at(lessons_of(train, folder / "truth", settings.cell), SEEDS[0])
     unseen = shared.lesson_at(lessons_of(test, truths, settings.cell), 1000 + SEEDS[0])
     held, short = [unseen(step) for step in range(2 * LOOKED)], shortened(settings, 3 * PART)
@@ -149,7 +155,7 @@ def shortened(settings: unet.Settings, part: int) -> unet.Settings:
 
 def unit(test: list[World], layout: Layout, seed: int, file: Path, truths: Path) -> dict[str, Any]:
     """A placement judged in all test scenes by the net of a seed."""
-    unet.torch.set_num_threads(1)
+    unet.one_thread()
     spent = time.process_time()
     net = unet.Unet.load(file)
     found = _judged(test, layout, seed, net, truths)
@@ -168,7 +174,7 @@ def teach_anew(
     train: list[World], test: list[World], layout: Layout, folder: Path, truths: Path, settings: unet.Settings
 ) -> dict[str, Any]:
     """A placement trained and judged with a net of its own, of part of the steps of the shared one."""
-    unet.torch.set_num_threads(1)
+    unet.one_thread()
     spent, seed = time.process_time(), SEEDS[0]
     at = shared.lesson_at(lessons_of(train, folder / "truth", settings.cell), seed, only=layout)
     net = unet.train(at, seed, shortened(settings, PART))
@@ -191,7 +197,5 @@ def main(arguments: list[str]) -> int:
     plan = read(out, given.scenes.resolve())
     settings = unet.Settings(given.steps, SETTINGS.width, SETTINGS.rate, SETTINGS.cell)
     carry_out(plan, out, given.anew, settings, given.jobs)
-    from . import agreement
-
-    print(agreement.table(plan, out), file=sys.stdout)
+    print(agreement.table(plan, out))
     return 0

@@ -69,12 +69,13 @@ def rig(rng: np.random.Generator, mount: dict[str, Any], body: F64) -> F64:
     """
     low, high = np.array(mount["min"], dtype=float), np.array(mount["max"], dtype=float)
     count = int(rng.integers(1, MOST + 1))
-    roll = mount.get("roll", [0.0, 0.0]) if rng.random() < 0.5 else [0.0, 0.0]
+    rolled = mount.get("roll", [0.0, 0.0]) if rng.random() < 0.5 else [0.0, 0.0]
+    roll = np.array(rolled, dtype=np.float64)
     spots = rng.uniform(low, high, (count, 3))
     if rng.random() < 1 / 3:
         below = rng.random(count) < 0.5
         spots[below] = _around(rng, body, int(below.sum()))
-    angles = np.c_[rng.uniform(*roll, count), np.zeros(count), rng.uniform(-math.pi, math.pi, count)]
+    angles = np.c_[rng.uniform(roll[0], roll[1], count), np.zeros(count), rng.uniform(-math.pi, math.pi, count)]
     poses: F64 = np.c_[spots, angles]
     return poses
 
@@ -85,7 +86,8 @@ def _around(rng: np.random.Generator, body: F64, count: int) -> F64:
     x, y = [x0 - 0.1, x1 + 0.1, (x0 + x1) / 2], [y0 - 0.1, y1 + 0.1, (y0 + y1) / 2]
     places = np.array([(a, b) for a in x for b in y][:-1])
     chosen = places[rng.integers(len(places), size=count)]
-    return np.c_[chosen, rng.uniform(0.4, 1.2, count)]
+    spots: F64 = np.c_[chosen, rng.uniform(0.4, 1.2, count)]
+    return spots
 
 
 def lesson_at(given: list[Lesson], seed: int, only: Layout | None = None) -> Callable[[int], unet.Sample]:

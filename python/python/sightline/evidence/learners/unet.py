@@ -73,6 +73,11 @@ class Sample:
     target: Target
 
 
+def one_thread() -> None:
+    """Maps are small: threads would wait for each other, and workers have a core each."""
+    torch.set_num_threads(1)
+
+
 def coarse(grid: Grid, cell: int) -> Grid:
     """The grid with columns of ``cell`` × ``cell`` voxels."""
     x, y, z = grid.shape
@@ -185,7 +190,8 @@ class Unet:
         """The map of groups ``[H, W]`` of an image."""
         with torch.no_grad():
             found = self.net(torch.from_numpy(seen)[None])[0][0, 1:].argmax(dim=0)
-        return (found + 1).numpy().astype(np.uint8)
+        named: U8 = (found + 1).numpy().astype(np.uint8)
+        return named
 
     def predict(self, grid: Grid, seen: F32, most: int = 100) -> tuple[U8, F32, Objects]:
         """Map of groups ``[H, W]``, how sure it is ``[H, W]``, and at most so many objects; ``grid`` is the coarse one."""
