@@ -73,3 +73,11 @@ def test_effects_find_the_height() -> None:
     found = effects.of(given)["poses"]["birds_eye_miou"]
     assert found["mean_height"]["low"] > 0.9
     assert found["mean_roll"]["low"] < 0 < found["mean_roll"]["high"]
+
+
+def test_scenes_needed_follow_the_spread_of_differences() -> None:
+    rng = np.random.default_rng(3)
+    metric = 0.4 + 0.02 / np.sqrt(2) * rng.standard_normal((6, 400))
+    found = effects.of(study(metric, {}))["needed"]["birds_eye_miou"]
+    assert found["spread"] == pytest.approx(0.02, rel=0.1)
+    assert found["scenes"] == pytest.approx(31.4, rel=0.25)

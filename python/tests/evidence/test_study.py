@@ -98,7 +98,7 @@ def test_what_is_there_of_a_run_that_was_cut_short(result: dict[str, Any], out: 
     assert {"Line", "Center"} & set(means(found, "voxel_miou")) == set()
     kept = set(means(result, "voxel_miou")) - {"Line", "Center"}
     assert {name: means(result, "voxel_miou")[name] for name in kept} == means(found, "voxel_miou")
-    assert "2 units are missing" in tables.tables(found)
+    assert "2 units are missing, 2 of seed 1: Center-1, Line-1" in tables.tables(found)
     for unit in (tmp_path / "cut" / "units").glob("*.json"):
         unit.unlink()
     with pytest.raises(ValueError, match="no unit yet"):

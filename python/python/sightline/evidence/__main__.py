@@ -36,7 +36,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     try:
         out, scenes = given.out.resolve(), given.scenes.resolve()
-        result = run.so_far(out, scenes) if given.design == "tables" else run.run(given.design, out, scenes, given.jobs)
+        result = run.so_far(out) if given.design == "tables" else run.run(given.design, out, scenes, given.jobs)
         present.write(result, given.out)
     except KeyboardInterrupt:
         say("interrupted; the same command goes on")

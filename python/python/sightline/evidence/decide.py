@@ -27,6 +27,13 @@ DECIDING = (
     "unet_centre_recall",
 )
 
+#: The same by what they are about, for a reader; the rule takes all alike.
+ABOUT = {
+    "recognized": ("voxel_miou", "voxel_1m_miou", "birds_eye_miou", "unet_birds_eye_miou"),
+    "objects": ("objects_5", "objects_20", "unet_centre_recall"),
+    "near ground": ("ground_seen_3m", "ground_seen_10m"),
+}
+
 #: Scores that no search would follow: null models, and the sums of which others are made.
 NULL = ("hits", "mean_height", "shuffled", "covered")
 
@@ -46,6 +53,9 @@ def of(given: Gathered, kept: Bools) -> dict[str, Any]:
         picked = np.stack([picked_regret(values[kept], one) for one in each.values()])
         by_score[score] = {
             "mean": asdict(over_scenes(mean(picked, 0))),
+            "about": {
+                name: asdict(over_scenes(mean(picked[[m in group for m in metrics]], 0))) for name, group in ABOUT.items()
+            },
             "by_metric": {m: asdict(over_scenes(row)) for m, row in zip(each, picked)},
         }
     placements = {

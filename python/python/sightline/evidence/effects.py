@@ -20,7 +20,8 @@ QUANTITIES = ("mean_height", "spread_of_heights", "spread_in_plan", "mean_roll")
 
 def of(given: Gathered) -> dict[str, Any]:
     """Effects of poses in the mount, and of other LiDARs on the published optimum."""
-    return {"poses": _poses(given), "sensors": _sensors(given), "variants": _variants(given), "transfer": _transfer(given)}
+    parts = {"poses": _poses, "sensors": _sensors, "needed": _needed, "variants": _variants, "transfer": _transfer}
+    return {name: part(given) for name, part in parts.items()}
 
 
 def described(layout: Layout) -> list[float]:
@@ -68,6 +69,28 @@ def _sensors(given: Gathered) -> dict[str, Any]:
         name: {m: asdict(decide.paired(given, m, name, decide.PUBLISHED)) for m in decide.DECIDING if m in given.metrics}
         for name in names
     }
+
+
+#: A difference worth seeing, as it is between optima of one mount.
+DIFFERENCE = 0.01
+
+
+def _needed(given: Gathered) -> dict[str, Any]:
+    """Scenes that tell two placements of four in the mount apart by ``DIFFERENCE`` (80 % power, two-sided 5 %).
+
+    From the median over all pairs of the spread of their difference between scenes.
+    """
+    kept = given.pool("box")
+    if kept.sum() < 2 or len(given.scenes) < 3:
+        return {}
+    found = {}
+    for metric in decide.DECIDING:
+        table = given.mean(metric)[kept] if metric in given.metrics else np.zeros((0, 0))
+        spread = [np.nanstd(a - b, ddof=1) for k, a in enumerate(table) for b in table[:k] if np.isfinite(a - b).sum() > 2]
+        if spread:
+            middle = float(np.median(spread))
+            found[metric] = {"spread": middle, "scenes": float(np.ceil((2.8 * middle / DIFFERENCE) ** 2))}
+    return found
 
 
 #: Scores that are shown beside variants.

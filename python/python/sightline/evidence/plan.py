@@ -179,8 +179,11 @@ def settle(design: Design, chosen: list[World], placed: list[Layout], out: Path)
     return Plan(chosen, placed, list(design.seeds), design.learner, record)
 
 
-def read(design: Design, out: Path, scenes: Path) -> Plan:
-    """The plan of an earlier run in ``out``; refuses what was changed since or made for something else."""
+def read(design: Design, out: Path, scenes: Path | None) -> Plan:
+    """The plan of an earlier run in ``out``; refuses what was changed since or made for something else.
+
+    Without ``scenes`` their files are not looked at, which is enough to sum up what was measured.
+    """
     path = out / "plan.json"
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))

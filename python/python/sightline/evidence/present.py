@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .decide import NULL, handmade
+from .files import write_json
 from .tables import interval, tables
 
 #: The pool that the picture shows.
@@ -18,9 +19,34 @@ COLOURS = {"published or by hand": "#dd6b20", "optimum of a score": "#2f855a", "
 
 
 def write(result: dict[str, Any], out: Path) -> None:
-    """``tables.md`` and ``figure.svg`` in ``out``."""
+    """``tables.md``, ``figure.svg`` and ``short.json``, the result without what is by scene, in ``out``."""
+    write_json(out / "short.json", short(result))
     _whole(out / "tables.md", tables(result).encode())
     _whole(out / "figure.svg", figure(result))
+
+
+def short(result: dict[str, Any]) -> dict[str, Any]:
+    """The result with means over scenes alone, to four digits; the plan as it is."""
+    left_out = ("by_seed_and_scene", "detail", "scores", "curve")
+    placements = [
+        {key: value for key, value in p.items() if key not in left_out}
+        | {"scores": {name: _mean(values) for name, values in p["scores"].items()}}
+        for p in result["placements"]
+    ]
+    return {**_rounded({**result, "placements": placements}), "plan": result["plan"]}
+
+
+def _mean(values: list[float | None]) -> float:
+    there = [value for value in values if value is not None and value == value]
+    return sum(there) / len(there) if there else float("nan")
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _rounded(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_rounded(inner) for inner in value]
+    return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
 def _whole(path: Path, content: bytes) -> None:

@@ -18,6 +18,7 @@ from .learners import trees
 from .metrics import segmentation
 from .plan import Plan
 from .stage import Task, say
+from .tables import missing
 from .worlds import World
 
 #: The placement that the checks of the learner are made with.
@@ -35,15 +36,15 @@ def run(name: str, out: Path, scenes: Path, jobs: int) -> dict[str, Any]:
     return carry_out(plan, out, jobs, began)
 
 
-def so_far(out: Path, scenes: Path) -> dict[str, Any]:
+def so_far(out: Path) -> dict[str, Any]:
     """The result of the units that a run has, written to ``result.json``; says how many are missing."""
     if not is_whole(out / "plan.json"):
         raise ValueError(f"{out}: has no plan.json; give the folder of a run")
     name = read_json(out / "plan.json")["plan"]["design"]
     if name not in DESIGNS:
         raise ValueError(f"{out / 'plan.json'}: the design {name} is none of {', '.join(DESIGNS)}")
-    result = summary.of(plans.read(DESIGNS[name], out, scenes), out)
-    say(f"{len(result['missing_units'])} units are missing: {', '.join(result['missing_units']) or 'none'}")
+    result = summary.of(plans.read(DESIGNS[name], out, None), out)
+    say(missing(result["missing_units"]))
     write_json(out / "result.json", result)
     return result
 

@@ -12,15 +12,26 @@ def tables(result: dict[str, Any]) -> str:
     """What the rule says, regret, correlation of each pool, optima, effects, checks, placements."""
     parts = [f"# Evidence, {result['plan']['design']} run\n\nPlan {result['plan_sha256']}.\n"]
     if result["missing_units"]:
-        parts.append(f"\n**{len(result['missing_units'])} units are missing**: {', '.join(result['missing_units'])}.\n")
+        parts.append(f"\n**{missing(result['missing_units'])}.**\n")
     for name, pool in result["pools"].items():
         parts.append(f"\n## {name} ({pool['placements']} placements)\n")
         parts += [_verdict(pool["regret"]), _regret(pool["regret"]), _correlation(pool), _optima(pool["regret"])]
     parts += [_poses(result["effects"]["poses"]), _sensors(result["effects"]["sensors"])]
+    parts.append(_needed(result["effects"]["needed"]))
     parts += [_variants(result["effects"]["variants"]), _transfer(result["effects"]["transfer"])]
     parts += [_more(result["checks"]["one_more_lidar"]), _agreement(result["agreement"])]
     parts.append("\n## Checks\n\n" + "".join(f"- {line}\n" for line in _checks(result["checks"])))
     return "".join([*parts, _placements(result["placements"])])
+
+
+def missing(units: list[str]) -> str:
+    """How many units are missing, by seed, and which if they are few."""
+    if not units:
+        return "No unit is missing"
+    seeds = [unit.rpartition("-")[2] for unit in units]
+    by_seed = ", ".join(f"{seeds.count(seed)} of seed {seed}" for seed in sorted(set(seeds)))
+    named = f": {', '.join(units)}" if len(units) <= 12 else ""
+    return f"{len(units)} units are missing, {by_seed}{named}"
 
 
 def _verdict(regret: dict[str, Any]) -> str:
@@ -35,10 +46,12 @@ def _regret(regret: dict[str, Any]) -> str:
     metrics = regret["metrics"]
     rows = sorted(regret["scores"].items(), key=lambda item: item[1]["mean"]["value"])
     text = "\nRegret of the placement that a score puts first, mean over scenes [95 %, over scenes]; 0 the best, 1 a random one.\n\n"
-    text += head(["score", "mean", *metrics])
-    return text + "".join(
-        row([f"`{name}`", interval(of["mean"]), *(number(of["by_metric"][m]["value"]) for m in metrics)]) for name, of in rows
-    )
+    about = list(rows[0][1]["about"])
+    text += head(["score", "mean", *(f"mean: {name}" for name in about), *metrics])
+    for name, of in rows:
+        means = [interval(of["mean"]), *(interval(of["about"][group]) for group in about)]
+        text += row([f"`{name}`", *means, *(number(of["by_metric"][m]["value"]) for m in metrics)])
+    return text
 
 
 def _correlation(pool: dict[str, Any]) -> str:
@@ -87,6 +100,14 @@ def _sensors(effects: dict[str, Any]) -> str:
     text = "\n## Other LiDARs of about as many points at the poses of Ours-seg, less the study's own [95 %, over scenes]\n\n"
     text += head(["LiDAR", *metrics])
     return text + "".join(row([name, *(interval(of[m], 3) for m in metrics)]) for name, of in effects.items())
+
+
+def _needed(effects: dict[str, Any]) -> str:
+    if not effects:
+        return ""
+    text = "\n## Scenes that tell two placements in the mount apart by .01 (80 % power)\n\n"
+    text += head(["metric", "spread of a difference between scenes", "scenes"])
+    return text + "".join(row([m, number(of["spread"], 3), f"{of['scenes']:.0f}"]) for m, of in effects.items())
 
 
 def _variants(effects: dict[str, Any]) -> str:

@@ -54,9 +54,11 @@ class World:
         }
 
     @staticmethod
-    def from_dict(kept: dict[str, Any], out: Path, scenes: Path) -> World:
-        """Out of a plan; refuses a file that has changed since."""
-        path = (out if kept["made"] else scenes) / kept["file"]
+    def from_dict(kept: dict[str, Any], out: Path, scenes: Path | None) -> World:
+        """Out of a plan; refuses a file that has changed since, unless there are no ``scenes`` to look at."""
+        path = (out if kept["made"] or scenes is None else scenes) / kept["file"]
+        if scenes is None:
+            return World(kept["name"], path, kept["role"], kept["frames"], kept["sha256"])
         if not path.is_file():
             raise ValueError(f"{path}: is not there; give the folder of the own scenes with --scenes")
         found = Source.read(path).digest()
