@@ -37,7 +37,10 @@ ABOUT = {
 #: Scores that no search would follow: null models, and the sums of which others are made.
 NULL = ("hits", "mean_height", "shuffled", "covered")
 
-#: Placements that people made.
+#: What ``optimize`` maximizes today.
+DEFAULT = "information_gain"
+
+#: The best published optimum.
 PUBLISHED = "Ours-seg"
 
 
@@ -49,9 +52,11 @@ def of(given: Gathered, kept: Bools) -> dict[str, Any]:
     lost = mean(np.stack(list(each.values())), 0)
     layouts = [layout for layout, keep in zip(given.layouts, kept) if keep]
     by_score = {}
-    for score, values in given.scores.items():
-        picked = np.stack([picked_regret(values[kept], one) for one in each.values()])
+    losses = {s: np.stack([picked_regret(v[kept], one) for one in each.values()]) for s, v in given.scores.items()}
+    for score, picked in losses.items():
+        default = losses.get(DEFAULT, picked)
         by_score[score] = {
+            "less_than_default": asdict(over_scenes(mean(default - picked, 0))),
             "mean": asdict(over_scenes(mean(picked, 0))),
             "about": {
                 name: asdict(over_scenes(mean(picked[[m in group for m in metrics]], 0))) for name, group in ABOUT.items()
@@ -131,7 +136,8 @@ def _verdict(given: Gathered, kept: Bools, by_score: dict[str, Any], lost: F64) 
         return {**said, "becomes_default": False, "why": "it was not searched with"}
     best = hand[int(np.nanargmin(mean(lost[hand], 1)))]
     less = over_scenes(lost[best] - mean(lost[rows], 0))
-    why = f"its optima lose {less.value:.2f} [{less.low:.2f} {less.high:.2f}] less than {names[best]}, the best by hand"
+    shown = f"{less.value:.2f} [{less.low:.2f} {less.high:.2f}]".replace("-", "−")
+    why = f"its optima lose {shown} less than {names[best]}, the best by hand"
     return {**said, "becomes_default": bool(less.low > 0), "why": why}
 
 

@@ -47,9 +47,9 @@ def _regret(regret: dict[str, Any]) -> str:
     rows = sorted(regret["scores"].items(), key=lambda item: item[1]["mean"]["value"])
     text = "\nRegret of the placement that a score puts first, mean over scenes [95 %, over scenes]; 0 the best, 1 a random one.\n\n"
     about = list(rows[0][1]["about"])
-    text += head(["score", "mean", *(f"mean: {name}" for name in about), *metrics])
+    text += head(["score", "mean", "less than the default", *(f"mean: {name}" for name in about), *metrics])
     for name, of in rows:
-        means = [interval(of["mean"]), *(interval(of["about"][group]) for group in about)]
+        means = [interval(of["mean"]), interval(of["less_than_default"]), *(interval(of["about"][group]) for group in about)]
         text += row([f"`{name}`", *means, *(number(of["by_metric"][m]["value"]) for m in metrics)])
     return text
 
