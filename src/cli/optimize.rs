@@ -29,13 +29,9 @@ use super::exit::Exit;
 use super::interrupt::Interrupt;
 use super::load;
 use bars::Bars;
-use record::{Opened, Sitting, finish, read_spent, save};
+use record::{BETWEEN_CHECKPOINTS, Opened, Sitting, finish, read_spent, save};
 pub use settings::Args;
 use settings::{Begun, Course, Saved, Wanted};
-
-/// Time between two checkpoints: one after each generation would take longer than the search itself
-/// where generations are quick.
-const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(1);
 
 pub fn run(args: &Args) -> Result<Exit, Error> {
     let start = Instant::now();

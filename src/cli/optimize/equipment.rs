@@ -7,9 +7,8 @@ use crate::scene::Scene;
 use crate::search::{EquipStep, Equipped, Equipping, Event, Suite};
 use crate::vehicle::Vehicle;
 
-use super::BETWEEN_CHECKPOINTS;
 use super::bars::Bars;
-use super::record::Opened;
+use super::record::{BETWEEN_CHECKPOINTS, Opened};
 use super::settings::{Args, Begun, Course, Saved, Wanted};
 use crate::cli::error::Error;
 use crate::cli::interrupt::Interrupt;

@@ -1,6 +1,6 @@
 //! What `optimize` leaves in its run folder.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::internals::{Input, RunDir, peak_memory};
 use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
@@ -33,6 +33,10 @@ pub(super) struct Sitting<'a> {
     pub(super) earlier: Spent,
     pub(super) start: Instant,
 }
+
+/// Time between two checkpoints: one after each generation would take longer than the search itself
+/// where generations are quick.
+pub(super) const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(1);
 
 /// File of the times of earlier sittings. Not in the checkpoint: that is the same bytes however often a
 /// run was interrupted.
