@@ -1,28 +1,20 @@
-//! The equipment of a vehicle: which models stand on which mounts, and how many, for the money.
-//!
-//! Poses of every model on every mount lie on one coarse grid, each cast once into a few frames. The
-//! information gain and what must be seen are both submodular in the set of sensors, so sensors are added one by
-//! one, the best first, once by what each adds and once by what it adds for its price; then single sensors are
-//! exchanged, moved, dropped or added while that gains. Where it stands is a value, a [`Choosing`], from which it
-//! goes on to the same equipment.
+//! The search for equipment on one coarse grid over all models and mounts, and how far it is.
 
 use serde::{Deserialize, Serialize};
 
-use super::atlases::Atlases;
-use super::error::SearchError;
-use super::evaluator::Evaluator;
-use super::grid_search::GridSearch;
-use super::observer::{Event, Observer, Watch, Work};
-use super::settings::Settings;
-use super::suite::Suite;
+use super::equipped::Equipped;
 use crate::engine::EngineChoice;
-use crate::score::{Objective, reference_layout};
-use crate::vehicle::{
-    Constraints, Equipment, MAX_LIDARS, Placement, PoseGrid, SensorName, Spacing, Vehicle,
-};
+use crate::score::Objective;
+use crate::search::atlases::Atlases;
+use crate::search::error::SearchError;
+use crate::search::evaluator::Evaluator;
+use crate::search::grid_search::GridSearch;
+use crate::search::observer::{Event, Watch, Work};
+use crate::search::suite::Suite;
+use crate::vehicle::{Constraints, MAX_LIDARS, Placement, PoseGrid, SensorName, Spacing, Vehicle};
 
 /// Frames that the choice looks at, spread evenly.
-const FRAMES: u32 = 4;
+pub(super) const FRAMES: u32 = 4;
 /// Most poses of the grid, over all models and mounts.
 const POSES: u32 = 1200;
 /// Spacing of the grid to begin with; widened until the poses are few enough.
@@ -32,60 +24,10 @@ const WIDER: f64 = 1.25;
 /// Worth of an area that must be seen, against the largest gain of a single sensor: what must be seen comes
 /// first.
 const REQUIRED: f64 = 1e3;
-/// Budgets of a front, beside the one that wants for nothing.
-const BUDGETS: u32 = 8;
 /// Most rounds of exchanges.
 const ROUNDS: usize = 20;
 /// Poses that are cast at once, so that progress is told in between.
 const CAST: usize = 32;
-
-/// What a vehicle carries, and where on the coarse grid.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Equipped {
-    /// Number of a mount and a model for each LiDAR.
-    pub equipment: Equipment,
-    /// A placement to start from.
-    pub placement: Placement,
-    /// Price of all sensors.
-    pub cost: f64,
-    /// Objective over the few frames.
-    pub value: f64,
-    /// Share that is missing of what must be seen, over all areas.
-    pub missing: f64,
-}
-
-impl Equipped {
-    /// Settings that start from the sensors chosen; where `plainly`, they compare with the same sensors put up plainly.
-    pub fn begin(&self, settings: Settings, constraints: &Constraints, plainly: bool) -> Settings {
-        let mut settings = settings;
-        if plainly {
-            settings.baselines = vec![self.plain(constraints)];
-        }
-        settings.starts.push(self.placement.clone());
-        settings
-    }
-
-    /// The same sensors put up plainly: in the middle of their mounts, or evenly around it, looking straight.
-    fn plain(&self, constraints: &Constraints) -> Placement {
-        let models: Vec<SensorName> = self.equipment.iter().map(|(_, sensor)| *sensor).collect();
-        Placement { name: "plain".into(), ..reference_layout(constraints, &models) }
-    }
-
-    /// Sensors by mount, in words: `2 × spinning-16 on roof, …`.
-    pub fn words(&self, vehicle: &Vehicle) -> String {
-        let mut counted: Vec<((usize, SensorName), usize)> = Vec::new();
-        for kind in &self.equipment {
-            match counted.iter_mut().find(|(known, _)| known == kind) {
-                Some((_, count)) => *count += 1,
-                None => counted.push((*kind, 1)),
-            }
-        }
-        let word = |&((mount, sensor), count): &((usize, SensorName), usize)| {
-            format!("{count} × {sensor} on {}", vehicle.mounts[mount].region.name)
-        };
-        counted.iter().map(word).collect::<Vec<_>>().join(", ")
-    }
-}
 
 /// A sensor on the grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -102,6 +44,14 @@ pub struct Choosing {
     /// Poses at which climbs have ended: that of gain, then that of gain for the money.
     ends: Vec<Vec<u32>>,
     climb: Option<Climb>,
+}
+
+impl Choosing {
+    /// Whether all of its poses are on a grid of so many.
+    pub(super) fn fits(&self, poses: u32) -> bool {
+        let climbing = self.climb.iter().map(|climb| &climb.poses);
+        self.ends.iter().chain(climbing).flatten().all(|&pose| pose < poses)
+    }
 }
 
 /// A climb by exchanges of single sensors.
@@ -125,164 +75,15 @@ pub enum EquipStep {
     Done(Equipped),
 }
 
-/// A choice of equipment under way, step by step.
-pub struct Equipping<'a> {
-    search: Search<'a>,
-    state: Choosing,
-}
-
-enum Search<'a> {
-    /// There was nothing to choose.
-    Chosen(Equipped),
-    Open(Box<Equip<'a>>),
-}
-
 /// The search for equipment.
-struct Equip<'a> {
+pub(super) struct Equip<'a> {
     vehicle: &'a Vehicle,
-    budget: f64,
+    pub(super) budget: f64,
     grid: GridSearch,
     /// Mount and model of each kind of pose.
     kinds: Vec<(usize, SensorName)>,
     /// As of [`GridSearch::require`].
     penalty: f64,
-}
-
-/// Equipment for at most `budget`, as good as found, of the vehicle of some scenes; `None` where the observer
-/// stops the choice.
-///
-/// # Errors
-/// As [`Equipping::open`].
-pub fn equip(
-    suite: &Suite,
-    vehicle: &Vehicle,
-    objective: &Objective,
-    budget: f64,
-    engine: &EngineChoice,
-    observer: &mut dyn Observer,
-) -> Result<Option<Equipped>, SearchError> {
-    let opened = Equipping::open(suite, vehicle, objective, budget, engine, observer)?;
-    let Some(mut choice) = opened else { return Ok(None) };
-    loop {
-        match choice.step(observer) {
-            EquipStep::On => {}
-            EquipStep::Stopped => return Ok(None),
-            EquipStep::Done(equipped) => return Ok(Some(equipped)),
-        }
-    }
-}
-
-impl<'a> Equipping<'a> {
-    /// Casts every model on every mount; `None` where the observer stops that.
-    ///
-    /// # Errors
-    /// A budget below the cheapest equipment, an objective other than the information gain where there is a
-    /// choice, or an engine that failed.
-    pub fn open(
-        suite: &Suite,
-        vehicle: &'a Vehicle,
-        objective: &Objective,
-        budget: f64,
-        engine: &EngineChoice,
-        observer: &mut dyn Observer,
-    ) -> Result<Option<Self>, SearchError> {
-        let cheapest = vehicle.cheapest();
-        let (least, state) = (vehicle.cost(&cheapest), Choosing::default());
-        if least > budget {
-            return Err(SearchError::Budget { budget, least });
-        }
-        if !objective.is_information_gain() {
-            if vehicle.has_choice() {
-                return Err(SearchError::NotForEquipment { objective: objective.to_string() });
-            }
-            let search = Search::Chosen(plain(suite, vehicle, objective, engine)?);
-            return Ok(Some(Self { search, state }));
-        }
-        let mut watch = Watch::new(observer, false);
-        let search = Equip::new(suite, vehicle, objective, budget, engine, &mut watch)?;
-        Ok(search.map(|search| Self { search: Search::Open(Box::new(search)), state }))
-    }
-
-    /// Goes on with a state that an earlier choice of the same vehicle in the same scenes was in; one that does
-    /// not fit begins anew.
-    #[must_use]
-    pub fn with_state(mut self, state: Choosing) -> Self {
-        let known = |search: &Equip| search.grid.atlas().grid().len();
-        let poses = match &self.search {
-            Search::Open(search) => known(search),
-            Search::Chosen(_) => 0,
-        };
-        let climbing = state.climb.iter().map(|climb| &climb.poses);
-        let mut all = state.ends.iter().chain(climbing).flatten();
-        if all.all(|&pose| pose < poses) {
-            self.state = state;
-        }
-        self
-    }
-
-    /// Where it stands.
-    pub fn state(&self) -> &Choosing {
-        &self.state
-    }
-
-    /// Exchanges one sensor, or begins or ends a climb.
-    pub fn step(&mut self, observer: &mut dyn Observer) -> EquipStep {
-        match &mut self.search {
-            Search::Chosen(equipped) => EquipStep::Done(equipped.clone()),
-            Search::Open(search) => search.step(&mut self.state, &mut Watch::new(observer, false)),
-        }
-    }
-}
-
-/// The only equipment of a vehicle that leaves no choice, as the reference layout puts it up.
-fn plain(
-    suite: &Suite,
-    vehicle: &Vehicle,
-    objective: &Objective,
-    engine: &EngineChoice,
-) -> Result<Equipped, SearchError> {
-    let equipment = vehicle.cheapest();
-    let models: Vec<SensorName> = equipment.iter().map(|(_, sensor)| *sensor).collect();
-    let placement = reference_layout(&vehicle.constraints(&equipment), &models);
-    let few = suite.over(&suite.spread(Some(FRAMES)));
-    let mut evaluator = Evaluator::suite_on_cpu(&few, engine.memory_budget());
-    let scores = evaluator.scores(std::slice::from_ref(&placement))?.remove(0);
-    Ok(Equipped {
-        cost: vehicle.cost(&equipment),
-        value: objective.value(&scores).unwrap_or(f64::NEG_INFINITY),
-        missing: scores.missing(),
-        placement: Placement { name: "equipped".into(), ..placement },
-        equipment,
-    })
-}
-
-/// The best equipment for each of some budgets, from the cheapest rig to one that wants for nothing.
-///
-/// # Errors
-/// As [`equip`].
-pub fn cost_front(
-    suite: &Suite,
-    vehicle: &Vehicle,
-    objective: &Objective,
-    engine: &EngineChoice,
-) -> Result<Vec<Equipped>, SearchError> {
-    if !objective.is_information_gain() {
-        return Err(SearchError::NotForEquipment { objective: objective.to_string() });
-    }
-    let silent = &mut |_: &Event| true;
-    let mut watch = Watch::new(silent, false);
-    let search = Equip::new(suite, vehicle, objective, f64::INFINITY, engine, &mut watch)?;
-    let Some(mut search) = search else { return Ok(Vec::new()) };
-    let least = vehicle.cost(&vehicle.cheapest());
-    let Some(most) = search.best(&mut watch) else { return Ok(Vec::new()) };
-    let mut front = Vec::new();
-    for step in 0..BUDGETS {
-        search.budget = least + (most.cost - least) * f64::from(step) / f64::from(BUDGETS);
-        front.extend(search.best(&mut watch));
-    }
-    front.push(most);
-    front.dedup_by(|a, b| a.equipment == b.equipment);
-    Ok(front)
 }
 
 /// Rules with a slot for each sensor that a mount could hold of each model, and mount and model by kind.
@@ -303,7 +104,7 @@ fn every_kind(vehicle: &Vehicle) -> (Constraints, Vec<(usize, SensorName)>) {
 }
 
 impl<'a> Equip<'a> {
-    fn new(
+    pub(super) fn new(
         suite: &Suite,
         vehicle: &'a Vehicle,
         objective: &Objective,
@@ -347,7 +148,7 @@ impl<'a> Equip<'a> {
     }
 
     /// The equipment from the beginning; `None` where the observer stops the choice.
-    fn best(&mut self, watch: &mut Watch) -> Option<Equipped> {
+    pub(super) fn best(&mut self, watch: &mut Watch) -> Option<Equipped> {
         let mut state = Choosing::default();
         loop {
             match self.step(&mut state, watch) {
@@ -360,7 +161,7 @@ impl<'a> Equip<'a> {
 
     /// A climb from the equipment grown by gain, then one from that grown by gain for the money; the better end of
     /// them.
-    fn step(&mut self, state: &mut Choosing, watch: &mut Watch) -> EquipStep {
+    pub(super) fn step(&mut self, state: &mut Choosing, watch: &mut Watch) -> EquipStep {
         if let Some(climb) = &mut state.climb {
             if climb.index < climb.poses.len() && climb.round < ROUNDS {
                 let (work, done) = (Work::Exchanges, state.ends.len() * ROUNDS + climb.round);
@@ -399,6 +200,11 @@ impl<'a> Equip<'a> {
             Choice { pose, mount, sensor }
         };
         poses.iter().map(choice).collect()
+    }
+
+    /// Poses of the grid.
+    pub(super) fn pose_count(&self) -> u32 {
+        self.grid.atlas().grid().len()
     }
 
     fn poses(chosen: &[Choice]) -> Vec<u32> {
