@@ -65,10 +65,9 @@ def _coefficients(told: F64, values: F64) -> F64:
 def _sensors(given: Gathered) -> dict[str, Any]:
     """Each other LiDAR less the study's own at the same poses, paired over scenes."""
     names = [layout.name for layout in given.layouts if layout.pool == "sensor"]
-    return {
-        name: {m: asdict(decide.paired(given, m, name, decide.PUBLISHED)) for m in decide.DECIDING if m in given.metrics}
-        for name in names
-    }
+    rows = [given.number(name) for name in names]
+    metrics = [m for m in decide.DECIDING if m in given.metrics and np.isfinite(given.mean(m)[rows]).any(axis=1).all()]
+    return {name: {m: asdict(decide.paired(given, m, name, decide.PUBLISHED)) for m in metrics} for name in names}
 
 
 #: A difference worth seeing, as it is between optima of one mount.

@@ -96,9 +96,11 @@ def _worth(spot: Any, result: dict[str, Any]) -> None:
         kinds["published or by hand" if handmade(name) else optimum].append((x, y, name))
     for kind, points in kinds.items():
         spot.scatter([p[0] for p in points], [p[1] for p in points], s=18, color=COLOURS[kind], label=kind)
-    for x, y, name in kinds["published or by hand"] + kinds["optimum of a score"]:
+    for number, (x, y, name) in enumerate(sorted(kinds["published or by hand"] + kinds["optimum of a score"])):
         short = name.removeprefix("best-").removeprefix("pool-").removesuffix("-box")
-        spot.annotate(short, (x, y), fontsize=6, xytext=(3, 2), textcoords="offset points")
+        # Neighbours in x have their names above and below, by turns.
+        spot.annotate(short, (x, y), fontsize=5.5, xytext=(3, (3, -7, 9, -13)[number % 4]), textcoords="offset points")
+    spot.margins(x=0.12)
     found = result["pools"][POOL]["metrics"]["birds_eye_miou"]["scores"]["information_gain"]["spearman"]
     spot.set_title(f"four LiDARs in the mount; gain orders the map with ρ {interval(found)}", fontsize=9)
     spot.set_xlabel("bird's-eye map, mIoU")
