@@ -6,7 +6,7 @@ use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sightline::internals::{Bvh, Caster, DevicePose, beam_direction};
-use sightline::problem::{Content, OccupiedVoxel};
+use sightline::problem::{Content, KINDS, OccupiedVoxel};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
@@ -76,7 +76,7 @@ pub fn content(
     let mut by_class = vec![Vec::new(); 5];
     let mut occupied = Vec::new();
     for index in voxels {
-        let entropy = [0; 3].map(|_| rng.random_range(0..1_u32 << 28));
+        let entropy = [0; KINDS].map(|_| rng.random_range(0..1_u32 << 28));
         occupied.push(OccupiedVoxel { index, entropy });
         by_class[rng.random_range(0..5_usize)].push(index);
     }

@@ -4,7 +4,7 @@
 // Reads      placements[placements], bitmaps[sensors × bitmap_words], occupied[occupied_count]
 // Writes     partials[placement × workgroups × PARTIAL_WORDS], every element: word 0 the count of covered
 //            occupied voxels, words 1 + 2k and 2 + 2k the sums of the low and the high 16 bits of sum k
-//            (k = 0, 1, 2: entropies; 3 + s: unique entropy of sensor s), which cannot overflow within
+//            (k = 0 to 3: kinds of information; 4 + s: unique entropy of sensor s), which cannot overflow within
 //            a workgroup; the host adds them up
 // Dispatch   (ceil(occupied_count / ITEMS_PER_WORKGROUP), placements)
 
@@ -13,6 +13,7 @@ struct OccupiedVoxel {
     segmentation: u32,
     detection: u32,
     bernoulli: u32,
+    by_class: u32,
 }
 
 @group(0) @binding(0) var<uniform> uniforms: Uniforms;
@@ -36,8 +37,8 @@ fn reduce_occupied(
 ) {
     let sensors = placements[group.y];
     var count = 0u;
-    var low = vec3(0u);
-    var high = vec3(0u);
+    var low = vec4(0u);
+    var high = vec4(0u);
     // Sums per invocation, added once: an atomic per voxel would cost more than the rest of the kernel.
     var unique_low: array<vec4<u32>, MAX_LIDARS / 4u>;
     var unique_high: array<vec4<u32>, MAX_LIDARS / 4u>;
@@ -56,10 +57,10 @@ fn reduce_occupied(
             }
         }
         if times > 0u {
-            let entropy = vec3(voxel.segmentation, voxel.detection, voxel.bernoulli);
+            let entropy = vec4(voxel.segmentation, voxel.detection, voxel.bernoulli, voxel.by_class);
             count++;
-            low += entropy & vec3(0xffffu);
-            high += entropy >> vec3(16u);
+            low += entropy & vec4(0xffffu);
+            high += entropy >> vec4(16u);
         }
         if times == 1u {
             let own = vec4(last & 3u) == vec4(0u, 1u, 2u, 3u);
@@ -68,11 +69,11 @@ fn reduce_occupied(
         }
     }
     atomicAdd(&sums[0], count);
-    for (var kind = 0u; kind < 3u; kind++) {
+    for (var kind = 0u; kind < 4u; kind++) {
         add_halves(kind, low[kind], high[kind]);
     }
     for (var s = 0u; s < sensors.count; s++) {
-        add_halves(3u + s, unique_low[s >> 2u][s & 3u], unique_high[s >> 2u][s & 3u]);
+        add_halves(4u + s, unique_low[s >> 2u][s & 3u], unique_high[s >> 2u][s & 3u]);
     }
     workgroupBarrier();
     let base = (group.y * groups.x + group.x) * PARTIAL_WORDS;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use sightline::engine::gpu::GpuBackend;
 use sightline::engine::{Backend, CpuBackend};
 use sightline::internals::{Atlas, BitOrder, Bvh, PoseGrid, ReferenceBackend, Spacing, Union};
-use sightline::problem::{Content, OccupiedVoxel, Problem, Tally};
+use sightline::problem::{Content, KINDS, OccupiedVoxel, Problem, Tally};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Constraints, Placement};
 
@@ -30,12 +30,12 @@ fn problem(content: impl FnOnce(&Roi) -> Content) -> Arc<Problem> {
 fn few_worths(roi: &Roi) -> Content {
     let occupied = (0..roi.voxel_count() as u32).step_by(3);
     let worth = |index: u32| (index % 7) << 26;
-    let occupied =
-        occupied.map(|index| OccupiedVoxel { index, entropy: [worth(index), index % 2, 5] });
+    let occupied = occupied
+        .map(|index| OccupiedVoxel { index, entropy: [worth(index), index % 2, 5, 7 * index] });
     Content::new(vec!["a".into()], occupied.collect(), &[vec![]], true)
 }
 
-fn sums(tally: &Tally) -> (u64, u64, [u64; 3]) {
+fn sums(tally: &Tally) -> (u64, u64, [u64; KINDS]) {
     (tally.covered, tally.covered_nonzero, tally.entropy)
 }
 

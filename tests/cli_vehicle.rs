@@ -2,6 +2,8 @@
 
 use std::fs;
 use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -79,6 +81,65 @@ fn sensors_are_chosen_for_the_money_and_put_where_they_may_stand() {
     let again = again["scores"][0]["information_gain"].as_f64().unwrap();
     // At other draws of the spinning sensor's phases.
     assert!((again / gain(&rich) - 1.0).abs() < 0.1, "{again} and {}", gain(&rich));
+}
+
+#[test]
+fn a_run_that_was_killed_while_sensors_were_chosen_goes_on_to_the_same_bytes() {
+    let dir = garage();
+    ok(dir.path(), &optimize("16", "whole"));
+    let checkpoint = dir.path().join("broken/checkpoint.json");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
+        .args(optimize("16", "broken"))
+        .current_dir(dir.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while !checkpoint.exists() {
+        assert!(start.elapsed() < Duration::from_secs(60), "no checkpoint was written");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    // Killed, not asked.
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let cut: Value = serde_json::from_slice(&fs::read(&checkpoint).unwrap()).unwrap();
+    let equipping = &cut["state"]["equipping"]["choosing"];
+    assert!(equipping.is_object() || cut["state"]["run"]["phase"] != "confirm", "killed too late");
+    ok(dir.path(), &["optimize", "--resume", "broken", "--backend", "cpu"]);
+    let read = |run: &str, file: &str| fs::read(dir.path().join(run).join(file)).unwrap();
+    for file in ["checkpoint.json", "history.jsonl", "placement.svg", "map.svg"] {
+        assert_eq!(read("whole", file), read("broken", file), "{file}");
+    }
+}
+
+#[test]
+fn sensors_on_two_sides_stay_mirror_images() {
+    let dir = garage();
+    changed(dir.path(), "cart.json", |vehicle| {
+        vehicle["symmetric"] = json!(true);
+        for mount in vehicle["mounts"].as_array_mut().unwrap() {
+            mount["count"] = json!(1);
+        }
+    });
+    let found = ok(dir.path(), &optimize("100", "even"));
+    let lidars = found["best"]["placement"]["lidars"].as_array().unwrap();
+    let field = |k: usize, name: &str| lidars[k][name].as_f64().unwrap();
+    let side = |k: usize| lidars[k]["sensor"] == "solid";
+    let [a, b] = (0..3).filter(|&k| side(k)).collect::<Vec<_>>()[..] else { panic!("{found}") };
+    for (name, sign) in
+        [("x", 1.0), ("y", -1.0), ("z", 1.0), ("roll", -1.0), ("pitch", 1.0), ("yaw", -1.0)]
+    {
+        let off = field(a, name) - sign * field(b, name);
+        assert!(off.abs() < 1e-9, "{name}: {off}");
+    }
+    let top = (0..3).find(|&k| !side(k)).unwrap();
+    assert_eq!([field(top, "y"), field(top, "roll")], [0.0; 2], "in the plane");
+    assert!(found["methods"].as_array().unwrap().len() == 2, "swaps move them, too: {found}");
+    // One height on the roof and on the sides there is not.
+    changed(dir.path(), "cart.json", |vehicle| vehicle["equal_height"] = json!(true));
+    let message = fails(dir.path(), &optimize("100", "level"));
+    assert!(message.contains("unless all are boxes, and `left` is a patch"), "{message}");
 }
 
 #[test]

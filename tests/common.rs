@@ -12,7 +12,7 @@ use sightline::engine::CpuBackend;
 use sightline::engine::gpu::GpuBackend;
 use sightline::geom::TriangleSoup;
 use sightline::internals::Bvh;
-use sightline::problem::{Content, OccupiedVoxel, Problem};
+use sightline::problem::{Content, KINDS, OccupiedVoxel, Problem};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Constraints, Placement, SensorPose};
 
@@ -70,7 +70,7 @@ pub fn random_content(seed: u64, roi: &Roi) -> Content {
     let mut by_class = vec![Vec::new(); 3];
     for index in 0..roi.voxel_count() as u32 {
         if rng.random_bool(0.25) {
-            let entropy = [0; 3].map(|_| rng.random_range(0..3_u32 << 28));
+            let entropy = [0; KINDS].map(|_| rng.random_range(0..3_u32 << 28));
             occupied.push(OccupiedVoxel { index, entropy });
             by_class[rng.random_range(0..3_usize)].push(index);
             if rng.random_bool(0.1) {

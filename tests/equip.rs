@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use sightline::engine::EngineChoice;
 use sightline::problem::Problem;
-use sightline::search::{Equipped, Event, SearchError, Work, cost_front};
+use sightline::search::{
+    Choosing, EquipStep, Equipped, Equipping, Event, SearchError, Work, cost_front,
+};
 use sightline::vehicle::{
     Phase, Region, Requirement, Response, SensorName, Vehicle, VehicleMount, VehicleSensor,
 };
@@ -97,6 +99,36 @@ fn the_choice_tells_how_far_it_is_and_stops_when_told() {
     assert!(told.iter().any(|(work, ..)| *work == Work::Equipment));
     assert!(told.iter().any(|(work, ..)| *work == Work::Exchanges));
     assert!(told.iter().all(|(_, done, total)| done < total), "{told:?}");
+}
+
+#[test]
+fn a_choice_that_is_saved_after_any_step_goes_on_to_the_same_equipment() {
+    let vehicle = vehicle(Vec::new());
+    let problem = problem(5, &vehicle);
+    let whole = equipped(&problem, &vehicle, 14.0);
+    let objective = "information_gain".parse().unwrap();
+    let (suite, engine) = (problem.into(), EngineChoice::cpu());
+    let silent = &mut |_: &Event| true;
+    let mut state = Choosing::default();
+    let mut steps = 0;
+    loop {
+        // Nothing lives on from step to step but the text of the state.
+        let opened = Equipping::open(&suite, &vehicle, &objective, 14.0, &engine, silent);
+        let mut choice = opened.unwrap().expect("nobody stops it").with_state(state.clone());
+        assert_eq!(*choice.state(), state);
+        match choice.step(silent) {
+            EquipStep::Done(found) => break assert_eq!(found, whole),
+            step => assert_eq!(step, EquipStep::On),
+        }
+        let text = serde_json::to_string(choice.state()).unwrap();
+        state = serde_json::from_str(&text).unwrap();
+        steps += 1;
+    }
+    assert!(steps > 6, "{steps} steps");
+    // One of another vehicle begins anew.
+    let far: Choosing = serde_json::from_str(r#"{ "ends": [[4000000]], "climb": null }"#).unwrap();
+    let opened = Equipping::open(&suite, &vehicle, &objective, 14.0, &engine, silent);
+    assert_eq!(*opened.unwrap().unwrap().with_state(far).state(), Choosing::default());
 }
 
 fn equipped(problem: &Problem, vehicle: &Vehicle, budget: f64) -> Equipped {

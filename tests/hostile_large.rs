@@ -14,7 +14,7 @@ use sightline::engine::Backend;
 use sightline::engine::gpu::GpuBackend;
 use sightline::geom::TriangleSoup;
 use sightline::internals::{Bvh, DevicePose, Explanation, Hit, beam_direction, explain};
-use sightline::problem::{Content, OccupiedVoxel, Problem};
+use sightline::problem::{Content, KINDS, OccupiedVoxel, Problem};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};
 
@@ -194,7 +194,7 @@ fn a_hundred_million_voxels_are_covered_alike() {
         .step_by(997)
         .map(|index| OccupiedVoxel {
             index,
-            entropy: [0; 3].map(|_| rng.random_range(1..1_u32 << 28)),
+            entropy: [0; KINDS].map(|_| rng.random_range(1..1_u32 << 28)),
         })
         .collect();
     let class = occupied.iter().map(|voxel| voxel.index).collect();

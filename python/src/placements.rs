@@ -151,6 +151,7 @@ fn from_array(given: &Bound<'_, PyAny>, sensors: &[SensorName]) -> PyResult<Vec<
         pitch: v[4],
         yaw: v[5],
         sensor: sensors.get(k).copied().unwrap_or_default(),
+        phase: None,
     };
     let placement = |n: usize| Placement {
         name: n.to_string(),

@@ -185,15 +185,8 @@ pub fn search<'py>(
     budget: Option<f64>,
     callback: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let scenes: Vec<Bound<'_, PyScene>> = match scenes.cast::<PyScene>() {
-        Ok(one) => vec![one.clone()],
-        Err(_) => scenes.extract().map_err(|_| bad("scenes: give a Scene or a list of them"))?,
-    };
-    let scenes: Vec<Arc<Built>> = scenes.iter().map(|scene| scene.get().built.clone()).collect();
-    let engine: EngineChoice = match scenes.first() {
-        Some(built) => built.options.engine.clone(),
-        None => return Err(bad("scenes: are none; give at least one")),
-    };
+    let scenes = scenes_of(scenes)?;
+    let engine: EngineChoice = scenes[0].options.engine.clone();
     if let Some(seconds) = seconds.filter(|seconds| !(*seconds > 0.0 && *seconds < 1e9)) {
         return Err(bad(format!("seconds: are {seconds}; give more than 0")));
     }
@@ -229,17 +222,28 @@ pub fn search<'py>(
     };
     let (ended, signal) = beside(py, asked, callback)?;
     let result = match ended {
-        Some((suite, settings, outcome)) => Some(result_object(py, &suite, &settings, &outcome)?),
-        None => None,
+        Some((suite, settings, outcome)) => result_object(py, &suite, &settings, &outcome)?,
+        None => py.None().into_bound(py),
     };
-    match (signal, result) {
-        (Some(signal), result) => {
+    match signal {
+        Some(signal) => {
             signal.value(py).setattr("result", result)?;
             Err(signal)
         }
-        (None, Some(result)) => Ok(result),
-        (None, None) => Ok(py.None().into_bound(py)),
+        None => Ok(result),
     }
+}
+
+/// What a scene, or a list of at least one, was built from.
+fn scenes_of(given: &Bound<'_, PyAny>) -> PyResult<Vec<Arc<Built>>> {
+    let scenes: Vec<Bound<'_, PyScene>> = match given.cast::<PyScene>() {
+        Ok(one) => vec![one.clone()],
+        Err(_) => given.extract().map_err(|_| bad("scenes: give a Scene or a list of them"))?,
+    };
+    if scenes.is_empty() {
+        return Err(bad("scenes: are none; give at least one"));
+    }
+    Ok(scenes.iter().map(|scene| scene.get().built.clone()).collect())
 }
 
 /// What a search has come to, and the signal or the callback's exception that ended it.

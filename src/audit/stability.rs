@@ -118,7 +118,7 @@ mod tests {
         let content = Content::new(vec!["a".into()], vec![], &[vec![]], false);
         let tally = |gain: u64| Tally {
             covered: 100,
-            entropy: [gain << 28, 0, 0],
+            entropy: [gain << 28, 0, 0, 0],
             beams: 10,
             ..Tally::zero(1, 1)
         };

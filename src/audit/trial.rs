@@ -39,10 +39,11 @@ impl Trial {
     /// Judges an attempt that is worse than `base` by construction.
     pub fn new(name: &str, base: &Scores, scores: Scores) -> Self {
         type Getter = fn(&Scores) -> Option<f64>;
-        let metrics: [(&'static str, Getter); 5] = [
+        let metrics: [(&'static str, Getter); 6] = [
             ("m_sog", |s| s.segmentation.m_sog),
             ("m_sog_scaled", |s| s.segmentation.m_sog_scaled),
             ("information_gain", |s| s.segmentation.information_gain),
+            ("class_gain", |s| s.class_gain),
             ("s_mig", |s| s.s_mig),
             ("detection.m_sog_scaled", |s| s.detection.and_then(|d| d.m_sog_scaled)),
         ];
@@ -111,14 +112,15 @@ mod tests {
 
     fn scores(covered: u64, gain: u64, reference: Option<&Tally>) -> Scores {
         let content = Content::new(vec!["a".into()], vec![], &[vec![]], false);
-        let tally = Tally { covered, entropy: [gain << 28, 0, 0], beams: 10, ..Tally::zero(1, 1) };
+        let tally =
+            Tally { covered, entropy: [gain << 28, 0, 0, 0], beams: 10, ..Tally::zero(1, 1) };
         Scores::new("x", &tally, &content, 1, false, reference)
     }
 
     #[test]
     fn a_score_that_likes_blindness_is_fooled_unless_a_guard_speaks() {
         let base = scores(100, 50, None);
-        let seeing = Tally { entropy: [50 << 28, 0, 0], ..Tally::zero(1, 1) };
+        let seeing = Tally { entropy: [50 << 28, 0, 0, 0], ..Tally::zero(1, 1) };
         let blind = Trial::new("blind", &base, scores(100, 5, Some(&seeing)));
         assert_eq!(blind.fooled, ["m_sog", "m_sog_scaled"]);
         assert_eq!(blind.verdict, Verdict::Caught);

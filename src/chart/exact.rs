@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::exact_tree::ExactTree;
 use super::{ChartError, Fidelity, World, merge_vertices};
 use crate::geom::TriangleSoup;
-use crate::problem::{Content, Tally};
+use crate::problem::{BY_CLASS, Content, KINDS, Tally};
 use crate::psog::{ENTROPY_ONE, EntropyKind, EntropyTable, HIT_PUSH, Psog, Roi};
 use crate::scene::{EgoBody, Scene};
 use crate::vehicle::{Lidar, Placement, SensorPose};
@@ -28,9 +28,9 @@ pub(super) struct Exact {
     /// One tree a frame; empty where beams run through all.
     frames: Vec<ExactTree>,
     content: Content,
-    /// Linear index and entropies in nats (all classes, detection target against the rest, occupied
-    /// or not) of the voxels occupied in some frame.
-    occupied: Vec<(u64, [f64; 3])>,
+    /// Linear index and information of the voxels occupied in some frame: entropies in nats (all classes,
+    /// detection target against the rest, occupied or not) and the share of [`BY_CLASS`], in all 1.
+    occupied: Vec<(u64, [f64; KINDS])>,
 }
 
 /// The parts of a scene where they stand in a frame, in the ego frame.
@@ -90,7 +90,7 @@ impl Exact {
         let words = self.roi.voxel_count().div_ceil(64) as usize;
         let tally = |bitmap: &mut Vec<u64>, placement: &Placement| {
             let mut tally = Tally::zero(self.content.set_count(), placement.lidars.len());
-            let mut entropy = [0.0; 3];
+            let mut entropy = [0.0; KINDS];
             for frame in 0..self.frame_count() {
                 bitmap.fill(0);
                 for pose in &placement.lidars {
@@ -108,7 +108,10 @@ impl Exact {
             }
             let beams = placement.lidars.len() * self.directions.len() * self.frame_count();
             tally.beams = beams as u64;
-            tally.entropy = entropy.map(|h| (h * ENTROPY_ONE).round() as u64);
+            let mut units = [ENTROPY_ONE; KINDS];
+            units[BY_CLASS] = self.content.entropy_total()[BY_CLASS] as f64;
+            tally.entropy =
+                std::array::from_fn(|kind| (entropy[kind] * units[kind]).round() as u64);
             tally
         };
         placements.par_iter().map_init(|| vec![0_u64; words], tally).collect()
@@ -168,10 +171,18 @@ fn directions(lidar: &Lidar, divisor: u32) -> Vec<DVec3> {
     }
 }
 
-fn occupied(scene: &Scene, psog: &Psog) -> Vec<(u64, [f64; 3])> {
+fn occupied(scene: &Scene, psog: &Psog) -> Vec<(u64, [f64; KINDS])> {
     let table = EntropyTable::new(psog.frames());
     let targets = scene.detection_among(psog.classes());
     let rows = psog.index().iter().zip(psog.rows());
+    // The first of the most frequent classes.
+    let commonest =
+        |row: &[u16]| row.iter().position(|count| row.iter().all(|c| c <= count)).unwrap_or(0);
+    let mut of_class = vec![0.0; psog.classes().len()];
+    for row in psog.rows() {
+        of_class[commonest(row)] += table.entropy(row, EntropyKind::Segmentation);
+    }
+    let classes = of_class.iter().filter(|&&sum| sum > 0.0).count() as f64;
     let worth = |row: &[u16]| {
         let target = targets.iter().map(|&c| row[usize::from(c)]).sum();
         let all: u16 = row.iter().sum();
@@ -180,6 +191,8 @@ fn occupied(scene: &Scene, psog: &Psog) -> Vec<(u64, [f64; 3])> {
             table.entropy(row, EntropyKind::Segmentation),
             table.entropy(&merged, EntropyKind::Segmentation),
             table.entropy(row, EntropyKind::Bernoulli),
+            table.entropy(row, EntropyKind::Segmentation)
+                / (classes * of_class[commonest(row)]).max(f64::MIN_POSITIVE),
         ]
     };
     let some = rows.filter(|(_, row)| row.iter().any(|&count| count > 0));

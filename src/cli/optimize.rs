@@ -29,44 +29,34 @@ use super::exit::Exit;
 use super::interrupt::Interrupt;
 use super::load;
 use bars::Bars;
-use record::{Opened, Sitting, finish, read_spent, save};
+use record::{BETWEEN_CHECKPOINTS, Opened, Sitting, finish, read_spent, save};
 pub use settings::Args;
-use settings::Saved;
-
-/// Time between two checkpoints: one after each generation would take longer than the search itself
-/// where generations are quick.
-const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(1);
+use settings::{Begun, Course, Saved, Wanted};
 
 pub fn run(args: &Args) -> Result<Exit, Error> {
     let start = Instant::now();
     args.compute.start()?;
     let resumed =
         args.resume.as_deref().map(|path| RunDir::<Saved>::resume("optimize", path)).transpose()?;
-    let mut begun = match &resumed {
-        Some((_, saved)) => saved.begun.clone(),
-        None => settings::begun(args)?,
+    let (folder, mut begun, course) = match resumed {
+        Some((folder, saved)) => (Some(folder), saved.begun, saved.course),
+        None => {
+            (None, settings::begun(args)?, Course::Equipping(Box::new(settings::wanted(args)?)))
+        }
     };
     args.gltf.check(begun.scenes().map(PathBuf::as_path))?;
-    let (opened, interrupt) = open(&mut begun, args)?;
-    let Some(opened) = opened else { return Ok(Exit::Interrupted) };
-    if let Some((folder, _)) = &resumed {
-        folder.check(&opened.inputs)?;
-    }
-    let (folder, run) = match resumed {
-        Some((folder, saved)) => (folder, Run::resume(opened.suite.clone(), saved.run)),
+    let (mut opened, interrupt) = open(&begun, args)?;
+    let folder = match folder {
+        Some(folder) => folder,
+        // Before the search, so that a folder that cannot be written is found out now.
         None => {
-            let settings = settings::of(args)?;
-            let (rules, plainly) = (opened.suite.constraints(), args.has_no_baselines());
-            let settings = match &begun.equipped {
-                Some(equipped) => equipped.begin(settings, rules, plainly),
-                None => settings,
-            };
-            let run = Run::new(opened.suite.clone(), &settings);
-            let run = run.map_err(|error| in_scene(error, &begun))?;
-            // Before the search, so that a folder that cannot be written is found out now.
             let inputs = opened.inputs.clone();
-            (RunDir::create("optimize", args.out.as_deref(), &begun.folder(), inputs)?, run)
+            RunDir::create("optimize", args.out.as_deref(), &begun.folder(), inputs)?
         }
+    };
+    folder.check(&opened.inputs)?;
+    let Some(run) = begin(&mut begun, course, &mut opened, &folder, args, &interrupt)? else {
+        return Ok(Exit::Interrupted);
     };
     let earlier = read_spent(&folder);
     let mut sitting = Sitting { args, begun, opened, folder, run, earlier, start };
@@ -90,9 +80,35 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     Ok(if is_interrupted { Exit::Interrupted } else { Exit::Done })
 }
 
-/// Scenes, problems and sensors of a run, and Ctrl-C, which counts from then on that the scenes are loaded;
-/// `None` after it while the sensors are chosen.
-fn open(begun: &mut settings::Begun, args: &Args) -> Result<(Option<Opened>, Interrupt), Error> {
+/// The search, with a slot for each sensor of the vehicle; `None` after Ctrl-C while the sensors were chosen.
+fn begin(
+    begun: &mut Begun,
+    course: Course,
+    opened: &mut Opened,
+    folder: &RunDir<Saved>,
+    args: &Args,
+    interrupt: &Interrupt,
+) -> Result<Option<Run>, Error> {
+    let wanted = match &course {
+        Course::Equipping(wanted) => Some(&**wanted),
+        Course::Run(_) => None,
+    };
+    let suite = equipment::equipped(begun, wanted, opened, folder, args, interrupt)?;
+    let Some(suite) = suite else { return Ok(None) };
+    opened.suite = suite.clone();
+    let Wanted { settings, plainly, .. } = match course {
+        Course::Run(state) => return Ok(Some(Run::resume(suite, *state))),
+        Course::Equipping(wanted) => *wanted,
+    };
+    let settings = match &begun.equipped {
+        Some(equipped) => equipped.begin(settings, suite.constraints(), plainly),
+        None => settings,
+    };
+    Run::new(suite, &settings).map(Some).map_err(|error| in_scene(error, begun))
+}
+
+/// Scenes and problems of a run, and Ctrl-C, which counts from then on that the scenes are loaded.
+fn open(begun: &Begun, args: &Args) -> Result<(Opened, Interrupt), Error> {
     let mut times = load::LoadTimes::default();
     let (mut scenes, mut problems, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
     for path in begun.scenes() {
@@ -105,14 +121,13 @@ fn open(begun: &mut settings::Begun, args: &Args) -> Result<(Option<Opened>, Int
     load::note_classes(&suite, args.compute.talk);
     let suite = if begun.mirror { suite.with_mirror_images() } else { suite };
     let interrupt = Interrupt::listen(args.compute.talk);
-    let suite = equipment::equipped(begun, &scenes, &suite, args, &interrupt)?;
-    Ok((suite.map(|suite| Opened { scenes, suite, inputs, times }), interrupt))
+    Ok((Opened { scenes, suite, inputs, times }, interrupt))
 }
 
 /// A scene with the rules of the options, and its problem over all frames.
 fn open_scene(
     path: &Path,
-    begun: &settings::Begun,
+    begun: &Begun,
     args: &Args,
     times: &mut load::LoadTimes,
 ) -> Result<(Scene, Arc<Problem>), Error> {
@@ -146,7 +161,7 @@ fn open_scene(
 }
 
 /// An error of the settings, with the scene that they do not fit.
-fn in_scene(error: SearchError, begun: &settings::Begun) -> Error {
+fn in_scene(error: SearchError, begun: &Begun) -> Error {
     let scenes: Vec<&PathBuf> = begun.scenes().collect();
     load::in_scene(error, &scenes)
 }

@@ -22,7 +22,8 @@ use super::{load, progress};
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   sightline scan scenes/urban-crossing.json --placement scenes/placements.json:Pyramid --out scans
-  sightline scan scenes/*.json --placement scenes/placements.json:Ours-seg --layout nuscenes --out nusc
+  sightline scan scenes/highway.json scenes/residential.json --placement scenes/placements.json:Ours-seg \
+    --layout nuscenes --out nusc
   sightline scan scenes/highway.json --placement scenes/placements.json:Line --condition fog:mor=50 \\
     --condition snow:rate=1 --out winter
 
@@ -69,6 +70,10 @@ pub struct Args {
     /// A class of the scenes that is to count as another, as lamp=pole
     #[arg(long, value_name = "CLASS=CLASS")]
     map: Vec<String>,
+    /// Label fog, snow and crosstalk as Robo3D does: 21, 22, 23 in semantickitti and 41, 42, 43 in nuscenes,
+    /// whose evaluators know no such categories; else they are unlabelled
+    #[arg(long)]
+    robo3d_labels: bool,
     /// Vehicle file: its sensors, mounts and body in place of the scenes'
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
@@ -265,6 +270,7 @@ impl Args {
             splits,
             seed: self.seed,
             map,
+            robo3d_labels: self.robo3d_labels,
             provenance: provenance.to_string(),
             ..DatasetSettings::new(self.layout)
         })

@@ -12,7 +12,7 @@ use crate::internals::{
     LinePerElement, count_placements, shared_folder, writable_file, write_npy, write_whole,
 };
 use crate::near_field::{self_hits, weighted};
-use crate::problem::StageTimes;
+use crate::problem::{Problem, StageTimes};
 use crate::report;
 use crate::scene::Scene;
 use crate::score::Scores;
@@ -23,7 +23,7 @@ use serde::ser::{Error as _, SerializeMap, SerializeSeq};
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
-use super::args::{Compute, Conditions, Format, parse_weight};
+use super::args::{Compute, Conditions, Format, parse_weight, whole};
 use super::error::Error;
 use super::exit::Exit;
 use super::files::Files;
@@ -62,6 +62,10 @@ pub struct Args {
     /// Count W nats more in every voxel of ground within 10 m of the own body, as in `optimize`; one scene
     #[arg(long, value_name = "W", value_parser = parse_weight)]
     near_weight: Option<f64>,
+    /// Draw of what is left to chance, of free phases and of the beams that come back through weather; the mean
+    /// over several is the expectation; one scene
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole::<u64>)]
+    draw: u64,
     #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
@@ -76,8 +80,9 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     // be read only once.
     let is_file = placements != Path::new("-") && placements.is_file();
     let total = if is_file { count_placements(&placements)? } else { 0 };
-    if args.near_weight.is_some() && scenes.len() > 1 {
-        return Err(Error::Usage("--near-weight: takes one scene".to_owned()));
+    let alone = [("--near-weight", args.near_weight.is_some()), ("--draw", args.draw > 0)];
+    if let Some((option, _)) = alone.iter().find(|(_, given)| *given && scenes.len() > 1) {
+        return Err(Error::Usage(format!("{option}: takes one scene")));
     }
     let [scene] = &scenes[..] else {
         several::run(args, &scenes, &placements, start)?;
@@ -88,6 +93,11 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         let problem = loaded.evaluator.problem().clone();
         let problem = weighted(&loaded.scene, problem, nats)?;
         loaded.evaluator = load::evaluator(problem, &args.compute)?;
+    }
+    if args.draw > 0 {
+        let problem = Problem::clone(loaded.evaluator.problem());
+        let sensors = problem.sensors().with_seed(args.draw);
+        loaded.evaluator = load::evaluator(problem.with_sensors(sensors), &args.compute)?;
     }
     load::note_frames(&loaded.scene, args.frames, args.compute.talk);
     if let Some(file) = &args.out {

@@ -20,7 +20,8 @@ use super::own_body::add_self_hits;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   sightline view scenes/urban-crossing.json scenes/placements.json:Pyramid --out view.html
-  sightline view scenes/*.json mine.json:roof --baseline mine.json:bumper --out view.html")]
+  sightline view scenes/highway.json scenes/residential.json mine.json:roof \
+    --baseline mine.json:bumper --out view.html")]
 pub struct Args {
     /// Scene files, and last a file of placements with the name of the one to show behind a colon [default:
     /// its first]

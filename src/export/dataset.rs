@@ -144,11 +144,11 @@ impl Dataset {
                 (facts.name.clone(), "its classes are others than announced".into());
             return Err(ExportError::Scan { scene, frame, what });
         }
-        let (folder, name, each) = (&self.folder, &planned.name, self.settings.each_lidar);
+        let (folder, name) = (&self.folder, &planned.name);
         let record = match self.settings.layout {
             Layout::Npz => npz::write(folder, name, at, scan)?,
             Layout::SemanticKitti => {
-                kitti::write(folder, name, at, scan, &self.labels[scene], each)?
+                kitti::write(folder, name, at, scan, &self.labels[scene], &self.settings)?
             }
             Layout::Nuscenes => {
                 let counts = super::Split::ALL

@@ -14,7 +14,7 @@ use super::labels::{Label, Labels};
 use super::pickle::Pickle;
 use super::plan::Planned;
 use super::record::{FrameRecord, LidarRecord, Written};
-use super::{ExportError, SceneFacts, Split};
+use super::{DatasetSettings, ExportError, SceneFacts, Split};
 use crate::geom::Pose;
 use crate::scan::Scan;
 
@@ -36,9 +36,10 @@ pub(super) fn write(
     at: usize,
     scan: &Scan,
     classes: &[Label],
-    each: bool,
+    settings: &DatasetSettings,
 ) -> Result<FrameRecord, ExportError> {
-    let labels = Labels::new(classes, &scan.boxes);
+    let labels = Labels::new(classes, &scan.boxes, settings.robo3d_labels);
+    let each = settings.each_lidar;
     let mounts = poses(scan);
     let mut files: Vec<Written> = Vec::new();
     for source in Source::all(mounts.len(), each && mounts.len() > 1) {

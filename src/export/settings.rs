@@ -112,6 +112,10 @@ pub struct DatasetSettings {
     pub seed: u64,
     /// Classes of the scenes that are to count as others, by name.
     pub map: Vec<(String, String)>,
+    /// Fog, snow and crosstalk are labelled as Robo3D does: 21, 22, 23 in SemanticKITTI and 41, 42, 43 in
+    /// nuScenes lidarseg, which has no categories of these numbers; else they are unlabelled.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub robo3d_labels: bool,
     /// All that decides the scans, as text: command, placement, conditions. A folder is gone on with only
     /// where it is the same.
     pub provenance: String,
@@ -128,6 +132,7 @@ impl DatasetSettings {
             splits: Splits::default(),
             seed: 0,
             map: Vec::new(),
+            robo3d_labels: false,
             provenance: String::new(),
         }
     }

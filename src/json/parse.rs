@@ -32,6 +32,7 @@ pub(crate) fn check_version(text: &str, file: &str) -> Result<(), DescriptionErr
     #[derive(Deserialize)]
     struct Version {
         sightline: Option<serde_json::Value>,
+        placements: Option<serde::de::IgnoredAny>,
     }
     let version: Version = parse(text, file)?;
     let top = Place::top(file);
@@ -40,6 +41,12 @@ pub(crate) fn check_version(text: &str, file: &str) -> Result<(), DescriptionErr
         Some(v) => Err(DescriptionError::Version {
             at: Box::new(top.key("sightline")),
             found: format!("version {v} is unknown"),
+        }),
+        // As of `scenes/*.json`, where placements lie beside scenes.
+        None if version.placements.is_some() => Err(DescriptionError::Misplaced {
+            at: Box::new(top),
+            key: "placements",
+            mend: "this is a file of placements; leave it out".to_owned(),
         }),
         None => Err(DescriptionError::Version {
             at: Box::new(top),

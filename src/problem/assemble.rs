@@ -1,13 +1,14 @@
 //! From a scene and a P-SOG to a problem: entropies by voxel, a tree for each part of the scene, and where
 //! each stands in each frame.
 
+use std::cmp::Reverse;
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::{Content, Frame, Instance, OccupiedVoxel, Problem, ProblemError, World};
+use super::{BY_CLASS, Content, Frame, Instance, OccupiedVoxel, Problem, ProblemError, World};
 use crate::bvh::Bvh;
 use crate::geom::{Pose, TriangleSoup};
 use crate::memory::{self, OutOfMemory};
@@ -24,7 +25,7 @@ impl Content {
         let table = EntropyTable::new(psog.frames());
         let is_target: Vec<bool> =
             (0..psog.classes().len()).map(|c| detection.contains(&(c as u16))).collect();
-        let occupied = psog
+        let mut occupied: Vec<OccupiedVoxel> = psog
             .index()
             .par_iter()
             .zip(psog.counts().par_chunks(psog.classes().len().max(1)))
@@ -42,10 +43,12 @@ impl Content {
                         fixed(table.entropy(row, EntropyKind::Segmentation)),
                         fixed(table.entropy(&merged, EntropyKind::Segmentation)),
                         fixed(table.entropy(row, EntropyKind::Bernoulli)),
+                        0,
                     ],
                 }
             })
             .collect();
+        share_by_class(&mut occupied, psog);
         let voxels_by_class: Vec<Vec<u32>> = (0..psog.classes().len())
             .into_par_iter()
             .map(|class| {
@@ -55,6 +58,30 @@ impl Content {
             .collect();
         let classes = psog.classes().to_vec();
         Self::new(classes, occupied, &voxels_by_class, !detection.is_empty())
+    }
+}
+
+/// Largest share of a class that a voxel has, in fixed point: with it sums of 2³² voxels fit into 64 bits.
+const LARGEST_SHARE: f64 = (1u64 << 31) as f64;
+
+/// Writes the information of [`BY_CLASS`]: H(v) / Σ H over the voxels whose commonest class is that of v (of equally
+/// common ones the lowest), in the unit in which the largest is 2³¹.
+fn share_by_class(occupied: &mut [OccupiedVoxel], psog: &Psog) {
+    let some = psog.rows().filter(|row| row.iter().any(|&count| count > 0));
+    let commonest: Vec<usize> = some
+        .map(|row| (0..row.len()).max_by_key(|&class| (row[class], Reverse(class))).unwrap_or(0))
+        .collect();
+    let mut totals = vec![0_u64; psog.classes().len()];
+    for (voxel, &class) in occupied.iter().zip(&commonest) {
+        totals[class] += u64::from(voxel.entropy[0]);
+    }
+    let share = |(voxel, &class): (&OccupiedVoxel, &usize)| {
+        f64::from(voxel.entropy[0]) / totals[class].max(1) as f64
+    };
+    let shares: Vec<f64> = occupied.iter().zip(&commonest).map(share).collect();
+    let largest = shares.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    for (voxel, share) in occupied.iter_mut().zip(shares) {
+        voxel.entropy[BY_CLASS] = (share / largest * LARGEST_SHARE).round() as u32;
     }
 }
 

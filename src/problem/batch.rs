@@ -62,6 +62,11 @@ impl<'a> SensorBatch<'a> {
         self.starts.partition_point(|&start| start <= beam) - 1
     }
 
+    /// Seed of what is left to chance.
+    pub fn seed(&self) -> u64 {
+        self.problem.sensors().seed()
+    }
+
     /// Number of a sensor's model.
     pub fn model(&self, sensor: usize) -> usize {
         self.models[sensor]

@@ -1,6 +1,6 @@
 //! What covering a voxel is worth, and what must be covered.
 
-use super::OccupiedVoxel;
+use super::{KINDS, OccupiedVoxel};
 use crate::psog::Roi;
 use crate::vehicle::Requirement;
 
@@ -23,7 +23,7 @@ pub struct Content {
     /// Where each class begins in `class_voxels`, then each area, and the end.
     class_starts: Vec<u32>,
     areas: Vec<Area>,
-    entropy_total: [u64; 3],
+    entropy_total: [u64; KINDS],
     has_detection: bool,
 }
 
@@ -39,7 +39,7 @@ impl Content {
         for voxels in voxels_by_class {
             class_starts.push(class_starts[class_starts.len() - 1] + voxels.len() as u32);
         }
-        let mut entropy_total = [0; 3];
+        let mut entropy_total = [0; KINDS];
         for voxel in &occupied {
             for (sum, entropy) in entropy_total.iter_mut().zip(voxel.entropy) {
                 *sum += u64::from(entropy);
@@ -127,9 +127,8 @@ impl Content {
         &self.class_voxels[range]
     }
 
-    /// Fixed-point Σ H over all voxels: all classes, detection target against the rest, occupied or
-    /// not.
-    pub fn entropy_total(&self) -> [u64; 3] {
+    /// Σ of the information of all voxels, by kind, in the units of [`OccupiedVoxel::entropy`].
+    pub fn entropy_total(&self) -> [u64; KINDS] {
         self.entropy_total
     }
 

@@ -13,7 +13,7 @@ pub(crate) use beam::beam_direction;
 pub(crate) use beam::beam_origin;
 pub use content::{Area, Content};
 pub(crate) use pose::DevicePose;
-pub use pose::OccupiedVoxel;
+pub use pose::{BY_CLASS, KINDS, OccupiedVoxel};
 pub(crate) use pose::{HIT_PUSH, NO_CROSSING, TINY_COMPONENT};
 pub use tally::{StageTimes, Tally};
 pub use world::{Frame, Instance, World};
@@ -122,8 +122,8 @@ pub struct Problem {
 /// What keeps beams from coming back.
 pub trait Air: std::fmt::Debug + Send + Sync {
     /// Ends beams early: `hits` are those of a batch's sensors, which stand at `ego_from_sensors` in a frame
-    /// that the scene knows by its number. What is left to chance depends on the number, the sensor's model
-    /// and the beam alone.
+    /// that the scene knows by its number. What is left to chance depends on the batch's seed, the number, the
+    /// sensor's model and the beam alone.
     fn dim(
         &self,
         batch: &SensorBatch<'_>,
@@ -305,7 +305,9 @@ impl Problem {
     /// How much of the scene is modelled.
     pub fn modelled(&self) -> Modelled {
         let occupied = self.content.occupied();
-        let informative = occupied.iter().filter(|voxel| voxel.entropy != [0; 3]);
+        let informative = occupied
+            .iter()
+            .filter(|voxel| voxel.entropy[0] > 0 || voxel.entropy[1] > 0 || voxel.entropy[2] > 0);
         let frames = if self.ends_at_hits { self.world.frames() } else { &[] };
         let triangles: u64 = frames.iter().map(|frame| frame.triangle_count()).sum();
         Modelled {

@@ -49,12 +49,19 @@ impl From<&Pose> for DevicePose {
     }
 }
 
-/// One voxel that is occupied in some frame, 16 bytes.
+/// Ways in which the information of a voxel is counted: all classes told apart, detection target against the
+/// rest, occupied or not, and [`BY_CLASS`].
+pub const KINDS: usize = 4;
+/// Kind of information in which every class holds as much: the entropy of all classes as a share of what the
+/// voxels with the same commonest class hold together.
+pub const BY_CLASS: usize = 3;
+
+/// One voxel that is occupied in some frame, 20 bytes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct OccupiedVoxel {
     /// Linear index in the grid.
     pub index: u32,
-    /// Fixed-point entropies: all classes, detection target against the rest, occupied or not.
-    pub entropy: [u32; 3],
+    /// Fixed-point information by kind: entropies, and of [`BY_CLASS`] shares in a unit of the content's own.
+    pub entropy: [u32; KINDS],
 }

@@ -3,6 +3,8 @@
 use std::ops::AddAssign;
 use std::time::Duration;
 
+use super::KINDS;
+
 /// Integer sums over the covered voxels of one placement, added up over frames.
 ///
 /// Entropies are fixed-point; see [`crate::psog`].
@@ -12,8 +14,8 @@ pub struct Tally {
     pub covered: u64,
     /// Covered voxels that are occupied in at least one frame of the P-SOG.
     pub covered_nonzero: u64,
-    /// Σ H over covered voxels: all classes, detection target against the rest, occupied or not.
-    pub entropy: [u64; 3],
+    /// Σ of the information of covered voxels, by kind, in the units of [`super::OccupiedVoxel::entropy`].
+    pub entropy: [u64; KINDS],
     /// Covered voxels in which a class occurs in at least one frame, by class id; then those of each area.
     pub by_class: Vec<u64>,
     /// Σ H (all classes) over the voxels that only this LiDAR covers, by LiDAR.

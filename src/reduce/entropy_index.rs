@@ -4,7 +4,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use crate::cover::BitOrder;
-use crate::problem::{Content, Tally};
+use crate::problem::{Content, KINDS, Tally};
 
 /// Words of a block, 4 KiB a sensor: its union stays in the first-level cache for all sums.
 const BLOCK: usize = 512;
@@ -53,7 +53,7 @@ impl Words {
 /// of a word at once, where [`super::reduce()`] asks for one voxel after another.
 pub(crate) struct EntropyIndex {
     occupied: Words,
-    entropy: Vec<[u32; 3]>,
+    entropy: Vec<[u32; KINDS]>,
     classes: Vec<Words>,
 }
 
@@ -113,14 +113,14 @@ fn add_block(maps: &[&[u64]], block: usize, index: &EntropyIndex, tally: &mut Ta
         }
     }
     tally.covered += any[..len].iter().map(|word| u64::from(word.count_ones())).sum::<u64>();
-    let mut entropy = [0_u64; 3];
+    let mut entropy = [0_u64; KINDS];
     for word in index.occupied.of_block(block) {
         let at = word.index as usize % BLOCK;
         let mut bits = any[at] & word.mask;
         tally.covered_nonzero += u64::from(bits.count_ones());
         while bits != 0 {
             let of_voxel = index.entropy[rank(word, bits)];
-            for kind in 0..3 {
+            for kind in 0..KINDS {
                 entropy[kind] += u64::from(of_voxel[kind]);
             }
             bits &= bits - 1;

@@ -185,7 +185,8 @@ mod tests {
     #[test]
     fn gained_nats_fall_into_their_cells() {
         let roi = Roi::new([0.0; 3], [1.0; 3], [4, 2, 3]).unwrap();
-        let occupied = [0, 1, 13].map(|index| OccupiedVoxel { index, entropy: [fixed(0.5), 0, 0] });
+        let occupied =
+            [0, 1, 13].map(|index| OccupiedVoxel { index, entropy: [fixed(0.5), 0, 0, 0] });
         let content = Content::new(vec!["a".into()], occupied.to_vec(), &[vec![]], false);
         let mut map = InformationMap::new(&roi, &content);
         // Voxels 0 and 1 share the column (0, 0); voxel 13 is (2, 0, 1).

@@ -18,6 +18,8 @@ pub enum ScoreColumn {
     Gain,
     /// Information gain in per cent of the information that the scene holds.
     GainShare,
+    /// Mean over classes of the share of their information that is gained, in per cent.
+    ClassGain,
     /// S-MIG in nats.
     SMig,
     /// Covered voxels.
@@ -28,10 +30,11 @@ pub enum ScoreColumn {
 
 impl ScoreColumn {
     /// Every column, the name first.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Name,
         Self::Gain,
         Self::GainShare,
+        Self::ClassGain,
         Self::MSog,
         Self::MSogScaled,
         Self::Detection,
@@ -40,8 +43,8 @@ impl ScoreColumn {
         Self::Hits,
     ];
     /// The columns that an objective can name.
-    pub const METRICS: [Self; 5] =
-        [Self::Gain, Self::MSog, Self::MSogScaled, Self::Detection, Self::SMig];
+    pub const METRICS: [Self; 6] =
+        [Self::Gain, Self::ClassGain, Self::MSog, Self::MSogScaled, Self::Detection, Self::SMig];
 
     /// Title with its unit.
     pub fn title(self) -> &'static str {
@@ -52,6 +55,7 @@ impl ScoreColumn {
             Self::Detection => "det ×1e-6",
             Self::Gain => "gain nats",
             Self::GainShare => "gain %",
+            Self::ClassGain => "by class %",
             Self::SMig => "S-MIG",
             Self::Covered => "covered",
             Self::Hits => "hits %",
@@ -71,6 +75,7 @@ impl ScoreColumn {
             }
             Self::Gain => optional(task.information_gain, 0),
             Self::GainShare => optional(scaled(task.information_gain_share, 100.0), 2),
+            Self::ClassGain => optional(scaled(scores.class_gain, 100.0), 2),
             Self::SMig => optional(scores.s_mig, 0),
             Self::Covered => format!("{:.0}", scores.covered),
             Self::Hits => optional(scaled(scores.hit_share, 100.0), 1),

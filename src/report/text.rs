@@ -4,7 +4,7 @@ use super::{ScoreColumn, optional};
 use crate::score::Scores;
 use crate::search::Finding;
 use crate::study::Table;
-use crate::vehicle::Placement;
+use crate::vehicle::{Placement, SensorPose};
 
 /// Lines of equal columns, the first column to the left and numbers to the right.
 pub fn align_columns(rows: &[Vec<String>]) -> String {
@@ -77,11 +77,19 @@ pub fn poses_text(placement: &Placement) -> String {
     let mut rows = vec![titles.map(str::to_owned).to_vec()];
     let named = placement.lidars.iter().any(|pose| !pose.sensor.is_none());
     rows[0].extend(named.then(|| "sensor".to_owned()));
+    let phased = placement.lidars.iter().any(|pose| pose.phase.is_some());
+    rows[0].extend(phased.then(|| "phase".to_owned()));
     for (index, pose) in placement.lidars.iter().enumerate() {
         let mut row = vec![index.to_string()];
         row.extend(pose.fields().map(|(_, value)| format!("{value:.3}")));
         row.extend(named.then(|| pose.sensor.to_string()));
+        row.extend(phased.then(|| phase_text(pose)));
         rows.push(row);
     }
     align_columns(&rows)
+}
+
+/// Phase of a LiDAR in radians, empty where its model says it.
+pub(in crate::report) fn phase_text(pose: &SensorPose) -> String {
+    pose.phase.map(|phase| format!("{phase:.4}")).unwrap_or_default()
 }

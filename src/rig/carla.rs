@@ -24,6 +24,7 @@ pub(crate) fn mirrored(pose: &SensorPose, angle: impl Fn(f64) -> f64) -> SensorP
         pitch: 0.0 - angle(pose.pitch),
         yaw: 0.0 - angle(pose.yaw),
         sensor: pose.sensor,
+        phase: None,
     }
 }
 

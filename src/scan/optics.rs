@@ -2,6 +2,7 @@
 
 use super::conditions::{self, Weather};
 use super::reflectance::Reflectance;
+use crate::scene::Scene;
 use crate::vehicle::Response;
 
 /// Standard deviations of the threshold beyond which nothing is left to chance.
@@ -17,10 +18,11 @@ pub(super) struct Optics {
 }
 
 impl Optics {
-    pub fn new(classes: &[String], weather: Weather, seed: u64) -> Self {
+    pub fn new(scene: &Scene, weather: Weather, seed: u64) -> Self {
+        let classes = scene.classes();
         Self {
             weather,
-            reflectance: Reflectance::new(classes, seed),
+            reflectance: Reflectance::new(classes, scene.reflectances(), seed),
             ground: classes.iter().map(|class| conditions::is_ground(class)).collect(),
         }
     }

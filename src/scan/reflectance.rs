@@ -1,6 +1,7 @@
 //! How much of the light surfaces send back, by class and by object.
 
 use super::chance::{Chance, Purpose};
+use crate::scene::Reflectances;
 
 /// Share of the objects of a mixed class that are dark, and what dark and other ones reflect: car paint that
 /// mirrors the beam away beside paint that scatters it.
@@ -47,24 +48,38 @@ const MIXED: [&str; 3] = ["vehicle", "car", "moving-car"];
 pub(super) struct Reflectance {
     /// By class; none where objects differ.
     by_class: Vec<Option<f64>>,
+    /// Of each class: whether objects differ, unless the scene says otherwise.
+    mixed: Vec<bool>,
+    /// By actor, where the scene says it.
+    by_actor: Vec<Option<f64>>,
     seed: u64,
 }
 
 impl Reflectance {
-    pub fn new(classes: &[String], seed: u64) -> Self {
-        let of = |class: &String| {
+    /// Of classes, and what the scene says of them and of its actors.
+    pub fn new(classes: &[String], said: &Reflectances, seed: u64) -> Self {
+        let mixed = classes.iter().map(|class| MIXED.contains(&class.as_str())).collect();
+        let of = |(id, class): (usize, &String)| {
+            if let Some(&Some(reflectance)) = said.classes.get(id) {
+                return Some(reflectance);
+            }
             let known = REFLECTANCES.iter().find(|(name, _)| name == class);
             match known {
                 Some(&(_, reflectance)) => Some(reflectance),
                 None => (!MIXED.contains(&class.as_str())).then_some(UNKNOWN),
             }
         };
-        Self { by_class: classes.iter().map(of).collect(), seed }
+        let by_class = classes.iter().enumerate().map(of).collect();
+        Self { by_class, mixed, by_actor: said.actors.clone(), seed }
     }
 
     /// From 0 to 1, of an object of a class; objects keep theirs through all frames. What stands in the static
     /// world is no object, and has the mean of its class.
     pub fn of(&self, class: u16, instance: u16) -> f64 {
+        let actor = usize::from(instance).checked_sub(1).and_then(|actor| self.by_actor.get(actor));
+        if let Some(&Some(reflectance)) = actor {
+            return reflectance;
+        }
         match self.by_class.get(usize::from(class)) {
             Some(Some(reflectance)) => *reflectance,
             Some(None) if instance == super::NO_INSTANCE => {
@@ -83,6 +98,6 @@ impl Reflectance {
 
     /// Whether objects of a class differ.
     pub fn is_mixed(&self, class: u16) -> bool {
-        matches!(self.by_class.get(usize::from(class)), Some(None))
+        self.mixed.get(usize::from(class)).is_some_and(|&mixed| mixed)
     }
 }

@@ -133,7 +133,7 @@ impl<'a> Scanner<'a> {
             sensors,
             tracks,
             scanning: scanning.clone(),
-            optics: Optics::new(&classes, weather, scanning.seed),
+            optics: Optics::new(scene, weather, scanning.seed),
             corruptions,
             classes,
         })

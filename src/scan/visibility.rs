@@ -51,7 +51,8 @@ pub enum VisibilityError {
 /// covers in clear air; otherwise it covers nothing. A beam that meets nothing covers as far as a target of
 /// 30 % would be seen. Which beams come back is drawn once for each frame, model and beam, so that a voxel is
 /// weighted with the probability that a beam tells of it, in whole beams: all engines have the same bits, and
-/// neighbouring placements the same luck.
+/// neighbouring placements the same luck. Other seeds of the problem's sensors are other draws, and the mean
+/// over them is the expectation.
 #[derive(Debug)]
 pub struct Visibility {
     optics: Optics,
@@ -96,7 +97,7 @@ impl Visibility {
             return Err(VisibilityError::Robo3d { condition: condition.to_string() });
         }
         let (weather, _) = conditions::sort(conditions)?;
-        let optics = Optics::new(scene.classes(), weather, 0);
+        let optics = Optics::new(scene, weather, 0);
         let first = problem.geometry(0).into_iter().flat_map(|frame| frame.instances());
         Ok(Arc::new(Self { stage: Stage::of(scene, first), optics, reaches: Mutex::default() }))
     }
@@ -158,6 +159,7 @@ impl Air for Visibility {
         number: usize,
         hits: &mut [Hit],
     ) {
+        let seed = batch.seed();
         let mut rows = Vec::with_capacity(batch.len());
         let mut rest = hits;
         for sensor in 0..batch.len() {
@@ -174,7 +176,8 @@ impl Air for Visibility {
                 .collect();
             let directions = batch.table(sensor).directions();
             for (beam, (hit, direction)) in row.iter_mut().zip(directions).enumerate() {
-                let chance = Chance::new(0, number as u32, batch.model(sensor) as u32, beam as u32);
+                let chance =
+                    Chance::new(seed, number as u32, batch.model(sensor) as u32, beam as u32);
                 if !hit.is_hit() {
                     let draw = chance.draw(Purpose::Detection, 0);
                     let reach = reaches[(draw * STEPS as f64) as usize];

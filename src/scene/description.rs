@@ -24,6 +24,8 @@ pub(crate) struct SceneDescription {
     pub classes: Option<Vec<String>>,
     pub detection: Option<Vec<String>>,
     #[serde(default)]
+    pub reflectance: Dictionary<f64>,
+    #[serde(default)]
     pub shapes: Dictionary<Vec<ShapeDescription>>,
     #[serde(default, rename = "static")]
     pub world: Vec<ShapeDescription>,
@@ -99,6 +101,7 @@ pub(crate) struct ScanDescription {
 pub(crate) struct ActorDescription {
     pub name: Option<String>,
     pub kind: Option<String>,
+    pub reflectance: Option<f64>,
     pub parts: Vec<ShapeDescription>,
     pub poses: Option<Vec<PoseDescription>>,
     pub route: Option<RouteDescription>,

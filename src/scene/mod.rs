@@ -13,6 +13,7 @@ mod origins;
 mod parts;
 mod polygon;
 mod primitives;
+mod reflectance;
 mod route;
 mod settings;
 mod shapes;
@@ -37,6 +38,7 @@ use solid::Solid;
 pub use crate::json::{DescriptionError, Place};
 pub use classes::DEFAULT_CLASSES;
 pub use kind::ActorKind;
+pub use reflectance::Reflectances;
 pub use settings::{Coverage, PsogSource, RoiBounds, ScanSettings};
 pub use street::street;
 pub use tracks::Track;
@@ -69,6 +71,7 @@ pub struct Scene {
     ego: Motion,
     /// Of each part's frame, in the frame of its owner; see [`Scene::part`].
     origins: Vec<DVec3>,
+    reflectances: Reflectances,
     files: Vec<PathBuf>,
     notes: Vec<String>,
 }
@@ -256,6 +259,7 @@ impl Scene {
             files.extend(more);
         }
         let notes = builder.notes();
+        let reflectances = Reflectances::new(&top, &classes, &scene.reflectance, &scene.actors)?;
 
         let has_geometry = things.has_geometry();
         let frames = things.frames(&top, scene.frames)?;
@@ -290,6 +294,7 @@ impl Scene {
             body,
             ego,
             origins,
+            reflectances,
             files,
             notes,
         })
@@ -395,6 +400,11 @@ impl Scene {
     /// Every input file: scene, sensor, meshes with their buffers, P-SOG.
     pub fn files(&self) -> &[PathBuf] {
         &self.files
+    }
+
+    /// What the scene says of how much light its surfaces send back.
+    pub fn reflectances(&self) -> &Reflectances {
+        &self.reflectances
     }
 
     /// Whether the static world, an actor or the ego body has a triangle.

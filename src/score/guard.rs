@@ -284,7 +284,7 @@ mod tests {
         let good = Tally {
             covered: 1000,
             covered_nonzero: 300,
-            entropy: [1000, 0, 0],
+            entropy: [1000, 0, 0, 0],
             by_class: vec![100, 40],
             unique: vec![100, 200],
             hits: 80,
@@ -292,7 +292,7 @@ mod tests {
         };
         let guards = |tally: &Tally| guards_of(tally, &content, true, 1, Some(&good));
         assert_eq!(guards(&good), []);
-        let low = Tally { entropy: [499, 0, 0], ..good.clone() };
+        let low = Tally { entropy: [499, 0, 0, 0], ..good.clone() };
         assert_eq!(guards(&low), [Guard::LowInformation { share: 0.499 }]);
         let sky = Tally { hits: 39, ..good.clone() };
         assert_eq!(guards(&sky), [Guard::FewHits { hit_share: 0.39, reference: 0.8 }]);
@@ -301,7 +301,7 @@ mod tests {
         let stacked = Tally { unique: vec![100, 9], ..good.clone() };
         assert_eq!(guards(&stacked), [Guard::RedundantLidar { lidar: 1, share: 0.009 }]);
         assert_eq!(guards(&Tally::zero(2, 2)), [Guard::CoversNothing]);
-        let far = Tally { entropy: [1100, 0, 0], ..good.clone() };
+        let far = Tally { entropy: [1100, 0, 0, 0], ..good.clone() };
         assert_eq!(short_sight(&good, &good), None);
         let Some(Guard::ShortSight { lost }) = short_sight(&good, &far) else { panic!() };
         assert!((lost - 100.0 / 1100.0).abs() < 1e-12);

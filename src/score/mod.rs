@@ -12,7 +12,7 @@ pub(crate) mod standing;
 
 use serde::{Serialize, Serializer};
 
-use crate::problem::{Content, Tally};
+use crate::problem::{BY_CLASS, Content, Tally};
 use crate::psog::to_nats;
 
 pub use bootstrap::{Interval, bootstrap};
@@ -52,6 +52,9 @@ pub struct Scores {
     pub segmentation: TaskScores,
     /// −Σ H over covered voxels with H that of "occupied or not" (S-MIG, Hu et al. 2022).
     pub s_mig: Option<f64>,
+    /// Mean over classes of the share of their information that is gained: each voxel belongs to its commonest
+    /// class, so that walls, which have most voxels, do not decide alone. `None` where nothing is covered or known.
+    pub class_gain: Option<f64>,
     /// Σ H over covered voxels, in nats; the information gain by its other name.
     pub entropy_sum: Option<f64>,
     /// Covered voxels, a mean over frames.
@@ -149,13 +152,15 @@ impl Scores {
         reference: Option<&Tally>,
     ) -> Self {
         let mean = |sum: u64| sum as f64 / frames as f64;
-        let Tasks { segmentation, detection, s_mig } = Tasks::new(tally, content, frames);
+        let Tasks { segmentation, detection, s_mig, class_gain } =
+            Tasks::new(tally, content, frames);
         let gained = tally.entropy[0];
         let unique = tally.unique.iter();
         Self {
             name: name.to_owned(),
             segmentation,
             s_mig,
+            class_gain,
             entropy_sum: segmentation.information_gain,
             covered: mean(tally.covered),
             covered_nonzero: mean(tally.covered_nonzero),
@@ -188,6 +193,7 @@ struct Tasks {
     segmentation: TaskScores,
     detection: Option<TaskScores>,
     s_mig: Option<f64>,
+    class_gain: Option<f64>,
 }
 
 impl Tasks {
@@ -198,10 +204,13 @@ impl Tasks {
             let total = to_nats(content.entropy_total()[kind]);
             task_scores(gain(kind), total, mean(tally.covered), mean(tally.covered_nonzero))
         };
+        let classes = content.entropy_total()[BY_CLASS];
+        let gained = tally.entropy[BY_CLASS] as f64 / (frames as f64 * classes as f64);
         Self {
             segmentation: task(0),
             detection: content.has_detection().then(|| task(1)),
             s_mig: (tally.covered > 0).then(|| negated(gain(2))),
+            class_gain: (tally.covered > 0 && classes > 0).then_some(gained),
         }
     }
 }
@@ -234,7 +243,7 @@ mod tests {
 
     /// Two voxels worth ln 2 and one worth nothing, seen in classes a, a and b.
     fn content() -> Content {
-        let worth = |h: f64| [fixed(h), fixed(h), fixed(h / 2.0)];
+        let worth = |h: f64| [fixed(h), fixed(h), fixed(h / 2.0), u32::from(h > 0.0)];
         let ln2 = std::f64::consts::LN_2;
         let occupied = [(3, ln2), (5, ln2), (9, 0.0)];
         let occupied =
@@ -252,7 +261,7 @@ mod tests {
         let tally = Tally {
             covered: 16,
             covered_nonzero: 4,
-            entropy: [3 * one, 0, 3 * half],
+            entropy: [3 * one, 0, 3 * half, 5],
             by_class: vec![3, 1],
             unique: vec![one, 0],
             hits: 30,
@@ -270,6 +279,8 @@ mod tests {
         close(scores.segmentation.m_sog_scaled, -1.5 * ln2 / 64.0);
         close(scores.segmentation.m_sog_nonzero, -1.5 * ln2 / 2.0);
         close(scores.s_mig, -0.75 * ln2);
+        // 5 units in two frames, of 2 there are.
+        close(scores.class_gain, 1.25);
         assert!(negated(0.0).is_sign_positive());
         assert_eq!((scores.covered, scores.covered_nonzero), (8.0, 2.0));
         assert_eq!(scores.covered_by_class, [("a".into(), 1.5), ("b".into(), 0.5)]);

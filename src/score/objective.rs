@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::over_scenes::totals;
 use super::{Scores, TaskScores, Tasks};
-use crate::problem::{Content, Tally};
+use crate::problem::{Content, KINDS, OccupiedVoxel, Tally};
 
 /// One score by name, of segmentation or of detection.
 #[derive(Debug, Clone, Copy)]
@@ -16,18 +16,19 @@ struct Metric {
     of: Getter,
 }
 
-/// From `s_mig` and the scores of the task.
-type Getter = fn(Option<f64>, &TaskScores) -> Option<f64>;
+/// From all scores and those of the task.
+type Getter = fn(&Tasks, &TaskScores) -> Option<f64>;
 
 /// Every score that a search may maximize; all are "larger is better".
-const METRICS: [(&str, Getter); 7] = [
+const METRICS: [(&str, Getter); 8] = [
     ("information_gain", |_, task| task.information_gain),
     ("m_sog_scaled", |_, task| task.m_sog_scaled),
     ("m_sog", |_, task| task.m_sog),
     ("m_sog_scaled_nonzero", |_, task| task.m_sog_scaled_nonzero),
     ("m_sog_nonzero", |_, task| task.m_sog_nonzero),
     ("information_gain_share", |_, task| task.information_gain_share),
-    ("s_mig", |s_mig, _| s_mig),
+    ("class_gain", |tasks, _| tasks.class_gain),
+    ("s_mig", |tasks, _| tasks.s_mig),
 ];
 
 const DETECTION: &str = "detection.";
@@ -138,8 +139,8 @@ impl std::fmt::Display for Objective {
 impl Objective {
     /// The objective's value; `None` where a score it needs does not exist.
     pub fn value(&self, scores: &Scores) -> Option<f64> {
-        let Scores { segmentation, detection, s_mig, .. } = *scores;
-        self.value_of(&Tasks { segmentation, detection, s_mig })
+        let Scores { segmentation, detection, s_mig, class_gain, .. } = *scores;
+        self.value_of(&Tasks { segmentation, detection, s_mig, class_gain })
     }
 
     /// The value of a placement of which only the sums over covered voxels are known: the same number
@@ -164,16 +165,17 @@ impl Objective {
     fn value_of(&self, tasks: &Tasks) -> Option<f64> {
         self.terms.iter().try_fold(0.0, |sum, (weight, metric)| {
             let task = if metric.detection { tasks.detection? } else { tasks.segmentation };
-            Some(sum + weight * (metric.of)(tasks.s_mig, &task)?)
+            Some(sum + weight * (metric.of)(tasks, &task)?)
         })
     }
 
     /// Whether the count of all covered voxels matters, empty ones too.
     pub fn counts_all_covered(&self) -> bool {
         let few =
-            Tally { covered: 1, covered_nonzero: 1, entropy: [1 << 28; 3], ..Tally::default() };
+            Tally { covered: 1, covered_nonzero: 1, entropy: [1 << 28; KINDS], ..Tally::default() };
         let many = Tally { covered: 2, ..few.clone() };
-        let content = Content::new(Vec::new(), Vec::new(), &[], true);
+        let occupied = vec![OccupiedVoxel { index: 0, entropy: [1 << 28; KINDS] }];
+        let content = Content::new(Vec::new(), occupied, &[], true);
         let value = |tally| self.value_of_tally(tally, &content, 1);
         value(&few) != value(&many)
     }
@@ -181,7 +183,7 @@ impl Objective {
     /// Whether the objective grows with the information gain and nothing else: a positive multiple of
     /// a sum over covered voxels, monotone and submodular in the set of sensors.
     pub fn is_information_gain(&self) -> bool {
-        const GAINS: [&str; 2] = ["information_gain", "information_gain_share"];
+        const GAINS: [&str; 3] = ["information_gain", "information_gain_share", "class_gain"];
         let gain = |metric: &Metric| GAINS.contains(&metric.name);
         self.terms.iter().all(|(weight, metric)| *weight > 0.0 && gain(metric))
     }
@@ -213,7 +215,7 @@ mod tests {
         let tally = Tally {
             covered: 10,
             covered_nonzero: 4,
-            entropy: [40 << 28, 20 << 28, 0],
+            entropy: [40 << 28, 20 << 28, 0, 0],
             by_class: vec![0],
             unique: vec![0],
             hits: 0,
@@ -239,10 +241,12 @@ mod tests {
             ("detection.m_sog", true, false),
             ("m_sog_nonzero", false, false),
             ("s_mig", false, false),
+            ("class_gain", false, true),
             ("information_gain", false, true),
             ("0.5*information_gain_share + 2*detection.information_gain", false, true),
             ("-1*information_gain", false, false),
             ("information_gain + m_sog", true, false),
+            ("class_gain + information_gain_share + m_sog", true, false),
         ] {
             assert_eq!(objective(text).counts_all_covered(), all_covered, "{text}");
             assert_eq!(objective(text).is_information_gain(), gain, "{text}");

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::atlas::{Atlas, Union};
 use super::evaluator::Evaluator;
 use crate::engine::BackendError;
-use crate::problem::{Content, Tally};
+use crate::problem::{Content, KINDS, Tally};
 use crate::score::Objective;
 use crate::vehicle::PoseGrid;
 
@@ -101,20 +101,21 @@ impl Atlases {
             / self.each.len() as f64
     }
 
-    /// Growth of an information gain with each fixed-point unit of the two tasks' entropies, in each scene:
+    /// Growth of an information gain with each fixed-point unit of the kinds of information, in each scene:
     /// (objective of a sum of 2⁴⁰ units) / 2⁴⁰; 0 where it does not exist.
-    pub(super) fn worth_units(&self, objective: &Objective) -> Vec<[f64; 2]> {
-        let unit = |scene: usize, task: usize| {
+    pub(super) fn worth_units(&self, objective: &Objective) -> Vec<[f64; KINDS]> {
+        let unit = |scene: usize, kind: usize| {
             let tallies = (0..self.each.len()).map(|index| {
                 let mut tally = Tally { covered: 1, covered_nonzero: 1, ..Tally::default() };
                 if index == scene {
-                    tally.entropy[task] = UNITS;
+                    tally.entropy[kind] = UNITS;
                 }
                 with_content(tally, &self.each[index])
             });
             objective.value_over_scenes(tallies).unwrap_or(0.0) / UNITS as f64
         };
-        (0..self.each.len()).map(|scene| [0, 1].map(|task| unit(scene, task))).collect()
+        let kinds = |scene| std::array::from_fn(|kind| unit(scene, kind));
+        (0..self.each.len()).map(kinds).collect()
     }
 
     /// As [`Atlas::occupied_of`], scene after scene.
@@ -130,7 +131,7 @@ impl Atlases {
 
     /// The fixed-point entropies of each bit of [`Self::occupied_of`], and the number of its scene; of a
     /// single scene those of one frame, since all its frames have the same.
-    pub(super) fn worths(&self) -> Vec<([u32; 3], usize)> {
+    pub(super) fn worths(&self) -> Vec<([u32; KINDS], usize)> {
         let of_scene = |(scene, atlas): (usize, &Atlas)| {
             let frames = if self.each.len() > 1 { atlas.problem().frame_count() } else { 1 };
             let worths: Vec<_> = atlas.worths().into_iter().map(|worth| (worth, scene)).collect();

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::atlases::Atlases;
 use super::error::SearchError;
 use super::evaluator::Evaluator;
+use crate::problem::KINDS;
 use crate::score::{Objective, Standing};
 use crate::search::atlas::Union;
 use crate::vehicle::{Constraints, Placement, PoseGrid};
@@ -112,7 +113,7 @@ impl GridSearch {
         let grid = self.atlas.grid();
         let mut placement = placement.clone();
         if self.constraints.kinds().len() > 1 {
-            placement.lidars = self.constraints.in_slots(&placement.lidars)?;
+            placement.lidars = self.constraints.ordered(&placement.lidars)?;
         }
         let poses = grid.numbers_of(&placement, self.constraints.ties);
         let snapped = GridPlacement { poses, value: 0.0 };
@@ -217,7 +218,7 @@ impl GridSearch {
     }
 
     /// As [`Atlases::worth_units`].
-    pub(super) fn worth_units(&self) -> Vec<[f64; 2]> {
+    pub(super) fn worth_units(&self) -> Vec<[f64; KINDS]> {
         self.atlas.worth_units(&self.objective)
     }
 

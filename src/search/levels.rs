@@ -178,7 +178,7 @@ mod tests {
         let problem = Arc::new(Problem::new(roi, content, table, frames, true));
         let placement = |k| Placement { name: format!("p{k}"), lidars: vec![] };
         let tally =
-            |&gain: &u64| Tally { covered: 10, entropy: [gain << 28, 0, 0], ..Tally::default() };
+            |&gain: &u64| Tally { covered: 10, entropy: [gain << 28, 0, 0, 0], ..Tally::default() };
         Pilot {
             suite: problem.into(),
             placements: (0..gains[0].len()).map(placement).collect(),

@@ -1,4 +1,4 @@
-//! What a result is worth at azimuth phases that the search has not seen.
+//! What a result is worth at azimuth phases, and in weather, that the search has not seen.
 
 use serde::Serialize;
 
@@ -8,12 +8,12 @@ use super::suite::{Member, Suite};
 use crate::score::Objective;
 use crate::vehicle::Placement;
 
-/// Draws of the phases that the search has not seen.
+/// Draws that the search has not seen.
 pub(super) const DRAWS: u64 = 8;
 /// Two-sided 95 % of Student's distribution with [`DRAWS`] − 1 degrees of freedom.
 const STUDENT: f64 = 2.365;
 
-/// The objective of a result and of the best baseline over several draws of the free phases.
+/// The objective of a result and of the best baseline over several draws of what is left to chance.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PhaseCheck {
     /// Objective of the result, by draw.
@@ -41,6 +41,16 @@ impl Suite {
         };
         self.members().iter().any(free)
     }
+
+    /// Whether beams come back by chance: through weather, or past faults.
+    pub fn has_weather(&self) -> bool {
+        self.members().iter().any(|member| member.problem().air().is_some())
+    }
+
+    /// Whether scores are those of one draw: of phases, or of the beams that come back.
+    pub(super) fn is_left_to_chance(&self) -> bool {
+        self.has_free_phase() || self.has_weather()
+    }
 }
 
 /// Scores a result and a baseline at [`DRAWS`] draws that follow `seed`.
@@ -55,19 +65,24 @@ pub(super) fn check(
     let both: Vec<Placement> = std::iter::once(best).chain(baseline).cloned().collect();
     let (mut ours, mut theirs) = (Vec::new(), Vec::new());
     for draw in 1..=DRAWS {
-        let drawn = suite.with_phases(seed + draw);
+        let drawn = suite.with_draw(seed + draw);
         let scores = Evaluator::suite_on_cpu(&drawn, memory).scores(&both)?;
         ours.extend(objective.value(&scores[0]));
         theirs.extend(scores.get(1).and_then(|scores| objective.value(scores)));
     }
-    let words = words(&ours, &theirs, baseline);
+    let drawn = match (suite.has_free_phase(), suite.has_weather()) {
+        (_, false) => "azimuth phases",
+        (false, true) => "beams that come back",
+        (true, true) => "azimuth phases and of the beams that come back",
+    };
+    let words = words(drawn, &ours, &theirs, baseline);
     Ok(PhaseCheck { ours, theirs, words })
 }
 
-fn words(ours: &[f64], theirs: &[f64], baseline: Option<&Placement>) -> String {
+fn words(drawn: &str, ours: &[f64], theirs: &[f64], baseline: Option<&Placement>) -> String {
     let [mean, reach] = interval(ours);
     let mut words = format!(
-        "At {} draws of the azimuth phases that the search has not seen the result reaches {mean:.4e} ± {:.2} % \
+        "At {} draws of the {drawn} that the search has not seen the result reaches {mean:.4e} ± {:.2} % \
          (95 % interval of the mean)",
         ours.len(),
         100.0 * reach / mean.abs()
@@ -97,7 +112,7 @@ mod tests {
         // By hand: variance 6, standard error √(6/8).
         assert!((mean - 4.5).abs() < 1e-12 && (reach - 2.365 * 0.75_f64.sqrt()).abs() < 1e-12);
         let baseline = Placement { name: "plain".into(), lidars: vec![] };
-        let said = words(&[110.0; 8], &[100.0; 8], Some(&baseline));
+        let said = words("azimuth phases", &[110.0; 8], &[100.0; 8], Some(&baseline));
         assert!(said.contains("1.1000e2 ± 0.00 %"), "{said}");
         assert!(said.contains("+10.00 % (interval +10.00 to +10.00) against plain."), "{said}");
     }

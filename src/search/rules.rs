@@ -32,6 +32,9 @@ pub fn rules_in_words(constraints: &Constraints) -> Vec<String> {
         let beside = if kinds.len() > 1 { format!("{}: ", region.name) } else { String::new() };
         let word = |k: usize| format!("{beside}{} = {}", SensorPose::FIELDS[k], region.lower[k]);
         words.extend(fixed.map(word));
+        if let Some([from, to]) = slot.phase {
+            words.push(format!("{beside}a phase of each LiDAR from {from} to {to} rad"));
+        }
     }
     words
 }

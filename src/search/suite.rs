@@ -189,9 +189,9 @@ impl Suite {
         self.members.iter().map(range).collect()
     }
 
-    /// The same at other draws of the free phases.
+    /// The same at another draw of what is left to chance: free phases, and what the air lets through.
     #[must_use]
-    pub fn with_phases(&self, seed: u64) -> Self {
+    pub fn with_draw(&self, seed: u64) -> Self {
         let drawn = |member: &Member| {
             let problem = Problem::clone(&member.problem);
             let sensors = problem.sensors().with_seed(seed);
@@ -244,7 +244,7 @@ mod tests {
         let beam = std::iter::once([1.0, 0.5, 0.0].into());
         let table = BeamTable::from_directions(beam, range).unwrap();
         let tree = Arc::new(Bvh::build(&TriangleSoup::default(), 10.0));
-        let occupied = vec![OccupiedVoxel { index: 3, entropy: [7; 3] }];
+        let occupied = vec![OccupiedVoxel { index: 3, entropy: [7; 4] }];
         let content = Content::new(vec![], occupied, &[], false);
         Arc::new(Problem::new(roi, content, table, vec![tree; frames], true))
     }

@@ -24,12 +24,13 @@ const PUBLISHED: [(&str, f64, f64, f64); 8] = [
 type Metric = (&'static str, fn(&Scores) -> Option<f64>);
 
 /// Every score that is compared with the published results.
-const METRICS: [Metric; 9] = [
+const METRICS: [Metric; 10] = [
     ("m_sog", |s| s.segmentation.m_sog),
     ("m_sog_scaled", |s| s.segmentation.m_sog_scaled),
     ("m_sog_nonzero", |s| s.segmentation.m_sog_nonzero),
     ("m_sog_scaled_nonzero", |s| s.segmentation.m_sog_scaled_nonzero),
     ("information_gain", |s| s.segmentation.information_gain),
+    ("class_gain", |s| s.class_gain),
     ("s_mig", |s| s.s_mig),
     ("detection.m_sog", |s| s.detection?.m_sog),
     ("detection.m_sog_scaled", |s| s.detection?.m_sog_scaled),

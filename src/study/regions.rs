@@ -134,7 +134,7 @@ mod tests {
     #[test]
     fn gains_are_means_over_frames() {
         let roi = Roi::new([0.0, -1.0, 0.0], [10.0, 2.0, 1.0], [3, 1, 1]).unwrap();
-        let voxel = |index| OccupiedVoxel { index, entropy: [fixed(1.0); 3] };
+        let voxel = |index| OccupiedVoxel { index, entropy: [fixed(1.0); 4] };
         let content =
             Content::new(vec!["a".into()], vec![voxel(0), voxel(2)], &[vec![0, 2]], false);
         let covered = [vec![0, 1, 2], vec![0]];

@@ -15,7 +15,8 @@ pub struct Constraints {
     /// Lower and upper corners of the boxes in the ego frame that LiDARs keep out of, in metres; faces are
     /// allowed.
     pub keep_out: Vec<[[f64; 3]; 2]>,
-    /// Rules that tie the LiDARs of a placement together; only where all slots are alike.
+    /// Rules that tie the LiDARs of a placement together; with mirrored pairs, those of a pair are neighbours and
+    /// come first.
     pub ties: Ties,
     /// The model that LiDARs are of which name none.
     pub first: SensorName,
@@ -28,6 +29,16 @@ pub struct Slot {
     pub region: Arc<Region>,
     /// Its model; none: the vehicle's first.
     pub sensor: SensorName,
+    /// Angles in radians, from the first to the second, at one of which it is locked, where that is left to
+    /// the search.
+    pub phase: Option<[f64; 2]>,
+}
+
+impl Slot {
+    /// The phase of a sensor that names none.
+    pub(super) fn phase_at_rest(&self) -> Option<f64> {
+        self.phase.map(|[from, to]| 0.0_f64.clamp(from, to))
+    }
 }
 
 impl Constraints {
@@ -35,7 +46,7 @@ impl Constraints {
     /// bounds of x, y, z (m), roll, pitch and yaw (rad).
     pub fn in_box(lower: [f64; 6], upper: [f64; 6], lidars: usize) -> Self {
         let region = Arc::new(Region { lower, upper, ..Region::default() });
-        let slot = Slot { region, sensor: SensorName::default() };
+        let slot = Slot { region, sensor: SensorName::default(), phase: None };
         Self { slots: vec![slot; lidars], ..Self::default() }
     }
 
@@ -125,7 +136,7 @@ pub enum Violation {
     OutsideMount {
         /// Index of the LiDAR.
         lidar: usize,
-        /// `x`, `y`, `z`, `roll`, `pitch` or `yaw`.
+        /// `x`, `y`, `z`, `roll`, `pitch`, `yaw` or `phase`.
         field: &'static str,
         /// Distance from the bound, in m or rad.
         by: f64,
@@ -274,6 +285,10 @@ impl Constraints {
             };
             let outside = self.slots[slot].region.outside(pose).into_iter();
             found.extend(outside.map(|(field, by)| Violation::OutsideMount { lidar, field, by }));
+            if let (Some([from, to]), Some(phase)) = (self.slots[slot].phase, pose.phase) {
+                let (field, by) = ("phase", (from - phase).max(phase - to));
+                found.extend((by > SLACK).then_some(Violation::OutsideMount { lidar, field, by }));
+            }
         }
         for (a, first) in placement.lidars.iter().enumerate() {
             for (b, second) in placement.lidars.iter().enumerate().skip(a + 1) {
@@ -320,6 +335,13 @@ impl Constraints {
     /// Rules without the ties.
     pub fn untied(&self) -> Self {
         Self { ties: Ties::default(), ..self.clone() }
+    }
+
+    /// Rules that leave no phase to the search: sensors are where those are that name none.
+    pub(crate) fn without_phases(&self) -> Self {
+        let mut changed = self.clone();
+        changed.slots.iter_mut().for_each(|slot| slot.phase = None);
+        changed
     }
 }
 

@@ -95,9 +95,10 @@ pub(crate) struct ResponseDescription {
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(untagged, expecting = "expected \"free\" or an angle in radians")]
+#[serde(untagged, expecting = "expected \"free\", an angle in radians, or a range of them")]
 pub(crate) enum PhaseDescription {
     Angle(f64),
+    Range([f64; 2]),
     Word(String),
 }
 

@@ -77,7 +77,7 @@ pub struct Vehicle {
     pub min_distance: f64,
     /// Lower and upper corners of boxes that LiDARs keep out of, in the ego frame, metres.
     pub keep_out: Vec<[[f64; 3]; 2]>,
-    /// Rules that tie LiDARs together; of a vehicle with one mount and one model only.
+    /// Rules that tie LiDARs together.
     pub ties: Ties,
     /// What must be seen.
     pub require: Vec<Requirement>,
@@ -153,12 +153,23 @@ impl Vehicle {
         sorted.sort_by_key(|&(mount, sensor)| {
             (mount, self.sensors.iter().position(|model| model.name == sensor))
         });
+        let phase = |sensor: SensorName| match self
+            .sensors
+            .iter()
+            .find(|model| model.name == sensor)?
+            .phase
+        {
+            Phase::Between(from, to) => Some([from, to]),
+            Phase::Locked(_) | Phase::Free => None,
+        };
         let slot = |&(mount, sensor): &(usize, SensorName)| Slot {
             region: self.mounts[mount].region.clone(),
             sensor,
+            phase: phase(sensor),
         };
+        let slots: Vec<Slot> = sorted.iter().map(slot).collect();
         Constraints {
-            slots: sorted.iter().map(slot).collect(),
+            slots: if self.ties.symmetric { Slot::in_pairs(slots) } else { slots },
             min_distance: self.min_distance,
             keep_out: self.keep_out.clone(),
             ties: self.ties,

@@ -43,13 +43,15 @@ pub(super) fn pairs(lidars: &[SensorPose]) -> Pairs {
 }
 
 impl SensorPose {
-    /// Mirrored at the plane y = 0: y, roll and yaw change sign.
+    /// Mirrored at the plane y = 0: y, roll, yaw and phase change sign.
     pub fn mirrored(&self) -> Self {
         // 0 − y is never −0, which would print as such.
-        Self { y: 0.0 - self.y, roll: 0.0 - self.roll, yaw: 0.0 - self.yaw, ..*self }
+        let phase = self.phase.map(|phase| 0.0 - phase);
+        Self { y: 0.0 - self.y, roll: 0.0 - self.roll, yaw: 0.0 - self.yaw, phase, ..*self }
     }
 
-    /// Sum of the differences of all fields, in m and rad; infinite between sensors of different models.
+    /// Sum of the differences of the six numbers, in m and rad; infinite between sensors of different models.
+    /// Phases do not count: mirror images are those of sensors as they are mounted.
     pub(super) fn difference(&self, other: &Self) -> f64 {
         if self.sensor != other.sensor {
             return f64::INFINITY;

@@ -11,6 +11,7 @@ mod mesh_mount;
 mod mirror;
 mod mount;
 mod mounting;
+mod pairing;
 mod placement;
 pub(crate) mod placement_file;
 pub(crate) mod pose_grid;
@@ -22,6 +23,7 @@ pub mod sensor_file;
 mod sensor_name;
 mod sensors;
 mod surface;
+mod ties;
 mod variables;
 pub(crate) mod vehicle_file;
 

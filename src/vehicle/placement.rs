@@ -35,6 +35,10 @@ pub struct SensorPose {
     /// Model of the sensor; none: the vehicle's first.
     #[serde(default, skip_serializing_if = "SensorName::is_none")]
     pub sensor: SensorName,
+    /// Where in its turn a spinning sensor fires, in every frame: an angle about its own axis, in radians; none:
+    /// as its model says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phase: Option<f64>,
 }
 
 impl SensorPose {
@@ -69,7 +73,7 @@ impl SensorPose {
 
     /// Pose of six numbers in the order of [`Self::FIELDS`], of the vehicle's first model.
     pub const fn from_values([x, y, z, roll, pitch, yaw]: [f64; 6]) -> Self {
-        Self { x, y, z, roll, pitch, yaw, sensor: SensorName::NONE }
+        Self { x, y, z, roll, pitch, yaw, sensor: SensorName::NONE, phase: None }
     }
 }
 
@@ -119,7 +123,7 @@ pub enum PlacementError {
         name: String,
         /// Index of the LiDAR, from 0.
         lidar: usize,
-        /// `x`, `y`, `z`, `roll`, `pitch` or `yaw`.
+        /// `x`, `y`, `z`, `roll`, `pitch`, `yaw` or `phase`.
         field: &'static str,
         /// Number as read.
         value: f64,
@@ -142,7 +146,8 @@ impl Placement {
             return Err(PlacementError::LidarCount { name: name.clone(), count });
         }
         for (lidar, pose) in self.lidars.iter().enumerate() {
-            for (field, value) in pose.fields() {
+            let phase = pose.phase.map(|phase| ("phase", phase));
+            for (field, value) in pose.fields().into_iter().chain(phase) {
                 if !value.is_finite() || value.abs() > MAX_COORDINATE {
                     let name = name.clone();
                     return Err(PlacementError::BadNumber { name, lidar, field, value });

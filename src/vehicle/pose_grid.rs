@@ -7,6 +7,9 @@ use super::{Constraints, Placement, Region, SensorPose, Slot, Ties};
 
 /// Grid values are rounded to multiples of 1/`DECIMALS`: 0.1 · 3 becomes 0.3.
 const DECIMALS: f64 = 1e12;
+/// Phases of a sensor whose phase is to be chosen: quarters of the range from its lower end on. The upper end is
+/// left out, since a range of one azimuth step ends where it begins.
+const PHASES: u32 = 4;
 /// Most poses of a grid.
 const MAX_POSES: u64 = 1 << 31;
 
@@ -23,12 +26,15 @@ pub struct Spacing {
 ///
 /// Along each pose field the grid starts at the lower bound and ends at the last step within the upper
 /// one. For mirrored pairs, y, roll and yaw run from −kδ to kδ instead: the mirror image of a pose is on
-/// the grid. Poses are numbered from 0, one kind of slot after the other, with yaw fastest and x slowest.
+/// the grid. A phase that is to be chosen takes four values of its range. Poses are numbered from 0, one
+/// kind of slot after the other, with the phase fastest, then yaw, and x slowest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseGrid {
     parts: Vec<Part>,
     /// Part of each LiDAR of a placement.
     part_of_lidar: Vec<usize>,
+    /// LiDARs in mirrored pairs; these come first.
+    paired: usize,
 }
 
 /// The poses of one kind of slot.
@@ -37,9 +43,12 @@ struct Part {
     slot: Slot,
     /// Number of its first pose.
     first: u32,
-    lower: [f64; 6],
-    step: [f64; 6],
-    count: [u32; 6],
+    /// Number of the part that is its mirror image; its own where there is none.
+    image: usize,
+    lower: [f64; 7],
+    step: [f64; 7],
+    /// Of each field, and of the phase.
+    count: [u32; 7],
 }
 
 /// Why a spacing makes no grid.
@@ -75,16 +84,29 @@ impl PoseGrid {
         }
         let (mut parts, mut poses): (Vec<Part>, u128) = (Vec::new(), 0);
         for (slot, _) in constraints.kinds() {
-            let (part, count) = Part::new(slot, poses as u32, spacing, constraints.ties.symmetric);
+            let image = match constraints.ties.symmetric {
+                true if slot.is_image_of(slot) => Image::Itself,
+                true => {
+                    let other = parts.iter().position(|part| slot.is_image_of(&part.slot));
+                    other.map_or(Image::None, Image::Of)
+                }
+                false => Image::None,
+            };
+            let (mut part, count) = Part::new(slot, poses as u32, spacing, image);
             poses += count;
             if poses > u128::from(MAX_POSES) {
                 return Err(PoseGridError::TooManyPoses { poses });
+            }
+            let own = parts.len();
+            part.image = own;
+            if let Image::Of(other) = image {
+                (part.image, parts[other].image) = (other, own);
             }
             parts.push(part);
         }
         let part_of = |slot: &Slot| parts.iter().position(|part| part.slot == *slot);
         let part_of_lidar = constraints.slots.iter().filter_map(part_of).collect();
-        Ok(Self { parts, part_of_lidar })
+        Ok(Self { parts, part_of_lidar, paired: constraints.paired() })
     }
 
     /// Number of poses.
@@ -116,7 +138,7 @@ impl PoseGrid {
 
     /// Distance of neighbours along each pose field, in m and rad.
     pub fn step(&self) -> [f64; 6] {
-        self.parts.first().map_or([0.0; 6], |part| part.step)
+        self.parts.first().map_or([0.0; 6], |part| [0, 1, 2, 3, 4, 5].map(|k| part.step[k]))
     }
 
     /// Pose of a number below [`Self::len`].
@@ -133,8 +155,9 @@ impl PoseGrid {
     pub fn mirrored(&self, number: u32) -> u32 {
         let part = self.part(number);
         let mut steps = part.steps_of(number);
+        let image = &self.parts[part.image];
         MIRRORED.iter().for_each(|&k| steps[k] = part.count[k] - 1 - steps[k]);
-        part.number_of(steps)
+        image.number_of(steps)
     }
 
     /// Number of a pose moved to the height of another.
@@ -146,12 +169,21 @@ impl PoseGrid {
     }
 
     /// Numbers of the poses nearest to a placement's, whose LiDARs are in the order of the slots; for
-    /// mirrored pairs, the nearest of the LiDAR of larger y and its mirror image.
+    /// mirrored pairs, the nearest of the LiDAR of larger y, or of the first of two slots, and its mirror image.
     pub fn numbers_of(&self, placement: &Placement, ties: Ties) -> Vec<u32> {
         let lidars = &placement.lidars;
         if !ties.symmetric {
             let numbered = lidars.iter().take(self.part_of_lidar.len()).enumerate();
             return numbered.map(|(lidar, pose)| self.nearest(lidar, pose)).collect();
+        }
+        if self.parts.len() > 1 {
+            let number = |(lidar, _): (usize, &SensorPose)| match lidar < self.paired {
+                true if lidar % 2 == 1 => {
+                    self.mirrored(self.nearest(lidar - 1, &lidars[lidar - 1]))
+                }
+                _ => self.nearest(lidar, &lidars[lidar]),
+            };
+            return lidars.iter().take(self.part_of_lidar.len()).enumerate().map(number).collect();
         }
         let pairs = pairs(lidars);
         let single = pairs.in_plane.iter().chain(&pairs.alone);
@@ -185,29 +217,49 @@ impl PoseGrid {
     }
 }
 
+/// Where the mirror images of a part's poses are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Image {
+    /// Nowhere: none are asked for.
+    None,
+    /// Among its own poses.
+    Itself,
+    /// Among those of an earlier part.
+    Of(usize),
+}
+
 impl Part {
     /// The grid of a slot, its first pose numbered `first`, and its number of poses.
-    fn new(slot: &Slot, first: u32, spacing: Spacing, symmetric: bool) -> (Self, u128) {
+    fn new(slot: &Slot, first: u32, spacing: Spacing, image: Image) -> (Self, u128) {
         let Spacing { metres, radians } = spacing;
-        let step = [metres, metres, metres, radians, radians, radians];
+        let [from, to] = slot.phase.unwrap_or_default();
+        let phase = (to - from) / f64::from(PHASES);
+        let step = [metres, metres, metres, radians, radians, radians, phase];
         let whole = |extent: f64, k: usize| {
             // Bounds are decimal: 1.2 m is 12 steps of 0.1 m, though 1.2 / 0.1 = 11.999… in `f64`.
             let steps = extent / step[k];
             if (steps - steps.round()).abs() < 1e-9 { steps.round() } else { steps.floor() }
         };
-        let centred = |k: usize| symmetric && MIRRORED.contains(&k);
+        let centred = |k: usize| image == Image::Itself && MIRRORED.contains(&k);
+        // From the bound that is the image of the lower one.
+        let down = |k: usize| matches!(image, Image::Of(_)) && MIRRORED.contains(&k);
         let Region { lower, upper, .. } = &*slot.region;
         let steps = |k: usize| match centred(k) {
             true => 2.0 * whole(upper[k], k),
             false => whole(upper[k] - lower[k], k),
         };
-        let poses = (0..6).fold(1u128, |product, k| product.saturating_mul(steps(k) as u128 + 1));
-        let count = [0, 1, 2, 3, 4, 5].map(|k| steps(k) as u32 + 1);
-        let lower = [0, 1, 2, 3, 4, 5].map(|k| match centred(k) {
-            true => 0.0 - 0.5 * steps(k) * step[k],
-            false => lower[k],
+        let phases = if slot.phase.is_some() { PHASES } else { 1 };
+        let poses = (0..6)
+            .fold(u128::from(phases), |product, k| product.saturating_mul(steps(k) as u128 + 1));
+        let count =
+            [0, 1, 2, 3, 4, 5, 6].map(|k| if k == 6 { phases } else { steps(k) as u32 + 1 });
+        let lower = [0, 1, 2, 3, 4, 5, 6].map(|k| match k {
+            6 => from,
+            k if centred(k) => 0.0 - 0.5 * steps(k) * step[k],
+            k if down(k) => upper[k] - steps(k) * step[k],
+            k => lower[k],
         });
-        (Self { slot: slot.clone(), first, lower, step, count }, poses)
+        (Self { slot: slot.clone(), first, image: 0, lower, step, count }, poses)
     }
 
     fn len(&self) -> u32 {
@@ -216,18 +268,24 @@ impl Part {
 
     fn pose(&self, number: u32) -> SensorPose {
         let steps = self.steps_of(number);
-        let fields = [0, 1, 2, 3, 4, 5].map(|k| {
+        let [x, y, z, roll, pitch, yaw, phase] = [0, 1, 2, 3, 4, 5, 6].map(|k| {
             let value = self.lower[k] + f64::from(steps[k]) * self.step[k];
             // + 0.0 turns −0 into 0, which prints without a sign.
             if self.count[k] == 1 { value } else { (value * DECIMALS).round() / DECIMALS + 0.0 }
         });
-        self.slot.region.pose(fields, self.slot.sensor)
+        let pose = self.slot.region.pose([x, y, z, roll, pitch, yaw], self.slot.sensor);
+        SensorPose { phase: self.slot.phase.map(|_| phase), ..pose }
     }
 
     fn nearest(&self, pose: &SensorPose) -> u32 {
         let fields = self.slot.region.fields(pose);
-        self.number_of([0, 1, 2, 3, 4, 5].map(|k| {
-            let steps = ((fields[k] - self.lower[k]) / self.step[k]).round();
+        let phase = pose.phase.or(self.slot.phase_at_rest()).unwrap_or(0.0);
+        self.number_of([0, 1, 2, 3, 4, 5, 6].map(|k| {
+            if self.count[k] == 1 {
+                return 0;
+            }
+            let value = if k == 6 { phase } else { fields[k] };
+            let steps = ((value - self.lower[k]) / self.step[k]).round();
             steps.clamp(0.0, f64::from(self.count[k] - 1)) as u32
         }))
     }
@@ -235,7 +293,7 @@ impl Part {
     fn along(&self, number: u32, radius: u32) -> Vec<u32> {
         let centre = self.steps_of(number);
         let mut found = Vec::new();
-        for k in 0..6 {
+        for k in 0..7 {
             let low = centre[k].saturating_sub(radius);
             let high = (centre[k] + radius).min(self.count[k] - 1);
             found.extend((low..=high).map(|s| {
@@ -251,8 +309,8 @@ impl Part {
 
     fn around(&self, number: u32, radius: u32) -> Vec<u32> {
         let centre = self.steps_of(number);
-        let mut found = vec![[0u32; 6]];
-        for k in 0..6 {
+        let mut found = vec![[0u32; 7]];
+        for k in 0..7 {
             let low = centre[k].saturating_sub(radius);
             let high = (centre[k] + radius).min(self.count[k] - 1);
             found = found
@@ -269,17 +327,17 @@ impl Part {
         found.into_iter().map(|steps| self.number_of(steps)).collect()
     }
 
-    fn steps_of(&self, number: u32) -> [u32; 6] {
+    fn steps_of(&self, number: u32) -> [u32; 7] {
         let mut rest = number - self.first;
-        let mut steps = [0; 6];
-        for k in (0..6).rev() {
+        let mut steps = [0; 7];
+        for k in (0..7).rev() {
             steps[k] = rest % self.count[k];
             rest /= self.count[k];
         }
         steps
     }
 
-    fn number_of(&self, steps: [u32; 6]) -> u32 {
+    fn number_of(&self, steps: [u32; 7]) -> u32 {
         let within = steps.iter().zip(self.count);
         self.first + within.fold(0, |number, (step, count)| number * count + step)
     }

@@ -17,6 +17,30 @@ pub enum Phase {
     Locked(f64),
     /// Another one in every frame, by chance: sensors turn as they please.
     Free,
+    /// The same in every frame, each LiDAR's own: an angle from the first to the second, in radians, that
+    /// a search chooses.
+    Between(f64, f64),
+}
+
+impl Phase {
+    /// The turn of a sensor whose pose names none, in radians; 0 where it differs from frame to frame. Of
+    /// a range the angle nearest to 0.
+    pub(crate) fn at_rest(self) -> f64 {
+        match self {
+            Self::Locked(phase) => phase,
+            Self::Free => 0.0,
+            Self::Between(from, to) => 0.0_f64.clamp(from, to),
+        }
+    }
+
+    /// As a mirror at the plane y = 0 shows it: angles count the other way.
+    fn mirrored(self) -> Self {
+        match self {
+            Self::Locked(phase) => Self::Locked(0.0 - phase),
+            Self::Free => Self::Free,
+            Self::Between(from, to) => Self::Between(0.0 - to, 0.0 - from),
+        }
+    }
 }
 
 /// One model that a vehicle's sensors may be of.
@@ -53,7 +77,8 @@ pub struct UnknownSensor {
     pub known: String,
 }
 
-/// Models of a vehicle, at least one, and the seed of their free phases.
+/// Models of a vehicle, at least one, and the seed of what is left to chance: free phases, and what the air lets
+/// through.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensors {
     models: Arc<[SensorModel]>,
@@ -73,7 +98,7 @@ impl Sensors {
         (!models.is_empty()).then(|| Self { models: models.into(), seed: 0 })
     }
 
-    /// The same with other free phases.
+    /// The same with another draw of what is left to chance.
     pub fn with_seed(&self, seed: u64) -> Self {
         Self { seed, ..self.clone() }
     }
@@ -81,13 +106,15 @@ impl Sensors {
     /// The same as a mirror at the plane y = 0 shows them: beams, and phases that turn the other way.
     pub fn mirrored(&self) -> Self {
         let image = |model: &SensorModel| {
-            let phase = match model.phase {
-                Phase::Locked(phase) => Phase::Locked(0.0 - phase),
-                Phase::Free => Phase::Free,
-            };
-            SensorModel { table: model.table.mirrored(), phase, ..model.clone() }
+            let (table, phase) = (model.table.mirrored(), model.phase.mirrored());
+            SensorModel { table, phase, ..model.clone() }
         };
         Self { models: self.models.iter().map(image).collect(), ..self.clone() }
+    }
+
+    /// The seed of what is left to chance.
+    pub fn seed(&self) -> u64 {
+        self.seed
     }
 
     /// All models, in the vehicle's order.
@@ -168,14 +195,20 @@ impl Sensors {
     }
 
     /// Sensor-to-ego transform of a sensor of a model in a frame: its pose after a turn by the phase,
-    /// R = Rz(yaw)·Ry(pitch)·Rx(roll)·Rz(phase).
+    /// R = Rz(yaw)·Ry(pitch)·Rx(roll)·Rz(phase). The phase is that of the pose where it has one, else that of
+    /// the model.
     pub fn ego_from_sensor(&self, model: usize, pose: &SensorPose, frame: usize) -> Pose {
         let rest = pose.ego_from_sensor();
-        let phase = match self.models[model].phase {
-            Phase::Locked(0.0) => return rest,
-            Phase::Locked(phase) => phase,
-            Phase::Free => self.chance(model, pose, frame) * self.models[model].table.period(),
+        let phase = match (pose.phase, self.models[model].phase) {
+            (Some(phase), _) => phase,
+            (None, Phase::Free) => {
+                self.chance(model, pose, frame) * self.models[model].table.period()
+            }
+            (None, locked) => locked.at_rest(),
         };
+        if phase == 0.0 {
+            return rest;
+        }
         rest.compose(&Pose::new(glam::DVec3::ZERO, 0.0, 0.0, phase))
     }
 
@@ -220,6 +253,23 @@ mod tests {
         assert!((turn(&sensors(Phase::Locked(0.01)), &pose, 7) - 0.01).abs() < 1e-14);
         let still = sensors(Phase::Locked(0.0)).ego_from_sensor(0, &pose, 7);
         assert_eq!(still, pose.ego_from_sensor(), "to the bit");
+    }
+
+    #[test]
+    fn a_pose_that_names_a_phase_is_locked_there() {
+        let pose = SensorPose { roll: 0.3, yaw: 1.0, ..SensorPose::at(0.1, 0.2, 2.0) };
+        let phased = SensorPose { phase: Some(0.004), ..pose };
+        for phase in [Phase::Free, Phase::Locked(0.01), Phase::Between(0.0, 0.02)] {
+            assert!((turn(&sensors(phase), &phased, 7) - 0.004).abs() < 1e-14, "{phase:?}");
+        }
+        assert!(turn(&sensors(Phase::Between(-0.01, 0.02)), &pose, 7).abs() < 1e-14);
+        assert!((turn(&sensors(Phase::Between(0.01, 0.02)), &pose, 7) - 0.01).abs() < 1e-14);
+        // A mirror image looks where the mirror shows it.
+        let both = sensors(Phase::Between(0.01, 0.02));
+        let image = both.mirrored().ego_from_sensor(0, &phased.mirrored(), 0).rotation.x_axis;
+        let itself = both.ego_from_sensor(0, &phased, 0).rotation.x_axis;
+        assert!((image - glam::DVec3::new(itself.x, -itself.y, itself.z)).length() < 1e-14);
+        assert!((turn(&both.mirrored(), &pose.mirrored(), 0) + 0.01).abs() < 1e-14);
     }
 
     #[test]

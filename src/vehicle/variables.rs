@@ -1,11 +1,14 @@
 //! Search variables: the pose fields of a placement that may vary and are not tied to others.
 
-use super::mirror::{MIRRORED, SLACK, pairs};
+use super::mirror::{MIRRORED, SLACK};
 use super::{Constraints, Placement, SensorPose, Slot};
+
+/// Number of the phase among the fields of a pose, behind the six of [`SensorPose::FIELDS`].
+const PHASE: usize = 6;
 
 /// One number of a search.
 struct Variable {
-    /// Pose field that the variable sets.
+    /// Pose field that the variable sets, or the phase.
     field: usize,
     bounds: (f64, f64),
     /// LiDARs whose field the variable sets, each with a sign; the first sign is +1.
@@ -13,11 +16,6 @@ struct Variable {
 }
 
 impl Constraints {
-    /// Number of LiDARs in mirrored pairs; these come first.
-    fn paired(&self) -> usize {
-        if self.ties.symmetric { self.lidars() / 2 * 2 } else { 0 }
-    }
-
     fn variables(&self) -> Vec<Variable> {
         let paired = self.paired();
         let mut variables: Vec<Variable> = Vec::new();
@@ -34,7 +32,7 @@ impl Constraints {
                 let mut sets = vec![(lidar, 1.0)];
                 if lidar < paired {
                     sets.push((lidar + 1, if mirrored { -1.0 } else { 1.0 }));
-                    if field == 1 {
+                    if field == 1 && self.is_pair_of_one(lidar) {
                         // The first of a pair is the left one, at least half the distance from y = 0.
                         lower = (0.5 * self.min_distance).min(upper);
                     }
@@ -49,34 +47,47 @@ impl Constraints {
                 }
                 variables.push(Variable { field, bounds: (lower, upper), sets });
             }
+            // Mirrored sensors are mounted alike, and each turns by itself.
+            let own = lidar..lidar + if lidar < paired { 2 } else { 1 };
+            let phases = own.filter_map(|lidar| Some((lidar, self.slots[lidar].phase?)));
+            variables.extend(phases.map(|(lidar, [from, to])| Variable {
+                field: PHASE,
+                bounds: (from, to),
+                sets: vec![(lidar, 1.0)],
+            }));
         }
         variables
     }
 
-    /// Bounds of the search variables: the free fields of every LiDAR, LiDAR after LiDAR, a tied field
-    /// once at its first LiDAR.
+    /// Bounds of the search variables: the free fields of every LiDAR and its phase, if that is to be
+    /// chosen, LiDAR after LiDAR, a tied field once at its first LiDAR.
     pub fn variable_bounds(&self) -> Vec<(f64, f64)> {
         self.variables().iter().map(|variable| variable.bounds).collect()
     }
 
     /// Poses from search variables, in the order of [`Self::variable_bounds`].
     pub fn poses_of(&self, variables: &[f64]) -> Vec<SensorPose> {
-        let rest = |slot: &Slot| {
+        let paired = self.paired();
+        let rest = |(lidar, slot): (usize, &Slot)| {
             let mut fixed = slot.region.lower;
-            if self.ties.symmetric {
+            if self.ties.symmetric && (lidar >= paired || self.is_pair_of_one(lidar / 2 * 2)) {
                 // The ranges of y, roll and yaw run from −a to a.
                 MIRRORED.iter().for_each(|&k| fixed[k] = 0.0);
             }
-            fixed
+            with_phase(fixed, None)
         };
-        let mut fields: Vec<[f64; 6]> = self.slots.iter().map(rest).collect();
+        let mut fields: Vec<[f64; 7]> = self.slots.iter().enumerate().map(rest).collect();
         for (variable, value) in self.variables().iter().zip(variables) {
             for &(lidar, sign) in &variable.sets {
                 fields[lidar][variable.field] = if sign < 0.0 { 0.0 - value } else { *value };
             }
         }
         let slots = self.slots.iter().zip(fields);
-        slots.map(|(slot, fields)| slot.region.pose(fields, slot.sensor)).collect()
+        let pose = |(slot, [x, y, z, roll, pitch, yaw, phase]): (&Slot, [f64; 7])| SensorPose {
+            phase: slot.phase.map(|_| phase),
+            ..slot.region.pose([x, y, z, roll, pitch, yaw], slot.sensor)
+        };
+        slots.map(pose).collect()
     }
 
     /// Search variables of a placement, its poses moved into the bounds.
@@ -84,23 +95,15 @@ impl Constraints {
     /// `None` for another number of LiDARs, or for a broken tie: a symmetric placement of n LiDARs has
     /// ⌊n/2⌋ mirrored pairs, so two LiDARs in the plane y = 0 are no pair.
     pub fn variables_of(&self, placement: &Placement) -> Option<Vec<f64>> {
-        let mut lidars = placement.lidars.clone();
-        if lidars.len() != self.lidars() {
+        if placement.lidars.len() != self.lidars() {
             return None;
         }
-        if self.kinds().len() > 1 {
-            lidars = self.in_slots(&lidars)?;
-        }
-        if self.ties.symmetric {
-            let pairs = pairs(&lidars);
-            if 2 * pairs.mirrored.len() != self.paired() || !pairs.alone.is_empty() {
-                return None;
-            }
-            let order = pairs.mirrored.iter().flatten().chain(&pairs.in_plane);
-            lidars = order.map(|&lidar| placement.lidars[lidar]).collect();
-        }
+        let lidars = self.ordered(&placement.lidars)?;
         let slots = self.slots.iter().zip(&lidars);
-        let fields: Vec<[f64; 6]> = slots.map(|(slot, pose)| slot.region.fields(pose)).collect();
+        let fields = slots.map(|(slot, pose)| {
+            with_phase(slot.region.fields(pose), pose.phase.or(slot.phase_at_rest()))
+        });
+        let fields: Vec<[f64; 7]> = fields.collect();
         let variables = self.variables();
         let tied = variables.iter().all(|variable| {
             let first = fields[variable.sets[0].0][variable.field];
@@ -114,6 +117,11 @@ impl Constraints {
         };
         tied.then(|| variables.iter().map(value).collect())
     }
+}
+
+/// Six fields and a phase, 0 for none.
+fn with_phase([x, y, z, roll, pitch, yaw]: [f64; 6], phase: Option<f64>) -> [f64; 7] {
+    [x, y, z, roll, pitch, yaw, phase.unwrap_or(0.0)]
 }
 
 #[cfg(test)]
@@ -176,6 +184,42 @@ mod tests {
                 let snapped = grid.snapped(&placement, rules.ties);
                 assert!(!rules.violations(&snapped).iter().any(is_tied), "{snapped:?}");
             }
+        }
+    }
+
+    #[test]
+    fn each_lidar_has_a_phase_of_its_own_where_that_is_left_open() {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        for (level, symmetric) in [(false, false), (true, false), (false, true)] {
+            let fixed = constraints(5, level, symmetric);
+            let mut rules = fixed.clone();
+            rules.slots.iter_mut().for_each(|slot| slot.phase = Some([-0.01, 0.03]));
+            assert_eq!(rules.variable_bounds().len(), fixed.variable_bounds().len() + 5);
+            let step = Spacing { metres: 0.25, radians: 0.13 };
+            let grid = PoseGrid::new(&rules, step).unwrap();
+            assert_eq!(grid.len(), 4 * PoseGrid::new(&fixed, step).unwrap().len());
+            for _ in 0..50 {
+                let placement = drawn(&rules, &mut rng);
+                assert!(placement.lidars.iter().all(|pose| pose.phase.is_some()));
+                assert!(!rules.violations(&placement).iter().any(is_tied), "{placement:?}");
+                let variables = rules.variables_of(&placement).expect("it keeps the ties");
+                assert_eq!(rules.poses_of(&variables), placement.lidars);
+                for (lidar, pose) in grid.snapped(&placement, rules.ties).lidars.iter().enumerate()
+                {
+                    let phase = pose.phase.unwrap();
+                    assert!([-0.01, 0.0, 0.01, 0.02].contains(&phase), "LiDAR {lidar}: {phase}");
+                }
+            }
+            let mut lucky = drawn(&rules, &mut rng);
+            lucky.lidars[2].phase = Some(0.05);
+            let found = rules.violations(&lucky);
+            assert!(
+                found.iter().any(|v| v.to_string().contains("phase is 0.020 outside the mount"))
+            );
+            // A sensor that names no phase is where it is put up, at the angle nearest to 0.
+            lucky.lidars.iter_mut().for_each(|pose| pose.phase = None);
+            let back = rules.poses_of(&rules.variables_of(&lucky).unwrap());
+            assert!(back.iter().all(|pose| pose.phase == Some(0.0)), "{back:?}");
         }
     }
 

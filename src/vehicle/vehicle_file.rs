@@ -12,6 +12,7 @@ use super::description::{
 use super::equipment::{Requirement, Vehicle, VehicleMount, VehicleSensor};
 use super::mount::keep_out_boxes;
 use super::mounting::mounting;
+use super::ties::{check_pairs, level};
 use super::{Lidar, MAX_LIDARS, Phase, Response, SensorName, Ties};
 use crate::json::check::{self, bad};
 use crate::json::{self, DescriptionError, Place};
@@ -74,7 +75,7 @@ impl Vehicle {
             }
             sensors.push(sensor);
         }
-        let (mounts, meshes) = mounts(at, vehicle.mounts, &sensors, dir)?;
+        let (mut mounts, meshes) = mounts(at, vehicle.mounts, &sensors, dir)?;
         files.extend(meshes);
         let min_distance = vehicle.min_distance;
         if !(0.0..=check::MAX_METRES).contains(&min_distance) {
@@ -82,10 +83,11 @@ impl Vehicle {
         }
         let keep_out = keep_out_boxes(&at.key("keep_out"), &vehicle.keep_out)?;
         let ties = Ties { equal_height: vehicle.equal_height, symmetric: vehicle.symmetric };
-        if ties.any() && (mounts.len() > 1 || mounts[0].sensors.len() > 1) {
-            let key = if ties.symmetric { "symmetric" } else { "equal_height" };
-            let wanted = "possible with one mount for one sensor model only; leave it out";
-            return Err(bad(&at.key(key), true, wanted));
+        if ties.equal_height {
+            level(at, &mut mounts)?;
+        }
+        if ties.symmetric {
+            check_pairs(at, &mounts)?;
         }
         let require = vehicle.require.iter().enumerate();
         let require = require.map(|(i, r)| requirement(&at.key("require").item(i), r));
@@ -138,9 +140,11 @@ fn sensor(
         Some(PhaseDescription::Angle(angle)) => {
             Phase::Locked(check::radians(&at.key("phase"), angle)?)
         }
+        Some(PhaseDescription::Range(range)) => phase_between(&at.key("phase"), range)?,
         Some(PhaseDescription::Word(word)) if word == "free" => Phase::Free,
         Some(PhaseDescription::Word(word)) => {
-            let wanted = "\"free\" or an angle in radians at which the sensor is locked";
+            let wanted = "\"free\", an angle in radians at which the sensor is locked, or a range of such \
+                          angles";
             return Err(bad(&at.key("phase"), format!("{word:?}"), wanted));
         }
     };
@@ -149,6 +153,19 @@ fn sensor(
     }
     let response = Response::new(&at.key("response"), model.response.as_ref(), lidar.range())?;
     Ok(VehicleSensor { name, lidar, phase, price: model.price, response })
+}
+
+/// Angles to choose from, at most a whole turn of them.
+fn phase_between(at: &Place, [from, to]: [f64; 2]) -> Result<Phase, DescriptionError> {
+    let [from, to] = [check::radians(&at.item(0), from)?, check::radians(&at.item(1), to)?];
+    if from == to {
+        return Ok(Phase::Locked(from));
+    }
+    if !(0.0..=std::f64::consts::TAU).contains(&(to - from)) {
+        let wanted = "a range of angles in radians, the smaller first, at most a turn; one azimuth step is enough";
+        return Err(bad(at, format!("{:?}", [from, to]), wanted));
+    }
+    Ok(Phase::Between(from, to))
 }
 
 fn requirement(

@@ -1,11 +1,15 @@
-//! Which sensors a vehicle carries in a run, and what the result is compared with.
+//! Which sensors a vehicle carries in a run, and how far the choice of them is.
 
+use std::time::Instant;
+
+use crate::internals::RunDir;
 use crate::scene::Scene;
-use crate::search::{Equipped, Event, Suite, equip};
+use crate::search::{EquipStep, Equipped, Equipping, Event, Suite};
 use crate::vehicle::Vehicle;
 
 use super::bars::Bars;
-use super::settings::{self, Args, Begun};
+use super::record::{BETWEEN_CHECKPOINTS, Opened};
+use super::settings::{Args, Begun, Course, Saved, Wanted};
 use crate::cli::error::Error;
 use crate::cli::interrupt::Interrupt;
 
@@ -13,53 +17,80 @@ use crate::cli::interrupt::Interrupt;
 /// goes on has chosen already. `None` after Ctrl-C.
 pub(super) fn equipped(
     begun: &mut Begun,
-    scenes: &[Scene],
-    suite: &Suite,
+    wanted: Option<&Wanted>,
+    opened: &Opened,
+    folder: &RunDir<Saved>,
     args: &Args,
     interrupt: &Interrupt,
 ) -> Result<Option<Suite>, Error> {
-    let Some(vehicle) = scenes.first().and_then(Scene::vehicle) else {
+    let Some(vehicle) = opened.scenes.first().and_then(Scene::vehicle) else {
         return match begun.budget {
             Some(_) => Err(Error::Usage(
                 "--budget: the scene has one LiDAR and no prices; give a vehicle with --vehicle"
                     .into(),
             )),
-            None => Ok(Some(suite.clone())),
+            None => Ok(Some(opened.suite.clone())),
         };
     };
-    if begun.equipped.is_none() {
-        begun.equipped = choose(vehicle, begun.budget, suite, args, interrupt)?;
-    }
-    if begun.equipped.is_none() {
-        return Ok(None);
+    if let (Some(wanted), None) = (wanted, &begun.equipped) {
+        let save = |wanted: &Wanted| {
+            let course = Course::Equipping(Box::new(wanted.clone()));
+            Ok(folder.save(&Saved { begun: begun.clone(), course })?)
+        };
+        let found = choose(vehicle, begun.budget, wanted, &opened.suite, args, interrupt, &save)?;
+        let Some(found) = found else {
+            let folder = folder.path().display();
+            args.compute.talk.note(format!(
+                "stopped while the sensors were chosen; go on with --resume {folder}"
+            ));
+            return Ok(None);
+        };
+        begun.equipped = Some(found);
     }
     let equipment = begun.equipped.as_ref().map(|equipped| &equipped.equipment);
     let equipment = equipment.cloned().unwrap_or_default();
-    Ok(Some(suite.with_constraints(&vehicle.constraints(&equipment))))
+    Ok(Some(opened.suite.with_constraints(&vehicle.constraints(&equipment))))
 }
 
+/// Chooses from where `wanted` stands, and saves on the way.
 fn choose(
     vehicle: &Vehicle,
     budget: Option<f64>,
+    wanted: &Wanted,
     suite: &Suite,
     args: &Args,
     interrupt: &Interrupt,
+    save: &dyn Fn(&Wanted) -> Result<(), Error>,
 ) -> Result<Option<Equipped>, Error> {
-    let talk = args.compute.talk;
-    let objective = settings::of(args)?.objective;
+    let (talk, engine) = (args.compute.talk, args.compute.engine());
     let budget = budget.unwrap_or(f64::INFINITY);
+    let objective = &wanted.settings.objective;
     let mut bars = Bars::new(talk);
     let mut observe = |event: &Event| {
         bars.show(event);
         !interrupt.is_set()
     };
-    let engine = args.compute.engine();
-    let found = equip(suite, vehicle, &objective, budget, &engine, &mut observe)?;
-    bars.clear();
-    let Some(found) = found else {
-        talk.note("stopped while the sensors were chosen; nothing is written, start again");
+    let opened = Equipping::open(suite, vehicle, objective, budget, &engine, &mut observe)?;
+    let Some(choice) = opened else {
+        save(wanted)?;
         return Ok(None);
     };
+    let mut choice = choice.with_state(wanted.choosing.clone());
+    let mut saved: Option<Instant> = None;
+    let found = loop {
+        let step = choice.step(&mut observe);
+        let is_due = saved.is_none_or(|saved| saved.elapsed() > BETWEEN_CHECKPOINTS);
+        if is_due || step == EquipStep::Stopped {
+            save(&Wanted { choosing: choice.state().clone(), ..wanted.clone() })?;
+            saved = Some(Instant::now());
+        }
+        match step {
+            EquipStep::On => {}
+            EquipStep::Stopped => return Ok(None),
+            EquipStep::Done(found) => break found,
+        }
+    };
+    bars.clear();
     talk.note(format!("equipment: {}, {} in all", found.words(vehicle), found.cost));
     if found.missing > 0.0 {
         talk.note(format!(

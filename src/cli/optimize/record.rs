@@ -1,6 +1,6 @@
 //! What `optimize` leaves in its run folder.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::internals::{Input, RunDir, peak_memory};
 use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::near_field::{near_gains, with_self_hits};
-use super::settings::{Args, Begun, Saved};
+use super::settings::{Args, Begun, Course, Saved};
 use crate::cli::error::Error;
 use crate::cli::load::LoadTimes;
 
@@ -33,6 +33,10 @@ pub(super) struct Sitting<'a> {
     pub(super) earlier: Spent,
     pub(super) start: Instant,
 }
+
+/// Time between two checkpoints: one after each generation would take longer than the search itself
+/// where generations are quick.
+pub(super) const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(1);
 
 /// File of the times of earlier sittings. Not in the checkpoint: that is the same bytes however often a
 /// run was interrupted.
@@ -80,7 +84,9 @@ impl Sitting<'_> {
 pub(super) fn save(sitting: &Sitting) -> Result<(), Error> {
     let run = sitting.run.state().clone();
     sitting.folder.write_lines("history.jsonl", run.history())?;
-    sitting.folder.save(&Saved { begun: sitting.begun.clone(), run })?;
+    sitting
+        .folder
+        .save(&Saved { begun: sitting.begun.clone(), course: Course::Run(Box::new(run)) })?;
     Ok(sitting.folder.write_json(TIMES, &sitting.spent())?)
 }
 

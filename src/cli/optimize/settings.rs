@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::internals::Spacing;
-use crate::search::{Equipped, FrameChoice, Method, Settings, State};
+use crate::search::{Choosing, Equipped, FrameChoice, Method, Settings, State};
 use crate::vehicle::{MountRules, SensorPose, read_placements};
 use serde::{Deserialize, Serialize};
 
@@ -20,7 +20,7 @@ use crate::scan::conditions::Condition;
   sightline optimize scenes/highway.json --objective '0.5*m_sog_scaled + 0.5*detection.m_sog_scaled'
   sightline optimize scenes/highway.json scenes/residential.json --mirror
   sightline optimize scenes/highway.json --symmetric --equal-height --max-seconds 30
-  sightline optimize scenes/*.json --vehicle scenes/vehicles/car.json --budget 12000
+  sightline optimize scenes/highway.json scenes/residential.json --vehicle scenes/vehicles/car.json --budget 12000
   sightline optimize scenes/highway.json --near-weight 0.05
   sightline optimize --resume runs/highway")]
 pub struct Args {
@@ -109,13 +109,6 @@ pub struct Args {
     pub(super) compute: Compute,
 }
 
-impl Args {
-    /// Whether no placements to compare with were given.
-    pub(super) fn has_no_baselines(&self) -> bool {
-        self.baselines.is_none()
-    }
-}
-
 /// Value of `--fidelity`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Fidelity {
@@ -168,7 +161,27 @@ pub(super) struct Begun {
 #[derive(Serialize, Deserialize)]
 pub(super) struct Saved {
     pub begun: Begun,
-    pub run: State,
+    #[serde(flatten)]
+    pub course: Course,
+}
+
+/// Where a run stands.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Course {
+    /// A vehicle's sensors are to be chosen.
+    Equipping(Box<Wanted>),
+    /// The search has begun.
+    Run(Box<State>),
+}
+
+/// A choice of sensors, and the search that is to follow.
+#[derive(Clone, Serialize, Deserialize)]
+pub(super) struct Wanted {
+    pub choosing: Choosing,
+    pub settings: Settings,
+    /// Whether the result is compared with the same sensors put up plainly.
+    pub plainly: bool,
 }
 
 impl Begun {
@@ -209,8 +222,14 @@ pub(super) fn begun(args: &Args) -> Result<Begun, Error> {
     })
 }
 
+/// What a new run begins with.
+pub(super) fn wanted(args: &Args) -> Result<Wanted, Error> {
+    let (choosing, plainly) = (Choosing::default(), args.baselines.is_none());
+    Ok(Wanted { choosing, settings: of(args)?, plainly })
+}
+
 /// The settings of a new run.
-pub(super) fn of(args: &Args) -> Result<Settings, Error> {
+fn of(args: &Args) -> Result<Settings, Error> {
     let mut settings = Settings {
         objective: args.objective.parse()?,
         method: args.method,

@@ -255,7 +255,7 @@ mod tests {
         assert_eq!(offset_of!(DevicePose, in_grid), 48);
         let (fields, span) = layout("reduce_occupied", "OccupiedVoxel");
         let offsets: Vec<usize> = fields.iter().map(|f| f.1).collect();
-        assert_eq!((offsets, span), (vec![0, 4, 8, 12], size_of::<OccupiedVoxel>()));
+        assert_eq!((offsets, span), (vec![0, 4, 8, 12, 16], size_of::<OccupiedVoxel>()));
         assert_eq!(offset_of!(OccupiedVoxel, entropy), 4);
     }
 }

@@ -6,7 +6,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::bvh::{NO_HIT, TRIANGLE};
-use crate::problem::{HIT_PUSH, NO_CROSSING, TINY_COMPONENT};
+use crate::problem::{HIT_PUSH, KINDS, NO_CROSSING, TINY_COMPONENT};
 use crate::vehicle::MAX_LIDARS;
 
 /// Invocations of a workgroup.
@@ -29,9 +29,9 @@ pub(super) const LONG_AXIS: u32 = 1 << 15;
 pub(super) const ITEMS_PER_INVOCATION: u32 = 64;
 /// Items of a workgroup of a reduction.
 pub(super) const ITEMS_PER_WORKGROUP: u32 = WORKGROUP_SIZE * ITEMS_PER_INVOCATION;
-/// Sums of `reduce_occupied` in low and high 16-bit halves: three entropies, then one unique entropy a
+/// Sums of `reduce_occupied` in low and high 16-bit halves: one a kind of information, then one unique entropy a
 /// LiDAR.
-pub(super) const HALVED_SUMS: u32 = 3 + MAX_LIDARS as u32;
+pub(super) const HALVED_SUMS: u32 = KINDS as u32 + MAX_LIDARS as u32;
 /// Words of one partial result of `reduce_occupied`: word 0 the count, words 1 + 2k and 2 + 2k the low and
 /// high halves of sum k.
 pub(super) const PARTIAL_WORDS: u32 = 1 + 2 * HALVED_SUMS;

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::layout::{HALVED_SUMS, PARTIAL_WORDS};
-use crate::problem::{Problem, SensorBatch, Tally};
+use crate::problem::{KINDS, Problem, SensorBatch, Tally};
 use crate::vehicle::{Placement, UnknownSensor};
 
 /// Tallies of a batch.
@@ -78,7 +78,7 @@ fn add_partial(partial: &[u32], tally: &mut Tally) {
     for (slot, entropy) in tally.entropy.iter_mut().enumerate() {
         *entropy += sum(slot as u32);
     }
-    for (slot, unique) in (3..HALVED_SUMS).zip(&mut tally.unique) {
+    for (slot, unique) in (KINDS as u32..HALVED_SUMS).zip(&mut tally.unique) {
         *unique += sum(slot);
     }
 }

@@ -115,7 +115,8 @@ pub(super) fn write(
         files.push(folder.put(&file, bytemuck::cast_slice(&cloud))?);
         if merged && about.is_keyframe(at) {
             inside = count(&cloud, &ego_from_sensor, scan);
-            let labels = Labels::new(classes, &scan.boxes);
+            let published = about.settings.robo3d_labels;
+            let labels = Labels::new(classes, &scan.boxes, published);
             let labels: Vec<u8> = scan.points().map(|point| labels.nuscenes(point)).collect();
             files.push(folder.put(&about.lidarseg_file(at), &labels)?);
         }

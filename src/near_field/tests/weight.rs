@@ -22,7 +22,7 @@ fn ground_outside_the_body_and_within_ten_metres_gains_the_weight() {
     let occupied = |more: f64| -> Vec<OccupiedVoxel> {
         let entropy = |k: usize| fixed(0.5 + if [0, 2].contains(&k) { more } else { 0.0 });
         let voxel =
-            |&(index, k): &(u32, usize)| OccupiedVoxel { index, entropy: [entropy(k), 7, 9] };
+            |&(index, k): &(u32, usize)| OccupiedVoxel { index, entropy: [entropy(k), 7, 9, 11] };
         voxels.iter().map(voxel).collect()
     };
     let of_class = |is: fn(usize) -> bool| -> Vec<u32> {

@@ -6,6 +6,7 @@ use super::figures::Figures;
 use super::parts::{bar, figure, table, text};
 use super::subject::Subject;
 use crate::report::RunRecord;
+use crate::report::text::phase_text;
 
 /// Poses of the result, and what each LiDAR gains alone and what only it gains.
 pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Markup {
@@ -14,11 +15,14 @@ pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunR
     let named = poses.iter().any(|pose| !pose.sensor.is_none());
     let mut titles = vec!["LiDAR", "x m", "y m", "z m", "roll rad", "pitch rad", "yaw rad"];
     titles.extend(named.then_some("sensor"));
+    let phased = poses.iter().any(|pose| pose.phase.is_some());
+    titles.extend(phased.then_some("phase rad"));
     let rows: Vec<_> = (0..poses.len())
         .map(|index| {
             let mut row = vec![text(index.to_string())];
             row.extend(poses[index].fields().map(|(_, value)| text(format!("{value:.3}"))));
             row.extend(named.then(|| text(poses[index].sensor.to_string())));
+            row.extend(phased.then(|| text(phase_text(&poses[index]))));
             (false, row)
         })
         .collect();

@@ -50,6 +50,34 @@ fn a_target_at_the_rated_range_of_its_reflectance_is_seen_half_of_the_time() {
 }
 
 #[test]
+fn a_scene_says_what_its_surfaces_reflect() {
+    // Limits follow the square root of what a surface reflects, a tenth of it at the rated range.
+    let response = r#"{ "rated_range": 30, "divergence": [0, 0], "softness": 0 }"#;
+    let seen = |said: &str, own: &str, distance: f64| {
+        let actor = format!(
+            r#""reflectance": {{ {said} }},
+               "actors": [{{ {own} "poses": [{{ "x": 0, "y": 0 }}, {{ "x": 0, "y": 0 }}, {{ "x": 0, "y": 0 }}],
+                 "parts": [{{ "class": "vehicle",
+                             "box": {{ "min": [{distance}, -60, -60], "max": [{}, 60, 60] }} }}] }}]"#,
+            distance + 1.0
+        );
+        let scene = scene(&actor, FORWARD, response);
+        let scan = scan(&scene, &[SensorPose::at(0.0, 0.0, 0.0)], &Scanning::default());
+        share(&scan[0], Status::Hit) > 0.5
+    };
+    for (said, own, reflectance) in [
+        (r#""vehicle": 0.1"#, "", 0.1_f64),
+        (r#""vehicle": 0.9"#, "", 0.9),
+        ("", r#""reflectance": 0.4,"#, 0.4),
+        (r#""vehicle": 0.9"#, r#""reflectance": 0.2,"#, 0.2),
+    ] {
+        let limit = 30.0 * (10.0 * reflectance).sqrt();
+        assert!(seen(said, own, 0.97 * limit), "{said} {own}");
+        assert!(!seen(said, own, 1.03 * limit), "{said} {own}");
+    }
+}
+
+#[test]
 fn range_noise_is_normal_and_three_times_as_wide_at_the_threshold() {
     let deviation = |distance: f64, rated: f64| {
         let response = format!(

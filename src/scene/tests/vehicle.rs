@@ -32,6 +32,8 @@ fn a_vehicle_brings_sensors_mounts_and_body() {
     assert_eq!((vehicle.name.as_str(), vehicle.min_distance), ("van", 0.3));
     let phases: Vec<Phase> = vehicle.sensors.iter().map(|sensor| sensor.phase).collect();
     assert_eq!(phases, [Phase::Free, Phase::Locked(0.1)]);
+    let chosen = read(&with(&VEHICLE.replace("\"phase\": 0.1", "\"phase\": [0, 0.1]"))).unwrap();
+    assert_eq!(chosen.vehicle().unwrap().sensors[1].phase, Phase::Between(0.0, 0.1));
     let models = scene.sensors().unwrap();
     assert_eq!((models.table(0).directions().len(), models.table(1).directions().len()), (240, 63));
     assert_eq!(models.longest_range(), 80.0);
@@ -126,6 +128,9 @@ fn what_is_wrong_with_a_vehicle_is_said_with_its_place() {
         ("\"count\": [0, 2]", "\"count\": [3, 2]", "mounts[1].count: 3 is not"),
         ("\"count\": 1", "\"count\": \"two\"", "a number of sensors, 4 for example"),
         ("\"count\": 1", "\"cuont\": 1", "unknown key `cuont`"),
+        ("\"phase\": 0.1", "\"phase\": [0.2, 0.1]", "sensors[1].phase: [0.2, 0.1] is not a range"),
+        ("\"phase\": 0.1", "\"phase\": [-4, 4]", "sensors[1].phase: [-4.0, 4.0] is not a range"),
+        ("\"phase\": 0.1", "\"phase\": [0, 1, 2]", "a range of them"),
         ("\"phase\": 0.1", "\"phase\": \"loose\"", "sensors[1].phase: \"loose\" is not \"free\""),
         ("\"price\": 900", "\"price\": -1", "sensors[0].price: -1 is not"),
         ("\"name\": \"solid\"", "\"name\": \"spinning\"", "it is used twice"),
@@ -134,7 +139,22 @@ fn what_is_wrong_with_a_vehicle_is_said_with_its_place() {
         (
             "\"min_distance\": 0.3",
             "\"symmetric\": true",
-            "possible with one mount for one sensor model",
+            "symmetric: true is not possible where `left` leaves a choice: give its `count`",
+        ),
+        (
+            "\"count\": [0, 2] }],\n  \"min_distance\": 0.3",
+            "\"count\": 2 }],\n  \"symmetric\": true",
+            "possible with `left`, which has no mirror image at the plane y = 0",
+        ),
+        (
+            "\"min_distance\": 0.3",
+            "\"equal_height\": true",
+            "equal_height: true is not possible with several mounts unless all are boxes, and `left`",
+        ),
+        (
+            "\"mounts\": [",
+            "\"equal_height\": true, \"mounts\": [{ \"name\": \"low\", \"min\": [1, 0, 0.5], \"max\": [1, 0, 0.6], \"count\": 1 },",
+            "is not possible with several mounts unless all are boxes",
         ),
         ("\"azimuth\": [-40, 40]", "\"azimuth\": [-180, 180]", "azimuth"),
     ];

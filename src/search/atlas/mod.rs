@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use crate::cover::{BitOrder, Bitmaps};
 use crate::engine::{Backend, BackendError};
 use crate::memory;
-use crate::problem::{Problem, Tally};
+use crate::problem::{KINDS, Problem, Tally};
 use crate::vehicle::PoseGrid;
 use areas::AreaBits;
 use order::{LevelOrder, ToLevels};
@@ -256,7 +256,7 @@ impl Atlas {
     }
 
     /// The fixed-point entropies of each bit of a frame; zero for bits without a voxel.
-    pub(crate) fn worths(&self) -> Vec<[u32; 3]> {
+    pub(crate) fn worths(&self) -> Vec<[u32; KINDS]> {
         self.order.entropies(self.problem.content())
     }
 

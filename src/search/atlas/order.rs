@@ -6,7 +6,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use crate::cover::BitOrder;
-use crate::problem::{Content, Tally};
+use crate::problem::{Content, KINDS, Tally};
 
 /// Voxels of equal entropy from which on they get words of their own. Fewer would waste most of a word.
 const LEAST_LEVEL: usize = 24;
@@ -19,9 +19,9 @@ pub(super) struct LevelOrder {
     /// Bit of each occupied voxel, in the order of [`Content::occupied`].
     bit_of: Vec<u32>,
     /// Entropies of each word whose bits have the same, by kind.
-    entropies: [Vec<u32>; 3],
+    entropies: [Vec<u32>; KINDS],
     /// Entropies of the bits of the words after those.
-    mixed_entropies: Vec<[u32; 3]>,
+    mixed_entropies: Vec<[u32; KINDS]>,
 }
 
 /// The way of each bit from an engine's order to the level order.
@@ -67,14 +67,14 @@ impl ToLevels {
 
 impl LevelOrder {
     pub fn new(content: &Content) -> Self {
-        let mut by_entropy: BTreeMap<[u32; 3], Vec<usize>> = BTreeMap::new();
+        let mut by_entropy: BTreeMap<[u32; KINDS], Vec<usize>> = BTreeMap::new();
         for (rank, voxel) in content.occupied().iter().enumerate() {
             by_entropy.entry(voxel.entropy).or_default().push(rank);
         }
         let (large, small): (Vec<_>, Vec<_>) =
             by_entropy.into_iter().partition(|(_, voxels)| voxels.len() >= LEAST_LEVEL);
         let mut bit_of = vec![0; content.occupied().len()];
-        let mut entropies = [const { Vec::new() }; 3];
+        let mut entropies = [const { Vec::new() }; KINDS];
         for (entropy, voxels) in large {
             let words = entropies[0].len();
             for (bit, rank) in voxels.iter().enumerate() {
@@ -101,8 +101,8 @@ impl LevelOrder {
     }
 
     /// Entropies of each bit; zero for bits without a voxel.
-    pub fn entropies(&self, content: &Content) -> Vec<[u32; 3]> {
-        let mut entropies = vec![[0; 3]; 64 * self.words()];
+    pub fn entropies(&self, content: &Content) -> Vec<[u32; KINDS]> {
+        let mut entropies = vec![[0; KINDS]; 64 * self.words()];
         for (voxel, &bit) in content.occupied().iter().zip(&self.bit_of) {
             entropies[bit as usize] = voxel.entropy;
         }
@@ -113,7 +113,7 @@ impl LevelOrder {
     pub fn add_union(&self, a: &[u64], b: &[u64], tally: &mut Tally) {
         add_words(&self.entropies, a, b, tally);
         let mixed = self.entropies[0].len();
-        let (a, b, mut sums) = (&a[mixed..], &b[mixed..], [0; 3]);
+        let (a, b, mut sums) = (&a[mixed..], &b[mixed..], [0; KINDS]);
         for ((a, b), entropies) in a.iter().zip(b).zip(self.mixed_entropies.chunks(64)) {
             let mut left = a | b;
             tally.covered_nonzero += u64::from(left.count_ones());
@@ -134,17 +134,18 @@ impl LevelOrder {
     "x86_64+avx+avx2+avx512f+avx512bw+avx512dq+avx512vl+avx512vpopcntdq+bmi1+bmi2+popcnt+lzcnt",
     "x86_64+avx+avx2+bmi1+bmi2+popcnt+lzcnt",
 ))]
-fn add_words(entropies: &[Vec<u32>; 3], a: &[u64], b: &[u64], tally: &mut Tally) {
-    let [first, second, third] = entropies;
-    let words = first.len();
-    let (a, b, second, third) = (&a[..words], &b[..words], &second[..words], &third[..words]);
-    let (mut covered, mut sums) = (0, [0; 3]);
+fn add_words(entropies: &[Vec<u32>; KINDS], a: &[u64], b: &[u64], tally: &mut Tally) {
+    let words = entropies[0].len();
+    let (a, b) = (&a[..words], &b[..words]);
+    let [first, second, third, fourth] = [0, 1, 2, 3].map(|kind: usize| &entropies[kind][..words]);
+    let (mut covered, mut sums) = (0, [0; KINDS]);
     for word in 0..words {
         let count = u64::from((a[word] | b[word]).count_ones());
         covered += count;
         sums[0] += count * u64::from(first[word]);
         sums[1] += count * u64::from(second[word]);
         sums[2] += count * u64::from(third[word]);
+        sums[3] += count * u64::from(fourth[word]);
     }
     tally.covered_nonzero += covered;
     tally.entropy.iter_mut().zip(sums).for_each(|(to, sum)| *to += sum);

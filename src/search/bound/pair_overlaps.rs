@@ -1,6 +1,7 @@
 //! Bounds on sets of sensors from single poses and from the overlaps of pairs of them.
 
 use super::voxel_groups::Columns;
+use crate::problem::KINDS;
 use crate::search::atlases::Atlases;
 
 /// Shares of the typical poses that cover a voxel by which voxels are grouped, as multiples of
@@ -56,7 +57,7 @@ impl PairBound {
     pub fn tightest(
         atlas: &Atlases,
         lidars: usize,
-        units: &[[f64; 2]],
+        units: &[[f64; KINDS]],
         typical: &[u32],
         most_words: u64,
         mut bound_of: impl FnMut(&Self) -> f64,
@@ -100,20 +101,28 @@ impl PairBound {
 }
 
 /// Worth of each bit of a frame as an integer, not below, and its unit.
-fn integer_worths(atlas: &Atlases, units: &[[f64; 2]]) -> (Vec<u32>, f64) {
+fn integer_worths(atlas: &Atlases, units: &[[f64; KINDS]]) -> (Vec<u32>, f64) {
     let worths = atlas.worths();
-    let value = |(worth, scene): &([u32; 3], usize)| {
-        let [first, second] = units[*scene];
-        first * f64::from(worth[0]) + second * f64::from(worth[1])
+    let value = |(worth, scene): &([u32; KINDS], usize)| {
+        worth.iter().zip(units[*scene]).map(|(&worth, unit)| unit * f64::from(worth)).sum::<f64>()
     };
-    let unit = match units {
-        [[unit, 0.0] | [0.0, unit]] => *unit,
-        _ => worths.iter().map(value).fold(f64::MIN_POSITIVE, f64::max) / f64::from(u32::MAX - 1),
+    // Of one scene and one kind the integers are there already.
+    let only = match units {
+        [units] => {
+            let mut counted = (0..KINDS).filter(|&kind| units[kind] != 0.0);
+            counted.next().filter(|_| counted.next().is_none())
+        }
+        _ => None,
     };
-    let integer = |worth: &([u32; 3], usize)| match units {
-        [[_, 0.0]] => worth.0[0],
-        [[0.0, _]] => worth.0[1],
-        _ => (value(worth) / unit).ceil() as u32,
+    let unit = match only {
+        Some(kind) => units[0][kind],
+        None => {
+            worths.iter().map(value).fold(f64::MIN_POSITIVE, f64::max) / f64::from(u32::MAX - 1)
+        }
+    };
+    let integer = |worth: &([u32; KINDS], usize)| match only {
+        Some(kind) => worth.0[kind],
+        None => (value(worth) / unit).ceil() as u32,
     };
     (worths.iter().map(integer).collect(), unit)
 }

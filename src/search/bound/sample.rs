@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::score::Objective;
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
-use crate::vehicle::{Placement, PoseGrid};
+use crate::vehicle::{Placement, PoseGrid, SensorPose};
 
 /// Theorem 1 of Place3D: |G(u*) − G(best sampled)| ≤ C_M + k_G·δ, from measured numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -95,10 +95,11 @@ impl GridSample {
         let (low, high) =
             scored.iter().fold((f64::MAX, f64::MIN), |(l, h), (_, v)| (l.min(*v), h.max(*v)));
         let slopes = self.pairs.chunks(2).filter_map(|pair| {
+            let numbers = |pose: &SensorPose| pose.values().into_iter().chain(pose.phase);
             let fields = pair[0].0.lidars.iter().zip(&pair[1].0.lidars);
-            let fields = fields.flat_map(|(a, b)| a.fields().into_iter().zip(b.fields()));
-            let apart: f64 = fields.map(|((_, a), (_, b))| (a - b).abs()).sum();
-            Some((pair[0].1? - pair[1].1?).abs() / apart)
+            let fields = fields.flat_map(|(a, b)| numbers(a).zip(numbers(b)));
+            let apart: f64 = fields.map(|(a, b)| (a - b).abs()).sum();
+            Some((pair[0].1? - pair[1].1?).abs() / apart).filter(|_| apart > 0.0)
         });
         let k_g = slopes.fold(0.0, f64::max);
         let (c_m, delta) = (high - low, self.delta);

@@ -85,7 +85,7 @@ impl Run {
         best: Option<&Scored>,
         baselines: &[Scored],
     ) -> Result<Option<PhaseCheck>, SearchError> {
-        let Some(best) = best.filter(|_| self.suite.has_free_phase()) else { return Ok(None) };
+        let Some(best) = best.filter(|_| self.suite.is_left_to_chance()) else { return Ok(None) };
         let rival = Scored::yardstick(baselines).map(|rival| &rival.placement);
         let (objective, memory) = (self.objective(), self.memory());
         let best = &best.placement;

@@ -17,7 +17,7 @@ use crate::search::suite::Suite;
 use crate::search::swaps::{SWAP_SPACING, Swapped};
 use crate::vehicle::{Placement, PoseGrid};
 
-/// Draw of the free phases with which placements are confirmed; the search has the draw 0.
+/// Draw of what is left to chance with which placements are confirmed; the search has the draw 0.
 pub(super) const CONFIRMING: u64 = 1;
 
 /// Where a run stands.
@@ -230,13 +230,13 @@ impl Run {
     /// Scores over all frames; on the CPU where the search is over fewer, since a second scene on a
     /// device would take its memory twice.
     pub(super) fn over_all(&mut self, watch: &mut Watch) -> Result<&mut Evaluator, SearchError> {
-        if self.is_over_all() && !self.suite.has_free_phase() {
+        if self.is_over_all() && !self.suite.is_left_to_chance() {
             return self.evaluator(watch);
         }
         let (memory, suite) = (self.memory(), &self.suite);
-        // What is found must not live on lucky phases.
-        let opened = || match suite.has_free_phase() {
-            true => Evaluator::suite_on_cpu(&suite.with_phases(CONFIRMING), memory),
+        // What is found must not live on lucky phases or lucky beams.
+        let opened = || match suite.is_left_to_chance() {
+            true => Evaluator::suite_on_cpu(&suite.with_draw(CONFIRMING), memory),
             false => Evaluator::suite_on_cpu(suite, memory),
         };
         Ok(self.sitting.over_all.get_or_insert_with(opened))

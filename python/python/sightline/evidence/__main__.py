@@ -1,8 +1,9 @@
-"""``python -m sightline.evidence quick|standard|tables --out DIR``."""
+"""``python -m sightline.evidence quick|standard|tables --out DIR``; ``learned``, ``predictions``, ``cost``: see their ``--help``."""
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import os
 import sys
 from pathlib import Path
@@ -10,15 +11,21 @@ from pathlib import Path
 #: Studies; the same as ``designs.DESIGNS``, which needs the extra.
 NAMES = ("quick", "standard", "channels", "conditions", "transfer")
 
+#: Commands with arguments of their own, each a module with a ``main``.
+OTHERS = ("learned", "predictions", "cost")
+
 
 def main(arguments: list[str] | None = None) -> int:
-    """Runs a study; returns the exit code: 0 done, 2 bad input, 130 interrupted."""
+    """Runs a study or another command; returns the exit code: 0 done, 2 bad input, 130 interrupted."""
+    words = sys.argv[1:] if arguments is None else arguments
+    if words and words[0] in OTHERS:
+        return other(words[0], words[1:])
     parser = argparse.ArgumentParser(prog="python -m sightline.evidence", description=__doc__)
     parser.add_argument("design", choices=[*NAMES, "tables"], help="which study; tables: of what a run has so far")
     parser.add_argument("--out", type=Path, required=True, help="folder of the run; one that is there goes on")
     parser.add_argument("--scenes", type=Path, default=Path("scenes"), help="folder of the own four scenes [scenes]")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes [all cores]")
-    given = parser.parse_args(arguments)
+    given = parser.parse_args(words)
     if given.jobs < 1:
         parser.error(f"--jobs: is {given.jobs}; give 1 or more")
     try:
@@ -39,6 +46,19 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     say(f"wrote result.json, tables.md and figure.svg to {given.out}")
     return 0
+
+
+def other(command: str, words: list[str]) -> int:
+    """Runs a command of a module; returns the exit code."""
+    try:
+        code: int = importlib.import_module(f".{command}", __package__).main(words)
+    except KeyboardInterrupt:
+        print("evidence: interrupted; the same command goes on", file=sys.stderr)
+        return 130
+    except (ImportError, ValueError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return code
 
 
 if __name__ == "__main__":

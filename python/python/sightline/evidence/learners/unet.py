@@ -1,26 +1,22 @@
-"""A small bird's-eye U-Net: a map of groups, and centres and boxes of vehicles, pedestrians and cyclists.
-
-It is shared between placements, and so is trained on another one in every frame (``stream``): a net that knew one
-rig would favour rigs like it.
-"""
+"""A small bird's-eye U-Net: a map of groups, and centres and boxes of vehicles, pedestrians and cyclists."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+import os
+import pickle
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-
-import sightline
 
 from .._types import F32, I64, U8, Floats
 from ..grid import Grid
 from ..groups import GROUPS
-from ..layouts import drawn
 from ..metrics.detection import Objects
 from ..metrics.targets import birds_eye
 from ..truth import KINDS, VISIBLE, Truth
-from ..worlds import World
 
 try:
     import torch
@@ -41,23 +37,25 @@ CHANNELS = len(SLICES) - 1 + 4
 #: Numbers of a box: offset of its middle in cells (2), height of its middle, log of its edges (3), sine, cosine of yaw.
 BOX = 8
 
+#: Times in a training at which it is kept and looked at.
+LOOKS = 6
+
 
 @dataclass(frozen=True)
 class Settings:
     """Size of the net and of its training."""
 
-    steps: int = 3000
+    steps: int = 2000
     width: int = 16
     rate: float = 2e-3
     #: Edge of a cell of the map in voxels.
-    cell: int = 2
+    cell: int = 3
 
 
 @dataclass(frozen=True)
-class Sample:
-    """A frame as the net sees it, ``[C, H, W]``, and what is there."""
+class Target:
+    """What is there in a frame, over the cells of a coarse grid; the same for all placements."""
 
-    image: F32
     #: ``[H, W]``, groups; 0 where there is no target.
     labels: U8
     #: ``[kinds, H, W]``, 1 at centres, falling around them.
@@ -65,6 +63,19 @@ class Sample:
     #: ``[B]`` cells with a centre, and the boxes' numbers ``[B, BOX]``.
     cells: I64
     boxes: F32
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A frame as the net sees it, ``[CHANNELS, H, W]``, and what is there."""
+
+    image: F32
+    target: Target
+
+
+def one_thread() -> None:
+    """Maps are small: threads would wait for each other, and workers have a core each."""
+    torch.set_num_threads(1)
 
 
 def coarse(grid: Grid, cell: int) -> Grid:
@@ -94,10 +105,15 @@ def image(grid: Grid, xyz: Floats) -> F32:
     return seen
 
 
-def sample(grid: Grid, truth: Truth, xyz: Floats, cell: int) -> Sample:
-    """A frame of a placement's points ``[P, 3]`` with its targets; ``grid`` is that of the scene."""
+def map_of(grid: Grid, truth: Truth, cell: int) -> U8:
+    """Fixed groups ``[H, W]`` of a frame over cells of so many voxels."""
     small = coarse(grid, cell)
-    labels = birds_eye(small, small.keys(grid.centres(truth.keys)), truth.labels)
+    return birds_eye(small, small.keys(grid.centres(truth.keys)), truth.labels)
+
+
+def target(grid: Grid, truth: Truth, cell: int) -> Target:
+    """Targets of a frame over cells of so many voxels; ``grid`` is that of the scene."""
+    small, labels = coarse(grid, cell), map_of(grid, truth, cell)
     kept = truth.points >= VISIBLE
     heat = np.zeros((len(KINDS), *labels.shape), np.float32)
     middle = (truth.centre[kept, :2] - small.low[:2]) / small.voxel[:2]
@@ -110,25 +126,7 @@ def sample(grid: Grid, truth: Truth, xyz: Floats, cell: int) -> Sample:
     yaw = truth.yaw[kept, None]
     numbers = [middle - place, truth.centre[kept, 2:], np.log(truth.size[kept]), np.sin(yaw), np.cos(yaw)]
     cells = place[:, 0] * labels.shape[1] + place[:, 1]
-    return Sample(image(small, xyz), labels, heat, cells, np.concatenate(numbers, axis=1).astype(np.float32))
-
-
-def stream(given: list[tuple[World, list[Truth]]], seed: int, cell: int) -> Iterator[Sample]:
-    """Samples without end: a frame drawn at random, seen by four LiDARs drawn anew in the scene's mount."""
-    rng = np.random.default_rng([seed, 2])
-    ready = [(world, truths, world.source()) for world, truths in given]
-    scenes = [world.scene() for world, _, _ in ready]
-    while True:
-        number = int(rng.integers(len(ready)))
-        world, truths, source = ready[number]
-        frame = int(rng.integers(len(world.frames)))
-        mount = source.described["mount"]
-        low, high = np.array(mount["min"], dtype=float), np.array(mount["max"], dtype=float)
-        roll = mount.get("roll", [0.0, 0.0]) if rng.random() < 0.5 else [0.0, 0.0]
-        poses = drawn(rng, low, high, int(rng.integers(3)), bool(rng.integers(2)), roll, 0.0)
-        draw = int(rng.integers(2**31))
-        (scan,) = scenes[number].scan(sightline.Placement(poses), seed=draw, frames=[world.frames[frame]])
-        yield sample(source.grid, truths[frame], scan.xyz[scan.instance != 65535], cell)
+    return Target(labels, heat, cells, np.concatenate(numbers, axis=1).astype(np.float32))
 
 
 class Net(nn.Module):
@@ -171,7 +169,29 @@ class Unet:
     """A trained net, and its loss step by step."""
 
     net: Net
+    settings: Settings
     curve: list[float]
+
+    @staticmethod
+    def load(path: Path) -> Unet:
+        """What ``train`` kept in a file at its end."""
+        try:
+            kept = torch.load(path, weights_only=True)
+            settings = Settings(**kept["settings"])
+            net = Net(settings.width)
+            net.load_state_dict(kept["net"])
+        except (RuntimeError, ValueError, KeyError, TypeError, EOFError, pickle.UnpicklingError) as error:
+            raise ValueError(f"{path}: is no learner of this package ({error}); train one anew") from error
+        if kept["step"] < settings.steps:
+            raise ValueError(f"{path}: its training ended at step {kept['step']} of {settings.steps}; let it go on")
+        return Unet(net, settings, kept["curve"])
+
+    def groups(self, seen: F32) -> U8:
+        """The map of groups ``[H, W]`` of an image."""
+        with torch.no_grad():
+            found = self.net(torch.from_numpy(seen)[None])[0][0, 1:].argmax(dim=0)
+        named: U8 = (found + 1).numpy().astype(np.uint8)
+        return named
 
     def predict(self, grid: Grid, seen: F32, most: int = 100) -> tuple[U8, F32, Objects]:
         """Map of groups ``[H, W]``, how sure it is ``[H, W]``, and at most so many objects; ``grid`` is the coarse one."""
@@ -196,40 +216,74 @@ class Unet:
         return (best + 1).numpy().astype(np.uint8), sure.numpy(), objects
 
 
-def train(samples: Iterable[Sample], seed: int, settings: Settings) -> Unet:
-    """Learns from as many samples as there are steps, one a step, with the rate falling to 0."""
+def train(
+    at: Callable[[int], Sample],
+    seed: int,
+    settings: Settings,
+    file: Path | None = None,
+    look: Callable[[int, Unet], None] = lambda step, unet: None,
+) -> Unet:
+    """Learns from ``at(step)``, one sample a step, with the rate falling to 0; the same bits for the same seed.
+
+    ``LOOKS`` times it is kept in ``file``, from which a training that was cut off goes on, and handed to ``look``.
+    """
     torch.manual_seed(seed)
     net = Net(settings.width)
     optimizer = torch.optim.AdamW(net.parameters(), settings.rate)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, settings.rate, total_steps=settings.steps)
-    curve = []
-    for _, given in zip(range(settings.steps), samples):
-        loss = _loss(net, given)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, settings.rate, total_steps=settings.steps + 1)
+    parts = {"net": net, "optimizer": optimizer, "schedule": schedule}
+    unet, begin = Unet(net, settings, []), _resumed(file, parts, settings)
+    unet.curve.extend(begin)
+    for step in range(len(begin), settings.steps):
         optimizer.zero_grad()
+        loss = _loss(net, at(step))
         loss.backward()  # type: ignore[no-untyped-call]
-        nn.utils.clip_grad_norm_(net.parameters(), 5.0)
         optimizer.step()
         schedule.step()
-        curve.append(float(loss.detach()))
-    return Unet(net.eval(), curve)
+        unet.curve.append(float(loss.detach()))
+        if (step + 1) % max(settings.steps // LOOKS, 1) == 0 or step + 1 == settings.steps:
+            if file:
+                _keep(file, parts, settings, unet.curve)
+            look(step + 1, unet)
+    return unet
+
+
+def _keep(file: Path, parts: dict[str, Any], settings: Settings, curve: list[float]) -> None:
+    kept = {name: part.state_dict() for name, part in parts.items()}
+    beside = file.with_name(f"{file.name}.{os.getpid()}.tmp")
+    torch.save({**kept, "settings": asdict(settings), "step": len(curve), "curve": curve}, beside)
+    os.replace(beside, file)
+
+
+def _resumed(file: Path | None, parts: dict[str, Any], settings: Settings) -> list[float]:
+    """Puts a training back to where it was kept; its losses until there."""
+    if file is None or not file.exists():
+        return []
+    kept = torch.load(file, weights_only=True)
+    if kept["settings"] != asdict(settings):
+        raise ValueError(f"{file}: was trained with {kept['settings']}, now it is {asdict(settings)}; give another --out")
+    for name, part in parts.items():
+        part.load_state_dict(kept[name])
+    curve: list[float] = kept["curve"]
+    return curve
 
 
 def _loss(net: Net, given: Sample) -> Tensor:
     groups, heat, boxes = net(torch.from_numpy(given.image)[None])
-    labels = torch.from_numpy(given.labels.astype(np.int64))[None]
+    labels = torch.from_numpy(given.target.labels.astype(np.int64))[None]
     # Rare groups weigh more, as for trees: by one over the square root of their number.
-    count = np.bincount(given.labels.ravel(), minlength=len(GROUPS))
+    count = np.bincount(given.target.labels.ravel(), minlength=len(GROUPS))
     count[0] = 0
     weight = torch.from_numpy(np.where(count > 0, 1 / np.sqrt(np.maximum(count, 1)), 0.0).astype(np.float32))
     loss = functional.cross_entropy(groups, labels, weight, ignore_index=0) if count.any() else groups.sum() * 0
     # Focal loss of centres (Zhou 2019): near misses count little.
-    wanted, found = torch.from_numpy(given.heat)[None], heat.sigmoid().clamp(1e-4, 1 - 1e-4)
+    wanted, found = torch.from_numpy(given.target.heat)[None], heat.sigmoid().clamp(1e-4, 1 - 1e-4)
     centre = wanted > 0.999
     hit = -torch.log(found) * (1 - found) ** 2 * centre
     miss = -torch.log(1 - found) * found**2 * (1 - wanted) ** 4 * ~centre
-    loss = loss + (hit + miss).sum() / max(len(given.cells), 1)
-    if len(given.cells):
-        there = boxes[0].reshape(BOX, -1)[:, torch.from_numpy(given.cells)].T
-        loss = loss + functional.l1_loss(there, torch.from_numpy(given.boxes))
+    loss = loss + (hit + miss).sum() / max(len(given.target.cells), 1)
+    if len(given.target.cells):
+        there = boxes[0].reshape(BOX, -1)[:, torch.from_numpy(given.target.cells)].T
+        loss = loss + functional.l1_loss(there, torch.from_numpy(given.target.boxes))
     total: Tensor = loss
     return total

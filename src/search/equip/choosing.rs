@@ -1,27 +1,20 @@
-//! The equipment of a vehicle: which models stand on which mounts, and how many, for the money.
-//!
-//! Poses of every model on every mount lie on one coarse grid, each cast once into a few frames. The
-//! information gain and what must be seen are both submodular in the set of sensors, so sensors are added one by
-//! one, the best first, once by what each adds and once by what it adds for its price; then single sensors are
-//! exchanged, moved, dropped or added while that gains.
+//! The search for equipment on one coarse grid over all models and mounts, and how far it is.
 
 use serde::{Deserialize, Serialize};
 
-use super::atlases::Atlases;
-use super::error::SearchError;
-use super::evaluator::Evaluator;
-use super::grid_search::GridSearch;
-use super::observer::{Event, Observer, Watch, Work};
-use super::settings::Settings;
-use super::suite::Suite;
+use super::equipped::Equipped;
 use crate::engine::EngineChoice;
-use crate::score::{Objective, reference_layout};
-use crate::vehicle::{
-    Constraints, Equipment, MAX_LIDARS, Placement, PoseGrid, SensorName, Spacing, Vehicle,
-};
+use crate::score::Objective;
+use crate::search::atlases::Atlases;
+use crate::search::error::SearchError;
+use crate::search::evaluator::Evaluator;
+use crate::search::grid_search::GridSearch;
+use crate::search::observer::{Event, Watch, Work};
+use crate::search::suite::Suite;
+use crate::vehicle::{Constraints, MAX_LIDARS, Placement, PoseGrid, SensorName, Spacing, Vehicle};
 
 /// Frames that the choice looks at, spread evenly.
-const FRAMES: u32 = 4;
+pub(super) const FRAMES: u32 = 4;
 /// Most poses of the grid, over all models and mounts.
 const POSES: u32 = 1200;
 /// Spacing of the grid to begin with; widened until the poses are few enough.
@@ -31,60 +24,10 @@ const WIDER: f64 = 1.25;
 /// Worth of an area that must be seen, against the largest gain of a single sensor: what must be seen comes
 /// first.
 const REQUIRED: f64 = 1e3;
-/// Budgets of a front, beside the one that wants for nothing.
-const BUDGETS: u32 = 8;
 /// Most rounds of exchanges.
 const ROUNDS: usize = 20;
 /// Poses that are cast at once, so that progress is told in between.
 const CAST: usize = 32;
-
-/// What a vehicle carries, and where on the coarse grid.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Equipped {
-    /// Number of a mount and a model for each LiDAR.
-    pub equipment: Equipment,
-    /// A placement to start from.
-    pub placement: Placement,
-    /// Price of all sensors.
-    pub cost: f64,
-    /// Objective over the few frames.
-    pub value: f64,
-    /// Share that is missing of what must be seen, over all areas.
-    pub missing: f64,
-}
-
-impl Equipped {
-    /// Settings that start from the sensors chosen; where `plainly`, they compare with the same sensors put up plainly.
-    pub fn begin(&self, settings: Settings, constraints: &Constraints, plainly: bool) -> Settings {
-        let mut settings = settings;
-        if plainly {
-            settings.baselines = vec![self.plain(constraints)];
-        }
-        settings.starts.push(self.placement.clone());
-        settings
-    }
-
-    /// The same sensors put up plainly: in the middle of their mounts, or evenly around it, looking straight.
-    fn plain(&self, constraints: &Constraints) -> Placement {
-        let models: Vec<SensorName> = self.equipment.iter().map(|(_, sensor)| *sensor).collect();
-        Placement { name: "plain".into(), ..reference_layout(constraints, &models) }
-    }
-
-    /// Sensors by mount, in words: `2 × spinning-16 on roof, …`.
-    pub fn words(&self, vehicle: &Vehicle) -> String {
-        let mut counted: Vec<((usize, SensorName), usize)> = Vec::new();
-        for kind in &self.equipment {
-            match counted.iter_mut().find(|(known, _)| known == kind) {
-                Some((_, count)) => *count += 1,
-                None => counted.push((*kind, 1)),
-            }
-        }
-        let word = |&((mount, sensor), count): &((usize, SensorName), usize)| {
-            format!("{count} × {sensor} on {}", vehicle.mounts[mount].region.name)
-        };
-        counted.iter().map(word).collect::<Vec<_>>().join(", ")
-    }
-}
 
 /// A sensor on the grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -94,96 +37,53 @@ struct Choice {
     sensor: SensorName,
 }
 
+/// How far a choice of equipment is: all that it goes on from, beside scenes, vehicle and budget. Poses are cast
+/// anew.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Choosing {
+    /// Poses at which climbs have ended: that of gain, then that of gain for the money.
+    ends: Vec<Vec<u32>>,
+    climb: Option<Climb>,
+}
+
+impl Choosing {
+    /// Whether all of its poses are on a grid of so many.
+    pub(super) fn fits(&self, poses: u32) -> bool {
+        let climbing = self.climb.iter().map(|climb| &climb.poses);
+        self.ends.iter().chain(climbing).flatten().all(|&pose| pose < poses)
+    }
+}
+
+/// A climb by exchanges of single sensors.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Climb {
+    poses: Vec<u32>,
+    /// Exchanges that have gained.
+    round: usize,
+    /// Sensor that is exchanged next.
+    index: usize,
+}
+
+/// What a step of a choice gave.
+#[derive(Debug, Clone, PartialEq)]
+pub enum EquipStep {
+    /// It goes on.
+    On,
+    /// The observer has stopped it.
+    Stopped,
+    /// The equipment.
+    Done(Equipped),
+}
+
 /// The search for equipment.
-struct Equip<'a> {
+pub(super) struct Equip<'a> {
     vehicle: &'a Vehicle,
-    budget: f64,
+    pub(super) budget: f64,
     grid: GridSearch,
     /// Mount and model of each kind of pose.
     kinds: Vec<(usize, SensorName)>,
     /// As of [`GridSearch::require`].
     penalty: f64,
-}
-
-/// Equipment for at most `budget`, as good as found, of the vehicle of some scenes; `None` where the observer
-/// stops the choice.
-///
-/// # Errors
-/// A budget below the cheapest equipment, an objective other than the information gain where there is a choice,
-/// or an engine that failed.
-pub fn equip(
-    suite: &Suite,
-    vehicle: &Vehicle,
-    objective: &Objective,
-    budget: f64,
-    engine: &EngineChoice,
-    observer: &mut dyn Observer,
-) -> Result<Option<Equipped>, SearchError> {
-    let cheapest = vehicle.cheapest();
-    let least = vehicle.cost(&cheapest);
-    if least > budget {
-        return Err(SearchError::Budget { budget, least });
-    }
-    if !objective.is_information_gain() {
-        if vehicle.has_choice() {
-            return Err(SearchError::NotForEquipment { objective: objective.to_string() });
-        }
-        return plain(suite, vehicle, objective, engine).map(Some);
-    }
-    let mut watch = Watch::new(observer, false);
-    let search = Equip::new(suite, vehicle, objective, budget, engine, &mut watch)?;
-    Ok(search.and_then(|mut search| search.best(&mut watch)))
-}
-
-/// The only equipment of a vehicle that leaves no choice, as the reference layout puts it up.
-fn plain(
-    suite: &Suite,
-    vehicle: &Vehicle,
-    objective: &Objective,
-    engine: &EngineChoice,
-) -> Result<Equipped, SearchError> {
-    let equipment = vehicle.cheapest();
-    let models: Vec<SensorName> = equipment.iter().map(|(_, sensor)| *sensor).collect();
-    let placement = reference_layout(&vehicle.constraints(&equipment), &models);
-    let few = suite.over(&suite.spread(Some(FRAMES)));
-    let mut evaluator = Evaluator::suite_on_cpu(&few, engine.memory_budget());
-    let scores = evaluator.scores(std::slice::from_ref(&placement))?.remove(0);
-    Ok(Equipped {
-        cost: vehicle.cost(&equipment),
-        value: objective.value(&scores).unwrap_or(f64::NEG_INFINITY),
-        missing: scores.missing(),
-        placement: Placement { name: "equipped".into(), ..placement },
-        equipment,
-    })
-}
-
-/// The best equipment for each of some budgets, from the cheapest rig to one that wants for nothing.
-///
-/// # Errors
-/// As [`equip`].
-pub fn cost_front(
-    suite: &Suite,
-    vehicle: &Vehicle,
-    objective: &Objective,
-    engine: &EngineChoice,
-) -> Result<Vec<Equipped>, SearchError> {
-    if !objective.is_information_gain() {
-        return Err(SearchError::NotForEquipment { objective: objective.to_string() });
-    }
-    let silent = &mut |_: &Event| true;
-    let mut watch = Watch::new(silent, false);
-    let search = Equip::new(suite, vehicle, objective, f64::INFINITY, engine, &mut watch)?;
-    let Some(mut search) = search else { return Ok(Vec::new()) };
-    let least = vehicle.cost(&vehicle.cheapest());
-    let Some(most) = search.best(&mut watch) else { return Ok(Vec::new()) };
-    let mut front = Vec::new();
-    for step in 0..BUDGETS {
-        search.budget = least + (most.cost - least) * f64::from(step) / f64::from(BUDGETS);
-        front.extend(search.best(&mut watch));
-    }
-    front.push(most);
-    front.dedup_by(|a, b| a.equipment == b.equipment);
-    Ok(front)
 }
 
 /// Rules with a slot for each sensor that a mount could hold of each model, and mount and model by kind.
@@ -204,7 +104,7 @@ fn every_kind(vehicle: &Vehicle) -> (Constraints, Vec<(usize, SensorName)>) {
 }
 
 impl<'a> Equip<'a> {
-    fn new(
+    pub(super) fn new(
         suite: &Suite,
         vehicle: &'a Vehicle,
         objective: &Objective,
@@ -213,6 +113,8 @@ impl<'a> Equip<'a> {
         watch: &mut Watch,
     ) -> Result<Option<Self>, SearchError> {
         let (constraints, kinds) = every_kind(vehicle);
+        // What is chosen are models and mounts: the search that follows chooses phases.
+        let constraints = constraints.without_phases();
         let suite = suite.over(&suite.spread(Some(FRAMES))).with_constraints(&constraints.untied());
         let mut spacing = SPACING;
         let grid = loop {
@@ -245,15 +147,64 @@ impl<'a> Equip<'a> {
         Ok(Some(Self { vehicle, budget, grid, kinds, penalty }))
     }
 
-    /// The better of the equipment grown by gain and that grown by gain for the money; `None` where the observer
-    /// stops the choice.
-    fn best(&mut self, watch: &mut Watch) -> Option<Equipped> {
-        let by_gain = self.grown(Vec::new(), |gain, _| gain);
-        let by_price = self.grown(Vec::new(), |gain, price| gain / price.max(1e-9));
-        let ends = [self.exchanged(by_gain, 0, watch)?, self.exchanged(by_price, ROUNDS, watch)?];
-        let worths = ends.each_ref().map(|end| self.worth(end));
-        let best = if worths[1] > worths[0] { &ends[1] } else { &ends[0] };
-        Some(self.equipped(best))
+    /// The equipment from the beginning; `None` where the observer stops the choice.
+    pub(super) fn best(&mut self, watch: &mut Watch) -> Option<Equipped> {
+        let mut state = Choosing::default();
+        loop {
+            match self.step(&mut state, watch) {
+                EquipStep::On => {}
+                EquipStep::Stopped => return None,
+                EquipStep::Done(equipped) => return Some(equipped),
+            }
+        }
+    }
+
+    /// A climb from the equipment grown by gain, then one from that grown by gain for the money; the better end of
+    /// them.
+    pub(super) fn step(&mut self, state: &mut Choosing, watch: &mut Watch) -> EquipStep {
+        if let Some(climb) = &mut state.climb {
+            if climb.index < climb.poses.len() && climb.round < ROUNDS {
+                let (work, done) = (Work::Exchanges, state.ends.len() * ROUNDS + climb.round);
+                let (done, total) = (done as u64, 2 * ROUNDS as u64);
+                if !watch.tell(&Event::Progress { work, done, total }) {
+                    return EquipStep::Stopped;
+                }
+                self.exchange(climb);
+            } else {
+                state.ends.push(std::mem::take(&mut climb.poses));
+                state.climb = None;
+            }
+            return EquipStep::On;
+        }
+        let grown = match state.ends.len() {
+            0 => self.grown(Vec::new(), |gain, _| gain),
+            1 => self.grown(Vec::new(), |gain, price| gain / price.max(1e-9)),
+            _ => return EquipStep::Done(self.better(&state.ends)),
+        };
+        state.climb = Some(Climb { poses: Self::poses(&grown), round: 0, index: 0 });
+        EquipStep::On
+    }
+
+    /// The better of two ends, the first of equal ones.
+    fn better(&mut self, ends: &[Vec<u32>]) -> Equipped {
+        let ends: Vec<Vec<Choice>> = ends.iter().map(|poses| self.choices(poses)).collect();
+        let worths: Vec<f64> = ends.iter().map(|end| self.worth(end)).collect();
+        let best = usize::from(worths[1] > worths[0]);
+        self.equipped(&ends[best])
+    }
+
+    /// Sensors at poses of the grid.
+    fn choices(&self, poses: &[u32]) -> Vec<Choice> {
+        let choice = |&pose: &u32| {
+            let (mount, sensor) = self.kinds[self.grid.atlas().grid().kind(pose)];
+            Choice { pose, mount, sensor }
+        };
+        poses.iter().map(choice).collect()
+    }
+
+    /// Poses of the grid.
+    pub(super) fn pose_count(&self) -> u32 {
+        self.grid.atlas().grid().len()
     }
 
     fn poses(chosen: &[Choice]) -> Vec<u32> {
@@ -342,37 +293,19 @@ impl<'a> Equip<'a> {
         chosen
     }
 
-    /// The same after single sensors were exchanged for others while that gains, in rounds that come after `told`
-    /// others; `None` where the observer stops it.
-    fn exchanged(
-        &mut self,
-        mut chosen: Vec<Choice>,
-        told: usize,
-        watch: &mut Watch,
-    ) -> Option<Vec<Choice>> {
-        let mut held = self.worth(&chosen);
-        for round in 0..ROUNDS {
-            let before = held;
-            for index in 0..chosen.len() {
-                let (work, done) = (Work::Exchanges, (told + round) as u64);
-                let total = 2 * ROUNDS as u64;
-                if !watch.tell(&Event::Progress { work, done, total }) {
-                    return None;
-                }
-                let mut without = chosen.clone();
-                without.remove(index);
-                let other = self.grown(without, |gain, _| gain);
-                let worth = self.worth(&other);
-                if worth > held * (1.0 + 1e-9) && self.keeps_counts(&other) {
-                    (chosen, held) = (other, worth);
-                    break;
-                }
-            }
-            if held <= before {
-                break;
-            }
+    /// Takes a climb's next sensor off and adds what gains most; kept where that gains.
+    fn exchange(&mut self, climb: &mut Climb) {
+        let chosen = self.choices(&climb.poses);
+        let held = self.worth(&chosen);
+        let mut without = chosen;
+        without.remove(climb.index);
+        let other = self.grown(without, |gain, _| gain);
+        let worth = self.worth(&other);
+        if worth > held * (1.0 + 1e-9) && self.keeps_counts(&other) {
+            *climb = Climb { poses: Self::poses(&other), round: climb.round + 1, index: 0 };
+        } else {
+            climb.index += 1;
         }
-        Some(chosen)
     }
 
     fn keeps_counts(&self, chosen: &[Choice]) -> bool {

@@ -1,0 +1,118 @@
+"""Finalists of a search, judged by a learner: who is judged, what is said, and the command from end to end."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="torch is not installed")
+pytest.importorskip("sklearn")
+pytest.importorskip("nuscenes", reason="nuscenes-devkit is not installed")
+from sightline.evidence import confirm
+from sightline.evidence.confirm import Candidate
+from sightline.evidence.learners import unet
+
+
+def placed(name: str, z: float) -> dict[str, Any]:
+    return {"name": name, "lidars": [{"x": 0.0, "y": 0.0, "z": z}]}
+
+
+def finished(folder: Path) -> Path:
+    """What a search of eight finalists leaves."""
+    best = {"placement": placed("optimized", 2.8), "objective": 9.0}
+    baselines = [
+        {"placement": placed("Low", 2.2), "objective": 5.0, "violations": []},
+        {"placement": placed("High", 2.79), "objective": 7.0, "violations": []},
+        {"placement": placed("Bad", 2.9), "objective": 8.0, "violations": ["outside"]},
+        {"placement": placed("Blind", 2.0), "objective": None, "violations": []},
+    ]
+    finalists = [
+        {"placement": placed("g", z), "confirmed": {"value": value} if value else None}
+        for z, value in ((2.3, 3.0), (2.8, 9.0), (2.79, 7.0), (2.6, 6.0), (2.5, None), (2.7, 8.0), (2.4, 4.0))
+    ]
+    folder.mkdir(parents=True, exist_ok=True)
+    result = {"objective": "information_gain", "best": best, "baselines": baselines}
+    (folder / "result.json").write_text(json.dumps(result))
+    state = {"inputs": [{"file": "/x/body.obj"}, {"file": "/x/scene.json"}]}
+    state["state"] = {"run": {"levels": {"finalists": finalists}}}  # type: ignore[assignment]
+    (folder / "checkpoint.json").write_text(json.dumps(state))
+    return folder
+
+
+def test_five_best_and_the_best_baseline_that_is_allowed(tmp_path: Path) -> None:
+    objective, found = confirm.candidates(finished(tmp_path))
+    assert objective == "information_gain"
+    # The best stands among the finalists, and so does the baseline: once is enough.
+    assert [one.poses[0, 2] for one in found] == [2.8, 2.7, 2.6, 2.4, 2.3, 2.79]
+    assert [one.kind for one in found] == ["found"] * 5 + ["baseline"] and found[-1].name == "High"
+    assert confirm.scene_of(tmp_path) == Path("/x/scene.json")
+    (tmp_path / "result.json").write_text(json.dumps({"objective": "x", "best": None}))
+    with pytest.raises(ValueError, match="result.json: the search found no placement"):
+        confirm.candidates(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("lead", "spread", "says"),
+    [
+        (-0.1, 0.0, "Take `a`: it is first by gain and by the learner."),
+        (0.1, 0.01, "Take `b`: the learner gets"),
+        (0.01, 0.2, "Take `a`, first by gain: that the learner gets"),
+    ],
+)
+def test_one_sentence_says_which(lead: float, spread: float, says: str) -> None:
+    rng = np.random.default_rng(2)
+    given = [Candidate(name, "found", 1.0, np.zeros((1, 6))) for name in "ab"]
+    # Worlds differ more than placements; differences are taken within worlds.
+    worlds = rng.normal(0.4, 0.3, (2, 8))
+    noise = rng.normal(0, spread, (2, 8))
+    found = confirm.verdict("gain", given, np.stack([worlds, worlds + lead + noise - noise.mean()]))
+    assert found["says"].startswith(says)
+    assert found["says"] in confirm.table(found) and confirm.table(found).count("| a |") == 1
+
+
+def test_worlds_have_the_lidar_the_mount_and_the_body_of_the_scene(small_file: Path, tmp_path: Path) -> None:
+    world = confirm._like(small_file, "street", 601, "test", tmp_path)
+    ours, made = json.loads(small_file.read_text()), world.source().described
+    assert made["mount"] == ours["mount"] and made["lidar"] == ours["lidar"]
+    assert made["ego"]["body"] == ours["ego"]["body"] and made["ego"].get("route") != ours["ego"]["route"]
+    assert confirm._like(small_file, "street", 601, "test", tmp_path).sha256 == world.sha256
+
+
+def test_the_command_judges_with_a_learner_that_is_given(
+    small_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from sightline import _confirmed
+
+    monkeypatch.setattr(confirm, "TEST", (("highway", 601),))
+    monkeypatch.setattr(confirm, "FRAMES", 1)
+    few = unet.Settings(steps=1, width=8, cell=8)
+    grid = unet.coarse(confirm._like(small_file, "highway", 601, "test", tmp_path / "w").source().grid, 8)
+    high, wide = grid.shape[:2]
+    nothing = unet.Target(
+        np.ones((high, wide), np.uint8), np.zeros((3, high, wide), np.float32),
+        np.zeros(0, np.int64), np.zeros((0, unet.BOX), np.float32),
+    )  # fmt: skip
+    net = tmp_path / "net.pt"
+    unet.train(lambda step: unet.Sample(unet.image(grid, np.zeros((0, 3))), nothing), 1, few, net)
+    run = tmp_path / "run"
+    words = ["optimize", str(small_file), "--out", str(run), "--evaluations", "12", "--method", "cma", "--confirm", "learned"]
+    assert _confirmed.optimize([*words, "--learner", str(net)]) == 0
+    printed = capsys.readouterr().out
+    assert "| best |" in printed and "(baseline)" in printed and "Take `" in printed
+    kept = json.loads((run / "learned.json").read_text())
+    assert kept["worlds"] == ["highway-601"] and kept["learners"] == [str(net)]
+    assert 2 <= len(kept["candidates"]) <= 6 and kept["says"] in printed
+
+
+def test_without_a_folder_or_with_another_learner_it_says_so() -> None:
+    for words, says in ((["s.json"], "needs --out"), (["s.json", "--out", "x"], "invalid choice")):
+        kind = "learned" if "needs" in says else "guessed"
+        command = [sys.executable, "-m", "sightline", "optimize", *words, "--confirm", kind]
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert done.returncode == 2 and says in done.stderr

@@ -1,0 +1,55 @@
+//! What a vehicle carries: the outcome of a choice of equipment.
+
+use serde::{Deserialize, Serialize};
+
+use crate::score::reference_layout;
+use crate::search::settings::Settings;
+use crate::vehicle::{Constraints, Equipment, Placement, SensorName, Vehicle};
+
+/// What a vehicle carries, and where on the coarse grid.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Equipped {
+    /// Number of a mount and a model for each LiDAR.
+    pub equipment: Equipment,
+    /// A placement to start from.
+    pub placement: Placement,
+    /// Price of all sensors.
+    pub cost: f64,
+    /// Objective over the few frames.
+    pub value: f64,
+    /// Share that is missing of what must be seen, over all areas.
+    pub missing: f64,
+}
+
+impl Equipped {
+    /// Settings that start from the sensors chosen; where `plainly`, they compare with the same sensors put up plainly.
+    pub fn begin(&self, settings: Settings, constraints: &Constraints, plainly: bool) -> Settings {
+        let mut settings = settings;
+        if plainly {
+            settings.baselines = vec![self.plain(constraints)];
+        }
+        settings.starts.push(self.placement.clone());
+        settings
+    }
+
+    /// The same sensors put up plainly: in the middle of their mounts, or evenly around it, looking straight.
+    fn plain(&self, constraints: &Constraints) -> Placement {
+        let models: Vec<SensorName> = self.equipment.iter().map(|(_, sensor)| *sensor).collect();
+        Placement { name: "plain".into(), ..reference_layout(constraints, &models) }
+    }
+
+    /// Sensors by mount, in words: `2 × spinning-16 on roof, …`.
+    pub fn words(&self, vehicle: &Vehicle) -> String {
+        let mut counted: Vec<((usize, SensorName), usize)> = Vec::new();
+        for kind in &self.equipment {
+            match counted.iter_mut().find(|(known, _)| known == kind) {
+                Some((_, count)) => *count += 1,
+                None => counted.push((*kind, 1)),
+            }
+        }
+        let word = |&((mount, sensor), count): &((usize, SensorName), usize)| {
+            format!("{count} × {sensor} on {}", vehicle.mounts[mount].region.name)
+        };
+        counted.iter().map(word).collect::<Vec<_>>().join(", ")
+    }
+}

@@ -1,0 +1,172 @@
+//! The equipment of a vehicle: which models stand on which mounts, and how many, for the money.
+//!
+//! Poses of every model on every mount lie on one coarse grid, each cast once into a few frames. The
+//! information gain and what must be seen are both submodular in the set of sensors, so sensors are added one by
+//! one, the best first, once by what each adds and once by what it adds for its price; then single sensors are
+//! exchanged, moved, dropped or added while that gains. Where it stands is a value, a [`Choosing`], from which it
+//! goes on to the same equipment.
+
+mod choosing;
+mod equipped;
+
+pub use choosing::{Choosing, EquipStep};
+pub use equipped::Equipped;
+
+use choosing::{Equip, FRAMES};
+
+use super::error::SearchError;
+use super::evaluator::Evaluator;
+use super::observer::{Event, Observer, Watch};
+use super::suite::Suite;
+use crate::engine::EngineChoice;
+use crate::score::{Objective, reference_layout};
+use crate::vehicle::{Placement, SensorName, Vehicle};
+
+/// Budgets of a front, beside the one that wants for nothing.
+const BUDGETS: u32 = 8;
+
+/// A choice of equipment under way, step by step.
+pub struct Equipping<'a> {
+    search: Search<'a>,
+    state: Choosing,
+}
+
+enum Search<'a> {
+    /// There was nothing to choose.
+    Chosen(Equipped),
+    Open(Box<Equip<'a>>),
+}
+
+/// Equipment for at most `budget`, as good as found, of the vehicle of some scenes; `None` where the observer
+/// stops the choice.
+///
+/// # Errors
+/// As [`Equipping::open`].
+pub fn equip(
+    suite: &Suite,
+    vehicle: &Vehicle,
+    objective: &Objective,
+    budget: f64,
+    engine: &EngineChoice,
+    observer: &mut dyn Observer,
+) -> Result<Option<Equipped>, SearchError> {
+    let opened = Equipping::open(suite, vehicle, objective, budget, engine, observer)?;
+    let Some(mut choice) = opened else { return Ok(None) };
+    loop {
+        match choice.step(observer) {
+            EquipStep::On => {}
+            EquipStep::Stopped => return Ok(None),
+            EquipStep::Done(equipped) => return Ok(Some(equipped)),
+        }
+    }
+}
+
+impl<'a> Equipping<'a> {
+    /// Casts every model on every mount; `None` where the observer stops that.
+    ///
+    /// # Errors
+    /// A budget below the cheapest equipment, an objective other than the information gain where there is a
+    /// choice, or an engine that failed.
+    pub fn open(
+        suite: &Suite,
+        vehicle: &'a Vehicle,
+        objective: &Objective,
+        budget: f64,
+        engine: &EngineChoice,
+        observer: &mut dyn Observer,
+    ) -> Result<Option<Self>, SearchError> {
+        let cheapest = vehicle.cheapest();
+        let (least, state) = (vehicle.cost(&cheapest), Choosing::default());
+        if least > budget {
+            return Err(SearchError::Budget { budget, least });
+        }
+        if !objective.is_information_gain() {
+            if vehicle.has_choice() {
+                return Err(SearchError::NotForEquipment { objective: objective.to_string() });
+            }
+            let search = Search::Chosen(plain(suite, vehicle, objective, engine)?);
+            return Ok(Some(Self { search, state }));
+        }
+        let mut watch = Watch::new(observer, false);
+        let search = Equip::new(suite, vehicle, objective, budget, engine, &mut watch)?;
+        Ok(search.map(|search| Self { search: Search::Open(Box::new(search)), state }))
+    }
+
+    /// Goes on with a state that an earlier choice of the same vehicle in the same scenes was in; one that does
+    /// not fit begins anew.
+    #[must_use]
+    pub fn with_state(mut self, state: Choosing) -> Self {
+        let poses = match &self.search {
+            Search::Open(search) => search.pose_count(),
+            Search::Chosen(_) => 0,
+        };
+        if state.fits(poses) {
+            self.state = state;
+        }
+        self
+    }
+
+    /// Where it stands.
+    pub fn state(&self) -> &Choosing {
+        &self.state
+    }
+
+    /// Exchanges one sensor, or begins or ends a climb.
+    pub fn step(&mut self, observer: &mut dyn Observer) -> EquipStep {
+        match &mut self.search {
+            Search::Chosen(equipped) => EquipStep::Done(equipped.clone()),
+            Search::Open(search) => search.step(&mut self.state, &mut Watch::new(observer, false)),
+        }
+    }
+}
+
+/// The only equipment of a vehicle that leaves no choice, as the reference layout puts it up.
+fn plain(
+    suite: &Suite,
+    vehicle: &Vehicle,
+    objective: &Objective,
+    engine: &EngineChoice,
+) -> Result<Equipped, SearchError> {
+    let equipment = vehicle.cheapest();
+    let models: Vec<SensorName> = equipment.iter().map(|(_, sensor)| *sensor).collect();
+    let placement = reference_layout(&vehicle.constraints(&equipment), &models);
+    let few = suite.over(&suite.spread(Some(FRAMES)));
+    let mut evaluator = Evaluator::suite_on_cpu(&few, engine.memory_budget());
+    let scores = evaluator.scores(std::slice::from_ref(&placement))?.remove(0);
+    Ok(Equipped {
+        cost: vehicle.cost(&equipment),
+        value: objective.value(&scores).unwrap_or(f64::NEG_INFINITY),
+        missing: scores.missing(),
+        placement: Placement { name: "equipped".into(), ..placement },
+        equipment,
+    })
+}
+
+/// The best equipment for each of some budgets, from the cheapest rig to one that wants for nothing.
+///
+/// # Errors
+/// As [`equip`].
+pub fn cost_front(
+    suite: &Suite,
+    vehicle: &Vehicle,
+    objective: &Objective,
+    engine: &EngineChoice,
+) -> Result<Vec<Equipped>, SearchError> {
+    if !objective.is_information_gain() {
+        return Err(SearchError::NotForEquipment { objective: objective.to_string() });
+    }
+    let silent = &mut |_: &Event| true;
+    let mut watch = Watch::new(silent, false);
+    let search = Equip::new(suite, vehicle, objective, f64::INFINITY, engine, &mut watch)?;
+    let Some(mut search) = search else { return Ok(Vec::new()) };
+    let least = vehicle.cost(&vehicle.cheapest());
+    let Some(most) = search.best(&mut watch) else { return Ok(Vec::new()) };
+    let mut front = Vec::new();
+    for step in 0..BUDGETS {
+        search.budget = least + (most.cost - least) * f64::from(step) / f64::from(BUDGETS);
+        front.extend(search.best(&mut watch));
+    }
+    front.push(most);
+    front.dedup_by(|a, b| a.equipment == b.equipment);
+    Ok(front)
+}
