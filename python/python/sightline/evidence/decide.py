@@ -10,19 +10,14 @@ import numpy as np
 from . import correlate
 from ._types import F64, Bools
 from .gathered import Gathered, mean
+from .trial import METRICS
 
 #: Seed of all bootstraps.
 SEED = 11
 
 #: What is decided on: every metric on fixed targets, of every learner.
 DECIDING = (
-    "voxel_miou",
-    "voxel_1m_miou",
-    "birds_eye_miou",
-    "objects_5",
-    "objects_20",
-    "ground_seen_3m",
-    "ground_seen_10m",
+    *(metric for metric in METRICS if not metric.startswith("own_")),
     "unet_birds_eye_miou",
     "unet_centre_recall",
 )
