@@ -55,6 +55,9 @@ def test_gain_is_that_of_the_engine(small_file: Path, source: Source, published:
     np.testing.assert_allclose(
         np.array(found["covered_occupied"]) * len(scene.psog), found["covered_nonzero"], rtol=1e-9
     )
+    # The engine's shares of classes are integers.
+    of_engine = scene.score([sightline.Placement(one.poses) for one in placed])["class_gain"]
+    np.testing.assert_allclose(found["gain_by_class"], of_engine, rtol=1e-5)
 
 
 def test_weights_are_shares_and_mean_what_they_say(ground: Ground) -> None:
