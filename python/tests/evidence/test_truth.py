@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("sklearn")
 from sightline.evidence.groups import GROUPS, groups_of
-from sightline.evidence.truth import KINDS, VISIBLE, Source, cached, truth_of
+from sightline.evidence.truth import DENSE, KINDS, VISIBLE, Source, cached, points_on, rig, truth_of
 
 
 def test_surfaces_are_where_they_were_put(small_file: Path) -> None:
@@ -36,6 +36,21 @@ def test_boxes_and_who_can_be_seen(small_file: Path) -> None:
     np.testing.assert_allclose(last.centre[0, :2], [9, 0], atol=1e-6)  # drives as fast as the ego
     np.testing.assert_allclose(first.size[0], [4, 1.8, 1.5], atol=1e-6)
     assert list(first.points >= VISIBLE) == [True, True, False]
+
+
+def test_every_point_on_an_object_counts(small_file: Path) -> None:
+    source = Source.read(small_file)
+    scene = source.open(lidar=DENSE)
+    poses = rig(source.described["mount"], np.array([-2, -0.9, 2, 0.9]))
+    (scan,) = scene.scan(poses, ideal=True, frames=[0])
+    here = scan.boxes.instance.astype(np.int64)
+    counts = points_on(scan, here)
+    for kind in ("pedestrian", "vehicle"):
+        of_kind = np.array([name == kind for name in scan.boxes.kinds])
+        met = (scan.class_id == scan.classes.index(kind)) & (scan.instance != 65535)
+        assert counts[of_kind].sum() == met.sum() > 50
+    # Rounding leaves some of the points on its own faces out of a box.
+    assert np.all(counts >= scan.boxes.points) and counts.sum() > scan.boxes.points.sum()
 
 
 def test_cache_is_the_same_and_mends_itself(small_file: Path, tmp_path: Path) -> None:

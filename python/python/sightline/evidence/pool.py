@@ -12,7 +12,7 @@ import numpy as np
 
 from . import candidates, worlds
 from ._types import F64, I64, Bools
-from .candidates import SPREADS, WEIGHTS, Ground
+from .candidates import SUMS, WEIGHTS, Ground
 from .truth import body_of
 from .worlds import World
 
@@ -24,15 +24,20 @@ INSIDE, LOW = 0, 1
 
 
 def drawn(mount: dict[str, Any], inside: int, low: int, seed: int) -> tuple[F64, I64]:
-    """Poses ``[P, 6]`` and their kinds: uniform in the mount, half of them with roll; and round a body of 4.7 × 2 m.
+    """Poses ``[P, 6]`` and their kinds: on the decimetres of the mount, where published layouts stand; and round a body
+    of 4.7 × 2 m.
 
-    Yaw is uniform, so that phases of azimuth steps are free; low ones stand between 0.6 and 1 m, upright.
+    Nearly half stand on top of the mount, where good ones do; rolls are the extremes, a third and two thirds of them,
+    and 0 for a third of the poses. Yaw is uniform, so that phases of azimuth steps are free; low ones stand between 0.6
+    and 1 m, upright.
     """
-    rng = np.random.default_rng([seed, 40])
+    rng = np.random.default_rng([seed, 41])
     least, most = np.array(mount["min"], dtype=float), np.array(mount["max"], dtype=float)
-    spots = rng.uniform(least, most, (inside, 3))
+    spots = np.clip(np.round(rng.uniform(least, most, (inside, 3)), 1), least, most)
+    spots[rng.random(inside) < 0.45, 2] = most[2]
     least_roll, most_roll = mount.get("roll", [0.0, 0.0])
-    roll = rng.uniform(least_roll, most_roll, inside) * (rng.random(inside) < 0.5)
+    turns = np.array([-3, -2, -1, 0, 0, 0, 1, 2, 3])[rng.integers(0, 9, inside)] / 3
+    roll = np.where(turns < 0, -turns * least_roll, turns * most_roll)
     high = np.c_[spots, roll, np.zeros(inside), rng.uniform(-np.pi, np.pi, inside)]
     along = rng.uniform(0, 1, low)
     corners = np.array([(2.35, 1.0), (-2.35, 1.0), (-2.35, -1.0), (2.35, -1.0), (2.35, 1.0)])
@@ -125,9 +130,9 @@ Objective = Callable[[list[int]], F64]
 
 def objective(name: str, world_names: list[str], folder: Path) -> Objective:
     """Of a candidate, over all of these training worlds."""
-    if name == "blend":
-        parts = [(objective(part, world_names, folder), spread) for part, spread in SPREADS.items()]
-        return lambda chosen: np.sum([part(chosen) / spread for part, spread in parts], axis=0)
+    if name in SUMS:
+        parts = [(objective(part, world_names, folder), factor) for part, factor in SUMS[name].items()]
+        return lambda chosen: np.sum([factor * part(chosen) for part, factor in parts], axis=0)
     if name.startswith("actors_"):
         return _actors(int(name.removeprefix("actors_")), world_names, folder).totals
     read = {"distinct_voxels": "hit", "near_field": "squares"}.get(name, "covered")

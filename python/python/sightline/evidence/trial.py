@@ -17,7 +17,7 @@ from .layouts import Layout
 from .learners import trees
 from .metrics import objects, segmentation, targets
 from .metrics.calibration import calibration
-from .truth import KINDS, VISIBLE, Truth
+from .truth import KINDS, VISIBLE, Truth, points_on
 from .worlds import World
 
 #: What placements are ranked by; larger is better.
@@ -69,7 +69,8 @@ def frames_of(world: World, layout: Layout, seed: int, conditions: tuple[str, ..
 
 def _frame(scan: sightline.Scan) -> Frame:
     others = scan.instance != 65535
-    points = {int(box): int(n) for box, n in zip(scan.boxes.instance, scan.boxes.points)}
+    boxes = scan.boxes.instance.astype(np.int64)
+    points = dict(zip(boxes.tolist(), points_on(scan, boxes).tolist()))
     return Frame(scan.xyz[others].astype(np.float64), groups_of(scan.classes, scan.class_id[others]), points)
 
 
