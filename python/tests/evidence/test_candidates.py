@@ -96,7 +96,7 @@ def test_all_candidates_have_a_value(ground: Ground, source: Source) -> None:
     seen = candidates.look(at_one(source), ground, layouts.published()[0].poses)
     found = candidates.values(ground, seen)
     assert list(found) == list(CANDIDATES) and all(np.isfinite(list(found.values())))
-    assert all(0 <= value <= 1 for name, value in found.items() if name != "blend")
+    assert all(0 <= value <= 1 for name, value in found.items() if name not in candidates.SUMS)
     blind = candidates.look(at_one(source), ground, np.array([[0.0, 0, 2.5, 0, -np.pi / 2, 0]]))
     assert all(candidates.values(ground, blind)[name] < value for name, value in found.items())
 
@@ -109,7 +109,7 @@ def test_search_finds_the_best_pair_in_the_pool(small_file: Path, tmp_path: Path
     assert np.all(poses[kinds == pool.INSIDE][:, :3] >= np.array(mount["min"]) - 1e-4)
     assert np.all((poses[kinds == pool.LOW][:, 2] >= 0.6) & (poses[kinds == pool.LOW][:, 2] <= 1.0))
     pool.cast(world, poses, tmp_path)
-    for name in ("gain", "distinct_voxels", "near_field", "actors_5", "blend"):
+    for name in ("gain", "distinct_voxels", "near_field", "actors_5", "blend", "near_and_ground", "near_and_field"):
         totals = pool.objective(name, ["small"], tmp_path)
         allowed = [np.ones(len(poses), bool)] * 2
         _, found = pool.search(totals, poses, allowed, 0.0)

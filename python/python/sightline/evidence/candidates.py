@@ -14,7 +14,7 @@ import numpy as np
 
 import sightline
 
-from ._types import F64, I32, I64
+from ._types import F64, I32, I64, Bools
 from .grid import Grid
 from .groups import GROUND, groups_of
 from .metrics.objects import distance_to
@@ -34,8 +34,9 @@ CANDIDATES = {
     "actors_20": "share of actors with at least 20 points: enough for a box",
     "near_field": "share of the ground within 10 m of the body, in squares of 0.6 m, with a hit on ground",
     "blend": "covered_occupied, actors_5 and near_field, each over its spread among placements of the quick run",
-    "class_and_near": "gain_by_class + near_field / 5: every class alike, and the ground that no wall stands for",
-    "class_and_ground": "gain_by_class + the share of the near ground's voxels that are covered / 3: the same by voxels alone",
+    "near_and_ground": "H · 10 m / max(10 m, distance), in eighths, and a quarter of that for all voxels of near ground",
+    "near_and_field": "gain_near + near_field / 5: the same with squares in place of voxels, so that spread-out rings count",
+    "class_and_field": "gain_by_class + near_field / 5: every class alike, and near ground",
 }
 
 #: Candidates that are sums of others: factor of each part. Those of ``blend`` are one over the spread among 28 placements
@@ -43,7 +44,8 @@ CANDIDATES = {
 #: standard run (seeds 101 to 103), which since then test nothing.
 SUMS = {
     "blend": {"covered_occupied": 1 / 0.013, "actors_5": 1 / 0.028, "near_field": 1 / 0.034},
-    "class_and_near": {"gain_by_class": 1.0, "near_field": 1 / 5},
+    "near_and_field": {"gain_near": 1.0, "near_field": 1 / 5},
+    "class_and_field": {"gain_by_class": 1.0, "near_field": 1 / 5},
 }
 
 #: Cubes and squares in which neighbours are one, metres.
@@ -71,7 +73,13 @@ def _by_class(entropy: F64, centres: F64, commonest: I64, floor: Bools) -> F64:
 
 
 def _with_ground(entropy: F64, centres: F64, commonest: I64, floor: Bools) -> F64:
-    weight: F64 = _share(_by_class(entropy, centres, commonest, floor)) + _share(floor.astype(np.float64)) / 3
+    near = np.round(8 * _near(centres)).clip(1) / 8
+    weight: F64 = _share(entropy * near) + _share(floor.astype(np.float64)) / 4
+    return weight
+
+
+def _near(centres: F64) -> F64:
+    weight: F64 = 10 / np.maximum(10, np.hypot(centres[:, 0], centres[:, 1]))
     return weight
 
 
@@ -81,10 +89,10 @@ WEIGHTS: dict[str, _Weight] = {
     "gain_by_class": _by_class,
     "covered_occupied": lambda h, xyz, c, floor: np.ones(len(h)),
     "gain_thinned": _thinned,
-    "gain_near": lambda h, xyz, c, floor: h * 10 / np.maximum(10, np.hypot(xyz[:, 0], xyz[:, 1])),
+    "gain_near": lambda h, xyz, c, floor: h * _near(xyz),
     "gain_low": lambda h, xyz, c, floor: h * (xyz[:, 2] < OVERHEAD),
     "gain_path": lambda h, xyz, c, floor: h * np.exp(-np.abs(xyz[:, 1]) / 5),
-    "class_and_ground": _with_ground,
+    "near_and_ground": _with_ground,
 }
 
 

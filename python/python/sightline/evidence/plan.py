@@ -32,7 +32,7 @@ OBJECTIVES = ("information_gain", "m_sog_scaled", "m_sog_scaled_nonzero")
 #: Candidates whose optima over a pool of poses are, of four in the mount and of two there and two low round the body.
 #: Left to themselves all of these chose four in the mount, in the pool of the standard run.
 IN_THE_MOUNT = ("gain", *(name for name in CANDIDATES if name not in ("gain", "actors_20", "gain_low", "near_field")))
-WITH_LOW = ("gain", "covered_occupied", "distinct_voxels", "actors_5", "blend", "class_and_near")
+WITH_LOW = ("gain", "covered_occupied", "distinct_voxels", "actors_5", "blend", "near_and_ground")
 
 #: Placements that have their second seed first.
 ANCHORS = ("Center", "Line", "Square", "Pyramid", "Ours-seg", "Ours-det", "Center-staggered", "count-1", "count-6", "sky")
