@@ -13,7 +13,7 @@ struct OccupiedVoxel {
     segmentation: u32,
     detection: u32,
     bernoulli: u32,
-    by_class: u32,
+    near: u32,
 }
 
 @group(0) @binding(0) var<uniform> uniforms: Uniforms;
@@ -57,7 +57,7 @@ fn reduce_occupied(
             }
         }
         if times > 0u {
-            let entropy = vec4(voxel.segmentation, voxel.detection, voxel.bernoulli, voxel.by_class);
+            let entropy = vec4(voxel.segmentation, voxel.detection, voxel.bernoulli, voxel.near);
             count++;
             low += entropy & vec4(0xffffu);
             high += entropy >> vec4(16u);

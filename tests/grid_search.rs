@@ -72,7 +72,7 @@ fn bounds_bracket_the_best_of_all_placements() {
         (4, 2, 3.0, gain),
         (5, 1, 0.0, gain),
         (6, 4, 0.5, tasks),
-        (7, 3, 0.0, "class_gain"),
+        (7, 3, 0.0, "near_gain"),
     ] {
         let problem = random_problem(seed, true);
         let rules = constraints(lidars, apart);
@@ -121,7 +121,7 @@ fn lazy_greedy_takes_what_greedy_takes() {
 fn a_climb_ends_where_no_swap_gains() {
     let problem = random_problem(9, true);
     let rules = constraints(3, 0.5);
-    for objective in ["information_gain", "m_sog_scaled", "class_gain"] {
+    for objective in ["information_gain", "m_sog_scaled", "near_gain"] {
         let (mut search, mut evaluator) = search(&problem, &rules, objective);
         let start = [0, 17, 35];
         let from = search.value(&mut evaluator, &start).unwrap();

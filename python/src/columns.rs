@@ -29,7 +29,7 @@ pub fn scores_object<'py>(py: Python<'py>, scores: &[Scores]) -> PyResult<Bound<
     for (name, of) in TASK {
         columns.set_item(name, maybe(&|s| of(&s.segmentation)))?;
     }
-    columns.set_item("class_gain", maybe(&|s| s.class_gain))?;
+    columns.set_item("near_gain", maybe(&|s| s.near_gain))?;
     columns.set_item("s_mig", maybe(&|s| s.s_mig))?;
     columns.set_item("entropy_sum", maybe(&|s| s.entropy_sum))?;
     columns.set_item("covered", maybe(&|s| Some(s.covered)))?;

@@ -43,7 +43,7 @@ impl Trial {
             ("m_sog", |s| s.segmentation.m_sog),
             ("m_sog_scaled", |s| s.segmentation.m_sog_scaled),
             ("information_gain", |s| s.segmentation.information_gain),
-            ("class_gain", |s| s.class_gain),
+            ("near_gain", |s| s.near_gain),
             ("s_mig", |s| s.s_mig),
             ("detection.m_sog_scaled", |s| s.detection.and_then(|d| d.m_sog_scaled)),
         ];

@@ -6,9 +6,9 @@ use rayon::prelude::*;
 use super::exact_tree::ExactTree;
 use super::{ChartError, Fidelity, World, merge_vertices};
 use crate::geom::TriangleSoup;
-use crate::problem::{BY_CLASS, Content, KINDS, Tally};
+use crate::problem::{Content, KINDS, NEAR_KIND, Tally};
 use crate::psog::{ENTROPY_ONE, EntropyKind, EntropyTable, HIT_PUSH, Psog, Roi};
-use crate::scene::{EgoBody, Scene};
+use crate::scene::{EgoBody, GROUND_CLASSES, Scene};
 use crate::vehicle::{Lidar, Placement, SensorPose};
 
 /// Numbers closer than this are meant to be one: direction components and zero (cos 90° is 6e-17), grid
@@ -29,7 +29,7 @@ pub(super) struct Exact {
     frames: Vec<ExactTree>,
     content: Content,
     /// Linear index and information of the voxels occupied in some frame: entropies in nats (all classes,
-    /// detection target against the rest, occupied or not) and the share of [`BY_CLASS`], in all 1.
+    /// detection target against the rest, occupied or not) and the share of [`NEAR_KIND`], in all 1.
     occupied: Vec<(u64, [f64; KINDS])>,
 }
 
@@ -109,7 +109,7 @@ impl Exact {
             let beams = placement.lidars.len() * self.directions.len() * self.frame_count();
             tally.beams = beams as u64;
             let mut units = [ENTROPY_ONE; KINDS];
-            units[BY_CLASS] = self.content.entropy_total()[BY_CLASS] as f64;
+            units[NEAR_KIND] = self.content.entropy_total()[NEAR_KIND] as f64;
             tally.entropy =
                 std::array::from_fn(|kind| (entropy[kind] * units[kind]).round() as u64);
             tally
@@ -178,25 +178,39 @@ fn occupied(scene: &Scene, psog: &Psog) -> Vec<(u64, [f64; KINDS])> {
     // The first of the most frequent classes.
     let commonest =
         |row: &[u16]| row.iter().position(|count| row.iter().all(|c| c <= count)).unwrap_or(0);
-    let mut of_class = vec![0.0; psog.classes().len()];
-    for row in psog.rows() {
-        of_class[commonest(row)] += table.entropy(row, EntropyKind::Segmentation);
-    }
-    let classes = of_class.iter().filter(|&&sum| sum > 0.0).count() as f64;
-    let worth = |row: &[u16]| {
+    let (ny, nz) = (u64::from(psog.roi().shape()[1]), u64::from(psog.roi().shape()[2]));
+    let (min, edge) = (psog.roi().min(), psog.roi().voxel());
+    let plan = |index: u64| {
+        let x = min[0] + (index / (ny * nz)) as f64 * edge[0] + edge[0] / 2.0;
+        let y = min[1] + (index / nz % ny) as f64 * edge[1] + edge[1] / 2.0;
+        (x * x + y * y).sqrt()
+    };
+    let near = |index: u64| ((80.0 / plan(index)).round().clamp(1.0, 8.0)) / 8.0;
+    let is_floor = |index: u64, row: &[u16]| {
+        let name = &psog.classes()[commonest(row)];
+        let is_occupied = row.iter().any(|&count| count > 0);
+        is_occupied && GROUND_CLASSES.contains(&name.as_str()) && plan(index) <= 10.0
+    };
+    let all = || psog.index().iter().copied().zip(psog.rows());
+    let told: f64 =
+        all().map(|(index, row)| table.entropy(row, EntropyKind::Segmentation) * near(index)).sum();
+    let floor = all().filter(|(index, row)| is_floor(*index, row)).count() as f64;
+    let whole: f64 = if told > 0.0 { 1.0 } else { 0.0 } + if floor > 0.0 { 0.25 } else { 0.0 };
+    let worth = |index: u64, row: &[u16]| {
         let target = targets.iter().map(|&c| row[usize::from(c)]).sum();
         let all: u16 = row.iter().sum();
         let merged = [target, all - target];
+        let entropy = table.entropy(row, EntropyKind::Segmentation);
+        let of_floor = if is_floor(index, row) { 0.25 / floor } else { 0.0 };
         [
-            table.entropy(row, EntropyKind::Segmentation),
+            entropy,
             table.entropy(&merged, EntropyKind::Segmentation),
             table.entropy(row, EntropyKind::Bernoulli),
-            table.entropy(row, EntropyKind::Segmentation)
-                / (classes * of_class[commonest(row)]).max(f64::MIN_POSITIVE),
+            (entropy * near(index) / told.max(f64::MIN_POSITIVE) + of_floor) / whole.max(0.25),
         ]
     };
     let some = rows.filter(|(_, row)| row.iter().any(|&count| count > 0));
-    some.map(|(&index, row)| (index, worth(row))).collect()
+    some.map(|(&index, row)| (index, worth(index, row))).collect()
 }
 
 /// Calls `mark` with the linear index of every voxel that the beam traverses for 0 ≤ t ≤ `end`.

@@ -10,19 +10,6 @@ use crate::geom::Pose;
 use crate::problem::Frame;
 use crate::vehicle::BeamTable;
 
-/// Classes that count as ground, by the names of the own scenes and of SemanticKITTI.
-pub(super) const GROUND: [&str; 10] = [
-    "road",
-    "road_line",
-    "lane-marking",
-    "parking",
-    "sidewalk",
-    "ground",
-    "other-ground",
-    "terrain",
-    "rail_track",
-    "bridge",
-];
 /// Edge of a cell in metres.
 pub const CELL: f64 = 0.25;
 /// Metres around the own body that the near field reaches.

@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::ground::{Cell, Cells, GROUND};
+use super::ground::{Cell, Cells};
 use super::zone::BlindZone;
 use super::{CELL, Footprint, NEAR, NearFieldError, Pole, RING, poles};
 use crate::bvh::{Bvh, Hit};
 use crate::engine::{Backend, BackendError};
 use crate::geom::Pose;
 use crate::problem::{Frame, Problem, SensorBatch};
-use crate::scene::{EgoBody, Scene};
+use crate::scene::{EgoBody, GROUND_CLASSES, Scene};
 use crate::vehicle::Placement;
 
 /// Metres from a cell's centre, counted level, within which a hit sees it.
@@ -92,7 +92,7 @@ impl NearSite {
         let cells = Cells::around(&footprint);
         let ground_class = |class: &u16| {
             let name = scene.classes().get(usize::from(*class)).map(String::as_str);
-            name.is_some_and(|name| GROUND.contains(&name))
+            name.is_some_and(|name| GROUND_CLASSES.contains(&name))
         };
         let classes = scene.face_classes(EgoBody::Include);
         let own = scene.face_classes(EgoBody::Exclude).len() as u32;
@@ -107,7 +107,7 @@ impl NearSite {
             frames.push((frame, weight, ground));
         }
         if !frames.iter().any(|(_, _, ground)| ground.contains(&true)) {
-            let (scene, names) = (place(scene), GROUND.join(", "));
+            let (scene, names) = (place(scene), GROUND_CLASSES.join(", "));
             return Err(NearFieldError::NoGround { scene, within: NEAR, names });
         }
         Ok(Self { problem: problem.clone(), footprint, cells, is_ground, own, body, frames })

@@ -7,11 +7,11 @@ use serde::Serialize;
 #[cfg(doc)]
 use super::NearField;
 use super::NearFieldError;
-use super::ground::{GROUND, NEAR};
+use super::ground::NEAR;
 use super::look::outline;
 use crate::problem::Problem;
 use crate::psog::fixed;
-use crate::scene::Scene;
+use crate::scene::{GROUND_CLASSES, Scene};
 
 /// Most nats that a voxel of near ground may be given.
 pub const MOST_WEIGHT: f64 = 4.0;
@@ -59,7 +59,7 @@ fn changed(scene: &Scene, problem: Problem, more: i64) -> Result<Problem, NearFi
     let (footprint, roi, content) = (outline(scene)?, *problem.roi(), problem.content());
     let (min, edge) = (roi.min(), roi.voxel());
     let classes = content.classes().iter().enumerate();
-    let ground = classes.filter(|(_, name)| GROUND.contains(&name.as_str()));
+    let ground = classes.filter(|(_, name)| GROUND_CLASSES.contains(&name.as_str()));
     let voxels = ground.flat_map(|(class, _)| content.voxels_of_class(class).iter().copied());
     let is_near = |&voxel: &u32| {
         let at = roi.coords(u64::from(voxel));

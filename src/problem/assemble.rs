@@ -8,12 +8,12 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::{BY_CLASS, Content, Frame, Instance, OccupiedVoxel, Problem, ProblemError, World};
+use super::{Content, Frame, Instance, NEAR_KIND, OccupiedVoxel, Problem, ProblemError, World};
 use crate::bvh::Bvh;
 use crate::geom::{Pose, TriangleSoup};
 use crate::memory::{self, OutOfMemory};
 use crate::psog::{EntropyKind, EntropyTable, Psog, fixed};
-use crate::scene::{Coverage, EgoBody, Scene};
+use crate::scene::{Coverage, EgoBody, GROUND_CLASSES, Scene};
 use crate::vehicle::Sensors;
 
 impl Content {
@@ -48,7 +48,7 @@ impl Content {
                 }
             })
             .collect();
-        share_by_class(&mut occupied, psog);
+        weigh_by_distance(&mut occupied, psog);
         let voxels_by_class: Vec<Vec<u32>> = (0..psog.classes().len())
             .into_par_iter()
             .map(|class| {
@@ -61,27 +61,44 @@ impl Content {
     }
 }
 
-/// Largest share of a class that a voxel has, in fixed point: with it sums of 2³² voxels fit into 64 bits.
+/// Largest share that a voxel has, in fixed point: with it sums of 2³² voxels fit into 64 bits.
 const LARGEST_SHARE: f64 = (1u64 << 31) as f64;
+/// Metres in plan from the origin of the ego frame within which information counts in full, and ground by itself.
+const NEAR: f64 = 10.0;
+/// Steps of the weight of distance: voxels of few entropies keep few weights, which an atlas sums up faster.
+const STEPS: f64 = 8.0;
+/// What all near ground is worth, as a share of all information: its own entropy is low, since it hardly changes.
+const GROUND_SHARE: f64 = 0.25;
 
-/// Writes the information of [`BY_CLASS`]: H(v) / Σ H over the voxels whose commonest class is that of v (of equally
-/// common ones the lowest), in the unit in which the largest is 2³¹.
-fn share_by_class(occupied: &mut [OccupiedVoxel], psog: &Psog) {
+/// Writes the information of [`NEAR_KIND`], in the unit in which the largest is 2³¹:
+/// H(v) e(v) / Σ H e + ¼ / G if v is one of the G voxels of near ground, with e = 10 m / max(10 m, d), rounded to
+/// eighths and at least one, d from the origin of the ego frame to the voxel's middle in plan; ground is what a class
+/// of ground is commonest in (of equally common ones the first), near what has d ≤ 10 m.
+fn weigh_by_distance(occupied: &mut [OccupiedVoxel], psog: &Psog) {
+    let (roi, names) = (psog.roi(), psog.classes());
+    let (min, edge) = (roi.min(), roi.voxel());
     let some = psog.rows().filter(|row| row.iter().any(|&count| count > 0));
-    let commonest: Vec<usize> = some
-        .map(|row| (0..row.len()).max_by_key(|&class| (row[class], Reverse(class))).unwrap_or(0))
-        .collect();
-    let mut totals = vec![0_u64; psog.classes().len()];
-    for (voxel, &class) in occupied.iter().zip(&commonest) {
-        totals[class] += u64::from(voxel.entropy[0]);
-    }
-    let share = |(voxel, &class): (&OccupiedVoxel, &usize)| {
-        f64::from(voxel.entropy[0]) / totals[class].max(1) as f64
+    let is_ground = some.map(|row| {
+        let commonest = (0..row.len()).max_by_key(|&class| (row[class], Reverse(class)));
+        commonest.is_some_and(|class| GROUND_CLASSES.contains(&names[class].as_str()))
+    });
+    let weigh = |(voxel, is_ground): (&OccupiedVoxel, bool)| {
+        let at = roi.coords(u64::from(voxel.index));
+        let [x, y] = [0, 1].map(|k| min[k] + (f64::from(at[k]) + 0.5) * edge[k]);
+        let distance = x.hypot(y);
+        let eighths = (STEPS * NEAR / distance.max(NEAR)).round().max(1.0);
+        (f64::from(voxel.entropy[0]) * eighths, is_ground && distance <= NEAR)
     };
-    let shares: Vec<f64> = occupied.iter().zip(&commonest).map(share).collect();
-    let largest = shares.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-    for (voxel, share) in occupied.iter_mut().zip(shares) {
-        voxel.entropy[BY_CLASS] = (share / largest * LARGEST_SHARE).round() as u32;
+    let weighed: Vec<(f64, bool)> = occupied.iter().zip(is_ground).map(weigh).collect();
+    let total: f64 = weighed.iter().map(|(information, _)| information).sum();
+    let ground = weighed.iter().filter(|(_, is_near_ground)| *is_near_ground).count();
+    let of_ground = GROUND_SHARE / ground.max(1) as f64;
+    let share = |&(information, is_near_ground): &(f64, bool)| {
+        information / total.max(1.0) + if is_near_ground { of_ground } else { 0.0 }
+    };
+    let largest = weighed.iter().map(share).fold(f64::MIN_POSITIVE, f64::max);
+    for (voxel, weight) in occupied.iter_mut().zip(&weighed) {
+        voxel.entropy[NEAR_KIND] = (share(weight) / largest * LARGEST_SHARE).round() as u32;
     }
 }
 

@@ -13,8 +13,8 @@ pub(crate) use beam::beam_direction;
 pub(crate) use beam::beam_origin;
 pub use content::{Area, Content};
 pub(crate) use pose::DevicePose;
-pub use pose::{BY_CLASS, KINDS, OccupiedVoxel};
 pub(crate) use pose::{HIT_PUSH, NO_CROSSING, TINY_COMPONENT};
+pub use pose::{KINDS, NEAR_KIND, OccupiedVoxel};
 pub use tally::{StageTimes, Tally};
 pub use world::{Frame, Instance, World};
 

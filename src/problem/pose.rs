@@ -50,11 +50,10 @@ impl From<&Pose> for DevicePose {
 }
 
 /// Ways in which the information of a voxel is counted: all classes told apart, detection target against the
-/// rest, occupied or not, and [`BY_CLASS`].
+/// rest, occupied or not, and [`NEAR_KIND`].
 pub const KINDS: usize = 4;
-/// Kind of information in which every class holds as much: the entropy of all classes as a share of what the
-/// voxels with the same commonest class hold together.
-pub const BY_CLASS: usize = 3;
+/// Kind of information that counts for more near the vehicle: see [`crate::score::Scores::near_gain`].
+pub const NEAR_KIND: usize = 3;
 
 /// One voxel that is occupied in some frame, 20 bytes.
 #[repr(C)]
@@ -62,6 +61,6 @@ pub const BY_CLASS: usize = 3;
 pub struct OccupiedVoxel {
     /// Linear index in the grid.
     pub index: u32,
-    /// Fixed-point information by kind: entropies, and of [`BY_CLASS`] shares in a unit of the content's own.
+    /// Fixed-point information by kind: entropies, and of [`NEAR_KIND`] shares of all in a unit of the content's own.
     pub entropy: [u32; KINDS],
 }

@@ -19,7 +19,7 @@ pub enum ScoreColumn {
     /// Information gain in per cent of the information that the scene holds.
     GainShare,
     /// Mean over classes of the share of their information that is gained, in per cent.
-    ClassGain,
+    NearGain,
     /// S-MIG in nats.
     SMig,
     /// Covered voxels.
@@ -34,7 +34,7 @@ impl ScoreColumn {
         Self::Name,
         Self::Gain,
         Self::GainShare,
-        Self::ClassGain,
+        Self::NearGain,
         Self::MSog,
         Self::MSogScaled,
         Self::Detection,
@@ -44,7 +44,7 @@ impl ScoreColumn {
     ];
     /// The columns that an objective can name.
     pub const METRICS: [Self; 6] =
-        [Self::Gain, Self::ClassGain, Self::MSog, Self::MSogScaled, Self::Detection, Self::SMig];
+        [Self::Gain, Self::NearGain, Self::MSog, Self::MSogScaled, Self::Detection, Self::SMig];
 
     /// Title with its unit.
     pub fn title(self) -> &'static str {
@@ -55,7 +55,7 @@ impl ScoreColumn {
             Self::Detection => "det ×1e-6",
             Self::Gain => "gain nats",
             Self::GainShare => "gain %",
-            Self::ClassGain => "by class %",
+            Self::NearGain => "near %",
             Self::SMig => "S-MIG",
             Self::Covered => "covered",
             Self::Hits => "hits %",
@@ -75,7 +75,7 @@ impl ScoreColumn {
             }
             Self::Gain => optional(task.information_gain, 0),
             Self::GainShare => optional(scaled(task.information_gain_share, 100.0), 2),
-            Self::ClassGain => optional(scaled(scores.class_gain, 100.0), 2),
+            Self::NearGain => optional(scaled(scores.near_gain, 100.0), 2),
             Self::SMig => optional(scores.s_mig, 0),
             Self::Covered => format!("{:.0}", scores.covered),
             Self::Hits => optional(scaled(scores.hit_share, 100.0), 1),

@@ -161,7 +161,7 @@ mod tests {
             name: name.to_owned(),
             segmentation,
             s_mig: None,
-            class_gain: None,
+            near_gain: None,
             entropy_sum: Some(gain),
             covered: 1.0,
             covered_nonzero: 1.0,

@@ -29,6 +29,20 @@ pub const DEFAULT_CLASSES: [&str; 21] = [
     "terrain",
 ];
 
+/// Classes that count as ground, by the names of the own scenes and of SemanticKITTI.
+pub(crate) const GROUND_CLASSES: [&str; 10] = [
+    "road",
+    "road_line",
+    "lane-marking",
+    "parking",
+    "sidewalk",
+    "ground",
+    "other-ground",
+    "terrain",
+    "rail_track",
+    "bridge",
+];
+
 /// Detection target of a scene without `detection`.
 const DETECTION: [&str; 3] = ["vehicle", "car", "moving-car"];
 

@@ -37,6 +37,7 @@ use solid::Solid;
 
 pub use crate::json::{DescriptionError, Place};
 pub use classes::DEFAULT_CLASSES;
+pub(crate) use classes::GROUND_CLASSES;
 pub use kind::ActorKind;
 pub use reflectance::Reflectances;
 pub use settings::{Coverage, PsogSource, RoiBounds, ScanSettings};

@@ -27,7 +27,7 @@ const METRICS: [(&str, Getter); 8] = [
     ("m_sog_scaled_nonzero", |_, task| task.m_sog_scaled_nonzero),
     ("m_sog_nonzero", |_, task| task.m_sog_nonzero),
     ("information_gain_share", |_, task| task.information_gain_share),
-    ("class_gain", |tasks, _| tasks.class_gain),
+    ("near_gain", |tasks, _| tasks.near_gain),
     ("s_mig", |tasks, _| tasks.s_mig),
 ];
 
@@ -139,8 +139,8 @@ impl std::fmt::Display for Objective {
 impl Objective {
     /// The objective's value; `None` where a score it needs does not exist.
     pub fn value(&self, scores: &Scores) -> Option<f64> {
-        let Scores { segmentation, detection, s_mig, class_gain, .. } = *scores;
-        self.value_of(&Tasks { segmentation, detection, s_mig, class_gain })
+        let Scores { segmentation, detection, s_mig, near_gain, .. } = *scores;
+        self.value_of(&Tasks { segmentation, detection, s_mig, near_gain })
     }
 
     /// The value of a placement of which only the sums over covered voxels are known: the same number
@@ -183,7 +183,7 @@ impl Objective {
     /// Whether the objective grows with the information gain and nothing else: a positive multiple of
     /// a sum over covered voxels, monotone and submodular in the set of sensors.
     pub fn is_information_gain(&self) -> bool {
-        const GAINS: [&str; 3] = ["information_gain", "information_gain_share", "class_gain"];
+        const GAINS: [&str; 3] = ["information_gain", "information_gain_share", "near_gain"];
         let gain = |metric: &Metric| GAINS.contains(&metric.name);
         self.terms.iter().all(|(weight, metric)| *weight > 0.0 && gain(metric))
     }
@@ -241,12 +241,12 @@ mod tests {
             ("detection.m_sog", true, false),
             ("m_sog_nonzero", false, false),
             ("s_mig", false, false),
-            ("class_gain", false, true),
+            ("near_gain", false, true),
             ("information_gain", false, true),
             ("0.5*information_gain_share + 2*detection.information_gain", false, true),
             ("-1*information_gain", false, false),
             ("information_gain + m_sog", true, false),
-            ("class_gain + information_gain_share + m_sog", true, false),
+            ("near_gain + information_gain_share + m_sog", true, false),
         ] {
             assert_eq!(objective(text).counts_all_covered(), all_covered, "{text}");
             assert_eq!(objective(text).is_information_gain(), gain, "{text}");

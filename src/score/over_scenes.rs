@@ -56,7 +56,7 @@ impl Tasks {
             segmentation: TaskScores::over_scenes(&segmentation.collect::<Vec<_>>()),
             detection: detection.map(|scenes| TaskScores::over_scenes(&scenes)),
             s_mig: mean_of_sums(scenes.iter().map(|(tasks, _)| tasks.s_mig)),
-            class_gain: mean_of_sums(scenes.iter().map(|(tasks, _)| tasks.class_gain)),
+            near_gain: mean_of_sums(scenes.iter().map(|(tasks, _)| tasks.near_gain)),
         }
     }
 }
@@ -76,10 +76,10 @@ impl Scores {
             return (*first).clone();
         }
         let tasks = |&(_, scores, totals): &(&str, &Scores, [f64; 2])| {
-            let Scores { segmentation, detection, s_mig, class_gain, .. } = *scores;
-            (Tasks { segmentation, detection, s_mig, class_gain }, totals)
+            let Scores { segmentation, detection, s_mig, near_gain, .. } = *scores;
+            (Tasks { segmentation, detection, s_mig, near_gain }, totals)
         };
-        let Tasks { segmentation, detection, s_mig, class_gain } =
+        let Tasks { segmentation, detection, s_mig, near_gain } =
             Tasks::over_scenes(&scenes.iter().map(tasks).collect::<Vec<_>>());
         let count = scenes.len() as f64;
         let plain = |of: fn(&Scores) -> f64| scenes.iter().map(|s| of(s.1)).sum::<f64>() / count;
@@ -90,7 +90,7 @@ impl Scores {
             name: first.name.clone(),
             segmentation,
             s_mig,
-            class_gain,
+            near_gain,
             entropy_sum: segmentation.information_gain,
             covered: plain(|scores| scores.covered),
             covered_nonzero: plain(|scores| scores.covered_nonzero),

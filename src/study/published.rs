@@ -30,7 +30,7 @@ const METRICS: [Metric; 10] = [
     ("m_sog_nonzero", |s| s.segmentation.m_sog_nonzero),
     ("m_sog_scaled_nonzero", |s| s.segmentation.m_sog_scaled_nonzero),
     ("information_gain", |s| s.segmentation.information_gain),
-    ("class_gain", |s| s.class_gain),
+    ("near_gain", |s| s.near_gain),
     ("s_mig", |s| s.s_mig),
     ("detection.m_sog", |s| s.detection?.m_sog),
     ("detection.m_sog_scaled", |s| s.detection?.m_sog_scaled),

@@ -45,9 +45,9 @@ def test_every_point_on_an_object_counts(small_file: Path) -> None:
     (scan,) = scene.scan(poses, ideal=True, frames=[0])
     here = scan.boxes.instance.astype(np.int64)
     counts = points_on(scan, here)
-    for kind in ("pedestrian", "vehicle"):
-        of_kind = np.array([name == kind for name in scan.boxes.kinds])
-        met = (scan.class_id == scan.classes.index(kind)) & (scan.instance != 65535)
+    for kind, name in (("pedestrian", "pedestrian"), ("car", "vehicle")):
+        of_kind = np.array([one == kind for one in scan.boxes.kinds])
+        met = (scan.class_id == scan.classes.index(name)) & (scan.instance != 65535)
         assert counts[of_kind].sum() == met.sum() > 50
     # Rounding leaves some of the points on its own faces out of a box.
     assert np.all(counts >= scan.boxes.points) and counts.sum() > scan.boxes.points.sum()
