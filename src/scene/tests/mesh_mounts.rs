@@ -212,8 +212,9 @@ fn check_pairs(scene: &Scene, lidars: usize) {
     for placement in crate::vehicle::random_placements(&rules, 200, 3) {
         assert_eq!(rules.violations(&placement), [], "{placement:?}");
         let back = rules.poses_of(&rules.variables_of(&placement).expect("it keeps the ties"));
-        for (a, b) in back.iter().zip(&placement.lidars) {
-            assert!(a.position().distance(b.position()) < 1e-9, "{a:?} is not {b:?}");
+        for pose in &placement.lidars {
+            let found = back.iter().any(|b| b.position().distance(pose.position()) < 1e-9);
+            assert!(found, "{pose:?} is not among {back:?}");
         }
         for pair in placement.lidars.chunks_exact(2) {
             let image = pair[0].mirrored().ego_from_sensor();
