@@ -379,7 +379,7 @@ fn the_study_of_channels_has_the_near_field_of_each_best_placement() {
     let looked =
         ["study", "nearfield", "scene.json", "best.json", "--frames", "2", "--backend", "cpu"];
     let looked = ok(dir.path(), &looked);
-    let field = |key: &str| 100.0 * looked["placements"][0][key].as_f64().unwrap();
+    let field = |key: &str| 100.0 * looked["near_fields"][0][key].as_f64().unwrap();
     assert!((near[0].1 - field("near_field")).abs() < 1e-9, "{looked}");
     assert!((column(&table, "3 m %")[0].1 - field("ring")).abs() < 1e-9, "{looked}");
 }
