@@ -37,15 +37,16 @@ pub(super) fn mirror_meshes(mounts: &mut [VehicleMount]) {
     }
 }
 
-/// Whether every corner of one patch, mirrored, lies on the other, and the other way round.
+/// Whether the outermost point at every corner of one patch, mirrored, is that of the other, and the other way round.
 fn are_images(a: &Region, b: &Region) -> bool {
     let on = |from: &Region, to: &Region| {
         let parts = from.surface.as_ref().zip(from.ego_from_region);
         let others = to.surface.as_ref().zip(to.ego_from_region);
-        let Some(((corners, from), (surface, to))) = parts.zip(others) else { return false };
+        let Some(((own, from), (surface, to))) = parts.zip(others) else { return false };
         let (along, back) = (surface.along(), to.inverse());
-        corners.corners().all(|corner| {
-            let point = back.apply(flipped(from.apply(corner)));
+        own.corners().all(|corner| {
+            let outer = own.foot(own.axes().map(|k| corner[k])).point;
+            let point = back.apply(flipped(from.apply(outer)));
             let foot = surface.foot(surface.axes().map(|k| point[k]));
             foot.off <= OFF && (foot.point[along] - point[along]).abs() <= OFF
         })

@@ -115,7 +115,10 @@ impl Constraints {
             let turned = |&[a, b]: &[usize; 2]| fit(&[b, a]);
             let at = open.iter().position(|pair| fit(pair) || turned(pair))?;
             let [a, b] = open.remove(at);
-            order.extend(if fit(&[a, b]) { [a, b] } else { [b, a] });
+            // The first of a pair in one region has the larger y of its frame, which at a tail is to the right.
+            let y = |lidar: usize| self.slots[slot].region.fields(&lidars[lidar])[1];
+            let is_turned = self.is_pair_of_one(slot) && y(a) < y(b);
+            order.extend(if fit(&[a, b]) && !is_turned { [a, b] } else { [b, a] });
         }
         for slot in paired..lidars.len() {
             let at = in_plane.iter().position(|&lidar| fits(slot, lidar))?;

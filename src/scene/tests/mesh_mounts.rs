@@ -253,6 +253,16 @@ fn mirrored_pairs_stand_on_a_roof_that_is_about_its_own_image() {
         let point = point.mirrored();
         assert!(mesh.fields(&point)[2].abs() < 0.002 && own.fields(&point)[2].abs() < 1e-9);
     }
+    // What lies below the roof counts for nothing.
+    let dir = tempfile::tempdir().unwrap();
+    let layers = |u: f64, v: f64| {
+        let y: f64 = 1.2 * v - 0.6;
+        if u < 0.5 { [4.0 * u - 1.0, y, 1.5 - 0.1 * y * y] } else { [2.0 - 2.0 * u, y, 1.0] }
+    };
+    std::fs::write(dir.path().join("layers.obj"), grid_obj(20, layers)).unwrap();
+    let mount = r#"{ "name": "roof", "count": 2, "roll": [-0.1, 0.1],
+        "mesh": { "file": "layers.obj", "facing": { "direction": [0, 0, 1] } } }"#;
+    check_pairs(&van_with(mount, symmetric, dir.path()).unwrap(), 2);
     let level = van_with(
         &format!(r#"{{ "name": "roof", {ROOF}, "count": 2 }}"#),
         ", \"equal_height\": true",
