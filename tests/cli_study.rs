@@ -350,3 +350,36 @@ fn cases_of_one_name_would_share_numbers_and_are_refused() {
     }
     assert!(!dir.path().join("studies").exists());
 }
+
+#[test]
+fn the_study_of_channels_has_the_near_field_of_each_best_placement() {
+    let dir = TempDir::new().unwrap();
+    let scene = serde_json::json!({
+        "sightline": 1, "name": "yard", "frames": 3, "coverage": "first-hit",
+        "roi": { "min": [-12, -12, -0.4], "max": [12, 12, 2.8], "voxel": [0.8, 0.8, 0.8] },
+        "lidar": { "channels": 16, "fov": [-30, 5], "azimuth_steps": 60, "range": 60 },
+        "mount": { "min": [-1.0, -0.5, 1.8], "max": [1.0, 0.5, 2.2], "lidars": 1 },
+        "static": [{ "class": "road", "plane": { "min": [-40, -40], "max": [40, 40], "z": 0 } }],
+        "actors": [{ "poses": [{ "x": 5, "y": 3 }, { "x": 5, "y": 5 }, { "x": -6, "y": 3 }],
+            "parts": [{ "class": "pedestrian", "box": { "foot": [0, 0, 0], "size": [0.5, 0.5, 1.8] } }] }],
+        "ego": { "body": [{ "class": "vehicle", "box": { "foot": [0, 0, 0], "size": [4, 2, 1.5] } }] },
+    });
+    fs::write(dir.path().join("scene.json"), scene.to_string()).unwrap();
+    let table = of_corridor(&dir, "channels", &[]);
+    let near = column(&table, "near %");
+    assert_eq!(near.len(), 7);
+    assert!(near[0].1 < near[3].1, "more channels see more ground: {near:?}");
+    // The scene's own sensor, looked at by the study that does nothing else.
+    let best = table["rows"][0]["placement"].clone();
+    fs::write(
+        dir.path().join("best.json"),
+        serde_json::json!({ "placements": [best] }).to_string(),
+    )
+    .unwrap();
+    let looked =
+        ["study", "nearfield", "scene.json", "best.json", "--frames", "2", "--backend", "cpu"];
+    let looked = ok(dir.path(), &looked);
+    let field = |key: &str| 100.0 * looked["near_fields"][0][key].as_f64().unwrap();
+    assert!((near[0].1 - field("near_field")).abs() < 1e-9, "{looked}");
+    assert!((column(&table, "3 m %")[0].1 - field("ring")).abs() < 1e-9, "{looked}");
+}

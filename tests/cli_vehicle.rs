@@ -136,6 +136,19 @@ fn sensors_on_two_sides_stay_mirror_images() {
     let top = (0..3).find(|&k| !side(k)).unwrap();
     assert_eq!([field(top, "y"), field(top, "roll")], [0.0; 2], "in the plane");
     assert!(found["methods"].as_array().unwrap().len() == 2, "swaps move them, too: {found}");
+    // With a choice of numbers, too: two sides cost 6, one alone is none.
+    changed(dir.path(), "cart.json", |vehicle| {
+        for mount in vehicle["mounts"].as_array_mut().unwrap() {
+            mount["count"] = json!([0, 1]);
+        }
+    });
+    let message = fails(dir.path(), &optimize("3.5", "poor"));
+    assert!(message.contains("cheapest") && message.contains('6'), "{message}");
+    let pair = ok(dir.path(), &optimize("6.5", "pair"));
+    assert_eq!(sensors(&pair), ["solid", "solid"]);
+    let lidars = pair["best"]["placement"]["lidars"].as_array().unwrap();
+    let sides = [0, 1].map(|k| lidars[k]["y"].as_f64().unwrap());
+    assert!(sides[0] > 0.49 && (sides[0] + sides[1]).abs() < 1e-9, "{sides:?}");
     // One height on the roof and on the sides there is not.
     changed(dir.path(), "cart.json", |vehicle| vehicle["equal_height"] = json!(true));
     let message = fails(dir.path(), &optimize("100", "level"));

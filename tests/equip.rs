@@ -240,3 +240,45 @@ fn a_budget_below_the_cheapest_rig_is_refused() {
     let fixed = equip(&problem.into(), &vehicle, &m_sog, 30.0, &EngineChoice::cpu()).unwrap();
     assert_eq!((fixed.equipment.len(), fixed.cost, fixed.value < 0.0), (2, 8.0, true));
 }
+
+#[test]
+fn sensors_of_a_symmetric_vehicle_are_chosen_in_pairs() {
+    let mut vehicle = vehicle(Vec::new());
+    let side = |name: &str, y: [f64; 2]| {
+        let mut mount = vehicle.mounts[1].clone();
+        let region = Arc::make_mut(&mut mount.region);
+        region.name = name.into();
+        (region.lower[1], region.upper[1]) = (y[0], y[1]);
+        mount
+    };
+    let [left, right] = [side("left", [0.3, 0.6]), side("right", [-0.6, -0.3])];
+    // A roof for up to three sensors, a door on each side for one; two models on all.
+    vehicle.mounts.truncate(1);
+    vehicle.mounts[0].count = [0, 3];
+    vehicle.mounts.extend([left, right]);
+    vehicle.ties.symmetric = true;
+    let mut bought = Vec::new();
+    for (seed, budget) in [(1, 2.0), (1, 4.0), (1, 6.0), (2, 12.0), (2, 16.0), (3, 100.0)] {
+        let problem = problem(seed, &vehicle);
+        let found = equipped(&problem, &vehicle, budget);
+        assert!(found.cost <= budget && !found.equipment.is_empty());
+        let rules = vehicle.constraints(&found.equipment);
+        assert_eq!(rules.violations(&found.placement), [], "{:?}", found.placement);
+        assert!(rules.variables_of(&found.placement).is_some(), "a search can start from it");
+        let on = |mount: usize| found.equipment.iter().filter(move |(k, _)| *k == mount);
+        assert!(on(1).map(|(_, name)| name).eq(on(2).map(|(_, name)| name)), "{found:?}");
+        bought.push((on(0).count(), on(1).count()));
+        // What it must hold it holds, also where that is an odd number.
+        vehicle.mounts[0].count = [3, 3];
+        let full = equipped(&problem, &vehicle, budget + 100.0);
+        assert_eq!(full.equipment.iter().filter(|(k, _)| *k == 0).count(), 3, "{full:?}");
+        assert_eq!(vehicle.constraints(&full.equipment).violations(&full.placement), []);
+        vehicle.mounts[0].count = [0, 3];
+    }
+    assert_eq!(bought[0], (1, 0), "for one sensor there is the plane of symmetry alone");
+    assert!(bought.iter().any(|(_, doors)| *doors == 1), "{bought:?}");
+    // Doors that must hold nothing, and a roof that can: the cheapest is a sensor in the plane.
+    assert_eq!(vehicle.cost(&vehicle.cheapest()), 2.0);
+    vehicle.mounts.remove(0);
+    assert_eq!(vehicle.cost(&vehicle.cheapest()), 4.0, "a door brings its image");
+}

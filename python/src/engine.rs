@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sightline::engine::{EngineChoice, EngineKind, open};
+use sightline::near_field::{FEW_PLACEMENTS, add_self_hits};
 use sightline::problem::spread;
 use sightline::scan::conditions::Condition;
 use sightline::scan::in_conditions;
@@ -195,4 +196,21 @@ pub fn score(
         size = ((size as f64 * CHUNK_SECONDS / seconds) as usize).clamp(1, 4096);
     }
     Ok(scores)
+}
+
+/// Adds the guard `self_hit` to the scores of placements in a scene: where it is asked for, else for as few of them as the
+/// program looks at.
+pub fn guard(
+    scene: &Scene,
+    evaluator: &mut Evaluator,
+    placements: &[Placement],
+    scores: &mut [Scores],
+    asked: Option<bool>,
+) -> PyResult<()> {
+    if !asked.unwrap_or(placements.len() <= FEW_PLACEMENTS) {
+        return Ok(());
+    }
+    let problem = evaluator.shared_problem();
+    let all = placements.iter().zip(scores);
+    add_self_hits(scene, &problem, evaluator.backend_mut(), all).map_err(raised)
 }

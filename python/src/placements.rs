@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use numpy::{PyArray2, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use sightline::vehicle::{MAX_LIDARS, SensorName, table_7};
 use sightline::{Placement, SensorPose, read_placements};
 
-use crate::arrays::{matrix, numbers, shape_in_words};
+use crate::arrays::{column, matrix, numbers, shape_in_words};
 use crate::errors::{bad, raised};
 use crate::json::to_python;
 
@@ -19,7 +19,8 @@ const WANTED: &str =
 /// A placement: a name and a pose for each of L LiDARs.
 ///
 /// `poses` is `[L, 6]`: x, y, z in metres, roll, pitch, yaw in radians, in the ego frame. `sensors` names the model of
-/// each LiDAR on a vehicle that has several.
+/// each LiDAR on a vehicle that has several. `phases` `[L]` locks LiDARs that turn at angles about their own axes, radians;
+/// `NaN` for one that is as its model says.
 #[pyclass(name = "Placement", module = "sightline", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub struct PyPlacement(pub Placement);
@@ -27,9 +28,14 @@ pub struct PyPlacement(pub Placement);
 #[pymethods]
 impl PyPlacement {
     #[new]
-    #[pyo3(signature = (poses, *, name = "placement", sensors = None))]
-    fn new(poses: &Bound<'_, PyAny>, name: &str, sensors: Option<Vec<String>>) -> PyResult<Self> {
-        let mut all = from_array(poses, &sensors_of(sensors)?)?;
+    #[pyo3(signature = (poses, *, name = "placement", sensors = None, phases = None))]
+    fn new(
+        poses: &Bound<'_, PyAny>,
+        name: &str,
+        sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let mut all = from_array(poses, &sensors_of(sensors)?, phases)?;
         let [placement] = &mut all[..] else {
             return Err(bad(format!(
                 "poses: are those of {} placements; give one of them, [L, 6]",
@@ -61,6 +67,13 @@ impl PyPlacement {
         self.0.lidars.iter().map(|pose| pose.sensor.as_str()).collect()
     }
 
+    /// `[L]` f64: where in its turn each LiDAR is locked, radians about its own axis; `NaN` where its model says so.
+    #[getter]
+    fn phases<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let phases = self.0.lidars.iter().map(|pose| pose.phase.unwrap_or(f64::NAN));
+        column(py, phases.collect())
+    }
+
     /// What a placement file holds of it.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         to_python(py, &self.0)
@@ -81,6 +94,8 @@ impl PyPlacement {
         let options = PyDict::new(py);
         options.set_item("name", &this.0.name)?;
         options.set_item("sensors", named.then(|| this.sensors()))?;
+        let phased = this.0.lidars.iter().any(|pose| pose.phase.is_some());
+        options.set_item("phases", phased.then(|| this.phases(py)))?;
         let rebuild = py.import("sightline._pickle")?.getattr("call")?;
         let arguments = (slf.get_type(), (this.poses(py)?,), options);
         PyTuple::new(py, [rebuild, arguments.into_pyobject(py)?.into_any()])
@@ -100,13 +115,17 @@ pub fn sensors_of(names: Option<Vec<String>>) -> PyResult<Vec<SensorName>> {
 pub fn placements_of(
     given: &Bound<'_, PyAny>,
     sensors: Option<Vec<String>>,
+    phases: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Vec<Placement>> {
     let names = sensors_of(sensors)?;
-    let taken = |placement: &PyPlacement| {
-        if names.is_empty() {
-            return Ok(placement.0.clone());
+    let taken = |placement: &PyPlacement| match (names.is_empty(), phases) {
+        (true, None) => Ok(placement.0.clone()),
+        (false, _) => {
+            Err(bad("sensors: a Placement names its own; give `sensors` with arrays of poses only"))
         }
-        Err(bad("sensors: a Placement names its own; give `sensors` with arrays of poses only"))
+        (true, Some(_)) => {
+            Err(bad("phases: a Placement has its own; give `phases` with arrays of poses only"))
+        }
     };
     if let Ok(one) = given.cast::<PyPlacement>() {
         return Ok(vec![taken(one.get())?]);
@@ -116,12 +135,32 @@ pub fn placements_of(
     {
         return list.iter().map(|one| taken(one.get())).collect();
     }
-    let all = from_array(given, &names)?;
+    let all = from_array(given, &names, phases)?;
     all.iter().try_for_each(|placement| placement.validate().map_err(raised))?;
     Ok(all)
 }
 
-fn from_array(given: &Bound<'_, PyAny>, sensors: &[SensorName]) -> PyResult<Vec<Placement>> {
+/// Phases of some placements, `[L]` for all of them or `[N, L]`, one after the other; none where `NaN`.
+fn phases_of(given: &Bound<'_, PyAny>, count: usize, lidars: usize) -> PyResult<Vec<Option<f64>>> {
+    let wanted = "[L] or [N, L]: radians, NaN for a LiDAR that is as its model says";
+    let array = numbers::<f64>("phases", given, wanted)?;
+    let own = |phase: &f64| Some(*phase).filter(|phase| !phase.is_nan());
+    let values: Vec<Option<f64>> = array.as_array().iter().map(own).collect();
+    match *array.shape() {
+        [own] if own == lidars => Ok(values.repeat(count)),
+        [own, each] if (own, each) == (count, lidars) => Ok(values),
+        ref shape => Err(bad(format!(
+            "phases: have the shape {} for {count} placements of {lidars} LiDARs; give {wanted}",
+            shape_in_words(shape)
+        ))),
+    }
+}
+
+fn from_array(
+    given: &Bound<'_, PyAny>,
+    sensors: &[SensorName],
+    phases: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Vec<Placement>> {
     let array = numbers::<f64>("poses", given, WANTED)?;
     let shape = array.shape().to_vec();
     let wrong = || bad(format!("poses: have the shape {}; give {WANTED}", shape_in_words(&shape)));
@@ -143,19 +182,15 @@ fn from_array(given: &Bound<'_, PyAny>, sensors: &[SensorName]) -> PyResult<Vec<
         )));
     }
     let values: Vec<f64> = array.as_array().iter().copied().collect();
-    let pose = |k: usize, v: &[f64]| SensorPose {
-        x: v[0],
-        y: v[1],
-        z: v[2],
-        roll: v[3],
-        pitch: v[4],
-        yaw: v[5],
+    let phases = phases.map(|phases| phases_of(phases, count, lidars)).transpose()?;
+    let pose = |n: usize, k: usize| SensorPose {
         sensor: sensors.get(k).copied().unwrap_or_default(),
-        phase: None,
+        phase: phases.as_ref().and_then(|phases| phases[n * lidars + k]),
+        ..SensorPose::from_values(std::array::from_fn(|i| values[6 * (n * lidars + k) + i]))
     };
     let placement = |n: usize| Placement {
         name: n.to_string(),
-        lidars: (0..lidars).map(|k| pose(k, &values[6 * (n * lidars + k)..][..6])).collect(),
+        lidars: (0..lidars).map(|k| pose(n, k)).collect(),
     };
     Ok((0..count).map(placement).collect())
 }

@@ -18,7 +18,7 @@ use sightline::{Placement, Problem, Scene, engine};
 
 use crate::arrays::{column, homogeneous, matrix, numbers, rows, shaped};
 use crate::columns::scores_object;
-use crate::engine::{Built, Options, score};
+use crate::engine::{Built, Options, guard, score};
 use crate::errors::{bad, raised};
 use crate::json::{to_python, to_text};
 use crate::placements::placements_of;
@@ -40,7 +40,8 @@ enum Source {
 /// A scene, ready to be scored; what scoring needs is built when it is first needed, and kept.
 ///
 /// `poses` of the methods is an array `[N, L, 6]` (or `[L, 6]` for one placement), a `Placement`, or a list of them;
-/// `sensors` names the model of each LiDAR of an array.
+/// `sensors` names the model of each LiDAR of an array, `phases` `[L]` or `[N, L]` locks them at angles in radians (`NaN`: as
+/// the model says).
 #[pyclass(name = "Scene", module = "sightline", frozen)]
 pub struct PyScene {
     pub built: Arc<Built>,
@@ -191,33 +192,42 @@ impl PyScene {
         Ok(mesh)
     }
 
-    /// Scores of N placements, as `Scores`: an array a score. The bits are those of `sightline score`, whose guard `self_hit`
-    /// is not among these.
-    #[pyo3(signature = (poses, *, sensors = None))]
+    /// Scores of N placements, as `Scores`: an array a score. The bits are those of `sightline score`.
+    ///
+    /// The guard `self_hit` takes casts of its own: it is looked for with up to 64 placements, as in the program, with any
+    /// number where `self_hits` is true, and not at all where it is false.
+    #[pyo3(signature = (poses, *, sensors = None, phases = None, self_hits = None))]
     fn score<'py>(
         &self,
         py: Python<'py>,
         poses: &Bound<'py, PyAny>,
         sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'py, PyAny>>,
+        self_hits: Option<bool>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let placements = placements_of(poses, sensors)?;
+        let placements = placements_of(poses, sensors, phases)?;
         let built = self.built.clone();
         let scores = interruptible(py, move |stop| {
             let stopped = || stop.load(Ordering::SeqCst);
-            built.evaluate(|evaluator| score(evaluator, &placements, stopped))
+            built.evaluate(|evaluator| {
+                let mut scores = score(evaluator, &placements, stopped)?;
+                guard(&built.scene, evaluator, &placements, &mut scores, self_hits)?;
+                Ok(scores)
+            })
         })??;
         scores_object(py, &scores)
     }
 
     /// u64, rising linear indices of the voxels that a placement covers in any frame.
-    #[pyo3(signature = (poses, *, sensors = None))]
+    #[pyo3(signature = (poses, *, sensors = None, phases = None))]
     fn covered<'py>(
         &self,
         py: Python<'py>,
         poses: &Bound<'py, PyAny>,
         sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray1<u64>>> {
-        let placement = only(placements_of(poses, sensors)?)?;
+        let placement = only(placements_of(poses, sensors, phases)?)?;
         let built = self.built.clone();
         let covered = interruptible(py, move |_| {
             built.evaluate(|evaluator| evaluator.covered(&placement).map_err(raised))
@@ -230,15 +240,16 @@ impl PyScene {
     /// `origin`, `direction` `[B, 3]` f32 in the ego frame, unit directions; `t_hit` `[B]` f32 metres, `inf` for no hit within
     /// range; `primitive_ids` `[B]` u32, faces of `mesh(frame)`, 2³²−1 for none; `class_ids` `[B]` u16, 65535 for none;
     /// `placement` `[B]` u32, `lidar` `[B]` u16.
-    #[pyo3(signature = (poses, *, frame = 0, sensors = None))]
+    #[pyo3(signature = (poses, *, frame = 0, sensors = None, phases = None))]
     fn cast<'py>(
         &self,
         py: Python<'py>,
         poses: &Bound<'py, PyAny>,
         frame: usize,
         sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let placements = placements_of(poses, sensors)?;
+        let placements = placements_of(poses, sensors, phases)?;
         let built = self.built.clone();
         let hits = interruptible(py, move |_| {
             let problem = built.frame(frame)?;
@@ -298,20 +309,21 @@ impl PyScene {
     ///
     /// `conditions` are weather and faults of the scan, as `"snow:rate=1"`; `ideal` leaves the sensor's own limits out; `frames`
     /// are all unless given; with `misses` every beam is there, not only the points. Chance depends on `seed` alone.
-    #[pyo3(signature = (poses, *, sensors = None, conditions = Vec::new(), ideal = false, seed = 0,
+    #[pyo3(signature = (poses, *, sensors = None, phases = None, conditions = Vec::new(), ideal = false, seed = 0,
         frames = None, misses = false))]
     #[allow(clippy::too_many_arguments)]
     fn scan(
         &self,
         poses: &Bound<'_, PyAny>,
         sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'_, PyAny>>,
         conditions: Vec<String>,
         ideal: bool,
         seed: u64,
         frames: Option<Vec<usize>>,
         misses: bool,
     ) -> PyResult<ScanIterator> {
-        let placement = only(placements_of(poses, sensors)?)?;
+        let placement = only(placements_of(poses, sensors, phases)?)?;
         let scene = self.built.scene.clone();
         ScanIterator::begin(scene, placement, &conditions, ideal, seed, frames, misses)
     }
@@ -319,7 +331,7 @@ impl PyScene {
     /// Compares hits, voxels and sums of the scene's engine with the CPU reference, bit by bit, and `sample` beams of the
     /// reference with brute force in f64, over `frames` frames: what `sightline verify --format json` prints. Placements are
     /// those of Table 7, `random` and `hostile` ones unless given.
-    #[pyo3(signature = (poses = None, *, sensors = None, frames = 1, random = 200, hostile = 50,
+    #[pyo3(signature = (poses = None, *, sensors = None, phases = None, frames = 1, random = 200, hostile = 50,
         sample = 20_000, seed = 1))]
     #[allow(clippy::too_many_arguments)]
     fn verify<'py>(
@@ -327,13 +339,14 @@ impl PyScene {
         py: Python<'py>,
         poses: Option<&Bound<'py, PyAny>>,
         sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'py, PyAny>>,
         frames: u32,
         random: usize,
         hostile: usize,
         sample: u64,
         seed: u64,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let given = poses.map(|poses| placements_of(poses, sensors)).transpose()?;
+        let given = poses.map(|poses| placements_of(poses, sensors, phases)).transpose()?;
         let built = self.built.clone();
         let found = interruptible(py, move |_| {
             let psog = built.psog()?;

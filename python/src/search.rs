@@ -10,10 +10,11 @@ use pyo3::exceptions::{PyRuntimeError, PyStopIteration};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::json;
-use sightline::engine::EngineChoice;
+use sightline::engine::{EngineChoice, open};
+use sightline::near_field::add_self_hits;
 use sightline::report::{RunContext, RunRecord, RunTimes};
 use sightline::search::{
-    Event, FrameChoice, Method, Outcome, Settings, Suite, TimeLimit, equip, optimize,
+    Event, FrameChoice, Method, Outcome, Scored, Settings, Suite, TimeLimit, equip, optimize,
 };
 use sightline::{Evaluator, Objective};
 
@@ -50,14 +51,15 @@ impl PySuite {
     }
 
     /// Scores over all scenes: the mean of the scenes' shares of information. `poses` as of `Scene`.
-    #[pyo3(signature = (poses, *, sensors = None))]
+    #[pyo3(signature = (poses, *, sensors = None, phases = None))]
     fn score<'py>(
         &self,
         py: Python<'py>,
         poses: &Bound<'py, PyAny>,
         sensors: Option<Vec<String>>,
+        phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let placements = placements_of(poses, sensors)?;
+        let placements = placements_of(poses, sensors, phases)?;
         let (scenes, kept) = (self.scenes.clone(), self.evaluator.clone());
         let scores = interruptible(py, move |stop| {
             let open = || {
@@ -120,8 +122,19 @@ impl Asked {
             self.seconds.map(|seconds| TimeLimit::from_now(Duration::from_secs_f64(seconds)));
         let Some((suite, settings)) = self.prepared(observe)? else { return Ok(None) };
         let mut observe = |event: &Event| observe(event);
-        let outcome = optimize(suite.clone(), &settings, &mut observe).map_err(raised)?;
+        let mut outcome = optimize(suite.clone(), &settings, &mut observe).map_err(raised)?;
+        self.guard(&suite, &mut outcome)?;
         Ok(Some((suite, settings, outcome)))
+    }
+
+    /// Adds the guard `self_hit`, by the first scene: a search does not know it.
+    fn guard(&self, suite: &Suite, outcome: &mut Outcome) -> PyResult<()> {
+        let Some(member) = suite.members().first() else { return Ok(()) };
+        let (scene, problem) = (&self.scenes[member.scene()].scene, member.problem());
+        let mut engine = open(problem, &EngineChoice::cpu(), |_| {}).map_err(raised)?.engine;
+        let all = outcome.best.iter_mut().chain(&mut outcome.baselines);
+        let all = all.map(|Scored { placement, scores, .. }| (&*placement, scores));
+        add_self_hits(scene, problem, &mut *engine, all).map_err(raised)
     }
 }
 
@@ -192,7 +205,7 @@ pub fn search<'py>(
     }
     let given = |list: Option<&Bound<'py, PyAny>>| {
         list.filter(|list| !list.len().is_ok_and(|length| length == 0))
-            .map_or_else(|| Ok(Vec::new()), |list| placements_of(list, None))
+            .map_or_else(|| Ok(Vec::new()), |list| placements_of(list, None, None))
     };
     let default = Settings::default();
     let settings = Settings {
@@ -320,7 +333,7 @@ fn result_object<'py>(
             peak_memory: None,
         },
     );
-    let placement = |scored: &sightline::search::Scored| PyPlacement(scored.placement.clone());
+    let placement = |scored: &Scored| PyPlacement(scored.placement.clone());
     let all = outcome.best.iter().chain(&outcome.baselines);
     let scores: Vec<_> = all.map(|scored| scored.scores.clone()).collect();
     let fields = PyDict::new(py);

@@ -69,6 +69,21 @@ def test_a_killed_worker_changes_no_byte_and_a_dead_driver_loses_none(
         distributed.score(scenes, poses + 0.01, checkpoint=tmp_path / "kept")
 
 
+def test_phases_and_guards_are_those_of_one_process(tmp_path) -> None:
+    body = [{"class": "vehicle", "box": {"min": [-2, -1, 0], "max": [2, 1, 1.4]}}]
+    scenes = [Scene.from_dict(SMALL | {"ego": {"body": body}}, backend="cpu")]
+    poses = scenes[0].random_poses(40, seed=3)
+    phases = np.where(np.arange(40)[:, None] % 2, 0.05, np.nan)
+    one = [scene.score(poses, phases=phases) for scene in scenes]
+    kept = tmp_path / "kept"
+    assert distributed.score(scenes, poses, phases=phases, actors=1, threads=1, checkpoint=kept) == one
+    assert any("self_hit" in words for guards in one[0].guards for words in guards)
+    with pytest.raises(ValueError, match=r"was begun with other inputs \(phases\)"):
+        distributed.score(scenes, poses, checkpoint=kept)
+    with pytest.raises(ValueError, match=r"phases: have the shape \[2\]; give \[L\] or \[N, L\], \[40, 1\]"):
+        distributed.score(scenes, poses, phases=[0.0, 0.0])
+
+
 def test_searches_and_programs_are_spread(scenes) -> None:
     found = distributed.optimize(scenes[:1], seeds=(1, 2), actors=2, threads=1, evaluations=12)
     alone = sightline.optimize(scenes[0], seed=2, evaluations=12)

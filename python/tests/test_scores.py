@@ -40,6 +40,27 @@ def test_scores_are_those_of_the_program(scene, placements) -> None:
     assert ours["unique_share"].tolist() == [row["unique_share"] for row in theirs]
 
 
+def test_placements_that_look_at_the_own_vehicle_are_told_as_the_program_tells_them(tmp_path: Path) -> None:
+    low = sightline.Placement([[0.0, 0.0, 1.2, 0.0, 0.0, 0.0]], name="low")
+    high = sightline.Placement([[0.0, 0.0, 2.4, 0.0, 0.0, 0.0]], name="high")
+    (tmp_path / "two.json").write_text(json.dumps({"placements": [low.to_dict(), high.to_dict()]}))
+    done = program(
+        "score", "scenes/industrial-yard.json", str(tmp_path / "two.json"),
+        "--frames", "1", "--backend", "cpu", "--format", "json",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    theirs = [row["guards"] for row in json.loads(done.stdout)["scores"]]
+    scene = Scene.load("scenes/industrial-yard.json", backend="cpu", frames=1)
+    ours = scene.score([low, high]).guards
+    assert ours == theirs
+    assert any("self_hit" in words for words in ours[0]) and not any("self_hit" in words for words in ours[1])
+    # Many placements are not looked at unless that is asked for.
+    many = np.repeat(low.poses[None], 65, axis=0)
+    assert not any("self_hit" in words for guards in scene.score(many).guards for words in guards)
+    assert any("self_hit" in words for words in scene.score(many, self_hits=True).guards[64])
+    assert not any("self_hit" in words for words in scene.score(low, self_hits=False).guards[0])
+
+
 def test_arrays_of_any_layout_give_the_same_bits(scene, placements) -> None:
     poses = np.stack([placement.poses for placement in placements])
     expected = scene.score(placements)
@@ -96,6 +117,8 @@ def test_what_workers_need_is_pickled(scene, placements) -> None:
     assert pickle.loads(pickle.dumps(placements)) == placements
     mixed = sightline.Placement([[0, 0, 2, 0, 0, 0]] * 2, name="mixed", sensors=["a", ""])
     assert pickle.loads(pickle.dumps(mixed)) == mixed
+    locked = sightline.Placement([[0, 0, 2, 0, 0, 0]] * 2, phases=[0.01, np.nan])
+    assert pickle.loads(pickle.dumps(locked)) == locked and locked != mixed
     psog = pickle.loads(pickle.dumps(scene.psog))
     assert psog.counts.tobytes() == scene.psog.counts.tobytes()
     vehicle = sightline.Vehicle.load("scenes/vehicles/car.json")
@@ -123,6 +146,32 @@ def test_a_vehicle_names_its_models() -> None:
     assert scores["beams"][0] == len(vehicle.sensors[model])
     with pytest.raises(ValueError, match="nope"):
         scene.score([[0, 0, 2, 0, 0, 0]], sensors=["nope"])
+
+
+def test_phases_lock_lidars_as_a_placement_file_does(scene) -> None:
+    pose, step = [0.3, 0.2, 2.3, 0.1, 0.0, 0.2], 2 * np.pi / 250
+    free, locked = sightline.Placement([pose] * 2), sightline.Placement([pose] * 2, phases=[np.nan, 0.4 * step])
+    assert "phase" not in locked.to_dict()["lidars"][0] and locked.to_dict()["lidars"][1]["phase"] == 0.4 * step
+    assert np.isnan(locked.phases[0]) and locked.phases[1] == 0.4 * step and np.isnan(free.phases).all()
+    # Beams of a locked LiDAR are turned about its own axis, in casts and scores.
+    turned = scene.cast(locked)["direction"].reshape(2, -1, 3)
+    plain = scene.cast(free)["direction"].reshape(2, -1, 3)
+    assert (turned[0] == plain[0]).all() and (turned[1] != plain[1]).any()
+    expected = scene.score([free, locked])
+    assert expected["information_gain"][0] < expected["information_gain"][1]
+    poses = np.array([[pose] * 2] * 2)
+    both = scene.score(poses, phases=[[np.nan, np.nan], [np.nan, 0.4 * step]])
+    assert both["information_gain"].tobytes() == expected["information_gain"].tobytes()
+    one = scene.score(poses, phases=[np.nan, 0.4 * step])
+    assert (one["information_gain"] == expected["information_gain"][1]).all()
+    suite = sightline.Suite([scene])
+    assert suite.score(poses[:1], phases=[np.nan, 0.4 * step])["information_gain"][0] == one["information_gain"][0]
+    with pytest.raises(ValueError, match=r"phases: have the shape \[3\] for 2 placements of 2 LiDARs"):
+        scene.score(poses, phases=[0.0, 0.0, 0.0])
+    with pytest.raises(ValueError, match="phase = inf is not usable"):
+        scene.score(poses, phases=[0.0, np.inf])
+    with pytest.raises(ValueError, match="phases: a Placement has its own"):
+        scene.score(locked, phases=[0.0, 0.0])
 
 
 def test_the_engine_agrees_with_the_reference(scene, placements) -> None:

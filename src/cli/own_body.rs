@@ -1,7 +1,7 @@
 //! The guard of placements that look at the own vehicle, which needs hits of its own.
 
 use crate::engine::{EngineChoice, open};
-use crate::near_field::self_hits;
+use crate::near_field;
 use crate::scene::Scene;
 use crate::search::{Scored, Suite};
 
@@ -17,8 +17,6 @@ pub fn add_self_hits<'a>(
     let Some(member) = suite.members().first() else { return Ok(()) };
     let (scene, problem) = (&scenes[member.scene()], member.problem());
     let mut engine = open(problem, &EngineChoice::cpu(), |_| {})?.engine;
-    for Scored { placement, scores, .. } in all {
-        scores.guards.extend(self_hits(scene, problem, &mut *engine, placement)?);
-    }
-    Ok(())
+    let all = all.map(|Scored { placement, scores, .. }| (&*placement, scores));
+    Ok(near_field::add_self_hits(scene, problem, &mut *engine, all)?)
 }

@@ -11,7 +11,7 @@ use std::time::Instant;
 use crate::internals::{
     LinePerElement, count_placements, shared_folder, writable_file, write_npy, write_whole,
 };
-use crate::near_field::{self_hits, weighted};
+use crate::near_field::{FEW_PLACEMENTS, add_self_hits, weighted};
 use crate::problem::{Problem, StageTimes};
 use crate::report;
 use crate::scene::Scene;
@@ -33,8 +33,6 @@ use super::progress;
 
 /// Placements that are read, scored and printed at a time.
 const BLOCK: usize = 1024;
-/// Placements in all up to which the guard `self_hit` is looked for, which needs hits of its own.
-const FEW: usize = 64;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -153,12 +151,10 @@ impl Scoring<'_> {
         }
         let block = block?;
         let mut scores = self.evaluator.scores(&block)?;
-        if self.count == 0 && block.len() <= FEW && self.reader.peek().is_none() {
-            for (placement, scores) in block.iter().zip(&mut scores) {
-                let (problem, engine) =
-                    (self.evaluator.shared_problem(), self.evaluator.backend_mut());
-                scores.guards.extend(self_hits(self.scene, &problem, engine, placement)?);
-            }
+        if self.count == 0 && block.len() <= FEW_PLACEMENTS && self.reader.peek().is_none() {
+            let problem = self.evaluator.shared_problem();
+            let engine = self.evaluator.backend_mut();
+            add_self_hits(self.scene, &problem, engine, block.iter().zip(&mut scores))?;
         }
         if let Some(folder) = &self.args.coverage_out {
             for placement in &block {

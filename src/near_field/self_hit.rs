@@ -3,8 +3,12 @@
 use crate::engine::{Backend, BackendError};
 use crate::problem::{Problem, SensorBatch};
 use crate::scene::{EgoBody, Scene};
-use crate::score::{Guard, MOST_SELF_HITS};
+use crate::score::{Guard, MOST_SELF_HITS, Scores};
 use crate::vehicle::Placement;
+
+/// Placements up to which the guard is looked for where scores are asked for and nothing is said of it: it takes
+/// casts of its own.
+pub const FEW_PLACEMENTS: usize = 64;
 
 /// Share of each LiDAR's beams that end at the own body in the first frame of a problem of the scene;
 /// zeros where beams end at nothing. The body stands nearest and is the same in every frame, so that one
@@ -49,4 +53,20 @@ pub fn self_hits(
     let shares = own_shares(scene, problem, engine, placement)?;
     let much = shares.into_iter().enumerate().filter(|(_, share)| *share > MOST_SELF_HITS);
     Ok(much.map(|(lidar, share)| Guard::SelfHit { lidar, share }).collect())
+}
+
+/// Adds the guards of [`self_hits`] to the scores of placements.
+///
+/// # Errors
+/// As [`own_shares`].
+pub fn add_self_hits<'a>(
+    scene: &Scene,
+    problem: &Problem,
+    engine: &mut dyn Backend,
+    all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
+) -> Result<(), BackendError> {
+    for (placement, scores) in all {
+        scores.guards.extend(self_hits(scene, problem, engine, placement)?);
+    }
+    Ok(())
 }

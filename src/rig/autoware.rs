@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::fields::Fields;
+use super::fields::{self, Fields};
 use super::frames::{Frame, Frames, Holds};
 use super::{BASE_LINK, Mounting, NamedText, Rig, RigError, Source};
 use crate::json::{Place, yaml_as_json};
@@ -52,7 +52,7 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
 pub(super) fn write(rig: &Rig, mounting: &Mounting) -> Vec<NamedText> {
     let frame = |name: &str, pose: &SensorPose| {
         let number = |(key, value)| format!("    {key}: {}\n", decimal(value));
-        let numbers: String = pose.fields().into_iter().map(number).collect();
+        let numbers: String = fields::named(pose).map(number).collect();
         format!("  {}:\n{numbers}", key(name))
     };
     let kit = format!("{BASE_LINK}:\n{}", frame(KIT, &super::angles::IDENTITY));

@@ -1,10 +1,10 @@
 //! The list that `sensors()` of a CARLA agent returns: left-handed, y to the right, in degrees.
 //!
-//! With y mirrored, CARLA's own signs of pitch and roll leave roll as it is; y, pitch and yaw change sign.
+//! With y mirrored, CARLA's own signs of pitch and roll leave roll as it is; y, pitch, yaw and phase change sign.
 
 use serde_json::{Map, Value, json};
 
-use super::fields::Fields;
+use super::fields::{self, Fields};
 use super::frames::{Frame, Frames, Holds};
 use super::literal::{literal, skip_blank};
 use super::{BASE_LINK, Fan, Mounting, Rig, RigError, RigLidar, Source, known};
@@ -24,7 +24,7 @@ pub(crate) fn mirrored(pose: &SensorPose, angle: impl Fn(f64) -> f64) -> SensorP
         pitch: 0.0 - angle(pose.pitch),
         yaw: 0.0 - angle(pose.yaw),
         sensor: pose.sensor,
-        phase: None,
+        phase: pose.phase.map(|phase| 0.0 - angle(phase)),
     }
 }
 
@@ -85,7 +85,7 @@ pub(super) fn write(
         let mut entry = Map::new();
         entry.insert("type".to_owned(), LIDAR.into());
         let pose = mirrored(&mounting.to_base(&lidar.pose), f64::to_degrees);
-        entry.extend(pose.fields().map(|(key, value)| (key.to_owned(), value.into())));
+        entry.extend(fields::numbers(&pose));
         entry.insert("id".to_owned(), lidar.frame.as_str().into());
         entry.extend(fan(lidar).into_iter().flat_map(attributes));
         Value::Object(entry)

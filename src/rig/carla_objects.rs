@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value, json};
 
-use super::fields::{Fields, wrong};
+use super::fields::{self, Fields, wrong};
 use super::frames::{Frames, Holds};
 use super::{Fan, Mounting, Rig, RigError, RigLidar, Source, carla};
 use crate::json::{self, Place};
@@ -12,8 +12,8 @@ use crate::vehicle::SensorPose;
 const VEHICLE: &str = "vehicle.tesla.model3";
 
 fn turned(pose: SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
-    let [roll, pitch, yaw] = [pose.roll, pose.pitch, pose.yaw].map(angle);
-    SensorPose { roll, pitch, yaw, ..pose }
+    let [roll, pitch, yaw] = [pose.roll, pose.pitch, pose.yaw].map(&angle);
+    SensorPose { roll, pitch, yaw, phase: pose.phase.map(angle), ..pose }
 }
 
 /// Reads the sensors of the only vehicle that has LiDARs.
@@ -59,8 +59,8 @@ pub(super) fn write(
 ) -> Value {
     let sensor = |lidar: &RigLidar| {
         let pose = turned(mounting.to_base(&lidar.pose), f64::to_degrees);
-        let spawn_point: Map<String, Value> =
-            pose.fields().into_iter().map(|(key, value)| (key.to_owned(), value.into())).collect();
+        // The bridge gives CARLA every other key of a sensor, of which CARLA refuses those that it does not know.
+        let spawn_point: Map<String, Value> = fields::numbers(&pose).collect();
         let mut sensor = Map::new();
         sensor.insert("type".to_owned(), carla::LIDAR.into());
         sensor.insert("id".to_owned(), lidar.frame.as_str().into());

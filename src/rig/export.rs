@@ -69,7 +69,20 @@ pub fn export(
             )
         }));
     }
+    warnings.extend(lost_phases(rig, format));
     Ok(Exported { files, warnings })
+}
+
+/// What a format without a place for phases loses.
+fn lost_phases(rig: &Rig, format: RigFormat) -> Option<String> {
+    let phased: Vec<&str> =
+        rig.lidars.iter().filter(|l| l.pose.phase.is_some()).map(|l| l.frame.as_str()).collect();
+    (format == RigFormat::Ros2Launch && !phased.is_empty()).then(|| {
+        format!(
+            "a launch file has no place for the phases of {}, which are left out; keep the placement beside it",
+            phased.join(", ")
+        )
+    })
 }
 
 fn pretty(value: &Value) -> String {

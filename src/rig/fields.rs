@@ -9,6 +9,19 @@ use crate::vehicle::SensorPose;
 /// Most characters of a value that a message repeats.
 const MOST_SHOWN: usize = 40;
 
+/// Key of the angle at which a LiDAR is locked. No other program reads it, and none trips over it.
+pub(super) const PHASE: &str = "phase";
+
+/// The six numbers of a pose by name, and its phase if it has one.
+pub(super) fn named(pose: &SensorPose) -> impl Iterator<Item = (&'static str, f64)> {
+    pose.fields().into_iter().chain(pose.phase.map(|phase| (PHASE, phase)))
+}
+
+/// The same for JSON.
+pub(super) fn numbers(pose: &SensorPose) -> impl Iterator<Item = (String, Value)> {
+    named(pose).map(|(key, value)| (key.to_owned(), value.into()))
+}
+
 /// Error of a value that is not `wanted`.
 pub(super) fn wrong(at: &Place, value: impl ToString, wanted: &'static str) -> RigError {
     let mut value = value.to_string();
@@ -76,13 +89,13 @@ impl<'a> Fields<'a> {
         value.as_str().ok_or_else(|| wrong(&self.at.key(key), plain(value), "a text"))
     }
 
-    /// `x`, `y`, `z`, `roll`, `pitch` and `yaw`, all of them.
+    /// `x`, `y`, `z`, `roll`, `pitch` and `yaw`, all of them, and a `phase` if there is one.
     pub(super) fn six(&self) -> Result<SensorPose, RigError> {
         let mut values = [0.0; 6];
         for (value, key) in values.iter_mut().zip(SensorPose::FIELDS) {
             *value = self.number(key)?;
         }
-        Ok(SensorPose::from_values(values))
+        Ok(SensorPose { phase: self.phase()?, ..SensorPose::from_values(values) })
     }
 
     /// As [`Self::six`]; angles that are missing are 0.
@@ -91,7 +104,11 @@ impl<'a> Fields<'a> {
         for (k, (value, key)) in values.iter_mut().zip(SensorPose::FIELDS).enumerate() {
             *value = if k < 3 { self.number(key)? } else { self.number_or(key, 0.0)? };
         }
-        Ok(SensorPose::from_values(values))
+        Ok(SensorPose { phase: self.phase()?, ..SensorPose::from_values(values) })
+    }
+
+    fn phase(&self) -> Result<Option<f64>, RigError> {
+        self.has(PHASE).then(|| self.number(PHASE)).transpose()
     }
 }
 

@@ -9,7 +9,7 @@ use super::{
     BASE_LINK, Mounting, Rig, RigError, RigFormat, RigLidar, Source, autoware, carla,
     carla_objects, detect, known, launch, pandaset, placements, sdf, sources, urdf,
 };
-use crate::vehicle::MAX_LIDARS;
+use crate::vehicle::{MAX_LIDARS, SensorPose};
 
 /// Words in the names of LiDAR frames, for formats that say no more.
 const WORDS: [&str; 10] = [
@@ -240,5 +240,6 @@ fn lidar(
         }
     };
     let pose = mounting.to_ego(&compose(&frames.in_base(base, frame)?, &up_from_foot));
-    Ok(RigLidar { frame: name.clone(), sensor, pose })
+    let phase = optical.and_then(|optical| optical.phase).or(frame.pose.phase);
+    Ok(RigLidar { frame: name.clone(), sensor, pose: SensorPose { phase, ..pose } })
 }

@@ -46,7 +46,7 @@ impl Mounting {
         SensorPose { x: pose.x + x, y: pose.y + y, z: pose.z + z, ..*pose }
     }
 
-    /// Pose of the foot in `base_link`, and of the optical centre in the frame of the foot.
+    /// Pose of the foot in `base_link`, with the sensor's phase, and height of the optical centre above it.
     pub(super) fn foot(
         &self,
         frame: &str,
@@ -54,6 +54,7 @@ impl Mounting {
         pose: &SensorPose,
     ) -> (SensorPose, f64) {
         let height = self.height(frame, sensor).unwrap_or(0.0);
-        (compose(&self.to_base(pose), &up(-height)), height)
+        let foot = compose(&self.to_base(pose), &up(-height));
+        (SensorPose { phase: pose.phase, ..foot }, height)
     }
 }

@@ -7,7 +7,7 @@ use roxmltree::Node;
 use super::angles::of_quaternion;
 use super::fields::wrong;
 use super::frames::{Frame, Frames, Holds};
-use super::simulated::{add_sensor, sensor_element};
+use super::simulated::{add_sensor, namespace, sensor_element};
 use super::{BASE_LINK, Mounting, Rig, RigError, Source, xml};
 use crate::vehicle::SensorPose;
 
@@ -74,8 +74,9 @@ fn pose<'a>(node: Node<'a, '_>, file: &str) -> Result<(SensorPose, Option<&'a st
 /// A model of `base_link` and one link a LiDAR.
 pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
     let mut text = format!(
-        "<?xml version=\"1.0\"?>\n<sdf version=\"1.9\">\n  <model name=\"{}\">\n    \
+        "<?xml version=\"1.0\"?>\n<sdf version=\"1.9\"{}>\n  <model name=\"{}\">\n    \
          <link name=\"{BASE_LINK}\"/>\n",
+        namespace(rig),
         xml::escape(&rig.name)
     );
     for lidar in &rig.lidars {
@@ -89,7 +90,7 @@ pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
              <pose relative_to=\"{BASE_LINK}\">{x} {y} {z} {roll} {pitch} {yaw}</pose>\n{}    </link>\n    \
              <joint name=\"{frame}_joint\" type=\"fixed\">\n      <parent>{BASE_LINK}</parent>\n      \
              <child>{frame}</child>\n    </joint>\n",
-            sensor_element(&lidar.frame, sensor, height, "      ")
+            sensor_element(lidar, height, "      ")
         );
     }
     text + "  </model>\n</sdf>\n"

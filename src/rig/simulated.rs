@@ -2,12 +2,17 @@
 
 use roxmltree::Node;
 
+use super::fields::{PHASE, number};
 use super::frames::{Frame, Frames, Holds};
-use super::{BASE_LINK, RigError, known, xml};
+use super::{BASE_LINK, Rig, RigError, RigLidar, known, xml};
 use crate::vehicle::SensorPose;
 
 /// Values of `type` that mean a LiDAR, in the versions of Gazebo.
 const LIDARS: [&str; 4] = ["ray", "gpu_ray", "lidar", "gpu_lidar"];
+
+/// Namespace of attributes that other programs pass over, and the prefix of it that is written.
+const OWN: &str = "urn:sightline";
+const PREFIX: &str = "sightline";
 
 /// Whether a `<sensor>` is a LiDAR.
 pub(super) fn is_lidar(sensor: Node) -> bool {
@@ -15,7 +20,7 @@ pub(super) fn is_lidar(sensor: Node) -> bool {
 }
 
 /// Notes a `<sensor>` whose pose is `optical` in the frame `link`. Of a LiDAR named `FRAME-MODEL`, as
-/// Velodyne's own description has it, the model is read.
+/// Velodyne's own description has it, the model is read, and the phase of an attribute of ours.
 pub(super) fn add_sensor(
     frames: &mut Frames,
     sensor: Node,
@@ -24,6 +29,10 @@ pub(super) fn add_sensor(
     file: &str,
 ) -> Result<(), RigError> {
     let name = sensor.attribute("name").unwrap_or_default();
+    let phase = sensor.attribute((OWN, PHASE));
+    let place = || xml::place(sensor, file).key(PHASE);
+    let phase = phase.map(|text| number(&place(), text)).transpose()?;
+    let optical = SensorPose { phase, ..optical };
     let holds = if is_lidar(sensor) {
         let model = name.strip_prefix(link).and_then(|rest| rest.strip_prefix('-'));
         let model = model.filter(|model| !model.is_empty()).map(known::usual);
@@ -49,16 +58,20 @@ pub(super) fn add_sensor(
 }
 
 /// The element that [`add_sensor`] reads, for a LiDAR `height` metres above its foot.
-pub(super) fn sensor_element(
-    frame: &str,
-    sensor: Option<&str>,
-    height: f64,
-    indent: &str,
-) -> String {
-    let name = sensor.map_or(frame.to_owned(), |sensor| format!("{frame}-{sensor}"));
+pub(super) fn sensor_element(lidar: &RigLidar, height: f64, indent: &str) -> String {
+    let RigLidar { frame, sensor, pose } = lidar;
+    let name = sensor.as_ref().map_or(frame.clone(), |sensor| format!("{frame}-{sensor}"));
+    let phase =
+        pose.phase.map(|phase| format!(" {PREFIX}:{PHASE}=\"{phase}\"")).unwrap_or_default();
     format!(
-        "{indent}<sensor name=\"{}\" type=\"gpu_lidar\">\n{indent}  <pose>0 0 {height} 0 0 0</pose>\n\
+        "{indent}<sensor name=\"{}\" type=\"gpu_lidar\"{phase}>\n{indent}  <pose>0 0 {height} 0 0 0</pose>\n\
          {indent}</sensor>\n",
         xml::escape(&name)
     )
+}
+
+/// What the root element needs for those of a rig: the namespace, where a LiDAR has a phase.
+pub(super) fn namespace(rig: &Rig) -> String {
+    let phased = rig.lidars.iter().any(|lidar| lidar.pose.phase.is_some());
+    if phased { format!(" xmlns:{PREFIX}=\"{OWN}\"") } else { String::new() }
 }

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::frames::{Frame, Frames, Holds};
-use super::simulated::{add_sensor, sensor_element};
+use super::simulated::{add_sensor, namespace, sensor_element};
 use super::{BASE_LINK, Mounting, Rig, RigError, Source, xml};
 use crate::vehicle::SensorPose;
 
@@ -49,8 +49,9 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
 /// A robot of `base_link` and one link a LiDAR.
 pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
     let mut text = format!(
-        "<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n  <link name=\"{BASE_LINK}\"/>\n",
-        xml::escape(&rig.name)
+        "<?xml version=\"1.0\"?>\n<robot name=\"{}\"{}>\n  <link name=\"{BASE_LINK}\"/>\n",
+        xml::escape(&rig.name),
+        namespace(rig)
     );
     for lidar in &rig.lidars {
         let sensor = lidar.sensor.as_deref();
@@ -63,7 +64,7 @@ pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
              <origin xyz=\"{x} {y} {z}\" rpy=\"{roll} {pitch} {yaw}\"/>\n    \
              <parent link=\"{BASE_LINK}\"/>\n    <child link=\"{frame}\"/>\n  </joint>\n  \
              <gazebo reference=\"{frame}\">\n{}  </gazebo>\n",
-            sensor_element(&lidar.frame, sensor, height, "    ")
+            sensor_element(lidar, height, "    ")
         );
     }
     text + "</robot>\n"

@@ -166,6 +166,26 @@ impl GridSearch {
         candidates.par_iter().map(|&pose| (pose, self.value_with(&union, pose))).collect()
     }
 
+    /// The same of one or two candidates more.
+    pub(super) fn values_with_groups(
+        &mut self,
+        poses: &[u32],
+        groups: &[(u32, Option<u32>)],
+    ) -> Vec<f64> {
+        let mut union = Vec::new();
+        self.atlas.union(poses, &mut union);
+        self.evaluations += groups.len() as u64;
+        let value = |&(one, other): &(u32, Option<u32>)| match other {
+            None => self.value_with(&union, one),
+            Some(other) => {
+                let mut both = Vec::new();
+                self.atlas.union(&[poses, &[one]].concat(), &mut both);
+                self.value_with(&both, other)
+            }
+        };
+        groups.par_iter().map(value).collect()
+    }
+
     /// The objective of each of some sets of poses and one pose of the grid more, `[sets][poses]`; `−∞` where
     /// it does not exist. All poses are held; the bitmap of each is read once for all sets.
     pub(super) fn values_beside(&mut self, sets: &[&[u32]]) -> Vec<Vec<f64>> {

@@ -48,7 +48,7 @@ impl Kind {
         (
             Self::Channels,
             "channels",
-            "16 to 128 channels, elevations crowded at the horizon, and real sensors (--sensor)",
+            "16 to 128 channels, elevations crowded at the horizon, and real sensors (--sensor): gain and near field",
         ),
         (Self::Voxels, "voxels", "The four voxel sizes of the paper with the layouts of Table 7"),
         (Self::Random, "random", "Random placements against hand-made ones and an optimized one"),

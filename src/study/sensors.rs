@@ -4,10 +4,15 @@ use super::cases::Cases;
 use super::columns::{self, SCORES, check_distinct};
 use super::scene::StudyScene;
 use super::{Drawing, StudyError, Table};
-use crate::vehicle::Lidar;
+use crate::near_field::NearSite;
+use crate::search::Evaluator;
+use crate::vehicle::{Lidar, Placement};
 
 /// Channels that are compared over the scene's own field of view.
 const CHANNELS: [u32; 4] = [16, 32, 64, 128];
+
+/// Ground within 10 m and within 3 m that is seen: what crowding channels at the horizon costs.
+const NEAR_COLUMNS: [&str; 2] = ["near %", "3 m %"];
 
 /// Powers by which the elevations of the scene's own number of channels are crowded at the horizon.
 const CROWDED: [f64; 3] = [1.25, 1.5, 2.0];
@@ -36,6 +41,18 @@ fn crowded_sensors(lidar: &Lidar, [low, high]: [f64; 2]) -> Vec<(String, Lidar)>
         (format!("{count} channels, crowded to the power of {power}"), lidar)
     };
     CROWDED.into_iter().map(sensor).collect()
+}
+
+/// Values of [`NEAR_COLUMNS`] of a placement; none in a scene without a near field.
+fn near_field(
+    scene: &StudyScene,
+    evaluator: &mut Evaluator,
+    placement: &Placement,
+) -> Result<[Option<f64>; 2], StudyError> {
+    let problem = evaluator.shared_problem();
+    let Ok(site) = NearSite::new(scene.scene, &problem) else { return Ok([None; 2]) };
+    let near = site.look(evaluator.backend_mut(), placement)?;
+    Ok([Some(near.near_field), near.ring].map(|share| share.map(|share| 100.0 * share)))
 }
 
 pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
@@ -74,15 +91,21 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
         let mut evaluator = scene.evaluator_with(table, scene.constraints())?;
         let (mut values, best) = columns::of_best(scene, &mut evaluator)?;
         values.insert(0, Some(beams as f64));
+        if let Some(best) = &best {
+            values.extend(near_field(scene, &mut evaluator, best)?);
+        }
         Ok((values, best))
     })?;
-    let notes = vec![format!(
+    let mut notes = vec![format!(
         "Channels from {low}° to {high}°, as the scene's own, evenly spaced, or drawn to the horizon: the share x \
          of the way from there to an end becomes x to the power given. Every sensor turns in {} steps and sees \
          {} m far, so that elevations alone differ.",
         azimuth_steps, range
     )];
+    if let Err(why) = NearSite::new(scene.scene, &scene.evaluator()?.shared_problem()) {
+        notes.push(format!("No near field: {why}."));
+    }
     let title = scene.title("the best placement of each sensor");
-    let columns = ["sensor", "beams a LiDAR"].into_iter().chain(SCORES);
+    let columns = ["sensor", "beams a LiDAR"].into_iter().chain(SCORES).chain(NEAR_COLUMNS);
     Ok(Table::new(title, columns, rows, notes, Drawing::of_column(1, SCORES[0], true)))
 }

@@ -124,9 +124,17 @@ impl Vehicle {
         if !must.is_empty() {
             return must;
         }
-        let all = self.mounts.iter().enumerate().map(|(k, mount)| (k, cheapest(mount)));
-        let first = all.min_by(|a, b| self.price(a.1).total_cmp(&self.price(b.1)));
-        first.into_iter().collect()
+        // Where pairs are wanted, a sensor on a mount that is not its own image brings another one.
+        let group = |(k, mount): (usize, &VehicleMount)| -> Equipment {
+            let images = self.mounts.iter().position(|of| of.region.is_image_of(&mount.region));
+            let image =
+                images.filter(|_| self.ties.symmetric && !mount.region.is_image_of(&mount.region));
+            [Some(k), image].into_iter().flatten().map(|k| (k, cheapest(mount))).collect()
+        };
+        let groups =
+            self.mounts.iter().enumerate().filter(|(_, mount)| mount.count[1] > 0).map(group);
+        let first = groups.min_by(|a, b| self.cost(a).total_cmp(&self.cost(b)));
+        first.unwrap_or_default()
     }
 
     /// The fullest equipment, at most [`MAX_LIDARS`] sensors: what the mounts must hold first, then what else

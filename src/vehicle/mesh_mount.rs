@@ -56,7 +56,8 @@ pub(super) fn patch(
         let found = format!("{} with {} triangles there", patch.file, facets.len());
         return Err(bad(at, found, wanted));
     }
-    Ok((region(at, patch, facets)?, raw.files))
+    let region = assembled(facets).map_err(|wanted| bad(at, &patch.file, wanted))?;
+    Ok((region, raw.files))
 }
 
 fn direction(at: &Place, facing: &FacingDescription) -> Result<(DVec3, f64), DescriptionError> {
@@ -100,7 +101,7 @@ fn smoothed(vertices: &[DVec3], faces: &[[u32; 3]], facing: Option<(DVec3, f64)>
 }
 
 /// The part of a triangle within a box, as triangles (Sutherland, Hodgman 1974).
-fn cut(facet: &Facet, [low, high]: [[f64; 3]; 2]) -> Vec<Facet> {
+pub(super) fn cut(facet: &Facet, [low, high]: [[f64; 3]; 2]) -> Vec<Facet> {
     let mut ring: Vec<(DVec3, DVec3)> = facet.corners.into_iter().zip(facet.normals).collect();
     for k in 0..3 {
         for (sign, bound) in [(1.0, low[k]), (-1.0, -high[k])] {
@@ -124,12 +125,8 @@ fn cut(facet: &Facet, [low, high]: [[f64; 3]; 2]) -> Vec<Facet> {
     fan.map(|ring| Facet { corners: ring.map(|c| c.0), normals: ring.map(|c| c.1) }).collect()
 }
 
-/// The region of facets in the ego frame: heights over the plane of their mean normal.
-fn region(
-    at: &Place,
-    patch: &MeshPatchDescription,
-    facets: Vec<Facet>,
-) -> Result<Region, DescriptionError> {
+/// The region of facets in the ego frame: heights over the plane of their mean normal; else what is wanted.
+pub(super) fn assembled(facets: Vec<Facet>) -> Result<Region, &'static str> {
     // Twice the vector of each area, outward as the normals are.
     let areas = facets.iter().map(|facet| {
         let [a, b, c] = facet.corners;
@@ -139,9 +136,10 @@ fn region(
     let areas: Vec<DVec3> = areas.collect();
     let (sum, whole) = (areas.iter().sum::<DVec3>(), areas.iter().map(|a| a.length()).sum::<f64>());
     let Some(normal) = sum.try_normalize().filter(|_| sum.length() > 0.1 * whole) else {
-        let wanted = "a patch with an outer side: its normals cancel out; say with `facing` which triangles \
-                      are meant, those that look up for example";
-        return Err(bad(at, &patch.file, wanted));
+        return Err(
+            "a patch with an outer side: its normals cancel out; say with `facing` which triangles \
+                    are meant, those that look up for example",
+        );
     };
     let weighted = facets
         .iter()
@@ -159,8 +157,7 @@ fn region(
     });
     let axes = if on_roof { [0, 1] } else { [1, 2] };
     let Some(surface) = Surface::new(axes, moved.collect()) else {
-        let wanted = "a patch with an area; all its triangles are thin or steep";
-        return Err(bad(at, &patch.file, wanted));
+        return Err("a patch with an area; all its triangles are thin or steep");
     };
     let (mut lower, mut upper) = ([0.0; 6], [0.0; 6]);
     for &field in &axes {

@@ -1,6 +1,9 @@
 //! Mirror images at the plane y = 0: of poses, of placements, of a sensor's beams.
 
+use std::f64::consts::TAU;
 use std::sync::Arc;
+
+use glam::DVec3;
 
 use super::{BeamGrid, BeamTable, Placement, SensorPose};
 
@@ -9,6 +12,11 @@ pub(super) const SLACK: f64 = 1e-9;
 
 /// Pose fields that change sign in a mirror image: y, roll and yaw.
 pub(super) const MIRRORED: [usize; 3] = [1, 3, 5];
+
+/// A point or direction mirrored at the plane y = 0.
+pub(super) fn flipped(point: DVec3) -> DVec3 {
+    DVec3 { y: 0.0 - point.y, ..point }
+}
 
 /// LiDARs of a placement by their position to the plane y = 0, as indices.
 #[derive(Debug, Default, PartialEq)]
@@ -50,13 +58,19 @@ impl SensorPose {
         Self { y: 0.0 - self.y, roll: 0.0 - self.roll, yaw: 0.0 - self.yaw, phase, ..*self }
     }
 
-    /// Sum of the differences of the six numbers, in m and rad; infinite between sensors of different models.
-    /// Phases do not count: mirror images are those of sensors as they are mounted.
+    /// Sum of the differences of the six numbers, in m and rad, angles up to half a turn; infinite between sensors
+    /// of different models. Phases do not count: mirror images are those of sensors as they are mounted.
     pub(super) fn difference(&self, other: &Self) -> f64 {
         if self.sensor != other.sensor {
             return f64::INFINITY;
         }
-        self.fields().iter().zip(other.fields()).map(|(a, b)| (a.1 - b.1).abs()).sum()
+        let differences = self.values().into_iter().zip(other.values()).map(|(a, b)| (a - b).abs());
+        let whole = |(k, by): (usize, f64)| match k {
+            // Straight back is half a turn to the left as well as to the right.
+            3.. if by > 0.5 * TAU => (by - TAU * (by / TAU).round()).abs(),
+            _ => by,
+        };
+        differences.enumerate().map(whole).sum()
     }
 }
 

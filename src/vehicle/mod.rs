@@ -7,6 +7,7 @@ mod description;
 mod equipment;
 mod lidar;
 mod lidar_reading;
+mod mesh_mirror;
 mod mesh_mount;
 mod mirror;
 mod mount;

@@ -12,12 +12,9 @@ fn close<const N: usize>(a: [f64; N], b: [f64; N]) -> bool {
 }
 
 impl Region {
-    /// The region in a mirror at the plane y = 0: poses in it are the mirrored ones; `None` for a curved
-    /// surface.
-    fn mirrored(&self) -> Option<Self> {
-        if self.surface.is_some() {
-            return None;
-        }
+    /// The region in a mirror at the plane y = 0: poses in it are the mirrored ones. A curved surface stays as it
+    /// is.
+    pub(super) fn mirrored(&self) -> Self {
         let mut image = self.clone();
         for k in MIRRORED {
             (image.lower[k], image.upper[k]) = (0.0 - self.upper[k], 0.0 - self.lower[k]);
@@ -31,12 +28,20 @@ impl Region {
         for side in (0..2).filter(|&side| axes[side] == 1) {
             corners.iter_mut().for_each(|corner| corner[side] = 0.0 - corner[side]);
         }
-        Some(image)
+        image
     }
 
     /// Whether a mirror at the plane y = 0 shows one region as the other.
     pub(super) fn is_image_of(&self, other: &Self) -> bool {
-        let Some(image) = other.mirrored() else { return false };
+        let alike = match (&self.surface, &other.surface) {
+            (None, None) => true,
+            (Some(own), Some(other)) => own.is_image_of(other),
+            _ => false,
+        };
+        if !alike {
+            return false;
+        }
+        let image = other.mirrored();
         let frame = |region: &Self| {
             let frame = region.ego_from_region.unwrap_or(Pose::IDENTITY);
             (frame.rotation.to_cols_array(), frame.translation.to_array())
@@ -110,7 +115,10 @@ impl Constraints {
             let turned = |&[a, b]: &[usize; 2]| fit(&[b, a]);
             let at = open.iter().position(|pair| fit(pair) || turned(pair))?;
             let [a, b] = open.remove(at);
-            order.extend(if fit(&[a, b]) { [a, b] } else { [b, a] });
+            // The first of a pair in one region has the larger y of its frame, which at a tail is to the right.
+            let y = |lidar: usize| self.slots[slot].region.fields(&lidars[lidar])[1];
+            let is_turned = self.is_pair_of_one(slot) && y(a) < y(b);
+            order.extend(if fit(&[a, b]) && !is_turned { [a, b] } else { [b, a] });
         }
         for slot in paired..lidars.len() {
             let at = in_plane.iter().position(|&lidar| fits(slot, lidar))?;

@@ -1,5 +1,7 @@
 //! A curved surface that sensors stand on: triangles as heights over a plane of their own.
 
+use std::sync::Arc;
+
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::geom::Pose;
@@ -27,6 +29,18 @@ pub struct Surface {
     /// The plane's lower corner, and the size of a cell.
     low: DVec2,
     size: DVec2,
+    pub(super) image: Image,
+}
+
+/// Which surface is seen in a mirror at the plane y = 0, where pairs stand on it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Image {
+    /// None that is known.
+    None,
+    /// The same.
+    Itself,
+    /// Another one, which it was made of.
+    Of(Arc<Surface>),
 }
 
 // No number of a surface is NaN. That equality is one of values lets pointers to one surface be compared first.
@@ -80,8 +94,8 @@ impl Surface {
         let low = corners().reduce(DVec2::min)?;
         let high = corners().reduce(DVec2::max)?;
         let mut along = (facets.len() as f64).sqrt().clamp(1.0, MOST_CELLS) as usize;
-        let mut surface =
-            Self { axes, facets, cells: vec![], count: [1; 2], low, size: high - low };
+        let (cells, size, image) = (vec![], high - low, Image::None);
+        let mut surface = Self { axes, facets, cells, count: [1; 2], low, size, image };
         loop {
             surface.count = [along; 2];
             surface.size = ((high - low) / along as f64).max(DVec2::splat(1e-9));
@@ -113,6 +127,21 @@ impl Surface {
 
     pub(super) fn axes(&self) -> [usize; 2] {
         self.axes
+    }
+
+    /// Whether a mirror at the plane y = 0 shows one as the other.
+    pub(super) fn is_image_of(self: &Arc<Self>, other: &Arc<Self>) -> bool {
+        match (&self.image, &other.image) {
+            (Image::Itself, _) => Arc::ptr_eq(self, other),
+            (Image::Of(one), _) if Arc::ptr_eq(one, other) => true,
+            (_, Image::Of(one)) => Arc::ptr_eq(one, self),
+            _ => false,
+        }
+    }
+
+    /// In the region's frame.
+    pub(super) fn facets(&self) -> impl Iterator<Item = &Facet> {
+        self.facets.iter()
     }
 
     /// Corners of all facets, in the region's frame.

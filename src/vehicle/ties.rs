@@ -2,19 +2,28 @@
 
 use std::sync::Arc;
 
+use super::MAX_LIDARS;
 use super::equipment::VehicleMount;
+use super::mesh_mirror::OFF;
 use crate::json::check::bad;
 use crate::json::{DescriptionError, Place};
 
 /// Mounts of one height: each is cut to the heights that all have.
 ///
 /// # Errors
-/// Several mounts of which one is no box, or without a height in common.
+/// A patch of a mesh, or several mounts of which one is no box, or without a height in common.
 pub(super) fn level(at: &Place, mounts: &mut [VehicleMount]) -> Result<(), DescriptionError> {
+    let at = at.key("equal_height");
+    if let Some(mount) = mounts.iter().find(|mount| mount.region.surface.is_some()) {
+        let wanted = format!(
+            "possible with `{}`, a patch of a mesh, whose heights are counted from the mesh; leave it out",
+            mount.region.name
+        );
+        return Err(bad(&at, true, wanted));
+    }
     if mounts.len() < 2 {
         return Ok(());
     }
-    let at = at.key("equal_height");
     let patch = mounts.iter().find(|mount| mount.region.ego_from_region.is_some());
     if let Some(mount) = patch {
         let wanted = format!(
@@ -47,19 +56,11 @@ pub(super) fn level(at: &Place, mounts: &mut [VehicleMount]) -> Result<(), Descr
 /// Checks that LiDARs can come in mirrored pairs.
 ///
 /// # Errors
-/// A mount without a mirror image of as many sensors of the same model, or one of several with a choice of them.
+/// A mount without a mirror image for as many sensors of the same models, or more sensors than a placement has.
 pub(super) fn check_pairs(at: &Place, mounts: &[VehicleMount]) -> Result<(), DescriptionError> {
     let at = at.key("symmetric");
     for mount in mounts {
         let name = &mount.region.name;
-        let is_open = mount.count[0] < mount.count[1];
-        if mount.sensors.len() > 1 || mounts.len() > 1 && is_open {
-            let wanted = format!(
-                "possible where `{name}` leaves a choice: give its `count` as one number and one sensor in \
-                 `sensors`, or leave it out"
-            );
-            return Err(bad(&at, true, wanted));
-        }
         let holds = |other: &&VehicleMount| {
             let alike = other.count == mount.count && other.sensors == mount.sensors;
             alike && other.region.is_image_of(&mount.region)
@@ -67,10 +68,18 @@ pub(super) fn check_pairs(at: &Place, mounts: &[VehicleMount]) -> Result<(), Des
         if !mounts.iter().any(|other| holds(&other)) {
             let wanted = format!(
                 "possible with `{name}`, which has no mirror image at the plane y = 0: y, roll and yaw must run \
-                 from -a to a, or another mount be its image, for as many sensors of the same model; leave it out"
+                 from -a to a, or another mount be its image (of meshes to within {OFF} m), with the same `count` \
+                 and `sensors`; leave it out"
             );
             return Err(bad(&at, true, wanted));
         }
+    }
+    let most: usize = mounts.iter().map(|mount| mount.count[1]).sum();
+    if most > MAX_LIDARS {
+        let wanted = format!(
+            "possible with mounts for up to {most} sensors: a placement has at most {MAX_LIDARS}; lower `count`"
+        );
+        return Err(bad(&at, true, wanted));
     }
     Ok(())
 }

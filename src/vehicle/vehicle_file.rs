@@ -10,6 +10,7 @@ use super::description::{
     RequirementDescription, VehicleDescription,
 };
 use super::equipment::{Requirement, Vehicle, VehicleMount, VehicleSensor};
+use super::mesh_mirror::mirror_meshes;
 use super::mount::keep_out_boxes;
 use super::mounting::mounting;
 use super::ties::{check_pairs, level};
@@ -87,6 +88,7 @@ impl Vehicle {
             level(at, &mut mounts)?;
         }
         if ties.symmetric {
+            mirror_meshes(&mut mounts);
             check_pairs(at, &mounts)?;
         }
         let require = vehicle.require.iter().enumerate();

@@ -132,6 +132,27 @@ def controls(page: Page) -> None:
     changes(page, "walls in full", page.locator("[name=whole]").check)
 
 
+def scenes(page: Page, triangles: list[int]) -> None:
+    """Each of several scenes is drawn when it is chosen, with its own frames and words."""
+    choice = page.locator("[name=scene]")
+    first = picture(page)
+    for number, wanted in enumerate(triangles):
+        if number > 0:
+            changes(page, f"scene {number}", lambda number=number: choice.select_option(str(number)))
+        state = told(page)
+        drawn = int(state["triangles"])
+        words = page.locator(".left-out:visible")
+        merged = words.count() == 1 and f"The scene's {wanted} triangles are drawn as {drawn}" in words.inner_text()
+        check(drawn == wanted or merged, f"{drawn} of {wanted} triangles of scene {number}, and nothing said")
+        check(int(state["voxels"]) > 1000, f"only {state['voxels']} voxels of scene {number}")
+        frame = page.locator("[name=frame]")
+        check(frame.get_attribute("max") == "5", f"scene {number} has {frame.get_attribute('max')} frames behind the first")
+        changes(page, f"another frame of scene {number}", lambda: frame.fill("5"))
+        frame.fill("0")
+    choice.select_option("0")
+    check(picture(page) == first, "the first scene does not come back")
+
+
 def axe(page: Page, what: str) -> None:
     found = Axe().run(page).response["violations"]
     grave = [f for f in found if f["impact"] in ("serious", "critical", "moderate")]
@@ -168,7 +189,11 @@ def main(folder: Path, renew: bool) -> None:
         check("Pyramid" in given.locator("h1").inner_text(), "the page does not name what it shows")
         check(given.locator("#search").count() == 0, "a page without a search tells of one")
         check("95 % interval" in given.locator("body").inner_text(), "two scenes, and no interval")
+        scenes(given, [info["triangles"] for info in json.loads((folder / "both.json").read_text())])
         axe(given, "the page of a placement")
+        second = opened(browser, view, "#frame=3&scene=1", viewport=WIDE)
+        check(second.locator("[name=scene]").input_value() == "1", "the address does not choose the scene")
+        check(second.locator("[name=frame]").input_value() == "3", "the address does not choose a frame of the scene")
         if renew:
             keep(dark, "dark")
             keep(phone, "phone")

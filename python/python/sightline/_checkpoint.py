@@ -41,7 +41,7 @@ class Checkpoint:
         folder: str | Path | None,
         scenes: list[Scene],
         poses: npt.NDArray[np.float64],
-        sensors: list[str] | None,
+        named: Mapping[str, Any],
     ) -> Checkpoint:
         """Begins a folder, or goes on with one that was begun with the same inputs."""
         if folder is None:
@@ -53,8 +53,10 @@ class Checkpoint:
             "scenes": [[_made(scene), scene._inputs()] for scene in scenes],
             "shape": list(poses.shape),
             "poses": hashlib.sha256(poses.tobytes()).hexdigest(),
-            "sensors": sensors,
+            "sensors": named["sensors"],
         }
+        if named["phases"] is not None:
+            plan["phases"] = hashlib.sha256(named["phases"].tobytes()).hexdigest()
         plan = json.loads(json.dumps(plan, default=str))
         file = folder / PLAN
         if not file.exists():
@@ -63,7 +65,7 @@ class Checkpoint:
             _write(file, json.dumps(plan, indent=1).encode())
             return cls(folder)
         before = json.loads(file.read_text())
-        changed = [key for key in plan if before.get(key) != plan[key]]
+        changed = [key for key in {**before, **plan} if before.get(key) != plan.get(key)]
         if changed:
             raise ValueError(
                 f"{folder}: was begun with other inputs ({', '.join(changed)}); give them, or another folder"

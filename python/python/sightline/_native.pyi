@@ -48,7 +48,12 @@ class _BeamHits(_RayHits):
 @final
 class Placement:
     def __new__(
-        cls, poses: npt.ArrayLike, *, name: str = "placement", sensors: Sequence[str] | None = None
+        cls,
+        poses: npt.ArrayLike,
+        *,
+        name: str = "placement",
+        sensors: Sequence[str] | None = None,
+        phases: npt.ArrayLike | None = None,
     ) -> Placement: ...
     @property
     def name(self) -> str: ...
@@ -56,6 +61,8 @@ class Placement:
     def poses(self) -> F64: ...
     @property
     def sensors(self) -> list[str]: ...
+    @property
+    def phases(self) -> F64: ...
     def to_dict(self) -> dict[str, Any]: ...
     def __len__(self) -> int: ...
     def __eq__(self, value: object, /) -> bool: ...
@@ -189,12 +196,28 @@ class Scene:
     def psog(self) -> Psog: ...
     def world_from_ego(self, frame: int) -> F64: ...
     def mesh(self, frame: int = 0, *, body: bool = True) -> _Mesh: ...
-    def score(self, poses: _Poses, *, sensors: Sequence[str] | None = None) -> Scores: ...
+    def score(
+        self,
+        poses: _Poses,
+        *,
+        sensors: Sequence[str] | None = None,
+        phases: npt.ArrayLike | None = None,
+        self_hits: bool | None = None,
+    ) -> Scores: ...
     def covered(
-        self, poses: _Poses, *, sensors: Sequence[str] | None = None
+        self,
+        poses: _Poses,
+        *,
+        sensors: Sequence[str] | None = None,
+        phases: npt.ArrayLike | None = None,
     ) -> npt.NDArray[np.uint64]: ...
     def cast(
-        self, poses: _Poses, *, frame: int = 0, sensors: Sequence[str] | None = None
+        self,
+        poses: _Poses,
+        *,
+        frame: int = 0,
+        sensors: Sequence[str] | None = None,
+        phases: npt.ArrayLike | None = None,
     ) -> _BeamHits: ...
     def cast_rays(self, rays: npt.ArrayLike, *, frame: int = 0) -> _RayHits: ...
     def scan(
@@ -202,6 +225,7 @@ class Scene:
         poses: _Poses,
         *,
         sensors: Sequence[str] | None = None,
+        phases: npt.ArrayLike | None = None,
         conditions: Sequence[str] = ...,
         ideal: bool = False,
         seed: int = 0,
@@ -213,6 +237,7 @@ class Scene:
         poses: _Poses | None = None,
         *,
         sensors: Sequence[str] | None = None,
+        phases: npt.ArrayLike | None = None,
         frames: int = 1,
         random: int = 200,
         hostile: int = 50,
@@ -228,7 +253,13 @@ class Suite:
     def __new__(cls, scenes: Sequence[Scene]) -> Suite: ...
     @property
     def names(self) -> list[str]: ...
-    def score(self, poses: _Poses, *, sensors: Sequence[str] | None = None) -> Scores: ...
+    def score(
+        self,
+        poses: _Poses,
+        *,
+        sensors: Sequence[str] | None = None,
+        phases: npt.ArrayLike | None = None,
+    ) -> Scores: ...
     def __len__(self) -> int: ...
 
 def main(arguments: Sequence[_Path]) -> int: ...

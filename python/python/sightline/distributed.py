@@ -39,6 +39,8 @@ __all__ = ["Completed", "Progress", "optimize", "run", "score"]
 
 #: Placements of the first chunk of a scene, whose time tells how large the others may be.
 PROBE = 16
+#: Placements up to which the guard ``self_hit`` is looked for, as in :meth:`sightline.Scene.score`.
+FEW = 64
 #: Seconds that a chunk is to take.
 CHUNK_SECONDS = 2.0
 
@@ -46,23 +48,32 @@ CHUNK_SECONDS = 2.0
 class _Worker:
     """Holds scenes whose engines are built when they are first asked for."""
 
-    def __init__(self, threads: int | None, scenes: list[Scene], poses: Any, sensors: Any) -> None:
+    def __init__(self, threads: int | None, scenes: list[Scene], poses: Any, named: dict[str, Any]) -> None:
         if threads is not None:
             set_threads(threads)
-        self.scenes, self.poses, self.sensors = scenes, poses, sensors
+        self.scenes, self.poses, self.named = scenes, poses, named
 
     def ready(self) -> None:
         """Says that the worker stands."""
 
     def score(self, scene: int, start: int, stop: int) -> tuple[Scores, float]:
         """Scores of some placements in a scene, and the seconds that took without building the engine."""
-        self.scenes[scene].score(self.poses[start : start + 1], sensors=self.sensors)
+        self._scored(scene, start, start + 1)
         begun = time.perf_counter()
-        scores = self.scenes[scene].score(self.poses[start:stop], sensors=self.sensors)
+        scores = self._scored(scene, start, stop)
         seconds = time.perf_counter() - begun
         # Placements are numbered over all chunks.
         scores.names = [str(number) for number in range(start, stop)]
         return scores, seconds
+
+    def _scored(self, scene: int, start: int, stop: int) -> Scores:
+        phases = self.named["phases"]
+        phases = phases if phases is None else phases[start:stop]
+        # As few placements as one process looks at, however they are cut into chunks.
+        few = len(self.poses) <= FEW
+        return self.scenes[scene].score(
+            self.poses[start:stop], sensors=self.named["sensors"], phases=phases, self_hits=few
+        )
 
     def optimize(self, scene: int, settings: dict[str, Any]) -> Result:
         """A search in a scene."""
@@ -92,6 +103,7 @@ def score(
     poses: npt.ArrayLike,
     *,
     sensors: Sequence[str] | None = None,
+    phases: npt.ArrayLike | None = None,
     actors: int | None = None,
     threads: int | None = None,
     checkpoint: str | Path | None = None,
@@ -99,8 +111,8 @@ def score(
 ) -> list[Scores]:
     """Scores of N placements in each of some scenes.
 
-    ``poses`` is ``[N, L, 6]`` as for :meth:`sightline.Scene.score`, ``sensors`` names the model of each LiDAR. There
-    is an actor a node with all of its cores, or ``actors`` of them with ``threads`` threads each. ``checkpoint`` is a
+    ``poses`` is ``[N, L, 6]`` as for :meth:`sightline.Scene.score`, ``sensors`` names the model of each LiDAR, and
+    ``phases`` ``[L]`` or ``[N, L]`` locks them. There is an actor a node with all of its cores, or ``actors`` of them with ``threads`` threads each. ``checkpoint`` is a
     folder that finished chunks are kept in. ``progress`` is told after each chunk.
 
     Raises ``ValueError`` for placements and scenes that do not go together, and for a checkpoint of other inputs;
@@ -114,8 +126,8 @@ def score(
         raise ValueError(f"poses{bad[0].tolist()}: is not finite; give a number")
     if not scenes:
         raise ValueError("scenes: are none; give at least one")
-    names = list(sensors) if sensors is not None else None
-    kept = Checkpoint.open(checkpoint, list(scenes), array, names)
+    named = {"sensors": list(sensors) if sensors is not None else None, "phases": _phases(phases, array)}
+    kept = Checkpoint.open(checkpoint, list(scenes), array, named)
     finished: list[dict[int, Scores]] = [dict(kept.read(k)) for k in range(len(scenes))]
     count = len(array)
     total = count * len(scenes)
@@ -146,7 +158,7 @@ def score(
             yield from rest(scene, (stop - start) / max(seconds, 1e-6))
 
     have = sum(len(part) for parts in finished for part in parts.values())
-    pool = _pool(actors, threads, list(scenes), array, names, progress)
+    pool = _pool(actors, threads, list(scenes), array, named, progress)
     with pool:
         first = [task for scene in range(len(scenes)) for task in probe(scene)]
         weigh = lambda task: task.arguments[2] - task.arguments[1]  # noqa: E731
@@ -211,6 +223,20 @@ def run(
     return [result for result in results if result is not None]
 
 
+def _phases(
+    phases: npt.ArrayLike | None, poses: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64] | None:
+    """Phases of every LiDAR of every placement."""
+    if phases is None:
+        return None
+    array = np.asarray(phases, dtype=np.float64)
+    if array.shape not in (poses.shape[1:2], poses.shape[:2]):
+        raise ValueError(f"phases: have the shape {list(array.shape)}; give [L] or [N, L], {list(poses.shape[:2])}")
+    if np.isinf(array).any():
+        raise ValueError("phases: are not finite; give radians, NaN for a LiDAR that is as its model says")
+    return np.ascontiguousarray(np.broadcast_to(array, poses.shape[:2]))
+
+
 def _nodes() -> list[dict[str, Any]]:
     return list(ray.nodes())  # type: ignore[no-untyped-call]
 
@@ -220,13 +246,13 @@ def _pool(
     threads: int | None,
     scenes: list[Scene],
     poses: npt.NDArray[np.float64] | None,
-    sensors: list[str] | None,
+    named: dict[str, Any] | None,
     progress: Callable[[Progress], object] | None,
 ) -> Pool:
     if not ray.is_initialized():
         ray.init(log_to_driver=False, include_dashboard=False)
     # Constructor references must outlive every actor, or a new one could not be made from them.
-    shared = [ray.put(scenes), ray.put(poses), ray.put(sensors)]
+    shared = [ray.put(scenes), ray.put(poses), ray.put(named)]
     remote = ray.remote(max_restarts=0)(_Worker)
 
     def start(cores: float) -> Any:

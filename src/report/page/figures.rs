@@ -9,7 +9,7 @@ use crate::report::near_field::near_field_svg;
 use crate::report::view::ViewData;
 use crate::report::{InformationMap, convergence_svg, placement_svg};
 use crate::scene::Scene;
-use crate::search::{GenerationRecord, Scored, Suite};
+use crate::search::{GenerationRecord, Member, Scored, Suite};
 use crate::vehicle::{Constraints, Placement};
 
 use crate::report::RunRecord;
@@ -21,8 +21,8 @@ const NEAR_FRAMES: u32 = 4;
 pub struct Looks {
     /// What it gains, from above, in each scene by name.
     maps: Vec<(String, InformationMap)>,
-    /// It in the first scene, in 3-D.
-    view: ViewData,
+    /// It in each scene, in 3-D.
+    views: Vec<ViewData>,
     /// Ground near the vehicle in the first scene that it and the best baseline see, or why there is none.
     near: Result<Near, String>,
 }
@@ -49,21 +49,24 @@ impl Looks {
         let choice = EngineChoice { memory, ..EngineChoice::cpu() };
         let rival = Scored::yardstick(baselines).map(|rival| &rival.placement);
         let layouts: Vec<Placement> = baselines.iter().map(|b| b.placement.clone()).collect();
-        let (mut maps, mut first) = (Vec::new(), None);
-        for member in suite.members().iter().filter(|member| !member.is_mirrored()) {
+        let (mut maps, mut views, mut ground) = (Vec::new(), Vec::new(), None);
+        let places: Vec<&Member> =
+            suite.members().iter().filter(|member| !member.is_mirrored()).collect();
+        for member in &places {
             let problem = member.problem();
             let mut engine = open(problem, &choice, |_| {})?.engine;
             let map = InformationMap::of(problem, &mut *engine, placement)?;
             maps.push((member.name().to_owned(), map));
-            if first.is_none() {
-                let scene = &scenes[member.scene()];
-                let view = ViewData::new(scene, problem, &mut *engine, placement, &layouts)?;
-                let near = near(scene, problem, &choice, std::iter::once(placement).chain(rival))?;
-                first = Some((view, near));
+            let (scene, count) = (&scenes[member.scene()], places.len());
+            let engine = &mut *engine;
+            views.push(ViewData::new(scene, problem, engine, placement, &layouts, count)?);
+            if ground.is_none() {
+                let both = std::iter::once(placement).chain(rival);
+                ground = Some(near(scene, problem, &choice, both)?);
             }
         }
-        let (view, near) = first.expect("a suite has a scene that is no mirror image");
-        Ok(Self { maps, view, near })
+        let near = ground.expect("a suite has a scene that is no mirror image");
+        Ok(Self { maps, views, near })
     }
 }
 
@@ -98,8 +101,8 @@ pub struct Figures {
     pub maps: Vec<(String, String)>,
     /// The blind zone from above, or why it is not drawn.
     pub near_field: Result<String, String>,
-    /// The 3-D view; `None` without a result.
-    pub view: Option<ViewData>,
+    /// The 3-D view of each scene; empty without a result.
+    pub views: Vec<ViewData>,
 }
 
 impl Figures {
@@ -115,15 +118,15 @@ impl Figures {
             placement: shown.map(|shown| placement_svg(shown, constraints, body)),
             maps: Vec::new(),
             near_field: Err("there is no result".to_owned()),
-            view: None,
+            views: Vec::new(),
         };
-        let Some((Looks { maps, view, near }, shown)) = looks.zip(shown) else { return none };
+        let Some((Looks { maps, views, near }, shown)) = looks.zip(shown) else { return none };
         let near_field = near.map(|Near { footprint, all }| {
             let drawn: Vec<(&Placement, &NearField)> = all.iter().map(|(p, n)| (p, n)).collect();
             near_field_svg(&footprint, &drawn)
         });
         let maps = maps.into_iter().map(|(name, map)| (name, map.svg(&shown.placement)));
-        Self { maps: maps.collect(), near_field, view: Some(view), ..none }
+        Self { maps: maps.collect(), near_field, views, ..none }
     }
 
     /// The same with the convergence of a run.

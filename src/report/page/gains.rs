@@ -9,7 +9,7 @@ use crate::report::view::sight::Part;
 
 /// Gain by class and by distance, against the best baseline.
 pub(super) fn gains(subject: &Subject<'_>, figures: &Figures) -> Markup {
-    let Some(gains) = figures.view.as_ref().map(|view| view.gains()) else { return html! {} };
+    let Some(first) = figures.views.first() else { return html! {} };
     let rival = subject.rival().map(|rival| rival.placement.name.as_str());
     let place = subject.baselines.iter().position(|b| Some(b.placement.name.as_str()) == rival);
     let place = place.map(|index| index + 1);
@@ -17,13 +17,16 @@ pub(super) fn gains(subject: &Subject<'_>, figures: &Figures) -> Markup {
         section aria-labelledby="gains" {
             h2 #gains { "Where the gain comes from" }
             p {
-                "Per cent of the information there is that the beams reach, over " (gains.frames) " frame(s)"
-                @if subject.scenes.len() > 1 { " of the first scene" }
+                "Per cent of the information there is that the beams reach, over " (first.gains().frames)
+                " frame(s)"
                 @if let Some(name) = rival { "; the mark on a bar is " (name) ", the best baseline" }
                 ". A voxel in which several classes occur counts with the rarest of them."
             }
-            (parts("By class", rival, place, &gains.by_class))
-            (parts("By distance from the vehicle", rival, place, &gains.by_distance))
+            @for view in &figures.views {
+                @if figures.views.len() > 1 { h3 { (view.scene()) } }
+                (parts("By class", rival, place, &view.gains().by_class))
+                (parts("By distance from the vehicle", rival, place, &view.gains().by_distance))
+            }
         }
     }
 }

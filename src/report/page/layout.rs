@@ -44,7 +44,7 @@ pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunR
 /// What each LiDAR gains alone, and what would be lost without it.
 fn each_lidar(subject: &Subject<'_>, figures: &Figures) -> Markup {
     let unique = subject.result.map_or(&[][..], |best| &best.scores.unique_share);
-    let gains = figures.view.as_ref().map(|view| view.gains());
+    let gains = figures.views.first().map(|view| view.gains());
     let whole = gains.map_or(0.0, |gains| gains.gained()).max(f64::MIN_POSITIVE);
     let rows = unique.iter().enumerate().map(|(index, only)| {
         let alone = gains.and_then(|gains| gains.alone.get(index)).map(|nats| nats / whole);
@@ -62,6 +62,10 @@ fn each_lidar(subject: &Subject<'_>, figures: &Figures) -> Markup {
             &["LiDAR", "alone %", "only it %", ""],
             &rows,
         ))
-        p.small { "Bar: alone; mark: only it, which is lost with that LiDAR." }
+        p.small {
+            "Bar: alone"
+            @if figures.views.len() > 1 { ", in the first scene" }
+            "; mark: only it, which is lost with that LiDAR."
+        }
     }
 }

@@ -8,11 +8,12 @@ use crate::report::svg::COLOURS;
 
 /// The view with its controls; hidden until its script has begun.
 pub(super) fn stage(subject: &Subject<'_>, figures: &Figures) -> Markup {
-    let Some((view, result)) = figures.view.as_ref().zip(subject.result) else { return html! {} };
+    let (views, Some(result)) = (&figures.views[..], subject.result) else { return html! {} };
+    let Some(first) = views.first() else { return html! {} };
     let lidars = result.placement.lidars.len();
+    let place = if views.len() > 1 { "the scene that is chosen" } else { first.scene() };
     let label = format!(
-        "The vehicle with {lidars} LiDARs in {}, the scene around it, and the voxels that hold information",
-        view.scene()
+        "The vehicle with {lidars} LiDARs in {place}, what is around it, and the voxels that hold information"
     );
     html! {
         section #view hidden[true] aria-label="The placement in 3-D" {
@@ -35,8 +36,9 @@ pub(super) fn stage(subject: &Subject<'_>, figures: &Figures) -> Markup {
                 "Drag to turn, with Shift or two fingers to move, pinch or scroll in the picture to zoom; or arrow \
                  keys, Shift and arrow keys, + and −, and 0 for the first view. Voxels are the larger the more \
                  information they hold. "
-                @for words in view.left_out() { (words) " " }
-                @if figures.maps.len() > 1 { "Of the scenes, the view shows " (view.scene()) "." }
+                @for (index, view) in views.iter().enumerate() {
+                    span.left-out hidden[index > 0] { @for words in view.left_out() { (words) " " } }
+                }
             }
         }
         div #view-fallback hidden[true] {
@@ -47,10 +49,19 @@ pub(super) fn stage(subject: &Subject<'_>, figures: &Figures) -> Markup {
 }
 
 fn controls(subject: &Subject<'_>, figures: &Figures, lidars: usize) -> Markup {
-    let frames = figures.view.as_ref().map_or(&[][..], |view| view.frames());
+    let frames = figures.views.first().map_or(&[][..], |view| view.frames());
     let rival = subject.rival().map(|rival| &rival.placement.name);
     html! {
         form #controls {
+            @if figures.views.len() > 1 {
+                label { "Scene "
+                    select name="scene" {
+                        @for (index, view) in figures.views.iter().enumerate() {
+                            option value=(index) { (view.scene()) }
+                        }
+                    }
+                }
+            }
             label { "Colour voxels by "
                 select name="colour" {
                     option value="information" { "information seen" }
@@ -93,14 +104,17 @@ fn controls(subject: &Subject<'_>, figures: &Figures, lidars: usize) -> Markup {
 
 /// The view's data and its scripts, at the end of the page.
 pub(super) fn script(figures: &Figures) -> Markup {
-    let Some(view) = &figures.view else { return html! {} };
-    let (header, bytes) = view.packed();
+    if figures.views.is_empty() {
+        return html! {};
+    }
     // The drawings and the view give a LiDAR the same colour.
     let colours = format!("{COLOURS:?}");
     let code = include_str!("../view/view.js").replace("LIDAR_COLOURS", &colours);
     html! {
-        script #view-data type="application/json" { (PreEscaped(header)) }
-        script #view-bytes type="text/plain" { (PreEscaped(bytes)) }
+        @for (header, bytes) in figures.views.iter().map(|view| view.packed()) {
+            script.view-data type="application/json" { (PreEscaped(header)) }
+            script.view-bytes type="text/plain" { (PreEscaped(bytes)) }
+        }
         script { (PreEscaped(include_str!("../view/gl.js"))) (PreEscaped(code)) }
     }
 }

@@ -4,7 +4,7 @@ use crate::engine::{Backend, BackendError};
 use crate::problem::{Problem, SensorBatch};
 use crate::vehicle::Placement;
 
-/// Most beams of a LiDAR that are drawn: of more, every second, third and so on.
+/// Most beams of a LiDAR that are drawn on a page, over its scenes: of more, every second, third and so on.
 const BEAMS: usize = 1200;
 
 /// The ends of beams in the ego frame, metres; what hits nothing is left out where beams end at hits.
@@ -19,12 +19,13 @@ pub struct Beams {
 }
 
 impl Beams {
-    /// The beams of a placement in some frames.
+    /// The beams of a placement in some frames of one of so many `scenes` of a page.
     pub fn new(
         problem: &Problem,
         engine: &mut dyn Backend,
         placement: &Placement,
         frames: &[usize],
+        scenes: usize,
     ) -> Result<Self, BackendError> {
         let batch = SensorBatch::new(problem, &placement.lidars, None)?;
         let far = placement
@@ -41,7 +42,7 @@ impl Beams {
             let mut of_frame = Vec::new();
             for (lidar, pose) in batch.ego_from_sensors(frame).iter().enumerate() {
                 let directions = batch.table(lidar).directions();
-                let every = directions.len().div_ceil(BEAMS).max(1);
+                let every = directions.len().div_ceil(BEAMS.div_ceil(scenes)).max(1);
                 beams.every = beams.every.max(every);
                 let own = hits.as_ref().map(|hits| &hits[batch.beams_of(lidar)]);
                 let end = |beam: usize| {

@@ -22,11 +22,11 @@ use beams::Beams;
 pub use sight::{Gains, Sight};
 use world::Things;
 
-/// Frames that the slider goes through at most.
-pub const FRAMES: u32 = 12;
+/// Frames that the slider goes through at most, on a page of one scene and on one of several.
+const FRAMES: [u32; 2] = [12, 6];
 /// Bytes that the voxels of a page may take, before base64 makes four of three.
 const VOXEL_BYTES: usize = 1_500_000;
-/// Most voxels that are drawn.
+/// Most voxels that are drawn of all scenes of a page.
 const VOXELS: usize = 60_000;
 
 /// All that the 3-D view of a placement in one scene shows.
@@ -46,7 +46,7 @@ pub struct ViewData {
 
 impl ViewData {
     /// What `placement` sees in a scene whose problem is over all of its frames, and what each of `baselines`
-    /// sees.
+    /// sees. The page has room for `scenes` of them.
     ///
     /// # Errors
     /// As [`Backend::bitmaps`] and [`Backend::hits`].
@@ -56,19 +56,20 @@ impl ViewData {
         engine: &mut dyn Backend,
         placement: &Placement,
         baselines: &[Placement],
+        scenes: usize,
     ) -> Result<Self, BackendError> {
-        let frames = spread(problem.frame_count(), Some(FRAMES));
+        let frames = spread(problem.frame_count(), Some(FRAMES[usize::from(scenes > 1)]));
         let mask = if placement.lidars.len() > 8 { 2 } else { 1 };
         let each = 7 + baselines.len() + mask * frames.len();
-        let most = VOXELS.min(VOXEL_BYTES / each);
+        let most = VOXELS.min(VOXEL_BYTES / each) / scenes;
         Ok(Self {
             scene: scene.name().to_owned(),
             roi: *problem.roi(),
             classes: problem.content().classes().to_vec(),
             frame_count: problem.frame_count(),
-            things: Things::new(scene, &frames),
+            things: Things::new(scene, &frames, scenes),
             sight: Sight::new(problem, engine, placement, baselines, &frames, most)?,
-            beams: Beams::new(problem, engine, placement, &frames)?,
+            beams: Beams::new(problem, engine, placement, &frames, scenes)?,
             placement: placement.clone(),
             frames,
         })

@@ -37,7 +37,7 @@ fn viewed() -> (Scene, Arc<Problem>, [Placement; 2], ViewData) {
     let mut evaluator = Evaluator::on_cpu(problem.clone());
     let [two, one] = &layouts;
     let engine = evaluator.backend_mut();
-    let view = ViewData::new(&scene, &problem, engine, two, std::slice::from_ref(one)).unwrap();
+    let view = ViewData::new(&scene, &problem, engine, two, std::slice::from_ref(one), 1).unwrap();
     (scene, problem, layouts, view)
 }
 
@@ -124,6 +124,6 @@ fn what_is_not_drawn_is_said() {
     assert_eq!((sight.voxels.len(), sight.masks[0].len()), (10, 10));
     assert!(sight.left_out().unwrap().starts_with("Drawn are the 10 of "));
     assert!(sight.voxels.windows(2).all(|pair| pair[0].worth >= pair[1].worth));
-    let view = ViewData::new(&scene, &problem, engine, &two, &[]).unwrap();
+    let view = ViewData::new(&scene, &problem, engine, &two, &[], 1).unwrap();
     assert_eq!(view.left_out(), Vec::<String>::new());
 }

@@ -14,13 +14,14 @@ const rgb = (hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16) /
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 const by = (id) => document.getElementById(id);
 
-/** The header with its arrays in place of where they lie. */
-function unpack() {
-  const text = atob(by("view-bytes").textContent.trim());
+/** The header of a scene with its arrays in place of where they lie. */
+function unpack(scene) {
+  const part = (name) => document.querySelectorAll(`script.${name}`)[scene].textContent;
+  const text = atob(part("view-bytes").trim());
   const bytes = Uint8Array.from(text, (letter) => letter.charCodeAt(0));
   const kinds = { u8: Uint8Array, u16: Uint16Array, u32: Uint32Array, f32: Float32Array };
   const array = ([kind, from, length]) => new kinds[kind](bytes.buffer, from, length);
-  const data = JSON.parse(by("view-data").textContent);
+  const data = JSON.parse(part("view-data"));
   data.poses = array(data.poses);
   for (const shape of data.shapes) {
     shape.corners = array(shape.corners);
@@ -58,9 +59,18 @@ function camera(state, aspect) {
 }
 
 function start() {
-  const data = unpack();
   const canvas = by("canvas");
-  const paint = painter(canvas, data);
+  /** Scenes that were shown: what they hold, and what draws it. */
+  const known = new Map();
+  function scene(number) {
+    if (!known.has(number)) {
+      const data = unpack(number);
+      known.set(number, { data, paint: painter(canvas, data) });
+    }
+    return known.get(number);
+  }
+  let shown = 0;
+  let { data, paint } = scene(shown);
   if (!paint) {
     document.body.dataset.state = "fallback";
     by("view-fallback").hidden = false;
@@ -229,7 +239,18 @@ dot.style.left = `${50 * (x / w + 1)}%`;
     if (!waiting) requestAnimationFrame(draw);
     waiting = true;
   }
+  /** Takes the scene that is chosen, whose frames are its own. */
+  function chosen() {
+    const number = Number(controls.scene?.value ?? 0);
+    if (number === shown) return;
+    shown = number;
+    ({ data, paint } = scene(number));
+    controls.frame.max = data.frames.length - 1;
+    controls.frame.disabled = data.frames.length < 2;
+    document.querySelectorAll(".left-out").forEach((words, k) => { words.hidden = k !== number; });
+  }
   function changed() {
+    chosen();
     by("frame-number").textContent = `${data.frames[choice().frame]}`;
     const baseline = by("baseline-choice");
     if (baseline) baseline.hidden = choice().colour !== "difference";
@@ -302,7 +323,11 @@ dot.style.left = `${50 * (x / w + 1)}%`;
 
   /** Takes camera and controls from the address, as #yaw=1.2&frame=3&colour=class. */
   function fromAddress() {
-    for (const [key, value] of new URLSearchParams(location.hash.slice(1))) {
+    const asked = new URLSearchParams(location.hash.slice(1));
+    // Whether a frame is there depends on the scene.
+    if (asked.has("scene") && controls.scene) controls.scene.value = asked.get("scene");
+    chosen();
+    for (const [key, value] of asked) {
       if (["yaw", "pitch", "zoom"].includes(key) && Number.isFinite(Number(value))) state[key] = Number(value);
       else if (["colour", "lidar", "frame", "baseline"].includes(key) && controls[key]) controls[key].value = value;
     }

@@ -4,7 +4,7 @@ use crate::chart::simplify::merge_vertices;
 use crate::geom::TriangleSoup;
 use crate::scene::Scene;
 
-/// Most triangles of all shapes together; a page holds 19 bytes of each.
+/// Most triangles of all shapes of a page, which holds 19 bytes of each.
 const TRIANGLES: usize = 40_000;
 /// Edge in metres of the cells that corners are first merged in where there are more, and of the last.
 const CELLS: [f64; 2] = [0.1, 30.0];
@@ -23,8 +23,8 @@ pub struct Things {
 }
 
 impl Things {
-    /// The things of a scene and where they stand in some of its frames.
-    pub fn new(scene: &Scene, frames: &[usize]) -> Self {
+    /// The things of a scene, on a page with so many of them, and where they stand in some of its frames.
+    pub fn new(scene: &Scene, frames: &[usize], scenes: usize) -> Self {
         let mut shapes: Vec<TriangleSoup> = Vec::new();
         let mut shape_of = Vec::new();
         for part in 0..scene.part_count() {
@@ -47,7 +47,12 @@ impl Things {
                 })
                 .collect()
         });
-        Self { poses: poses.collect(), shapes: few(shapes), shape_of, triangles }
+        Self {
+            poses: poses.collect(),
+            shapes: few(shapes, TRIANGLES / scenes),
+            shape_of,
+            triangles,
+        }
     }
 
     /// Whether corners were merged, in a sentence.
@@ -65,15 +70,15 @@ fn count(shapes: &[TriangleSoup]) -> usize {
 
 /// The shapes with corners merged in ever larger cells until the triangles are few enough, and without those
 /// for which the largest do not do.
-fn few(mut shapes: Vec<TriangleSoup>) -> Vec<TriangleSoup> {
+fn few(mut shapes: Vec<TriangleSoup>, most: usize) -> Vec<TriangleSoup> {
     let mut cell = CELLS[0];
-    while count(&shapes) > TRIANGLES && cell < CELLS[1] {
+    while count(&shapes) > most && cell < CELLS[1] {
         for shape in &mut shapes {
             *shape = merge_vertices(shape, cell);
         }
         cell *= 2.0;
     }
-    let mut left = TRIANGLES;
+    let mut left = most;
     for shape in &mut shapes {
         shape.faces.truncate(left);
         shape.face_class.truncate(left);
@@ -104,7 +109,7 @@ mod tests {
         let faces: Vec<[u32; 3]> = faces.collect();
         let face_class = vec![0; faces.len()];
         let soup = TriangleSoup { vertices: vertices.collect(), faces, face_class };
-        let shown = few(vec![soup.clone()]);
+        let shown = few(vec![soup.clone()], TRIANGLES);
         let left = count(&shown);
         assert!((1_000..=TRIANGLES).contains(&left), "{left}");
         let things =

@@ -29,6 +29,16 @@ fn each_fault_is_a_sentence() {
             lidar("x: .inf, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0"),
             &["kit.lidar.x", "`.inf`", "finite"],
         ),
+        (
+            lidar("x: 1, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0, phase: soon"),
+            &["kit.lidar.phase", "`soon`", "finite"],
+        ),
+        (
+            "<robot xmlns:s='urn:sightline'><gazebo reference='a'><sensor name='b' type='ray' \
+             s:phase='soon'/></gazebo></robot>"
+                .to_owned(),
+            &["<sensor> `b`.phase", "`soon`", "finite"],
+        ),
         (lidar("x: front, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0"), &["kit.lidar.x", "`front`"]),
         (
             autoware("camera: {x: 1, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0}"),

@@ -36,7 +36,8 @@ fn pose(rng: &mut ChaCha8Rng) -> SensorPose {
     let mut within = |most: f64| rng.random_range(-most..most);
     let [x, y, z] = [within(5.0), within(2.0), within(4.0)];
     let [roll, pitch, yaw] = [within(PI), within(PI), within(PI)];
-    let pose = SensorPose::from_values([x, y, z, roll, pitch, yaw]);
+    let phase = Some(within(PI)).filter(|phase| *phase > 0.0);
+    let pose = SensorPose { phase, ..SensorPose::from_values([x, y, z, roll, pitch, yaw]) };
     match rng.random_range(0..6) {
         0 => SensorPose { pitch: FRAC_PI_2, ..pose },
         1 => SensorPose { pitch: -FRAC_PI_2, ..pose },
@@ -70,6 +71,9 @@ fn kept(format: RigFormat, lidar: &RigLidar) -> Option<String> {
 /// Reads what was written, told what the format cannot say: sensors of feet without a model.
 fn again(rig: &Rig, format: RigFormat, mounting: &Mounting, told: bool) -> Rig {
     let exported = export(rig, format, mounting, None).unwrap();
+    let told_lost = exported.warnings.iter().filter(|words| words.contains("phases of ")).count();
+    let has_phase = rig.lidars.iter().any(|lidar| lidar.pose.phase.is_some());
+    assert_eq!(told_lost == 1, has_phase && format == RigFormat::Ros2Launch, "{format:?}");
     let files: Vec<Source> = exported
         .files
         .into_iter()
@@ -114,6 +118,9 @@ fn import_of_export_is_the_rig() {
                 };
                 assert_eq!((&b.frame, &b.sensor), (&frame, &kept(format, a)), "{format:?}");
                 *worst = worst.max(difference(&matrix(&a.pose), &matrix(&b.pose)));
+                let phase = a.pose.phase.filter(|_| format != RigFormat::Ros2Launch);
+                assert_eq!(b.pose.phase.is_some(), phase.is_some(), "{format:?}");
+                *worst = worst.max(phase.map_or(0.0, |p| (p - b.pose.phase.unwrap()).abs()));
             }
         }
     }
@@ -133,6 +140,8 @@ fn angles_that_need_no_computing_come_back_bit_by_bit() {
                 let angles =
                     |pose: &SensorPose| [pose.roll, pose.pitch, pose.yaw].map(f64::to_bits);
                 assert_eq!(angles(&a.pose), angles(&b.pose), "{format:?}");
+                let kept = a.pose.phase.filter(|_| format != RigFormat::Ros2Launch);
+                assert_eq!(b.pose.phase, kept, "{format:?}");
             }
         }
     }

@@ -139,7 +139,7 @@ fn what_is_wrong_with_a_vehicle_is_said_with_its_place() {
         (
             "\"min_distance\": 0.3",
             "\"symmetric\": true",
-            "symmetric: true is not possible where `left` leaves a choice: give its `count`",
+            "symmetric: true is not possible with `left`, which has no mirror image",
         ),
         (
             "\"count\": [0, 2] }],\n  \"min_distance\": 0.3",

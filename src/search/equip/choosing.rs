@@ -11,7 +11,9 @@ use crate::search::evaluator::Evaluator;
 use crate::search::grid_search::GridSearch;
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::suite::Suite;
-use crate::vehicle::{Constraints, MAX_LIDARS, Placement, PoseGrid, SensorName, Spacing, Vehicle};
+use crate::vehicle::{
+    Constraints, Equipment, MAX_LIDARS, Placement, PoseGrid, SensorName, Spacing, Ties, Vehicle,
+};
 
 /// Frames that the choice looks at, spread evenly.
 pub(super) const FRAMES: u32 = 4;
@@ -35,6 +37,19 @@ struct Choice {
     pose: u32,
     mount: usize,
     sensor: SensorName,
+}
+
+/// What is added at once: a sensor, and its mirror image where the rules want pairs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Group {
+    one: Choice,
+    image: Option<Choice>,
+}
+
+impl Group {
+    fn choices(&self) -> impl Iterator<Item = Choice> + use<> {
+        std::iter::once(self.one).chain(self.image)
+    }
 }
 
 /// How far a choice of equipment is: all that it goes on from, beside scenes, vehicle and budget. Poses are cast
@@ -84,6 +99,14 @@ pub(super) struct Equip<'a> {
     kinds: Vec<(usize, SensorName)>,
     /// As of [`GridSearch::require`].
     penalty: f64,
+    /// Whether sensors come in mirrored pairs; an odd one of a kind lies in the plane of symmetry.
+    in_pairs: bool,
+}
+
+/// Sensors on a mount among those chosen and a group.
+fn count_on(mount: usize, chosen: &[Choice], group: &Group) -> usize {
+    let all = chosen.iter().copied().chain(group.choices());
+    all.filter(|choice| choice.mount == mount).count()
 }
 
 /// Rules with a slot for each sensor that a mount could hold of each model, and mount and model by kind.
@@ -118,7 +141,9 @@ impl<'a> Equip<'a> {
         let suite = suite.over(&suite.spread(Some(FRAMES))).with_constraints(&constraints.untied());
         let mut spacing = SPACING;
         let grid = loop {
-            let grid = PoseGrid::new(&constraints.untied(), spacing);
+            // The mirror image of a pose is on the grid where pairs are wanted.
+            let ties = Ties { equal_height: false, ..constraints.ties };
+            let grid = PoseGrid::new(&Constraints { ties, ..constraints.clone() }, spacing);
             match grid {
                 Ok(grid) if grid.len() <= POSES.max(kinds.len() as u32) => break grid,
                 Err(error) if spacing.metres > 100.0 => return Err(error.into()),
@@ -144,7 +169,8 @@ impl<'a> Equip<'a> {
         let most = singles.iter().map(|(_, value)| *value).fold(0.0, f64::max);
         let penalty = REQUIRED * most.max(1e-9);
         grid.require(penalty);
-        Ok(Some(Self { vehicle, budget, grid, kinds, penalty }))
+        let in_pairs = constraints.ties.symmetric;
+        Ok(Some(Self { vehicle, budget, grid, kinds, penalty, in_pairs }))
     }
 
     /// The equipment from the beginning; `None` where the observer stops the choice.
@@ -195,11 +221,17 @@ impl<'a> Equip<'a> {
 
     /// Sensors at poses of the grid.
     fn choices(&self, poses: &[u32]) -> Vec<Choice> {
-        let choice = |&pose: &u32| {
-            let (mount, sensor) = self.kinds[self.grid.atlas().grid().kind(pose)];
-            Choice { pose, mount, sensor }
-        };
-        poses.iter().map(choice).collect()
+        poses.iter().map(|&pose| self.choice(pose)).collect()
+    }
+
+    fn choice(&self, pose: u32) -> Choice {
+        let (mount, sensor) = self.kinds[self.grid.atlas().grid().kind(pose)];
+        Choice { pose, mount, sensor }
+    }
+
+    /// The mirror image of a pose where pairs are wanted; the pose itself in the plane of symmetry.
+    fn image(&self, pose: u32) -> Option<u32> {
+        self.in_pairs.then(|| self.grid.atlas().grid().mirrored(pose))
     }
 
     /// Poses of the grid.
@@ -221,43 +253,80 @@ impl<'a> Equip<'a> {
         self.grid.held_value(&poses)
     }
 
-    /// Sensors that may come beside those chosen: room on their mount, apart from the others, and money left
-    /// for what other mounts must hold.
-    fn candidates(&self, chosen: &[Choice]) -> Vec<Choice> {
+    /// What may come beside those chosen: room on the mounts, apart from the others, and money left for what
+    /// other mounts must hold.
+    fn candidates(&self, chosen: &[Choice]) -> Vec<Group> {
         if chosen.len() >= MAX_LIDARS {
             return Vec::new();
         }
         let poses = Self::poses(chosen);
-        let on = |mount: usize| chosen.iter().filter(|choice| choice.mount == mount).count();
         let spent = self.cost(chosen);
-        let mut found = Vec::new();
         let cheapest = self.vehicle.cheapest();
-        // What the mounts must hold beyond those chosen: its price, and how many sensors.
-        let owed = |beside: usize| -> (f64, usize) {
-            let mounts = self.vehicle.mounts.iter().enumerate();
-            let owed = mounts.map(|(mount, of)| {
-                let have = on(mount) + usize::from(mount == beside);
-                let missing = of.count[0].saturating_sub(have);
-                let price = cheapest.iter().find(|(k, _)| *k == mount);
-                (
-                    missing as f64 * price.map_or(0.0, |(_, sensor)| self.vehicle.price(*sensor)),
-                    missing,
-                )
-            });
-            owed.fold((0.0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1))
-        };
+        let mut found = Vec::new();
         for pose in 0..self.grid.atlas().grid().len() {
-            let (mount, sensor) = self.kinds[self.grid.atlas().grid().kind(pose)];
-            let (reserve, sensors) = owed(mount);
-            let price = self.vehicle.price(sensor);
+            let one = self.choice(pose);
+            let image = match self.image(pose) {
+                // Each pair once, by its lower number.
+                Some(image) if image < pose => continue,
+                Some(image) if image > pose => Some(self.choice(image)),
+                _ => None,
+            };
+            let group = Group { one, image };
+            let (reserve, sensors) = self.owed(chosen, &group, &cheapest);
+            let price: f64 = group.choices().map(|choice| self.vehicle.price(choice.sensor)).sum();
             let affordable = spent + price + reserve <= self.budget * (1.0 + 1e-12);
-            let has_room = on(mount) < self.vehicle.mounts[mount].count[1]
-                && chosen.len() + 1 + sensors <= MAX_LIDARS;
-            if affordable && has_room && self.grid.fits(pose, &poses) {
-                found.push(Choice { pose, mount, sensor });
+            let after = chosen.len() + group.choices().count() + sensors;
+            if affordable
+                && after <= MAX_LIDARS
+                && self.has_room(chosen, &group)
+                && self.grid.fits(pose, &poses)
+                && image.is_none_or(|image| self.fits_beside(image.pose, pose, &poses))
+            {
+                found.push(group);
             }
         }
         found
+    }
+
+    /// Whether the image of a pose fits beside it and others.
+    fn fits_beside(&self, image: u32, pose: u32, others: &[u32]) -> bool {
+        let others: Vec<u32> = others.iter().copied().chain([pose]).collect();
+        self.grid.fits(image, &others)
+    }
+
+    /// What the mounts must hold beyond those chosen and a group: its price, and how many sensors.
+    fn owed(&self, chosen: &[Choice], group: &Group, cheapest: &Equipment) -> (f64, usize) {
+        let mounts = self.vehicle.mounts.iter().enumerate();
+        let owed = mounts.map(|(mount, of)| {
+            let missing = of.count[0].saturating_sub(count_on(mount, chosen, group));
+            let price = cheapest.iter().find(|(k, _)| *k == mount);
+            let price = price.map_or(0.0, |(_, sensor)| self.vehicle.price(*sensor));
+            (missing as f64 * price, missing)
+        });
+        owed.fold((0.0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1))
+    }
+
+    /// Whether the mounts of a group hold it beside those chosen. Of pairs, one sensor of a kind may be odd, and
+    /// what a mount must hold beyond that has to come in pairs.
+    fn has_room(&self, chosen: &[Choice], group: &Group) -> bool {
+        let holds = |choice: Choice| {
+            let count = self.vehicle.mounts[choice.mount].count;
+            let on = count_on(choice.mount, chosen, group);
+            let is_odd = |choice: &Choice| self.image(choice.pose) == Some(choice.pose);
+            let alike = |other: &&Choice| {
+                (other.mount, other.sensor) == (choice.mount, choice.sensor) && is_odd(other)
+            };
+            let odd = chosen.iter().chain([&group.one]).filter(alike).count();
+            // On a mount whose image is another one pairs take one place, else two.
+            let whole = group.image.is_none_or(|image| image.mount == group.one.mount);
+            let missing = count[0].saturating_sub(on);
+            let fills = !(self.in_pairs && whole)
+                || odd == 0
+                || missing.is_multiple_of(2)
+                || on + missing < count[1];
+            on <= count[1] && odd <= 1 && fills
+        };
+        group.choices().all(holds)
     }
 
     /// The candidate with the largest rating of what it adds and its price.
@@ -265,40 +334,45 @@ impl<'a> Equip<'a> {
         &mut self,
         chosen: &[Choice],
         rating: impl Fn(f64, f64) -> f64,
-    ) -> Option<(Choice, f64)> {
+    ) -> Option<(Group, f64)> {
         let candidates = self.candidates(chosen);
         let (poses, before) = (Self::poses(chosen), self.worth(chosen));
-        let values = self.grid.values_with(&poses, &Self::poses(&candidates));
-        let of = |(choice, (_, value)): (Choice, (u32, f64))| {
+        let groups: Vec<(u32, Option<u32>)> =
+            candidates.iter().map(|of| (of.one.pose, of.image.map(|image| image.pose))).collect();
+        let values = self.grid.values_with_groups(&poses, &groups);
+        let of = |(group, value): (Group, f64)| {
             let added = value - before;
-            (choice, rating(added, self.vehicle.price(choice.sensor)), added)
+            let price = group.choices().map(|choice| self.vehicle.price(choice.sensor)).sum();
+            (group, rating(added, price), added)
         };
         let rated = candidates.into_iter().zip(values).map(of);
         // Of equal ones the first.
         let best = rated.reduce(|best, other| if other.1 > best.1 { other } else { best });
-        best.map(|(choice, _, added)| (choice, added))
+        best.map(|(group, _, added)| (group, added))
     }
 
     /// Sensors added until none is left that adds anything, or that a mount must hold.
     fn grown(&mut self, mut chosen: Vec<Choice>, rating: impl Fn(f64, f64) -> f64) -> Vec<Choice> {
-        while let Some((choice, added)) = self.best_beside(&chosen, &rating) {
+        while let Some((group, added)) = self.best_beside(&chosen, &rating) {
             let must = self.vehicle.mounts.iter().enumerate().any(|(mount, of)| {
                 chosen.iter().filter(|choice| choice.mount == mount).count() < of.count[0]
             });
             if added <= 0.0 && !must && !chosen.is_empty() {
                 break;
             }
-            chosen.push(choice);
+            chosen.extend(group.choices());
         }
         chosen
     }
 
-    /// Takes a climb's next sensor off and adds what gains most; kept where that gains.
+    /// Takes a climb's next sensor off, with its image, and adds what gains most; kept where that gains.
     fn exchange(&mut self, climb: &mut Climb) {
         let chosen = self.choices(&climb.poses);
         let held = self.worth(&chosen);
+        let off = chosen[climb.index].pose;
+        let image = self.image(off);
         let mut without = chosen;
-        without.remove(climb.index);
+        without.retain(|choice| choice.pose != off && Some(choice.pose) != image);
         let other = self.grown(without, |gain, _| gain);
         let worth = self.worth(&other);
         if worth > held * (1.0 + 1e-9) && self.keeps_counts(&other) {

@@ -80,7 +80,7 @@ def measured(plan: Plan, out: Path) -> dict[str, float]:
         scene = opened(world.source(), FRAMES)
         scene.score(rigs[:1])
         # The rig and all frames are scored at once; boxes are counted in the frames that learners see.
-        found["score"] += _spent(lambda scene=scene: scene.score(rigs)) / len(rigs)  # type: ignore[misc]
+        found["score"] += _spent(lambda scene=scene: scene.score(rigs, self_hits=False)) / len(rigs)  # type: ignore[misc]
         found["boxes"] += _spent(lambda scene=scene, world=world: list(scene.scan(rigs[0], ideal=True, frames=world.frames)))  # type: ignore[misc]
     found = {name: value * len(test) / min(SCENES, len(test)) for name, value in found.items()}
     found["trees"] = _spent(lambda: run.unit(plan, own[0], plan.seeds[0], out))

@@ -48,7 +48,8 @@ def of_world(world: World, placements: list[Layout], frames: int = FRAMES) -> di
 def _of_one_lidar(world: World, psog: sightline.Psog, placements: list[Layout], frames: int) -> dict[str, F64]:
     source, lidar = Source.read(world.path), placements[0].lidar
     scene = opened(source, frames, lidar, psog)
-    found = scene.score([sightline.Placement(layout.poses, name=f"placement-{k}") for k, layout in enumerate(placements)])
+    rigs = [sightline.Placement(layout.poses, name=f"placement-{k}") for k, layout in enumerate(placements)]
+    found = scene.score(rigs, self_hits=False)
     table = {name: np.asarray(found[name], dtype=np.float64) for name in _ENGINE}
     body = body_of(scene)
     count = min(frames, scene.frames)
