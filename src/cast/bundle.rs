@@ -7,6 +7,7 @@
 use multiversion::multiversion;
 
 use super::sight::Sight;
+use super::walk::Part;
 use crate::bvh::bvh16::{BLOCK, Block16, Node16, WIDTH};
 use crate::bvh::{Bvh, Hit, Ray, Triangle};
 use crate::geom::Pose;
@@ -45,6 +46,13 @@ pub(crate) struct Target<'a> {
     pub(crate) tree: &'a Bvh,
     pub(crate) first_prim: u32,
     pub(crate) standing: &'a Standing,
+}
+
+impl<'a> Target<'a> {
+    /// The tree with the pose, for a walk.
+    pub(crate) fn part(&self) -> Part<'a> {
+        Part { bvh: self.tree, pose: self.standing.pose, first_prim: self.first_prim }
+    }
 }
 
 /// Replaces the hits of beams by closer ones in some trees, and by equally close ones of a lower face: what

@@ -37,7 +37,7 @@ impl InformationMap {
     /// The map of what a placement gains, over a few frames spread evenly.
     ///
     /// # Errors
-    /// As [`Backend::covered`].
+    /// As [`Backend::bitmaps`].
     pub fn of(
         problem: &Problem,
         engine: &mut dyn Backend,
@@ -47,7 +47,13 @@ impl InformationMap {
         let mut map = Self::new(roi, content);
         let frames = spread(problem.frame_count(), Some(FRAMES));
         for &frame in &frames {
-            map.add_frame(roi, content, &engine.covered(placement, frame)?, frames.len());
+            // Of the occupied voxels alone: the list of all that are covered is ten times as long.
+            let bitmaps = engine.bitmaps(&placement.lidars, frame)?;
+            let covers = |voxel: u32| {
+                let bit = bitmaps.order.bit_of(voxel);
+                bitmaps.sensors().any(|words| words[bit as usize / 64] >> (bit % 64) & 1 == 1)
+            };
+            map.add_frame(roi, content, covers, frames.len());
         }
         Ok(map)
     }
@@ -80,9 +86,15 @@ impl InformationMap {
     }
 
     /// Adds the voxels covered in one of `frames` frames, as rising linear indices.
-    pub fn add_frame(&mut self, roi: &Roi, content: &Content, covered: &[u64], frames: usize) {
+    pub fn add_frame(
+        &mut self,
+        roi: &Roi,
+        content: &Content,
+        covers: impl Fn(u32) -> bool,
+        frames: usize,
+    ) {
         for voxel in content.occupied() {
-            if covered.binary_search(&u64::from(voxel.index)).is_ok() {
+            if covers(voxel.index) {
                 let cell = self.cell_of(roi, u64::from(voxel.index));
                 self.gained[cell] += to_nats(u64::from(voxel.entropy[0])) / frames as f64;
             }
@@ -190,7 +202,7 @@ mod tests {
         let content = Content::new(vec!["a".into()], occupied.to_vec(), &[vec![]], false);
         let mut map = InformationMap::new(&roi, &content);
         // Voxels 0 and 1 share the column (0, 0); voxel 13 is (2, 0, 1).
-        map.add_frame(&roi, &content, &[1, 2, 13], 2);
+        map.add_frame(&roi, &content, |voxel| [1, 2, 13].contains(&voxel), 2);
         assert_eq!(map.cells, [4, 2]);
         assert_eq!(map.total, [1.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0]);
         assert_eq!(map.gained, [0.25, 0.0, 0.0, 0.0, 0.25, 0.0, 0.0, 0.0]);

@@ -1,7 +1,7 @@
 //! Echoes of one pulse.
 
 use super::Status;
-use super::sweep::RAYS;
+use super::rim::RAYS;
 
 /// Power that comes back from one distance.
 #[derive(Debug, Clone, Copy)]

@@ -9,6 +9,7 @@ mod psog;
 mod receiver;
 mod record;
 mod reflectance;
+mod rim;
 mod rings;
 mod scanner;
 mod stage;

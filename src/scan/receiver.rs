@@ -5,10 +5,10 @@ use glam::{DVec3, Vec3};
 use super::chance::{Chance, Purpose};
 use super::echoes::{Echo, EchoList};
 use super::optics::{Optics, is_seen};
+use super::rim::{RAYS, Rims, ray_share};
 use super::stage::Stage;
-use super::sweep::{Edge, RAYS, Surface, Sweep, Sweeper, ray_share};
+use super::sweep::{Surface, Sweep, Sweeper};
 use super::{NO_CLASS, NO_INSTANCE, Return, Status};
-use crate::cast::Left;
 use crate::vehicle::Echoes;
 
 /// Power in units of the threshold at which the noise begins to grow, and how far it grows.
@@ -20,6 +20,8 @@ pub(super) struct Receiver<'a> {
     pub stage: &'a Stage,
     pub sweeper: &'a Sweeper,
     pub sweep: &'a Sweep,
+    /// None of beams without width.
+    pub rims: Option<&'a Rims<'a>>,
     pub optics: &'a Optics,
     pub lidar: u16,
     /// Nothing but geometry.
@@ -30,7 +32,7 @@ pub(super) struct Receiver<'a> {
 
 impl Receiver<'_> {
     /// Reports the returns of a beam, one at least.
-    pub fn returns(&self, beam: usize, left: &mut Left, mut report: impl FnMut(Return)) {
+    pub fn returns(&self, beam: usize, mut report: impl FnMut(Return)) {
         let surface = self.sweep.surfaces[beam];
         if self.ideal {
             let reflectance = self.optics.reflectance.of(surface.class, surface.instance);
@@ -39,13 +41,7 @@ impl Receiver<'_> {
             let echo = Echo { range: f64::from(surface.t), power: 0.0, ray: Some(0), status };
             return report(self.record(beam, &[surface], &echo, echo.range, intensity));
         }
-        let rays = match self.edge(beam) {
-            Edge::None => None,
-            edge => {
-                let in_front = edge == Edge::InFront;
-                self.sweeper.rays(self.stage, self.sweep, beam, in_front, left)
-            }
-        };
+        let rays = self.rims.and_then(|rims| rims.rays(self.sweeper, self.stage, self.sweep, beam));
         let rays = rays.as_ref().map_or(std::slice::from_ref(&surface), |rays| &rays[..]);
         let chance = Chance::new(self.seed, self.frame as u32, u32::from(self.lidar), beam as u32);
         let mut echoes = EchoList::default();
@@ -162,25 +158,6 @@ impl Receiver<'_> {
                 echoes.push(medium(flake.range, power, Status::Snow));
             }
         }
-    }
-
-    /// The edge between the beam and its neighbours; one that it sees behind before one in front.
-    fn edge(&self, beam: usize) -> Edge {
-        let (columns, channels) = self.sweeper.shape();
-        let (channel, column) = (beam / columns, beam % columns);
-        let turns = self.sweeper.model().table.grid().is_none_or(|grid| grid.turn);
-        let surfaces = &self.sweep.surfaces;
-        let here = &surfaces[beam];
-        let beside = |step: usize| {
-            let other = column + step;
-            let inside = turns || (1..=columns).contains(&other);
-            inside.then(|| channel * columns + (other + columns - 1) % columns)
-        };
-        let above = (channel + 1 < channels).then(|| beam + columns);
-        let below = channel.checked_sub(1).map(|_| beam - columns);
-        let all = [beside(0), beside(2), above, below];
-        let edges = all.into_iter().flatten().map(|at| here.edge_to(&surfaces[at]));
-        edges.max().unwrap_or(Edge::None)
     }
 
     /// A return, with the errors of its measurement; the second is one behind another.

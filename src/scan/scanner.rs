@@ -7,10 +7,10 @@ use rayon::prelude::*;
 use super::conditions::{self, Condition, ConditionError, Corruptions};
 use super::optics::Optics;
 use super::receiver::Receiver;
+use super::rim::Rim;
 use super::stage::{Motions, Stage};
 use super::sweep::Sweeper;
 use super::{EGO_INSTANCE, Return, Scan, ScanLidar, TrackedBox};
-use crate::cast::Left;
 use crate::engine::OutOfMemory;
 use crate::geom::Pose;
 use crate::scene::{Scene, Track};
@@ -77,6 +77,8 @@ pub struct Scanner<'a> {
     /// Of each LiDAR, its model.
     models: Vec<usize>,
     sweepers: Vec<Sweeper>,
+    /// Of each model; none of one whose beams have no width.
+    rims: Vec<Option<Rim>>,
     stage: Stage,
     tracks: Vec<Track>,
     scanning: Scanning,
@@ -123,12 +125,14 @@ impl<'a> Scanner<'a> {
         let models = models.collect::<Result<Vec<usize>, _>>()?;
         let (weather, corruptions) = conditions::sort(&scanning.conditions)?;
         let classes: Arc<[String]> = scene.classes().into();
+        let sweepers: Vec<Sweeper> = sensors.models().iter().map(Sweeper::new).collect();
         Ok(Self {
             scene,
             name: scene.name().into(),
             placement,
             models,
-            sweepers: sensors.models().iter().map(Sweeper::new).collect(),
+            rims: sweepers.iter().map(Rim::new).collect(),
+            sweepers,
             stage: Stage::new(scene, sensors.longest_range())?,
             sensors,
             tracks,
@@ -172,7 +176,7 @@ impl<'a> Scanner<'a> {
             classes: self.classes.clone(),
             lidars: self.models.iter().zip(&poses).map(|(&m, pose)| self.facts(m, pose)).collect(),
             world_from_ego: self.scene.ego_pose(frame),
-            returns: returns.collect::<Vec<_>>().concat(),
+            returns: returns.flatten().collect::<Vec<_>>().concat(),
             boxes: self.boxes(frame),
         };
         self.corruptions.apply(&mut scan, self.scanning.seed);
@@ -180,22 +184,25 @@ impl<'a> Scanner<'a> {
         scan
     }
 
-    /// Returns of one LiDAR.
+    /// Returns of one LiDAR, in pieces.
     fn lidar(
         &self,
         lidar: usize,
         frame: usize,
         motions: &Motions,
         ego_from_sensor: &Pose,
-    ) -> Vec<Return> {
+    ) -> Vec<Vec<Return>> {
         let sweeper = &self.sweepers[self.models[lidar]];
         let frame_time = 1.0 / self.scene.rate();
         let rolling = !self.scanning.ideal;
         let sweep = sweeper.sweep(&self.stage, motions, ego_from_sensor, frame_time, rolling);
+        let rim = self.rims[self.models[lidar]].as_ref().filter(|_| rolling);
+        let rims = rim.map(|rim| rim.meet(sweeper, &self.stage, &sweep));
         let receiver = Receiver {
             stage: &self.stage,
             sweeper,
             sweep: &sweep,
+            rims: rims.as_ref(),
             optics: &self.optics,
             lidar: lidar as u16,
             ideal: self.scanning.ideal,
@@ -205,13 +212,13 @@ impl<'a> Scanner<'a> {
         let beams = sweep.surfaces.len();
         let tasks = (0..beams.div_ceil(BEAMS_A_TASK)).into_par_iter().map(|task| {
             let from = task * BEAMS_A_TASK;
-            let (mut left, mut returns) = (Left::new(), Vec::with_capacity(BEAMS_A_TASK));
+            let mut returns = Vec::with_capacity(BEAMS_A_TASK);
             for beam in from..(from + BEAMS_A_TASK).min(beams) {
-                receiver.returns(beam, &mut left, |found| returns.push(found));
+                receiver.returns(beam, |found| returns.push(found));
             }
             returns
         });
-        tasks.collect::<Vec<_>>().concat()
+        tasks.collect()
     }
 
     fn facts(&self, model: usize, pose: &Pose) -> ScanLidar {

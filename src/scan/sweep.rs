@@ -2,43 +2,37 @@
 
 use std::f64::consts::TAU;
 
-use glam::{DMat3, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::stage::{Motions, Seen, Stage};
 use super::{NO_CLASS, NO_INSTANCE};
 use crate::bvh::{Hit, NO_HIT};
 use crate::cast::{
-    Caster, Left, Part, Standing, Target, all_hit, closer_hits_of_beams, closer_hits_of_bundle,
+    Caster, FiringWalk, Instructions, Left, Part, Standing, Target, closer_hits_of_beams,
 };
 use crate::geom::Pose;
-use crate::vehicle::SensorModel;
+use crate::vehicle::{BeamGrid, BeamTable, SensorModel};
 
 /// Pieces of a list of beams that fire one after the other.
 const PIECES: usize = 1024;
+/// Channels from which on beams that fire together go down the trees together; measured, see `docs/scans.md`.
+const CHANNELS_TOGETHER: usize = 32;
 /// Columns of one parallel task.
-const COLUMNS_A_TASK: usize = 16;
+pub(super) const COLUMNS_A_TASK: usize = 16;
 /// Metres by which a neighbour must lie off a beam's surface to lie behind an edge, and as a share of their
 /// distance.
 const APART: f32 = 0.05;
 const APART_SHARE: f32 = 0.002;
-/// Rays that a beam is made of where its middle is not enough: the middle, and a ring of six on its rim.
-pub(super) const RAYS: usize = 7;
-/// Share of the beam's power in the middle; the ring has the rest.
-const MIDDLE: f64 = 0.4;
-
-/// Share of a beam's power that goes with one of its rays.
-pub(super) fn ray_share(ray: usize) -> f64 {
-    if ray == 0 { MIDDLE } else { (1.0 - MIDDLE) / (RAYS - 1) as f64 }
-}
-
 /// A sensor model, ready to be swept.
 pub(super) struct Sweeper {
     model: SensorModel,
     whole: Caster,
+    /// None of a list of directions, and of few channels.
+    walk: Option<FiringWalk>,
     firing: Firing,
-    /// Rays of a beam along +x, and the largest angle between one and the middle.
-    rays: Option<([DVec3; RAYS], f32)>,
+    /// Largest angle between a ray of a beam and its middle, in radians.
+    pub(super) width: f32,
     /// Farthest that a channel's azimuth lies beside its column's.
     wide: f64,
 }
@@ -66,6 +60,11 @@ struct Nearby {
     /// Takes the sensor's frame to the thing's.
     pose: Pose,
     standing: Standing,
+}
+
+/// The grid of a table whose beams go down the trees together when they fire together.
+pub(super) fn walked(table: &BeamTable) -> Option<&BeamGrid> {
+    table.grid().filter(|grid| grid.channels.len() >= CHANNELS_TOGETHER)
 }
 
 /// What a beam meets.
@@ -128,20 +127,14 @@ impl Sweeper {
             },
             None => Firing::Piece { size: beams.div_ceil(PIECES).max(1), beams },
         };
-        let [across, along] = model.response.divergence.map(|width| width / 2.0);
-        let ray = |k: usize| {
-            // The middle, then round the ellipse of the half widths.
-            let (sin, cos) = (TAU * (k as f64 + 0.5) / (RAYS - 1) as f64).sin_cos();
-            let [a, b] = if k == 0 { [0.0; 2] } else { [cos * across, sin * along] };
-            DVec3::new(1.0, a.tan(), b.tan()).normalize()
-        };
-        // A tenth more than the angle to the rim, for rounding.
-        let width = 1.1 * across.max(along);
-        let rays = (width > 0.0).then(|| (std::array::from_fn(ray), width as f32));
         let wide = table.grid().map_or(TAU, |grid| {
             grid.channels.iter().fold(1e-6, |wide: f64, (_, offset)| wide.max(offset.abs() + 1e-6))
         });
-        Self { whole: Caster::new(table), firing, rays, wide, model: model.clone() }
+        let walk = walked(table).and_then(|grid| FiringWalk::new(grid, Instructions::Best));
+        // A tenth more than half of the divergence, for rounding.
+        let width = 1.1 * model.response.divergence.into_iter().fold(0.0, f64::max) / 2.0;
+        let (whole, width, model) = (Caster::new(table), width as f32, model.clone());
+        Self { whole, walk, firing, width, wide, model }
     }
 
     pub fn model(&self) -> &SensorModel {
@@ -156,14 +149,14 @@ impl Sweeper {
         }
     }
 
-    fn firings(&self) -> usize {
+    pub(super) fn firings(&self) -> usize {
         match self.firing {
             Firing::Column { steps, .. } => steps,
             Firing::Piece { size, beams } => beams.div_ceil(size),
         }
     }
 
-    fn firing_of(&self, beam: usize) -> usize {
+    pub(super) fn firing_of(&self, beam: usize) -> usize {
         match self.firing {
             Firing::Column { steps, .. } => beam % steps,
             Firing::Piece { size, .. } => beam / size,
@@ -171,10 +164,18 @@ impl Sweeper {
     }
 
     /// Beams of a firing: the first, the step to the next, how many.
-    fn beams_of(&self, firing: usize) -> (usize, usize, usize) {
+    pub(super) fn beams_of(&self, firing: usize) -> (usize, usize, usize) {
         match self.firing {
             Firing::Column { channels, steps, .. } => (firing, steps, channels),
             Firing::Piece { size, beams } => (firing * size, 1, size.min(beams - firing * size)),
+        }
+    }
+
+    /// Beams of all firings before one.
+    pub(super) fn fired_before(&self, firing: usize) -> usize {
+        match self.firing {
+            Firing::Column { channels, .. } => firing * channels,
+            Firing::Piece { size, .. } => firing * size,
         }
     }
 
@@ -240,7 +241,12 @@ impl Sweeper {
             let (from, step, count) = self.beams_of(firing);
             let fired = directions[from..].iter().step_by(step).take(count).copied();
             let mut hits = vec![Hit::none(range); count];
-            closer_hits_of_beams(station.targets(stage), fired.clone(), &mut hits, left);
+            if let Some(walk) = &self.walk {
+                let direction_of = |k: usize| directions[from + k * step];
+                walk.closer_hits(firing, station.walked(stage), direction_of, &mut hits);
+            }
+            let alone = station.alone(stage, self.walk.is_some());
+            closer_hits_of_beams(alone, fired.clone(), &mut hits, left);
             let surface = |(direction, hit)| station.surface(stage, direction, hit);
             let surfaces: Vec<Surface> = fired.zip(&hits).map(surface).collect();
             (station, surfaces)
@@ -270,7 +276,7 @@ impl Sweeper {
     ) -> Station {
         let ego = motions.ego.at(share);
         let sensor_from_world = ego.compose(ego_from_sensor).inverse();
-        let (range, width) = (self.model.table.range(), self.rays.map_or(0.0, |(_, width)| width));
+        let (range, width) = (self.model.table.range(), self.width);
         let nearby = |thing: usize| {
             let sensor_from_thing = match motions.world_from_thing(thing, share) {
                 Some(world_from_thing) => sensor_from_world.compose(&world_from_thing),
@@ -284,44 +290,6 @@ impl Sweeper {
             start_from_sensor: motions.ego.at(0.0).inverse().compose(&ego).compose(ego_from_sensor),
             things: visible.filter_map(nearby).collect(),
         }
-    }
-
-    /// What the rays of a beam meet, the middle one as it is known; none for a beam without width, and where all
-    /// rays of one that sees nothing nearer beside it meet the same triangle.
-    pub fn rays(
-        &self,
-        stage: &Stage,
-        sweep: &Sweep,
-        beam: usize,
-        in_front: bool,
-        left: &mut Left,
-    ) -> Option<[Surface; RAYS]> {
-        let (rays, width) = self.rays.as_ref()?;
-        let station = self.station_of(sweep, beam);
-        let middle = self.model.table.directions()[beam];
-        let direction = DVec3::from(middle.map(f64::from));
-        // Ry(−elevation), then Rz(azimuth), take +x to the beam.
-        let (azimuth, across) = (direction.y.atan2(direction.x), direction.truncate().length());
-        let turn =
-            DMat3::from_rotation_z(azimuth) * DMat3::from_rotation_y(-direction.z.atan2(across));
-        let mut directions = rays.map(|ray| (turn * ray).as_vec3().to_array());
-        directions[0] = middle;
-        let range = self.model.table.range();
-        let own = &sweep.surfaces[beam];
-        if in_front && own.is_hit() {
-            let triangle = stage.things[stage.thing_of(own.prim)].triangle(own.prim);
-            let target = station.nearby(stage, own.prim).map(|nearby| nearby.target(stage));
-            if target.is_some_and(|target| all_hit(&target, &directions, triangle, range)) {
-                return None;
-            }
-        }
-        let mut hits = [Hit::none(range); RAYS];
-        closer_hits_of_bundle(station.targets(stage), &directions, *width, &mut hits, left);
-        let mut surfaces = [sweep.surfaces[beam]; RAYS];
-        for ray in 1..RAYS {
-            surfaces[ray] = station.surface(stage, directions[ray], &hits[ray]);
-        }
-        Some(surfaces)
     }
 }
 
@@ -338,9 +306,25 @@ impl Station {
         self.things.iter().map(part).collect()
     }
 
-    /// The same for single beams and bundles.
-    fn targets<'s>(&'s self, stage: &'s Stage) -> impl Iterator<Item = Target<'s>> {
-        self.things.iter().map(|nearby| nearby.target(stage))
+    /// The same for beams that fire together.
+    pub(super) fn walked<'s>(&'s self, stage: &'s Stage) -> impl Iterator<Item = Part<'s>> {
+        let parts = self.things.iter().map(|nearby| nearby.target(stage).part());
+        parts.filter(FiringWalk::fits)
+    }
+
+    /// The same for single beams and bundles, but for trees that beams which fire together are `walked` through.
+    pub(super) fn alone<'s>(
+        &'s self,
+        stage: &'s Stage,
+        walked: bool,
+    ) -> impl Iterator<Item = Target<'s>> {
+        let targets = self.things.iter().map(|nearby| nearby.target(stage));
+        targets.filter(move |target| !(walked && FiringWalk::fits(&target.part())))
+    }
+
+    /// The thing that a face belongs to, as a beam's target.
+    pub(super) fn target_of<'s>(&'s self, stage: &'s Stage, prim: u32) -> Option<Target<'s>> {
+        self.nearby(stage, prim).map(|nearby| nearby.target(stage))
     }
 
     /// The thing that a face belongs to.
@@ -351,23 +335,41 @@ impl Station {
 
     /// The surface that a beam of the sensor's frame hits.
     fn surface(&self, stage: &Stage, direction: [f32; 3], hit: &Hit) -> Surface {
+        let (surface, normal) = self.met(stage, direction, hit);
+        let Some(normal) = normal else { return surface };
+        let direction = DVec3::from(direction.map(f64::from));
+        Surface {
+            normal: (self.start_from_sensor.rotation * normal).as_vec3(),
+            position: self.start_from_sensor.apply(direction * f64::from(hit.t)).as_vec3(),
+            ..surface
+        }
+    }
+
+    /// The same without normal and position in the ego frame, and the normal in the sensor's.
+    pub(super) fn met(
+        &self,
+        stage: &Stage,
+        direction: [f32; 3],
+        hit: &Hit,
+    ) -> (Surface, Option<DVec3>) {
         let seen = if hit.is_hit() { self.nearby(stage, hit.prim) } else { None };
-        let Some(Nearby { thing, pose, .. }) = seen else { return Surface::none(hit.t) };
+        let Some(Nearby { thing, pose, .. }) = seen else { return (Surface::none(hit.t), None) };
         let thing = &stage.things[*thing];
         let direction = DVec3::from(direction.map(f64::from));
         let (class, normal) = thing.face(hit.prim);
         let normal = pose.rotation.transpose() * normal.as_dvec3();
         // Towards the sensor.
         let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
-        Surface {
+        let surface = Surface {
             t: hit.t,
             prim: hit.prim,
             class,
             instance: thing.instance,
             incidence: (-normal.dot(direction)).clamp(0.0, 1.0) as f32,
-            normal: (self.start_from_sensor.rotation * normal).as_vec3(),
-            position: self.start_from_sensor.apply(direction * f64::from(hit.t)).as_vec3(),
-        }
+            normal: Vec3::ZERO,
+            position: Vec3::NAN,
+        };
+        (surface, Some(normal))
     }
 }
 

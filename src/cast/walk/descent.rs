@@ -18,15 +18,14 @@ per_target! {
     /// Directions are computed for the rectangle in which the tree is seen alone.
     fn walk(scene: &mut Scene<'_>, tree: &Bvh16, work: &mut Work) {
         let columns = scene.window.columns;
-        boxes(scene.grid, scene.window, &scene.eye, &tree.nodes[0], &mut work.rects[0]);
+        boxes(scene.grid, &scene.window, &scene.eye, &tree.nodes[0], &mut work.rects[0]);
         let Some(root) = around(&work.rects[0]) else { return };
-        let local = &scene.window.local;
-        let [from, to] = root.columns.map(usize::from);
         let mut farthest = f32::NEG_INFINITY;
-        for row in root.rows[0]..=root.rows[1] {
-            let row = usize::from(row) * columns;
+        let runs = root.runs(columns);
+        for run in 0..runs.count {
+            let [at, to] = runs.at(run);
             let axes = &scene.eye.axes;
-            farthest = farthest.max(turn(local, axes, &mut work.beams, row + from, row + to));
+            farthest = farthest.max(turn(scene.local, axes, &mut work.beams, at, to));
         }
         scene.eye.farthest = farthest;
         work.stack[0] = root;
@@ -39,7 +38,7 @@ per_target! {
             }
             if entry.child & BLOCK == 0 {
                 let node = &tree.nodes[entry.child as usize];
-                boxes(scene.grid, scene.window, &scene.eye, node, &mut work.rects[0]);
+                boxes(scene.grid, &scene.window, &scene.eye, node, &mut work.rects[0]);
                 depth += push(node, &work.rects[0], &mut work.stack, depth);
                 continue;
             }
@@ -54,7 +53,7 @@ per_target! {
             for k in 0..blocks {
                 let block = &scene.blocks[work.blocks[k]];
                 let (rects, seen) = (&mut work.rects[k], &mut work.seen[k]);
-                triangles(scene.grid, scene.window, &scene.eye, block, rects, seen);
+                triangles(scene.grid, &scene.window, &scene.eye, block, rects, seen);
             }
             for k in 0..blocks {
                 list(scene, work, k);
@@ -66,16 +65,16 @@ per_target! {
     /// Whether a beam of the rectangle sees as far as where it begins: equal distances may go to a lower
     /// face.
     fn visible(t: &[f32; ROOM], columns: usize, entry: &Entry) -> bool {
-        let [from, to] = entry.columns.map(usize::from);
-        let [first, last] = entry.rows.map(usize::from);
-        if ((to - from) / W + 1) * (last - first + 1) > SEARCHED {
+        let runs = entry.runs(columns);
+        if (runs.length / W + 1) * runs.count > SEARCHED {
             return true;
         }
         let distance = splat(entry.distance);
-        for row in first..=last {
-            for column in (from..=to).step_by(W) {
-                let lanes = ((2_u32 << (to - column).min(W - 1)) - 1) as u16;
-                let sees = bits(le(distance, load(some(t, row * columns + column))));
+        for run in 0..runs.count {
+            let [at, to] = runs.at(run);
+            for at in (at..=to).step_by(W) {
+                let lanes = ((2_u32 << (to - at).min(W - 1)) - 1) as u16;
+                let sees = bits(le(distance, load(some(t, at))));
                 if sees & lanes != 0 {
                     return true;
                 }

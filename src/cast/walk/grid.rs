@@ -18,6 +18,9 @@ const NARROWEST: f64 = 2e-4;
 /// By how much azimuths of boxes and triangles may be off, in radians.
 const AZIMUTH_ERROR: f64 = 2e-4;
 
+/// Angle by which beams pass beside what their rectangle is around, for estimates and offsets of columns.
+const BESIDE: f64 = 4e-3;
+
 /// Numbers of the beams of a window: `[axis][row × columns + column]`.
 pub(super) type Directions = [[f32; ROOM]; 3];
 
@@ -28,8 +31,11 @@ pub(super) type Directions = [[f32; ROOM]; 3];
 pub(super) struct Grid {
     rows: Vec<Row>,
     pub(super) lookup: RowLookup,
-    pub(super) windows: Vec<Window>,
+    /// With the directions of their beams in the sensor frame; none of a grid of firings.
+    pub(super) windows: Vec<(Window, Box<Directions>)>,
     pub(super) columns: ColumnScale,
+    /// Angle in radians by which a beam of a rectangle may pass beside what the rectangle is around.
+    pub(super) beside: f32,
     /// Beams of a channel.
     steps: usize,
     /// Whether rows are closed: then they are shifted by turning.
@@ -64,13 +70,12 @@ pub(super) struct RowLookup {
     pub(super) tangents: Vec<f32>,
 }
 
-/// Neighbouring columns of all rows.
+/// Neighbouring columns of all rows. Those of a single column lie side by side.
+#[derive(Clone, Copy)]
 pub(super) struct Window {
     /// First column.
     pub(super) from: usize,
     pub(super) columns: usize,
-    /// Directions in the sensor frame.
-    pub(super) local: Box<Directions>,
 }
 
 /// Beams of a row that lie side by side in a window and in the order of the table.
@@ -88,11 +93,25 @@ fn measure(tangent: f64) -> f64 {
 impl Grid {
     /// The grid of a table that has one with rows that fit into windows.
     pub(super) fn new(table: &BeamTable) -> Option<Self> {
-        let BeamGrid { channels, start, step, steps, turn } = table.grid()?;
+        let (mut grid, slots) = Self::of(table.grid()?, true)?;
+        grid.cut(slots, table.directions());
+        Some(grid)
+    }
+
+    /// A grid whose columns are the beams of one azimuth step, whatever the offsets of their channels: all
+    /// ranges of columns are widened by these.
+    pub(super) fn of_firings(beams: &BeamGrid) -> Option<Self> {
+        Some(Self::of(beams, false)?.0)
+    }
+
+    /// Without windows, and its columns.
+    fn of(beams: &BeamGrid, shifted: bool) -> Option<(Self, usize)> {
+        let BeamGrid { channels, start, step, steps, turn } = beams;
         let (steps, turn) = (*steps, *turn);
         let mut order: Vec<usize> = (0..channels.len()).collect();
         order.sort_by(|&a, &b| channels[a].0.total_cmp(&channels[b].0));
-        let shifts: Vec<f64> = order.iter().map(|&k| (channels[k].1 / step).round()).collect();
+        let shift = |&k: &usize| if shifted { (channels[k].1 / step).round() } else { 0.0 };
+        let shifts: Vec<f64> = order.iter().map(shift).collect();
         let rest = order.iter().zip(&shifts).map(|(&k, shift)| channels[k].1 / step - shift);
         let (low, high) =
             rest.fold((f64::MAX, f64::MIN), |(low, high), x| (x.min(low), x.max(high)));
@@ -115,9 +134,9 @@ impl Grid {
         });
         let tangents: Vec<f64> = order.iter().map(|&k| channels[k].0.tan()).collect();
         let lookup = RowLookup::new(&tangents);
-        let mut grid = Self { rows: rows.collect(), lookup, windows: vec![], columns, steps, turn };
-        grid.cut(slots, table.directions());
-        Some(grid)
+        let beside = if shifted { BESIDE } else { BESIDE + (high - low) * step };
+        let (rows, windows, beside) = (rows.collect(), vec![], beside as f32);
+        Some((Self { rows, lookup, windows, columns, beside, steps, turn }, slots))
     }
 
     /// Cuts into windows: at least two, so that no range of columns goes round within one.
@@ -137,12 +156,17 @@ impl Grid {
                     }
                 }
             }
-            self.windows.push(Window { from, columns, local });
+            self.windows.push((Window { from, columns }, local));
         }
     }
 
     pub(super) fn row_count(&self) -> usize {
         self.rows.len()
+    }
+
+    /// The channel of each row.
+    pub(super) fn channels(&self) -> impl Iterator<Item = usize> {
+        self.rows.iter().map(|row| row.channel)
     }
 
     /// Whether each column of each row holds a beam.

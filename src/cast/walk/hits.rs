@@ -19,7 +19,9 @@ const LANES: [i32; W] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 /// What all tests of a walk share.
 pub(super) struct Scene<'a> {
     pub(super) grid: &'a Grid,
-    pub(super) window: &'a Window,
+    pub(super) window: Window,
+    /// Directions of its beams in the sensor frame.
+    pub(super) local: &'a Directions,
     pub(super) eye: Eye,
     pub(super) blocks: &'a [Block16],
     /// Added to the index of each face.
@@ -48,9 +50,12 @@ per_target! {
         let rects = &work.rects[k];
         let [first_row, last_row] = [load_i(&rects.rows[0]), load_i(&rects.rows[1])];
         let [from, to] = [load_i(&rects.columns[0]), load_i(&rects.columns[1])];
-        let length = sub_i(to, from);
+        let single = scene.window.columns == 1;
+        let height = sub_i(last_row, first_row);
+        let length = if single { height } else { sub_i(to, from) };
         let short = le_i(length, splat_i(W as i32 - 1));
-        let simple = rects.seen & bits(both(eq_i(first_row, last_row), short));
+        let one_run = if single { short } else { both(le_i(height, splat_i(0)), short) };
+        let simple = rects.seen & bits(one_run);
         let at = add_i(mul_i(first_row, columns), from);
         let lanes = mul_i(load_i(&LANES), splat_i(SLOT_SHIFT));
         let who = add_i(lanes, splat_i(k as i32 * BLOCK_SHIFT));
@@ -61,6 +66,10 @@ per_target! {
         while left != 0 {
             let slot = left.trailing_zeros() as usize % W;
             left &= left - 1;
+            if single {
+                list_column(scene, work, k, slot);
+                continue;
+            }
             let rects = &work.rects[k];
             let rows = rects.rows[1][slot] - rects.rows[0][slot] + 1;
             let length = rects.columns[1][slot] - rects.columns[0][slot];
@@ -74,6 +83,19 @@ per_target! {
         }
     }
 
+    /// Lists the tests of one triangle with the beams of a single column.
+    fn list_column(scene: &Scene<'_>, work: &mut Work, k: usize, slot: usize) {
+        let who = splat_i(slot as i32 * SLOT_SHIFT + k as i32 * BLOCK_SHIFT);
+        let [first_row, last_row] = [work.rects[k].rows[0][slot], work.rects[k].rows[1][slot]];
+        for row in (first_row..=last_row).step_by(W * W) {
+            let at = add_i(splat_i(row), mul_i(load_i(&LANES), splat_i(W as i32)));
+            let length = min_i(sub_i(splat_i(last_row), at), splat_i(W as i32 - 1));
+            let some = bits(le_i(splat_i(0), length));
+            let words = add_i(add_i(at, mul_i(length, splat_i(LENGTH_SHIFT))), who);
+            append(scene, work, some, words);
+        }
+    }
+
     /// Lists the tests of one triangle, sixteen rows at a time.
     fn list_rows(scene: &Scene<'_>, work: &mut Work, k: usize, slot: usize, cut: bool) {
         let columns = splat_i(scene.window.columns as i32);
@@ -84,7 +106,7 @@ per_target! {
             let valid = ((2_u32 << (last_row - row).min(W as i32 - 1)) - 1) as u16;
             let [mut at, to] = if cut {
                 let (seen, rects) = (&work.seen[k], &work.rects[k]);
-                rows(scene.grid, scene.window, seen, rects, slot, row as usize)
+                rows(scene.grid, &scene.window, seen, rects, slot, row as usize)
             } else {
                 [splat_i(from), splat_i(to)]
             };
@@ -121,7 +143,7 @@ per_target! {
     /// Notes the tests in which a beam passes between the edges, and how many there are.
     fn inside(scene: &Scene<'_>, work: &mut Work) -> usize {
         let Tests { words, len, inside } = &mut *work.tests;
-        let [x, y, z] = &*scene.window.local;
+        let [x, y, z] = scene.local;
         let mut found = 0;
         for &word in &words[..*len] {
             let Test { at, lanes, slot, block } = Test::of(word);

@@ -18,14 +18,14 @@ use multiversion::target::match_target;
 use rayon::prelude::*;
 
 use angles::Eye;
-use grid::{Grid, Window};
+use grid::{Directions, Grid, Window};
 use hits::Scene;
 use work::{Beams, Work};
 
 use crate::bvh::bvh16::Bvh16;
 use crate::bvh::{Bvh, Hit};
 use crate::problem::DevicePose;
-use crate::vehicle::BeamTable;
+use crate::vehicle::{BeamGrid, BeamTable};
 
 /// Largest coordinate in metres whose products stay far from the largest number.
 const LARGEST: f32 = 1e7;
@@ -85,49 +85,65 @@ impl Walk {
             let before = &*hits;
             let windows = self.grid.windows.par_iter();
             let done: Vec<_> =
-                windows.map(|window| (window, self.cast_window(window, parts, before))).collect();
+                windows.map(|window| (window.0, self.cast_window(window, parts, before))).collect();
             for (window, work) in done {
                 self.write(window, work, hits);
             }
         } else {
             for window in &self.grid.windows {
                 let work = self.cast_window(window, parts, hits);
-                self.write(window, work, hits);
+                self.write(window.0, work, hits);
             }
         }
     }
 
-    fn cast_window(&self, window: &Window, parts: &[Part<'_>], hits: &[Hit]) -> Work {
-        let spare = self.spare.lock().ok().and_then(|mut spare| spare.pop());
-        let mut work = spare.unwrap_or_default();
-        self.read(window, hits, &mut work.beams);
-        for part in parts.iter().filter(|part| !part.bvh.bvh16.nodes.is_empty()) {
-            let rows = part.pose.rows;
-            let mut scene = Scene {
-                grid: &self.grid,
-                window,
-                eye: Eye {
-                    origin: rows.map(|row| row[3]),
-                    axes: [0, 1, 2].map(|axis| rows.map(|row| row[axis])),
-                    pad: part.bvh.pad,
-                    farthest: f32::INFINITY,
-                },
-                blocks: &part.bvh.bvh16.blocks,
-                first_prim: part.first_prim,
-            };
-            let tree = &part.bvh.bvh16;
-            match self.instructions {
-                Instructions::Best => walk(&mut scene, tree, &mut work),
-                Instructions::Avx2 => walk_avx2(&mut scene, tree, &mut work),
-                Instructions::Plain => descent::plain::walk(&mut scene, tree, &mut work),
-            }
-        }
+    fn cast_window(
+        &self,
+        (window, local): &(Window, Box<Directions>),
+        parts: &[Part<'_>],
+        hits: &[Hit],
+    ) -> Work {
+        let mut work = self.take_work();
+        self.read(*window, hits, &mut work.beams);
+        parts.iter().for_each(|part| self.descend(*window, local, part, &mut work));
         work
     }
 
+    /// Closer hits of a window's beams in one tree.
+    fn descend(&self, window: Window, local: &Directions, part: &Part<'_>, work: &mut Work) {
+        let tree = &part.bvh.bvh16;
+        if tree.nodes.is_empty() {
+            return;
+        }
+        let rows = part.pose.rows;
+        let eye = Eye {
+            origin: rows.map(|row| row[3]),
+            axes: [0, 1, 2].map(|axis| rows.map(|row| row[axis])),
+            pad: part.bvh.pad,
+            farthest: f32::INFINITY,
+        };
+        let (grid, blocks, first_prim) = (&self.grid, &tree.blocks, part.first_prim);
+        let mut scene = Scene { grid, window, local, eye, blocks, first_prim };
+        match self.instructions {
+            Instructions::Best => walk(&mut scene, tree, work),
+            Instructions::Avx2 => walk_avx2(&mut scene, tree, work),
+            Instructions::Plain => descent::plain::walk(&mut scene, tree, work),
+        }
+    }
+
+    fn take_work(&self) -> Work {
+        self.spare.lock().ok().and_then(|mut spare| spare.pop()).unwrap_or_default()
+    }
+
+    fn put_back(&self, work: Work) {
+        if let Ok(mut spare) = self.spare.lock() {
+            spare.push(work);
+        }
+    }
+
     /// Takes the hits of a window.
-    fn read(&self, window: &Window, hits: &[Hit], beams: &mut Beams) {
-        let Window { from, columns, .. } = *window;
+    fn read(&self, window: Window, hits: &[Hit], beams: &mut Beams) {
+        let Window { from, columns } = window;
         if !self.grid.is_full() {
             // No hit is closer than that.
             beams.t[..self.grid.row_count() * columns].fill(f32::NEG_INFINITY);
@@ -145,8 +161,8 @@ impl Walk {
     }
 
     /// Gives the hits of a window back.
-    fn write(&self, window: &Window, work: Work, hits: &mut [Hit]) {
-        let Window { from, columns, .. } = *window;
+    fn write(&self, window: Window, work: Work, hits: &mut [Hit]) {
+        let Window { from, columns } = window;
         let beams = &work.beams;
         for row in 0..self.grid.row_count() {
             for piece in self.grid.pieces(from, columns, row) {
@@ -157,9 +173,54 @@ impl Walk {
                 }
             }
         }
-        if let Ok(mut spare) = self.spare.lock() {
-            spare.push(work);
+        self.put_back(work);
+    }
+}
+
+/// The beams of a sensor that moves while it turns: those of an azimuth step fire together, from a place of
+/// their own, and go down the tree together.
+pub(crate) struct FiringWalk(Walk);
+
+impl FiringWalk {
+    /// For sensors with these channels and azimuth steps; none where there are too many channels.
+    pub(crate) fn new(beams: &BeamGrid, instructions: Instructions) -> Option<Self> {
+        let grid = Grid::of_firings(beams)?;
+        Some(Self(Walk { grid, instructions, spare: Mutex::default() }))
+    }
+
+    /// Whether a tree may be cast into.
+    pub(crate) fn fits(part: &Part<'_>) -> bool {
+        Walk::fits(part)
+    }
+
+    /// Replaces the hits of the beams of an azimuth step, a channel each, by closer ones in some trees that
+    /// [`Self::fits`] is true of, and by equally close ones of a lower face. A beam whose hit lies at −∞ is
+    /// not cast, and its direction not asked for.
+    pub(crate) fn closer_hits<'p>(
+        &self,
+        step: usize,
+        parts: impl Iterator<Item = Part<'p>>,
+        direction_of: impl Fn(usize) -> [f32; 3],
+        hits: &mut [Hit],
+    ) {
+        let Self(walk) = self;
+        let mut work = walk.take_work();
+        let mut local = std::mem::take(&mut work.local).unwrap_or_else(bytemuck::zeroed_box);
+        for (at, channel) in walk.grid.channels().enumerate() {
+            let hit = &hits[channel];
+            (work.beams.t[at], work.beams.prim[at]) = (hit.t, hit.prim as i32);
+            if hit.t > f32::NEG_INFINITY {
+                let direction = direction_of(channel);
+                (0..3).for_each(|axis| local[axis][at] = direction[axis]);
+            }
         }
+        let window = Window { from: step, columns: 1 };
+        parts.for_each(|part| walk.descend(window, &local, &part, &mut work));
+        for (at, channel) in walk.grid.channels().enumerate() {
+            hits[channel] = Hit { t: work.beams.t[at], prim: work.beams.prim[at] as u32 };
+        }
+        work.local = Some(local);
+        walk.put_back(work);
     }
 }
 

@@ -73,7 +73,7 @@ per_target! {
         let a = corners[0];
         let above = add(add(mul(n[0], a[0]), mul(n[1], a[1])), mul(n[2], a[2]));
         seen.above = store(above);
-        edges(local, whole, out, seen);
+        edges(grid, local, whole, out, seen);
     }
 
     /// Rows and columns of triangles: those of their corners. A triangle that holds the pole has
@@ -112,8 +112,8 @@ per_target! {
     /// With u = 2⁻²⁴, corners are off by 6·u·|v| and edges by twice that; turned by a beam at a distance
     /// r from the corners, products are off by less than u·|v|·(25·e + 45·r), with e the longest edge;
     /// the products of `Ray::intersect` are counted in. Beams of a rectangle pass within
-    /// r ≤ e + 4e-3·|v| of the corners, or within |v| where it is whole.
-    fn edges(local: [[V; 3]; 3], whole: M, out: &mut Rects, seen: &mut Seen) {
+    /// r ≤ e + b·|v| of the corners, b being `Grid::beside`, or within |v| where it is whole.
+    fn edges(grid: &Grid, local: [[V; 3]; 3], whole: M, out: &mut Rects, seen: &mut Seen) {
         let edge = [
             three!(K => sub(local[2][K], local[1][K])),
             three!(K => sub(local[0][K], local[2][K])),
@@ -134,9 +134,9 @@ per_target! {
         let short = lt(shortest, mul(far, splat(SHORTEST * SHORTEST)));
         out.split |= bits(either(short, whole));
         seen.uncut = out.split;
-        // |v|·(e + 4e-3·|v|) = √(|v|²·e²) + 4e-3·|v|²
+        // |v|·(e + b·|v|) = √(|v|²·e²) + b·|v|²
         let product = mul(longest, far);
-        let reach = select(whole, splat(1.0), splat(4e-3));
+        let reach = select(whole, splat(1.0), splat(grid.beside));
         let doubt = fma(far, reach, mul(product, rsqrt(max(product, splat(1e-30)))));
         let doubt = mul(doubt, splat(6e-6));
         // Too small to be sure of anything.

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::cover::Bitmaps;
+use crate::cover::{BitOrder, Bitmaps};
 use crate::engine::{Backend, BackendError};
 use crate::problem::{Content, Problem, spread};
 use crate::psog::{Roi, to_nats};
@@ -88,11 +88,14 @@ impl Sight {
         let frames = spread(problem.frame_count(), Some(FRAMES));
         let mut gains = Gains::new(problem, &voxels, frames.len());
         let mut shares = Vec::new();
+        let mut places = Places::default();
         for layout in std::iter::once(placement).chain(baselines) {
             let mut seen = vec![0_u32; voxels.len()];
             let mut alone = vec![0.0; if shares.is_empty() { layout.lidars.len() } else { 0 }];
             for &frame in &frames {
-                let marks = Marks::new(engine.bitmaps(&layout.lidars, frame)?, &voxels);
+                let bitmaps = engine.bitmaps(&layout.lidars, frame)?;
+                places.fit(bitmaps.order, &voxels);
+                let marks = Marks { bitmaps, places: &places };
                 marks.count(&mut seen);
                 // Of the placement; each LiDAR's sum is taken in one order, so that threads change no bit.
                 alone.par_iter_mut().enumerate().for_each(|(lidar, nats)| {
@@ -100,8 +103,10 @@ impl Sight {
                     *nats += gained / frames.len() as f64;
                 });
             }
-            let share: Vec<f64> =
-                seen.iter().map(|s| f64::from(*s) / frames.len() as f64).collect();
+            let mut share = vec![0.0; voxels.len()];
+            for (&(_, voxel), &seen) in places.rising.iter().zip(&seen) {
+                share[voxel as usize] = f64::from(seen) / frames.len() as f64;
+            }
             gains.add(&voxels, &share);
             if shares.is_empty() {
                 gains.alone = alone;
@@ -110,8 +115,9 @@ impl Sight {
         }
         let mut masks = Vec::new();
         for &frame in shown {
-            let marks = Marks::new(engine.bitmaps(&placement.lidars, frame)?, &voxels[..count]);
-            masks.push(marks.masks());
+            let bitmaps = engine.bitmaps(&placement.lidars, frame)?;
+            places.fit(bitmaps.order, &voxels);
+            masks.push(Marks { bitmaps, places: &places }.masks(count));
         }
         gains.by_class.retain(|part| part.total > 0.0);
         gains.by_class.sort_by(|a, b| b.total.total_cmp(&a.total));
@@ -133,50 +139,65 @@ impl Sight {
     }
 }
 
-/// Which LiDARs cover some voxels in a frame.
-struct Marks {
-    bitmaps: Bitmaps,
-    /// Place of each voxel in the bitmaps.
-    bits: Vec<usize>,
+/// Where voxels stand in the bitmaps of an engine.
+#[derive(Default)]
+struct Places {
+    order: Option<BitOrder>,
+    /// Bit of each voxel.
+    bits: Vec<u32>,
+    /// Bits rising, each with the number of its voxel: thousands of bitmaps are gone through.
+    rising: Vec<(u32, u32)>,
 }
 
-impl Marks {
-    fn new(bitmaps: Bitmaps, voxels: &[Voxel]) -> Self {
-        let bit = |voxel: &Voxel| bitmaps.order.bit_of(voxel.drawn.index) as usize;
-        let bits = voxels.par_iter().map(bit).collect();
-        Self { bitmaps, bits }
+impl Places {
+    /// Finds them anew where another engine has taken over.
+    fn fit(&mut self, order: BitOrder, voxels: &[Voxel]) {
+        if self.order != Some(order) {
+            self.order = Some(order);
+            self.bits = voxels.par_iter().map(|voxel| order.bit_of(voxel.drawn.index)).collect();
+            self.rising = self.bits.iter().copied().zip(0..).collect();
+            self.rising.par_sort_unstable();
+        }
     }
+}
 
-    /// Counts one more for each voxel that any LiDAR covers.
+/// Which LiDARs cover some voxels in a frame.
+struct Marks<'a> {
+    bitmaps: Bitmaps,
+    places: &'a Places,
+}
+
+impl Marks<'_> {
+    /// Counts one more for each voxel that any LiDAR covers, by rising bit.
     fn count(&self, seen: &mut [u32]) {
         let mut union: Vec<u64> = Vec::new();
         for words in self.bitmaps.sensors() {
             union.resize(words.len(), 0);
             union.iter_mut().zip(words).for_each(|(all, word)| *all |= word);
         }
-        let covered = seen.par_iter_mut().zip(&self.bits);
-        covered.for_each(|(seen, &bit)| *seen += u32::from(is_set(&union, bit)));
+        let covered = seen.par_iter_mut().zip(&self.places.rising);
+        covered.for_each(|(seen, &(bit, _))| *seen += u32::from(is_set(&union, bit)));
     }
 
     /// The voxels that a LiDAR covers.
     fn of<'a>(&'a self, lidar: usize, voxels: &'a [Voxel]) -> impl Iterator<Item = &'a Voxel> {
         let words = self.bitmaps.sensors().nth(lidar).unwrap_or_default();
-        let covered = move |&(_, &bit): &(&Voxel, &usize)| is_set(words, bit);
-        voxels.iter().zip(&self.bits).filter(covered).map(|(voxel, _)| voxel)
+        let covered = move |&(_, &bit): &(&Voxel, &u32)| is_set(words, bit);
+        voxels.iter().zip(&self.places.bits).filter(covered).map(|(voxel, _)| voxel)
     }
 
-    /// A bit a LiDAR for each voxel.
-    fn masks(&self) -> Vec<u16> {
-        let mask = |&bit: &usize| {
+    /// A bit a LiDAR for each of the first voxels.
+    fn masks(&self, count: usize) -> Vec<u16> {
+        let mask = |&bit: &u32| {
             let sensors = self.bitmaps.sensors().enumerate();
             sensors.fold(0, |mask, (k, words)| mask | u16::from(is_set(words, bit)) << k)
         };
-        self.bits.par_iter().map(mask).collect()
+        self.places.bits[..count].par_iter().map(mask).collect()
     }
 }
 
-fn is_set(words: &[u64], bit: usize) -> bool {
-    words[bit / 64] >> (bit % 64) & 1 == 1
+fn is_set(words: &[u64], bit: u32) -> bool {
+    words[bit as usize / 64] >> (bit % 64) & 1 == 1
 }
 
 /// The voxels that hold information, most first.

@@ -5,11 +5,12 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::{bits, ideal, placement, scan, scene};
-use crate::bvh::{Bvh, Ray};
+use crate::bvh::{Bvh, Hit, Ray};
+use crate::cast::{FiringWalk, Instructions, Part};
 use crate::geom::{Pose, TriangleSoup};
 use crate::scan::{EGO_INSTANCE, Scanner, Scanning, Status};
 use crate::scene::{EgoBody, Scene};
-use crate::vehicle::SensorPose;
+use crate::vehicle::{BeamTable, SensorPose};
 
 /// A street with houses, poles and things that drive and turn.
 const STREET: &str = r#"
@@ -230,9 +231,8 @@ fn the_same_bytes_on_any_number_of_threads_and_in_any_order_of_frames() {
     assert_ne!(bits(&scan(&scene, &poses(), &other)), on(1));
 }
 
-#[test]
-fn beams_one_by_one_and_in_bundles_give_the_bits_of_the_reference() {
-    let mut rng = ChaCha8Rng::seed_from_u64(3);
+/// Triangles of a few metres everywhere.
+fn crowd(rng: &mut ChaCha8Rng) -> Bvh {
     let mut soup = TriangleSoup::default();
     for _ in 0..700 {
         let at = Vec3::from([0; 3].map(|_| rng.random_range(-20.0..20.0)));
@@ -240,17 +240,78 @@ fn beams_one_by_one_and_in_bundles_give_the_bits_of_the_reference() {
             (at + Vec3::from([0; 3].map(|_| rng.random_range(-2.0..2.0)))).to_array()
         };
         let base = soup.vertices.len() as u32;
-        soup.vertices.extend([corner(&mut rng), corner(&mut rng), corner(&mut rng)]);
+        soup.vertices.extend([corner(rng), corner(rng), corner(rng)]);
         soup.faces.push([base, base + 1, base + 2]);
         soup.face_class.push(0);
     }
-    let bvh = Bvh::build(&soup, 60.0);
+    Bvh::build(&soup, 60.0)
+}
+
+/// A pose among them.
+fn anywhere(rng: &mut ChaCha8Rng) -> Pose {
+    let turn = [0; 3].map(|_| rng.random_range(-3.0..3.0));
+    let at = DVec3::from([0; 3].map(|_| rng.random_range(-15.0..15.0)));
+    Pose::new(at, turn[0], turn[1], turn[2])
+}
+
+#[test]
+fn beams_that_fire_together_give_the_bits_of_the_reference() {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let bvh = crowd(&mut rng);
+    let channels = |count: usize, offset: f64| -> Vec<(f64, f64)> {
+        let channel = |k: usize| (60.0 - 120.0 * k as f64 / count as f64, (k % 3) as f64 * offset);
+        (0..count).map(channel).collect()
+    };
+    let tables = [
+        BeamTable::spinning(&channels(16, 0.0), 50, 40.0),
+        // Offsets of a column and a half; more channels than sixteen vectors hold; to one side.
+        BeamTable::spinning(&channels(33, 13.5), 40, 40.0),
+        BeamTable::spinning(&channels(300, -0.2), 12, 40.0),
+        BeamTable::sector(&channels(20, 0.3), [-30.0, 2.0], 30, 40.0),
+    ];
+    let (mut hits_seen, mut beams) = (0, 0);
+    for table in tables.map(Result::unwrap) {
+        let (grid, directions) = (table.grid().unwrap(), table.directions());
+        for instructions in [Instructions::Best, Instructions::Avx2, Instructions::Plain] {
+            let walk = FiringWalk::new(grid, instructions).unwrap();
+            for round in 0..40 {
+                let (step, pose) = (rng.random_range(0..grid.steps), anywhere(&mut rng));
+                let pose = crate::problem::DevicePose::from(&pose);
+                let part = Part { bvh: &bvh, pose, first_prim: 7 };
+                assert!(FiringWalk::fits(&part));
+                // In some rounds a few beams alone are cast.
+                let is_cast = |k: usize| round % 2 == 0 || k % 5 == 1;
+                let range = |k: usize| if is_cast(k) { 40.0 } else { f32::NEG_INFINITY };
+                let direction_of = |k: usize| directions[k * grid.steps + step];
+                let mut hits: Vec<Hit> =
+                    (0..grid.channels.len()).map(|k| Hit::none(range(k))).collect();
+                walk.closer_hits(step, [part].into_iter(), direction_of, &mut hits);
+                for (k, hit) in hits.iter().enumerate() {
+                    let origin = crate::problem::beam_origin(&pose);
+                    let direction = crate::problem::beam_direction(&pose, direction_of(k));
+                    let alone = bvh.closest_hit_brute_force(&Ray::new(origin, direction, 40.0));
+                    let expected = match alone.is_hit() && is_cast(k) {
+                        true => Hit { prim: alone.prim + 7, ..alone },
+                        false => Hit::none(range(k)),
+                    };
+                    assert_eq!(*hit, expected, "{instructions:?}, beam {k} of {step}");
+                    hits_seen += u32::from(hit.is_hit());
+                    beams += 1;
+                }
+            }
+        }
+    }
+    assert!(hits_seen > beams / 4, "{hits_seen} of {beams}");
+}
+
+#[test]
+fn beams_one_by_one_and_in_bundles_give_the_bits_of_the_reference() {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let bvh = crowd(&mut rng);
     let mut left = crate::cast::Left::new();
     let mut hits_seen = 0;
     for _ in 0..400 {
-        let turn = [0; 3].map(|_| rng.random_range(-3.0..3.0));
-        let at = DVec3::from([0; 3].map(|_| rng.random_range(-15.0..15.0)));
-        let pose = Pose::new(at, turn[0], turn[1], turn[2]);
+        let pose = anywhere(&mut rng);
         let standing = crate::cast::Standing::new(&bvh, &pose, 40.0, 0.04);
         let targets = || {
             let target = |standing| crate::cast::Target { tree: &bvh, first_prim: 7, standing };

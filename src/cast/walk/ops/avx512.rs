@@ -63,7 +63,6 @@ ops! {
     fn min_i(a: I, b: I) -> I { _mm512_min_epi32(a, b) }
     fn max_i(a: I, b: I) -> I { _mm512_max_epi32(a, b) }
     fn le_i(a: I, b: I) -> M { _mm512_cmple_epi32_mask(a, b) }
-    fn eq_i(a: I, b: I) -> M { _mm512_cmpeq_epi32_mask(a, b) }
     fn less_id(a: I, b: I) -> M { _mm512_cmplt_epu32_mask(a, b) }
     fn select_i(m: M, a: I, b: I) -> I { _mm512_mask_mov_epi32(b, m, a) }
     fn compress(m: u16, x: I) -> [i32; W] { cast(_mm512_maskz_compress_epi32(m, x)) }

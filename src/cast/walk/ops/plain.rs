@@ -55,7 +55,6 @@ ops! {
     fn min_i(a: I, b: I) -> [i32] { if a < b { a } else { b } }
     fn max_i(a: I, b: I) -> [i32] { if a > b { a } else { b } }
     fn le_i(a: I, b: I) -> [bool] { a <= b }
-    fn eq_i(a: I, b: I) -> [bool] { a == b }
     fn less_id(a: I, b: I) -> [bool] { (a as u32) < b as u32 }
     fn select_i(m: M, a: I, b: I) -> [i32] { if m { a } else { b } }
 }
