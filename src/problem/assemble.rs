@@ -243,3 +243,29 @@ fn standing(trees: &[Arc<Bvh>], poses: &[Pose]) -> Frame {
 fn bits(soup: &TriangleSoup) -> [&[u8]; 2] {
     [bytemuck::cast_slice(&soup.vertices), bytemuck::cast_slice(&soup.faces)]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::psog::Roi;
+
+    #[test]
+    fn what_is_far_counts_for_less_and_near_ground_by_itself() {
+        // Middles at x = 0.5 to 39.5 m, y = 0.
+        let roi = Roi::new([0.0, -0.5, 0.0], [1.0; 3], [40, 1, 1]).unwrap();
+        let classes = vec!["road".to_owned(), "building".to_owned()];
+        // Road in half of the frames at 5.5 m and in all at 7.5 m, a house in half of them at 20.5 m, road in half
+        // of them at 39.5 m.
+        let counts = vec![1, 0, 2, 0, 0, 1, 1, 0];
+        let psog = Psog::new(roi, 2, classes, vec![5, 7, 20, 39], counts).unwrap();
+        let content = Content::from_psog(&psog, &[]);
+        // Eighths: 8, –, round(80 / 20.5) = 4, round(80 / 39.5) = 2; two voxels of near ground.
+        let shares = [8.0 / 14.0 + 0.125, 0.125, 4.0 / 14.0, 2.0 / 14.0];
+        let total: f64 = shares.iter().sum();
+        for (voxel, share) in content.occupied().iter().zip(shares) {
+            let got = f64::from(voxel.entropy[NEAR_KIND]);
+            let got = got / content.entropy_total()[NEAR_KIND] as f64;
+            assert!((got - share / total).abs() < 1e-8, "{}: {got}", voxel.index);
+        }
+    }
+}
