@@ -55,7 +55,7 @@ impl ScoreColumn {
             Self::Detection => "det ×1e-6",
             Self::Gain => "gain nats",
             Self::GainShare => "gain %",
-            Self::NearGain => "near %",
+            Self::NearGain => "near gain %",
             Self::SMig => "S-MIG",
             Self::Covered => "covered",
             Self::Hits => "hits %",
