@@ -85,7 +85,7 @@ impl InformationMap {
         (i * u64::from(self.cells[1]) + j) as usize
     }
 
-    /// Adds the voxels covered in one of `frames` frames, as rising linear indices.
+    /// Adds the voxels covered in one of `frames` frames; `covers` says it of a linear index.
     pub fn add_frame(
         &mut self,
         roi: &Roi,

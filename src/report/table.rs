@@ -18,7 +18,7 @@ pub enum ScoreColumn {
     Gain,
     /// Information gain in per cent of the information that the scene holds.
     GainShare,
-    /// Mean over classes of the share of their information that is gained, in per cent.
+    /// Share of the information that is gained where what is near counts for more, in per cent.
     NearGain,
     /// S-MIG in nats.
     SMig,

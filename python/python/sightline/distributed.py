@@ -112,8 +112,9 @@ def score(
     """Scores of N placements in each of some scenes.
 
     ``poses`` is ``[N, L, 6]`` as for :meth:`sightline.Scene.score`, ``sensors`` names the model of each LiDAR, and
-    ``phases`` ``[L]`` or ``[N, L]`` locks them. There is an actor a node with all of its cores, or ``actors`` of them with ``threads`` threads each. ``checkpoint`` is a
-    folder that finished chunks are kept in. ``progress`` is told after each chunk.
+    ``phases`` ``[L]`` or ``[N, L]`` locks them. There is an actor a node with all of its cores, or ``actors`` of them
+    with ``threads`` threads each. ``checkpoint`` is a folder that finished chunks are kept in. ``progress`` is told
+    after each chunk.
 
     Raises ``ValueError`` for placements and scenes that do not go together, and for a checkpoint of other inputs;
     ``RuntimeError`` where a chunk fails over and over.
