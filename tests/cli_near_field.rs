@@ -62,6 +62,13 @@ fn a_lidar_on_the_roof_is_told_off_and_weights_are_told() {
     let plain = scored(&[]);
     let guards = |k: usize| plain[k]["guards"].to_string();
     assert!(guards(0).contains("self_hit: LiDAR 0 ends") && !guards(1).contains("self_hit"));
+    // Over several scenes too, in each and in the mean.
+    let args = ["score", "yard.json", "yard.json", "two.json", "--backend", "cpu"];
+    let both = ok(dir.path(), &args);
+    for scores in [&both["scenes"][0]["scores"], &both["scenes"][1]["scores"], &both["mean"]] {
+        let guards = |k: usize| scores[k]["guards"].to_string();
+        assert!(guards(0).contains("self_hit") && !guards(1).contains("self_hit"), "{scores}");
+    }
     let gain = |scores: &Value| scores[1]["information_gain"].as_f64().unwrap();
     let heavy = scored(&["--near-weight", "0.5"]);
     assert!(gain(&heavy) > gain(&plain) + 10.0);
@@ -90,6 +97,10 @@ fn what_cannot_be_is_named() {
         (
             &["optimize", "yard.json", "--near-weight", "1", "--objective", "m_sog"],
             "information_gain",
+        ),
+        (
+            &["optimize", "yard.json", "--near-weight", "1", "--objective", "near_gain"],
+            "`near_gain` is something else",
         ),
     ] {
         let message = fails(dir.path(), args);

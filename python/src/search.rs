@@ -177,7 +177,7 @@ fn tell(py: Python<'_>, callback: &Py<PyAny>, event: &Event) -> PyResult<bool> {
 /// search, which finishes its generation, confirms what it has and returns it. So do Ctrl-C and any other exception, but
 /// that they go on to the caller, with the `Result` as their `result`.
 #[pyfunction(name = "optimize")]
-#[pyo3(signature = (scenes, *, objective = "information_gain", evaluations = 180, seed = 1,
+#[pyo3(signature = (scenes, *, objective = "near_gain", evaluations = 180, seed = 1,
     method = "both", frames = "on-demand", population = None, baselines = None, starts = None,
     target = None, seconds = None, mirror = false, budget = None, callback = None))]
 #[allow(clippy::too_many_arguments)]

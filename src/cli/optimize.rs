@@ -14,7 +14,7 @@ use crate::Problem;
 use crate::export::GltfView;
 use crate::internals::{
     Input, RunDir, align_columns, by_scene, certificate_in_words, findings_text, methods_in_words,
-    near_gain_text, poses_text, spread_in_words, verdict,
+    poses_text, spread_in_words, unweighted_gain_text, verdict,
 };
 use crate::near_field::weighted;
 use crate::report::{self, RunRecord};
@@ -220,7 +220,7 @@ fn print(args: &Args, record: &RunRecord, folder: &Path) -> Result<(), Error> {
         out!("{}", align_columns(&rows))?;
     }
     if !record.near_field.is_empty() {
-        out!("\n{}", near_gain_text(&record.near_field))?;
+        out!("\n{}", unweighted_gain_text(&record.near_field))?;
     }
     match &record.best {
         Some(best) => {

@@ -87,7 +87,8 @@ fn page(
     let records = SceneRecord::several(suite);
     let names: Vec<&str> = scenes.iter().map(Scene::name).collect();
     let names = names.join(", ");
-    let subject = Subject::given(&names, &records, result, baselines, command(args));
+    let objective = objective.to_string();
+    let subject = Subject::given(&names, &records, result, baselines, &objective, command(args));
     Ok(view_html(&subject, &figures))
 }
 

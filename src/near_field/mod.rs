@@ -47,5 +47,5 @@ pub use ground::{CELL, NEAR, RING};
 pub use look::{BeamShares, CLOSE, NearField, NearSite};
 pub use poles::{POLE_BEAMS, POLE_HEIGHT, POLE_RADIUS, Pole, Standard};
 pub use self_hit::{FEW_PLACEMENTS, add_self_hits, own_shares, self_hits};
-pub use weight::{MOST_WEIGHT, NearGain, unweighted, weighted};
+pub use weight::{MOST_WEIGHT, UnweightedGain, unweighted, weighted};
 pub use zone::{BlindZone, DIRECTIONS};

@@ -18,7 +18,7 @@ pub const MOST_WEIGHT: f64 = 4.0;
 
 /// What a placement gains in truth, and what it sees near the vehicle: stands beside a weighted search.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct NearGain {
+pub struct UnweightedGain {
     /// Of the scene, where there are several.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scene: Option<String>,

@@ -7,7 +7,7 @@ use maud::{Markup, html};
 use super::optional;
 use super::svg::{ACCENT, FAINT, GREY, INK, SECOND, SOFT, corners, page, px};
 use super::text::align_columns;
-use crate::near_field::{CELL, Footprint, NEAR, NearField, NearGain, RING, Standard};
+use crate::near_field::{CELL, Footprint, NEAR, NearField, RING, Standard, UnweightedGain};
 use crate::vehicle::Placement;
 
 /// Drawings beside each other.
@@ -52,7 +52,7 @@ pub fn near_field_text(all: &[NearField]) -> String {
 }
 
 /// A line a placement of a weighted search: what it gains in truth, and what it sees near the vehicle.
-pub fn near_gain_text(all: &[NearGain]) -> String {
+pub fn unweighted_gain_text(all: &[UnweightedGain]) -> String {
     let titles = ["without the weight", "gain nats", "near %", "3 m %"].map(str::to_owned);
     let mut rows = vec![titles.to_vec()];
     rows.extend(all.iter().map(|near| {

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::near_field::NearGain;
+use crate::near_field::UnweightedGain;
 use crate::problem::Modelled;
 use crate::search::{
     Certificate, Finding, FramesUsed, GainSpread, LeftOut, Member, MethodRecord, Outcome,
@@ -102,7 +102,7 @@ pub struct RunRecord {
     pub active_bounds: Vec<String>,
     /// True gain and near field of the result and the baselines, where near ground was given a weight.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub near_field: Vec<NearGain>,
+    pub near_field: Vec<UnweightedGain>,
     /// Placements × frames a second during the search.
     pub rate: f64,
     /// Wall times.

@@ -19,19 +19,25 @@ struct Metric {
 /// From all scores and those of the task.
 type Getter = fn(&Tasks, &TaskScores) -> Option<f64>;
 
+/// Name of the default objective.
+const NEAR_GAIN: &str = "near_gain";
+
 /// Every score that a search may maximize; all are "larger is better".
 const METRICS: [(&str, Getter); 8] = [
+    (NEAR_GAIN, |tasks, _| tasks.near_gain),
     ("information_gain", |_, task| task.information_gain),
     ("m_sog_scaled", |_, task| task.m_sog_scaled),
     ("m_sog", |_, task| task.m_sog),
     ("m_sog_scaled_nonzero", |_, task| task.m_sog_scaled_nonzero),
     ("m_sog_nonzero", |_, task| task.m_sog_nonzero),
     ("information_gain_share", |_, task| task.information_gain_share),
-    ("near_gain", |tasks, _| tasks.near_gain),
     ("s_mig", |tasks, _| tasks.s_mig),
 ];
 
 const DETECTION: &str = "detection.";
+
+/// Scores that are of all classes together: segmentation and detection have no values of their own.
+const OF_NO_TASK: [&str; 2] = ["near_gain", "s_mig"];
 
 /// Weighted sum of scores, as `m_sog_scaled` or `0.5*m_sog_scaled + 0.5*detection.m_sog_scaled`.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -57,6 +63,12 @@ pub enum ObjectiveError {
         /// All names.
         known: String,
     },
+    /// A score of all classes together, asked of detection.
+    #[error("`{DETECTION}{name}`: {name} is of all classes together; write `{name}`")]
+    OfNoTask {
+        /// Without `detection.`.
+        name: &'static str,
+    },
     /// A factor that is no finite number.
     #[error("`{weight}` is no weight; write a finite number before the `*`, as in `0.5*m_sog`")]
     BadWeight {
@@ -66,8 +78,9 @@ pub enum ObjectiveError {
 }
 
 impl Default for Objective {
-    /// The information gain: monotone in the set of sensors, comparable between any number and kind of
-    /// them, and the objective for which a bound on every other placement is known.
+    /// The near gain: of all scores, what it puts first loses least of what learned models get from a
+    /// placement (`docs/evidence.md`). A gain like the information gain: monotone in the set of sensors,
+    /// comparable between any number and kind of them, with a bound on every other placement.
     fn default() -> Self {
         let (name, of) = METRICS[0];
         let metric = Metric { name, detection: false, of };
@@ -117,6 +130,9 @@ fn term(text: &str) -> Result<(f64, Metric), ObjectiveError> {
     let bare = name.strip_prefix(DETECTION).unwrap_or(name);
     let detection = bare.len() < name.len();
     match METRICS.iter().find(|(metric, _)| *metric == bare) {
+        Some(&(name, _)) if detection && OF_NO_TASK.contains(&name) => {
+            Err(ObjectiveError::OfNoTask { name })
+        }
         Some(&(name, of)) => Ok((weight, Metric { name, detection, of })),
         None => {
             let distance = |metric: &str| strsim::damerau_levenshtein(metric, bare);
@@ -180,12 +196,17 @@ impl Objective {
         value(&few) != value(&many)
     }
 
-    /// Whether the objective grows with the information gain and nothing else: a positive multiple of
-    /// a sum over covered voxels, monotone and submodular in the set of sensors.
+    /// Whether the objective grows with a gain and nothing else: a positive multiple of a sum over covered
+    /// voxels, monotone and submodular in the set of sensors.
     pub fn is_information_gain(&self) -> bool {
-        const GAINS: [&str; 3] = ["information_gain", "information_gain_share", "near_gain"];
+        const GAINS: [&str; 3] = ["information_gain", "information_gain_share", NEAR_GAIN];
         let gain = |metric: &Metric| GAINS.contains(&metric.name);
         self.terms.iter().all(|(weight, metric)| *weight > 0.0 && gain(metric))
+    }
+
+    /// Whether what a voxel counts depends on where it is.
+    pub fn weighs_place(&self) -> bool {
+        self.terms.iter().any(|(_, metric)| metric.name == NEAR_GAIN)
     }
 
     /// Whether a detection target is needed.
@@ -200,13 +221,18 @@ mod tests {
     use crate::problem::{Content, Tally};
 
     #[test]
-    fn the_default_is_the_information_gain() {
-        let named: Objective = "information_gain".parse().unwrap();
+    fn the_default_is_the_near_gain() {
+        let named: Objective = "near_gain".parse().unwrap();
         let json = serde_json::to_string(&Objective::default()).unwrap();
-        assert_eq!((Objective::default(), json.as_str()), (named, "\"information_gain\""));
+        assert_eq!((Objective::default(), json.as_str()), (named, "\"near_gain\""));
         assert_eq!(serde_json::from_str::<Objective>(&json).unwrap(), Objective::default());
         assert!(Objective::default().is_information_gain());
         assert!(serde_json::from_str::<Objective>("\"gain\"").is_err());
+        let refused = "detection.near_gain".parse::<Objective>().unwrap_err().to_string();
+        assert_eq!(
+            refused,
+            "`detection.near_gain`: near_gain is of all classes together; write `near_gain`"
+        );
     }
 
     #[test]

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from ._records import F32, F64, U16, U32, Result, Scan, Scores
 
 __all__ = [
+    "FEW_PLACEMENTS",
     "Placement",
     "Psog",
     "ScanIterator",
@@ -23,6 +24,7 @@ __all__ = [
     "set_threads",
 ]
 
+FEW_PLACEMENTS: int
 __version__: str
 
 _Path = str | PathLike[str]
@@ -269,7 +271,7 @@ def read_placements(path: _Path) -> list[Placement]: ...
 def optimize(
     scenes: Scene | Sequence[Scene],
     *,
-    objective: str = "information_gain",
+    objective: str = "near_gain",
     evaluations: int = 180,
     seed: int = 1,
     method: Literal["both", "cma", "swaps"] = "both",

@@ -33,14 +33,13 @@ except ImportError as _missing:
 
 from . import Result, Scene, Scores, optimize as _optimize, set_threads
 from ._checkpoint import Checkpoint, gaps
+from ._native import FEW_PLACEMENTS
 from ._pool import Pool, Progress, Task
 
 __all__ = ["Completed", "Progress", "optimize", "run", "score"]
 
 #: Placements of the first chunk of a scene, whose time tells how large the others may be.
 PROBE = 16
-#: Placements up to which the guard ``self_hit`` is looked for, as in :meth:`sightline.Scene.score`.
-FEW = 64
 #: Seconds that a chunk is to take.
 CHUNK_SECONDS = 2.0
 
@@ -70,7 +69,7 @@ class _Worker:
         phases = self.named["phases"]
         phases = phases if phases is None else phases[start:stop]
         # As few placements as one process looks at, however they are cut into chunks.
-        few = len(self.poses) <= FEW
+        few = len(self.poses) <= FEW_PLACEMENTS
         return self.scenes[scene].score(
             self.poses[start:stop], sensors=self.named["sensors"], phases=phases, self_hits=few
         )

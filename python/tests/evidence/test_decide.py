@@ -49,6 +49,21 @@ def test_one_that_is_not_does_not() -> None:
     assert decide.of(given, given.pool("box"))["verdict"]["why"] == "it was not searched with"
 
 
+def test_what_there_is_to_win() -> None:
+    """Chosen on the first seed, told by the second; what was searched in the test scenes, in units of best − mean."""
+    names = ["Ours-seg", "Center", "random-a", "random-b", "direct-box"]
+    layouts = [Layout(name, "direct" if name == "direct-box" else "box", np.zeros((4, 6))) for name in names]
+    first = np.array([[4.0, 4], [2, 2], [5, 5], [1, 1], [6, 6]])
+    second = np.array([[4.0, 4], [2, 2], [3, 3], [3, 3], [6, 6]])
+    plan: Any = SimpleNamespace()
+    given = Gathered(plan, layouts, ["a", "b"], [1, 2], {"birds_eye_miou": np.array([first, second])}, {}, {}, [])
+    found = effects.of(given)["to_win"]
+    # Of both seeds 4, 2, 4, 2 in the mount: best − mean is 1, and 6 is 2 above Ours-seg.
+    assert found["direct-box"]["regret"]["value"] == found["direct-box"]["birds_eye_miou"]["value"] == 2
+    best = found["the best of those in the mount"]["birds_eye_miou"]
+    assert (best["placement"], best["value"]) == ("random-a", -1)
+
+
 def test_regret_by_hand() -> None:
     metric = np.array([[3.0, 1.0], [1.0, 1.0], [2.0, 1.0]])
     found = decide.regrets(metric)

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use crate::engine::{EngineChoice, open};
-use crate::near_field::{NearGain, NearSite, unweighted};
+use crate::near_field::{NearSite, UnweightedGain, unweighted};
 use crate::scene::Scene;
 use crate::search::{Evaluator, Outcome, Suite};
 use crate::vehicle::Placement;
@@ -24,12 +24,12 @@ pub(super) fn with_self_hits(
 }
 
 /// True gain and near field of the result and the baselines in each scene, where near ground had a weight.
-pub(super) fn near_gains(
+pub(super) fn unweighted_gains(
     scenes: &[Scene],
     suite: &Suite,
     outcome: &Outcome,
     nats: f64,
-) -> Result<Vec<NearGain>, Error> {
+) -> Result<Vec<UnweightedGain>, Error> {
     let all = outcome.best.iter().chain(&outcome.baselines);
     let placements: Vec<Placement> = all.map(|scored| scored.placement.clone()).collect();
     let mut gains = Vec::new();
@@ -43,7 +43,7 @@ pub(super) fn near_gains(
         for scores in evaluator.scores(&placements)? {
             let placement = &placements[gains.len() % placements.len()];
             let near = site.look(evaluator.backend_mut(), placement)?;
-            gains.push(NearGain {
+            gains.push(UnweightedGain {
                 scene: (suite.scene_count() > 1).then(|| member.name().to_owned()),
                 name: scores.name,
                 information_gain: scores.segmentation.information_gain,

@@ -9,7 +9,7 @@ use crate::search::{FrameChoice, LeftOut, Outcome, Run, Scored, Settings, Suite}
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::near_field::{near_gains, with_self_hits};
+use super::near_field::{unweighted_gains, with_self_hits};
 use super::settings::{Args, Begun, Course, Saved};
 use crate::cli::error::Error;
 use crate::cli::load::LoadTimes;
@@ -110,7 +110,7 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
         },
     );
     if let Some(nats) = sitting.begun.near_weight {
-        record.near_field = near_gains(&sitting.opened.scenes, suite, outcome, nats)?;
+        record.near_field = unweighted_gains(&sitting.opened.scenes, suite, outcome, nats)?;
     }
     let memory = sitting.args.compute.memory;
     let (scenes, best, baselines) = (&sitting.opened.scenes, &record.best, &record.baselines);

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::internals::Spacing;
+use crate::score::Objective;
 use crate::search::{Choosing, Equipped, FrameChoice, Method, Settings, State};
 use crate::vehicle::{MountRules, SensorPose, read_placements};
 use serde::{Deserialize, Serialize};
@@ -37,14 +38,9 @@ pub struct Args {
     /// Go on with an interrupted run, to the same bytes that it would have given
     #[arg(long, value_name = "DIR")]
     pub(super) resume: Option<PathBuf>,
-    /// Score to maximize, or a weighted sum of several
-    #[arg(
-        long,
-        default_value = "information_gain",
-        allow_hyphen_values = true,
-        conflicts_with = "resume"
-    )]
-    objective: String,
+    /// Score to maximize, or a weighted sum of several [default: near_gain, with --near-weight information_gain]
+    #[arg(long, allow_hyphen_values = true, conflicts_with = "resume")]
+    objective: Option<String>,
     /// Placements that the generations evaluate; the swaps then cast one and a half times as many
     /// sensor poses as those did
     #[arg(long, value_name = "N", default_value_t = 180, conflicts_with = "resume",
@@ -230,8 +226,13 @@ pub(super) fn wanted(args: &Args) -> Result<Wanted, Error> {
 
 /// The settings of a new run.
 fn of(args: &Args) -> Result<Settings, Error> {
+    let objective = match (&args.objective, args.near_weight) {
+        (Some(text), _) => text.parse()?,
+        (None, Some(_)) => "information_gain".parse()?,
+        (None, None) => Objective::default(),
+    };
     let mut settings = Settings {
-        objective: args.objective.parse()?,
+        objective,
         method: args.method,
         evaluations: args.evaluations,
         population: args.population.map(|p| p as usize),
@@ -245,10 +246,12 @@ fn of(args: &Args) -> Result<Settings, Error> {
         target: args.target,
         ..Settings::default()
     };
-    if args.near_weight.is_some() && !settings.objective.is_information_gain() {
+    let objective = &settings.objective;
+    if args.near_weight.is_some() && (!objective.is_information_gain() || objective.weighs_place())
+    {
         return Err(Error::Usage(format!(
             "--near-weight: adds to information_gain, and `{}` is something else; leave one of them out",
-            settings.objective
+            objective
         )));
     }
     if let Some(file) = &args.baselines {

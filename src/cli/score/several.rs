@@ -3,10 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use crate::engine::{EngineChoice, open};
 use crate::internals::{shared_folder, writable_file};
+use crate::near_field::{FEW_PLACEMENTS, self_hits};
 use crate::report;
+use crate::scene::Scene;
 use crate::score::Scores;
-use crate::search::{Evaluator, Judged, Member};
+use crate::search::{Evaluator, Judged, Member, Suite};
 use crate::vehicle::{Placement, PlacementReader};
 use serde_json::{Value, json};
 
@@ -27,7 +30,7 @@ pub(super) fn run(
 ) -> Result<(), Error> {
     let conditions = &args.conditions.condition;
     let suited = load::suite(scenes, args.frames, conditions, &args.compute)?;
-    let Suited { scenes, evaluator, times, .. } = suited;
+    let Suited { scenes, suite, evaluator, times, .. } = suited;
     if let Some(file) = &args.out {
         let inputs = scenes.iter().flat_map(|scene| scene.files()).map(PathBuf::as_path);
         writable_file(file, inputs.chain([placements]))?;
@@ -40,6 +43,9 @@ pub(super) fn run(
         bar.inc(block.len() as u64);
     }
     bar.finish_and_clear();
+    if placements.len() <= FEW_PLACEMENTS {
+        batch.add_self_hits(&scenes, &suite, &placements)?;
+    }
     if let Some(folder) = &args.coverage_out {
         batch.write_coverage(folder, &placements)?;
     }
@@ -89,6 +95,27 @@ struct Batch {
 impl Batch {
     fn members(&self) -> impl Iterator<Item = (usize, &Member)> {
         self.evaluator.members().map(|(member, _)| member).enumerate()
+    }
+
+    /// Adds the guard `self_hit` in every scene, and that of the first, whose body all share, to the mean.
+    fn add_self_hits(
+        &mut self,
+        scenes: &[Scene],
+        suite: &Suite,
+        placements: &[Placement],
+    ) -> Result<(), Error> {
+        for (index, member) in suite.members().iter().enumerate() {
+            let (scene, problem) = (&scenes[member.scene()], member.problem());
+            let mut engine = open(problem, &EngineChoice::cpu(), |_| {})?.engine;
+            for (placement, judged) in placements.iter().zip(&mut self.judged) {
+                let guards = self_hits(scene, problem, &mut *engine, placement)?;
+                if index == 0 {
+                    judged.scores.guards.extend(guards.iter().cloned());
+                }
+                judged.by_scene[index].scores.guards.extend(guards);
+            }
+        }
+        Ok(())
     }
 
     /// Scores of all placements in one scene.

@@ -37,15 +37,15 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// A placement that was given, by information gain; `command` makes the page again.
+    /// A placement that was given, by `objective`; `command` makes the page again.
     pub fn given(
         scene: &'a str,
         scenes: &'a [SceneRecord],
         result: &'a Scored,
         baselines: &'a [Scored],
+        objective: &'a str,
         command: String,
     ) -> Self {
-        let objective = "information_gain";
         let verdict = judged(&result.placement.name, result, baselines, objective);
         Self { scene, scenes, objective, verdict, result: Some(result), baselines, command }
     }

@@ -19,7 +19,7 @@ class Layout:
 
     name: str
     #: ``box``: four LiDARs in the mount; ``mixed``: some beside it; ``number``: other counts; ``sensor``: other LiDARs;
-    #: ``gamed``: must lose.
+    #: ``gamed``: must lose; ``direct``: searched in the test scenes themselves.
     pool: str
     poses: F64
     #: Another LiDAR than the study's, as a scene file has it.

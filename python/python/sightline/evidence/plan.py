@@ -27,7 +27,7 @@ from .truth import DENSE, VERSION, VISIBLE, Source
 from .worlds import LIDAR, World
 
 #: Objectives whose optima by the engine are among the placements.
-OBJECTIVES = ("information_gain", "m_sog_scaled", "m_sog_scaled_nonzero")
+OBJECTIVES = ("near_gain", "information_gain", "m_sog_scaled", "m_sog_scaled_nonzero")
 
 #: Candidates whose optima over a pool of poses are, of four in the mount and of two there and two low round the body.
 #: Left to themselves all of these chose four in the mount, in the pool of the standard run.
@@ -73,7 +73,7 @@ class Plan:
 def _turn(layout: Layout) -> int:
     if layout.name.startswith("random-"):
         return 1 if layout.name.endswith("-0") else 3
-    return 0 if layout.pool == "box" else 2
+    return 0 if layout.pool in ("box", "direct") else 2
 
 
 def digest(record: dict[str, Any]) -> str:
@@ -88,20 +88,21 @@ def make(design: Design, out: Path, scenes: Path, jobs: int) -> Plan:
     chosen = [worlds.generated(kind, seed, "train", design.frames, made) for kind, seed in design.train]
     chosen += [worlds.generated(kind, seed, "test", design.frames, made) for kind, seed in design.test]
     chosen += worlds.own(scenes, design.frames) if design.own else []
+    return settle(design, chosen, _PLACED[design.placements](design, chosen, out / "pool", jobs), out)
+
+
+def _study(design: Design, chosen: list[World], folder: Path, jobs: int) -> list[Layout]:
     train = [world for world in chosen if world.role == "train"]
-    return settle(design, chosen, _PLACED[design.placements](design, train, out / "pool", jobs), out)
-
-
-def _study(design: Design, train: list[World], folder: Path, jobs: int) -> list[Layout]:
     mount = train[0].source().described["mount"]
     placed = layouts.published() + _optima(design, train, mount, folder, jobs)
-    placed += layouts.staggered(LIDAR["azimuth_steps"])  # type: ignore[arg-type]
+    placed += _direct(design, chosen, mount, folder, jobs) + layouts.staggered(LIDAR["azimuth_steps"])  # type: ignore[arg-type]
     placed += layouts.mixed() + layouts.numbers() + layouts.gamed() + layouts.sensors(LIDAR)
     return placed + layouts.stratified(mount, design.random, seed=20)
 
 
-def _transfer(design: Design, train: list[World], folder: Path, jobs: int) -> list[Layout]:
-    """The optimum of the gain in the worlds of each kind alone, and of all; beside the published one."""
+def _transfer(design: Design, chosen: list[World], folder: Path, jobs: int) -> list[Layout]:
+    """The optimum of the gain in the training worlds of each kind alone, and of all; beside the published one."""
+    train = [world for world in chosen if world.role == "train"]
     mount = train[0].source().described["mount"]
     poses, kinds = pool.drawn(mount, *design.poses, seed=1)
     stage.carry_out("pool", [(folder / f"{w.name}.json", pool.cast, (w, poses, folder)) for w in train], jobs)
@@ -118,8 +119,8 @@ def _transfer(design: Design, train: list[World], folder: Path, jobs: int) -> li
 _PLACED: dict[str, Callable[[Design, list[World], Path, int], list[Layout]]] = {
     "study": _study,
     "transfer": _transfer,
-    "channels": lambda design, train, folder, jobs: layouts.channels(LIDAR),
-    "conditions": lambda design, train, folder, jobs: layouts.conditions(),
+    "channels": lambda design, chosen, folder, jobs: layouts.channels(LIDAR),
+    "conditions": lambda design, chosen, folder, jobs: layouts.conditions(),
 }
 
 
@@ -153,6 +154,23 @@ def _optima(design: Design, train: list[World], mount: dict[str, Any], folder: P
         kind = "mixed" if path.stem.endswith("-low") else "box"
         found.append(Layout(f"best-{path.stem.removeprefix('best-')}", kind, np.array(read_json(path)["poses"])))
     return found
+
+
+def _direct(design: Design, chosen: list[World], mount: dict[str, Any], folder: Path, jobs: int) -> list[Layout]:
+    """What there is to win: the optima of ``pool.IDEAL`` in the test scenes themselves, four in the mount and two of four."""
+    if not design.direct:
+        return []
+    test = [world for world in chosen if world.role == "test"]
+    poses, kinds = pool.drawn(mount, *design.poses, seed=1)
+    casts: list[stage.Task] = [(folder / f"{w.name}.json", pool.cast, (w, poses, folder)) for w in test]
+    stage.carry_out("pool in test scenes", casts, jobs)
+    names, inside, apart = [w.name for w in test], kinds == pool.INSIDE, float(mount.get("min_distance", 0.0))
+    tasks: list[stage.Task] = [
+        (folder / f"direct-{group}.json", pool.optimum, ("ideal", names, folder, poses, allowed, apart))
+        for group, allowed in (("box", [inside] * 4), ("low", [inside, inside, ~inside, ~inside]))
+    ]
+    stage.carry_out("optima of the metrics", tasks, jobs)
+    return [Layout(path.stem, "direct", np.array(read_json(path)["poses"])) for path, _, _ in tasks]
 
 
 def settle(design: Design, chosen: list[World], placed: list[Layout], out: Path) -> Plan:

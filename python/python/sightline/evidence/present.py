@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -96,13 +97,54 @@ def _worth(spot: Any, result: dict[str, Any]) -> None:
         kinds["published or by hand" if handmade(name) else optimum].append((x, y, name))
     for kind, points in kinds.items():
         spot.scatter([p[0] for p in points], [p[1] for p in points], s=18, color=COLOURS[kind], label=kind)
-    for number, (x, y, name) in enumerate(sorted(kinds["published or by hand"] + kinds["optimum of a score"])):
-        short = name.removeprefix("best-").removeprefix("pool-").removesuffix("-box")
-        # Neighbours in x have their names above and below, by turns.
-        spot.annotate(short, (x, y), fontsize=5.5, xytext=(3, (3, -7, 9, -13)[number % 4]), textcoords="offset points")
-    spot.margins(x=0.12)
+    spot.margins(x=0.15, y=0.08)
     found = result["pools"][POOL]["metrics"]["birds_eye_miou"]["scores"]["information_gain"]["spearman"]
     spot.set_title(f"four LiDARs in the mount; gain orders the map with ρ {interval(found)}", fontsize=9)
     spot.set_xlabel("bird's-eye map, mIoU")
     spot.set_ylabel("objects with at least 5 points, share")
     spot.legend(fontsize=8)
+    named = [(x, y, _short(name)) for x, y, name in kinds["published or by hand"] + kinds["optimum of a score"]]
+    _names(spot, named, [point[:2] for points in kinds.values() for point in points])
+
+
+def _short(name: str) -> str:
+    return name.removeprefix("best-").removeprefix("pool-").removesuffix("-box")
+
+
+#: A rectangle in points of print: left, low, right, high.
+_Box = tuple[float, float, float, float]
+
+
+def _names(spot: Any, named: list[tuple[float, float, str]], points: list[tuple[float, float]]) -> None:
+    """Writes names where they cover neither another name nor a point, as near to their own as that goes.
+
+    A thin line leads to each; a name that has no room is left out.
+    """
+    spot.figure.draw_without_rendering()
+    scale, size = 72 / spot.figure.dpi, 5.5
+    frame = tuple(edge * scale for edge in spot.bbox.extents)
+    at = [spot.transData.transform(point) * scale for point in points]
+    taken: list[_Box] = [(u - 2, v - 2, u + 2, v + 2) for u, v in at]
+    line = {"arrowstyle": "-", "linewidth": 0.3, "color": "#a0aec0", "shrinkA": 0, "shrinkB": 2}
+    for x, y, name in sorted(named, key=lambda one: -one[1]):
+        u, v = spot.transData.transform((x, y)) * scale
+        free = (box for box in _around(u, v, 0.6 * size * len(name), size) if _is_free(box, frame, taken))
+        box = next(free, None)
+        if box:
+            taken.append(box)
+            offset = (box[0] - u, box[1] - v)
+            spot.annotate(name, (x, y), fontsize=size, xytext=offset, textcoords="offset points", arrowprops=line)
+
+
+def _around(u: float, v: float, width: float, height: float) -> Iterator[_Box]:
+    """Places of a name about a point, the nearest first, on each of eight sides."""
+    for away in range(4, 60, 3):
+        for right, up in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)):
+            left = u + right * away - width * (1 - right) / 2
+            low = v + up * away - height / 2
+            yield (left, low, left + width, low + height)
+
+
+def _is_free(box: _Box, frame: tuple[float, ...], taken: list[_Box]) -> bool:
+    inside = frame[0] < box[0] and frame[1] < box[1] and box[2] < frame[2] and box[3] < frame[3]
+    return inside and not any(box[0] < t[2] and t[0] < box[2] and box[1] < t[3] and t[1] < box[3] for t in taken)

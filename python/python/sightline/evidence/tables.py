@@ -19,6 +19,7 @@ def tables(result: dict[str, Any]) -> str:
     parts += [_poses(result["effects"]["poses"]), _sensors(result["effects"]["sensors"])]
     parts.append(_needed(result["effects"]["needed"]))
     parts += [_variants(result["effects"]["variants"]), _transfer(result["effects"]["transfer"])]
+    parts.append(_to_win(result["effects"]["to_win"]))
     parts += [_more(result["checks"]["one_more_lidar"]), _agreement(result["agreement"])]
     parts.append("\n## Checks\n\n" + "".join(f"- {line}\n" for line in _checks(result["checks"])))
     return "".join([*parts, _placements(result["placements"])])
@@ -47,9 +48,9 @@ def _regret(regret: dict[str, Any]) -> str:
     rows = sorted(regret["scores"].items(), key=lambda item: item[1]["mean"]["value"])
     text = "\nRegret of the placement that a score puts first, mean over scenes [95 %, over scenes]; 0 the best, 1 a random one.\n\n"
     about = list(rows[0][1]["about"])
-    text += head(["score", "mean", "less than the default", *(f"mean: {name}" for name in about), *metrics])
+    text += head(["score", "mean", "less than the gain", *(f"mean: {name}" for name in about), *metrics])
     for name, of in rows:
-        means = [interval(of["mean"]), interval(of["less_than_default"]), *(interval(of["about"][group]) for group in about)]
+        means = [interval(of["mean"]), interval(of["less_than_gain"]), *(interval(of["about"][group]) for group in about)]
         text += row([f"`{name}`", *means, *(number(of["by_metric"][m]["value"]) for m in metrics)])
     return text
 
@@ -135,6 +136,23 @@ def _transfer(effects: dict[str, Any]) -> str:
         for metric, by_kind in of.items():
             text += row([name, metric, interval(by_kind["all"], 3), *(number(by_kind[k], 3) for k in kinds if k != "all")])
     return text
+
+
+def _to_win(effects: dict[str, Any]) -> str:
+    if not effects:
+        return ""
+    columns = list(dict.fromkeys(name for of in effects.values() for name in of))
+    text = "\n## What there is to win: searched for the metrics themselves, less Ours-seg [95 %, over scenes]\n\n"
+    text += head(["placement", *columns])
+    for name, of in effects.items():
+        text += row([name, *(_won(of.get(column)) for column in columns)])
+    return text
+
+
+def _won(found: dict[str, Any] | None) -> str:
+    if found is None:
+        return ""
+    return interval(found, 3) + (f" (`{found['placement']}`)" if "placement" in found else "")
 
 
 def _more(steps: dict[str, Any]) -> str:
