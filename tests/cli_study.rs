@@ -43,6 +43,9 @@ fn level_corridor(lidars: u32) -> TempDir {
     dir
 }
 
+/// Nats, which can be summed up by hand.
+const BY_GAIN: [&str; 2] = ["--objective", "information_gain"];
+
 /// A study of the corridor; every table and chart is whole.
 fn of_corridor(dir: &TempDir, kind: &str, more: &[&str]) -> Value {
     let args = ["study", kind, "scene.json", "--backend", "cpu", "--evaluations", "24"];
@@ -149,7 +152,7 @@ fn tasks_and_regions_share_the_information_of_the_row_that_is_seen() {
 fn random_placements_see_either_row_and_the_optimized_one_the_better() {
     let dir = level_corridor(1);
     let [first, second] = rows_of_the_corridor();
-    let table = of_corridor(&dir, "random", &["--random", "9"]);
+    let table = of_corridor(&dir, "random", &[&["--random", "9"], &BY_GAIN[..]].concat());
     // The same draws, and which row each is in.
     let mount: Value =
         serde_json::from_slice(&fs::read(dir.path().join("scene.json")).unwrap()).unwrap();
@@ -170,7 +173,7 @@ fn random_placements_see_either_row_and_the_optimized_one_the_better() {
 fn the_worst_loss_of_two_lidars_is_the_better_row_or_none() {
     let dir = level_corridor(2);
     let [first, second] = rows_of_the_corridor();
-    let table = of_corridor(&dir, "loss", &[]);
+    let table = of_corridor(&dir, "loss", &BY_GAIN);
     // A LiDAR a row gains all and may lose the better row; both in the better row lose nothing.
     assert_column(&table, "all LiDARs", &[first + second, first]);
     assert_column(&table, "after the worst loss", &[second, first]);
@@ -199,7 +202,7 @@ fn a_placement_carried_to_another_scene_sees_its_own_row_there() {
     let quarter = p(1.0) + p(3.0);
     let (worse, better) = (quarter, p(2.0) + p(2.0) + quarter);
     let [first, second] = rows_of_the_corridor();
-    let table = of_corridor(&dir, "transfer", &["other.json"]);
+    let table = of_corridor(&dir, "transfer", &[&["other.json"], &BY_GAIN[..]].concat());
     assert_column(&table, "corridor", &[first, second]);
     assert_column(&table, "other", &[worse, better]);
     let notes = table["notes"].to_string();
