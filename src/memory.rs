@@ -51,7 +51,7 @@ fn address_space() -> Option<u64> {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "out of memory: {what} need {} MiB and {} MiB are left to this process; raise its limit, or use fewer \
-     frames, larger voxels or a coarser mesh", mebibytes(*.need), mebibytes(*.left)
+     placements at once, fewer frames, larger voxels or a coarser mesh", mebibytes(*.need), mebibytes(*.left)
 )]
 pub struct OutOfMemory {
     /// Contents of the memory, in the plural.
@@ -88,6 +88,13 @@ pub(crate) fn reserve<T>(
         let need = (len as u64).saturating_mul(size_of::<T>() as u64);
         OutOfMemory { what, need, left: available_memory().unwrap_or(0) }
     })
+}
+
+/// An empty vector with room for `len` elements.
+pub(crate) fn room<T>(len: usize, what: &'static str) -> Result<Vec<T>, OutOfMemory> {
+    let mut vec = Vec::new();
+    reserve(&mut vec, len, what)?;
+    Ok(vec)
 }
 
 /// `len` zeros.

@@ -62,12 +62,23 @@ fn a_lidar_on_the_roof_is_told_off_and_weights_are_told() {
     let plain = scored(&[]);
     let guards = |k: usize| plain[k]["guards"].to_string();
     assert!(guards(0).contains("self_hit: LiDAR 0 ends") && !guards(1).contains("self_hit"));
+    // The near field is a score: that of the study.
+    let study =
+        ok(dir.path(), &["study", "nearfield", "yard.json", "two.json", "--backend", "cpu"]);
+    let looked = scored(&["--near-field"]);
+    for k in 0..2 {
+        let near = &study["near_fields"][k];
+        let found = [&looked[k]["near_field"], &looked[k]["near_ring"]];
+        assert_eq!(found, [&near["near_field"], &near["ring"]]);
+        assert!(plain[k]["near_field"].is_null());
+    }
     // Over several scenes too, in each and in the mean.
-    let args = ["score", "yard.json", "yard.json", "two.json", "--backend", "cpu"];
+    let args = ["score", "yard.json", "yard.json", "two.json", "--near-field", "--backend", "cpu"];
     let both = ok(dir.path(), &args);
     for scores in [&both["scenes"][0]["scores"], &both["scenes"][1]["scores"], &both["mean"]] {
         let guards = |k: usize| scores[k]["guards"].to_string();
         assert!(guards(0).contains("self_hit") && !guards(1).contains("self_hit"), "{scores}");
+        assert_eq!(scores[1]["near_field"], looked[1]["near_field"]);
     }
     let gain = |scores: &Value| scores[1]["information_gain"].as_f64().unwrap();
     let heavy = scored(&["--near-weight", "0.5"]);

@@ -195,6 +195,34 @@ fn the_study_of_cost_rises_with_the_price() {
 }
 
 #[test]
+fn studies_take_mixed_rigs_or_say_why_not() {
+    let dir = garage();
+    let study = |kind: &'static str| {
+        let args = ["study", kind, "room.json", "--vehicle", "cart.json", "--evaluations", "8"];
+        [&args[..], &["--random", "5", "--backend", "cpu", "--out", kind]].concat()
+    };
+    for kind in ["lidars", "channels", "voxels", "random", "regions", "loss", "published"] {
+        let table = ok(dir.path(), &study(kind));
+        assert!(!table["rows"].as_array().unwrap().is_empty(), "{kind}");
+        if kind == "channels" {
+            assert!(
+                table["notes"].to_string().contains("`spinning`, the vehicle's first model"),
+                "{table}"
+            );
+            let beams: Vec<f64> = table["rows"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(|row| row["values"][0].as_f64().unwrap())
+                .collect();
+            assert_eq!(beams[..2], [16.0 * 90.0, 32.0 * 90.0]);
+        }
+    }
+    let message = fails(dir.path(), &study("height"));
+    assert!(message.contains("3 mount(s) of their own heights: roof, left, right"), "{message}");
+}
+
+#[test]
 fn faults_are_said() {
     let dir = garage();
     let says = |args: &[&str], parts: &[&str]| {
@@ -203,11 +231,11 @@ fn faults_are_said() {
             assert!(message.contains(part), "{message}\n  lacks {part}");
         }
     };
-    says(&optimize("2", "x"), &["a budget of 2 is below the cheapest rig", "costs 3"]);
+    says(&optimize("2", "x"), &["--budget: 2 is below the cheapest rig", "costs 3"]);
     says(&["optimize", "room.json", "--budget", "9"], &["--budget", "--vehicle"]);
     says(&["study", "cost", "room.json"], &["room.json", "has no vehicle", "--vehicle"]);
     let of_m_sog = [&optimize("9", "x")[..], &["--objective", "m_sog_scaled"]].concat();
-    says(&of_m_sog, &["chosen by information_gain", "m_sog_scaled"]);
+    says(&of_m_sog, &["chosen by near_gain or information_gain", "m_sog_scaled"]);
     says(
         &["score", "room.json", "p.json", "--vehicle", "none.json"],
         &["none.json: cannot be read"],
@@ -222,5 +250,23 @@ fn faults_are_said() {
     says(
         &["score", "room.json", "sonar.json", "--vehicle", "bad.json"],
         &["bad.json: mounts: a list of 0"],
+    );
+    changed(dir.path(), "knot.json", |vehicle| {
+        vehicle["mounts"][1]["polygon"] =
+            json!([[0, 0.5, 0.5], [-0.3, 0.5, 0.5], [0, 0.5, 0.6], [-0.1, 0.5, 0.7]]);
+    });
+    says(
+        &["score", "room.json", "sonar.json", "--vehicle", "knot.json"],
+        &[
+            "knot.json: mounts[1].polygon[3]: the side from corner 3 to corner 0",
+            "must not cross or touch itself",
+        ],
+    );
+    changed(dir.path(), "far.json", |vehicle| {
+        vehicle["require"] = json!([{ "name": "behind the wall", "min": [90, 90, 0], "max": [91, 91, 1], "share": 0.5 }]);
+    });
+    says(
+        &["score", "room.json", "sonar.json", "--vehicle", "far.json", "--backend", "cpu"],
+        &["require[0]: `behind the wall` holds no voxel of the scene's roi"],
     );
 }

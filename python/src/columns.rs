@@ -30,6 +30,10 @@ pub fn scores_object<'py>(py: Python<'py>, scores: &[Scores]) -> PyResult<Bound<
         columns.set_item(name, maybe(&|s| of(&s.segmentation)))?;
     }
     columns.set_item("near_gain", maybe(&|s| s.near_gain))?;
+    if scores.iter().any(|s| s.near_field.is_some()) {
+        columns.set_item("near_field", maybe(&|s| s.near_field))?;
+        columns.set_item("near_ring", maybe(&|s| s.near_ring))?;
+    }
     columns.set_item("s_mig", maybe(&|s| s.s_mig))?;
     columns.set_item("entropy_sum", maybe(&|s| s.entropy_sum))?;
     columns.set_item("covered", maybe(&|s| Some(s.covered)))?;

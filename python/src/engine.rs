@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sightline::engine::{EngineChoice, EngineKind, open};
-use sightline::near_field::{FEW_PLACEMENTS, add_self_hits};
+use sightline::near_field::{FEW_PLACEMENTS, NearSite, add_self_hits};
 use sightline::problem::spread;
 use sightline::scan::conditions::Condition;
 use sightline::scan::in_conditions;
@@ -213,4 +213,15 @@ pub fn guard(
     let problem = evaluator.shared_problem();
     let all = placements.iter().zip(scores);
     add_self_hits(scene, &problem, evaluator.backend_mut(), all).map_err(raised)
+}
+
+/// Adds the near field to the scores of placements in a scene.
+pub fn add_near_fields(
+    scene: &Scene,
+    evaluator: &mut Evaluator,
+    placements: &[Placement],
+    scores: &mut [Scores],
+) -> PyResult<()> {
+    let site = NearSite::new(scene, &evaluator.shared_problem()).map_err(raised)?;
+    site.score(evaluator.backend_mut(), placements.iter().zip(scores)).map_err(raised)
 }

@@ -18,7 +18,7 @@ use sightline::{Placement, Problem, Scene, engine};
 
 use crate::arrays::{column, homogeneous, matrix, numbers, rows, shaped};
 use crate::columns::scores_object;
-use crate::engine::{Built, Options, guard, score};
+use crate::engine::{Built, Options, add_near_fields, guard, score};
 use crate::errors::{bad, raised};
 use crate::json::{to_python, to_text};
 use crate::placements::placements_of;
@@ -195,8 +195,10 @@ impl PyScene {
     /// Scores of N placements, as `Scores`: an array a score. The bits are those of `sightline score`.
     ///
     /// The guard `self_hit` takes casts of its own: it is looked for with up to 64 placements, as in the program, with any
-    /// number where `self_hits` is true, and not at all where it is false.
-    #[pyo3(signature = (poses, *, sensors = None, phases = None, self_hits = None))]
+    /// number where `self_hits` is true, and not at all where it is false. So do the columns `near_field` and `near_ring`,
+    /// the shares of the ground within 10 m and 3 m of the own body with a hit close by, which are there where
+    /// `near_field` is true.
+    #[pyo3(signature = (poses, *, sensors = None, phases = None, self_hits = None, near_field = false))]
     fn score<'py>(
         &self,
         py: Python<'py>,
@@ -204,6 +206,7 @@ impl PyScene {
         sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
         self_hits: Option<bool>,
+        near_field: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let placements = placements_of(poses, sensors, phases)?;
         let built = self.built.clone();
@@ -212,6 +215,9 @@ impl PyScene {
             built.evaluate(|evaluator| {
                 let mut scores = score(evaluator, &placements, stopped)?;
                 guard(&built.scene, evaluator, &placements, &mut scores, self_hits)?;
+                if near_field {
+                    add_near_fields(&built.scene, evaluator, &placements, &mut scores)?;
+                }
                 Ok(scores)
             })
         })??;

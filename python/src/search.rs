@@ -87,12 +87,17 @@ struct Asked {
     plain_baselines: bool,
 }
 
+/// A search that can begin.
+struct Prepared {
+    suite: Suite,
+    settings: Settings,
+    /// Which models stand on which mounts, and their price, in words.
+    equipment: Option<String>,
+}
+
 impl Asked {
     /// The suite with its sensors chosen, and the settings that go with them; `None` where the observer stops it.
-    fn prepared(
-        &self,
-        observe: &mut dyn FnMut(&Event) -> bool,
-    ) -> PyResult<Option<(Suite, Settings)>> {
+    fn prepared(&self, observe: &mut dyn FnMut(&Event) -> bool) -> PyResult<Option<Prepared>> {
         let settings = self.settings.clone();
         let suite = suite_of(&self.scenes)?;
         let suite = if self.mirror { suite.with_mirror_images() } else { suite };
@@ -102,7 +107,7 @@ impl Asked {
                     "budget: the scene has one LiDAR and no prices; load it with a vehicle",
                 ));
             }
-            return Ok(Some((suite, settings)));
+            return Ok(Some(Prepared { suite, settings, equipment: None }));
         };
         let mut observe = |event: &Event| observe(event);
         let (objective, engine) = (&settings.objective, &settings.engine);
@@ -110,21 +115,23 @@ impl Asked {
         let Some(found) = found.map_err(raised)? else { return Ok(None) };
         let suite = suite.with_constraints(&vehicle.constraints(&found.equipment));
         let settings = found.begin(settings, suite.constraints(), self.plain_baselines);
-        Ok(Some((suite, settings)))
+        let equipment = Some(found.words_with_price(vehicle));
+        Ok(Some(Prepared { suite, settings, equipment }))
     }
 
     /// Runs to the outcome; `None` where the observer stops the choice of sensors.
     fn run(
         mut self,
         observe: &mut dyn FnMut(&Event) -> bool,
-    ) -> PyResult<Option<(Suite, Settings, Outcome)>> {
+    ) -> PyResult<Option<(Prepared, Outcome)>> {
         self.settings.time =
             self.seconds.map(|seconds| TimeLimit::from_now(Duration::from_secs_f64(seconds)));
-        let Some((suite, settings)) = self.prepared(observe)? else { return Ok(None) };
+        let Some(prepared) = self.prepared(observe)? else { return Ok(None) };
         let mut observe = |event: &Event| observe(event);
-        let mut outcome = optimize(suite.clone(), &settings, &mut observe).map_err(raised)?;
-        self.guard(&suite, &mut outcome)?;
-        Ok(Some((suite, settings, outcome)))
+        let (suite, settings) = (prepared.suite.clone(), &prepared.settings);
+        let mut outcome = optimize(suite, settings, &mut observe).map_err(raised)?;
+        self.guard(&prepared.suite, &mut outcome)?;
+        Ok(Some((prepared, outcome)))
     }
 
     /// Adds the guard `self_hit`, by the first scene: a search does not know it.
@@ -235,7 +242,7 @@ pub fn search<'py>(
     };
     let (ended, signal) = beside(py, asked, callback)?;
     let result = match ended {
-        Some((suite, settings, outcome)) => result_object(py, &suite, &settings, &outcome)?,
+        Some((prepared, outcome)) => result_object(py, &prepared, &outcome)?,
         None => py.None().into_bound(py),
     };
     match signal {
@@ -260,7 +267,7 @@ fn scenes_of(given: &Bound<'_, PyAny>) -> PyResult<Vec<Arc<Built>>> {
 }
 
 /// What a search has come to, and the signal or the callback's exception that ended it.
-type Ended = (Option<(Suite, Settings, Outcome)>, Option<PyErr>);
+type Ended = (Option<(Prepared, Outcome)>, Option<PyErr>);
 
 /// Searches on a thread of its own. After Ctrl-C, or an exception of the callback, the search finishes its generation and
 /// confirms what it has; after a second one it is left alone.
@@ -305,10 +312,10 @@ fn beside(py: Python<'_>, asked: Asked, callback: Option<Py<PyAny>>) -> PyResult
 /// The `Result` object of the package.
 fn result_object<'py>(
     py: Python<'py>,
-    suite: &Suite,
-    settings: &Settings,
+    prepared: &Prepared,
     outcome: &Outcome,
 ) -> PyResult<Bound<'py, PyAny>> {
+    let Prepared { suite, settings, equipment } = prepared;
     let scene = suite.members().first().map_or("", |member| member.name());
     let times = &outcome.times;
     let record = RunRecord::new(
@@ -317,6 +324,7 @@ fn result_object<'py>(
             scene,
             settings: json!(settings),
             suite,
+            equipment: equipment.clone(),
             seed: settings.seed,
             objective: settings.objective.to_string(),
             rate: times.scored as f64 / times.generations.max(1e-9),

@@ -54,6 +54,9 @@ def test_placements_that_look_at_the_own_vehicle_are_told_as_the_program_tells_t
     ours = scene.score([low, high]).guards
     assert ours == theirs
     assert any("self_hit" in words for words in ours[0]) and not any("self_hit" in words for words in ours[1])
+    # The near field is there where it is asked for, and lower mounts see less of it.
+    near = scene.score([low, high], near_field=True)
+    assert near["near_field"][0] < near["near_field"][1] <= 1 and "near_ring" in near and "near_field" not in scene.score(low)
     # Many placements are not looked at unless that is asked for.
     many = np.repeat(low.poses[None], 65, axis=0)
     assert not any("self_hit" in words for guards in scene.score(many).guards for words in guards)

@@ -222,6 +222,9 @@ fn print(args: &Args, record: &RunRecord, folder: &Path) -> Result<(), Error> {
     if !record.near_field.is_empty() {
         out!("\n{}", unweighted_gain_text(&record.near_field))?;
     }
+    if let Some(words) = &record.equipment {
+        outln!("\nequipment: {words}")?;
+    }
     match &record.best {
         Some(best) => {
             outln!("\noptimized placement (m, rad):")?;

@@ -11,7 +11,7 @@ use std::time::Instant;
 use crate::internals::{
     LinePerElement, count_placements, shared_folder, writable_file, write_npy, write_whole,
 };
-use crate::near_field::{FEW_PLACEMENTS, add_self_hits, weighted};
+use crate::near_field::{FEW_PLACEMENTS, NearSite, add_self_hits, weighted};
 use crate::problem::{Problem, StageTimes};
 use crate::report;
 use crate::scene::Scene;
@@ -60,6 +60,10 @@ pub struct Args {
     /// Count W nats more in every voxel of ground within 10 m of the own body, as in `optimize`; one scene
     #[arg(long, value_name = "W", value_parser = parse_weight)]
     near_weight: Option<f64>,
+    /// Score the near field, too: the share of the ground within 10 m, and within 3 m, of the own body with a hit close
+    /// by; takes casts of its own
+    #[arg(long)]
+    near_field: bool,
     /// Draw of what is left to chance, of free phases and of the beams that come back through weather; the mean
     /// over several is the expectation; one scene
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole::<u64>)]
@@ -124,6 +128,8 @@ struct Scoring<'a> {
     args: &'a Args,
     scene: &'a Scene,
     evaluator: Evaluator,
+    /// Where the near field is asked for.
+    near: Option<NearSite>,
     reader: Peekable<PlacementReader>,
     bar: ProgressBar,
     /// Placements in all; 0 where that is not known.
@@ -155,6 +161,9 @@ impl Scoring<'_> {
             let problem = self.evaluator.shared_problem();
             let engine = self.evaluator.backend_mut();
             add_self_hits(self.scene, &problem, engine, block.iter().zip(&mut scores))?;
+        }
+        if let Some(site) = &self.near {
+            site.score(self.evaluator.backend_mut(), block.iter().zip(&mut scores))?;
         }
         if let Some(folder) = &self.args.coverage_out {
             for placement in &block {
@@ -195,8 +204,20 @@ fn print(
     let Loaded { scene, evaluator, times, .. } = loaded;
     let reader = PlacementReader::open(placements)?.peekable();
     let bar = progress::bar(total, "placements", args.compute.talk);
-    let mut scoring =
-        Scoring { args, scene: &scene, evaluator, reader, bar, total, count: 0, times, start };
+    let site = || NearSite::new(&scene, &evaluator.shared_problem());
+    let near = args.near_field.then(site).transpose()?;
+    let mut scoring = Scoring {
+        args,
+        scene: &scene,
+        evaluator,
+        near,
+        reader,
+        bar,
+        total,
+        count: 0,
+        times,
+        start,
+    };
     // Before anything is written: what cannot be computed prints nothing.
     let Some(first) = scoring.next()? else {
         return Err(PlacementFileError::Empty { path: placements.to_owned() }.into());

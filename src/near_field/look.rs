@@ -12,6 +12,7 @@ use crate::engine::{Backend, BackendError};
 use crate::geom::Pose;
 use crate::problem::{Frame, Problem, SensorBatch};
 use crate::scene::{EgoBody, GROUND_CLASSES, Scene};
+use crate::score::Scores;
 use crate::vehicle::Placement;
 
 /// Metres from a cell's centre, counted level, within which a hit sees it.
@@ -124,6 +125,22 @@ impl NearSite {
         let frames: u64 = self.frames.iter().map(|(_, weight, _)| weight).sum();
         let cells: u64 = self.frames.iter().map(|(_, weight, g)| weight * count(g)).sum();
         cells as f64 / frames as f64 * CELL * CELL
+    }
+
+    /// Adds `near_field` and `near_ring` to the scores of placements.
+    ///
+    /// # Errors
+    /// As [`Self::look`].
+    pub fn score<'a>(
+        &self,
+        engine: &mut dyn Backend,
+        all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
+    ) -> Result<(), BackendError> {
+        for (placement, scores) in all {
+            let near = self.look(engine, placement)?;
+            (scores.near_field, scores.near_ring) = (Some(near.near_field), near.ring);
+        }
+        Ok(())
     }
 
     /// The near field of a placement, by the hits of an engine of the site's problem.

@@ -137,7 +137,7 @@ impl Problem {
     /// As [`Self::from_scene`], over the P-SOG's own grid, whatever the scene's region of interest is.
     ///
     /// # Errors
-    /// The trees do not fit into memory.
+    /// A part of space that must be seen has no voxel; the trees do not fit into memory.
     pub fn on_grid_of(
         psog: &Psog,
         scene: &Scene,
@@ -148,6 +148,9 @@ impl Problem {
         let content = Content::from_psog(psog, &scene.detection_among(psog.classes()));
         let required = scene.vehicle().map_or(&[][..], |vehicle| &vehicle.require);
         let content = content.with_areas(roi, required);
+        if let Some(index) = content.areas().iter().position(|area| area.voxels == 0) {
+            return Err(ProblemError::EmptyArea { index, name: required[index].name.clone() });
+        }
         let sensors = sensors.into();
         let far = Self::far_range_of(roi, sensors.longest_range());
         let frames = if scene.has_geometry() { frames } else { &[] };

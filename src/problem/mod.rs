@@ -44,6 +44,17 @@ pub enum ProblemError {
         /// Grid of the scene in words.
         scene: String,
     },
+    /// A part of space that must be seen has no voxel.
+    #[error(
+        "require[{index}]: `{name}` holds no voxel of the scene's roi, so that no share of it can be seen; move it \
+         into the roi, or take less of it away with `without`"
+    )]
+    EmptyArea {
+        /// Position in the vehicle's `require`.
+        index: usize,
+        /// What the vehicle calls it.
+        name: String,
+    },
     /// The trees do not fit into memory.
     #[error(transparent)]
     OutOfMemory(#[from] OutOfMemory),

@@ -72,6 +72,9 @@ pub struct RunRecord {
     pub ended: Vec<String>,
     /// Layouts of `--inject` that were not used.
     pub left_out: Vec<LeftOut>,
+    /// Which models stand on which mounts of a vehicle, and what they cost together, in words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub equipment: Option<String>,
     /// Rules that every placement of the search keeps, in words.
     pub constraints: Vec<String>,
     /// Generations run.
@@ -146,6 +149,8 @@ pub struct RunContext<'a> {
     pub settings: Value,
     /// The scenes over all frames.
     pub suite: &'a Suite,
+    /// As [`RunRecord::equipment`].
+    pub equipment: Option<String>,
     /// Seed of the search.
     pub seed: u64,
     /// What was maximized.
@@ -181,6 +186,7 @@ impl RunRecord {
             stopped: outcome.stopped.to_string(),
             ended: outcome.ended,
             left_out: outcome.left_out,
+            equipment: run.equipment,
             constraints: rules_in_words(run.suite.constraints()),
             generations: outcome.history.len() as u64,
             evaluations: outcome.evaluations,

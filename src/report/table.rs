@@ -20,6 +20,8 @@ pub enum ScoreColumn {
     GainShare,
     /// Share of the information that is gained where what is near counts for more, in per cent.
     NearGain,
+    /// Ground within 10 m of the body that is seen, in per cent.
+    NearField,
     /// S-MIG in nats.
     SMig,
     /// Covered voxels.
@@ -30,11 +32,12 @@ pub enum ScoreColumn {
 
 impl ScoreColumn {
     /// Every column, the name first.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Name,
         Self::Gain,
         Self::GainShare,
         Self::NearGain,
+        Self::NearField,
         Self::MSog,
         Self::MSogScaled,
         Self::Detection,
@@ -46,6 +49,12 @@ impl ScoreColumn {
     pub const METRICS: [Self; 6] =
         [Self::Gain, Self::NearGain, Self::MSog, Self::MSogScaled, Self::Detection, Self::SMig];
 
+    /// The columns of some scores: every one but the near field where nobody looked for it.
+    pub fn shown(all: &[Scores]) -> Vec<Self> {
+        let looked = all.iter().any(|scores| scores.near_field.is_some());
+        Self::ALL.into_iter().filter(|column| looked || *column != Self::NearField).collect()
+    }
+
     /// Title with its unit.
     pub fn title(self) -> &'static str {
         match self {
@@ -56,6 +65,7 @@ impl ScoreColumn {
             Self::Gain => "gain nats",
             Self::GainShare => "gain %",
             Self::NearGain => "near gain %",
+            Self::NearField => "near field %",
             Self::SMig => "S-MIG",
             Self::Covered => "covered",
             Self::Hits => "hits %",
@@ -76,6 +86,7 @@ impl ScoreColumn {
             Self::Gain => optional(task.information_gain, 0),
             Self::GainShare => optional(scaled(task.information_gain_share, 100.0), 2),
             Self::NearGain => optional(scaled(scores.near_gain, 100.0), 2),
+            Self::NearField => optional(scaled(scores.near_field, 100.0), 1),
             Self::SMig => optional(scores.s_mig, 0),
             Self::Covered => format!("{:.0}", scores.covered),
             Self::Hits => optional(scaled(scores.hit_share, 100.0), 1),

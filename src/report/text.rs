@@ -26,8 +26,9 @@ pub fn align_columns(rows: &[Vec<String>]) -> String {
 
 /// A table of placements, the guards of each below its row.
 pub fn scores_text(all: &[Scores]) -> String {
-    let cells = |scores| ScoreColumn::ALL.map(|column| column.cell(scores)).to_vec();
-    let mut rows = vec![ScoreColumn::ALL.map(|column| column.title().to_owned()).to_vec()];
+    let columns = ScoreColumn::shown(all);
+    let cells = |scores| columns.iter().map(|column| column.cell(scores)).collect();
+    let mut rows = vec![columns.iter().map(|column| column.title().to_owned()).collect()];
     rows.extend(all.iter().map(cells));
     let table = align_columns(&rows);
     let mut lines = table.lines();

@@ -111,15 +111,14 @@ fn compare(ours: f64, theirs: f64, [above, below, equal]: [&str; 3]) -> String {
 /// Whether the gain over the best baseline is more than the scenes' own spread; `None` where there is nothing to
 /// compare.
 pub fn spread_in_words(run: &RunRecord) -> Option<String> {
+    if let Some(spread) = &run.spread {
+        return Some(spread.words.clone());
+    }
     let rival = run.best.as_ref().and_then(|_| Scored::yardstick(&run.baselines))?;
-    let words = run.spread.as_ref().map(|spread| spread.words.clone());
-    Some(words.unwrap_or_else(|| {
-        format!(
-            "A single scene cannot say whether the gain over {} is more than the scenes' own spread: give \
-             several.",
-            rival.placement.name
-        )
-    }))
+    Some(format!(
+        "A single scene cannot say whether the gain over {} is more than the scenes' own spread: give several.",
+        rival.placement.name
+    ))
 }
 
 /// Value that each way of searching reached, and which one gave the result.
@@ -162,6 +161,8 @@ mod tests {
             segmentation,
             s_mig: None,
             near_gain: None,
+            near_field: None,
+            near_ring: None,
             entropy_sum: Some(gain),
             covered: 1.0,
             covered_nonzero: 1.0,

@@ -3,13 +3,20 @@
 use std::io::{Seek, Write};
 
 use crate::bvh::Hit;
+use crate::engine::OutOfMemory;
 use crate::geom::TriangleSoup;
+use crate::memory;
 use crate::problem::{DevicePose, Problem, SensorBatch, beam_direction};
 use crate::psog::{NpzOut, write_npz};
 use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 
 /// Beams that are cast in one batch: sensors that share directions are cast together.
 const BEAMS_TOGETHER: usize = 16 << 20;
+
+/// What memory is asked for.
+const BEAMS: &str = "hits of all beams cast at once";
+/// Bytes of a beam in all columns.
+const BEAM_BYTES: u64 = 40;
 
 /// Columns of B beams, ordered by placement, LiDAR, channel, azimuth step; ego frame, metres.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -35,14 +42,21 @@ impl BeamHits {
     /// `face_class` holds the class of each triangle.
     ///
     /// # Errors
-    /// As of `cast`, and a sensor of a model that the vehicle does not have.
-    pub fn of<E: From<UnknownSensor>>(
+    /// As of `cast`, a sensor of a model that the vehicle does not have, and more beams than memory holds.
+    pub fn of<E: From<UnknownSensor> + From<OutOfMemory>>(
         placements: &[Placement],
         problem: &Problem,
         face_class: &[u16],
         mut cast: impl FnMut(&[SensorPose]) -> Result<Vec<Hit>, E>,
     ) -> Result<Self, E> {
-        let mut columns = Self::default();
+        let beams_of = |pose: &SensorPose| -> Result<usize, UnknownSensor> {
+            Ok(problem.sensors().table(problem.sensors().number(pose)?).directions().len())
+        };
+        let mut all = 0;
+        for pose in placements.iter().flat_map(|placement| &placement.lidars) {
+            all += beams_of(pose)?;
+        }
+        let mut columns = Self::with_room(all)?;
         let beams = problem.sensors().most_beams();
         let sensors: Vec<(u32, u16, SensorPose)> = (0..)
             .zip(placements)
@@ -63,6 +77,20 @@ impl BeamHits {
             }
         }
         Ok(columns)
+    }
+
+    /// No beams, and room for so many.
+    fn with_room(beams: usize) -> Result<Self, OutOfMemory> {
+        memory::check(BEAMS, beams as u64 * BEAM_BYTES)?;
+        Ok(Self {
+            origin: memory::room(3 * beams, BEAMS)?,
+            direction: memory::room(3 * beams, BEAMS)?,
+            distance: memory::room(beams, BEAMS)?,
+            triangle: memory::room(beams, BEAMS)?,
+            class: memory::room(beams, BEAMS)?,
+            placement: memory::room(beams, BEAMS)?,
+            lidar: memory::room(beams, BEAMS)?,
+        })
     }
 
     /// Adds the beams of a sensor.
@@ -136,5 +164,20 @@ impl BeamHits {
         npz.put("vertices", &[soup.vertices.len() as u64, 3], soup.vertices.as_flattened())?;
         npz.put("faces", &[soup.faces.len() as u64, 3], soup.faces.as_flattened())?;
         npz.put("face_class", &[soup.face_class.len() as u64], &soup.face_class)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_beams_than_memory_holds_are_an_error() {
+        let error = BeamHits::with_room(1 << 50).unwrap_err().to_string();
+        assert!(
+            error.contains("hits of all beams cast at once") && error.contains("fewer placements"),
+            "{error}"
+        );
+        assert_eq!(BeamHits::with_room(7).unwrap().beams(), 0);
     }
 }

@@ -1,15 +1,11 @@
 //! Simple polygons in the xy plane: checks and ear clipping.
 
+use crate::geom::{crossing, turn};
 use crate::json::check::{self, bad};
 use crate::json::{DescriptionError, Place};
 
 /// Corners of one prism; checks and clipping are quadratic in it.
 const MAX_CORNERS: usize = 1000;
-
-/// Twice the signed area of a triangle; positive when a, b, c turn counter-clockwise.
-fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
-    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-}
 
 /// Checks that `base` is a simple polygon; returns it counter-clockwise.
 pub(crate) fn simple(at: &Place, base: &[[f64; 2]]) -> Result<Vec<[f64; 2]>, DescriptionError> {
@@ -27,31 +23,17 @@ pub(crate) fn simple(at: &Place, base: &[[f64; 2]]) -> Result<Vec<[f64; 2]>, Des
             return Err(bad(&at.item(i), format!("{p:?}"), wanted));
         }
     }
-    for i in 0..n {
-        for j in i + 1..n {
-            let (a, b) = (base[i], base[(i + 1) % n]);
-            let (c, d) = (base[j], base[(j + 1) % n]);
-            let neighbours = j == i + 1 || (i == 0 && j == n - 1);
-            let clash = if neighbours {
-                let (tip, p, q) = if j == i + 1 { (b, a, d) } else { (a, b, c) };
-                // Neighbours share a corner; they clash when one runs back over the other.
-                cross(tip, p, q) == 0.0
-                    && (p[0] - tip[0]) * (q[0] - tip[0]) + (p[1] - tip[1]) * (q[1] - tip[1]) > 0.0
-            } else {
-                touch(a, b, c, d)
-            };
-            if clash {
-                let value = format!("the side from {c:?} to {d:?}");
-                let wanted = format!(
-                    "free of the side from {a:?} to {b:?}; the outline must not cross or touch itself"
-                );
-                return Err(bad(&at.item(j), value, wanted));
-            }
-        }
+    if let Some((i, j)) = crossing(base) {
+        let [a, b, c, d] = [i, i + 1, j, j + 1].map(|k| base[k % n]);
+        let value = format!("the side from {c:?} to {d:?}");
+        let wanted = format!(
+            "free of the side from {a:?} to {b:?}; the outline must not cross or touch itself"
+        );
+        return Err(bad(&at.item(j), value, wanted));
     }
     let mut corners = base.to_vec();
     // Relative to the first corner, so that far-away outlines keep their digits.
-    let area: f64 = (1..n - 1).map(|i| cross(base[0], base[i], base[i + 1])).sum();
+    let area: f64 = (1..n - 1).map(|i| turn(base[0], base[i], base[i + 1])).sum();
     if area == 0.0 {
         return Err(bad(at, "the outline", "a polygon with an area"));
     }
@@ -59,21 +41,6 @@ pub(crate) fn simple(at: &Place, base: &[[f64; 2]]) -> Result<Vec<[f64; 2]>, Des
         corners.reverse();
     }
     Ok(corners)
-}
-
-/// Whether the closed segments a–b and c–d share a point.
-fn touch(a: [f64; 2], b: [f64; 2], c: [f64; 2], d: [f64; 2]) -> bool {
-    let sides = [cross(a, b, c), cross(a, b, d), cross(c, d, a), cross(c, d, b)];
-    if sides[0] * sides[1] < 0.0 && sides[2] * sides[3] < 0.0 {
-        return true;
-    }
-    let within = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
-        (0..2).all(|k| p[k].min(q[k]) <= r[k] && r[k] <= p[k].max(q[k]))
-    };
-    (sides[0] == 0.0 && within(a, b, c))
-        || (sides[1] == 0.0 && within(a, b, d))
-        || (sides[2] == 0.0 && within(c, d, a))
-        || (sides[3] == 0.0 && within(c, d, b))
 }
 
 /// Cuts a simple counter-clockwise polygon into `corners.len() − 2` counter-clockwise triangles.
@@ -89,15 +56,15 @@ pub(crate) fn triangulate(corners: &[[f64; 2]]) -> Vec<[u32; 3]> {
             let inside = |&j: &u32| {
                 let p = corner(j);
                 !ids.contains(&j)
-                    && cross(a, b, p) >= 0.0
-                    && cross(b, c, p) >= 0.0
-                    && cross(c, a, p) >= 0.0
+                    && turn(a, b, p) >= 0.0
+                    && turn(b, c, p) >= 0.0
+                    && turn(c, a, p) >= 0.0
             };
-            cross(a, b, c) > 0.0 && !left.iter().any(inside)
+            turn(a, b, c) > 0.0 && !left.iter().any(inside)
         };
         // Every simple polygon has an ear; when rounding hides it, a straight corner goes first.
         let flat = |&i: &usize| {
-            cross(corner(left[(i + n - 1) % n]), corner(left[i]), corner(left[(i + 1) % n])) == 0.0
+            turn(corner(left[(i + n - 1) % n]), corner(left[i]), corner(left[(i + 1) % n])) == 0.0
         };
         let i = (0..n).find(ear).or_else(|| (0..n).find(flat)).unwrap_or(0);
         triangles.push([left[(i + n - 1) % n], left[i], left[(i + 1) % n]]);
@@ -118,8 +85,8 @@ mod tests {
             .iter()
             .map(|t| {
                 let [a, b, c] = t.map(|i| corners[i as usize]);
-                assert!(cross(a, b, c) >= 0.0, "{t:?} is turned over");
-                cross(a, b, c) / 2.0
+                assert!(turn(a, b, c) >= 0.0, "{t:?} is turned over");
+                turn(a, b, c) / 2.0
             })
             .sum()
     }

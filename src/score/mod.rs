@@ -57,6 +57,13 @@ pub struct Scores {
     /// matters sooner, and ground near the vehicle has hardly any entropy. From 0 to 1; `None` where nothing is covered
     /// or known. Chosen by what learners recognize, see `docs/evidence.md`.
     pub near_gain: Option<f64>,
+    /// Share of the ground within 10 m of the own body with a hit close by, as
+    /// [`crate::near_field::NearField::near_field`]; `None` where it was not looked for: it takes casts of its own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near_field: Option<f64>,
+    /// The same within 3 m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near_ring: Option<f64>,
     /// Σ H over covered voxels, in nats; the information gain by its other name.
     pub entropy_sum: Option<f64>,
     /// Covered voxels, a mean over frames.
@@ -163,6 +170,8 @@ impl Scores {
             segmentation,
             s_mig,
             near_gain,
+            near_field: None,
+            near_ring: None,
             entropy_sum: segmentation.information_gain,
             covered: mean(tally.covered),
             covered_nonzero: mean(tally.covered_nonzero),

@@ -91,6 +91,8 @@ impl Scores {
             segmentation,
             s_mig,
             near_gain,
+            near_field: None,
+            near_ring: None,
             entropy_sum: segmentation.information_gain,
             covered: plain(|scores| scores.covered),
             covered_nonzero: plain(|scores| scores.covered_nonzero),

@@ -20,7 +20,8 @@ pub enum SearchError {
     Grid(#[from] PoseGridError),
     /// Less money than the cheapest sensors cost that the mounts must hold.
     #[error(
-        "a budget of {budget} is below the cheapest rig of this vehicle, which costs {least}; raise it"
+        "--budget: {budget} is below the cheapest rig of this vehicle, which costs {least}; raise it, or lower \
+         `count` of the vehicle's mounts or `price` of its sensors"
     )]
     Budget {
         /// As given.
@@ -30,8 +31,8 @@ pub enum SearchError {
     },
     /// Equipment is chosen by a sum over voxels only.
     #[error(
-        "models and numbers of sensors are chosen by information_gain, not by `{objective}`: only the gain grows \
-         with every sensor; leave --objective out, or give each mount one model and one count"
+        "models and numbers of sensors are chosen by near_gain or information_gain, not by `{objective}`: only a gain \
+         grows with every sensor; leave --objective out, or give each mount one model and one count"
     )]
     NotForEquipment {
         /// The objective.

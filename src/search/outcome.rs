@@ -1,5 +1,6 @@
 //! What a run has come to.
 
+use std::cmp::Ordering;
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
@@ -58,6 +59,16 @@ impl Scored {
         let honest = baselines.iter().filter(|baseline| baseline.is_honest());
         let valued = honest.filter_map(|baseline| Some((baseline.objective?, baseline)));
         valued.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, baseline)| baseline)
+    }
+
+    /// The yardstick, or where none keeps all rules the best of those that do not.
+    pub(super) fn rival(baselines: &[Self]) -> Option<&Self> {
+        let best = || {
+            baselines
+                .iter()
+                .max_by(|a, b| a.objective.partial_cmp(&b.objective).unwrap_or(Ordering::Equal))
+        };
+        Self::yardstick(baselines).or_else(best)
     }
 
     /// Its standing among placements that keep the rules of the mount.

@@ -70,6 +70,17 @@ pub enum StudyError {
         /// File of the scene.
         scene: String,
     },
+    /// Heights of a vehicle whose mounts have their own.
+    #[error(
+        "{scene}: `study height` puts all LiDARs at one height, and the vehicle has {mounts}; give a vehicle with one mount \
+         that is a box"
+    )]
+    NoHeights {
+        /// File of the scene.
+        scene: String,
+        /// Its mounts, in words.
+        mounts: String,
+    },
     /// The loss of the only LiDAR.
     #[error("{scene}: its mount has one LiDAR; without it nothing is left to score")]
     OneLidar {

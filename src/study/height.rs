@@ -9,6 +9,13 @@ use super::{Drawing, StudyError, Table};
 const HEIGHTS: u32 = 4;
 
 pub(super) fn height(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
+    if let Some(mounts) = scene.scene.vehicle().map(|vehicle| &vehicle.mounts)
+        && (mounts.len() > 1 || mounts[0].region.ego_from_region.is_some())
+    {
+        let names: Vec<&str> = mounts.iter().map(|mount| mount.region.name.as_str()).collect();
+        let mounts = format!("{} mount(s) of their own heights: {}", names.len(), names.join(", "));
+        return Err(StudyError::NoHeights { scene: scene.place(), mounts });
+    }
     let constraints = scene.constraints();
     let [low, high] = constraints.corners().map(|corner| corner[2]);
     let at = |k: u32| low + f64::from(k) * (high - low) / f64::from(HEIGHTS - 1);

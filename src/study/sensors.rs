@@ -6,7 +6,7 @@ use super::scene::StudyScene;
 use super::{Drawing, StudyError, Table};
 use crate::near_field::NearSite;
 use crate::search::Evaluator;
-use crate::vehicle::{Lidar, Placement};
+use crate::vehicle::{BeamTable, Lidar, Placement, Sensors};
 
 /// Channels that are compared over the scene's own field of view.
 const CHANNELS: [u32; 4] = [16, 32, 64, 128];
@@ -55,6 +55,14 @@ fn near_field(
     Ok([Some(near.near_field), near.ring].map(|share| share.map(|share| 100.0 * share)))
 }
 
+/// What the vehicle carries with other beams of the first model; the one sensor where there is no vehicle.
+fn with_beams(scene: &StudyScene, table: BeamTable) -> Result<Sensors, StudyError> {
+    Ok(match scene.scene.vehicle() {
+        Some(_) => scene.scene.sensors()?.with_beams(0, table),
+        None => table.into(),
+    })
+}
+
 pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
     let Lidar::Spinning { elevations, azimuth_steps, azimuth, range, .. } = scene.scene.lidar()
     else {
@@ -88,7 +96,8 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
     let rows = cases.each(sensors, |lidar, _| {
         let table = lidar.table()?;
         let beams = table.directions().len();
-        let mut evaluator = scene.evaluator_with(table, scene.constraints())?;
+        let sensors = with_beams(scene, table)?;
+        let mut evaluator = scene.evaluator_with(sensors, scene.constraints())?;
         let (mut values, best) = columns::of_best(scene, &mut evaluator)?;
         values.insert(0, Some(beams as f64));
         if let Some(best) = &best {
@@ -102,6 +111,12 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
          {} m far, so that elevations alone differ.",
         azimuth_steps, range
     )];
+    if let Some(vehicle) = scene.scene.vehicle().filter(|vehicle| vehicle.sensors.len() > 1) {
+        notes.push(format!(
+            "The sensor that differs is `{}`, the vehicle's first model; its others stay as they are.",
+            vehicle.sensors[0].name
+        ));
+    }
     if let Err(why) = NearSite::new(scene.scene, &scene.evaluator()?.shared_problem()) {
         notes.push(format!("No near field: {why}."));
     }

@@ -10,7 +10,7 @@ use super::equipment::{VehicleMount, VehicleSensor};
 use super::mesh_mount;
 use super::surface::{is_roof, rest};
 use super::{MAX_LIDARS, Outline, Region};
-use crate::geom::Pose;
+use crate::geom::{Pose, crossing};
 use crate::json::check::{self, bad};
 use crate::json::{DescriptionError, Place};
 
@@ -137,7 +137,11 @@ fn patch(
     let next = |k: usize| points[(k + 1) % points.len()] - middle;
     let area: DVec3 = (0..points.len()).map(|k| (points[k] - middle).cross(next(k))).sum();
     let Some(normal) = area.try_normalize().filter(|_| area.length() > 1e-8) else {
-        return Err(bad(&place, "a list", "a polygon with an area; its corners lie on a line"));
+        return Err(bad(
+            &place,
+            "a list",
+            "a polygon with an area; its corners lie on a line, or its sides cross",
+        ));
     };
     for (i, point) in points.iter().enumerate() {
         let off = (*point - middle).dot(normal).abs();
@@ -154,6 +158,13 @@ fn patch(
     let axes = if on_roof { [0, 1] } else { [1, 2] };
     let outline: Vec<[f64; 2]> =
         points.iter().map(|point| back.apply(*point)).map(|p| axes.map(|k| p[k])).collect();
+    if let Some((i, j)) = crossing(&outline) {
+        let count = outline.len();
+        let ends = |k: usize| format!("from corner {k} to corner {}", (k + 1) % count);
+        let wanted =
+            format!("free of the side {}; the outline must not cross or touch itself", ends(i));
+        return Err(bad(&place.item(j), format!("the side {}", ends(j)), wanted));
+    }
     let along = if on_roof { 2 } else { 0 };
     let (mut lower, mut upper) = ([0.0; 6], [0.0; 6]);
     for (side, &field) in axes.iter().enumerate() {

@@ -98,6 +98,16 @@ impl Sensors {
         (!models.is_empty()).then(|| Self { models: models.into(), seed: 0 })
     }
 
+    /// The same with other beams of one model.
+    ///
+    /// # Panics
+    /// A number that no model has.
+    pub fn with_beams(&self, model: usize, table: BeamTable) -> Self {
+        let mut models = self.models.to_vec();
+        models[model].table = table;
+        Self { models: models.into(), ..self.clone() }
+    }
+
     /// The same with another draw of what is left to chance.
     pub fn with_seed(&self, seed: u64) -> Self {
         Self { seed, ..self.clone() }

@@ -205,6 +205,7 @@ class Scene:
         sensors: Sequence[str] | None = None,
         phases: npt.ArrayLike | None = None,
         self_hits: bool | None = None,
+        near_field: bool = False,
     ) -> Scores: ...
     def covered(
         self,

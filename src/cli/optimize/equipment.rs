@@ -91,7 +91,7 @@ fn choose(
         }
     };
     bars.clear();
-    talk.note(format!("equipment: {}, {} in all", found.words(vehicle), found.cost));
+    talk.note(format!("equipment: {}", found.words_with_price(vehicle)));
     if found.missing > 0.0 {
         talk.note(format!(
             "what must be seen is not seen: {:.1} % is missing with the sensors chosen, over few frames; raise \

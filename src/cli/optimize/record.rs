@@ -96,12 +96,16 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
     let spent = sitting.spent();
     let settings = sitting.run.state().settings();
     let outcome = &with_self_hits(&sitting.opened.scenes, suite, outcome)?;
+    let vehicle = sitting.opened.scenes[0].vehicle();
+    let equipped = sitting.begun.equipped.as_ref();
+    let equipment = vehicle.zip(equipped).map(|(vehicle, found)| found.words_with_price(vehicle));
     let mut record = RunRecord::new(
         outcome,
         RunContext {
             scene: sitting.opened.scenes[0].name(),
             settings: settings_json(&sitting.begun, settings, &outcome.left_out),
             suite,
+            equipment,
             seed: settings.seed,
             objective: settings.objective.to_string(),
             rate: spent.searched as f64 / spent.seconds,

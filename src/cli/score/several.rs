@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use crate::engine::{EngineChoice, open};
 use crate::internals::{shared_folder, writable_file};
-use crate::near_field::{FEW_PLACEMENTS, self_hits};
+use crate::near_field::{FEW_PLACEMENTS, NearSite, self_hits};
 use crate::report;
 use crate::scene::Scene;
 use crate::score::Scores;
@@ -45,6 +45,9 @@ pub(super) fn run(
     bar.finish_and_clear();
     if placements.len() <= FEW_PLACEMENTS {
         batch.add_self_hits(&scenes, &suite, &placements)?;
+    }
+    if args.near_field {
+        batch.add_near_fields(&scenes, &suite, &placements)?;
     }
     if let Some(folder) = &args.coverage_out {
         batch.write_coverage(folder, &placements)?;
@@ -114,6 +117,30 @@ impl Batch {
                 }
                 judged.by_scene[index].scores.guards.extend(guards);
             }
+        }
+        Ok(())
+    }
+
+    /// Adds the near field in every scene, and its mean.
+    fn add_near_fields(
+        &mut self,
+        scenes: &[Scene],
+        suite: &Suite,
+        placements: &[Placement],
+    ) -> Result<(), Error> {
+        for (index, member) in suite.members().iter().enumerate() {
+            let problem = member.problem();
+            let mut engine = open(problem, &EngineChoice::cpu(), |_| {})?.engine;
+            let of_scene = self.judged.iter_mut().map(|judged| &mut judged.by_scene[index].scores);
+            let site = NearSite::new(&scenes[member.scene()], problem)?;
+            site.score(&mut *engine, placements.iter().zip(of_scene))?;
+        }
+        for Judged { scores, by_scene } in &mut self.judged {
+            let mean = |of: fn(&Scores) -> Option<f64>| {
+                let sum: Option<f64> = by_scene.iter().map(|scene| of(&scene.scores)).sum();
+                sum.map(|sum| sum / by_scene.len() as f64)
+            };
+            (scores.near_field, scores.near_ring) = (mean(|s| s.near_field), mean(|s| s.near_ring));
         }
         Ok(())
     }

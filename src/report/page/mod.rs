@@ -60,6 +60,7 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
                 }
                 main {
                     (stage::stage(subject, figures))
+                    @if let Some(words) = run.and_then(|run| run.equipment.as_ref()) { p { "Equipment: " (words) "." } }
                     @if let Some(words) = run.and_then(spread_in_words) { p { (words) } }
                     @if let Some(phases) = run.and_then(|run| run.phases.as_ref()) { p { (phases.words) } }
                     (scores::against(subject, run))

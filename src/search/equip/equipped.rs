@@ -38,6 +38,11 @@ impl Equipped {
         Placement { name: "plain".into(), ..reference_layout(constraints, &models) }
     }
 
+    /// Sensors by mount and their price, in words: `2 × spinning-16 on roof, …, 14000 in all`.
+    pub fn words_with_price(&self, vehicle: &Vehicle) -> String {
+        format!("{}, {} in all", self.words(vehicle), self.cost)
+    }
+
     /// Sensors by mount, in words: `2 × spinning-16 on roof, …`.
     pub fn words(&self, vehicle: &Vehicle) -> String {
         let mut counted: Vec<((usize, SensorName), usize)> = Vec::new();

@@ -154,22 +154,26 @@ impl Run {
         Ok(Some(certificate))
     }
 
-    /// Whether the result gains more than the best baseline by more than the scenes' own spread; `None` for
-    /// one scene, or without a baseline to compare with.
+    /// Whether the result gains more than the best baseline, or where none keeps all rules the best of those that do
+    /// not, by more than the scenes' own spread; `None` for one scene, or without a baseline.
     fn spread(
         &self,
         best: &Scored,
         baselines: &[Scored],
     ) -> Result<Option<GainSpread>, SearchError> {
-        let Some(rival) = Scored::yardstick(baselines).filter(|_| self.suite.scene_count() > 1)
-        else {
+        let Some(rival) = Scored::rival(baselines).filter(|_| self.suite.scene_count() > 1) else {
             return Ok(None);
         };
         let pair = vec![best.placement.clone(), rival.placement.clone()];
         let by_frame = Pilot::new(&self.suite, pair, self.memory())?;
         let [ours, theirs] = [0, 1].map(|index| by_frame.gain_shares(index));
         let seed = self.state.settings.seed;
-        Ok(GainSpread::new(&rival.placement.name, &ours, &theirs, seed))
+        let name = &rival.placement.name;
+        let mut spread = GainSpread::new(name, &ours, &theirs, seed);
+        if let Some(spread) = spread.as_mut().filter(|_| !rival.is_honest()) {
+            spread.words += &format!(" But {name} breaks a rule or has a guard against it.");
+        }
+        Ok(spread)
     }
 
     fn stopped(&self, watch: &Watch) -> Stopped {
