@@ -7,8 +7,8 @@
 
 An actor a node builds the engine of a scene once and keeps it. Work is cut into chunks of a second or more, two of
 them in flight for each actor, and what comes back is put together by index: the bytes are those of one process.
-Chunks of workers and nodes that are lost are done again by others. With ``checkpoint=`` the driver itself may die:
-the next call with the same arguments goes on from there.
+Chunks of workers and nodes that are lost are done again by others. With ``checkpoint=`` the driver itself may die,
+whether it scores, searches or runs commands: the next call with the same arguments goes on from there.
 
 Scenes travel as paths, so every node needs the same files at the same places; a scene whose files differ is refused.
 """
@@ -19,7 +19,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,7 @@ except ImportError as _missing:
     raise ImportError("sightline.distributed needs Ray; pip install sightline[ray]") from _missing
 
 from . import Result, Scene, Scores, optimize as _optimize, set_threads
-from ._checkpoint import Checkpoint, gaps
+from ._checkpoint import Checkpoint, gaps, pack_result, pack_scores, unpack_result, unpack_scores
 from ._native import FEW_PLACEMENTS
 from ._pool import Pool, Progress, Task
 
@@ -127,8 +127,8 @@ def score(
     if not scenes:
         raise ValueError("scenes: are none; give at least one")
     named = {"sensors": list(sensors) if sensors is not None else None, "phases": _phases(phases, array)}
-    kept = Checkpoint.open(checkpoint, list(scenes), array, named)
-    finished: list[dict[int, Scores]] = [dict(kept.read(k)) for k in range(len(scenes))]
+    kept = Checkpoint.open(checkpoint, {"scenes": list(scenes), "poses": array, **named})
+    finished = [{start: unpack_scores(part) for start, part in kept.read(k)} for k in range(len(scenes))]
     count = len(array)
     total = count * len(scenes)
 
@@ -151,7 +151,7 @@ def score(
     def done(task: Task, value: tuple[Scores, float]) -> Iterator[Task]:
         scene, start, stop = task.arguments
         scores, seconds = value
-        kept.write(scene, start, scores)
+        kept.write(scene, start, pack_scores(scores))
         finished[scene][start] = scores
         if not cut[scene]:
             cut[scene] = True
@@ -163,7 +163,8 @@ def score(
         first = [task for scene in range(len(scenes)) for task in probe(scene)]
         weigh = lambda task: task.arguments[2] - task.arguments[1]  # noqa: E731
         pool.run(first, done, total=total, already=have, weigh=weigh)
-    return [Scores.concatenate(parts[start] for start in sorted(parts)) for parts in finished]
+    # Parts of a scene are let go of when they are put together: there may be gigabytes of them.
+    return [Scores.concatenate(parts.pop(start) for start in sorted(parts)) for parts in finished]
 
 
 def optimize(
@@ -172,28 +173,39 @@ def optimize(
     seeds: Sequence[int] = (1,),
     actors: int | None = None,
     threads: int | None = None,
+    checkpoint: str | Path | None = None,
     progress: Callable[[Progress], object] | None = None,
     **settings: Any,
 ) -> list[list[Result]]:
     """A search in each scene with each seed: ``[scene][seed]``.
 
-    ``settings`` are those of :func:`sightline.optimize`, but for ``callback``, which cannot travel.
+    ``settings`` are those of :func:`sightline.optimize`, but for ``callback``, which cannot travel. ``checkpoint`` is a
+    folder that finished searches are kept in; one that is cut off begins again.
+
+    Raises ``ValueError`` for settings that are wrong, and for a checkpoint of other inputs; ``RuntimeError`` where a
+    search fails over and over.
     """
-    results: list[list[Result | None]] = [[None] * len(seeds) for _ in scenes]
+    if "callback" in settings:
+        raise ValueError("callback: cannot travel to other processes; give `progress`, which is told of each search")
+    kept = Checkpoint.open(checkpoint, {"scenes": list(scenes), "seeds": list(seeds), "settings": settings})
+    results = [{k: unpack_result(one) for k, one in kept.read(scene)} for scene in range(len(scenes))]
     tasks = [
         Task("optimize", (scene, {**settings, "seed": seed}), home=scene, index=(scene, k))
         for scene in range(len(scenes))
         for k, seed in enumerate(seeds)
+        if k not in results[scene]
     ]
 
     def done(task: Task, value: Result) -> Iterator[Task]:
         scene, k = task.index
+        kept.write(scene, k, pack_result(value))
         results[scene][k] = value
         return iter(())
 
+    total = len(scenes) * len(seeds)
     with _pool(actors, threads, list(scenes), None, None, progress) as pool:
-        pool.run(tasks, done, total=len(tasks))
-    return [[result for result in row if result is not None] for row in results]
+        pool.run(tasks, done, total=total, already=total - len(tasks))
+    return [[row[k] for k in range(len(seeds))] for row in results]
 
 
 def run(
@@ -201,26 +213,33 @@ def run(
     *,
     actors: int | None = None,
     threads: int | None = None,
+    checkpoint: str | Path | None = None,
     progress: Callable[[Progress], object] | None = None,
 ) -> list[Completed]:
     """Commands of the program, each on some node, as ``["study", "cost", "scenes/highway.json"]``; in their order.
 
     Files that they read and write are those of the node; take a folder that all nodes share. ``threads`` is given to
-    the commands as ``--threads``.
+    the commands as ``--threads``. ``checkpoint`` is a folder that commands are kept in that were done or whose check
+    failed; what could not be done is tried again by the next call. The folder knows the commands, not the files that
+    they read.
+
+    Raises ``ValueError`` for a checkpoint of other commands; ``RuntimeError`` where a worker is lost over and over.
     """
-    results: list[Completed | None] = [None] * len(commands)
     more = ["--threads", str(threads)] if threads is not None else []
-    tasks = [
-        Task("run", ([*command, *more],), home=k, index=(k,)) for k, command in enumerate(commands)
-    ]
+    given = [[*command, *more] for command in commands]
+    kept = Checkpoint.open(checkpoint, {"commands": given})
+    results = {k: Completed(**words) for k, (words, _) in kept.read(0)}
+    tasks = [Task("run", (words,), home=k, index=(k,)) for k, words in enumerate(given) if k not in results]
 
     def done(task: Task, value: Completed) -> Iterator[Task]:
         results[task.index[0]] = value
+        if value.code in (0, 1):
+            kept.write(0, task.index[0], (asdict(value), {}))
         return iter(())
 
     with _pool(actors, None, [], None, None, progress) as pool:
-        pool.run(tasks, done, total=len(tasks))
-    return [result for result in results if result is not None]
+        pool.run(tasks, done, total=len(given), already=len(given) - len(tasks))
+    return [results[k] for k in range(len(given))]
 
 
 def _phases(
