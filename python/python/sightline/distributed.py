@@ -31,10 +31,11 @@ try:
 except ImportError as _missing:
     raise ImportError("sightline.distributed needs Ray; pip install sightline[ray]") from _missing
 
-from . import Result, Scene, Scores, optimize as _optimize, set_threads
+from . import Placement, Result, Scene, Scores, optimize as _optimize, set_threads
 from ._checkpoint import Checkpoint, gaps, pack_result, pack_scores, unpack_result, unpack_scores
 from ._native import FEW_PLACEMENTS
 from ._pool import Pool, Progress, Task
+from ._records import F64
 
 __all__ = ["Completed", "Progress", "optimize", "run", "score"]
 
@@ -110,23 +111,21 @@ def score(
 ) -> list[Scores]:
     """Scores of N placements in each of some scenes.
 
-    ``poses`` is ``[N, L, 6]`` as for :meth:`sightline.Scene.score`, ``sensors`` names the model of each LiDAR, and
-    ``phases`` ``[L]`` or ``[N, L]`` locks them. There is an actor a node with all of its cores, or ``actors`` of them
-    with ``threads`` threads each. ``checkpoint`` is a folder that finished chunks are kept in. ``progress`` is told
-    after each chunk.
+    ``poses`` is an array as for :meth:`sightline.Scene.score`, ``[N, L, 6]``, or ``[L, 6]`` for one placement;
+    ``sensors`` names the model of each LiDAR, and ``phases`` ``[L]`` or ``[N, L]`` locks them. There is an actor a node
+    with all of its cores, or ``actors`` of them with ``threads`` threads each. ``checkpoint`` is a folder that finished
+    chunks are kept in. ``progress`` is told after each chunk.
 
-    Raises ``ValueError`` for placements and scenes that do not go together, and for a checkpoint of other inputs;
-    ``RuntimeError`` where a chunk fails over and over.
+    Raises ``ValueError`` for what :meth:`sightline.Scene.score` refuses, in its words, and for a checkpoint of other
+    inputs; ``RuntimeError`` where a chunk, or each worker at its start, is lost over and over. Poses and phases are
+    checked before anything is sent.
     """
-    array = np.ascontiguousarray(poses, dtype=np.float64)
-    if array.ndim != 3 or array.shape[2] != 6 or len(array) == 0:
-        raise ValueError(f"poses: have the shape {list(array.shape)}; give [N, L, 6] with N of at least 1")
-    bad = np.argwhere(~np.isfinite(array))
-    if len(bad):
-        raise ValueError(f"poses{bad[0].tolist()}: is not finite; give a number")
+    array, locked = _checked(poses, sensors, phases)
     if not scenes:
         raise ValueError("scenes: are none; give at least one")
-    named = {"sensors": list(sensors) if sensors is not None else None, "phases": _phases(phases, array)}
+    if not len(array):
+        return [scene.score(array, sensors=sensors) for scene in scenes]
+    named = {"sensors": list(sensors) if sensors is not None else None, "phases": locked}
     kept = Checkpoint.open(checkpoint, {"scenes": list(scenes), "poses": array, **named})
     finished = [{start: unpack_scores(part) for start, part in kept.read(k)} for k in range(len(scenes))]
     count = len(array)
@@ -242,18 +241,29 @@ def run(
     return [results[k] for k in range(len(given))]
 
 
-def _phases(
-    phases: npt.ArrayLike | None, poses: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64] | None:
-    """Phases of every LiDAR of every placement."""
-    if phases is None:
-        return None
-    array = np.asarray(phases, dtype=np.float64)
-    if array.shape not in (poses.shape[1:2], poses.shape[:2]):
-        raise ValueError(f"phases: have the shape {list(array.shape)}; give [L] or [N, L], {list(poses.shape[:2])}")
-    if np.isinf(array).any():
-        raise ValueError("phases: are not finite; give radians, NaN for a LiDAR that is as its model says")
-    return np.ascontiguousarray(np.broadcast_to(array, poses.shape[:2]))
+def _checked(
+    poses: npt.ArrayLike, sensors: Sequence[str] | None, phases: npt.ArrayLike | None
+) -> tuple[F64, F64 | None]:
+    """Poses ``[N, L, 6]`` and phases ``[N, L]``; raises of them what :meth:`sightline.Scene.score` would."""
+    try:
+        array, turned = np.asarray(poses), None if phases is None else np.asarray(phases)
+        are_many = array.ndim == 3 and (turned is None or turned.shape in (array.shape[1:2], array.shape[:2]))
+        if are_many:
+            # Types and the number of LiDARs, by a placement that has nothing else to be refused for.
+            locked = None if turned is None else np.zeros(array.shape[1:2], turned.dtype)
+            Placement(np.zeros((1, *array.shape[1:]), array.dtype), sensors=sensors, phases=locked)
+    except (TypeError, ValueError):
+        are_many = False
+    if not are_many:
+        # One placement, or the sentence that names the whole shape.
+        one = Placement(poses, name="0", sensors=sensors, phases=phases)
+        return one.poses[None], None if phases is None else one.phases[None]
+    array = np.ascontiguousarray(array, np.float64)
+    if turned is not None:
+        turned = np.ascontiguousarray(np.broadcast_to(turned, array.shape[:2]), np.float64)
+    for n, pose in enumerate(array):
+        Placement(pose, name=str(n), sensors=sensors, phases=None if turned is None else turned[n])
+    return array, turned
 
 
 def _nodes() -> list[dict[str, Any]]:
