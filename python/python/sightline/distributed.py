@@ -15,6 +15,7 @@ Scenes travel as paths, so every node needs the same files at the same places; a
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import sys
 import time
@@ -48,13 +49,22 @@ CHUNK_SECONDS = 2.0
 class _Worker:
     """Holds scenes whose engines are built when they are first asked for."""
 
-    def __init__(self, threads: int | None, scenes: list[Scene], poses: Any, named: dict[str, Any]) -> None:
-        if threads is not None:
-            set_threads(threads)
-        self.scenes, self.poses, self.named = scenes, poses, named
+    scenes: list[Scene]
+    poses: Any
+    named: dict[str, Any]
+
+    def __init__(self, threads: int | None, shared: list[Any]) -> None:
+        self.threads, self.shared = threads, shared
 
     def ready(self) -> None:
-        """Says that the worker stands."""
+        """Takes scenes, poses and names; here, for of a constructor's exception Ray hands on the text alone.
+
+        Scenes are unpickled here too: one whose files differ raises its own ``ValueError``, which Ray would replace.
+        """
+        if self.threads is not None:
+            set_threads(self.threads)
+        scenes, self.poses, self.named = ray.get(self.shared)
+        self.scenes = pickle.loads(scenes)
 
     def score(self, scene: int, start: int, stop: int) -> tuple[Scores, float]:
         """Scores of some placements in a scene, and the seconds that took without building the engine."""
@@ -280,13 +290,13 @@ def _pool(
 ) -> Pool:
     if not ray.is_initialized():
         ray.init(log_to_driver=False, include_dashboard=False)
-    # Constructor references must outlive every actor, or a new one could not be made from them.
-    shared = [ray.put(scenes), ray.put(poses), ray.put(named)]
+    # References must outlive every actor, or a new one could not take them.
+    shared = [ray.put(pickle.dumps(scenes)), ray.put(poses), ray.put(named)]
     remote = ray.remote(max_restarts=0)(_Worker)
 
     def start(cores: float) -> Any:
         own = threads if threads is not None or actors is not None else int(cores)
-        return remote.options(num_cpus=cores).remote(own, *shared)
+        return remote.options(num_cpus=cores).remote(own, shared)
 
     alive = [node["Resources"].get("CPU", 0) for node in _nodes() if node["Alive"]]
     wanted = [float(threads or 1)] * actors if actors else [cores for cores in alive if cores >= 1]
