@@ -107,7 +107,8 @@ def test_a_checkpoint_of_other_searches_is_refused(scene, tmp_path) -> None:
     # Every bit, the record's seconds too, and nothing was searched again.
     assert again[0][0].record == first[0][0].record and content(again[0][0]) == content(first[0][0])
     assert again[0][0].baselines == [start] and not told
-    for change, named in (({"seeds": [2]}, "seeds"), ({"evaluations": 24}, "settings"), ({"baselines": []}, "settings")):
+    changes = (({"seeds": [2]}, "seeds"), ({"evaluations": 24}, "settings"), ({"baselines": []}, "settings"))
+    for change, named in changes:
         with pytest.raises(ValueError, match=rf"was begun with other inputs \({named}\); give them, or another folder"):
             distributed.optimize([scene], **({"seeds": [1]} | more | change))
     with pytest.raises(ValueError, match=r"was begun with other inputs \(.*poses"):
