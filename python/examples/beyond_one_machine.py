@@ -1,7 +1,8 @@
-"""Throughput of one process and of actors, and what 64 nodes would make of it: python beyond_one_machine.py SCENE.json…
+"""Throughput of one process and of actors, and what clusters would make of it: python beyond_one_machine.py SCENE.json…
 
 Prints a table: seconds to build a scene's engine, placements a second of one thread, of two actors of one thread each,
-bytes of a chunk, and from them the hours that a million placements in a hundred scenes take.
+bytes of a placement's scores, and from them, for clusters of some nodes, what a million placements in a hundred scenes
+take. The projection takes threads and nodes to be worth what they are many.
 """
 
 import argparse
@@ -25,7 +26,7 @@ def main() -> None:
     arguments.add_argument("scenes", nargs="+")
     arguments.add_argument("--placements", type=int, default=600)
     arguments.add_argument("--frames", type=int, default=4)
-    arguments.add_argument("--nodes", type=int, default=64)
+    arguments.add_argument("--nodes", type=int, nargs="+", default=[1, 8, 64])
     arguments.add_argument("--cores", type=int, default=16, help="of each node")
     given = arguments.parse_args()
     sightline.set_threads(1)
@@ -52,11 +53,12 @@ def main() -> None:
     print(f"one actor of one thread, /s       {rates[0]:.1f}")
     print(f"two actors of one thread, /s      {rates[1]:.1f} = {rates[1] / rates[0] / 2:.2f} of twice one")
     print(f"bytes of a placement's scores     {chunk:.0f}")
-    total, threads = 1e6 * 100, given.nodes * given.cores
-    rate = rates[0] * threads
-    hours = (total / rate + 100 / given.nodes * build / len(load)) / 3600
-    print(f"10^6 placements x 100 scenes on {given.nodes} nodes of {given.cores} cores: {hours:.1f} h,")
-    print(f"  {rate * chunk / 1e6:.1f} MB/s and {rate / (rates[0] * given.cores * 2.0):.0f} chunks/s to the driver")
+    print(f"10^6 placements x 100 scenes, {1e8 * chunk / 1e9:.0f} GB of scores, on nodes of {given.cores} cores:")
+    for nodes in given.nodes:
+        rate = rates[0] * nodes * given.cores
+        hours = (1e8 / rate + 100 / nodes * build / len(load)) / 3600
+        sent = f"{rate * chunk / 1e6:.2f} MB/s and {nodes / distributed.CHUNK_SECONDS:.1f} chunks/s to the driver"
+        print(f"{nodes:4} nodes {rate:8.0f}/s {hours:7.2f} h, {sent}")
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -80,7 +81,7 @@ def test_phases_and_guards_are_those_of_one_process(tmp_path) -> None:
     assert any("self_hit" in words for guards in one[0].guards for words in guards)
     with pytest.raises(ValueError, match=r"was begun with other inputs \(phases\)"):
         distributed.score(scenes, poses, checkpoint=kept)
-    with pytest.raises(ValueError, match=r"phases: have the shape \[2\]; give \[L\] or \[N, L\], \[40, 1\]"):
+    with pytest.raises(ValueError, match=r"phases: have the shape \[2\] for 40 placements of 1 LiDARs"):
         distributed.score(scenes, poses, phases=[0.0, 0.0])
 
 
@@ -96,14 +97,110 @@ def test_searches_and_programs_are_spread(scenes) -> None:
 
 
 def test_what_is_wrong_is_said(scenes) -> None:
-    with pytest.raises(ValueError, match=r"poses: have the shape \[3, 6\]"):
-        distributed.score(scenes, np.zeros((3, 6)))
-    with pytest.raises(ValueError, match=r"poses\[1, 0, 2\]: is not finite"):
-        poses = np.zeros((2, 1, 6))
-        poses[1, 0, 2] = np.nan
-        distributed.score(scenes, poses)
+    with pytest.raises(ValueError, match="scenes: are none"):
+        distributed.score([], np.zeros((1, 1, 6)))
     with pytest.raises(ValueError, match="is no score; did you mean"):
         distributed.optimize(scenes[:1], objective="gain", actors=1)
+
+
+POSES = np.zeros((2, 1, 6))
+
+
+@pytest.mark.parametrize(
+    ("poses", "named"),
+    [
+        (np.zeros((2, 4, 5)), {}),
+        (np.zeros(6), {}),
+        (np.zeros((3, 17, 6)), {}),
+        (np.where(np.arange(12).reshape(2, 1, 6) == 8, np.nan, 0.0), {}),
+        (np.full((1, 6), np.inf), {}),
+        (POSES.astype(complex), {}),
+        (POSES.astype(bool), {}),
+        (POSES.astype(str), {}),
+        ([[1, 2], [3]], {}),
+        (None, {}),
+        (POSES, {"sensors": ["a", "b"]}),
+        (POSES, {"phases": [0.0, 0.0]}),
+        (POSES, {"phases": [1j]}),
+        (POSES, {"phases": [[0.0], [np.inf]]}),
+        (POSES, {"phases": [[0.0], [0.0, 1.0]]}),
+    ],
+)
+def test_poses_are_refused_as_by_one_process(scenes, monkeypatch, tmp_path, poses, named) -> None:
+    monkeypatch.setattr(distributed, "_pool", None)
+    with pytest.raises(ValueError) as alone:
+        scenes[0].score(poses, **named)
+    with pytest.raises(ValueError) as spread:
+        distributed.score(scenes, poses, checkpoint=tmp_path / "kept", **named)
+    assert str(spread.value) == str(alone.value)
+    assert not (tmp_path / "kept").exists()
+
+
+def test_poses_of_any_real_type_are_taken(scenes) -> None:
+    for poses in ([[0, 0, 2, 0, 0, 0]], np.float32([[[0, 0, 1.5, 0, 0, 0]]] * 2), np.zeros((0, 1, 6))):
+        one = [scene.score(poses) for scene in scenes]
+        assert distributed.score(scenes, poses, actors=1, threads=1) == one
+
+
+def test_a_worker_that_dies_again_and_again_is_given_up(scenes, monkeypatch) -> None:
+    class Dying(distributed._Worker):
+        """Ends as a process does that the system kills; pickled by value, for it is local."""
+
+        def optimize(self, scene, settings):
+            os._exit(1)
+
+    monkeypatch.setattr(distributed, "_Worker", Dying)
+    told: list[distributed.Progress] = []
+    with pytest.raises(RuntimeError, match=r"^optimize\(0, {'seed': 1}\): its worker was lost 5 times, .*fewer"):
+        distributed.optimize(scenes[:1], actors=1, threads=1, progress=told.append)
+    assert not told
+
+
+def test_workers_that_die_before_they_stand_are_given_up(scenes, monkeypatch) -> None:
+    class Stillborn(distributed._Worker):
+        """Has not the memory that its scenes need."""
+
+        def ready(self):
+            os._exit(1)
+
+    monkeypatch.setattr(distributed, "_Worker", Stillborn)
+    with pytest.raises(RuntimeError, match="^workers: none is left; the last place lost 5 .*start fewer workers"):
+        distributed.score(scenes, scenes[0].random_poses(20), actors=2, threads=1)
+
+
+def test_workers_that_come_up_do_the_work_of_one_that_does_not(scenes, monkeypatch, tmp_path) -> None:
+    class First(distributed._Worker):
+        """Stands if no other does yet."""
+
+        def ready(self):
+            try:
+                (tmp_path / "stands").mkdir()
+            except FileExistsError:
+                os._exit(1)
+            super().ready()
+
+    monkeypatch.setattr(distributed, "_Worker", First)
+    monkeypatch.setattr(distributed, "CHUNK_SECONDS", 0.05)
+    poses = scenes[0].random_poses(300, seed=2)
+    told: list[distributed.Progress] = []
+    spread = distributed.score(scenes, poses, actors=2, threads=1, progress=told.append)
+    assert spread == [scene.score(poses) for scene in scenes]
+    assert told[-1].workers == 1
+
+
+def test_a_scene_that_differs_elsewhere_is_refused(tmp_path, monkeypatch) -> None:
+    file = tmp_path / "small.json"
+    file.write_text(json.dumps(SMALL))
+    scene = Scene.load(file, backend="cpu")
+    put = ray.put
+
+    def put_then_change(value):
+        file.write_text(json.dumps(SMALL | {"rate": 7}))
+        return put(value)
+
+    monkeypatch.setattr(distributed.ray, "put", put_then_change)
+    with pytest.raises(ValueError, match="^.*small.json: is not the file that the scene was read from"):
+        distributed.score([scene], scene.random_poses(20), actors=1, threads=1)
 
 
 HUNGRY = """

@@ -30,7 +30,7 @@ def test_a_search_is_that_of_the_program(scene, tmp_path) -> None:
     assert done.returncode == 0, done.stderr
     theirs = json.loads((tmp_path / "run" / "result.json").read_text())
     assert result.best.to_dict() == theirs["best"]["placement"]
-    assert result.scores["information_gain"][0] == theirs["best"]["scores"]["information_gain"]
+    assert result.scores["near_gain"][0] == theirs["best"]["scores"]["near_gain"]
     assert result.record["best"]["objective"] == theirs["best"]["objective"]
     assert result.record["evaluations"] == theirs["evaluations"]
     assert [b.name for b in result.baselines] == [b["placement"]["name"] for b in theirs["baselines"]]

@@ -3,8 +3,8 @@
 >>> import sightline
 >>> scene = sightline.Scene.load("scenes/highway.json")
 >>> scores = scene.score(sightline.read_placements("scenes/placements.json"))
->>> scores["information_gain"]                    # doctest: +SKIP
-array([ 9049.6..., 10116.9..., ...])
+>>> scores["near_gain"]                           # doctest: +SKIP
+array([0.248..., 0.208..., ...])
 
 Frame: x forward, y left, z up, origin on the ground under the vehicle's reference point. Metres, radians, nats,
 seconds. A pose is ``x, y, z, roll, pitch, yaw``, with R = Rz(yaw) · Ry(pitch) · Rx(roll).

@@ -1,21 +1,23 @@
-"""Finished chunks in a folder, so that a driver that dies loses none."""
+"""Finished tasks in a folder, so that a driver that dies loses none."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from . import Scene, Scores, __version__
+from . import Placement, Result, Scene, Scores, __version__
 
 #: What the folder belongs to.
 PLAN = "plan.json"
+#: A result in a file: what JSON holds, and arrays by name. No pickle, for reading one runs what it says.
+Packed = tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]
 
 
 def gaps(count: int, parts: Mapping[int, Scores]) -> Iterator[tuple[int, int]]:
@@ -30,89 +32,120 @@ def gaps(count: int, parts: Mapping[int, Scores]) -> Iterator[tuple[int, int]]:
 
 
 class Checkpoint:
-    """A folder of chunks ``SCENE/START.npz``, or nothing at all."""
+    """A folder of results ``HOME/NUMBER.npz``, or nothing at all."""
 
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
 
     @classmethod
-    def open(
-        cls,
-        folder: str | Path | None,
-        scenes: list[Scene],
-        poses: npt.NDArray[np.float64],
-        named: Mapping[str, Any],
-    ) -> Checkpoint:
-        """Begins a folder, or goes on with one that was begun with the same inputs."""
+    def open(cls, folder: str | Path | None, inputs: Mapping[str, Any]) -> Checkpoint:
+        """Begins a folder, or goes on with one that was begun with the same ``inputs``, by the caller's names for them.
+
+        Raises ``ValueError`` for a folder of other inputs, and for one that is neither empty nor a checkpoint.
+        """
         if folder is None:
             return cls(None)
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        plan = {
-            "sightline": __version__,
-            "scenes": [[_made(scene), scene._inputs()] for scene in scenes],
-            "shape": list(poses.shape),
-            "poses": hashlib.sha256(poses.tobytes()).hexdigest(),
-            "sensors": named["sensors"],
-        }
-        if named["phases"] is not None:
-            plan["phases"] = hashlib.sha256(named["phases"].tobytes()).hexdigest()
-        plan = json.loads(json.dumps(plan, default=str))
+        plan = json.loads(json.dumps({"sightline": __version__, **inputs}, default=_known))
         file = folder / PLAN
         if not file.exists():
-            if any(folder.iterdir()):
+            # A driver may have died while it wrote the plan.
+            if any(entry != file.with_suffix(".part") for entry in folder.iterdir()):
                 raise ValueError(f"{folder}: is not empty and no checkpoint; give a new folder")
-            _write(file, json.dumps(plan, indent=1).encode())
+            text = json.dumps(plan, indent=1).encode()
+            _write(file, lambda out: out.write(text))
             return cls(folder)
         before = json.loads(file.read_text())
-        changed = [key for key in {**before, **plan} if before.get(key) != plan.get(key)]
+        # As text: NaN, a phase that is not locked, differs from itself.
+        text_of = lambda inputs, key: json.dumps(inputs.get(key), sort_keys=True)  # noqa: E731
+        changed = [key for key in {**before, **plan} if text_of(before, key) != text_of(plan, key)]
         if changed:
             raise ValueError(
                 f"{folder}: was begun with other inputs ({', '.join(changed)}); give them, or another folder"
             )
         return cls(folder)
 
-    def read(self, scene: int) -> Iterator[tuple[int, Scores]]:
-        """Finished chunks of a scene: first placement and scores."""
+    def read(self, home: int) -> Iterator[tuple[int, Packed]]:
+        """Results of a home by their numbers."""
         if self._folder is None:
             return
-        for file in sorted((self._folder / f"{scene:04}").glob("*.npz")):
+        for file in sorted((self._folder / f"{home:04}").glob("*.npz")):
             with np.load(file, allow_pickle=False) as archive:
-                words = json.loads(str(archive["words"]))
-                columns = {name: archive[f"column:{name}"] for name in words["columns"]}
-            yield int(file.stem), Scores(words["names"], columns, words["guards"], words["classes"])
+                arrays = {name: archive[name] for name in archive.files}
+            yield int(file.stem), (json.loads(str(arrays.pop("words"))), arrays)
 
-    def write(self, scene: int, start: int, scores: Scores) -> None:
-        """Keeps a chunk; the file is whole at any time."""
+    def write(self, home: int, number: int, packed: Packed) -> None:
+        """Keeps a result; the file is whole or absent at any time."""
         if self._folder is None:
             return
-        words = {
-            "names": scores.names,
-            "columns": list(scores),
-            "guards": scores.guards,
-            "classes": scores.classes,
-        }
-        file = self._folder / f"{scene:04}" / f"{start:012}.npz"
+        words, arrays = packed
+        text: Any = np.array(json.dumps(words))
+        file = self._folder / f"{home:04}" / f"{number:012}.npz"
         file.parent.mkdir(exist_ok=True)
-        arrays: dict[str, Any] = {f"column:{name}": scores[name] for name in scores}
-        beside = file.with_suffix(".part")
-        with open(beside, "wb") as out:
-            np.savez(out, words=np.array(json.dumps(words)), **arrays)
-            out.flush()
-            os.fsync(out.fileno())
-        os.replace(beside, file)
+        _write(file, lambda out: np.savez(out, words=text, **arrays))
+
+
+def pack_scores(scores: Scores) -> Packed:
+    """Scores as words and columns."""
+    words = {"names": scores.names, "columns": list(scores), "guards": scores.guards, "classes": scores.classes}
+    return words, {f"column:{name}": scores[name] for name in scores}
+
+
+def unpack_scores(packed: Packed) -> Scores:
+    """Scores of words and columns."""
+    words, arrays = packed
+    columns = {name: arrays[f"column:{name}"] for name in words["columns"]}
+    return Scores(words["names"], columns, words["guards"], words["classes"])
+
+
+def pack_result(result: Result) -> Packed:
+    """A search's result: its scores, and all else as words, in which numbers keep every bit."""
+    words, arrays = pack_scores(result.scores)
+    words["best"] = None if result.best is None else _arguments(result.best)
+    words["baselines"] = [_arguments(placement) for placement in result.baselines]
+    return {**words, "history": result.history, "record": result.record}, arrays
+
+
+def unpack_result(packed: Packed) -> Result:
+    """A search's result of scores and words."""
+    words, _ = packed
+    best = None if words["best"] is None else Placement(**words["best"])
+    baselines = [Placement(**arguments) for arguments in words["baselines"]]
+    return Result(best, baselines, unpack_scores(packed), words["history"], words["record"])
+
+
+def _arguments(placement: Placement) -> dict[str, Any]:
+    """What a placement is made again with, as JSON has it."""
+    _, arguments, options = placement.__reduce__()[1]
+    phases = options["phases"]
+    return {**options, "poses": arguments[0].tolist(), "phases": phases if phases is None else phases.tolist()}
+
+
+def _known(value: Any) -> Any:
+    """An input that JSON does not know, so that two that differ give other results."""
+    if isinstance(value, Scene):
+        return _made(value)
+    if isinstance(value, Placement):
+        return _arguments(value)
+    if isinstance(value, np.ndarray):
+        return {"shape": value.shape, "sha256": hashlib.sha256(value.tobytes()).hexdigest()}
+    return value.item() if isinstance(value, np.generic) else str(value)
 
 
 def _made(scene: Scene) -> Any:
-    """What a scene is made of, its inputs left out: two that differ here score differently."""
+    """What a scene is made of, and the SHA-256 of its files; not what engine is to take it."""
     _, first, options, _ = scene.__reduce__()[1]
     options = {key: value for key, value in options.items() if key not in ("adapter", "memory", "backend")}
     if (psog := options.pop("psog", None)) is not None:
         options["psog"] = hashlib.sha256(psog.index.tobytes() + psog.counts.tobytes()).hexdigest()
-    return [str(first), options]
+    return [[str(first), options], scene._inputs()]
 
 
-def _write(file: Path, content: bytes) -> None:
+def _write(file: Path, fill: Callable[[IO[bytes]], object]) -> None:
     beside = file.with_suffix(".part")
-    beside.write_bytes(content)
+    with open(beside, "wb") as out:
+        fill(out)
+        out.flush()
+        os.fsync(out.fileno())
     os.replace(beside, file)

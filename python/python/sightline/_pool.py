@@ -13,7 +13,7 @@ from ray.exceptions import GetTimeoutError, RayError, RayTaskError
 
 #: Tasks in flight for each actor: one at work, one behind it.
 IN_FLIGHT = 2
-#: Times that a task is lost with its worker before it is given up.
+#: Times that a task is lost with its worker, or a worker before it stands, until it is given up.
 TRIES = 5
 #: Seconds between two looks at workers that do not answer.
 LOOK = 5.0
@@ -55,6 +55,8 @@ class _Member:
     homes: set[int] = field(default_factory=set)
     load: int = 0
     is_ready: bool = False
+    #: Workers lost in its place since one stood there.
+    tries: int = 0
 
 
 class Pool:
@@ -110,7 +112,7 @@ class Pool:
                     # The method itself failed: every other worker would fail as well.
                     raise error.cause if isinstance(error.cause, Exception) else error
                 except (RayError, GetTimeoutError) as error:
-                    self._replace(member)
+                    self._replace(member, error)
                     if task is not None:
                         self._again(task, waiting, error)
                     continue
@@ -123,17 +125,26 @@ class Pool:
                     waiting.setdefault(further.home, deque()).append(further)
                 self._tell(finished, already, total, begun)
 
-    def _hire(self, cores: float) -> None:
-        member = _Member(self._start(cores), cores)
+    def _hire(self, cores: float, tries: int = 0) -> None:
+        member = _Member(self._start(cores), cores, tries=tries)
         self._members.append(member)
         self._flying[member.actor.ready.remote()] = (member, None)
 
-    def _replace(self, member: _Member) -> None:
+    def _replace(self, member: _Member, error: Exception) -> None:
         """Starts another in place of a lost one; its other tasks come back as lost by themselves."""
-        if member in self._members:
-            self._members.remove(member)
-            self._lost += 1
-            self._hire(member.cores)
+        if member not in self._members:
+            return
+        self._members.remove(member)
+        self._lost += 1
+        tries = 0 if member.is_ready else member.tries + 1
+        if tries < TRIES:
+            self._hire(member.cores, tries)
+        elif not self._members:
+            raise RuntimeError(
+                f"workers: none is left; the last place lost {TRIES} before they stood, the last one with: "
+                f"{_said(error)}; see that every node has sightline and memory for the scenes, start fewer workers a "
+                "node, or load the scenes with fewer frames"
+            ) from error
 
     @staticmethod
     def _again(task: Task, waiting: dict[int, deque[Task]], error: Exception) -> None:
@@ -141,7 +152,7 @@ class Pool:
         if task.tries >= TRIES:
             raise RuntimeError(
                 f"{task.method}{task.arguments!r:.200}: its worker was lost {TRIES} times, the last time with: "
-                f"{str(error).splitlines()[0]}; if workers run out of memory, start fewer a node, or load the scenes "
+                f"{_said(error)}; if workers run out of memory, start fewer a node, or load the scenes "
                 "with fewer frames or a smaller `memory`"
             ) from error
         waiting.setdefault(task.home, deque()).appendleft(task)
@@ -170,3 +181,9 @@ class Pool:
         left = seconds * (total - already - finished) / finished if finished else None
         workers = sum(member.is_ready for member in self._members)
         self._progress(Progress(already + finished, total, seconds, left, workers, self._lost))
+
+
+def _said(error: Exception) -> str:
+    """The line of an error of Ray that tells most: the last of a traceback, else the first."""
+    lines = str(error).strip().splitlines() or [type(error).__name__]
+    return lines[-1 if getattr(error, "actor_init_failed", False) else 0].rstrip(".")

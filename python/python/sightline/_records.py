@@ -22,7 +22,7 @@ U32 = npt.NDArray[np.uint32]
 class Scores:
     """Scores of N placements, one array a score.
 
-    ``scores["information_gain"]`` is an array ``[N]``; ``NaN`` where a placement has no such score. Two columns have
+    ``scores["near_gain"]`` is an array ``[N]``; ``NaN`` where a placement has no such score. Two columns have
     more axes: ``covered_by_class`` ``[N, classes]`` and ``unique_share`` ``[N, L]``, ``NaN`` beyond a placement's own
     LiDARs. Names and meaning are those of ``sightline score --format json``.
     """

@@ -7,19 +7,20 @@
 
 An actor a node builds the engine of a scene once and keeps it. Work is cut into chunks of a second or more, two of
 them in flight for each actor, and what comes back is put together by index: the bytes are those of one process.
-Chunks of workers and nodes that are lost are done again by others. With ``checkpoint=`` the driver itself may die:
-the next call with the same arguments goes on from there.
+Chunks of workers and nodes that are lost are done again by others. With ``checkpoint=`` the driver itself may die,
+whether it scores, searches or runs commands: the next call with the same arguments goes on from there.
 
 Scenes travel as paths, so every node needs the same files at the same places; a scene whose files differ is refused.
 """
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,10 +32,11 @@ try:
 except ImportError as _missing:
     raise ImportError("sightline.distributed needs Ray; pip install sightline[ray]") from _missing
 
-from . import Result, Scene, Scores, optimize as _optimize, set_threads
-from ._checkpoint import Checkpoint, gaps
+from . import Placement, Result, Scene, Scores, optimize as _optimize, set_threads
+from ._checkpoint import Checkpoint, gaps, pack_result, pack_scores, unpack_result, unpack_scores
 from ._native import FEW_PLACEMENTS
 from ._pool import Pool, Progress, Task
+from ._records import F64
 
 __all__ = ["Completed", "Progress", "optimize", "run", "score"]
 
@@ -47,13 +49,22 @@ CHUNK_SECONDS = 2.0
 class _Worker:
     """Holds scenes whose engines are built when they are first asked for."""
 
-    def __init__(self, threads: int | None, scenes: list[Scene], poses: Any, named: dict[str, Any]) -> None:
-        if threads is not None:
-            set_threads(threads)
-        self.scenes, self.poses, self.named = scenes, poses, named
+    scenes: list[Scene]
+    poses: Any
+    named: dict[str, Any]
+
+    def __init__(self, threads: int | None, shared: list[Any]) -> None:
+        self.threads, self.shared = threads, shared
 
     def ready(self) -> None:
-        """Says that the worker stands."""
+        """Takes scenes, poses and names; here, for of a constructor's exception Ray hands on the text alone.
+
+        Scenes are unpickled here too: one whose files differ raises its own ``ValueError``, which Ray would replace.
+        """
+        if self.threads is not None:
+            set_threads(self.threads)
+        scenes, self.poses, self.named = ray.get(self.shared)
+        self.scenes = pickle.loads(scenes)
 
     def score(self, scene: int, start: int, stop: int) -> tuple[Scores, float]:
         """Scores of some placements in a scene, and the seconds that took without building the engine."""
@@ -110,25 +121,23 @@ def score(
 ) -> list[Scores]:
     """Scores of N placements in each of some scenes.
 
-    ``poses`` is ``[N, L, 6]`` as for :meth:`sightline.Scene.score`, ``sensors`` names the model of each LiDAR, and
-    ``phases`` ``[L]`` or ``[N, L]`` locks them. There is an actor a node with all of its cores, or ``actors`` of them
-    with ``threads`` threads each. ``checkpoint`` is a folder that finished chunks are kept in. ``progress`` is told
-    after each chunk.
+    ``poses`` is an array as for :meth:`sightline.Scene.score`, ``[N, L, 6]``, or ``[L, 6]`` for one placement;
+    ``sensors`` names the model of each LiDAR, and ``phases`` ``[L]`` or ``[N, L]`` locks them. There is an actor a node
+    with all of its cores, or ``actors`` of them with ``threads`` threads each. ``checkpoint`` is a folder that finished
+    chunks are kept in. ``progress`` is told after each chunk.
 
-    Raises ``ValueError`` for placements and scenes that do not go together, and for a checkpoint of other inputs;
-    ``RuntimeError`` where a chunk fails over and over.
+    Raises ``ValueError`` for what :meth:`sightline.Scene.score` refuses, in its words, and for a checkpoint of other
+    inputs; ``RuntimeError`` where a chunk, or each worker at its start, is lost over and over. Poses and phases are
+    checked before anything is sent.
     """
-    array = np.ascontiguousarray(poses, dtype=np.float64)
-    if array.ndim != 3 or array.shape[2] != 6 or len(array) == 0:
-        raise ValueError(f"poses: have the shape {list(array.shape)}; give [N, L, 6] with N of at least 1")
-    bad = np.argwhere(~np.isfinite(array))
-    if len(bad):
-        raise ValueError(f"poses{bad[0].tolist()}: is not finite; give a number")
+    array, locked = _checked(poses, sensors, phases)
     if not scenes:
         raise ValueError("scenes: are none; give at least one")
-    named = {"sensors": list(sensors) if sensors is not None else None, "phases": _phases(phases, array)}
-    kept = Checkpoint.open(checkpoint, list(scenes), array, named)
-    finished: list[dict[int, Scores]] = [dict(kept.read(k)) for k in range(len(scenes))]
+    if not len(array):
+        return [scene.score(array, sensors=sensors) for scene in scenes]
+    named = {"sensors": list(sensors) if sensors is not None else None, "phases": locked}
+    kept = Checkpoint.open(checkpoint, {"scenes": list(scenes), "poses": array, **named})
+    finished = [{start: unpack_scores(part) for start, part in kept.read(k)} for k in range(len(scenes))]
     count = len(array)
     total = count * len(scenes)
 
@@ -151,7 +160,7 @@ def score(
     def done(task: Task, value: tuple[Scores, float]) -> Iterator[Task]:
         scene, start, stop = task.arguments
         scores, seconds = value
-        kept.write(scene, start, scores)
+        kept.write(scene, start, pack_scores(scores))
         finished[scene][start] = scores
         if not cut[scene]:
             cut[scene] = True
@@ -163,7 +172,8 @@ def score(
         first = [task for scene in range(len(scenes)) for task in probe(scene)]
         weigh = lambda task: task.arguments[2] - task.arguments[1]  # noqa: E731
         pool.run(first, done, total=total, already=have, weigh=weigh)
-    return [Scores.concatenate(parts[start] for start in sorted(parts)) for parts in finished]
+    # Parts of a scene are let go of when they are put together: there may be gigabytes of them.
+    return [Scores.concatenate(parts.pop(start) for start in sorted(parts)) for parts in finished]
 
 
 def optimize(
@@ -172,28 +182,39 @@ def optimize(
     seeds: Sequence[int] = (1,),
     actors: int | None = None,
     threads: int | None = None,
+    checkpoint: str | Path | None = None,
     progress: Callable[[Progress], object] | None = None,
     **settings: Any,
 ) -> list[list[Result]]:
     """A search in each scene with each seed: ``[scene][seed]``.
 
-    ``settings`` are those of :func:`sightline.optimize`, but for ``callback``, which cannot travel.
+    ``settings`` are those of :func:`sightline.optimize`, but for ``callback``, which cannot travel. ``checkpoint`` is a
+    folder that finished searches are kept in; one that is cut off begins again.
+
+    Raises ``ValueError`` for settings that are wrong, and for a checkpoint of other inputs; ``RuntimeError`` where a
+    search fails over and over.
     """
-    results: list[list[Result | None]] = [[None] * len(seeds) for _ in scenes]
+    if "callback" in settings:
+        raise ValueError("callback: cannot travel to other processes; give `progress`, which is told of each search")
+    kept = Checkpoint.open(checkpoint, {"scenes": list(scenes), "seeds": list(seeds), "settings": settings})
+    results = [{k: unpack_result(one) for k, one in kept.read(scene)} for scene in range(len(scenes))]
     tasks = [
         Task("optimize", (scene, {**settings, "seed": seed}), home=scene, index=(scene, k))
         for scene in range(len(scenes))
         for k, seed in enumerate(seeds)
+        if k not in results[scene]
     ]
 
     def done(task: Task, value: Result) -> Iterator[Task]:
         scene, k = task.index
+        kept.write(scene, k, pack_result(value))
         results[scene][k] = value
         return iter(())
 
+    total = len(scenes) * len(seeds)
     with _pool(actors, threads, list(scenes), None, None, progress) as pool:
-        pool.run(tasks, done, total=len(tasks))
-    return [[result for result in row if result is not None] for row in results]
+        pool.run(tasks, done, total=total, already=total - len(tasks))
+    return [[row[k] for k in range(len(seeds))] for row in results]
 
 
 def run(
@@ -201,40 +222,58 @@ def run(
     *,
     actors: int | None = None,
     threads: int | None = None,
+    checkpoint: str | Path | None = None,
     progress: Callable[[Progress], object] | None = None,
 ) -> list[Completed]:
     """Commands of the program, each on some node, as ``["study", "cost", "scenes/highway.json"]``; in their order.
 
     Files that they read and write are those of the node; take a folder that all nodes share. ``threads`` is given to
-    the commands as ``--threads``.
+    the commands as ``--threads``. ``checkpoint`` is a folder that commands are kept in that were done or whose check
+    failed; what could not be done is tried again by the next call. The folder knows the commands, not the files that
+    they read.
+
+    Raises ``ValueError`` for a checkpoint of other commands; ``RuntimeError`` where a worker is lost over and over.
     """
-    results: list[Completed | None] = [None] * len(commands)
     more = ["--threads", str(threads)] if threads is not None else []
-    tasks = [
-        Task("run", ([*command, *more],), home=k, index=(k,)) for k, command in enumerate(commands)
-    ]
+    given = [[*command, *more] for command in commands]
+    kept = Checkpoint.open(checkpoint, {"commands": given})
+    results = {k: Completed(**words) for k, (words, _) in kept.read(0)}
+    tasks = [Task("run", (words,), home=k, index=(k,)) for k, words in enumerate(given) if k not in results]
 
     def done(task: Task, value: Completed) -> Iterator[Task]:
         results[task.index[0]] = value
+        if value.code in (0, 1):
+            kept.write(0, task.index[0], (asdict(value), {}))
         return iter(())
 
     with _pool(actors, None, [], None, None, progress) as pool:
-        pool.run(tasks, done, total=len(tasks))
-    return [result for result in results if result is not None]
+        pool.run(tasks, done, total=len(given), already=len(given) - len(tasks))
+    return [results[k] for k in range(len(given))]
 
 
-def _phases(
-    phases: npt.ArrayLike | None, poses: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64] | None:
-    """Phases of every LiDAR of every placement."""
-    if phases is None:
-        return None
-    array = np.asarray(phases, dtype=np.float64)
-    if array.shape not in (poses.shape[1:2], poses.shape[:2]):
-        raise ValueError(f"phases: have the shape {list(array.shape)}; give [L] or [N, L], {list(poses.shape[:2])}")
-    if np.isinf(array).any():
-        raise ValueError("phases: are not finite; give radians, NaN for a LiDAR that is as its model says")
-    return np.ascontiguousarray(np.broadcast_to(array, poses.shape[:2]))
+def _checked(
+    poses: npt.ArrayLike, sensors: Sequence[str] | None, phases: npt.ArrayLike | None
+) -> tuple[F64, F64 | None]:
+    """Poses ``[N, L, 6]`` and phases ``[N, L]``; raises of them what :meth:`sightline.Scene.score` would."""
+    try:
+        array, turned = np.asarray(poses), None if phases is None else np.asarray(phases)
+        are_many = array.ndim == 3 and (turned is None or turned.shape in (array.shape[1:2], array.shape[:2]))
+        if are_many:
+            # Types and the number of LiDARs, by a placement that has nothing else to be refused for.
+            locked = None if turned is None else np.zeros(array.shape[1:2], turned.dtype)
+            Placement(np.zeros((1, *array.shape[1:]), array.dtype), sensors=sensors, phases=locked)
+    except (TypeError, ValueError):
+        are_many = False
+    if not are_many:
+        # One placement, or the sentence that names the whole shape.
+        one = Placement(poses, name="0", sensors=sensors, phases=phases)
+        return one.poses[None], None if phases is None else one.phases[None]
+    array = np.ascontiguousarray(array, np.float64)
+    if turned is not None:
+        turned = np.ascontiguousarray(np.broadcast_to(turned, array.shape[:2]), np.float64)
+    for n, pose in enumerate(array):
+        Placement(pose, name=str(n), sensors=sensors, phases=None if turned is None else turned[n])
+    return array, turned
 
 
 def _nodes() -> list[dict[str, Any]]:
@@ -251,13 +290,13 @@ def _pool(
 ) -> Pool:
     if not ray.is_initialized():
         ray.init(log_to_driver=False, include_dashboard=False)
-    # Constructor references must outlive every actor, or a new one could not be made from them.
-    shared = [ray.put(scenes), ray.put(poses), ray.put(named)]
+    # References must outlive every actor, or a new one could not take them.
+    shared = [ray.put(pickle.dumps(scenes)), ray.put(poses), ray.put(named)]
     remote = ray.remote(max_restarts=0)(_Worker)
 
     def start(cores: float) -> Any:
         own = threads if threads is not None or actors is not None else int(cores)
-        return remote.options(num_cpus=cores).remote(own, *shared)
+        return remote.options(num_cpus=cores).remote(own, shared)
 
     alive = [node["Resources"].get("CPU", 0) for node in _nodes() if node["Alive"]]
     wanted = [float(threads or 1)] * actors if actors else [cores for cores in alive if cores >= 1]
