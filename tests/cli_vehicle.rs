@@ -262,6 +262,17 @@ fn faults_are_said() {
             "must not cross or touch itself",
         ],
     );
+    fs::write(dir.path().join("sonar.dat"), "nonsense").unwrap();
+    changed(dir.path(), "vendor.json", |vehicle| {
+        vehicle["sensors"][1]["lidar"] = json!({ "file": "sonar.dat", "range": 8 });
+    });
+    says(
+        &["score", "room.json", "sonar.json", "--vehicle", "vendor.json"],
+        &[
+            "vendor.json: sensors[1].lidar.file: ",
+            "sonar.dat: the content is not that of a sensor file",
+        ],
+    );
     changed(dir.path(), "far.json", |vehicle| {
         vehicle["require"] = json!([{ "name": "behind the wall", "min": [90, 90, 0], "max": [91, 91, 1], "share": 0.5 }]);
     });

@@ -18,6 +18,14 @@ pub enum DescriptionError {
         /// Error of the system.
         source: std::io::Error,
     },
+    /// A file that is named here has a fault.
+    #[error("{at}: {source}")]
+    InFile {
+        /// Where the file is named.
+        at: Box<Place>,
+        /// Its fault.
+        source: Box<DescriptionError>,
+    },
     /// A file is larger than this program reads.
     #[error("{file}: is larger than the limit of {limit} bytes; split or simplify it")]
     TooLarge {
@@ -177,6 +185,13 @@ pub enum DescriptionError {
         /// Material or label of the mesh.
         material: String,
     },
+}
+
+impl DescriptionError {
+    /// The same fault in a file that is named at a place.
+    pub(crate) fn of_file(self, at: Place) -> Self {
+        Self::InFile { at: Box::new(at), source: Box::new(self) }
+    }
 }
 
 fn listed(keys: &[&str], none: &str) -> String {

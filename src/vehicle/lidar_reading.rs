@@ -204,7 +204,8 @@ fn file_pattern(
         let found = format!("{:?}", [from, to]);
         return Err(bad(&at.key("window"), found, "a window [from, to] in seconds with from < to"));
     }
-    let mut pattern = sensor_file::read(file, lidar.window)?;
+    let read = sensor_file::read(file, lidar.window);
+    let mut pattern = read.map_err(|error| error.of_file(at.key("file")))?;
     let knows_signs = pattern.format != SensorFormat::Table;
     let mend = "a vendor's file says which way it counts; leave it out";
     spare(at, "azimuth_offsets", lidar.azimuth_offsets.is_some() && knows_signs, mend)?;
