@@ -101,6 +101,24 @@ def moves(page: Page) -> None:
     page.locator("#reset").click()
 
 
+def touches(page: Page) -> None:
+    """One finger turns the view, two that part zoom in."""
+    box = page.locator("#canvas").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    session = page.context.new_cdp_session(page)
+
+    def gesture(steps: list[list[tuple[float, float]]]) -> None:
+        for number, fingers in enumerate(steps):
+            points = [{"x": u, "y": v, "id": finger} for finger, (u, v) in enumerate(fingers)]
+            kind = "touchStart" if number == 0 else "touchMove"
+            session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+        session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+    changes(page, "a finger", lambda: gesture([[(x, y)], [(x + 40, y)], [(x + 80, y)]]))
+    parted = [[(x - d, y), (x + d, y)] for d in (20, 40, 60)]
+    changes(page, "two fingers", lambda: gesture(parted))
+
+
 def controls(page: Page) -> None:
     """Each control does what it says, and has a way back."""
     colour, legend = page.locator("[name=colour]"), page.locator("#legend")
@@ -184,6 +202,7 @@ def main(folder: Path, renew: bool) -> None:
         check(int(told(dark)["beams"]) > 0, "the address does not choose the beams")
         phone = opened(browser, run, "#colour=difference", viewport=PHONE, has_touch=True)
         fits(phone, "the page")
+        touches(phone)
         axe(phone, "a page on a phone")
         given = opened(browser, view, viewport=WIDE)
         check("Pyramid" in given.locator("h1").inner_text(), "the page does not name what it shows")
