@@ -72,7 +72,6 @@ def gone_on(call: str, folder: Path, scene: Scene, done: int):
     found = eval(call, {"distributed": distributed, "scene": scene, "more": more})
     assert told and told[0].done > done and told[-1].done == told[-1].total
     assert before and all(file.stat().st_mtime_ns == time for file, time in before.items())
-    assert not list(folder.glob("kept/**/*.part"))
     return found
 
 

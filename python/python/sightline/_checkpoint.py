@@ -57,9 +57,7 @@ class Checkpoint:
             _write(file, lambda out: out.write(text))
             return cls(folder)
         before = json.loads(file.read_text())
-        # As text: NaN, a phase that is not locked, differs from itself.
-        text_of = lambda inputs, key: json.dumps(inputs.get(key), sort_keys=True)  # noqa: E731
-        changed = [key for key in {**before, **plan} if text_of(before, key) != text_of(plan, key)]
+        changed = [key for key in {**before, **plan} if _text(before.get(key)) != _text(plan.get(key))]
         if changed:
             raise ValueError(
                 f"{folder}: was begun with other inputs ({', '.join(changed)}); give them, or another folder"
@@ -80,10 +78,10 @@ class Checkpoint:
         if self._folder is None:
             return
         words, arrays = packed
-        text: Any = np.array(json.dumps(words))
+        content: dict[str, Any] = {"words": np.array(json.dumps(words)), **arrays}
         file = self._folder / f"{home:04}" / f"{number:012}.npz"
         file.parent.mkdir(exist_ok=True)
-        _write(file, lambda out: np.savez(out, words=text, **arrays))
+        _write(file, lambda out: np.savez(out, **content))
 
 
 def pack_scores(scores: Scores) -> Packed:
@@ -120,6 +118,11 @@ def _arguments(placement: Placement) -> dict[str, Any]:
     _, arguments, options = placement.__reduce__()[1]
     phases = options["phases"]
     return {**options, "poses": arguments[0].tolist(), "phases": phases if phases is None else phases.tolist()}
+
+
+def _text(value: Any) -> str:
+    """An input to be compared: NaN, a phase that is not locked, differs from itself, its text does not."""
+    return json.dumps(value, sort_keys=True)
 
 
 def _known(value: Any) -> Any:
