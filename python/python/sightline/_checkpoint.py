@@ -16,7 +16,7 @@ from . import Placement, Result, Scene, Scores, __version__
 
 #: What the folder belongs to.
 PLAN = "plan.json"
-#: A result in a file: what JSON holds, and arrays by name. No pickle, for reading one runs what it says.
+#: Result in a file: words as JSON holds them, and arrays by name; no pickle, for reading a pickle runs code.
 Packed = tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]
 
 
@@ -50,7 +50,7 @@ class Checkpoint:
         plan = json.loads(json.dumps({"sightline": __version__, **inputs}, default=_known))
         file = folder / PLAN
         if not file.exists():
-            # A driver may have died while it wrote the plan.
+            # Drivers may die while writing the plan.
             if any(entry != file.with_suffix(".part") for entry in folder.iterdir()):
                 raise ValueError(f"{folder}: is not empty and no checkpoint; give a new folder")
             text = json.dumps(plan, indent=1).encode()
