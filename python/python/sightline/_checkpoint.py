@@ -16,7 +16,7 @@ from . import Placement, Result, Scene, Scores, __version__
 
 #: What the folder belongs to.
 PLAN = "plan.json"
-#: A result in a file: what JSON holds, and arrays by name. No pickle, for reading one runs what it says.
+#: Result in a file: words as JSON holds them, and arrays by name; no pickle, for reading a pickle runs code.
 Packed = tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]
 
 
@@ -50,16 +50,14 @@ class Checkpoint:
         plan = json.loads(json.dumps({"sightline": __version__, **inputs}, default=_known))
         file = folder / PLAN
         if not file.exists():
-            # A driver may have died while it wrote the plan.
+            # Drivers may die while writing the plan.
             if any(entry != file.with_suffix(".part") for entry in folder.iterdir()):
                 raise ValueError(f"{folder}: is not empty and no checkpoint; give a new folder")
             text = json.dumps(plan, indent=1).encode()
             _write(file, lambda out: out.write(text))
             return cls(folder)
         before = json.loads(file.read_text())
-        # As text: NaN, a phase that is not locked, differs from itself.
-        text_of = lambda inputs, key: json.dumps(inputs.get(key), sort_keys=True)  # noqa: E731
-        changed = [key for key in {**before, **plan} if text_of(before, key) != text_of(plan, key)]
+        changed = [key for key in {**before, **plan} if _text(before.get(key)) != _text(plan.get(key))]
         if changed:
             raise ValueError(
                 f"{folder}: was begun with other inputs ({', '.join(changed)}); give them, or another folder"
@@ -80,10 +78,10 @@ class Checkpoint:
         if self._folder is None:
             return
         words, arrays = packed
-        text: Any = np.array(json.dumps(words))
+        content: dict[str, Any] = {"words": np.array(json.dumps(words)), **arrays}
         file = self._folder / f"{home:04}" / f"{number:012}.npz"
         file.parent.mkdir(exist_ok=True)
-        _write(file, lambda out: np.savez(out, words=text, **arrays))
+        _write(file, lambda out: np.savez(out, **content))
 
 
 def pack_scores(scores: Scores) -> Packed:
@@ -120,6 +118,11 @@ def _arguments(placement: Placement) -> dict[str, Any]:
     _, arguments, options = placement.__reduce__()[1]
     phases = options["phases"]
     return {**options, "poses": arguments[0].tolist(), "phases": phases if phases is None else phases.tolist()}
+
+
+def _text(value: Any) -> str:
+    """An input to be compared: NaN, a phase that is not locked, differs from itself, its text does not."""
+    return json.dumps(value, sort_keys=True)
 
 
 def _known(value: Any) -> Any:

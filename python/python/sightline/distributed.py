@@ -172,7 +172,7 @@ def score(
         first = [task for scene in range(len(scenes)) for task in probe(scene)]
         weigh = lambda task: task.arguments[2] - task.arguments[1]  # noqa: E731
         pool.run(first, done, total=total, already=have, weigh=weigh)
-    # Parts of a scene are let go of when they are put together: there may be gigabytes of them.
+    # Parts of a scene are freed once put together: all parts may be gigabytes.
     return [Scores.concatenate(parts.pop(start) for start in sorted(parts)) for parts in finished]
 
 
@@ -259,13 +259,13 @@ def _checked(
         array, turned = np.asarray(poses), None if phases is None else np.asarray(phases)
         are_many = array.ndim == 3 and (turned is None or turned.shape in (array.shape[1:2], array.shape[:2]))
         if are_many:
-            # Types and the number of LiDARs, by a placement that has nothing else to be refused for.
+            # Types and the number of LiDARs, checked by a placement with nothing else to be refused for.
             locked = None if turned is None else np.zeros(array.shape[1:2], turned.dtype)
             Placement(np.zeros((1, *array.shape[1:]), array.dtype), sensors=sensors, phases=locked)
     except (TypeError, ValueError):
         are_many = False
     if not are_many:
-        # One placement, or the sentence that names the whole shape.
+        # Placement that is alone, or the sentence that names the whole shape.
         one = Placement(poses, name="0", sensors=sensors, phases=phases)
         return one.poses[None], None if phases is None else one.phases[None]
     array = np.ascontiguousarray(array, np.float64)
