@@ -45,6 +45,11 @@ pub(super) fn active_bounds(placement: &Placement, constraints: &Constraints) ->
     for (lidar, pose) in placement.lidars.iter().enumerate() {
         let Some(slot) = constraints.slots.get(lidar) else { continue };
         let fields = slot.region.fields(pose);
+        // Of a patch, fields are those of its own frame.
+        let of = match slot.region.ego_from_region {
+            Some(_) => format!(" along `{}`", slot.region.name),
+            None => String::new(),
+        };
         for k in slot.region.free_fields() {
             // Bounds of a patch are computed: a nanometre more or less says nothing.
             let said = |bound: f64| (bound * 1e9).round() / 1e9;
@@ -52,9 +57,9 @@ pub(super) fn active_bounds(placement: &Placement, constraints: &Constraints) ->
             let (field, value) = (SensorPose::FIELDS[k], fields[k]);
             let near = ON_BOUND * (high - low);
             if value - low <= near {
-                found.push(format!("LiDAR {lidar}: {field} at its lower bound {low}"));
+                found.push(format!("LiDAR {lidar}: {field}{of} at its lower bound {low}"));
             } else if high - value <= near {
-                found.push(format!("LiDAR {lidar}: {field} at its upper bound {high}"));
+                found.push(format!("LiDAR {lidar}: {field}{of} at its upper bound {high}"));
             }
         }
         let position = pose.position().to_array();
