@@ -23,7 +23,9 @@ pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &st
         let lidars = best.placement.lidars.len();
         let why = match baselines.is_empty() {
             true => "there is no baseline to compare it with",
-            false => "no baseline keeps all rules, so that none is compared with it",
+            false => {
+                "a rule or a guard speaks against every baseline, so that it is compared with none"
+            }
         };
         let s = if lidars == 1 { "" } else { "s" };
         format!("{subject} has {lidars} LiDAR{s}; {why}.")
@@ -254,7 +256,7 @@ mod tests {
             "The placement found is 25.0 % better than Center, the best baseline that no guard";
         assert!(words.starts_with(start) && words.contains("10.0 % more information"), "{words}");
         let alone = verdict(Some(&found), &[gamed, broken], "m_sog_scaled");
-        assert!(alone.contains("no baseline keeps all rules"), "{alone}");
+        assert!(alone.contains("a rule or a guard speaks against every baseline"), "{alone}");
     }
 
     #[test]
