@@ -27,7 +27,10 @@ pub fn numbers<'py, T: Element>(
     let kind = untyped.dtype().getattr("kind")?.extract::<String>()?;
     if !matches!(kind.as_str(), "f" | "i" | "u") {
         let dtype = untyped.dtype();
-        return Err(bad(format!("{what}: has the type {dtype}; give {wanted}")));
+        let real = numpy::dtype::<T>(py);
+        return Err(bad(format!(
+            "{what}: has the type {dtype}; give {wanted}, as {real} or other real numbers"
+        )));
     }
     let options = PyDict::new(py);
     options.set_item("copy", false)?;

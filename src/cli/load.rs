@@ -179,7 +179,7 @@ pub fn note_classes(suite: &Suite, talk: Talk) {
         if !lists.is_empty() {
             talk.note(format!(
                 "{}: its classes are not those of {}: it {}; a count by class is the mean over the scenes that \
-                 have the class, nothing else depends on it",
+                 have the class, nothing else depends on it; give all the same `classes` to compare them",
                 member.name(),
                 first.name(),
                 lists.join(" and ")
