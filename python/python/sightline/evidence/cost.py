@@ -34,6 +34,7 @@ SCORES = {
     "mean height": ("mean_height", "nothing"),
     "M-SOG": ("m_sog_scaled", "score"),
     "gain": ("information_gain", "score"),
+    "near gain": ("near_gain", "score"),
     "points in boxes": ("actors_5", "boxes"),
 }
 
