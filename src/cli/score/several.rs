@@ -1,11 +1,13 @@
 //! `score` over several scenes: the scores in each, and their mean.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
-use crate::engine::{EngineChoice, open};
+use crate::engine::{Backend, EngineChoice, open};
 use crate::internals::{shared_folder, writable_file};
 use crate::near_field::{FEW_PLACEMENTS, NearSite, self_hits};
+use crate::problem::Problem;
 use crate::report;
 use crate::scene::Scene;
 use crate::score::Scores;
@@ -107,18 +109,16 @@ impl Batch {
         suite: &Suite,
         placements: &[Placement],
     ) -> Result<(), Error> {
-        for (index, member) in suite.members().iter().enumerate() {
-            let (scene, problem) = (&scenes[member.scene()], member.problem());
-            let mut engine = open(problem, &EngineChoice::cpu(), |_| {})?.engine;
+        in_each(scenes, suite, |index, scene, problem, engine| {
             for (placement, judged) in placements.iter().zip(&mut self.judged) {
-                let guards = self_hits(scene, problem, &mut *engine, placement)?;
+                let guards = self_hits(scene, problem, engine, placement)?;
                 if index == 0 {
                     judged.scores.guards.extend(guards.iter().cloned());
                 }
                 judged.by_scene[index].scores.guards.extend(guards);
             }
-        }
-        Ok(())
+            Ok(())
+        })
     }
 
     /// Adds the near field in every scene, and its mean.
@@ -128,13 +128,11 @@ impl Batch {
         suite: &Suite,
         placements: &[Placement],
     ) -> Result<(), Error> {
-        for (index, member) in suite.members().iter().enumerate() {
-            let problem = member.problem();
-            let mut engine = open(problem, &EngineChoice::cpu(), |_| {})?.engine;
+        in_each(scenes, suite, |index, scene, problem, engine| {
             let of_scene = self.judged.iter_mut().map(|judged| &mut judged.by_scene[index].scores);
-            let site = NearSite::new(&scenes[member.scene()], problem)?;
-            site.score(&mut *engine, placements.iter().zip(of_scene))?;
-        }
+            let site = NearSite::new(scene, problem)?;
+            Ok(site.score(engine, placements.iter().zip(of_scene))?)
+        })?;
         for Judged { scores, by_scene } in &mut self.judged {
             let mean = |of: fn(&Scores) -> Option<f64>| {
                 let sum: Option<f64> = by_scene.iter().map(|scene| of(&scene.scores)).sum();
@@ -216,4 +214,18 @@ impl Batch {
         }
         Ok(())
     }
+}
+
+/// Does something in each scene, by its number, with an engine of its own: what takes casts beside those of the scores.
+fn in_each(
+    scenes: &[Scene],
+    suite: &Suite,
+    mut work: impl FnMut(usize, &Scene, &Arc<Problem>, &mut dyn Backend) -> Result<(), Error>,
+) -> Result<(), Error> {
+    for (index, member) in suite.members().iter().enumerate() {
+        let problem = member.problem();
+        let mut engine = open(problem, &EngineChoice::cpu(), |_| {})?.engine;
+        work(index, &scenes[member.scene()], problem, &mut *engine)?;
+    }
+    Ok(())
 }
