@@ -266,6 +266,22 @@ mod tests {
     }
 
     #[test]
+    fn other_beams_are_those_of_one_model_alone() {
+        let one = |elevation: f64| BeamTable::spinning(&[(elevation, 0.0)], 250, 100.0).unwrap();
+        let named = |name: &str, elevation: f64| {
+            let name = SensorName::new(name).unwrap();
+            SensorModel { name, price: 7.0, ..SensorModel::plain(one(elevation)) }
+        };
+        let both = Sensors::new(vec![named("roof", 0.0), named("corner", 5.0)]).unwrap();
+        let changed = both.with_beams(1, one(-9.0));
+        assert_eq!((changed.table(0), changed.table(1)), (&one(0.0), &one(-9.0)));
+        let told = |sensors: &Sensors| -> Vec<_> {
+            sensors.models().iter().map(|model| (model.name, model.phase, model.price)).collect()
+        };
+        assert_eq!(told(&changed), told(&both));
+    }
+
+    #[test]
     fn a_pose_that_names_a_phase_is_locked_there() {
         let pose = SensorPose { roll: 0.3, yaw: 1.0, ..SensorPose::at(0.1, 0.2, 2.0) };
         let phased = SensorPose { phase: Some(0.004), ..pose };
