@@ -92,6 +92,7 @@ fn the_command_of_a_page_repeats_the_run() {
     let run = sightline(dir.path(), &args);
     assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));
     let page = fs::read_to_string(dir.path().join("a/report.html")).unwrap();
+    assert!(!page.contains("near field %"), "a column that nobody looked for");
     let (_, command) = page.split_once("<code>sightline ").unwrap();
     let command = command.split_once("</code>").unwrap().0;
     let shell = format!("'{}' {command} --out b", env!("CARGO_BIN_EXE_sightline"));

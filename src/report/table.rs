@@ -50,8 +50,8 @@ impl ScoreColumn {
         [Self::Gain, Self::NearGain, Self::MSog, Self::MSogScaled, Self::Detection, Self::SMig];
 
     /// The columns of some scores: every one but the near field where nobody looked for it.
-    pub fn shown(all: &[Scores]) -> Vec<Self> {
-        let looked = all.iter().any(|scores| scores.near_field.is_some());
+    pub fn shown<'a>(all: impl IntoIterator<Item = &'a Scores>) -> Vec<Self> {
+        let looked = all.into_iter().any(|scores| scores.near_field.is_some());
         Self::ALL.into_iter().filter(|column| looked || *column != Self::NearField).collect()
     }
 

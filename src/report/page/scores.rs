@@ -96,7 +96,8 @@ fn reasons(scored: &Scored) -> Vec<String> {
 
 /// Every score of the result and the baselines, a row each.
 pub(super) fn scores(subject: &Subject<'_>) -> Markup {
-    let columns = ScoreColumn::ALL;
+    let all = || subject.result.into_iter().chain(subject.baselines);
+    let columns = ScoreColumn::shown(all().map(|scored| &scored.scores));
     let mut titles: Vec<&str> = columns.iter().map(|column| column.title()).collect();
     titles.push("objective");
     let row = |(scored, is_best): (&Scored, bool)| {
