@@ -57,6 +57,8 @@ mod gpu_cover_voxels;
 mod gpu_cpu;
 #[cfg(feature = "gpu")]
 mod gpu_pipeline;
+#[cfg(feature = "gpu")]
+mod gpu_scan;
 mod grid_search;
 mod hits;
 #[cfg(feature = "gpu")]

@@ -38,6 +38,17 @@ impl Standing {
         let sight = Sight::new(&pose, tree, range)?;
         Some(Self { pose, sight, wide: sight.widened(width) })
     }
+
+    /// Takes the sensor's frame to the tree's.
+    pub(crate) fn pose(&self) -> &DevicePose {
+        &self.pose
+    }
+
+    /// The sphere that most beams miss.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn sight(&self) -> &Sight {
+        &self.sight
+    }
 }
 
 /// A tree as one sensor sees it, its faces numbered from `first_prim` on.

@@ -9,6 +9,7 @@ mod bundle;
 mod fan;
 mod fan_blocks;
 mod fan_bounds;
+mod firings;
 mod groups;
 mod intersect;
 mod lanes;
@@ -22,6 +23,7 @@ pub(crate) use bundle::{
     Left, Standing, Target, all_hit, closer_hits_of_beams, closer_hits_of_bundle,
 };
 pub use fan::Fan;
+pub(crate) use firings::{Firing, FiringCaster};
 pub use lanes::{FAN_DIRECTIONS, PACKET_RAYS, PacketHits};
 pub use rays::cast_rays;
 pub(crate) use reference::closest_hit_in;

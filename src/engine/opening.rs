@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::{Backend, BackendError, CpuBackend, available_memory};
 use crate::problem::{Problem, ProblemError};
 use crate::psog::{GridError, Psog, PsogFileError, read_psog};
-use crate::scan::scan_scene;
+use crate::scan::{Scanner, scan_scene};
 use crate::scene::{DescriptionError, PsogSource, ScanSettings, Scene};
 use crate::vehicle::SensorError;
 
@@ -185,6 +185,28 @@ pub fn open(
     Ok(Opened { engine, notes })
 }
 
+/// Lets the engine asked for cast the rays of a scanner; what comes after the cast is the host's on every engine,
+/// and scans have the same bits on all. A device that fails is replaced by the host
+/// ([`Scanner::device_failure`]). Returns sentences for the user: which device, and why not another.
+///
+/// # Errors
+/// No such device, or one that cannot hold the trees, where it was asked for.
+pub fn scanning_on(
+    scanner: &mut Scanner<'_>,
+    choice: &EngineChoice,
+) -> Result<Vec<String>, BackendError> {
+    let note = match choice.kind {
+        EngineKind::Cpu => return Ok(Vec::new()),
+        EngineKind::Auto if choice.adapter.is_none() => match device::no_hardware() {
+            Some(why) => why,
+            None => device::scanning(scanner, None)
+                .unwrap_or_else(|error| format!("computing on the CPU: {error}")),
+        },
+        _ => device::scanning(scanner, choice.adapter.as_deref())?,
+    };
+    Ok(vec![note])
+}
+
 fn cpu(problem: &Arc<Problem>, choice: &EngineChoice) -> Box<dyn Backend> {
     Box::new(CpuBackend::new(problem.clone(), choice.memory_budget()))
 }
@@ -195,9 +217,38 @@ mod device {
     use std::sync::Arc;
 
     use super::EngineChoice;
-    use crate::engine::gpu::{GpuBackend, list_adapters};
+    use crate::cast::FiringCaster;
+    use crate::engine::gpu::{GpuBackend, GpuFirings, list_adapters};
     use crate::engine::{Backend, BackendError, CpuBackend, failover::Failover};
     use crate::problem::Problem;
+    use crate::scan::Scanner;
+
+    /// A sentence that says why there is no hardware device; none where there is one.
+    pub(super) fn no_hardware() -> Option<String> {
+        match list_adapters().first() {
+            None => Some("computing on the CPU: there is no Vulkan device".into()),
+            Some(best) if best.auto => None,
+            Some(best) => Some(format!(
+                "computing on the CPU: no hardware Vulkan device; --backend gpu would take the software \
+                 device `{}`",
+                best.name
+            )),
+        }
+    }
+
+    /// Lets the best device cast a scanner's rays, or the one whose name contains `adapter`; says which it is.
+    pub(super) fn scanning(
+        scanner: &mut Scanner<'_>,
+        adapter: Option<&str>,
+    ) -> Result<String, BackendError> {
+        let mut note = String::new();
+        scanner.cast_by(|trees| -> Result<Box<dyn FiringCaster>, BackendError> {
+            let firings = GpuFirings::new(trees, adapter)?;
+            note = format!("casting on gpu: {}", firings.adapter());
+            Ok(Box::new(firings))
+        })?;
+        Ok(note)
+    }
 
     /// The best hardware device, or a sentence that says why the CPU computes.
     pub(super) fn hardware(
@@ -205,16 +256,8 @@ mod device {
         choice: &EngineChoice,
         on_change: impl Fn(&str) + Send + 'static,
     ) -> Result<Box<dyn Backend>, String> {
-        let adapters = list_adapters();
-        let Some(best) = adapters.first() else {
-            return Err("computing on the CPU: there is no Vulkan device".into());
-        };
-        if !best.auto {
-            return Err(format!(
-                "computing on the CPU: no hardware Vulkan device; --backend gpu would take the software \
-                 device `{}`",
-                best.name
-            ));
+        if let Some(why) = no_hardware() {
+            return Err(why);
         }
         surviving(problem, choice, on_change)
             .map(|failover| Box::new(failover.cpu_for_too_large()) as Box<dyn Backend>)
@@ -265,13 +308,27 @@ mod device {
     use super::EngineChoice;
     use crate::engine::{Backend, BackendError};
     use crate::problem::Problem;
+    use crate::scan::Scanner;
+
+    const NO_FEATURE: &str = "computing on the CPU: this build is without the feature `gpu`";
 
     pub(super) fn hardware(
         _: &Arc<Problem>,
         _: &EngineChoice,
         _: impl Fn(&str) + Send + 'static,
     ) -> Result<Box<dyn Backend>, String> {
-        Err("computing on the CPU: this build is without the feature `gpu`".into())
+        Err(NO_FEATURE.into())
+    }
+
+    pub(super) fn no_hardware() -> Option<String> {
+        Some(NO_FEATURE.into())
+    }
+
+    pub(super) fn scanning(
+        _: &mut Scanner<'_>,
+        adapter: Option<&str>,
+    ) -> Result<String, BackendError> {
+        Err(BackendError::NoDevice { name: adapter.map(str::to_owned) })
     }
 
     pub(super) fn asked_for(

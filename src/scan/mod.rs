@@ -2,6 +2,7 @@
 
 mod chance;
 pub mod conditions;
+mod device;
 mod echoes;
 mod hits;
 mod optics;

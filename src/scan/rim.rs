@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::stage::Stage;
-use super::sweep::{COLUMNS_A_TASK, Edge, Surface, Sweep, Sweeper, walked};
+use super::sweep::{COLUMNS_A_TASK, Edge, Station, Surface, Sweep, Sweeper, walked};
 use crate::bvh::Hit;
 use crate::cast::{FiringWalk, Instructions, Left, Target, all_hit, closer_hits_of_bundle};
 use crate::vehicle::{BeamGrid, BeamTable};
@@ -93,31 +93,52 @@ impl Rim {
     /// What the rims of those beams meet whose middles are not enough: that see an edge, but for those that
     /// see nothing nearer beside it and meet one triangle with all of their rays.
     pub fn meet(&self, sweeper: &Sweeper, stage: &Stage, sweep: &Sweep) -> Rims<'_> {
-        let fire =
-            |left: &mut Left, firing| self.fire(&Turn { sweeper, stage, sweep }, firing, left);
+        let turn = Turn { sweeper, stage, sweep };
+        let of_firing = |firing: usize| &self.rings[sweeper.fired_before(firing)..];
         let all = (0..sweeper.firings()).into_par_iter().with_min_len(COLUMNS_A_TASK);
-        let fired: Vec<Vec<(usize, [Hit; RING])>> = all.map_init(Left::new, fire).collect();
+        let wanted = all.map(|firing| (firing, turn.wanted(firing, of_firing(firing))));
+        let wanted: Vec<(usize, Vec<usize>)> =
+            wanted.filter(|(_, wanted)| !wanted.is_empty()).collect();
+        let by_device = || {
+            let firings = wanted.par_iter().map(|(firing, wanted)| {
+                let rays = wanted.iter().flat_map(|&k| of_firing(*firing)[k]);
+                turn.station(*firing).firing(stage, rays)
+            });
+            firings.collect()
+        };
+        let range = sweeper.model().table.range();
+        let hits = match stage.device.closest_hits(range, by_device) {
+            Some(hits) => hits.as_chunks().0.to_vec(),
+            None => {
+                let tasks = wanted.par_iter().with_min_len(COLUMNS_A_TASK);
+                let cast = tasks.map_init(Left::new, |left, (firing, wanted)| {
+                    self.cast(&turn, *firing, wanted, left)
+                });
+                cast.collect::<Vec<Vec<[Hit; RING]>>>().concat()
+            }
+        };
         let mut places = vec![NONE; sweep.surfaces.len()];
-        let mut hits = Vec::with_capacity(fired.iter().map(Vec::len).sum());
-        for (beam, ring) in fired.into_iter().flatten() {
-            places[beam] = hits.len() as u32;
-            hits.push(ring);
-        }
+        let beams = wanted.iter().flat_map(|(firing, wanted)| {
+            let (from, step, _) = sweeper.beams_of(*firing);
+            wanted.iter().map(move |k| from + k * step)
+        });
+        beams.zip(0..).for_each(|(beam, place)| places[beam] = place);
         Rims { rim: self, places, hits }
     }
 
-    /// The rims of beams that fire together, by beam.
-    fn fire(&self, turn: &Turn<'_>, firing: usize, left: &mut Left) -> Vec<(usize, [Hit; RING])> {
-        let Turn { sweeper, stage, sweep } = *turn;
+    /// What the rims of some beams meet that fire together, by the host.
+    fn cast(
+        &self,
+        turn: &Turn<'_>,
+        firing: usize,
+        wanted: &[usize],
+        left: &mut Left,
+    ) -> Vec<[Hit; RING]> {
+        let Turn { sweeper, stage, .. } = *turn;
         let (from, step, count) = sweeper.beams_of(firing);
-        let station = sweeper.station_of(sweep, from);
+        let station = turn.station(firing);
         let rings = &self.rings[sweeper.fired_before(firing)..][..count];
         let range = sweeper.model().table.range();
-        let is_wanted = |k: &usize| turn.needs_ring(from + k * step, &rings[*k]);
-        let wanted: Vec<usize> = (0..count).filter(is_wanted).collect();
-        if wanted.is_empty() {
-            return Vec::new();
-        }
         let mut hits = vec![[Hit::none(f32::NEG_INFINITY); RING]; count];
         wanted.iter().for_each(|&k| hits[k] = [Hit::none(range); RING]);
         if let Some(walk) = &self.walk {
@@ -135,7 +156,7 @@ impl Rim {
             closer_hits_of_bundle(alone, &rays, sweeper.width, &mut found, left);
             hits[k].copy_from_slice(&found[1..]);
         }
-        wanted.into_iter().map(|k| (from + k * step, hits[k])).collect()
+        wanted.iter().map(|&k| hits[k]).collect()
     }
 }
 
@@ -147,7 +168,18 @@ struct Turn<'a> {
     sweep: &'a Sweep,
 }
 
-impl Turn<'_> {
+impl<'a> Turn<'a> {
+    /// Where the sensor is when some beams fire together.
+    fn station(&self, firing: usize) -> &'a Station {
+        self.sweeper.station_of(self.sweep, self.sweeper.beams_of(firing).0)
+    }
+
+    /// Of the beams that fire together, those whose rims are looked at; `rings` are theirs.
+    fn wanted(&self, firing: usize, rings: &[[[f32; 3]; RING]]) -> Vec<usize> {
+        let (from, step, count) = self.sweeper.beams_of(firing);
+        (0..count).filter(|&k| self.needs_ring(from + k * step, &rings[k])).collect()
+    }
+
     fn needs_ring(&self, beam: usize, ring: &[[f32; 3]; RING]) -> bool {
         let (edge, own) = (self.edge(beam), &self.sweep.surfaces[beam]);
         if edge != Edge::InFront || !own.is_hit() {

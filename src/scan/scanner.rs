@@ -5,12 +5,15 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::conditions::{self, Condition, ConditionError, Corruptions};
+use super::device::Device;
 use super::optics::Optics;
 use super::receiver::Receiver;
 use super::rim::Rim;
 use super::stage::{Motions, Stage};
 use super::sweep::Sweeper;
 use super::{EGO_INSTANCE, Return, Scan, ScanLidar, TrackedBox};
+use crate::bvh::Bvh;
+use crate::cast::FiringCaster;
 use crate::engine::OutOfMemory;
 use crate::geom::Pose;
 use crate::scene::{Scene, Track};
@@ -141,6 +144,27 @@ impl<'a> Scanner<'a> {
             corruptions,
             classes,
         })
+    }
+
+    /// Lets a device cast all rays from now on; `open` is given the trees that they are cast into. Scans have
+    /// the same bits as those of the host, which casts again once the device fails.
+    ///
+    /// # Errors
+    /// As of `open`.
+    pub(crate) fn cast_by<E>(
+        &mut self,
+        open: impl FnOnce(&[&Arc<Bvh>]) -> Result<Box<dyn FiringCaster>, E>,
+    ) -> Result<(), E> {
+        let mut trees: Vec<&Arc<Bvh>> = self.stage.trees().collect();
+        trees.sort_by_key(|tree| Arc::as_ptr(tree).addr());
+        trees.dedup_by_key(|tree| Arc::as_ptr(tree).addr());
+        self.stage.device = Device::new(open(&trees)?);
+        Ok(())
+    }
+
+    /// Why the device that was to cast does so no more, where it failed: the host casts in its place.
+    pub fn device_failure(&self) -> Option<&str> {
+        self.stage.device.failure()
     }
 
     /// Frames of the scene.

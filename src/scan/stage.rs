@@ -1,9 +1,11 @@
 //! What the frames of a scan share: trees, faces, spheres around parts; and how all of it moves in a frame.
 
+use std::fmt;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
+use super::device::Device;
 use super::{EGO_INSTANCE, NO_INSTANCE};
 use crate::bvh::{Bvh, Triangle};
 use crate::cast::{Part, Standing, Target};
@@ -37,9 +39,16 @@ enum Owner {
 }
 
 /// All that does not change from frame to frame.
-#[derive(Debug)]
 pub(super) struct Stage {
     pub(super) things: Vec<Thing>,
+    /// Casts in place of the host.
+    pub(super) device: Device,
+}
+
+impl fmt::Debug for Stage {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        to.debug_struct("Stage").field("things", &self.things).finish_non_exhaustive()
+    }
 }
 
 impl Stage {
@@ -76,7 +85,12 @@ impl Stage {
                 classes: classes[first..first + scene.part_triangles(part)].to_vec(),
             }
         };
-        Self { things: full.zip(instances).map(thing).collect() }
+        Self { things: full.zip(instances).map(thing).collect(), device: Device::default() }
+    }
+
+    /// The trees of all things; equal shapes share one.
+    pub fn trees(&self) -> impl Iterator<Item = &Arc<Bvh>> {
+        self.things.iter().map(|thing| &thing.tree)
     }
 
     /// The thing that a face belongs to.

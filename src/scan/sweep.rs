@@ -9,7 +9,7 @@ use super::stage::{Motions, Seen, Stage};
 use super::{NO_CLASS, NO_INSTANCE};
 use crate::bvh::{Hit, NO_HIT};
 use crate::cast::{
-    Caster, FiringWalk, Instructions, Left, Part, Standing, Target, closer_hits_of_beams,
+    Caster, Firing, FiringWalk, Instructions, Left, Part, Standing, Target, closer_hits_of_beams,
 };
 use crate::geom::Pose;
 use crate::vehicle::{BeamGrid, BeamTable, SensorModel};
@@ -30,7 +30,7 @@ pub(super) struct Sweeper {
     whole: Caster,
     /// None of a list of directions, and of few channels.
     walk: Option<FiringWalk>,
-    firing: Firing,
+    fires: Fires,
     /// Largest angle between a ray of a beam and its middle, in radians.
     pub(super) width: f32,
     /// Farthest that a channel's azimuth lies beside its column's.
@@ -39,7 +39,7 @@ pub(super) struct Sweeper {
 
 /// Beams that fire at the same time.
 #[derive(Clone, Copy)]
-enum Firing {
+enum Fires {
     /// One azimuth step of all channels; azimuths in radians.
     Column { channels: usize, steps: usize, start: f64, step: f64 },
     /// So many of a list that follow each other.
@@ -118,14 +118,14 @@ impl Sweeper {
     pub fn new(model: &SensorModel) -> Self {
         let table = &model.table;
         let beams = table.directions().len();
-        let firing = match table.grid() {
-            Some(grid) => Firing::Column {
+        let fires = match table.grid() {
+            Some(grid) => Fires::Column {
                 channels: grid.channels.len(),
                 steps: grid.steps,
                 start: grid.start,
                 step: grid.step,
             },
-            None => Firing::Piece { size: beams.div_ceil(PIECES).max(1), beams },
+            None => Fires::Piece { size: beams.div_ceil(PIECES).max(1), beams },
         };
         let wide = table.grid().map_or(TAU, |grid| {
             grid.channels.iter().fold(1e-6, |wide: f64, (_, offset)| wide.max(offset.abs() + 1e-6))
@@ -134,7 +134,7 @@ impl Sweeper {
         // A tenth more than half of the divergence, for rounding.
         let width = 1.1 * model.response.divergence.into_iter().fold(0.0, f64::max) / 2.0;
         let (whole, width, model) = (Caster::new(table), width as f32, model.clone());
-        Self { whole, walk, firing, width, wide, model }
+        Self { whole, walk, fires, width, wide, model }
     }
 
     pub fn model(&self) -> &SensorModel {
@@ -143,39 +143,39 @@ impl Sweeper {
 
     /// Columns that follow each other in a channel, and channels.
     pub fn shape(&self) -> (usize, usize) {
-        match self.firing {
-            Firing::Column { channels, steps, .. } => (steps, channels),
-            Firing::Piece { beams, .. } => (beams, 1),
+        match self.fires {
+            Fires::Column { channels, steps, .. } => (steps, channels),
+            Fires::Piece { beams, .. } => (beams, 1),
         }
     }
 
     pub(super) fn firings(&self) -> usize {
-        match self.firing {
-            Firing::Column { steps, .. } => steps,
-            Firing::Piece { size, beams } => beams.div_ceil(size),
+        match self.fires {
+            Fires::Column { steps, .. } => steps,
+            Fires::Piece { size, beams } => beams.div_ceil(size),
         }
     }
 
     pub(super) fn firing_of(&self, beam: usize) -> usize {
-        match self.firing {
-            Firing::Column { steps, .. } => beam % steps,
-            Firing::Piece { size, .. } => beam / size,
+        match self.fires {
+            Fires::Column { steps, .. } => beam % steps,
+            Fires::Piece { size, .. } => beam / size,
         }
     }
 
     /// Beams of a firing: the first, the step to the next, how many.
     pub(super) fn beams_of(&self, firing: usize) -> (usize, usize, usize) {
-        match self.firing {
-            Firing::Column { channels, steps, .. } => (firing, steps, channels),
-            Firing::Piece { size, beams } => (firing * size, 1, size.min(beams - firing * size)),
+        match self.fires {
+            Fires::Column { channels, steps, .. } => (firing, steps, channels),
+            Fires::Piece { size, beams } => (firing * size, 1, size.min(beams - firing * size)),
         }
     }
 
     /// Beams of all firings before one.
     pub(super) fn fired_before(&self, firing: usize) -> usize {
-        match self.firing {
-            Firing::Column { channels, .. } => firing * channels,
-            Firing::Piece { size, .. } => firing * size,
+        match self.fires {
+            Fires::Column { channels, .. } => firing * channels,
+            Fires::Piece { size, .. } => firing * size,
         }
     }
 
@@ -205,8 +205,13 @@ impl Sweeper {
         }
         let directions = self.model.table.directions();
         let station = self.station(stage, motions, 0..stage.things.len(), ego_from_sensor, 0.0);
-        let mut hits = vec![Hit::none(self.model.table.range()); directions.len()];
-        self.whole.closer_hits(&station.parts(stage), &mut hits);
+        let range = self.model.table.range();
+        let by_device = || vec![station.firing(stage, directions.iter().copied())];
+        let hits = stage.device.closest_hits(range, by_device).unwrap_or_else(|| {
+            let mut hits = vec![Hit::none(range); directions.len()];
+            self.whole.closer_hits(&station.parts(stage), &mut hits);
+            hits
+        });
         let surface = |(&direction, hit)| station.surface(stage, direction, hit);
         let surfaces = directions.par_iter().zip(&hits).with_min_len(1024).map(surface).collect();
         Sweep { surfaces, stations: vec![station] }
@@ -220,49 +225,82 @@ impl Sweeper {
         ego_from_sensor: &Pose,
         frame_time: f64,
     ) -> Sweep {
-        let (firings, range) = (self.firings(), self.model.table.range());
+        let stations = self.stations(stage, motions, ego_from_sensor, frame_time);
+        let fired = |firing: usize| {
+            let (from, step, count) = self.beams_of(firing);
+            self.model.table.directions()[from..].iter().step_by(step).take(count).copied()
+        };
+        let by_device = || {
+            let all = stations.par_iter().enumerate();
+            all.map(|(firing, station)| station.firing(stage, fired(firing))).collect()
+        };
+        let range = self.model.table.range();
+        let hits = stage.device.closest_hits(range, by_device).unwrap_or_else(|| {
+            let mut hits = vec![Hit::none(range); self.model.table.directions().len()];
+            let columns = hits.par_chunks_mut(self.fired_before(1)).zip(&stations).enumerate();
+            columns.with_min_len(COLUMNS_A_TASK).for_each_init(
+                Left::new,
+                |left, (firing, (hits, station))| {
+                    self.cast_column(stage, station, firing, hits, left);
+                },
+            );
+            hits
+        });
+        let mut surfaces = vec![Surface::none(range); hits.len()];
+        let surface = |(beam, place): (usize, &mut Surface)| {
+            let firing = self.firing_of(beam);
+            let (from, step, _) = self.beams_of(firing);
+            let hit = &hits[self.fired_before(firing) + (beam - from) / step];
+            let direction = self.model.table.directions()[beam];
+            *place = stations[firing].surface(stage, direction, hit);
+        };
+        surfaces.par_iter_mut().enumerate().with_min_len(1024).for_each(surface);
+        Sweep { surfaces, stations }
+    }
+
+    /// Closer hits of the beams of a column, by the host.
+    fn cast_column(
+        &self,
+        stage: &Stage,
+        station: &Station,
+        firing: usize,
+        hits: &mut [Hit],
+        left: &mut Left,
+    ) {
+        let (from, step, count) = self.beams_of(firing);
+        let directions = &self.model.table.directions()[from..];
+        if let Some(walk) = &self.walk {
+            walk.closer_hits(firing, station.walked(stage), |k| directions[k * step], hits);
+        }
+        let fired = directions.iter().step_by(step).take(count).copied();
+        closer_hits_of_beams(station.alone(stage, self.walk.is_some()), fired, hits, left);
+    }
+
+    /// Where the sensor is when each of its columns fires, and what that may see.
+    fn stations(
+        &self,
+        stage: &Stage,
+        motions: &Motions,
+        ego_from_sensor: &Pose,
+        frame_time: f64,
+    ) -> Vec<Station> {
+        let (firings, range) = (self.firings(), f64::from(self.model.table.range()));
         let last = 1.0 / (self.model.response.rate * frame_time);
-        let seen =
-            stage.things.iter().enumerate().map(|(k, thing)| {
-                Seen::of(motions, k, thing, ego_from_sensor, last, f64::from(range))
-            });
+        let things = stage.things.iter().enumerate();
+        let seen = things.map(|(k, t)| Seen::of(motions, k, t, ego_from_sensor, last, range));
         let seen: Vec<Seen> = seen.collect();
-        let directions = self.model.table.directions();
-        let fire = |left: &mut Left, firing: usize| {
-            let visible = |&k: &usize| match self.firing {
-                Firing::Column { start, step, .. } => {
+        let station = |firing: usize| {
+            let visible = |&k: &usize| match self.fires {
+                Fires::Column { start, step, .. } => {
                     seen[k].at(start + firing as f64 * step, self.wide)
                 }
-                Firing::Piece { .. } => seen[k] != Seen::Never,
+                Fires::Piece { .. } => seen[k] != Seen::Never,
             };
             let share = last * firing as f64 / firings as f64;
             let visible = (0..seen.len()).filter(visible);
-            let station = self.station(stage, motions, visible, ego_from_sensor, share);
-            let (from, step, count) = self.beams_of(firing);
-            let fired = directions[from..].iter().step_by(step).take(count).copied();
-            let mut hits = vec![Hit::none(range); count];
-            if let Some(walk) = &self.walk {
-                let direction_of = |k: usize| directions[from + k * step];
-                walk.closer_hits(firing, station.walked(stage), direction_of, &mut hits);
-            }
-            let alone = station.alone(stage, self.walk.is_some());
-            closer_hits_of_beams(alone, fired.clone(), &mut hits, left);
-            let surface = |(direction, hit)| station.surface(stage, direction, hit);
-            let surfaces: Vec<Surface> = fired.zip(&hits).map(surface).collect();
-            (station, surfaces)
+            self.station(stage, motions, visible, ego_from_sensor, share)
         };
-        let all = (0..firings).into_par_iter().with_min_len(COLUMNS_A_TASK);
-        let fired: Vec<(Station, Vec<Surface>)> = all.map_init(Left::new, fire).collect();
-        let mut surfaces = vec![Surface::none(range); directions.len()];
-        let mut stations = Vec::with_capacity(firings);
-        for (firing, (station, found)) in fired.into_iter().enumerate() {
-            let (from, step, _) = self.beams_of(firing);
-            for (place, surface) in surfaces[from..].iter_mut().step_by(step).zip(found) {
-                *place = surface;
-            }
-            stations.push(station);
-        }
-        Sweep { surfaces, stations }
+        (0..firings).into_par_iter().with_min_len(COLUMNS_A_TASK).map(station).collect()
     }
 
     /// The sensor `share` of the way from one frame to the next, and the things that it may see.
@@ -304,6 +342,16 @@ impl Station {
     fn parts<'s>(&self, stage: &'s Stage) -> Vec<Part<'s>> {
         let part = |nearby: &Nearby| stage.things[nearby.thing].as_part(&nearby.pose);
         self.things.iter().map(part).collect()
+    }
+
+    /// Rays that leave the sensor here, for a device.
+    pub(super) fn firing<'s>(
+        &'s self,
+        stage: &'s Stage,
+        rays: impl Iterator<Item = [f32; 3]>,
+    ) -> Firing<'s> {
+        let targets = self.things.iter().map(|nearby| nearby.target(stage));
+        Firing { targets: targets.collect(), rays: rays.collect() }
     }
 
     /// The same for beams that fire together.

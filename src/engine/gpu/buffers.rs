@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::device::Device;
 use super::layout::{ITEMS_PER_WORKGROUP, Instance, PARTIAL_WORDS, Sensor, Uniforms};
-use crate::bvh::{Bvh4, Hit, QuantizedNode, Triangle};
+use crate::bvh::{Bvh, Bvh4, Hit, QuantizedNode, Triangle};
 use crate::cover::BitOrder;
 use crate::engine::BackendError;
 use crate::problem::{Content, DevicePose, OccupiedVoxel, Problem};
@@ -79,7 +79,8 @@ impl SceneBuffers {
         }
         let content = in_bricks(problem.content(), &BitOrder::bricks(problem.roi()));
         let runs = class_runs(content.class_starts());
-        let Trees { nodes, triangles, roots, stack } = Trees::new(device, problem)?;
+        let Trees { nodes, triangles, roots, stack } =
+            Trees::new(device, &problem.world().trees())?;
         Ok(Self {
             directions: device.upload("beam directions", &directions)?,
             first_directions,
@@ -112,18 +113,19 @@ fn in_bricks(content: &Content, order: &BitOrder) -> Content {
     Content::new(classes, occupied, &by_class, content.has_detection())
 }
 
-/// The trees of a problem, one behind the other, each as often as it is built: once.
-struct Trees {
-    nodes: wgpu::Buffer,
-    triangles: wgpu::Buffer,
-    roots: HashMap<usize, u32>,
+/// Trees on the device, one behind the other.
+pub(super) struct Trees {
+    pub(super) nodes: wgpu::Buffer,
+    pub(super) triangles: wgpu::Buffer,
+    /// Number of each tree's root among the nodes, by the address of the tree.
+    pub(super) roots: HashMap<usize, u32>,
     /// Entries of the deepest one's stack.
-    stack: usize,
+    pub(super) stack: usize,
 }
 
 impl Trees {
-    fn new(device: &Device, problem: &Problem) -> Result<Self, BackendError> {
-        let trees = problem.world().trees();
+    /// Uploads trees, each of them once in the list.
+    pub(super) fn new(device: &Device, trees: &[&Arc<Bvh>]) -> Result<Self, BackendError> {
         let mut built: Vec<Bvh4> = trees.iter().map(|tree| Bvh4::new(tree)).collect();
         let stack = built.iter().map(Bvh4::stack).max().unwrap_or(1);
         let of = |what, count: usize, each: usize| {
@@ -136,7 +138,7 @@ impl Trees {
         let triangles = of("triangles", triangle_count, size_of::<Triangle>())?;
         let mut roots = HashMap::new();
         let (mut first_node, mut first_triangle) = (0, 0);
-        for (tree, wide) in trees.into_iter().zip(&mut built) {
+        for (&tree, wide) in trees.iter().zip(&mut built) {
             wide.move_to(first_node, first_triangle);
             device.write_at(&nodes, u64::from(first_node), &wide.nodes);
             device.write_at(&triangles, u64::from(first_triangle), &tree.triangles);

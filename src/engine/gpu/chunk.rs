@@ -85,15 +85,8 @@ impl<'a> Chunk<'a> {
             all.extend(instances.filter_map(|instance| {
                 let pose = instance.pose_of(ego_from_sensor);
                 let sight = Sight::new(&pose, &instance.tree, range)?;
-                Some(Instance {
-                    rows: pose.rows,
-                    center: sight.center,
-                    radius: sight.radius,
-                    least_square: sight.least_square,
-                    pad: instance.tree.pad,
-                    root: roots[&Arc::as_ptr(&instance.tree).addr()],
-                    first_prim: instance.first_prim,
-                })
+                let root = roots[&Arc::as_ptr(&instance.tree).addr()];
+                Some(Instance::new(&pose, &sight, &instance.tree, root, instance.first_prim))
             }));
             let beams = self.batch.beams_of(index);
             sensors.push(Sensor {

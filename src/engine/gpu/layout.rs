@@ -5,8 +5,9 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::bvh::{NO_HIT, TRIANGLE};
-use crate::problem::{HIT_PUSH, KINDS, NO_CROSSING, TINY_COMPONENT};
+use crate::bvh::{Bvh, NO_HIT, TRIANGLE};
+use crate::cast::Sight;
+use crate::problem::{DevicePose, HIT_PUSH, KINDS, NO_CROSSING, TINY_COMPONENT};
 use crate::vehicle::MAX_LIDARS;
 
 /// Invocations of a workgroup.
@@ -92,6 +93,27 @@ pub(super) struct Instance {
     pub(super) root: u32,
     /// Number of its first triangle in the frame.
     pub(super) first_prim: u32,
+}
+
+impl Instance {
+    /// A tree, its root among all nodes, as the sensor with a pose in its frame sees it.
+    pub(super) fn new(
+        pose: &DevicePose,
+        sight: &Sight,
+        tree: &Bvh,
+        root: u32,
+        first_prim: u32,
+    ) -> Self {
+        Self {
+            rows: pose.rows,
+            center: sight.center,
+            radius: sight.radius,
+            least_square: sight.least_square,
+            pad: tree.pad,
+            root,
+            first_prim,
+        }
+    }
 }
 
 /// Constants as WGSL, put before every shader; `stack` entries hold any path down a tree.

@@ -1,12 +1,14 @@
 //! The GPU backend: everything that touches wgpu.
 //!
 //! A batch goes one way: [`GpuBackend`] cuts it into chunks (`chunk`) that fit the `buffers`, `pipeline` runs
-//! the `kernels` on the `device`, and `sums` adds up the results.
+//! the `kernels` on the `device`, and `sums` adds up the results. [`GpuFirings`] casts the rays of scans with the
+//! same kernel and no more.
 
 mod adapters;
 mod buffers;
 mod chunk;
 mod device;
+mod firings;
 mod kernels;
 mod layout;
 mod pipeline;
@@ -29,6 +31,7 @@ use crate::vehicle::{Placement, SensorPose};
 use buffers::{SceneBuffers, Sizes, WorkBuffers};
 use chunk::Batch;
 use device::Device;
+pub(super) use firings::GpuFirings;
 use kernels::Kernels;
 use pipeline::{Made, Pipeline};
 use sums::Sums;

@@ -6,7 +6,9 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{bits, ideal, placement, scan, scene};
 use crate::bvh::{Bvh, Hit, Ray};
-use crate::cast::{FiringWalk, Instructions, Part};
+use std::sync::Arc;
+
+use crate::cast::{Firing, FiringCaster, FiringWalk, Instructions, Part};
 use crate::geom::{Pose, TriangleSoup};
 use crate::scan::{EGO_INSTANCE, Scanner, Scanning, Status};
 use crate::scene::{EgoBody, Scene};
@@ -342,4 +344,35 @@ fn beams_one_by_one_and_in_bundles_give_the_bits_of_the_reference() {
         hits_seen += reference.iter().filter(|hit| hit.is_hit()).count();
     }
     assert!(hits_seen > 500, "{hits_seen}");
+}
+
+/// A device that casts a few times as the host does, and then no more.
+struct Mortal {
+    left: u32,
+}
+
+impl FiringCaster for Mortal {
+    fn closest_hits(&mut self, firings: &[Firing<'_>], range: f32) -> Result<Vec<Hit>, String> {
+        self.left = self.left.checked_sub(1).ok_or("it broke")?;
+        let rays = firings.iter().flat_map(|firing| firing.rays.iter().map(move |r| (firing, *r)));
+        Ok(rays.map(|(firing, ray)| firing.closest_hit(ray, range)).collect())
+    }
+}
+
+#[test]
+fn a_device_that_fails_in_the_middle_leaves_the_bytes_as_they_are() {
+    let wide = r#"{ "divergence": [0.01, 0.006], "echoes": "dual" }"#;
+    let (scene, placement) = (scene(STREET, SPINNING, wide), placement(&poses()));
+    let scanner = || Scanner::new(&scene, &placement, &Scanning::default()).unwrap();
+    let host = bits(&scanner().scans().collect::<Vec<_>>());
+    for left in [0, 3, 1000] {
+        let mut by_device = scanner();
+        let open = |trees: &[&Arc<Bvh>]| -> Result<Box<dyn FiringCaster>, String> {
+            assert_eq!(trees.len(), 5, "static world, three actors, the ego's body");
+            Ok(Box::new(Mortal { left }))
+        };
+        by_device.cast_by(open).unwrap();
+        assert!(host == bits(&by_device.scans().collect::<Vec<_>>()), "after {left} casts");
+        assert_eq!(by_device.device_failure(), (left < 1000).then_some("it broke"));
+    }
 }

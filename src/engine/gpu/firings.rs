@@ -1,0 +1,207 @@
+//! Rays of scans on the device: each group that leaves one place is a sensor of `cast_closest`.
+
+use std::sync::Arc;
+
+use super::buffers::Trees;
+use super::device::Device;
+use super::kernels::{Kernels, beam_workgroups};
+use super::layout::{Instance, MAX_WORKGROUPS, Sensor, UNFINISHED};
+use crate::bvh::{Bvh, Hit};
+use crate::cast::{Firing, FiringCaster};
+use crate::engine::BackendError;
+
+/// Casts firings on a Vulkan device.
+pub(in crate::engine) struct GpuFirings {
+    device: Device,
+    kernels: Kernels,
+    trees: Trees,
+    work: Work,
+}
+
+/// Buffers of a dispatch, each made again where a larger one is needed.
+#[derive(Default)]
+struct Work {
+    instances: Room,
+    sensors: Room,
+    directions: Room,
+    hits: Room,
+    counters: Room,
+}
+
+/// A buffer once it is needed.
+#[derive(Default)]
+struct Room(Option<wgpu::Buffer>);
+
+/// Firings as the kernel reads them.
+#[derive(Default)]
+struct Packed {
+    instances: Vec<Instance>,
+    sensors: Vec<Sensor>,
+    /// Unit directions, the fourth number 0.
+    directions: Vec<[f32; 4]>,
+    /// Rays of the firing that has most.
+    longest: u32,
+}
+
+impl GpuFirings {
+    /// Opens the best device, or the one whose name contains `adapter`, and uploads the trees that will be cast
+    /// into.
+    ///
+    /// # Errors
+    /// No such device, or one that cannot hold the trees.
+    pub(in crate::engine) fn new(
+        trees: &[&Arc<Bvh>],
+        adapter: Option<&str>,
+    ) -> Result<Self, BackendError> {
+        let device = Device::open(adapter)?;
+        let trees = Trees::new(&device, trees)?;
+        let kernels = Kernels::new(trees.stack);
+        kernels.compile(&device, |kernel| kernel == "cast_closest");
+        device.check("compiling a kernel")?;
+        Ok(Self { device, kernels, trees, work: Work::default() })
+    }
+
+    /// Name and driver of the device.
+    pub(in crate::engine) fn adapter(&self) -> &str {
+        self.device.adapter()
+    }
+
+    /// The first firings that fit into one dispatch: at least one.
+    fn cut(&self, firings: &[Firing<'_>]) -> usize {
+        let most = self.device.max_binding();
+        let (mut instances, mut rays) = (0, 0);
+        let fits = |firing: &&Firing<'_>| {
+            instances += firing.targets.len() * size_of::<Instance>();
+            rays += firing.rays.len() * size_of::<[f32; 4]>();
+            (instances.max(rays) as u64) <= most
+        };
+        firings.iter().take(MAX_WORKGROUPS as usize).take_while(fits).count().max(1)
+    }
+
+    fn pack(&self, firings: &[Firing<'_>], range: f32) -> Packed {
+        let mut packed = Packed::default();
+        for firing in firings {
+            let (first_instance, first) = (packed.instances.len(), packed.directions.len() as u32);
+            packed.instances.extend(firing.targets.iter().map(|target| {
+                let standing = target.standing;
+                let root = self.trees.roots[&std::ptr::from_ref(target.tree).addr()];
+                Instance::new(
+                    standing.pose(),
+                    standing.sight(),
+                    target.tree,
+                    root,
+                    target.first_prim,
+                )
+            }));
+            packed.directions.extend(firing.rays.iter().map(|&[x, y, z]| [x, y, z, 0.0]));
+            let count = firing.rays.len() as u32;
+            packed.longest = packed.longest.max(count);
+            packed.sensors.push(Sensor {
+                first_instance: first_instance as u32,
+                end_instance: packed.instances.len() as u32,
+                first_direction: first,
+                direction_count: count,
+                first_beam: first,
+                range,
+                spare: [0; 2],
+            });
+        }
+        packed
+    }
+
+    fn cast(&mut self, firings: &[Firing<'_>], range: f32) -> Result<Vec<Hit>, BackendError> {
+        let packed = self.pack(firings, range);
+        let (sensors, rays) = (packed.sensors.len(), packed.directions.len());
+        let sizes = [
+            size_of_val(&packed.instances[..]),
+            size_of_val(&packed.sensors[..]),
+            size_of_val(&packed.directions[..]),
+            rays * size_of::<Hit>(),
+            4 * (1 + sensors),
+        ];
+        let Self { device, kernels, trees, work } = self;
+        let [instances, of_sensors, directions, hits, counters] =
+            work.with_room(device, kernels, sizes)?;
+        device.write(instances, &packed.instances);
+        device.write(of_sensors, &packed.sensors);
+        device.write(directions, &packed.directions);
+        let record = |encoder: &mut wgpu::CommandEncoder| {
+            encoder.clear_buffer(counters, 0, None);
+            let (nodes, triangles) = (&trees.nodes, &trees.triangles);
+            let buffers = [instances, of_sensors, directions, nodes, triangles, hits, counters];
+            let groups = beam_workgroups(packed.longest, sensors as u32);
+            kernels.dispatch(device, encoder, "cast_closest", &buffers, groups);
+        };
+        let reading = device.start("casting", record, &[(hits, sizes[3] as u64)])?;
+        let mut found: Vec<Hit> =
+            device.finish(reading, |parts| bytemuck::pod_collect_to_vec(parts[0]))?;
+        finish_by_host(firings, range, &mut found);
+        Ok(found)
+    }
+}
+
+/// Casts the rays that the kernel ran out of steps with.
+fn finish_by_host(firings: &[Firing<'_>], range: f32, hits: &mut [Hit]) {
+    let rays = firings.iter().flat_map(|firing| firing.rays.iter().map(move |ray| (firing, *ray)));
+    for (hit, (firing, ray)) in hits.iter_mut().zip(rays) {
+        if hit.prim == UNFINISHED {
+            *hit = firing.closest_hit(ray, range);
+        }
+    }
+}
+
+impl Work {
+    /// All buffers, in the order of the fields, with room for so many bytes.
+    fn with_room(
+        &mut self,
+        device: &Device,
+        kernels: &Kernels,
+        bytes: [usize; 5],
+    ) -> Result<[&wgpu::Buffer; 5], BackendError> {
+        let Self { instances, sensors, directions, hits, counters } = self;
+        let names = ["instances", "sensors", "directions of rays", "hits", "hit counters"];
+        let rooms = [instances, sensors, directions, hits, counters];
+        let mut rooms = rooms.into_iter().zip(names.into_iter().zip(bytes));
+        let mut next = || {
+            let (room, (what, bytes)) = rooms.next().expect("five of them");
+            room.of(device, kernels, what, bytes as u64)
+        };
+        Ok([next()?, next()?, next()?, next()?, next()?])
+    }
+}
+
+impl Room {
+    fn of(
+        &mut self,
+        device: &Device,
+        kernels: &Kernels,
+        what: &'static str,
+        bytes: u64,
+    ) -> Result<&wgpu::Buffer, BackendError> {
+        if self.0.as_ref().is_none_or(|buffer| buffer.size() < bytes) {
+            kernels.unbind();
+            self.0 = None;
+            let usage = wgpu::BufferUsages::STORAGE
+                | wgpu::BufferUsages::COPY_DST
+                | wgpu::BufferUsages::COPY_SRC;
+            // Half as much again, so that slightly larger ones do not come one after the other.
+            let room = (bytes + bytes / 2).min(device.max_binding()).max(bytes);
+            self.0 = Some(device.buffer(what, room, usage)?);
+        }
+        Ok(self.0.as_ref().expect("made above"))
+    }
+}
+
+impl FiringCaster for GpuFirings {
+    fn closest_hits(&mut self, firings: &[Firing<'_>], range: f32) -> Result<Vec<Hit>, String> {
+        let mut hits = Vec::with_capacity(firings.iter().map(|firing| firing.rays.len()).sum());
+        let mut left = firings;
+        while !left.is_empty() {
+            let (now, later) = left.split_at(self.cut(left));
+            let found = self.cast(now, range).map_err(|error| error.to_string())?;
+            hits.extend(found);
+            left = later;
+        }
+        Ok(hits)
+    }
+}
