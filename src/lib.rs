@@ -60,6 +60,7 @@
 //! | `files` | files that are whole at any time, folders of runs |
 //! | [`export`] | scans as data sets that public loaders read |
 //! | [`report`] | what a run leaves behind: JSON, SVG, HTML |
+//! | [`runs`] | work on files: what each command does with scenes, placements and folders |
 //! | `cli` | the program: parses arguments, calls the modules above, prints |
 
 mod allocator;
@@ -88,6 +89,7 @@ pub mod psog;
 mod reduce;
 pub mod report;
 pub mod rig;
+pub mod runs;
 pub mod scan;
 pub mod scene;
 pub mod score;
@@ -138,21 +140,27 @@ pub mod internals {
     pub use crate::psog::roi::HIT_PUSH;
     pub use crate::psog::vote::{FrameVotes, PsogBuilder};
     pub use crate::reduce::reduce;
+    pub use crate::report::audit::{audit_text, audits_text};
     pub use crate::report::by_scene::by_scene;
     pub use crate::report::chart::fidelity_svg;
     pub use crate::report::chart_table::{ChartFrame, fidelity_csv, seconds};
+    pub use crate::report::chart_text::{chart_text, charts_text};
     pub use crate::report::chart_words::chart_words;
     pub use crate::report::convergence::convergence_svg;
     pub use crate::report::map::InformationMap;
     pub use crate::report::near_field::{near_field_svg, near_field_text, unweighted_gain_text};
     pub use crate::report::placement::placement_svg;
     pub use crate::report::plot::{Axis, Plot, Series};
+    pub use crate::report::psog::psog_text;
     pub use crate::report::record::peak_memory;
+    pub use crate::report::record_text::record_text;
+    pub use crate::report::rig::comparison_text;
     pub use crate::report::sensor::{SensorFacts, sensor_text};
     pub use crate::report::sensor_svg::sensor_svg;
     pub use crate::report::study::study_plot;
     pub use crate::report::table::{ScoreColumn, optional};
     pub use crate::report::text::{align_columns, findings_text, poses_text, study_text};
+    pub use crate::report::verification::verification_text;
     pub use crate::report::words::{
         certificate_in_words, methods_in_words, spread_in_words, verdict,
     };

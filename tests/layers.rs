@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use imports::{Source, Sources, words};
 
 /// Modules of the library, top to bottom: each imports only from itself and from those above it.
-const ORDER: [&str; 30] = [
+const ORDER: [&str; 31] = [
     "memory",
     "allocator",
     "chance",
@@ -39,6 +39,7 @@ const ORDER: [&str; 30] = [
     "study",
     "report",
     "error",
+    "runs",
 ];
 
 /// Foreign crates and the files that may name them, by the start of their names.
@@ -67,6 +68,7 @@ const FOREIGN: [(&str, &[&str]); 12] = [
             "worlds/scene_file.rs",
             "score/mod.rs",
             "report/",
+            "runs/",
             "cli/",
         ],
     ),

@@ -5,11 +5,13 @@ use std::str::FromStr;
 
 use crate::engine::{EngineChoice, EngineKind};
 use crate::near_field::MOST_WEIGHT;
+use crate::runs::Computing;
 use crate::scan::conditions::Condition;
 use clap::{Args, ValueEnum};
 
-use super::error::Error;
 use super::output::say;
+use super::terminal::Terminal;
+use crate::runs::Error;
 
 /// Options of every command that computes scores.
 #[derive(Args, Debug, Clone)]
@@ -141,29 +143,46 @@ pub fn parse_size(text: &str) -> Result<u64, String> {
 impl Compute {
     /// The engine asked for.
     pub fn engine(&self) -> EngineChoice {
-        let kind = match self.backend {
-            BackendChoice::Auto => EngineKind::Auto,
-            BackendChoice::Gpu => EngineKind::Gpu,
-            BackendChoice::Cpu => EngineKind::Cpu,
-        };
+        let kind = self.backend.kind();
         EngineChoice { kind, adapter: self.adapter.clone(), memory: self.memory }
     }
 
-    /// Bytes that work buffers may take.
-    pub fn memory_budget(&self) -> u64 {
-        self.engine().memory_budget()
+    /// What computes, and that the terminal is told.
+    pub fn computing<'a>(&self, terminal: &'a Terminal) -> Computing<'a> {
+        Computing { engine: self.engine(), vehicle: self.vehicle.clone(), watcher: terminal }
     }
 
     /// Checks the options against each other and starts the threads of the CPU backend.
-    pub fn start(&self) -> Result<(), Error> {
-        if let (Some(adapter), BackendChoice::Cpu) = (&self.adapter, self.backend) {
-            return Err(Error::Usage(format!(
-                "--adapter {adapter}: picks a Vulkan device, which --backend cpu does not use; leave one of \
-                 them out"
-            )));
-        }
-        start_threads(self.threads)
+    pub fn start(&self) -> Result<Terminal, Error> {
+        engine(self.backend, self.adapter.as_deref(), self.memory)?;
+        start_threads(self.threads)?;
+        Ok(Terminal::new(self.talk))
     }
+}
+
+impl BackendChoice {
+    fn kind(self) -> EngineKind {
+        match self {
+            Self::Auto => EngineKind::Auto,
+            Self::Gpu => EngineKind::Gpu,
+            Self::Cpu => EngineKind::Cpu,
+        }
+    }
+}
+
+/// The engine of `--backend`, `--adapter` and `--memory`, checked against each other.
+pub fn engine(
+    backend: BackendChoice,
+    adapter: Option<&str>,
+    memory: Option<u64>,
+) -> Result<EngineChoice, Error> {
+    if let (Some(adapter), BackendChoice::Cpu) = (adapter, backend) {
+        return Err(Error::Usage(format!(
+            "--adapter {adapter}: picks a Vulkan device, which --backend cpu does not use; leave one of \
+             them out"
+        )));
+    }
+    Ok(EngineChoice { kind: backend.kind(), adapter: adapter.map(str::to_owned), memory })
 }
 
 /// Starts the threads of `--threads`.

@@ -1,24 +1,15 @@
 //! `sightline chart`: cost against accuracy, and the cheapest setting that keeps the ranking.
 
-mod print;
-
-use std::cell::RefCell;
 use std::path::PathBuf;
 
-use crate::chart::{Chart, ChartObserver, ChartSettings, ChartState, chart};
-use crate::internals::{ChartFrame, Input, RunDir, chart_words, fidelity_csv, fidelity_svg};
-use crate::vehicle::{read_placements, table_7};
-use indicatif::ProgressBar;
-use serde::{Deserialize, Serialize};
+use crate::chart::{Chart, ChartSettings};
+use crate::internals::{chart_text, charts_text};
+use crate::runs::Error;
+use crate::runs::chart::{ChartRequest, Charted, chart_scenes};
 use serde_json::{Value, json};
 
-use super::args::{Compute, Format, Talk, whole};
-use super::error::Error;
+use super::args::{Compute, Format, whole};
 use super::exit::Exit;
-use super::files::{Files, told_apart};
-use super::interrupt::Interrupt;
-use super::{load, progress};
-use print::{print, print_summary};
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -80,198 +71,37 @@ fn metres(text: &str) -> Result<f64, String> {
     if value > 0.0 && value.is_finite() { Ok(value) } else { Err("give metres above 0".into()) }
 }
 
-/// All that a chart goes on from.
-#[derive(Clone, Serialize, Deserialize)]
-struct Saved {
-    scene: PathBuf,
-    settings: ChartSettings,
-    #[serde(flatten)]
-    state: ChartState,
-}
-
 pub fn run(args: &Args) -> Result<Exit, Error> {
-    args.compute.start()?;
-    let stop = Interrupt::listen(args.compute.talk);
-    let begun = begun(args)?;
-    let count = begun.len();
-    let (mut charts, mut answers, mut missing) = (Vec::new(), Vec::new(), 0);
-    for begun in begun {
-        let (found, dir, answer) = of_scene(args, begun, &stop)?;
-        if args.format == Format::Text {
-            out!("{}", if charts.is_empty() { "" } else { "\n" })?;
-            print(&found)?;
-            outln!("chart: {}", dir.join("chart.svg").display())?;
+    let terminal = args.compute.start()?;
+    let request = ChartRequest {
+        files: args.files.clone(),
+        out: args.out.clone(),
+        resume: args.resume.clone(),
+        objective: args.objective.clone(),
+        random: args.random,
+        tolerance: args.tolerance,
+        finest: args.finest,
+        quick: args.quick,
+        seed: args.seed,
+    };
+    let mut gap = "";
+    let print = |found: &Charted| match args.format {
+        Format::Json => Ok(()),
+        Format::Text => {
+            let svg = found.folder.join("chart.svg");
+            let gap = std::mem::replace(&mut gap, "\n");
+            outln!("{gap}{}chart: {}", chart_text(&found.chart), svg.display())
         }
-        if found.missing > 0 {
-            args.compute.talk.note(format!(
-                "interrupted with {} settings to go; go on with --resume {}",
-                found.missing,
-                dir.display()
-            ));
-        }
-        missing += found.missing;
-        charts.push(found);
-        answers.push(answer);
-        if stop.is_set() {
-            break;
-        }
-    }
+    };
+    let (count, found) = chart_scenes(&request, &args.compute.computing(&terminal), print)?;
+    let (charts, answers): (Vec<Chart>, Vec<Value>) =
+        found.into_iter().map(|found| (found.chart, found.answer)).unzip();
     match (args.format, &answers[..]) {
         (Format::Json, [answer]) if count == 1 => outln!("{answer}")?,
         (Format::Json, answers) => outln!("{}", json!({ "scenes": answers }))?,
         (Format::Text, [_]) => {}
-        (Format::Text, _) => print_summary(&charts)?,
+        (Format::Text, _) => out!("{}", charts_text(&charts))?,
     }
-    let is_finished = missing == 0 && charts.len() == count;
+    let is_finished = charts.len() == count && charts.iter().all(|chart| chart.missing == 0);
     Ok(if is_finished { Exit::Done } else { Exit::Interrupted })
-}
-
-/// A chart to be made: in a new folder, or in one that an earlier run has left.
-struct Begun {
-    saved: Saved,
-    resumed: Option<RunDir<Saved>>,
-    /// Where a new folder is to be, if it was said.
-    out: Option<PathBuf>,
-    /// Name of the scene among those of the command.
-    name: String,
-}
-
-/// The charts that are asked for, one a scene.
-fn begun(args: &Args) -> Result<Vec<Begun>, Error> {
-    if let Some(folder) = &args.resume {
-        let (dir, saved) = RunDir::<Saved>::resume("chart", folder)?;
-        return Ok(vec![Begun { saved, resumed: Some(dir), out: None, name: String::new() }]);
-    }
-    let Files { scenes, placements } = Files::sort(&args.files)?;
-    let settings = ChartSettings {
-        given: match &placements {
-            Some(file) => read_placements(file)?,
-            None => table_7(),
-        },
-        random: args.random,
-        objective: args.objective.parse()?,
-        finest: args.finest,
-        quick: args.quick,
-        seed: args.seed,
-        engine: args.compute.engine(),
-    };
-    let stem = |scene: &PathBuf| scene.file_stem().unwrap_or_default().to_string_lossy().into();
-    let names = told_apart(scenes.iter().map(stem));
-    let several = scenes.len() > 1;
-    let begun = |(scene, name): (&PathBuf, String)| {
-        let scene = std::path::absolute(scene).map_err(Error::io(scene))?;
-        let out = args.out.as_ref().map(|out| if several { out.join(&name) } else { out.clone() });
-        let saved = Saved { scene, settings: settings.clone(), state: ChartState::default() };
-        Ok(Begun { saved, resumed: None, out, name })
-    };
-    scenes.iter().zip(names).map(begun).collect()
-}
-
-/// The chart of one scene, its folder, and all of `chart.json`.
-fn of_scene(args: &Args, begun: Begun, stop: &Interrupt) -> Result<(Chart, PathBuf, Value), Error> {
-    let talk = args.compute.talk;
-    let Begun { saved, resumed, out, name } = begun;
-    let (scene, psog, _) = load::scene_and_psog(&saved.scene, &args.compute)?;
-    let inputs = Input::of(&scene)?;
-    let dir = match resumed {
-        Some(dir) => {
-            dir.check(&inputs)?;
-            dir
-        }
-        None => RunDir::create("chart", out.as_deref(), &format!("{name}-chart"), inputs)?,
-    };
-    let settings = ChartSettings { engine: args.compute.engine(), ..saved.settings.clone() };
-    let mut state = saved.state.clone();
-    let sitting = Sitting {
-        dir: &dir,
-        saved: &saved,
-        stop: stop.clone(),
-        bar: progress::share(MILLION, talk),
-        talk,
-        failed: RefCell::default(),
-    };
-    let found = chart(scene, psog, &settings, args.tolerance, &mut state, &sitting);
-    sitting.bar.finish_and_clear();
-    if let Some(error) = sitting.failed.take() {
-        return Err(error);
-    }
-    let found = found?;
-    let answer = answer(&Saved { state, ..saved.clone() }, &found);
-    write(&dir, &found, &answer)?;
-    Ok((found, dir.path().to_owned(), answer))
-}
-
-/// Steps of the bar: the share of the work in millionths.
-const MILLION: u64 = 1_000_000;
-
-/// A chart under way, as its folder, the terminal and Ctrl-C see it.
-struct Sitting<'a> {
-    dir: &'a RunDir<Saved>,
-    saved: &'a Saved,
-    stop: Interrupt,
-    bar: ProgressBar,
-    talk: Talk,
-    /// Why the state could not be written, which ends the chart.
-    failed: RefCell<Option<Error>>,
-}
-
-impl ChartObserver for Sitting<'_> {
-    fn begins(&self, number: usize, of: usize, setting: &str) {
-        self.bar.set_message(format!("{number}/{of}: {setting}"));
-    }
-
-    fn progress(&self, share: f64) {
-        self.bar.set_position((share * MILLION as f64) as u64);
-    }
-
-    fn measured(&self, state: &ChartState) {
-        if let Some(last) = state.measured.last() {
-            self.talk.detail(format!("{} s", last.seconds));
-        }
-        let saved = Saved { state: state.clone(), ..self.saved.clone() };
-        if let Err(error) = self.dir.save(&saved) {
-            self.failed.replace(Some(error.into()));
-        }
-    }
-
-    fn goes_on(&self) -> bool {
-        !self.stop.is_set() && self.failed.borrow().is_none()
-    }
-}
-
-/// All of `chart.json`.
-fn answer(saved: &Saved, found: &Chart) -> Value {
-    let rows = found.rows();
-    json!({
-        "settings": saved.settings,
-        "scene_file": saved.scene,
-        "yardstick_seconds": saved.state.unit_seconds,
-        "measured": saved.state.measured,
-        "scene": found.scene,
-        "placements": found.placements,
-        "tolerance": found.tolerance,
-        "threads": rayon::current_num_threads(),
-        "reference": rows.first().map(|row| &row.setting),
-        "rows": rows,
-        "left_out": found.left_out,
-        "verdict": found.verdict,
-        "words": chart_words(found),
-        "finished": found.missing == 0,
-    })
-}
-
-fn write(dir: &RunDir<Saved>, found: &Chart, answer: &Value) -> Result<(), Error> {
-    let frame = ChartFrame {
-        title: &format!(
-            "{}: {} placements ranked by {}",
-            found.scene,
-            found.placements.len(),
-            found.objective
-        ),
-        edge: found.edge,
-        chosen: found.verdict.map(|verdict| verdict.setting),
-    };
-    dir.write_text("chart.svg", &fidelity_svg(&found.rated, &frame))?;
-    dir.write_text("chart.csv", &fidelity_csv(&found.rated, found.edge))?;
-    Ok(dir.write_json("chart.json", answer)?)
 }

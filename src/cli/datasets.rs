@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::datasets::{CarlaSequence, CarlaTags};
+use crate::datasets::CarlaTags;
+use crate::runs::psog::CarlaScans;
 use clap::ValueEnum;
 
-use super::args::{Talk, finite};
-use super::error::Error;
+use super::args::finite;
 
 /// Where labelled scans lie, beside the folder of a command's own option.
 #[derive(clap::Args)]
@@ -38,19 +38,14 @@ pub enum Tags {
 }
 
 impl DatasetArgs {
-    /// The scans of CARLA.
-    pub fn carla(&self, folder: &Path, talk: Talk) -> Result<CarlaSequence, Error> {
+    /// The scans of CARLA in a folder.
+    pub fn carla(&self, folder: &Path) -> CarlaScans {
         let Some(poses) = &self.poses else { unreachable!("clap requires it with a folder") };
         let tags = match self.carla_tags {
             Tags::Until0913 => CarlaTags::Until0913,
             Tags::Since0914 => CarlaTags::Since0914,
         };
-        let sequence = CarlaSequence::open(folder, poses, tags, self.lidar_height)?;
-        talk.detail(format!(
-            "{}: the LiDAR stands {:.2} m above the ground",
-            folder.display(),
-            sequence.lidar_height()
-        ));
-        Ok(sequence)
+        let (folder, poses) = (folder.to_owned(), poses.clone());
+        CarlaScans { folder, poses, tags, lidar_height: self.lidar_height }
     }
 }

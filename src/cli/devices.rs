@@ -4,8 +4,8 @@ use crate::engine::gpu::list_adapters;
 use crate::internals::align_columns;
 
 use super::args::Format;
-use super::error::Error;
 use super::exit::Exit;
+use crate::runs::Error;
 
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  sightline devices")]

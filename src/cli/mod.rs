@@ -12,17 +12,10 @@ mod cast;
 mod chart;
 mod datasets;
 mod devices;
-mod error;
 mod exit;
-mod files;
 mod glb;
-
-mod interrupt;
-mod load;
 mod near_field;
 mod optimize;
-mod own_body;
-mod progress;
 mod psog;
 mod rig;
 mod scan;
@@ -31,6 +24,7 @@ mod score;
 mod sensor;
 mod shell;
 mod study;
+mod terminal;
 mod verify;
 mod view;
 
@@ -38,7 +32,7 @@ use std::ffi::OsString;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use error::Error;
+use crate::runs::Error;
 pub use exit::Exit;
 
 /// Where on this vehicle should the LiDARs go?

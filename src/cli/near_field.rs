@@ -1,22 +1,14 @@
 //! `sightline study nearfield`: what a placement sees of the ground and of poles near the vehicle.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use crate::internals::{near_field_svg, near_field_text, writable_file, write_whole};
-use crate::near_field::{NearField, NearSite};
-use crate::problem::{Problem, spread};
-use crate::psog::Psog;
-use crate::scene::Scene;
-use crate::search::Evaluator;
-use crate::vehicle::{Placement, read_placements, table_7};
+use crate::internals::near_field_text;
+use crate::runs::Error;
+use crate::runs::near_field::{NearFieldRequest, near_fields};
 use serde_json::json;
 
 use super::args::{Compute, Format};
-use super::error::Error;
 use super::exit::Exit;
-use super::interrupt::Interrupt;
-use super::{load, progress};
 
 #[derive(clap::Args)]
 #[command(after_help = "Example:
@@ -43,67 +35,21 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<Exit, Error> {
-    args.compute.start()?;
-    let talk = args.compute.talk;
-    let placements = args.placements.as_deref().map_or_else(|| Ok(table_7()), read_placements)?;
-    let scene = load::read(&args.scene, args.compute.vehicle.as_deref(), talk)?;
-    load::note_frames(&scene, args.frames, talk);
-    if let Some(file) = &args.out {
-        let inputs = scene.files().iter().map(PathBuf::as_path);
-        writable_file(file, inputs.chain(args.placements.as_deref()))?;
-    }
-    let mut evaluator = load::evaluator(problem(&scene, &args.scene, args.frames)?, &args.compute)?;
-    let site = NearSite::new(&scene, &evaluator.shared_problem())?;
-    let interrupt = Interrupt::listen(talk);
-    let bar = progress::bar(placements.len() as u64, "placements", talk);
-    let mut all = Vec::new();
-    for placement in placements.iter().take_while(|_| !interrupt.is_set()) {
-        all.push(look(&site, &mut evaluator, placement)?);
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
-    if let Some(file) = &args.out {
-        let drawn: Vec<(&Placement, &NearField)> = placements.iter().zip(&all).collect();
-        let svg = near_field_svg(site.footprint(), &drawn);
-        write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(Error::io(file)))?;
-    }
-    let frames = evaluator.problem().frame_count();
+    let terminal = args.compute.start()?;
+    let request = NearFieldRequest {
+        scene: args.scene.clone(),
+        placements: args.placements.clone(),
+        out: args.out.clone(),
+        frames: args.frames,
+    };
+    let found = near_fields(&request, &args.compute.computing(&terminal))?;
     match args.format {
-        Format::Json => outln!(
-            "{}",
-            json!({
-                "scene": scene.name(),
-                "frames": frames,
-                "footprint": site.footprint(),
-                "ground_area": site.ground_area(),
-                "near_fields": all,
-            })
-        )?,
+        Format::Json => outln!("{}", json!(found))?,
         Format::Text => {
-            let area = site.ground_area();
-            outln!("{}: {area:.0} m² of ground within 10 m, {frames} frame(s)", scene.name())?;
-            out!("{}", near_field_text(&all))?;
+            let (scene, area, frames) = (&found.scene, found.ground_area, found.frames);
+            outln!("{scene}: {area:.0} m² of ground within 10 m, {frames} frame(s)")?;
+            out!("{}", near_field_text(&found.near_fields))?;
         }
     }
-    Ok(if interrupt.is_set() { Exit::Interrupted } else { Exit::Done })
-}
-
-fn look(
-    site: &NearSite,
-    evaluator: &mut Evaluator,
-    placement: &Placement,
-) -> Result<NearField, Error> {
-    Ok(site.look(evaluator.backend_mut(), placement)?)
-}
-
-/// The scene's geometry over some frames; its P-SOG is not needed and stays empty.
-fn problem(scene: &Scene, path: &Path, frames: Option<u32>) -> Result<Problem, Error> {
-    if !scene.has_geometry() {
-        return Err(Error::Usage(format!(
-            "{}: has no geometry to cast into; add static shapes, actors and an ego body",
-            path.display()
-        )));
-    }
-    let psog = Psog::new(scene.roi().grid()?, 1, scene.classes().to_vec(), vec![], vec![])?;
-    Ok(Problem::with_psog(scene, &psog, &spread(scene.frame_count(), frames))?)
+    Ok(terminal.exit())
 }

@@ -1,263 +1,221 @@
-//! `sightline optimize`: options to settings, progress on stderr, a run folder, the result on stdout.
+//! `sightline optimize`: options to a request, the result on stdout.
 
-mod bars;
-mod equipment;
-mod near_field;
-mod record;
-mod settings;
+use std::path::PathBuf;
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::time::{Duration, Instant};
+use crate::internals::{Spacing, record_text};
+use crate::runs::Error;
+use crate::runs::optimize::{NewRun, OptimizeRequest, Start, optimize};
+use crate::search::{FrameChoice, Method, Settings};
+use crate::vehicle::{MountRules, SensorPose};
 
-use crate::Problem;
-use crate::export::GltfView;
-use crate::internals::{
-    Input, RunDir, align_columns, by_scene, certificate_in_words, findings_text, methods_in_words,
-    poses_text, spread_in_words, unweighted_gain_text, verdict,
+use super::args::{
+    Compute, Conditions, Format, at_least_one, finite, parse_seconds, parse_weight, whole,
 };
-use crate::near_field::weighted;
-use crate::report::{self, RunRecord};
-use crate::scan::conditions::{Condition, ConditionError};
-use crate::scan::in_conditions;
-use crate::scene::Scene;
-use crate::search::{Event, Outcome, Run, SearchError, Suite, TimeLimit};
-
-use super::args::{Compute, Format};
-use super::error::Error;
 use super::exit::Exit;
-use super::interrupt::Interrupt;
-use super::load;
-use bars::Bars;
-use record::{BETWEEN_CHECKPOINTS, Opened, Sitting, finish, read_spent, save};
-pub use settings::Args;
-use settings::{Begun, Course, Saved, Wanted};
+use super::glb::Gltf;
+
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  sightline optimize scenes/urban-crossing.json
+  sightline optimize scenes/highway.json --objective '0.5*m_sog_scaled + 0.5*detection.m_sog_scaled'
+  sightline optimize scenes/highway.json scenes/residential.json --mirror
+  sightline optimize scenes/highway.json --symmetric --equal-height --max-seconds 30
+  sightline optimize scenes/highway.json scenes/residential.json --vehicle scenes/vehicles/car.json --budget 12000
+  sightline optimize scenes/highway.json --near-weight 0.05
+  sightline optimize --resume runs/highway")]
+pub struct Args {
+    /// Scene file; of several, which share LiDAR and mount, the mean is maximized, each normalized by its own
+    /// total
+    #[arg(value_name = "SCENE", required_unless_present = "resume", conflicts_with = "resume")]
+    scenes: Vec<PathBuf>,
+    /// Add each scene mirrored left to right, so that a result is not lopsided because one street is
+    #[arg(long, conflicts_with = "resume")]
+    mirror: bool,
+    /// Folder for the run [default: runs/SCENE, numbered if it is taken]
+    #[arg(long, value_name = "DIR", conflicts_with = "resume")]
+    out: Option<PathBuf>,
+    /// Go on with an interrupted run, to the same bytes that it would have given
+    #[arg(long, value_name = "DIR")]
+    resume: Option<PathBuf>,
+    /// Score to maximize, or a weighted sum of several [default: near_gain, with --near-weight information_gain]
+    #[arg(long, allow_hyphen_values = true, conflicts_with = "resume")]
+    objective: Option<String>,
+    /// Placements that the generations evaluate; the swaps then cast one and a half times as many
+    /// sensor poses as those did
+    #[arg(long, value_name = "N", default_value_t = 180, conflicts_with = "resume",
+          value_parser = at_least_one)]
+    evaluations: u64,
+    /// Seconds from the start after which the search ends, generations after two fifths of them;
+    /// --resume goes on from there. Confirming the result and writing it come on top
+    #[arg(long, value_name = "S", visible_alias = "time", value_parser = parse_seconds)]
+    max_seconds: Option<f64>,
+    /// Score over all frames at which the search ends
+    #[arg(long, value_name = "SCORE", conflicts_with = "resume", allow_hyphen_values = true,
+          value_parser = finite)]
+    target: Option<f64>,
+    /// Placements of a generation [default: chosen from the number of variables]
+    #[arg(long, value_name = "N", conflicts_with = "resume",
+          value_parser = clap::value_parser!(u32).range(4..=10_000))]
+    population: Option<u32>,
+    /// Frames of the scene that the search models: as few as keep the ranking, and more when they no
+    /// longer tell the best apart (auto), or all (full); the result is confirmed over all
+    #[arg(long, value_enum, default_value_t = Fidelity::Auto, conflicts_with = "resume")]
+    fidelity: Fidelity,
+    /// Frames of each scene that the search averages over, spread evenly, whatever they lose
+    #[arg(long, value_name = "N", conflicts_with_all = ["resume", "fidelity"],
+          value_parser = clap::value_parser!(u32).range(1..))]
+    frames: Option<u32>,
+    /// How to search: CMA-ES and then swaps of single LiDARs (both), the first alone (cma), or swaps over
+    /// every pose of a grid (swaps)
+    #[arg(long, value_parser = method, default_value = "both", conflicts_with = "resume")]
+    method: Method,
+    /// Search on a grid of sensor poses alone, as in the paper: metres and radians between
+    /// neighbours, as 0.1 or 0.2,0.1. Swaps always use one [default for them: 0.1]
+    #[arg(long, value_name = "M[,RAD]", conflicts_with = "resume", value_parser = parse_spacing)]
+    delta: Option<Spacing>,
+    /// Seed of all randomness
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>, conflicts_with = "resume")]
+    seed: u64,
+    /// Placements to compare with, and to start from where the mount allows them
+    /// [default: Table 7 of the paper]
+    #[arg(long, value_name = "FILE", conflicts_with = "resume")]
+    baselines: Option<PathBuf>,
+    /// More placements to start from where the mount allows them; not compared with
+    #[arg(long, value_name = "FILE", conflicts_with = "resume")]
+    inject: Option<PathBuf>,
+    /// Most that the sensors of a vehicle may cost, in the currency of its prices; its models, mounts and
+    /// numbers are chosen for the money
+    #[arg(long, value_name = "PRICE", conflicts_with = "resume", value_parser = finite)]
+    budget: Option<f64>,
+    /// Search with W nats more in every voxel of ground within 10 m of the own body, for information_gain;
+    /// the true gain and the near field stand beside the result
+    #[arg(long, value_name = "W", conflicts_with = "resume", value_parser = parse_weight)]
+    near_weight: Option<f64>,
+    #[command(flatten)]
+    conditions: Conditions,
+    /// How to print the result
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    format: Format,
+    #[command(flatten)]
+    gltf: Gltf,
+    #[command(flatten)]
+    rules: Rules,
+    #[command(flatten)]
+    compute: Compute,
+}
 
 pub fn run(args: &Args) -> Result<Exit, Error> {
-    let start = Instant::now();
-    args.compute.start()?;
-    let resumed =
-        args.resume.as_deref().map(|path| RunDir::<Saved>::resume("optimize", path)).transpose()?;
-    let (folder, mut begun, course) = match resumed {
-        Some((folder, saved)) => (Some(folder), saved.begun, saved.course),
-        None => {
-            (None, settings::begun(args)?, Course::Equipping(Box::new(settings::wanted(args)?)))
+    let terminal = args.compute.start()?;
+    let start = match &args.resume {
+        Some(folder) => Start::Resume(folder.clone()),
+        None => Start::New(Box::new(new_run(args))),
+    };
+    let request = OptimizeRequest {
+        start,
+        max_seconds: args.max_seconds,
+        frames: args.frames,
+        gltf: args.gltf.gltf.clone(),
+    };
+    let found = optimize(&request, &args.compute.computing(&terminal))?;
+    match (&found, args.format) {
+        (None, _) => return Ok(Exit::Interrupted),
+        (Some(found), Format::Json) => outln!("{}", serde_json::json!(found.record))?,
+        (Some(found), Format::Text) => out!("{}", record_text(&found.record, &found.folder))?,
+    }
+    Ok(terminal.exit())
+}
+
+fn new_run(args: &Args) -> NewRun {
+    let settings = Settings {
+        method: args.method,
+        evaluations: args.evaluations,
+        population: args.population.map(|p| p as usize),
+        delta: args.delta,
+        seed: args.seed,
+        frames: match (args.fidelity, args.frames) {
+            (Fidelity::Full, _) => FrameChoice::All,
+            (Fidelity::Auto, Some(frames)) => FrameChoice::Count(frames),
+            (Fidelity::Auto, None) => FrameChoice::OnDemand,
+        },
+        target: args.target,
+        ..Settings::default()
+    };
+    NewRun {
+        scenes: args.scenes.clone(),
+        mirror: args.mirror,
+        out: args.out.clone(),
+        objective: args.objective.clone(),
+        settings,
+        rules: args.rules.for_mount(),
+        baselines: args.baselines.clone(),
+        inject: args.inject.clone(),
+        budget: args.budget,
+        near_weight: args.near_weight,
+        conditions: args.conditions.condition.clone(),
+    }
+}
+
+/// Value of `--fidelity`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Fidelity {
+    /// As few frames as keep the ranking
+    Auto,
+    /// Every frame
+    Full,
+}
+
+/// `--method`.
+fn method(text: &str) -> Result<Method, String> {
+    match text {
+        "both" => Ok(Method::Both),
+        "cma" => Ok(Method::Cma),
+        "swaps" => Ok(Method::Swaps),
+        _ => Err("write both, cma or swaps".into()),
+    }
+}
+
+#[derive(clap::Args)]
+struct Rules {
+    /// All LiDARs stand at one height
+    #[arg(long, conflicts_with = "resume")]
+    equal_height: bool,
+    /// LiDARs come in pairs mirrored at the plane y = 0 (y, roll and yaw change sign); an odd one lies
+    /// in it
+    #[arg(long, conflicts_with = "resume")]
+    symmetric: bool,
+    /// Keep a pose field of all LiDARs at one value, in metres or radians, as z=2.5 or roll=0; may be
+    /// given several times
+    #[arg(long, value_name = "FIELD=VALUE", conflicts_with = "resume", value_parser = parse_fixed)]
+    fix: Vec<(String, f64)>,
+}
+
+impl Rules {
+    fn for_mount(&self) -> MountRules {
+        MountRules {
+            equal_height: self.equal_height,
+            symmetric: self.symmetric,
+            fixed: self.fix.clone(),
         }
-    };
-    args.gltf.check(begun.scenes().map(PathBuf::as_path))?;
-    let (mut opened, interrupt) = open(&begun, args)?;
-    let folder = match folder {
-        Some(folder) => folder,
-        // Before the search, so that a folder that cannot be written is found out now.
-        None => {
-            let inputs = opened.inputs.clone();
-            RunDir::create("optimize", args.out.as_deref(), &begun.folder(), inputs)?
+    }
+}
+
+/// `--fix`: a pose field and its value.
+fn parse_fixed(text: &str) -> Result<(String, f64), String> {
+    let parts = text.split_once('=').map(|(field, value)| (field.trim(), value.trim().parse()));
+    match parts {
+        Some((field, Ok(value))) if SensorPose::FIELDS.contains(&field) => {
+            Ok((field.to_owned(), value))
         }
+        _ => Err(format!("write one of {} and a number, as z=2.5", SensorPose::FIELDS.join(", "))),
+    }
+}
+
+/// `--delta`: metres, and radians where they differ, as `0.1` or `0.2,0.1`.
+fn parse_spacing(text: &str) -> Result<Spacing, String> {
+    let (metres, radians) = text.split_once(',').unwrap_or((text, text));
+    let number = |text: &str| match text.trim().parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err(format!("`{text}` is no spacing; write metres and radians, as 0.1 or 0.2,0.1")),
     };
-    folder.check(&opened.inputs)?;
-    let Some(run) = begin(&mut begun, course, &mut opened, &folder, args, &interrupt)? else {
-        return Ok(Exit::Interrupted);
-    };
-    let earlier = read_spent(&folder);
-    let mut sitting = Sitting { args, begun, opened, folder, run, earlier, start };
-    let outcome = sitting.search(&interrupt)?;
-    let is_interrupted = interrupt.is_set();
-    let record = finish(&sitting, &outcome)?;
-    if record.best.is_none() && !is_interrupted {
-        return Err(Error::Usage(format!(
-            "{}: mount: no candidate kept its rules ({}); widen the mount or relax them",
-            sitting.begun.scene.display(),
-            record.constraints.join("; ")
-        )));
-    }
-    if let Some(best) = &record.best {
-        let (scene, placements) =
-            (&sitting.opened.scenes[0], std::slice::from_ref(&best.placement));
-        let view = GltfView { scene, frame: 0, placements, points: &[] };
-        args.gltf.write(args.compute.talk, &view)?;
-    }
-    print(args, &record, sitting.folder.path())?;
-    Ok(if is_interrupted { Exit::Interrupted } else { Exit::Done })
-}
-
-/// The search, with a slot for each sensor of the vehicle; `None` after Ctrl-C while the sensors were chosen.
-fn begin(
-    begun: &mut Begun,
-    course: Course,
-    opened: &mut Opened,
-    folder: &RunDir<Saved>,
-    args: &Args,
-    interrupt: &Interrupt,
-) -> Result<Option<Run>, Error> {
-    let wanted = match &course {
-        Course::Equipping(wanted) => Some(&**wanted),
-        Course::Run(_) => None,
-    };
-    let suite = equipment::equipped(begun, wanted, opened, folder, args, interrupt)?;
-    let Some(suite) = suite else { return Ok(None) };
-    opened.suite = suite.clone();
-    let Wanted { settings, plainly, .. } = match course {
-        Course::Run(state) => return Ok(Some(Run::resume(suite, *state))),
-        Course::Equipping(wanted) => *wanted,
-    };
-    let settings = match &begun.equipped {
-        Some(equipped) => equipped.begin(settings, suite.constraints(), plainly),
-        None => settings,
-    };
-    Run::new(suite, &settings).map(Some).map_err(|error| in_scene(error, begun))
-}
-
-/// Scenes and problems of a run, and Ctrl-C, which counts from then on that the scenes are loaded.
-fn open(begun: &Begun, args: &Args) -> Result<(Opened, Interrupt), Error> {
-    let mut times = load::LoadTimes::default();
-    let (mut scenes, mut problems, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
-    for path in begun.scenes() {
-        let (scene, problem) = open_scene(path, begun, args, &mut times)?;
-        inputs.extend(Input::of(&scene)?);
-        problems.push((scene.name().to_owned(), problem));
-        scenes.push(scene);
-    }
-    let suite = Suite::new(problems).map_err(|error| in_scene(error, begun))?;
-    load::note_classes(&suite, args.compute.talk);
-    let suite = if begun.mirror { suite.with_mirror_images() } else { suite };
-    let interrupt = Interrupt::listen(args.compute.talk);
-    Ok((Opened { scenes, suite, inputs, times }, interrupt))
-}
-
-/// A scene with the rules of the options, and its problem over all frames.
-fn open_scene(
-    path: &Path,
-    begun: &Begun,
-    args: &Args,
-    times: &mut load::LoadTimes,
-) -> Result<(Scene, Arc<Problem>), Error> {
-    let talk = args.compute.talk;
-    let compute = Compute { vehicle: begun.vehicle.clone(), ..args.compute.clone() };
-    let (scene, psog, took) = load::scene_and_psog(path, &compute)?;
-    load::note_frames(&scene, args.frames, talk);
-    let scene = scene
-        .with_rules(&begun.rules, &path.display().to_string())
-        .map_err(|error| Error::Usage(format!("options for the mount: {error}")))?;
-    let building = Instant::now();
-    let all: Vec<usize> = (0..scene.frame_count()).collect();
-    let conditions = begun.conditions.iter().map(|text| text.parse());
-    let conditions = conditions.collect::<Result<Vec<Condition>, ConditionError>>();
-    let conditions = conditions.map_err(crate::Error::from)?;
-    let problem = Problem::with_psog(&scene, &psog, &all)?;
-    let problem = in_conditions(&scene, problem, &conditions)?;
-    let problem = Arc::new(match begun.near_weight {
-        Some(nats) => weighted(&scene, problem, nats)?,
-        None => problem,
-    });
-    talk.detail(problem.modelled().to_string());
-    talk.detail(format!(
-        "scene and P-SOG take {} MiB, work buffers at most {} MiB",
-        problem.bytes() >> 20,
-        args.compute.memory_budget() >> 20
-    ));
-    times.load += took.load;
-    times.build += took.build + building.elapsed().as_secs_f64();
-    Ok((scene, problem))
-}
-
-/// An error of the settings, with the scene that they do not fit.
-fn in_scene(error: SearchError, begun: &Begun) -> Error {
-    let scenes: Vec<&PathBuf> = begun.scenes().collect();
-    load::in_scene(error, &scenes)
-}
-
-impl Sitting<'_> {
-    /// Runs to the outcome; the state is saved on the way.
-    fn search(&mut self, interrupt: &Interrupt) -> Result<Outcome, Error> {
-        let talk = self.args.compute.talk;
-        let time = self.args.max_seconds.map(|seconds| TimeLimit {
-            start: self.start,
-            length: Duration::from_secs_f64(seconds),
-        });
-        self.run.open_with(self.args.compute.engine(), time);
-        let mut bars = Bars::new(talk);
-        let mut saved: Option<Instant> = None;
-        let outcome = loop {
-            let mut observe = |event: &Event| {
-                bars.show(event);
-                !interrupt.is_set()
-            };
-            let outcome = self.run.step(&mut observe)?;
-            let is_due = saved.is_none_or(|saved| saved.elapsed() > BETWEEN_CHECKPOINTS);
-            if outcome.is_some() || is_due {
-                save(self)?;
-                saved = Some(Instant::now());
-            }
-            if let Some(outcome) = outcome {
-                break outcome;
-            }
-        };
-        bars.clear();
-        let generation = outcome.history.len();
-        let mut line = format!("stopped after generation {generation}: {}", outcome.stopped);
-        if outcome.stopped.is_unfinished() {
-            line += &format!("; go on with --resume {}", self.folder.path().display());
-        }
-        talk.note(line);
-        Ok(outcome)
-    }
-}
-
-fn print(args: &Args, record: &RunRecord, folder: &Path) -> Result<(), Error> {
-    if args.format == Format::Json {
-        return outln!("{}", serde_json::json!(record));
-    }
-    let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
-    rows.extend(record.baselines.iter().map(|baseline| baseline.scores.clone()));
-    outln!("{}\n", verdict(record.best.as_ref(), &record.baselines, &record.objective))?;
-    if let Some(words) = spread_in_words(record) {
-        outln!("{words}\n")?;
-    }
-    outln!("{}: maximizing {} over {} frame(s)", record.scene, record.objective, record.frames)?;
-    out!("{}", report::scores_text(&rows))?;
-    if let Some(rows) = by_scene(record) {
-        outln!("\nscene by scene")?;
-        out!("{}", align_columns(&rows))?;
-    }
-    if !record.near_field.is_empty() {
-        out!("\n{}", unweighted_gain_text(&record.near_field))?;
-    }
-    if let Some(words) = &record.equipment {
-        outln!("\nequipment: {words}")?;
-    }
-    match &record.best {
-        Some(best) => {
-            outln!("\noptimized placement (m, rad):")?;
-            out!("{}", poses_text(&best.placement))?;
-            if let Some(phases) = &record.phases {
-                outln!("\n{}", phases.words)?;
-            }
-            for seen in &best.scores.required {
-                outln!("  must be seen: {seen}")?;
-            }
-            for bound in &record.active_bounds {
-                outln!("  active: {bound}")?;
-            }
-            if !record.constraints.is_empty() {
-                outln!("\nrules kept: {}", record.constraints.join("; "))?;
-            }
-            outln!("\nfound by: {}", methods_in_words(record))?;
-            outln!("certificate: {}", certificate_in_words(record))?;
-            outln!("\n{}", findings_text(&record.findings))?;
-        }
-        None => outln!("\nno candidate kept the rules of the mount; widen it")?,
-    }
-    if let Some(frames) = &record.fidelity {
-        outln!("\n{}", frames.words)?;
-    }
-    outln!(
-        "\nstopped: {}, after {} evaluations in {:.1} s ({:.1} placements × frames/s on {}); report: \
-         {}",
-        record.stopped,
-        record.evaluations,
-        record.timings.total,
-        record.rate,
-        record.backend,
-        folder.join("report.html").display()
-    )
+    Ok(Spacing { metres: number(metres)?, radians: number(radians)? })
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::internals::FileError;
 
-use super::error::Error;
+use crate::runs::Error;
 
 /// As `print!`, with an [`Error`] instead of a panic where stdout cannot be written.
 macro_rules! out {

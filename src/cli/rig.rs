@@ -1,23 +1,17 @@
 //! `rig`: rigs in the formats of other programs, read, written and compared.
 
 use std::collections::BTreeMap;
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use crate::internals::{align_columns, shared_folder, writable_file, write_whole};
-use crate::rig::{
-    Asymmetry, Comparison, Exported, Fan, ImportSettings, Imported, Mounting, Rig, RigError,
-    RigFormat, compare, export, import, read_rig, rig_json,
-};
-use crate::scene::Scene;
+use crate::internals::comparison_text;
+use crate::rig::{ImportSettings, Mounting, RigFormat};
+use crate::runs::Error;
+use crate::runs::rig::{ExportRequest, compare_files, export_file, import_files};
 use serde_json::json;
 
 use super::args::{Format, Talk};
-use super::error::Error;
 use super::exit::Exit;
-
-/// Frames left out that a note lists.
-const MOST_LISTED: usize = 12;
+use super::terminal::Terminal;
 
 #[derive(clap::Subcommand)]
 pub enum Command {
@@ -173,59 +167,18 @@ impl Mounted {
     }
 }
 
-/// A file, and a name behind a colon where the whole is no file.
-fn file_and_name(text: &str) -> (PathBuf, Option<&str>) {
-    match text.rsplit_once(':') {
-        Some((file, name)) if !Path::new(text).exists() => (file.into(), Some(name)),
-        _ => (text.into(), None),
-    }
-}
-
 fn run_export(args: &ExportArgs) -> Result<(), Error> {
-    let (file, name) = file_and_name(&args.placement);
-    let mut rig = read_rig(&file, name)?;
-    if !args.frame.is_empty() {
-        let (given, lidars) = (args.frame.len(), rig.lidars.len());
-        if given != lidars {
-            return Err(RigError::FrameCount { given, lidars }.into());
-        }
-        for (lidar, frame) in rig.lidars.iter_mut().zip(&args.frame) {
-            lidar.frame.clone_from(frame);
-        }
-    }
-    for (frame, sensor) in args.mounted.sensors() {
-        let known = rig.lidars.iter().map(|lidar| lidar.frame.clone()).collect();
-        match rig.lidars.iter_mut().find(|lidar| lidar.frame == frame) {
-            Some(lidar) => lidar.sensor = Some(sensor),
-            None => {
-                let file = file.display().to_string();
-                return Err(RigError::UnknownFrame { file, frame, known }.into());
-            }
-        }
-    }
-    let scene = args.scene.as_deref().map(Scene::read).transpose()?;
-    let fan = scene.map(|scene| Fan::of(scene.lidar()));
-    let exported = export(&rig, args.format, &args.mounted.mounting(), fan)?;
-    exported.warnings.iter().for_each(|warning| args.talk.note(warning));
-    match &args.out {
-        Some(out) => write_files(&exported, out, &file),
-        None => exported.files.iter().try_for_each(|file| out!("{}", file.text)),
-    }
-}
-
-/// Writes one file to `out`, several into the folder `out`.
-fn write_files(exported: &Exported, out: &Path, input: &Path) -> Result<(), Error> {
-    let write = |path: &Path, text: &str| {
-        writable_file(path, [input])?;
-        write_whole(path, |file| file.write_all(text.as_bytes()).map_err(Error::io(path)))
+    let request = ExportRequest {
+        placement: args.placement.clone(),
+        format: args.format,
+        out: args.out.clone(),
+        frames: args.frame.clone(),
+        sensors: args.mounted.sensors(),
+        scene: args.scene.clone(),
+        mounting: args.mounted.mounting(),
     };
-    match &exported.files[..] {
-        [file] if !out.is_dir() => write(out, &file.text),
-        files => {
-            shared_folder(out)?;
-            files.iter().try_for_each(|file| write(&out.join(&file.name), &file.text))
-        }
-    }
+    let text = export_file(&request, &Terminal::new(args.talk))?;
+    text.map_or(Ok(()), |text| out!("{text}"))
 }
 
 fn settings(reading: &Reading, format: Option<RigFormat>, name: Option<&str>) -> ImportSettings {
@@ -239,77 +192,19 @@ fn settings(reading: &Reading, format: Option<RigFormat>, name: Option<&str>) ->
     }
 }
 
-/// Says what was left out and what should be known.
-fn say(imported: &Imported, talk: Talk) {
-    let left_out = &imported.left_out;
-    if !left_out.is_empty() {
-        let shown = left_out[..left_out.len().min(MOST_LISTED)].join(", ");
-        let more = left_out.len().saturating_sub(MOST_LISTED);
-        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-        talk.note(format!("left out, not being LiDARs: {shown}{more}"));
-    }
-    imported.notes.iter().for_each(|note| talk.note(note));
-}
-
 fn run_import(args: &ImportArgs) -> Result<(), Error> {
     let settings = settings(&args.reading, args.format, args.name.as_deref());
-    let imported = import(&args.files, &settings)?;
-    let rig = &imported.rig;
-    say(&imported, args.talk);
-    for (index, lidar) in rig.lidars.iter().enumerate() {
-        let sensor = lidar.sensor.as_deref().unwrap_or("sensor not known");
-        args.talk.note(format!("LiDAR {index} is `{}`, {sensor}", lidar.frame));
-    }
-    let text = format!("{:#}\n", rig_json(&[rig]));
-    match &args.out {
-        None => out!("{text}"),
-        Some(out) => {
-            writable_file(out, args.files.iter().map(PathBuf::as_path))?;
-            write_whole(out, |file| file.write_all(text.as_bytes()).map_err(Error::io(out)))
-        }
-    }
+    let terminal = Terminal::new(args.talk);
+    let text = import_files(&args.files, &settings, args.out.as_deref(), &terminal)?;
+    text.map_or(Ok(()), |text| out!("{text}"))
 }
 
 fn run_compare(args: &CompareArgs) -> Result<(), Error> {
-    let read = |text: &str| -> Result<Rig, Error> {
-        let (file, name) = file_and_name(text);
-        let imported = import(&[file], &settings(&args.reading, None, name))?;
-        imported.notes.iter().for_each(|note| args.talk.detail(note));
-        Ok(imported.rig)
-    };
-    let (before, after) = (read(&args.before)?, read(&args.after)?);
-    let found = compare(&before, &after)?;
+    let settings = settings(&args.reading, None, None);
+    let terminal = Terminal::new(args.talk);
+    let found = compare_files(&args.before, &args.after, &settings, &terminal)?;
     match args.format {
         Format::Json => outln!("{}", json!(found)),
-        Format::Text => print(&found),
+        Format::Text => out!("{}", comparison_text(&found)),
     }
-}
-
-fn print(found: &Comparison) -> Result<(), Error> {
-    let numbers = |values: [f64; 3]| values.map(|value| format!("{value:.5}"));
-    let table = |titles: [&str; 4], rows: &mut dyn Iterator<Item = (String, [f64; 3])>| {
-        let mut all = vec![titles.map(str::to_owned).to_vec()];
-        all.extend(rows.map(|(name, values)| [vec![name], numbers(values).to_vec()].concat()));
-        align_columns(&all)
-    };
-    let moved = found.lidars.iter().map(|l| (l.frame.clone(), [l.moved, l.turned, l.tilted]));
-    out!("{}", table(["LiDAR", "moved m", "turned rad", "axis rad"], &mut moved.into_iter()))?;
-    for (title, all) in [("before: pair", &found.before), ("after: pair", &found.after)] {
-        let mut rows = all.iter().map(|pair| (named(pair), [pair.moved, pair.turned, pair.tilted]));
-        out!("\n{}", table([title, "off mirror m", "turned rad", "axis rad"], &mut rows))?;
-        for pair in all.iter().filter(|pair| pair.same_roll) {
-            outln!(
-                "  ! {}: both have the same roll; in a mirror image roll changes its sign",
-                named(pair)
-            )?;
-        }
-    }
-    Ok(())
-}
-
-fn named(pair: &Asymmetry) -> String {
-    if pair.left == pair.right {
-        return format!("{} with itself", pair.left);
-    }
-    format!("{} with {}", pair.left, pair.right)
 }

@@ -3,10 +3,9 @@
 mod import;
 mod info;
 mod new;
-mod target;
 
-use super::error::Error;
 use super::exit::Exit;
+use crate::runs::Error;
 
 #[derive(clap::Subcommand)]
 pub enum Command {

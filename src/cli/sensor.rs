@@ -7,8 +7,8 @@ use crate::internals::{SensorFacts, sensor_svg, sensor_text, write_whole};
 use crate::vehicle::sensor_file;
 
 use super::args::{Format, Talk};
-use super::error::Error;
 use super::exit::Exit;
+use crate::runs::Error;
 
 #[derive(clap::Subcommand)]
 pub enum Command {

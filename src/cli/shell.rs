@@ -7,9 +7,9 @@ use clap::Command;
 use clap_complete::Shell;
 use clap_mangen::Man;
 
-use super::error::Error;
 use super::exit::Exit;
 use crate::internals::{shared_folder, write_whole};
+use crate::runs::Error;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:

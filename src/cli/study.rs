@@ -1,26 +1,18 @@
 //! `sightline study`: questions that take many runs.
 
-use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use crate::internals::{Input, RunDir, holds_run, study_plot, study_text};
-use crate::psog::Psog;
-use crate::scene::Scene;
-use crate::study::{
-    Kind, Region, Row, StudyObserver, StudySettings, Table, mean_over_scenes, study,
-};
+use crate::internals::study_text;
+use crate::runs::study::{StudyRequest, study_scenes};
+use crate::runs::{Error, Watcher};
+use crate::study::{Kind, Region, StudySettings, Table, mean_over_scenes};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use indicatif::ProgressBar;
-use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::json;
 
-use super::args::{Compute, Conditions, Format, Talk, at_least_one, whole};
-use super::error::Error;
+use super::args::{Compute, Conditions, Format, at_least_one, whole};
 use super::exit::Exit;
-use super::files::told_apart;
-use super::interrupt::Interrupt;
-use super::{load, near_field, progress};
+use super::near_field;
 
 /// A study of one table is a command of its own; all others name their kind.
 pub enum Command {
@@ -132,41 +124,36 @@ pub fn run(command: &Command) -> Result<Exit, Error> {
 }
 
 fn make(args: &Args) -> Result<Exit, Error> {
-    args.compute.start()?;
-    let settings = settings(args)?;
-    let interrupt = Interrupt::listen(args.compute.talk);
-    // What needs several scenes looks at them together; all other kinds at one after the other.
-    let together = args.kind == Kind::Transfer || args.scenes.len() == 1;
-    if together {
-        args.kind.check_scenes(args.scenes.len())?;
-    }
-    let each: Vec<&[PathBuf]> =
-        if together { vec![&args.scenes] } else { args.scenes.chunks(1).collect() };
-    let stems = each.iter().map(|scenes| stem(&scenes[0]));
-    let (folders, mut tables) = (told_apart(stems), Vec::new());
-    for (scenes, name) in each.iter().zip(&folders) {
-        let folder = match &args.out {
-            Some(out) if together => out.clone(),
-            Some(out) => out.join(name),
-            None => PathBuf::from("studies").join(format!("{name}-{}", args.kind.name())),
-        };
-        let found = of_scenes(args, scenes, &settings, &folder, &interrupt)?;
-        if args.format == Format::Text {
-            outln!("{}{}", if tables.is_empty() { "" } else { "\n" }, found.title)?;
-            out!("{}", study_text(&found))?;
-            outln!("\n{}: study.json, table.csv, chart.svg", folder.display())?;
+    let terminal = args.compute.start()?;
+    let request = StudyRequest {
+        kind: args.kind,
+        scenes: args.scenes.clone(),
+        out: args.out.clone(),
+        objective: args.objective.clone(),
+        evaluations: args.evaluations,
+        frames: args.frames,
+        random: args.random,
+        sensors: args.sensor.clone(),
+        regions: args.boxes.clone(),
+        voxel: args.voxel,
+        seed: args.seed,
+        conditions: args.conditions.condition.clone(),
+    };
+    let mut gap = "";
+    let print_one = |found: &Table, folder: &Path| {
+        if args.format == Format::Json {
+            return Ok(());
         }
-        tables.push(found);
-        if interrupt.is_set() {
-            break;
-        }
-    }
+        let gap = std::mem::replace(&mut gap, "\n");
+        outln!("{gap}{}\n{}", found.title, study_text(found))?;
+        outln!("{}: study.json, table.csv, chart.svg", folder.display())
+    };
+    let tables = study_scenes(&request, &args.compute.computing(&terminal), print_one)?;
     print(args, &tables)?;
-    if interrupt.is_set() {
-        args.compute.talk.note("interrupted; the same command goes on");
-        return Ok(Exit::Interrupted);
+    if !terminal.goes_on() {
+        terminal.note("interrupted; the same command goes on");
     }
-    Ok(Exit::Done)
+    Ok(terminal.exit())
 }
 
 /// What comes after the tables of the scenes: their mean, and all of it in JSON.
@@ -180,177 +167,6 @@ fn print(args: &Args, tables: &[Table]) -> Result<(), Error> {
             None => Ok(()),
         },
     }
-}
-
-fn stem(scene: &Path) -> String {
-    scene.file_stem().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-/// The study of one scene, or of several together, in its folder.
-fn of_scenes(
-    args: &Args,
-    paths: &[PathBuf],
-    settings: &StudySettings,
-    folder: &Path,
-    interrupt: &Interrupt,
-) -> Result<Table, Error> {
-    let talk = args.compute.talk;
-    let mut scenes = Vec::new();
-    for path in paths {
-        let (scene, psog, _) = load::scene_and_psog(path, &args.compute)?;
-        load::note_frames(&scene, args.frames, talk);
-        scenes.push((scene, psog));
-    }
-    let recorded = recorded(args, paths, settings)?;
-    let (dir, mut known) = open_folder(folder, &recorded)?;
-    let session = Session {
-        dir: &dir,
-        recorded: &recorded,
-        interrupt,
-        bar: progress::bar(0, "cases", talk),
-        talk,
-        is_named: Cell::new(false),
-        failed: RefCell::default(),
-    };
-    let borrowed: Vec<(&Scene, &Psog)> = scenes.iter().map(|(s, p)| (s, &**p)).collect();
-    let found = study(args.kind, &borrowed, settings, &mut known, &session);
-    session.bar.finish_and_clear();
-    if let Some(error) = session.failed.take() {
-        return Err(error);
-    }
-    let found = found?;
-    session.finish(&known, &found)?;
-    Ok(found)
-}
-
-fn settings(args: &Args) -> Result<StudySettings, Error> {
-    let standard = StudySettings::default();
-    Ok(StudySettings {
-        objective: args.objective.parse()?,
-        evaluations: args.evaluations,
-        frames: args.frames.unwrap_or(standard.frames),
-        random: args.random,
-        voxel: args.voxel.unwrap_or(standard.voxel),
-        seed: args.seed,
-        sensors: args.sensor.clone(),
-        regions: args.boxes.clone(),
-        conditions: args.conditions.condition.clone(),
-        engine: args.compute.engine(),
-    })
-}
-
-/// All that decides about the numbers of a study, and the files that it reads.
-struct Recorded {
-    settings: Value,
-    inputs: Vec<Input>,
-}
-
-/// The state of a study: an interrupted one goes on from it.
-#[derive(Serialize, Deserialize)]
-struct Saved {
-    settings: Value,
-    rows: Vec<Row>,
-}
-
-/// The folder of a study and the rows that it holds; one that holds another study is an error.
-fn open_folder(folder: &Path, recorded: &Recorded) -> Result<(RunDir<Saved>, Vec<Row>), Error> {
-    if !holds_run(folder) {
-        let dir = RunDir::create("study", Some(folder), "", recorded.inputs.clone())?;
-        return Ok((dir, Vec::new()));
-    }
-    let (dir, saved): (RunDir<Saved>, Saved) = RunDir::resume("study", folder)?;
-    if saved.settings != recorded.settings {
-        return Err(Error::Usage(format!(
-            "{}: holds a study of other settings; name another folder with --out",
-            folder.display()
-        )));
-    }
-    dir.check(&recorded.inputs)?;
-    Ok((dir, saved.rows))
-}
-
-/// A study under way, as its folder, the terminal and Ctrl-C see it.
-struct Session<'a> {
-    dir: &'a RunDir<Saved>,
-    recorded: &'a Recorded,
-    interrupt: &'a Interrupt,
-    bar: ProgressBar,
-    talk: Talk,
-    /// Whether the engine was named: engines are opened again and again.
-    is_named: Cell<bool>,
-    /// Why the rows could not be written, which ends the study.
-    failed: RefCell<Option<Error>>,
-}
-
-impl StudyObserver for Session<'_> {
-    fn begins(&self, cases: usize) {
-        self.bar.set_length(cases as u64);
-    }
-
-    fn opened(&self, notes: &[String]) {
-        if !self.is_named.replace(true) {
-            notes.iter().for_each(|note| self.talk.note(note));
-        }
-    }
-
-    fn measured(&self, rows: &[Row]) {
-        let saved = Saved { settings: self.recorded.settings.clone(), rows: rows.to_vec() };
-        if let Err(error) = self.dir.save(&saved) {
-            self.failed.replace(Some(error.into()));
-        }
-    }
-
-    fn done(&self) {
-        self.bar.inc(1);
-    }
-
-    fn goes_on(&self) -> bool {
-        !self.interrupt.is_set() && self.failed.borrow().is_none()
-    }
-}
-
-impl Session<'_> {
-    /// Writes the table and its chart, with the cases there are.
-    fn finish(&self, rows: &[Row], found: &Table) -> Result<(), Error> {
-        let Recorded { settings, inputs } = self.recorded;
-        let notes = &found.notes;
-        let study = json!({ "settings": settings, "inputs": inputs, "rows": rows, "notes": notes });
-        self.dir.write_json("study.json", &study)?;
-        self.dir.write_text("table.csv", &found.csv())?;
-        Ok(self.dir.write_text("chart.svg", &study_plot(found).svg())?)
-    }
-}
-
-fn recorded(args: &Args, scenes: &[PathBuf], settings: &StudySettings) -> Result<Recorded, Error> {
-    let absolute = |paths: &[PathBuf]| -> Result<Vec<PathBuf>, Error> {
-        paths.iter().map(|p| std::path::absolute(p).map_err(Error::io(p))).collect()
-    };
-    let mut inputs = Vec::new();
-    for scene in scenes {
-        inputs.extend(Input::of(&Scene::read(scene)?)?);
-    }
-    for sensor in &args.sensor {
-        inputs.push(Input::read(sensor)?);
-    }
-    let mut settings = json!({
-        "sightline": env!("CARGO_PKG_VERSION"),
-        "study": args.kind.name(),
-        "scenes": absolute(scenes)?,
-        "objective": args.objective,
-        "evaluations": args.evaluations,
-        "frames": settings.frames,
-        "random": args.random,
-        "sensors": absolute(&args.sensor)?,
-        "boxes": args.boxes.iter().map(|region| format!("{region:?}")).collect::<Vec<_>>(),
-        "voxel": args.voxel,
-        "seed": args.seed,
-    });
-    if !args.conditions.condition.is_empty() {
-        let conditions: Vec<String> =
-            args.conditions.condition.iter().map(|condition| condition.to_string()).collect();
-        settings["conditions"] = json!(conditions);
-    }
-    Ok(Recorded { settings, inputs })
 }
 
 fn parse_box(text: &str) -> Result<Region, String> {

@@ -3,13 +3,14 @@
 //! | file | holds |
 //! |---|---|
 //! | `record` | all of `result.json` |
-//! | `words` | the findings of a run as sentences |
+//! | `words`, `record_text` | the findings of a run as sentences, all that it found as text |
 //! | `by_scene` | gains in each of several scenes |
 //! | `table` | columns of scores |
 //! | `svg` | parts of every drawing: page, colours, axes |
 //! | `plot`, `convergence`, `study` | plain charts of some series |
 //! | `sensor`, `sensor_svg` | what a sensor file holds |
-//! | `chart`, `chart_labels`, `chart_table`, `chart_words` | cost against ranking error |
+//! | `chart`, `chart_labels`, `chart_table`, `chart_text`, `chart_words` | cost against ranking error |
+//! | `audit`, `verification`, `psog`, `rig` | what these found or hold, as text |
 //! | `near_field` | what is seen of the ground near the vehicle |
 //! | `placement`, `map` | a placement on its vehicle, and what it sees from above |
 //! | `table`, `text` | the one table of scores, tables as text |
@@ -18,10 +19,12 @@
 //! | `page` | the page |
 
 pub(crate) mod against;
+pub(crate) mod audit;
 pub(crate) mod by_scene;
 pub(crate) mod chart;
 mod chart_labels;
 pub(crate) mod chart_table;
+pub(crate) mod chart_text;
 pub(crate) mod chart_words;
 pub(crate) mod convergence;
 pub(crate) mod map;
@@ -29,13 +32,17 @@ pub(crate) mod near_field;
 mod page;
 pub(crate) mod placement;
 pub(crate) mod plot;
+pub(crate) mod psog;
 pub(crate) mod record;
+pub(crate) mod record_text;
+pub(crate) mod rig;
 pub(crate) mod sensor;
 pub(crate) mod sensor_svg;
 pub(crate) mod study;
 mod svg;
 pub(crate) mod table;
 pub(crate) mod text;
+pub(crate) mod verification;
 mod view;
 pub(crate) mod words;
 

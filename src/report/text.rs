@@ -94,3 +94,15 @@ pub fn poses_text(placement: &Placement) -> String {
 pub(in crate::report) fn phase_text(pose: &SensorPose) -> String {
     pose.phase.map(|phase| format!("{phase:.4}")).unwrap_or_default()
 }
+
+/// Names of scenes, of equal ones the later ones with a number: they tell rows and folders apart.
+pub fn numbered(names: impl IntoIterator<Item = String>) -> Vec<String> {
+    let mut told: Vec<String> = Vec::new();
+    for wanted in names {
+        let numbered = (2..).map(|number| format!("{wanted}-{number}"));
+        let mut candidates = std::iter::once(wanted.clone()).chain(numbered);
+        let free = candidates.find(|name| !told.contains(name));
+        told.push(free.unwrap_or(wanted));
+    }
+    told
+}

@@ -1,17 +1,14 @@
 //! `scene import`: scenes of maps in other formats, and of labelled scans.
 
-use std::io::Write;
 use std::path::PathBuf;
 
-use crate::datasets::{ImportOptions, Imported, LabelledSequence, read_nuscenes, to_scene};
-use crate::internals::{FileError, writable_file, write_whole};
-use crate::scene::Scene;
-use crate::worlds::{import_opendrive, read_opendrive};
+use crate::datasets::ImportOptions;
+use crate::runs::Error;
+use crate::runs::scene::{Origin, import};
 
-use super::target::Target;
 use crate::cli::args::{Talk, finite, whole};
 use crate::cli::datasets::DatasetArgs;
-use crate::cli::error::Error;
+use crate::cli::terminal::Terminal;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -50,47 +47,18 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Error> {
-    let (sets, input) = (&args.datasets, &args.input);
-    if args.nuscenes {
-        let names: Vec<String> = args.scene_name.iter().cloned().collect();
-        let scenes = read_nuscenes(input, sets.version.as_deref(), &names)?;
-        return scenes.iter().try_for_each(|scene| of_scans(args, scene));
-    }
-    if args.carla {
-        return of_scans(args, &sets.carla(input, args.talk)?);
-    }
-    let name = input.to_string_lossy();
-    match name.rsplit('.').next() {
-        Some("xodr" | "gz") => opendrive(args),
-        _ => Err(Error::Usage(format!(
-            "{name}: is of no format that is imported; give an OpenDRIVE file with the ending .xodr"
-        ))),
-    }
-}
-
-fn opendrive(args: &Args) -> Result<(), Error> {
-    let target = Target::new(&args.out, Some(&args.input))?;
-    let text = read_opendrive(&args.input)?;
-    let file = args.input.display().to_string();
-    let world = import_opendrive(&text, &file, args.seed, args.frames as usize)?;
-    target.write(world.mesh(), &world.scene(&target.name(), &target.mesh_name()), args.talk)
-}
-
-/// Plates, boxes and actors of labelled scans.
-fn of_scans(args: &Args, sequence: &dyn LabelledSequence) -> Result<(), Error> {
-    let out = &args.out;
-    writable_file(out, args.datasets.poses.as_deref())?;
-    let imported = to_scene(sequence, &ImportOptions { cell: args.cell })?;
-    let Imported { scene, plates, boxes, actors } = imported;
-    let text = serde_json::to_string(&scene)
-        .map_err(|source| FileError::Json { path: out.clone(), source })?;
-    // A scene that this program would refuse is not written.
-    let read = Scene::from_json(&text, out.parent().unwrap_or(out), &out.display().to_string())?;
-    write_whole(out, |file| writeln!(file, "{text}").map_err(Error::io(out)))?;
-    args.talk.note(format!(
-        "{} frames, {plates} plates of ground, {boxes} boxes, {actors} actors in {}",
-        read.frame_count(),
-        out.display()
-    ));
-    Ok(())
+    let (input, cell) = (args.input.clone(), args.cell);
+    let origin = match (args.nuscenes, args.carla) {
+        (true, _) => Origin::Nuscenes {
+            folder: input,
+            version: args.datasets.version.clone(),
+            scenes: args.scene_name.iter().cloned().collect(),
+            cell,
+        },
+        (false, true) => Origin::Carla(args.datasets.carla(&input), cell),
+        (false, false) => {
+            Origin::OpenDrive { file: input, seed: args.seed, frames: args.frames as usize }
+        }
+    };
+    import(&origin, &args.out, &Terminal::new(args.talk))
 }

@@ -2,16 +2,14 @@
 
 use std::path::PathBuf;
 
-use crate::geom::TriangleSoup;
 use crate::internals::FEWEST_STREET_TRIANGLES;
-use crate::scene::street;
-use crate::worlds::{self, generate, mesh_shape};
+use crate::runs::Error;
+use crate::runs::scene::{new_street, new_world};
+use crate::worlds;
 use clap::ValueEnum;
-use serde_json::{Value, json};
 
-use super::target::Target;
 use crate::cli::args::{Talk, whole};
-use crate::cli::error::Error;
+use crate::cli::terminal::Terminal;
 
 /// Most triangles, well below the limit of a frame.
 const MOST: i64 = 50_000_000;
@@ -69,36 +67,12 @@ impl From<Kind> for worlds::Kind {
 }
 
 pub fn run(args: &Args) -> Result<(), Error> {
-    let target = Target::new(&args.out, None)?;
-    if let Some(triangles) = args.triangles {
-        let soup = street(triangles as usize, args.seed);
-        let scene = plain(&target, args.frames.unwrap_or(4), &soup);
-        return target.write(&soup, &scene, args.talk);
+    let (seed, out, terminal) = (args.seed, &args.out, Terminal::new(args.talk));
+    match args.triangles {
+        Some(count) => new_street(count as usize, seed, args.frames.unwrap_or(4), out, &terminal),
+        None => {
+            let frames = args.frames.unwrap_or(40) as usize;
+            new_world(args.kind.into(), seed, frames, out, &terminal)
+        }
     }
-    let frames = args.frames.unwrap_or(40) as usize;
-    let world = generate(args.kind.into(), args.seed, frames)?;
-    target.write(world.mesh(), &world.scene(&target.name(), &target.mesh_name()), args.talk)
-}
-
-/// Region, sensor and mount of the own scenes, the sensor with 720 azimuth steps.
-fn plain(target: &Target<'_>, frames: u32, soup: &TriangleSoup) -> Value {
-    let body = |size: [f64; 3]| json!([{ "class": "vehicle", "box": { "foot": [0, 0, 0.25], "size": size } }]);
-    let route = |from: [f64; 2], to: [f64; 2], spacing: f64| json!({ "points": [from, to], "spacing": spacing });
-    json!({
-        "sightline": 1,
-        "name": target.name(),
-        "roi": { "min": [-40, -40, -0.5], "max": [40, 40, 5.5], "voxel": [0.2, 0.2, 0.2] },
-        "lidar": { "channels": 16, "fov": [-24.8, 2.0], "azimuth_steps": 720, "range": 100 },
-        "mount": { "min": [-0.6, -0.6, 2.2], "max": [0.6, 0.6, 2.8], "roll": [-0.3, 0.3],
-                   "min_distance": 0.2, "lidars": 4 },
-        "coverage": "first-hit",
-        "frames": frames,
-        "ego": { "body": body([4.5, 1.8, 1.3]), "route": route([-12.0, -1.7], [100.0, -1.7], 3.0) },
-        "static": [mesh_shape(soup, &target.mesh_name())],
-        "actors": [
-            { "name": "oncoming", "parts": body([4.4, 1.8, 1.4]), "route": route([40.0, 1.7], [-100.0, 1.7], 5.0) },
-            { "name": "ahead", "parts": body([4.4, 1.8, 1.4]), "route": route([6.0, -1.7], [100.0, -1.7], 4.0) },
-            { "name": "crossing", "parts": body([8.0, 2.4, 2.8]), "route": route([1.7, -30.0], [1.7, 100.0], 6.0) }
-        ]
-    })
 }

@@ -1,20 +1,20 @@
-//! From the options of a command to a scene, a problem and an evaluator, with what is said on the way.
+//! From files to scenes, problems and evaluators, with what is said on the way.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
+use serde_json::{Value, json};
+
 use crate::engine::open;
-use crate::problem::{Problem, spread};
+use crate::problem::{Problem, StageTimes, spread};
 use crate::psog::Psog;
 use crate::scan::conditions::Condition;
 use crate::scan::in_conditions;
 use crate::scene::{PsogSource, Scene};
 use crate::search::{Evaluator, Member, SearchError, Suite};
 
-use super::args::{Compute, Talk};
-use super::error::Error;
-use super::progress;
+use super::{Computing, Error, Watcher};
 
 /// Seconds until scoring could begin.
 #[derive(Debug, Clone, Copy, Default)]
@@ -44,7 +44,7 @@ pub fn scene(
     path: &Path,
     frames: Option<u32>,
     conditions: &[Condition],
-    compute: &Compute,
+    compute: &Computing<'_>,
 ) -> Result<Loaded, Error> {
     let (scene, psog, mut times) = scene_and_psog(path, compute)?;
     let start = Instant::now();
@@ -68,18 +68,18 @@ pub fn suite(
     paths: &[PathBuf],
     frames: Option<u32>,
     conditions: &[Condition],
-    compute: &Compute,
+    compute: &Computing<'_>,
 ) -> Result<Suited, Error> {
     let mut times = LoadTimes::default();
     let (mut scenes, mut problems) = (Vec::new(), Vec::new());
     for path in paths {
         let (scene, psog, took) = scene_and_psog(path, compute)?;
-        note_frames(&scene, frames, compute.talk);
+        note_frames(&scene, frames, compute.watcher);
         let start = Instant::now();
         let frames = spread(scene.frame_count(), frames);
         let problem = Problem::with_psog(&scene, &psog, &frames)?;
         let problem = Arc::new(in_conditions(&scene, problem, conditions)?);
-        compute.talk.detail(problem.modelled().to_string());
+        compute.watcher.detail(&problem.modelled().to_string());
         problems.push((scene.name().to_owned(), problem));
         times.load += took.load;
         times.build += took.build + start.elapsed().as_secs_f64();
@@ -88,40 +88,41 @@ pub fn suite(
     let start = Instant::now();
     let paths: Vec<&PathBuf> = paths.iter().collect();
     let suite = Suite::new(problems).map_err(|error| in_scene(error, &paths))?;
-    note_classes(&suite, compute.talk);
-    let talk = compute.talk;
-    let opened = Evaluator::open(&suite, &compute.engine(), move |change| talk.note(change));
+    note_classes(&suite, compute.watcher);
+    let watcher = compute.watcher;
+    let told = watcher.notes();
+    let opened = Evaluator::open(&suite, &compute.engine, move |change: &str| told(change));
     let (evaluator, notes) = opened?;
-    notes.iter().for_each(|note| talk.note(note));
+    notes.iter().for_each(|note| watcher.note(note));
     times.build += start.elapsed().as_secs_f64();
     Ok(Suited { scenes, suite, evaluator, times })
 }
 
 /// Reads a scene and says what in it is most likely not meant.
-pub fn read(path: &Path, vehicle: Option<&Path>, talk: Talk) -> Result<Scene, Error> {
+pub fn read(path: &Path, vehicle: Option<&Path>, watcher: &dyn Watcher) -> Result<Scene, Error> {
     let scene = Scene::read_with(path, vehicle)?;
-    scene.notes().iter().for_each(|note| talk.note(note));
+    scene.notes().iter().for_each(|note| watcher.note(note));
     Ok(scene)
 }
 
 /// Reads a scene and reads or builds its P-SOG.
 pub fn scene_and_psog(
     path: &Path,
-    compute: &Compute,
+    compute: &Computing<'_>,
 ) -> Result<(Scene, Arc<Psog>, LoadTimes), Error> {
-    let (start, talk) = (Instant::now(), compute.talk);
-    let scene = read(path, compute.vehicle.as_deref(), talk)?;
+    let (start, watcher) = (Instant::now(), compute.watcher);
+    let scene = read(path, compute.vehicle.as_deref(), watcher)?;
     let from_file = matches!(scene.psog_source(), PsogSource::File(_));
     let mut times = LoadTimes { load: start.elapsed().as_secs_f64(), build: 0.0 };
     let start = Instant::now();
-    let bar = progress::bar(scene.frame_count() as u64, "frames scanned for the P-SOG", talk);
-    let psog = Psog::of(&scene, || bar.inc(1))?;
-    bar.finish_and_clear();
+    let bar = watcher.bar(scene.frame_count() as u64, Some("frames scanned for the P-SOG"));
+    let psog = Psog::of(&scene, || bar.advance(1))?;
+    drop(bar);
     let took = start.elapsed().as_secs_f64();
     *(if from_file { &mut times.load } else { &mut times.build }) += took;
     let same = |&count: &u16| count == 0 || u32::from(count) == psog.frames();
     if psog.counts().iter().all(same) {
-        talk.note(format!(
+        watcher.note(&format!(
             "the P-SOG tells nothing: each voxel is the same in all of its {} frame(s), so that every \
              entropy is 0; give it frames in which something moves",
             psog.frames()
@@ -131,9 +132,9 @@ pub fn scene_and_psog(
 }
 
 /// Reads a scene for its geometry in one frame; its P-SOG is not needed and stays empty.
-pub fn geometry(path: &Path, frame: u32, compute: &Compute) -> Result<Loaded, Error> {
+pub fn geometry(path: &Path, frame: u32, compute: &Computing<'_>) -> Result<Loaded, Error> {
     let start = Instant::now();
-    let scene = read(path, compute.vehicle.as_deref(), compute.talk)?;
+    let scene = read(path, compute.vehicle.as_deref(), compute.watcher)?;
     if !scene.has_geometry() {
         return Err(Error::Usage(format!(
             "{}: has no geometry to cast into; add static shapes, actors or an ego body",
@@ -156,15 +157,15 @@ pub fn geometry(path: &Path, frame: u32, compute: &Compute) -> Result<Loaded, Er
 }
 
 /// Says where `--frames` asks for more than there are.
-pub fn note_frames(scene: &Scene, wanted: Option<u32>, talk: Talk) {
+pub fn note_frames(scene: &Scene, wanted: Option<u32>, watcher: &dyn Watcher) {
     let count = scene.frame_count();
     if let Some(wanted) = wanted.filter(|wanted| *wanted as usize > count) {
-        talk.note(format!("--frames {wanted}: the scene has {count}; all of them are used"));
+        watcher.note(&format!("--frames {wanted}: the scene has {count}; all of them are used"));
     }
 }
 
 /// Says where scenes have other classes than the first: no score but the counts by class compares them.
-pub fn note_classes(suite: &Suite, talk: Talk) {
+pub fn note_classes(suite: &Suite, watcher: &dyn Watcher) {
     let Some((first, others)) = suite.members().split_first() else { return };
     let classes_of = |member: &Member| member.problem().content().classes().to_vec();
     let known = classes_of(first);
@@ -177,7 +178,7 @@ pub fn note_classes(suite: &Suite, talk: Talk) {
         let lists: Vec<String> =
             lists.map(|(w, list)| format!("{w} {}", list.join(", "))).collect();
         if !lists.is_empty() {
-            talk.note(format!(
+            watcher.note(&format!(
                 "{}: its classes are not those of {}: it {}; a count by class is the mean over the scenes that \
                  have the class, nothing else depends on it; give all the same `classes` to compare them",
                 member.name(),
@@ -197,17 +198,31 @@ pub fn in_scene(error: SearchError, scenes: &[&PathBuf]) -> Error {
 }
 
 /// An evaluator of a problem on the engine asked for; says which one that is.
-pub fn evaluator(problem: impl Into<Arc<Problem>>, compute: &Compute) -> Result<Evaluator, Error> {
+pub fn evaluator(
+    problem: impl Into<Arc<Problem>>,
+    compute: &Computing<'_>,
+) -> Result<Evaluator, Error> {
     let problem = problem.into();
-    let choice = compute.engine();
-    compute.talk.detail(problem.modelled().to_string());
-    compute.talk.detail(format!(
+    let (choice, told) = (&compute.engine, compute.watcher.notes());
+    compute.watcher.detail(&problem.modelled().to_string());
+    compute.watcher.detail(&format!(
         "scene and P-SOG take {} MiB, work buffers at most {} MiB",
         problem.bytes() >> 20,
         choice.memory_budget() >> 20
     ));
-    let talk = compute.talk;
-    let opened = open(&problem, &choice, move |change| talk.note(change))?;
-    opened.notes.iter().for_each(|note| talk.note(note));
+    let opened = open(&problem, choice, move |change: &str| told(change))?;
+    opened.notes.iter().for_each(|note| compute.watcher.note(note));
     Ok(Evaluator::new(problem, opened.engine))
+}
+
+/// Seconds of loading, of each stage up to now, and of all since a start.
+pub(super) fn timings(load: LoadTimes, stages: StageTimes, start: Instant) -> Value {
+    json!({
+        "load": load.load,
+        "build": load.build,
+        "cast": stages.cast.as_secs_f64(),
+        "cover": stages.cover.as_secs_f64(),
+        "reduce": stages.reduce.as_secs_f64(),
+        "total": start.elapsed().as_secs_f64(),
+    })
 }

@@ -9,8 +9,8 @@ use crate::scene::Scene;
 use crate::search::{Evaluator, Outcome, Suite};
 use crate::vehicle::Placement;
 
-use crate::cli::error::Error;
-use crate::cli::own_body::add_self_hits;
+use crate::runs::Error;
+use crate::runs::own_body::add_self_hits;
 
 /// The outcome with the guard `self_hit` where a LiDAR looks at the own vehicle: a search does not know it.
 pub(super) fn with_self_hits(

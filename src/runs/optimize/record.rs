@@ -1,18 +1,21 @@
-//! What `optimize` leaves in its run folder.
+//! What a run leaves in its folder.
 
 use std::time::{Duration, Instant};
 
-use crate::internals::{Input, RunDir, peak_memory};
-use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
-use crate::scene::Scene;
-use crate::search::{FrameChoice, LeftOut, Outcome, Run, Scored, Settings, Suite};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use super::OptimizeRequest;
+use super::begun::{Begun, Course, Saved};
 use super::near_field::{unweighted_gains, with_self_hits};
-use super::settings::{Args, Begun, Course, Saved};
-use crate::cli::error::Error;
-use crate::cli::load::LoadTimes;
+use crate::files::{Input, RunDir};
+use crate::report::record::peak_memory;
+
+use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
+use crate::runs::opening::LoadTimes;
+use crate::runs::{Computing, Error};
+use crate::scene::Scene;
+use crate::search::{FrameChoice, LeftOut, Outcome, Run, Scored, Settings, Suite};
 
 /// Scenes with the rules of the options, and their problems over all frames.
 pub(super) struct Opened {
@@ -24,7 +27,8 @@ pub(super) struct Opened {
 
 /// One run of the program on a run folder.
 pub(super) struct Sitting<'a> {
-    pub(super) args: &'a Args,
+    pub(super) request: &'a OptimizeRequest,
+    pub(super) computing: &'a Computing<'a>,
     pub(super) begun: Begun,
     pub(super) opened: Opened,
     pub(super) folder: RunDir<Saved>,
@@ -116,7 +120,7 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
     if let Some(nats) = sitting.begun.near_weight {
         record.near_field = unweighted_gains(&sitting.opened.scenes, suite, outcome, nats)?;
     }
-    let memory = sitting.args.compute.memory;
+    let memory = sitting.computing.engine.memory;
     let (scenes, best, baselines) = (&sitting.opened.scenes, &record.best, &record.baselines);
     let look = |best: &Scored| Looks::new(scenes, suite, &best.placement, baselines, memory);
     let looks = best.as_ref().map(look).transpose()?;

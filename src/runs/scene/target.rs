@@ -3,16 +3,15 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::geom::TriangleSoup;
-use crate::internals::{FileError, is_sink, target, writable_file, write_whole};
-use crate::worlds::write_ply;
 use serde_json::Value;
 
-use crate::cli::args::Talk;
-use crate::cli::error::Error;
+use crate::files::{FileError, is_sink, target, writable_file, write_whole};
+use crate::geom::TriangleSoup;
+use crate::runs::{Error, Watcher};
+use crate::worlds::write_ply;
 
 /// A scene file to be written, with its mesh beside it.
-pub struct Target<'a> {
+pub(super) struct Target<'a> {
     out: &'a Path,
     mesh: PathBuf,
 }
@@ -48,7 +47,12 @@ impl<'a> Target<'a> {
     }
 
     /// Writes both and says so.
-    pub fn write(&self, soup: &TriangleSoup, scene: &Value, talk: Talk) -> Result<(), Error> {
+    pub fn write(
+        &self,
+        soup: &TriangleSoup,
+        scene: &Value,
+        watcher: &dyn Watcher,
+    ) -> Result<(), Error> {
         let mesh = &self.mesh;
         write_whole(mesh, |file| write_ply(soup, file).map_err(Error::io(mesh)))?;
         write_whole(self.out, |file| {
@@ -56,7 +60,7 @@ impl<'a> Target<'a> {
                 .map_err(|source| FileError::Json { path: self.out.to_owned(), source })?;
             file.write_all(b"\n").map_err(Error::io(self.out))
         })?;
-        talk.note(format!(
+        watcher.note(&format!(
             "{} triangles in {}, scene in {}",
             soup.faces.len(),
             mesh.display(),

@@ -1,37 +1,38 @@
-//! `score` over several scenes: the scores in each, and their mean.
+//! Scores of a batch of placements in several scenes, and their mean.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
+use serde_json::{Value, json};
+
+use super::opening::{self, LoadTimes, Suited, timings};
+use super::score::{BLOCK, ScoreRequest, write_coverage, write_out};
+use super::{Computing, Error};
 use crate::engine::{Backend, EngineChoice, open};
-use crate::internals::{shared_folder, writable_file};
+use crate::files::{shared_folder, writable_file};
 use crate::near_field::{FEW_PLACEMENTS, NearSite, self_hits};
 use crate::problem::Problem;
 use crate::report;
 use crate::scene::Scene;
 use crate::score::Scores;
 use crate::search::{Evaluator, Judged, Member, Suite};
-use crate::vehicle::{Placement, PlacementReader};
-use serde_json::{Value, json};
-
-use super::{Args, BLOCK, write_coverage, write_out};
-use crate::cli::args::Format;
-use crate::cli::error::Error;
-use crate::cli::load::{self, LoadTimes, Suited};
-use crate::cli::progress;
+use crate::vehicle::{Placement, PlacementFileError, PlacementReader};
 
 /// Placements that are held at once at most: a mean needs their scores in every scene.
 const MOST: usize = 100_000;
 
-pub(super) fn run(
-    args: &Args,
+/// Scores placements in all scenes and writes tables or JSON, to the request's file or else to `out`.
+pub(super) fn score(
+    args: &ScoreRequest,
+    computing: &Computing<'_>,
     scenes: &[PathBuf],
     placements: &Path,
     start: Instant,
+    out: &mut dyn Write,
 ) -> Result<(), Error> {
-    let conditions = &args.conditions.condition;
-    let suited = load::suite(scenes, args.frames, conditions, &args.compute)?;
+    let suited = opening::suite(scenes, args.frames, &args.conditions, computing)?;
     let Suited { scenes, suite, evaluator, times, .. } = suited;
     if let Some(file) = &args.out {
         let inputs = scenes.iter().flat_map(|scene| scene.files()).map(PathBuf::as_path);
@@ -39,12 +40,12 @@ pub(super) fn run(
     }
     let placements = read(placements)?;
     let mut batch = Batch { evaluator, times, start, judged: Vec::new() };
-    let bar = progress::bar(placements.len() as u64, "placements", args.compute.talk);
+    let bar = computing.watcher.bar(placements.len() as u64, Some("placements"));
     for block in placements.chunks(BLOCK) {
         batch.judged.extend(batch.evaluator.judged(block)?);
-        bar.inc(block.len() as u64);
+        bar.advance(block.len() as u64);
     }
-    bar.finish_and_clear();
+    drop(bar);
     if placements.len() <= FEW_PLACEMENTS {
         batch.add_self_hits(&scenes, &suite, &placements)?;
     }
@@ -55,15 +56,12 @@ pub(super) fn run(
         batch.write_coverage(folder, &placements)?;
     }
     let seconds = start.elapsed().as_secs_f64() - batch.times.load - batch.times.build;
-    write_out(args, |path, out| {
-        let text = match args.format {
-            Format::Json => format!("{:#}\n", batch.json()),
-            Format::Text => batch.text(),
-        };
+    write_out(args, out, |path, out| {
+        let text = if args.as_json { format!("{:#}\n", batch.json()) } else { batch.text() };
         out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Error::io(path))
     })?;
     let (count, frames) = (placements.len(), batch.evaluator.frame_count());
-    args.compute.talk.note(format!(
+    computing.watcher.note(&format!(
         "{count} placements × {frames} frames of all scenes in {seconds:.2} s: {:.1} placements × frames/s",
         (count * frames) as f64 / seconds
     ));
@@ -84,7 +82,7 @@ fn read(path: &Path) -> Result<Vec<Placement>, Error> {
         }
     }
     if placements.is_empty() {
-        return Err(crate::vehicle::PlacementFileError::Empty { path: path.to_owned() }.into());
+        return Err(PlacementFileError::Empty { path: path.to_owned() }.into());
     }
     Ok(placements)
 }
@@ -191,7 +189,7 @@ impl Batch {
                 "threads": rayon::current_num_threads(),
                 "scores": self.of_scene(index),
                 // Loading and the whole are those of all scenes together.
-                "timings": super::timings(self.times, stages, self.start),
+                "timings": timings(self.times, stages, self.start),
             });
             if !engine.changes().is_empty() {
                 scene["backend_changes"] = json!(engine.changes());

@@ -1,10 +1,10 @@
-//! The one error of the program.
+//! The one error of work on files.
 
 use std::path::Path;
 
-use crate::internals::FileError;
+use crate::files::FileError;
 
-/// Everything that ends a command with exit code 2; printed as one sentence.
+/// Why work on files ended early, as one sentence.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -14,7 +14,7 @@ pub enum Error {
     /// From a file or folder.
     #[error(transparent)]
     File(#[from] FileError),
-    /// Arguments that do not fit the scene or each other.
+    /// A request that does not fit the scene or itself.
     #[error("{0}")]
     Usage(String),
 }
@@ -44,12 +44,13 @@ from_modules!(
     crate::rig::RigError,
     crate::scan::ScanError,
     crate::scan::VisibilityError,
+    crate::scan::conditions::ConditionError,
     crate::scene::DescriptionError,
     crate::score::ObjectiveError,
     crate::search::SearchError,
     crate::study::StudyError,
     crate::vehicle::PlacementError,
-    crate::internals::PoseGridError,
+    crate::vehicle::PoseGridError,
     crate::vehicle::PlacementFileError,
     crate::vehicle::SensorError,
     crate::worlds::WorldError,
@@ -57,7 +58,7 @@ from_modules!(
 
 impl Error {
     /// Names the file or folder in an error of the operating system.
-    pub fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
+    pub(crate) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
         |source| FileError::io(path)(source).into()
     }
 }

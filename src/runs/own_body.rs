@@ -5,7 +5,7 @@ use crate::near_field;
 use crate::scene::Scene;
 use crate::search::{Scored, Suite};
 
-use super::error::Error;
+use super::Error;
 
 /// Adds the guard `self_hit` where a LiDAR looks at the own vehicle, by the first scene: neither scores nor
 /// searches know it.

@@ -2,20 +2,24 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::internals::holds_placements;
+use super::Error;
+use crate::vehicle::placement_file::holds_placements;
 use crate::vehicle::{Placement, read_placements};
-
-use super::error::Error;
 
 /// Scenes in the order given, and the file of placements where there is one.
 pub struct Files {
+    /// Scene files.
     pub scenes: Vec<PathBuf>,
+    /// Placements.
     pub placements: Option<PathBuf>,
 }
 
 impl Files {
     /// Sorts files by what they hold: placements are a `.jsonl` file, standard input, or a document
     /// `{"placements": [ … ]}`; all others are scenes.
+    ///
+    /// # Errors
+    /// Two files of placements, or placements without a scene.
     pub fn sort(files: &[PathBuf]) -> Result<Self, Error> {
         let (placements, scenes): (Vec<PathBuf>, Vec<PathBuf>) =
             files.iter().cloned().partition(|file| holds_placements(file));
@@ -37,6 +41,9 @@ impl Files {
 
     /// As [`Self::sort`], for a command that needs placements: where no file is one of them by its look the
     /// last is taken for it, whose own fault then is told.
+    ///
+    /// # Errors
+    /// As of [`Self::sort`], and a single file.
     pub fn with_placements(files: &[PathBuf]) -> Result<(Vec<PathBuf>, PathBuf), Error> {
         let Self { mut scenes, placements } = Self::sort(files)?;
         let placements = placements.or_else(|| scenes.pop());
@@ -50,18 +57,6 @@ impl Files {
     }
 }
 
-/// Names of scenes, of equal ones the later ones with a number: they tell rows and folders apart.
-pub fn told_apart(names: impl IntoIterator<Item = String>) -> Vec<String> {
-    let mut told: Vec<String> = Vec::new();
-    for wanted in names {
-        let numbered = (2..).map(|number| format!("{wanted}-{number}"));
-        let mut candidates = std::iter::once(wanted.clone()).chain(numbered);
-        let free = candidates.find(|name| !told.contains(name));
-        told.push(free.unwrap_or(wanted));
-    }
-    told
-}
-
 /// A file of placements, and the name behind its colon if there is one.
 pub fn file_and_name(text: &str) -> (&str, Option<&str>) {
     match text.rsplit_once(':') {
@@ -71,6 +66,9 @@ pub fn file_and_name(text: &str) -> (&str, Option<&str>) {
 }
 
 /// All placements of a file, or one by its name behind a colon.
+///
+/// # Errors
+/// A file that cannot be read, or has no placement of the name.
 pub fn named_placements(text: &str) -> Result<Vec<Placement>, Error> {
     let (file, name) = file_and_name(text);
     let all = read_placements(Path::new(file))?;

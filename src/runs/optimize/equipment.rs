@@ -2,16 +2,14 @@
 
 use std::time::Instant;
 
-use crate::internals::RunDir;
+use super::bars::Bars;
+use super::begun::{Begun, Course, Saved, Wanted};
+use super::record::{BETWEEN_CHECKPOINTS, Opened};
+use crate::files::RunDir;
+use crate::runs::{Computing, Error};
 use crate::scene::Scene;
 use crate::search::{EquipStep, Equipped, Equipping, Event, Suite};
 use crate::vehicle::Vehicle;
-
-use super::bars::Bars;
-use super::record::{BETWEEN_CHECKPOINTS, Opened};
-use super::settings::{Args, Begun, Course, Saved, Wanted};
-use crate::cli::error::Error;
-use crate::cli::interrupt::Interrupt;
 
 /// The suite with a slot for each sensor of the scenes' vehicle; chosen under the budget, unless the run that
 /// goes on has chosen already. `None` after Ctrl-C.
@@ -20,8 +18,7 @@ pub(super) fn equipped(
     wanted: Option<&Wanted>,
     opened: &Opened,
     folder: &RunDir<Saved>,
-    args: &Args,
-    interrupt: &Interrupt,
+    computing: &Computing<'_>,
 ) -> Result<Option<Suite>, Error> {
     let Some(vehicle) = opened.scenes.first().and_then(Scene::vehicle) else {
         return match begun.budget {
@@ -37,10 +34,10 @@ pub(super) fn equipped(
             let course = Course::Equipping(Box::new(wanted.clone()));
             Ok(folder.save(&Saved { begun: begun.clone(), course })?)
         };
-        let found = choose(vehicle, begun.budget, wanted, &opened.suite, args, interrupt, &save)?;
+        let found = choose(vehicle, begun.budget, wanted, &opened.suite, computing, &save)?;
         let Some(found) = found else {
             let folder = folder.path().display();
-            args.compute.talk.note(format!(
+            computing.watcher.note(&format!(
                 "stopped while the sensors were chosen; go on with --resume {folder}"
             ));
             return Ok(None);
@@ -58,19 +55,18 @@ fn choose(
     budget: Option<f64>,
     wanted: &Wanted,
     suite: &Suite,
-    args: &Args,
-    interrupt: &Interrupt,
+    computing: &Computing<'_>,
     save: &dyn Fn(&Wanted) -> Result<(), Error>,
 ) -> Result<Option<Equipped>, Error> {
-    let (talk, engine) = (args.compute.talk, args.compute.engine());
+    let (watcher, engine) = (computing.watcher, &computing.engine);
     let budget = budget.unwrap_or(f64::INFINITY);
     let objective = &wanted.settings.objective;
-    let mut bars = Bars::new(talk);
+    let mut bars = Bars::new(watcher);
     let mut observe = |event: &Event| {
         bars.show(event);
-        !interrupt.is_set()
+        watcher.goes_on()
     };
-    let opened = Equipping::open(suite, vehicle, objective, budget, &engine, &mut observe)?;
+    let opened = Equipping::open(suite, vehicle, objective, budget, engine, &mut observe)?;
     let Some(choice) = opened else {
         save(wanted)?;
         return Ok(None);
@@ -91,9 +87,9 @@ fn choose(
         }
     };
     bars.clear();
-    talk.note(format!("equipment: {}", found.words_with_price(vehicle)));
+    watcher.note(&format!("equipment: {}", found.words_with_price(vehicle)));
     if found.missing > 0.0 {
-        talk.note(format!(
+        watcher.note(&format!(
             "what must be seen is not seen: {:.1} % is missing with the sensors chosen, over few frames; raise \
              --budget, or lower a `share`",
             100.0 * found.missing

@@ -1,10 +1,9 @@
 //! Charts as tables: the settings of a scene, and the one to take in each of several.
 
+use super::chart_table::seconds;
+use super::chart_words::chart_words;
+use super::text::{align_columns, numbered};
 use crate::chart::Chart;
-use crate::internals::{align_columns, chart_words, seconds};
-
-use crate::cli::error::Error;
-use crate::cli::files::told_apart;
 
 /// Titles of the printed table.
 const TITLES: [&str; 12] = [
@@ -23,15 +22,15 @@ const TITLES: [&str; 12] = [
 ];
 
 /// The table of one scene's settings, and what it means.
-pub(super) fn print(found: &Chart) -> Result<(), Error> {
+pub fn chart_text(found: &Chart) -> String {
     let rows = found.rows();
-    outln!(
-        "{}: {} placements ranked by {}, against {}",
+    let mut text = format!(
+        "{}: {} placements ranked by {}, against {}\n",
         found.scene,
         found.placements.len(),
         found.objective,
         rows.first().map_or("nothing", |row| &row.setting)
-    )?;
+    );
     let cells = rows.iter().map(|row| {
         let mark = if row.same_quantity { " " } else { "*" };
         let error = &row.error;
@@ -55,29 +54,27 @@ pub(super) fn print(found: &Chart) -> Result<(), Error> {
         ]
     });
     let titles = TITLES.map(str::to_owned).to_vec();
-    out!("{}", align_columns(&std::iter::once(titles).chain(cells).collect::<Vec<_>>()))?;
-    outln!(
-        "* other voxels, beams or coverage make the score another quantity; only the ranking compares"
-    )?;
-    outln!(
-        "swapped: of the pairs farther apart than {} % of the best score, those in another order",
+    text += &align_columns(&std::iter::once(titles).chain(cells).collect::<Vec<_>>());
+    text += "* other voxels, beams or coverage make the score another quantity; only the ranking compares\n";
+    text += &format!(
+        "swapped: of the pairs farther apart than {} % of the best score, those in another order\n",
         100.0 * found.tolerance
-    )?;
+    );
     for line in &found.left_out {
-        outln!("left out: {line}")?;
+        text += &format!("left out: {line}\n");
     }
-    outln!()?;
+    text += "\n";
     for line in chart_words(found) {
-        outln!("{line}")?;
+        text += &format!("{line}\n");
     }
-    Ok(())
+    text
 }
 
 /// The setting to take in each scene, a row each.
-pub(super) fn print_summary(charts: &[Chart]) -> Result<(), Error> {
+pub fn charts_text(charts: &[Chart]) -> String {
     let titles = ["scene", "cheapest setting that keeps the ranking", "× faster", "τ", "regret %"];
     let mut rows = vec![titles.map(str::to_owned).to_vec()];
-    let names = told_apart(charts.iter().map(|chart| chart.scene.clone()));
+    let names = numbered(charts.iter().map(|chart| chart.scene.clone()));
     for (name, chart) in names.into_iter().zip(charts) {
         let all = chart.rows();
         let chosen = chart.verdict.and_then(|verdict| Some((verdict, all.get(verdict.setting)?)));
@@ -92,6 +89,5 @@ pub(super) fn print_summary(charts: &[Chart]) -> Result<(), Error> {
             ],
         });
     }
-    outln!("\nall scenes")?;
-    out!("{}", align_columns(&rows))
+    format!("\nall scenes\n{}", align_columns(&rows))
 }

@@ -1,0 +1,115 @@
+//! The terminal as work on files sees it: lines and bars on stderr, Ctrl-C as a wish to stop.
+
+use std::fmt::Write;
+use std::io::IsTerminal;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Once};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+
+use crate::runs::{Bar, Watcher};
+
+use super::args::Talk;
+use super::exit::Exit;
+
+/// Told of work under way by a command.
+pub struct Terminal {
+    talk: Talk,
+    /// Set by Ctrl-C once it is listened for.
+    stops: Arc<AtomicBool>,
+    listens: Once,
+}
+
+impl Terminal {
+    pub fn new(talk: Talk) -> Self {
+        Self { talk, stops: Arc::default(), listens: Once::new() }
+    }
+
+    /// How the command ends: as one that is done, or was stopped.
+    pub fn exit(&self) -> Exit {
+        if self.goes_on() { Exit::Done } else { Exit::Interrupted }
+    }
+}
+
+impl Watcher for Terminal {
+    fn note(&self, sentence: &str) {
+        self.talk.note(sentence);
+    }
+
+    fn detail(&self, sentence: &str) {
+        self.talk.detail(sentence);
+    }
+
+    fn notes(&self) -> Arc<dyn Fn(&str) + Send + Sync> {
+        let talk = self.talk;
+        Arc::new(move |sentence| talk.note(sentence))
+    }
+
+    /// A bar with rate and time left, or with share and time left; nothing where stderr is no terminal.
+    fn bar(&self, total: u64, unit: Option<&str>) -> Box<dyn Bar> {
+        let bar = ProgressBar::new(total);
+        if self.talk.quiet || !std::io::stderr().is_terminal() {
+            bar.set_draw_target(ProgressDrawTarget::hidden());
+            return Box::new(Shown(bar));
+        }
+        let rate = |state: &ProgressState, out: &mut dyn Write| {
+            let _ = write!(out, "{:.1}", state.per_sec());
+        };
+        // With the message of `optimize` in 80 columns.
+        let template = match unit {
+            Some(unit) => {
+                format!("{{bar:16}} {{pos}}/{{len}} {unit}, {{rate}}/s, {{eta}} left {{wide_msg}}")
+            }
+            None => "{bar:16} {percent} %, {eta} left {wide_msg}".to_owned(),
+        };
+        if let Ok(style) = ProgressStyle::with_template(&template) {
+            bar.set_style(style.with_key("rate", rate).progress_chars("=> "));
+        }
+        bar.enable_steady_tick(Duration::from_millis(200));
+        Box::new(Shown(bar))
+    }
+
+    /// A second Ctrl-C ends the program at once.
+    fn listen(&self) {
+        self.listens.call_once(|| {
+            let set = self.stops.clone();
+            let handler = ctrlc::set_handler(move || {
+                if set.swap(true, Ordering::SeqCst) {
+                    std::process::exit(i32::from(Exit::Interrupted.code()));
+                }
+            });
+            if let Err(error) = handler {
+                self.talk.detail(format!("Ctrl-C ends at once: {error}"));
+            }
+        });
+    }
+
+    fn goes_on(&self) -> bool {
+        !self.stops.load(Ordering::SeqCst)
+    }
+}
+
+/// A bar on stderr until it is dropped.
+struct Shown(ProgressBar);
+
+impl Bar for Shown {
+    fn advance(&self, steps: u64) {
+        self.0.inc(steps);
+    }
+
+    fn set(&self, done: u64, total: u64) {
+        self.0.set_length(total);
+        self.0.set_position(done);
+    }
+
+    fn say(&self, words: String) {
+        self.0.set_message(words);
+    }
+}
+
+impl Drop for Shown {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}

@@ -1,0 +1,70 @@
+//! A run's result as text: in words first, the table after.
+
+use std::path::Path;
+
+use super::by_scene::by_scene;
+use super::near_field::unweighted_gain_text;
+use super::record::RunRecord;
+use super::text::{align_columns, findings_text, poses_text, scores_text};
+use super::words::{certificate_in_words, methods_in_words, spread_in_words, verdict};
+
+/// What a run has found and left in its folder, in words first and the table after.
+pub fn record_text(record: &RunRecord, folder: &Path) -> String {
+    let mut text = String::new();
+    let mut rows: Vec<_> = record.best.iter().map(|best| best.scores.clone()).collect();
+    rows.extend(record.baselines.iter().map(|baseline| baseline.scores.clone()));
+    text += &format!("{}\n\n", verdict(record.best.as_ref(), &record.baselines, &record.objective));
+    if let Some(words) = spread_in_words(record) {
+        text += &format!("{words}\n\n");
+    }
+    text += &format!(
+        "{}: maximizing {} over {} frame(s)\n",
+        record.scene, record.objective, record.frames
+    );
+    text += &scores_text(&rows);
+    if let Some(rows) = by_scene(record) {
+        text += "\nscene by scene\n";
+        text += &align_columns(&rows);
+    }
+    if !record.near_field.is_empty() {
+        text += &format!("\n{}", unweighted_gain_text(&record.near_field));
+    }
+    if let Some(words) = &record.equipment {
+        text += &format!("\nequipment: {words}\n");
+    }
+    match &record.best {
+        Some(best) => {
+            text += "\noptimized placement (m, rad):\n";
+            text += &poses_text(&best.placement);
+            if let Some(phases) = &record.phases {
+                text += &format!("\n{}\n", phases.words);
+            }
+            for seen in &best.scores.required {
+                text += &format!("  must be seen: {seen}\n");
+            }
+            for bound in &record.active_bounds {
+                text += &format!("  active: {bound}\n");
+            }
+            if !record.constraints.is_empty() {
+                text += &format!("\nrules kept: {}\n", record.constraints.join("; "));
+            }
+            text += &format!("\nfound by: {}\n", methods_in_words(record));
+            text += &format!("certificate: {}\n", certificate_in_words(record));
+            text += &format!("\n{}\n", findings_text(&record.findings));
+        }
+        None => text += "\nno candidate kept the rules of the mount; widen it\n",
+    }
+    if let Some(frames) = &record.fidelity {
+        text += &format!("\n{}\n", frames.words);
+    }
+    text + &format!(
+        "\nstopped: {}, after {} evaluations in {:.1} s ({:.1} placements × frames/s on {}); report: \
+         {}\n",
+        record.stopped,
+        record.evaluations,
+        record.timings.total,
+        record.rate,
+        record.backend,
+        folder.join("report.html").display()
+    )
+}

@@ -1,0 +1,68 @@
+//! Attempts to fool the scores, and rankings under changes of the model, in scene files.
+
+use std::path::{Path, PathBuf};
+
+use super::inputs::Files;
+use super::{Computing, Error, opening};
+use crate::audit::{AUDIT_PARTS, Audit, AuditEvent, AuditSettings, audit};
+use crate::vehicle::{Placement, read_placements, table_7};
+
+/// What is to be audited.
+#[derive(Debug, Clone, Default)]
+pub struct AuditRequest {
+    /// Scene files, and placements to start from; without them Table 7 of the paper.
+    pub files: Vec<PathBuf>,
+    /// Score by which the best placement is chosen; the default one if none.
+    pub objective: Option<String>,
+    /// Frames to average over; as [`AuditSettings`] if none.
+    pub frames: Option<u32>,
+}
+
+/// Audits scene after scene; `each` is told of every one.
+///
+/// # Errors
+/// Files that cannot be read, as of [`audit`] and of `each`.
+pub fn audit_scenes(
+    request: &AuditRequest,
+    computing: &Computing<'_>,
+    mut each: impl FnMut(&Audit) -> Result<(), Error>,
+) -> Result<Vec<Audit>, Error> {
+    let Files { scenes, placements } = Files::sort(&request.files)?;
+    let honest = match &placements {
+        Some(path) => read_placements(path)?,
+        None => table_7(),
+    };
+    let standard = AuditSettings::default();
+    let objective = request.objective.as_deref().map(str::parse).transpose()?;
+    let settings = AuditSettings {
+        objective: objective.unwrap_or(standard.objective),
+        frames: request.frames.unwrap_or(standard.frames),
+        engine: computing.engine.clone(),
+    };
+    let mut all = Vec::new();
+    for path in &scenes {
+        let found = of_scene(path, &honest, &settings, request.frames, computing)?;
+        each(&found)?;
+        all.push(found);
+    }
+    Ok(all)
+}
+
+/// The audit of one scene.
+fn of_scene(
+    path: &Path,
+    honest: &[Placement],
+    settings: &AuditSettings,
+    frames: Option<u32>,
+    computing: &Computing<'_>,
+) -> Result<Audit, Error> {
+    let watcher = computing.watcher;
+    let (scene, psog, _) = opening::scene_and_psog(path, computing)?;
+    opening::note_frames(&scene, frames, watcher);
+    let bar = watcher.bar(AUDIT_PARTS, Some("parts"));
+    let tell = |event: AuditEvent| match event {
+        AuditEvent::Note(note) => watcher.note(note),
+        AuditEvent::PartDone => bar.advance(1),
+    };
+    Ok(audit(&scene, &psog, honest, settings, &tell)?)
+}

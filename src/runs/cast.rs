@@ -1,0 +1,96 @@
+//! Every beam's hit in one frame of a scene, as a file and as a summary.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::opening::{self, timings};
+use super::{Computing, Error, gltf};
+use crate::export::GltfView;
+use crate::files::{writable_file, write_whole};
+use crate::scan::BeamHits;
+use crate::scene::EgoBody;
+use crate::vehicle::read_placements;
+
+/// Beams to be cast.
+#[derive(Debug, Clone, Default)]
+pub struct CastRequest {
+    /// Scene file with geometry.
+    pub scene: PathBuf,
+    /// File of placements.
+    pub placements: PathBuf,
+    /// File for the hits, `.npz`.
+    pub out: Option<PathBuf>,
+    /// File for scene and hits as binary glTF.
+    pub gltf: Option<PathBuf>,
+    /// Frame of the scene, from 0.
+    pub frame: u32,
+}
+
+/// What beams have hit.
+#[derive(Debug, Serialize)]
+pub struct CastSummary {
+    /// Name of the scene.
+    pub scene: String,
+    /// Kind of engine that cast.
+    pub backend: &'static str,
+    /// Its device.
+    pub adapter: String,
+    /// Frame of the scene.
+    pub frame: u32,
+    /// Beams cast.
+    pub beams: usize,
+    /// Beams that hit something.
+    pub hits: usize,
+    /// Triangles of the frame.
+    pub triangles: usize,
+    /// File of the hits.
+    pub out: Option<PathBuf>,
+    /// Threads of the process.
+    pub threads: usize,
+    /// Seconds of each stage.
+    pub timings: Value,
+}
+
+/// Casts all beams of placements in one frame, and writes the hits where that is asked for.
+///
+/// # Errors
+/// Files that cannot be read or written, a scene without geometry or without the frame, more beams than memory holds.
+pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSummary, Error> {
+    let start = Instant::now();
+    let placements = read_placements(&request.placements)?;
+    let mut loaded = opening::geometry(&request.scene, request.frame, computing)?;
+    if let Some(path) = &request.out {
+        writable_file(path, loaded.inputs(&request.placements))?;
+    }
+    gltf::check(request.gltf.as_deref(), loaded.inputs(&request.placements))?;
+    let soup = loaded.scene.frame(request.frame as usize, EgoBody::Include);
+    let problem = loaded.evaluator.problem().clone();
+    let columns = BeamHits::of(&placements, &problem, &soup.face_class, |poses| {
+        loaded.evaluator.backend_mut().hits(poses, 0)
+    })?;
+    if let Some(path) = &request.out {
+        write_whole(path, |file| columns.write(file, &soup).map_err(Error::io(path)))?;
+    }
+    if request.gltf.is_some() {
+        let points: Vec<_> = columns.points().collect();
+        let (scene, frame) = (&loaded.scene, request.frame as usize);
+        let view = GltfView { scene, frame, placements: &placements, points: &points };
+        gltf::write(request.gltf.as_deref(), computing.watcher, &view)?;
+    }
+    let engine = loaded.evaluator.backend();
+    Ok(CastSummary {
+        scene: loaded.scene.name().to_owned(),
+        backend: engine.name(),
+        adapter: engine.adapter().to_owned(),
+        frame: request.frame,
+        beams: columns.beams(),
+        hits: columns.hits(),
+        triangles: soup.faces.len(),
+        out: request.out.clone(),
+        threads: rayon::current_num_threads(),
+        timings: timings(loaded.times, engine.times(), start),
+    })
+}

@@ -1,0 +1,243 @@
+//! Cost against accuracy in folders of their own, one a scene, gone on with after an interruption.
+
+use std::cell::RefCell;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use super::inputs::Files;
+use super::{Bar, Computing, Error, Watcher, opening};
+use crate::chart::{Chart, ChartObserver, ChartSettings, ChartState, chart};
+use crate::engine::EngineChoice;
+use crate::files::{Input, RunDir};
+use crate::report::chart::fidelity_svg;
+use crate::report::chart_table::{ChartFrame, fidelity_csv};
+use crate::report::chart_words::chart_words;
+use crate::report::text::numbered;
+use crate::vehicle::{read_placements, table_7};
+
+/// Charts to be made, or one to go on with.
+#[derive(Debug, Clone)]
+pub struct ChartRequest {
+    /// Scene files, and placements to rank; without them Table 7 of the paper.
+    pub files: Vec<PathBuf>,
+    /// Folder; of several scenes one in it for each.
+    pub out: Option<PathBuf>,
+    /// Folder of an interrupted chart, in place of files.
+    pub resume: Option<PathBuf>,
+    /// Score that ranks the placements.
+    pub objective: String,
+    /// Random placements that are ranked, too.
+    pub random: u32,
+    /// How much worse the best placement of a coarser setting may be, as a share of the score.
+    pub tolerance: f64,
+    /// Edge of the finest voxels in metres.
+    pub finest: Option<f64>,
+    /// Fewer combinations and repeats.
+    pub quick: bool,
+    /// Of the random placements and of the bootstrap.
+    pub seed: u64,
+}
+
+/// The chart of a scene.
+#[derive(Debug)]
+pub struct Charted {
+    /// What was measured.
+    pub chart: Chart,
+    /// Where it was written.
+    pub folder: PathBuf,
+    /// All of `chart.json`.
+    pub answer: Value,
+}
+
+/// Makes the charts, one a scene, until the watcher stops them; `each` is told of every one. Returns how many were
+/// asked for, and those that were made.
+///
+/// # Errors
+/// Files that cannot be read or written, as of [`chart`] and of `each`.
+pub fn chart_scenes(
+    request: &ChartRequest,
+    computing: &Computing<'_>,
+    mut each: impl FnMut(&Charted) -> Result<(), Error>,
+) -> Result<(usize, Vec<Charted>), Error> {
+    let watcher = computing.watcher;
+    watcher.listen();
+    let begun = begun(request, &computing.engine)?;
+    let (count, mut charts) = (begun.len(), Vec::new());
+    for begun in begun {
+        let found = of_scene(begun, request.tolerance, computing)?;
+        each(&found)?;
+        if found.chart.missing > 0 {
+            watcher.note(&format!(
+                "interrupted with {} settings to go; go on with --resume {}",
+                found.chart.missing,
+                found.folder.display()
+            ));
+        }
+        charts.push(found);
+        if !watcher.goes_on() {
+            break;
+        }
+    }
+    Ok((count, charts))
+}
+
+/// All that a chart goes on from.
+#[derive(Clone, Serialize, Deserialize)]
+struct Saved {
+    scene: PathBuf,
+    settings: ChartSettings,
+    #[serde(flatten)]
+    state: ChartState,
+}
+
+/// A chart to be made: in a new folder, or in one that an earlier run has left.
+struct Begun {
+    saved: Saved,
+    resumed: Option<RunDir<Saved>>,
+    /// Where a new folder is to be, if it was said.
+    out: Option<PathBuf>,
+    /// Name of the scene among those of the command.
+    name: String,
+}
+
+/// The charts that are asked for, one a scene.
+fn begun(request: &ChartRequest, engine: &EngineChoice) -> Result<Vec<Begun>, Error> {
+    if let Some(folder) = &request.resume {
+        let (dir, saved) = RunDir::<Saved>::resume("chart", folder)?;
+        return Ok(vec![Begun { saved, resumed: Some(dir), out: None, name: String::new() }]);
+    }
+    let Files { scenes, placements } = Files::sort(&request.files)?;
+    let settings = ChartSettings {
+        given: match &placements {
+            Some(file) => read_placements(file)?,
+            None => table_7(),
+        },
+        random: request.random,
+        objective: request.objective.parse()?,
+        finest: request.finest,
+        quick: request.quick,
+        seed: request.seed,
+        engine: engine.clone(),
+    };
+    let stem = |scene: &PathBuf| scene.file_stem().unwrap_or_default().to_string_lossy().into();
+    let names = numbered(scenes.iter().map(stem));
+    let several = scenes.len() > 1;
+    let begun = |(scene, name): (&PathBuf, String)| {
+        let scene = std::path::absolute(scene).map_err(Error::io(scene))?;
+        let out =
+            request.out.as_ref().map(|out| if several { out.join(&name) } else { out.clone() });
+        let saved = Saved { scene, settings: settings.clone(), state: ChartState::default() };
+        Ok(Begun { saved, resumed: None, out, name })
+    };
+    scenes.iter().zip(names).map(begun).collect()
+}
+
+/// The chart of one scene, its folder, and all of `chart.json`.
+fn of_scene(begun: Begun, tolerance: f64, computing: &Computing<'_>) -> Result<Charted, Error> {
+    let watcher = computing.watcher;
+    let Begun { saved, resumed, out, name } = begun;
+    let (scene, psog, _) = opening::scene_and_psog(&saved.scene, computing)?;
+    let inputs = Input::of(&scene)?;
+    let dir = match resumed {
+        Some(dir) => {
+            dir.check(&inputs)?;
+            dir
+        }
+        None => RunDir::create("chart", out.as_deref(), &format!("{name}-chart"), inputs)?,
+    };
+    let settings = ChartSettings { engine: computing.engine.clone(), ..saved.settings.clone() };
+    let mut state = saved.state.clone();
+    let sitting = Sitting {
+        dir: &dir,
+        saved: &saved,
+        bar: watcher.bar(MILLION, None),
+        watcher,
+        failed: RefCell::default(),
+    };
+    let found = chart(scene, psog, &settings, tolerance, &mut state, &sitting);
+    let Sitting { bar, failed, .. } = sitting;
+    drop(bar);
+    if let Some(error) = failed.into_inner() {
+        return Err(error);
+    }
+    let found = found?;
+    let answer = answer(&Saved { state, ..saved.clone() }, &found);
+    write(&dir, &found, &answer)?;
+    Ok(Charted { chart: found, folder: dir.path().to_owned(), answer })
+}
+
+/// Steps of the bar: the share of the work in millionths.
+const MILLION: u64 = 1_000_000;
+
+/// A chart under way, as its folder and the watcher see it.
+struct Sitting<'a> {
+    dir: &'a RunDir<Saved>,
+    saved: &'a Saved,
+    bar: Box<dyn Bar>,
+    watcher: &'a dyn Watcher,
+    /// Why the state could not be written, which ends the chart.
+    failed: RefCell<Option<Error>>,
+}
+
+impl ChartObserver for Sitting<'_> {
+    fn begins(&self, number: usize, of: usize, setting: &str) {
+        self.bar.say(format!("{number}/{of}: {setting}"));
+    }
+
+    fn progress(&self, share: f64) {
+        self.bar.set((share * MILLION as f64) as u64, MILLION);
+    }
+
+    fn measured(&self, state: &ChartState) {
+        if let Some(last) = state.measured.last() {
+            self.watcher.detail(&format!("{} s", last.seconds));
+        }
+        let saved = Saved { state: state.clone(), ..self.saved.clone() };
+        if let Err(error) = self.dir.save(&saved) {
+            self.failed.replace(Some(error.into()));
+        }
+    }
+
+    fn goes_on(&self) -> bool {
+        self.watcher.goes_on() && self.failed.borrow().is_none()
+    }
+}
+
+/// All of `chart.json`.
+fn answer(saved: &Saved, found: &Chart) -> Value {
+    let rows = found.rows();
+    json!({
+        "settings": saved.settings,
+        "scene_file": saved.scene,
+        "yardstick_seconds": saved.state.unit_seconds,
+        "measured": saved.state.measured,
+        "scene": found.scene,
+        "placements": found.placements,
+        "tolerance": found.tolerance,
+        "threads": rayon::current_num_threads(),
+        "reference": rows.first().map(|row| &row.setting),
+        "rows": rows,
+        "left_out": found.left_out,
+        "verdict": found.verdict,
+        "words": chart_words(found),
+        "finished": found.missing == 0,
+    })
+}
+
+fn write(dir: &RunDir<Saved>, found: &Chart, answer: &Value) -> Result<(), Error> {
+    let frame = ChartFrame {
+        title: &format!(
+            "{}: {} placements ranked by {}",
+            found.scene,
+            found.placements.len(),
+            found.objective
+        ),
+        edge: found.edge,
+        chosen: found.verdict.map(|verdict| verdict.setting),
+    };
+    dir.write_text("chart.svg", &fidelity_svg(&found.rated, &frame))?;
+    dir.write_text("chart.csv", &fidelity_csv(&found.rated, found.edge))?;
+    Ok(dir.write_json("chart.json", answer)?)
+}

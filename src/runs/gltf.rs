@@ -1,0 +1,36 @@
+//! A frame with its rigs as a file for viewers of glTF, where one is asked for.
+
+use std::path::Path;
+
+use super::{Error, Watcher};
+use crate::export::{Glb, GltfView};
+use crate::files::{is_sink, target, writable_file, write_whole};
+
+/// Checks, before work begins, that the file has the right ending, can be written and is none of `inputs`.
+pub(super) fn check<'a>(
+    path: Option<&Path>,
+    inputs: impl IntoIterator<Item = &'a Path>,
+) -> Result<(), Error> {
+    let Some(path) = path else { return Ok(()) };
+    let is_glb = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
+    if !is_glb && !is_sink(&target(path)?) {
+        return Err(Error::Usage(format!(
+            "--gltf {}: is written as binary glTF; give it the ending .glb",
+            path.display()
+        )));
+    }
+    Ok(writable_file(path, inputs)?)
+}
+
+/// Writes a view where a file is given, and says so.
+pub(super) fn write(
+    path: Option<&Path>,
+    watcher: &dyn Watcher,
+    view: &GltfView<'_>,
+) -> Result<(), Error> {
+    let Some(path) = path else { return Ok(()) };
+    let glb = Glb::of(view)?;
+    write_whole(path, |file| glb.write(file).map_err(Error::io(path)))?;
+    watcher.note(&format!("frame {} of {} in {}", view.frame, view.scene.name(), path.display()));
+    Ok(())
+}

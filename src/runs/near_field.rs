@@ -1,0 +1,97 @@
+//! What placements see of the ground and of poles near the vehicle, of files.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::{Computing, Error, opening};
+use crate::files::{writable_file, write_whole};
+use crate::near_field::{Footprint, NearField, NearSite};
+use crate::problem::{Problem, spread};
+use crate::psog::Psog;
+use crate::report::near_field::near_field_svg;
+use crate::scene::Scene;
+use crate::vehicle::{Placement, read_placements, table_7};
+
+/// Placements whose near field is looked at.
+#[derive(Debug, Clone, Default)]
+pub struct NearFieldRequest {
+    /// Scene file.
+    pub scene: PathBuf,
+    /// File of placements; Table 7 of the paper if none.
+    pub placements: Option<PathBuf>,
+    /// SVG file for blind zones and poles from above.
+    pub out: Option<PathBuf>,
+    /// Frames to average over; all if none.
+    pub frames: Option<u32>,
+}
+
+/// Near fields in one scene; an interrupted answer holds the first ones.
+#[derive(Debug, Serialize)]
+pub struct NearFields {
+    /// Name of the scene.
+    pub scene: String,
+    /// Frames averaged over.
+    pub frames: usize,
+    /// Outline of the own vehicle.
+    pub footprint: Footprint,
+    /// Ground within 10 m in m², mean of the frames.
+    pub ground_area: f64,
+    /// Of each placement, in order.
+    pub near_fields: Vec<NearField>,
+}
+
+/// Looks at the near field of each placement, and draws it where that is asked for.
+///
+/// # Errors
+/// Files that cannot be read or written, a scene without geometry or own body.
+pub fn near_fields(
+    request: &NearFieldRequest,
+    computing: &Computing<'_>,
+) -> Result<NearFields, Error> {
+    let watcher = computing.watcher;
+    let placements = request.placements.as_deref();
+    let placements = placements.map_or_else(|| Ok(table_7()), read_placements)?;
+    let scene = opening::read(&request.scene, computing.vehicle.as_deref(), watcher)?;
+    opening::note_frames(&scene, request.frames, watcher);
+    if let Some(file) = &request.out {
+        let inputs = scene.files().iter().map(PathBuf::as_path);
+        writable_file(file, inputs.chain(request.placements.as_deref()))?;
+    }
+    let problem = problem(&scene, &request.scene, request.frames)?;
+    let mut evaluator = opening::evaluator(problem, computing)?;
+    let site = NearSite::new(&scene, &evaluator.shared_problem())?;
+    watcher.listen();
+    let bar = watcher.bar(placements.len() as u64, Some("placements"));
+    let mut all = Vec::new();
+    for placement in placements.iter().take_while(|_| watcher.goes_on()) {
+        all.push(site.look(evaluator.backend_mut(), placement)?);
+        bar.advance(1);
+    }
+    drop(bar);
+    if let Some(file) = &request.out {
+        let drawn: Vec<(&Placement, &NearField)> = placements.iter().zip(&all).collect();
+        let svg = near_field_svg(site.footprint(), &drawn);
+        write_whole(file, |out| out.write_all(svg.as_bytes()).map_err(Error::io(file)))?;
+    }
+    Ok(NearFields {
+        scene: scene.name().to_owned(),
+        frames: evaluator.problem().frame_count(),
+        footprint: site.footprint().clone(),
+        ground_area: site.ground_area(),
+        near_fields: all,
+    })
+}
+
+/// The scene's geometry over some frames; its P-SOG is not needed and stays empty.
+fn problem(scene: &Scene, path: &Path, frames: Option<u32>) -> Result<Problem, Error> {
+    if !scene.has_geometry() {
+        return Err(Error::Usage(format!(
+            "{}: has no geometry to cast into; add static shapes, actors and an ego body",
+            path.display()
+        )));
+    }
+    let psog = Psog::new(scene.roi().grid()?, 1, scene.classes().to_vec(), vec![], vec![])?;
+    Ok(Problem::with_psog(scene, &psog, &spread(scene.frame_count(), frames))?)
+}

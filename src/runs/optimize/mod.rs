@@ -1,0 +1,269 @@
+//! A search in a run folder: begun or gone on with, saved on the way, recorded at its end.
+
+mod bars;
+mod begun;
+mod equipment;
+mod near_field;
+mod record;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::opening::{self, LoadTimes};
+use super::{Computing, Error, gltf};
+use crate::export::GltfView;
+use crate::files::{Input, RunDir};
+use crate::near_field::weighted;
+use crate::problem::Problem;
+use crate::report::RunRecord;
+use crate::scan::conditions::{Condition, ConditionError};
+use crate::scan::in_conditions;
+use crate::scene::Scene;
+use crate::search::{Event, Outcome, Run, SearchError, Settings, Suite, TimeLimit};
+use crate::vehicle::MountRules;
+use bars::Bars;
+use begun::{Begun, Course, Saved, Wanted};
+use record::{BETWEEN_CHECKPOINTS, Opened, Sitting, finish, read_spent, save};
+
+/// A search to begin or to go on with.
+#[derive(Debug, Clone)]
+pub struct OptimizeRequest {
+    /// Which.
+    pub start: Start,
+    /// Seconds from the start after which the search ends.
+    pub max_seconds: Option<f64>,
+    /// Frames that were asked for, of which more than a scene has are worth a note.
+    pub frames: Option<u32>,
+    /// File for the first scene with the result, as binary glTF.
+    pub gltf: Option<PathBuf>,
+}
+
+/// Where a search starts.
+#[derive(Debug, Clone)]
+pub enum Start {
+    /// At its beginning.
+    New(Box<NewRun>),
+    /// Where the run in a folder stopped, to the same bytes that it would have given.
+    Resume(PathBuf),
+}
+
+/// A search that is to begin.
+#[derive(Debug, Clone, Default)]
+pub struct NewRun {
+    /// Scene files; of several the mean is maximized.
+    pub scenes: Vec<PathBuf>,
+    /// Whether each scene counts mirrored, too.
+    pub mirror: bool,
+    /// Folder of the run; `runs/SCENE`, numbered, if none.
+    pub out: Option<PathBuf>,
+    /// Score to maximize, in place of that of the settings.
+    pub objective: Option<String>,
+    /// How to search.
+    pub settings: Settings,
+    /// Rules beside those of the scene.
+    pub rules: MountRules,
+    /// Placements to compare with, in place of Table 7 of the paper.
+    pub baselines: Option<PathBuf>,
+    /// More placements to start from.
+    pub inject: Option<PathBuf>,
+    /// Most that the sensors of a vehicle may cost.
+    pub budget: Option<f64>,
+    /// Nats that near ground counts more.
+    pub near_weight: Option<f64>,
+    /// Weather and faults.
+    pub conditions: Vec<Condition>,
+}
+
+/// What a run has found.
+#[derive(Debug)]
+pub struct Optimized {
+    /// All of `result.json`.
+    pub record: RunRecord,
+    /// The run folder.
+    pub folder: PathBuf,
+}
+
+/// Searches in a run folder until the end or until the watcher stops it; nothing if that was while a vehicle's sensors
+/// were chosen.
+///
+/// # Errors
+/// Files that cannot be read or written, settings that do not fit the scenes, no candidate that keeps the rules.
+pub fn optimize(
+    request: &OptimizeRequest,
+    computing: &Computing<'_>,
+) -> Result<Option<Optimized>, Error> {
+    let start = Instant::now();
+    let (folder, mut begun, course, out) = match &request.start {
+        Start::Resume(path) => {
+            let (folder, saved) = RunDir::<Saved>::resume("optimize", path)?;
+            (Some(folder), saved.begun, saved.course, None)
+        }
+        Start::New(new) => {
+            let begun = new.begun(computing.vehicle.as_ref())?;
+            let course = Course::Equipping(Box::new(new.wanted()?));
+            (None, begun, course, new.out.as_deref())
+        }
+    };
+    gltf::check(request.gltf.as_deref(), begun.scenes().map(PathBuf::as_path))?;
+    let mut opened = open(&begun, request.frames, computing)?;
+    computing.watcher.listen();
+    let folder = match folder {
+        Some(folder) => folder,
+        // Before the search, so that a folder that cannot be written is found out now.
+        None => RunDir::create("optimize", out, &begun.folder(), opened.inputs.clone())?,
+    };
+    folder.check(&opened.inputs)?;
+    let Some(run) = begin(&mut begun, course, &mut opened, &folder, computing)? else {
+        return Ok(None);
+    };
+    let earlier = read_spent(&folder);
+    let mut sitting = Sitting { request, computing, begun, opened, folder, run, earlier, start };
+    let outcome = sitting.search()?;
+    let record = finish(&sitting, &outcome)?;
+    sitting.check(&record)?;
+    sitting.write_gltf(&record)?;
+    Ok(Some(Optimized { record, folder: sitting.folder.path().to_owned() }))
+}
+
+/// The search, with a slot for each sensor of the vehicle; `None` after Ctrl-C while the sensors were chosen.
+fn begin(
+    begun: &mut Begun,
+    course: Course,
+    opened: &mut Opened,
+    folder: &RunDir<Saved>,
+    computing: &Computing<'_>,
+) -> Result<Option<Run>, Error> {
+    let wanted = match &course {
+        Course::Equipping(wanted) => Some(&**wanted),
+        Course::Run(_) => None,
+    };
+    let suite = equipment::equipped(begun, wanted, opened, folder, computing)?;
+    let Some(suite) = suite else { return Ok(None) };
+    opened.suite = suite.clone();
+    let Wanted { settings, plainly, .. } = match course {
+        Course::Run(state) => return Ok(Some(Run::resume(suite, *state))),
+        Course::Equipping(wanted) => *wanted,
+    };
+    let settings = match &begun.equipped {
+        Some(equipped) => equipped.begin(settings, suite.constraints(), plainly),
+        None => settings,
+    };
+    Run::new(suite, &settings).map(Some).map_err(|error| in_scene(error, begun))
+}
+
+/// Scenes and problems of a run.
+fn open(begun: &Begun, frames: Option<u32>, computing: &Computing<'_>) -> Result<Opened, Error> {
+    let mut times = LoadTimes::default();
+    let (mut scenes, mut problems, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
+    for path in begun.scenes() {
+        let (scene, problem) = open_scene(path, begun, frames, computing, &mut times)?;
+        inputs.extend(Input::of(&scene)?);
+        problems.push((scene.name().to_owned(), problem));
+        scenes.push(scene);
+    }
+    let suite = Suite::new(problems).map_err(|error| in_scene(error, begun))?;
+    opening::note_classes(&suite, computing.watcher);
+    let suite = if begun.mirror { suite.with_mirror_images() } else { suite };
+    Ok(Opened { scenes, suite, inputs, times })
+}
+
+/// A scene with the rules of the options, and its problem over all frames.
+fn open_scene(
+    path: &Path,
+    begun: &Begun,
+    frames: Option<u32>,
+    computing: &Computing<'_>,
+    times: &mut LoadTimes,
+) -> Result<(Scene, Arc<Problem>), Error> {
+    let watcher = computing.watcher;
+    let computing = Computing { vehicle: begun.vehicle.clone(), ..computing.clone() };
+    let (scene, psog, took) = opening::scene_and_psog(path, &computing)?;
+    opening::note_frames(&scene, frames, watcher);
+    let scene = scene
+        .with_rules(&begun.rules, &path.display().to_string())
+        .map_err(|error| Error::Usage(format!("options for the mount: {error}")))?;
+    let building = Instant::now();
+    let all: Vec<usize> = (0..scene.frame_count()).collect();
+    let conditions = begun.conditions.iter().map(|text| text.parse());
+    let conditions = conditions.collect::<Result<Vec<Condition>, ConditionError>>();
+    let conditions = conditions.map_err(Error::from)?;
+    let problem = Problem::with_psog(&scene, &psog, &all)?;
+    let problem = in_conditions(&scene, problem, &conditions)?;
+    let problem = Arc::new(match begun.near_weight {
+        Some(nats) => weighted(&scene, problem, nats)?,
+        None => problem,
+    });
+    watcher.detail(&problem.modelled().to_string());
+    watcher.detail(&format!(
+        "scene and P-SOG take {} MiB, work buffers at most {} MiB",
+        problem.bytes() >> 20,
+        computing.engine.memory_budget() >> 20
+    ));
+    times.load += took.load;
+    times.build += took.build + building.elapsed().as_secs_f64();
+    Ok((scene, problem))
+}
+
+/// An error of the settings, with the scene that they do not fit.
+fn in_scene(error: SearchError, begun: &Begun) -> Error {
+    let scenes: Vec<&PathBuf> = begun.scenes().collect();
+    opening::in_scene(error, &scenes)
+}
+
+impl Sitting<'_> {
+    /// Runs to the outcome; the state is saved on the way.
+    fn search(&mut self) -> Result<Outcome, Error> {
+        let watcher = self.computing.watcher;
+        let time = self.request.max_seconds.map(|seconds| TimeLimit {
+            start: self.start,
+            length: Duration::from_secs_f64(seconds),
+        });
+        self.run.open_with(self.computing.engine.clone(), time);
+        let mut bars = Bars::new(watcher);
+        let mut saved: Option<Instant> = None;
+        let outcome = loop {
+            let mut observe = |event: &Event| {
+                bars.show(event);
+                watcher.goes_on()
+            };
+            let outcome = self.run.step(&mut observe)?;
+            let is_due = saved.is_none_or(|saved| saved.elapsed() > BETWEEN_CHECKPOINTS);
+            if outcome.is_some() || is_due {
+                save(self)?;
+                saved = Some(Instant::now());
+            }
+            if let Some(outcome) = outcome {
+                break outcome;
+            }
+        };
+        bars.clear();
+        let generation = outcome.history.len();
+        let mut line = format!("stopped after generation {generation}: {}", outcome.stopped);
+        if outcome.stopped.is_unfinished() {
+            line += &format!("; go on with --resume {}", self.folder.path().display());
+        }
+        watcher.note(&line);
+        Ok(outcome)
+    }
+
+    /// Nothing found is an error, unless the search was stopped before its end.
+    fn check(&self, record: &RunRecord) -> Result<(), Error> {
+        if record.best.is_some() || !self.computing.watcher.goes_on() {
+            return Ok(());
+        }
+        Err(Error::Usage(format!(
+            "{}: mount: no candidate kept its rules ({}); widen the mount or relax them",
+            self.begun.scene.display(),
+            record.constraints.join("; ")
+        )))
+    }
+
+    /// Writes the result in the first scene where that is asked for.
+    fn write_gltf(&self, record: &RunRecord) -> Result<(), Error> {
+        let Some(best) = &record.best else { return Ok(()) };
+        let (scene, placements) = (&self.opened.scenes[0], std::slice::from_ref(&best.placement));
+        let view = GltfView { scene, frame: 0, placements, points: &[] };
+        gltf::write(self.request.gltf.as_deref(), self.computing.watcher, &view)
+    }
+}

@@ -1,0 +1,155 @@
+//! P-SOG files from scenes, from labelled scans, and from other P-SOG files.
+
+use std::path::{Path, PathBuf};
+
+use super::{Error, Watcher, opening};
+use crate::datasets::{
+    CarlaSequence, CarlaTags, KITTI_LIDAR_HEIGHT, KittiSequence, PsogOptions, build_psog,
+    read_nuscenes,
+};
+use crate::files::{writable_file, write_whole};
+use crate::psog::{BuildReport, Psog, Roi, read_psog, write_psog};
+use crate::scan::scan_scene;
+use crate::scene::{PsogSource, ScanSettings};
+
+/// Region around the ego vehicle, as in the own scenes: lower and upper corner in metres.
+pub const PAPER_REGION: [[f64; 3]; 2] = [[-40.0, -40.0, -0.5], [40.0, 40.0, 5.5]];
+/// Voxel of the paper's segmentation task, in metres.
+pub const PAPER_VOXEL: [f64; 3] = [0.1; 3];
+
+/// What a P-SOG is built from.
+#[derive(Debug, Clone)]
+pub enum Source {
+    /// The geometry of a scene file.
+    Scene(PathBuf),
+    /// Labelled scans.
+    Scans(Scans),
+}
+
+/// Labelled scans, and the grid that their P-SOG is to have.
+#[derive(Debug, Clone)]
+pub struct Scans {
+    /// Where they lie.
+    pub set: DataSet,
+    /// Only so many frames before and after are merged into each; all if none.
+    pub window: Option<u32>,
+    /// Lower and upper corner of the region, metres.
+    pub region: [[f64; 3]; 2],
+    /// Edges of a voxel, metres.
+    pub voxel: [f64; 3],
+}
+
+/// Labelled scans of a public data set.
+#[derive(Debug, Clone)]
+pub enum DataSet {
+    /// A sequence of SemanticKITTI, and its LiDAR's height above the ground in metres if it is another.
+    Kitti(PathBuf, Option<f64>),
+    /// A set of nuScenes with lidarseg, the version of its tables, and its scenes; all if none.
+    Nuscenes(PathBuf, Option<String>, Vec<String>),
+    /// Scans of CARLA.
+    Carla(CarlaScans),
+}
+
+/// Scans of CARLA's semantic LiDAR.
+#[derive(Debug, Clone)]
+pub struct CarlaScans {
+    /// Folder.
+    pub folder: PathBuf,
+    /// CSV of the LiDAR's transforms.
+    pub poses: PathBuf,
+    /// Tags that the points have.
+    pub tags: CarlaTags,
+    /// Height of the LiDAR above the ground in metres; above the road of the first scan if none.
+    pub lidar_height: Option<f64>,
+}
+
+impl CarlaScans {
+    /// Opens the scans, and says how high their LiDAR stands.
+    pub(super) fn open(&self, watcher: &dyn Watcher) -> Result<CarlaSequence, Error> {
+        let sequence =
+            CarlaSequence::open(&self.folder, &self.poses, self.tags, self.lidar_height)?;
+        watcher.detail(&format!(
+            "{}: the LiDAR stands {:.2} m above the ground",
+            self.folder.display(),
+            sequence.lidar_height()
+        ));
+        Ok(sequence)
+    }
+}
+
+/// Builds a P-SOG and writes it to `out`.
+///
+/// # Errors
+/// Files that cannot be read or written, a scene without geometry, a region that makes no grid.
+pub fn build(
+    source: &Source,
+    out: &Path,
+    watcher: &dyn Watcher,
+) -> Result<(Psog, BuildReport), Error> {
+    let scene = match source {
+        Source::Scene(scene) => Some(scene.as_path()),
+        Source::Scans(_) => None,
+    };
+    writable_file(out, scene)?;
+    let (psog, report) = match source {
+        Source::Scene(scene) => of_scene(scene, watcher)?,
+        Source::Scans(scans) => of_scans(scans, watcher)?,
+    };
+    write(out, &psog)?;
+    Ok((psog, report))
+}
+
+fn of_scene(path: &Path, watcher: &dyn Watcher) -> Result<(Psog, BuildReport), Error> {
+    let scene = opening::read(path, None, watcher)?;
+    if !scene.has_geometry() {
+        return Err(Error::Usage(format!(
+            "{}: has no geometry to scan; a P-SOG is built from static shapes and actors",
+            path.display()
+        )));
+    }
+    let settings = match scene.psog_source() {
+        PsogSource::Scan(settings) => *settings,
+        PsogSource::File(_) => ScanSettings::default_of(&scene),
+    };
+    let frames = scene.frame_count() as u64;
+    let bar = watcher.bar(frames, Some("frames scanned for the P-SOG"));
+    Ok(scan_scene(&scene, &scene.roi().grid()?, &settings, || bar.advance(1))?)
+}
+
+fn of_scans(scans: &Scans, watcher: &dyn Watcher) -> Result<(Psog, BuildReport), Error> {
+    let [min, max] = scans.region;
+    let roi = Roi::from_bounds(min, max, scans.voxel)?;
+    let options = PsogOptions { window: scans.window, ..PsogOptions::new(roi) };
+    Ok(match &scans.set {
+        DataSet::Kitti(folder, height) => {
+            let height = height.unwrap_or(KITTI_LIDAR_HEIGHT);
+            build_psog(&[KittiSequence::open(folder)?.with_lidar_height(height)?], &options)?
+        }
+        DataSet::Nuscenes(folder, version, names) => {
+            build_psog(&read_nuscenes(folder, version.as_deref(), names)?, &options)?
+        }
+        DataSet::Carla(scans) => build_psog(&[scans.open(watcher)?], &options)?,
+    })
+}
+
+/// Adds up P-SOG files and writes the sum to `out`.
+///
+/// # Errors
+/// Files that cannot be read or written, grids or classes that differ, no file.
+pub fn merge(psogs: &[PathBuf], out: &Path) -> Result<(), Error> {
+    writable_file(out, psogs.iter().map(PathBuf::as_path))?;
+    let Some((first, rest)) = psogs.split_first() else {
+        return Err(Error::Usage("give P-SOG files to merge".into()));
+    };
+    let mut sum = read_psog(first)?;
+    for path in rest {
+        sum = sum.merge(&read_psog(path)?).map_err(|error| {
+            Error::Usage(format!("{} and {}: {error}", first.display(), path.display()))
+        })?;
+    }
+    write(out, &sum)
+}
+
+fn write(path: &Path, psog: &Psog) -> Result<(), Error> {
+    write_whole(path, |file| write_psog(file, psog).map_err(Error::io(path)))
+}

@@ -1,0 +1,147 @@
+//! Rigs in the formats of other programs, as files: read, written and compared.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::inputs::file_and_name;
+use super::{Error, Watcher};
+use crate::files::{shared_folder, writable_file, write_whole};
+use crate::rig::{
+    Comparison, Exported, Fan, ImportSettings, Imported, Mounting, RigError, RigFormat, compare,
+    export, import, read_rig, rig_json,
+};
+use crate::scene::Scene;
+
+/// Frames left out that a note lists.
+const MOST_LISTED: usize = 12;
+
+/// A placement that is to be written in the format of another program.
+#[derive(Debug, Clone)]
+pub struct ExportRequest {
+    /// File of placements, with the name of one of them behind a colon where there are several.
+    pub placement: String,
+    /// Format to write.
+    pub format: RigFormat,
+    /// File or folder to write; none returns the text.
+    pub out: Option<PathBuf>,
+    /// Name of each LiDAR's frame; their own if empty.
+    pub frames: Vec<String>,
+    /// Sensor by frame, in place of those that LiDARs name.
+    pub sensors: BTreeMap<String, String>,
+    /// Scene whose sensor CARLA is to cast where a LiDAR names none.
+    pub scene: Option<PathBuf>,
+    /// What lies between frames and optical centres.
+    pub mounting: Mounting,
+}
+
+/// Writes a placement in the format of another program; returns its text where no file is given.
+///
+/// # Errors
+/// Files that cannot be read or written, names that do not fit the rig, what the format cannot say.
+pub fn export_file(
+    request: &ExportRequest,
+    watcher: &dyn Watcher,
+) -> Result<Option<String>, Error> {
+    let (file, name) = file_and_name(&request.placement);
+    let file = Path::new(file);
+    let mut rig = read_rig(file, name)?;
+    if !request.frames.is_empty() {
+        let (given, lidars) = (request.frames.len(), rig.lidars.len());
+        if given != lidars {
+            return Err(RigError::FrameCount { given, lidars }.into());
+        }
+        for (lidar, frame) in rig.lidars.iter_mut().zip(&request.frames) {
+            lidar.frame.clone_from(frame);
+        }
+    }
+    for (frame, sensor) in request.sensors.clone() {
+        let known = rig.lidars.iter().map(|lidar| lidar.frame.clone()).collect();
+        match rig.lidars.iter_mut().find(|lidar| lidar.frame == frame) {
+            Some(lidar) => lidar.sensor = Some(sensor),
+            None => {
+                let file = file.display().to_string();
+                return Err(RigError::UnknownFrame { file, frame, known }.into());
+            }
+        }
+    }
+    let scene = request.scene.as_deref().map(Scene::read).transpose()?;
+    let fan = scene.map(|scene| Fan::of(scene.lidar()));
+    let exported = export(&rig, request.format, &request.mounting, fan)?;
+    exported.warnings.iter().for_each(|warning| watcher.note(warning));
+    match &request.out {
+        Some(out) => write_files(&exported, out, file).map(|()| None),
+        None => Ok(Some(exported.files.iter().map(|file| &*file.text).collect())),
+    }
+}
+
+/// Writes one file to `out`, several into the folder `out`.
+fn write_files(exported: &Exported, out: &Path, input: &Path) -> Result<(), Error> {
+    let write = |path: &Path, text: &str| {
+        writable_file(path, [input])?;
+        write_whole(path, |file| file.write_all(text.as_bytes()).map_err(Error::io(path)))
+    };
+    match &exported.files[..] {
+        [file] if !out.is_dir() => write(out, &file.text),
+        files => {
+            shared_folder(out)?;
+            files.iter().try_for_each(|file| write(&out.join(&file.name), &file.text))
+        }
+    }
+}
+
+/// Reads a rig of another program and writes it as a placement; returns its text where no file is given.
+///
+/// # Errors
+/// Files that cannot be read or written, files of no rig.
+pub fn import_files(
+    files: &[PathBuf],
+    settings: &ImportSettings,
+    out: Option<&Path>,
+    watcher: &dyn Watcher,
+) -> Result<Option<String>, Error> {
+    let imported = import(files, settings)?;
+    let rig = &imported.rig;
+    say(&imported, watcher);
+    for (index, lidar) in rig.lidars.iter().enumerate() {
+        let sensor = lidar.sensor.as_deref().unwrap_or("sensor not known");
+        watcher.note(&format!("LiDAR {index} is `{}`, {sensor}", lidar.frame));
+    }
+    let text = format!("{:#}\n", rig_json(&[rig]));
+    let Some(out) = out else { return Ok(Some(text)) };
+    writable_file(out, files.iter().map(PathBuf::as_path))?;
+    write_whole(out, |file| file.write_all(text.as_bytes()).map_err(Error::io(out)))?;
+    Ok(None)
+}
+
+/// Says what was left out and what should be known.
+fn say(imported: &Imported, watcher: &dyn Watcher) {
+    let left_out = &imported.left_out;
+    if !left_out.is_empty() {
+        let shown = left_out[..left_out.len().min(MOST_LISTED)].join(", ");
+        let more = left_out.len().saturating_sub(MOST_LISTED);
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        watcher.note(&format!("left out, not being LiDARs: {shown}{more}"));
+    }
+    imported.notes.iter().for_each(|note| watcher.note(note));
+}
+
+/// Compares two rigs, each a file or folder of any format, or placements with a name behind a colon.
+///
+/// # Errors
+/// Files that cannot be read, rigs of different frames.
+pub fn compare_files(
+    before: &str,
+    after: &str,
+    settings: &ImportSettings,
+    watcher: &dyn Watcher,
+) -> Result<Comparison, Error> {
+    let read = |text: &str| {
+        let (file, name) = file_and_name(text);
+        let settings = ImportSettings { name: name.map(str::to_owned), ..settings.clone() };
+        let imported = import(&[file.into()], &settings)?;
+        imported.notes.iter().for_each(|note| watcher.detail(note));
+        Ok::<_, Error>(imported.rig)
+    };
+    Ok(compare(&read(before)?, &read(after)?)?)
+}

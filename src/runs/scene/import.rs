@@ -1,0 +1,99 @@
+//! Scenes of maps in other formats and of labelled scans, written as scene files.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::target::Target;
+use crate::datasets::{ImportOptions, Imported, LabelledSequence, read_nuscenes, to_scene};
+use crate::files::{FileError, writable_file, write_whole};
+use crate::runs::psog::CarlaScans;
+use crate::runs::{Error, Watcher};
+use crate::scene::Scene;
+use crate::worlds::{import_opendrive, read_opendrive};
+
+/// What a scene is made of.
+#[derive(Debug, Clone)]
+pub enum Origin {
+    /// Roads and lanes of an OpenDRIVE file; all that it does not say comes from the seed.
+    OpenDrive {
+        /// `.xodr`, perhaps compressed.
+        file: PathBuf,
+        /// Of all that the map does not say.
+        seed: u64,
+        /// A tenth of a second apart.
+        frames: usize,
+    },
+    /// Scans of nuScenes with lidarseg.
+    Nuscenes {
+        /// Folder of the set.
+        folder: PathBuf,
+        /// Version of its tables, if there are several.
+        version: Option<String>,
+        /// Names of scenes.
+        scenes: Vec<String>,
+        /// Edge of the cells of plates and boxes, metres.
+        cell: f64,
+    },
+    /// Scans of CARLA's semantic LiDAR, and the edge of the cells of plates and boxes in metres.
+    Carla(CarlaScans, f64),
+}
+
+/// Makes a scene and writes it to `out`.
+///
+/// # Errors
+/// Files that cannot be read or written, a map or a set of another format.
+pub fn import(origin: &Origin, out: &Path, watcher: &dyn Watcher) -> Result<(), Error> {
+    match origin {
+        Origin::OpenDrive { file, seed, frames } => opendrive(file, *seed, *frames, out, watcher),
+        Origin::Nuscenes { folder, version, scenes, cell } => {
+            let scenes = read_nuscenes(folder, version.as_deref(), scenes)?;
+            scenes.iter().try_for_each(|scene| of_scans(scene, *cell, None, out, watcher))
+        }
+        Origin::Carla(scans, cell) => {
+            of_scans(&scans.open(watcher)?, *cell, Some(&scans.poses), out, watcher)
+        }
+    }
+}
+
+fn opendrive(
+    file: &Path,
+    seed: u64,
+    frames: usize,
+    out: &Path,
+    watcher: &dyn Watcher,
+) -> Result<(), Error> {
+    let name = file.to_string_lossy();
+    if !matches!(name.rsplit('.').next(), Some("xodr" | "gz")) {
+        return Err(Error::Usage(format!(
+            "{name}: is of no format that is imported; give an OpenDRIVE file with the ending .xodr"
+        )));
+    }
+    let target = Target::new(out, Some(file))?;
+    let text = read_opendrive(file)?;
+    let world = import_opendrive(&text, &file.display().to_string(), seed, frames)?;
+    target.write(world.mesh(), &world.scene(&target.name(), &target.mesh_name()), watcher)
+}
+
+/// Plates, boxes and actors of labelled scans.
+fn of_scans(
+    sequence: &dyn LabelledSequence,
+    cell: f64,
+    poses: Option<&Path>,
+    out: &Path,
+    watcher: &dyn Watcher,
+) -> Result<(), Error> {
+    writable_file(out, poses)?;
+    let imported = to_scene(sequence, &ImportOptions { cell })?;
+    let Imported { scene, plates, boxes, actors } = imported;
+    let text = serde_json::to_string(&scene)
+        .map_err(|source| FileError::Json { path: out.to_owned(), source })?;
+    // A scene that this program would refuse is not written.
+    let read = Scene::from_json(&text, out.parent().unwrap_or(out), &out.display().to_string())?;
+    write_whole(out, |file| writeln!(file, "{text}").map_err(Error::io(out)))?;
+    watcher.note(&format!(
+        "{} frames, {plates} plates of ground, {boxes} boxes, {actors} actors in {}",
+        read.frame_count(),
+        out.display()
+    ));
+    Ok(())
+}

@@ -1,0 +1,260 @@
+//! Questions that take many runs, in folders of their own, gone on with after an interruption.
+
+use std::cell::{Cell, RefCell};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use super::{Bar, Computing, Error, Watcher, opening};
+use crate::files::{Input, RunDir, holds_run};
+use crate::psog::Psog;
+use crate::report::study::study_plot;
+use crate::report::text::numbered;
+use crate::scan::conditions::Condition;
+use crate::scene::Scene;
+use crate::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, study};
+
+/// A study of scene files.
+#[derive(Debug, Clone)]
+pub struct StudyRequest {
+    /// What to study.
+    pub kind: Kind,
+    /// Scene files: `transfer` looks at all together, every other kind at one after the other.
+    pub scenes: Vec<PathBuf>,
+    /// Folder; of several scenes one in it for each.
+    pub out: Option<PathBuf>,
+    /// Score to maximize where placements are searched.
+    pub objective: String,
+    /// Placements that each search evaluates before swaps.
+    pub evaluations: u64,
+    /// Frames to average over; those of [`StudySettings`] if none.
+    pub frames: Option<u32>,
+    /// Random placements, where the study draws some.
+    pub random: u32,
+    /// Sensor files to compare.
+    pub sensors: Vec<PathBuf>,
+    /// Further regions.
+    pub regions: Vec<Region>,
+    /// Edge of a voxel in metres; that of [`StudySettings`] if none.
+    pub voxel: Option<f64>,
+    /// Of all randomness.
+    pub seed: u64,
+    /// Weather and faults.
+    pub conditions: Vec<Condition>,
+}
+
+/// Makes the study, a folder for each scene or one for all together, until the watcher stops it; `each` is told of
+/// every table and its folder.
+///
+/// # Errors
+/// Files that cannot be read or written, a folder with another study, as of [`study`] and of `each`.
+pub fn study_scenes(
+    request: &StudyRequest,
+    computing: &Computing<'_>,
+    mut each: impl FnMut(&Table, &Path) -> Result<(), Error>,
+) -> Result<Vec<Table>, Error> {
+    let settings = settings(request, computing)?;
+    computing.watcher.listen();
+    // What needs several scenes looks at them together; all other kinds at one after the other.
+    let together = request.kind == Kind::Transfer || request.scenes.len() == 1;
+    if together {
+        request.kind.check_scenes(request.scenes.len())?;
+    }
+    let paths = &request.scenes;
+    let each_of: Vec<&[PathBuf]> = if together { vec![paths] } else { paths.chunks(1).collect() };
+    let stem = |scenes: &&[PathBuf]| {
+        scenes[0].file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    };
+    let (names, mut tables) = (numbered(each_of.iter().map(stem)), Vec::new());
+    for (scenes, name) in each_of.iter().zip(&names) {
+        let folder = match &request.out {
+            Some(out) if together => out.clone(),
+            Some(out) => out.join(name),
+            None => PathBuf::from("studies").join(format!("{name}-{}", request.kind.name())),
+        };
+        let found = of_scenes(request, scenes, &settings, &folder, computing)?;
+        each(&found, &folder)?;
+        tables.push(found);
+        if !computing.watcher.goes_on() {
+            break;
+        }
+    }
+    Ok(tables)
+}
+
+fn settings(request: &StudyRequest, computing: &Computing<'_>) -> Result<StudySettings, Error> {
+    let standard = StudySettings::default();
+    Ok(StudySettings {
+        objective: request.objective.parse()?,
+        evaluations: request.evaluations,
+        frames: request.frames.unwrap_or(standard.frames),
+        random: request.random,
+        voxel: request.voxel.unwrap_or(standard.voxel),
+        seed: request.seed,
+        sensors: request.sensors.clone(),
+        regions: request.regions.clone(),
+        conditions: request.conditions.clone(),
+        engine: computing.engine.clone(),
+    })
+}
+
+/// The study of one scene, or of several together, in its folder.
+fn of_scenes(
+    request: &StudyRequest,
+    paths: &[PathBuf],
+    settings: &StudySettings,
+    folder: &Path,
+    computing: &Computing<'_>,
+) -> Result<Table, Error> {
+    let watcher = computing.watcher;
+    let mut scenes = Vec::new();
+    for path in paths {
+        let (scene, psog, _) = opening::scene_and_psog(path, computing)?;
+        opening::note_frames(&scene, request.frames, watcher);
+        scenes.push((scene, psog));
+    }
+    let recorded = recorded(request, paths, settings, scenes.iter().map(|(scene, _)| scene))?;
+    let (dir, mut known) = open_folder(folder, &recorded)?;
+    let session = Session {
+        dir: &dir,
+        recorded: &recorded,
+        bar: watcher.bar(0, Some("cases")),
+        watcher,
+        done: Cell::default(),
+        cases: Cell::default(),
+        is_named: Cell::new(false),
+        failed: RefCell::default(),
+    };
+    let borrowed: Vec<(&Scene, &Psog)> = scenes.iter().map(|(s, p)| (s, &**p)).collect();
+    let found = study(request.kind, &borrowed, settings, &mut known, &session);
+    if let Some(error) = session.failed.take() {
+        return Err(error);
+    }
+    let found = found?;
+    session.finish(&known, &found)?;
+    Ok(found)
+}
+
+/// All that decides about the numbers of a study, and the files that it reads.
+struct Recorded {
+    settings: Value,
+    inputs: Vec<Input>,
+}
+
+/// The state of a study: an interrupted one goes on from it.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    settings: Value,
+    rows: Vec<Row>,
+}
+
+/// The folder of a study and the rows that it holds; one that holds another study is an error.
+fn open_folder(folder: &Path, recorded: &Recorded) -> Result<(RunDir<Saved>, Vec<Row>), Error> {
+    if !holds_run(folder) {
+        let dir = RunDir::create("study", Some(folder), "", recorded.inputs.clone())?;
+        return Ok((dir, Vec::new()));
+    }
+    let (dir, saved): (RunDir<Saved>, Saved) = RunDir::resume("study", folder)?;
+    if saved.settings != recorded.settings {
+        return Err(Error::Usage(format!(
+            "{}: holds a study of other settings; name another folder with --out",
+            folder.display()
+        )));
+    }
+    dir.check(&recorded.inputs)?;
+    Ok((dir, saved.rows))
+}
+
+/// A study under way, as its folder and the watcher see it.
+struct Session<'a> {
+    dir: &'a RunDir<Saved>,
+    recorded: &'a Recorded,
+    bar: Box<dyn Bar>,
+    watcher: &'a dyn Watcher,
+    done: Cell<u64>,
+    cases: Cell<u64>,
+    /// Whether the engine was named: engines are opened again and again.
+    is_named: Cell<bool>,
+    /// Why the rows could not be written, which ends the study.
+    failed: RefCell<Option<Error>>,
+}
+
+impl StudyObserver for Session<'_> {
+    fn begins(&self, cases: usize) {
+        self.cases.set(cases as u64);
+        self.bar.set(self.done.get(), self.cases.get());
+    }
+
+    fn opened(&self, notes: &[String]) {
+        if !self.is_named.replace(true) {
+            notes.iter().for_each(|note| self.watcher.note(note));
+        }
+    }
+
+    fn measured(&self, rows: &[Row]) {
+        let saved = Saved { settings: self.recorded.settings.clone(), rows: rows.to_vec() };
+        if let Err(error) = self.dir.save(&saved) {
+            self.failed.replace(Some(error.into()));
+        }
+    }
+
+    fn done(&self) {
+        self.done.set(self.done.get() + 1);
+        self.bar.set(self.done.get(), self.cases.get());
+    }
+
+    fn goes_on(&self) -> bool {
+        self.watcher.goes_on() && self.failed.borrow().is_none()
+    }
+}
+
+impl Session<'_> {
+    /// Writes the table and its chart, with the cases there are.
+    fn finish(&self, rows: &[Row], found: &Table) -> Result<(), Error> {
+        let Recorded { settings, inputs } = self.recorded;
+        let notes = &found.notes;
+        let study = json!({ "settings": settings, "inputs": inputs, "rows": rows, "notes": notes });
+        self.dir.write_json("study.json", &study)?;
+        self.dir.write_text("table.csv", &found.csv())?;
+        Ok(self.dir.write_text("chart.svg", &study_plot(found).svg())?)
+    }
+}
+
+/// All that decides about the numbers of a study of some scenes in their files.
+fn recorded<'s>(
+    request: &StudyRequest,
+    paths: &[PathBuf],
+    settings: &StudySettings,
+    scenes: impl Iterator<Item = &'s Scene>,
+) -> Result<Recorded, Error> {
+    let absolute = |paths: &[PathBuf]| -> Result<Vec<PathBuf>, Error> {
+        paths.iter().map(|p| std::path::absolute(p).map_err(Error::io(p))).collect()
+    };
+    let mut inputs = Vec::new();
+    for scene in scenes {
+        inputs.extend(Input::of(scene)?);
+    }
+    for sensor in &settings.sensors {
+        inputs.push(Input::read(sensor)?);
+    }
+    let mut recorded = json!({
+        "sightline": env!("CARGO_PKG_VERSION"),
+        "study": request.kind.name(),
+        "scenes": absolute(paths)?,
+        "objective": request.objective,
+        "evaluations": settings.evaluations,
+        "frames": settings.frames,
+        "random": settings.random,
+        "sensors": absolute(&settings.sensors)?,
+        "boxes": settings.regions.iter().map(|region| format!("{region:?}")).collect::<Vec<_>>(),
+        "voxel": request.voxel,
+        "seed": settings.seed,
+    });
+    if !settings.conditions.is_empty() {
+        let conditions: Vec<String> =
+            settings.conditions.iter().map(|condition| condition.to_string()).collect();
+        recorded["conditions"] = json!(conditions);
+    }
+    Ok(Recorded { settings: recorded, inputs })
+}

@@ -1,0 +1,103 @@
+//! The GPU against the CPU reference bit by bit, and the reference against `f64`, in scene files.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::inputs::Files;
+use super::{Computing, Error, opening};
+use crate::engine::gpu::GpuBackend;
+use crate::problem::{Problem, spread};
+use crate::vehicle::{Placement, read_placements};
+use crate::verify::compare::compared_frames;
+use crate::verify::placements::usual_placements;
+use crate::verify::{Verification, verify};
+
+/// Random placements where nothing else is said.
+const RANDOM: usize = 200;
+/// Hostile ones.
+const HOSTILE: usize = 50;
+
+/// What is to be verified.
+#[derive(Debug, Clone)]
+pub struct VerifyRequest {
+    /// Scene files, and placements; without them usual and hostile ones.
+    pub files: Vec<PathBuf>,
+    /// Frames to compare.
+    pub frames: u32,
+    /// Random placements, 200 if none is said.
+    pub random: Option<usize>,
+    /// Hostile placements, 50 if none is said.
+    pub hostile: Option<usize>,
+    /// Beams of the CPU reference that are compared with brute force in `f64`.
+    pub sample: u64,
+    /// Of the random placements and the sample.
+    pub seed: u64,
+}
+
+/// What was found in a scene.
+#[derive(Debug, Serialize)]
+pub struct Verified {
+    /// Name of the scene.
+    pub scene: String,
+    /// All that was compared.
+    #[serde(flatten)]
+    pub found: Verification,
+    /// Time that it took.
+    pub seconds: f64,
+}
+
+/// Verifies scene after scene; `each` is told of every one.
+///
+/// # Errors
+/// Files that cannot be read, numbers of placements beside a file of them, no device, and as of `each`.
+pub fn verify_scenes(
+    request: &VerifyRequest,
+    computing: &Computing<'_>,
+    mut each: impl FnMut(&Verified) -> Result<(), Error>,
+) -> Result<Vec<Verified>, Error> {
+    let Files { scenes, placements } = Files::sort(&request.files)?;
+    let given = match &placements {
+        Some(path) if request.random.or(request.hostile).is_some() => {
+            return Err(Error::Usage(format!(
+                "{}: holds the placements; leave out --random and --hostile, or this file",
+                path.display()
+            )));
+        }
+        Some(path) => Some(read_placements(path)?),
+        None => None,
+    };
+    let mut all = Vec::new();
+    for path in &scenes {
+        let start = Instant::now();
+        let (scene, found) = of_scene(path, given.as_deref(), request, computing)?;
+        all.push(Verified { scene, found, seconds: start.elapsed().as_secs_f64() });
+        each(&all[all.len() - 1])?;
+    }
+    Ok(all)
+}
+
+/// Name of a scene, and what is verified in it.
+fn of_scene(
+    path: &Path,
+    given: Option<&[Placement]>,
+    request: &VerifyRequest,
+    computing: &Computing<'_>,
+) -> Result<(String, Verification), Error> {
+    let (scene, psog, _) = opening::scene_and_psog(path, computing)?;
+    opening::note_frames(&scene, Some(request.frames), computing.watcher);
+    let frames = spread(scene.frame_count(), Some(request.frames));
+    let problem = Arc::new(Problem::with_psog(&scene, &psog, &frames)?);
+    let (random, hostile) = (request.random.unwrap_or(RANDOM), request.hostile.unwrap_or(HOSTILE));
+    let usual = || usual_placements(&problem, random, hostile, request.seed);
+    let placements = given.map_or_else(usual, <[Placement]>::to_vec);
+    let memory = computing.engine.memory_budget() / 2;
+    let mut gpu = GpuBackend::new(problem.clone(), computing.engine.adapter.as_deref(), memory)?;
+    let steps = (placements.len() * compared_frames(&problem)) as u64;
+    let bar = computing.watcher.bar(steps, Some("placements × frames"));
+    let done = || bar.advance(1);
+    let found = verify(&problem, &mut gpu, &placements, request.sample, request.seed, &done)?;
+    Ok((scene.name().to_owned(), found))
+}

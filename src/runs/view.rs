@@ -1,0 +1,89 @@
+//! The page of a search about a placement that was not searched for.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::inputs::{file_and_name, named_placements};
+use super::opening::{self, Suited};
+use super::own_body::add_self_hits;
+use super::{Computing, Error};
+use crate::files::{writable_file, write_whole};
+use crate::report::{Figures, Looks, SceneRecord, Subject, view_html};
+use crate::scan::conditions::Condition;
+use crate::scene::Scene;
+use crate::score::Objective;
+use crate::search::{Scored, Suite};
+use crate::vehicle::{Placement, table_7};
+
+/// A placement to be shown.
+#[derive(Debug, Clone, Default)]
+pub struct ViewRequest {
+    /// Scene files, and last a file of placements with the name of the one to show behind a colon.
+    pub files: Vec<String>,
+    /// Files of placements to compare with, perhaps with a name behind a colon; Table 7 of the paper if none.
+    pub baselines: Vec<String>,
+    /// Page to write.
+    pub out: PathBuf,
+    /// Weather and faults.
+    pub conditions: Vec<Condition>,
+    /// How the page is made again, which stands on it.
+    pub command: String,
+}
+
+/// Writes the page about a placement.
+///
+/// # Errors
+/// Files that cannot be read or written, no placement to show, scenes that do not go together.
+pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Error> {
+    let Some((placements, scenes)) = request.files.split_last() else {
+        return Err(Error::Usage("give scenes, and a file of placements".into()));
+    };
+    let given = named_placements(placements)?;
+    let shown = given.first().ok_or_else(|| {
+        Error::Usage(format!("{placements}: holds no placement; there is nothing to show"))
+    })?;
+    let baselines = baselines(&request.baselines, shown)?;
+    let paths: Vec<PathBuf> = scenes.iter().map(PathBuf::from).collect();
+    let mut suited = opening::suite(&paths, None, &request.conditions, computing)?;
+    let out = &request.out;
+    let files = suited.scenes.iter().flat_map(|scene| scene.files()).map(PathBuf::as_path);
+    let named = request.baselines.iter().chain([placements]).map(|text| file_and_name(text).0);
+    writable_file(out, files.chain(named.map(Path::new)))?;
+    let page = page(request, computing, &mut suited, shown, &baselines)?;
+    write_whole(out, |file| file.write_all(page.as_bytes()).map_err(Error::io(out)))
+}
+
+/// The layouts to compare with; the one shown is none of them.
+fn baselines(given: &[String], shown: &Placement) -> Result<Vec<Placement>, Error> {
+    let named = given.iter().map(|text| named_placements(text));
+    let named = named.collect::<Result<Vec<_>, _>>()?.concat();
+    let all = if given.is_empty() { table_7() } else { named };
+    Ok(all.into_iter().filter(|baseline| baseline != shown).collect())
+}
+
+fn page(
+    request: &ViewRequest,
+    computing: &Computing<'_>,
+    suited: &mut Suited,
+    shown: &Placement,
+    baselines: &[Placement],
+) -> Result<String, Error> {
+    let Suited { scenes, suite, evaluator, .. } = suited;
+    let (scenes, suite): (&[Scene], &Suite) = (scenes, suite);
+    let all: Vec<Placement> = std::iter::once(shown).chain(baselines).cloned().collect();
+    let objective = Objective::default();
+    let scored = all.iter().zip(evaluator.judged(&all)?);
+    let scored = scored.map(|(p, judged)| Scored::new(p, judged, &objective, suite.constraints()));
+    let mut scored: Vec<Scored> = scored.collect();
+    add_self_hits(scenes, suite, scored.iter_mut())?;
+    let (result, baselines) = (&scored[0], &scored[1..]);
+    let looks = Looks::new(scenes, suite, shown, baselines, computing.engine.memory)?;
+    let figures = Figures::new(Some(result), suite.constraints(), &scenes[0].body(), Some(looks));
+    let records = SceneRecord::several(suite);
+    let names: Vec<&str> = scenes.iter().map(Scene::name).collect();
+    let names = names.join(", ");
+    let objective = objective.to_string();
+    let subject =
+        Subject::given(&names, &records, result, baselines, &objective, request.command.clone());
+    Ok(view_html(&subject, &figures))
+}
