@@ -147,3 +147,25 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
         String::from_utf8_lossy(&help.stdout).contains("sightline scan scenes/urban-crossing.json")
     );
 }
+
+#[test]
+fn a_device_casts_to_the_same_bytes_and_is_named() {
+    let dir = street();
+    let scan = |out: &str, more: &[&str]| {
+        let args = ["scan", "s.json", "--placement", "p.json", "--condition", "fog:mor=60"];
+        let done = sightline(dir.path(), &[&args[..], &["--out", out], more].concat());
+        let said = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(done.status.success(), "{said}");
+        said
+    };
+    let by_device = scan("device", &["--backend", "gpu"]);
+    // Of two placements, and once a run.
+    assert_eq!(by_device.matches("casting on gpu: ").count(), 1, "{by_device}");
+    scan("host", &["--backend", "cpu"]);
+    let [host, device] = ["host", "device"].map(|out| files(&dir.path().join(out)));
+    assert!(host == device && host.len() > 6, "{:?}", host.keys());
+    let wrong = ["scan", "s.json", "--placement", "p.json", "--out", "x", "--adapter", "abacus"];
+    assert!(fails(dir.path(), &wrong).contains("no Vulkan device named `abacus`"));
+    let both = fails(dir.path(), &[&wrong[..], &["--backend", "cpu"]].concat());
+    assert!(both.contains("--adapter abacus: picks a Vulkan device"), "{both}");
+}

@@ -82,6 +82,8 @@ mod own_scenes;
 mod packets;
 mod reference;
 mod round_trip;
+#[cfg(feature = "cli")]
+mod runs;
 mod scenes;
 mod walk;
 mod world;
