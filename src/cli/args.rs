@@ -9,8 +9,7 @@ use crate::runs::Computing;
 use crate::scan::conditions::Condition;
 use clap::{Args, ValueEnum};
 
-use super::output::say;
-use super::terminal::Terminal;
+use super::terminal::{Talk, Terminal};
 use crate::runs::Error;
 
 /// Options of every command that computes scores.
@@ -43,33 +42,6 @@ pub struct Conditions {
     /// beams that do not come back cover nothing
     #[arg(long, value_name = "NAME[:KEY=VALUE,…]")]
     pub condition: Vec<Condition>,
-}
-
-/// How much is said on stderr.
-#[derive(Args, Debug, Clone, Copy)]
-pub struct Talk {
-    /// Say more on stderr
-    #[arg(short, long)]
-    pub verbose: bool,
-    /// Say nothing on stderr but errors
-    #[arg(long, conflicts_with = "verbose")]
-    pub quiet: bool,
-}
-
-impl Talk {
-    /// A line for stderr that is of interest by default.
-    pub fn note(&self, line: impl AsRef<str>) {
-        if !self.quiet {
-            say(line.as_ref());
-        }
-    }
-
-    /// A line for stderr that was asked for.
-    pub fn detail(&self, line: impl AsRef<str>) {
-        if self.verbose {
-            say(line.as_ref());
-        }
-    }
 }
 
 /// Value of `--backend`.

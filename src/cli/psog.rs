@@ -8,10 +8,10 @@ use crate::runs::Error;
 use crate::runs::psog::{DataSet, PAPER_REGION, PAPER_VOXEL, Scans, Source, build, merge};
 use serde_json::json;
 
-use super::args::{Format, Talk};
+use super::args::Format;
 use super::datasets::DatasetArgs;
 use super::exit::Exit;
-use super::terminal::Terminal;
+use super::terminal::{Talk, Terminal};
 
 #[derive(clap::Subcommand)]
 pub enum Command {

@@ -9,9 +9,9 @@ use crate::runs::Error;
 use crate::runs::rig::{ExportRequest, compare_files, export_file, import_files};
 use serde_json::json;
 
-use super::args::{Format, Talk};
+use super::args::Format;
 use super::exit::Exit;
-use super::terminal::Terminal;
+use super::terminal::{Talk, Terminal};
 
 #[derive(clap::Subcommand)]
 pub enum Command {

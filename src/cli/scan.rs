@@ -9,10 +9,10 @@ use crate::scan::Scanning;
 use crate::scan::conditions::Condition;
 use serde_json::json;
 
-use super::args::{BackendChoice, Format, Talk, engine, finite, start_threads, whole};
+use super::args::{BackendChoice, Format, engine, finite, start_threads, whole};
 use super::exit::Exit;
 use super::glb::Gltf;
-use super::terminal::Terminal;
+use super::terminal::{Talk, Terminal};
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:

@@ -6,8 +6,9 @@ use std::path::PathBuf;
 use crate::internals::{SensorFacts, sensor_svg, sensor_text, write_whole};
 use crate::vehicle::sensor_file;
 
-use super::args::{Format, Talk};
+use super::args::Format;
 use super::exit::Exit;
+use super::terminal::Talk;
 use crate::runs::Error;
 
 #[derive(clap::Subcommand)]

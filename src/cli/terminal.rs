@@ -10,8 +10,35 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 use crate::runs::{Bar, Watcher};
 
-use super::args::Talk;
 use super::exit::Exit;
+use super::output::say;
+
+/// How much is said on stderr.
+#[derive(clap::Args, Debug, Clone, Copy)]
+pub struct Talk {
+    /// Say more on stderr
+    #[arg(short, long)]
+    pub verbose: bool,
+    /// Say nothing on stderr but errors
+    #[arg(long, conflicts_with = "verbose")]
+    pub quiet: bool,
+}
+
+impl Talk {
+    /// A line for stderr that is of interest by default.
+    pub fn note(&self, line: impl AsRef<str>) {
+        if !self.quiet {
+            say(line.as_ref());
+        }
+    }
+
+    /// A line for stderr that was asked for.
+    pub fn detail(&self, line: impl AsRef<str>) {
+        if self.verbose {
+            say(line.as_ref());
+        }
+    }
+}
 
 /// Told of work under way by a command.
 pub struct Terminal {

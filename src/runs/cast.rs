@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::opening::{self, timings};
-use super::{Computing, Error, gltf};
+use super::{Computing, Error, glb};
 use crate::export::GltfView;
 use crate::files::{writable_file, write_whole};
 use crate::scan::BeamHits;
@@ -65,7 +65,7 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
     if let Some(path) = &request.out {
         writable_file(path, loaded.inputs(&request.placements))?;
     }
-    gltf::check(request.gltf.as_deref(), loaded.inputs(&request.placements))?;
+    glb::check(request.gltf.as_deref(), loaded.inputs(&request.placements))?;
     let soup = loaded.scene.frame(request.frame as usize, EgoBody::Include);
     let problem = loaded.evaluator.problem().clone();
     let columns = BeamHits::of(&placements, &problem, &soup.face_class, |poses| {
@@ -78,7 +78,7 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
         let points: Vec<_> = columns.points().collect();
         let (scene, frame) = (&loaded.scene, request.frame as usize);
         let view = GltfView { scene, frame, placements: &placements, points: &points };
-        gltf::write(request.gltf.as_deref(), computing.watcher, &view)?;
+        glb::write(request.gltf.as_deref(), computing.watcher, &view)?;
     }
     let engine = loaded.evaluator.backend();
     Ok(CastSummary {

@@ -8,7 +8,8 @@
 //! | `inputs` | which of the files given are scenes, names of placements behind a colon |
 //! | `opening` | from files to scenes, problems and evaluators |
 //! | `own_body` | the guard of placements that look at the own vehicle |
-//! | `score`, `scores` | scores of a batch as a stream, in one scene and in several |
+//! | `glb` | a frame with its rigs as binary glTF |
+//! | `score` | scores of a batch: as a stream in one scene, with their mean in several |
 //! | `optimize` | a search in a run folder: begun, saved, resumed, recorded |
 //! | `study`, `chart` | experiments in folders of their own, resumed |
 //! | `audit`, `verify`, `near_field`, `view` | experiments of scene files, and the page about a placement |
@@ -33,9 +34,8 @@ pub mod verify;
 pub mod view;
 
 mod error;
-mod gltf;
+mod glb;
 mod own_body;
-mod scores;
 
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -8,7 +8,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::inputs::named_placements;
-use super::{Computing, Error, gltf, opening};
+use super::{Computing, Error, glb, opening};
 use crate::engine::scanning_on;
 use crate::export::{Dataset, DatasetSettings, GltfView, Layout, SceneFacts, Splits, record};
 use crate::scan::conditions::Condition;
@@ -202,7 +202,7 @@ impl ScanRequest {
                 frames - 1
             )));
         }
-        gltf::check(Some(path), scene.files().iter().map(PathBuf::as_path))
+        glb::check(Some(path), scene.files().iter().map(PathBuf::as_path))
     }
 
     /// Writes the frame of `--gltf` with the points of its scan.
@@ -219,7 +219,7 @@ impl ScanRequest {
         let points: Vec<_> = scan.points().map(|point| (point.class, point.position)).collect();
         let frame = *frame as usize;
         let view = GltfView { scene, frame, placements, points: &points };
-        gltf::write(Some(path), computing.watcher, &view)
+        glb::write(Some(path), computing.watcher, &view)
     }
 
     fn settings(

@@ -6,9 +6,9 @@ use crate::datasets::ImportOptions;
 use crate::runs::Error;
 use crate::runs::scene::{Origin, import};
 
-use crate::cli::args::{Talk, finite, whole};
+use crate::cli::args::{finite, whole};
 use crate::cli::datasets::DatasetArgs;
-use crate::cli::terminal::Terminal;
+use crate::cli::terminal::{Talk, Terminal};
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:

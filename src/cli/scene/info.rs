@@ -6,8 +6,8 @@ use crate::runs::Error;
 use crate::runs::scene::{SceneCounts, count, counts_text};
 use serde_json::json;
 
-use crate::cli::args::{Format, Talk};
-use crate::cli::terminal::Terminal;
+use crate::cli::args::Format;
+use crate::cli::terminal::{Talk, Terminal};
 
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  sightline scene info scenes/highway.json town.json")]

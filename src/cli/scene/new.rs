@@ -8,8 +8,8 @@ use crate::runs::scene::{new_street, new_world};
 use crate::worlds;
 use clap::ValueEnum;
 
-use crate::cli::args::{Talk, whole};
-use crate::cli::terminal::Terminal;
+use crate::cli::args::whole;
+use crate::cli::terminal::{Talk, Terminal};
 
 /// Most triangles, well below the limit of a frame.
 const MOST: i64 = 50_000_000;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::NewRun;
+use super::request::NewRun;
 use crate::runs::Error;
 use crate::scan::conditions::Condition;
 use crate::search::{Choosing, Equipped, Settings, State};

@@ -5,13 +5,16 @@ mod begun;
 mod equipment;
 mod near_field;
 mod record;
+mod request;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+pub use request::{NewRun, OptimizeRequest, Start};
+
 use super::opening::{self, LoadTimes};
-use super::{Computing, Error, gltf};
+use super::{Computing, Error, glb};
 use crate::export::GltfView;
 use crate::files::{Input, RunDir};
 use crate::near_field::weighted;
@@ -20,60 +23,10 @@ use crate::report::RunRecord;
 use crate::scan::conditions::{Condition, ConditionError};
 use crate::scan::in_conditions;
 use crate::scene::Scene;
-use crate::search::{Event, Outcome, Run, SearchError, Settings, Suite, TimeLimit};
-use crate::vehicle::MountRules;
+use crate::search::{Event, Outcome, Run, SearchError, Suite, TimeLimit};
 use bars::Bars;
 use begun::{Begun, Course, Saved, Wanted};
 use record::{BETWEEN_CHECKPOINTS, Opened, Sitting, finish, read_spent, save};
-
-/// A search to begin or to go on with.
-#[derive(Debug, Clone)]
-pub struct OptimizeRequest {
-    /// Which.
-    pub start: Start,
-    /// Seconds from the start after which the search ends.
-    pub max_seconds: Option<f64>,
-    /// Frames that were asked for, of which more than a scene has are worth a note.
-    pub frames: Option<u32>,
-    /// File for the first scene with the result, as binary glTF.
-    pub gltf: Option<PathBuf>,
-}
-
-/// Where a search starts.
-#[derive(Debug, Clone)]
-pub enum Start {
-    /// At its beginning.
-    New(Box<NewRun>),
-    /// Where the run in a folder stopped, to the same bytes that it would have given.
-    Resume(PathBuf),
-}
-
-/// A search that is to begin.
-#[derive(Debug, Clone, Default)]
-pub struct NewRun {
-    /// Scene files; of several the mean is maximized.
-    pub scenes: Vec<PathBuf>,
-    /// Whether each scene counts mirrored, too.
-    pub mirror: bool,
-    /// Folder of the run; `runs/SCENE`, numbered, if none.
-    pub out: Option<PathBuf>,
-    /// Score to maximize, in place of that of the settings.
-    pub objective: Option<String>,
-    /// How to search.
-    pub settings: Settings,
-    /// Rules beside those of the scene.
-    pub rules: MountRules,
-    /// Placements to compare with, in place of Table 7 of the paper.
-    pub baselines: Option<PathBuf>,
-    /// More placements to start from.
-    pub inject: Option<PathBuf>,
-    /// Most that the sensors of a vehicle may cost.
-    pub budget: Option<f64>,
-    /// Nats that near ground counts more.
-    pub near_weight: Option<f64>,
-    /// Weather and faults.
-    pub conditions: Vec<Condition>,
-}
 
 /// What a run has found.
 #[derive(Debug)]
@@ -105,7 +58,7 @@ pub fn optimize(
             (None, begun, course, new.out.as_deref())
         }
     };
-    gltf::check(request.gltf.as_deref(), begun.scenes().map(PathBuf::as_path))?;
+    glb::check(request.gltf.as_deref(), begun.scenes().map(PathBuf::as_path))?;
     let mut opened = open(&begun, request.frames, computing)?;
     computing.watcher.listen();
     let folder = match folder {
@@ -264,6 +217,6 @@ impl Sitting<'_> {
         let Some(best) = &record.best else { return Ok(()) };
         let (scene, placements) = (&self.opened.scenes[0], std::slice::from_ref(&best.placement));
         let view = GltfView { scene, frame: 0, placements, points: &[] };
-        gltf::write(self.request.gltf.as_deref(), self.computing.watcher, &view)
+        glb::write(self.request.gltf.as_deref(), self.computing.watcher, &view)
     }
 }

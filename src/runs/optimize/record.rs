@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::OptimizeRequest;
 use super::begun::{Begun, Course, Saved};
 use super::near_field::{unweighted_gains, with_self_hits};
+use super::request::OptimizeRequest;
 use crate::files::{Input, RunDir};
 use crate::report::record::peak_memory;
 

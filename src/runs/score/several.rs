@@ -7,14 +7,14 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::opening::{self, LoadTimes, Suited, timings};
-use super::score::{BLOCK, ScoreRequest, write_coverage, write_out};
-use super::{Computing, Error};
+use super::request::{BLOCK, ScoreRequest, write_coverage, write_out};
 use crate::engine::{Backend, EngineChoice, open};
 use crate::files::{shared_folder, writable_file};
 use crate::near_field::{FEW_PLACEMENTS, NearSite, self_hits};
 use crate::problem::Problem;
 use crate::report;
+use crate::runs::opening::{self, LoadTimes, Suited, timings};
+use crate::runs::{Computing, Error};
 use crate::scene::Scene;
 use crate::score::Scores;
 use crate::search::{Evaluator, Judged, Member, Suite};

@@ -1,77 +1,37 @@
-//! Scores of a batch of placements, written as they are computed.
+//! Scores of a batch of placements in one scene, written as they are computed.
 
 use std::cell::RefCell;
 use std::io::Write;
 use std::iter::Peekable;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use serde::ser::{Error as _, SerializeMap, SerializeSeq};
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
-use super::inputs::Files;
-use super::opening::{self, LoadTimes, Loaded, timings};
-use super::{Bar, Computing, Error, Watcher, scores};
-use crate::files::{LinePerElement, shared_folder, writable_file, write_npy, write_whole};
+use super::request::{BLOCK, ScoreRequest, write_coverage, write_out};
+use crate::files::{LinePerElement, shared_folder, writable_file};
 use crate::near_field::{FEW_PLACEMENTS, NearSite, add_self_hits, weighted};
 use crate::problem::Problem;
 use crate::report;
-use crate::scan::conditions::Condition;
+use crate::runs::opening::{self, LoadTimes, Loaded, timings};
+use crate::runs::{Bar, Computing, Error, Watcher};
 use crate::scene::Scene;
 use crate::score::Scores;
 use crate::search::Evaluator;
-use crate::vehicle::placement_file::count_placements;
 use crate::vehicle::{Placement, PlacementFileError, PlacementReader};
 
-/// Placements that are read, scored and printed at a time.
-pub(super) const BLOCK: usize = 1024;
-
-/// A batch of placements to be scored.
-#[derive(Debug, Clone, Default)]
-pub struct ScoreRequest {
-    /// Scene files, and placements.
-    pub files: Vec<PathBuf>,
-    /// Whether scores are written as JSON, or as tables to read.
-    pub as_json: bool,
-    /// File for the scores, in place of the caller's writer.
-    pub out: Option<PathBuf>,
-    /// Folder for the covered voxels of each placement.
-    pub coverage_out: Option<PathBuf>,
-    /// Frames to average over; all if none.
-    pub frames: Option<u32>,
-    /// Nats that near ground counts more; takes one scene.
-    pub near_weight: Option<f64>,
-    /// Whether the near field is scored, too.
-    pub near_field: bool,
-    /// Draw of what is left to chance; other than 0 takes one scene.
-    pub draw: u64,
-    /// Weather and faults.
-    pub conditions: Vec<Condition>,
-}
-
-/// Scores placements and writes the scores as they are computed, to the request's file or else to `out`.
-///
-/// # Errors
-/// What cannot be read, computed or written; all that can be wrong in files is found before the first score.
-pub fn score(
+/// Scores the placements of a file, `total` of them if that is known, as `--draw` and `--near-weight` say.
+pub(super) fn score(
     args: &ScoreRequest,
     computing: &Computing<'_>,
+    scene: &Path,
+    placements: &Path,
+    total: u64,
+    start: Instant,
     out: &mut dyn Write,
 ) -> Result<(), Error> {
-    let start = Instant::now();
-    let (scenes, placements) = Files::with_placements(&args.files)?;
-    // Everything that can be wrong is found before the first score is computed or printed; a pipe can
-    // be read only once.
-    let is_file = placements != Path::new("-") && placements.is_file();
-    let total = if is_file { count_placements(&placements)? } else { 0 };
-    let alone = [("--near-weight", args.near_weight.is_some()), ("--draw", args.draw > 0)];
-    if let Some((option, _)) = alone.iter().find(|(_, given)| *given && scenes.len() > 1) {
-        return Err(Error::Usage(format!("{option}: takes one scene")));
-    }
-    let [scene] = &scenes[..] else {
-        return scores::score(args, computing, &scenes, &placements, start, out);
-    };
     let mut loaded = opening::scene(scene, args.frames, &args.conditions, computing)?;
     if let Some(nats) = args.near_weight {
         let problem = loaded.evaluator.problem().clone();
@@ -85,13 +45,13 @@ pub fn score(
     }
     opening::note_frames(&loaded.scene, args.frames, computing.watcher);
     if let Some(file) = &args.out {
-        writable_file(file, loaded.inputs(&placements))?;
+        writable_file(file, loaded.inputs(placements))?;
     }
     if let Some(folder) = &args.coverage_out {
         shared_folder(folder)?;
     }
     write_out(args, out, |path, out| {
-        let reader = PlacementReader::open(&placements)?.peekable();
+        let reader = PlacementReader::open(placements)?.peekable();
         let bar = computing.watcher.bar(total, Some("placements"));
         let Loaded { scene, evaluator, times, .. } = loaded;
         let site = || NearSite::new(&scene, &evaluator.shared_problem());
@@ -111,20 +71,8 @@ pub fn score(
             times,
             start,
         };
-        scoring.write(&placements, path, out)
+        scoring.write(placements, path, out)
     })
-}
-
-/// Hands out the file of the request, which is whole at any time, or the caller's writer.
-pub(super) fn write_out(
-    args: &ScoreRequest,
-    out: &mut dyn Write,
-    print: impl FnOnce(&Path, &mut dyn Write) -> Result<(), Error>,
-) -> Result<(), Error> {
-    match &args.out {
-        Some(path) => write_whole(path, |file| print(path, file)),
-        None => print(Path::new("stdout"), out),
-    }
 }
 
 /// Placements that are read, scored and handed on block by block.
@@ -197,9 +145,7 @@ impl Scoring<'_> {
             (count * frames) as f64 / seconds
         ));
     }
-}
 
-impl Scoring<'_> {
     /// Writes all scores.
     fn write(&mut self, placements: &Path, path: &Path, out: &mut dyn Write) -> Result<(), Error> {
         // Before anything is written: what cannot be computed prints nothing.
@@ -308,14 +254,4 @@ impl Serialize for ScoreStream<'_, '_> {
             }
         }
     }
-}
-
-/// Writes the covered voxels of a placement, in rising order.
-pub(super) fn write_coverage(
-    folder: &Path,
-    placement: &Placement,
-    covered: Vec<u64>,
-) -> Result<(), Error> {
-    let path = folder.join(format!("{}.npy", placement.name));
-    write_whole(&path, |file| write_npy(file, covered).map_err(Error::io(&path)))
 }

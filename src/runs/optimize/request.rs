@@ -1,0 +1,56 @@
+//! What is asked of a search in a run folder.
+
+use std::path::PathBuf;
+
+use crate::scan::conditions::Condition;
+use crate::search::Settings;
+use crate::vehicle::MountRules;
+
+/// A search to begin or to go on with.
+#[derive(Debug, Clone)]
+pub struct OptimizeRequest {
+    /// Which.
+    pub start: Start,
+    /// Seconds from the start after which the search ends.
+    pub max_seconds: Option<f64>,
+    /// Frames that were asked for, of which more than a scene has are worth a note.
+    pub frames: Option<u32>,
+    /// File for the first scene with the result, as binary glTF.
+    pub gltf: Option<PathBuf>,
+}
+
+/// Where a search starts.
+#[derive(Debug, Clone)]
+pub enum Start {
+    /// At its beginning.
+    New(Box<NewRun>),
+    /// Where the run in a folder stopped, to the same bytes that it would have given.
+    Resume(PathBuf),
+}
+
+/// A search that is to begin.
+#[derive(Debug, Clone, Default)]
+pub struct NewRun {
+    /// Scene files; of several the mean is maximized.
+    pub scenes: Vec<PathBuf>,
+    /// Whether each scene counts mirrored, too.
+    pub mirror: bool,
+    /// Folder of the run; `runs/SCENE`, numbered, if none.
+    pub out: Option<PathBuf>,
+    /// Score to maximize, in place of that of the settings.
+    pub objective: Option<String>,
+    /// How to search.
+    pub settings: Settings,
+    /// Rules beside those of the scene.
+    pub rules: MountRules,
+    /// Placements to compare with, in place of Table 7 of the paper.
+    pub baselines: Option<PathBuf>,
+    /// More placements to start from.
+    pub inject: Option<PathBuf>,
+    /// Most that the sensors of a vehicle may cost.
+    pub budget: Option<f64>,
+    /// Nats that near ground counts more.
+    pub near_weight: Option<f64>,
+    /// Weather and faults.
+    pub conditions: Vec<Condition>,
+}

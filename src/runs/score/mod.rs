@@ -1,0 +1,40 @@
+//! Scores of a batch of placements: as a stream in one scene, with their mean in several.
+
+mod request;
+mod several;
+mod stream;
+
+use std::io::Write;
+use std::path::Path;
+use std::time::Instant;
+
+pub use request::ScoreRequest;
+
+use super::inputs::Files;
+use super::{Computing, Error};
+use crate::vehicle::placement_file::count_placements;
+
+/// Scores placements and writes the scores as they are computed, to the request's file or else to `out`.
+///
+/// # Errors
+/// What cannot be read, computed or written; all that can be wrong in files is found before the first score.
+pub fn score(
+    request: &ScoreRequest,
+    computing: &Computing<'_>,
+    out: &mut dyn Write,
+) -> Result<(), Error> {
+    let start = Instant::now();
+    let (scenes, placements) = Files::with_placements(&request.files)?;
+    // Everything that can be wrong is found before the first score is computed or printed; a pipe can
+    // be read only once.
+    let is_file = placements != Path::new("-") && placements.is_file();
+    let total = if is_file { count_placements(&placements)? } else { 0 };
+    let alone = [("--near-weight", request.near_weight.is_some()), ("--draw", request.draw > 0)];
+    if let Some((option, _)) = alone.iter().find(|(_, given)| *given && scenes.len() > 1) {
+        return Err(Error::Usage(format!("{option}: takes one scene")));
+    }
+    match &scenes[..] {
+        [scene] => stream::score(request, computing, scene, &placements, total, start, out),
+        _ => several::score(request, computing, &scenes, &placements, start, out),
+    }
+}

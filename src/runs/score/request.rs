@@ -1,0 +1,57 @@
+//! What is asked of a batch of placements, and where its answers go.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use crate::files::{write_npy, write_whole};
+use crate::runs::Error;
+use crate::scan::conditions::Condition;
+use crate::vehicle::Placement;
+
+/// Placements that are read, scored and printed at a time.
+pub(super) const BLOCK: usize = 1024;
+
+/// A batch of placements to be scored.
+#[derive(Debug, Clone, Default)]
+pub struct ScoreRequest {
+    /// Scene files, and placements.
+    pub files: Vec<PathBuf>,
+    /// Whether scores are written as JSON, or as tables to read.
+    pub as_json: bool,
+    /// File for the scores, in place of the caller's writer.
+    pub out: Option<PathBuf>,
+    /// Folder for the covered voxels of each placement.
+    pub coverage_out: Option<PathBuf>,
+    /// Frames to average over; all if none.
+    pub frames: Option<u32>,
+    /// Nats that near ground counts more; takes one scene.
+    pub near_weight: Option<f64>,
+    /// Whether the near field is scored, too.
+    pub near_field: bool,
+    /// Draw of what is left to chance; other than 0 takes one scene.
+    pub draw: u64,
+    /// Weather and faults.
+    pub conditions: Vec<Condition>,
+}
+
+/// Hands out the file of the request, which is whole at any time, or the caller's writer.
+pub(super) fn write_out(
+    args: &ScoreRequest,
+    out: &mut dyn Write,
+    print: impl FnOnce(&Path, &mut dyn Write) -> Result<(), Error>,
+) -> Result<(), Error> {
+    match &args.out {
+        Some(path) => write_whole(path, |file| print(path, file)),
+        None => print(Path::new("stdout"), out),
+    }
+}
+
+/// Writes the covered voxels of a placement, in rising order.
+pub(super) fn write_coverage(
+    folder: &Path,
+    placement: &Placement,
+    covered: Vec<u64>,
+) -> Result<(), Error> {
+    let path = folder.join(format!("{}.npy", placement.name));
+    write_whole(&path, |file| write_npy(file, covered).map_err(Error::io(&path)))
+}
