@@ -6,8 +6,9 @@ use std::sync::{Arc, Mutex};
 use numpy::PyArrayMethods;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
-use sightline::scan::{Return, Scan, ScanError, Scanner, Scanning, TrackedBox};
-use sightline::{Placement, Scene};
+use sightline::engine::scanning_on;
+use sightline::scan::{Return, Scan, Scanner, Scanning, TrackedBox};
+use sightline::{EngineChoice, Error, Placement, Scene};
 
 use crate::arrays::{column, homogeneous, matrix, shaped};
 use crate::errors::{bad, raised};
@@ -16,15 +17,17 @@ use crate::wait::{start, wait};
 /// Scans of a scene, frame after frame.
 #[pyclass(name = "ScanIterator", module = "sightline", frozen)]
 pub struct ScanIterator {
-    scans: Mutex<Receiver<Result<Scan, ScanError>>>,
+    scans: Mutex<Receiver<Result<Scan, Error>>>,
     misses: bool,
 }
 
 impl ScanIterator {
-    /// Checks everything, then begins to scan.
+    /// Checks everything, then begins to scan; `engine` casts.
+    #[allow(clippy::too_many_arguments)]
     pub fn begin(
         scene: Arc<Scene>,
         placement: Placement,
+        engine: EngineChoice,
         conditions: &[String],
         ideal: bool,
         seed: u64,
@@ -43,7 +46,12 @@ impl ScanIterator {
         // One frame waits while another is scanned.
         let (sender, scans) = sync_channel(1);
         start(move || {
-            let scanner = match Scanner::new(&scene, &placement, &scanning) {
+            let opened = || -> Result<Scanner<'_>, Error> {
+                let mut scanner = Scanner::new(&scene, &placement, &scanning)?;
+                scanning_on(&mut scanner, &engine)?;
+                Ok(scanner)
+            };
+            let scanner = match opened() {
                 Ok(scanner) => scanner,
                 Err(error) => return drop(sender.send(Err(error))),
             };

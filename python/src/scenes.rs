@@ -314,7 +314,8 @@ impl PyScene {
     /// Labelled scans of one placement, frame after frame, as an iterator of `Scan`; the next frame is scanned meanwhile.
     ///
     /// `conditions` are weather and faults of the scan, as `"snow:rate=1"`; `ideal` leaves the sensor's own limits out; `frames`
-    /// are all unless given; with `misses` every beam is there, not only the points. Chance depends on `seed` alone.
+    /// are all unless given; with `misses` every beam is there, not only the points. Chance depends on `seed` alone. The scene's `backend` casts; the
+    /// numbers are the same on all.
     #[pyo3(signature = (poses, *, sensors = None, phases = None, conditions = Vec::new(), ideal = false, seed = 0,
         frames = None, misses = false))]
     #[allow(clippy::too_many_arguments)]
@@ -331,7 +332,8 @@ impl PyScene {
     ) -> PyResult<ScanIterator> {
         let placement = only(placements_of(poses, sensors, phases)?)?;
         let scene = self.built.scene.clone();
-        ScanIterator::begin(scene, placement, &conditions, ideal, seed, frames, misses)
+        let engine = self.built.options.engine.clone();
+        ScanIterator::begin(scene, placement, engine, &conditions, ideal, seed, frames, misses)
     }
 
     /// Compares hits, voxels and sums of the scene's engine with the CPU reference, bit by bit, and `sample` beams of the

@@ -91,6 +91,16 @@ def test_scans_are_the_same_whoever_asks(scene, placements) -> None:
     assert other.xyz.tobytes() != whole.xyz.tobytes()
 
 
+def test_a_device_scans_to_the_same_bytes(scene, placements) -> None:
+    by_device = Scene.load("scenes/industrial-yard.json", backend="gpu")
+    for whole, device in zip(*(of.scan(placements[4], frames=[5]) for of in (scene, by_device)), strict=True):
+        assert whole.xyz.tobytes() == device.xyz.tobytes()
+        assert whole.intensity.tobytes() == device.intensity.tobytes()
+    nowhere = Scene.load("scenes/industrial-yard.json", adapter="abacus")
+    with pytest.raises(OSError, match="no Vulkan device named `abacus`"):
+        next(nowhere.scan(placements[4]))
+
+
 def test_an_iterator_may_be_left(scene, placements) -> None:
     for _ in range(20):
         next(scene.scan(placements[0]))

@@ -7,7 +7,7 @@ mod colour;
 mod container;
 mod frustum;
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io::Write;
 
 use glam::DQuat;
@@ -245,7 +245,7 @@ impl Writer<'_> {
                 "channels": table.grid().map(|grid| grid.channels.len()),
                 "beams": table.directions().len(),
                 "range": table.range(),
-                "pose": pose.fields().into_iter().collect::<HashMap<_, _>>(),
+                "pose": pose.fields().into_iter().collect::<BTreeMap<_, _>>(),
                 "frustum": frustum,
             },
         });
