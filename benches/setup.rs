@@ -5,8 +5,8 @@
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use sightline::internals::{Bvh, Caster, DevicePose, beam_direction};
-use sightline::problem::{Content, KINDS, OccupiedVoxel};
+use sightline::internals::{Bvh, Caster, DevicePose, KINDS, beam_direction};
+use sightline::problem::{Content, OccupiedVoxel};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};
 

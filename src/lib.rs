@@ -89,6 +89,7 @@ pub mod psog;
 mod reduce;
 pub mod report;
 pub mod rig;
+#[doc(hidden)]
 pub mod runs;
 pub mod scan;
 pub mod scene;
@@ -134,7 +135,7 @@ pub mod internals {
     pub use crate::geom::aabb::Aabb;
     pub use crate::memory::{available_memory, may_fail};
     pub use crate::problem::beam::beam_direction;
-    pub use crate::problem::pose::DevicePose;
+    pub use crate::problem::pose::{DevicePose, KINDS};
     pub use crate::psog::entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, fixed, to_nats};
     pub use crate::psog::npz_member::ArrayFault;
     pub use crate::psog::roi::HIT_PUSH;

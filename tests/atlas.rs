@@ -4,8 +4,10 @@ use std::sync::Arc;
 
 use sightline::engine::gpu::GpuBackend;
 use sightline::engine::{Backend, CpuBackend};
-use sightline::internals::{Atlas, BitOrder, Bvh, PoseGrid, ReferenceBackend, Spacing, Union};
-use sightline::problem::{Content, KINDS, OccupiedVoxel, Problem, Tally};
+use sightline::internals::{
+    Atlas, BitOrder, Bvh, KINDS, PoseGrid, ReferenceBackend, Spacing, Union,
+};
+use sightline::problem::{Content, OccupiedVoxel, Problem, Tally};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Constraints, Placement};
 

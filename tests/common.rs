@@ -12,7 +12,8 @@ use sightline::engine::CpuBackend;
 use sightline::engine::gpu::GpuBackend;
 use sightline::geom::TriangleSoup;
 use sightline::internals::Bvh;
-use sightline::problem::{Content, KINDS, OccupiedVoxel, Problem};
+use sightline::internals::KINDS;
+use sightline::problem::{Content, OccupiedVoxel, Problem};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Constraints, Placement, SensorPose};
 

@@ -13,8 +13,8 @@ use rayon::prelude::*;
 use sightline::engine::Backend;
 use sightline::engine::gpu::GpuBackend;
 use sightline::geom::TriangleSoup;
-use sightline::internals::{Bvh, DevicePose, Explanation, Hit, beam_direction, explain};
-use sightline::problem::{Content, KINDS, OccupiedVoxel, Problem};
+use sightline::internals::{Bvh, DevicePose, Explanation, Hit, KINDS, beam_direction, explain};
+use sightline::problem::{Content, OccupiedVoxel, Problem};
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, Placement, SensorPose};
 

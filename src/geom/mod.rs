@@ -11,5 +11,6 @@ mod soup;
 
 pub(crate) use aabb::Aabb;
 pub(crate) use outline::{crossing, turn};
-pub use pose::{Glide, Pose};
+pub(crate) use pose::Glide;
+pub use pose::Pose;
 pub use soup::TriangleSoup;

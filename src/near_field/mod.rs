@@ -43,9 +43,11 @@ mod tests;
 
 pub use error::NearFieldError;
 pub use footprint::Footprint;
-pub use ground::{CELL, NEAR, RING};
-pub use look::{BeamShares, CLOSE, NearField, NearSite};
-pub use poles::{POLE_BEAMS, POLE_HEIGHT, POLE_RADIUS, Pole, Standard};
-pub use self_hit::{FEW_PLACEMENTS, add_self_hits, own_shares, self_hits};
-pub use weight::{MOST_WEIGHT, UnweightedGain, unweighted, weighted};
-pub use zone::{BlindZone, DIRECTIONS};
+pub(crate) use ground::{CELL, NEAR, RING};
+#[cfg(test)]
+pub(crate) use look::CLOSE;
+pub use look::{NearField, NearSite};
+pub(crate) use poles::{Pole, Standard};
+pub use self_hit::{FEW_PLACEMENTS, add_self_hits, self_hits};
+pub(crate) use weight::MOST_WEIGHT;
+pub use weight::{UnweightedGain, unweighted, weighted};

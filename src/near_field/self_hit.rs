@@ -43,7 +43,7 @@ pub fn own_shares(
 /// not know this guard; it is for placements that are reported.
 ///
 /// # Errors
-/// As [`own_shares`].
+/// A device that fails, a sensor that the vehicle does not have.
 pub fn self_hits(
     scene: &Scene,
     problem: &Problem,
@@ -58,7 +58,7 @@ pub fn self_hits(
 /// Adds the guards of [`self_hits`] to the scores of placements.
 ///
 /// # Errors
-/// As [`own_shares`].
+/// A device that fails, a sensor that the vehicle does not have.
 pub fn add_self_hits<'a>(
     scene: &Scene,
     problem: &Problem,

@@ -39,7 +39,7 @@ pub struct UnweightedGain {
 /// searched, bounded and reported as information then holds the weight.
 ///
 /// # Errors
-/// A scene without an own body, or a weight outside 0 to [`MOST_WEIGHT`].
+/// A scene without an own body, or a weight outside 0 to 4 nats.
 pub fn weighted(scene: &Scene, problem: Problem, nats: f64) -> Result<Problem, NearFieldError> {
     if !(0.0..=MOST_WEIGHT).contains(&nats) {
         return Err(NearFieldError::Weight { given: nats, most: MOST_WEIGHT });

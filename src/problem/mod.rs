@@ -8,13 +8,14 @@ pub(crate) mod pose;
 mod tally;
 mod world;
 
-pub use batch::SensorBatch;
+pub(crate) use batch::SensorBatch;
 pub(crate) use beam::beam_direction;
 pub(crate) use beam::beam_origin;
-pub use content::{Area, Content};
+pub use content::Content;
 pub(crate) use pose::DevicePose;
+pub use pose::OccupiedVoxel;
 pub(crate) use pose::{HIT_PUSH, NO_CROSSING, TINY_COMPONENT};
-pub use pose::{KINDS, NEAR_KIND, OccupiedVoxel};
+pub(crate) use pose::{KINDS, NEAR_KIND};
 pub use tally::{StageTimes, Tally};
 pub use world::{Frame, Instance, World};
 

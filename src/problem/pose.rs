@@ -50,7 +50,7 @@ impl From<&Pose> for DevicePose {
 }
 
 /// Ways in which the information of a voxel is counted: all classes told apart, detection target against the
-/// rest, occupied or not, and [`NEAR_KIND`].
+/// rest, occupied or not, and near gain.
 pub const KINDS: usize = 4;
 /// Kind of information that counts for more near the vehicle: see [`crate::score::Scores::near_gain`].
 pub const NEAR_KIND: usize = 3;
@@ -61,6 +61,6 @@ pub const NEAR_KIND: usize = 3;
 pub struct OccupiedVoxel {
     /// Linear index in the grid.
     pub index: u32,
-    /// Fixed-point information by kind: entropies, and of [`NEAR_KIND`] shares of all in a unit of the content's own.
+    /// Fixed-point information by kind: entropies, and of `NEAR_KIND` shares of all in a unit of the content's own.
     pub entropy: [u32; KINDS],
 }

@@ -25,7 +25,7 @@ pub(crate) mod vote;
 pub use counts::Psog;
 pub(crate) use entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, fixed, to_nats};
 pub use error::GridError;
-pub use info::{ClassEntropy, PsogInfo};
+pub use info::PsogInfo;
 pub use npz::{read_psog, write_psog};
 pub use npz_member::PsogFileError;
 pub(crate) use npz_out::{NpzOut, write_npz};

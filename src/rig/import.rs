@@ -34,7 +34,7 @@ pub struct ImportSettings {
     pub format: Option<RigFormat>,
     /// Name of the rig; that of the file, or `rig`, where it is `None`. Of placements, the one to read.
     pub name: Option<String>,
-    /// Frame of the vehicle, [`BASE_LINK`] where it is `None`.
+    /// Frame of the vehicle, `BASE_LINK` where it is `None`.
     pub base_frame: Option<String>,
     /// Frames that are LiDARs; told by type or name where there are none.
     pub frames: Vec<String>,

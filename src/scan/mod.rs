@@ -23,6 +23,6 @@ pub use record::{
     EGO_INSTANCE, NO_CLASS, NO_INSTANCE, Return, Scan, ScanLidar, Status, TrackedBox,
 };
 pub use scanner::{ScanError, Scanner, Scanning};
-pub use visibility::{Visibility, VisibilityError, in_conditions};
+pub use visibility::{VisibilityError, in_conditions};
 #[cfg(test)]
 mod tests;

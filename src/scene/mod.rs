@@ -35,13 +35,15 @@ use route::Motion;
 use shapes::Builder;
 use solid::Solid;
 
-pub use crate::json::{DescriptionError, Place};
-pub use classes::DEFAULT_CLASSES;
+pub use crate::json::DescriptionError;
+pub(crate) use crate::json::Place;
+pub(crate) use classes::DEFAULT_CLASSES;
 pub(crate) use classes::GROUND_CLASSES;
 pub use kind::ActorKind;
-pub use reflectance::Reflectances;
-pub use settings::{Coverage, PsogSource, RoiBounds, ScanSettings};
-pub use street::street;
+pub(crate) use reflectance::Reflectances;
+pub(crate) use settings::RoiBounds;
+pub use settings::{Coverage, PsogSource, ScanSettings};
+pub(crate) use street::street;
 pub use tracks::Track;
 
 /// Largest scene file in bytes; ten million listed directions fit.

@@ -15,8 +15,10 @@ use serde::{Serialize, Serializer};
 use crate::problem::{Content, NEAR_KIND, Tally};
 use crate::psog::to_nats;
 
-pub use bootstrap::{Interval, bootstrap};
-pub use guard::{Guard, MOST_SELF_HITS};
+pub use bootstrap::Interval;
+pub(crate) use bootstrap::bootstrap;
+pub use guard::Guard;
+pub(crate) use guard::MOST_SELF_HITS;
 pub(crate) use guard::{guards_of, reference_layout, short_sight};
 pub use objective::{Objective, ObjectiveError};
 pub(crate) use over_scenes::totals;

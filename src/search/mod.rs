@@ -49,7 +49,7 @@ pub use evaluator::{Evaluator, Judged, SceneScores};
 pub use findings::Finding;
 pub use generations::{GenerationRecord, GenerationsStop};
 pub use observer::{Event, Observer, Work};
-pub use on_demand::{FramesUsed, WorkByPurpose};
+pub use on_demand::FramesUsed;
 pub use outcome::{LeftOut, MethodRecord, Outcome, Scored, SearchTimes, Stopped};
 pub use phases::PhaseCheck;
 pub(crate) use rules::rules_in_words;

@@ -39,7 +39,8 @@ pub use kind::Kind;
 pub use mean::mean_over_scenes;
 pub use region::Region;
 pub use settings::StudySettings;
-pub use table::{Drawing, Row, Table};
+pub(crate) use table::Drawing;
+pub use table::{Row, Table};
 
 use cases::Cases;
 use scene::StudyScene;

@@ -24,7 +24,7 @@ mod traffic;
 mod world;
 
 pub use error::WorldError;
-pub use scene_file::{mesh_shape, write_ply};
+pub(crate) use scene_file::{mesh_shape, write_ply};
 pub use style::Kind;
 pub use world::{World, generate, import_opendrive, read_opendrive};
 

@@ -37,7 +37,7 @@ pub struct World {
 }
 
 impl World {
-    /// Triangles of the static world with classes of [`crate::scene::DEFAULT_CLASSES`], in metres.
+    /// Triangles of the static world with classes of the default classes, in metres.
     pub fn mesh(&self) -> &TriangleSoup {
         &self.model
     }

@@ -1,7 +1,7 @@
 //! The GPU backend: everything that touches wgpu.
 //!
 //! A batch goes one way: [`GpuBackend`] cuts it into chunks (`chunk`) that fit the `buffers`, `pipeline` runs
-//! the `kernels` on the `device`, and `sums` adds up the results. [`GpuFirings`] casts the rays of scans with the
+//! the `kernels` on the `device`, and `sums` adds up the results. `firings` casts the rays of scans with the
 //! same kernel and no more.
 
 mod adapters;

@@ -17,12 +17,14 @@ mod wet;
 
 pub use condition::Condition;
 pub use error::ConditionError;
-pub use faults::{Crosstalk, IncompleteEcho, MotionBlur};
-pub use fog::Fog;
+pub(crate) use faults::{Crosstalk, IncompleteEcho, MotionBlur};
+pub(crate) use fog::Fog;
 pub use robo3d::Corruptions;
-pub use snow::{Fallen, Flake, Snowfall};
+pub(crate) use snow::Snowfall;
+#[cfg(test)]
+pub(crate) use snow::{Fallen, Flake};
 pub use specs::{Kind, Mode};
-pub use wet::{WetGround, is_ground};
+pub(crate) use wet::{WetGround, is_ground};
 
 /// What a beam meets on its way besides surfaces, and what the sensor makes of it; nothing by default.
 #[derive(Debug, Clone, Default)]
