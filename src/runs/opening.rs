@@ -39,20 +39,20 @@ impl Loaded {
     }
 }
 
-/// Reads a scene and its P-SOG, and opens an engine over `frames` of its frames (all if `None`).
-pub fn scene(
+/// Reads a scene and its P-SOG, and makes its problem over `frames` of its frames (all if `None`).
+pub fn problem(
     path: &Path,
     frames: Option<u32>,
     conditions: &[Condition],
-    compute: &Computing<'_>,
-) -> Result<Loaded, Error> {
-    let (scene, psog, mut times) = scene_and_psog(path, compute)?;
+    computing: &Computing<'_>,
+) -> Result<(Scene, Problem, LoadTimes), Error> {
+    let (scene, psog, mut times) = scene_and_psog(path, computing)?;
     let start = Instant::now();
     let frames = spread(scene.frame_count(), frames);
     let problem = Problem::with_psog(&scene, &psog, &frames)?;
-    let evaluator = evaluator(in_conditions(&scene, problem, conditions)?, compute)?;
+    let problem = in_conditions(&scene, problem, conditions)?;
     times.build += start.elapsed().as_secs_f64();
-    Ok(Loaded { scene, evaluator, times })
+    Ok((scene, problem, times))
 }
 
 /// Scenes ready to be scored together.
@@ -63,23 +63,23 @@ pub struct Suited {
     pub times: LoadTimes,
 }
 
-/// As [`scene`], for several that share LiDAR and mount.
+/// As [`problem`], for several that share LiDAR and mount, with an engine for each.
 pub fn suite(
     paths: &[PathBuf],
     frames: Option<u32>,
     conditions: &[Condition],
-    compute: &Computing<'_>,
+    computing: &Computing<'_>,
 ) -> Result<Suited, Error> {
     let mut times = LoadTimes::default();
     let (mut scenes, mut problems) = (Vec::new(), Vec::new());
     for path in paths {
-        let (scene, psog, took) = scene_and_psog(path, compute)?;
-        note_frames(&scene, frames, compute.watcher);
+        let (scene, psog, took) = scene_and_psog(path, computing)?;
+        note_frames(&scene, frames, computing.watcher);
         let start = Instant::now();
         let frames = spread(scene.frame_count(), frames);
         let problem = Problem::with_psog(&scene, &psog, &frames)?;
         let problem = Arc::new(in_conditions(&scene, problem, conditions)?);
-        compute.watcher.detail(&problem.modelled().to_string());
+        computing.watcher.detail(&problem.modelled().to_string());
         problems.push((scene.name().to_owned(), problem));
         times.load += took.load;
         times.build += took.build + start.elapsed().as_secs_f64();
@@ -88,10 +88,10 @@ pub fn suite(
     let start = Instant::now();
     let paths: Vec<&PathBuf> = paths.iter().collect();
     let suite = Suite::new(problems).map_err(|error| in_scene(error, &paths))?;
-    note_classes(&suite, compute.watcher);
-    let watcher = compute.watcher;
+    note_classes(&suite, computing.watcher);
+    let watcher = computing.watcher;
     let told = watcher.notes();
-    let opened = Evaluator::open(&suite, &compute.engine, move |change: &str| told(change));
+    let opened = Evaluator::open(&suite, &computing.engine, move |change: &str| told(change));
     let (evaluator, notes) = opened?;
     notes.iter().for_each(|note| watcher.note(note));
     times.build += start.elapsed().as_secs_f64();
@@ -108,10 +108,10 @@ pub fn read(path: &Path, vehicle: Option<&Path>, watcher: &dyn Watcher) -> Resul
 /// Reads a scene and reads or builds its P-SOG.
 pub fn scene_and_psog(
     path: &Path,
-    compute: &Computing<'_>,
+    computing: &Computing<'_>,
 ) -> Result<(Scene, Arc<Psog>, LoadTimes), Error> {
-    let (start, watcher) = (Instant::now(), compute.watcher);
-    let scene = read(path, compute.vehicle.as_deref(), watcher)?;
+    let (start, watcher) = (Instant::now(), computing.watcher);
+    let scene = read(path, computing.vehicle.as_deref(), watcher)?;
     let from_file = matches!(scene.psog_source(), PsogSource::File(_));
     let mut times = LoadTimes { load: start.elapsed().as_secs_f64(), build: 0.0 };
     let start = Instant::now();
@@ -132,9 +132,9 @@ pub fn scene_and_psog(
 }
 
 /// Reads a scene for its geometry in one frame; its P-SOG is not needed and stays empty.
-pub fn geometry(path: &Path, frame: u32, compute: &Computing<'_>) -> Result<Loaded, Error> {
+pub fn geometry(path: &Path, frame: u32, computing: &Computing<'_>) -> Result<Loaded, Error> {
     let start = Instant::now();
-    let scene = read(path, compute.vehicle.as_deref(), compute.watcher)?;
+    let scene = read(path, computing.vehicle.as_deref(), computing.watcher)?;
     if !scene.has_geometry() {
         return Err(Error::Usage(format!(
             "{}: has no geometry to cast into; add static shapes, actors or an ego body",
@@ -151,7 +151,7 @@ pub fn geometry(path: &Path, frame: u32, compute: &Computing<'_>) -> Result<Load
     }
     let load = start.elapsed().as_secs_f64();
     let start = Instant::now();
-    let evaluator = evaluator(Problem::of_frame(&scene, frame)?, compute)?;
+    let evaluator = evaluator(Problem::of_frame(&scene, frame)?, computing)?;
     let times = LoadTimes { load, build: start.elapsed().as_secs_f64() };
     Ok(Loaded { scene, evaluator, times })
 }
@@ -200,18 +200,18 @@ pub fn in_scene(error: SearchError, scenes: &[&PathBuf]) -> Error {
 /// An evaluator of a problem on the engine asked for; says which one that is.
 pub fn evaluator(
     problem: impl Into<Arc<Problem>>,
-    compute: &Computing<'_>,
+    computing: &Computing<'_>,
 ) -> Result<Evaluator, Error> {
     let problem = problem.into();
-    let (choice, told) = (&compute.engine, compute.watcher.notes());
-    compute.watcher.detail(&problem.modelled().to_string());
-    compute.watcher.detail(&format!(
+    let (choice, told) = (&computing.engine, computing.watcher.notes());
+    computing.watcher.detail(&problem.modelled().to_string());
+    computing.watcher.detail(&format!(
         "scene and P-SOG take {} MiB, work buffers at most {} MiB",
         problem.bytes() >> 20,
         choice.memory_budget() >> 20
     ));
     let opened = open(&problem, choice, move |change: &str| told(change))?;
-    opened.notes.iter().for_each(|note| compute.watcher.note(note));
+    opened.notes.iter().for_each(|note| computing.watcher.note(note));
     Ok(Evaluator::new(problem, opened.engine))
 }
 

@@ -36,11 +36,11 @@ pub struct ScoreRequest {
 
 /// Hands out the file of the request, which is whole at any time, or the caller's writer.
 pub(super) fn write_out(
-    args: &ScoreRequest,
+    request: &ScoreRequest,
     out: &mut dyn Write,
     print: impl FnOnce(&Path, &mut dyn Write) -> Result<(), Error>,
 ) -> Result<(), Error> {
-    match &args.out {
+    match &request.out {
         Some(path) => write_whole(path, |file| print(path, file)),
         None => print(Path::new("stdout"), out),
     }

@@ -25,16 +25,16 @@ const MOST: usize = 100_000;
 
 /// Scores placements in all scenes and writes tables or JSON, to the request's file or else to `out`.
 pub(super) fn score(
-    args: &ScoreRequest,
+    request: &ScoreRequest,
     computing: &Computing<'_>,
     scenes: &[PathBuf],
     placements: &Path,
     start: Instant,
     out: &mut dyn Write,
 ) -> Result<(), Error> {
-    let suited = opening::suite(scenes, args.frames, &args.conditions, computing)?;
+    let suited = opening::suite(scenes, request.frames, &request.conditions, computing)?;
     let Suited { scenes, suite, evaluator, times, .. } = suited;
-    if let Some(file) = &args.out {
+    if let Some(file) = &request.out {
         let inputs = scenes.iter().flat_map(|scene| scene.files()).map(PathBuf::as_path);
         writable_file(file, inputs.chain([placements]))?;
     }
@@ -49,15 +49,15 @@ pub(super) fn score(
     if placements.len() <= FEW_PLACEMENTS {
         batch.add_self_hits(&scenes, &suite, &placements)?;
     }
-    if args.near_field {
+    if request.near_field {
         batch.add_near_fields(&scenes, &suite, &placements)?;
     }
-    if let Some(folder) = &args.coverage_out {
+    if let Some(folder) = &request.coverage_out {
         batch.write_coverage(folder, &placements)?;
     }
     let seconds = start.elapsed().as_secs_f64() - batch.times.load - batch.times.build;
-    write_out(args, out, |path, out| {
-        let text = if args.as_json { format!("{:#}\n", batch.json()) } else { batch.text() };
+    write_out(request, out, |path, out| {
+        let text = if request.as_json { format!("{:#}\n", batch.json()) } else { batch.text() };
         out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Error::io(path))
     })?;
     let (count, frames) = (placements.len(), batch.evaluator.frame_count());

@@ -13,7 +13,6 @@ use serde_json::{Value, json};
 use super::request::{BLOCK, ScoreRequest, write_coverage, write_out};
 use crate::files::{LinePerElement, shared_folder, writable_file};
 use crate::near_field::{FEW_PLACEMENTS, NearSite, add_self_hits, weighted};
-use crate::problem::Problem;
 use crate::report;
 use crate::runs::opening::{self, LoadTimes, Loaded, timings};
 use crate::runs::{Bar, Computing, Error, Watcher};
@@ -22,9 +21,9 @@ use crate::score::Scores;
 use crate::search::Evaluator;
 use crate::vehicle::{Placement, PlacementFileError, PlacementReader};
 
-/// Scores the placements of a file, `total` of them if that is known, as `--draw` and `--near-weight` say.
+/// Scores the placements of a file, `total` of them if that is known.
 pub(super) fn score(
-    args: &ScoreRequest,
+    request: &ScoreRequest,
     computing: &Computing<'_>,
     scene: &Path,
     placements: &Path,
@@ -32,34 +31,36 @@ pub(super) fn score(
     start: Instant,
     out: &mut dyn Write,
 ) -> Result<(), Error> {
-    let mut loaded = opening::scene(scene, args.frames, &args.conditions, computing)?;
-    if let Some(nats) = args.near_weight {
-        let problem = loaded.evaluator.problem().clone();
-        let problem = weighted(&loaded.scene, problem, nats)?;
-        loaded.evaluator = opening::evaluator(problem, computing)?;
+    let (scene, mut problem, mut times) =
+        opening::problem(scene, request.frames, &request.conditions, computing)?;
+    let building = Instant::now();
+    if let Some(nats) = request.near_weight {
+        problem = weighted(&scene, problem, nats)?;
     }
-    if args.draw > 0 {
-        let problem = Problem::clone(loaded.evaluator.problem());
-        let sensors = problem.sensors().with_seed(args.draw);
-        loaded.evaluator = opening::evaluator(problem.with_sensors(sensors), computing)?;
+    if request.draw > 0 {
+        let sensors = problem.sensors().with_seed(request.draw);
+        problem = problem.with_sensors(sensors);
     }
-    opening::note_frames(&loaded.scene, args.frames, computing.watcher);
-    if let Some(file) = &args.out {
+    let evaluator = opening::evaluator(problem, computing)?;
+    times.build += building.elapsed().as_secs_f64();
+    let loaded = Loaded { scene, evaluator, times };
+    opening::note_frames(&loaded.scene, request.frames, computing.watcher);
+    if let Some(file) = &request.out {
         writable_file(file, loaded.inputs(placements))?;
     }
-    if let Some(folder) = &args.coverage_out {
+    if let Some(folder) = &request.coverage_out {
         shared_folder(folder)?;
     }
-    write_out(args, out, |path, out| {
+    write_out(request, out, |path, out| {
         let reader = PlacementReader::open(placements)?.peekable();
         let bar = computing.watcher.bar(total, Some("placements"));
         let Loaded { scene, evaluator, times, .. } = loaded;
         let site = || NearSite::new(&scene, &evaluator.shared_problem());
-        let near = args.near_field.then(site).transpose()?;
+        let near = request.near_field.then(site).transpose()?;
         let (scene, watcher) = (&scene, computing.watcher);
         let (count, bar) = (0, Some(bar));
         let mut scoring = Scoring {
-            args,
+            request,
             scene,
             evaluator,
             near,
@@ -77,7 +78,7 @@ pub(super) fn score(
 
 /// Placements that are read, scored and handed on block by block.
 struct Scoring<'a> {
-    args: &'a ScoreRequest,
+    request: &'a ScoreRequest,
     scene: &'a Scene,
     evaluator: Evaluator,
     /// Where the near field is asked for.
@@ -103,7 +104,7 @@ impl Scoring<'_> {
             return Ok(None);
         }
         let block: Result<Vec<Placement>, _> = self.reader.by_ref().take(BLOCK).collect();
-        if block.is_err() && self.count > 0 && self.args.out.is_none() {
+        if block.is_err() && self.count > 0 && self.request.out.is_none() {
             // Of a stream only: a file was read to its end before.
             let count = self.count;
             let words = format!("only the scores of the first {count} placements were printed");
@@ -119,7 +120,7 @@ impl Scoring<'_> {
         if let Some(site) = &self.near {
             site.score(self.evaluator.backend_mut(), block.iter().zip(&mut scores))?;
         }
-        if let Some(folder) = &self.args.coverage_out {
+        if let Some(folder) = &self.request.coverage_out {
             for placement in &block {
                 write_coverage(folder, placement, self.evaluator.covered(placement)?)?;
             }
@@ -153,7 +154,7 @@ impl Scoring<'_> {
             return Err(PlacementFileError::Empty { path: placements.to_owned() }.into());
         };
         let name = self.scene.name();
-        match self.args.as_json {
+        match self.request.as_json {
             true => write_json(self, first, name, path, out)?,
             false => write_text(self, first, name, path, out)?,
         }
