@@ -24,6 +24,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("design", choices=[*NAMES, "tables"], help="which study; tables: of what a run has so far")
     parser.add_argument("--out", type=Path, required=True, help="folder of the run; one that is there goes on")
     parser.add_argument("--scenes", type=Path, default=Path("scenes"), help="folder of the own four scenes [scenes]")
+    parser.add_argument("--xodr", type=Path, help="folder of OpenDRIVE maps; without it towns made on them are left out")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes [all cores]")
     given = parser.parse_args(words)
     if given.jobs < 1:
@@ -36,7 +37,8 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     try:
         out, scenes = given.out.resolve(), given.scenes.resolve()
-        result = run.so_far(out) if given.design == "tables" else run.run(given.design, out, scenes, given.jobs)
+        xodr = given.xodr.resolve() if given.xodr else None
+        result = run.so_far(out) if given.design == "tables" else run.run(given.design, out, scenes, xodr, given.jobs)
         present.write(result, given.out)
     except KeyboardInterrupt:
         say("interrupted; the same command goes on")

@@ -170,9 +170,9 @@ class Seen:
     hits: int
 
 
-def look(scene: sightline.Scene, ground: Ground, poses: F64) -> Seen:
-    """What a placement ``[L, 6]`` sees in the only frame of a scene that was opened with one (``worlds.at``)."""
-    cast = scene.cast(poses)
+def look(scene: sightline.Scene, ground: Ground, placement: sightline.Placement | F64) -> Seen:
+    """What a placement, or its poses ``[L, 6]``, sees in the only frame of a scene that was opened with one (``worlds.at``)."""
+    cast = scene.cast(placement)
     met = np.isfinite(cast["t_hit"])
     # A hit's voxel is looked up a millimetre behind it, as the engine does.
     xyz = cast["origin"][met].astype(np.float64) + (cast["t_hit"][met, None] + 1e-3) * cast["direction"][met]
@@ -182,7 +182,7 @@ def look(scene: sightline.Scene, ground: Ground, poses: F64) -> Seen:
     xyz, groups, keys = xyz[kept], groups[kept], keys[kept]
     floor = np.isin(groups, GROUND)
     return Seen(
-        _known(ground.place[scene.covered(poses)]),
+        _known(ground.place[scene.covered(placement)]),
         _known(ground.place[np.unique(keys)]),
         _places(ground.squares, np.unique(_square(xyz[floor]))),
         _inside(ground, xyz[~floor]),

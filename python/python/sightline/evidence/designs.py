@@ -22,6 +22,9 @@ class Design:
     seeds: tuple[int, ...] = (1,)
     #: Frames of each world.
     frames: int = 1
+    #: OpenDRIVE maps that towns are made on where they are at hand (``--xodr``), with the seeds of their traffic.
+    train_towns: tuple[tuple[str, int], ...] = ()
+    test_towns: tuple[tuple[str, int], ...] = ()
     #: Whether the own four scenes are tested on, too.
     own: bool = False
     #: ``study``: all sorts; ``channels``, ``conditions``, ``transfer``: one question each.
@@ -36,6 +39,8 @@ class Design:
     poses: tuple[int, int] = (0, 0)
     #: Whether the test scenes are searched, too, for what there is to win in them (``pool.IDEAL``).
     direct: bool = False
+    #: Exchanges of the search for the metrics themselves in training worlds (``direct``); 0: no search.
+    exchanges: int = 0
 
 
 def _worlds(*seeds: int) -> tuple[tuple[str, int], ...]:
@@ -59,8 +64,11 @@ _ALL = (
     Design(
         name="standard",
         train=_worlds(1, 2, 3, 4),
-        # Of the first run, with seeds 101 to 103, candidates were made, with the second, 201 to 203, one was chosen.
-        test=_worlds(301, 302, 303),
+        # Of the first run, with seeds 101 to 103, candidates were made, with the second, 201 to 203, one was chosen,
+        # the third, 301 to 303, tried it.
+        test=_worlds(401, 402, 403),
+        train_towns=(("Town01", 1), ("Town06", 1)),
+        test_towns=(("Town03", 2), ("Town04", 2)),
         own=True,
         frames=2,
         random=3,
@@ -69,6 +77,7 @@ _ALL = (
         evaluations=180,
         poses=(400, 160),
         direct=True,
+        exchanges=40,
         seeds=(1, 2),
         learner=Settings(points=90_000),
     ),

@@ -1,9 +1,10 @@
-"""Placements of the studies: published, staggered, mixed, of one to six LiDARs, random by strata, and gamed."""
+"""Placements of the studies: published, in step, staggered, mixed, of one to six LiDARs, random by strata, and gamed."""
 
 from __future__ import annotations
 
+import hashlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 import sightline
 
 from ._types import F64
+from .worlds import LIDAR
 
 
 @dataclass(frozen=True)
@@ -19,7 +21,7 @@ class Layout:
 
     name: str
     #: ``box``: four LiDARs in the mount; ``mixed``: some beside it; ``number``: other counts; ``sensor``: other LiDARs;
-    #: ``gamed``: must lose; ``direct``: searched in the test scenes themselves.
+    #: ``gamed``: must lose; ``direct``: searched for the metrics themselves.
     pool: str
     poses: F64
     #: Another LiDAR than the study's, as a scene file has it.
@@ -27,19 +29,30 @@ class Layout:
     #: Conditions of the scans that it is trained on and tested on, as ``Scene.scan`` takes them.
     trained_in: tuple[str, ...] = ()
     tested_in: tuple[str, ...] = ()
+    #: ``[L]``, shares of an azimuth step by which the beams of each LiDAR are turned; ``None``: as the LiDAR has them.
+    phases: F64 | None = None
+
+    def placement(self, name: str = "") -> sightline.Placement:
+        """As the engine takes it."""
+        if self.phases is None:
+            return sightline.Placement(self.poses, name=name or self.name)
+        step = 2 * np.pi / (self.lidar or LIDAR)["azimuth_steps"]
+        return sightline.Placement(self.poses, name=name or self.name, phases=step * self.phases)
 
     def to_dict(self) -> dict[str, Any]:
         """As a plan keeps it."""
         kept = {"name": self.name, "pool": self.pool, "poses": self.poses.tolist()}
         more = {"lidar": self.lidar, "trained_in": list(self.trained_in), "tested_in": list(self.tested_in)}
+        more["phases"] = [] if self.phases is None else self.phases.tolist()
         return kept | {key: value for key, value in more.items() if value}
 
     @staticmethod
     def from_dict(kept: dict[str, Any]) -> Layout:
         """Out of a plan."""
         poses = np.array(kept["poses"], dtype=np.float64)
-        weather = (tuple(kept.get(key, ())) for key in ("trained_in", "tested_in"))
-        return Layout(kept["name"], kept["pool"], poses, kept.get("lidar"), *weather)
+        trained, tested = (tuple(kept.get(key, ())) for key in ("trained_in", "tested_in"))
+        phases = np.array(kept["phases"]) if "phases" in kept else None
+        return Layout(kept["name"], kept["pool"], poses, kept.get("lidar"), trained, tested, phases)
 
 
 def published() -> list[Layout]:
@@ -47,14 +60,29 @@ def published() -> list[Layout]:
     return [Layout(placement.name, "box", placement.poses) for placement in sightline.published()]
 
 
-def staggered(steps: int) -> list[Layout]:
-    """Layouts whose sensors share azimuths, turned a quarter of one of ``steps`` azimuth steps apart."""
+def out_of_step(given: list[Layout]) -> list[Layout]:
+    """The same with a phase of its own for each LiDAR whose phase is not settled, drawn by the name before ``@``.
+
+    LiDARs that turn by themselves fire out of step. Were those of some placements in step and others' not, a study would
+    see the phases in place of the poses.
+    """
+
+    def drawn_for(layout: Layout) -> F64:
+        named = hashlib.sha256(layout.name.partition("@")[0].encode()).digest()
+        shares = np.random.default_rng(int.from_bytes(named[:8], "little")).random(len(layout.poses))
+        return np.round(shares, 4)
+
+    return [replace(one, phases=drawn_for(one)) if one.phases is None else one for one in given]
+
+
+def in_step_and_staggered() -> list[Layout]:
+    """Layouts whose LiDARs share azimuths: all firing in step, and a quarter of an azimuth step apart."""
     found = []
     for layout in published():
         if layout.name in ("Center", "Line", "Square"):
-            poses = layout.poses.copy()
-            poses[:, 5] += 2 * np.pi / steps * np.arange(len(poses)) / len(poses)
-            found.append(Layout(f"{layout.name}-staggered", "box", poses))
+            count = len(layout.poses)
+            for name, phases in (("in-step", np.zeros(count)), ("staggered", np.arange(count) / count)):
+                found.append(replace(layout, name=f"{layout.name}-{name}", phases=phases))
     return found
 
 
@@ -70,19 +98,19 @@ def mixed() -> list[Layout]:
 
 
 def numbers() -> list[Layout]:
-    """One to six LiDARs, each with all of the one before."""
+    """One to six LiDARs, each with all of the one before, phases included: their yaws are no multiples of a step."""
     spots = [(0, 0, 2.8), (0.6, 0.6, 2.5), (-0.6, -0.6, 2.5), (0.6, -0.6, 2.2), (-0.6, 0.6, 2.2), (0, 0.6, 2.8)]
     poses = np.array([[*spot, 0.0, 0.0, 0.7 * k] for k, spot in enumerate(spots)])
-    return [Layout(f"count-{n}", "number", poses[:n]) for n in range(1, len(spots) + 1)]
+    return [Layout(f"count-{n}", "number", poses[:n], phases=np.zeros(n)) for n in range(1, len(spots) + 1)]
 
 
-def sensors(lidar: dict[str, Any]) -> list[Layout]:
+def sensors() -> list[Layout]:
     """The published optimum with LiDARs of as many points: other channels, other fields of view."""
     (ours,) = (layout.poses for layout in published() if layout.name == "Ours-seg")
-    points = lidar["channels"] * lidar["azimuth_steps"]
+    points = LIDAR["channels"] * LIDAR["azimuth_steps"]
     patterns = [(f"channels-{n}", {"channels": n, "azimuth_steps": points // n}) for n in (8, 32, 64)]
     patterns += [(f"fov-{low}-{high}", {"fov": [low, high]}) for low, high in ((-15, 15), (-45, 5), (-12, 2))]
-    return [Layout(f"Ours-seg-{name}", "sensor", ours, {**lidar, **changed}) for name, changed in patterns]
+    return [Layout(f"Ours-seg-{name}", "sensor", ours, {**LIDAR, **changed}) for name, changed in patterns]
 
 
 #: Placements that variants are made of.
@@ -92,10 +120,10 @@ BASES = ("Center", "Line", "Pyramid", "Square", "Ours-seg")
 CONDITIONS = ("fog", "wet", "snow", "blur", "crosstalk", "echo")
 
 
-def channels(lidar: dict[str, Any]) -> list[Layout]:
+def channels() -> list[Layout]:
     """Published ones with more channels in the same field of view, as ``NAME@VARIANT``."""
     return [
-        Layout(f"{base.name}@{count}-channels", "variant", base.poses, {**lidar, "channels": count})
+        Layout(f"{base.name}@{count}-channels", "variant", base.poses, {**LIDAR, "channels": count})
         for count in (16, 32, 64, 128)
         for base in _bases()
     ]

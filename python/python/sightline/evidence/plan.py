@@ -15,7 +15,7 @@ import numpy as np
 
 import sightline
 
-from . import layouts, pool, stage, worlds
+from . import direct, layouts, pool, stage, worlds
 from .candidates import CANDIDATES
 from .designs import KINDS, Design
 from .files import read_json, write_json
@@ -81,22 +81,32 @@ def digest(record: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(record, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
-def make(design: Design, out: Path, scenes: Path, jobs: int) -> Plan:
-    """Makes worlds and layouts, searches optima on training worlds only, and writes ``plan.json``."""
+def make(design: Design, out: Path, scenes: Path, xodr: Path | None, jobs: int) -> Plan:
+    """Makes worlds and layouts, searches optima on training worlds only, and writes ``plan.json``.
+
+    Without a folder of OpenDRIVE maps the towns made on them are left out.
+    """
     stage.say("making worlds")
     made = out / "worlds"
     chosen = [worlds.generated(kind, seed, "train", design.frames, made) for kind, seed in design.train]
     chosen += [worlds.generated(kind, seed, "test", design.frames, made) for kind, seed in design.test]
+    for role, towns in (("train", design.train_towns), ("test", design.test_towns)):
+        if xodr is None and towns:
+            stage.say(f"without --xodr: {', '.join(name for name, _ in towns)} to {role} are left out")
+        elif xodr is not None:
+            chosen += [worlds.imported(xodr, name, seed, role, design.frames, made) for name, seed in towns]
     chosen += worlds.own(scenes, design.frames) if design.own else []
-    return settle(design, chosen, _PLACED[design.placements](design, chosen, out / "pool", jobs), out)
+    placed = _PLACED[design.placements](design, chosen, out / "pool", jobs)
+    return settle(design, chosen, layouts.out_of_step(placed), out)
 
 
 def _study(design: Design, chosen: list[World], folder: Path, jobs: int) -> list[Layout]:
     train = [world for world in chosen if world.role == "train"]
     mount = train[0].source().described["mount"]
     placed = layouts.published() + _optima(design, train, mount, folder, jobs)
-    placed += _direct(design, chosen, mount, folder, jobs) + layouts.staggered(LIDAR["azimuth_steps"])  # type: ignore[arg-type]
-    placed += layouts.mixed() + layouts.numbers() + layouts.gamed() + layouts.sensors(LIDAR)
+    placed += _by_learner(design, train, mount, folder, placed, jobs) + _direct(design, chosen, mount, folder, jobs)
+    placed += layouts.in_step_and_staggered()
+    placed += layouts.mixed() + layouts.numbers() + layouts.gamed() + layouts.sensors()
     return placed + layouts.stratified(mount, design.random, seed=20)
 
 
@@ -119,7 +129,7 @@ def _transfer(design: Design, chosen: list[World], folder: Path, jobs: int) -> l
 _PLACED: dict[str, Callable[[Design, list[World], Path, int], list[Layout]]] = {
     "study": _study,
     "transfer": _transfer,
-    "channels": lambda design, chosen, folder, jobs: layouts.channels(LIDAR),
+    "channels": lambda design, chosen, folder, jobs: layouts.channels(),
     "conditions": lambda design, chosen, folder, jobs: layouts.conditions(),
 }
 
@@ -170,6 +180,28 @@ def _direct(design: Design, chosen: list[World], mount: dict[str, Any], folder: 
         for group, allowed in (("box", [inside] * 4), ("low", [inside, inside, ~inside, ~inside]))
     ]
     stage.carry_out("optima of the metrics", tasks, jobs)
+    return [Layout(path.stem, "direct", np.array(read_json(path)["poses"])) for path, _, _ in tasks]
+
+
+def _by_learner(
+    design: Design, train: list[World], mount: dict[str, Any], folder: Path, known: list[Layout], jobs: int
+) -> list[Layout]:
+    """What there is to win: optima of the metrics themselves in training worlds, four in the mount and two of four.
+
+    Each search begins at the best of what is ``known`` of its sort.
+    """
+    if not design.exchanges:
+        return []
+    poses, kinds = pool.drawn(mount, *design.poses, seed=1)
+    inside, apart = kinds == pool.INSIDE, float(mount.get("min_distance", 0.0))
+    tasks: list[stage.Task] = []
+    for sort, group, allowed in (("box", "box", [inside] * 4), ("mixed", "low", [inside, inside, ~inside, ~inside])):
+        # High ones before low ones, as the search has them.
+        starts = {one.name: one.poses[np.argsort(one.poses[:, 2] < 1.5, kind="stable")] for one in known if one.pool == sort}
+        room = direct.Room(poses, allowed, apart)
+        work = (train, room, starts, design.exchanges, design.learner, folder.parent / "truth")
+        tasks.append((folder / f"direct-trees-{group}.json", direct.optimum, work))
+    stage.carry_out("optima by a learner", tasks, jobs)
     return [Layout(path.stem, "direct", np.array(read_json(path)["poses"])) for path, _, _ in tasks]
 
 

@@ -25,14 +25,14 @@ from .worlds import World
 ANCHOR = "Center"
 
 
-def run(name: str, out: Path, scenes: Path, jobs: int) -> dict[str, Any]:
+def run(name: str, out: Path, scenes: Path, xodr: Path | None, jobs: int) -> dict[str, Any]:
     """All of a study; writes ``plan.json`` before anything is learnt and ``result.json`` at the end, and returns it."""
     began, design = time.monotonic(), DESIGNS[name]
     if (out / "plan.json").exists():
         plan = plans.read(design, out, scenes)
         say(f"goes on with the plan {plan.sha256[:12]} of {out}")
     else:
-        plan = plans.make(design, out, scenes, jobs)
+        plan = plans.make(design, out, scenes, xodr, jobs)
     return carry_out(plan, out, jobs, began)
 
 

@@ -48,7 +48,7 @@ def of_world(world: World, placements: list[Layout], frames: int = FRAMES) -> di
 def _of_one_lidar(world: World, psog: sightline.Psog, placements: list[Layout], frames: int) -> dict[str, F64]:
     source, lidar = Source.read(world.path), placements[0].lidar
     scene = opened(source, frames, lidar, psog)
-    rigs = [sightline.Placement(layout.poses, name=f"placement-{k}") for k, layout in enumerate(placements)]
+    rigs = [layout.placement(f"placement-{k}") for k, layout in enumerate(placements)]
     found = scene.score(rigs, self_hits=False)
     table = {name: np.asarray(found[name], dtype=np.float64) for name in _ENGINE}
     body = body_of(scene)
@@ -59,7 +59,7 @@ def _of_one_lidar(world: World, psog: sightline.Psog, placements: list[Layout], 
         there = at(source, frame, psog, lidar)
         (scan,) = there.scan(placements[0].poses, ideal=True, frames=[0])
         ground = ground.with_boxes(scan.boxes) if ground else Ground.of(psog, source.grid, body, scan.boxes)
-        seen = [candidates.look(there, ground, layout.poses) for layout in placements]
+        seen = [candidates.look(there, ground, rig) for rig in rigs]
         rows.append([[*candidates.values(ground, one).values(), one.hits] for one in seen])
     mean = np.mean(rows, axis=0)
     table |= {name: mean[:, k] for k, name in enumerate((*CANDIDATES, "hits")) if name != "gain"}

@@ -63,7 +63,8 @@ class Frame:
 
 def frames_of(world: World, layout: Layout, seed: int, conditions: tuple[str, ...] = ()) -> list[Frame]:
     """Scans of the frames of a scene in clear air or other conditions, with their noise drawn by the seed."""
-    scans = world.scene(layout.lidar).scan(layout.poses, seed=seed, frames=world.frames, conditions=conditions)
+    scene = world.scene(layout.lidar)
+    scans = scene.scan(layout.placement(), seed=seed, frames=world.frames, conditions=conditions)
     return [_frame(scan) for scan in scans]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import gzip
 import json
 import subprocess
 import sys
@@ -15,7 +16,7 @@ import sightline
 from .truth import Source
 
 #: The LiDAR of all scenes: that of the own four.
-LIDAR = {"channels": 16, "fov": [-24.8, 2.0], "azimuth_steps": 250, "range": 100.0}
+LIDAR: dict[str, Any] = {"channels": 16, "fov": [-24.8, 2.0], "azimuth_steps": 250, "range": 100.0}
 
 #: The own scenes, never trained on.
 OWN = ("urban-crossing", "highway", "residential", "industrial-yard")
@@ -86,6 +87,26 @@ def generated(kind: str, seed: int, role: str, frames: int, folder: Path) -> Wor
         folder.mkdir(parents=True, exist_ok=True)
         command = [sys.executable, "-m", "sightline", "scene", "new", "--quiet", "--kind", kind]
         subprocess.run([*command, "--seed", str(seed), "--out", str(path)], check=True)
+    return world(name, path, role, frames)
+
+
+def imported(xodr: Path, name: str, seed: int, role: str, frames: int, folder: Path) -> World:
+    """A town on the roads of an OpenDRIVE map, written to ``folder`` unless it is there.
+
+    ``name`` is that of its file somewhere in ``xodr``, without the endings ``.xodr`` and ``.xodr.gz``.
+    """
+    path = folder / f"{name}.json"
+    if not path.is_file():
+        found = sorted(file for end in ("xodr", "xodr.gz") for file in xodr.rglob(f"{name}.{end}"))
+        if not found:
+            raise ValueError(f"{xodr}: holds no {name}.xodr, nor a compressed one; give a folder that does, or no --xodr")
+        folder.mkdir(parents=True, exist_ok=True)
+        given = found[0].read_bytes()
+        drawn = folder / f"{name}.xodr"
+        drawn.write_bytes(gzip.decompress(given) if found[0].suffix == ".gz" else given)
+        command = [sys.executable, "-m", "sightline", "scene", "import", str(drawn), "--quiet"]
+        subprocess.run([*command, "--seed", str(seed), "--out", str(path)], check=True)
+        drawn.unlink()
     return world(name, path, role, frames)
 
 

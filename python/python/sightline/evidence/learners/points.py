@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-import sightline
-
 from .._types import F64
 from ..layouts import Layout
 from ..metrics.objects import distance_to
@@ -21,7 +19,7 @@ def met(world: World, frame: int, layout: Layout, body: F64, draw: int) -> F64:
     Beams are cast all together in the world at rest, without a sensor's response: a scan of one frame takes forty
     times as long to prepare.
     """
-    cast = world.scene(layout.lidar).cast(sightline.Placement(layout.poses), frame=frame)
+    cast = world.scene(layout.lidar).cast(layout.placement(), frame=frame)
     hit = np.isfinite(cast["t_hit"])
     far = cast["t_hit"][hit] + NOISE * np.random.default_rng([draw, 4]).standard_normal(int(hit.sum()))
     xyz = cast["origin"][hit] + far[:, None] * cast["direction"][hit]

@@ -1,0 +1,105 @@
+"""What there is to win: a placement searched for the metrics themselves, through trees that are taught once.
+
+All of it in training worlds, half of them to teach and half to judge in, so that what is found is tested like any other
+placement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import trial, truth
+from ._types import F64, I64, Bools
+from .layouts import Layout
+from .learners import trees
+from .worlds import World
+
+#: Random placements that teach in each world, and those that tell how far a metric goes.
+TEACHING, DRAWN = 2, 12
+
+#: What is searched for: all that is ranked by on fixed targets.
+METRICS = tuple(metric for metric in trial.METRICS if not metric.startswith("own_"))
+
+
+@dataclass(frozen=True)
+class Room:
+    """What a placement may be made of."""
+
+    #: ``[P, 6]``.
+    poses: F64
+    #: Which of them each LiDAR may have, ``[P]`` each.
+    allowed: list[Bools]
+    #: Least distance of two LiDARs, metres.
+    apart: float
+
+    def exchanged(self, placement: F64, slot: int, wanted: I64) -> F64:
+        """The placement with the first of the ``wanted`` poses that LiDAR ``slot`` may have in its place."""
+        others = np.delete(placement, slot, axis=0)
+        for number in wanted[self.allowed[slot][wanted]]:
+            pose = self.poses[number]
+            if np.linalg.norm(others[:, :3] - pose[:3], axis=1).min(initial=np.inf) >= self.apart:
+                found: F64 = np.insert(others, slot, pose, axis=0)
+                return found
+        return placement
+
+    def random(self, rng: np.random.Generator) -> F64:
+        """Poses ``[L, 6]``, drawn."""
+        placement = np.array([self.poses[rng.choice(np.flatnonzero(here))] for here in self.allowed])
+        for slot in range(len(placement)):
+            placement = self.exchanged(placement, slot, rng.permutation(len(self.poses)))
+        return placement
+
+
+def optimum(
+    train: list[World], room: Room, starts: dict[str, F64], exchanges: int, learner: trees.Settings, folder: Path
+) -> dict[str, Any]:
+    """The best placement after so many exchanges of one pose, from the best of ``starts``; its value and what was tried.
+
+    The value is the mean over metrics of (value − mean) / (best − mean) of random placements: 0 a random one.
+    """
+    rng = np.random.default_rng(17)
+    taught = _taught(train[::2], room, rng, learner)
+    drawn = np.array([_metrics(taught, train[1::2], room.random(rng), folder) for _ in range(DRAWN)])
+    middle = drawn.mean(axis=0)
+    unit = np.maximum(drawn.max(axis=0) - middle, 1e-9)
+
+    def value(placement: F64) -> float:
+        return float(np.mean((_metrics(taught, train[1::2], placement, folder) - middle) / unit))
+
+    begun = {name: value(placement) for name, placement in starts.items()}
+    start = max(begun, key=lambda name: begun[name])
+    best, most, taken = starts[start], begun[start], 0
+    for exchange in range(exchanges):
+        tried = room.exchanged(best, exchange % len(best), rng.permutation(len(room.poses)))
+        found = value(tried)
+        if found > most:
+            best, most, taken = tried, found, taken + 1
+    return {"poses": best.tolist(), "value": most, "start": start, "starts": begun, "exchanges": exchanges, "taken": taken}
+
+
+def _taught(worlds: list[World], room: Room, rng: np.random.Generator, learner: trees.Settings) -> trial.OnPoints:
+    seen = []
+    for world in worlds:
+        for number in range(TEACHING):
+            layout = Layout(f"teaching-{number}", "direct", room.random(rng))
+            seen += trial.frames_of(world, layout, number + 1)
+    taught = trial.learn(seen, 1, learner)
+    if taught is None:
+        raise ValueError(f"{', '.join(world.name for world in worlds)}: random placements see one kind of things only")
+    return taught
+
+
+def _metrics(taught: trial.OnPoints, worlds: list[World], placement: F64, folder: Path) -> F64:
+    """``METRICS``, means over worlds."""
+    layout = Layout("looked-at", "direct", placement)
+    rows = []
+    for world in worlds:
+        known = truth.cached(world.source(), world.sha256, world.frames, folder)
+        found = trial.judge(world, known, trial.frames_of(world, layout, 1), taught)["metrics"]
+        rows.append([found[metric] for metric in METRICS])
+    means: F64 = np.nanmean(np.array(rows), axis=0)
+    return means
