@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gzip
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,18 +12,23 @@ import numpy as np
 import pytest
 
 pytest.importorskip("lightgbm", reason="lightgbm is not installed")
-from sightline.evidence import __main__, effects, layouts, trial, worlds
+from sightline.evidence import __main__, effects, layouts, plan, trial, worlds
 from sightline.evidence.designs import DESIGNS, KINDS
 from sightline.evidence.gathered import Gathered
 from sightline.evidence.layouts import Layout
 from sightline.evidence.plan import Plan
 from sightline.evidence.worlds import LIDAR
 
+#: A fork of three roads.
+FORK = Path(__file__).resolve().parents[3] / "tests" / "data" / "fork.xodr"
+
 
 def test_layouts_come_out_of_a_plan_as_they_went_in() -> None:
-    for layout in [*layouts.sensors(LIDAR), *layouts.channels(LIDAR), *layouts.conditions(), *layouts.gamed()]:
+    all_sorts = [*layouts.sensors(), *layouts.channels(), *layouts.conditions(), *layouts.gamed(), *layouts.numbers()]
+    for layout in all_sorts + layouts.out_of_step(all_sorts):
         again = Layout.from_dict(layout.to_dict())
         np.testing.assert_array_equal(again.poses, layout.poses)
+        np.testing.assert_array_equal(again.placement().phases, layout.placement().phases)
         kept = ("name", "pool", "lidar", "trained_in", "tested_in")
         assert [getattr(again, key) for key in kept] == [getattr(layout, key) for key in kept]
 
@@ -35,9 +42,73 @@ def test_designs_are_what_the_issue_asks_for() -> None:
         assert not set(design.train) & set(design.test), design.name
 
 
+def test_lidars_fire_out_of_step_unless_a_layout_says_otherwise(small_file: Path) -> None:
+    free = {one.name: one for one in layouts.out_of_step(layouts.published() + layouts.in_step_and_staggered())}
+    step = 2 * np.pi / LIDAR["azimuth_steps"]
+    assert np.unique(free["Center"].placement().phases).size == 4
+    assert np.all((free["Center"].placement().phases >= 0) & (free["Center"].placement().phases < step))
+    assert np.all(free["Center-in-step"].placement().phases == 0)
+    np.testing.assert_allclose(free["Center-staggered"].placement().phases / step, [0, 0.25, 0.5, 0.75])
+    # Variants of a placement are compared with each other: their phases are the same share of their steps.
+    more = layouts.out_of_step(layouts.channels())
+    np.testing.assert_array_equal(more[0].phases, free[more[0].name.partition("@")[0]].phases)
+    # Four in step at one spot meet the same points; out of step they do not.
+    world = worlds.world("small", small_file, "test", 1)
+    stacked = Layout("stacked", "gamed", np.tile([0.0, 0, 2.5, 0, 0, 0], (4, 1)))
+    for layout, least in ((stacked, 1.0), (layouts.out_of_step([stacked])[0], 3.9)):
+        cast = world.scene().cast(layout.placement())
+        assert len(np.unique(cast["direction"], axis=0)) >= least * 0.99 * 16 * 250
+        assert least > 1 or len(np.unique(cast["direction"], axis=0)) <= 16 * 250
+
+
+def test_one_to_six_lidars_have_all_of_the_one_before() -> None:
+    placed = [one.placement() for one in layouts.out_of_step(layouts.numbers())]
+    for less, more in zip(placed, placed[1:]):
+        np.testing.assert_array_equal(more.poses[:-1], less.poses)
+        np.testing.assert_array_equal(more.phases[:-1], less.phases)
+
+
+def test_towns_stand_on_opendrive_maps(tmp_path: Path) -> None:
+    if not FORK.is_file():
+        pytest.skip(f"{FORK} is not there")
+    maps = tmp_path / "maps" / "deeper"
+    maps.mkdir(parents=True)
+    (maps / "fork.xodr.gz").write_bytes(gzip.compress(FORK.read_bytes()))
+    town = worlds.imported(tmp_path / "maps", "fork", 3, "train", 2, tmp_path / "worlds")
+    assert (town.name, town.role, town.frames) == ("fork", "train", [10, 30])
+    assert len(town.source().described["actors"]) > 0
+    assert sorted(path.name for path in (tmp_path / "worlds").iterdir()) == ["fork.json", "fork.ply"]
+    again = worlds.imported(tmp_path / "maps", "fork", 3, "train", 2, tmp_path / "other")
+    assert again.sha256 == town.sha256
+    with pytest.raises(ValueError, match="holds no Town99.xodr"):
+        worlds.imported(tmp_path / "maps", "Town99", 1, "test", 2, tmp_path / "worlds")
+
+
+def test_a_plan_has_towns_where_their_maps_are(
+    tmp_path: Path, small_file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[tuple[str, int, str]] = []
+
+    def world(name: str, seed: int, role: str) -> worlds.World:
+        asked.append((name, seed, role))
+        return worlds.world(name, small_file, role, 1)
+
+    monkeypatch.setattr(worlds, "generated", lambda kind, seed, role, frames, folder: world(f"{kind}-{seed}", seed, role))
+    monkeypatch.setattr(worlds, "imported", lambda xodr, name, seed, role, frames, folder: world(name, seed, role))
+    design = replace(DESIGNS["channels"], name="towns", train_towns=(("Town01", 1),), test_towns=(("Town03", 2),))
+    made = plan.make(design, tmp_path / "with", tmp_path, tmp_path, 1)
+    assert {("Town01", 1, "train"), ("Town03", 2, "test")} <= set(asked)
+    assert [world.name for world in made.of("test")][-1] == "Town03"
+    assert all("phases" in layout for layout in made.record["placements"])
+    asked.clear()
+    without = plan.make(design, tmp_path / "without", tmp_path, None, 1)
+    assert not {name for name, _, _ in asked} & {"Town01", "Town03"} and len(without.worlds) == len(made.worlds) - 2
+    assert "without --xodr: Town03 to test are left out" in capsys.readouterr().err
+
+
 def test_more_channels_have_more_points_and_fog_fewer(small_file: Path) -> None:
     world = worlds.world("small", small_file, "test", 1)
-    by_name = {layout.name: layout for layout in layouts.channels(LIDAR) + layouts.conditions()}
+    by_name = {layout.name: layout for layout in layouts.channels() + layouts.conditions()}
     count = {
         name: len(trial.frames_of(world, by_name[name], 1, by_name[name].tested_in)[0].xyz)
         for name in ("Center@16-channels", "Center@32-channels", "Center@clear", "Center@snow, trained in it")

@@ -75,7 +75,7 @@ def measured(plan: Plan, out: Path) -> dict[str, float]:
     sightline.set_threads(1)
     test = plan.of("test")
     own = [layout for layout in plan.placements if layout.lidar is None][:TIMED]
-    rigs = [layout.placement() for layout in own]
+    rigs = [layout.placement(layout.name) for layout in own]
     found = {"nothing": 0.0, "score": 0.0, "boxes": 0.0}
     for world in test[:SCENES]:
         scene = opened(world.source(), FRAMES)

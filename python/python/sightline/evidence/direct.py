@@ -37,10 +37,12 @@ class Room:
     apart: float
 
     def exchanged(self, placement: F64, slot: int, wanted: I64) -> F64:
-        """The placement with the first of the ``wanted`` poses that LiDAR ``slot`` may have in its place."""
+        """The placement with the first of the ``wanted`` poses that LiDAR ``slot`` may have in place of its own."""
         others = np.delete(placement, slot, axis=0)
         for number in wanted[self.allowed[slot][wanted]]:
             pose = self.poses[number]
+            if np.array_equal(pose, placement[slot]):
+                continue
             if np.linalg.norm(others[:, :3] - pose[:3], axis=1).min(initial=np.inf) >= self.apart:
                 found: F64 = np.insert(others, slot, pose, axis=0)
                 return found

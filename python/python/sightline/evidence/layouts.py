@@ -32,12 +32,12 @@ class Layout:
     #: ``[L]``, shares of an azimuth step by which the beams of each LiDAR are turned; ``None``: as the LiDAR has them.
     phases: F64 | None = None
 
-    def placement(self, name: str = "") -> sightline.Placement:
+    def placement(self, name: str = "placement") -> sightline.Placement:
         """As the engine takes it."""
         if self.phases is None:
-            return sightline.Placement(self.poses, name=name or self.name)
+            return sightline.Placement(self.poses, name=name)
         step = 2 * np.pi / (self.lidar or LIDAR)["azimuth_steps"]
-        return sightline.Placement(self.poses, name=name or self.name, phases=step * self.phases)
+        return sightline.Placement(self.poses, name=name, phases=step * self.phases)
 
     def to_dict(self) -> dict[str, Any]:
         """As a plan keeps it."""
