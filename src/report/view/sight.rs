@@ -4,12 +4,10 @@ use rayon::prelude::*;
 
 use crate::cover::{BitOrder, Bitmaps};
 use crate::engine::{Backend, BackendError};
-use crate::problem::{Content, Problem, spread};
+use crate::problem::{Content, Problem};
 use crate::psog::{Roi, to_nats};
-use crate::vehicle::Placement;
+use crate::vehicle::{Placement, SensorPose};
 
-/// Most frames that shares are taken over.
-const FRAMES: u32 = 48;
 /// Metres between two rings of distance, and most rings.
 const RING: f64 = 10.0;
 const RINGS: usize = 8;
@@ -25,7 +23,7 @@ pub struct Part {
     pub gained: Vec<f64>,
 }
 
-/// What a placement and its baselines gain, over all frames or 48 spread evenly.
+/// What a placement and its baselines gain, over the frames shown.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gains {
     /// By class, most information first; a voxel of several classes counts with the rarest of them.
@@ -85,40 +83,35 @@ impl Sight {
     ) -> Result<Self, BackendError> {
         let voxels = informative(problem.roi(), problem.content());
         let count = voxels.len().min(most);
-        let frames = spread(problem.frame_count(), Some(FRAMES));
-        let mut gains = Gains::new(problem, &voxels, frames.len());
-        let mut shares = Vec::new();
+        let mut gains = Gains::new(problem, &voxels, shown.len());
+        let (mut shares, mut masks) = (Vec::new(), Vec::new());
+        let mut alone = vec![0.0; placement.lidars.len()];
         let mut places = Places::default();
-        for layout in std::iter::once(placement).chain(baselines) {
+        for (layout, lidars) in layouts(placement, baselines).enumerate() {
             let mut seen = vec![0_u32; voxels.len()];
-            let mut alone = vec![0.0; if shares.is_empty() { layout.lidars.len() } else { 0 }];
-            for &frame in &frames {
-                let bitmaps = engine.bitmaps(&layout.lidars, frame)?;
+            for &frame in shown {
+                let bitmaps = engine.bitmaps(lidars, frame)?;
                 places.fit(bitmaps.order, &voxels);
                 let marks = Marks { bitmaps, places: &places };
                 marks.count(&mut seen);
-                // Of the placement; each LiDAR's sum is taken in one order, so that threads change no bit.
+                if layout > 0 {
+                    continue;
+                }
+                masks.push(marks.masks(count));
+                // Each LiDAR's sum is taken in one order, so that threads change no bit.
                 alone.par_iter_mut().enumerate().for_each(|(lidar, nats)| {
                     let gained: f64 = marks.of(lidar, &voxels).map(|voxel| voxel.nats).sum();
-                    *nats += gained / frames.len() as f64;
+                    *nats += gained / shown.len() as f64;
                 });
             }
             let mut share = vec![0.0; voxels.len()];
             for (&(_, voxel), &seen) in places.rising.iter().zip(&seen) {
-                share[voxel as usize] = f64::from(seen) / frames.len() as f64;
+                share[voxel as usize] = f64::from(seen) / shown.len() as f64;
             }
             gains.add(&voxels, &share);
-            if shares.is_empty() {
-                gains.alone = alone;
-            }
             shares.push(share[..count].to_vec());
         }
-        let mut masks = Vec::new();
-        for &frame in shown {
-            let bitmaps = engine.bitmaps(&placement.lidars, frame)?;
-            places.fit(bitmaps.order, &voxels);
-            masks.push(Marks { bitmaps, places: &places }.masks(count));
-        }
+        gains.alone = alone;
         gains.by_class.retain(|part| part.total > 0.0);
         gains.by_class.sort_by(|a, b| b.total.total_cmp(&a.total));
         let drawn = voxels[..count].iter();
@@ -137,6 +130,14 @@ impl Sight {
             )
         })
     }
+}
+
+/// LiDARs of the placement, then those of each baseline.
+fn layouts<'a>(
+    placement: &'a Placement,
+    baselines: &'a [Placement],
+) -> impl Iterator<Item = &'a [SensorPose]> {
+    std::iter::once(placement).chain(baselines).map(|layout| &layout.lidars[..])
 }
 
 /// Where voxels stand in the bitmaps of an engine.
