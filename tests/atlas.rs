@@ -9,6 +9,7 @@ use sightline::internals::{
 };
 use sightline::problem::{Content, OccupiedVoxel, Problem, Tally};
 use sightline::psog::Roi;
+use sightline::score::Needed;
 use sightline::vehicle::{BeamTable, Constraints, Placement};
 
 use crate::common::{MEMORY, random_content, random_soup};
@@ -49,9 +50,9 @@ fn a_union_has_the_sums_of_the_backend() {
         let range = problem.sensors().table(0).range();
         let mut cpu = CpuBackend::new(problem.clone(), MEMORY);
         let mut gpu = GpuBackend::new(problem.clone(), None, MEMORY).unwrap();
-        let mut from_gpu = Atlas::new(problem.clone(), grid(), true, MEMORY);
-        let mut from_cpu = Atlas::new(problem.clone(), grid(), true, MEMORY);
-        let mut lean = Atlas::new(problem, grid(), false, MEMORY);
+        let mut from_gpu = Atlas::new(problem.clone(), grid(), Needed::all(true), MEMORY);
+        let mut from_cpu = Atlas::new(problem.clone(), grid(), Needed::all(true), MEMORY);
+        let mut lean = Atlas::new(problem, grid(), Needed::all(false), MEMORY);
         for poses in [vec![0], vec![1, 1], vec![7, 3, 40], vec![53, 26, 9, 12, 30]] {
             let lidars = poses.iter().map(|&pose| grid().pose(pose)).collect();
             let placement = Placement { name: "x".into(), lidars };
@@ -80,7 +81,7 @@ fn another_engine_may_take_over_between_poses() {
     let mut reference = ReferenceBackend::new(problem.clone());
     let mut cpu = CpuBackend::new(problem.clone(), MEMORY);
     assert_ne!(BitOrder::rows(problem.roi()), BitOrder::linear(problem.roi()));
-    let mut atlas = Atlas::new(problem.clone(), grid(), true, MEMORY);
+    let mut atlas = Atlas::new(problem.clone(), grid(), Needed::all(true), MEMORY);
     atlas.hold(&mut cpu, &[7, 3]).unwrap();
     atlas.hold(&mut reference, &[40, 9]).unwrap();
     atlas.hold(&mut cpu, &[12]).unwrap();
@@ -95,7 +96,7 @@ fn another_engine_may_take_over_between_poses() {
 fn memory_is_bounded_and_what_was_used_last_stays() {
     let problem = problem(few_worths);
     let mut cpu = CpuBackend::new(problem.clone(), MEMORY);
-    let mut atlas = Atlas::new(problem, grid(), true, 0);
+    let mut atlas = Atlas::new(problem, grid(), Needed::all(true), 0);
     let capacity = atlas.capacity() as u32;
     assert_eq!(capacity, 16, "room for one placement");
     atlas.hold(&mut cpu, &(0..capacity).collect::<Vec<_>>()).unwrap();

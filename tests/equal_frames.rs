@@ -9,6 +9,7 @@ use sightline::problem::{Problem, Tally};
 use sightline::psog::Roi;
 use sightline::scan::scan_scene;
 use sightline::scene::{EgoBody, PsogSource, Scene};
+use sightline::score::Needed;
 use sightline::vehicle::random_placements;
 use sightline::vehicle::{BeamTable, Constraints, Placement};
 
@@ -84,7 +85,7 @@ fn an_atlas_casts_equal_frames_once() {
         Constraints::in_box([-0.5, -0.5, 1.2, 0.0, 0.0, 0.0], [0.5, 0.5, 1.7, 0.0, 0.0, 0.0], 2);
     let grid = PoseGrid::new(&constraints, Spacing { metres: 0.5, radians: 0.3 }).unwrap();
     let tally = |problem: &Arc<Problem>| {
-        let mut atlas = Atlas::new(problem.clone(), grid.clone(), true, MEMORY);
+        let mut atlas = Atlas::new(problem.clone(), grid.clone(), Needed::all(true), MEMORY);
         let mut union = Union::default();
         atlas.hold(&mut *both(problem)[0], &[0, 7]).unwrap();
         atlas.union(&[0], &mut union);

@@ -8,7 +8,7 @@ use sightline::internals::{
     Ties, bound_gain, swap_from,
 };
 use sightline::problem::Problem;
-use sightline::score::Objective;
+use sightline::score::{Needed, Objective};
 use sightline::search::Evaluator;
 use sightline::vehicle::{Constraints, Placement, SensorPose};
 
@@ -31,7 +31,7 @@ fn search(problem: &Arc<Problem>, rules: &Constraints, objective: &str) -> (Grid
     let grid = PoseGrid::new(rules, Spacing { metres: 2.0, radians: 0.6 }).unwrap();
     assert_eq!(grid.len(), 36);
     let objective: Objective = objective.parse().unwrap();
-    let atlas = Atlas::new(problem.clone(), grid, objective.counts_all_covered(), MEMORY);
+    let atlas = Atlas::new(problem.clone(), grid, objective.needed(), MEMORY);
     (GridSearch::new(atlas, objective, &evaluator), evaluator)
 }
 
@@ -125,7 +125,7 @@ fn a_climb_ends_where_no_swap_gains() {
         let (mut search, mut evaluator) = search(&problem, &rules, objective);
         let start = [0, 17, 35];
         let from = search.value(&mut evaluator, &start).unwrap();
-        let top = search.climb(&mut evaluator, &start, Moves::Anywhere, &mut |_| true).unwrap();
+        let top = search.climb(&mut evaluator, &start, &[Moves::Anywhere], &mut |_| true).unwrap();
         assert!(top.value >= from, "{objective}");
         let placement = top.placement(search.atlas().grid(), "top");
         assert!(rules.violations(&placement).is_empty());
@@ -146,7 +146,7 @@ fn a_climb_ends_where_no_swap_gains() {
             }
         }
         let stopped =
-            search.climb(&mut evaluator, &start, Moves::Around(1), &mut |_| false).unwrap();
+            search.climb(&mut evaluator, &start, &[Moves::Around(1)], &mut |_| false).unwrap();
         assert_eq!(stopped.poses, start);
     }
 }
@@ -155,10 +155,8 @@ fn a_climb_ends_where_no_swap_gains() {
 fn the_sampled_constants_are_those_of_the_sample() {
     let problem = random_problem(11, true);
     let rules = constraints(2, 0.0);
-    let (search, mut evaluator) = search(&problem, &rules, "information_gain");
-    let objective: Objective = "information_gain".parse().unwrap();
-    let grid = search.atlas().grid();
-    let sample = GridSample::draw(&mut evaluator, grid, &objective, 50, 3).unwrap();
+    let (mut search, mut evaluator) = search(&problem, &rules, "information_gain");
+    let sample = GridSample::draw(&mut search, &mut evaluator, 50, 3).unwrap();
     let bound = sample.lipschitz().unwrap();
     assert_eq!((bound.samples, bound.delta), (50, 2.0));
     assert_eq!(bound.bound, bound.c_m + bound.k_g * 2.0);
@@ -171,7 +169,7 @@ fn the_sampled_constants_are_those_of_the_sample() {
     for pair in scored.chunks(2) {
         assert!((pair[0].1 - pair[1].1).abs() <= bound.k_g * 2.0 * (1.0 + 1e-12));
     }
-    let again = GridSample::draw(&mut evaluator, grid, &objective, 50, 3).unwrap();
+    let again = GridSample::draw(&mut search, &mut evaluator, 50, 3).unwrap();
     assert_eq!(sample, again, "same seed, same sample");
 }
 
@@ -200,13 +198,15 @@ fn a_climb_keeps_ties_and_leaves_boxes_free() {
             let grid = PoseGrid::new(&rules, spacing).unwrap();
             let objective: Objective = "information_gain".parse().unwrap();
             // Room for few poses: they are cast in parts.
-            let room = Atlas::new(problem.clone(), grid.clone(), false, 0).page_bytes() as u64 * 40;
-            let atlas = Atlas::new(problem, grid, false, room);
+            let room = Atlas::new(problem.clone(), grid.clone(), objective.needed(), 0).page_bytes()
+                as u64
+                * 40;
+            let atlas = Atlas::new(problem, grid, objective.needed(), room);
             let mut search = GridSearch::new(atlas, objective.clone(), &evaluator);
             let from = search.start_of(&start).expect("it keeps the rules");
             let least = search.value(&mut evaluator, &from).unwrap();
             for moves in [Moves::Along(1), Moves::Around(1), Moves::Anywhere] {
-                let top = search.climb(&mut evaluator, &from, moves, &mut |_| true).unwrap();
+                let top = search.climb(&mut evaluator, &from, &[moves], &mut |_| true).unwrap();
                 let placement = top.placement(search.atlas().grid(), "top");
                 assert_eq!(rules.violations(&placement), [], "{rules:?}");
                 let scores = evaluator.scores(&[placement]).unwrap().remove(0);
@@ -218,7 +218,7 @@ fn a_climb_keeps_ties_and_leaves_boxes_free() {
         let backend = Box::new(CpuBackend::new(random_problem(1, true), MEMORY));
         let evaluator = Evaluator::new(mounted(&random_problem(1, true), &rules), backend);
         let grid = PoseGrid::new(&rules, Spacing { metres: 1.0, radians: 0.3 }).unwrap();
-        let atlas = Atlas::new(random_problem(1, true), grid, false, MEMORY);
+        let atlas = Atlas::new(random_problem(1, true), grid, Needed::all(false), MEMORY);
         let search = GridSearch::new(atlas, "information_gain".parse().unwrap(), &evaluator);
         assert_eq!(search.start_of(&off), None, "in the box, and all in one place");
     }

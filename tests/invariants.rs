@@ -252,8 +252,7 @@ fn a_climb_ends_without_a_violated_guard() {
     let all: Vec<u32> = (0..grid.len()).collect();
     let search = |objective: &str, evaluator: &Evaluator| {
         let objective: Objective = objective.parse().unwrap();
-        let counts_all = objective.counts_all_covered();
-        let atlas = Atlas::new(own.problem.clone(), grid.clone(), counts_all, MEMORY);
+        let atlas = Atlas::new(own.problem.clone(), grid.clone(), objective.needed(), MEMORY);
         GridSearch::new(atlas, objective, evaluator)
     };
     let mut honest = search("information_gain", &evaluator);
@@ -265,7 +264,8 @@ fn a_climb_ends_without_a_violated_guard() {
         !tempted.standing(&mut evaluator, &blind).unwrap().is_sound(),
         "{name}: M-SOG is not tempted"
     );
-    let top = tempted.climb(&mut evaluator, &start.poses, Moves::Anywhere, &mut |_| true).unwrap();
+    let top =
+        tempted.climb(&mut evaluator, &start.poses, &[Moves::Anywhere], &mut |_| true).unwrap();
     assert!(tempted.standing(&mut evaluator, &top).unwrap().is_sound(), "{name}: {top:?}");
     assert!(blind.value > top.value, "{name}: blindness does not pay");
     for pair in [[&blind, &top], [&top, &blind]] {

@@ -111,7 +111,7 @@ fn the_grid_and_its_bound_are_those_of_all_scenes() {
         let objective: Objective = objective.parse().unwrap();
         let mut evaluator = Evaluator::suite_on_cpu(&both, MEMORY);
         let grid = PoseGrid::new(&rules(), Spacing { metres: 2.0, radians: 0.6 }).unwrap();
-        let atlas = Atlases::new(&evaluator, &grid, objective.counts_all_covered(), MEMORY);
+        let atlas = Atlases::new(&evaluator, &grid, objective.needed(), MEMORY);
         let mut search = GridSearch::new(atlas, objective.clone(), &evaluator);
         let mut best = GridPlacement { poses: vec![], value: f64::NEG_INFINITY };
         for a in 0..grid.len() {

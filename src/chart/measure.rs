@@ -259,7 +259,7 @@ impl Scorer {
         if setting.engine == Engine::Atlas {
             let constraints = problem.constraints().clone();
             let grid = PoseGrid::new(&constraints, SWAP_SPACING)?;
-            let atlas = Atlas::new(problem, grid, objective.counts_all_covered(), ATLAS_BYTES);
+            let atlas = Atlas::new(problem, grid, objective.needed(), ATLAS_BYTES);
             let (held, lidars) =
                 (atlas.page_bytes() * BATCH * constraints.lidars(), constraints.lidars());
             if held as u64 > ATLAS_BYTES {

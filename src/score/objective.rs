@@ -77,6 +77,22 @@ pub enum ObjectiveError {
     },
 }
 
+/// What an objective depends on of the sums over covered voxels, beside the number of occupied ones.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Needed {
+    /// Whether empty voxels count.
+    pub empty: bool,
+    /// Kinds of information whose sums count.
+    pub entropies: [bool; KINDS],
+}
+
+impl Needed {
+    /// The sums of every kind, with or without empty voxels.
+    pub fn all(empty: bool) -> Self {
+        Self { empty, entropies: [true; KINDS] }
+    }
+}
+
 impl Default for Objective {
     /// The near gain: of all scores, what it puts first loses least of what learned models get from a
     /// placement (`docs/evidence.md`). A gain like the information gain: monotone in the set of sensors,
@@ -185,15 +201,23 @@ impl Objective {
         })
     }
 
-    /// Whether the count of all covered voxels matters, empty ones too.
-    pub fn counts_all_covered(&self) -> bool {
-        let few =
+    /// The sums over covered voxels that the objective depends on.
+    pub fn needed(&self) -> Needed {
+        let least =
             Tally { covered: 1, covered_nonzero: 1, entropy: [1 << 28; KINDS], ..Tally::default() };
-        let many = Tally { covered: 2, ..few.clone() };
         let occupied = vec![OccupiedVoxel { index: 0, entropy: [1 << 28; KINDS] }];
         let content = Content::new(Vec::new(), occupied, &[], true);
-        let value = |tally| self.value_of_tally(tally, &content, 1);
-        value(&few) != value(&many)
+        let differs = |change: &dyn Fn(&mut Tally)| {
+            let mut other = least.clone();
+            change(&mut other);
+            let [one, other] =
+                [&least, &other].map(|tally| self.value_of_tally(tally, &content, 1));
+            one != other
+        };
+        Needed {
+            empty: differs(&|tally| tally.covered += 1),
+            entropies: std::array::from_fn(|kind| differs(&|tally| tally.entropy[kind] += 1 << 28)),
+        }
     }
 
     /// Whether the objective grows with a gain and nothing else: a positive multiple of a sum over covered
@@ -274,7 +298,7 @@ mod tests {
             ("information_gain + m_sog", true, false),
             ("near_gain + information_gain_share + m_sog", true, false),
         ] {
-            assert_eq!(objective(text).counts_all_covered(), all_covered, "{text}");
+            assert_eq!(objective(text).needed().empty, all_covered, "{text}");
             assert_eq!(objective(text).is_information_gain(), gain, "{text}");
         }
     }

@@ -6,7 +6,7 @@ use super::atlas::{Atlas, Union};
 use super::evaluator::Evaluator;
 use crate::engine::BackendError;
 use crate::problem::{Content, KINDS, Tally};
-use crate::score::Objective;
+use crate::score::{Needed, Objective};
 use crate::vehicle::PoseGrid;
 
 /// Fixed-point sum by which the worth of one unit is found: a power of two, and large, so that it is as
@@ -27,10 +27,10 @@ impl From<Atlas> for Atlases {
 
 impl Atlases {
     /// Empty ones of the evaluator's scenes that hold at most about `bytes` together; see [`Atlas::new`].
-    pub fn new(evaluator: &Evaluator, grid: &PoseGrid, counts_all: bool, bytes: u64) -> Self {
+    pub fn new(evaluator: &Evaluator, grid: &PoseGrid, needed: Needed, bytes: u64) -> Self {
         let share = bytes / evaluator.members().len().max(1) as u64;
         let atlas = |member: &super::suite::Member| {
-            Atlas::new(member.problem().clone(), grid.clone(), counts_all, share)
+            Atlas::new(member.problem().clone(), grid.clone(), needed, share)
                 .of_mirror_image(member.is_mirrored())
         };
         let mut each: Vec<Atlas> = evaluator.members().map(|(member, _)| atlas(member)).collect();

@@ -36,15 +36,24 @@ enum Turn {
     Height,
 }
 
+/// What a climb asks the guards about.
+#[derive(Debug, Clone, Copy)]
+enum Check {
+    Nothing,
+    EachSwap,
+}
+
 impl GridSearch {
-    /// Moves one LiDAR at a time to the best pose it may move to, until none gains any more.
+    /// Moves one LiDAR at a time to the best pose it may move to, until none gains any more; by each of
+    /// `moves` in turn.
     ///
     /// LiDARs that the rules tie move together: a mirrored pair as one, and where all are to stand at
     /// one height a LiDAR stays at it, and all change it at once. `start` must keep the rules.
     ///
-    /// A swap is only taken to a placement that violates no guard, so that the climb cannot game the
-    /// objective, and from one that violates a guard to any that does not. `go_on` is asked before each
-    /// LiDAR, with the poses that the atlas has cast so far.
+    /// The end violates no guard, so that the climb cannot game the objective, unless `start` violates one and
+    /// no swap leads to a placement that does not. Guards take a cast of the whole placement, so they are asked
+    /// at the end alone; where one speaks there, the climb is done again and each swap checked. `go_on` is
+    /// asked before each LiDAR, with the poses that the atlas has cast so far.
     ///
     /// # Errors
     /// As [`Self::hold`].
@@ -52,25 +61,52 @@ impl GridSearch {
         &mut self,
         evaluator: &mut Evaluator,
         start: &[u32],
-        moves: Moves,
+        moves: &[Moves],
+        go_on: &mut dyn FnMut(u64) -> bool,
+    ) -> Result<GridPlacement, SearchError> {
+        // What must be seen and is not may only be won back step by step.
+        if !self.has_areas() {
+            let end = self.ascend(evaluator, start, moves, Check::Nothing, go_on)?;
+            if self.standing(evaluator, &end)?.is_sound() {
+                return Ok(end);
+            }
+        }
+        self.ascend(evaluator, start, moves, Check::EachSwap, go_on)
+    }
+
+    /// A climb whose swaps are checked or not.
+    fn ascend(
+        &mut self,
+        evaluator: &mut Evaluator,
+        start: &[u32],
+        moves: &[Moves],
+        check: Check,
         go_on: &mut dyn FnMut(u64) -> bool,
     ) -> Result<GridPlacement, SearchError> {
         let value = self.value(evaluator, start)?;
         let mut here = GridPlacement { poses: start.to_vec(), value };
-        let mut held = self.standing(evaluator, &here)?;
-        let mut least = if held.is_sound() { here.value } else { f64::NEG_INFINITY };
+        let mut held = match check {
+            Check::Nothing => None,
+            Check::EachSwap => Some(self.standing(evaluator, &here)?),
+        };
+        let is_sound = held.is_none_or(|held| held.is_sound());
+        let mut least = if is_sound { here.value } else { f64::NEG_INFINITY };
         let turns = self.turns(start);
-        let (mut settled, mut turn) = (0, 0);
-        while settled < turns.len() && go_on(self.atlas.poses_cast()) {
-            match self.best_swap(evaluator, &here.poses, turns[turn], moves, (least, &held))? {
-                Some((better, standing)) => {
-                    (least, held) = (better.value, standing);
-                    here = better;
-                    settled = 0;
+        for &moves in moves {
+            let (mut settled, mut turn) = (0, 0);
+            while settled < turns.len() && go_on(self.atlas.poses_cast()) {
+                let swap =
+                    self.best_swap(evaluator, &here.poses, turns[turn], moves, (least, held))?;
+                match swap {
+                    Some((better, standing)) => {
+                        (least, held) = (better.value, standing);
+                        here = better;
+                        settled = 0;
+                    }
+                    None => settled += 1,
                 }
-                None => settled += 1,
+                turn = (turn + 1) % turns.len();
             }
-            turn = (turn + 1) % turns.len();
         }
         Ok(here)
     }
@@ -168,15 +204,16 @@ impl GridSearch {
         candidates.par_iter().map_init(Vec::new, value).collect()
     }
 
-    /// The best placement of a turn that beats `least` and violates no guard.
+    /// The best placement of a turn that beats `least`; where the standing before it is known one that violates
+    /// no guard, with its own.
     fn best_swap(
         &mut self,
         evaluator: &mut Evaluator,
         here: &[u32],
         turn: Turn,
         moves: Moves,
-        (least, held): (f64, &Standing),
-    ) -> Result<Option<(GridPlacement, Standing)>, SearchError> {
+        (least, held): (f64, Option<Standing>),
+    ) -> Result<Option<(GridPlacement, Option<Standing>)>, SearchError> {
         let moved = match turn {
             Turn::Lidar(_) => 1,
             Turn::Pair(_) => 2,
@@ -193,11 +230,14 @@ impl GridSearch {
         }
         // Stable: of equal ones the one with the lower number of a pose.
         better.sort_by(|a, b| b.value.total_cmp(&a.value));
+        let Some(held) = held else {
+            return Ok(better.into_iter().next().map(|best| (best, None)));
+        };
         for placement in better.into_iter().take(OFFERS) {
             let standing = self.standing(evaluator, &placement)?;
             // What must be seen and is not may be won back step by step.
             if standing.is_sound() || standing.violation < held.violation {
-                return Ok(Some((placement, standing)));
+                return Ok(Some((placement, Some(standing))));
             }
         }
         Ok(None)

@@ -1,6 +1,7 @@
 //! Placements whose LiDARs stand on poses of a grid: their objective from the pose atlas, greedy choice.
 
 use std::cmp::Ordering;
+use std::collections::HashMap;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -51,6 +52,8 @@ pub struct GridSearch {
     pub(super) evaluations: u64,
     /// What a share that must be seen and is not takes off the objective; 0 where nothing must be seen.
     penalty: f64,
+    /// Placements whose rules and guards were looked at, which takes a cast of all their LiDARs.
+    looked_at: HashMap<Vec<u32>, Standing>,
 }
 
 /// A placement on the grid.
@@ -84,6 +87,7 @@ impl GridSearch {
             constraints: evaluator.constraints().clone(),
             evaluations: 0,
             penalty: 0.0,
+            looked_at: HashMap::new(),
         }
     }
 
@@ -305,14 +309,19 @@ impl GridSearch {
     /// # Errors
     /// As [`Self::hold`].
     pub fn standing(
-        &self,
+        &mut self,
         evaluator: &mut Evaluator,
         placement: &GridPlacement,
     ) -> Result<Standing, SearchError> {
+        if let Some(&known) = self.looked_at.get(&placement.poses) {
+            return Ok(Standing { value: Some(placement.value), ..known });
+        }
         let scored = placement.placement(self.atlas.grid(), "standing");
         let scores = evaluator.scores(&[scored])?.remove(0);
         let (violation, guards) = (scores.missing(), scores.guards.len());
-        Ok(Standing { violation, guards, value: Some(placement.value) })
+        let standing = Standing { violation, guards, value: Some(placement.value) };
+        self.looked_at.insert(placement.poses.clone(), standing);
+        Ok(standing)
     }
 
     /// The better of two placements, the first of equal ones.
@@ -320,7 +329,7 @@ impl GridSearch {
     /// # Errors
     /// As [`Self::hold`].
     pub fn preferred(
-        &self,
+        &mut self,
         evaluator: &mut Evaluator,
         first: GridPlacement,
         second: GridPlacement,

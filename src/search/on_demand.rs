@@ -137,6 +137,11 @@ impl FramesOnDemand {
         &self.levels[self.at]
     }
 
+    /// Frames of the first level.
+    pub fn first(&self) -> &[usize] {
+        &self.levels[0]
+    }
+
     /// Whether the present level is all frames.
     fn is_full(&self) -> bool {
         self.at + 1 == self.levels.len()

@@ -95,8 +95,7 @@ fn grid_search(
     starts: &[Placement],
 ) -> Result<GridSearch, SearchError> {
     let grid = PoseGrid::new(evaluator.constraints(), settings.spacing)?;
-    let counts_all = objective.counts_all_covered();
-    let atlas = Atlases::new(evaluator, &grid, counts_all, settings.memory);
+    let atlas = Atlases::new(evaluator, &grid, objective.needed(), settings.memory);
     let mut search = GridSearch::new(atlas, objective.clone(), evaluator);
     let required = search.has_areas();
     if let Some(poses) = starts.iter().filter(|_| required).find_map(|start| search.start_of(start))
@@ -117,7 +116,7 @@ struct Ends {
 impl Ends {
     fn add(
         &mut self,
-        search: &GridSearch,
+        search: &mut GridSearch,
         evaluator: &mut Evaluator,
         end: GridPlacement,
     ) -> Result<(), SearchError> {
@@ -156,8 +155,8 @@ pub fn swap_from(
     let mut ends = Ends::default();
     for start in starts {
         let Some(poses) = search.start_of(start) else { continue };
-        let top = climb_both(&mut search, evaluator, poses, &mut go_on)?;
-        ends.add(&search, evaluator, top)?;
+        let top = search.climb(evaluator, &poses, &MOVES, &mut go_on)?;
+        ends.add(&mut search, evaluator, top)?;
     }
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
     for _ in 0..RANDOM_MOVES {
@@ -165,8 +164,8 @@ pub fn swap_from(
             break;
         };
         let poses = search.kicked(&held.poses, &mut rng);
-        let top = climb_both(&mut search, evaluator, poses, &mut go_on)?;
-        ends.add(&search, evaluator, top)?;
+        let top = search.climb(evaluator, &poses, &MOVES, &mut go_on)?;
+        ends.add(&mut search, evaluator, top)?;
     }
     Ok(ends.swapped(&search))
 }
@@ -194,7 +193,7 @@ pub fn swap_anywhere(
         let mut ends = Ends::default();
         for poses in random {
             let value = search.value(evaluator, &poses)?;
-            ends.add(&search, evaluator, GridPlacement { poses, value })?;
+            ends.add(&mut search, evaluator, GridPlacement { poses, value })?;
         }
         first.extend(ends.best.map(|best| best.poses));
     } else {
@@ -204,19 +203,8 @@ pub fn swap_anywhere(
     first.extend(starts.iter().filter_map(|start| search.start_of(start)));
     let mut ends = Ends::default();
     for start in first {
-        let top = search.climb(evaluator, &start, Moves::Anywhere, go_on)?;
-        ends.add(&search, evaluator, top)?;
+        let top = search.climb(evaluator, &start, &[Moves::Anywhere], go_on)?;
+        ends.add(&mut search, evaluator, top)?;
     }
     Ok(ends.swapped(&search))
-}
-
-/// Climbs by each of [`MOVES`] in turn.
-fn climb_both(
-    search: &mut GridSearch,
-    evaluator: &mut Evaluator,
-    poses: Vec<u32>,
-    go_on: &mut dyn FnMut(u64) -> bool,
-) -> Result<GridPlacement, SearchError> {
-    let top = search.climb(evaluator, &poses, MOVES[0], go_on)?;
-    search.climb(evaluator, &top.poses, MOVES[1], go_on)
 }

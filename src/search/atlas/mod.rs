@@ -16,6 +16,7 @@ use crate::cover::{BitOrder, Bitmaps};
 use crate::engine::{Backend, BackendError};
 use crate::memory;
 use crate::problem::{KINDS, Problem, Tally};
+use crate::score::Needed;
 use crate::vehicle::PoseGrid;
 use areas::AreaBits;
 use order::{LevelOrder, ToLevels};
@@ -74,11 +75,12 @@ impl Atlas {
     /// An empty atlas of a problem that holds at most about `bytes` of bitmaps, but always enough for
     /// one placement.
     ///
-    /// Without `counts_all`, [`Tally::covered`] stays 1 where anything is covered: the empty voxels,
-    /// ten times as many bits as the others, are then not kept.
-    pub fn new(problem: Arc<Problem>, grid: PoseGrid, counts_all: bool, bytes: u64) -> Self {
-        let (order, areas) = (LevelOrder::new(problem.content()), AreaBits::new(problem.content()));
-        let empty_words = if counts_all { BitOrder::most_words(problem.roi()) } else { 0 };
+    /// Only the sums that are `needed` are kept: entropies of other kinds stay 0, and [`Tally::covered`] stays 1
+    /// where anything is covered if empty voxels, ten times as many bits as the others, do not count.
+    pub fn new(problem: Arc<Problem>, grid: PoseGrid, needed: Needed, bytes: u64) -> Self {
+        let order = LevelOrder::new(problem.content(), needed.entropies);
+        let areas = AreaBits::new(problem.content());
+        let empty_words = if needed.empty { BitOrder::most_words(problem.roi()) } else { 0 };
         let page = 8
             * (problem.frame_count() * (order.words() + empty_words + areas.words())).max(1) as u64;
         let capacity = (bytes / page).max(crate::vehicle::MAX_LIDARS as u64) as usize;

@@ -66,10 +66,12 @@ impl ToLevels {
 }
 
 impl LevelOrder {
-    pub fn new(content: &Content) -> Self {
+    /// The order by the entropies of some kinds; sums of the others are 0.
+    pub fn new(content: &Content, kinds: [bool; KINDS]) -> Self {
         let mut by_entropy: BTreeMap<[u32; KINDS], Vec<usize>> = BTreeMap::new();
         for (rank, voxel) in content.occupied().iter().enumerate() {
-            by_entropy.entry(voxel.entropy).or_default().push(rank);
+            let counted = std::array::from_fn(|kind| voxel.entropy[kind] * u32::from(kinds[kind]));
+            by_entropy.entry(counted).or_default().push(rank);
         }
         let (large, small): (Vec<_>, Vec<_>) =
             by_entropy.into_iter().partition(|(_, voxels)| voxels.len() >= LEAST_LEVEL);

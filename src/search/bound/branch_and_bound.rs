@@ -14,6 +14,8 @@ use crate::search::grid_search::{GridPlacement, GridSearch, Places, better_first
 const SETS: u64 = 28;
 /// Candidates that are looked at through pairs alone for each evaluation of a search.
 const PAIR_CANDIDATES: u64 = 1 << 14;
+/// A split of the voxels is chosen with one in so many of the candidates.
+const CHOOSING: u64 = 8;
 /// Words of bitmaps that are read for the overlaps of pairs for each evaluation of a search.
 const PAIR_WORDS: u64 = 1 << 25;
 /// Sets of sensors whose gains are looked at together: each bitmap is then read once for all.
@@ -97,10 +99,12 @@ pub fn bound_gain(
     let (units, places) = (search.worth_units(), search.places());
     let open = || Open { heap: BinaryHeap::new(), lidars, floor: found.value };
     let words = effort.pair_words;
-    let (pairs, by_pairs) =
+    let root_of = |pairs: &PairBound, nodes: u64| by_pairs(pairs, &places, open(), nodes);
+    let (pairs, chosen_by) =
         PairBound::tightest(search.atlas(), lidars, &units, &typical, words, |pairs| {
-            by_pairs(pairs, &places, open(), effort.pair_nodes(pairs))
+            root_of(pairs, effort.pair_nodes(pairs) / CHOOSING)
         });
+    let by_pairs = root_of(&pairs, effort.pair_nodes(&pairs)).min(chosen_by);
     let upper_at_root = beside.min(by_pairs).max(found.value);
     let mut tree =
         Tree { search, pairs: &pairs, places: &places, open: open(), best: found.clone() };
@@ -125,7 +129,7 @@ fn beside(search: &mut GridSearch, found: &GridPlacement, all: &[u32]) -> f64 {
 
 /// A bound from pairs alone: sets of sensors are split until their number is used up.
 fn by_pairs(pairs: &PairBound, places: &Places, mut open: Open, most: u64) -> f64 {
-    open.push(root(pairs));
+    open.push_unsorted(root(pairs));
     let mut looked_at = 1;
     while looked_at < most
         && let Some(node) = open.pop()
@@ -137,7 +141,7 @@ fn by_pairs(pairs: &PairBound, places: &Places, mut open: Open, most: u64) -> f6
         let (child, node) = split(places, pairs, node);
         looked_at += 1;
         open.push(node);
-        open.push(child);
+        open.push_unsorted(child);
     }
     open.upper()
 }
@@ -155,7 +159,7 @@ impl Tree<'_> {
     /// Branches until the effort is spent, or nothing is left; how many sets were looked at.
     fn branch(&mut self, effort: &Effort, go_on: &mut dyn FnMut(u64) -> bool) -> u64 {
         let (mut looked_at, mut cheaply) = (1, 0);
-        self.open.push(root(self.pairs));
+        self.open.push_unsorted(root(self.pairs));
         // Sets whose gains are to be looked at, together.
         let mut waiting: Vec<Node> = Vec::new();
         while looked_at < effort.sets && cheaply < effort.pair_nodes(self.pairs) && go_on(looked_at)
@@ -179,12 +183,12 @@ impl Tree<'_> {
             } else if node.exact {
                 let (child, node) = self.extend(node);
                 self.open.push(node);
-                self.open.push(child);
+                self.open.push_unsorted(child);
                 looked_at += 1;
             } else {
                 let (child, node) = split(self.places, self.pairs, node);
                 self.open.push(node);
-                self.open.push(child);
+                self.open.push_unsorted(child);
                 cheaply += 1;
             }
         }
@@ -200,7 +204,7 @@ impl Tree<'_> {
             let value = self.search.held_value(&node.chosen);
             let left = node.candidates[node.next..].iter();
             let values = left.map(|&(pose, _)| (pose, values[pose as usize])).collect();
-            self.open.push(exact(node.chosen, value, values, node.bound));
+            self.open.push_unsorted(exact(node.chosen, value, values, node.bound));
         }
     }
 
@@ -215,7 +219,7 @@ impl Tree<'_> {
         }
     }
 
-    /// Takes the next candidate out of a node, as a child with the gains beside it.
+    /// Takes the next candidate out of a node, as a child with the gains beside it, in no order.
     fn extend(&mut self, mut node: Node) -> (Node, Node) {
         let (pose, gain) = node.candidates[node.next];
         let chosen = [&node.chosen[..], &[pose]].concat();
@@ -228,35 +232,30 @@ impl Tree<'_> {
     }
 }
 
-/// The empty set, extended by bounds from pairs.
+/// The empty set, extended by bounds from pairs in no order.
 fn root(pairs: &PairBound) -> Node {
-    let mut candidates = pairs.singles();
-    candidates.sort_unstable_by(better_first);
-    let (value, bound) = (pairs.base, f64::INFINITY);
+    let (candidates, value, bound) = (pairs.singles(), pairs.base, f64::INFINITY);
     Node { chosen: vec![], value, candidates, next: 0, bound, exact: false }
 }
 
-/// Takes the next candidate out of a node, as a child with bounds from pairs.
+/// Takes the next candidate out of a node, as a child with bounds from pairs, its candidates in no order.
 fn split(places: &Places, pairs: &PairBound, mut node: Node) -> (Node, Node) {
     let (pose, added) = node.candidates[node.next];
     node.next += 1;
     let rest = node.candidates[node.next..].iter().filter(|c| places.fits(c.0, &[pose]));
-    let mut candidates: Vec<(u32, f64)> =
-        rest.map(|&(other, added)| (other, pairs.added(other, pose, added))).collect();
-    candidates.sort_unstable_by(better_first);
+    let candidates = rest.map(|&(other, added)| (other, pairs.added(other, pose, added))).collect();
     let chosen = [&node.chosen[..], &[pose]].concat();
     let value = node.value + added;
     let bound = node.bound;
     (Node { chosen, value, candidates, next: 0, bound, exact: false }, node)
 }
 
-/// A set with the gains of candidates, whose objectives beside it are `values`.
+/// A set with the gains of candidates, in no order, whose objectives beside it are `values`.
 fn exact(chosen: Vec<u32>, value: f64, mut values: Vec<(u32, f64)>, bound: f64) -> Node {
     let value = value.max(0.0);
     for (_, gain) in &mut values {
         // The objective does not exist where nothing is covered; the gain is zero there.
         *gain = gain.max(value) - value;
     }
-    values.sort_by(better_first);
     Node { chosen, value, candidates: values, next: 0, bound, exact: true }
 }

@@ -31,7 +31,8 @@ pub(in crate::search) struct Bounds {
     pub gain: Result<GainBound, String>,
 }
 
-/// Samples the grid and bounds the gain over all placements on it, within about `memory` bytes.
+/// Bounds the gain over all placements on a grid and samples that grid, within about `memory` bytes; where there
+/// is no bound, the grid of the swaps is sampled.
 ///
 /// # Errors
 /// A spacing that gives no grid, or from the engine.
@@ -41,20 +42,28 @@ pub(in crate::search) fn bounds(
     memory: u64,
     watch: &mut Watch,
 ) -> Result<Bounds, SearchError> {
-    let spacing = settings.delta.unwrap_or(SWAP_SPACING);
-    let grid = PoseGrid::new(evaluator.constraints(), spacing)?;
-    let (objective, seed) = (&settings.objective, settings.seed);
-    let sample = GridSample::draw(evaluator, &grid, objective, SAMPLES, seed)?;
-    Ok(Bounds { sample, gain: gain(evaluator, settings, memory, watch)? })
+    let mut search = match gain_search(evaluator, settings, memory, watch)? {
+        Ok(search) => search,
+        Err(why) => {
+            let grid =
+                PoseGrid::new(evaluator.constraints(), settings.delta.unwrap_or(SWAP_SPACING))?;
+            let mut search = grid_search(evaluator, settings, &grid, memory);
+            let sample = GridSample::draw(&mut search, evaluator, SAMPLES, settings.seed)?;
+            return Ok(Bounds { sample, gain: Err(why) });
+        }
+    };
+    let gain = gain(&mut search, evaluator, settings, watch)?;
+    let sample = GridSample::draw(&mut search, evaluator, SAMPLES, settings.seed)?;
+    Ok(Bounds { sample, gain })
 }
 
-/// The bound on the gain, or why there is none.
-fn gain(
-    evaluator: &mut Evaluator,
+/// A search whose atlas has room for every pose of the bound's grid, or why there is no bound.
+fn gain_search(
+    evaluator: &Evaluator,
     settings: &Settings,
     memory: u64,
-    watch: &mut Watch,
-) -> Result<Result<GainBound, String>, SearchError> {
+    watch: &Watch,
+) -> Result<Result<GridSearch, String>, SearchError> {
     let objective = &settings.objective;
     if !objective.is_information_gain() {
         return Ok(Err(format!(
@@ -65,19 +74,39 @@ fn gain(
     if watch.is_over() {
         return Ok(Err("no bound was computed: the time was over before".into()));
     }
-    let grid = grid(evaluator.constraints(), settings)?;
-    let poses = grid.len();
-    let counts_all = objective.counts_all_covered();
-    let atlas = Atlases::new(evaluator, &grid, counts_all, memory);
-    if poses as usize > atlas.capacity() {
+    let mut search =
+        grid_search(evaluator, settings, &grid(evaluator.constraints(), settings)?, memory);
+    let (poses, atlas) = (search.atlas().grid().len() as usize, search.atlas());
+    if poses > atlas.capacity() {
         return Ok(Err(format!(
             "no bound was computed: the {poses} sensor poses of the grid take {} MiB, more than half of \
              --memory; widen --delta",
-            (poses as usize * atlas.page_bytes()) >> 20
+            (poses * atlas.page_bytes()) >> 20
         )));
     }
-    let mut search = GridSearch::new(atlas, objective.clone(), evaluator);
     search.untie();
+    Ok(Ok(search))
+}
+
+fn grid_search(
+    evaluator: &Evaluator,
+    settings: &Settings,
+    grid: &PoseGrid,
+    memory: u64,
+) -> GridSearch {
+    let objective = &settings.objective;
+    let atlas = Atlases::new(evaluator, grid, objective.needed(), memory);
+    GridSearch::new(atlas, objective.clone(), evaluator)
+}
+
+/// The bound on the gain, or why there is none.
+fn gain(
+    search: &mut GridSearch,
+    evaluator: &mut Evaluator,
+    settings: &Settings,
+    watch: &mut Watch,
+) -> Result<Result<GainBound, String>, SearchError> {
+    let poses = search.atlas().grid().len();
     watch.note(&format!("bounding the gain over {poses} sensor poses"));
     let all: Vec<u32> = (0..poses).collect();
     let Some(greedy) = search.greedy(evaluator, &all)? else {
@@ -86,8 +115,9 @@ fn gain(
     let effort = Effort::of(settings.evaluations);
     let total = effort.sets;
     let mut go_on = |done: u64| watch.tell(&Event::Progress { work: Work::Bounds, done, total });
-    let top = search.climb(evaluator, &greedy.poses, Moves::Anywhere, &mut |_| go_on(0))?;
-    Ok(Ok(bound_gain(&mut search, evaluator, &top, &effort, &mut go_on)?))
+    let anywhere = [Moves::Anywhere];
+    let top = search.climb(evaluator, &greedy.poses, &anywhere, &mut |_| go_on(0))?;
+    Ok(Ok(bound_gain(search, evaluator, &top, &effort, &mut go_on)?))
 }
 
 /// The grid of the bound on the gain: as given, or a coarse one of no more poses than the swaps cast.

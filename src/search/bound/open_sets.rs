@@ -2,6 +2,9 @@
 
 use std::collections::BinaryHeap;
 
+use crate::search::grid_search::better_first;
+use crate::vehicle::MAX_LIDARS;
+
 /// Relative rounding error of the sums of gains behind a bound, at most.
 pub(super) const ROUNDING: f64 = 1e-12;
 
@@ -40,6 +43,33 @@ impl Node {
         self.candidates.truncate(self.next + rest.partition_point(|c| c.1 > least));
         self.candidates.shrink_to_fit();
     }
+
+    /// The same of a node whose candidates come in any order, which are then sorted: most sets are dropped as
+    /// a whole before that. False if no extension is above `floor`.
+    fn sort_above(&mut self, floor: f64, lidars: usize) -> bool {
+        let wanted = lidars - self.chosen.len();
+        // The largest so many, falling.
+        let mut top = [f64::NEG_INFINITY; MAX_LIDARS];
+        let top = &mut top[..wanted];
+        for &(_, added) in &self.candidates {
+            let mut added = added;
+            for held in top.iter_mut() {
+                if added > *held {
+                    std::mem::swap(held, &mut added);
+                }
+            }
+        }
+        let sum: f64 = top.iter().sum();
+        if self.candidates.len() < wanted || (self.value + sum) * (1.0 + ROUNDING) <= floor {
+            return false;
+        }
+        let others: f64 = top[..wanted - 1].iter().sum();
+        let least = floor / (1.0 + ROUNDING) - self.value - others;
+        self.candidates.retain(|c| c.1 > least);
+        self.candidates.shrink_to_fit();
+        self.candidates.sort_unstable_by(better_first);
+        true
+    }
 }
 
 impl PartialEq for Node {
@@ -71,6 +101,17 @@ impl Open {
     /// Adds a set, unless no extension of it is above the floor.
     pub fn push(&mut self, mut node: Node) {
         node.drop_below(self.floor, self.lidars);
+        self.keep(node);
+    }
+
+    /// Adds a set whose candidates come in any order.
+    pub fn push_unsorted(&mut self, mut node: Node) {
+        if node.sort_above(self.floor, self.lidars) {
+            self.keep(node);
+        }
+    }
+
+    fn keep(&mut self, mut node: Node) {
         if node.tighten(self.lidars) && node.bound > self.floor {
             self.heap.push(node);
         }

@@ -4,10 +4,10 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::score::Objective;
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
-use crate::vehicle::{Placement, PoseGrid, SensorPose};
+use crate::search::grid_search::GridSearch;
+use crate::vehicle::{Placement, SensorPose};
 
 /// Theorem 1 of Place3D: |G(u*) − G(best sampled)| ≤ C_M + k_G·δ, from measured numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -32,29 +32,29 @@ pub struct GridSample {
 }
 
 impl GridSample {
-    /// Samples placements, each with one neighbour a step along one pose field away.
+    /// Samples placements on the grid of a search, each with one neighbour a step along one pose field away.
     ///
     /// Ties between LiDARs are left out: random poses never keep them.
     /// Placements that break another rule of the mount are drawn again, but not for ever: the sample may be
     /// smaller than asked for, and is empty where nothing may vary.
     ///
     /// # Errors
-    /// As [`Evaluator::scores`].
+    /// As [`GridSearch::hold`].
     pub fn draw(
+        search: &mut GridSearch,
         evaluator: &mut Evaluator,
-        grid: &PoseGrid,
-        objective: &Objective,
         samples: usize,
         seed: u64,
     ) -> Result<Self, SearchError> {
         let constraints = evaluator.constraints().untied();
+        let grid = search.atlas().grid().clone();
         let lidars = constraints.lidars();
         let free = constraints.slots.iter().flat_map(|slot| slot.region.free_fields());
         let delta = free.map(|k| grid.step()[k]).fold(0.0, f64::max);
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let mut placements = Vec::new();
+        let mut pairs = Vec::new();
         for _ in 0..100 * samples {
-            if placements.len() == 2 * samples {
+            if pairs.len() == 2 * samples {
                 break;
             }
             let poses: Vec<u32> =
@@ -67,17 +67,21 @@ impl GridSample {
             }
             let mut moved = poses.clone();
             moved[lidar] = near[rng.random_range(0..near.len())];
-            let [a, b] = [poses, moved].map(|poses| Placement {
+            let pair = [poses, moved];
+            let placed = |poses: &Vec<u32>| Placement {
                 name: "sample".into(),
                 lidars: poses.iter().map(|&pose| grid.pose(pose)).collect(),
-            });
-            if constraints.violations(&a).is_empty() && constraints.violations(&b).is_empty() {
-                placements.extend([a, b]);
+            };
+            let keeps = |poses| constraints.violations(&placed(poses)).is_empty();
+            if pair.iter().all(keeps) {
+                search.hold(evaluator, &pair.concat())?;
+                for poses in &pair {
+                    let value = Some(search.value(evaluator, poses)?);
+                    pairs.push((placed(poses), value.filter(|value| value.is_finite())));
+                }
             }
         }
-        let scores = evaluator.scores(&placements)?;
-        let values = scores.iter().map(|scores| objective.value(scores));
-        Ok(Self { pairs: placements.into_iter().zip(values).collect(), delta })
+        Ok(Self { pairs, delta })
     }
 
     /// The placements that have an objective.

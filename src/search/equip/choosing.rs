@@ -156,7 +156,7 @@ impl<'a> Equip<'a> {
         let memory = engine.memory_budget();
         let mut evaluator = Evaluator::suite_on_cpu(&suite, memory / 2);
         let all: Vec<u32> = (0..grid.len()).collect();
-        let atlases = Atlases::new(&evaluator, &grid, false, memory / 2);
+        let atlases = Atlases::new(&evaluator, &grid, objective.needed(), memory / 2);
         let mut grid = GridSearch::new(atlases, objective.clone(), &evaluator);
         for (block, poses) in all.chunks(CAST).enumerate() {
             let (work, done, total) = (Work::Equipment, (block * CAST) as u64, all.len() as u64);

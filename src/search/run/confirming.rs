@@ -145,9 +145,14 @@ impl Run {
         watch: &mut Watch,
     ) -> Result<Option<Certificate>, SearchError> {
         let Some(bounds) = self.state.bounds.clone() else { return Ok(None) };
-        let there = self.evaluator(watch)?.scores(std::slice::from_ref(best))?.remove(0);
+        let of_bounds = self.evaluator_of_bounds(watch)?;
+        let there = of_bounds.scores(std::slice::from_ref(best))?.remove(0);
         let found = self.objective().value(&there).unwrap_or(f64::NAN);
         let mut certificate = Certificate::new(bounds.sample.lipschitz(), bounds.gain, found);
+        let (frames, all) = (self.frames_of_bounds().len(), self.suite.frame_count());
+        if certificate.gain.is_some() && frames < all {
+            certificate.gain_says += &format!(" (over {frames} of {all} frames)");
+        }
         if certificate.gain.is_some() && self.suite.constraints().ties.any() {
             certificate.gain_says += " (over placements that need not be symmetric or level)";
         }

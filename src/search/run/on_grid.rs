@@ -1,4 +1,4 @@
-//! Swaps and bounds on a grid of sensor poses, over the frames of the search.
+//! Swaps on a grid of sensor poses, over the frames of the search, and bounds, over those that it began with.
 
 use super::state::{Phase, Run};
 use crate::score::Standing;
@@ -65,7 +65,7 @@ impl Run {
     /// Samples the grid, and bounds the gain of every placement on it.
     pub(super) fn bound(&mut self, watch: &mut Watch) -> Result<(), SearchError> {
         let (settings, memory) = (self.state.settings.clone(), self.memory() / 2);
-        let bounds = bounds(self.evaluator(watch)?, &settings, memory, watch)?;
+        let bounds = bounds(self.evaluator_of_bounds(watch)?, &settings, memory, watch)?;
         if watch.is_over() {
             self.cut(watch);
         }

@@ -75,6 +75,8 @@ impl State {
 pub(super) struct Sitting {
     /// Over the frames of the search.
     pub evaluator: Option<Evaluator>,
+    /// Over the frames of the bounds, where these are others.
+    pub of_bounds: Option<Evaluator>,
     /// Over all frames, where the search is over fewer.
     pub over_all: Option<Evaluator>,
     /// Placements whose tallies over all frames of each scene are known.
@@ -217,6 +219,28 @@ impl Run {
             self.sitting.evaluator = Some(evaluator);
         }
         Ok(self.sitting.evaluator.as_mut().expect("opened above"))
+    }
+
+    /// Frames of the bounds: those that the search began with, which stand for all, or those that were asked for.
+    pub(super) fn frames_of_bounds(&self) -> Vec<usize> {
+        self.state.levels.as_ref().map_or_else(|| self.frames(), |levels| levels.first().to_vec())
+    }
+
+    /// Scores over the frames of the bounds.
+    pub(super) fn evaluator_of_bounds(
+        &mut self,
+        watch: &mut Watch,
+    ) -> Result<&mut Evaluator, SearchError> {
+        let frames = self.frames_of_bounds();
+        if frames == self.frames() {
+            return self.evaluator(watch);
+        }
+        if self.sitting.of_bounds.is_none() {
+            let suite = self.suite.over(&frames);
+            let (evaluator, _) = Evaluator::open(&suite, &self.state.settings.engine, |_| {})?;
+            self.sitting.of_bounds = Some(evaluator);
+        }
+        Ok(self.sitting.of_bounds.as_mut().expect("opened above"))
     }
 
     /// Closes the engine of the search: the next one is over other frames.
