@@ -1,6 +1,7 @@
 //! The program driven as a user would: scores, hits, devices, verify; and what other files share.
 
 use std::fs;
+use std::io::{BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -17,6 +18,12 @@ pub fn sightline(dir: &Path, args: &[&str]) -> Output {
         .unwrap();
     assert!(!String::from_utf8_lossy(&output.stderr).contains("panicked"), "{output:?}");
     output
+}
+
+/// An array of an archive that NumPy would read.
+fn array<T: npyz::Deserialize>(npz: &mut zip::ZipArchive<impl Read + Seek>, name: &str) -> Vec<T> {
+    let member = npz.by_name(&format!("{name}.npy")).unwrap();
+    npyz::NpyFile::new(member).unwrap().into_vec().unwrap()
 }
 
 /// The answer of a command that must succeed, asked for as JSON.
@@ -219,13 +226,13 @@ fn hits_of_a_room_are_where_its_walls_are() {
         let answer = ok(dir.path(), &args);
         assert_eq!(answer["beams"], 480);
         let file = fs::File::open(dir.path().join("hits.npz")).unwrap();
-        let mut npz = npyz::npz::NpzArchive::new(std::io::BufReader::new(file)).unwrap();
-        let distance: Vec<f32> = npz.by_name("distance").unwrap().unwrap().into_vec().unwrap();
-        let direction: Vec<f32> = npz.by_name("direction").unwrap().unwrap().into_vec().unwrap();
-        let triangle: Vec<u32> = npz.by_name("triangle").unwrap().unwrap().into_vec().unwrap();
-        let class: Vec<u16> = npz.by_name("class").unwrap().unwrap().into_vec().unwrap();
-        let face_class: Vec<u16> = npz.by_name("face_class").unwrap().unwrap().into_vec().unwrap();
-        let lidar: Vec<u16> = npz.by_name("lidar").unwrap().unwrap().into_vec().unwrap();
+        let mut npz = zip::ZipArchive::new(BufReader::new(file)).unwrap();
+        let distance: Vec<f32> = array(&mut npz, "distance");
+        let direction: Vec<f32> = array(&mut npz, "direction");
+        let triangle: Vec<u32> = array(&mut npz, "triangle");
+        let class: Vec<u16> = array(&mut npz, "class");
+        let face_class: Vec<u16> = array(&mut npz, "face_class");
+        let lidar: Vec<u16> = array(&mut npz, "lidar");
         assert_eq!((distance.len(), direction.len(), lidar.len()), (480, 1440, 480));
         // Channel 0 points 30° down: straight ahead it meets the ground, 1.4 m below, after 2.8 m.
         assert!((distance[0] - 2.8).abs() < 1e-5, "{}", distance[0]);

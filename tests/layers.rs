@@ -43,7 +43,7 @@ const ORDER: [&str; 31] = [
 ];
 
 /// Foreign crates and the files that may name them, by the start of their names.
-const FOREIGN: [(&str, &[&str]); 12] = [
+const FOREIGN: [(&str, &[&str]); 13] = [
     ("wgpu", &["engine/gpu/"]),
     ("clap", &["cli/"]),
     ("indicatif", &["cli/"]),
@@ -54,6 +54,7 @@ const FOREIGN: [(&str, &[&str]); 12] = [
     ("roxmltree", &["rig/"]),
     ("xodr", &["worlds/"]),
     ("npyz", &["psog/", "files/"]),
+    ("zip", &["psog/"]),
     ("serde_yaml_ng", &["json/"]),
     // Where files are read and written.
     (

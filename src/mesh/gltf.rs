@@ -56,7 +56,8 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
 
 /// Bytes of each buffer; opened files are added to `files`.
 ///
-/// The crate's own import opens any path, devices included, and panics on names that are not UTF-8.
+/// The crate's own import opens any path, devices included, panics on names that are not UTF-8, and brings
+/// decoders of images.
 fn read_buffers(
     document: &gltf::Document,
     dir: &Path,
@@ -72,8 +73,8 @@ fn read_buffers(
                 blob.take().ok_or_else(|| fault("has no data and no name of a file".to_owned()))?
             }
             gltf::buffer::Source::Uri(uri) if uri.starts_with("data:") => {
-                let data = gltf::buffer::Data::from_source(buffer.source(), None);
-                data.map_err(|e| fault(e.to_string()))?.0
+                let data = uri.split_once(";base64,").map_or("", |(_, data)| data);
+                base64::decode(data).map_err(|e| fault(format!("is not base64: {e}")))?
             }
             gltf::buffer::Source::Uri(uri) => {
                 let path = uri.strip_prefix("file:").unwrap_or(uri);

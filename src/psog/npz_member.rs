@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use npyz::zip::{CompressionMethod, ZipArchive, read::ZipFile};
 use npyz::{DType, Deserialize, NpyFile, NpyHeader, Order, TypeChar};
+use zip::{CompressionMethod, ZipArchive, read::ZipFile};
 
 use super::GridError;
 
@@ -137,7 +137,7 @@ impl Archive {
         if file.metadata().map_err(to_open)?.is_dir() {
             return Err(to_open(std::io::ErrorKind::IsADirectory.into()));
         }
-        let to_archive = |error: npyz::zip::result::ZipError| PsogFileError::Archive {
+        let to_archive = |error: zip::result::ZipError| PsogFileError::Archive {
             path: path.to_owned(),
             cause: error.to_string(),
         };

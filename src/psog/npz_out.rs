@@ -3,13 +3,12 @@
 use std::io::{Result, Seek, Write};
 
 use bytemuck::NoUninit;
-use npyz::npz::NpzWriter;
-use npyz::zip::{CompressionMethod, DateTime, write::FileOptions};
-use npyz::{AutoSerialize, WriterBuilder};
+use npyz::{AutoSerialize, WriteOptions, WriterBuilder};
+use zip::{CompressionMethod, DateTime, ZipWriter, write::FileOptions};
 
 /// An archive that is being written.
 pub(crate) struct NpzOut<W: Write + Seek> {
-    writer: NpzWriter<W>,
+    writer: ZipWriter<W>,
     method: CompressionMethod,
 }
 
@@ -21,9 +20,8 @@ pub(crate) fn write_npz<W: Write + Seek>(
     put_all: impl FnOnce(&mut NpzOut<W>) -> Result<()>,
 ) -> Result<()> {
     let method = if compressed { CompressionMethod::Deflated } else { CompressionMethod::Stored };
-    let mut npz = NpzOut { writer: NpzWriter::new(out), method };
-    let written =
-        put_all(&mut npz).and_then(|()| Ok(npz.writer.zip_writer().finish().map(drop)?));
+    let mut npz = NpzOut { writer: ZipWriter::new(out), method };
+    let written = put_all(&mut npz).and_then(|()| Ok(npz.writer.finish().map(drop)?));
     if written.is_err() {
         // Dropped, it would try to write its end again and complain on stderr.
         std::mem::forget(npz);
@@ -44,8 +42,9 @@ impl<W: Write + Seek> NpzOut<W> {
             .last_modified_time(DateTime::default())
             .unix_permissions(0o644)
             .large_file(size_of_val(data) as u64 > u64::from(u32::MAX) / 2);
-        let array = self.writer.array::<T>(name, options)?.default_dtype();
-        let out = array.shape(shape).write_header_only()?;
+        self.writer.start_file(format!("{name}.npy"), options)?;
+        let array = WriteOptions::<T>::new().default_dtype().shape(shape);
+        let out = array.writer(&mut self.writer).write_header_only()?;
         out.write_all(bytemuck::cast_slice(data))
     }
 }

@@ -2,9 +2,9 @@
 
 use std::io::{Cursor, Read, Write};
 
-use npyz::zip::{CompressionMethod, ZipArchive, ZipWriter, write::FileOptions};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use zip::{CompressionMethod, ZipArchive, ZipWriter, write::FileOptions};
 
 /// Numbers that readers trip over.
 const NUMBERS: [&str; 24] = [

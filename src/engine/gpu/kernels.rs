@@ -133,7 +133,10 @@ pub(super) fn beam_workgroups(directions: u32, sensors: u32) -> [u32; 3] {
 mod tests {
     use std::mem::offset_of;
 
-    use naga::valid::{Capabilities, ValidationFlags, Validator};
+    use wgpu::naga::{
+        self,
+        valid::{Capabilities, ValidationFlags, Validator},
+    };
 
     use super::*;
     use crate::bvh::{QuantizedNode as Node, Triangle};
