@@ -181,11 +181,21 @@ impl Archive {
         let position = position.ok_or(ArrayFault::Missing)?.1;
         let method = self.zip.by_index_raw(position).map_err(ArrayFault::damaged)?.compression();
         if method != CompressionMethod::Stored && method != CompressionMethod::Deflated {
-            return Err(ArrayFault::Method { method: method.to_string() });
+            return Err(ArrayFault::Method { method: packing(method) });
         }
         // With a password the library reports encrypted members; without one it may panic on them.
         let opened = self.zip.by_index_decrypt(position, b"").map_err(ArrayFault::damaged)?;
         opened.map_err(|_| ArrayFault::Method { method: "encryption".into() })
+    }
+}
+
+/// The name of a packing that is not read; `zip` names those alone that it was built with.
+fn packing(method: CompressionMethod) -> String {
+    match method {
+        CompressionMethod::BZIP2 => "Bzip2".to_owned(),
+        CompressionMethod::LZMA => "Lzma".to_owned(),
+        CompressionMethod::ZSTD => "Zstd".to_owned(),
+        other => other.to_string(),
     }
 }
 
