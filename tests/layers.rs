@@ -150,14 +150,14 @@ fn a_circle_is_found() {
 #[test]
 fn crates_stay_where_they_belong() {
     for Source { name, code, .. } in Sources::read().iter() {
-        for (foreign, homes) in FOREIGN {
-            let at_home = homes.iter().any(|home| name.starts_with(home));
+        for (at, word) in words(code) {
+            let Some((foreign, homes)) = FOREIGN.iter().find(|(foreign, _)| *foreign == word)
+            else {
+                continue;
+            };
             // A crate is named by a path, a child module of the same name in its parent's `mod`.
-            let named = words(code).any(|(at, word)| {
-                word == foreign
-                    && code[at + word.len()..].starts_with("::")
-                    && !code[..at].ends_with("::")
-            });
+            let named = code[at + word.len()..].starts_with("::") && !code[..at].ends_with("::");
+            let at_home = homes.iter().any(|home| name.starts_with(home));
             assert!(at_home || !named, "src/{name} uses {foreign}");
         }
     }
