@@ -5,12 +5,13 @@ use std::env;
 use std::path::Path;
 
 /// cfg and one file of each set.
-const SETS: [(&str, &str); 5] = [
+const SETS: [(&str, &str); 6] = [
     ("has_kitti", "nc/semantickitti/sequences/00/poses.txt"),
     ("has_nuscenes", "nc/nuscenes/boxes.json"),
     ("has_rigs", "rigs/lexus/before/sensors_calibration.yaml"),
     ("has_meshes", "scenes/mcity/mcity.obj"),
     ("has_sensors", "sensors/raw/ouster_os1_128_metadata.json"),
+    ("has_xodr", "xodr/carla/Town01.xodr.gz"),
 ];
 
 fn main() {

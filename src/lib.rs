@@ -165,7 +165,7 @@ pub mod internals {
     pub use crate::report::words::{
         certificate_in_words, methods_in_words, spread_in_words, verdict,
     };
-    pub use crate::scene::street::FEWEST_STREET_TRIANGLES;
+    pub use crate::scene::street::{FEWEST_STREET_TRIANGLES, MOST_STREET_TRIANGLES};
     pub use crate::score::guard::{guards_of, reference_layout, short_sight};
     pub use crate::score::over_scenes::totals;
     pub use crate::score::ranking::{kendall_tau, mean_height, spearman};

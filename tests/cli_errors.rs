@@ -33,7 +33,11 @@ fn a_bad_scene_is_answered_with_place_and_mend() {
         ("/lidar/range", json!("far"), &["scene.json", "range"]),
         ("/mount/min/0", json!(500), &["scene.json", "mount"]),
         ("/mount/lidars", json!(0), &["scene.json", "lidars"]),
-        ("/psog/file", json!("missing.npz"), &["missing.npz"]),
+        (
+            "/psog/file",
+            json!("missing.npz"),
+            &["scene.json: psog.file: missing.npz: cannot be read: No such", "; give a P-SOG file"],
+        ),
         ("/coverage", json!("sideways"), &["scene.json", "coverage", "through"]),
         ("/rio", json!(1), &["scene.json", "rio", "roi"]),
         ("/mount/min_distanse", json!(1), &["scene.json", "min_distanse", "min_distance"]),
@@ -74,6 +78,10 @@ fn bad_placements_are_answered_with_their_name() {
         ),
         (json!({ "placement": [] }), &["bad.json", "placement", "placements"]),
         (
+            json!({ "placements": [{ "name": "a", "lidars": [{ "x": 1, "y": 0, "z": 1, "rol": 0 }] }] }),
+            &["bad.json", "lidars[0]", "unknown key `rol`; did you mean `roll`?"],
+        ),
+        (
             json!({ "placements": [{ "name": "a", "lidars": [{ "x": 1, "y": 0 }] }] }),
             &["bad.json", "`z`"],
         ),
@@ -112,9 +120,25 @@ fn wrong_arguments_and_places_are_answered_with_exit_code_2() {
     let dir = corridor();
     let score = ["score", "scene.json", "placements.json"];
     let with = |more: &[&'static str]| fails(dir.path(), &[&score[..], more].concat());
-    assert!(with(&["--out", "no/such/folder/scores.json"]).contains("no/such/folder"));
+    assert!(
+        with(&["--out", "no/such/folder/scores.json"])
+            .contains("no/such/folder/scores.json: there is no folder no/such/folder; make it")
+    );
     assert!(with(&["--out", "."]).contains("directory"));
-    assert!(with(&["--backend", "abacus"]).contains("abacus"));
+    let usage = with(&["--backend", "abacus"]);
+    assert!(usage.starts_with("sightline: invalid value 'abacus' for '--backend"), "{usage}");
+    assert!(
+        usage.ends_with("[possible values: auto, gpu, cpu]; see `sightline score --help`\n"),
+        "{usage}"
+    );
+    assert_eq!(usage.lines().count(), 1, "{usage}");
+    let learned = ["optimize", "scene.json", "--confirm", "learned", "--learner", "trees"];
+    assert!(
+        fails(dir.path(), &learned)
+            .contains("run python -m sightline optimize … --confirm learned")
+    );
+    let large = ["scene", "new", "--triangles", "10000000", "--out", "large.json"];
+    assert!(fails(dir.path(), &large).contains("10000000 is not in 4000..=9999000"));
     assert!(with(&["--adapter", "no such device"]).contains("no such device"));
     assert!(with(&["--memory", "12 parsecs"]).contains("parsecs"));
     assert!(with(&["--memory", "16", "--backend", "cpu"]).contains("--memory"));
@@ -255,6 +279,41 @@ fn bad_meshes_are_answered_with_file_and_element() {
         let answer = fails(dir.path(), &["optimize", "room.json", "--out", "run"]);
         assert!(answer.contains(file), "{answer}");
         assert!(!dir.path().join("run").exists(), "{file}: a folder was left behind");
+    }
+}
+
+#[test]
+fn scans_without_ground_in_the_region_are_said() {
+    let dir = TempDir::new().unwrap();
+    sequence(dir.path());
+    let told = |more: &[&str]| {
+        let args = ["psog", "build", "--kitti", "seq", "--out", "x.npz"];
+        let done = sightline(dir.path(), &[&args[..], more].concat());
+        assert!(done.status.success());
+        String::from_utf8_lossy(&done.stderr).into_owned()
+    };
+    assert_eq!(told(&[]), "");
+    let none = told(&["--lidar-height", "-3"]);
+    assert!(
+        none.contains("no voxel of the region holds ground") && none.contains("--lidar-height"),
+        "{none}"
+    );
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_is_told_by_every_writer() {
+    let dir = corridor();
+    for args in [
+        &["psog", "merge", "corridor.psog.npz", "corridor.psog.npz", "--out", "/dev/full"][..],
+        &["score", "scene.json", "placements.json", "--backend", "cpu", "--out", "/dev/full"],
+    ] {
+        let answer = fails(dir.path(), args);
+        let last = answer.lines().last().unwrap();
+        assert_eq!(
+            last, "sightline: /dev/full: the disk is full; make room and run again",
+            "{args:?}"
+        );
     }
 }
 

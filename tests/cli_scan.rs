@@ -98,11 +98,24 @@ fn several_placements_have_a_folder_each_and_weather_changes_the_points() {
         ok(dir.path(), &[&args[..], condition].concat())["scores"][1]["covered"].as_f64().unwrap()
     };
     assert!(score(&["--condition", "fog:mor=10"]) < score(&[]));
+    let fog = ["score", "s.json", "p.json", "--condition", "fog:mor=10", "--backend", "gpu"];
+    let refused = fails(dir.path(), &fog);
+    assert!(
+        refused.starts_with("sightline: conditions are computed on the CPU alone;"),
+        "{refused}"
+    );
+    let blur = ["score", "s.json", "p.json", "--backend", "cpu", "--condition", "blur"];
+    let noted = sightline(dir.path(), &blur);
+    assert!(noted.status.success());
+    assert!(String::from_utf8_lossy(&noted.stderr).contains("blur: takes no beam away"));
 }
 
 #[test]
 fn what_cannot_be_scanned_is_said_before_anything_is_written() {
     let dir = street();
+    let named =
+        fs::read_to_string(dir.path().join("p.json")).unwrap().replace("\"two\"", "\"velodyne\"");
+    fs::write(dir.path().join("v.json"), named).unwrap();
     let refused = |args: &[&str]| {
         let error = fails(dir.path(), &[&["scan", "s.json"][..], args].concat());
         assert!(!dir.path().join("out").exists(), "{args:?}");
@@ -122,7 +135,16 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
             &[one[0], one[1], "--out", "out/velodyne", "--layout", "semantickitti"],
             "has `velodyne` in its path",
         ),
+        // The second of two would lie in a folder of that name.
+        (
+            &["--placement", "v.json", "--out", "out", "--layout", "semantickitti"],
+            "out/velodyne: has `velodyne` in its path",
+        ),
         (&[one[0], one[1], "--out", "out", "--map", "lamp"], "write CLASS=CLASS"),
+        (
+            &[one[0], one[1], "--out", "out", "--map", "buildin=fence"],
+            "no scene has a class `buildin`; did you mean `building`?",
+        ),
         (
             &[one[0], one[1], "--out", "out", "--condition", "fog:mor=-5"],
             "`mor=-5` of fog: wanted is a number from",
@@ -134,6 +156,10 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
         let error = refused(more);
         assert!(error.contains(words), "{more:?}: {error}");
     }
+    #[cfg(target_os = "linux")]
+    assert!(
+        refused(&[one[0], one[1], "--out", "/proc/xx"]).starts_with("sightline: /proc/xx: No such")
+    );
     fs::create_dir(dir.path().join("mine")).unwrap();
     fs::write(dir.path().join("mine/thesis.txt"), "all of it").unwrap();
     let error = fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "mine"]);
@@ -146,6 +172,39 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
     assert!(
         String::from_utf8_lossy(&help.stdout).contains("sightline scan scenes/urban-crossing.json")
     );
+}
+
+#[test]
+fn a_folder_is_gone_on_with_only_with_the_same_files() {
+    let dir = street();
+    let mut scene: serde_json::Value =
+        serde_json::from_slice(&fs::read(dir.path().join("s.json")).unwrap()).unwrap();
+    scene["static"][1] = json!({ "class": "building", "mesh": { "file": "house.obj" } });
+    fs::write(dir.path().join("s.json"), scene.to_string()).unwrap();
+    fs::write(dir.path().join("house.obj"), "v 12 -9 0\nv 12 9 0\nv 12 0 6\nf 1 2 3\n").unwrap();
+    let args = |scene| ["scan", scene, "--placement", "p.json:one", "--out", "set"];
+    ok(dir.path(), &args("s.json"));
+    let frame = dir.path().join("set/street/000001.npz");
+    let bytes = fs::read(&frame).unwrap();
+    fs::remove_file(&frame).unwrap();
+    for (name, from, to) in [("s.json", "\"z\":0", "\"z\":1"), ("house.obj", "6", "7")] {
+        let path = dir.path().join(name);
+        let before = fs::read_to_string(&path).unwrap();
+        let after = before.replacen(from, to, 1);
+        assert_ne!(before, after);
+        fs::write(&path, after).unwrap();
+        let error = fails(dir.path(), &args("s.json"));
+        let words = format!("set: `{name}` has changed since this data set was begun; put it back");
+        assert!(error.contains(&words), "{error}");
+        assert!(!frame.exists());
+        fs::write(&path, before).unwrap();
+    }
+    // The same files by other paths.
+    let away = dir.path().join("away");
+    fs::create_dir(&away).unwrap();
+    let placements = "../p.json:one";
+    ok(&away, &["scan", "../s.json", "--placement", placements, "--out", "../set"]);
+    assert_eq!(fs::read(&frame).unwrap(), bytes);
 }
 
 #[test]

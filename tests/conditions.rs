@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use sightline::engine::{Backend, CpuBackend, EngineChoice, open};
+use sightline::engine::{Backend, CpuBackend, EngineChoice, EngineKind, open};
 use sightline::internals::ReferenceBackend;
 use sightline::problem::{Problem, Tally};
 use sightline::psog::Psog;
@@ -74,6 +74,14 @@ fn every_engine_sees_the_same_through_weather() {
                 reference.bitmaps(lidars, frame).unwrap().union(),
             ];
             assert_eq!(fast, plain, "{conditions:?}, frame {frame}");
+        }
+        // A device that is asked for is not silently replaced.
+        for choice in [
+            EngineChoice { kind: EngineKind::Gpu, ..EngineChoice::default() },
+            EngineChoice { adapter: Some("any".to_owned()), ..EngineChoice::default() },
+        ] {
+            let refused = open(&problem, &choice, |_| {}).map(drop).unwrap_err().to_string();
+            assert!(refused.starts_with("conditions are computed on the CPU alone"), "{refused}");
         }
         let opened = open(&problem, &EngineChoice::default(), |_| {}).unwrap();
         assert_eq!(opened.engine.name(), "cpu");

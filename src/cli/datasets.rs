@@ -20,8 +20,8 @@ pub struct DatasetArgs {
     /// Version of CARLA whose tags the points have: 0.9.10 to 0.9.13, or 0.9.14 and later
     #[arg(long, value_enum, value_name = "VERSION", requires = "carla", default_value_t = Tags::Since0914)]
     pub carla_tags: Tags,
-    /// Height of the recording LiDAR above the ground in metres, for KITTI and CARLA [default: 1.73 for
-    /// KITTI; above the road of the first scan for CARLA]
+    /// Height of the recording LiDAR above the ground in metres, for KITTI and CARLA [default: what an export
+    /// of this program says, else 1.73 for KITTI; above the road of the first scan for CARLA]
     #[arg(long, value_name = "M", conflicts_with = "nuscenes", value_parser = finite)]
     pub lidar_height: Option<f64>,
 }

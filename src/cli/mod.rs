@@ -25,6 +25,7 @@ mod sensor;
 mod shell;
 mod study;
 mod terminal;
+mod usage;
 mod verify;
 mod view;
 
@@ -41,6 +42,10 @@ pub use exit::Exit;
 /// and scores how much they tell about a probabilistic semantic occupancy grid (P-SOG).
 #[derive(Parser)]
 #[command(name = "sightline", version, max_term_width = 100, arg_required_else_help = true)]
+#[command(after_help = "Examples:
+  sightline optimize scenes/urban-crossing.json --max-seconds 30
+  sightline score scenes/urban-crossing.json scenes/placements.json
+  sightline scan scenes/urban-crossing.json --placement scenes/placements.json:Pyramid --out scans")]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -67,16 +72,31 @@ enum Command {
     /// Answer a question that takes many runs: how many LiDARs, which sensor, the loss of one LiDAR
     Study(study::Command),
     /// Build, inspect and merge P-SOG files
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Examples:
+  sightline psog build scenes/highway.json --out highway.psog.npz
+  sightline psog info highway.psog.npz"
+    )]
     Psog(psog::Command),
     /// Look into sensor files of the vendors
-    #[command(subcommand)]
+    #[command(subcommand, after_help = "Example:\n  sightline sensor info os1-metadata.json")]
     Sensor(sensor::Command),
     /// Read, write and compare rigs of Autoware, URDF, SDF, ROS 2 and CARLA
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Examples:
+  sightline rig export scenes/placements.json:Center --format urdf --out center.urdf
+  sightline rig compare center.urdf scenes/placements.json:Center"
+    )]
     Rig(rig::Command),
     /// Make scenes, import maps, count what scenes hold
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Examples:
+  sightline scene new --kind town --seed 7 --out town.json
+  sightline scene info town.json"
+    )]
     Scene(scene::Command),
     /// List Vulkan devices and which one is taken by default
     Devices(devices::Args),
@@ -87,14 +107,21 @@ enum Command {
 }
 
 /// Runs the program: `arguments` as a shell gives them, the program's own name first. Prints results to
-/// stdout, all else to stderr, an error as one sentence. Help, version and wrong usage end the process.
+/// stdout, all else to stderr, an error as one sentence. Help and version end the process.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Exit {
-    let matches = taking_negative_numbers(Cli::command()).get_matches_from(arguments);
-    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
-    dispatch(cli.command).unwrap_or_else(|error| {
-        output::say(&error.to_string());
-        Exit::BadInput
-    })
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let program = usage::with_examples(taking_negative_numbers(Cli::command()));
+    let matches = program.clone().try_get_matches_from(&arguments);
+    let failed = match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
+        Ok(cli) => match dispatch(cli.command) {
+            Ok(exit) => return exit,
+            Err(error) => error.to_string(),
+        },
+        Err(error) if usage::is_help(&error) => error.exit(),
+        Err(error) => usage::sentence(&error, &program, &arguments),
+    };
+    output::say(&failed);
+    Exit::BadInput
 }
 
 fn dispatch(command: Command) -> Result<Exit, Error> {

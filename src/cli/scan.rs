@@ -19,8 +19,7 @@ use super::terminal::{Talk, Terminal};
   sightline scan scenes/urban-crossing.json --placement scenes/placements.json:Pyramid --out scans
   sightline scan scenes/highway.json scenes/residential.json --placement scenes/placements.json:Ours-seg \
     --layout nuscenes --out nusc
-  sightline scan scenes/highway.json --placement scenes/placements.json:Line --condition fog:mor=50 \\
-    --condition snow:rate=1 --out winter
+  sightline scan scenes/highway.json --placement scenes/placements.json:Line --condition fog:mor=50 --condition snow:rate=1 --out winter
 
 The same command again goes on with a folder that was not finished. docs/scans.md says what is in a scan,
 docs/exports.md what the layouts hold.")]

@@ -10,7 +10,7 @@ use crate::psog::GridError;
 #[allow(missing_docs)] // the messages name every field
 pub enum DatasetError {
     /// A file or folder cannot be read.
-    #[error("cannot read {}: {source}", path.display())]
+    #[error("{}: cannot be read: {source}; give a folder that holds all files of its set", path.display())]
     Read { path: PathBuf, source: std::io::Error },
     /// No scan to read.
     #[error("{} holds no scan named like 000000.bin; give a sequence folder with velodyne, labels, poses.txt and calib.txt", path.display())]

@@ -11,6 +11,9 @@ use crate::geom::Pose;
 
 /// Height of the KITTI car's LiDAR above the ground, in metres.
 pub const KITTI_LIDAR_HEIGHT: f64 = 1.73;
+/// File beside `calib.txt` in exports of this program, which loaders of SemanticKITTI pass over: the pose of the
+/// LiDAR on the vehicle, whose frame stands on the ground, as twelve numbers.
+pub(crate) const EGO_FROM_LIDAR: &str = "ego_from_lidar.txt";
 
 /// A sequence of labelled scans in the SemanticKITTI layout: `velodyne/NNNNNN.bin`,
 /// `labels/NNNNNN.label`, `poses.txt`, `calib.txt`. Scans may be a part of the sequence: the number
@@ -21,13 +24,14 @@ pub struct KittiSequence {
     /// Frame number and path of each scan, by rising number.
     scans: Vec<(u32, PathBuf)>,
     world_from_lidar: Vec<Pose>,
-    /// The ego frame stands on the ground below the LiDAR.
+    /// The ego frame stands on the ground, below the LiDAR where the sequence does not say more.
     ego_from_lidar: Pose,
 }
 
 impl KittiSequence {
     /// Opens a sequence folder: lists its scans and reads its poses. The file gives poses P of
-    /// camera 0; LiDAR pose i is Tr⁻¹·P_i·Tr, so that the world is the LiDAR frame of frame 0.
+    /// camera 0; LiDAR pose i is Tr⁻¹·P_i·Tr, so that the world is the LiDAR frame of frame 0. The LiDAR stands
+    /// where `ego_from_lidar.txt` says, as in exports of this program, else [`KITTI_LIDAR_HEIGHT`] above the ground.
     ///
     /// # Errors
     /// Missing or malformed files, a scan without a pose; see [`DatasetError`].
@@ -51,11 +55,16 @@ impl KittiSequence {
             let poses_read = world_from_lidar.len();
             return Err(DatasetError::NoPose { path: poses, frame, poses: poses_read });
         }
-        let (folder, ego_from_lidar) = (folder.to_owned(), above_ground(KITTI_LIDAR_HEIGHT)?);
+        let own = folder.join(EGO_FROM_LIDAR);
+        let ego_from_lidar = match own.is_file() {
+            true => parse_pose(&own, 1, &read_text(&own)?)?,
+            false => above_ground(KITTI_LIDAR_HEIGHT)?,
+        };
+        let folder = folder.to_owned();
         Ok(Self { folder, scans, world_from_lidar, ego_from_lidar })
     }
 
-    /// The same recorded with the LiDAR at another height above the ground, metres.
+    /// The same recorded with the LiDAR upright at another height above the ground, metres.
     ///
     /// # Errors
     /// A height that is not finite.

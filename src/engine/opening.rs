@@ -24,9 +24,14 @@ pub enum OpenError {
     /// From the region of interest, or from building the P-SOG.
     #[error(transparent)]
     Grid(#[from] GridError),
-    /// From the P-SOG file.
-    #[error(transparent)]
-    Psog(#[from] PsogFileError),
+    /// From the P-SOG file that the scene names.
+    #[error("{place}: {source}")]
+    Psog {
+        /// The scene and the key in it.
+        place: String,
+        /// Why the file is not read.
+        source: PsogFileError,
+    },
     /// From the sensor.
     #[error(transparent)]
     Sensor(#[from] SensorError),
@@ -51,7 +56,11 @@ impl Psog {
     pub fn of(scene: &Scene, done: impl Fn()) -> Result<Self, OpenError> {
         match scene.psog_source() {
             PsogSource::File(path) => {
-                let psog = read_psog(path)?;
+                let psog = read_psog(path).map_err(|source| {
+                    let scene = scene.files().first().filter(|file| *file != path);
+                    let scene = scene.map_or("the scene".to_owned(), |f| f.display().to_string());
+                    OpenError::Psog { place: format!("{scene}: psog.file"), source }
+                })?;
                 scene.check_detection(psog.classes())?;
                 Ok(psog)
             }
@@ -137,6 +146,17 @@ impl EngineChoice {
         Self { kind: EngineKind::Cpu, ..Self::default() }
     }
 
+    /// Checks that scores under conditions can be computed by the engine asked for.
+    ///
+    /// # Errors
+    /// A device was asked for: it is not silently replaced by the CPU.
+    pub fn check_conditions(&self) -> Result<(), BackendError> {
+        match (self.kind, &self.adapter) {
+            (EngineKind::Cpu, _) | (EngineKind::Auto, None) => Ok(()),
+            _ => Err(BackendError::Conditions),
+        }
+    }
+
     /// Bytes that work buffers may take.
     pub fn memory_budget(&self) -> u64 {
         self.memory.unwrap_or_else(|| available_memory().unwrap_or(SMALL_MACHINE) / 2)
@@ -166,6 +186,7 @@ pub fn open(
         EngineKind::Cpu => cpu(problem, choice),
         // What comes back through weather is decided on the host.
         _ if problem.air().is_some() => {
+            choice.check_conditions()?;
             notes.push("computing on the CPU: conditions are not computed on devices".to_owned());
             cpu(problem, choice)
         }

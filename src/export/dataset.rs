@@ -3,37 +3,15 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use serde::{Deserialize, Serialize};
-
+use super::about::{ABOUT, About};
 use super::folder::Folder;
-use super::labels::{Label, of_classes};
+use super::labels::{Label, check_map, of_classes};
 use super::plan::{Planned, plan};
 use super::{DatasetSettings, ExportError, Layout, SceneFacts, kitti, npz, nuscenes};
-use crate::files::FileError;
 use crate::scan::Scan;
 
-/// Says what the folder holds, and whether it is whole.
-const ABOUT: &str = "dataset.json";
 /// Stands in the folder as long as it is not whole.
 const INCOMPLETE: &str = "INCOMPLETE.txt";
-
-/// All of `dataset.json`.
-#[derive(Serialize, Deserialize)]
-struct About {
-    dataset: u32,
-    complete: bool,
-    settings: DatasetSettings,
-    /// What each scene is called in the data set, and what it is for.
-    called: Vec<Called>,
-    scenes: Vec<SceneFacts>,
-}
-
-#[derive(Serialize, Deserialize, PartialEq)]
-struct Called {
-    scene: String,
-    name: String,
-    split: super::Split,
-}
 
 /// A data set folder that grows scan by scan, of one placement; several scenes are sequences of it.
 ///
@@ -46,6 +24,15 @@ pub struct Dataset {
     labels: Vec<Vec<Label>>,
     /// Whether the size of a frame was held against the room on the disk.
     measured: AtomicBool,
+}
+
+/// What is known of a data set before anything is written.
+struct Checked {
+    about: About,
+    plan: Vec<Planned>,
+    labels: Vec<Vec<Label>>,
+    /// Whether the folder holds it already, whole or in part.
+    known: bool,
 }
 
 /// What was written.
@@ -62,18 +49,14 @@ pub struct Summary {
     pub bytes: u64,
 }
 
-impl Dataset {
-    /// Makes the folder, or goes on with one that the same settings have begun.
-    ///
-    /// # Errors
-    /// Whatever the layout cannot hold (a class without a label, a scene without frames, more scenes than
-    /// names), a folder of something else, a path that breaks loaders; nothing is written then.
-    pub fn create(
+impl Checked {
+    fn new(
         dir: &Path,
         settings: &DatasetSettings,
         scenes: &[SceneFacts],
     ) -> Result<Self, ExportError> {
         let plan = plan(settings, scenes)?;
+        check_map(scenes, &settings.map)?;
         let mut labels = Vec::new();
         if settings.layout == Layout::SemanticKitti {
             let path = std::path::absolute(dir).map_err(ExportError::io(dir))?;
@@ -86,22 +69,38 @@ impl Dataset {
                 labels.push(of_classes(scene, &settings.map)?);
             }
         }
-        let called = scenes.iter().zip(&plan).map(|(scene, planned)| Called {
-            scene: scene.name.clone(),
-            name: planned.name.clone(),
-            split: planned.split,
-        });
-        let about = About {
-            dataset: 1,
-            complete: false,
-            settings: settings.clone(),
-            called: called.collect(),
-            scenes: scenes.to_vec(),
-        };
-        let known = check_folder(dir, &about)?;
-        let folder = Folder::open(dir)?;
+        let about = About::new(settings, scenes, &plan);
+        let known = about.is_in(dir)?;
+        Ok(Self { about, plan, labels, known })
+    }
+}
+
+impl Dataset {
+    /// Checks all that [`Self::create`] checks, and writes nothing.
+    ///
+    /// # Errors
+    /// As of [`Self::create`].
+    pub fn check(
+        dir: &Path,
+        settings: &DatasetSettings,
+        scenes: &[SceneFacts],
+    ) -> Result<(), ExportError> {
+        Checked::new(dir, settings, scenes).map(drop)
+    }
+
+    /// Makes the folder, or goes on with one that the same settings and files have begun.
+    ///
+    /// # Errors
+    /// Whatever the layout cannot hold (a class without a label, a scene without frames, more scenes than
+    /// names), a folder of something else, a path that breaks loaders; nothing is written then.
+    pub fn create(
+        dir: &Path,
+        settings: &DatasetSettings,
+        scenes: &[SceneFacts],
+    ) -> Result<Self, ExportError> {
+        let Checked { about, plan, labels, known } = Checked::new(dir, settings, scenes)?;
         let set = Self {
-            folder,
+            folder: Folder::open(dir)?,
             settings: settings.clone(),
             scenes: scenes.to_vec(),
             plan,
@@ -110,16 +109,38 @@ impl Dataset {
         };
         if !known {
             set.folder.put_json(ABOUT, &about)?;
-            set.say_incomplete()?;
+        } else if set.missing().1.is_some() {
+            // Frames of a whole set may be gone since; what it was begun with stays as it was written.
+            let mut begun = About::read(dir)?;
+            begun.complete = false;
+            set.folder.put_json(ABOUT, &begun)?;
         }
+        set.say_missing()?;
         Ok(set)
     }
 
-    fn say_incomplete(&self) -> Result<(), ExportError> {
+    /// Writes into `INCOMPLETE.txt` which frames are missing; to be called where a run is ended early.
+    ///
+    /// # Errors
+    /// A full disk.
+    pub fn say_missing(&self) -> Result<(), ExportError> {
+        let (missing, first) = self.missing();
+        if first.is_none() {
+            return Ok(());
+        }
         let frames: usize = self.scenes.iter().map(|scene| scene.frames.len()).sum();
-        let words = format!(
-            "This data set is being written: {frames} frames in all. The same command again goes on.\n"
+        let mut words = format!(
+            "When this was written, {missing} of {frames} frames were missing; the same command again \
+             writes them.\n"
         );
+        for (k, (scene, planned)) in self.scenes.iter().zip(&self.plan).enumerate() {
+            let lacks = |frame: &usize| !self.has(k, *frame);
+            let ranges = ranges(&scene.frames, lacks);
+            if !ranges.is_empty() {
+                words +=
+                    &format!("{} ({}): frames {}\n", scene.name, planned.name, ranges.join(", "));
+            }
+        }
         self.folder.put(INCOMPLETE, words.as_bytes()).map(drop)
     }
 
@@ -188,6 +209,7 @@ impl Dataset {
     pub fn finish(self) -> Result<Summary, ExportError> {
         let frames: usize = self.scenes.iter().map(|scene| scene.frames.len()).sum();
         if let (missing, Some((scene, frame))) = self.missing() {
+            self.say_missing()?;
             let (path, scene) = (self.folder.root().to_owned(), self.scenes[scene].name.clone());
             return Err(ExportError::Incomplete { path, missing, frames, scene, frame });
         }
@@ -207,7 +229,7 @@ impl Dataset {
                 summary.bytes += record.files.iter().map(|file| file.bytes).sum::<u64>();
             }
         }
-        let mut about = read_about(folder.root())?;
+        let mut about = About::read(folder.root())?;
         about.complete = true;
         folder.put_json(ABOUT, &about)?;
         folder.remove(INCOMPLETE)?;
@@ -215,38 +237,13 @@ impl Dataset {
     }
 }
 
-fn read_about(dir: &Path) -> Result<About, ExportError> {
-    let path = dir.join(ABOUT);
-    let text = std::fs::read_to_string(&path).map_err(FileError::io(&path))?;
-    serde_json::from_str(&text).map_err(ExportError::json(&path))
-}
-
-/// Whether the folder holds this very data set; an empty one or none holds nothing.
-fn check_folder(dir: &Path, wanted: &About) -> Result<bool, ExportError> {
-    let mut entries = match std::fs::read_dir(dir) {
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(false),
-        entries => entries.map_err(ExportError::io(dir))?,
+/// Numbers of a rising list that are wanted, those that follow one another as one range.
+fn ranges(numbers: &[usize], wanted: impl Fn(&usize) -> bool) -> Vec<String> {
+    let runs = numbers.chunk_by(|a, b| wanted(a) == wanted(b) && a + 1 == *b);
+    let runs = runs.filter(|run| wanted(&run[0]));
+    let range = |run: &[usize]| match run {
+        [only] => only.to_string(),
+        _ => format!("{} to {}", run[0], run[run.len() - 1]),
     };
-    if !dir.join(ABOUT).is_file() {
-        // A run that ended before it could say what it makes leaves the hidden folder alone.
-        let foreign =
-            entries.any(|entry| entry.is_ok_and(|entry| entry.file_name() != ".sightline"));
-        return if foreign {
-            Err(ExportError::Foreign { path: dir.to_owned() })
-        } else {
-            Ok(false)
-        };
-    }
-    let found = read_about(dir)?;
-    let difference = if found.settings != wanted.settings {
-        "settings, placement or conditions"
-    } else if found.scenes != wanted.scenes {
-        "scenes or frames"
-    } else if found.called != wanted.called || found.dataset != wanted.dataset {
-        "another version of the program"
-    } else {
-        return Ok(true);
-    };
-    let (path, difference) = (dir.to_owned(), difference.to_owned());
-    Err(ExportError::OtherSettings { path, difference })
+    runs.map(range).collect()
 }

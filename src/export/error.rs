@@ -1,9 +1,9 @@
 //! Why a data set cannot be written.
 
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use crate::files::FileError;
+use crate::json::did_you_mean;
 use crate::vehicle::{SensorError, UnknownSensor};
 
 /// Why a data set cannot be written.
@@ -77,6 +77,18 @@ pub enum ExportError {
         /// What it is mapped to.
         to: String,
     },
+    /// A mapping of a class that is nowhere.
+    #[error("the map `{class}={to}`: no scene has a class `{class}`{}", did_you_mean(.nearest, .known))]
+    UnknownClass {
+        /// Name of the class that is mapped.
+        class: String,
+        /// What it is mapped to.
+        to: String,
+        /// Most similar class of the scenes, if one is similar.
+        nearest: Option<String>,
+        /// Classes of the scenes.
+        known: Vec<String>,
+    },
     /// Loaders replace the word everywhere in a path.
     #[error(
         "{}: has `velodyne` in its path, which loaders of SemanticKITTI replace by `labels`; name \
@@ -116,6 +128,17 @@ pub enum ExportError {
         path: PathBuf,
         /// What differs.
         difference: String,
+    },
+    /// A file of the scenes is not as it was when the folder was begun.
+    #[error(
+        "{}: {change} since this data set was begun; put it back as it was, or name another folder",
+        path.display()
+    )]
+    OtherFile {
+        /// Folder of the data set.
+        path: PathBuf,
+        /// Name of the file and what became of it.
+        change: String,
     },
     /// A scan that was not announced.
     #[error("frame {frame} of scene {scene} is not among those that the data set was made for")]
@@ -161,12 +184,6 @@ pub enum ExportError {
         /// Megabytes that are free.
         free: u64,
     },
-    /// The disk is full.
-    #[error("{}: the disk is full; make room and run again, what is written is kept", path.display())]
-    Full {
-        /// File that did not fit.
-        path: PathBuf,
-    },
     /// A view of a frame that is not there.
     #[error("the scene `{scene}` has no frame {frame}; name one of its frames, from 0")]
     NoFrame {
@@ -199,19 +216,11 @@ pub enum ExportError {
 impl ExportError {
     /// Names the file in an error of the operating system.
     pub(super) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self + '_ {
-        move |source| match source.kind() {
-            ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
-                Self::Full { path: path.to_owned() }
-            }
-            _ => Self::File(FileError::io(path)(source)),
-        }
+        move |source| Self::File(FileError::io(path)(source))
     }
 
     /// Names the file in an error of its JSON.
     pub(super) fn json(path: &Path) -> impl FnOnce(serde_json::Error) -> Self + '_ {
-        move |source| match source.io_error_kind() {
-            Some(kind) => Self::io(path)(kind.into()),
-            None => Self::File(FileError::Json { path: path.to_owned(), source }),
-        }
+        move |source| Self::File(FileError::json(path)(source))
     }
 }

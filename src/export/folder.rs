@@ -9,7 +9,7 @@ use tempfile::NamedTempFile;
 
 use super::ExportError;
 use super::record::{FrameRecord, Written};
-use crate::files::{FileError, write_whole};
+use crate::files::write_whole;
 
 /// Records and files that are being written: hidden, because loaders list the other folders.
 const HIDDEN: &str = ".sightline";
@@ -30,7 +30,7 @@ impl Folder {
     /// Makes the folder if there is none.
     pub fn open(root: &Path) -> Result<Self, ExportError> {
         let hidden = root.join(HIDDEN);
-        std::fs::create_dir_all(&hidden).map_err(ExportError::io(&hidden))?;
+        std::fs::create_dir_all(&hidden).map_err(ExportError::io(root))?;
         Ok(Self { root: root.to_owned() })
     }
 
@@ -49,7 +49,7 @@ impl Folder {
             use std::os::unix::fs::PermissionsExt;
             builder.permissions(std::fs::Permissions::from_mode(0o666));
         }
-        let file = builder.tempfile_in(&hidden).map_err(ExportError::io(&hidden))?;
+        let file = builder.tempfile_in(&hidden).map_err(ExportError::io(&place))?;
         Ok(Staged { out: BufWriter::with_capacity(1 << 18, file), place, name: name.to_owned() })
     }
 
@@ -141,7 +141,7 @@ impl Staged {
         if let Some(folder) = place.parent() {
             std::fs::create_dir_all(folder).map_err(ExportError::io(folder))?;
         }
-        file.persist(&place).map_err(|error| FileError::io(&place)(error.error))?;
+        file.persist(&place).map_err(|error| io(error.error))?;
         Ok(Written { path: name, bytes })
     }
 }

@@ -15,6 +15,7 @@ use super::pickle::Pickle;
 use super::plan::Planned;
 use super::record::{FrameRecord, LidarRecord, Written};
 use super::{DatasetSettings, ExportError, SceneFacts, Split};
+use crate::datasets::kitti::EGO_FROM_LIDAR;
 use crate::geom::Pose;
 use crate::scan::Scan;
 
@@ -83,13 +84,17 @@ pub(super) fn finish(
     Ok(())
 }
 
-fn world_from_source(record: &FrameRecord, source: Source) -> Pose {
+fn ego_from_source(record: &FrameRecord, source: Source) -> Pose {
     let pose = |lidar: &LidarRecord| lidar.ego_from_sensor.pose();
     let mounts: Vec<Pose> = record.lidars.iter().map(pose).collect();
-    record.world_from_ego.pose().compose(&source.ego_from_sensor(&mounts, DMat3::IDENTITY))
+    source.ego_from_sensor(&mounts, DMat3::IDENTITY)
 }
 
-/// Poses, times and calibration of a sequence.
+fn world_from_source(record: &FrameRecord, source: Source) -> Pose {
+    record.world_from_ego.pose().compose(&ego_from_source(record, source))
+}
+
+/// Poses, times, calibration and the LiDAR's place on the vehicle, of a sequence.
 fn sequence(
     folder: &Folder,
     number: usize,
@@ -112,7 +117,10 @@ fn sequence(
     times.end()?;
     let unit = line(&Pose::IDENTITY);
     let calib: String = ["P0", "P1", "P2", "P3", "Tr"].map(|n| format!("{n}: {unit}\n")).concat();
-    folder.put(&format!("{place}/calib.txt"), calib.as_bytes()).map(drop)
+    folder.put(&format!("{place}/calib.txt"), calib.as_bytes())?;
+    let first = folder.record(number, scene.frames[0])?;
+    let here = format!("{}\n", line(&ego_from_source(&first, source)));
+    folder.put(&format!("{place}/{EGO_FROM_LIDAR}"), here.as_bytes()).map(drop)
 }
 
 /// The upper three rows of a matrix, row by row.

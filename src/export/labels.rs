@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use super::{ExportError, SceneFacts};
+use crate::json::nearest;
 use crate::scan::{EGO_INSTANCE, Return, Status, TrackedBox};
 use crate::scene::ActorKind;
 
@@ -116,6 +117,29 @@ pub(super) fn of_kind(kind: ActorKind) -> Option<Label> {
         ActorKind::Pedestrian => moving(30, 254, 2),
         ActorKind::Animal => still(99, 1),
         ActorKind::Other => return None,
+    })
+}
+
+/// Checks that every class that is mapped is one of a scene.
+///
+/// # Errors
+/// A class that no scene has.
+pub(super) fn check_map(
+    scenes: &[SceneFacts],
+    map: &[(String, String)],
+) -> Result<(), ExportError> {
+    let mut known: Vec<&str> =
+        scenes.iter().flat_map(|scene| &scene.classes).map(String::as_str).collect();
+    known.sort_unstable();
+    known.dedup();
+    let Some((class, to)) = map.iter().find(|(class, _)| !known.contains(&class.as_str())) else {
+        return Ok(());
+    };
+    Err(ExportError::UnknownClass {
+        class: class.clone(),
+        to: to.clone(),
+        nearest: nearest(class, known.iter().copied()),
+        known: known.into_iter().map(str::to_owned).collect(),
     })
 }
 

@@ -6,6 +6,7 @@
 //!
 //! [`Glb`] shows one frame with its rigs in any viewer of glTF.
 
+mod about;
 mod cloud;
 mod dataset;
 mod error;
@@ -23,6 +24,7 @@ mod settings;
 #[cfg(test)]
 mod tests;
 
+pub use crate::files::Input;
 pub use dataset::{Dataset, Summary};
 pub use error::ExportError;
 pub use glb::{Glb, GltfView};

@@ -5,6 +5,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use super::ExportError;
+use crate::files::Input;
 
 /// Format of a data set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -116,8 +117,13 @@ pub struct DatasetSettings {
     /// nuScenes lidarseg, which has no categories of these numbers; else they are unlabelled.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub robo3d_labels: bool,
-    /// All that decides the scans, as text: command, placement, conditions. A folder is gone on with only
-    /// where it is the same.
+    /// Every file that decides the scans: of the scenes, in their order, and of the vehicle. A folder is gone
+    /// on with only where they are the same.
+    #[serde(default)]
+    pub files: Vec<Input>,
+    /// All else that decides the scans, as text: command, placement, conditions. A folder is gone on with only
+    /// where it is the same; of a JSON object the keys `scenes` and `vehicle`, paths as they were given, are
+    /// recorded only.
     pub provenance: String,
 }
 
@@ -133,6 +139,7 @@ impl DatasetSettings {
             seed: 0,
             map: Vec::new(),
             robo3d_labels: false,
+            files: Vec::new(),
             provenance: String::new(),
         }
     }

@@ -177,7 +177,13 @@ fn a_run_that_was_ended_goes_on_to_the_same_bytes() {
             error.contains("32 of 33 frames are missing, the first is frame 0 of `one`"),
             "{error}"
         );
-        assert!(b.path().join("INCOMPLETE.txt").exists());
+        let told = std::fs::read_to_string(b.path().join("INCOMPLETE.txt")).unwrap();
+        assert!(told.contains("32 of 33 frames were missing"), "{told}");
+        let lines: Vec<&str> = told.lines().skip(1).collect();
+        let ends = ["): frames 0 to 10", "): frames 0 to 3, 5 to 10", "): frames 0 to 10"];
+        assert!(lines[1].starts_with("two ("), "{told}");
+        assert_eq!(lines.len(), 3, "{told}");
+        assert!(lines.iter().zip(ends).all(|(line, end)| line.ends_with(end)), "{told}");
         written(b.path(), &settings);
         assert_eq!(files(a.path()), files(b.path()));
     }
@@ -193,6 +199,16 @@ fn a_file_that_was_cut_is_missing() {
     let bytes = std::fs::read(&cloud).unwrap();
     std::fs::write(&cloud, &bytes[..bytes.len() - 16]).unwrap();
     assert!(!set.has(0, 3));
+    // So is one of a set that was whole.
+    let whole = tempfile::tempdir().unwrap();
+    let scenes = scenes(settings.layout);
+    written(whole.path(), &settings);
+    std::fs::remove_file(whole.path().join("sequences/00/velodyne/000003.bin")).unwrap();
+    Dataset::create(whole.path(), &settings, &scenes).unwrap();
+    let told = std::fs::read_to_string(whole.path().join("INCOMPLETE.txt")).unwrap();
+    assert!(told.ends_with("one (00): frames 3\n"), "{told}");
+    let about = std::fs::read_to_string(whole.path().join("dataset.json")).unwrap();
+    assert!(about.contains("\"complete\": false"), "{about}");
 }
 
 /// Poses and clouds as SemanticKITTI's own tools read them: pose · point stands still.
@@ -264,6 +280,14 @@ fn what_cannot_be_written_is_a_sentence_and_leaves_nothing() {
         &mapped("lantern"),
         std::slice::from_ref(&own),
         "`lantern` is no class with a label",
+    );
+    let slip =
+        DatasetSettings { map: vec![("lanp".to_owned(), "pole".to_owned())], ..kitti.clone() };
+    refused(
+        &out,
+        &slip,
+        std::slice::from_ref(&own),
+        "no scene has a class `lanp`; did you mean `lamp`?",
     );
     refused(&out, &kitti, &[one.clone(), one.clone()], "two scenes are called `one`");
     let vals = [facts("a", Split::Val), facts("b", Split::Val)];

@@ -31,6 +31,33 @@ impl Input {
         scene.files().iter().map(|file| Self::read(file)).collect()
     }
 
+    /// As [`Self::of`], by the names of the files alone: the same from any working directory.
+    pub fn names_of(scene: &Scene) -> Result<Vec<Self>, FileError> {
+        let name = |input: Self| Self {
+            file: input.file.file_name().map(PathBuf::from).unwrap_or(input.file),
+            ..input
+        };
+        Ok(Self::of(scene)?.into_iter().map(name).collect())
+    }
+
+    /// The first of these files that differs from those of an earlier time, in the order of both, in words.
+    pub fn change(before: &[Self], now: &[Self]) -> Option<String> {
+        let name = |input: &Self| input.file.display().to_string();
+        let pairs = before.iter().zip(now);
+        if let Some((was, is)) = pairs.into_iter().find(|(was, is)| was != is) {
+            return Some(match was.file == is.file {
+                true => format!("`{}` has changed", name(is)),
+                false => format!("`{}` has taken the place of `{}`", name(is), name(was)),
+            });
+        }
+        let (shorter, longer) = (before.len().min(now.len()), before.len().max(now.len()));
+        let more = if before.len() < longer { now } else { before };
+        more.get(shorter).map(|input| match now.len() == longer {
+            true => format!("`{}` has come in", name(input)),
+            false => format!("`{}` is gone", name(input)),
+        })
+    }
+
     /// Refuses to go on in a folder that was begun with other files.
     pub fn check(folder: &Path, before: &[Self], now: &[Self]) -> Result<(), FileError> {
         let is_new = |input: &&Self| !before.contains(input);

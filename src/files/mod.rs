@@ -28,6 +28,12 @@ pub enum FileError {
         /// From the operating system.
         source: std::io::Error,
     },
+    /// The disk is full.
+    #[error("{}: the disk is full; make room and run again", path.display())]
+    Full {
+        /// File that did not fit.
+        path: PathBuf,
+    },
     /// JSON of another form than expected.
     #[error("{}: {source}", path.display())]
     Json {
@@ -48,7 +54,47 @@ impl FileError {
             ErrorKind::InvalidData => {
                 Self::Refused(format!("{}: is not UTF-8 text; save it as UTF-8", path.display()))
             }
-            _ => Self::Io { path: path.to_owned(), source },
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
+                Self::Full { path: path.to_owned() }
+            }
+            _ => Self::Io { path: path.to_owned(), source: without_place(source) },
         }
+    }
+
+    /// Names the file in an error of its JSON.
+    pub fn json(path: &Path) -> impl FnOnce(serde_json::Error) -> Self + '_ {
+        move |source| match source.io_error_kind() {
+            Some(kind) => Self::io(path)(kind.into()),
+            None => Self::Json { path: path.to_owned(), source },
+        }
+    }
+}
+
+/// The same error without the place of a temporary file, which `tempfile` adds: the user has never named it.
+fn without_place(source: std::io::Error) -> std::io::Error {
+    let text = source.to_string();
+    match text.split_once(" at path \"") {
+        Some((cause, _)) if source.get_ref().is_some() => {
+            std::io::Error::new(source.kind(), cause.to_owned())
+        }
+        _ => source,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_and_a_temporary_file_are_told_by_the_name_that_the_user_gave() {
+        let path = Path::new("scores.json");
+        let full = FileError::io(path)(ErrorKind::StorageFull.into());
+        assert_eq!(full.to_string(), "scores.json: the disk is full; make room and run again");
+        let json = serde_json::Error::io(ErrorKind::QuotaExceeded.into());
+        assert_eq!(FileError::json(path)(json).to_string(), full.to_string());
+        let nowhere = tempfile::Builder::new().tempfile_in("/no/such/folder").unwrap_err();
+        assert!(nowhere.to_string().contains("/no/such/folder"), "{nowhere}");
+        let told = FileError::io(path)(nowhere).to_string();
+        assert!(told.starts_with("scores.json: ") && !told.contains("/no/such"), "{told}");
     }
 }

@@ -154,8 +154,7 @@ impl<S> RunDir<S> {
     pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<(), FileError> {
         let path = self.path.join(name);
         write_whole(&path, |file| {
-            serde_json::to_writer_pretty(&mut *file, value)
-                .map_err(|source| FileError::Json { path: path.clone(), source })?;
+            serde_json::to_writer_pretty(&mut *file, value).map_err(FileError::json(&path))?;
             file.write_all(b"\n").map_err(FileError::io(&path))
         })
     }
@@ -169,8 +168,7 @@ impl<S> RunDir<S> {
         let path = self.path.join(name);
         write_whole(&path, |file| {
             for value in values {
-                serde_json::to_writer(&mut *file, &value)
-                    .map_err(|source| FileError::Json { path: path.clone(), source })?;
+                serde_json::to_writer(&mut *file, &value).map_err(FileError::json(&path))?;
                 file.write_all(b"\n").map_err(FileError::io(&path))?;
             }
             Ok(())

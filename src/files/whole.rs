@@ -114,6 +114,14 @@ pub fn writable_file<'a>(
             path.display()
         )));
     }
-    tempfile::tempfile_in(folder_of(&target)).map_err(FileError::io(path))?;
+    let folder = folder_of(&target);
+    if !folder.is_dir() {
+        return Err(FileError::Refused(format!(
+            "{}: there is no folder {}; make it, or name another file",
+            path.display(),
+            folder.display()
+        )));
+    }
+    tempfile::tempfile_in(folder).map_err(FileError::io(path))?;
     Ok(())
 }

@@ -201,7 +201,8 @@ fn listed(keys: &[&str], none: &str) -> String {
     keys.iter().map(|k| format!("`{k}`")).collect::<Vec<_>>().join(", ")
 }
 
-fn did_you_mean(nearest: &Option<String>, known: &[String]) -> String {
+/// What follows an unknown name: the name that was meant, or all that are known.
+pub(crate) fn did_you_mean(nearest: &Option<String>, known: &[String]) -> String {
     match nearest {
         Some(name) => format!("; did you mean `{name}`?"),
         None if known.is_empty() => "; nothing is known here".to_owned(),

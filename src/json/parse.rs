@@ -69,14 +69,9 @@ fn explain(file: &str, path: &str, error: &serde_json::Error) -> DescriptionErro
         "trailing characters" => "the list is longer than it should be",
         other => other,
     };
-    let unknown = text.strip_prefix("unknown field `").and_then(|rest| {
-        // Without known keys serde writes "there are no fields"; no struct here is empty.
-        rest.split_once("`, expected ")
-    });
-    let Some((key, expected)) = unknown else {
+    let Some((key, known)) = unknown_key(text) else {
         return DescriptionError::Json { at, problem: plain_words(text), line, column };
     };
-    let known: Vec<String> = expected.split('`').skip(1).step_by(2).map(str::to_owned).collect();
     // The path of an unknown key ends in the key itself; the message names it anyway.
     let parent = path.strip_suffix(key).map_or(path, |p| p.strip_suffix('.').unwrap_or(p));
     DescriptionError::UnknownKey {
@@ -87,6 +82,13 @@ fn explain(file: &str, path: &str, error: &serde_json::Error) -> DescriptionErro
         line,
         column,
     }
+}
+
+/// The key that serde does not know, and those that it knows in its place.
+pub(crate) fn unknown_key(text: &str) -> Option<(&str, Vec<String>)> {
+    // Without known keys serde writes "there are no fields"; no struct here is empty.
+    let (key, expected) = text.strip_prefix("unknown field `")?.split_once("`, expected ")?;
+    Some((key, expected.split('`').skip(1).step_by(2).map(str::to_owned).collect()))
 }
 
 /// Translates serde's message from Rust types to JSON words: `u64` becomes "a whole number, 0 or more".

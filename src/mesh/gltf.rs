@@ -6,15 +6,13 @@ use glam::{DMat4, DVec3};
 use gltf::accessor::{DataType, Dimensions};
 use gltf::mesh::Mode;
 
-use super::raw::{Fault, MAX_FILE, RawMesh};
+use super::raw::{Fault, MAX_FILE, MOST_TRIANGLES, RawMesh};
 use crate::json::read_limited;
 
 /// Deepest nesting of nodes.
 const MAX_DEPTH: usize = 64;
-/// Most triangles of a file, as of a scene: primitives may share an accessor, so a small file can ask
-/// for any number.
-const MAX_TRIANGLES: usize = 10_000_000;
-const MAX_VERTICES: usize = 3 * MAX_TRIANGLES;
+/// Most vertices; primitives may share an accessor, so a small file can ask for any number.
+const MAX_VERTICES: usize = 3 * MOST_TRIANGLES;
 
 /// Reads a glTF; buffers beside it are looked up in `dir`. Points and lines are left out.
 pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
@@ -147,10 +145,10 @@ impl Walk<'_> {
             Mode::Triangles => corners / 3,
             _ => corners.saturating_sub(2),
         };
-        if self.mesh.faces.len().saturating_add(triangles) > MAX_TRIANGLES
+        if self.mesh.faces.len().saturating_add(triangles) > MOST_TRIANGLES
             || self.mesh.vertices.len().saturating_add(positions.count()) > MAX_VERTICES
         {
-            return Err(format!("is one too many: {MAX_TRIANGLES} triangles may be there"));
+            return Err(format!("is one too many: {MOST_TRIANGLES} triangles may be there"));
         }
         let base = self.mesh.vertices.len() as u32;
         let points = reader.read_positions().ok_or("has no positions")?;

@@ -11,11 +11,13 @@ mod raw;
 
 use std::path::Path;
 
+use glam::DVec3;
+
 use crate::json::{DescriptionError, Place, read_limited};
 use raw::{Fault, MAX_FILE, extension};
 
 pub(crate) use placing::Placing;
-pub(crate) use raw::RawMesh;
+pub(crate) use raw::{MOST_TRIANGLES, RawMesh};
 
 /// Reads the mesh named at `at`; the ending of its name tells the format.
 pub(crate) fn load(at: &Place, file: &Path) -> Result<RawMesh, DescriptionError> {
@@ -26,7 +28,13 @@ pub(crate) fn load(at: &Place, file: &Path) -> Result<RawMesh, DescriptionError>
         problem: f.problem,
     };
     let read = reader(&extension(file)).map_err(fault)?;
-    let bytes = read_limited(file, MAX_FILE)?;
+    let bytes = read_limited(file, MAX_FILE).map_err(|error| match error {
+        DescriptionError::Read { source, .. } => fault(Fault::new(
+            "file",
+            format!("cannot be read: {source}; name a mesh from the folder of the description"),
+        )),
+        other => other.of_file(at.clone()),
+    })?;
     let dir = file.parent().unwrap_or(Path::new(""));
     let mut mesh = read(&bytes, dir).map_err(fault)?;
     mesh.files.push(file.to_owned());
@@ -56,11 +64,17 @@ fn reader(_: &str) -> Result<Reader, Fault> {
 /// Checks for finite vertices, indices in range and at least one triangle.
 fn check(mesh: &RawMesh) -> Result<(), Fault> {
     if mesh.faces.is_empty() {
-        return Err(Fault::new("file", "holds no triangle"));
+        return Err(Fault::new(
+            "file",
+            "holds no triangle; export its faces, not points or lines alone",
+        ));
     }
     if let Some(i) = mesh.vertices.iter().position(|v| !v.is_finite()) {
         let v = mesh.vertices[i];
-        return Err(Fault::new(format!("vertex {i}"), format!("{v} is not a finite position")));
+        return Err(Fault::new(
+            format!("vertex {i}"),
+            format!("{} is not a finite position; export it again", exponents(v)),
+        ));
     }
     let count = mesh.vertices.len();
     for (i, face) in mesh.faces.iter().enumerate() {
@@ -70,6 +84,11 @@ fn check(mesh: &RawMesh) -> Result<(), Fault> {
         }
     }
     Ok(())
+}
+
+/// A position with exponents: 1e300 would have 301 digits.
+fn exponents(v: DVec3) -> String {
+    format!("[{:e}, {:e}, {:e}]", v.x, v.y, v.z)
 }
 
 #[cfg(feature = "mesh")]

@@ -63,7 +63,10 @@ impl Placing {
                 at: Box::new(at.clone()),
                 mesh: file.to_owned(),
                 element: format!("vertex {i}"),
-                problem: format!("lies at {v}, further than 1e9 m from the origin"),
+                problem: format!(
+                    "lies at {}, further than 1e9 m from the origin; move the mesh or give a smaller `scale`",
+                    super::exponents(v)
+                ),
             })
         };
         mesh.vertices.iter().enumerate().map(place).collect()

@@ -8,6 +8,9 @@ use glam::DVec3;
 /// Largest mesh file or buffer, in bytes.
 pub(super) const MAX_FILE: u64 = 2 << 30;
 
+/// Most triangles of a mesh, and of a scene.
+pub(crate) const MOST_TRIANGLES: usize = 10_000_000;
+
 /// What a file's name ends in, in small letters.
 pub(super) fn extension(file: &Path) -> String {
     file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()

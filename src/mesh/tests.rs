@@ -39,8 +39,8 @@ fn obj_faults_name_their_line() {
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "line 4: refers to vertex 9, there are 3"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 0\n", "line 4: refers to vertex 0, there are 3"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 -4\n", "line 4: refers to vertex -4, there are 3"),
-        ("v 0 0 0\n", "file: holds no triangle"),
-        ("", "file: holds no triangle"),
+        ("v 0 0 0\n", "file: holds no triangle; export its faces, not points or lines alone"),
+        ("", "file: holds no triangle; export its faces, not points or lines alone"),
     ];
     for (text, message) in cases {
         assert_eq!(obj_error(text), message, "{text:?}");
@@ -244,7 +244,9 @@ fn unknown_endings_and_missing_files_are_told() {
         "s.json: static[0].mesh: mesh car.stl: name: ends in none of .obj, .ply, .gltf, .glb"
     );
     let message = load(&at, Path::new("nowhere/car.obj")).unwrap_err().to_string();
-    assert!(message.starts_with("nowhere/car.obj: cannot be read: "), "{message}");
+    let start = "s.json: static[0].mesh: mesh nowhere/car.obj: file: cannot be read: No such file";
+    assert!(message.starts_with(start), "{message}");
+    assert!(message.ends_with("; name a mesh from the folder of the description"), "{message}");
 }
 
 /// A mesh of the real data that `build.rs` looked for.

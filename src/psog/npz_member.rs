@@ -18,7 +18,7 @@ const ARRAYS: [&str; 7] = ["roi_min", "voxel", "shape", "frames", "classes", "in
 #[allow(missing_docs)] // the messages name every field
 pub enum PsogFileError {
     /// The file cannot be opened.
-    #[error("cannot read {}: {source}", path.display())]
+    #[error("{}: cannot be read: {source}; give a P-SOG file, as `sightline psog build` writes it", path.display())]
     Open { path: PathBuf, source: std::io::Error },
     /// The file is no zip archive, or has lost its end.
     #[error("{} is not a readable .npz archive ({cause}); if it was cut short, copy or write it again", path.display())]

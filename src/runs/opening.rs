@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use crate::engine::open;
 use crate::problem::{Problem, StageTimes, spread};
 use crate::psog::Psog;
-use crate::scan::conditions::Condition;
+use crate::scan::conditions::{Condition, Kind};
 use crate::scan::in_conditions;
 use crate::scene::{PsogSource, Scene};
 use crate::search::{Evaluator, Member, SearchError, Suite};
@@ -46,6 +46,7 @@ pub fn problem(
     conditions: &[Condition],
     computing: &Computing<'_>,
 ) -> Result<(Scene, Problem, LoadTimes), Error> {
+    check_conditions(conditions, computing)?;
     let (scene, psog, mut times) = scene_and_psog(path, computing)?;
     let start = Instant::now();
     let frames = spread(scene.frame_count(), frames);
@@ -70,6 +71,7 @@ pub fn suite(
     conditions: &[Condition],
     computing: &Computing<'_>,
 ) -> Result<Suited, Error> {
+    check_conditions(conditions, computing)?;
     let mut times = LoadTimes::default();
     let (mut scenes, mut problems) = (Vec::new(), Vec::new());
     for path in paths {
@@ -154,6 +156,22 @@ pub fn geometry(path: &Path, frame: u32, computing: &Computing<'_>) -> Result<Lo
     let evaluator = evaluator(Problem::of_frame(&scene, frame)?, computing)?;
     let times = LoadTimes { load, build: start.elapsed().as_secs_f64() };
     Ok(Loaded { scene, evaluator, times })
+}
+
+/// Checks that the engine asked for computes under conditions, and says where one changes no score.
+///
+/// # Errors
+/// A device was asked for, and conditions with it.
+pub fn check_conditions(conditions: &[Condition], computing: &Computing<'_>) -> Result<(), Error> {
+    if !conditions.is_empty() {
+        computing.engine.check_conditions()?;
+    }
+    if conditions.iter().any(|condition| condition.kind() == Kind::Blur) {
+        computing.watcher.note(
+            "--condition blur: takes no beam away, it only moves the points of a scan; scores are as without it",
+        );
+    }
+    Ok(())
 }
 
 /// Says where `--frames` asks for more than there are.

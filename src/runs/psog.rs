@@ -4,13 +4,12 @@ use std::path::{Path, PathBuf};
 
 use super::{Error, Watcher, opening};
 use crate::datasets::{
-    CarlaSequence, CarlaTags, KITTI_LIDAR_HEIGHT, KittiSequence, PsogOptions, build_psog,
-    read_nuscenes,
+    CarlaSequence, CarlaTags, KittiSequence, PsogOptions, build_psog, read_nuscenes,
 };
 use crate::files::{writable_file, write_whole};
 use crate::psog::{BuildReport, Psog, Roi, read_psog, write_psog};
 use crate::scan::scan_scene;
-use crate::scene::{PsogSource, ScanSettings};
+use crate::scene::{GROUND_CLASSES, PsogSource, ScanSettings};
 
 /// Region around the ego vehicle, as in the own scenes: lower and upper corner in metres.
 pub const PAPER_REGION: [[f64; 3]; 2] = [[-40.0, -40.0, -0.5], [40.0, 40.0, 5.5]];
@@ -42,7 +41,8 @@ pub struct Scans {
 /// Labelled scans of a public data set.
 #[derive(Debug, Clone)]
 pub enum DataSet {
-    /// A sequence of SemanticKITTI, and its LiDAR's height above the ground in metres if it is another.
+    /// A sequence of SemanticKITTI, and its LiDAR's height above the ground in metres where the sequence does not
+    /// say it and it is no car of KITTI.
     Kitti(PathBuf, Option<f64>),
     /// A set of nuScenes with lidarseg, the version of its tables, and its scenes; all if none.
     Nuscenes(PathBuf, Option<String>, Vec<String>),
@@ -120,16 +120,38 @@ fn of_scans(scans: &Scans, watcher: &dyn Watcher) -> Result<(Psog, BuildReport),
     let [min, max] = scans.region;
     let roi = Roi::from_bounds(min, max, scans.voxel)?;
     let options = PsogOptions { window: scans.window, ..PsogOptions::new(roi) };
-    Ok(match &scans.set {
+    let built = match &scans.set {
         DataSet::Kitti(folder, height) => {
-            let height = height.unwrap_or(KITTI_LIDAR_HEIGHT);
-            build_psog(&[KittiSequence::open(folder)?.with_lidar_height(height)?], &options)?
+            let mut sequence = KittiSequence::open(folder)?;
+            if let Some(height) = height {
+                sequence = sequence.with_lidar_height(*height)?;
+            }
+            build_psog(&[sequence], &options)?
         }
         DataSet::Nuscenes(folder, version, names) => {
             build_psog(&read_nuscenes(folder, version.as_deref(), names)?, &options)?
         }
         DataSet::Carla(scans) => build_psog(&[scans.open(watcher)?], &options)?,
-    })
+    };
+    note_ground(&built.0, watcher);
+    Ok(built)
+}
+
+/// Says where no voxel holds ground: the scans were most likely placed at a wrong height.
+fn note_ground(psog: &Psog, watcher: &dyn Watcher) {
+    let ground: Vec<usize> = psog
+        .classes()
+        .iter()
+        .enumerate()
+        .filter(|(_, name)| GROUND_CLASSES.contains(&name.as_str()))
+        .map(|(class, _)| class)
+        .collect();
+    if !ground.is_empty() && !psog.rows().any(|row| ground.iter().any(|&class| row[class] > 0)) {
+        watcher.note(
+            "no voxel of the region holds ground (road, sidewalk, terrain and the like): where the scans have \
+             some, give the height of their LiDAR with --lidar-height, or a region that reaches it",
+        );
+    }
 }
 
 /// Adds up P-SOG files and writes the sum to `out`.

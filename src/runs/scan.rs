@@ -1,6 +1,6 @@
 //! Labelled scans of placements, written as data sets, gone on with after an interruption.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
@@ -10,7 +10,9 @@ use serde_json::json;
 use super::inputs::named_placements;
 use super::{Computing, Error, glb, opening};
 use crate::engine::scanning_on;
-use crate::export::{Dataset, DatasetSettings, GltfView, Layout, SceneFacts, Splits, record};
+use crate::export::{
+    Dataset, DatasetSettings, GltfView, Input, Layout, SceneFacts, Splits, record,
+};
 use crate::scan::conditions::Condition;
 use crate::scan::{Scanner, Scanning};
 use crate::scene::Scene;
@@ -93,17 +95,32 @@ pub fn scan(
         }
     }
     request.check_gltf(&scenes, &placements)?;
-    let (mut sets, mut told) = (Vec::new(), false);
+    let facts: Vec<SceneFacts> = scenes.iter().map(|scene| request.facts(scene)).collect();
+    let files = scenes.iter().map(Input::names_of).collect::<Result<Vec<_>, _>>()?.concat();
+    let mut plans = Vec::new();
     for placement in &placements {
         let out = match placements.len() {
             1 => request.out.clone(),
             _ => request.out.join(&placement.name),
         };
-        match one(request, computing, placement, &scenes, &out, &mut told)? {
+        let settings = request.settings(placement, files.clone(), computing)?;
+        Dataset::check(&out, &settings, &facts)?;
+        plans.push(Plan { placement, out, settings, facts: &facts });
+    }
+    let (mut sets, mut told) = (Vec::new(), false);
+    for (k, plan) in plans.iter().enumerate() {
+        match one(request, computing, plan, &scenes, &mut told)? {
             Some(set) => sets.push(set),
             None => {
-                let again = "the same command goes on";
-                watcher.note(&format!("stopped; {} is not complete, {again}", out.display()));
+                let others = match plans.len() - k - 1 {
+                    0 => String::new(),
+                    1 => " and another one was not looked at".to_owned(),
+                    others => format!(" and {others} more were not looked at"),
+                };
+                watcher.note(&format!(
+                    "stopped; {} is not complete{others}, the same command goes on",
+                    plan.out.display()
+                ));
                 return Ok(None);
             }
         }
@@ -112,18 +129,63 @@ pub fn scan(
     Ok(Some(sets))
 }
 
+/// The data set of one placement, before anything of it is written.
+struct Plan<'a> {
+    placement: &'a Placement,
+    out: PathBuf,
+    settings: DatasetSettings,
+    facts: &'a [SceneFacts],
+}
+
 /// The data set of one placement; `None` if it was interrupted. Which engine casts is said the first time.
 fn one(
     request: &ScanRequest,
     computing: &Computing<'_>,
-    placement: &Placement,
+    plan: &Plan<'_>,
     scenes: &[Scene],
-    out: &Path,
     told: &mut bool,
 ) -> Result<Option<Scanned>, Error> {
-    let (start, watcher) = (Instant::now(), computing.watcher);
-    let facts: Vec<SceneFacts> = scenes.iter().map(|scene| request.facts(scene)).collect();
-    let dataset = Dataset::create(out, &request.settings(placement, computing)?, &facts)?;
+    let start = Instant::now();
+    let dataset = Dataset::create(&plan.out, &plan.settings, plan.facts)?;
+    let points_now = match frames_of(request, computing, plan, scenes, &dataset, told) {
+        Ok(Some(points)) => points,
+        ended => {
+            // Of an error that ended the run, the first is told.
+            let said = dataset.say_missing();
+            ended?;
+            return said.map(|()| None).map_err(Error::from);
+        }
+    };
+    let summary = dataset.finish()?;
+    let seconds = start.elapsed().as_secs_f64();
+    computing.watcher.detail(&format!(
+        "{points_now} points in {seconds:.2} s, {:.2} million a second",
+        points_now as f64 / seconds / 1e6
+    ));
+    Ok(Some(Scanned {
+        placement: plan.placement.name.clone(),
+        out: plan.out.clone(),
+        layout: request.layout.name(),
+        scenes: summary.scenes,
+        frames: summary.frames,
+        points: summary.points,
+        bytes: summary.bytes,
+        points_now,
+        seconds,
+        threads: rayon::current_num_threads(),
+    }))
+}
+
+/// Writes the frames that a data set lacks, and counts their points; `None` if it was interrupted.
+fn frames_of(
+    request: &ScanRequest,
+    computing: &Computing<'_>,
+    plan: &Plan<'_>,
+    scenes: &[Scene],
+    dataset: &Dataset,
+    told: &mut bool,
+) -> Result<Option<u64>, Error> {
+    let watcher = computing.watcher;
     let frames: usize = (0..scenes.len()).map(|scene| dataset.missing_of(scene).len()).sum();
     let bar = watcher.bar(frames as u64, Some("frames"));
     let points = AtomicU64::new(0);
@@ -134,12 +196,12 @@ fn one(
         if dataset.missing_of(k).is_empty() {
             continue;
         }
-        let mut scanner = Scanner::new(scene, placement, &request.scanning)?;
+        let mut scanner = Scanner::new(scene, plan.placement, &request.scanning)?;
         let notes = scanning_on(&mut scanner, &computing.engine)?;
         if !std::mem::replace(told, true) {
             notes.iter().for_each(|note| watcher.note(note));
         }
-        let whole = record(&dataset, k, &scanner, |scan| {
+        let whole = record(dataset, k, &scanner, |scan| {
             points.fetch_add(scan.points().count() as u64, Ordering::Relaxed);
             bar.advance(1);
             watcher.goes_on()
@@ -151,26 +213,7 @@ fn one(
             return Ok(None);
         }
     }
-    drop(bar);
-    let summary = dataset.finish()?;
-    let seconds = start.elapsed().as_secs_f64();
-    let points_now = points.into_inner();
-    watcher.detail(&format!(
-        "{points_now} points in {seconds:.2} s, {:.2} million a second",
-        points_now as f64 / seconds / 1e6
-    ));
-    Ok(Some(Scanned {
-        placement: placement.name.clone(),
-        out: out.to_owned(),
-        layout: request.layout.name(),
-        scenes: summary.scenes,
-        frames: summary.frames,
-        points: summary.points,
-        bytes: summary.bytes,
-        points_now,
-        seconds,
-        threads: rayon::current_num_threads(),
-    }))
+    Ok(Some(points.into_inner()))
 }
 
 impl ScanRequest {
@@ -225,6 +268,7 @@ impl ScanRequest {
     fn settings(
         &self,
         placement: &Placement,
+        files: Vec<Input>,
         computing: &Computing<'_>,
     ) -> Result<DatasetSettings, Error> {
         let mut map = Vec::new();
@@ -253,6 +297,7 @@ impl ScanRequest {
             seed: *seed,
             map,
             robo3d_labels: self.robo3d_labels,
+            files,
             provenance: provenance.to_string(),
             ..DatasetSettings::new(self.layout)
         })

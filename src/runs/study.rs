@@ -108,6 +108,7 @@ fn of_scenes(
     computing: &Computing<'_>,
 ) -> Result<Table, Error> {
     let watcher = computing.watcher;
+    opening::check_conditions(&request.conditions, computing)?;
     let mut scenes = Vec::new();
     for path in paths {
         let (scene, psog, _) = opening::scene_and_psog(path, computing)?;

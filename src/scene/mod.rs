@@ -7,6 +7,7 @@
 
 mod carrier;
 mod classes;
+mod copies;
 mod description;
 mod kind;
 mod origins;
@@ -110,7 +111,7 @@ impl Things {
             let at = top.key("actors").item(i);
             let name = actor.name.clone().unwrap_or_default();
             let name = check::text(&at.key("name"), name)?;
-            let parts = builder.list(&at.key("parts"), &actor.parts)?;
+            let parts = builder.actor(&at.key("parts"), &actor.parts)?;
             let motion = Motion::new(&at, actor.poses.as_deref(), actor.route.as_ref())?;
             let class = parts.classes.first().map(|&class| builder.class_name(class));
             let kind = ActorKind::read(&at.key("kind"), actor.kind.as_deref(), class)?;

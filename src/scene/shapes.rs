@@ -4,22 +4,19 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-use glam::DVec3;
-
 use super::classes::Classes;
+use super::copies::copies;
 use super::description::{Dictionary, MeshDescription, ShapeDescription};
 use super::primitives::{cuboid, cylinder, plane, prism};
 use super::solid::Solid;
-use crate::geom::Pose;
-use crate::json::check::{self, bad};
+use crate::json::check::bad;
 use crate::json::{DescriptionError, Place, nearest};
-use crate::mesh::{self, Placing, RawMesh};
+use crate::mesh::{self, MOST_TRIANGLES, Placing, RawMesh};
 
 /// Most triangles of a scene: static world, actors, ego body and each named shape once.
-const MAX_TRIANGLES: u64 = 10_000_000;
+const MAX_TRIANGLES: u64 = MOST_TRIANGLES as u64;
 /// Deepest nesting of named shapes.
 const MAX_DEPTH: usize = 8;
-const MAX_COPIES: u64 = 100_000;
 const KINDS: &[&str] = &["box", "prism", "cylinder", "plane", "mesh", "shape"];
 
 /// Builds triangles from shapes; loads each mesh file once.
@@ -64,7 +61,7 @@ impl<'a> Builder<'a> {
         &self.classes.names[usize::from(class)]
     }
 
-    /// Notes on material names that no mesh has.
+    /// Notes on material names that no mesh has, and on actors that no beam can hit.
     pub fn notes(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notes)
     }
@@ -85,6 +82,25 @@ impl<'a> Builder<'a> {
         list: &[ShapeDescription],
     ) -> Result<Solid, DescriptionError> {
         self.nested_list(at, list, 0)
+    }
+
+    /// The triangles of an actor, of which there must be some; notes an actor without area.
+    pub fn actor(
+        &mut self,
+        at: &Place,
+        parts: &[ShapeDescription],
+    ) -> Result<Solid, DescriptionError> {
+        if parts.is_empty() {
+            return Err(bad(at, "an empty list", "a shape; add one or leave the actor out"));
+        }
+        let solid = self.list(at, parts)?;
+        if !solid.has_area() {
+            self.notes.push(format!(
+                "{at}: no triangle has an area, so that no beam hits the actor; give its mesh an extent, or leave \
+                 the actor out"
+            ));
+        }
+        Ok(solid)
     }
 
     fn nested_list(
@@ -269,49 +285,5 @@ impl Builder<'_> {
             file.display(),
             unused.join("`, `")
         ));
-    }
-}
-
-/// Poses of the copies of a shape; without `at` and `repeat` one copy in place.
-fn copies(at: &Place, shape: &ShapeDescription) -> Result<Vec<Pose>, DescriptionError> {
-    match (&shape.at, &shape.repeat) {
-        (None, None) => Ok(vec![Pose::IDENTITY]),
-        (Some(_), Some(_)) => Err(DescriptionError::Misplaced {
-            at: Box::new(at.clone()),
-            key: "repeat",
-            mend: "`at` already says where the copies stand; keep one of the two".to_owned(),
-        }),
-        (Some(list), None) => {
-            let at = at.key("at");
-            if list.is_empty() || list.len() as u64 > MAX_COPIES {
-                let wanted = format!("1 to {MAX_COPIES} positions");
-                return Err(bad(&at, format!("a list of {}", list.len()), wanted));
-            }
-            list.iter()
-                .enumerate()
-                .map(|(i, p)| {
-                    let here = at.item(i);
-                    let (xyz, yaw) = match **p {
-                        [x, y, z, yaw] => ([x, y, z], check::radians(&here.item(3), yaw)?),
-                        [x, y, z] => ([x, y, z], 0.0),
-                        [x, y] => ([x, y, 0.0], 0.0),
-                        _ => {
-                            let value = format!("a list of {} numbers", p.len());
-                            return Err(bad(&here, value, "[x, y], [x, y, z] or [x, y, z, yaw]"));
-                        }
-                    };
-                    Ok(Pose::new(check::point(&here, xyz)?.into(), 0.0, 0.0, yaw))
-                })
-                .collect()
-        }
-        (None, Some(repeat)) => {
-            let at = at.key("repeat");
-            let count = check::count(&at.key("count"), repeat.count, 1, MAX_COPIES)?;
-            let step = DVec3::from(check::point(&at.key("step"), repeat.step)?);
-            let far = (step * f64::from(count)).abs().max_element();
-            check::metres(&at.key("step"), far)?;
-            let nth = |i| Pose { translation: step * f64::from(i), ..Pose::IDENTITY };
-            Ok((0..count).map(nth).collect())
-        }
     }
 }

@@ -24,6 +24,14 @@ impl Solid {
         self.classes.extend_from_slice(&other.classes);
     }
 
+    /// Whether a triangle is more than a line or a point.
+    pub fn has_area(&self) -> bool {
+        self.faces.iter().any(|face| {
+            let [a, b, c] = face.map(|v| self.vertices[v as usize]);
+            (b - a).cross(c - a) != DVec3::ZERO
+        })
+    }
+
     /// Appends these triangles to `soup`, moved by `pose` in `f64` and then rounded.
     pub fn append_to(&self, soup: &mut TriangleSoup, pose: &Pose) {
         let base = soup.vertices.len() as u32;

@@ -8,9 +8,12 @@ use rand_chacha::ChaCha8Rng;
 
 use super::DEFAULT_CLASSES;
 use crate::geom::TriangleSoup;
+use crate::mesh::MOST_TRIANGLES;
 
 /// Fewest triangles of a street.
 pub const FEWEST_STREET_TRIANGLES: usize = 4000;
+/// Most triangles of a street that a scene holds beside a few vehicles.
+pub const MOST_STREET_TRIANGLES: usize = MOST_TRIANGLES - 1000;
 
 /// Metres from the middle to the end of the ground.
 const HALF: f64 = 120.0;

@@ -9,7 +9,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
 use super::{Placement, PlacementError};
-use crate::json::plain_words;
+use crate::json::{did_you_mean, nearest, plain_words, unknown_key};
 
 /// Longest line of a `.jsonl` file, in bytes: 16 LiDARs need far less.
 const MAX_LINE: u64 = 1 << 20;
@@ -127,9 +127,13 @@ fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, P
         };
         let full = error.to_string();
         let words = full.rsplit_once(" at line ").map_or(&full[..], |(words, _)| words);
-        let problem = plain_words(words)
-            .replace("unknown field", "unknown key")
-            .replace("the file ends", "the text ends");
+        let problem = match unknown_key(words) {
+            Some((key, known)) => {
+                let nearest = nearest(key, known.iter().map(String::as_str));
+                format!("unknown key `{key}`{}", did_you_mean(&nearest, &known))
+            }
+            None => plain_words(words).replace("the file ends", "the text ends"),
+        };
         let place = place.trim_end_matches('?').trim_end_matches('.');
         let index = place.strip_prefix("placements[").and_then(|rest| rest.split(']').next());
         let index = index.map_or(Some(0), |index| index.parse().ok());

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::internals::FEWEST_STREET_TRIANGLES;
+use crate::internals::{FEWEST_STREET_TRIANGLES as FEWEST, MOST_STREET_TRIANGLES as MOST};
 use crate::runs::Error;
 use crate::runs::scene::{new_street, new_world};
 use crate::worlds;
@@ -10,9 +10,6 @@ use clap::ValueEnum;
 
 use crate::cli::args::whole;
 use crate::cli::terminal::{Talk, Terminal};
-
-/// Most triangles, well below the limit of a frame.
-const MOST: i64 = 50_000_000;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -24,7 +21,7 @@ pub struct Args {
     kind: Kind,
     /// A plain crossing of exactly this many triangles instead, for timings
     #[arg(long, value_name = "N",
-          value_parser = clap::value_parser!(u32).range(FEWEST_STREET_TRIANGLES as i64..=MOST))]
+          value_parser = clap::value_parser!(u32).range(FEWEST as i64..=MOST as i64))]
     triangles: Option<u32>,
     /// Seed of where things stand and how large they are
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>)]

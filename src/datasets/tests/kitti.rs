@@ -120,7 +120,7 @@ fn all_34_ids_are_known_and_no_other() {
 type Spoil = fn(&Path);
 /// What is done to a good sequence, and how the answer begins.
 const SPOILT: [(Spoil, &str); 15] = [
-    (|d| std::fs::remove_dir_all(d.join("velodyne")).unwrap(), "cannot read DIR/velodyne: "),
+    (|d| std::fs::remove_dir_all(d.join("velodyne")).unwrap(), "DIR/velodyne: cannot be read: "),
     (
         |d| {
             std::fs::remove_file(d.join("velodyne/000000.bin")).unwrap();
@@ -131,10 +131,10 @@ const SPOILT: [(Spoil, &str); 15] = [
     (|d| write_scan(d, "last", &[]), "DIR/velodyne/last.bin: a scan is named by its frame number"),
     (|d| write_scan(d, "0", &[]), "DIR/velodyne has two scans of frame 0;"),
     (|d| write_scan(d, "3", &[]), "DIR/poses.txt has 3 poses, none for frame 3;"),
-    (|d| std::fs::remove_file(d.join("poses.txt")).unwrap(), "cannot read DIR/poses.txt: "),
+    (|d| std::fs::remove_file(d.join("poses.txt")).unwrap(), "DIR/poses.txt: cannot be read: "),
     (
         |d| std::fs::remove_file(d.join("labels/000002.label")).unwrap(),
-        "cannot read DIR/labels/000002.label: ",
+        "DIR/labels/000002.label: cannot be read: ",
     ),
     (
         |d| std::fs::write(d.join("calib.txt"), "P0: 1 0 0 0 0 1 0 0 0 0 1 0\n").unwrap(),

@@ -310,6 +310,6 @@ fn files_that_are_not_there() {
     let folder = tempfile::tempdir().unwrap();
     for path in [folder.path(), Path::new("/nowhere/a.npz")] {
         let message = read_psog(path).unwrap_err().to_string();
-        assert!(message.starts_with(&format!("cannot read {}: ", path.display())), "{message}");
+        assert!(message.starts_with(&format!("{}: cannot be read: ", path.display())), "{message}");
     }
 }

@@ -107,10 +107,14 @@ fn begin(
 
 /// Scenes and problems of a run.
 fn open(begun: &Begun, frames: Option<u32>, computing: &Computing<'_>) -> Result<Opened, Error> {
+    let conditions = begun.conditions.iter().map(|text| text.parse());
+    let conditions = conditions.collect::<Result<Vec<Condition>, ConditionError>>();
+    let conditions = conditions.map_err(Error::from)?;
+    opening::check_conditions(&conditions, computing)?;
     let mut times = LoadTimes::default();
     let (mut scenes, mut problems, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
     for path in begun.scenes() {
-        let (scene, problem) = open_scene(path, begun, frames, computing, &mut times)?;
+        let (scene, problem) = open_scene(path, begun, &conditions, frames, computing, &mut times)?;
         inputs.extend(Input::of(&scene)?);
         problems.push((scene.name().to_owned(), problem));
         scenes.push(scene);
@@ -125,6 +129,7 @@ fn open(begun: &Begun, frames: Option<u32>, computing: &Computing<'_>) -> Result
 fn open_scene(
     path: &Path,
     begun: &Begun,
+    conditions: &[Condition],
     frames: Option<u32>,
     computing: &Computing<'_>,
     times: &mut LoadTimes,
@@ -138,11 +143,8 @@ fn open_scene(
         .map_err(|error| Error::Usage(format!("options for the mount: {error}")))?;
     let building = Instant::now();
     let all: Vec<usize> = (0..scene.frame_count()).collect();
-    let conditions = begun.conditions.iter().map(|text| text.parse());
-    let conditions = conditions.collect::<Result<Vec<Condition>, ConditionError>>();
-    let conditions = conditions.map_err(Error::from)?;
     let problem = Problem::with_psog(&scene, &psog, &all)?;
-    let problem = in_conditions(&scene, problem, &conditions)?;
+    let problem = in_conditions(&scene, problem, conditions)?;
     let problem = Arc::new(match begun.near_weight {
         Some(nats) => weighted(&scene, problem, nats)?,
         None => problem,

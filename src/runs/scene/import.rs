@@ -16,7 +16,7 @@ use crate::worlds::{import_opendrive, read_opendrive};
 pub enum Origin {
     /// Roads and lanes of an OpenDRIVE file; all that it does not say comes from the seed.
     OpenDrive {
-        /// `.xodr`, perhaps compressed.
+        /// `.xodr`; one that is compressed is refused with the command that unpacks it.
         file: PathBuf,
         /// Of all that the map does not say.
         seed: u64,

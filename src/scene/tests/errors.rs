@@ -54,6 +54,34 @@ fn bad_motion_is_named_with_its_place_and_mend() {
     );
 }
 
+/// A box is never flat, but a mesh may be.
+#[test]
+#[cfg(feature = "mesh")]
+fn an_actor_that_no_beam_can_hit_is_noted() {
+    let dir = tempfile::tempdir().unwrap();
+    let noted = |third: &str| {
+        std::fs::write(dir.path().join("a.obj"), format!("v 0 0 0\nv 1 1 1\nv {third}\nf 1 2 3\n"))
+            .unwrap();
+        let actor = r#", "actors": [{ "parts": [{ "class": "vehicle", "mesh": { "file": "a.obj" } }],
+                                      "poses": [{ "x": 0, "y": 0 }] }]"#;
+        let scene = Scene::from_json(&full(BOX, actor), dir.path(), "s.json").unwrap();
+        scene.notes().join("\n")
+    };
+    let note = noted("2 2 2");
+    assert!(note.starts_with("s.json: actors[0].parts: no triangle has an area"), "{note}");
+    assert_eq!(noted("2 2 3"), "");
+}
+
+#[test]
+#[cfg(feature = "mesh")]
+fn a_vertex_far_away_is_told_with_an_exponent() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("a.obj"), "v 0 0 0\nv 1e300 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let shape = r#"{ "class": "building", "mesh": { "file": "a.obj" } }"#;
+    let error = Scene::from_json(&full(shape, ""), dir.path(), "s.json").unwrap_err().to_string();
+    assert!(error.contains("vertex 1: lies at [1e300, 0e0, 0e0], further than"), "{error}");
+}
+
 #[test]
 fn a_scene_cut_anywhere_is_refused() {
     let text = full(

@@ -1,0 +1,122 @@
+//! What is said of arguments that no command takes, and examples that can be copied out of `--help`.
+
+use std::ffi::OsString;
+
+use clap::Command;
+use clap::error::ErrorKind;
+
+/// Whether clap has only been asked to print, or has nothing to say but the help.
+pub fn is_help(error: &clap::Error) -> bool {
+    !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand
+}
+
+/// An error of the arguments in one line: what is wrong, what clap guesses was meant, where the help is.
+pub fn sentence(error: &clap::Error, program: &Command, arguments: &[OsString]) -> String {
+    let text = error.render().to_string();
+    let lines = text.lines().map(str::trim);
+    // The fault, lists that belong to it and tips; the usage, which is long, stands in the help.
+    let told = lines
+        .take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more information"))
+        .filter(|line| !line.is_empty());
+    let mut words = String::new();
+    for line in told {
+        let (between, line) = match (line.strip_prefix("tip: "), words.ends_with(':')) {
+            _ if words.is_empty() => ("", line.strip_prefix("error: ").unwrap_or(line)),
+            (Some(tip), _) => ("; ", tip),
+            (None, true) => (" ", line),
+            (None, false) if line.starts_with('[') => (" ", line),
+            (None, false) => (", ", line),
+        };
+        words += between;
+        words += line;
+    }
+    format!("{words}; see `{} --help`", path(program, arguments).join(" "))
+}
+
+/// Names of the program and of the command that the arguments begin with.
+fn path<'a>(program: &'a Command, arguments: &[OsString]) -> Vec<&'a str> {
+    let (mut at, mut path) = (program, vec![program.get_name()]);
+    for word in arguments.iter().skip(1) {
+        let Some(next) = word.to_str().and_then(|word| at.find_subcommand(word)) else { break };
+        at = next;
+        path.push(at.get_name());
+    }
+    path
+}
+
+/// Prints what follows the options as it is written: clap would break commands at the width of the terminal.
+pub fn with_examples(command: Command) -> Command {
+    let examples = command.get_after_help().map(ToString::to_string);
+    let command = command.mut_subcommands(with_examples);
+    match examples {
+        // Of a template, clap prints all but the tags as it is.
+        Some(examples) => command.help_template(format!(
+            "{{before-help}}{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{{all-args}}\n\n{examples}"
+        )),
+        None => command,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+    use crate::cli::{Cli, taking_negative_numbers};
+
+    /// Every command below one, with its names.
+    fn each(command: &Command, names: &str, look: &mut impl FnMut(&str, &Command)) {
+        look(names, command);
+        for below in command.get_subcommands().filter(|below| below.get_name() != "help") {
+            each(below, &format!("{names} {}", below.get_name()), look);
+        }
+    }
+
+    #[test]
+    fn every_help_has_examples_that_survive_copying() {
+        let mut program = with_examples(Cli::command()).max_term_width(100);
+        program.build();
+        let (mut commands, mut long) = (0, 0);
+        each(&program, "sightline", &mut |names, command| {
+            let written = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            let help = command.clone().render_long_help().to_string();
+            let mut examples = written.lines().filter(|line| line.starts_with("  "));
+            assert!(written.starts_with("Example"), "{names}: {written}");
+            assert!(examples.clone().count() > 0, "{names}");
+            assert!(examples.all(|line| line.contains("sightline ")), "{names}: {written}");
+            for line in written.lines() {
+                assert!(help.lines().any(|shown| shown == line), "{names}: {line}\n{help}");
+                long += usize::from(line.len() > 100);
+            }
+            commands += 1;
+        });
+        assert!(commands > 25 && long > 1, "{commands} commands, {long} long lines");
+    }
+
+    #[test]
+    fn wrong_arguments_are_one_sentence() {
+        let program = with_examples(taking_negative_numbers(Cli::command()));
+        for (line, words) in [
+            ("scan s.json", "arguments were not provided: --placement <FILE[:NAME]>, --out <DIR>"),
+            (
+                "score s.json p.json --fromat json",
+                "unexpected argument '--fromat' found; a similar",
+            ),
+            ("score s.json --format jsn", "for '--format <FORMAT>' [possible values: text, json]"),
+            ("scan s.json --seed -1", "'--seed <N>': give a whole number, 0 or more"),
+            ("scene make", "unrecognized subcommand 'make'"),
+        ] {
+            let arguments: Vec<OsString> =
+                "sightline".split(' ').chain(line.split(' ')).map(OsString::from).collect();
+            let error = program.clone().try_get_matches_from(&arguments).unwrap_err();
+            assert!(!is_help(&error), "{line}");
+            let told = sentence(&error, &program, &arguments);
+            assert!(told.contains(words), "{line}: {told}");
+            assert!(!told.contains('\n') && !told.contains("error:"), "{line}: {told}");
+            let command = line.split(' ').next().unwrap();
+            assert!(told.ends_with(&format!("; see `sightline {command} --help`")), "{told}");
+        }
+        let help = program.try_get_matches_from(["sightline", "scan", "--help"]).unwrap_err();
+        assert!(is_help(&help));
+    }
+}

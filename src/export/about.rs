@@ -1,0 +1,119 @@
+//! `dataset.json`: what a data set folder holds, and whether it is the one that is to be gone on with.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::plan::Planned;
+use super::{DatasetSettings, ExportError, SceneFacts, Split};
+use crate::files::{FileError, Input};
+
+/// Says what the folder holds, and whether it is whole.
+pub(super) const ABOUT: &str = "dataset.json";
+/// Keys of the provenance that hold paths as they were given: recorded, but not compared.
+const PATHS: [&str; 2] = ["scenes", "vehicle"];
+
+/// All of `dataset.json`.
+#[derive(Serialize, Deserialize)]
+pub(super) struct About {
+    dataset: u32,
+    pub complete: bool,
+    settings: DatasetSettings,
+    /// What each scene is called in the data set, and what it is for.
+    called: Vec<Called>,
+    scenes: Vec<SceneFacts>,
+}
+
+#[derive(Serialize, Deserialize, PartialEq)]
+struct Called {
+    scene: String,
+    name: String,
+    split: Split,
+}
+
+impl About {
+    /// Of a data set that is not whole.
+    pub fn new(settings: &DatasetSettings, scenes: &[SceneFacts], plan: &[Planned]) -> Self {
+        let called = scenes.iter().zip(plan).map(|(scene, planned)| Called {
+            scene: scene.name.clone(),
+            name: planned.name.clone(),
+            split: planned.split,
+        });
+        Self {
+            dataset: 1,
+            complete: false,
+            settings: settings.clone(),
+            called: called.collect(),
+            scenes: scenes.to_vec(),
+        }
+    }
+
+    pub fn read(dir: &Path) -> Result<Self, ExportError> {
+        let path = dir.join(ABOUT);
+        let text = std::fs::read_to_string(&path).map_err(FileError::io(&path))?;
+        serde_json::from_str(&text).map_err(ExportError::json(&path))
+    }
+
+    /// Whether the folder holds this very data set; an empty one or none holds nothing.
+    ///
+    /// # Errors
+    /// A folder of something else, of other settings, or of scenes whose files have changed since.
+    pub fn is_in(&self, dir: &Path) -> Result<bool, ExportError> {
+        let mut entries = match std::fs::read_dir(dir) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(false),
+            entries => entries.map_err(ExportError::io(dir))?,
+        };
+        if !dir.join(ABOUT).is_file() {
+            // A run that ended before it could say what it makes leaves the hidden folder alone.
+            let foreign =
+                entries.any(|entry| entry.is_ok_and(|entry| entry.file_name() != ".sightline"));
+            return if foreign {
+                Err(ExportError::Foreign { path: dir.to_owned() })
+            } else {
+                Ok(false)
+            };
+        }
+        let path = dir.to_owned();
+        let found = Self::read(dir)?;
+        if let Some(difference) = self.difference(&found) {
+            return Err(ExportError::OtherSettings { path, difference });
+        }
+        match Input::change(&found.settings.files, &self.settings.files) {
+            Some(change) => Err(ExportError::OtherFile { path, change }),
+            None => Ok(true),
+        }
+    }
+
+    /// What of the settings, the scenes' files left aside, is another in a data set that was begun before.
+    fn difference(&self, found: &Self) -> Option<String> {
+        let provenance = |about: &Self| {
+            let mut value: Value = serde_json::from_str(&about.settings.provenance).ok()?;
+            if let Some(keys) = value.as_object_mut() {
+                keys.retain(|key, _| !PATHS.contains(&key.as_str()));
+            }
+            Some(value)
+        };
+        let rest = |about: &Self| DatasetSettings {
+            files: Vec::new(),
+            provenance: String::new(),
+            ..about.settings.clone()
+        };
+        let same_provenance = match (provenance(self), provenance(found)) {
+            (Some(wanted), Some(found)) => wanted == found,
+            _ => self.settings.provenance == found.settings.provenance,
+        };
+        let difference = if rest(self) != rest(found) || !same_provenance {
+            "settings, placement or conditions"
+        } else if self.scenes != found.scenes {
+            "scenes or frames"
+        } else if self.called != found.called || self.dataset != found.dataset {
+            "another version of the program"
+        } else if found.settings.files.is_empty() && !self.settings.files.is_empty() {
+            "an earlier version of the program, which did not record the files of its scenes"
+        } else {
+            return None;
+        };
+        Some(difference.to_owned())
+    }
+}
