@@ -54,7 +54,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Search for the best placement and write a run folder
-    Optimize(optimize::Args),
+    Optimize(Box<optimize::Args>),
     /// Score a batch of placements
     Score(score::Args),
     /// Write a page about a placement, with its 3-D view and the baselines beside it
