@@ -181,7 +181,8 @@ per_target! {
             let t = least(most(quotient, enter), leave);
             let (before, other) = (packet.t[i], packet.prim[i]);
             let closer = (t < before) | ((t == before) & (id < other));
-            let ahead = (towards != 0.0) & !(quotient <= 0.0) & (passes[i] != 0);
+            let ahead =
+                (towards != 0.0) & ((quotient > 0.0) | quotient.is_nan()) & (passes[i] != 0);
             let beside = enter > leave;
             let takes_it = ahead & (t > 0.0) & closer & !beside;
             packet.t[i] = if takes_it { t } else { before };

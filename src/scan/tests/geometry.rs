@@ -267,14 +267,12 @@ fn anywhere(rng: &mut ChaCha8Rng) -> Pose {
 fn wide(rng: &mut ChaCha8Rng, middle: [f32; 3], width: f64) -> Rays {
     let middle = DVec3::from(middle.map(f64::from));
     let beside = middle.any_orthonormal_vector();
-    let mut rays = [[0.0; cast::RAYS]; 3];
-    for lane in 0..cast::RAYS {
+    let rays: [[f32; 3]; cast::RAYS] = std::array::from_fn(|lane| {
         let off = if lane == 0 { 0.0 } else { rng.random_range(0.0..0.99) * width };
         let round = DQuat::from_axis_angle(middle, rng.random_range(0.0..7.0)) * beside;
-        let ray = (middle * off.cos() + round * off.sin()).as_vec3();
-        (0..3).for_each(|axis| rays[axis][lane] = ray[axis]);
-    }
-    rays
+        (middle * off.cos() + round * off.sin()).as_vec3().to_array()
+    });
+    [0, 1, 2].map(|axis: usize| rays.map(|ray| ray[axis]))
 }
 
 /// The closest hit of a ray among all triangles, faces counted from 7.
