@@ -7,7 +7,6 @@
 use multiversion::multiversion;
 
 use super::sight::Sight;
-use super::walk::Part;
 use crate::bvh::bvh16::{BLOCK, Block16, Node16, WIDTH};
 use crate::bvh::{Bvh, Hit, Ray, Triangle};
 use crate::geom::Pose;
@@ -59,13 +58,6 @@ pub(crate) struct Target<'a> {
     pub(crate) standing: &'a Standing,
 }
 
-impl<'a> Target<'a> {
-    /// The tree with the pose, for a walk.
-    pub(crate) fn part(&self) -> Part<'a> {
-        Part { bvh: self.tree, pose: self.standing.pose, first_prim: self.first_prim }
-    }
-}
-
 /// Replaces the hits of beams by closer ones in some trees, and by equally close ones of a lower face: what
 /// [`super::Caster::closer_hits`] does, beam by beam, for a few directions of the sensor's frame.
 pub(crate) fn closer_hits_of_beams<'a>(
@@ -108,17 +100,17 @@ pub(crate) fn closer_hits_of_bundle<'a, const N: usize>(
 
 /// Whether rays of one origin all hit one triangle of a tree.
 pub(crate) fn all_hit<const N: usize>(
-    target: &Target<'_>,
+    tree: &Bvh,
+    pose: &DevicePose,
     directions: &[[f32; 3]; N],
     triangle: &Triangle,
     range: f32,
 ) -> bool {
-    let pose = &target.standing.pose;
     let origin = beam_origin(pose);
     directions.iter().all(|&direction| {
         let ray = Ray::new(origin, beam_direction(pose, direction), range);
         let mut hit = Hit::none(range);
-        ray.intersect(triangle, target.tree.pad, 0, &mut hit);
+        ray.intersect(triangle, tree.pad, 0, &mut hit);
         hit.is_hit()
     })
 }

@@ -30,5 +30,5 @@ pub(crate) use reference::closest_hit_in;
 pub use reference::{cast_closest, cast_frame_closest};
 #[cfg(feature = "gpu")]
 pub(crate) use sight::Sight;
-pub(crate) use walk::FiringWalk;
+pub(crate) use walk::{FiringWalk, RAYS, Rays, SweptPart};
 pub use walk::{Instructions, Part};

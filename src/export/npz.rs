@@ -31,27 +31,35 @@ pub(super) fn write(
 
 type Io = std::io::Result<()>;
 
+/// Beams that are turned to columns together: their records lie in the first cache.
+const TOGETHER: usize = 256;
+
 fn put_beams<W: std::io::Write + std::io::Seek>(npz: &mut NpzOut<W>, beams: &[Return]) -> Io {
     let n = beams.len() as u64;
-    macro_rules! column {
-        ($name:literal, $shape:expr, $of:expr) => {
-            npz.put($name, $shape, &beams.iter().map($of).collect::<Vec<_>>())?
+    macro_rules! columns {
+        ($($name:ident: $of:expr => $shape:expr, $data:expr;)*) => {
+            $(let mut $name = Vec::with_capacity(beams.len());)*
+            for beams in beams.chunks(TOGETHER) {
+                $($name.extend(beams.iter().map($of));)*
+            }
+            $(npz.put(stringify!($name), $shape, $data)?;)*
         };
     }
-    let flat = |of: fn(&Return) -> [f32; 3]| beams.iter().flat_map(of).collect::<Vec<f32>>();
-    npz.put("position", &[n, 3], &flat(|beam| beam.position))?;
-    npz.put("raw", &[n, 3], &flat(|beam| beam.raw))?;
-    column!("range", &[n], |beam| beam.range);
-    column!("intensity", &[n], |beam| beam.intensity);
-    column!("time", &[n], |beam| beam.time);
-    column!("lidar", &[n], |beam| beam.lidar);
-    column!("ring", &[n], |beam| beam.channel);
-    column!("column", &[n], |beam| beam.column);
-    column!("class", &[n], |beam| beam.class);
-    column!("clean_class", &[n], |beam| beam.clean_class);
-    column!("instance", &[n], |beam| beam.instance);
-    column!("incidence", &[n], |beam| beam.incidence);
-    column!("status", &[n], |beam| beam.status as u8);
+    columns! {
+        position: |beam: &Return| beam.position => &[n, 3], position.as_flattened();
+        raw: |beam: &Return| beam.raw => &[n, 3], raw.as_flattened();
+        range: |beam: &Return| beam.range => &[n], &range;
+        intensity: |beam: &Return| beam.intensity => &[n], &intensity;
+        time: |beam: &Return| beam.time => &[n], &time;
+        lidar: |beam: &Return| beam.lidar => &[n], &lidar;
+        ring: |beam: &Return| beam.channel => &[n], &ring;
+        column: |beam: &Return| beam.column => &[n], &column;
+        class: |beam: &Return| beam.class => &[n], &class;
+        clean_class: |beam: &Return| beam.clean_class => &[n], &clean_class;
+        instance: |beam: &Return| beam.instance => &[n], &instance;
+        incidence: |beam: &Return| beam.incidence => &[n], &incidence;
+        status: |beam: &Return| beam.status as u8 => &[n], &status;
+    }
     Ok(())
 }
 

@@ -19,6 +19,11 @@ impl Device {
         Self { caster: Some(Mutex::new(caster)), failure: OnceLock::new() }
     }
 
+    /// Whether the device casts.
+    pub fn is_at_work(&self) -> bool {
+        self.caster.is_some() && self.failure.get().is_none()
+    }
+
     /// Why the device casts no more, where it does not.
     pub fn failure(&self) -> Option<&str> {
         self.failure.get().map(String::as_str)

@@ -4,6 +4,7 @@ mod chance;
 pub mod conditions;
 mod device;
 mod echoes;
+mod fires;
 mod hits;
 mod optics;
 mod psog;
@@ -14,6 +15,7 @@ mod rim;
 mod rings;
 mod scanner;
 mod stage;
+mod station;
 mod sweep;
 mod visibility;
 

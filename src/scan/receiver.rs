@@ -3,11 +3,14 @@
 use glam::{DVec3, Vec3};
 
 use super::chance::{Chance, Purpose};
+use super::conditions::{Flake, Joined};
 use super::echoes::{Echo, EchoList};
+use super::fires::Place;
 use super::optics::{Optics, is_seen};
 use super::rim::{RAYS, Rims, ray_share};
 use super::stage::Stage;
-use super::sweep::{Surface, Sweep, Sweeper};
+use super::station::Surface;
+use super::sweep::{Sweep, Sweeper};
 use super::{NO_CLASS, NO_INSTANCE, Return, Status};
 use crate::vehicle::Echoes;
 
@@ -32,8 +35,8 @@ pub(super) struct Receiver<'a> {
 
 impl Receiver<'_> {
     /// Reports the returns of a beam, one at least.
-    pub fn returns(&self, beam: usize, mut report: impl FnMut(Return)) {
-        let surface = self.sweep.surfaces[beam];
+    pub fn returns(&self, beam: &Place, mut report: impl FnMut(Return)) {
+        let surface = self.sweep.surfaces[beam.fired];
         if self.ideal {
             let reflectance = self.optics.reflectance.of(surface.class, surface.instance);
             let intensity = reflectance as f32 * surface.incidence;
@@ -43,7 +46,8 @@ impl Receiver<'_> {
         }
         let rays = self.rims.and_then(|rims| rims.rays(self.sweeper, self.stage, self.sweep, beam));
         let rays = rays.as_ref().map_or(std::slice::from_ref(&surface), |rays| &rays[..]);
-        let chance = Chance::new(self.seed, self.frame as u32, u32::from(self.lidar), beam as u32);
+        let number = beam.beam as u32;
+        let chance = Chance::new(self.seed, self.frame as u32, u32::from(self.lidar), number);
         let mut echoes = EchoList::default();
         self.surfaces(rays, &mut echoes);
         self.weather(&chance, &surface, &mut echoes);
@@ -153,9 +157,21 @@ impl Receiver<'_> {
             for echo in &mut echoes.as_mut_slice()[..surfaces] {
                 echo.power *= fallen.passed;
             }
-            if let Some(flake) = fallen.flake {
-                let power = flake.power * self.optics.through_fog(flake.range);
-                echoes.push(medium(flake.range, power, Status::Snow));
+            let Some(flake) = fallen.flake else { return };
+            let power = flake.power * self.optics.through_fog(flake.range);
+            let flake = Flake { power, ..flake };
+            // The strongest of the surfaces near it adds up with it.
+            let lit = echoes.as_mut_slice()[..surfaces].iter_mut().map(|echo| {
+                let joined = flake.join(echo.range, echo.power);
+                (echo, joined)
+            });
+            let near = lit.filter(|(echo, joined)| echo.power > 0.0 && *joined != Joined::Apart);
+            match near.max_by(|(a, _), (b, _)| a.power.total_cmp(&b.power)) {
+                Some((echo, Joined::Target(power))) => echo.power = power,
+                Some((echo, Joined::Flake(Flake { range, power }))) => {
+                    *echo = medium(range, power, Status::Snow);
+                }
+                _ => echoes.push(medium(flake.range, flake.power, Status::Snow)),
             }
         }
     }
@@ -163,7 +179,7 @@ impl Receiver<'_> {
     /// A return, with the errors of its measurement; the second is one behind another.
     fn measure(
         &self,
-        beam: usize,
+        beam: &Place,
         rays: &[Surface],
         chance: &Chance,
         echo: &Echo,
@@ -191,13 +207,12 @@ impl Receiver<'_> {
     /// The record of a return at a range.
     fn record(
         &self,
-        beam: usize,
+        beam: &Place,
         rays: &[Surface],
         echo: &Echo,
         range: f64,
         intensity: f32,
     ) -> Return {
-        let (columns, _) = self.sweeper.shape();
         let is_point = echo.status.is_point();
         let (position, raw) =
             if is_point { self.positions(beam, rays, echo, range) } else { (Vec3::NAN, Vec3::NAN) };
@@ -210,8 +225,8 @@ impl Receiver<'_> {
             intensity: if is_point { intensity } else { 0.0 },
             time: if self.ideal { 0.0 } else { self.sweeper.time_of(beam) as f32 },
             lidar: self.lidar,
-            channel: (beam / columns) as u16,
-            column: (beam % columns) as u32,
+            channel: beam.channel as u16,
+            column: beam.column as u32,
             class: surface.map_or(NO_CLASS, |surface| surface.class),
             clean_class: rays[0].class,
             instance: surface.map_or(NO_INSTANCE, |surface| surface.instance),
@@ -221,8 +236,8 @@ impl Receiver<'_> {
     }
 
     /// Where a return at a range comes from, and where it seems to come from if the sensor stood still.
-    fn positions(&self, beam: usize, rays: &[Surface], echo: &Echo, range: f64) -> (Vec3, Vec3) {
-        let direction = self.sweeper.model().table.directions()[beam].map(f64::from);
+    fn positions(&self, beam: &Place, rays: &[Surface], echo: &Echo, range: f64) -> (Vec3, Vec3) {
+        let direction = self.sweeper.model().table.directions()[beam.beam].map(f64::from);
         let point = DVec3::from(direction) * range;
         let raw = self.sweep.first().start_from_sensor.apply(point).as_vec3();
         let own = &rays[0];
@@ -230,7 +245,7 @@ impl Receiver<'_> {
             // To the bit where nothing has moved it.
             own.position
         } else {
-            let station = self.sweeper.station_of(self.sweep, beam);
+            let station = self.sweep.station(beam.firing);
             station.start_from_sensor.apply(point).as_vec3()
         };
         let blur = self.optics.weather.blur.as_ref().map_or(0.0, |blur| blur.share() as f32);

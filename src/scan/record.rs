@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::geom::Pose;
@@ -142,22 +142,41 @@ impl Scan {
 
     /// Counts the points in every box anew.
     pub fn count_points(&mut self) {
-        let returns = &self.returns;
+        let mut points: [Vec<f32>; 3] = [(); 3].map(|()| Vec::with_capacity(self.returns.len()));
+        for beam in self.returns.iter().filter(|beam| beam.status.is_point()) {
+            points.iter_mut().zip(beam.position).for_each(|(all, number)| all.push(number));
+        }
         self.boxes.par_iter_mut().for_each(|tracked| {
             let box_from_ego = tracked.ego_from_box.inverse();
-            let center = tracked.ego_from_box.translation.as_vec3();
-            // What lies outside of the sphere around the box need not be turned.
-            let reach = (tracked.size.length() / 2.0 + 1e-3) as f32;
             let half = tracked.size / 2.0;
-            let near = |beam: &&Return| {
-                let away = Vec3::from(beam.position) - center;
-                away.length_squared() <= reach * reach && beam.status.is_point()
-            };
-            let inside = |beam: &&Return| {
-                let point = DVec3::from(beam.position.map(f64::from));
+            let inside = |&point: &[f32; 3]| {
+                let point = DVec3::from(point.map(f64::from));
                 box_from_ego.apply(point).abs().cmple(half).all()
             };
-            tracked.points = returns.iter().filter(near).filter(inside).count() as u32;
+            // What lies outside of the sphere around the box need not be turned.
+            let reach = (tracked.size.length() / 2.0 + 1e-3) as f32;
+            let near = near(&points, tracked.ego_from_box.translation.as_vec3().to_array(), reach);
+            tracked.points = near.filter(inside).count() as u32;
         });
     }
+}
+
+/// Points, by axis, that lie within `reach` of a place; looked for many at a time.
+fn near(
+    [x, y, z]: &[Vec<f32>; 3],
+    [at_x, at_y, at_z]: [f32; 3],
+    reach: f32,
+) -> impl Iterator<Item = [f32; 3]> {
+    const TOGETHER: usize = 64;
+    let chunks = x.chunks(TOGETHER).zip(y.chunks(TOGETHER)).zip(z.chunks(TOGETHER));
+    chunks.flat_map(move |((x, y), z)| {
+        let mut is_near = [false; TOGETHER];
+        for (((near, x), y), z) in is_near.iter_mut().zip(x).zip(y).zip(z) {
+            let (x, y, z) = (x - at_x, y - at_y, z - at_z);
+            *near = x * x + y * y + z * z <= reach * reach;
+        }
+        let any = is_near != [false; TOGETHER];
+        let those = (0..if any { x.len() } else { 0 }).filter(move |&k| is_near[k]);
+        those.map(move |k| [x[k], y[k], z[k]])
+    })
 }

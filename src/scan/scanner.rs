@@ -6,9 +6,10 @@ use rayon::prelude::*;
 
 use super::conditions::{self, Condition, ConditionError, Corruptions};
 use super::device::Device;
+use super::fires::Fires;
 use super::optics::Optics;
 use super::receiver::Receiver;
-use super::rim::Rim;
+use super::rim::Rims;
 use super::stage::{Motions, Stage};
 use super::sweep::Sweeper;
 use super::{EGO_INSTANCE, Return, Scan, ScanLidar, TrackedBox};
@@ -80,8 +81,6 @@ pub struct Scanner<'a> {
     /// Of each LiDAR, its model.
     models: Vec<usize>,
     sweepers: Vec<Sweeper>,
-    /// Of each model; none of one whose beams have no width.
-    rims: Vec<Option<Rim>>,
     stage: Stage,
     tracks: Vec<Track>,
     scanning: Scanning,
@@ -134,7 +133,6 @@ impl<'a> Scanner<'a> {
             name: scene.name().into(),
             placement,
             models,
-            rims: sweepers.iter().map(Rim::new).collect(),
             sweepers,
             stage: Stage::new(scene, sensors.longest_range())?,
             sensors,
@@ -220,8 +218,7 @@ impl<'a> Scanner<'a> {
         let frame_time = 1.0 / self.scene.rate();
         let rolling = !self.scanning.ideal;
         let sweep = sweeper.sweep(&self.stage, motions, ego_from_sensor, frame_time, rolling);
-        let rim = self.rims[self.models[lidar]].as_ref().filter(|_| rolling);
-        let rims = rim.map(|rim| rim.meet(sweeper, &self.stage, &sweep));
+        let rims = if rolling { Rims::meet(sweeper, &self.stage, &sweep) } else { None };
         let receiver = Receiver {
             stage: &self.stage,
             sweeper,
@@ -237,8 +234,8 @@ impl<'a> Scanner<'a> {
         let tasks = (0..beams.div_ceil(BEAMS_A_TASK)).into_par_iter().map(|task| {
             let from = task * BEAMS_A_TASK;
             let mut returns = Vec::with_capacity(BEAMS_A_TASK);
-            for beam in from..(from + BEAMS_A_TASK).min(beams) {
-                receiver.returns(beam, |found| returns.push(found));
+            for beam in sweeper.fires.in_order(from..(from + BEAMS_A_TASK).min(beams)) {
+                receiver.returns(&beam, |found| returns.push(found));
             }
             returns
         });
@@ -246,7 +243,7 @@ impl<'a> Scanner<'a> {
     }
 
     fn facts(&self, model: usize, pose: &Pose) -> ScanLidar {
-        let (columns, channels) = self.sweepers[model].shape();
+        let Fires { columns, channels, .. } = self.sweepers[model].fires;
         let model = &self.sensors.models()[model];
         ScanLidar {
             model: model.name.to_string(),

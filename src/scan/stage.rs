@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use super::device::Device;
 use super::{EGO_INSTANCE, NO_INSTANCE};
 use crate::bvh::{Bvh, Triangle};
-use crate::cast::{Part, Standing, Target};
+use crate::cast::{Part, Standing, SweptPart, Target};
 use crate::engine::OutOfMemory;
 use crate::geom::{Glide, Pose};
 use crate::problem::{DevicePose, Instance, World};
@@ -27,7 +27,15 @@ pub(super) struct Thing {
     radius: f64,
     /// Where each face lies among the tree's triangles.
     places: Vec<u32>,
-    classes: Vec<u16>,
+    faces: Vec<Face>,
+}
+
+/// What a beam needs to know of a face.
+#[derive(Debug, Clone, Copy)]
+struct Face {
+    /// Unit normal in the thing's frame, zero of a face without area.
+    normal: [f32; 3],
+    class: u16,
 }
 
 /// Whose motion a part shares.
@@ -41,6 +49,8 @@ enum Owner {
 /// All that does not change from frame to frame.
 pub(super) struct Stage {
     pub(super) things: Vec<Thing>,
+    /// First face of each thing.
+    first_prims: Vec<u32>,
     /// Casts in place of the host.
     pub(super) device: Device,
 }
@@ -70,7 +80,14 @@ impl Stage {
                 bounds.map_or((Vec3::ZERO, Vec3::ZERO), |bounds| (bounds.min, bounds.max));
             let (low, high) = (low.as_dvec3(), high.as_dvec3());
             let first = instance.first_prim as usize;
+            let classes = &classes[first..first + scene.part_triangles(part)];
+            let places = places(&instance.tree);
+            let triangle = |&place: &u32| &instance.tree.triangles[place as usize];
+            let face =
+                |(place, &class): (&u32, &u16)| Face { normal: triangle(place).normal, class };
             Thing {
+                faces: places.iter().zip(classes).map(face).collect(),
+                places,
                 tree: instance.tree.clone(),
                 part,
                 first_prim: instance.first_prim,
@@ -81,11 +98,11 @@ impl Stage {
                 },
                 center: (low + high) / 2.0,
                 radius: (high - low).length() / 2.0,
-                places: places(&instance.tree),
-                classes: classes[first..first + scene.part_triangles(part)].to_vec(),
             }
         };
-        Self { things: full.zip(instances).map(thing).collect(), device: Device::default() }
+        let things: Vec<Thing> = full.zip(instances).map(thing).collect();
+        let first_prims = things.iter().map(|thing| thing.first_prim).collect();
+        Self { things, first_prims, device: Device::default() }
     }
 
     /// The trees of all things; equal shapes share one.
@@ -95,7 +112,7 @@ impl Stage {
 
     /// The thing that a face belongs to.
     pub fn thing_of(&self, prim: u32) -> usize {
-        self.things.partition_point(|thing| thing.first_prim <= prim).max(1) - 1
+        self.first_prims.partition_point(|&first| first <= prim).max(1) - 1
     }
 }
 
@@ -117,8 +134,12 @@ impl Thing {
     /// Class of a face, by its number in the frame, and its unit normal in the thing's frame, zero of a face
     /// without area.
     pub fn face(&self, prim: u32) -> (u16, Vec3) {
-        let class = self.classes[(prim - self.first_prim) as usize];
-        (class, Vec3::from(self.triangle(prim).normal))
+        let Face { normal, class } = self.faces[(prim - self.first_prim) as usize];
+        (class, Vec3::from(normal))
+    }
+
+    pub fn tree(&self) -> &Bvh {
+        &self.tree
     }
 
     /// Where the tree lies for a sensor whose frame a pose takes to the thing's; none where it sees nothing of it.
@@ -129,6 +150,11 @@ impl Thing {
     /// The tree where it lies for a sensor.
     pub fn as_target<'a>(&'a self, standing: &'a Standing) -> Target<'a> {
         Target { tree: &self.tree, first_prim: self.first_prim, standing }
+    }
+
+    /// The tree under poses that take a sensor's frame to the thing's while azimuth steps fire.
+    pub fn as_swept(&self, poses: Vec<Option<DevicePose>>) -> SweptPart<'_> {
+        SweptPart { bvh: &self.tree, first_prim: self.first_prim, poses }
     }
 
     /// The tree under a pose that takes a sensor's frame to the thing's.

@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::chance::{Chance, Purpose};
-use super::conditions::{self, Condition, Mode};
+use super::conditions::{self, Condition, Flake, Joined, Mode};
 use super::optics::{Optics, is_seen};
 use super::stage::Stage;
 use crate::bvh::Hit;
@@ -138,9 +138,15 @@ impl Visibility {
                 chance.draw(Purpose::Snow, draws - 1)
             });
             power *= fallen.passed;
-            let flake =
-                fallen.flake.map(|flake| flake.power * self.optics.through_fog(flake.range));
-            other = flake.map_or(other, |flake| other.max(flake));
+            if let Some(flake) = fallen.flake {
+                let sent = flake.power * self.optics.through_fog(flake.range);
+                let flake = Flake { power: sent, ..flake };
+                match flake.join(range, power) {
+                    Joined::Apart => other = other.max(sent),
+                    Joined::Target(peak) => power = peak,
+                    Joined::Flake(_) => return false,
+                }
+            }
         }
         let hidden = response.echoes == Echoes::Strongest && other > power;
         let wrong = weather.crosstalk.as_ref();

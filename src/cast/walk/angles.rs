@@ -1,5 +1,6 @@
 //! Angles of sixteen boxes or triangles, and the rectangles of beams that they span.
 
+use super::Part;
 use super::grid::{CELLS, Grid, Window};
 use super::ops::{W, per_target, three};
 
@@ -20,6 +21,29 @@ pub(super) struct Eye {
     pub(super) pad: f32,
     /// No hit farther than this counts.
     pub(super) farthest: f32,
+    /// Metres by which other places lie off the origin that beams leave, and radians by which they are turned.
+    pub(super) moved: f32,
+    pub(super) turned: f32,
+}
+
+impl Eye {
+    /// A sensor that stands still.
+    pub(super) fn of(part: &Part<'_>) -> Self {
+        let rows = part.pose.rows;
+        Self {
+            origin: rows.map(|row| row[3]),
+            axes: [0, 1, 2].map(|axis| rows.map(|row| row[axis])),
+            pad: part.bvh.pad,
+            farthest: f32::INFINITY,
+            moved: 0.0,
+            turned: 0.0,
+        }
+    }
+
+    /// Whether beams leave other places, too.
+    pub(super) fn is_swept(&self) -> bool {
+        self.moved > 0.0 || self.turned > 0.0
+    }
 }
 
 /// Rows and columns that sixteen boxes or triangles may be seen by, and how near they begin.
@@ -87,10 +111,10 @@ per_target! {
         ]
     }
 
-    /// Length of a vector from below, less what rounding may add.
-    fn distance(v: [V; 3], pad: f32) -> V {
+    /// Length of a vector from below, less what rounding and motion may add.
+    fn distance(v: [V; 3], eye: &Eye) -> V {
         let square = max(dot(v, v), splat(1e-30));
-        fma(mul(square, rsqrt(square)), splat(0.9998), splat(-2.0 * pad))
+        fma(mul(square, rsqrt(square)), splat(0.9998), splat(-2.0 * eye.pad - eye.moved))
     }
 
     /// Tangents and azimuths, from and to, as rows and columns of a window.

@@ -16,6 +16,9 @@ per_target! {
     /// within H_s/ρ_min, and, seen from the side, at elevations within ψ = atan(H_e/(|m| − H_d)) of
     /// the middle's; tan(e ± ψ) by the addition theorem. An azimuth to the side lowers a tangent by a
     /// factor of at least 1 − q²/2.
+    ///
+    /// Seen by an eye that moves by v and turns by τ, a point at p lies at most v + τ·|p| beside where it is seen
+    /// else: all half extents grow by that, |p| being at most |m| + H_d + H_s + H_e.
     fn boxes(grid: &Grid, window: &Window, eye: &Eye, node: &Node16, out: &mut Rects) {
         let m = three!(K => sub(load(&node.middle[K]), splat(eye.origin[K])));
         let h = three!(K => load(&node.half[K]));
@@ -34,6 +37,12 @@ per_target! {
         let deep = mul(dot(three!(K => abs(d[K])), h), fat);
         let wide = mul(dot(three!(K => abs(s[K])), h), fat);
         let tall = mul(dot(three!(K => abs(e[K])), h), fat);
+        let (mut deep, mut wide, mut tall) = (deep, wide, tall);
+        if eye.is_swept() {
+            let far = fma(square, by_length, add(deep, add(wide, tall)));
+            let grown = fma(mul(far, fat), splat(eye.turned), splat(eye.moved));
+            (deep, wide, tall) = (add(deep, grown), add(wide, grown), add(tall, grown));
+        }
         let near = sub(mul(mul(square, by_length), splat(0.999)), deep);
         let sin = mul(z, by_length);
         let cos = mul(mul(rho_square, by_rho), by_length);
@@ -56,7 +65,7 @@ per_target! {
         let azimuths = [sub(azimuth, q), add(azimuth, q)];
         rects(grid, window, node.valid, whole, [low, high], azimuths, out);
         let outside = three!(K => max(sub(abs(m[K]), h[K]), splat(0.0)));
-        let nearest = distance(outside, eye.pad);
+        let nearest = distance(outside, eye);
         out.distance = store(nearest);
         out.seen &= bits(le(nearest, splat(eye.farthest)));
     }

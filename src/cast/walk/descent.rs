@@ -21,11 +21,11 @@ per_target! {
         boxes(scene.grid, &scene.window, &scene.eye, &tree.nodes[0], &mut work.rects[0]);
         let Some(root) = around(&work.rects[0]) else { return };
         let mut farthest = f32::NEG_INFINITY;
-        let runs = root.runs(columns);
-        for run in 0..runs.count {
-            let [at, to] = runs.at(run);
+        let [from, to] = root.columns.map(usize::from);
+        for row in root.rows[0]..=root.rows[1] {
+            let row = usize::from(row) * columns;
             let axes = &scene.eye.axes;
-            farthest = farthest.max(turn(scene.local, axes, &mut work.beams, at, to));
+            farthest = farthest.max(turn(scene.local, axes, &mut work.beams, row + from, row + to));
         }
         scene.eye.farthest = farthest;
         work.stack[0] = root;
@@ -65,16 +65,16 @@ per_target! {
     /// Whether a beam of the rectangle sees as far as where it begins: equal distances may go to a lower
     /// face.
     fn visible(t: &[f32; ROOM], columns: usize, entry: &Entry) -> bool {
-        let runs = entry.runs(columns);
-        if (runs.length / W + 1) * runs.count > SEARCHED {
+        let [from, to] = entry.columns.map(usize::from);
+        let [first, last] = entry.rows.map(usize::from);
+        if ((to - from) / W + 1) * (last - first + 1) > SEARCHED {
             return true;
         }
         let distance = splat(entry.distance);
-        for run in 0..runs.count {
-            let [at, to] = runs.at(run);
-            for at in (at..=to).step_by(W) {
-                let lanes = ((2_u32 << (to - at).min(W - 1)) - 1) as u16;
-                let sees = bits(le(distance, load(some(t, at))));
+        for row in first..=last {
+            for column in (from..=to).step_by(W) {
+                let lanes = ((2_u32 << (to - column).min(W - 1)) - 1) as u16;
+                let sees = bits(le(distance, load(some(t, row * columns + column))));
                 if sees & lanes != 0 {
                     return true;
                 }
@@ -114,7 +114,7 @@ per_target! {
 }
 
 /// The root with the rectangle around those of its children; none where no child is seen.
-fn around(rects: &Rects) -> Option<Entry> {
+pub(super) fn around(rects: &Rects) -> Option<Entry> {
     let seen = || (0..W).filter(|i| rects.seen >> i & 1 != 0);
     let least = |all: &[i32; W]| seen().map(|i| all[i] as u16).min();
     let most = |all: &[i32; W]| seen().map(|i| all[i] as u16).max();

@@ -18,9 +18,6 @@ const NARROWEST: f64 = 2e-4;
 /// By how much azimuths of boxes and triangles may be off, in radians.
 const AZIMUTH_ERROR: f64 = 2e-4;
 
-/// Angle by which beams pass beside what their rectangle is around, for estimates and offsets of columns.
-const BESIDE: f64 = 4e-3;
-
 /// Numbers of the beams of a window: `[axis][row × columns + column]`.
 pub(super) type Directions = [[f32; ROOM]; 3];
 
@@ -34,8 +31,6 @@ pub(super) struct Grid {
     /// With the directions of their beams in the sensor frame; none of a grid of firings.
     pub(super) windows: Vec<(Window, Box<Directions>)>,
     pub(super) columns: ColumnScale,
-    /// Angle in radians by which a beam of a rectangle may pass beside what the rectangle is around.
-    pub(super) beside: f32,
     /// Beams of a channel.
     steps: usize,
     /// Whether rows are closed: then they are shifted by turning.
@@ -70,7 +65,7 @@ pub(super) struct RowLookup {
     pub(super) tangents: Vec<f32>,
 }
 
-/// Neighbouring columns of all rows. Those of a single column lie side by side.
+/// Neighbouring columns of all rows.
 #[derive(Clone, Copy)]
 pub(super) struct Window {
     /// First column.
@@ -98,7 +93,7 @@ impl Grid {
         Some(grid)
     }
 
-    /// A grid whose columns are the beams of one azimuth step, whatever the offsets of their channels: all
+    /// A grid whose columns are the beams of an azimuth step each, whatever the offsets of their channels: all
     /// ranges of columns are widened by these.
     pub(super) fn of_firings(beams: &BeamGrid) -> Option<Self> {
         Some(Self::of(beams, false)?.0)
@@ -134,9 +129,8 @@ impl Grid {
         });
         let tangents: Vec<f64> = order.iter().map(|&k| channels[k].0.tan()).collect();
         let lookup = RowLookup::new(&tangents);
-        let beside = if shifted { BESIDE } else { BESIDE + (high - low) * step };
-        let (rows, windows, beside) = (rows.collect(), vec![], beside as f32);
-        Some((Self { rows, lookup, windows, columns, beside, steps, turn }, slots))
+        let (rows, windows) = (rows.collect(), vec![]);
+        Some((Self { rows, lookup, windows, columns, steps, turn }, slots))
     }
 
     /// Cuts into windows: at least two, so that no range of columns goes round within one.

@@ -50,12 +50,10 @@ per_target! {
         let rects = &work.rects[k];
         let [first_row, last_row] = [load_i(&rects.rows[0]), load_i(&rects.rows[1])];
         let [from, to] = [load_i(&rects.columns[0]), load_i(&rects.columns[1])];
-        let single = scene.window.columns == 1;
-        let height = sub_i(last_row, first_row);
-        let length = if single { height } else { sub_i(to, from) };
+        let length = sub_i(to, from);
         let short = le_i(length, splat_i(W as i32 - 1));
-        let one_run = if single { short } else { both(le_i(height, splat_i(0)), short) };
-        let simple = rects.seen & bits(one_run);
+        let height = sub_i(last_row, first_row);
+        let simple = rects.seen & bits(both(le_i(height, splat_i(0)), short));
         let at = add_i(mul_i(first_row, columns), from);
         let lanes = mul_i(load_i(&LANES), splat_i(SLOT_SHIFT));
         let who = add_i(lanes, splat_i(k as i32 * BLOCK_SHIFT));
@@ -66,10 +64,6 @@ per_target! {
         while left != 0 {
             let slot = left.trailing_zeros() as usize % W;
             left &= left - 1;
-            if single {
-                list_column(scene, work, k, slot);
-                continue;
-            }
             let rects = &work.rects[k];
             let rows = rects.rows[1][slot] - rects.rows[0][slot] + 1;
             let length = rects.columns[1][slot] - rects.columns[0][slot];
@@ -80,19 +74,6 @@ per_target! {
                 prepared = true;
             }
             list_rows(scene, work, k, slot, cut);
-        }
-    }
-
-    /// Lists the tests of one triangle with the beams of a single column.
-    fn list_column(scene: &Scene<'_>, work: &mut Work, k: usize, slot: usize) {
-        let who = splat_i(slot as i32 * SLOT_SHIFT + k as i32 * BLOCK_SHIFT);
-        let [first_row, last_row] = [work.rects[k].rows[0][slot], work.rects[k].rows[1][slot]];
-        for row in (first_row..=last_row).step_by(W * W) {
-            let at = add_i(splat_i(row), mul_i(load_i(&LANES), splat_i(W as i32)));
-            let length = min_i(sub_i(splat_i(last_row), at), splat_i(W as i32 - 1));
-            let some = bits(le_i(splat_i(0), length));
-            let words = add_i(add_i(at, mul_i(length, splat_i(LENGTH_SHIFT))), who);
-            append(scene, work, some, words);
         }
     }
 

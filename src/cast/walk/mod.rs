@@ -5,9 +5,12 @@
 mod angles;
 mod boxes;
 mod descent;
+mod firing;
 mod grid;
 mod hits;
 mod ops;
+mod packet;
+mod swept;
 mod triangles;
 mod work;
 
@@ -17,6 +20,9 @@ use multiversion::multiversion;
 use multiversion::target::match_target;
 use rayon::prelude::*;
 
+pub(crate) use firing::{FiringWalk, SweptPart};
+pub(crate) use packet::{RAYS, Rays};
+
 use angles::Eye;
 use grid::{Directions, Grid, Window};
 use hits::Scene;
@@ -25,7 +31,7 @@ use work::{Beams, Work};
 use crate::bvh::bvh16::Bvh16;
 use crate::bvh::{Bvh, Hit};
 use crate::problem::DevicePose;
-use crate::vehicle::{BeamGrid, BeamTable};
+use crate::vehicle::BeamTable;
 
 /// Largest coordinate in metres whose products stay far from the largest number.
 const LARGEST: f32 = 1e7;
@@ -115,13 +121,7 @@ impl Walk {
         if tree.nodes.is_empty() {
             return;
         }
-        let rows = part.pose.rows;
-        let eye = Eye {
-            origin: rows.map(|row| row[3]),
-            axes: [0, 1, 2].map(|axis| rows.map(|row| row[axis])),
-            pad: part.bvh.pad,
-            farthest: f32::INFINITY,
-        };
+        let eye = Eye::of(part);
         let (grid, blocks, first_prim) = (&self.grid, &tree.blocks, part.first_prim);
         let mut scene = Scene { grid, window, local, eye, blocks, first_prim };
         match self.instructions {
@@ -174,53 +174,6 @@ impl Walk {
             }
         }
         self.put_back(work);
-    }
-}
-
-/// The beams of a sensor that moves while it turns: those of an azimuth step fire together, from a place of
-/// their own, and go down the tree together.
-pub(crate) struct FiringWalk(Walk);
-
-impl FiringWalk {
-    /// For sensors with these channels and azimuth steps; none where there are too many channels.
-    pub(crate) fn new(beams: &BeamGrid, instructions: Instructions) -> Option<Self> {
-        let grid = Grid::of_firings(beams)?;
-        Some(Self(Walk { grid, instructions, spare: Mutex::default() }))
-    }
-
-    /// Whether a tree may be cast into.
-    pub(crate) fn fits(part: &Part<'_>) -> bool {
-        Walk::fits(part)
-    }
-
-    /// Replaces the hits of the beams of an azimuth step, a channel each, by closer ones in some trees that
-    /// [`Self::fits`] is true of, and by equally close ones of a lower face. A beam whose hit lies at −∞ is
-    /// not cast, and its direction not asked for.
-    pub(crate) fn closer_hits<'p>(
-        &self,
-        step: usize,
-        parts: impl Iterator<Item = Part<'p>>,
-        direction_of: impl Fn(usize) -> [f32; 3],
-        hits: &mut [Hit],
-    ) {
-        let Self(walk) = self;
-        let mut work = walk.take_work();
-        let mut local = std::mem::take(&mut work.local).unwrap_or_else(bytemuck::zeroed_box);
-        for (at, channel) in walk.grid.channels().enumerate() {
-            let hit = &hits[channel];
-            (work.beams.t[at], work.beams.prim[at]) = (hit.t, hit.prim as i32);
-            if hit.t > f32::NEG_INFINITY {
-                let direction = direction_of(channel);
-                (0..3).for_each(|axis| local[axis][at] = direction[axis]);
-            }
-        }
-        let window = Window { from: step, columns: 1 };
-        parts.for_each(|part| walk.descend(window, &local, &part, &mut work));
-        for (at, channel) in walk.grid.channels().enumerate() {
-            hits[channel] = Hit { t: work.beams.t[at], prim: work.beams.prim[at] as u32 };
-        }
-        work.local = Some(local);
-        walk.put_back(work);
     }
 }
 

@@ -18,6 +18,9 @@ pub(super) struct Seen {
     pub(super) edges: [[[f32; W]; 3]; 3],
     /// Products below this may have the wrong sign.
     pub(super) doubt: [f32; W],
+    /// For each edge: how far below zero its product with the middle of a beam may be of which some ray passes
+    /// inside, from somewhere in the window.
+    pub(super) margin: [[f32; W]; 3],
     /// Distance of the plane from the origin along the normal, as `Ray::intersect` has it.
     pub(super) above: [f32; W],
     /// Lower and upper corner of the bare box, from the origin.
@@ -38,6 +41,7 @@ impl Seen {
     pub(super) const NOTHING: Self = Self {
         edges: [[[0.0; W]; 3]; 3],
         doubt: [0.0; W],
+        margin: [[0.0; W]; 3],
         above: [0.0; W],
         sides: [[[0.0; W]; 3]; 2],
         azimuths: [[0.0; W]; 2],
@@ -56,24 +60,84 @@ per_target! {
     fn triangles(
         grid: &Grid, window: &Window, eye: &Eye, block: &Block16, out: &mut Rects, seen: &mut Seen
     ) {
-        let corners =
-            three!(C => three!(K => sub(load(&block.corners[C][K]), splat(eye.origin[K]))));
+        let corners = corners(eye, block);
         let local = three!(C => three!(K => along(corners[C], &eye.axes[K])));
-        let whole = spread(grid, window, block.valid, local, out, seen);
-        let zero = splat(0.0);
-        let low = three!(K => min(min(corners[0][K], corners[1][K]), corners[2][K]));
-        let high = three!(K => max(max(corners[0][K], corners[1][K]), corners[2][K]));
-        let outside = three!(K => max(max(low[K], sub(zero, high[K])), zero));
-        let nearest = distance(outside, eye.pad);
-        out.distance = store(nearest);
-        out.seen &= bits(le(nearest, splat(eye.farthest)));
+        let whole = spread(grid, window, eye, block.valid, local, out, seen);
+        let [low, high] = sides(eye, corners, out);
         seen.sides = [three!(K => store(low[K])), three!(K => store(high[K]))];
         // As `Ray::intersect` adds, without fused operations.
         let n = three!(K => load(&block.normal[K]));
         let a = corners[0];
         let above = add(add(mul(n[0], a[0]), mul(n[1], a[1])), mul(n[2], a[2]));
         seen.above = store(above);
-        edges(grid, local, whole, out, seen);
+        edges(local, whole, out, seen);
+    }
+
+    /// The same for an eye that moves: planes of edges with their margins.
+    fn outlines(
+        grid: &Grid, window: &Window, eye: &Eye, block: &Block16, out: &mut Rects, seen: &mut Seen
+    ) {
+        let corners = corners(eye, block);
+        let local = three!(C => three!(K => along(corners[C], &eye.axes[K])));
+        let whole = spread(grid, window, eye, block.valid, local, out, seen);
+        sides(eye, corners, out);
+        if out.seen != 0 {
+            edges(local, whole, out, seen);
+            margins(eye, local, seen);
+        }
+    }
+
+    /// How far an eye that moves by v and turns by τ may see a beam outside of an edge's plane that passes inside.
+    ///
+    /// With the corner at p and the edge e, n = p × e becomes n − v × e, and the beam d turns to d': products change
+    /// by at most |n|·τ + v·|e|, and `doubt` by 6e-6·|p|·(v + τ·|p|) for the beams that lie farther off. Where
+    /// the plane of the triangle is closer than v to the eye, it may be seen from either side, and anything goes.
+    fn margins(eye: &Eye, local: [[V; 3]; 3], seen: &mut Seen) {
+        let n = three!(E => three!(K => load(&seen.edges[E][K])));
+        let lengths = three!(E => length(n[E]));
+        let all = length(three!(K => add(add(n[0][K], n[1][K]), n[2][K])));
+        let far = three!(C => length(local[C]));
+        let far = max(max(far[0], far[1]), far[2]);
+        let (moved, turned) = (splat(eye.moved), splat(eye.turned));
+        let doubt = mul(mul(far, splat(6e-6)), fma(far, turned, moved));
+        let doubt = add(doubt, load(&seen.doubt));
+        // Six times the volume from the eye to the triangle, and what it may be off by.
+        let volume = abs(dot(n[0], local[0]));
+        let unsure = mul(mul(far, lengths[0]), splat(4e-6));
+        let unsure = fma(mul(all, moved), splat(1.02), unsure);
+        let unsure = le(volume, unsure);
+        let edge = [
+            three!(K => sub(local[2][K], local[1][K])),
+            three!(K => sub(local[0][K], local[2][K])),
+            three!(K => sub(local[1][K], local[0][K])),
+        ];
+        for k in 0..3 {
+            let margin = fma(lengths[k], turned, mul(length(edge[k]), moved));
+            let margin = fma(margin, splat(1.02), doubt);
+            seen.margin[k] = store(select(unsure, splat(1e30), margin));
+        }
+    }
+
+    fn length(v: [V; 3]) -> V {
+        let square = max(dot(v, v), splat(1e-30));
+        mul(square, rsqrt(square))
+    }
+
+    /// Corners from the origin.
+    fn corners(eye: &Eye, block: &Block16) -> [[V; 3]; 3] {
+        three!(C => three!(K => sub(load(&block.corners[C][K]), splat(eye.origin[K]))))
+    }
+
+    /// Lower and upper corner of the bare box, and from it how near triangles begin.
+    fn sides(eye: &Eye, corners: [[V; 3]; 3], out: &mut Rects) -> [[V; 3]; 2] {
+        let zero = splat(0.0);
+        let low = three!(K => min(min(corners[0][K], corners[1][K]), corners[2][K]));
+        let high = three!(K => max(max(corners[0][K], corners[1][K]), corners[2][K]));
+        let outside = three!(K => max(max(low[K], sub(zero, high[K])), zero));
+        let nearest = distance(outside, eye);
+        out.distance = store(nearest);
+        out.seen &= bits(le(nearest, splat(eye.farthest)));
+        [low, high]
     }
 
     /// Rows and columns of triangles: those of their corners. A triangle that holds the pole has
@@ -81,8 +145,11 @@ per_target! {
     ///
     /// Edges are great circles, which rise above both ends: tan e = A·cos(a − a₀), so by a factor of
     /// at most 1/cos(span/2).
+    ///
+    /// An eye that moves by v and turns by τ sees a corner at most g = v + τ·|p| beside where it is: its azimuth is
+    /// off by at most k = g/(ρ − g), its tangent by k·(1 + |tan|).
     fn spread(
-        grid: &Grid, window: &Window, valid: u16, local: [[V; 3]; 3], out: &mut Rects,
+        grid: &Grid, window: &Window, eye: &Eye, valid: u16, local: [[V; 3]; 3], out: &mut Rects,
         seen: &mut Seen
     ) -> M {
         let rho = three!(C => fma(local[C][0], local[C][0], mul(local[C][1], local[C][1])));
@@ -90,15 +157,31 @@ per_target! {
         let tangent = three!(C => mul(local[C][2], rsqrt(max(rho[C], splat(1e-12)))));
         let (zero, first) = (splat(0.0), azimuth[0]);
         let (b, c) = (wrap(sub(azimuth[1], first)), wrap(sub(azimuth[2], first)));
-        let (low, high) = (min(min(b, c), zero), max(max(b, c), zero));
-        let span = sub(high, low);
+        let (mut low, mut high) = (min(min(b, c), zero), max(max(b, c), zero));
+        let (mut lowest, mut highest) = (
+            min(min(tangent[0], tangent[1]), tangent[2]),
+            max(max(tangent[0], tangent[1]), tangent[2]),
+        );
         let closest = min(min(rho[0], rho[1]), rho[2]);
-        let whole = either(lt(splat(2.5), span), le(closest, splat(1e-12)));
+        let mut whole = le(closest, splat(1e-12));
+        if eye.is_swept() {
+            let [(off_a, a), (off_b, b), (off_c, c)] =
+                three!(C => (beside(eye, local[C], rho[C]), [zero, b, c][C]));
+            low = min(min(sub(b, off_b), sub(c, off_c)), sub(a, off_a));
+            high = max(max(add(b, off_b), add(c, off_c)), add(a, off_a));
+            let off = [off_a, off_b, off_c];
+            let rise = three!(C => mul(off[C], add(splat(1.0), abs(tangent[C]))));
+            let lower = three!(C => sub(tangent[C], rise[C]));
+            let upper = three!(C => add(tangent[C], rise[C]));
+            lowest = min(min(lower[0], lower[1]), lower[2]);
+            highest = max(max(upper[0], upper[1]), upper[2]);
+            whole = either(whole, lt(splat(1.0), max(max(off_a, off_b), off_c)));
+        }
+        let span = sub(high, low);
+        let whole = either(whole, lt(splat(2.5), span));
         // 1 − x²/8 ≤ cos(x/2)
         let cos = max(fnma(mul(span, span), splat(0.1251), splat(0.9999)), splat(0.05));
         let bulge = mul(rcp(cos), splat(1.0001));
-        let lowest = min(min(tangent[0], tangent[1]), tangent[2]);
-        let highest = max(max(tangent[0], tangent[1]), tangent[2]);
         let lowest = select(lt(lowest, zero), mul(lowest, bulge), lowest);
         let highest = select(lt(zero, highest), mul(highest, bulge), highest);
         let azimuths = [add(first, low), add(first, high)];
@@ -107,13 +190,24 @@ per_target! {
         whole
     }
 
+    /// k of a corner by its distance ρ² from the axis; 10⁶ where it is moved beyond the axis.
+    fn beside(eye: &Eye, corner: [V; 3], rho: V) -> V {
+        let square = max(fma(corner[2], corner[2], rho), splat(1e-12));
+        let far = mul(mul(square, rsqrt(square)), splat(1.001));
+        let grown = fma(far, splat(eye.turned), splat(eye.moved));
+        let flat = max(rho, splat(1e-12));
+        let near = fnma(grown, splat(1.001), mul(mul(flat, rsqrt(flat)), splat(0.999)));
+        let off = mul(mul(grown, rcp(max(near, splat(1e-6)))), splat(1.001));
+        select(lt(near, splat(1e-6)), splat(1e6), off)
+    }
+
     /// Planes of the edges: v × (w − v), which does not cancel where corners are far away.
     ///
     /// With u = 2⁻²⁴, corners are off by 6·u·|v| and edges by twice that; turned by a beam at a distance
     /// r from the corners, products are off by less than u·|v|·(25·e + 45·r), with e the longest edge;
     /// the products of `Ray::intersect` are counted in. Beams of a rectangle pass within
-    /// r ≤ e + b·|v| of the corners, b being `Grid::beside`, or within |v| where it is whole.
-    fn edges(grid: &Grid, local: [[V; 3]; 3], whole: M, out: &mut Rects, seen: &mut Seen) {
+    /// r ≤ e + 4e-3·|v| of the corners, or within |v| where it is whole.
+    fn edges(local: [[V; 3]; 3], whole: M, out: &mut Rects, seen: &mut Seen) {
         let edge = [
             three!(K => sub(local[2][K], local[1][K])),
             three!(K => sub(local[0][K], local[2][K])),
@@ -134,9 +228,9 @@ per_target! {
         let short = lt(shortest, mul(far, splat(SHORTEST * SHORTEST)));
         out.split |= bits(either(short, whole));
         seen.uncut = out.split;
-        // |v|·(e + b·|v|) = √(|v|²·e²) + b·|v|²
+        // |v|·(e + 4e-3·|v|) = √(|v|²·e²) + 4e-3·|v|²
         let product = mul(longest, far);
-        let reach = select(whole, splat(1.0), splat(grid.beside));
+        let reach = select(whole, splat(1.0), splat(4e-3));
         let doubt = fma(far, reach, mul(product, rsqrt(max(product, splat(1e-30)))));
         let doubt = mul(doubt, splat(6e-6));
         // Too small to be sure of anything.

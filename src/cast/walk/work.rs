@@ -25,36 +25,6 @@ pub(super) struct Entry {
     pub(super) columns: [u16; 2],
 }
 
-/// Beams of a rectangle that lie side by side: so many runs of `length` + 1, one for each row, or one down a
-/// single column.
-#[derive(Clone, Copy)]
-pub(super) struct Runs {
-    first: usize,
-    stride: usize,
-    pub(super) count: usize,
-    pub(super) length: usize,
-}
-
-impl Entry {
-    #[inline(always)]
-    pub(super) fn runs(&self, columns: usize) -> Runs {
-        let [from, to] = self.columns.map(usize::from);
-        let [first, last] = self.rows.map(usize::from);
-        let (count, length) =
-            if columns == 1 { (1, last - first) } else { (last - first + 1, to - from) };
-        Runs { first: first * columns + from, stride: columns, count, length }
-    }
-}
-
-impl Runs {
-    /// First and last beam of a run.
-    #[inline(always)]
-    pub(super) fn at(&self, run: usize) -> [usize; 2] {
-        let first = self.first + run * self.stride;
-        [first, first + self.length]
-    }
-}
-
 /// A triangle with up to sixteen beams of a row, 24 bits: 0–14 first beam, 15–18 beams less one, 19–22
 /// slot in the block, 23 block. E.g. beams 5 to 7 with the triangle in slot 2 of block 1:
 /// `5 | 2 << 15 | 2 << 19 | 1 << 23`.
@@ -110,8 +80,6 @@ pub(super) struct Work {
     pub(super) seen: [Seen; BLOCKS],
     /// The blocks' indices.
     pub(super) blocks: [usize; BLOCKS],
-    /// Directions of a single column's beams in the sensor frame; none until they are asked for.
-    pub(super) local: Option<Box<Directions>>,
 }
 
 impl Default for Work {
@@ -124,7 +92,6 @@ impl Default for Work {
             rects: [Rects::NOTHING; BLOCKS],
             seen: [Seen::NOTHING; BLOCKS],
             blocks: [0; BLOCKS],
-            local: None,
         }
     }
 }

@@ -5,6 +5,7 @@ mod error;
 mod faults;
 mod fog;
 mod fresnel;
+mod overlap;
 mod pulse;
 mod robo3d;
 mod snow;
@@ -19,10 +20,11 @@ pub use condition::Condition;
 pub use error::ConditionError;
 pub(crate) use faults::{Crosstalk, IncompleteEcho, MotionBlur};
 pub(crate) use fog::Fog;
+pub(crate) use overlap::Joined;
 pub use robo3d::Corruptions;
-pub(crate) use snow::Snowfall;
 #[cfg(test)]
-pub(crate) use snow::{Fallen, Flake};
+pub(crate) use snow::Fallen;
+pub(crate) use snow::{Flake, Snowfall};
 pub use specs::{Kind, Mode};
 pub(crate) use wet::{WetGround, is_ground};
 

@@ -1,5 +1,6 @@
 //! Snow in the plane of a ring, as published: discs, and the shares of a wedge of light that they take.
 
+use super::super::overlap::{APART, LENGTH, swell};
 use super::super::pulse::overlap;
 use super::super::snow_law::Balls;
 
@@ -9,13 +10,10 @@ pub(super) const WEDGE: f64 = 3e-3;
 const FARTHEST: f64 = 80.0;
 /// Largest ball in metres.
 const LARGEST: f64 = 20e-3;
-/// cτ, the length of the pulse's echo in metres, and of a step of its waveform.
-const LENGTH: f64 = 299_792_458.0 * 10e-9;
+/// Metres of a step of the waveform.
 const STEP: f64 = 0.1;
 /// What a flake sends back, in units of an intensity from 0 to 255.
 const FLAKE: f64 = 0.9 * 255.0;
-/// Metres by which an echo must miss the target to be snow.
-const APART: f64 = 0.2;
 
 /// A disc that the wedge meets.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -116,11 +114,7 @@ pub(super) fn seen(discs: &[Disc], target: f64, intensity: f64) -> Seen {
         }
         let first = (start / STEP).floor() as u64 + 1;
         for sample in (first..).map(|k| k as f64 * STEP).take_while(|r| *r < start + LENGTH) {
-            let of = |&(range, peak): &(f64, f64)| {
-                let phase = (sample - range) / LENGTH;
-                let is_on = phase > 0.0 && phase < 1.0;
-                if is_on { peak * (std::f64::consts::PI * phase).sin().powi(2) } else { 0.0 }
-            };
+            let of = |&(range, peak): &(f64, f64)| peak * swell((sample - range) / LENGTH);
             let power: f64 = echoes.iter().filter(near).map(of).sum();
             if power > best.0 {
                 best = (power, sample);
