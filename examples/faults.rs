@@ -56,7 +56,8 @@ fn left(clear: &[Return], there: &[Return], beams: usize, vehicle: usize) -> Vec
         }
     }
     let whole = points.values().filter(|[all, _]| *all >= LEAST);
-    let mut shares: Vec<f64> = whole.map(|[all, left]| 100.0 * *left as f64 / *all as f64).collect();
+    let mut shares: Vec<f64> =
+        whole.map(|[all, left]| 100.0 * *left as f64 / *all as f64).collect();
     shares.sort_by(|a, b| b.total_cmp(a));
     (1..).zip(shares).map(|(k, share)| (f64::from(k), share)).collect()
 }
