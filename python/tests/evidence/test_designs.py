@@ -141,6 +141,17 @@ def test_variants_are_paired_by_placement() -> None:
     assert found["more"]["placements"] == 3
 
 
+def test_placements_of_the_standard_run_come_again_out_of_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(Path(__file__).resolve().parents[3])
+    found = plan._again()
+    names = [one.name for one in found]
+    assert len(set(names)) == len(names) and set(plan.CONTROLLED) < set(names)
+    assert {one.name for one in layouts.published()} | {f"best-{name}-1" for name in plan.OBJECTIVES} < set(names)
+    assert all((one.phases is not None) == (one.name in plan.CONTROLLED) for one in found)
+    looked_at = {seed for name in ("quick", "standard", "channels", "conditions", "transfer") for _, seed in DESIGNS[name].test}
+    assert not looked_at & {seed for _, seed in DESIGNS["again"].test}
+
+
 def test_units_come_in_an_order_that_leaves_some_of_all() -> None:
     sorts = [("best-gain-1", "box"), ("Line", "box"), ("sky", "gamed"), ("random-low-wide-0", "box"), ("random-low-wide-1", "box")]
     placed = [Layout(name, pool, np.zeros((4, 6))) for name, pool in reversed(sorts)]

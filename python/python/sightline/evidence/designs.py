@@ -27,7 +27,7 @@ class Design:
     test_towns: tuple[tuple[str, int], ...] = ()
     #: Whether the own four scenes are tested on, too.
     own: bool = False
-    #: ``study``: all sorts; ``channels``, ``conditions``, ``transfer``: one question each.
+    #: ``study``: all sorts; ``again``: some of an earlier run; ``channels``, ``conditions``, ``transfer``: one question each.
     placements: str = "study"
     #: Random layouts in each of twelve strata.
     random: int = 0
@@ -80,6 +80,16 @@ _ALL = (
         exchanges=40,
         seeds=(1, 2),
         learner=Settings(points=90_000),
+    ),
+    # What the third standard run had, out of step, in scenes that no run has looked at, not even ``standard``.
+    Design(
+        name="again",
+        train=_worlds(1, 2),
+        test=_worlds(501, 502),
+        train_towns=(("Town01", 1),),
+        test_towns=(("Town02", 2), ("Town05", 2)),
+        placements="again",
+        learner=Settings(points=40_000),
     ),
     Design(name="channels", train=_worlds(1), test=_worlds(101), placements="channels"),
     Design(name="conditions", train=_worlds(1), test=_worlds(101), placements="conditions"),
