@@ -40,6 +40,8 @@ def _verdict(regret: dict[str, Any]) -> str:
     text = f"\nLeast mean regret over {', '.join(regret['metrics'])}: `{said['least_mean_regret']}`."
     if "becomes_default" in said:
         text += f" By the rule it {'becomes' if said['becomes_default'] else 'does not become'} the default: {said['why']}."
+    if said.get("least_of_engine"):
+        text += f" Of what the engine maximizes, `{said['least_of_engine']}` loses least."
     return text + "\n"
 
 
