@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -62,6 +63,18 @@ def test_what_there_is_to_win() -> None:
     assert found["direct-box"]["regret"]["value"] == found["direct-box"]["birds_eye_miou"]["value"] == 2
     best = found["the best of those in the mount"]["birds_eye_miou"]
     assert (best["placement"], best["value"]) == ("random-a", -1)
+
+
+def test_scenes_of_each_origin_by_themselves() -> None:
+    """The gain's optimum is best in generated scenes and worst in towns on maps."""
+    good, bad = [0.5, 0.4, 0.6, 0.2, 0.3, 0.1], [0.5, 0.4, 0.05, 0.2, 0.3, 0.1]
+    metric = np.array([good, good, bad, bad, good]).T
+    given = study(metric, {"information_gain": np.repeat(np.array([good]).T, 5, axis=1)})
+    given = replace(given, scenes=["street-401", "town-402", "Town03", "Town04", "highway"])
+    found = effects.of(given)["places"]
+    assert {origin: len(of["scenes"]) for origin, of in found.items()} == {"generated": 2, "on OpenDRIVE maps": 2, "own": 1}
+    assert [of["regret"]["information_gain"]["value"] > 0 for of in found.values()] == [False, True, False]
+    assert [of["optima"]["information_gain"]["value"] > 0 for of in found.values()] == [True, False, True]
 
 
 def test_regret_by_hand() -> None:

@@ -55,7 +55,9 @@ def test_lidars_fire_out_of_step_unless_a_layout_says_otherwise(small_file: Path
     # Four in step at one spot meet the same points; out of step they do not.
     world = worlds.world("small", small_file, "test", 1)
     stacked = Layout("stacked", "gamed", np.tile([0.0, 0, 2.5, 0, 0, 0], (4, 1)))
-    for layout, least in ((stacked, 1.0), (layouts.out_of_step([stacked])[0], 3.9)):
+    # The gamed one stays in step: out of step it is no waste.
+    (gamed,) = layouts.out_of_step([one for one in layouts.gamed() if one.name == "stacked"])
+    for layout, least in ((stacked, 1.0), (gamed, 1.0), (layouts.out_of_step([stacked])[0], 3.9)):
         cast = world.scene().cast(layout.placement())
         assert len(np.unique(cast["direction"], axis=0)) >= least * 0.99 * 16 * 250
         assert least > 1 or len(np.unique(cast["direction"], axis=0)) <= 16 * 250
@@ -137,6 +139,17 @@ def test_variants_are_paired_by_placement() -> None:
     assert more["less_first"]["value"] == pytest.approx((1 + 2 + 0 + 1.1 + 2 + 0) / 6)
     assert more["order_as_first"] == pytest.approx(0.5)
     assert found["more"]["placements"] == 3
+
+
+def test_placements_of_the_standard_run_come_again_out_of_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(Path(__file__).resolve().parents[3])
+    found = plan._again()
+    names = [one.name for one in found]
+    assert len(set(names)) == len(names) and set(plan.CONTROLLED) < set(names)
+    assert {one.name for one in layouts.published()} | {f"best-{name}-1" for name in plan.OBJECTIVES} < set(names)
+    assert all(one.phases is None for one in found if one.name not in plan.CONTROLLED)
+    looked_at = {seed for name in ("quick", "standard", "channels", "conditions", "transfer") for _, seed in DESIGNS[name].test}
+    assert not looked_at & {seed for _, seed in DESIGNS["again"].test}
 
 
 def test_units_come_in_an_order_that_leaves_some_of_all() -> None:

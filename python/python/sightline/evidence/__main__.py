@@ -1,4 +1,4 @@
-"""``python -m sightline.evidence quick|standard|tables --out DIR``; ``learned``, ``predictions``, ``cost``, ``real``: see their ``--help``."""
+"""``python -m sightline.evidence quick|standard|tables --out DIR``; ``learned``, ``predictions``, ``cost``, ``real``, ``win``: see their ``--help``."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import sys
 from pathlib import Path
 
 #: Studies; the same as ``designs.DESIGNS``, which needs the extra.
-NAMES = ("quick", "standard", "channels", "conditions", "transfer")
+NAMES = ("quick", "standard", "again", "channels", "conditions", "transfer")
 
 #: Commands with arguments of their own, each a module with a ``main``.
-OTHERS = ("learned", "predictions", "cost", "real")
+OTHERS = ("learned", "predictions", "cost", "real", "win")
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 from . import correlate
 from ._types import F64, Bools
 from .gathered import Gathered, mean
+from .plan import OBJECTIVES
 from .trial import METRICS
 
 #: Seed of all bootstraps.
@@ -124,7 +125,12 @@ def _verdict(given: Gathered, kept: Bools, by_score: dict[str, Any], lost: F64) 
     names = [layout.name for layout, keep in zip(given.layouts, kept) if keep]
     hand = [k for k, name in enumerate(names) if handmade(name)]
     rows = [names.index(name) for name in optima_of(given, winner) if name in names]
-    said: dict[str, Any] = {"least_mean_regret": winner, "order": ranked}
+    # Where nothing beats what people made, the engine keeps what loses least of what it can maximize.
+    said: dict[str, Any] = {
+        "least_mean_regret": winner,
+        "order": ranked,
+        "least_of_engine": next((score for score in ranked if score in OBJECTIVES), None),
+    }
     if not hand:
         return said
     if not rows:

@@ -14,7 +14,7 @@ import numpy as np
 
 from . import trial, truth
 from ._types import F64, I64, Bools
-from .layouts import Layout
+from .layouts import Layout, out_of_step
 from .learners import trees
 from .worlds import World
 
@@ -87,7 +87,7 @@ def _taught(worlds: list[World], room: Room, rng: np.random.Generator, learner: 
     seen = []
     for world in worlds:
         for number in range(TEACHING):
-            layout = Layout(f"teaching-{number}", "direct", room.random(rng))
+            (layout,) = out_of_step([Layout(f"teaching-{number}", "direct", room.random(rng))])
             seen += trial.frames_of(world, layout, number + 1)
     taught = trial.learn(seen, 1, learner)
     if taught is None:
@@ -96,8 +96,8 @@ def _taught(worlds: list[World], room: Room, rng: np.random.Generator, learner: 
 
 
 def _metrics(taught: trial.OnPoints, worlds: list[World], placement: F64, folder: Path) -> F64:
-    """``METRICS``, means over worlds."""
-    layout = Layout("looked-at", "direct", placement)
+    """``METRICS``, means over worlds, of LiDARs that fire out of step, all placements with the same phases."""
+    (layout,) = out_of_step([Layout("looked-at", "direct", placement)])
     rows = []
     for world in worlds:
         known = truth.cached(world.source(), world.sha256, world.frames, folder)

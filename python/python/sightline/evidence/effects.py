@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,10 @@ from scipy import stats
 from . import correlate, decide
 from ._types import F64
 from .decide import SEED
+from .designs import KINDS
 from .gathered import Gathered, mean
 from .layouts import Layout
+from .worlds import OWN
 
 #: What describes a placement of four in the mount, in the order of ``described``.
 QUANTITIES = ("mean_height", "spread_of_heights", "spread_in_plan", "mean_roll")
@@ -27,6 +29,7 @@ def of(given: Gathered) -> dict[str, Any]:
         "variants": _variants,
         "transfer": _transfer,
         "to_win": _to_win,
+        "places": _places,
     }
     return {name: part(given) for name, part in parts.items()}
 
@@ -185,6 +188,32 @@ def _to_win(given: Gathered) -> dict[str, Any]:
             best[metric] = {**asdict(decide.over_scenes(others[chosen] - others[ours])), "placement": given.layouts[chosen].name}
         found["the best of those in the mount"] = best
     return found
+
+
+def _places(given: Gathered) -> dict[str, Any]:
+    """Regret of scores and of their optima, four in the mount, in scenes of each origin by themselves, if there are several."""
+    origins = dict.fromkeys(_origin(scene) for scene in given.scenes)
+    kept, found = given.pool("box"), {}
+    for origin in origins if len(origins) > 1 and kept.sum() >= 4 else ():
+        rows = [k for k, scene in enumerate(given.scenes) if _origin(scene) == origin]
+        metrics = {m: values[:, :, rows] for m, values in given.metrics.items()}
+        scores = {s: values[:, rows] for s, values in given.scores.items()}
+        there = replace(given, scenes=[given.scenes[k] for k in rows], metrics=metrics, scores=scores)
+        regret = decide.of(there, kept)
+        found[origin] = {
+            "scenes": there.scenes,
+            "regret": {score: of["mean"] for score, of in regret["scores"].items()},
+            "less_than_gain": {score: of["less_than_gain"] for score, of in regret["scores"].items()},
+            "optima": {s: of["less_regret_than"].get(decide.PUBLISHED) for s, of in regret["optima"].items()},
+        }
+    return found
+
+
+def _origin(scene: str) -> str:
+    """Where a scene comes from, by its name."""
+    if scene in OWN:
+        return "own"
+    return "generated" if scene.rpartition("-")[0] in KINDS else "on OpenDRIVE maps"
 
 
 def agreement(given: Gathered) -> dict[str, Any]:

@@ -147,13 +147,14 @@ def _bases() -> list[Layout]:
 
 
 def gamed() -> list[Layout]:
-    """What no vehicle should carry: aimed at the sky, inside the cabin, four in one spot."""
+    """What no vehicle should carry: aimed at the sky, inside the cabin, four in one spot and in step, which see what one sees."""
     (pyramid,) = (layout.poses for layout in published() if layout.name == "Pyramid")
     sky = pyramid.copy()
     sky[:, 4] = -math.pi / 2
     cabin = np.array([[x, y, 1.2, 0, 0, 0] for x in (-0.6, 0.2) for y in (-0.3, 0.3)])
     stacked = np.tile([0.0, 0, 2.2, 0, 0, 0], (4, 1))
-    return [Layout("sky", "gamed", sky), Layout("cabin", "gamed", cabin), Layout("stacked", "gamed", stacked)]
+    one = Layout("stacked", "gamed", stacked, phases=np.zeros(4))
+    return [Layout("sky", "gamed", sky), Layout("cabin", "gamed", cabin), one]
 
 
 def stratified(mount: dict[str, Any], each: int, seed: int) -> list[Layout]:

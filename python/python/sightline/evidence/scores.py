@@ -16,7 +16,17 @@ from .truth import Source, body_of
 from .worlds import World, at, opened
 
 #: Those of the engine.
-_ENGINE = ("near_gain", "information_gain", "m_sog", "m_sog_scaled", "m_sog_scaled_nonzero", "s_mig", "covered", "covered_nonzero")
+_ENGINE = (
+    "near_gain",
+    "information_gain",
+    "m_sog",
+    "m_sog_nonzero",
+    "m_sog_scaled",
+    "m_sog_scaled_nonzero",
+    "s_mig",
+    "covered",
+    "covered_nonzero",
+)
 
 #: All scores; larger is better. ``gain`` is the engine's own under another name; the last three know no entropy.
 SCORES = (*_ENGINE, *(name for name in CANDIDATES if name != "gain"), "hits", "mean_height", "shuffled")

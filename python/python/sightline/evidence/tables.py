@@ -19,7 +19,7 @@ def tables(result: dict[str, Any]) -> str:
     parts += [_poses(result["effects"]["poses"]), _sensors(result["effects"]["sensors"])]
     parts.append(_needed(result["effects"]["needed"]))
     parts += [_variants(result["effects"]["variants"]), _transfer(result["effects"]["transfer"])]
-    parts.append(_to_win(result["effects"]["to_win"]))
+    parts += [_to_win(result["effects"]["to_win"]), _places(result["effects"]["places"])]
     parts += [_more(result["checks"]["one_more_lidar"]), _agreement(result["agreement"])]
     parts.append("\n## Checks\n\n" + "".join(f"- {line}\n" for line in _checks(result["checks"])))
     return "".join([*parts, _placements(result["placements"])])
@@ -40,6 +40,8 @@ def _verdict(regret: dict[str, Any]) -> str:
     text = f"\nLeast mean regret over {', '.join(regret['metrics'])}: `{said['least_mean_regret']}`."
     if "becomes_default" in said:
         text += f" By the rule it {'becomes' if said['becomes_default'] else 'does not become'} the default: {said['why']}."
+    if said.get("least_of_engine"):
+        text += f" Of what the engine maximizes, `{said['least_of_engine']}` loses least."
     return text + "\n"
 
 
@@ -153,6 +155,16 @@ def _won(found: dict[str, Any] | None) -> str:
     if found is None:
         return ""
     return interval(found, 3) + (f" (`{found['placement']}`)" if "placement" in found else "")
+
+
+def _places(effects: dict[str, Any]) -> str:
+    if not effects:
+        return ""
+    text = "\n## Scenes by where they come from: regret of a score; of its optima less Ours-seg [95 %, over scenes]\n\n"
+    text += head(["score", *(f"{len(of['scenes'])} {origin}" for origin, of in effects.items())])
+    for score in next(iter(effects.values()))["optima"]:
+        text += row([f"`{score}`", *(f"{interval(of['regret'][score])}; {interval(of['optima'][score])}" for of in effects.values())])
+    return text
 
 
 def _more(steps: dict[str, Any]) -> str:
