@@ -31,7 +31,10 @@ fn a_closed_pipe_ends_quietly_and_a_full_disk_in_a_sentence() {
                 let full = with_stdout(dir.path(), &args, full);
                 let message = String::from_utf8_lossy(&full.stderr).into_owned();
                 assert_eq!(full.status.code(), Some(2), "{args:?}: {message}");
-                assert!(message.contains("sightline: stdout: No space left"), "{message}");
+                assert!(
+                    message.contains("sightline: stdout: the disk is full; make room"),
+                    "{message}"
+                );
             }
         }
     }

@@ -1,7 +1,7 @@
 //! Echoes of one pulse.
 
 use super::Status;
-use super::rim::RAYS;
+use super::rays::RAYS;
 
 /// Power that comes back from one distance.
 #[derive(Debug, Clone, Copy)]

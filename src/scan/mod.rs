@@ -8,6 +8,7 @@ mod fires;
 mod hits;
 mod optics;
 mod psog;
+mod rays;
 mod receiver;
 mod record;
 mod reflectance;

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::fires::{Fires, Place};
-use super::rim::{RING, lane, rays_of};
+use super::rays::{RING, lane, rays_of};
 use super::stage::{Motions, Seen, Stage};
 use super::station::{Station, Surface, swept_parts};
 use crate::bvh::Hit;

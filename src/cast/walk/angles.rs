@@ -1,8 +1,8 @@
 //! Angles of sixteen boxes or triangles, and the rectangles of beams that they span.
 
-use super::Part;
 use super::grid::{CELLS, Grid, Window};
 use super::ops::{W, per_target, three};
+use super::part::Part;
 
 /// Beams closer to the axis than this tangent allows may be off by any azimuth through rounding:
 /// whatever reaches there counts for all columns.

@@ -10,6 +10,7 @@ mod grid;
 mod hits;
 mod ops;
 mod packet;
+mod part;
 mod swept;
 mod triangles;
 mod work;
@@ -22,32 +23,21 @@ use rayon::prelude::*;
 
 pub(crate) use firing::{FiringWalk, SweptPart};
 pub(crate) use packet::{RAYS, Rays};
+pub use part::Part;
 
 use angles::Eye;
 use grid::{Directions, Grid, Window};
 use hits::Scene;
 use work::{Beams, Work};
 
+use crate::bvh::Hit;
 use crate::bvh::bvh16::Bvh16;
-use crate::bvh::{Bvh, Hit};
-use crate::problem::DevicePose;
 use crate::vehicle::BeamTable;
 
 /// Largest coordinate in metres whose products stay far from the largest number.
 const LARGEST: f32 = 1e7;
 /// How far a pose's rotation may be from one.
 const ROTATED: f32 = 1e-4;
-
-/// A tree, and the sensor's pose in its frame.
-#[derive(Clone, Copy)]
-pub struct Part<'a> {
-    /// The tree.
-    pub bvh: &'a Bvh,
-    /// From the sensor's frame to the tree's.
-    pub pose: DevicePose,
-    /// Added to the index of each face.
-    pub first_prim: u32,
-}
 
 /// Instructions that a walk may use; each gives the same bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
