@@ -8,7 +8,7 @@ use sightline::engine::{EngineChoice, EngineKind, open};
 use sightline::near_field::{FEW_PLACEMENTS, NearSite, add_self_hits};
 use sightline::problem::spread;
 use sightline::scan::conditions::Condition;
-use sightline::scan::in_conditions;
+use sightline::scan::{ScanError, Stage, in_conditions};
 use sightline::search::Suite;
 use sightline::{Evaluator, Placement, Problem, Psog, Scene, Scores};
 
@@ -90,6 +90,7 @@ pub struct Built {
     pub options: Options,
     psog: OnceLock<Arc<Psog>>,
     problem: OnceLock<Arc<Problem>>,
+    stage: OnceLock<Arc<Stage>>,
     evaluator: Kept,
     /// The last frame that was cast into, and its problem.
     frame: Mutex<Option<(usize, Arc<Problem>)>>,
@@ -103,9 +104,19 @@ impl Built {
             options,
             psog,
             problem: OnceLock::new(),
+            stage: OnceLock::new(),
             evaluator: Kept::default(),
             frame: Mutex::new(None),
         }
+    }
+
+    /// The trees that scans share.
+    pub fn stage(&self) -> Result<Arc<Stage>, ScanError> {
+        if let Some(stage) = self.stage.get() {
+            return Ok(stage.clone());
+        }
+        let stage = Arc::new(Stage::new(&self.scene)?);
+        Ok(self.stage.get_or_init(|| stage).clone())
     }
 
     /// The P-SOG: given, read, or built from virtual scans.

@@ -8,9 +8,10 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use sightline::engine::scanning_on;
 use sightline::scan::{Return, Scan, Scanner, Scanning, TrackedBox};
-use sightline::{EngineChoice, Error, Placement, Scene};
+use sightline::{Error, Placement};
 
 use crate::arrays::{column, homogeneous, matrix, shaped};
+use crate::engine::Built;
 use crate::errors::{bad, raised};
 use crate::wait::{start, wait};
 
@@ -22,12 +23,10 @@ pub struct ScanIterator {
 }
 
 impl ScanIterator {
-    /// Checks everything, then begins to scan; `engine` casts.
-    #[allow(clippy::too_many_arguments)]
+    /// Checks everything, then begins to scan.
     pub fn begin(
-        scene: Arc<Scene>,
+        built: Arc<Built>,
         placement: Placement,
-        engine: EngineChoice,
         conditions: &[String],
         ideal: bool,
         seed: u64,
@@ -37,8 +36,8 @@ impl ScanIterator {
         let conditions = conditions.iter().map(|text| text.parse().map_err(raised));
         let conditions = conditions.collect::<PyResult<_>>()?;
         let scanning = Scanning { ideal, seed, conditions };
-        Scanner::check(&scene, &placement, &scanning).map_err(raised)?;
-        let count = scene.frame_count();
+        Scanner::check(&built.scene, &placement, &scanning).map_err(raised)?;
+        let count = built.scene.frame_count();
         let frames = frames.unwrap_or_else(|| (0..count).collect());
         if let Some(frame) = frames.iter().find(|frame| **frame >= count) {
             return Err(bad(format!("frames: hold {frame}; give 0 to {}", count - 1)));
@@ -47,8 +46,8 @@ impl ScanIterator {
         let (sender, scans) = sync_channel(1);
         start(move || {
             let opened = || -> Result<Scanner<'_>, Error> {
-                let mut scanner = Scanner::new(&scene, &placement, &scanning)?;
-                scanning_on(&mut scanner, &engine)?;
+                let mut scanner = Scanner::on(built.stage()?, &built.scene, &placement, &scanning)?;
+                scanning_on(&mut scanner, &built.options.engine)?;
                 Ok(scanner)
             };
             let scanner = match opened() {

@@ -331,9 +331,7 @@ impl PyScene {
         misses: bool,
     ) -> PyResult<ScanIterator> {
         let placement = only(placements_of(poses, sensors, phases)?)?;
-        let scene = self.built.scene.clone();
-        let engine = self.built.options.engine.clone();
-        ScanIterator::begin(scene, placement, engine, &conditions, ideal, seed, frames, misses)
+        ScanIterator::begin(self.built.clone(), placement, &conditions, ideal, seed, frames, misses)
     }
 
     /// Compares hits, voxels and sums of the scene's engine with the CPU reference, bit by bit, and `sample` beams of the

@@ -4,6 +4,7 @@ mod chance;
 pub mod conditions;
 mod device;
 mod echoes;
+mod error;
 mod fires;
 mod hits;
 mod optics;
@@ -20,12 +21,14 @@ mod station;
 mod sweep;
 mod visibility;
 
+pub use error::ScanError;
 pub use hits::BeamHits;
 pub use psog::scan_scene;
 pub use record::{
     EGO_INSTANCE, NO_CLASS, NO_INSTANCE, Return, Scan, ScanLidar, Status, TrackedBox,
 };
-pub use scanner::{ScanError, Scanner, Scanning};
+pub use scanner::{Scanner, Scanning};
+pub use stage::Stage;
 pub use visibility::{VisibilityError, in_conditions};
 #[cfg(test)]
 mod tests;

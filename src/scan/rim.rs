@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use rayon::prelude::*;
 
+use super::device::Device;
 use super::fires::Place;
 use super::rays::{RAYS, RING, lane, ring};
 use super::stage::Stage;
@@ -25,11 +26,16 @@ pub(super) struct Rims<'r> {
 impl<'r> Rims<'r> {
     /// What the rims of those beams meet whose middles are not enough: that see an edge, but for those that
     /// see nothing nearer beside it and meet one triangle with all of their rays. None where beams have no width.
-    pub fn meet(sweeper: &Sweeper, stage: &Stage, sweep: &'r Sweep) -> Option<Self> {
+    pub fn meet(
+        sweeper: &Sweeper,
+        stage: &Stage,
+        device: &Device,
+        sweep: &'r Sweep,
+    ) -> Option<Self> {
         if sweeper.width <= 0.0 {
             return None;
         }
-        let turn = Turn { sweeper, stage, sweep };
+        let turn = Turn { sweeper, stage, device, sweep };
         let all = (0..sweeper.fires.firings()).into_par_iter().with_min_len(COLUMNS_A_TASK);
         let wanted = |firing| sweeper.fires.together(firing).filter(|place| turn.wants(place));
         let wanted: Vec<Place> = all.flat_map_iter(wanted).collect();
@@ -74,13 +80,14 @@ impl<'r> Rims<'r> {
 struct Turn<'a> {
     sweeper: &'a Sweeper,
     stage: &'a Stage,
+    device: &'a Device,
     sweep: &'a Sweep,
 }
 
 impl Turn<'_> {
     /// What the rims of wanted beams meet, which come in the order in which they fire.
     fn cast(&self, wanted: &[Place]) -> Vec<[Hit; RING]> {
-        let Turn { sweeper, stage, sweep } = *self;
+        let Turn { sweeper, stage, device, sweep } = *self;
         let firings: Vec<&[Place]> = wanted.chunk_by(|a, b| a.firing == b.firing).collect();
         let by_device = || {
             let firings = firings.par_iter().map(|wanted| {
@@ -90,7 +97,7 @@ impl Turn<'_> {
             firings.collect()
         };
         let range = sweeper.model().table.range();
-        if let Some(hits) = stage.device.closest_hits(range, by_device) {
+        if let Some(hits) = device.closest_hits(range, by_device) {
             return hits.as_chunks().0.to_vec();
         }
         let tasks = firings.par_iter().with_min_len(COLUMNS_A_TASK);
@@ -112,7 +119,7 @@ impl Turn<'_> {
 
     /// Whether the rim of a beam is looked at.
     fn wants(&self, place: &Place) -> bool {
-        let Turn { sweeper, stage, sweep } = *self;
+        let Turn { sweeper, stage, sweep, .. } = *self;
         let (edge, own) = (self.edge(place), &sweep.surfaces[place.fired]);
         if edge != Edge::InFront || !own.is_hit() {
             return edge != Edge::None;

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::conditions::{self, Condition, ConditionError, Corruptions};
+use super::conditions::{self, Condition, Corruptions};
 use super::device::Device;
+use super::error::ScanError;
 use super::fires::Fires;
 use super::optics::Optics;
 use super::receiver::Receiver;
@@ -15,10 +16,9 @@ use super::sweep::Sweeper;
 use super::{EGO_INSTANCE, Return, Scan, ScanLidar, TrackedBox};
 use crate::bvh::Bvh;
 use crate::cast::FiringCaster;
-use crate::engine::OutOfMemory;
 use crate::geom::Pose;
 use crate::scene::{Scene, Track};
-use crate::vehicle::{Placement, SensorError, Sensors, UnknownSensor};
+use crate::vehicle::{Placement, Sensors};
 
 /// Beams of one parallel task.
 const BEAMS_A_TASK: usize = 2048;
@@ -34,40 +34,6 @@ pub struct Scanning {
     pub conditions: Vec<Condition>,
 }
 
-/// Why a scene cannot be scanned.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ScanError {
-    /// There is nothing to scan.
-    #[error("the scene `{scene}` has no geometry; a scan needs `static`, `actors` or a body")]
-    NoGeometry {
-        /// Name of the scene.
-        scene: String,
-    },
-    /// Instances are numbers of 16 bits.
-    #[error(
-        "the scene `{scene}` has {actors} actors, a scan tells at most 65534 apart; leave some out"
-    )]
-    TooManyActors {
-        /// Name of the scene.
-        scene: String,
-        /// Actors that it has.
-        actors: usize,
-    },
-    /// A sensor of a model that the vehicle does not have.
-    #[error(transparent)]
-    UnknownSensor(#[from] UnknownSensor),
-    /// A model without beams.
-    #[error(transparent)]
-    Sensor(#[from] SensorError),
-    /// Conditions that do not go together.
-    #[error(transparent)]
-    Condition(#[from] ConditionError),
-    /// The trees do not fit into memory.
-    #[error(transparent)]
-    OutOfMemory(#[from] OutOfMemory),
-}
-
 /// A rig in a scene, ready to scan any frame of it.
 ///
 /// What is left to chance depends on seed, frame, LiDAR and beam alone: frames come out the same in any
@@ -81,7 +47,9 @@ pub struct Scanner<'a> {
     /// Of each LiDAR, its model.
     models: Vec<usize>,
     sweepers: Vec<Sweeper>,
-    stage: Stage,
+    stage: Arc<Stage>,
+    /// Casts in place of the host.
+    device: Device,
     tracks: Vec<Track>,
     scanning: Scanning,
     optics: Optics,
@@ -121,6 +89,24 @@ impl<'a> Scanner<'a> {
         scanning: &Scanning,
     ) -> Result<Self, ScanError> {
         Self::check(scene, placement, scanning)?;
+        Self::on(Arc::new(Stage::new(scene)?), scene, placement, scanning)
+    }
+
+    /// Scans with trees of the scene that there are already, of which several placements share one set.
+    ///
+    /// # Errors
+    /// As of [`Self::check`].
+    ///
+    /// # Panics
+    /// Trees of another scene, as far as their number tells.
+    pub fn on(
+        stage: Arc<Stage>,
+        scene: &'a Scene,
+        placement: &'a Placement,
+        scanning: &Scanning,
+    ) -> Result<Self, ScanError> {
+        Self::check(scene, placement, scanning)?;
+        assert!(stage.is_of(scene), "the stage is not of the scene `{}`", scene.name());
         let tracks = scene.tracks();
         let sensors = scene.sensors()?;
         let models = placement.lidars.iter().map(|pose| sensors.number(pose));
@@ -134,7 +120,8 @@ impl<'a> Scanner<'a> {
             placement,
             models,
             sweepers,
-            stage: Stage::new(scene, sensors.longest_range())?,
+            stage,
+            device: Device::default(),
             sensors,
             tracks,
             scanning: scanning.clone(),
@@ -156,13 +143,13 @@ impl<'a> Scanner<'a> {
         let mut trees: Vec<&Arc<Bvh>> = self.stage.trees().collect();
         trees.sort_by_key(|tree| Arc::as_ptr(tree).addr());
         trees.dedup_by_key(|tree| Arc::as_ptr(tree).addr());
-        self.stage.device = Device::new(open(&trees)?);
+        self.device = Device::new(open(&trees)?);
         Ok(())
     }
 
     /// Why the device that was to cast does so no more, where it failed: the host casts in its place.
     pub fn device_failure(&self) -> Option<&str> {
-        self.stage.device.failure()
+        self.device.failure()
     }
 
     /// Frames of the scene.
@@ -217,8 +204,10 @@ impl<'a> Scanner<'a> {
         let sweeper = &self.sweepers[self.models[lidar]];
         let frame_time = 1.0 / self.scene.rate();
         let rolling = !self.scanning.ideal;
-        let sweep = sweeper.sweep(&self.stage, motions, ego_from_sensor, frame_time, rolling);
-        let rims = if rolling { Rims::meet(sweeper, &self.stage, &sweep) } else { None };
+        let sweep =
+            sweeper.sweep(&self.stage, &self.device, motions, ego_from_sensor, frame_time, rolling);
+        let rims =
+            if rolling { Rims::meet(sweeper, &self.stage, &self.device, &sweep) } else { None };
         let receiver = Receiver {
             stage: &self.stage,
             sweeper,

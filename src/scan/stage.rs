@@ -1,15 +1,13 @@
 //! What the frames of a scan share: trees, faces, spheres around parts; and how all of it moves in a frame.
 
-use std::fmt;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
-use super::device::Device;
+use super::error::ScanError;
 use super::{EGO_INSTANCE, NO_INSTANCE};
 use crate::bvh::{Bvh, Triangle};
 use crate::cast::{Part, Standing, SweptPart, Target};
-use crate::engine::OutOfMemory;
 use crate::geom::{Glide, Pose};
 use crate::problem::{DevicePose, Instance, World};
 use crate::scene::{EgoBody, Scene};
@@ -46,32 +44,31 @@ enum Owner {
     Ego,
 }
 
-/// All that does not change from frame to frame.
-pub(super) struct Stage {
+/// What all scans of a scene share, whatever the frame and the placement: trees and faces of its parts.
+#[derive(Debug)]
+pub struct Stage {
     pub(super) things: Vec<Thing>,
     /// First face of each thing.
     first_prims: Vec<u32>,
-    /// Casts in place of the host.
-    pub(super) device: Device,
-}
-
-impl fmt::Debug for Stage {
-    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
-        to.debug_struct("Stage").field("things", &self.things).finish_non_exhaustive()
-    }
 }
 
 impl Stage {
+    /// Builds the trees.
+    ///
     /// # Errors
-    /// The trees do not fit into memory.
-    pub fn new(scene: &Scene, range: f32) -> Result<Self, OutOfMemory> {
+    /// A scene without geometry or with a model without beams, trees that do not fit into memory.
+    pub fn new(scene: &Scene) -> Result<Self, ScanError> {
+        if !scene.has_geometry() {
+            return Err(ScanError::NoGeometry { scene: scene.name().to_owned() });
+        }
+        let range = scene.sensors()?.longest_range();
         let world = World::of(scene, &[0], range, EgoBody::Include)?;
         let instances = world.frames().iter().flat_map(|frame| frame.instances());
         Ok(Self::of(scene, instances))
     }
 
     /// Of trees that there are already, one for each part of the scene that is not empty.
-    pub fn of<'i>(scene: &Scene, instances: impl Iterator<Item = &'i Instance>) -> Self {
+    pub(super) fn of<'i>(scene: &Scene, instances: impl Iterator<Item = &'i Instance>) -> Self {
         let full = (0..scene.part_count()).filter(|&part| scene.part_triangles(part) > 0);
         let classes = scene.face_classes(EgoBody::Include);
         let thing = |(part, instance): (usize, &Instance)| {
@@ -102,16 +99,22 @@ impl Stage {
         };
         let things: Vec<Thing> = full.zip(instances).map(thing).collect();
         let first_prims = things.iter().map(|thing| thing.first_prim).collect();
-        Self { things, first_prims, device: Device::default() }
+        Self { things, first_prims }
+    }
+
+    /// Whether it has a tree for each part of the scene that is not empty.
+    pub(super) fn is_of(&self, scene: &Scene) -> bool {
+        let full = (0..scene.part_count()).filter(|&part| scene.part_triangles(part) > 0);
+        full.eq(self.things.iter().map(|thing| thing.part))
     }
 
     /// The trees of all things; equal shapes share one.
-    pub fn trees(&self) -> impl Iterator<Item = &Arc<Bvh>> {
+    pub(super) fn trees(&self) -> impl Iterator<Item = &Arc<Bvh>> {
         self.things.iter().map(|thing| &thing.tree)
     }
 
     /// The thing that a face belongs to.
-    pub fn thing_of(&self, prim: u32) -> usize {
+    pub(super) fn thing_of(&self, prim: u32) -> usize {
         self.first_prims.partition_point(|&first| first <= prim).max(1) - 1
     }
 }

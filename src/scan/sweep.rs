@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::device::Device;
 use super::fires::{Fires, Place};
 use super::rays::{RING, lane, rays_of};
 use super::stage::{Motions, Seen, Stage};
@@ -85,6 +86,7 @@ impl Sweeper {
     pub fn sweep(
         &self,
         stage: &Stage,
+        device: &Device,
         motions: &Motions,
         ego_from_sensor: &Pose,
         frame_time: f64,
@@ -98,14 +100,12 @@ impl Sweeper {
             vec![Station::new(motions, all, ego_from_sensor, 0.0, self.reach())]
         };
         match &self.walk {
-            Some(walk) if rolling && !stage.device.is_at_work() => {
-                self.windows(stage, walk, stations)
-            }
+            Some(walk) if rolling && !device.is_at_work() => self.windows(stage, walk, stations),
             _ => {
                 let hits = if moves {
-                    self.columns(stage, &stations)
+                    self.columns(stage, device, &stations)
                 } else {
-                    self.at_once(stage, &stations[0])
+                    self.at_once(stage, device, &stations[0])
                 };
                 let mut surfaces = vec![Surface::none(0.0); hits.len()];
                 let size = self.fires.before(COLUMNS_A_TASK);
@@ -164,10 +164,10 @@ impl Sweeper {
     }
 
     /// Hits of beams that all fire at once, in the order in which they would fire.
-    fn at_once(&self, stage: &Stage, station: &Station) -> Vec<Hit> {
+    fn at_once(&self, stage: &Stage, device: &Device, station: &Station) -> Vec<Hit> {
         let (range, directions) = (self.model.table.range(), self.model.table.directions());
         let by_device = || vec![station.firing(stage, directions.iter().copied())];
-        let hits = stage.device.closest_hits(range, by_device).unwrap_or_else(|| {
+        let hits = device.closest_hits(range, by_device).unwrap_or_else(|| {
             let mut hits = vec![Hit::none(range); directions.len()];
             self.whole.closer_hits(&station.parts(stage), &mut hits);
             hits
@@ -178,7 +178,7 @@ impl Sweeper {
     }
 
     /// Hits of beams that are cast one by one, in the order in which they fire.
-    fn columns(&self, stage: &Stage, stations: &[Station]) -> Vec<Hit> {
+    fn columns(&self, stage: &Stage, device: &Device, stations: &[Station]) -> Vec<Hit> {
         let size = self.fires.before(1);
         let by_device = || {
             let firings = stations.par_iter().zip(self.rays.par_chunks(size));
@@ -188,7 +188,7 @@ impl Sweeper {
             firing.collect()
         };
         let range = self.model.table.range();
-        stage.device.closest_hits(range, by_device).unwrap_or_else(|| {
+        device.closest_hits(range, by_device).unwrap_or_else(|| {
             let mut hits = vec![Hit::none(range); self.rays.len()];
             let columns = hits.par_chunks_mut(size).zip(self.rays.par_chunks(size)).zip(stations);
             columns.with_min_len(COLUMNS_A_TASK).for_each_init(

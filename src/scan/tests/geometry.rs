@@ -11,7 +11,7 @@ use std::sync::Arc;
 use crate::cast::{self, Firing, FiringCaster, FiringWalk, Instructions, Rays, SweptPart};
 use crate::geom::{Glide, Pose, TriangleSoup};
 use crate::problem::{DevicePose, beam_direction, beam_origin};
-use crate::scan::{EGO_INSTANCE, Scanner, Scanning, Status};
+use crate::scan::{EGO_INSTANCE, Scanner, Scanning, Stage, Status};
 use crate::scene::{EgoBody, Scene};
 use crate::vehicle::{BeamTable, SensorPose};
 
@@ -411,4 +411,30 @@ fn a_device_that_fails_in_the_middle_leaves_the_bytes_as_they_are() {
         assert!(host == bits(&by_device.scans().collect::<Vec<_>>()), "after {left} casts");
         assert_eq!(by_device.device_failure(), (left < 1000).then_some("it broke"));
     }
+}
+
+#[test]
+fn scanners_that_share_a_stage_have_the_bytes_of_those_with_their_own() {
+    let wide = r#"{ "divergence": [0.01, 0.006] }"#;
+    let scene = scene(STREET, SPINNING, wide);
+    let stage = Arc::new(Stage::new(&scene).unwrap());
+    let (first, second) = (placement(&poses()), placement(&poses()[..1]));
+    for placement in [&first, &second] {
+        let scanning = Scanning { seed: 3, ..Scanning::default() };
+        let alone = Scanner::new(&scene, placement, &scanning).unwrap();
+        let sharing = Scanner::on(stage.clone(), &scene, placement, &scanning).unwrap();
+        let scans = |scanner: &Scanner<'_>| bits(&scanner.scans().collect::<Vec<_>>());
+        assert!(scans(&alone) == scans(&sharing));
+    }
+}
+
+#[test]
+#[should_panic(expected = "the stage is not of the scene")]
+fn a_stage_of_another_scene_is_no_stage() {
+    let road =
+        r#""static": [{ "class": "road", "plane": { "min": [-9, -9], "max": [9, 9], "z": 0 } }]"#;
+    let (here, there) = (scene(STREET, SPINNING, "{}"), scene(road, SPINNING, "{}"));
+    let placement = placement(&poses());
+    let stage = Arc::new(Stage::new(&there).unwrap());
+    let _ = Scanner::on(stage, &here, &placement, &Scanning::default());
 }
