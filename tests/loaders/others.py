@@ -1,11 +1,12 @@
-"""Reads exports with readers that come as a checkout, not as a package: their own code, nothing of it here.
+"""Reads exports with readers that do not install by themselves: their own code, nothing of it here.
 
     others.py [--kitti DIR] [--nuscenes DIR]
-              [--semantic-kitti-api CHECKOUT] [--openpcseg CHECKOUT] [--mmdetection3d CHECKOUT]
+              [--semantic-kitti-api CHECKOUT] [--openpcseg CHECKOUT] [--mmdetection3d [CHECKOUT]]
 
 DIR: an export of `--layout semantickitti` (`--ideal` for semantic-kitti-api: walls are held against planes) or of
 `--layout nuscenes --with-camera-stubs`. torch and compiled packages are replaced by empty modules (`stubs.py`).
-Needs nuscenes-devkit==1.2.0, mmengine==0.10.7, terminaltables, scipy, "numpy<2", "shapely<2.1".
+Needs nuscenes-devkit==1.2.0, mmengine==0.10.7, terminaltables, scipy, "numpy<2", "shapely<2.1"; without a CHECKOUT
+the package mmdet3d==1.4.0, installed without what it depends on.
 """
 
 import argparse
@@ -16,6 +17,7 @@ import os
 import re
 import subprocess
 import sys
+import sysconfig
 import tempfile
 from pathlib import Path
 
@@ -125,11 +127,19 @@ class Boxes:
         return self
 
 
+def beside(checkout):
+    """Where tools and configurations lie: beside the package in a checkout, in it when it is installed."""
+    installed = Path(checkout, "mmdet3d", ".mim")
+    return installed if installed.exists() else Path(checkout)
+
+
 def prepare_mmdetection3d(checkout):
     """Its files are imported from the checkout; what computes with tensors stays out."""
     os.environ["CUDA_VISIBLE_DEVICES"] = "0"  # else its log asks torch
-    packages = ("mmdet3d", "mmdet3d.datasets", "mmdet3d.datasets.transforms", "tools", "tools.dataset_converters")
+    packages = ("mmdet3d", "mmdet3d.datasets", "mmdet3d.datasets.transforms")
     bare = {package: str(Path(checkout, *package.split("."))) for package in packages}
+    tools = beside(checkout) / "tools"
+    bare |= {"tools": str(tools), "tools.dataset_converters": str(tools / "dataset_converters")}
     stand_in("torch", "mmcv", "mmdet", "mmdet3d.structures", bare=bare)
     structures = importlib.import_module("mmdet3d.structures")
     structures.points_cam2img = project
@@ -142,7 +152,7 @@ def mmdetection3d_kitti(checkout, kitti, loading):
     """`SemanticKittiDataset` of each `semantickitti_infos_*.pkl`, by its own configuration, with points and labels."""
     from mmengine.config import Config
 
-    base = Config.fromfile(Path(checkout, "configs", "_base_", "datasets", "semantickitti.py"))
+    base = Config.fromfile(beside(checkout) / "configs" / "_base_" / "datasets" / "semantickitti.py")
     dataset = importlib.import_module("mmdet3d.datasets.semantickitti_dataset")
     for split, numbers in [("train", TRAIN), ("val", {"08"}), ("test", {str(n) for n in range(11, 22)})]:
         given = dict(base.test_dataloader.dataset if split != "train" else base.train_dataloader.dataset)
@@ -235,8 +245,9 @@ def read_infos(dataset, loading, file, masks, split):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for name in ("kitti", "nuscenes", "semantic-kitti-api", "openpcseg", "mmdetection3d"):
+    for name in ("kitti", "nuscenes", "semantic-kitti-api", "openpcseg"):
         parser.add_argument(f"--{name}", type=os.path.abspath)
+    parser.add_argument("--mmdetection3d", type=os.path.abspath, nargs="?", const=sysconfig.get_path("purelib"))
     args = parser.parse_args()
     if args.kitti and args.semantic_kitti_api:
         semantic_kitti_api(args.semantic_kitti_api, args.kitti)
