@@ -140,9 +140,20 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
             &["--placement", "v.json", "--out", "out", "--layout", "semantickitti"],
             "out/velodyne: has `velodyne` in its path",
         ),
-        (&[one[0], one[1], "--out", "out", "--map", "lamp"], "write CLASS=CLASS"),
         (
-            &[one[0], one[1], "--out", "out", "--map", "buildin=fence"],
+            &[one[0], one[1], "--out", "out", "--layout", "nuscenes", "--map", "lamp"],
+            "write CLASS=CLASS",
+        ),
+        (
+            &[one[0], one[1], "--out", "out", "--map", "building=fence"],
+            "--map: is for --layout nuscenes and semantickitti, and this one is npz; leave it out",
+        ),
+        (
+            &[one[0], one[1], "--out", "out", "--layout", "semantickitti", "--keyframe-every", "2"],
+            "--keyframe-every: is for --layout nuscenes, and this one is semantickitti",
+        ),
+        (
+            &[one[0], one[1], "--out", "out", "--layout", "nuscenes", "--map", "buildin=fence"],
             "no scene has a class `buildin`; did you mean `building`?",
         ),
         (
@@ -151,7 +162,10 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
         ),
         (&[one[0], one[1], "--out", "out", "--condition", "rain"], "there is no condition `rain`"),
         (&[one[0], one[1], "--out", "out", "--layout", "kitti"], "`kitti` is no layout"),
-        (&[one[0], one[1], "--out", "p.json"], "p.json"),
+        (
+            &[one[0], one[1], "--out", "p.json"],
+            "p.json: is a file, and a data set is a folder; name another place",
+        ),
     ] {
         let error = refused(more);
         assert!(error.contains(words), "{more:?}: {error}");
@@ -167,7 +181,16 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
     ok(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set"]);
     let error =
         fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set", "--seed", "7"]);
-    assert!(error.contains("holds a data set of other settings"), "{error}");
+    assert!(error.contains("holds a data set of other settings (seed); name"), "{error}");
+    // What a run that was killed had begun goes, whatever its name.
+    fs::write(dir.path().join("set/.sightline/.tmpAbCdEf"), "{").unwrap();
+    fs::remove_file(dir.path().join("set/street/000001.npz")).unwrap();
+    ok(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set"]);
+    assert!(!dir.path().join("set/.sightline/.tmpAbCdEf").exists());
+    fs::write(dir.path().join("set/dataset.json"), "\n").unwrap();
+    let error = fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set"]);
+    assert!(error.contains("dataset.json: cannot be read (EOF"), "{error}");
+    assert!(error.contains("put it back as it was, or name another folder"), "{error}");
     let help = sightline(dir.path(), &["scan", "--help"]);
     assert!(
         String::from_utf8_lossy(&help.stdout).contains("sightline scan scenes/urban-crossing.json")

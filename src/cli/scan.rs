@@ -46,26 +46,26 @@ pub struct Args {
     /// Seed of all that is left to chance
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole::<u64>)]
     seed: u64,
-    /// First frames of each scene alone
+    /// First frames of each scene alone, at most so many
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
     /// Shares of the scenes for training, validation and tests
     #[arg(long, num_args = 3, value_names = ["TRAIN", "VAL", "TEST"], value_parser = finite)]
     splits: Option<Vec<f64>>,
-    /// nuscenes: of so many frames one is a keyframe, the others are sweeps
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = whole::<usize>)]
-    keyframe_every: usize,
+    /// nuscenes: of so many frames one is a keyframe, the others are sweeps [default: 5]
+    #[arg(long, value_name = "N", value_parser = whole::<usize>)]
+    keyframe_every: Option<usize>,
     /// nuscenes: rows of six cameras without pictures, which mmdetection3d asks for
     #[arg(long)]
     with_camera_stubs: bool,
-    /// All LiDARs as one cloud only, not each by itself as well
+    /// semantickitti, nuscenes: all LiDARs as one cloud only, not each by itself as well
     #[arg(long)]
     merged_only: bool,
-    /// A class of the scenes that is to count as another, as lamp=pole
+    /// semantickitti, nuscenes: a class of the scenes that is to count as another, as lamp=pole
     #[arg(long, value_name = "CLASS=CLASS")]
     map: Vec<String>,
-    /// Label fog, snow and crosstalk as Robo3D does: 21, 22, 23 in semantickitti and 41, 42, 43 in nuscenes,
-    /// whose evaluators know no such categories; else they are unlabelled
+    /// Label fog, snow and crosstalk as Robo3D does: 21, 22, 23 in semantickitti and 41, 42, 43 in nuscenes;
+    /// evaluators and loaders of those formats know no such labels and may stop. Else they are unlabelled
     #[arg(long)]
     robo3d_labels: bool,
     /// Where to cast: the best hardware Vulkan device, or the CPU where there is none (auto); any Vulkan device,
@@ -99,16 +99,17 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     let engine = engine(args.backend, args.adapter.as_deref(), None)?;
     let vehicle = args.vehicle.clone();
     let computing = Computing { engine, vehicle, watcher: &terminal };
+    args.check()?;
     let Some(sets) = scan(&request(args), &computing)? else { return Ok(Exit::Interrupted) };
     match args.format {
         Format::Json => outln!("{}", json!({ "datasets": sets }))?,
         Format::Text => {
             for set in sets {
                 outln!(
-                    "{}: {} frames of {} scenes, {} points, {:.1} MB in {}",
+                    "{}: {} of {}, {} points, {:.1} MB in {}",
                     set.placement,
-                    set.frames,
-                    set.scenes,
+                    counted(set.frames, "frame"),
+                    counted(set.scenes, "scene"),
                     set.points,
                     set.bytes as f64 / 1e6,
                     set.out.display()
@@ -117,6 +118,37 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         }
     }
     Ok(Exit::Done)
+}
+
+impl Args {
+    /// Finds options that the layout has no use for.
+    fn check(&self) -> Result<(), Error> {
+        let (nuscenes, any) =
+            (&[Layout::Nuscenes][..], &[Layout::Nuscenes, Layout::SemanticKitti][..]);
+        let options = [
+            ("--keyframe-every", self.keyframe_every.is_some(), nuscenes),
+            ("--with-camera-stubs", self.with_camera_stubs, nuscenes),
+            ("--merged-only", self.merged_only, any),
+            ("--map", !self.map.is_empty(), any),
+            ("--robo3d-labels", self.robo3d_labels, any),
+        ];
+        match options.iter().find(|(_, given, of)| *given && !of.contains(&self.layout)) {
+            Some((option, _, of)) => {
+                let of: Vec<&str> = of.iter().map(|layout| layout.name()).collect();
+                Err(Error::Usage(format!(
+                    "{option}: is for --layout {}, and this one is {}; leave it out",
+                    of.join(" and "),
+                    self.layout.name()
+                )))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+/// A number of things, in words that agree.
+fn counted(count: usize, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
 }
 
 fn request(args: &Args) -> ScanRequest {
@@ -134,7 +166,7 @@ fn request(args: &Args) -> ScanRequest {
         scanning: Scanning { ideal, seed, conditions },
         frames: args.frames,
         splits,
-        keyframe_every: args.keyframe_every,
+        keyframe_every: args.keyframe_every.unwrap_or(5),
         camera_stubs: args.with_camera_stubs,
         each_lidar: !args.merged_only,
         map: args.map.clone(),

@@ -52,7 +52,7 @@ impl About {
     pub fn read(dir: &Path) -> Result<Self, ExportError> {
         let path = dir.join(ABOUT);
         let text = std::fs::read_to_string(&path).map_err(FileError::io(&path))?;
-        serde_json::from_str(&text).map_err(ExportError::json(&path))
+        serde_json::from_str(&text).map_err(|why| ExportError::About { path, why })
     }
 
     /// Whether the folder holds this very data set; an empty one or none holds nothing.
@@ -62,6 +62,9 @@ impl About {
     pub fn is_in(&self, dir: &Path) -> Result<bool, ExportError> {
         let mut entries = match std::fs::read_dir(dir) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(false),
+            Err(error) if error.kind() == std::io::ErrorKind::NotADirectory => {
+                return Err(ExportError::NoFolder { path: dir.to_owned() });
+            }
             entries => entries.map_err(ExportError::io(dir))?,
         };
         if !dir.join(ABOUT).is_file() {
@@ -87,24 +90,10 @@ impl About {
 
     /// What of the settings, the scenes' files left aside, is another in a data set that was begun before.
     fn difference(&self, found: &Self) -> Option<String> {
-        let provenance = |about: &Self| {
-            let mut value: Value = serde_json::from_str(&about.settings.provenance).ok()?;
-            if let Some(keys) = value.as_object_mut() {
-                keys.retain(|key, _| !PATHS.contains(&key.as_str()));
-            }
-            Some(value)
-        };
-        let rest = |about: &Self| DatasetSettings {
-            files: Vec::new(),
-            provenance: String::new(),
-            ..about.settings.clone()
-        };
-        let same_provenance = match (provenance(self), provenance(found)) {
-            (Some(wanted), Some(found)) => wanted == found,
-            _ => self.settings.provenance == found.settings.provenance,
-        };
-        let difference = if rest(self) != rest(found) || !same_provenance {
-            "settings, placement or conditions"
+        let (ours, theirs) = (self.settings.compared(), found.settings.compared());
+        let others = others(&ours, &theirs);
+        let difference = if !others.is_empty() {
+            return Some(others.join(", "));
         } else if self.scenes != found.scenes {
             "scenes or frames"
         } else if self.called != found.called || self.dataset != found.dataset {
@@ -116,4 +105,29 @@ impl About {
         };
         Some(difference.to_owned())
     }
+}
+
+impl DatasetSettings {
+    /// All that is compared, by name: the settings and, where it is an object, the provenance, without paths and files.
+    fn compared(&self) -> serde_json::Map<String, Value> {
+        let Ok(Value::Object(mut all)) = serde_json::to_value(self) else {
+            return serde_json::Map::new();
+        };
+        all.remove("files");
+        if let Ok(Value::Object(provenance)) = serde_json::from_str(&self.provenance) {
+            all.remove("provenance");
+            all.extend(provenance.into_iter().filter(|(key, _)| !PATHS.contains(&key.as_str())));
+        }
+        all
+    }
+}
+
+/// Names of the values that are not alike in both.
+fn others<'a>(
+    a: &'a serde_json::Map<String, Value>,
+    b: &'a serde_json::Map<String, Value>,
+) -> Vec<&'a str> {
+    let only_in_b = b.keys().filter(|key| !a.contains_key(*key));
+    let all = a.keys().chain(only_in_b);
+    all.filter(|key| a.get(*key) != b.get(*key)).map(String::as_str).collect()
 }

@@ -112,6 +112,20 @@ pub enum ExportError {
         /// Most that it can have.
         limit: usize,
     },
+    /// A file where the folder is to be.
+    #[error("{}: is a file, and a data set is a folder; name another place", path.display())]
+    NoFolder {
+        /// Place of the data set.
+        path: PathBuf,
+    },
+    /// What says what the folder holds says nothing.
+    #[error("{}: cannot be read ({why}); put it back as it was, or name another folder", path.display())]
+    About {
+        /// The file.
+        path: PathBuf,
+        /// Where and why.
+        why: serde_json::Error,
+    },
     /// The folder holds something else.
     #[error("{}: is not empty and holds no data set of this program; name another folder", path.display())]
     Foreign {

@@ -9,7 +9,6 @@ use tempfile::NamedTempFile;
 
 use super::ExportError;
 use super::record::{FrameRecord, Written};
-use crate::files::write_whole;
 
 /// Records and files that are being written: hidden, because loaders list the other folders.
 const HIDDEN: &str = ".sightline";
@@ -27,10 +26,15 @@ pub(super) struct Staged {
 }
 
 impl Folder {
-    /// Makes the folder if there is none.
+    /// Makes the folder if there is none; takes away what a run that was killed had begun in it.
     pub fn open(root: &Path) -> Result<Self, ExportError> {
         let hidden = root.join(HIDDEN);
         std::fs::create_dir_all(&hidden).map_err(ExportError::io(root))?;
+        let entries = std::fs::read_dir(&hidden).map_err(ExportError::io(&hidden))?;
+        // Records lie in folders of their own: files here were being written.
+        for torn in entries.flatten().filter(|e| e.file_type().is_ok_and(|kind| kind.is_file())) {
+            std::fs::remove_file(torn.path()).map_err(ExportError::io(&torn.path()))?;
+        }
         Ok(Self { root: root.to_owned() })
     }
 
@@ -62,11 +66,10 @@ impl Folder {
 
     /// Writes a value as JSON.
     pub fn put_json(&self, name: &str, value: &impl Serialize) -> Result<(), ExportError> {
-        let path = self.root.join(name);
-        write_whole(&path, |out| {
-            serde_json::to_writer_pretty(&mut *out, value).map_err(ExportError::json(&path))?;
-            out.write_all(b"\n").map_err(ExportError::io(&path))
-        })
+        let mut text =
+            serde_json::to_vec_pretty(value).map_err(ExportError::json(&self.root.join(name)))?;
+        text.push(b'\n');
+        self.put(name, &text).map(drop)
     }
 
     /// Takes a file away, if it is there.

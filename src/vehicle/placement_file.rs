@@ -21,7 +21,7 @@ const MAX_DOCUMENT: u64 = 1 << 30;
 #[non_exhaustive]
 pub enum PlacementFileError {
     /// The file cannot be opened or read.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: cannot be read: {source}", path.display())]
     Io {
         /// File.
         path: PathBuf,

@@ -26,7 +26,8 @@ def exported(layout: str, small_file: Path, folder: Path) -> Path:
     pose = {"x": 0.3, "y": 0, "z": 2.5}
     placement.write_text(json.dumps({"placements": [{"name": "one", "lidars": [pose, {**pose, "x": -0.3}]}]}))
     command = [sys.executable, "-m", "sightline", "scan", str(small_file), "--placement", str(placement), "--layout", layout]
-    rest = ["--out", str(folder / layout), "--splits", "0", "1", "0", "--keyframe-every", "2"]
+    rest = ["--out", str(folder / layout), "--splits", "0", "1", "0"]
+    rest += ["--keyframe-every", "2"] if layout == "nuscenes" else []
     subprocess.run([*command, *rest], check=True, capture_output=True)
     return folder / layout
 
