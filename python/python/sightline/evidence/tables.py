@@ -144,17 +144,11 @@ def _to_win(effects: dict[str, Any]) -> str:
     if not effects:
         return ""
     columns = list(dict.fromkeys(name for of in effects.values() for name in of))
-    text = "\n## What there is to win: searched for the metrics themselves, less Ours-seg [95 %, over scenes]\n\n"
-    text += head(["placement", *columns])
+    text = "\n## What there is to win: chosen on the first seed, judged by the others, less Ours-seg [95 %, over scenes]\n\n"
+    text += head(["", *columns])
     for name, of in effects.items():
-        text += row([name, *(_won(of.get(column)) for column in columns)])
+        text += row([name, *(f"{interval(of[c], 3)} (`{of[c]['placement']}`)" for c in columns)])
     return text
-
-
-def _won(found: dict[str, Any] | None) -> str:
-    if found is None:
-        return ""
-    return interval(found, 3) + (f" (`{found['placement']}`)" if "placement" in found else "")
 
 
 def _places(effects: dict[str, Any]) -> str:
