@@ -60,6 +60,31 @@ def test_regret_of_best_random_and_worst() -> None:
     assert np.isnan(decide.regrets(np.ones((4, 1)))).all()
 
 
+def pairs(values: dict[str, float], pools: dict[str, str]) -> Gathered:
+    """The same in two scenes."""
+    plan: Any = SimpleNamespace()
+    layouts = [Layout(name, pools.get(name, "box"), np.zeros((4, 6))) for name in values]
+    metric = np.repeat(np.array([list(values.values())]).T, 2, axis=1)
+    scores = {name: metric for name in ("near_gain", "information_gain")}
+    return Gathered(plan, layouts, ["a", "b"], [1], {"birds_eye_miou": metric[None]}, scores, {}, [])
+
+
+def test_optima_are_compared_with_those_of_the_default() -> None:
+    given = pairs({"Ours-seg": 4.0, "Center": 2, "best-near_gain-1": 5, "best-pool-gain-box": 3, "random-a": 1}, {})
+    found = decide.of(given, given.pool("box"))["optima"]
+    # Best − mean is 2: the default's lose nothing, the gain's lose 1, Ours-seg loses a half.
+    less = found["information_gain"]["less_regret_than"]
+    assert {other: one["value"] for other, one in less.items()} == {"Ours-seg": -0.5, "optima of near_gain": -1}
+    assert list(found["near_gain"]["less_regret_than"]) == ["Ours-seg"]
+
+
+def test_low_ones_and_phases_are_differences() -> None:
+    values = {"Ours-seg": 4.0, "Line-in-step": 1, "Line-staggered": 1.5, "Square-in-step": 9, "low-front": 3}
+    found = effects.of(pairs(values, {"low-front": "mixed"}))
+    assert {name: of["birds_eye_miou"]["value"] for name, of in found["low"].items()} == {"low-front": -1}
+    assert {name: of["birds_eye_miou"]["value"] for name, of in found["phases"].items()} == {"Line": 0.5}
+
+
 def test_what_there_is_to_win() -> None:
     """Chosen on the first seed, told by the second."""
     names = ["Ours-seg", "Center", "random-a", "random-b", "count-6"]

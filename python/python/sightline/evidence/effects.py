@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -22,9 +23,11 @@ QUANTITIES = ("mean_height", "spread_of_heights", "spread_in_plan", "mean_roll")
 
 def of(given: Gathered) -> dict[str, Any]:
     """Effects of poses in the mount, and of other LiDARs on the published optimum."""
-    parts = {
+    parts: dict[str, Callable[[Gathered], dict[str, Any]]] = {
         "poses": _poses,
-        "sensors": _sensors,
+        "sensors": lambda given: _less_published(given, "sensor"),
+        "low": lambda given: _less_published(given, "mixed"),
+        "phases": _phases,
         "needed": _needed,
         "variants": _variants,
         "transfer": _transfer,
@@ -72,12 +75,23 @@ def _coefficients(told: F64, values: F64) -> F64:
     return found
 
 
-def _sensors(given: Gathered) -> dict[str, Any]:
-    """Each other LiDAR less the study's own at the same poses, paired over scenes."""
-    names = [layout.name for layout in given.layouts if layout.pool == "sensor"]
+def _less_published(given: Gathered, pool: str) -> dict[str, Any]:
+    """Each placement of a pool less the published optimum, paired over scenes."""
+    names = [layout.name for layout in given.layouts if layout.pool == pool]
     rows = [names_at(given, name) for name in names]
     metrics = [m for m in decide.DECIDING if m in given.metrics and np.isfinite(given.mean(m)[rows]).any(axis=1).all()]
     return {name: {m: asdict(decide.paired(given, m, name, decide.PUBLISHED)) for m in metrics} for name in names}
+
+
+def _phases(given: Gathered) -> dict[str, Any]:
+    """Layouts whose LiDARs share azimuths: a quarter of a step apart less in step, paired over scenes."""
+    names = [layout.name for layout in given.layouts]
+    bases = [name.removesuffix("-in-step") for name in names if name.endswith("-in-step")]
+    return {
+        base: {m: asdict(decide.paired(given, m, f"{base}-staggered", f"{base}-in-step")) for m in decide.DECIDING if m in given.metrics}
+        for base in bases
+        if f"{base}-staggered" in names
+    }
 
 
 #: A difference worth seeing, as it is between optima of one mount.
