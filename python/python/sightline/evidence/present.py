@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from . import charts
 from .decide import NULL, handmade
 from .files import write_json
 from .tables import interval, tables
@@ -51,16 +52,21 @@ def _whole(path: Path, content: bytes) -> None:
 
 
 def figure(result: dict[str, Any]) -> bytes:
-    """SVG: what one loses by trusting each score, and what each placement of the pool is worth."""
+    """SVG: what one loses by trusting each score, and what each placement of the pool is worth; or the one question's answer."""
     import matplotlib
     from matplotlib.figure import Figure
 
+    design, count = result["plan"]["design"], len(result["placements"])
     page = Figure(figsize=(11, 5.6), layout="constrained")
-    if POOL in result["pools"]:
+    title = f"{design} study: {count} placements, targets that no placement moves"
+    if charts.of(page, result["effects"]):
+        page.set_size_inches(11, 3.4)
+        title = f"{design} study: means over {count} units and {len(result['targets'])} scenes, intervals over scenes (95 %)"
+    elif POOL in result["pools"]:
         left, right = page.subplots(1, 2)
         _losses(left, result["pools"][POOL]["regret"])
         _worth(right, result)
-    page.suptitle(f"{result['plan']['design']} study: {len(result['placements'])} placements, targets that no placement moves")
+    page.suptitle(title, fontsize=11)
     written = io.BytesIO()
     with matplotlib.rc_context({"svg.hashsalt": "sightline"}):
         page.savefig(written, format="svg", metadata={"Date": None})
