@@ -61,7 +61,8 @@ def figure(result: dict[str, Any]) -> bytes:
     title = f"{design} study: {count} placements, targets that no placement moves"
     if charts.of(page, result["effects"]):
         page.set_size_inches(11, 3.4)
-        title = f"{design} study: means over {count} units and {len(result['targets'])} scenes, intervals over scenes (95 %)"
+        scenes = len(result["targets"])
+        title = f"{design} study: {count} placements in {scenes} scenes; intervals of the difference, over scenes (95 %)"
     elif POOL in result["pools"]:
         left, right = page.subplots(1, 2)
         _losses(left, result["pools"][POOL]["regret"])
