@@ -48,7 +48,7 @@ def carry_out(plan: Plan, out: Path, exchanges: int, jobs: int) -> dict[str, Any
         theirs = read_json(folder / f"{one.name}-{seed}.json")["scenes"]
         searched = read_json(folder / f"search-{group}.json")
         result[one.name] = {
-            "search": {key: searched[key] for key in ("value", "start", "starts", "exchanges", "taken")},
+            "search": {key: searched[key] for key in ("poses", "value", "start", "starts", "exchanges", "taken")},
             "less_published": {
                 metric: asdict(decide.over_scenes(np.array([_of(theirs, s, metric) - _of(ours, s, metric) for s in ours])))
                 for metric in direct.METRICS
