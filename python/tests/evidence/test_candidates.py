@@ -132,24 +132,6 @@ def test_search_finds_the_best_pair_in_the_pool(small_file: Path, tmp_path: Path
         assert found >= np.sort(pairs)[-3] - 1e-9, name
 
 
-def test_the_ideal_weighs_what_a_learner_that_never_errs_would_get(small_file: Path, tmp_path: Path) -> None:
-    world = worlds.world("small", small_file, "test", 1)
-    poses, _ = pool.drawn(world.source().described["mount"], 8, 4, seed=3)
-    pool.cast(world, poses, tmp_path)
-    allowed = [np.ones(len(poses), bool)] * 2
-    found, best = pool.ideal(["small"], tmp_path, allowed), pool.optimum("ideal", ["small"], tmp_path, poses, allowed, 0.0)
-    # Shares of things hit, each class alike, from the file itself.
-    stored = np.load(tmp_path / "small.npz")
-    rows = np.split(stored["0.hit"], stored["0.hit.ends"][:-1])
-    weight = stored["0.weight.hit_by_class"]
-    share = [weight[row].sum() for row in rows]
-    np.testing.assert_allclose(pool.objective("hit_by_class", ["small"], tmp_path)([]), share)
-    assert len(np.unique(weight)) > 2 and weight.sum() == pytest.approx(1)
-    # A pose more never takes anything away, and the optimum is no worse than any pair tried.
-    assert np.all(found([0]) >= found([])[0] - 1e-12)
-    assert best["value"] >= np.median([found([a])[b] for a, b in itertools.combinations(range(len(poses)), 2)])
-
-
 def test_search_keeps_the_distance(small_file: Path) -> None:
     poses = np.array([[0.0, 0, z, 0, 0, 0] for z in (2.2, 2.25, 2.5)])
     chosen, _ = pool.search(lambda rest: np.array([3.0, 2.0, 1.0]), poses, [np.ones(3, bool)] * 2, 0.2)

@@ -31,16 +31,6 @@ def test_partial_is_the_formula_of_three_correlations() -> None:
     assert np.isnan(correlate.partial(given, y, given))
 
 
-def test_regret_of_best_random_and_worst() -> None:
-    metric = np.array([0.1, 0.2, 0.3, 0.6])
-    assert correlate.regret(metric, metric) == 0
-    assert correlate.regret(np.ones(4), metric) == pytest.approx(1)
-    assert correlate.regret(-metric, metric) == pytest.approx((0.6 - 0.1) / (0.6 - 0.3))
-    assert np.isnan(correlate.regret(metric, np.ones(4)))
-    table = np.c_[metric, metric[::-1]]
-    assert correlate.mean_regret(table, table) == 0
-
-
 def test_interval_holds_the_truth_as_often_as_it_says() -> None:
     """Ranks of two normals with correlation .6 have ρ = 6/π·asin(.3)."""
     rng = np.random.default_rng(2)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("lightgbm", reason="lightgbm is not installed")
-from sightline.evidence import __main__, effects, layouts, plan, trial, worlds
+from sightline.evidence import __main__, charts, effects, layouts, plan, trial, worlds
 from sightline.evidence.designs import DESIGNS, KINDS
 from sightline.evidence.gathered import Gathered
 from sightline.evidence.layouts import Layout
@@ -139,6 +139,49 @@ def test_variants_are_paired_by_placement() -> None:
     assert more["less_first"]["value"] == pytest.approx((1 + 2 + 0 + 1.1 + 2 + 0) / 6)
     assert more["order_as_first"] == pytest.approx(0.5)
     assert found["more"]["placements"] == 3
+
+
+def drawn(effects: dict[str, Any]) -> Any:
+    """A page of matplotlib with a picture of these effects."""
+    figure = pytest.importorskip("matplotlib.figure", reason="matplotlib is not installed")
+    page = figure.Figure()
+    assert charts.of(page, effects)
+    return page
+
+
+def change(value: float) -> dict[str, float]:
+    return {"value": value, "low": value - 0.1, "high": value + 0.1}
+
+
+def test_weather_is_drawn_beside_clear_air() -> None:
+    def weather(value: float) -> dict[str, Any]:
+        return {"metrics": {"birds_eye_miou": {"mean": 0.4 + value, "less_first": change(value)}}}
+
+    variants = {"clear": weather(0), "fog, trained in clear air": weather(-0.2), "fog, trained in it": weather(-0.1)}
+    page = drawn({"variants": variants, "transfer": {}})
+    (spot,) = page.axes
+    dots = [line for line in spot.lines if line.get_marker() == "o" and len(line.get_xdata())]
+    assert [float(line.get_xdata()[0]) for line in dots] == [-0.2, -0.1]
+    assert [text.get_text() for text in spot.get_yticklabels()] == ["fog"]
+    assert [text.get_text() for text in page.legends[0].get_texts()] == ["trained in clear air", "trained in it"]
+    assert spot.get_xlabel() == "difference from clear (0.40)"
+
+
+def test_channels_are_drawn_from_the_first_on() -> None:
+    variants = {
+        f"{count}-channels": {"metrics": {m: {"mean": 0.3, "less_first": change(value)} for m in ("objects_5", "voxel_miou")}}
+        for count, value in ((16, 0.0), (64, 0.2))
+    }
+    (spot,) = drawn({"variants": variants, "transfer": {}}).axes
+    assert spot.lines[0].get_xdata().tolist() == [16, 64]
+    np.testing.assert_allclose(spot.lines[0].get_ydata(), [0.3, 0.5])
+
+
+def test_what_was_searched_elsewhere_is_drawn_and_nothing_else_is() -> None:
+    transfer = {"best-of-street": {"birds_eye_miou": {"all": change(0.1), "street": 0.1}}}
+    (spot,) = drawn({"variants": {}, "transfer": transfer}).axes
+    assert [text.get_text() for text in spot.get_yticklabels()] == ["street"]
+    assert not charts.of(None, {"variants": {}, "transfer": {}})
 
 
 def test_placements_of_the_standard_run_come_again_out_of_step(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -81,17 +81,6 @@ def test_what_is_not_seen_is_wrong_on_fixed_targets() -> None:
     assert segmentation.nuscenes(counts).mean == 1.0
 
 
-def test_mean_recall_is_scikit_learns_balanced_accuracy() -> None:
-    metrics = pytest.importorskip("sklearn.metrics")
-    for truth, predicted in pairs(50):
-        counted = truth > 0
-        theirs = metrics.recall_score(
-            truth[counted], predicted[counted], average="macro", labels=np.unique(truth[counted])
-        )
-        ours = segmentation.mean_recall(segmentation.confusion(truth, predicted, CLASSES))
-        assert ours == pytest.approx(theirs, abs=1e-12)
-
-
 def test_labels_beyond_the_classes_are_refused() -> None:
     with pytest.raises(ValueError, match="beyond 0 to 2"):
         segmentation.confusion(np.array([3]), np.array([0]), 3)

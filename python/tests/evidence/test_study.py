@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -87,6 +88,44 @@ def test_tables_and_figure(result: dict[str, Any], out: Path) -> None:
     picture = (out / "figure.svg").read_bytes()
     present.write(result, out)
     assert picture == (out / "figure.svg").read_bytes() and b"</svg>" in picture
+
+
+def test_what_is_published_has_what_correlations_are_made_of(result: dict[str, Any], out: Path) -> None:
+    present.write(result, out)
+    short = json.loads((out / "short.json").read_text())
+    box = [placement for placement in short["placements"] if placement["pool"] == "box"]
+    found = short["pools"]["four in the mount"]["metrics"]["voxel_1m_miou"]["scores"]
+    metric = np.array([placement["by_seed_and_scene"]["voxel_1m_miou"] for placement in box]).mean(axis=(1, 2))
+    for score in ("near_gain", "covered", "shuffled"):
+        values = np.array([placement["scores"][score] for placement in box]).mean(axis=1)
+        assert correlate.spearman(values, metric) == pytest.approx(found[score]["spearman"]["value"], abs=1e-3), score
+    assert short["plan"] == result["plan"] and "detail" not in short["placements"][0]
+
+
+def test_parts_are_means_over_scenes_less_the_published_optimum(result: dict[str, Any], out: Path) -> None:
+    details = {name: files.read_json(out / "units" / f"{name}-1.json")["scenes"] for name in ("Ours-seg", "Center")}
+
+    def less(read: Callable[[dict[str, Any]], float]) -> float:
+        each = {name: [read(scene["detail"]) for scene in scenes.values()] for name, scenes in details.items()}
+        return float(np.mean(np.array(each["Center"]) - each["Ours-seg"]))
+
+    parts = result["parts"]["parts"]
+    road = parts["IoU within 1 m"]["road"]["Center"]
+    assert road["value"] == pytest.approx(less(lambda detail: detail["iou_by_class_1m"]["road"])) and road["value"] != 0
+    far = parts["mIoU within 1 m, ring"]["10 to 20 m"]["Center"]["value"]
+    assert far == pytest.approx(less(lambda detail: detail["miou_by_ring_1m"][1])) and far != 0
+    kinds = parts["objects ≥ 5 points"]
+    share = np.mean([np.divide(*scene["detail"]["objects"]["vehicle_5"]) for scene in details["Ours-seg"].values()])
+    assert kinds["vehicle"]["Ours-seg"]["value"] == pytest.approx(share)
+    # The world has none of these.
+    assert "cyclist" not in kinds and "barrier" not in parts["IoU within 1 m"]
+
+
+def test_lists_of_numbers_stand_on_a_line(tmp_path: Path) -> None:
+    value = {"table": [[1.5, float("nan"), -2e-7], [3]], "text": "[1,\n 2]", "empty": [], "mixed": [1, "a"]}
+    files.write_json(tmp_path / "some.json", value)
+    assert files.read_json(tmp_path / "some.json") == files.finite(value)
+    assert "[1.5, null, -2e-07]" in (tmp_path / "some.json").read_text()
 
 
 def test_what_is_there_of_a_run_that_was_cut_short(result: dict[str, Any], out: Path, tmp_path: Path) -> None:

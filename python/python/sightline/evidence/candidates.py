@@ -93,8 +93,6 @@ WEIGHTS: dict[str, _Weight] = {
     "gain_low": lambda h, xyz, c, floor: h * (xyz[:, 2] < OVERHEAD),
     "gain_path": lambda h, xyz, c, floor: h * np.exp(-np.abs(xyz[:, 1]) / 5),
     "near_and_ground": _with_ground,
-    # Of what is hit, not covered; see ``pool.IDEAL``.
-    "hit_by_class": lambda h, xyz, c, floor: 1 / np.bincount(c)[c],
 }
 
 

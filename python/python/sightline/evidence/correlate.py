@@ -104,33 +104,6 @@ def _interval(value: float, drawn: F64) -> Interval:
     return Interval(value, float(low), float(high))
 
 
-def regret(score: Floats, metric: Floats) -> float:
-    """(best − picked) / (best − mean) of the placement that the score puts first: 0 the best, 1 a random one.
-
-    Of placements with equal best scores the mean counts. ``NaN`` where the metric does not vary.
-    """
-    kept = np.isfinite(score) & np.isfinite(metric)
-    if not kept.any():
-        return float("nan")
-    score, metric = score[kept], metric[kept]
-    best, mean = metric.max(), metric.mean()
-    picked = metric[score == score.max()].mean()
-    return float((best - picked) / (best - mean)) if best > mean else float("nan")
-
-
-def mean_regret(score: F64, metric: F64) -> float:
-    """Mean over scenes of the regret in each; ``score`` and ``metric`` are ``[placements, scenes]``."""
-    each = [regret(score[:, s], metric[:, s]) for s in range(score.shape[1])]
-    finite = [value for value in each if np.isfinite(value)]
-    return float(np.mean(finite)) if finite else float("nan")
-
-
-def regret_interval(score: F64, metric: F64, drawn: Drawn) -> Interval:
-    """``mean_regret`` with its interval over scenes alone: without a placement, another one would have been picked."""
-    each = np.array([[regret(score[:, s], metric[:, s]) for s in range(score.shape[1])]])
-    return _interval(mean_regret(score, metric), _means(each, drawn.scenes)[:, 0])
-
-
 def noise_ceiling(by_seed: F64) -> float:
     """Rank correlation that a perfect score could reach with a metric measured by these seeds, ``[seeds, placements]``.
 

@@ -37,10 +37,6 @@ class Design:
     evaluations: int = 0
     #: Poses in the mount, and low ones, of the pool that candidates are searched in; 0: no search.
     poses: tuple[int, int] = (0, 0)
-    #: Whether the test scenes are searched, too, for what there is to win in them (``pool.IDEAL``).
-    direct: bool = False
-    #: Exchanges of the search for the metrics themselves in training worlds (``direct``); 0: no search.
-    exchanges: int = 0
 
 
 def _worlds(*seeds: int) -> tuple[tuple[str, int], ...]:
@@ -76,8 +72,6 @@ _ALL = (
         searched=3,
         evaluations=180,
         poses=(400, 160),
-        # ``direct`` was told by the third run; the search through trees asks the same of what has learnt.
-        exchanges=40,
         seeds=(1, 2),
         learner=Settings(points=90_000),
     ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -22,9 +23,11 @@ QUANTITIES = ("mean_height", "spread_of_heights", "spread_in_plan", "mean_roll")
 
 def of(given: Gathered) -> dict[str, Any]:
     """Effects of poses in the mount, and of other LiDARs on the published optimum."""
-    parts = {
+    parts: dict[str, Callable[[Gathered], dict[str, Any]]] = {
         "poses": _poses,
-        "sensors": _sensors,
+        "sensors": lambda given: _less_published(given, "sensor"),
+        "low": lambda given: _less_published(given, "mixed"),
+        "phases": _phases,
         "needed": _needed,
         "variants": _variants,
         "transfer": _transfer,
@@ -72,12 +75,23 @@ def _coefficients(told: F64, values: F64) -> F64:
     return found
 
 
-def _sensors(given: Gathered) -> dict[str, Any]:
-    """Each other LiDAR less the study's own at the same poses, paired over scenes."""
-    names = [layout.name for layout in given.layouts if layout.pool == "sensor"]
+def _less_published(given: Gathered, pool: str) -> dict[str, Any]:
+    """Each placement of a pool less the published optimum, paired over scenes."""
+    names = [layout.name for layout in given.layouts if layout.pool == pool]
     rows = [names_at(given, name) for name in names]
     metrics = [m for m in decide.DECIDING if m in given.metrics and np.isfinite(given.mean(m)[rows]).any(axis=1).all()]
     return {name: {m: asdict(decide.paired(given, m, name, decide.PUBLISHED)) for m in metrics} for name in names}
+
+
+def _phases(given: Gathered) -> dict[str, Any]:
+    """Layouts whose LiDARs share azimuths: a quarter of a step apart less in step, paired over scenes."""
+    names = [layout.name for layout in given.layouts]
+    bases = [name.removesuffix("-in-step") for name in names if name.endswith("-in-step")]
+    return {
+        base: {m: asdict(decide.paired(given, m, f"{base}-staggered", f"{base}-in-step")) for m in decide.DECIDING if m in given.metrics}
+        for base in bases
+        if f"{base}-staggered" in names
+    }
 
 
 #: A difference worth seeing, as it is between optima of one mount.
@@ -156,38 +170,22 @@ def _transfer(given: Gathered) -> dict[str, Any]:
 
 
 def _to_win(given: Gathered) -> dict[str, Any]:
-    """What a search for the metrics themselves wins over the published optimum, a way to a line.
+    """What the best placement in the mount wins over the published optimum.
 
-    ``direct-…`` were searched in the test scenes for what an ideal learner gets. "the best of …" is, of each metric by
-    itself, the placement in the mount that is best by the first seed, judged by the others. ``regret`` is the mean over
-    metrics in units of (best − mean) of those in the mount; above 0 is better than the published optimum.
+    Of each metric by itself the one that is best by the first seed, judged by the others.
     """
     box, ours = given.pool("box"), given.number(decide.PUBLISHED)
-    metrics = [m for m in decide.DECIDING if m in given.metrics]
-    if ours is None or box.sum() < 4:
+    if ours is None or box.sum() < 4 or len(given.seeds) < 2:
         return {}
-    found: dict[str, Any] = {}
-    for layout in given.layouts:
-        if layout.pool != "direct":
+    best = {}
+    for metric in (m for m in decide.DECIDING if m in given.metrics):
+        by_seed = given.metrics[metric]
+        if len(by_seed) < 2 or not np.isfinite(by_seed[1:, box]).any():
             continue
-        row = names_at(given, layout.name)
-        less = {m: given.mean(m)[row] - given.mean(m)[ours] for m in metrics}
-        units = {m: np.nanmax(given.mean(m)[box], axis=0) - mean(given.mean(m)[box], 0) for m in metrics}
-        regret = mean(np.stack([less[m] / np.where(units[m] > 0, units[m], np.nan) for m in metrics]), 0)
-        found[layout.name] = {"regret": asdict(decide.over_scenes(regret))} | {
-            m: asdict(decide.over_scenes(values)) for m, values in less.items()
-        }
-    if len(given.seeds) > 1:
-        best = {}
-        for metric in metrics:
-            by_seed = given.metrics[metric]
-            if len(by_seed) < 2 or not np.isfinite(by_seed[1:, box]).any():
-                continue
-            chosen = int(np.flatnonzero(box)[np.nanargmax(mean(by_seed[0, box], 1))])
-            others = mean(by_seed[1:], 0)
-            best[metric] = {**asdict(decide.over_scenes(others[chosen] - others[ours])), "placement": given.layouts[chosen].name}
-        found["the best of those in the mount"] = best
-    return found
+        chosen = int(np.flatnonzero(box)[np.nanargmax(mean(by_seed[0, box], 1))])
+        others = mean(by_seed[1:], 0)
+        best[metric] = {**asdict(decide.over_scenes(others[chosen] - others[ours])), "placement": given.layouts[chosen].name}
+    return {"the best of those in the mount": best} if best else {}
 
 
 def _places(given: Gathered) -> dict[str, Any]:

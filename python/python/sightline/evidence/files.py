@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,16 @@ def write_json(path: Path, value: Any) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f"{path.name}.{os.getpid()}.tmp")
     text = json.dumps(finite(value), indent=1, sort_keys=True, allow_nan=False)
-    beside.write_text(text + "\n", encoding="utf-8")
+    beside.write_text(_NUMBERS.sub(_on_a_line, text) + "\n", encoding="utf-8")
     os.replace(beside, path)
+
+
+#: An innermost list of numbers over several lines.
+_NUMBERS = re.compile(r"\[\n[\s\d.,eE+\-nul]*\]")
+
+
+def _on_a_line(found: re.Match[str]) -> str:
+    return " ".join(found.group().split()).replace("[ ", "[").replace(" ]", "]")
 
 
 def finite(value: Any) -> Any:

@@ -21,7 +21,7 @@ class Layout:
 
     name: str
     #: ``box``: four LiDARs in the mount; ``mixed``: some beside it; ``number``: other counts; ``sensor``: other LiDARs;
-    #: ``gamed``: must lose; ``direct``: searched for the metrics themselves.
+    #: ``gamed``: must lose; ``direct``: of the search for the metrics themselves (``win``), in no plan.
     pool: str
     poses: F64
     #: Another LiDAR than the study's, as a scene file has it.

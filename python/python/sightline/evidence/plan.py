@@ -16,7 +16,7 @@ import numpy as np
 import sightline
 from sightline import _native
 
-from . import direct, layouts, pool, stage, worlds
+from . import layouts, pool, stage, worlds
 from .candidates import CANDIDATES
 from .designs import KINDS, Design
 from .files import read_json, write_json
@@ -90,7 +90,7 @@ class Plan:
 def _turn(layout: Layout) -> int:
     if layout.name.startswith("random-"):
         return 1 if layout.name.endswith("-0") else 3
-    return 0 if layout.pool in ("box", "direct") else 2
+    return 0 if layout.pool == "box" else 2
 
 
 def digest(record: dict[str, Any]) -> str:
@@ -121,7 +121,6 @@ def _study(design: Design, chosen: list[World], folder: Path, jobs: int) -> list
     train = [world for world in chosen if world.role == "train"]
     mount = train[0].source().described["mount"]
     placed = layouts.published() + _optima(design, train, mount, folder, jobs)
-    placed += _by_learner(design, train, mount, folder, placed, jobs) + _direct(design, chosen, mount, folder, jobs)
     placed += layouts.in_step_and_staggered()
     placed += layouts.mixed() + layouts.numbers() + layouts.gamed() + layouts.sensors()
     return placed + layouts.stratified(mount, design.random, seed=20)
@@ -202,45 +201,6 @@ def _optima(design: Design, train: list[World], mount: dict[str, Any], folder: P
         kind = "mixed" if path.stem.endswith("-low") else "box"
         found.append(Layout(f"best-{path.stem.removeprefix('best-')}", kind, np.array(read_json(path)["poses"])))
     return found
-
-
-def _direct(design: Design, chosen: list[World], mount: dict[str, Any], folder: Path, jobs: int) -> list[Layout]:
-    """What there is to win: the optima of ``pool.IDEAL`` in the test scenes themselves, four in the mount and two of four."""
-    if not design.direct:
-        return []
-    test = [world for world in chosen if world.role == "test"]
-    poses, kinds = pool.drawn(mount, *design.poses, seed=1)
-    casts: list[stage.Task] = [(folder / f"{w.name}.json", pool.cast, (w, poses, folder)) for w in test]
-    stage.carry_out("pool in test scenes", casts, jobs)
-    names, inside, apart = [w.name for w in test], kinds == pool.INSIDE, float(mount.get("min_distance", 0.0))
-    tasks: list[stage.Task] = [
-        (folder / f"direct-{group}.json", pool.optimum, ("ideal", names, folder, poses, allowed, apart))
-        for group, allowed in (("box", [inside] * 4), ("low", [inside, inside, ~inside, ~inside]))
-    ]
-    stage.carry_out("optima of the metrics", tasks, jobs)
-    return [Layout(path.stem, "direct", np.array(read_json(path)["poses"])) for path, _, _ in tasks]
-
-
-def _by_learner(
-    design: Design, train: list[World], mount: dict[str, Any], folder: Path, known: list[Layout], jobs: int
-) -> list[Layout]:
-    """What there is to win: optima of the metrics themselves in training worlds, four in the mount and two of four.
-
-    Each search begins at the best of what is ``known`` of its sort.
-    """
-    if not design.exchanges:
-        return []
-    poses, kinds = pool.drawn(mount, *design.poses, seed=1)
-    inside, apart = kinds == pool.INSIDE, float(mount.get("min_distance", 0.0))
-    tasks: list[stage.Task] = []
-    for sort, group, allowed in (("box", "box", [inside] * 4), ("mixed", "low", [inside, inside, ~inside, ~inside])):
-        # High ones before low ones, as the search has them.
-        starts = {one.name: one.poses[np.argsort(one.poses[:, 2] < 1.5, kind="stable")] for one in known if one.pool == sort}
-        room = direct.Room(poses, allowed, apart)
-        work = (train, room, starts, design.exchanges, design.learner, folder.parent / "truth")
-        tasks.append((folder / f"direct-trees-{group}.json", direct.optimum, work))
-    stage.carry_out("optima by a learner", tasks, jobs)
-    return [Layout(path.stem, "direct", np.array(read_json(path)["poses"])) for path, _, _ in tasks]
 
 
 def settle(design: Design, chosen: list[World], placed: list[Layout], out: Path) -> Plan:

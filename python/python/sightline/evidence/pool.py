@@ -19,12 +19,6 @@ from .worlds import World
 #: Of the occupied voxels of a frame so many are looked at, drawn at random: shares to a part in a thousand.
 MOST = 20_000
 
-#: What the metrics on fixed targets are to a learner that errs nowhere, and how many of them each part stands for.
-IDEAL = {"hit_by_class": 3, "actors_5": 1, "actors_20": 1, "near_field": 2}
-
-#: Random choices of poses that tell how far a part of ``IDEAL`` goes.
-DRAWN = 60
-
 #: Kinds of poses: in the mount, and low around the body.
 INSIDE, LOW = 0, 1
 
@@ -141,7 +135,7 @@ def objective(name: str, world_names: list[str], folder: Path) -> Objective:
         return lambda chosen: np.sum([factor * part(chosen) for part, factor in parts], axis=0)
     if name.startswith("actors_"):
         return _actors(int(name.removeprefix("actors_")), world_names, folder).totals
-    read = {"distinct_voxels": "hit", "hit_by_class": "hit", "near_field": "squares"}.get(name, "covered")
+    read = {"distinct_voxels": "hit", "near_field": "squares"}.get(name, "covered")
     sets = _sets(read, name if name in WEIGHTS else None, world_names, folder)
 
     def totals(chosen: list[int]) -> F64:
@@ -150,18 +144,6 @@ def objective(name: str, world_names: list[str], folder: Path) -> Objective:
         return found
 
     return totals
-
-
-def ideal(world_names: list[str], folder: Path, allowed: list[Bools]) -> Objective:
-    """The mean of ``IDEAL``, each part in units of (best − mean) of random choices: less of it is more regret."""
-    rng = np.random.default_rng(5)
-    choices = [[int(rng.choice(np.flatnonzero(here))) for here in allowed] for _ in range(DRAWN)]
-    parts = []
-    for name, metrics in IDEAL.items():
-        part = objective(name, world_names, folder)
-        values = np.array([part(rest)[last] for *rest, last in choices])
-        parts.append((part, metrics / max(values.max() - values.mean(), 1e-12) / sum(IDEAL.values())))
-    return lambda chosen: np.sum([factor * part(chosen) for part, factor in parts], axis=0)
 
 
 def _frames(world_names: list[str], folder: Path) -> list[tuple[Any, int]]:
@@ -239,7 +221,6 @@ def _best(totals: Objective, poses: F64, allowed: Bools, rest: list[int], apart:
 def optimum(
     name: str, world_names: list[str], folder: Path, poses: F64, allowed: list[Bools], apart: float
 ) -> dict[str, Any]:
-    """The best pose of each place for a candidate, or for ``ideal``, and its value in these worlds."""
-    totals = ideal(world_names, folder, allowed) if name == "ideal" else objective(name, world_names, folder)
-    chosen, value = search(totals, poses, allowed, apart)
+    """The best pose of each place for a candidate, and its value in these worlds."""
+    chosen, value = search(objective(name, world_names, folder), poses, allowed, apart)
     return {"candidate": name, "poses": poses[chosen].tolist(), "numbers": chosen, "value": value}

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from . import charts
 from .decide import NULL, handmade
 from .files import write_json
 from .tables import interval, tables
@@ -20,34 +21,28 @@ COLOURS = {"published or by hand": "#dd6b20", "optimum of a score": "#2f855a", "
 
 
 def write(result: dict[str, Any], out: Path) -> None:
-    """``tables.md``, ``figure.svg`` and ``short.json``, the result without what is by scene, in ``out``."""
+    """``tables.md``, ``figure.svg`` and ``short.json``, the result without details, in ``out``."""
     write_json(out / "short.json", short(result))
     _whole(out / "tables.md", tables(result).encode())
     _whole(out / "figure.svg", figure(result))
 
 
 def short(result: dict[str, Any]) -> dict[str, Any]:
-    """The result with means over scenes alone, to four digits; the plan as it is."""
-    left_out = ("by_seed_and_scene", "detail", "scores", "curve")
+    """The result to four digits, metrics and scores by scene to six, so that they order placements as they do; the plan as it is."""
+    exact = ("by_seed_and_scene", "scores")
     placements = [
-        {key: value for key, value in p.items() if key not in left_out}
-        | {"scores": {name: _mean(values) for name, values in p["scores"].items()}}
+        {key: _rounded(value, 6 if key in exact else 4) for key, value in p.items() if key not in ("detail", "curve")}
         for p in result["placements"]
     ]
-    return {**_rounded({**result, "placements": placements}), "plan": result["plan"]}
+    return {**_rounded(result | {"placements": []}, 4), "placements": placements, "plan": result["plan"]}
 
 
-def _mean(values: list[float | None]) -> float:
-    there = [value for value in values if value is not None and value == value]
-    return sum(there) / len(there) if there else float("nan")
-
-
-def _rounded(value: Any) -> Any:
+def _rounded(value: Any, digits: int) -> Any:
     if isinstance(value, dict):
-        return {key: _rounded(inner) for key, inner in value.items()}
-    if isinstance(value, list):
-        return [_rounded(inner) for inner in value]
-    return float(f"{value:.4g}") if isinstance(value, float) else value
+        return {key: _rounded(inner, digits) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(inner, digits) for inner in value]
+    return float(f"{value:.{digits}g}") if isinstance(value, float) else value
 
 
 def _whole(path: Path, content: bytes) -> None:
@@ -57,16 +52,22 @@ def _whole(path: Path, content: bytes) -> None:
 
 
 def figure(result: dict[str, Any]) -> bytes:
-    """SVG: what one loses by trusting each score, and what each placement of the pool is worth."""
+    """SVG: what one loses by trusting each score, and what each placement of the pool is worth; or the one question's answer."""
     import matplotlib
     from matplotlib.figure import Figure
 
+    design, count = result["plan"]["design"], len(result["placements"])
     page = Figure(figsize=(11, 5.6), layout="constrained")
-    if POOL in result["pools"]:
+    title = f"{design} study: {count} placements, targets that no placement moves"
+    if charts.of(page, result["effects"]):
+        page.set_size_inches(11, 3.4)
+        scenes = len(result["targets"])
+        title = f"{design} study: {count} placements in {scenes} scenes; intervals of the difference, over scenes (95 %)"
+    elif POOL in result["pools"]:
         left, right = page.subplots(1, 2)
         _losses(left, result["pools"][POOL]["regret"])
         _worth(right, result)
-    page.suptitle(f"{result['plan']['design']} study: {len(result['placements'])} placements, targets that no placement moves")
+    page.suptitle(title, fontsize=11)
     written = io.BytesIO()
     with matplotlib.rc_context({"svg.hashsalt": "sightline"}):
         page.savefig(written, format="svg", metadata={"Date": None})

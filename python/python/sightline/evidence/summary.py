@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from . import correlate, decide, effects
+from . import correlate, decide, effects, parts
 from ._types import F64, Bools
 from .decide import SEED
+from .designs import DESIGNS
 from .files import is_whole, read_json
 from .gathered import Gathered, mean
 from .plan import Plan
@@ -30,8 +31,8 @@ def of(plan: Plan, out: Path) -> dict[str, Any]:
     """All of ``result.json`` but for the time of this call; the same bytes for the same units, however many are there."""
     given = Gathered.of(plan, out)
     pools = {}
-    for pool, parts in POOLS.items():
-        kept = given.pool(*parts)
+    for pool, among in POOLS.items():
+        kept = given.pool(*among)
         if kept.sum() >= 4:
             pools[pool] = {**_pool(given, kept), "regret": decide.of(given, kept)}
     checks = {
@@ -42,11 +43,13 @@ def of(plan: Plan, out: Path) -> dict[str, Any]:
     return {
         "plan_sha256": plan.sha256,
         "plan": plan.record,
+        "made_by": _made_by(plan),
         "missing_units": given.missing,
         "targets": {scene: read_json(out / "truth" / f"{scene}.json") for scene in given.scenes},
         "placements": [_placement(given, k) for k in range(len(given.layouts))],
         "pools": pools,
         "effects": effects.of(given),
+        "parts": parts.of(given),
         "agreement": effects.agreement(given),
         "checks": {
             **checks,
@@ -55,6 +58,12 @@ def of(plan: Plan, out: Path) -> dict[str, Any]:
             "learnt": _learnt(given),
         },
     }
+
+
+def _made_by(plan: Plan) -> dict[str, Any]:
+    """How scenes, searches and pools of the plan were asked for: with this they are made again."""
+    design = DESIGNS.get(plan.record["design"])
+    return {key: value for key, value in asdict(design).items() if value and key != "name"} if design else {}
 
 
 def _pool(given: Gathered, kept: Bools) -> dict[str, Any]:

@@ -8,6 +8,14 @@ from typing import Any
 SHOWN = ("voxel_miou", "voxel_1m_miou", "birds_eye_miou", "objects_5", "ground_seen_10m", "own_miou", "unet_birds_eye_miou")
 
 
+#: Effects that are differences from one placement: name, title, what stands in the first column.
+DIFFERENCES = (
+    ("sensors", "Other LiDARs of about as many points at the poses of Ours-seg, less the study's own", "LiDAR"),
+    ("low", "Two of four low, less Ours-seg", "placement"),
+    ("phases", "A quarter of an azimuth step apart, less in step", "placement"),
+)
+
+
 def tables(result: dict[str, Any]) -> str:
     """What the rule says, regret, correlation of each pool, optima, effects, checks, placements."""
     parts = [f"# Evidence, {result['plan']['design']} run\n\nPlan {result['plan_sha256']}.\n"]
@@ -16,10 +24,13 @@ def tables(result: dict[str, Any]) -> str:
     for name, pool in result["pools"].items():
         parts.append(f"\n## {name} ({pool['placements']} placements)\n")
         parts += [_verdict(pool["regret"]), _regret(pool["regret"]), _correlation(pool), _optima(pool["regret"])]
-    parts += [_poses(result["effects"]["poses"]), _sensors(result["effects"]["sensors"])]
+    parts.append(_poses(result["effects"]["poses"]))
+    for name, title, what in DIFFERENCES:
+        parts.append(_differences(result["effects"][name], title, what))
     parts.append(_needed(result["effects"]["needed"]))
     parts += [_variants(result["effects"]["variants"]), _transfer(result["effects"]["transfer"])]
     parts += [_to_win(result["effects"]["to_win"]), _places(result["effects"]["places"])]
+    parts.append(_parts(result["parts"]))
     parts += [_more(result["checks"]["one_more_lidar"]), _agreement(result["agreement"])]
     parts.append("\n## Checks\n\n" + "".join(f"- {line}\n" for line in _checks(result["checks"])))
     return "".join([*parts, _placements(result["placements"])])
@@ -96,12 +107,11 @@ def _poses(effects: dict[str, Any]) -> str:
     return text + "".join(row([m, *(interval(of[name]) for name in names)]) for m, of in effects.items())
 
 
-def _sensors(effects: dict[str, Any]) -> str:
+def _differences(effects: dict[str, Any], title: str, what: str) -> str:
     if not effects:
         return ""
     metrics = list(next(iter(effects.values())))
-    text = "\n## Other LiDARs of about as many points at the poses of Ours-seg, less the study's own [95 %, over scenes]\n\n"
-    text += head(["LiDAR", *metrics])
+    text = f"\n## {title} [95 %, over scenes]\n\n" + head([what, *metrics])
     return text + "".join(row([name, *(interval(of[m], 3) for m in metrics)]) for name, of in effects.items())
 
 
@@ -144,17 +154,11 @@ def _to_win(effects: dict[str, Any]) -> str:
     if not effects:
         return ""
     columns = list(dict.fromkeys(name for of in effects.values() for name in of))
-    text = "\n## What there is to win: searched for the metrics themselves, less Ours-seg [95 %, over scenes]\n\n"
-    text += head(["placement", *columns])
+    text = "\n## What there is to win: chosen on the first seed, judged by the others, less Ours-seg [95 %, over scenes]\n\n"
+    text += head(["", *columns])
     for name, of in effects.items():
-        text += row([name, *(_won(of.get(column)) for column in columns)])
+        text += row([name, *(f"{interval(of[c], 3)} (`{of[c]['placement']}`)" for c in columns)])
     return text
-
-
-def _won(found: dict[str, Any] | None) -> str:
-    if found is None:
-        return ""
-    return interval(found, 3) + (f" (`{found['placement']}`)" if "placement" in found else "")
 
 
 def _places(effects: dict[str, Any]) -> str:
@@ -164,6 +168,18 @@ def _places(effects: dict[str, Any]) -> str:
     text += head(["score", *(f"{len(of['scenes'])} {origin}" for origin, of in effects.items())])
     for score in next(iter(effects.values()))["optima"]:
         text += row([f"`{score}`", *(f"{interval(of['regret'][score])}; {interval(of['optima'][score])}" for of in effects.values())])
+    return text
+
+
+def _parts(parts: dict[str, Any]) -> str:
+    if not parts:
+        return ""
+    text = "\n## By class, distance and kind\n\n`Ours-seg`, and what others have more; means over scenes [95 %, over scenes]. "
+    text += "Of the ECE less is better.\n\n"
+    text += head(["", "Ours-seg", *parts["placements"]])
+    for what, rows in parts["parts"].items():
+        for name, columns in rows.items():
+            text += row([f"{what}: {name}", *(interval(found, 3) for found in columns.values())])
     return text
 
 

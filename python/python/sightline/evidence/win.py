@@ -2,7 +2,7 @@
 
 Searches for the metrics themselves through trees in the run's training worlds (``direct``), four LiDARs in the mount and two
 of four low round the body, tests what is found in its test scenes, and says by how much it differs from the published
-optimum. Everything lies in ``DIR/win``.
+optimum. Everything lies in ``DIR/win``; killed at any time, the same command goes on.
 """
 
 from __future__ import annotations
@@ -35,6 +35,30 @@ STARTS = (decide.PUBLISHED, "best-near_gain-", "best-pool-near_and_")
 
 def carry_out(plan: Plan, out: Path, exchanges: int, jobs: int) -> dict[str, Any]:
     """Searches and tests whatever is not in ``out/win`` yet; the differences from the published optimum."""
+    folder, seed = out / "win", plan.seeds[0]
+    published = out / "units" / f"{decide.PUBLISHED}-{seed}.json"
+    if not is_whole(published):
+        raise ValueError(f"{published}: is not there; run the study with this --out first")
+    stage.carry_out("searches through trees", _searches(plan, out, exchanges), jobs)
+    found = out_of_step([Layout(f"direct-trees-{group}", "direct", _poses(folder, group)) for group in ("box", "low")])
+    stage.carry_out("tests", [(folder / f"{one.name}-{seed}.json", run.unit, (plan, one, seed, out)) for one in found], jobs)
+    ours = read_json(published)["scenes"]
+    result: dict[str, Any] = {}
+    for one, group in zip(found, ("box", "low")):
+        theirs = read_json(folder / f"{one.name}-{seed}.json")["scenes"]
+        searched = read_json(folder / f"search-{group}.json")
+        result[one.name] = {
+            "search": {key: searched[key] for key in ("poses", "value", "start", "starts", "exchanges", "taken")},
+            "less_published": {
+                metric: asdict(decide.over_scenes(np.array([_of(theirs, s, metric) - _of(ours, s, metric) for s in ours])))
+                for metric in direct.METRICS
+            },
+        }
+    return result
+
+
+def _searches(plan: Plan, out: Path, exchanges: int) -> list[stage.Task]:
+    """In the mount, and with two of four low; those of another length are forgotten."""
     train, folder = plan.of("train"), out / "win"
     mount = train[0].source().described["mount"]
     poses, kinds = pool.drawn(mount, *POSES, seed=1)
@@ -47,28 +71,16 @@ def carry_out(plan: Plan, out: Path, exchanges: int, jobs: int) -> dict[str, Any
             for one in plan.placements
             if one.pool == sort and (sort == "mixed" or one.name.startswith(STARTS))
         }
-        work = (train, direct.Room(poses, allowed, apart), starts, exchanges, plan.learner, folder / "truth")
-        tasks.append((folder / f"search-{group}.json", direct.optimum, work))
-    stage.carry_out("searches through trees", tasks, jobs)
-    found = out_of_step([Layout(f"direct-trees-{group}", "direct", _poses(folder, group)) for group in ("box", "low")])
-    seed = plan.seeds[0]
-    stage.carry_out("tests", [(folder / f"{one.name}-{seed}.json", run.unit, (plan, one, seed, out)) for one in found], jobs)
-    published = out / "units" / f"{decide.PUBLISHED}-{seed}.json"
-    if not is_whole(published):
-        raise ValueError(f"{published}: is not there; run the study with this --out first")
-    ours = read_json(published)["scenes"]
-    result: dict[str, Any] = {}
-    for one, group in zip(found, ("box", "low")):
-        theirs = read_json(folder / f"{one.name}-{seed}.json")["scenes"]
-        searched = read_json(folder / f"search-{group}.json")
-        result[one.name] = {
-            "search": {key: searched[key] for key in ("value", "start", "starts", "exchanges", "taken")},
-            "less_published": {
-                metric: asdict(decide.over_scenes(np.array([_of(theirs, s, metric) - _of(ours, s, metric) for s in ours])))
-                for metric in direct.METRICS
-            },
-        }
-    return result
+        if not starts:
+            raise ValueError(f"{out}: has no {group} placement to begin at; give the folder of quick, standard or again")
+        path, kept = folder / f"search-{group}.json", folder / f"search-{group}.known.json"
+        if is_whole(path) and read_json(path)["exchanges"] != exchanges:
+            # With what is kept a search of another length goes on where the two part.
+            for stale in (path, folder / f"direct-trees-{group}-{plan.seeds[0]}.json"):
+                stale.unlink(missing_ok=True)
+        work = (train, direct.Room(poses, allowed, apart), starts, exchanges, plan.learner, folder / "truth", kept)
+        tasks.append((path, direct.optimum, work))
+    return tasks
 
 
 def _poses(folder: Path, group: str) -> Any:

@@ -80,11 +80,3 @@ def _present(kept: I64, rule: str) -> Iou:
         warnings.simplefilter("ignore", RuntimeWarning)
         by_class = hits / union.astype(np.float64)
         return Iou(rule, by_class, float(np.nanmean(by_class)))
-
-
-def mean_recall(counts: I64, ignore: int = 0) -> float:
-    """Mean over the classes with truth of their share that is right: ``acc_cls`` of mmdet3d, Place3D's mAcc."""
-    kept = np.delete(counts, ignore, axis=0)
-    present = kept.sum(axis=1) > 0
-    right = np.delete(np.diagonal(counts), ignore)
-    return float(np.mean(right[present] / kept.sum(axis=1)[present])) if present.any() else float("nan")
