@@ -39,6 +39,7 @@ impl Standing {
     }
 
     /// Takes the sensor's frame to the tree's.
+    #[cfg_attr(not(feature = "gpu"), allow(dead_code))]
     pub(crate) fn pose(&self) -> &DevicePose {
         &self.pose
     }

@@ -5,6 +5,7 @@ use crate::bvh::{Hit, Ray};
 use crate::problem::{beam_direction, beam_origin};
 
 /// Rays that leave one place at the same moment, and the trees as that place sees them.
+#[cfg_attr(not(feature = "gpu"), allow(dead_code))]
 pub(crate) struct Firing<'a> {
     pub(crate) targets: Vec<Target<'a>>,
     /// Unit directions in the sensor's frame.
@@ -24,6 +25,7 @@ impl Firing<'_> {
     /// The closest hit of a ray of a direction, by the reference's way down each tree.
     ///
     /// CPU twin of `shaders/cast_closest.wgsl` where its sensors are firings.
+    #[cfg_attr(not(feature = "gpu"), allow(dead_code))]
     pub(crate) fn closest_hit(&self, direction: [f32; 3], range: f32) -> Hit {
         let mut hit = Hit::none(range);
         for target in &self.targets {

@@ -49,5 +49,6 @@ pub(crate) use look::CLOSE;
 pub use look::{NearField, NearSite};
 pub(crate) use poles::{Pole, Standard};
 pub use self_hit::{FEW_PLACEMENTS, add_self_hits, self_hits};
+#[cfg(any(test, feature = "cli"))]
 pub(crate) use weight::MOST_WEIGHT;
 pub use weight::{UnweightedGain, unweighted, weighted};

@@ -15,6 +15,7 @@ pub(super) struct Device {
 
 impl Device {
     /// A device at work.
+    #[cfg_attr(not(feature = "gpu"), allow(dead_code))]
     pub fn new(caster: Box<dyn FiringCaster>) -> Self {
         Self { caster: Some(Mutex::new(caster)), failure: OnceLock::new() }
     }

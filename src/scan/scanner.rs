@@ -136,6 +136,7 @@ impl<'a> Scanner<'a> {
     ///
     /// # Errors
     /// As of `open`.
+    #[cfg_attr(not(feature = "gpu"), allow(dead_code))]
     pub(crate) fn cast_by<E>(
         &mut self,
         open: impl FnOnce(&[&Arc<Bvh>]) -> Result<Box<dyn FiringCaster>, E>,

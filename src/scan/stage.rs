@@ -109,6 +109,7 @@ impl Stage {
     }
 
     /// The trees of all things; equal shapes share one.
+    #[cfg_attr(not(feature = "gpu"), allow(dead_code))]
     pub(super) fn trees(&self) -> impl Iterator<Item = &Arc<Bvh>> {
         self.things.iter().map(|thing| &thing.tree)
     }
