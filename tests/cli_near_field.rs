@@ -46,6 +46,13 @@ fn the_near_field_of_two_heights() {
     assert!(((1.0 - share) * area - blind).abs() < 0.01 * area, "{share} of {area}: {blind}");
     let svg = fs::read_to_string(dir.path().join("n.svg")).unwrap();
     assert!(svg.matches("<circle").count() >= 116 && svg.ends_with("</svg>\n"));
+    // Fog hides what is far, a wet road mirrors what is flat: more ground is blind, and more beams end at nothing.
+    let weather = ["--condition", "fog:mor=10", "--condition", "wet:water=1"];
+    let hidden = ok(dir.path(), &[&args[..6], &weather].concat())["near_fields"][1].clone();
+    assert!(number(&hidden["blind_area"]) > number(&high["blind_area"]), "{hidden} {high}");
+    assert!(number(&hidden["beams"][0]["nothing"]) > number(&high["beams"][0]["nothing"]));
+    let robo3d = ["--condition", "fog:mode=robo3d"];
+    assert!(fails(dir.path(), &[&args[..6], &robo3d].concat()).contains("robo3d"));
     let text = sightline(dir.path(), &args[..6]);
     let text = String::from_utf8(text.stdout).unwrap();
     assert_eq!(text.lines().count(), 4, "{text}");

@@ -39,7 +39,7 @@ pub struct Compute {
 #[derive(Args, Debug, Clone, Default)]
 pub struct Conditions {
     /// Weather or a fault, as fog:mor=50, snow:rate=1, wet:water=1, crosstalk:share=0.01, echo:ratio=0.85:
-    /// beams that do not come back cover nothing
+    /// beams that do not come back cover and see nothing
     #[arg(long, value_name = "NAME[:KEY=VALUE,…]")]
     pub condition: Vec<Condition>,
 }

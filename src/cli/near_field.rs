@@ -7,7 +7,7 @@ use crate::runs::Error;
 use crate::runs::near_field::{NearFieldRequest, near_fields};
 use serde_json::json;
 
-use super::args::{Compute, Format};
+use super::args::{Compute, Conditions, Format};
 use super::exit::Exit;
 
 #[derive(clap::Args)]
@@ -31,6 +31,8 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
     #[command(flatten)]
+    conditions: Conditions,
+    #[command(flatten)]
     compute: Compute,
 }
 
@@ -41,6 +43,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         placements: args.placements.clone(),
         out: args.out.clone(),
         frames: args.frames,
+        conditions: args.conditions.condition.clone(),
     };
     let found = near_fields(&request, &args.compute.computing(&terminal))?;
     match args.format {

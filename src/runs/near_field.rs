@@ -11,6 +11,8 @@ use crate::near_field::{Footprint, NearField, NearSite};
 use crate::problem::{Problem, spread};
 use crate::psog::Psog;
 use crate::report::near_field::near_field_svg;
+use crate::scan::conditions::Condition;
+use crate::scan::in_conditions;
 use crate::scene::Scene;
 use crate::vehicle::{Placement, read_placements, table_7};
 
@@ -25,6 +27,8 @@ pub struct NearFieldRequest {
     pub out: Option<PathBuf>,
     /// Frames to average over; all if none.
     pub frames: Option<u32>,
+    /// Weather and faults: what beams that do not come back end at is not seen.
+    pub conditions: Vec<Condition>,
 }
 
 /// Near fields in one scene; an interrupted answer holds the first ones.
@@ -45,7 +49,7 @@ pub struct NearFields {
 /// Looks at the near field of each placement, and draws it where that is asked for.
 ///
 /// # Errors
-/// Files that cannot be read or written, a scene without geometry or own body.
+/// Files that cannot be read or written, a scene without geometry or own body, conditions in the mode `robo3d`.
 pub fn near_fields(
     request: &NearFieldRequest,
     computing: &Computing<'_>,
@@ -59,7 +63,9 @@ pub fn near_fields(
         let inputs = scene.files().iter().map(PathBuf::as_path);
         writable_file(file, inputs.chain(request.placements.as_deref()))?;
     }
+    opening::check_conditions(&request.conditions, computing)?;
     let problem = problem(&scene, &request.scene, request.frames)?;
+    let problem = in_conditions(&scene, problem, &request.conditions)?;
     let mut evaluator = opening::evaluator(problem, computing)?;
     let site = NearSite::new(&scene, &evaluator.shared_problem())?;
     watcher.listen();
