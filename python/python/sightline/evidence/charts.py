@@ -50,7 +50,8 @@ def _curves(page: Any, variants: dict[str, Any], first: str) -> None:
         spot.set_xscale("log", base=2)
         spot.set_xticks(numbers, [str(number) for number in numbers])
         spot.set_xlabel(first.partition("-")[2])
-        spot.set_ylim(0, max(1.15 * max(high), 1e-9))
+        # All are shares.
+        spot.set_ylim(0, min(max(1.15 * max(high), 1e-9), 1))
         spot.set_title(DRAWN[metric], fontsize=9)
 
 
