@@ -143,7 +143,8 @@ impl NearSite {
         Ok(())
     }
 
-    /// The near field of a placement, by the hits of an engine of the site's problem.
+    /// The near field of a placement, by the hits of an engine of the site's problem; in bad weather by those of
+    /// beams that come back.
     ///
     /// # Errors
     /// A sensor of a model that the vehicle does not have, or as [`Backend::hits`].
@@ -162,8 +163,11 @@ impl NearSite {
             beams: vec![[0; 4]; batch.len()],
         };
         for (frame, weight, ground) in &self.frames {
-            let hits = engine.hits(&placement.lidars, *frame)?;
+            let mut hits = engine.hits(&placement.lidars, *frame)?;
             let poses = batch.ego_from_sensors(*frame);
+            if let Some((air, geometry)) = self.problem.air().zip(self.problem.geometry(*frame)) {
+                air.dim(&batch, &poses, geometry, self.problem.number_of(*frame), &mut hits);
+            }
             self.add_frame(&mut sums, &batch, &poses, &hits, (*weight, ground));
         }
         let poses = batch.ego_from_sensors(0);
