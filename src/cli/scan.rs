@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::export::{Layout, Splits};
+use crate::export::{DatasetSettings, Layout, Splits};
 use crate::runs::scan::{ScanRequest, scan};
 use crate::runs::{Computing, Error};
 use crate::scan::Scanning;
@@ -153,6 +153,7 @@ fn counted(count: usize, thing: &str) -> String {
 
 fn request(args: &Args) -> ScanRequest {
     let (ideal, seed, conditions) = (args.ideal, args.seed, args.condition.clone());
+    let usual = DatasetSettings::new(args.layout);
     let splits = args.splits.as_deref().map_or_else(Splits::default, |shares| Splits {
         train: shares[0],
         val: shares[1],
@@ -166,7 +167,7 @@ fn request(args: &Args) -> ScanRequest {
         scanning: Scanning { ideal, seed, conditions },
         frames: args.frames,
         splits,
-        keyframe_every: args.keyframe_every.unwrap_or(5),
+        keyframe_every: args.keyframe_every.unwrap_or(usual.keyframe_every),
         camera_stubs: args.with_camera_stubs,
         each_lidar: !args.merged_only,
         map: args.map.clone(),

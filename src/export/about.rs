@@ -90,8 +90,7 @@ impl About {
 
     /// What of the settings, the scenes' files left aside, is another in a data set that was begun before.
     fn difference(&self, found: &Self) -> Option<String> {
-        let (ours, theirs) = (self.settings.compared(), found.settings.compared());
-        let others = others(&ours, &theirs);
+        let others = others(&self.settings.compared(), &found.settings.compared());
         let difference = if !others.is_empty() {
             return Some(others.join(", "));
         } else if self.scenes != found.scenes {
@@ -108,26 +107,32 @@ impl About {
 }
 
 impl DatasetSettings {
-    /// All that is compared, by name: the settings and, where it is an object, the provenance, without paths and files.
-    fn compared(&self) -> serde_json::Map<String, Value> {
-        let Ok(Value::Object(mut all)) = serde_json::to_value(self) else {
-            return serde_json::Map::new();
-        };
-        all.remove("files");
-        if let Ok(Value::Object(provenance)) = serde_json::from_str(&self.provenance) {
-            all.remove("provenance");
-            all.extend(provenance.into_iter().filter(|(key, _)| !PATHS.contains(&key.as_str())));
+    /// The settings and the provenance as they are compared, without files and the paths of [`PATHS`]. A provenance
+    /// that is no object is one of the settings.
+    fn compared(&self) -> [Value; 2] {
+        let mut settings = serde_json::json!(self);
+        let mut provenance: Value = serde_json::from_str(&self.provenance).unwrap_or_default();
+        if let Some(keys) = settings.as_object_mut() {
+            keys.retain(|key, _| {
+                key != "files" && (key != "provenance" || !provenance.is_object())
+            });
         }
-        all
+        if let Some(keys) = provenance.as_object_mut() {
+            keys.retain(|key, _| !PATHS.contains(&key.as_str()));
+        }
+        [settings, provenance]
     }
 }
 
-/// Names of the values that are not alike in both.
-fn others<'a>(
-    a: &'a serde_json::Map<String, Value>,
-    b: &'a serde_json::Map<String, Value>,
-) -> Vec<&'a str> {
-    let only_in_b = b.keys().filter(|key| !a.contains_key(*key));
-    let all = a.keys().chain(only_in_b);
-    all.filter(|key| a.get(*key) != b.get(*key)).map(String::as_str).collect()
+/// Names of the values that are not alike in both, each once.
+fn others(ours: &[Value; 2], theirs: &[Value; 2]) -> Vec<String> {
+    let mut names = Vec::new();
+    for (a, b) in ours.iter().zip(theirs) {
+        for key in [a, b].into_iter().filter_map(Value::as_object).flat_map(|keys| keys.keys()) {
+            if a.get(key) != b.get(key) && !names.contains(key) {
+                names.push(key.clone());
+            }
+        }
+    }
+    names
 }

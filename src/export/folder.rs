@@ -16,6 +16,8 @@ const HIDDEN: &str = ".sightline";
 /// Folder of a data set.
 pub(super) struct Folder {
     root: PathBuf,
+    /// Lock of the one that takes away what others began; none where another program holds it.
+    _alone: Option<File>,
 }
 
 /// A file that is being written; it takes its place when it is done.
@@ -26,16 +28,21 @@ pub(super) struct Staged {
 }
 
 impl Folder {
-    /// Makes the folder if there is none; takes away what a run that was killed had begun in it.
+    /// Makes the folder if there is none; takes away what a run that was killed had begun in it, unless another
+    /// program writes into it.
     pub fn open(root: &Path) -> Result<Self, ExportError> {
         let hidden = root.join(HIDDEN);
         std::fs::create_dir_all(&hidden).map_err(ExportError::io(root))?;
-        let entries = std::fs::read_dir(&hidden).map_err(ExportError::io(&hidden))?;
-        // Records lie in folders of their own: files here were being written.
-        for torn in entries.flatten().filter(|e| e.file_type().is_ok_and(|kind| kind.is_file())) {
-            std::fs::remove_file(torn.path()).map_err(ExportError::io(&torn.path()))?;
+        let alone = File::open(&hidden).ok().filter(|hidden| hidden.try_lock().is_ok());
+        if alone.is_some() {
+            let entries = std::fs::read_dir(&hidden).map_err(ExportError::io(&hidden))?;
+            // Records lie in folders of their own: files here were being written.
+            for torn in entries.flatten().filter(|e| e.file_type().is_ok_and(|kind| kind.is_file()))
+            {
+                std::fs::remove_file(torn.path()).map_err(ExportError::io(&torn.path()))?;
+            }
         }
-        Ok(Self { root: root.to_owned() })
+        Ok(Self { root: root.to_owned(), _alone: alone })
     }
 
     pub fn root(&self) -> &Path {

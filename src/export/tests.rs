@@ -313,6 +313,41 @@ fn other_folders_are_refused() {
 }
 
 #[test]
+fn a_setting_that_differs_is_named_whatever_the_provenance_says() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut settings = DatasetSettings::new(Layout::Nuscenes);
+    settings.provenance = r#"{ "camera_stubs": 7, "scenes": ["here"] }"#.into();
+    let scenes = scenes(settings.layout);
+    Dataset::create(dir.path(), &settings, &scenes).unwrap();
+    let refused = |settings: &DatasetSettings| {
+        let error = Dataset::create(dir.path(), settings, &scenes).map(drop).unwrap_err();
+        error.to_string()
+    };
+    let stubs = DatasetSettings { camera_stubs: true, ..settings.clone() };
+    assert!(refused(&stubs).contains("other settings (camera_stubs)"), "{}", refused(&stubs));
+    let text = DatasetSettings { provenance: "by hand".into(), ..settings.clone() };
+    assert!(refused(&text).contains("(provenance"), "{}", refused(&text));
+    let elsewhere = r#"{ "camera_stubs": 7, "scenes": ["there"] }"#.into();
+    let moved = DatasetSettings { provenance: elsewhere, ..settings };
+    Dataset::create(dir.path(), &moved, &scenes).unwrap();
+}
+
+#[test]
+fn what_another_program_is_writing_is_not_taken_away() {
+    let dir = tempfile::tempdir().unwrap();
+    let settings = DatasetSettings::new(Layout::Npz);
+    let scenes = scenes(settings.layout);
+    let at_work = Dataset::create(dir.path(), &settings, &scenes).unwrap();
+    let begun = dir.path().join(".sightline/.tmpAbCdEf");
+    std::fs::write(&begun, "half").unwrap();
+    Dataset::create(dir.path(), &settings, &scenes).unwrap();
+    assert!(begun.exists());
+    drop(at_work);
+    Dataset::create(dir.path(), &settings, &scenes).unwrap();
+    assert!(!begun.exists());
+}
+
+#[test]
 fn splits_are_shares_of_the_scenes() {
     let dir = tempfile::tempdir().unwrap();
     let open = |i: usize| SceneFacts { split: None, ..facts(&format!("s{i}"), Split::Train) };

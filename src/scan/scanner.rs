@@ -66,9 +66,7 @@ impl<'a> Scanner<'a> {
         placement: &Placement,
         scanning: &Scanning,
     ) -> Result<(), ScanError> {
-        if !scene.has_geometry() {
-            return Err(ScanError::NoGeometry { scene: scene.name().to_owned() });
-        }
+        Stage::check(scene)?;
         let actors = scene.tracks().len();
         if actors >= usize::from(EGO_INSTANCE) - 1 {
             return Err(ScanError::TooManyActors { scene: scene.name().to_owned(), actors });
@@ -89,7 +87,7 @@ impl<'a> Scanner<'a> {
         scanning: &Scanning,
     ) -> Result<Self, ScanError> {
         Self::check(scene, placement, scanning)?;
-        Self::on(Arc::new(Stage::new(scene)?), scene, placement, scanning)
+        Self::made(Arc::new(Stage::new(scene)?), scene, placement, scanning)
     }
 
     /// Scans with trees of the scene that there are already, of which several placements share one set.
@@ -107,6 +105,15 @@ impl<'a> Scanner<'a> {
     ) -> Result<Self, ScanError> {
         Self::check(scene, placement, scanning)?;
         assert!(stage.is_of(scene), "the stage is not of the scene `{}`", scene.name());
+        Self::made(stage, scene, placement, scanning)
+    }
+
+    fn made(
+        stage: Arc<Stage>,
+        scene: &'a Scene,
+        placement: &'a Placement,
+        scanning: &Scanning,
+    ) -> Result<Self, ScanError> {
         let tracks = scene.tracks();
         let sensors = scene.sensors()?;
         let models = placement.lidars.iter().map(|pose| sensors.number(pose));

@@ -58,13 +58,19 @@ impl Stage {
     /// # Errors
     /// A scene without geometry or with a model without beams, trees that do not fit into memory.
     pub fn new(scene: &Scene) -> Result<Self, ScanError> {
-        if !scene.has_geometry() {
-            return Err(ScanError::NoGeometry { scene: scene.name().to_owned() });
-        }
+        Self::check(scene)?;
         let range = scene.sensors()?.longest_range();
         let world = World::of(scene, &[0], range, EgoBody::Include)?;
         let instances = world.frames().iter().flat_map(|frame| frame.instances());
         Ok(Self::of(scene, instances))
+    }
+
+    /// Finds whether there is anything to scan.
+    pub(super) fn check(scene: &Scene) -> Result<(), ScanError> {
+        match scene.has_geometry() {
+            true => Ok(()),
+            false => Err(ScanError::NoGeometry { scene: scene.name().to_owned() }),
+        }
     }
 
     /// Of trees that there are already, one for each part of the scene that is not empty.

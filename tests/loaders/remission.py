@@ -3,7 +3,8 @@
     remission.py OURS KITTI [FIGURE.svg]
 
 OURS: a folder of `sightline scan --layout npz`; KITTI: a folder of sequences with `velodyne` and `labels`. Our cosines
-are told by the scan, theirs are those of planes through neighbouring points. Needs numpy, scipy.
+are told by the scan, theirs are those of planes through neighbouring points. Needs numpy, scipy; the
+figure needs matplotlib.
 """
 
 import json
@@ -29,7 +30,6 @@ CLASSES = [
 NEAR, FAR = 5.0, 20.0
 EDGES = (0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0)
 FEWEST = 100
-COLOURS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#17becf", "#7f7f7f", "#bcbd22", "#e377c2")
 
 
 def cosines(points, of, tree):
@@ -91,29 +91,19 @@ def medians(rows):
 
 def draw(file, found):
     """Median intensity against the cosine, a panel for ours and one for theirs."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
     middle = [(low + high) / 2 for low, high in zip(EDGES, EDGES[1:])]
-    wide, high, top = 250, 200, 0.5
-    parts = ['<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 690 260" font-family="sans-serif" font-size="11">',
-             '<rect width="690" height="260" fill="#fff"/>']
-    for panel, (title, rows) in enumerate(found.items()):
-        left, floor = 40 + 280 * panel, 225
-        parts.append(f'<text x="{left + wide / 2}" y="16" text-anchor="middle">{title}</text>')
-        for tick in range(6):
-            y, x = floor - high * tick / 5, left + wide * tick / 5
-            parts.append(f'<path d="M{left} {y:g}h{wide}" stroke="#ddd"/>')
-            parts.append(f'<text x="{left - 4}" y="{y + 4:g}" text-anchor="end">{tick * top / 5:.1f}</text>')
-            parts.append(f'<text x="{x:g}" y="{floor + 14}" text-anchor="middle">{tick / 5:g}</text>')
-        for (name, *_), colour in zip(CLASSES, COLOURS):
-            at = [(left + wide * cosine, floor - high * value / top)
-                  for cosine, value in zip(middle, medians(rows[name])[1:]) if not np.isnan(value)]
-            line = " ".join(f"{x:.0f},{y:.0f}" for x, y in at)
-            parts.append(f'<polyline points="{line}" fill="none" stroke="{colour}" stroke-width="2"/>')
-            parts += [f'<circle cx="{x:.0f}" cy="{y:.0f}" r="3" fill="{colour}"/>' for x, y in at]
-    for row, ((name, *_), colour) in enumerate(zip(CLASSES, COLOURS)):
-        parts.append(f'<rect x="585" y="{30 + 18 * row}" width="12" height="12" fill="{colour}"/>')
-        parts.append(f'<text x="603" y="{40 + 18 * row}">{name}</text>')
-    parts.append('<text x="305" y="256" text-anchor="middle">cosine of incidence; median intensity</text></svg>')
-    Path(file).write_text("\n".join(parts) + "\n")
+    page = Figure(figsize=(8, 3), layout="constrained")
+    for spot, (title, rows) in zip(page.subplots(1, 2, sharey=True), found.items()):
+        for name, *_ in CLASSES:
+            spot.plot(middle, medians(rows[name])[1:], "o-", markersize=3, label=name)
+        spot.set(title=title, xlim=(0, 1), ylim=(0, 0.55), xlabel="cosine of incidence")
+    page.axes[0].set_ylabel("median intensity")
+    page.legend(*spot.get_legend_handles_labels(), loc="outside right center", fontsize=8)
+    with matplotlib.rc_context({"svg.hashsalt": "sightline"}):
+        page.savefig(file, metadata={"Date": None})
 
 
 def main(folder, sequences, figure=None):
