@@ -103,6 +103,7 @@ fn wrong_placements_are_answered_with_place_and_mend() {
     let lidar = "{\"x\":0,\"y\":0,\"z\":1}";
     for (name, text, words) in [
         ("a.json", format!("[{}]", line("a")), "is a bare list; write {\"placements\""),
+        ("g.json", scene().to_string(), "g.json: is a scene; give a file of placements"),
         (
             "b.json",
             format!("{{\"placements\":[{},{{\"lidars\":[{lidar}]}}]}}", line("a")),

@@ -48,6 +48,12 @@ pub enum PlacementFileError {
         /// File.
         path: PathBuf,
     },
+    /// A scene in the place of placements.
+    #[error("{}: is a scene; give a file of placements, {{\"placements\": [ … ]}}", path.display())]
+    Scene {
+        /// File.
+        path: PathBuf,
+    },
     /// The document is not UTF-8.
     #[error("{}: is not UTF-8 text from byte {byte} on; save it as UTF-8", path.display())]
     NotText {
@@ -128,6 +134,7 @@ fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, P
         let full = error.to_string();
         let words = full.rsplit_once(" at line ").map_or(&full[..], |(words, _)| words);
         let problem = match unknown_key(words) {
+            Some((SCENE_KEY, _)) => return PlacementFileError::Scene { path: path.to_owned() },
             Some((key, known)) => {
                 let nearest = nearest(key, known.iter().map(String::as_str));
                 format!("unknown key `{key}`{}", did_you_mean(&nearest, &known))
@@ -169,6 +176,8 @@ enum Source {
     Lines { reader: Box<dyn BufRead>, line: u64 },
 }
 
+/// Key that every scene has, and no file of placements.
+const SCENE_KEY: &str = "sightline";
 /// First bytes of a document, without spaces.
 const DOCUMENT: &[u8] = b"{\"placements\"";
 /// Mark that some editors write before UTF-8 text.
