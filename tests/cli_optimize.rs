@@ -38,6 +38,11 @@ fn optimize_writes_its_folder_and_repeats_itself() {
     ] {
         assert!(dir.path().join("first").join(file).exists(), "{file} is missing");
     }
+    // What was found goes on to the other commands.
+    let found =
+        ok(dir.path(), &["score", "scene.json", "first/placements.json", "--backend", "cpu"]);
+    assert_eq!(found["scores"][0]["name"], "optimized");
+    assert_eq!(found["scores"][0]["information_gain"], first["best"]["scores"]["information_gain"]);
     let history =
         |run: &str| fs::read_to_string(dir.path().join(run).join("history.jsonl")).unwrap();
     assert_eq!(history("first"), history("second"), "another number of threads");

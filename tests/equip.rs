@@ -102,6 +102,16 @@ fn the_choice_tells_how_far_it_is_and_stops_when_told() {
 }
 
 #[test]
+fn a_grid_that_memory_does_not_hold_is_an_error() {
+    let vehicle = vehicle(Vec::new());
+    let suite = problem(5, &vehicle).into();
+    let objective = "information_gain".parse().unwrap();
+    let engine = EngineChoice { memory: Some(1 << 14), ..EngineChoice::cpu() };
+    let error = equip(&suite, &vehicle, &objective, 14.0, &engine).unwrap_err().to_string();
+    assert!(error.contains("equipment") && error.contains("--memory"), "{error}");
+}
+
+#[test]
 fn a_choice_that_is_saved_after_any_step_goes_on_to_the_same_equipment() {
     let vehicle = vehicle(Vec::new());
     let problem = problem(5, &vehicle);

@@ -7,7 +7,8 @@ use rand::seq::SliceRandom;
 use sightline::audit::{Trial, Verdict};
 use sightline::engine::Backend;
 use sightline::internals::{
-    Atlas, Generations, GridPlacement, GridSearch, Moves, PoseGrid, Spacing, hostile_placements,
+    Atlas, Generations, GridPlacement, GridSearch, KINDS, Moves, PoseGrid, Spacing,
+    hostile_placements,
 };
 use sightline::problem::{Problem, Tally};
 use sightline::score::{Objective, Scores};
@@ -69,7 +70,7 @@ fn a_sensor_more_never_lowers_the_information() {
                 .map(|n| Placement { lidars: placement.lidars[..n].to_vec(), ..placement.clone() })
                 .collect();
             for pair in tally(&problem, &parts, problem.sensors().table(0).range()).windows(2) {
-                let kinds = (0..3).all(|kind| pair[0].entropy[kind] <= pair[1].entropy[kind]);
+                let kinds = (0..KINDS).all(|kind| pair[0].entropy[kind] <= pair[1].entropy[kind]);
                 assert!(kinds && pair[0].covered <= pair[1].covered, "{name}: {}", placement.name);
                 grew += u32::from(pair[0].entropy[0] < pair[1].entropy[0]);
             }

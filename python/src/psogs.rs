@@ -247,7 +247,8 @@ fn pose(t: usize, given: &Bound<'_, PyAny>) -> PyResult<Pose> {
     let m = rows(&what, &array, 4)?;
     let wrong =
         || bad(format!("{what}: is no rigid transform; give a 4 × 4 matrix, world from sensor"));
-    if m.nrows() != 4 || !m.iter().all(|value| value.is_finite()) {
+    let is_last = |k: usize| m[(3, k)] == f64::from(u8::from(k == 3));
+    if m.nrows() != 4 || !m.iter().all(|value| value.is_finite()) || !(0..4).all(is_last) {
         return Err(wrong());
     }
     let column = |k: usize| DVec3::new(m[(0, k)], m[(1, k)], m[(2, k)]);

@@ -40,7 +40,7 @@ struct Mounted {
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   sightline rig export scenes/placements.json:Center --format urdf --out center.urdf
-  sightline rig export runs/mine/placements.json --format autoware --base-link=-1.4 --out calibration
+  sightline rig export runs/mine/placements.json:optimized --format autoware --base-link=-1.4 --out calibration
   sightline rig export placements.json --format carla-objects --scene scenes/highway.json")]
 pub struct ExportArgs {
     /// Placements, and the name of one of them where there are several

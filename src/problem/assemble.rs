@@ -32,16 +32,15 @@ impl Content {
             // A voxel may be listed with no frame in which it is occupied.
             .filter(|(_, row)| row.iter().any(|&count| count > 0))
             .map(|(&index, row)| {
-                let (mut target, mut rest) = (0, 0);
+                let (mut target, mut rest) = (0_u32, 0_u32);
                 for (&count, &is_target) in row.iter().zip(&is_target) {
-                    if is_target { target += count } else { rest += count }
+                    *(if is_target { &mut target } else { &mut rest }) += u32::from(count);
                 }
-                let merged = [target, rest];
                 OccupiedVoxel {
                     index: index as u32,
                     entropy: [
                         fixed(table.entropy(row, EntropyKind::Segmentation)),
-                        fixed(table.entropy(&merged, EntropyKind::Segmentation)),
+                        fixed(table.entropy_of_two(target, rest)),
                         fixed(table.entropy(row, EntropyKind::Bernoulli)),
                         0,
                     ],
@@ -251,6 +250,16 @@ fn bits(soup: &TriangleSoup) -> [&[u8]; 2] {
 mod tests {
     use super::*;
     use crate::psog::Roi;
+
+    #[test]
+    fn classes_of_more_frames_than_a_count_holds_are_added_up_whole() {
+        let roi = Roi::new([0.0; 3], [1.0; 3], [1, 1, 1]).unwrap();
+        let classes = ["road", "car", "truck"].map(str::to_owned).to_vec();
+        let psog = Psog::new(roi, 100_000, classes, vec![0], vec![0, 40_000, 40_000]).unwrap();
+        let content = Content::from_psog(&psog, &[1, 2]);
+        let want = -(0.8_f64 * 0.8_f64.ln() + 0.2 * 0.2_f64.ln());
+        assert_eq!(content.occupied()[0].entropy[1], fixed(want));
+    }
 
     #[test]
     fn what_is_far_counts_for_less_and_near_ground_by_itself() {

@@ -62,11 +62,17 @@ impl EntropyTable {
             EntropyKind::Segmentation => row.iter().map(|&c| self.term(u32::from(c))).sum(),
             EntropyKind::Detection { target } => {
                 let target = row.get(usize::from(target)).map_or(0, |&c| u32::from(c));
-                self.term(target) + self.term(occupied - target)
+                return self.entropy_of_two(target, occupied - target);
             }
             EntropyKind::Bernoulli => self.term(occupied),
         };
         classes + self.term(self.frames - occupied)
+    }
+
+    /// Entropy in nats of a voxel that one class holds in so many frames and another in so many, together at
+    /// most T.
+    pub fn entropy_of_two(&self, one: u32, other: u32) -> f64 {
+        self.term(one) + self.term(other) + self.term(self.frames - one - other)
     }
 }
 

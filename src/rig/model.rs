@@ -31,16 +31,6 @@ pub struct RigLidar {
 }
 
 impl Rig {
-    /// The rig of a list of poses, named `lidar_0`, `lidar_1`, …
-    pub fn of_poses(name: impl Into<String>, poses: &[SensorPose]) -> Self {
-        let lidar = |(index, pose): (usize, &SensorPose)| RigLidar {
-            frame: default_frame(index),
-            sensor: None,
-            pose: *pose,
-        };
-        Self { name: name.into(), lidars: poses.iter().enumerate().map(lidar).collect() }
-    }
-
     /// The rig as a placement, without the names of frames.
     pub fn placement(&self) -> Placement {
         let lidar = |lidar: &RigLidar| {

@@ -103,12 +103,12 @@ impl Settings {
     /// Sensor poses that swaps cast, at most: half as many again as the generations, since swaps gain more
     /// from a cast.
     pub(super) fn poses_for_swaps(&self, lidars: usize) -> u64 {
-        self.evaluations * lidars as u64 / 2 * 3
+        (self.evaluations.saturating_mul(lidars as u64) / 2).saturating_mul(3)
     }
 }
 
 impl Default for Settings {
-    /// The information gain, 180 evaluations and their swaps, frames on demand, the layouts of Table 7
+    /// The near gain, 180 evaluations and their swaps, frames on demand, the layouts of Table 7
     /// as baselines, on the CPU.
     fn default() -> Self {
         Self {

@@ -168,12 +168,6 @@ impl BeamTable {
     pub fn range(&self) -> f32 {
         self.range
     }
-
-    /// The same directions with another range, in metres.
-    #[must_use]
-    pub fn with_range(&self, range: f32) -> Self {
-        Self { range, ..self.clone() }
-    }
 }
 
 #[cfg(test)]

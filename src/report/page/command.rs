@@ -43,6 +43,9 @@ pub fn command(run: &RunRecord) -> String {
     if all["baselines"] != json!(table_7()) {
         give("baselines", &json!("BASELINES"));
     }
+    if !list(&all["starts"]).is_empty() {
+        give("inject", &json!("STARTS"));
+    }
     give("backend", &json!(run.backend));
     let flags = [
         ("mirror", &all["mirror"]),

@@ -128,6 +128,8 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
         .with_search(&record, &outcome.history);
     folder.write_json(TIMES, &spent)?;
     folder.write_json("result.json", &record)?;
+    let found = record.best.iter().chain(&record.baselines).map(|scored| &scored.placement);
+    folder.write_json("placements.json", &json!({ "placements": found.collect::<Vec<_>>() }))?;
     if let Some(figure) = &figures.convergence {
         folder.write_text("convergence.svg", figure)?;
     }
@@ -167,6 +169,9 @@ fn settings_json(begun: &Begun, settings: &Settings, left_out: &[LeftOut]) -> Va
     });
     if !begun.more_scenes.is_empty() {
         all["more_scenes"] = json!(begun.more_scenes);
+    }
+    if !settings.starts.is_empty() {
+        all["starts"] = json!(settings.starts);
     }
     if let Some(nats) = begun.near_weight {
         all["near_weight"] = json!(nats);

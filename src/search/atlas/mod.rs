@@ -7,7 +7,7 @@ mod areas;
 mod order;
 mod sparse;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -44,7 +44,8 @@ pub struct Atlas {
     capacity: usize,
     /// Counts requests; pages remember the last one that asked for them.
     clock: u64,
-    cast: u64,
+    /// Poses that were ever cast.
+    cast: HashSet<u32>,
     /// Whether the problem is a mirror image, in which poses stand mirrored.
     mirrored: bool,
 }
@@ -95,7 +96,7 @@ impl Atlas {
             pages: HashMap::new(),
             capacity,
             clock: 0,
-            cast: 0,
+            cast: HashSet::new(),
             mirrored: false,
         }
     }
@@ -133,9 +134,10 @@ impl Atlas {
         8 * self.problem.frame_count() * words
     }
 
-    /// Poses cast so far, those cast again after they were dropped included.
+    /// Poses cast so far. Those that were dropped and cast again count once, or what a search may cast would
+    /// depend on memory.
     pub fn poses_cast(&self) -> u64 {
-        self.cast
+        self.cast.len() as u64
     }
 
     /// Makes sure that `poses` are held; those used longest ago go where room is needed.
@@ -156,7 +158,7 @@ impl Atlas {
         self.make_room(missing.len())?;
         for some in missing.chunks(POSES_AT_ONCE) {
             let pages = self.cast(backend, some)?;
-            self.cast += some.len() as u64;
+            self.cast.extend(some);
             self.pages.extend(some.iter().copied().zip(pages));
         }
         Ok(())

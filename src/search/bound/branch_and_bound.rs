@@ -55,9 +55,9 @@ impl Effort {
     /// As much as goes with a search of so many evaluations.
     pub fn of(evaluations: u64) -> Self {
         Self {
-            sets: (evaluations * SETS / 100).max(2),
-            pair_candidates: evaluations * PAIR_CANDIDATES,
-            pair_words: evaluations * PAIR_WORDS,
+            sets: (evaluations.saturating_mul(SETS) / 100).max(2),
+            pair_candidates: evaluations.saturating_mul(PAIR_CANDIDATES),
+            pair_words: evaluations.saturating_mul(PAIR_WORDS),
         }
     }
 

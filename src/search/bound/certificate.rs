@@ -26,12 +26,15 @@ impl Certificate {
         gain: Result<GainBound, String>,
         found: f64,
     ) -> Self {
+        // 0.3, and not the 0.30000000000000004 that multiples of a step come to.
+        let rounded = |metres: f64| (1e9 * metres).round() / 1e9;
         let lipschitz_says = match &lipschitz {
             None => "nothing could be sampled on the grid".to_owned(),
             Some(LipschitzBound { c_m, k_g, delta, bound, samples }) => format!(
-                "C_M + k_G·δ = {c_m:.3e} + {k_g:.3e} · {delta} = {bound:.3e}, from {samples} sampled \
+                "C_M + k_G·δ = {c_m:.3e} + {k_g:.3e} · {} = {bound:.3e}, from {samples} sampled \
                  placements: as large as the whole range of their scores, so it tells nothing about \
-                 this result"
+                 this result",
+                rounded(*delta)
             ),
         };
         let (gain, gain_says) = match gain {

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::equipped::Equipped;
-use crate::engine::EngineChoice;
+use crate::engine::{BackendError, EngineChoice};
 use crate::score::Objective;
 use crate::search::atlases::Atlases;
 use crate::search::error::SearchError;
@@ -157,6 +157,12 @@ impl<'a> Equip<'a> {
         let mut evaluator = Evaluator::suite_on_cpu(&suite, memory / 2);
         let all: Vec<u32> = (0..grid.len()).collect();
         let atlases = Atlases::new(&evaluator, &grid, objective.needed(), memory / 2);
+        if all.len() > atlases.capacity() {
+            let page = atlases.page_bytes() as u64;
+            let (need, limit) = (page * all.len() as u64, page * atlases.capacity() as u64);
+            let what = "the sensor poses that equipment is chosen from";
+            return Err(BackendError::TooLarge { what, need, limit }.into());
+        }
         let mut grid = GridSearch::new(atlases, objective.clone(), &evaluator);
         for (block, poses) in all.chunks(CAST).enumerate() {
             let (work, done, total) = (Work::Equipment, (block * CAST) as u64, all.len() as u64);

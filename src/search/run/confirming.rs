@@ -1,5 +1,7 @@
 //! The last step: what each method found over all frames, the better of them, and the outcome.
 
+use std::borrow::Cow;
+
 use super::state::{CONFIRMING, Run};
 use crate::score::Standing;
 use crate::search::bound::Certificate;
@@ -170,7 +172,12 @@ impl Run {
             return Ok(None);
         };
         let pair = vec![best.placement.clone(), rival.placement.clone()];
-        let by_frame = Pilot::new(&self.suite, pair, self.memory())?;
+        // Of the draw with which both were confirmed.
+        let suite = match self.suite.is_left_to_chance() {
+            true => Cow::Owned(self.suite.with_draw(CONFIRMING)),
+            false => Cow::Borrowed(&self.suite),
+        };
+        let by_frame = Pilot::new(&suite, pair, self.memory())?;
         let [ours, theirs] = [0, 1].map(|index| by_frame.gain_shares(index));
         let seed = self.state.settings.seed;
         let name = &rival.placement.name;
