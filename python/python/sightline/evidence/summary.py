@@ -54,6 +54,7 @@ def of(plan: Plan, out: Path) -> dict[str, Any]:
         "checks": {
             **checks,
             "gamed_rank_last": gamed_last(given),
+            "shuffled_is_random": {pool: _holds_1(of["regret"]["scores"]["shuffled"]["mean"]) for pool, of in pools.items()},
             "one_more_lidar": _one_more(given),
             "learnt": _learnt(given),
         },
@@ -73,11 +74,10 @@ def _pool(given: Gathered, kept: Bools) -> dict[str, Any]:
         judged = kept & np.isfinite(given.mean(metric)).any(axis=1)
         if judged.sum() < 4:
             continue
-        scores = {s: values[judged] for s, values in given.scores.items()}
-        height, hits = scores["mean_height"].mean(axis=1), scores["hits"].mean(axis=1)
         by_seed, by_scene = every[:, judged], given.mean(metric)[judged]
         drawn = correlate.Drawn.of(np.random.default_rng(SEED), *by_scene.shape)
-        over = mean(by_scene, 1)
+        scores = {s: correlate.Means.of(values[judged], drawn) for s, values in given.scores.items()}
+        of, over = correlate.Means.of(by_scene, drawn), mean(by_scene, 1)
         whole = np.isfinite(by_seed).any(axis=2).all(axis=0)
         table[metric] = {
             "placements": len(over),
@@ -86,12 +86,12 @@ def _pool(given: Gathered, kept: Bools) -> dict[str, Any]:
             "spread": [float(np.nanmin(over)), float(np.nanmean(over)), float(np.nanmax(over))],
             "scores": {
                 score: {
-                    "spearman": asdict(correlate.spearman_interval(values, by_scene, drawn)),
-                    "pearson": correlate.pearson(values.mean(axis=1), over),
-                    "partial_given_height": correlate.partial(values.mean(axis=1), over, height),
-                    "partial_given_hits": correlate.partial(values.mean(axis=1), over, hits),
+                    "spearman": asdict(correlate.spearman_of(one, of)),
+                    "pearson": asdict(correlate.pearson_of(one, of)),
+                    "partial_given_height": asdict(correlate.partial_of(one, of, scores["mean_height"])),
+                    "partial_given_hits": asdict(correlate.partial_of(one, of, scores["hits"])),
                 }
-                for score, values in scores.items()
+                for score, one in scores.items()
             },
         }
     return {"placements": int(kept.sum()), "metrics": table}
@@ -119,6 +119,11 @@ def gamed_last(given: Gathered) -> dict[str, bool]:
         return {}
     found = {m: mean(given.mean(m), 1) for m in HARD}
     return {m: bool(v[gamed].max() < v[four].min()) for m, v in found.items()}
+
+
+def _holds_1(regret: dict[str, float]) -> bool:
+    """Whether an interval holds the regret of a random placement."""
+    return regret["low"] <= 1 <= regret["high"]
 
 
 def _one_more(given: Gathered) -> dict[str, Any]:
