@@ -66,13 +66,13 @@ def of(given: Gathered, kept: Bools) -> dict[str, Any]:
     numbers = {score: k for k, score in enumerate(given.scores)}
     by_score = {}
     for score, k in numbers.items():
-        found = {group: asdict(_interval(losses[:, k, j])) for j, group in enumerate(groups)}
+        of = {group: asdict(_interval(losses[:, k, j])) for j, group in enumerate(groups)}
         less = losses[:, numbers.get(GAIN, k), 0] - losses[:, k, 0]
         by_score[score] = {
             "less_than_gain": asdict(_interval(less)),
-            "mean": found["mean"],
-            "about": {name: found[name] for name in ABOUT},
-            "by_metric": {m: found[m] for m in metrics},
+            "mean": of["mean"],
+            "about": {name: of[name] for name in ABOUT},
+            "by_metric": {m: of[m] for m in metrics},
         }
     # [metrics, seeds, placements, scenes]
     each = np.stack([_by_seed(given, m)[:, kept] for m in metrics])

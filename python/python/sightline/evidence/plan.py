@@ -262,8 +262,12 @@ def versions() -> dict[str, str]:
     """Of what the numbers depend on; of the engine the SHA-256 of its library, which changes with its code."""
     packages = ("numpy", "scipy", "scikit-learn", "lightgbm")
     found = {name: importlib.metadata.version(name) for name in packages}
-    engine = hashlib.sha256(Path(_native.__file__).read_bytes()).hexdigest()
-    return {"sightline": sightline.__version__, "engine": engine, "python": platform.python_version(), **found}
+    return {"sightline": sightline.__version__, "engine": engine(), "python": platform.python_version(), **found}
+
+
+def engine() -> str:
+    """SHA-256 of the engine's library."""
+    return hashlib.sha256(Path(_native.__file__).read_bytes()).hexdigest()
 
 
 def _optimum(group: list[World], objective: str, evaluations: int, seed: int) -> dict[str, Any]:
