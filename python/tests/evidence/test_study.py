@@ -19,6 +19,7 @@ import pytest
 pytest.importorskip("lightgbm", reason="lightgbm is not installed")
 pytest.importorskip("matplotlib", reason="matplotlib is not installed")
 from sightline.evidence import correlate, files, plan, present, run, summary, tables
+from sightline.evidence.__main__ import main
 
 from . import tiny
 from .conftest import SMALL
@@ -149,6 +150,9 @@ def test_another_learner_stands_beside(result: dict[str, Any], out: Path, tmp_pa
     found = summary.of(plan.read(tiny.DESIGN, tmp_path / "run", out), tmp_path / "run")
     agreed = found["agreement"]["unet_birds_eye_miou, box"]
     assert agreed["value"] == pytest.approx(1) and agreed["of"] == 11
+    # What it was told was not written down by earlier programs.
+    assert found["checks"]["second_learner"] == "settings not recorded"
+    assert "second learner: settings not recorded" in tables.tables(found)
     regret = found["pools"]["four in the mount"]["regret"]
     assert "unet_birds_eye_miou" in regret["metrics"]
     of = regret["scores"]["covered"]["by_metric"]
@@ -176,6 +180,33 @@ def test_a_changed_plan_or_scene_is_refused(result: dict[str, Any], out: Path, t
     scene.write_bytes(scene.read_bytes() + b" ")
     with pytest.raises(ValueError, match="tiny-0.json: is not the file that the plan was made with"):
         plan.read(tiny.DESIGN, tmp_path, out)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("{}", "cannot be read"),
+        ("[]", "cannot be read"),
+        ('{"plan": {}}', "cannot be read"),
+        ('{"plan": [], "plan_sha256": ""}', "was changed after it was hashed"),
+        (None, "is not there; run a study"),
+        ("unknown", "the design unknown is none of quick"),
+    ],
+)
+@pytest.mark.parametrize("command", ["tables", "win", "learned", "cost"])
+def test_a_plan_that_is_none_is_a_sentence(
+    command: str, text: str | None, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if command == "learned":
+        pytest.importorskip("torch", reason="torch is not installed")
+    if text == "unknown":
+        record = {"design": "unknown"}
+        text = json.dumps({"plan": record, "plan_sha256": plan.digest(record)})
+    if text is not None:
+        (tmp_path / "plan.json").write_text(text)
+    assert main([command, "--out", str(tmp_path)]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("error: ") and says in told and told.count("\n") == 1
 
 
 KILLED = """

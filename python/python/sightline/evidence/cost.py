@@ -21,10 +21,10 @@ import numpy as np
 import sightline
 
 from . import agreement, run
+from . import plan as plans
 from ._types import F64
 from .correlate import Interval
 from .files import is_whole, read_json, write_json
-from .learned import read
 from .plan import Plan
 from .scores import FRAMES
 from .worlds import opened
@@ -205,7 +205,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--scenes", type=Path, default=Path("scenes"), help="folder of the own four scenes [scenes]")
     given = parser.parse_args(arguments)
     out = given.out.resolve()
-    plan = read(out, given.scenes.resolve())
+    plan = plans.of_run(out, given.scenes.resolve())
     if not is_whole(out / "cost-seconds.json"):
         write_json(out / "cost-seconds.json", measured(plan, out))
     found = ways(plan, out, read_json(out / "cost-seconds.json"))

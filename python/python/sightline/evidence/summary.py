@@ -57,6 +57,7 @@ def of(plan: Plan, out: Path) -> dict[str, Any]:
             "shuffled_is_random": {pool: _holds_1(of["regret"]["scores"]["shuffled"]["mean"]) for pool, of in pools.items()},
             "one_more_lidar": _one_more(given),
             "learnt": _learnt(given),
+            "second_learner": _second(out),
         },
     }
 
@@ -148,6 +149,15 @@ def _learnt(given: Gathered) -> dict[str, Any]:
         if not np.mean(np.array(own, float)) > np.mean(np.array(chance, float)) + 0.05:
             failed.append(f"{name}, seed {seed}")
     return {"units": len(given.units), "not_learnt": failed}
+
+
+def _second(out: Path) -> dict[str, Any] | str | None:
+    """What the second learner was told, if there is one; earlier programs did not write it down."""
+    folder = out / "learned"
+    if is_whole(folder / "plan.json"):
+        found: dict[str, Any] = read_json(folder / "plan.json")
+        return found
+    return "settings not recorded" if (folder / "units").is_dir() else None
 
 
 def _mean(values: F64) -> float:

@@ -218,6 +218,9 @@ def _checks(checks: dict[str, Any]) -> list[str]:
     random = ", ".join(f"{pool} {'yes' if holds else 'no'}" for pool, holds in checks["shuffled_is_random"].items())
     lines.append(f"interval of the regret of `shuffled` holds 1: {random or 'none there'}")
     lines.append(f"learners not better than the commonest group: {', '.join(checks['learnt']['not_learnt']) or 'none'}")
+    if second := checks["second_learner"]:
+        told = second if isinstance(second, str) else ", ".join(f"{key} {value}" for key, value in second.items())
+        lines.append(f"second learner: {told}")
     return lines
 
 
