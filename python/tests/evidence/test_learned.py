@@ -113,6 +113,18 @@ def test_tables_and_costs_come_from_the_folder(run: tuple[Plan, Path], tmp_path:
     assert b"<svg" in cost.chart(list(ways.values()))
 
 
+def test_points_in_boxes_cost_what_their_score_takes(run: tuple[Plan, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    plan, out = run
+    looked: list[int] = []
+    monkeypatch.setattr(cost.sightline, "set_threads", lambda count: None)
+    monkeypatch.setattr(cost.run, "unit", lambda *_: None)
+    monkeypatch.setattr(cost.candidates, "look", lambda scene, ground, rig: looked.append(scene.frames))
+    spent = cost.measured(plan, out)
+    # Once to warm up and once by the clock, in each frame that the scores are means over, in two scenes.
+    frames = min(cost.FRAMES, plan.of("test")[0].scene().frames)
+    assert len(looked) == 2 * 2 * frames and set(spent) == {"nothing", "score", "boxes", "trees"}
+
+
 def test_the_bend_is_where_dearer_work_adds_little() -> None:
     def way(name: str, seconds: float, value: float) -> cost.Way:
         return cost.Way(name, seconds, Interval(value, value - 0.1, value + 0.1), Interval(0, 0, 0), float("nan"), 0)

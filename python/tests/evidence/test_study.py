@@ -18,8 +18,9 @@ import pytest
 
 pytest.importorskip("lightgbm", reason="lightgbm is not installed")
 pytest.importorskip("matplotlib", reason="matplotlib is not installed")
-from sightline.evidence import correlate, files, plan, present, run, summary, tables
+from sightline.evidence import correlate, files, plan, present, run, summary, tables, trial, truth
 from sightline.evidence.__main__ import main
+from sightline.evidence.layouts import Layout
 
 from . import tiny
 from .conftest import SMALL
@@ -207,6 +208,20 @@ def test_a_plan_that_is_none_is_a_sentence(
     assert main([command, "--out", str(tmp_path)]) == 2
     told = capsys.readouterr().err
     assert told.startswith("error: ") and says in told and told.count("\n") == 1
+
+
+def test_a_placement_that_meets_nothing_has_no_own_points(tmp_path: Path) -> None:
+    """Below the ground plane: a learner that is there says nothing of it, and that is no error."""
+    ready = tiny.study(tmp_path, SMALL, ["Center"])
+    world, (center,) = ready.of("test")[0], ready.placements
+    deep = Layout("deep", "box", np.array([[0.0, 0, -3, 0, 0, 0]]))
+    targets = truth.cached(world.source(), world.sha256, world.frames, tmp_path / "truth")
+    scans = trial.frames_of(world, deep, 1)
+    assert [len(scan.xyz) for scan in scans] == [0]
+    learner = trial.learn(trial.frames_of(ready.of("train")[0], center, 1), 1, ready.learner)
+    for judged in (trial.judge(world, targets, scans, one) for one in (learner, None)):
+        assert judged["metrics"]["voxel_miou"] == 0 and judged["metrics"]["ground_seen_10m"] == 0
+        assert np.isnan([judged["metrics"]["own_miou"], judged["metrics"]["own_miou_semantickitti"], judged["detail"]["ece_15_bins"]]).all()
 
 
 KILLED = """

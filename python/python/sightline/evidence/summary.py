@@ -13,15 +13,8 @@ from ._types import F64, Bools
 from .decide import SEED
 from .designs import DESIGNS
 from .files import is_whole, read_json
-from .gathered import Gathered, mean
+from .gathered import POOLS, Gathered, mean
 from .plan import Plan
-
-#: Pools of placements that are correlated apart, by the pools of ``Layout`` in them.
-POOLS = {
-    "four in the mount": ("box",),
-    "four in the mount or low": ("box", "mixed"),
-    "all but the gamed": ("box", "mixed", "number", "sensor"),
-}
 
 #: Metrics by which a gamed placement must lose.
 HARD = ("voxel_miou", "voxel_1m_miou", "birds_eye_miou")

@@ -155,7 +155,7 @@ def _to_win(effects: dict[str, Any]) -> str:
     if not effects:
         return ""
     columns = list(dict.fromkeys(name for of in effects.values() for name in of))
-    text = "\n## What there is to win: chosen on the first seed, judged by the others, less Ours-seg [95 %, over scenes]\n\n"
+    text = "\n## What there is to win: chosen on the first seed, judged by the others in the same scenes (optimistic), less Ours-seg [95 %, over scenes and seeds]\n\n"
     text += head(["", *columns])
     for name, of in effects.items():
         text += row([name, *(f"{interval(of[c], 3)} (`{of[c]['placement']}`)" for c in columns)])
