@@ -93,10 +93,22 @@ class Means:
         return Means(whole, np.take_along_axis(_means(table, drawn.scenes), drawn.placements, axis=1))
 
     @cached_property
+    def standard(self) -> F64:
+        """``drawn``, each draw with a mean of 0 and a length of 1: products of two are correlations."""
+        return _standard(self.drawn)
+
+    @cached_property
     def ranks(self) -> F64:
-        """Of the placements within each draw."""
-        found: F64 = stats.rankdata(self.drawn, axis=1, nan_policy="omit")
-        return found
+        """The same of the ranks of placements within each draw."""
+        return _standard(stats.rankdata(self.drawn, axis=1, nan_policy="omit"))
+
+
+def _standard(rows: F64) -> F64:
+    moved = rows - rows.mean(axis=1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # A draw that does not vary correlates with nothing; of its mean rounding errors may be left.
+        found: F64 = np.where(np.ptp(rows, axis=1, keepdims=True) > 0, moved / np.linalg.norm(moved, axis=1, keepdims=True), np.nan)
+    return found
 
 
 def spearman_interval(score: F64, metric: F64, drawn: Drawn) -> Interval:
@@ -111,7 +123,7 @@ def spearman_of(score: Means, metric: Means) -> Interval:
 
 def pearson_of(score: Means, metric: Means) -> Interval:
     """``pearson`` with its interval."""
-    return interval(pearson(score.whole, metric.whole), _by_row(score.drawn, metric.drawn))
+    return interval(pearson(score.whole, metric.whole), _by_row(score.standard, metric.standard))
 
 
 def partial_of(score: Means, metric: Means, given: Means) -> Interval:
@@ -125,11 +137,7 @@ def partial_of(score: Means, metric: Means, given: Means) -> Interval:
 
 
 def _by_row(x: F64, y: F64) -> F64:
-    """Linear correlation of each row; ``NaN`` where either does not vary."""
-    varies = (np.ptp(x, axis=1) > 0) & (np.ptp(y, axis=1) > 0)
-    x, y = (r - r.mean(axis=1, keepdims=True) for r in (x, y))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        found: F64 = np.where(varies, (x * y).sum(axis=1) / np.sqrt((x**2).sum(axis=1) * (y**2).sum(axis=1)), np.nan)
+    found: F64 = np.einsum("dp,dp->d", x, y)
     return found
 
 

@@ -63,14 +63,19 @@ def _made_by(plan: Plan) -> dict[str, Any]:
 
 def _pool(given: Gathered, kept: Bools) -> dict[str, Any]:
     table: dict[str, Any] = {}
+    # Most metrics know the same placements, in whose draws scores are the same.
+    known: dict[bytes, tuple[correlate.Drawn, dict[str, correlate.Means]]] = {}
     for metric, every in given.metrics.items():
         # Another learner may have judged some of them so far.
         judged = kept & np.isfinite(given.mean(metric)).any(axis=1)
         if judged.sum() < 4:
             continue
         by_seed, by_scene = every[:, judged], given.mean(metric)[judged]
-        drawn = correlate.Drawn.of(np.random.default_rng(SEED), *by_scene.shape)
-        scores = {s: correlate.Means.of(values[judged], drawn) for s, values in given.scores.items()}
+        if judged.tobytes() not in known:
+            drawn = correlate.Drawn.of(np.random.default_rng(SEED), *by_scene.shape)
+            means = {s: correlate.Means.of(values[judged], drawn) for s, values in given.scores.items()}
+            known[judged.tobytes()] = drawn, means
+        drawn, scores = known[judged.tobytes()]
         of, over = correlate.Means.of(by_scene, drawn), mean(by_scene, 1)
         whole = np.isfinite(by_seed).any(axis=2).all(axis=0)
         table[metric] = {
