@@ -55,6 +55,29 @@ def test_five_best_and_the_best_baseline_that_is_allowed(tmp_path: Path) -> None
     (tmp_path / "result.json").write_text(json.dumps({"objective": "x", "best": None}))
     with pytest.raises(ValueError, match="result.json: the search found no placement"):
         confirm.candidates(tmp_path)
+    (tmp_path / "result.json").write_text(json.dumps({"objective": "x", "settings": {"vehicle": "car.json"}}))
+    with pytest.raises(ValueError, match="result.json: is of a vehicle"):
+        confirm.candidates(tmp_path)
+
+
+def test_nets_are_those_of_the_scene_and_the_settings(small_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = json.loads(small_file.read_text())
+    other = tmp_path / "other.json"
+    other.write_text(json.dumps({**own, "name": "other"}))
+    name = confirm.taught_with(small_file)
+    assert confirm.taught_with(other) == name and len(name) == 12
+    names = {name}
+    for change in ({"lidar": {**own["lidar"], "channels": 8}}, {"mount": {**own["mount"], "max": [1, 1, 3]}}, {"ego": {}}):
+        other.write_text(json.dumps({**own, **change}))
+        names.add(confirm.taught_with(other))
+    monkeypatch.setattr(confirm, "SETTINGS", unet.Settings(steps=2))
+    names.add(confirm.taught_with(small_file))
+    sensor = tmp_path / "sensor.json"
+    other.write_text(json.dumps({**own, "lidar": {"file": "sensor.json"}}))
+    for text in ("{}", "{ }"):
+        sensor.write_text(text)
+        names.add(confirm.taught_with(other))
+    assert len(names) == 7
 
 
 @pytest.mark.parametrize(

@@ -76,6 +76,24 @@ def test_interval_by_a_loop() -> None:
     np.testing.assert_allclose([found.low, found.high], np.percentile(values, [2.5, 97.5]), atol=1e-12)
 
 
+def test_intervals_of_pearson_and_partial_by_a_loop() -> None:
+    rng = np.random.default_rng(6)
+    given = rng.normal(size=(12, 4))
+    score, metric = given + rng.normal(size=(2, 12, 4))
+    drawn = correlate.Drawn.of(rng, 12, 4, 100)
+    of = [correlate.Means.of(table, drawn) for table in (score, metric, given)]
+    linear, partial = [], []
+    for chosen, often in zip(drawn.placements, drawn.scenes, strict=True):
+        x, y, z = (np.average(table, axis=1, weights=often)[chosen] for table in (score, metric, given))
+        linear.append(stats.pearsonr(x, y).statistic)
+        partial.append(correlate.partial(x, y, z))
+    for found, values in ((correlate.pearson_of(*of[:2]), linear), (correlate.partial_of(*of), partial)):
+        np.testing.assert_allclose([found.low, found.high], np.nanpercentile(values, [2.5, 97.5]), atol=1e-9)
+    x, y, z = (table.mean(axis=1) for table in (score, metric, given))
+    assert correlate.partial_of(*of).value == correlate.partial(x, y, z)
+    assert np.isnan(correlate.partial_of(of[2], of[1], of[2]).low)
+
+
 def test_ceiling_of_known_noise() -> None:
     """Two seeds with as much noise as signal: reliability of their mean is 2/3 by variance."""
     rng = np.random.default_rng(4)

@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("scipy", reason="SciPy is not installed")
 pytest.importorskip("lightgbm", reason="lightgbm is not installed")
-from sightline.evidence import decide, effects
+from sightline.evidence import correlate, decide, effects
 from sightline.evidence.gathered import Gathered
 from sightline.evidence.layouts import Layout
 
@@ -53,11 +53,86 @@ def test_one_that_is_not_does_not() -> None:
 def test_regret_of_best_random_and_worst() -> None:
     metric = np.array([[0.1, 0.2, 0.3, 0.6], [0.6, 0.3, 0.2, 0.1]]).T
     lost = decide.regrets(metric)
-    assert decide.picked_regret(metric, lost).tolist() == [0, 0]
-    # Placements that a score puts first together count with their mean.
-    np.testing.assert_allclose(decide.picked_regret(np.ones((4, 2)), lost), 1)
-    np.testing.assert_allclose(decide.picked_regret(-metric, lost), (0.6 - 0.1) / (0.6 - 0.3))
+    worst = (0.6 - 0.1) / (0.6 - 0.3)
+    # Placements that a score puts first together count with their mean, also where the last bit tells them apart.
+    heights = np.array([np.mean([0.1, 0.2, 0.3]), np.mean([0.3, 0.2, 0.1]), 0, 0])
+    assert heights[0] != heights[1]
+    scores = np.stack([metric, np.ones((4, 2)), -metric, np.repeat(heights[:, None], 2, axis=1)])
+    expected = [[0, 0], [1, 1], [worst, worst], lost[:2].mean(axis=0)]
+    np.testing.assert_allclose(decide.picked_regret(scores, lost[None])[:, 0], expected, atol=1e-12)
     assert np.isnan(decide.regrets(np.ones((4, 1)))).all()
+
+
+def test_intervals_are_over_placements_too() -> None:
+    """Scenes that all say the same leave nothing to be drawn but the placements that there were to choose from."""
+    metric = np.repeat(np.array([[0.5, 0.4, 0.6, 0.2, 0.3, 0.1]]).T, 12, axis=1)
+    # Puts the third best first.
+    given = study(metric, {"information_gain": metric, "m_sog": -np.abs(metric - 0.4), "shuffled": metric[::-1]})
+    found = decide.of(given, given.pool("box"))["scores"]
+    mean = found["m_sog"]["mean"]
+    assert mean["value"] == pytest.approx(0.2 / 0.25) and mean["low"] < 0.5 and mean["high"] > 1.2
+    assert found["information_gain"]["mean"] == {"value": 0, "low": 0, "high": 0}
+    less = found["m_sog"]["less_than_gain"]
+    assert less["value"] == pytest.approx(-0.8) and less["low"] < -1.2 and less["high"] > -0.5
+
+
+def test_picks_by_a_loop_over_draws() -> None:
+    rng = np.random.default_rng(4)
+    scores, metrics = rng.random((3, 7, 5)), rng.random((2, 7, 5))
+    metrics[1, :, 2] = np.nan
+    among = np.array([[True, True], [False, True]])
+    drawn = correlate.Drawn.of(rng, 7, 5, 20)
+    found = decide.picked(scores, metrics, among, drawn)
+    rows = [np.arange(7), *drawn.placements]
+    for k, (chosen, often) in enumerate(zip(rows, [np.ones(5, int), *drawn.scenes])):
+        for j, score in enumerate(scores):
+            each = []
+            for scene in np.repeat(np.arange(5), often):
+                top = chosen[np.argmax(score[chosen, scene])]
+                of = metrics[:, chosen, scene]
+                lost = (of.max(axis=1) - metrics[:, top, scene]) / (of.max(axis=1) - of.mean(axis=1))
+                each.append([np.nanmean(lost), lost[1]])
+            np.testing.assert_allclose(found[k, j], np.nanmean(each, axis=0), atol=1e-12)
+
+
+def test_seeds_widen_a_difference() -> None:
+    rng = np.random.default_rng(5)
+    seeds = rng.normal(0, 1, (2, 12))
+    alike = np.array([[1.0], [-1.0]]) + np.zeros((2, 12))
+    both, mean = decide.over_scenes(seeds), decide.over_scenes(seeds.mean(axis=0))
+    assert both.value == pytest.approx(mean.value) and both.high - both.low > 1.1 * (mean.high - mean.low)
+    # Scenes alone see nothing of what a seed changes.
+    assert decide.over_scenes(alike.mean(axis=0)).high == 0 and decide.over_scenes(alike).high > 0.3
+    # Of one seed scenes alone are drawn, and what is missing is left out.
+    seeds[1, 3], seeds[:, 4] = np.nan, np.nan
+    assert decide.over_scenes(seeds).value == pytest.approx(np.nanmean([np.nanmean(c) for c in seeds.T if np.isfinite(c).any()]))
+
+
+def test_learners_with_other_seeds_weigh_alike() -> None:
+    """The trees have one seed, the nets two: each metric counts once, as it does in the regret of a placement."""
+    metric = noisy([0.5, 0.4, 0.6, 0.2, 0.3, 0.1], 0.01)
+    given = study(metric, {"information_gain": metric})
+    nets = np.stack([metric[::-1] + 0.01, metric[::-1] - 0.01])
+    given.metrics["unet_birds_eye_miou"] = nets
+    found = decide.of(given, given.pool("box"))
+    lost = np.mean([decide.regrets(metric), decide.regrets(nets.mean(axis=0))], axis=0).mean(axis=1)
+    assert [of["mean"]["value"] for of in found["placements"].values()] == pytest.approx(lost.tolist())
+    less = found["optima"]["information_gain"]["less_regret_than"]["Ours-seg"]
+    assert less["value"] == pytest.approx(lost[0] - lost[2])
+
+
+def test_a_scene_without_objects_does_not_drop_their_metric() -> None:
+    metric = noisy([0.5, 0.4, 0.6, 0.2, 0.3, 0.1], 0.005)
+    given = study(metric, {"information_gain": metric})
+    objects = metric.copy()
+    objects[:, 3] = np.nan
+    given.metrics["objects_5"] = objects[None]
+    found = decide.of(given, given.pool("box"))
+    assert found["metrics"] == ["birds_eye_miou", "objects_5"]
+    assert found["scores"]["information_gain"]["by_metric"]["objects_5"]["value"] == 0
+    objects[:, 3:] = np.nan
+    given.metrics["objects_5"] = objects[None]
+    assert decide.of(given, given.pool("box"))["metrics"] == ["birds_eye_miou"]
 
 
 def pairs(values: dict[str, float], pools: dict[str, str]) -> Gathered:
@@ -116,7 +191,7 @@ def test_regret_by_hand() -> None:
     np.testing.assert_allclose(found[:, 0], [0, 2, 1])
     assert np.isnan(found[:, 1]).all()
     score = np.array([[0.0, 0], [1, 0], [1, 0]])
-    np.testing.assert_allclose(decide.picked_regret(score, found)[0], 1.5)
+    np.testing.assert_allclose(decide.picked_regret(score[None], found[None])[0, 0, 0], 1.5)
 
 
 def test_effects_find_the_height() -> None:

@@ -82,6 +82,11 @@ def test_towns_stand_on_opendrive_maps(tmp_path: Path) -> None:
     assert sorted(path.name for path in (tmp_path / "worlds").iterdir()) == ["fork.json", "fork.ply"]
     again = worlds.imported(tmp_path / "maps", "fork", 3, "train", 2, tmp_path / "other")
     assert again.sha256 == town.sha256
+    for damaged in (gzip.compress(FORK.read_bytes()[:700]), gzip.compress(FORK.read_bytes())[:-20], b"no gzip"):
+        (maps / "Damaged.xodr.gz").write_bytes(damaged)
+        with pytest.raises((ValueError, OSError), match=r"Damaged.xodr.gz: is no map that a town can be made on"):
+            worlds.imported(tmp_path / "maps", "Damaged", 1, "test", 2, tmp_path / "worlds")
+    assert sorted(path.name for path in (tmp_path / "worlds").iterdir()) == ["fork.json", "fork.ply"]
     with pytest.raises(ValueError, match="holds no Town99.xodr"):
         worlds.imported(tmp_path / "maps", "Town99", 1, "test", 2, tmp_path / "worlds")
 

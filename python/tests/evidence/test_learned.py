@@ -59,15 +59,23 @@ def test_nothing_is_done_twice(run: tuple[Plan, Path], monkeypatch: pytest.Monke
         learned.carry_out(plan, out, ["Lime"], FEW, jobs=1)
 
 
-def test_a_plan_that_was_changed_is_refused(run: tuple[Plan, Path], tmp_path: Path) -> None:
-    _, out = run
-    kept = read_json(out / "plan.json")
-    kept["plan"]["seeds"] = [5]
-    write_json(tmp_path / "plan.json", kept)
-    with pytest.raises(ValueError, match="plan.json: was changed after it was hashed"):
-        learned.read(tmp_path, tmp_path)
-    with pytest.raises(ValueError, match="plan.json: is not there; run quick or standard"):
-        learned.read(tmp_path / "none", tmp_path)
+def test_other_settings_and_other_versions_are_refused(
+    run: tuple[Plan, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan, out = run
+    monkeypatch.setattr(learned, "FRAMES", 1)
+    kept = read_json(out / "learned" / "plan.json")
+    assert kept["study"] == plan.sha256 and kept["settings"]["steps"] == 12 and kept["seeds"] == list(learned.SEEDS)
+    with pytest.raises(ValueError, match="plan.json: settings is .* now it is .*; delete .*learned to learn anew"):
+        learned.carry_out(plan, out, [], unet.Settings(steps=13, width=8, cell=4), jobs=1)
+    for key in ("engine", "torch", "study"):
+        write_json(tmp_path / "plan.json", {**kept, key: "other"})
+        with pytest.raises(ValueError, match=f"plan.json: {key} is other, now it is"):
+            learned.settled(plan, tmp_path, FEW)
+    (tmp_path / "plan.json").unlink()
+    (tmp_path / "seed-1.pt").touch()
+    with pytest.raises(ValueError, match="holds nets whose settings were not recorded"):
+        learned.settled(plan, tmp_path, FEW)
 
 
 def test_agreement_is_one_of_equal_orders_and_knows_what_is_missing() -> None:
@@ -103,6 +111,18 @@ def test_tables_and_costs_come_from_the_folder(run: tuple[Plan, Path], tmp_path:
     assert np.isnan(ways["U-Net, shared"].maps.value) and ways["trees"].seconds == 16
     assert ways["mean height"].maps.value == pytest.approx(-ways["trees"].maps.value)
     assert b"<svg" in cost.chart(list(ways.values()))
+
+
+def test_points_in_boxes_cost_what_their_score_takes(run: tuple[Plan, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    plan, out = run
+    looked: list[int] = []
+    monkeypatch.setattr(cost.sightline, "set_threads", lambda count: None)
+    monkeypatch.setattr(cost.run, "unit", lambda *_: None)
+    monkeypatch.setattr(cost.candidates, "look", lambda scene, ground, rig: looked.append(scene.frames))
+    spent = cost.measured(plan, out)
+    # Once to warm up and once by the clock, in each frame that the scores are means over, in two scenes.
+    frames = min(cost.FRAMES, plan.of("test")[0].scene().frames)
+    assert len(looked) == 2 * 2 * frames and set(spent) == {"nothing", "score", "boxes", "trees"}
 
 
 def test_the_bend_is_where_dearer_work_adds_little() -> None:

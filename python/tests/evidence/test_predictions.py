@@ -73,13 +73,33 @@ def test_a_flipped_label_lowers_its_classes_by_the_rule(kitti: Path, predicted: 
     assert {name for name in before if after[name] != before[name]} == {"road", "pole"}
 
 
-def test_unlabelled_predictions_are_misses_by_one_rule_only(kitti: Path, predicted: list[Path]) -> None:
+def test_unlabelled_predictions_are_misses(kitti: Path, predicted: list[Path]) -> None:
     labels = np.fromfile(predicted[0], "<u4")
     labels[np.flatnonzero((labels & 0xFFFF) == 40)] = 0
     labels.tofile(predicted[0])
-    both = judged(kitti, predicted)["own_miou"]
-    assert both["nuscenes"] == 1.0
-    assert both["semantickitti"] < len(judged(kitti, predicted)["iou_by_class"]) / 19 - 0.01
+    found = judged(kitti, predicted)
+    there, missed = len(found["iou_by_class"]), int((labels == 0).sum())
+    assert found["own_miou"]["nuscenes"] < 1 - 0.01 and found["own_miou"]["semantickitti"] < there / 19 - 0.01
+    assert found["iou_by_class"]["road"] < 0.9 and 0 < found["unlabelled"] <= missed
+    assert f"{found['unlabelled']} points have the label 0, which is a miss" in predictions.shown(found)
+
+
+def test_voxels_are_those_of_the_scene_that_was_scanned(small_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = tmp_path / "scene.json"
+    shutil.copy(small_file, scene)
+    root = exported("semantickitti", scene, tmp_path)
+    words = ["predictions", str(root), "--truth", str(root)]
+    scene.write_bytes(scene.read_bytes() + b"\n")
+    assert main(words) == 2
+    assert "scene.json: is not as it was when the data set was written" in capsys.readouterr().err
+    assert main([*words, "--voxel-frames", "0"]) == 0
+    assert "no voxels: none were asked for" in capsys.readouterr().out
+    scene.unlink()
+    assert main(words) == 0
+    assert "no voxels: the scene files are not where they were" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main([*words, "--voxel-frames", "-1"])
+    assert "--voxel-frames: is -1; give 0 or more" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -145,8 +165,17 @@ def test_lidarseg_and_boxes_as_the_devkit_reads_them(small_file: Path, tmp_path:
     result = tmp_path / "boxes.json"
     meta = dict.fromkeys(("use_camera", "use_radar", "use_map", "use_external"), False)
     result.write_text(json.dumps({"meta": {**meta, "use_lidar": True}, "results": boxes}))
-    ap = export.detection(result, "val")["ap"]
-    assert set(ap) == {"car", "pedestrian"} and min(ap.values()) > 0.999
+    perfect = export.detection(result, "val")
+    assert set(perfect["ap"]) == {"car", "pedestrian"} and min(perfect["ap"].values()) > 0.999
+    # Of ten parts five are of the mAP, three of the errors that are none, and two of velocity and attribute, at their worst.
+    assert perfect["nds"] == pytest.approx(0.8, abs=1e-3) and max(perfect["errors"].values()) < 1e-6
+    says = predictions.shown(perfect)
+    assert "mAP 1.000, ATE 0.000 m, ASE 0.000, AOE 0.000 rad" in says and "NDS 0.800, with AVE and AAE at 1" in says
+    # A prediction of 0 is a miss; by the devkit's matrix alone it would not count.
+    file = next(folder.iterdir())
+    np.zeros(file.stat().st_size, np.uint8).tofile(file)
+    missed = predictions.judge(export.labelled(tmp_path / "mine", "val"), export.format, {}, 0)
+    assert missed["own_miou"]["nuscenes"] < 0.7 and missed["unlabelled"] > 100
     boxes.popitem()
     result.write_text(json.dumps({"meta": {**meta, "use_lidar": True}, "results": boxes}))
     with pytest.raises(ValueError, match="boxes.json: is no result of the split mini_val"):

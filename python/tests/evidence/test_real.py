@@ -64,6 +64,27 @@ def test_bad_folders_are_refused(tmp_path: Path) -> None:
         real.read_scan(points, labels)
 
 
+def test_scans_and_versions_of_another_run_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "run"
+    for sequence in ("00", "01"):
+        write(tmp_path, sequence, 0, 3)
+    files = real.sequences(tmp_path)
+    kept = real.settled(files, out)
+    assert len(kept["scans"]) == 4 and real.settled(files, out) == kept
+    monkeypatch.setattr(real, "JUDGED", 7)
+    with pytest.raises(ValueError, match="plan.json: judged_points are not those of this call; give another --out"):
+        real.settled(files, out)
+    monkeypatch.undo()
+    # The same names, other points.
+    write(tmp_path, "01", 0, 4)
+    with pytest.raises(ValueError, match="plan.json: scans are not those of this call"):
+        real.settled(files, out)
+    (out / "scans").mkdir()
+    (out / "plan.json").unlink()
+    with pytest.raises(ValueError, match="holds scans of which nothing was recorded"):
+        real.settled(files, out)
+
+
 def test_what_is_learnt_is_judged_elsewhere_and_shuffled_labels_teach_nothing(tmp_path: Path) -> None:
     for sequence in ("00", "01", "02"):
         for frame in range(2):

@@ -11,14 +11,8 @@ from . import correlate
 from ._types import F64
 from .correlate import Drawn, Interval
 from .files import is_whole, read_json
+from .gathered import POOLS
 from .plan import Plan
-
-#: Pools that are compared apart: their names, and the pools of ``Layout`` in them.
-POOLS = {
-    "four in the mount": ("box",),
-    "four in the mount or low": ("box", "mixed"),
-    "all but the gamed": ("box", "mixed", "number", "sensor"),
-}
 
 #: Folders of the learners within a run, and what they are called.
 LEARNERS = {"units": "trees", "learned/units": "U-Net, shared", "learned/anew": "U-Net, anew"}

@@ -1,12 +1,13 @@
 """The finalists of a search, confirmed by a learner: ``python -m sightline optimize SCENE … --out DIR --confirm learned``.
 
 A shared U-Net is trained on generated worlds with the scene's own LiDARs, mount and body, once for each seed, and kept
-under ``DIR/learner``; then it judges the best placements of the search, and the best baseline, in worlds that it has not
+in a folder of ``DIR/learner``; then it judges the best placements of the search, and the best baseline, in worlds that it has not
 seen. The table and ``learned.json`` say which one to take.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from . import learned, stage, truth, worlds
+from . import learned, plan, stage, truth, worlds
 from ._types import F64
 from .correlate import Interval
 from .files import read_json, write_json
@@ -52,6 +53,8 @@ class Candidate:
 def candidates(run: Path) -> tuple[str, list[Candidate]]:
     """The objective of a finished run, its five best placements, best first, and its best baseline."""
     result = read_json(run / "result.json")
+    if result.get("settings", {}).get("vehicle"):
+        raise ValueError(f"{run / 'result.json'}: is of a vehicle; --confirm learned knows scenes with one `lidar` and one `mount` as yet")
     if not result.get("best"):
         raise ValueError(f"{run / 'result.json'}: the search found no placement; there is nothing to confirm")
     rest = [one for one in result.get("baselines", []) if one["objective"] is not None and not one["violations"]]
@@ -93,7 +96,8 @@ def _same(a: Candidate, b: Candidate) -> bool:
 def confirm(run: Path, learner: list[Path], jobs: int) -> dict[str, Any]:
     """Judges the candidates of a finished run; writes ``learned.json`` into its folder, and returns it."""
     objective, given = candidates(run)
-    scene, folder = scene_of(run), run / "learner"
+    scene = scene_of(run)
+    folder = run / "learner" / taught_with(scene)
     test = [_like(scene, kind, seed, "test", folder) for kind, seed in TEST]
     nets = learner or _taught(scene, test, folder, jobs)
     lidar = test[0].source().described["lidar"]
@@ -113,6 +117,24 @@ def confirm(run: Path, learner: list[Path], jobs: int) -> dict[str, Any]:
     found = verdict(objective, given, metric)
     write_json(run / "learned.json", {**found, "worlds": [world.name for world in test], "learners": [str(n) for n in nets]})
     return found
+
+
+def taught_with(scene: Path) -> str:
+    """Name of the folder of worlds and nets: twelve digits of the SHA-256 of all that decides about them."""
+    own = json.loads(scene.read_text(encoding="utf-8"))
+    lidar = own.get("lidar", {})
+    # What the LiDAR is told by its vendor stands in a file of its own.
+    file = (scene.parent / lidar["file"]).read_bytes() if "file" in lidar else b""
+    of = {
+        "scene": {key: own.get(key) for key in ("lidar", "mount")} | {"body": own.get("ego", {}).get("body")},
+        "file": hashlib.sha256(file).hexdigest(),
+        "worlds": [*TRAIN, *TEST],
+        "frames": FRAMES,
+        "settings": asdict(SETTINGS),
+        "seeds": learned.SEEDS,
+        "engine": plan.engine(),
+    }
+    return plan.digest(of)[:12]
 
 
 def _like(scene: Path, kind: str, seed: int, role: str, folder: Path) -> World:

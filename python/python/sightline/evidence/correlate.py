@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import stats
@@ -73,21 +74,71 @@ class Drawn:
         return Drawn(rng.integers(0, placements, (draws, placements)), often)
 
 
-def spearman_interval(score: F64, metric: F64, drawn: Drawn) -> Interval:
-    """``spearman`` of the means over scenes, with its interval; ``[placements, scenes]`` both.
+@dataclass(frozen=True)
+class Means:
+    """Means over scenes of a table ``[placements, scenes]``: as it is, and in each draw.
 
     A scene without a value (``NaN``) for a placement is left out of its mean; placements that have none are left out.
     """
-    ranks = []
-    for table in (score, metric):
-        means = _means(table, drawn.scenes)
-        ranks.append(stats.rankdata(np.take_along_axis(means, drawn.placements, axis=1), axis=1, nan_policy="omit"))
-    x, y = (r - r.mean(axis=1, keepdims=True) for r in ranks)
+
+    #: ``[placements]``.
+    whole: F64
+    #: ``[draws, placements]``, of the placements that were drawn.
+    drawn: F64
+
+    @staticmethod
+    def of(table: F64, drawn: Drawn) -> Means:
+        """Of a table in these draws."""
+        whole = _means(table, np.ones((1, table.shape[1]), np.int64))[0]
+        return Means(whole, np.take_along_axis(_means(table, drawn.scenes), drawn.placements, axis=1))
+
+    @cached_property
+    def standard(self) -> F64:
+        """``drawn``, each draw with a mean of 0 and a length of 1: products of two are correlations."""
+        return _standard(self.drawn)
+
+    @cached_property
+    def ranks(self) -> F64:
+        """The same of the ranks of placements within each draw."""
+        return _standard(stats.rankdata(self.drawn, axis=1, nan_policy="omit"))
+
+
+def _standard(rows: F64) -> F64:
+    moved = rows - rows.mean(axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
-        values = (x * y).sum(axis=1) / np.sqrt((x**2).sum(axis=1) * (y**2).sum(axis=1))
-    everywhere = np.ones((1, score.shape[1]), np.int64)
-    whole = spearman(_means(score, everywhere)[0], _means(metric, everywhere)[0])
-    return _interval(whole, values)
+        # A draw that does not vary correlates with nothing; of its mean rounding errors may be left.
+        found: F64 = np.where(np.ptp(rows, axis=1, keepdims=True) > 0, moved / np.linalg.norm(moved, axis=1, keepdims=True), np.nan)
+    return found
+
+
+def spearman_interval(score: F64, metric: F64, drawn: Drawn) -> Interval:
+    """``spearman`` of the means over scenes, with its interval; ``[placements, scenes]`` both."""
+    return spearman_of(Means.of(score, drawn), Means.of(metric, drawn))
+
+
+def spearman_of(score: Means, metric: Means) -> Interval:
+    """``spearman`` with its interval."""
+    return interval(spearman(score.whole, metric.whole), _by_row(score.ranks, metric.ranks))
+
+
+def pearson_of(score: Means, metric: Means) -> Interval:
+    """``pearson`` with its interval."""
+    return interval(pearson(score.whole, metric.whole), _by_row(score.standard, metric.standard))
+
+
+def partial_of(score: Means, metric: Means, given: Means) -> Interval:
+    """``partial`` with its interval, out of the three rank correlations of each draw."""
+    xy, xz, yz = (_by_row(a.ranks, b.ranks) for a, b in ((score, metric), (score, given), (metric, given)))
+    left = (1 - xz**2) * (1 - yz**2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # What the given ranks explain wholly leaves nothing but rounding errors.
+        values = np.where(left > 1e-12, (xy - xz * yz) / np.sqrt(left), np.nan)
+    return interval(partial(score.whole, metric.whole, given.whole), values)
+
+
+def _by_row(x: F64, y: F64) -> F64:
+    found: F64 = np.einsum("dp,dp->d", x, y)
+    return found
 
 
 def _means(table: F64, often: I64) -> F64:
@@ -98,17 +149,19 @@ def _means(table: F64, often: I64) -> F64:
     return means
 
 
-def _interval(value: float, drawn: F64) -> Interval:
+def interval(value: float, drawn: F64) -> Interval:
+    """A number with the percentiles of what draws make of it."""
     finite = drawn[np.isfinite(drawn)]
     low, high = np.percentile(finite, [2.5, 97.5]) if finite.size else (np.nan, np.nan)
-    return Interval(value, float(low), float(high))
+    return Interval(float(value), float(low), float(high))
 
 
 def noise_ceiling(by_seed: F64) -> float:
     """Rank correlation that a perfect score could reach with a metric measured by these seeds, ``[seeds, placements]``.
 
-    Mean over all splits of the seeds in two halves (an odd one left out of the second), stepped up to all seeds by
-    Spearman–Brown to the reliability r; a score that knows the truth correlates with √r. ``NaN`` for one seed.
+    Mean over all splits of the seeds in two halves (of an odd number one half has a seed more, and the step up is a
+    little too long), stepped up to all seeds by Spearman–Brown to the reliability r; a score that knows the truth
+    correlates with √r. ``NaN`` for one seed.
     """
     seeds = len(by_seed)
     if seeds < 2:

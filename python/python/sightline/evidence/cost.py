@@ -20,11 +20,11 @@ import numpy as np
 
 import sightline
 
-from . import agreement, run
+from . import agreement, candidates, run, scores
+from . import plan as plans
 from ._types import F64
 from .correlate import Interval
 from .files import is_whole, read_json, write_json
-from .learned import read
 from .plan import Plan
 from .scores import FRAMES
 from .worlds import opened
@@ -80,9 +80,11 @@ def measured(plan: Plan, out: Path) -> dict[str, float]:
     for world in test[:SCENES]:
         scene = opened(world.source(), FRAMES)
         scene.score(rigs[:1])
-        # The rig and all frames are scored at once; boxes are counted in the frames that learners see.
+        # The rigs and all frames are scored at once; points in boxes are counted in as many frames, one by one.
         found["score"] += _spent(lambda scene=scene: scene.score(rigs, self_hits=False)) / len(rigs)  # type: ignore[misc]
-        found["boxes"] += _spent(lambda scene=scene, world=world: list(scene.scan(rigs[0], ideal=True, frames=world.frames)))  # type: ignore[misc]
+        for there, ground in scores.frames_of(scene, world.source(), scene.psog, own[0], FRAMES):
+            candidates.look(there, ground, rigs[-1])
+            found["boxes"] += _spent(lambda there=there, ground=ground: candidates.look(there, ground, rigs[0]))  # type: ignore[misc]
     found = {name: value * len(test) / min(SCENES, len(test)) for name, value in found.items()}
     found["trees"] = _spent(lambda: run.unit(plan, own[0], plan.seeds[0], out))
     return found
@@ -205,7 +207,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--scenes", type=Path, default=Path("scenes"), help="folder of the own four scenes [scenes]")
     given = parser.parse_args(arguments)
     out = given.out.resolve()
-    plan = read(out, given.scenes.resolve())
+    plan = plans.of_run(out, given.scenes.resolve())
     if not is_whole(out / "cost-seconds.json"):
         write_json(out / "cost-seconds.json", measured(plan, out))
     found = ways(plan, out, read_json(out / "cost-seconds.json"))

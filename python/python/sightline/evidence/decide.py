@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from . import correlate
-from ._types import F64, Bools
+from ._types import F64, I64, Bools
 from .gathered import Gathered, mean
 from .plan import OBJECTIVES
 from .trial import METRICS
@@ -43,45 +44,129 @@ DEFAULT = OBJECTIVES[0]
 PUBLISHED = "Ours-seg"
 
 
+#: Draws of the bootstrap of a difference between placements.
+DRAWS = 10_000
+
+#: Numbers of a table that draws are put into at once: some tens of MB.
+_AT_ONCE = 4_000_000
+
+
 def of(given: Gathered, kept: Bools) -> dict[str, Any]:
-    """Regret of each score over metrics, of each placement, and what the rule says, among placements ``kept``."""
-    metrics = [m for m in DECIDING if m in given.metrics and np.isfinite(given.mean(m)[kept]).all(axis=1).mean() > 0.8]
-    each = {m: regrets(given.mean(m)[kept]) for m in metrics}
-    # [placements, scenes]
-    lost = mean(np.stack(list(each.values())), 0)
-    layouts = [layout for layout, keep in zip(given.layouts, kept) if keep]
+    """Regret of each score over metrics, of each placement, and what the rule says, among placements ``kept``.
+
+    Intervals of what a score picks are over placements and scenes: other placements, another pick, another best.
+    Placements that are there anyhow are compared over scenes and seeds.
+    """
+    metrics = [m for m in DECIDING if m in given.metrics and _is_known(given.mean(m)[kept])]
+    tables = np.stack([given.mean(m)[kept] for m in metrics])
+    drawn = correlate.Drawn.of(np.random.default_rng(SEED), *tables.shape[1:])
+    groups = {"mean": metrics, **ABOUT, **{m: (m,) for m in metrics}}
+    among = np.array([[m in group for m in metrics] for group in groups.values()])
+    losses = picked(np.stack([v[kept] for v in given.scores.values()]), tables, among, drawn)
+    numbers = {score: k for k, score in enumerate(given.scores)}
     by_score = {}
-    losses = {s: np.stack([picked_regret(v[kept], one) for one in each.values()]) for s, v in given.scores.items()}
-    for score, picked in losses.items():
-        by_gain = losses.get(GAIN, picked)
+    for score, k in numbers.items():
+        of = {group: asdict(_interval(losses[:, k, j])) for j, group in enumerate(groups)}
+        less = losses[:, numbers.get(GAIN, k), 0] - losses[:, k, 0]
         by_score[score] = {
-            "less_than_gain": asdict(over_scenes(mean(by_gain - picked, 0))),
-            "mean": asdict(over_scenes(mean(picked, 0))),
-            "about": {
-                name: asdict(over_scenes(mean(picked[[m in group for m in metrics]], 0))) for name, group in ABOUT.items()
-            },
-            "by_metric": {m: asdict(over_scenes(row)) for m, row in zip(each, picked)},
+            "less_than_gain": asdict(_interval(less)),
+            "mean": of["mean"],
+            "about": {name: of[name] for name in ABOUT},
+            "by_metric": {m: of[m] for m in metrics},
         }
+    # [metrics, seeds, placements, scenes]
+    each = np.stack([_by_seed(given, m)[:, kept] for m in metrics])
+    each = regrets(each, tables[:, None])
+    lost = mean(each, 0)
+    layouts = [layout for layout, keep in zip(given.layouts, kept) if keep]
     placements = {
-        layout.name: {"mean": asdict(over_scenes(row)), "by_metric": {m: float(mean(each[m][k], 0)) for m in each}}
-        for k, (layout, row) in enumerate(zip(layouts, lost))
+        layout.name: {
+            "mean": asdict(over_scenes(lost[:, k])),
+            "by_metric": {m: float(mean(mean(of[:, k], 0), 0)) for m, of in zip(metrics, each)},
+        }
+        for k, layout in enumerate(layouts)
     }
     found = {"metrics": metrics, "scores": by_score, "placements": placements}
-    return {**found, "optima": _optima(given, kept, lost, each), "verdict": _verdict(given, kept, by_score, lost)}
+    return {**found, "optima": _optima(given, kept, lost, metrics), "verdict": _verdict(given, kept, by_score, lost)}
 
 
-def regrets(metric: F64) -> F64:
-    """(best − each) / (best − mean) of ``[placements, scenes]``: 0 the best, 1 a random one; ``NaN`` if all are one."""
-    best, middle = np.nanmax(metric, axis=0), mean(metric, 0)
+def _is_known(table: F64) -> bool:
+    """Whether most placements have a metric, each in most scenes: one without objects has none of theirs."""
+    return bool((np.isfinite(table).mean(axis=1) > 0.5).mean() > 0.8)
+
+
+def _by_seed(given: Gathered, metric: str) -> F64:
+    """``[seeds, placements, scenes]``, of as many seeds for every metric: for one that is missing the mean stands in."""
+    most = max(len(table) for table in given.metrics.values())
+    table, whole = given.metrics[metric], given.mean(metric)
+    return np.stack([np.where(np.isfinite(table[k]), table[k], whole) if k < len(table) else whole for k in range(most)])
+
+
+def regrets(metric: F64, whole: F64 | None = None) -> F64:
+    """(best − each) / (best − mean) of ``[…, placements, scenes]``: 0 the best, 1 a random one; ``NaN`` if all are one.
+
+    Best and mean are those of ``whole``, if that is given.
+    """
+    whole = metric if whole is None else whole
+    best = np.where(np.isfinite(whole), whole, -np.inf).max(axis=-2, keepdims=True)
+    middle = np.expand_dims(mean(whole, -2), -2)
     with np.errstate(invalid="ignore", divide="ignore"):
         found: F64 = np.where(best > middle, (best - metric) / (best - middle), np.nan)
     return found
 
 
 def picked_regret(score: F64, regret: F64) -> F64:
-    """Regret ``[scenes]`` of the placement that a score puts first in each; a mean over those that are equally first."""
-    best = np.nanmax(np.where(np.isfinite(score), score, -np.inf), axis=0)
-    return mean(np.where(score == best, regret, np.nan), 0)
+    """Regret ``[…, scores, metrics, scenes]`` of the placement that a score puts first in each scene.
+
+    ``score`` is ``[…, scores, placements, scenes]``, ``regret`` ``[…, metrics, placements, scenes]``. Of those that are
+    equally first, but for the last bits, it is the mean.
+    """
+    known = np.where(np.isfinite(score), score, -np.inf)
+    best = known.max(axis=-2, keepdims=True)
+    # Means of the same heights in another order differ in the last bit; ``best`` is never below.
+    first = (known >= best - 1e-9 * np.abs(best)) & np.isfinite(known)
+    there = np.isfinite(regret)
+    first, there, regret = (np.moveaxis(x, -1, -3) for x in (first.astype(float), there.astype(float), np.where(there, regret, 0.0)))
+    # [..., scenes, scores, metrics]
+    count = first @ np.swapaxes(there, -1, -2)
+    total = first @ np.swapaxes(regret, -1, -2)
+    found: F64 = np.moveaxis(np.where(count > 0, total / np.maximum(count, 1), np.nan), -3, -1)
+    return found
+
+
+def picked(scores: F64, metrics: F64, among: Bools, drawn: correlate.Drawn) -> F64:
+    """``[1 + draws, scores, groups]``: mean regret of what scores pick, first of all placements and scenes as they are.
+
+    Of ``scores`` ``[scores, placements, scenes]`` and ``metrics`` ``[metrics, placements, scenes]``; ``among``
+    ``[groups, metrics]`` says of which metrics a group is the mean. Pick, best and mean are those of each draw.
+    """
+    _, count, scenes = scores.shape
+    rows = np.concatenate([np.arange(count)[None], drawn.placements])
+    often = np.concatenate([np.ones((1, scenes), np.int64), drawn.scenes])
+    found = []
+    step = max(1, _AT_ONCE // ((len(scores) + len(metrics)) * count * scenes))
+    for start in range(0, len(rows), step):
+        chosen = rows[start : start + step]
+        # [draws, …, placements, scenes]
+        score, metric = (np.moveaxis(table[:, chosen], 1, 0) for table in (scores, metrics))
+        each = picked_regret(score, regrets(metric))
+        by_group = np.stack([mean(each[:, :, of], 2) for of in among], axis=2)
+        found.append(_weighted(by_group, often[start : start + step, None, None]))
+    return np.concatenate(found)
+
+
+def _weighted(values: F64, often: I64) -> F64:
+    """Mean along the last axis of what is finite, each as often as it was drawn."""
+    weight = np.where(np.isfinite(values), often, 0)
+    total = weight.sum(axis=-1)
+    summed = (weight * np.where(np.isfinite(values), values, 0.0)).sum(axis=-1)
+    found: F64 = np.where(total > 0, summed / np.maximum(total, 1), np.nan)
+    return found
+
+
+def _interval(values: F64) -> correlate.Interval:
+    """Of what ``picked`` gives: the first value, and the percentiles of the others."""
+    return correlate.interval(float(values[0]), values[1:])
 
 
 def handmade(name: str) -> bool:
@@ -95,15 +180,18 @@ def optima_of(given: Gathered, score: str) -> list[str]:
     return [x.name for x in given.layouts if x.pool == "box" and (x.name.startswith(of_engine) or x.name == of_pool)]
 
 
-def _optima(given: Gathered, kept: Bools, lost: F64, each: dict[str, F64]) -> dict[str, Any]:
-    """Of each score that was searched with: how its optima do against the published optimum and the best by hand."""
+def _optima(given: Gathered, kept: Bools, lost: F64, metrics: list[str]) -> dict[str, Any]:
+    """Of each score that was searched with: how its optima do against the published optimum and the best by hand.
+
+    ``lost`` is ``[seeds, placements, scenes]``.
+    """
     names = [layout.name for layout, keep in zip(given.layouts, kept) if keep]
     hand = [k for k, name in enumerate(names) if handmade(name)]
     if PUBLISHED not in names or not hand:
         return {}
     ours = names.index(PUBLISHED)
     usual = [names.index(name) for name in optima_of(given, DEFAULT) if name in names]
-    least = hand[int(np.nanargmin(mean(lost[hand], 1)))]
+    least = _best(-lost, hand)
     found: dict[str, Any] = {}
     for score in given.scores:
         rows = [names.index(name) for name in optima_of(given, score) if name in names]
@@ -111,19 +199,23 @@ def _optima(given: Gathered, kept: Bools, lost: F64, each: dict[str, F64]) -> di
             continue
         found[score] = {"placements": [names[k] for k in rows], "less_regret_than": {}, "metrics": {}}
         for other in dict.fromkeys((ours, least)):
-            less = lost[other] - mean(lost[rows], 0)
+            less = lost[:, other] - mean(lost[:, rows], 1)
             found[score]["less_regret_than"][names[other]] = asdict(over_scenes(less))
         if usual and score != DEFAULT:
-            less = mean(lost[usual], 0) - mean(lost[rows], 0)
+            less = mean(lost[:, usual], 1) - mean(lost[:, rows], 1)
             found[score]["less_regret_than"][f"optima of {DEFAULT}"] = asdict(over_scenes(less))
-        for metric in each:
-            table = given.mean(metric)[kept]
-            best = hand[int(np.nanargmax(mean(table[hand], 1)))]
+        for metric in metrics:
+            table = given.metrics[metric][:, kept]
             found[score]["metrics"][metric] = {
-                f"minus {names[other]}": asdict(over_scenes(mean(table[rows], 0) - table[other]))
-                for other in dict.fromkeys((ours, best))
+                f"minus {names[other]}": asdict(over_scenes(mean(table[:, rows], 1) - table[:, other]))
+                for other in dict.fromkeys((ours, _best(table, hand)))
             }
     return found
+
+
+def _best(table: F64, among: list[int]) -> int:
+    """The placement of ``among`` with the highest mean over seeds and scenes of ``[seeds, placements, scenes]``."""
+    return among[int(np.nanargmax(mean(mean(table, 0)[among], 1)))]
 
 
 def _verdict(given: Gathered, kept: Bools, by_score: dict[str, Any], lost: F64) -> dict[str, Any]:
@@ -142,27 +234,36 @@ def _verdict(given: Gathered, kept: Bools, by_score: dict[str, Any], lost: F64) 
         return said
     if not rows:
         return {**said, "becomes_default": False, "why": "it was not searched with"}
-    best = hand[int(np.nanargmin(mean(lost[hand], 1)))]
-    less = over_scenes(lost[best] - mean(lost[rows], 0))
+    best = _best(-lost, hand)
+    less = over_scenes(lost[:, best] - mean(lost[:, rows], 1))
     shown = f"{less.value:.2f} [{less.low:.2f} {less.high:.2f}]".replace("-", "−")
     why = f"its optima lose {shown} less than {names[best]}, the best by hand"
     return {**said, "becomes_default": bool(less.low > 0), "why": why}
 
 
 def over_scenes(values: F64) -> correlate.Interval:
-    """Mean of ``[scenes]`` with its interval over scenes drawn with replacement."""
-    there = values[np.isfinite(values)]
-    if not there.size:
+    """Mean of ``[scenes]`` or ``[seeds, scenes]`` over both, with its interval: scenes are drawn, then seeds in each."""
+    values = np.atleast_2d(values)
+    values = values[:, np.isfinite(values).any(axis=0)]
+    if not values.size:
         return correlate.Interval(float("nan"), float("nan"), float("nan"))
-    drawn = np.random.default_rng(SEED).choice(there, (correlate.DRAWS, there.size)).mean(axis=1)
-    low, high = np.percentile(drawn, [2.5, 97.5])
-    return correlate.Interval(float(there.mean()), float(low), float(high))
+    seeds, scenes = _slots(*values.shape)
+    drawn = mean(mean(values[seeds, scenes], 2), 1)
+    return correlate.interval(float(mean(mean(values, 0), 0)), drawn)
+
+
+@functools.lru_cache(maxsize=16)
+def _slots(seeds: int, scenes: int) -> tuple[I64, I64]:
+    """Numbers of seeds ``[draws, scenes, seeds]`` and of the scenes ``[draws, scenes, 1]`` that they are drawn in."""
+    rng = np.random.default_rng(SEED)
+    among = rng.integers(0, scenes, (DRAWS, scenes, 1))
+    return rng.integers(0, seeds, (DRAWS, scenes, seeds)), among
 
 
 def paired(given: Gathered, metric: str, one: str, other: str) -> correlate.Interval:
-    """A placement's metric less another's, paired over scenes; ``NaN`` where one is missing."""
+    """A placement's metric less another's, paired over scenes and seeds; ``NaN`` where one is missing."""
     rows = [given.number(name) for name in (one, other)]
     if rows[0] is None or rows[1] is None:
         return correlate.Interval(float("nan"), float("nan"), float("nan"))
-    table = given.mean(metric)
-    return over_scenes(table[rows[0]] - table[rows[1]])
+    table = given.metrics[metric]
+    return over_scenes(table[:, rows[0]] - table[:, rows[1]])

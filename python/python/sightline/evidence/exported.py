@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import itertools
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -13,6 +15,7 @@ import numpy as np
 
 from ._types import F64, I64
 from .labels import KITTI_CLASS, NUSCENES, SEMANTICKITTI, Format
+from .truth import Source
 
 
 @dataclass(frozen=True)
@@ -70,9 +73,19 @@ class Export:
         return found
 
     def scene_files(self) -> dict[str, Path]:
-        """Scene files by name, those that are where they were when the set was written."""
+        """Scene files by name, those that are where they were when the set was written; refuses those that have changed."""
         names = [scene["name"] for scene in self.described["scenes"]]
-        return {name: Path(file) for name, file in zip(names, self.provenance["scenes"]) if Path(file).is_file()}
+        found = {name: Path(file) for name, file in zip(names, self.provenance["scenes"]) if Path(file).is_file()}
+        known = {one["sha256"] for one in self.described["settings"]["files"]}
+        for path in found.values():
+            # The scene before what it names: a changed one may not even open.
+            for file in itertools.chain([path], (Path(one) for one in _named_by(path))):
+                if hashlib.sha256(file.read_bytes()).hexdigest() not in known:
+                    raise ValueError(
+                        f"{file}: is not as it was when the data set was written, so that its voxels are not those of the scans; "
+                        "put it back, or judge no voxels with --voxel-frames 0"
+                    )
+        return found
 
     def labelled(self, predictions: Path, split: str) -> Iterator[Labelled]:
         """All clouds of a split, or of ``all``, with their predictions."""
@@ -151,14 +164,23 @@ class Export:
         except (AssertionError, KeyError, ValueError, TypeError) as error:
             raise ValueError(f"{results}: is no result of the split {eval_set} for nuscenes-devkit: {error}") from error
         metrics, _ = judge.evaluate()
-        there = {box.detection_name for boxes in judge.gt_boxes.boxes.values() for box in boxes}
-        names = sorted(there)
-        return {
-            "ap": {name: float(metrics.mean_dist_aps[name]) for name in names},
-            "mean_ap": float(np.mean([metrics.mean_dist_aps[name] for name in names])) if names else float("nan"),
-            "nds": float(metrics.nd_score),
-            "errors": {name: float(value) for name, value in metrics.tp_errors.items()},
+        names = sorted({box.detection_name for boxes in judge.gt_boxes.boxes.values() for box in boxes})
+        if not names:
+            raise ValueError(f"{self.root}: has no box of nuScenes' ten kinds in the split {eval_set}; take another --split")
+        ap = {name: float(metrics.mean_dist_aps[name]) for name in names}
+        # Of kinds that are not there the devkit makes errors of 1; some kinds have no heading, which is NaN.
+        errors = {
+            error: float(np.nanmean([metrics.get_label_tp(name, error) for name in names]))
+            for error in ("trans_err", "scale_err", "orient_err")
         }
+        mean = float(np.mean(list(ap.values())))
+        # Those of velocity and attribute are 1, the worst: a network of single frames knows neither.
+        nds = (5 * mean + sum(1 - min(1.0, error) for error in errors.values())) / 10
+        return {"ap": ap, "mean_ap": mean, "nds": nds, "errors": errors}
+
+
+def _named_by(scene: Path) -> list[str]:
+    return sorted(map(str, Source.read(scene).open().files))
 
 
 def _cloud(file: Path, columns: int) -> F64:
@@ -191,7 +213,7 @@ def _kitti_classes(path: Path, points: int | None) -> I64:
 
 def _nuscenes_classes(path: Path, points: int) -> I64:
     found = _bytes(path, points)
-    return _known(path, found, np.where(found < len(NUSCENES.classes), found, -1), "one of the 16 classes of the challenge")
+    return _known(path, found, np.where(found < len(NUSCENES.classes), found, -1), "one of the 16 classes of the challenge, nor 0")
 
 
 def _known(path: Path, raw: I64, classes: I64, what: str) -> I64:

@@ -15,11 +15,18 @@ from .plan import Plan
 from .scores import SCORES
 from .trial import METRICS
 
+#: Pools of placements that are looked at apart, by the pools of ``Layout`` in them.
+POOLS = {
+    "four in the mount": ("box",),
+    "four in the mount or low": ("box", "mixed"),
+    "all but the gamed": ("box", "mixed", "number", "sensor"),
+}
+
 #: Units of other learners than the trees: folder within a run, and what their metrics are called after.
 OTHERS = {"learned": "unet"}
 
-#: Metrics that such a learner has of its own; the rest of its unit is as of the trees.
-LEARNT = ("birds_eye_miou", "voxel_miou", "voxel_1m_miou", "centre_recall", "centre_ap")
+#: Metrics that such a learner has.
+LEARNT = ("birds_eye_miou", "centre_recall", "centre_ap")
 
 
 @dataclass(frozen=True)

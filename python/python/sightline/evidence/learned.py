@@ -1,21 +1,23 @@
 """The second learner of a study: ``python -m sightline.evidence learned --out DIR``, after ``quick`` or ``standard``.
 
 A bird's-eye U-Net is trained on the study's training worlds, once for each seed, and judges all placements of the plan
-in its test scenes; ``--anew NAME …`` also trains one for a placement alone. Everything lies in ``DIR/learned``.
+in its test scenes; ``--anew NAME …`` also trains one for a placement alone. Everything lies in ``DIR/learned``, whose
+``plan.json`` says what is learnt by which settings and versions.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib.metadata
 import os
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from . import agreement, stage, truth, worlds
 from . import plan as plans
-from .designs import DESIGNS
-from .files import is_whole, read_json
+from .files import is_whole, read_json, write_json
 from .layouts import Layout
 from .learners import judge, shared, unet
 from .plan import Plan
@@ -37,20 +39,29 @@ PART = 2
 LOOKED = 8
 
 
-def read(out: Path, scenes: Path) -> Plan:
-    """The plan of a run's folder; refuses one that was changed, and worlds that are not those of the plan."""
-    path = out / "plan.json"
-    if not is_whole(path):
-        raise ValueError(f"{path}: is not there; run quick or standard with this --out first")
-    kept = read_json(path)
-    record = kept["plan"]
-    if kept["plan_sha256"] != plans.digest(record):
-        raise ValueError(f"{path}: was changed after it was hashed; give the folder of another run")
-    if record["design"] not in DESIGNS:
-        raise ValueError(f"{path}: the design {record['design']} is none of {', '.join(DESIGNS)}")
-    chosen = [World.from_dict(world, out, scenes) for world in record["scenes"]]
-    placed = [Layout.from_dict(layout) for layout in record["placements"]]
-    return Plan(chosen, placed, record["seeds"], DESIGNS[record["design"]].learner, record)
+def settled(plan: Plan, folder: Path, settings: unet.Settings) -> None:
+    """Writes what is to be learnt, and by what, to ``plan.json`` of the stage; refuses a folder of anything else.
+
+    Before anything is learnt, as the study's own plan.
+    """
+    path = folder / "plan.json"
+    wanted = {
+        "study": plan.sha256,
+        "settings": asdict(settings),
+        "frames": FRAMES,
+        "seeds": list(SEEDS),
+        "torch": importlib.metadata.version("torch"),
+        "engine": plans.engine(),
+    }
+    if is_whole(path):
+        kept = read_json(path)
+        for key, value in wanted.items():
+            if kept.get(key) != value:
+                raise ValueError(f"{path}: {key} is {kept.get(key)}, now it is {value}; delete {folder} to learn anew")
+    elif any(folder.glob("seed-*")):
+        raise ValueError(f"{folder}: holds nets whose settings were not recorded; delete it to learn anew, or read it with tables")
+    else:
+        write_json(path, wanted)
 
 
 def carry_out(plan: Plan, out: Path, anew: list[str], settings: unet.Settings, jobs: int) -> None:
@@ -60,6 +71,7 @@ def carry_out(plan: Plan, out: Path, anew: list[str], settings: unet.Settings, j
         if name not in layouts:
             raise ValueError(f"--anew: the plan has no placement {name}; it has {', '.join(layouts)}")
     folder = out / "learned"
+    settled(plan, folder, settings)
     train = [worlds.world(world.name, world.path, "train", FRAMES) for world in plan.of("train")]
     test = plan.of("test")
     prepare(train, folder, jobs)
@@ -194,7 +206,7 @@ def main(arguments: list[str]) -> int:
     if min(given.jobs, given.steps) < 1:
         parser.error("--jobs, --steps: give 1 or more")
     out = given.out.resolve()
-    plan = read(out, given.scenes.resolve())
+    plan = plans.of_run(out, given.scenes.resolve())
     settings = unet.Settings(given.steps, SETTINGS.width, SETTINGS.rate, SETTINGS.cell)
     carry_out(plan, out, given.anew, settings, given.jobs)
     print(agreement.table(plan, out))

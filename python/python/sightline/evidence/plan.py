@@ -18,7 +18,7 @@ from sightline import _native
 
 from . import layouts, pool, stage, worlds
 from .candidates import CANDIDATES
-from .designs import KINDS, Design
+from .designs import DESIGNS, KINDS, Design
 from .files import read_json, write_json
 from .layouts import Layout
 from .learners import trees
@@ -39,7 +39,7 @@ WITH_LOW = ("gain", "covered_occupied", "distinct_voxels", "actors_5", "blend", 
 SCENES_NEEDED = {"birds_eye_miou": 28, "voxel_1m_miou": 29, "ground_seen_10m": 12, "objects_5": 280}
 
 #: The run that ``again`` takes placements of, from the folder of the project.
-EARLIER = Path("docs/evidence/standard.json")
+EARLIER = Path("docs/evidence/third.json")
 
 #: Candidates whose optima lost least in it, and the gain.
 NEAREST = ("gain", "blend", "near_and_ground", "near_and_field")
@@ -228,20 +228,24 @@ def settle(design: Design, chosen: list[World], placed: list[Layout], out: Path)
     return Plan(chosen, placed, list(design.seeds), design.learner, record)
 
 
+def of_run(out: Path, scenes: Path | None) -> Plan:
+    """``read`` of a folder whose design is not known before."""
+    path = out / "plan.json"
+    if not path.is_file():
+        raise ValueError(f"{path}: is not there; run a study, as quick or standard, with this --out first")
+    name = _record(path).get("design")
+    if name not in DESIGNS:
+        raise ValueError(f"{path}: the design {name} is none of {', '.join(DESIGNS)}")
+    return read(DESIGNS[name], out, scenes)
+
+
 def read(design: Design, out: Path, scenes: Path | None) -> Plan:
     """The plan of an earlier run in ``out``; refuses what was changed since or made for something else.
 
     Without ``scenes`` their files are not looked at, which is enough to sum up what was measured.
     """
     path = out / "plan.json"
-    try:
-        kept = json.loads(path.read_text(encoding="utf-8"))
-        record = kept["plan"]
-        is_whole = kept["plan_sha256"] == digest(record)
-    except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path}: cannot be read ({error}); delete the folder or give another --out") from error
-    if not is_whole:
-        raise ValueError(f"{path}: was changed after it was hashed; delete the folder or give another --out")
+    record = _record(path)
     expected = {
         "design": design.name,
         "versions": versions(),
@@ -251,19 +255,36 @@ def read(design: Design, out: Path, scenes: Path | None) -> Plan:
         "metrics": list(METRICS),
     }
     for key, value in expected.items():
-        if record[key] != value:
-            raise ValueError(f"{path}: {key} is {record[key]}, now it is {value}; give another --out")
+        if record.get(key) != value:
+            raise ValueError(f"{path}: {key} is {record.get(key)}, now it is {value}; give another --out")
     chosen = [World.from_dict(world, out, scenes) for world in record["scenes"]]
     placed = [Layout.from_dict(layout) for layout in record["placements"]]
     return Plan(chosen, placed, record["seeds"], design.learner, record)
+
+
+def _record(path: Path) -> dict[str, Any]:
+    """The plan in a file, if it is as it was hashed."""
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        record: dict[str, Any] = kept["plan"]
+        is_whole = isinstance(record, dict) and kept["plan_sha256"] == digest(record)
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path}: cannot be read ({error}); delete the folder or give another --out") from error
+    if not is_whole:
+        raise ValueError(f"{path}: was changed after it was hashed; delete the folder or give another --out")
+    return record
 
 
 def versions() -> dict[str, str]:
     """Of what the numbers depend on; of the engine the SHA-256 of its library, which changes with its code."""
     packages = ("numpy", "scipy", "scikit-learn", "lightgbm")
     found = {name: importlib.metadata.version(name) for name in packages}
-    engine = hashlib.sha256(Path(_native.__file__).read_bytes()).hexdigest()
-    return {"sightline": sightline.__version__, "engine": engine, "python": platform.python_version(), **found}
+    return {"sightline": sightline.__version__, "engine": engine(), "python": platform.python_version(), **found}
+
+
+def engine() -> str:
+    """SHA-256 of the engine's library."""
+    return hashlib.sha256(Path(_native.__file__).read_bytes()).hexdigest()
 
 
 def _optimum(group: list[World], objective: str, evaluations: int, seed: int) -> dict[str, Any]:

@@ -83,8 +83,8 @@ def _losses(spot: Any, regret: dict[str, Any]) -> None:
     spot.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=8)
     spot.axvline(0, color="black", linewidth=0.8)
     spot.axvline(1, color="black", linewidth=0.8, linestyle="--")
-    spot.set_xlabel("lost by taking the placement that the score puts first\n0: none was better · 1: no better than a random one")
-    spot.set_title(f"mean over {len(regret['metrics'])} metrics, interval over scenes; grey: null models", fontsize=9)
+    spot.set_xlabel("lost by taking the placement that the score puts first\n0: none was better · 1: the mean of the placements")
+    spot.set_title(f"mean over {len(regret['metrics'])} metrics, 95 % over placements and scenes; grey: null models", fontsize=9)
 
 
 def _worth(spot: Any, result: dict[str, Any]) -> None:

@@ -2,13 +2,15 @@
 
 Learns the groups of points on scans of generated worlds, of one sensor like that of SemanticKITTI, and on the real
 scans in ``DIR`` (``sequences/NN/velodyne/*.bin`` and ``labels/*.label``), and judges each on both. Real scans are never
-judged by what was learnt in their own sequence. Writes ``real.json`` and ``real.md``. The sensor stands in one place, so
+judged by what was learnt in their own sequence. Writes ``plan.json`` first, ``real.json`` and ``real.md`` at the end. The sensor stands in one place, so
 that this says whether generated geometry looks like the real one to the learner, not which placement is better.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
+import json
 import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -16,12 +18,10 @@ from typing import Any
 
 import numpy as np
 
-import sightline
-
-from . import decide, trial, worlds
+from . import decide, plan, trial, worlds
 from ._types import F32, I64, U8
 from .designs import KINDS
-from .files import read_json, write_json
+from .files import is_whole, read_json, write_json
 from .labels import COMMON, KITTI_CLASS, SEMANTICKITTI, common_of
 from .layouts import Layout
 from .learners import trees
@@ -185,6 +185,35 @@ def judged(real: list[list[Described]], train: list[Described], test: list[Descr
     return cells
 
 
+def settled(files: list[tuple[str, Path, Path]], out: Path) -> dict[str, Any]:
+    """What is read and how, written to ``plan.json`` before it is; refuses a folder of other scans or versions."""
+    path = out / "plan.json"
+    wanted = {
+        "scans": {f"{name}/{file.parent.name}/{file.name}": _sha256(file) for name, *both in files for file in both},
+        "worlds": {"train": list(TRAIN), "test": list(TEST), "frames": FRAMES},
+        "lidar": LIDAR,
+        "height": HEIGHT,
+        "reach": REACH,
+        "judged_points": JUDGED,
+        "learner": json.loads(json.dumps(trees.describe(LEARNER))),
+        "versions": plan.versions(),
+    }
+    if is_whole(path):
+        kept = read_json(path)
+        for key, value in wanted.items():
+            if kept.get(key) != value:
+                raise ValueError(f"{path}: {key} are not those of this call; give another --out")
+    elif (out / "scans").is_dir():
+        raise ValueError(f"{out}: holds scans of which nothing was recorded; give another --out")
+    else:
+        write_json(path, wanted)
+    return wanted
+
+
+def _sha256(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
 def table(result: dict[str, Any]) -> str:
     """The cells as Markdown."""
     names = [name for name in COMMON if any(name in of["iou"] for cells in result["cells"].values() for of in cells.values())]
@@ -209,7 +238,7 @@ def main(words: list[str]) -> int:
     given = parser.parse_args(words)
     files = sequences(given.kitti)
     names = sorted({sequence for sequence, _, _ in files})
-    folder = given.out / "scans"
+    folder, settings = given.out / "scans", settled(files, given.out)
     generated = [(kind, seed) for seed in (*TRAIN, *TEST) for kind in KINDS]
     tasks: list[Task] = [
         (folder / f"real-{name}.json", prepare_real, ([one for one in files if one[0] == name], folder)) for name in names
@@ -220,12 +249,8 @@ def main(words: list[str]) -> int:
     train, test = ([scan for seed in seeds for kind in KINDS for scan in load(folder, f"{kind}-{seed}")] for seeds in (TRAIN, TEST))
     say("learns")
     result = {
-        "versions": {"sightline": sightline.__version__},
-        "lidar": LIDAR,
-        "height": HEIGHT,
-        "reach": REACH,
+        "plan": settings,
         "scans": {name: read_json(folder / f"real-{name}.json") for name in names},
-        "learner": trees.describe(LEARNER),
         "seed": given.seed,
         "cells": judged(real, train, test, given.seed),
     }

@@ -11,7 +11,7 @@ import numpy as np
 from . import plan as plans
 from . import scores, stage, summary, trial, truth
 from .designs import DESIGNS
-from .files import is_whole, read_json, write_json
+from .files import write_json
 from .groups import GROUPS
 from .layouts import Layout
 from .learners import trees
@@ -38,12 +38,7 @@ def run(name: str, out: Path, scenes: Path, xodr: Path | None, jobs: int) -> dic
 
 def so_far(out: Path) -> dict[str, Any]:
     """The result of the units that a run has, written to ``result.json``; says how many are missing."""
-    if not is_whole(out / "plan.json"):
-        raise ValueError(f"{out}: has no plan.json; give the folder of a run")
-    name = read_json(out / "plan.json")["plan"]["design"]
-    if name not in DESIGNS:
-        raise ValueError(f"{out / 'plan.json'}: the design {name} is none of {', '.join(DESIGNS)}")
-    result = summary.of(plans.read(DESIGNS[name], out, None), out)
+    result = summary.of(plans.of_run(out, None), out)
     say(missing(result["missing_units"]))
     write_json(out / "result.json", result)
     return result

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -61,16 +62,23 @@ def _of_one_lidar(world: World, psog: sightline.Psog, placements: list[Layout], 
     rigs = [layout.placement(f"placement-{k}") for k, layout in enumerate(placements)]
     found = scene.score(rigs, self_hits=False)
     table = {name: np.asarray(found[name], dtype=np.float64) for name in _ENGINE}
-    body = body_of(scene)
-    count = min(frames, scene.frames)
     rows: list[list[list[float]]] = []
-    ground: Ground | None = None
-    for frame in (k * scene.frames // count for k in range(count)):
-        there = at(source, frame, psog, lidar)
-        (scan,) = there.scan(placements[0].poses, ideal=True, frames=[0])
-        ground = ground.with_boxes(scan.boxes) if ground else Ground.of(psog, source.grid, body, scan.boxes)
+    for there, ground in frames_of(scene, source, psog, placements[0], frames):
         seen = [candidates.look(there, ground, rig) for rig in rigs]
         rows.append([[*candidates.values(ground, one).values(), one.hits] for one in seen])
     mean = np.mean(rows, axis=0)
     table |= {name: mean[:, k] for k, name in enumerate((*CANDIDATES, "hits")) if name != "gain"}
     return table
+
+
+def frames_of(
+    scene: sightline.Scene, source: Source, psog: sightline.Psog, layout: Layout, frames: int
+) -> Iterator[tuple[sightline.Scene, Ground]]:
+    """Each frame that candidates are means over, opened alone with the LiDAR of a layout, and what is there to be seen."""
+    count = min(frames, scene.frames)
+    ground: Ground | None = None
+    for frame in (k * scene.frames // count for k in range(count)):
+        there = at(source, frame, psog, layout.lidar)
+        (scan,) = there.scan(layout.poses, ideal=True, frames=[0])
+        ground = ground.with_boxes(scan.boxes) if ground else Ground.of(psog, source.grid, body_of(scene), scan.boxes)
+        yield there, ground

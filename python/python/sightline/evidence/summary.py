@@ -13,15 +13,8 @@ from ._types import F64, Bools
 from .decide import SEED
 from .designs import DESIGNS
 from .files import is_whole, read_json
-from .gathered import Gathered, mean
+from .gathered import POOLS, Gathered, mean
 from .plan import Plan
-
-#: Pools of placements that are correlated apart, by the pools of ``Layout`` in them.
-POOLS = {
-    "four in the mount": ("box",),
-    "four in the mount or low": ("box", "mixed"),
-    "all but the gamed": ("box", "mixed", "number", "sensor"),
-}
 
 #: Metrics by which a gamed placement must lose.
 HARD = ("voxel_miou", "voxel_1m_miou", "birds_eye_miou")
@@ -54,8 +47,10 @@ def of(plan: Plan, out: Path) -> dict[str, Any]:
         "checks": {
             **checks,
             "gamed_rank_last": gamed_last(given),
+            "shuffled_is_random": {pool: _holds_1(of["regret"]["scores"]["shuffled"]["mean"]) for pool, of in pools.items()},
             "one_more_lidar": _one_more(given),
             "learnt": _learnt(given),
+            "second_learner": _second(out),
         },
     }
 
@@ -68,16 +63,20 @@ def _made_by(plan: Plan) -> dict[str, Any]:
 
 def _pool(given: Gathered, kept: Bools) -> dict[str, Any]:
     table: dict[str, Any] = {}
+    # Most metrics know the same placements, in whose draws scores are the same.
+    known: dict[bytes, tuple[correlate.Drawn, dict[str, correlate.Means]]] = {}
     for metric, every in given.metrics.items():
         # Another learner may have judged some of them so far.
         judged = kept & np.isfinite(given.mean(metric)).any(axis=1)
         if judged.sum() < 4:
             continue
-        scores = {s: values[judged] for s, values in given.scores.items()}
-        height, hits = scores["mean_height"].mean(axis=1), scores["hits"].mean(axis=1)
         by_seed, by_scene = every[:, judged], given.mean(metric)[judged]
-        drawn = correlate.Drawn.of(np.random.default_rng(SEED), *by_scene.shape)
-        over = mean(by_scene, 1)
+        if judged.tobytes() not in known:
+            drawn = correlate.Drawn.of(np.random.default_rng(SEED), *by_scene.shape)
+            means = {s: correlate.Means.of(values[judged], drawn) for s, values in given.scores.items()}
+            known[judged.tobytes()] = drawn, means
+        drawn, scores = known[judged.tobytes()]
+        of, over = correlate.Means.of(by_scene, drawn), mean(by_scene, 1)
         whole = np.isfinite(by_seed).any(axis=2).all(axis=0)
         table[metric] = {
             "placements": len(over),
@@ -86,12 +85,12 @@ def _pool(given: Gathered, kept: Bools) -> dict[str, Any]:
             "spread": [float(np.nanmin(over)), float(np.nanmean(over)), float(np.nanmax(over))],
             "scores": {
                 score: {
-                    "spearman": asdict(correlate.spearman_interval(values, by_scene, drawn)),
-                    "pearson": correlate.pearson(values.mean(axis=1), over),
-                    "partial_given_height": correlate.partial(values.mean(axis=1), over, height),
-                    "partial_given_hits": correlate.partial(values.mean(axis=1), over, hits),
+                    "spearman": asdict(correlate.spearman_of(one, of)),
+                    "pearson": asdict(correlate.pearson_of(one, of)),
+                    "partial_given_height": asdict(correlate.partial_of(one, of, scores["mean_height"])),
+                    "partial_given_hits": asdict(correlate.partial_of(one, of, scores["hits"])),
                 }
-                for score, values in scores.items()
+                for score, one in scores.items()
             },
         }
     return {"placements": int(kept.sum()), "metrics": table}
@@ -121,6 +120,11 @@ def gamed_last(given: Gathered) -> dict[str, bool]:
     return {m: bool(v[gamed].max() < v[four].min()) for m, v in found.items()}
 
 
+def _holds_1(regret: dict[str, float]) -> bool:
+    """Whether an interval holds the regret of a random placement."""
+    return regret["low"] <= 1 <= regret["high"]
+
+
 def _one_more(given: Gathered) -> dict[str, Any]:
     """Placements of one, two, … LiDARs, each with all of the one before: means, and each step paired over scenes."""
     line = [layout for layout in given.layouts if layout.name.startswith("count-")]
@@ -143,6 +147,15 @@ def _learnt(given: Gathered) -> dict[str, Any]:
         if not np.mean(np.array(own, float)) > np.mean(np.array(chance, float)) + 0.05:
             failed.append(f"{name}, seed {seed}")
     return {"units": len(given.units), "not_learnt": failed}
+
+
+def _second(out: Path) -> dict[str, Any] | str | None:
+    """What the second learner was told, if there is one; earlier programs did not write it down."""
+    folder = out / "learned"
+    if is_whole(folder / "plan.json"):
+        found: dict[str, Any] = read_json(folder / "plan.json")
+        return found
+    return "settings not recorded" if (folder / "units").is_dir() else None
 
 
 def _mean(values: F64) -> float:

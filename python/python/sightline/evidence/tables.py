@@ -59,7 +59,8 @@ def _verdict(regret: dict[str, Any]) -> str:
 def _regret(regret: dict[str, Any]) -> str:
     metrics = regret["metrics"]
     rows = sorted(regret["scores"].items(), key=lambda item: item[1]["mean"]["value"])
-    text = "\nRegret of the placement that a score puts first, mean over scenes [95 %, over scenes]; 0 the best, 1 a random one.\n\n"
+    text = "\nRegret of the placement that a score puts first, mean over scenes [95 %, over placements and scenes]; 0 the best, 1 the "
+    text += "mean of the placements.\n\n"
     about = list(rows[0][1]["about"])
     text += head(["score", "mean", "less than the gain", *(f"mean: {name}" for name in about), *metrics])
     for name, of in rows:
@@ -81,8 +82,8 @@ def _correlation(pool: dict[str, Any]) -> str:
 
 
 def _rho(found: dict[str, Any]) -> str:
-    given = f"{number(found['partial_given_height'])}, {number(found['partial_given_hits'])}"
-    return f"{interval(found['spearman'])} ({given})"
+    given = (number(found[f"partial_given_{what}"]["value"]) for what in ("height", "hits"))
+    return f"{interval(found['spearman'])} ({', '.join(given)})"
 
 
 def _optima(regret: dict[str, Any]) -> str:
@@ -90,7 +91,7 @@ def _optima(regret: dict[str, Any]) -> str:
         return ""
     metrics = regret["metrics"]
     text = "\nOptima, mean over those of a score, less the published `Ours-seg` and less the best made by hand, on the test scenes "
-    text += "[95 %, over scenes]; regret first: above 0 the optimum loses less.\n\n" + head(["searched with", "against", "regret", *metrics])
+    text += "[95 %, over scenes and seeds]; regret first: above 0 the optimum loses less.\n\n" + head(["searched with", "against", "regret", *metrics])
     for score, of in regret["optima"].items():
         for other, less in of["less_regret_than"].items():
             each = [of["metrics"][m].get(f"minus {other}") for m in metrics]
@@ -111,7 +112,7 @@ def _differences(effects: dict[str, Any], title: str, what: str) -> str:
     if not effects:
         return ""
     metrics = list(next(iter(effects.values())))
-    text = f"\n## {title} [95 %, over scenes]\n\n" + head([what, *metrics])
+    text = f"\n## {title} [95 %, over scenes and seeds]\n\n" + head([what, *metrics])
     return text + "".join(row([name, *(interval(of[m], 3) for m in metrics)]) for name, of in effects.items())
 
 
@@ -154,7 +155,7 @@ def _to_win(effects: dict[str, Any]) -> str:
     if not effects:
         return ""
     columns = list(dict.fromkeys(name for of in effects.values() for name in of))
-    text = "\n## What there is to win: chosen on the first seed, judged by the others, less Ours-seg [95 %, over scenes]\n\n"
+    text = "\n## What there is to win: chosen on the first seed, judged by the others in the same scenes (optimistic), less Ours-seg [95 %, over scenes and seeds]\n\n"
     text += head(["", *columns])
     for name, of in effects.items():
         text += row([name, *(f"{interval(of[c], 3)} (`{of[c]['placement']}`)" for c in columns)])
@@ -187,7 +188,7 @@ def _more(steps: dict[str, Any]) -> str:
     if not steps:
         return ""
     count = max(len(of["means"]) for of in steps.values())
-    text = "\n## One to six LiDARs, each with all of the one before; step [95 %, over scenes]\n\n"
+    text = "\n## One to six LiDARs, each with all of the one before; step [95 %, over scenes and seeds]\n\n"
     text += head(["metric", "1", *(f"{k} → {k + 1}" for k in range(1, count))])
     return text + "".join(
         row([m, number(of["means"][0], 3), *(interval(step, 3) for step in of["steps"])]) for m, of in steps.items()
@@ -214,7 +215,12 @@ def _checks(checks: dict[str, Any]) -> list[str]:
         lines.append(f"mIoU on own points by number of training scenes: {grown}")
     last = ", ".join(f"{m} {'yes' if is_last else 'no'}" for m, is_last in checks["gamed_rank_last"].items())
     lines.append(f"gamed placements rank last: {last or 'none there'}")
+    random = ", ".join(f"{pool} {'yes' if holds else 'no'}" for pool, holds in checks["shuffled_is_random"].items())
+    lines.append(f"interval of the regret of `shuffled` holds 1: {random or 'none there'}")
     lines.append(f"learners not better than the commonest group: {', '.join(checks['learnt']['not_learnt']) or 'none'}")
+    if second := checks["second_learner"]:
+        told = second if isinstance(second, str) else ", ".join(f"{key} {value}" for key, value in second.items())
+        lines.append(f"second learner: {told}")
     return lines
 
 

@@ -135,12 +135,14 @@ def judge(world: World, truths: list[Truth], scans: list[Frame], learner: Learne
         rings += np.array(targets.by_ring(grid, truth.keys, truth.labels, reached))
         high = ~targets.beneath(grid, truth.keys)
         overhead += segmentation.confusion(truth.labels[high], reached[high], len(GROUPS))
+    # A placement that meets nothing has no points to be right or wrong on.
+    is_labelled = any(len(one) for one in sure)
     metrics = {
         "voxel_miou": segmentation.fixed(counts["voxel"]).mean,
         "voxel_1m_miou": segmentation.fixed(counts["voxel_1m"]).mean,
         "birds_eye_miou": segmentation.fixed(counts["map"]).mean,
         "own_miou": segmentation.nuscenes(counts["own"]).mean,
-        "own_miou_semantickitti": segmentation.semantickitti(counts["own"]).mean if learner else np.nan,
+        "own_miou_semantickitti": segmentation.semantickitti(counts["own"]).mean if is_labelled else np.nan,
     }
     found, ground = _objects(truths, scans), _ground(grid, truths, scans)
     detail = {
@@ -149,7 +151,7 @@ def judge(world: World, truths: list[Truth], scans: list[Frame], learner: Learne
         "miou_by_ring_1m": [segmentation.fixed(ring).mean for ring in rings],
         "miou_overhead_1m": segmentation.fixed(overhead).mean,
         "share_of_voxels_seen": float(1 - counts["voxel"][1:, 0].sum() / max(counts["voxel"][1:].sum(), 1)),
-        "ece_15_bins": calibration(np.concatenate(sure), np.concatenate(right)).error if sure else np.nan,
+        "ece_15_bins": calibration(np.concatenate(sure), np.concatenate(right)).error if is_labelled else np.nan,
         "chance_miou": chance(counts["own"]),
         "objects": found["detail"],
         "blind_ground_m2": ground["detail"],

@@ -17,7 +17,6 @@ import numpy as np
 
 from . import decide, direct, pool, run, stage
 from . import plan as plans
-from .designs import DESIGNS
 from .files import is_whole, read_json, write_json
 from .layouts import Layout, out_of_step
 from .plan import Plan
@@ -113,10 +112,7 @@ def main(arguments: list[str]) -> int:
     if min(given.jobs, given.exchanges) < 1:
         parser.error("--jobs, --exchanges: give 1 or more")
     out = given.out.resolve()
-    if not is_whole(out / "plan.json"):
-        raise ValueError(f"{out}: has no plan.json; give the folder of a run")
-    design = DESIGNS[read_json(out / "plan.json")["plan"]["design"]]
-    result = carry_out(plans.read(design, out, given.scenes.resolve()), out, given.exchanges, given.jobs)
+    result = carry_out(plans.of_run(out, given.scenes.resolve()), out, given.exchanges, given.jobs)
     write_json(out / "win" / "win.json", result)
     print(f"less {decide.PUBLISHED} [95 %, over scenes]\n\n{table(result)}", end="")
     return 0

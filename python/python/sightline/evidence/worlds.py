@@ -7,6 +7,7 @@ import gzip
 import json
 import subprocess
 import sys
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -85,8 +86,7 @@ def generated(kind: str, seed: int, role: str, frames: int, folder: Path) -> Wor
     path = folder / f"{name}.json"
     if not path.is_file():
         folder.mkdir(parents=True, exist_ok=True)
-        command = [sys.executable, "-m", "sightline", "scene", "new", "--quiet", "--kind", kind]
-        subprocess.run([*command, "--seed", str(seed), "--out", str(path)], check=True)
+        _made(["new", "--quiet", "--kind", kind, "--seed", str(seed), "--out", str(path)])
     return world(name, path, role, frames)
 
 
@@ -101,13 +101,23 @@ def imported(xodr: Path, name: str, seed: int, role: str, frames: int, folder: P
         if not found:
             raise ValueError(f"{xodr}: holds no {name}.xodr, nor a compressed one; give a folder that does, or no --xodr")
         folder.mkdir(parents=True, exist_ok=True)
-        given = found[0].read_bytes()
         drawn = folder / f"{name}.xodr"
-        drawn.write_bytes(gzip.decompress(given) if found[0].suffix == ".gz" else given)
-        command = [sys.executable, "-m", "sightline", "scene", "import", str(drawn), "--quiet"]
-        subprocess.run([*command, "--seed", str(seed), "--out", str(path)], check=True)
-        drawn.unlink()
+        try:
+            given = found[0].read_bytes()
+            drawn.write_bytes(gzip.decompress(given) if found[0].suffix == ".gz" else given)
+            _made(["import", str(drawn), "--quiet", "--seed", str(seed), "--out", str(path)])
+        except (ValueError, EOFError, zlib.error, gzip.BadGzipFile) as error:
+            raise ValueError(f"{found[0]}: is no map that a town can be made on: {error}") from error
+        finally:
+            drawn.unlink(missing_ok=True)
     return world(name, path, role, frames)
+
+
+def _made(words: list[str]) -> None:
+    """Lets the program make a scene; what it says of an error is the error."""
+    done = subprocess.run([sys.executable, "-m", "sightline", "scene", *words], stderr=subprocess.PIPE, text=True)
+    if done.returncode:
+        raise ValueError(done.stderr.strip() or f"`sightline scene {words[0]}` ended with the code {done.returncode}")
 
 
 def world(name: str, path: Path, role: str, frames: int) -> World:
