@@ -37,6 +37,7 @@ fn scan(scene: &str, frame: usize) -> Scan {
     let lidars = mounts.map(|at| ScanLidar {
         model: "sixteen".to_owned(),
         ego_from_sensor: Pose::new(at, 0.1, 0.0, at.y),
+        ego_from_mount: Pose::new(at, 0.1, 0.0, at.y),
         channels: 16,
         columns: 360,
         range: 80.0,

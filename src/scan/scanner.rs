@@ -191,7 +191,7 @@ impl<'a> Scanner<'a> {
             frame,
             time: frame as f64 / self.scene.rate(),
             classes: self.classes.clone(),
-            lidars: self.models.iter().zip(&poses).map(|(&m, pose)| self.facts(m, pose)).collect(),
+            lidars: (0..poses.len()).map(|lidar| self.facts(lidar, &poses[lidar])).collect(),
             world_from_ego: self.scene.ego_pose(frame),
             returns: returns.flatten().collect::<Vec<_>>().concat(),
             boxes: self.boxes(frame),
@@ -239,12 +239,14 @@ impl<'a> Scanner<'a> {
         tasks.collect()
     }
 
-    fn facts(&self, model: usize, pose: &Pose) -> ScanLidar {
+    fn facts(&self, lidar: usize, ego_from_sensor: &Pose) -> ScanLidar {
+        let model = self.models[lidar];
         let Fires { columns, channels, .. } = self.sweepers[model].fires;
         let model = &self.sensors.models()[model];
         ScanLidar {
             model: model.name.to_string(),
-            ego_from_sensor: *pose,
+            ego_from_sensor: *ego_from_sensor,
+            ego_from_mount: self.placement.lidars[lidar].ego_from_sensor(),
             channels: channels as u32,
             columns: columns as u32,
             range: model.table.range(),

@@ -53,6 +53,7 @@ fn scan(points: impl Iterator<Item = (f64, u16, f64)>) -> Scan {
         lidars: vec![ScanLidar {
             model: String::new(),
             ego_from_sensor: lidar,
+            ego_from_mount: lidar,
             channels: 1,
             columns: 100_000,
             range: 200.0,
