@@ -132,7 +132,7 @@ impl<'a> Scanner<'a> {
             sensors,
             tracks,
             scanning: scanning.clone(),
-            optics: Optics::new(scene, weather, scanning.seed),
+            optics: Optics::new(scene, weather),
             corruptions,
             classes,
         })
