@@ -37,7 +37,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME", default_value = "npz")]
     layout: Layout,
     /// Geometry alone: every beam returns at once, without error, from what it meets
-    #[arg(long, conflicts_with = "condition")]
+    #[arg(long)]
     ideal: bool,
     /// Weather or a fault, as fog:mor=50, snow:rate=1, wet:water=1, blur, crosstalk:share=0.01, echo:ratio=0.85;
     /// with mode=robo3d by the rules of the public benchmark, with level=light|moderate|heavy
