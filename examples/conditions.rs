@@ -82,9 +82,11 @@ fn scan(frame: usize, class: usize) -> Scan {
             status: Status::Hit,
         }
     };
+    let pose = Pose { translation: [0.0, 0.0, HEIGHT].into(), ..Pose::IDENTITY };
     let lidar = ScanLidar {
         model: String::new(),
-        ego_from_sensor: Pose { translation: [0.0, 0.0, HEIGHT].into(), ..Pose::IDENTITY },
+        ego_from_sensor: pose,
+        ego_from_mount: pose,
         channels: 1,
         columns: POINTS * 16,
         range: 200.0,

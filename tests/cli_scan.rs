@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use crate::cli::{fails, ok, sightline};
 
 /// A street with a house and a car that drives, and two placements.
-fn street() -> TempDir {
+pub fn street() -> TempDir {
     let dir = TempDir::new().unwrap();
     let scene = json!({
         "sightline": 1, "name": "street", "frames": 3, "rate": 10, "coverage": "first-hit",
@@ -122,6 +122,7 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
         error
     };
     let one = ["--placement", "p.json:one"];
+    let nuscenes = ["--out", "out", "--layout", "nuscenes"];
     for (more, words) in [
         (
             &["--placement", "p.json:three", "--out", "out"][..],
@@ -163,6 +164,25 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
         (&[one[0], one[1], "--out", "out", "--condition", "rain"], "there is no condition `rain`"),
         (&[one[0], one[1], "--out", "out", "--layout", "kitti"], "`kitti` is no layout"),
         (
+            &[one[0], one[1], "--out", "out", "--ideal", "--condition", "fog:mor=50"],
+            "the condition `fog:mor=50,gain=1` acts on beams, of which an ideal scan has the geometry alone;",
+        ),
+        (
+            &[&one[..], &nuscenes, &["--map", "road=road"], &["--map", "road=fence"]].concat(),
+            "the class `road` is mapped to `road` and to `fence`; map it once",
+        ),
+        (
+            &[one[0], one[1], "--out", "out", "--splits", "1e9", "1", "0"],
+            "splits 1000000000, 1, 0: take three shares from 0 to below 1e9 whose sum",
+        ),
+        (
+            &[one[0], one[1], "--out", "out", "--layout", "nuscenes", "--keyframe-every", "0"],
+            "invalid value '0' for '--keyframe-every <N>': 0 is not in 1..",
+        ),
+        // A file on the way, and where the folders of two placements are to be.
+        (&[one[0], one[1], "--out", "p.json/x/y"], "sightline: p.json: is a file, and a data set"),
+        (&["--placement", "p.json", "--out", "s.json"], "sightline: s.json: is a file, and a data"),
+        (
             &[one[0], one[1], "--out", "p.json"],
             "p.json: is a file, and a data set is a folder; name another place",
         ),
@@ -173,6 +193,11 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
     #[cfg(target_os = "linux")]
     assert!(
         refused(&[one[0], one[1], "--out", "/proc/xx"]).starts_with("sightline: /proc/xx: No such")
+    );
+    let published = ["--ideal", "--condition", "fog:mode=robo3d"];
+    ok(
+        dir.path(),
+        &[&["scan", "s.json", one[0], one[1], "--out", "ideal"], &published[..]].concat(),
     );
     fs::create_dir(dir.path().join("mine")).unwrap();
     fs::write(dir.path().join("mine/thesis.txt"), "all of it").unwrap();

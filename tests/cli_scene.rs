@@ -41,7 +41,32 @@ fn a_street_that_cannot_be_made_is_refused() {
     assert!(error.contains("--triangles") && error.contains("4000"), "{error}");
     let error = fails(dir.path(), &["scene", "new", "--out", "x.ply"]);
     assert!(error.contains("ending .json"), "{error}");
+    let error = fails(dir.path(), &["scene", "new", "--out", "a\tb.json"]);
+    assert!(
+        error.contains("\"a\\tb\": is to be the name of the scene, which has no control"),
+        "{error}"
+    );
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_mesh_that_nobody_has_named_is_left_alone() {
+    let dir = TempDir::new().unwrap();
+    let read = |file: &str| fs::read(dir.path().join(file)).unwrap();
+    let new = ["scene", "new", "--triangles", "4000", "--frames", "1", "--out", "car.json"];
+    fs::write(dir.path().join("car.ply"), "a scan of my car").unwrap();
+    let words = "car.ply: is there and would be overwritten by the scene's mesh; name another scene than car.json";
+    let error = fails(dir.path(), &new);
+    assert!(error.contains(words), "{error}");
+    fs::write(dir.path().join("car.json"), "{ \"mesh\": \"my-car.ply\" }").unwrap();
+    assert!(fails(dir.path(), &new).contains(words));
+    assert_eq!((&read("car.ply")[..], read("car.json").len()), (&b"a scan of my car"[..], 24));
+    // A scene's own mesh is made anew with it.
+    fs::remove_file(dir.path().join("car.ply")).unwrap();
+    for _ in 0..2 {
+        assert!(sightline(dir.path(), &new).status.success());
+    }
+    assert!(read("car.ply").starts_with(b"ply"));
 }
 
 #[test]
@@ -80,5 +105,21 @@ fn a_map_is_imported_or_refused() {
     assert!(import("fork.json").contains("OpenDRIVE"));
     fs::write(dir.path().join("a.xodr.gz"), [0x1f, 0x8b, 8]).unwrap();
     assert!(import("a.xodr.gz").contains("gunzip"));
+    for (more, words) in [
+        (
+            &["m.xodr", "--cell", "0.5"][..],
+            "--cell 0.5: is for --nuscenes and --carla; leave it out",
+        ),
+        (&["m.xodr", "--lidar-height", "2"], "--lidar-height 2: is for --carla; leave it out"),
+        (&["d", "--carla", "--poses", "p.csv", "--seed", "3"], "--seed <N>"),
+        (
+            &["d", "--carla", "--poses", "p.csv", "--nuscenes", "--scene", "s"],
+            "cannot be used with",
+        ),
+        (&["d", "--nuscenes", "--scene", "s", "--frames", "3"], "--frames <N>"),
+    ] {
+        let error = fails(dir.path(), &[&["scene", "import", "--out", "x.json"], more].concat());
+        assert!(error.contains(words), "{more:?}: {error}");
+    }
     assert!(!dir.path().join("x.json").exists());
 }

@@ -14,7 +14,11 @@ use sightline::vehicle::{Placement, SensorPose};
 
 /// A street with a house, a car and the own body, its sensor rated for `rated` metres.
 fn scene(rated: f64) -> Scene {
-    let text = format!(
+    Scene::from_json(&scene_text(rated), Path::new(""), "street").unwrap()
+}
+
+fn scene_text(rated: f64) -> String {
+    format!(
         r#"{{ "sightline": 1, "name": "street", "frames": 2, "coverage": "first-hit",
              "roi": {{ "min": [-20, -20, -0.5], "max": [20, 20, 3.5], "voxel": [0.5, 0.5, 0.5] }},
              "static": [{{ "class": "road", "plane": {{ "min": [-60, -60], "max": [60, 60], "z": 0 }} }},
@@ -26,8 +30,7 @@ fn scene(rated: f64) -> Scene {
                                "lidar": {{ "channels": 16, "fov": [-25, 5], "azimuth_steps": 120, "range": 60 }},
                                "response": {{ "rated_range": {rated} }} }}],
                            "mounts": [{{ "name": "roof", "min": [-1, -1, 2], "max": [1, 1, 3], "count": 2 }}] }} }}"#
-    );
-    Scene::from_json(&text, Path::new(""), "street").unwrap()
+    )
 }
 
 fn psog(scene: &Scene) -> Psog {
@@ -107,6 +110,41 @@ fn the_denser_the_fog_the_less_is_covered_and_none_is_like_clear_air() {
     for (all, plain) in all.iter().zip(&plain) {
         assert_eq!((all.covered, all.hits), (plain.covered, plain.hits));
     }
+}
+
+#[test]
+fn which_vehicles_are_dark_is_another_in_every_draw() {
+    // No other chance than that: an echo is seen or not by its power alone.
+    let text = scene_text(14.0).replace("\"rated_range\"", "\"softness\": 0, \"rated_range\"");
+    let scene = Scene::from_json(&text, Path::new(""), "street").unwrap();
+    let problem = problem(&scene, &psog(&scene), &["echo:ratio=0.5"]);
+    let covered = |seed: u64| {
+        let sensors = problem.sensors().with_seed(seed);
+        tallies(&Arc::new(Problem::clone(&problem).with_sensors(sensors)))[1].covered
+    };
+    let first = covered(0);
+    assert_eq!(first, covered(0));
+    assert!((1..8).any(|seed| covered(seed) != first), "one and the same in eight draws");
+}
+
+#[test]
+fn weather_acts_on_beams_that_meet_nothing() {
+    // Beams above the horizon; the street is there for the P-SOG alone.
+    let text = scene_text(10.0).replace("\"fov\": [-25, 5]", "\"fov\": [1, 8]");
+    let text = text.replace(
+        "\"min\": [12, -10, 0], \"max\": [14, 10, 6]",
+        "\"min\": [12, -10, 0], \"max\": [14, 10, 1]",
+    );
+    let scene = Scene::from_json(&text, Path::new(""), "street").unwrap();
+    let psog = psog(&scene);
+    let seen = |condition: &str| tallies(&problem(&scene, &psog, &[condition])).swap_remove(0);
+    let clear = seen("fog:mor=inf");
+    assert!(clear.hits == 0 && clear.covered > 500, "{clear:?}");
+    // What is left are the voxels that the two LiDARs stand in, in two frames.
+    assert!(seen("crosstalk:share=1").covered <= 4);
+    let half = seen("crosstalk:share=0.5").covered;
+    assert!(half > 0 && half < clear.covered, "{half}");
+    assert!(seen("snow:rate=2.5,speed=1.6").covered < clear.covered);
 }
 
 #[test]

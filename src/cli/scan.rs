@@ -37,7 +37,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME", default_value = "npz")]
     layout: Layout,
     /// Geometry alone: every beam returns at once, without error, from what it meets
-    #[arg(long, conflicts_with = "condition")]
+    #[arg(long)]
     ideal: bool,
     /// Weather or a fault, as fog:mor=50, snow:rate=1, wet:water=1, blur, crosstalk:share=0.01, echo:ratio=0.85;
     /// with mode=robo3d by the rules of the public benchmark, with level=light|moderate|heavy
@@ -53,8 +53,8 @@ pub struct Args {
     #[arg(long, num_args = 3, value_names = ["TRAIN", "VAL", "TEST"], value_parser = finite)]
     splits: Option<Vec<f64>>,
     /// nuscenes: of so many frames one is a keyframe, the others are sweeps [default: 5]
-    #[arg(long, value_name = "N", value_parser = whole::<usize>)]
-    keyframe_every: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    keyframe_every: Option<u32>,
     /// nuscenes: rows of six cameras without pictures, which mmdetection3d asks for
     #[arg(long)]
     with_camera_stubs: bool,
@@ -167,7 +167,7 @@ fn request(args: &Args) -> ScanRequest {
         scanning: Scanning { ideal, seed, conditions },
         frames: args.frames,
         splits,
-        keyframe_every: args.keyframe_every.unwrap_or(usual.keyframe_every),
+        keyframe_every: args.keyframe_every.map_or(usual.keyframe_every, |every| every as usize),
         camera_stubs: args.with_camera_stubs,
         each_lidar: !args.merged_only,
         map: args.map.clone(),

@@ -18,6 +18,9 @@ pub enum DatasetError {
     /// A scan is not named by its frame number.
     #[error("{}: a scan is named by its frame number, like 000000.bin; rename or remove it", path.display())]
     Name { path: PathBuf },
+    /// A scan of CARLA is not named by its frame.
+    #[error("{}: a scan of CARLA is named by its frame, at most 4294967295, like 000123.ply; rename or remove it", path.display())]
+    CarlaName { path: PathBuf },
     /// One frame number, two files.
     #[error("{} has two scans of frame {frame}; keep one", path.display())]
     Twice { path: PathBuf, frame: u32 },
@@ -60,6 +63,9 @@ pub enum DatasetError {
     /// A scene that the set does not have.
     #[error("{}: no scene is called {name:?}; it has {}", path.display(), listed(known))]
     NoScene { path: PathBuf, name: String, known: Vec<String> },
+    /// A scene that is asked for twice.
+    #[error("the scene {name:?} is named twice; its scans count once, so name it once")]
+    SceneTwice { name: String },
     /// Tables of several versions, or of none.
     #[error("{} holds {}; name the version, as --version v1.0-mini", path.display(), if found.is_empty() { "no folder with a scene.json".to_owned() } else { listed(found) })]
     Version { path: PathBuf, found: Vec<String> },

@@ -5,12 +5,11 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::folder::{ABOUT, HIDDEN};
 use super::plan::Planned;
 use super::{DatasetSettings, ExportError, SceneFacts, Split};
 use crate::files::{FileError, Input};
 
-/// Says what the folder holds, and whether it is whole.
-pub(super) const ABOUT: &str = "dataset.json";
 /// Keys of the provenance that hold paths as they were given: recorded, but not compared.
 const PATHS: [&str; 2] = ["scenes", "vehicle"];
 
@@ -62,15 +61,18 @@ impl About {
     pub fn is_in(&self, dir: &Path) -> Result<bool, ExportError> {
         let mut entries = match std::fs::read_dir(dir) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(false),
-            Err(error) if error.kind() == std::io::ErrorKind::NotADirectory => {
-                return Err(ExportError::NoFolder { path: dir.to_owned() });
+            Err(error) => {
+                // Of a place below a file, that file is in the way.
+                return Err(match dir.ancestors().find(|place| place.is_file()) {
+                    Some(file) => ExportError::NoFolder { path: file.to_owned() },
+                    None => ExportError::io(dir)(error),
+                });
             }
-            entries => entries.map_err(ExportError::io(dir))?,
+            Ok(entries) => entries,
         };
         if !dir.join(ABOUT).is_file() {
             // A run that ended before it could say what it makes leaves the hidden folder alone.
-            let foreign =
-                entries.any(|entry| entry.is_ok_and(|entry| entry.file_name() != ".sightline"));
+            let foreign = entries.any(|entry| entry.is_ok_and(|entry| entry.file_name() != HIDDEN));
             return if foreign {
                 Err(ExportError::Foreign { path: dir.to_owned() })
             } else {

@@ -40,9 +40,9 @@ impl Source {
     }
 }
 
-/// Poses of the LiDARs of a scan.
-pub(super) fn poses(scan: &Scan) -> Vec<Pose> {
-    scan.lidars.iter().map(|lidar: &ScanLidar| lidar.ego_from_sensor).collect()
+/// Poses of the LiDARs of a scan, without their phases: one calibration holds for all frames.
+pub(super) fn mounts(scan: &Scan) -> Vec<Pose> {
+    scan.lidars.iter().map(|lidar: &ScanLidar| lidar.ego_from_mount).collect()
 }
 
 /// Takes positions of points from the ego frame to another, rounded once.

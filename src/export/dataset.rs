@@ -3,15 +3,12 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::about::{ABOUT, About};
-use super::folder::Folder;
+use super::about::About;
+use super::folder::{ABOUT, Folder, INCOMPLETE};
 use super::labels::{Label, check_map, of_classes};
 use super::plan::{Planned, plan};
 use super::{DatasetSettings, ExportError, Layout, SceneFacts, kitti, npz, nuscenes};
 use crate::scan::Scan;
-
-/// Stands in the folder as long as it is not whole.
-const INCOMPLETE: &str = "INCOMPLETE.txt";
 
 /// A data set folder that grows scan by scan, of one placement; several scenes are sequences of it.
 ///
@@ -22,6 +19,8 @@ pub struct Dataset {
     scenes: Vec<SceneFacts>,
     plan: Vec<Planned>,
     labels: Vec<Vec<Label>>,
+    /// Frames of other sets that are to lie on the same disk.
+    others: u64,
     /// Whether the size of a frame was held against the room on the disk.
     measured: AtomicBool,
 }
@@ -33,6 +32,7 @@ struct Checked {
     labels: Vec<Vec<Label>>,
     /// Whether the folder holds it already, whole or in part.
     known: bool,
+    folder: Folder,
 }
 
 /// What was written.
@@ -71,12 +71,13 @@ impl Checked {
         }
         let about = About::new(settings, scenes, &plan);
         let known = about.is_in(dir)?;
-        Ok(Self { about, plan, labels, known })
+        let folder = Folder::at(dir)?;
+        Ok(Self { about, plan, labels, known, folder })
     }
 }
 
 impl Dataset {
-    /// Checks all that [`Self::create`] checks, and writes nothing.
+    /// Checks all that [`Self::create`] checks, writes nothing, and counts the frames that are not there.
     ///
     /// # Errors
     /// As of [`Self::create`].
@@ -84,8 +85,9 @@ impl Dataset {
         dir: &Path,
         settings: &DatasetSettings,
         scenes: &[SceneFacts],
-    ) -> Result<(), ExportError> {
-        Checked::new(dir, settings, scenes).map(drop)
+    ) -> Result<usize, ExportError> {
+        let folder = Checked::new(dir, settings, scenes)?.folder;
+        Ok(missing(&folder, scenes).count())
     }
 
     /// Makes the folder, or goes on with one that the same settings and files have begun.
@@ -98,13 +100,14 @@ impl Dataset {
         settings: &DatasetSettings,
         scenes: &[SceneFacts],
     ) -> Result<Self, ExportError> {
-        let Checked { about, plan, labels, known } = Checked::new(dir, settings, scenes)?;
+        let Checked { about, plan, labels, known, .. } = Checked::new(dir, settings, scenes)?;
         let set = Self {
             folder: Folder::open(dir)?,
             settings: settings.clone(),
             scenes: scenes.to_vec(),
             plan,
             labels,
+            others: 0,
             measured: AtomicBool::new(false),
         };
         if !known {
@@ -117,6 +120,12 @@ impl Dataset {
         }
         set.say_missing()?;
         Ok(set)
+    }
+
+    /// Says how many frames of other sets are to follow on the same disk, which must have room for them, too.
+    #[must_use]
+    pub fn ahead_of(self, others: u64) -> Self {
+        Self { others, ..self }
     }
 
     /// Writes into `INCOMPLETE.txt` which frames are missing; to be called where a run is ended early.
@@ -181,8 +190,8 @@ impl Dataset {
         folder.keep(scene, &record)?;
         if !self.measured.swap(true, Ordering::Relaxed) {
             let bytes: u64 = record.files.iter().map(|file| file.bytes).sum();
-            let missing = self.missing().0 as u64;
-            folder.check_space(bytes.saturating_mul(missing))?;
+            let frames = self.others.saturating_add(self.missing().0 as u64);
+            folder.check_space(bytes.saturating_mul(frames))?;
         }
         Ok(())
     }
@@ -195,9 +204,7 @@ impl Dataset {
 
     /// Frames that are not there, and the first of them.
     fn missing(&self) -> (usize, Option<(usize, usize)>) {
-        let all = self.scenes.iter().enumerate();
-        let all = all.flat_map(|(i, scene)| scene.frames.iter().map(move |&frame| (i, frame)));
-        let mut missing = all.filter(|&(scene, frame)| !self.has(scene, frame));
+        let mut missing = missing(&self.folder, &self.scenes);
         let first = missing.next();
         (usize::from(first.is_some()) + missing.count(), first)
     }
@@ -235,6 +242,13 @@ impl Dataset {
         folder.remove(INCOMPLETE)?;
         Ok(summary)
     }
+}
+
+/// Frames that are not there: the number of the scene, and that in it.
+fn missing(folder: &Folder, scenes: &[SceneFacts]) -> impl Iterator<Item = (usize, usize)> {
+    let all = scenes.iter().enumerate();
+    let all = all.flat_map(|(i, scene)| scene.frames.iter().map(move |&frame| (i, frame)));
+    all.filter(|&(scene, frame)| !folder.has(scene, frame))
 }
 
 /// Numbers of a rising list that are wanted, those that follow one another as one range.

@@ -17,7 +17,9 @@ pub enum ExportError {
         name: String,
     },
     /// Shares that are no shares.
-    #[error("splits {train}, {val}, {test}: take three shares of 0 or more whose sum is above 0")]
+    #[error(
+        "splits {train}, {val}, {test}: take three shares from 0 to below 1e9 whose sum is above 0"
+    )]
     Splits {
         /// For training.
         train: f64,
@@ -55,6 +57,26 @@ pub enum ExportError {
         /// Name of the scenes.
         scene: String,
     },
+    /// Two scenes would share a folder, although their names differ.
+    #[error("the scenes `{other}` and `{scene}` would share the folder `{folder}`; rename one")]
+    SameFolder {
+        /// Name of the scene.
+        scene: String,
+        /// Name of one before it.
+        other: String,
+        /// Name of their folder.
+        folder: String,
+    },
+    /// A scene that no folder can be called after.
+    #[error(
+        "no folder of the data set can have the name of the scene `{scene}`: {unfit}; rename it"
+    )]
+    FolderName {
+        /// Name of the scene.
+        scene: String,
+        /// What is in the way.
+        unfit: &'static str,
+    },
     /// A class that the format has no label for.
     #[error(
         "scene `{scene}`: the class `{class}` has no label in this layout; map it to one that has, \
@@ -76,6 +98,16 @@ pub enum ExportError {
         class: String,
         /// What it is mapped to.
         to: String,
+    },
+    /// A class that is mapped more than once.
+    #[error("the class `{class}` is mapped to `{first}` and to `{second}`; map it once")]
+    MappedTwice {
+        /// Name of the class.
+        class: String,
+        /// What it is mapped to.
+        first: String,
+        /// What it is mapped to again.
+        second: String,
     },
     /// A mapping of a class that is nowhere.
     #[error("the map `{class}={to}`: no scene has a class `{class}`{}", did_you_mean(.nearest, .known))]
@@ -116,6 +148,15 @@ pub enum ExportError {
     #[error("{}: is a file, and a data set is a folder; name another place", path.display())]
     NoFolder {
         /// Place of the data set.
+        path: PathBuf,
+    },
+    /// Something else where records are kept.
+    #[error(
+        "{}: is not the folder of records that a data set keeps; take it away, or name another place for the set",
+        path.display()
+    )]
+    Hidden {
+        /// Where the records would be.
         path: PathBuf,
     },
     /// What says what the folder holds says nothing.

@@ -1,6 +1,6 @@
 //! The folder of a data set: files that come into it whole, records of frames, what stands in it.
 
-use std::fs::File;
+use std::fs::{DirEntry, File};
 use std::io::{BufReader, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
@@ -10,8 +10,14 @@ use tempfile::NamedTempFile;
 use super::ExportError;
 use super::record::{FrameRecord, Written};
 
+/// Says what the folder holds, and whether it is whole.
+pub(super) const ABOUT: &str = "dataset.json";
+/// Stands in the folder as long as it is not whole.
+pub(super) const INCOMPLETE: &str = "INCOMPLETE.txt";
 /// Records and files that are being written: hidden, because loaders list the other folders.
-const HIDDEN: &str = ".sightline";
+pub(super) const HIDDEN: &str = ".sightline";
+/// Names of files that are being written begin so.
+const BEGUN: &str = ".tmp";
 
 /// Folder of a data set.
 pub(super) struct Folder {
@@ -28,21 +34,39 @@ pub(super) struct Staged {
 }
 
 impl Folder {
+    /// To read what is there, if anything is.
+    ///
+    /// # Errors
+    /// Records elsewhere: a link would lead whoever takes away files to those of others.
+    pub fn at(root: &Path) -> Result<Self, ExportError> {
+        let hidden = root.join(HIDDEN);
+        match std::fs::symlink_metadata(&hidden) {
+            Ok(meta) if !meta.is_dir() => Err(ExportError::Hidden { path: hidden }),
+            _ => Ok(Self { root: root.to_owned(), _alone: None }),
+        }
+    }
+
     /// Makes the folder if there is none; takes away what a run that was killed had begun in it, unless another
     /// program writes into it.
+    ///
+    /// # Errors
+    /// As of [`Self::at`], and a place that cannot be written.
     pub fn open(root: &Path) -> Result<Self, ExportError> {
+        let folder = Self::at(root)?;
         let hidden = root.join(HIDDEN);
         std::fs::create_dir_all(&hidden).map_err(ExportError::io(root))?;
         let alone = File::open(&hidden).ok().filter(|hidden| hidden.try_lock().is_ok());
         if alone.is_some() {
             let entries = std::fs::read_dir(&hidden).map_err(ExportError::io(&hidden))?;
-            // Records lie in folders of their own: files here were being written.
-            for torn in entries.flatten().filter(|e| e.file_type().is_ok_and(|kind| kind.is_file()))
-            {
+            let begun = |entry: &DirEntry| {
+                entry.file_name().to_string_lossy().starts_with(BEGUN)
+                    && entry.file_type().is_ok_and(|kind| kind.is_file())
+            };
+            for torn in entries.flatten().filter(begun) {
                 std::fs::remove_file(torn.path()).map_err(ExportError::io(&torn.path()))?;
             }
         }
-        Ok(Self { root: root.to_owned(), _alone: alone })
+        Ok(Self { _alone: alone, ..folder })
     }
 
     pub fn root(&self) -> &Path {
@@ -54,6 +78,7 @@ impl Folder {
         let place = self.root.join(name);
         let hidden = self.root.join(HIDDEN);
         let mut builder = tempfile::Builder::new();
+        builder.prefix(BEGUN);
         // As readable as any new file of the user.
         #[cfg(unix)]
         {

@@ -8,7 +8,7 @@ use std::io::Write;
 
 use glam::DMat3;
 
-use super::cloud::{Mover, Source, poses};
+use super::cloud::{Mover, Source, mounts};
 use super::folder::{Folder, Staged};
 use super::labels::{Label, Labels};
 use super::pickle::Pickle;
@@ -41,7 +41,7 @@ pub(super) fn write(
 ) -> Result<FrameRecord, ExportError> {
     let labels = Labels::new(classes, &scan.boxes, settings.robo3d_labels);
     let each = settings.each_lidar;
-    let mounts = poses(scan);
+    let mounts = mounts(scan);
     let mut files: Vec<Written> = Vec::new();
     for source in Source::all(mounts.len(), each && mounts.len() > 1) {
         let mover = Mover::new(&source.ego_from_sensor(&mounts, DMat3::IDENTITY));
@@ -85,7 +85,7 @@ pub(super) fn finish(
 }
 
 fn ego_from_source(record: &FrameRecord, source: Source) -> Pose {
-    let pose = |lidar: &LidarRecord| lidar.ego_from_sensor.pose();
+    let pose = |lidar: &LidarRecord| lidar.ego_from_mount.pose();
     let mounts: Vec<Pose> = record.lidars.iter().map(pose).collect();
     source.ego_from_sensor(&mounts, DMat3::IDENTITY)
 }

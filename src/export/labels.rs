@@ -132,6 +132,12 @@ pub(super) fn check_map(
         scenes.iter().flat_map(|scene| &scene.classes).map(String::as_str).collect();
     known.sort_unstable();
     known.dedup();
+    for (k, (class, second)) in map.iter().enumerate() {
+        if let Some((_, first)) = map[..k].iter().find(|(other, _)| other == class) {
+            let [class, first, second] = [class, first, second].map(String::clone);
+            return Err(ExportError::MappedTwice { class, first, second });
+        }
+    }
     let Some((class, to)) = map.iter().find(|(class, _)| !known.contains(&class.as_str())) else {
         return Ok(());
     };

@@ -1,5 +1,6 @@
 //! Which scene is for what, and what the format calls it.
 
+use super::folder::{ABOUT, INCOMPLETE};
 use super::nuscenes::scene_names;
 use super::{DatasetSettings, ExportError, Layout, SceneFacts, Split, Splits};
 use crate::chance::mixed;
@@ -7,6 +8,9 @@ use crate::chance::mixed;
 /// Numbers of sequences that every loader of SemanticKITTI takes for training, validation and tests.
 const SEQUENCES: [&[usize]; 3] =
     [&[0, 1, 2, 3, 4, 5, 6, 7, 9, 10], &[8], &[11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21]];
+
+/// Most bytes of a name of a folder.
+const LONGEST: usize = 255;
 
 /// What a scene is called in the data set, in the order of the scenes.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,11 +61,27 @@ fn check(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Result<(), Export
         if !frames.is_sorted_by(|a, b| a < b) {
             return Err(ExportError::Frames { scene });
         }
-        if scenes[..i].iter().any(|other| folder_name(&other.name) == folder_name(&scene)) {
-            return Err(ExportError::SameName { scene });
+        let folder = folder_name(&scene);
+        let same = scenes[..i].iter().find(|other| folder_name(&other.name) == folder);
+        if let Some(other) = same.map(|other| other.name.clone()) {
+            return Err(match other == scene {
+                true => ExportError::SameName { scene },
+                false => ExportError::SameFolder { scene, other, folder },
+            });
+        }
+        if let Some(unfit) = unfit(&folder).filter(|_| settings.layout == Layout::Npz) {
+            return Err(ExportError::FolderName { scene, unfit });
         }
     }
     Ok(())
+}
+
+/// Why a folder of a data set cannot have a name.
+fn unfit(name: &str) -> Option<&'static str> {
+    match name {
+        ABOUT | INCOMPLETE => Some("a file of the set has it"),
+        _ => (name.len() > LONGEST).then_some("it is longer than 255 bytes"),
+    }
 }
 
 /// A name that no file system takes for a path: letters, digits, `-`, `_` and `.` inside.

@@ -31,7 +31,8 @@ impl Transform {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct LidarRecord {
     pub model: String,
-    pub ego_from_sensor: Transform,
+    /// Without its phase.
+    pub ego_from_mount: Transform,
     pub channels: u32,
     pub columns: u32,
     pub range: f32,
@@ -80,7 +81,7 @@ impl FrameRecord {
     pub fn new(scan: &Scan, boxes: Vec<(u8, u32)>) -> Self {
         let lidars = scan.lidars.iter().map(|lidar| LidarRecord {
             model: lidar.model.clone(),
-            ego_from_sensor: (&lidar.ego_from_sensor).into(),
+            ego_from_mount: (&lidar.ego_from_mount).into(),
             channels: lidar.channels,
             columns: lidar.columns,
             range: lidar.range,

@@ -37,6 +37,7 @@ fn scan(scene: &str, frame: usize) -> Scan {
     let lidars = mounts.map(|at| ScanLidar {
         model: "sixteen".to_owned(),
         ego_from_sensor: Pose::new(at, 0.1, 0.0, at.y),
+        ego_from_mount: Pose::new(at, 0.1, 0.0, at.y),
         channels: 16,
         columns: 360,
         range: 80.0,
@@ -290,6 +291,18 @@ fn what_cannot_be_written_is_a_sentence_and_leaves_nothing() {
         "no scene has a class `lanp`; did you mean `lamp`?",
     );
     refused(&out, &kitti, &[one.clone(), one.clone()], "two scenes are called `one`");
+    let alike = [facts("a/b", Split::Train), facts("a_b", Split::Train)];
+    refused(&out, &kitti, &alike, "the scenes `a/b` and `a_b` would share the folder `a_b`");
+    let npz = DatasetSettings::new(Layout::Npz);
+    let long = "l".repeat(300);
+    for (name, unfit) in [
+        ("dataset.json", "a file of the set has it"),
+        ("INCOMPLETE.txt", "a file of the set has it"),
+        (&long, "it is longer than 255 bytes"),
+    ] {
+        let words = format!("can have the name of the scene `{name}`: {unfit}; rename it");
+        refused(&out, &npz, &[one.clone(), facts(name, Split::Val)], &words);
+    }
     let vals = [facts("a", Split::Val), facts("b", Split::Val)];
     refused(&out, &kitti, &vals, "2 scenes for val: semantickitti has 1 names");
     assert!("kitti".parse::<Layout>().is_err());
@@ -345,6 +358,48 @@ fn what_another_program_is_writing_is_not_taken_away() {
     drop(at_work);
     Dataset::create(dir.path(), &settings, &scenes).unwrap();
     assert!(!begun.exists());
+}
+
+#[test]
+#[cfg(unix)]
+fn files_of_others_are_never_taken_away() {
+    let dir = tempfile::tempdir().unwrap();
+    let (mine, set) = (dir.path().join("mine"), dir.path().join("set"));
+    let settings = DatasetSettings::new(Layout::Npz);
+    let scenes = scenes(settings.layout);
+    for folder in [&mine, &set] {
+        std::fs::create_dir(folder).unwrap();
+    }
+    std::fs::write(mine.join(".tmp-thesis"), "all of it").unwrap();
+    std::os::unix::fs::symlink(&mine, set.join(".sightline")).unwrap();
+    for error in [
+        Dataset::check(&set, &settings, &scenes).unwrap_err(),
+        Dataset::create(&set, &settings, &scenes).err().unwrap(),
+    ] {
+        let words = ".sightline: is not the folder of records that a data set keeps; take it away";
+        assert!(error.to_string().contains(words), "{error}");
+    }
+    assert!(mine.join(".tmp-thesis").exists());
+    std::fs::remove_file(set.join(".sightline")).unwrap();
+    drop(Dataset::create(&set, &settings, &scenes).unwrap());
+    std::fs::write(set.join(".sightline/notes.txt"), "mine").unwrap();
+    Dataset::create(&set, &settings, &scenes).unwrap();
+    assert!(set.join(".sightline/notes.txt").exists(), "only what the program began");
+}
+
+#[test]
+#[cfg(unix)]
+fn room_is_asked_for_the_sets_that_follow_as_well() {
+    let dir = tempfile::tempdir().unwrap();
+    let settings = DatasetSettings::new(Layout::Npz);
+    let scenes = scenes(settings.layout);
+    assert_eq!(Dataset::check(dir.path(), &settings, &scenes).unwrap(), 3 * FRAMES);
+    let set = Dataset::create(dir.path(), &settings, &scenes).unwrap();
+    set.write(0, &scan("one", 0)).unwrap();
+    assert_eq!(Dataset::check(dir.path(), &settings, &scenes).unwrap(), 3 * FRAMES - 1);
+    drop(set);
+    let set = Dataset::create(dir.path(), &settings, &scenes).unwrap().ahead_of(1 << 60);
+    assert!(matches!(set.write(0, &scan("one", 1)), Err(ExportError::Space { .. })));
 }
 
 #[test]

@@ -30,6 +30,15 @@ pub enum ScanError {
     /// A model without beams.
     #[error(transparent)]
     Sensor(#[from] SensorError),
+    /// A condition of beams that nothing acts on.
+    #[error(
+        "the condition `{condition}` acts on beams, of which an ideal scan has the geometry alone; leave out one \
+         of the two, or take the condition's mode `robo3d`"
+    )]
+    Ideal {
+        /// As written.
+        condition: String,
+    },
     /// Conditions that do not go together.
     #[error(transparent)]
     Condition(#[from] ConditionError),

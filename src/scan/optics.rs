@@ -1,7 +1,7 @@
 //! Power that surfaces send back, through whatever is in the air and on the ground, and whether it is seen.
 
 use super::conditions::{self, Weather};
-use super::reflectance::Reflectance;
+use super::reflectance::{Reflectance, draw};
 use crate::scene::Scene;
 use crate::vehicle::Response;
 
@@ -18,23 +18,24 @@ pub(super) struct Optics {
 }
 
 impl Optics {
-    pub fn new(scene: &Scene, weather: Weather, seed: u64) -> Self {
+    pub fn new(scene: &Scene, weather: Weather) -> Self {
         let classes = scene.classes();
         Self {
             weather,
-            reflectance: Reflectance::new(classes, scene.reflectances(), seed),
+            reflectance: Reflectance::new(classes, scene.reflectances()),
             ground: classes.iter().map(|class| conditions::is_ground(class)).collect(),
         }
     }
 
-    /// ρ·cos θ / r² of a surface, less what fog takes; snow is another matter for every beam.
-    pub fn power(&self, class: u16, instance: u16, cosine: f64, range: f64) -> f64 {
+    /// ρ·cos θ / r² of a surface, less what fog takes; snow is another matter for every beam. The seed decides what
+    /// objects are like.
+    pub fn power(&self, seed: u64, class: u16, instance: u16, cosine: f64, range: f64) -> f64 {
         let weather = &self.weather;
-        let mut reflectance = self.reflectance.of(class, instance);
+        let mut reflectance = self.reflectance.of(class, instance, seed);
         if let Some(echo) = &weather.echo
             && self.reflectance.is_mixed(class)
         {
-            reflectance = echo.reflectance(reflectance, self.reflectance.draw(instance));
+            reflectance = echo.reflectance(reflectance, draw(instance, seed));
         }
         if let Some(wet) = &weather.wet
             && self.ground.get(usize::from(class)).is_some_and(|&ground| ground)

@@ -39,7 +39,8 @@ impl Receiver<'_> {
     pub fn returns(&self, beam: &Place, mut report: impl FnMut(Return)) {
         let surface = self.sweep.surfaces[beam.fired];
         if self.ideal {
-            let reflectance = self.optics.reflectance.of(surface.class, surface.instance);
+            let reflectance = &self.optics.reflectance;
+            let reflectance = reflectance.of(surface.class, surface.instance, self.seed);
             let intensity = reflectance as f32 * surface.incidence;
             let status = if surface.is_hit() { Status::Hit } else { Status::Miss };
             let echo = Echo { range: f64::from(surface.t), power: 0.0, ray: Some(0), status };
@@ -133,7 +134,8 @@ impl Receiver<'_> {
     /// What a share of the beam's power brings back from a surface.
     fn echo(&self, surface: &Surface, ray: u8, share: f64) -> Echo {
         let (range, incidence) = (f64::from(surface.t), f64::from(surface.incidence));
-        let power = share * self.optics.power(surface.class, surface.instance, incidence, range);
+        let (class, instance) = (surface.class, surface.instance);
+        let power = share * self.optics.power(self.seed, class, instance, incidence, range);
         Echo { range, power, ray: Some(ray), status: Status::Hit }
     }
 

@@ -105,6 +105,8 @@ pub struct ScanLidar {
     pub model: String,
     /// Takes its frame to that of the ego.
     pub ego_from_sensor: Pose,
+    /// The same without its phase: how it is mounted, in all frames alike.
+    pub ego_from_mount: Pose,
     /// Channels; 1 of a list of directions.
     pub channels: u32,
     /// Azimuth steps of a channel.

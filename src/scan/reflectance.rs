@@ -1,5 +1,6 @@
 //! How much of the light surfaces send back, by class and by object.
 
+use super::NO_INSTANCE;
 use super::chance::{Chance, Purpose};
 use crate::scene::Reflectances;
 
@@ -52,12 +53,11 @@ pub(super) struct Reflectance {
     mixed: Vec<bool>,
     /// By actor, where the scene says it.
     by_actor: Vec<Option<f64>>,
-    seed: u64,
 }
 
 impl Reflectance {
     /// Of classes, and what the scene says of them and of its actors.
-    pub fn new(classes: &[String], said: &Reflectances, seed: u64) -> Self {
+    pub fn new(classes: &[String], said: &Reflectances) -> Self {
         let mixed = classes.iter().map(|class| MIXED.contains(&class.as_str())).collect();
         let of = |(id, class): (usize, &String)| {
             if let Some(&Some(reflectance)) = said.classes.get(id) {
@@ -70,34 +70,35 @@ impl Reflectance {
             }
         };
         let by_class = classes.iter().enumerate().map(of).collect();
-        Self { by_class, mixed, by_actor: said.actors.clone(), seed }
+        Self { by_class, mixed, by_actor: said.actors.clone() }
     }
 
-    /// From 0 to 1, of an object of a class; objects keep theirs through all frames. What stands in the static
-    /// world is no object, and has the mean of its class.
-    pub fn of(&self, class: u16, instance: u16) -> f64 {
+    /// From 0 to 1, of an object of a class; objects keep theirs through all frames of a seed. What stands in the
+    /// static world is no object, and has the mean of its class.
+    pub fn of(&self, class: u16, instance: u16, seed: u64) -> f64 {
         let actor = usize::from(instance).checked_sub(1).and_then(|actor| self.by_actor.get(actor));
         if let Some(&Some(reflectance)) = actor {
             return reflectance;
         }
         match self.by_class.get(usize::from(class)) {
             Some(Some(reflectance)) => *reflectance,
-            Some(None) if instance == super::NO_INSTANCE => {
-                DARK_SHARE * DARK + (1.0 - DARK_SHARE) * BRIGHT
-            }
-            Some(None) if self.draw(instance) < DARK_SHARE => DARK,
-            Some(None) => BRIGHT,
+            Some(None) => match draw(instance, seed) {
+                Some(u) if u < DARK_SHARE => DARK,
+                Some(_) => BRIGHT,
+                None => DARK_SHARE * DARK + (1.0 - DARK_SHARE) * BRIGHT,
+            },
             None => UNKNOWN,
         }
-    }
-
-    /// A number from 0 to 1 that an object keeps.
-    pub fn draw(&self, instance: u16) -> f64 {
-        Chance::new(self.seed, 0, 0, u32::from(instance)).draw(Purpose::Object, 0)
     }
 
     /// Whether objects of a class differ.
     pub fn is_mixed(&self, class: u16) -> bool {
         self.mixed.get(usize::from(class)).is_some_and(|&mixed| mixed)
     }
+}
+
+/// A number from 0 to 1 that an object keeps; none of what is no object.
+pub(super) fn draw(instance: u16, seed: u64) -> Option<f64> {
+    let chance = Chance::new(seed, 0, 0, u32::from(instance));
+    (instance != NO_INSTANCE).then(|| chance.draw(Purpose::Object, 0))
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::conditions::{self, Condition, Corruptions};
+use super::conditions::{self, Condition, Corruptions, Mode};
 use super::device::Device;
 use super::error::ScanError;
 use super::fires::Fires;
@@ -26,7 +26,7 @@ const BEAMS_A_TASK: usize = 2048;
 /// How a rig is to scan.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Scanning {
-    /// Geometry alone: every beam returns from what it meets, at once, without error.
+    /// Geometry alone: every beam returns from what it meets, at once, without error; conditions of beams are refused.
     pub ideal: bool,
     /// Of all that is left to chance.
     pub seed: u64,
@@ -68,19 +68,24 @@ impl<'a> Scanner<'a> {
     ) -> Result<(), ScanError> {
         Stage::check(scene)?;
         let actors = scene.tracks().len();
-        if actors >= usize::from(EGO_INSTANCE) - 1 {
+        if actors >= usize::from(EGO_INSTANCE) {
             return Err(ScanError::TooManyActors { scene: scene.name().to_owned(), actors });
         }
         let sensors = scene.sensors()?;
         placement.lidars.iter().try_for_each(|pose| sensors.number(pose).map(drop))?;
         conditions::sort(&scanning.conditions)?;
-        Ok(())
+        let on_beams = scanning.conditions.iter().find(|c| c.mode() == Mode::Physical);
+        match on_beams.filter(|_| scanning.ideal) {
+            Some(condition) => Err(ScanError::Ideal { condition: condition.to_string() }),
+            None => Ok(()),
+        }
     }
 
     /// Builds the trees of the scene, once for all frames.
     ///
     /// # Errors
-    /// A scene without geometry, a sensor that the vehicle does not have, a condition given twice.
+    /// A scene without geometry, a sensor that the vehicle does not have, a condition given twice or for beams that
+    /// are ideal.
     pub fn new(
         scene: &'a Scene,
         placement: &'a Placement,
@@ -132,7 +137,7 @@ impl<'a> Scanner<'a> {
             sensors,
             tracks,
             scanning: scanning.clone(),
-            optics: Optics::new(scene, weather, scanning.seed),
+            optics: Optics::new(scene, weather),
             corruptions,
             classes,
         })
@@ -191,7 +196,7 @@ impl<'a> Scanner<'a> {
             frame,
             time: frame as f64 / self.scene.rate(),
             classes: self.classes.clone(),
-            lidars: self.models.iter().zip(&poses).map(|(&m, pose)| self.facts(m, pose)).collect(),
+            lidars: (0..poses.len()).map(|lidar| self.facts(lidar, &poses[lidar])).collect(),
             world_from_ego: self.scene.ego_pose(frame),
             returns: returns.flatten().collect::<Vec<_>>().concat(),
             boxes: self.boxes(frame),
@@ -239,12 +244,14 @@ impl<'a> Scanner<'a> {
         tasks.collect()
     }
 
-    fn facts(&self, model: usize, pose: &Pose) -> ScanLidar {
+    fn facts(&self, lidar: usize, ego_from_sensor: &Pose) -> ScanLidar {
+        let model = self.models[lidar];
         let Fires { columns, channels, .. } = self.sweepers[model].fires;
         let model = &self.sensors.models()[model];
         ScanLidar {
             model: model.name.to_string(),
-            ego_from_sensor: *pose,
+            ego_from_sensor: *ego_from_sensor,
+            ego_from_mount: self.placement.lidars[lidar].ego_from_sensor(),
             channels: channels as u32,
             columns: columns as u32,
             range: model.table.range(),

@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::chance::{Chance, Purpose};
-use super::conditions::{self, Condition, Flake, Joined, Mode};
+use super::conditions::{self, Condition, Fallen, Flake, Joined, Mode};
 use super::optics::{Optics, is_seen};
 use super::stage::Stage;
 use crate::bvh::Hit;
@@ -20,6 +20,8 @@ use crate::vehicle::{Echoes, Response};
 const TARGET: f64 = 0.3;
 /// Steps of the table of how far that is, by chance.
 const STEPS: usize = 256;
+/// Times that the range in which it is looked for is halved: to a tenth of a millimetre of 100 m.
+const HALVINGS: usize = 20;
 
 /// Why scores cannot be computed under conditions.
 #[derive(Debug, thiserror::Error)]
@@ -49,16 +51,26 @@ pub enum VisibilityError {
 ///
 /// A beam that meets a surface comes back with the probability that a scan gives it, and then covers what it
 /// covers in clear air; otherwise it covers nothing. A beam that meets nothing covers as far as a target of
-/// 30 % would be seen. Which beams come back is drawn once for each frame, model and beam, so that a voxel is
-/// weighted with the probability that a beam tells of it, in whole beams: all engines have the same bits, and
-/// neighbouring placements the same luck. Other seeds of the problem's sensors are other draws, and the mean
-/// over them is the expectation.
+/// 30 % would be seen, behind whatever snow takes on the whole of its way; nothing if crosstalk hits it. Which
+/// beams come back is drawn once for each frame, model and beam, so that a voxel is weighted with the probability
+/// that a beam tells of it, in whole beams: all engines have the same bits, and neighbouring placements the same
+/// luck. So have the beams of one number of all LiDARs of a model: where two of them meet in a voxel, both tell
+/// of it or neither. Other seeds of the problem's sensors are other draws, also of which vehicles are dark, and
+/// the mean over them is the expectation.
 #[derive(Debug)]
 pub struct Visibility {
     optics: Optics,
     stage: Stage,
     /// Of the models so far.
     reaches: Mutex<Vec<Reach>>,
+}
+
+/// What decides about a beam beside what it meets.
+struct Beam<'a> {
+    response: &'a Response,
+    chance: Chance,
+    /// Of the draw.
+    seed: u64,
 }
 
 /// Response and range of a model, and how far the target is seen, by the draw that decides.
@@ -97,7 +109,7 @@ impl Visibility {
             return Err(VisibilityError::Robo3d { condition: condition.to_string() });
         }
         let (weather, _) = conditions::sort(conditions)?;
-        let optics = Optics::new(scene, weather, 0);
+        let optics = Optics::new(scene, weather);
         let first = problem.geometry(0).into_iter().flat_map(|frame| frame.instances());
         Ok(Arc::new(Self { stage: Stage::of(scene, first), optics, reaches: Mutex::default() }))
     }
@@ -110,49 +122,76 @@ impl Visibility {
         }
         let step = |step: usize| {
             let draw = (step as f64 + 0.5) / STEPS as f64;
-            reach(response, &self.optics, f64::from(range), draw) as f32
+            let clear = Fallen { passed: 1.0, flake: None };
+            reach(response, &self.optics, f64::from(range), &clear, draw) as f32
         };
         let reaches: Arc<[f32]> = (0..STEPS).map(step).collect();
         known.push((*response, range, reaches.clone()));
         reaches
     }
 
-    /// Whether a beam comes back from the surface that it hits.
-    fn returns(
-        &self,
-        response: &Response,
-        chance: &Chance,
-        prim: u32,
-        cosine: f64,
-        range: f64,
-    ) -> bool {
-        let thing = &self.stage.things[self.stage.thing_of(prim)];
-        let (class, _) = thing.face(prim);
-        let weather = &self.optics.weather;
-        let mut power = self.optics.power(class, thing.instance, cosine, range);
-        let mut other = weather.fog.as_ref().map_or(0.0, |fog| fog.soft_power(range));
-        if let Some(snow) = &weather.snow {
-            let mut draws = 0;
-            let fallen = snow.beam(response.divergence, range, || {
-                draws += 1;
-                chance.draw(Purpose::Snow, draws - 1)
-            });
-            power *= fallen.passed;
-            if let Some(flake) = fallen.flake {
-                let sent = flake.power * self.optics.through_fog(flake.range);
-                let flake = Flake { power: sent, ..flake };
-                match flake.join(range, power) {
-                    Joined::Apart => other = other.max(sent),
-                    Joined::Target(peak) => power = peak,
-                    Joined::Flake(_) => return false,
-                }
+    /// Whether a beam comes back from the surface of a thing that it hits.
+    fn returns(&self, beam: &Beam<'_>, thing: usize, class: u16, cosine: f64, range: f64) -> bool {
+        let (response, instance) = (beam.response, self.stage.things[thing].instance);
+        let fallen = self.fallen(beam, range);
+        let power = self.optics.power(beam.seed, class, instance, cosine, range);
+        let mut power = power * fallen.passed;
+        let mut other = self.fog(range);
+        if let Some(flake) = fallen.flake {
+            match flake.join(range, power) {
+                Joined::Apart => other = other.max(flake.power),
+                Joined::Target(peak) => power = peak,
+                Joined::Flake(_) => return false,
             }
         }
         let hidden = response.echoes == Echoes::Strongest && other > power;
-        let wrong = weather.crosstalk.as_ref();
-        let wrong = wrong.is_some_and(|c| chance.draw(Purpose::Crosstalk, 0) < c.share());
-        let draw = || chance.draw(Purpose::Detection, 0);
-        !hidden && !wrong && is_seen(response, power, draw) && range >= response.min_range
+        let draw = || beam.chance.draw(Purpose::Detection, 0);
+        !hidden
+            && !self.is_wrong(beam)
+            && is_seen(response, power, draw)
+            && range >= response.min_range
+    }
+
+    /// How far a beam that meets nothing up to a range would see the target, where `reaches` says it for air
+    /// without snow.
+    fn far(&self, beam: &Beam<'_>, reaches: &[f32], range: f32) -> f32 {
+        let draw = beam.chance.draw(Purpose::Detection, 0);
+        if self.is_wrong(beam) {
+            0.0
+        } else if self.optics.weather.snow.is_none() {
+            range.min(reaches[(draw * STEPS as f64) as usize])
+        } else {
+            let range = f64::from(range);
+            reach(beam.response, &self.optics, range, &self.fallen(beam, range), draw) as f32
+        }
+    }
+
+    /// Power that fog sends back from before a range.
+    fn fog(&self, range: f64) -> f64 {
+        self.optics.weather.fog.as_ref().map_or(0.0, |fog| fog.soft_power(range))
+    }
+
+    /// What snow does to a beam that goes as far as a range; fog takes its share of the flake's echo.
+    fn fallen(&self, beam: &Beam<'_>, range: f64) -> Fallen {
+        let Some(snow) = &self.optics.weather.snow else {
+            return Fallen { passed: 1.0, flake: None };
+        };
+        let mut draws = 0;
+        let fallen = snow.beam(beam.response.divergence, range, || {
+            draws += 1;
+            beam.chance.draw(Purpose::Snow, draws - 1)
+        });
+        let seen = |flake: Flake| {
+            let power = flake.power * self.optics.through_fog(flake.range);
+            Flake { power, ..flake }
+        };
+        Fallen { flake: fallen.flake.map(seen), ..fallen }
+    }
+
+    /// Whether a beam takes another sensor's pulse for its own.
+    fn is_wrong(&self, beam: &Beam<'_>) -> bool {
+        let crosstalk = self.optics.weather.crosstalk.as_ref();
+        crosstalk.is_some_and(|c| beam.chance.draw(Purpose::Crosstalk, 0) < c.share())
     }
 }
 
@@ -181,20 +220,19 @@ impl Air for Visibility {
                 .map(|instance| instance.pose_from(&ego_from_sensors[sensor]).rotation)
                 .collect();
             let directions = batch.table(sensor).directions();
+            let (frame, kind) = (number as u32, batch.model(sensor) as u32);
             for (beam, (hit, direction)) in row.iter_mut().zip(directions).enumerate() {
-                let chance =
-                    Chance::new(seed, number as u32, batch.model(sensor) as u32, beam as u32);
+                let chance = Chance::new(seed, frame, kind, beam as u32);
+                let beam = Beam { response: &model.response, chance, seed };
                 if !hit.is_hit() {
-                    let draw = chance.draw(Purpose::Detection, 0);
-                    let reach = reaches[(draw * STEPS as f64) as usize];
-                    *hit = Hit::ended(hit.t.min(reach));
+                    *hit = Hit::ended(self.far(&beam, &reaches, hit.t));
                     continue;
                 }
                 let thing = self.stage.thing_of(hit.prim);
-                let (_, normal) = self.stage.things[thing].face(hit.prim);
+                let (class, normal) = self.stage.things[thing].face(hit.prim);
                 let direction = turns[thing] * DVec3::from(direction.map(f64::from));
                 let cosine = normal.as_dvec3().dot(direction).abs().min(1.0);
-                if !self.returns(&model.response, &chance, hit.prim, cosine, f64::from(hit.t)) {
+                if !self.returns(&beam, thing, class, cosine, f64::from(hit.t)) {
                     *hit = Hit::ended(0.0);
                 }
             }
@@ -202,20 +240,20 @@ impl Air for Visibility {
     }
 }
 
-/// Farthest that [`TARGET`] is seen up to `range` metres: its power falls with distance.
-fn reach(response: &Response, optics: &Optics, range: f64, draw: f64) -> f64 {
+/// Farthest that [`TARGET`] is seen up to `range` metres, by what is left of the light: its power falls with distance.
+fn reach(response: &Response, optics: &Optics, range: f64, fallen: &Fallen, draw: f64) -> f64 {
+    let flake = fallen.flake.map_or(0.0, |flake| flake.power);
     let seen = |r: f64| {
-        let power = TARGET / (r * r) * optics.through_fog(r);
-        let fog = optics.weather.fog.as_ref();
-        let hidden = response.echoes == Echoes::Strongest
-            && fog.is_some_and(|fog| fog.soft_power(r) > power);
+        let power = fallen.passed * TARGET / (r * r) * optics.through_fog(r);
+        let fog = optics.weather.fog.as_ref().map_or(0.0, |fog| fog.soft_power(r));
+        let hidden = response.echoes == Echoes::Strongest && fog.max(flake) > power;
         !hidden && is_seen(response, power, || draw)
     };
     if seen(range) {
         return range;
     }
     let (mut near, mut far) = (0.0, range);
-    for _ in 0..40 {
+    for _ in 0..HALVINGS {
         let middle = 0.5 * (near + far);
         if seen(middle) { near = middle } else { far = middle }
     }

@@ -20,24 +20,25 @@ pub struct Args {
     /// folder of a data set
     input: PathBuf,
     /// The folder is a set in the layout of nuScenes with lidarseg
-    #[arg(long, requires = "scene_name", conflicts_with = "carla")]
+    #[arg(long, requires = "scene_name", group = "scans")]
     nuscenes: bool,
     /// Scene of the set
     #[arg(long = "scene", value_name = "NAME", requires = "nuscenes")]
     scene_name: Option<String>,
     /// The folder holds scans of CARLA's semantic LiDAR, named by their frames: 000123.ply, .bin or .npy
-    #[arg(long, requires = "poses")]
+    #[arg(long, requires = "poses", group = "scans")]
     carla: bool,
     #[command(flatten)]
     datasets: DatasetArgs,
-    /// Edge of the cells that the plates and boxes of scans are made of, in metres
-    #[arg(long, value_name = "M", default_value_t = ImportOptions::default().cell, value_parser = finite)]
-    cell: f64,
+    /// Edge of the cells that the plates and boxes of scans are made of, in metres [default: 0.4]
+    #[arg(long, value_name = "M", value_parser = finite)]
+    cell: Option<f64>,
     /// Seed of all that the map does not say
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole::<u64>)]
+    #[arg(long, value_name = "N", conflicts_with = "scans", default_value_t = 1, value_parser = whole::<u64>)]
     seed: u64,
-    /// Frames, a tenth of a second apart
-    #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    /// Frames that a map's scene has, a tenth of a second apart
+    #[arg(long, value_name = "N", conflicts_with = "scans", default_value_t = 40,
+          value_parser = clap::value_parser!(u32).range(1..=1000))]
     frames: u32,
     /// Scene file to write; the mesh stands beside it, with the ending .ply
     #[arg(long, value_name = "FILE")]
@@ -47,7 +48,14 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Error> {
-    let (input, cell) = (args.input.clone(), args.cell);
+    if let (false, false, Some(cell)) = (args.nuscenes, args.carla, args.cell) {
+        let words = format!("--cell {cell}: is for --nuscenes and --carla; leave it out");
+        return Err(Error::Usage(words));
+    }
+    if let (false, Some(height)) = (args.carla, args.datasets.lidar_height) {
+        return Err(Error::Usage(format!("--lidar-height {height}: is for --carla; leave it out")));
+    }
+    let (input, cell) = (args.input.clone(), args.cell.unwrap_or(ImportOptions::default().cell));
     let origin = match (args.nuscenes, args.carla) {
         (true, _) => Origin::Nuscenes {
             folder: input,

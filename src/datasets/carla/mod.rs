@@ -50,7 +50,7 @@ impl CarlaSequence {
     /// height of the LiDAR above the ground the first scan's road within 10 m tells it.
     ///
     /// # Errors
-    /// Files that are missing or malformed, a scan without a pose; see [`DatasetError`].
+    /// Files that are missing, malformed or named by no frame, a scan without a pose; see [`DatasetError`].
     pub fn open(
         folder: &Path,
         poses: &Path,
@@ -191,7 +191,8 @@ fn list_scans(folder: &Path) -> Result<Vec<(u32, PathBuf)>, DatasetError> {
     for entry in std::fs::read_dir(folder).map_err(to_read)? {
         let path = entry.map_err(to_read)?.path();
         let ending = path.extension().and_then(|ending| ending.to_str());
-        if let (Some("ply" | "bin" | "npy"), Some(frame)) = (ending, frame_of(&path)) {
+        if matches!(ending, Some("ply" | "bin" | "npy")) {
+            let Some(frame) = frame_of(&path) else { return Err(DatasetError::CarlaName { path }) };
             scans.push((frame, path));
         }
     }

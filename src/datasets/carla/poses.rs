@@ -51,7 +51,10 @@ pub(super) fn read(path: &Path) -> Result<BTreeMap<u32, Stood>, DatasetError> {
             _ => Err(fault(line, format!("{:?} is no number within ±1e7", short(cell(place))))),
         };
         let frame = frame_of(Path::new(cell(key))).ok_or_else(|| {
-            fault(line, format!("{:?} ends with no frame number", short(cell(key))))
+            fault(
+                line,
+                format!("{:?} ends with no frame number up to {}", short(cell(key)), u32::MAX),
+            )
         })?;
         let mut six = [0.0; 6];
         for (value, place) in six.iter_mut().zip(places) {

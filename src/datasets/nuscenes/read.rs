@@ -21,7 +21,7 @@ const CHANNEL: &str = "LIDAR_TOP";
 ///
 /// # Errors
 /// Missing or malformed tables, rows that name others that are not there, categories without a class, a
-/// scene that is not there; see [`DatasetError`].
+/// scene that is not there or is named twice; see [`DatasetError`].
 pub fn read_nuscenes(
     folder: &Path,
     version: Option<&str>,
@@ -80,6 +80,9 @@ fn rate(times: &[f64]) -> Option<f64> {
 
 /// Token and name of the scenes, in the order asked for or that of the table.
 fn scenes(tables: &Tables, names: &[String]) -> Result<Vec<(String, String)>, DatasetError> {
+    if let Some(k) = (1..names.len()).find(|&k| names[..k].contains(&names[k])) {
+        return Err(DatasetError::SceneTwice { name: names[k].clone() });
+    }
     let mut all = Vec::new();
     tables.rows("scene", |row: SceneRow| {
         all.push((row.token, row.name));

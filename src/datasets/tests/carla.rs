@@ -186,7 +186,15 @@ fn poses(folder: &Path, text: &str) {
 }
 
 /// What is done to good scans, and how the answer begins.
-const SPOILT: [(Spoil, &str); 12] = [
+const SPOILT: [(Spoil, &str); 14] = [
+    (
+        |d| std::fs::write(d.join("last.ply"), "ply\n").unwrap(),
+        "DIR/last.ply: a scan of CARLA is named by its frame, at most 4294967295, like 000123.ply;",
+    ),
+    (
+        |d| std::fs::write(d.join("4294967296.bin"), []).unwrap(),
+        "DIR/4294967296.bin: a scan of CARLA is named by its frame, at most 4294967295,",
+    ),
     (|d| poses(d, ""), "DIR/poses.csv line 1: give a first row with frame (or file)"),
     (|d| poses(d, "frame,x,y,z,roll,pitch\n"), "DIR/poses.csv line 1: has no column yaw;"),
     (

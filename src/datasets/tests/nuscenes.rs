@@ -319,6 +319,15 @@ fn bad_sets_are_refused() {
     }
 }
 
+#[test]
+fn a_scene_is_named_once() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), &set(), &BOXES);
+    let twice = ["scene-0061".to_owned(), "scene-0103".to_owned(), "scene-0061".to_owned()];
+    let error = read_nuscenes(folder.path(), None, &twice).unwrap_err().to_string();
+    assert!(error.starts_with("the scene \"scene-0061\" is named twice;"), "{error}");
+}
+
 /// The points of a real sweep in its boxes: 61 of 69 boxes hold as many as nuScenes counted.
 #[test]
 #[cfg_attr(not(has_nuscenes), ignore = "needs nuScenes in ../shared/data or SIGHTLINE_DATA")]

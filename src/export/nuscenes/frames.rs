@@ -106,7 +106,7 @@ impl Rows<'_> {
 
     fn sensors(&mut self, record: &FrameRecord) -> Result<(), ExportError> {
         let mounts: Vec<Pose> =
-            record.lidars.iter().map(|lidar| lidar.ego_from_sensor.pose()).collect();
+            record.lidars.iter().map(|lidar| lidar.ego_from_mount.pose()).collect();
         for (channel, source) in &self.channels {
             let pose = source.ego_from_sensor(&mounts, right_forward());
             self.tables.calibrated_sensor.push(&json!({

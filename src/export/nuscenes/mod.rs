@@ -12,7 +12,7 @@ mod tables;
 use glam::{DMat3, DVec3};
 use sha2::{Digest, Sha256};
 
-use super::cloud::{Mover, Source, poses};
+use super::cloud::{Mover, Source, mounts};
 use super::folder::Folder;
 use super::labels::{Label, Labels, of_kind};
 use super::plan::Planned;
@@ -27,6 +27,8 @@ pub(super) use tables::finish;
 /// Metres by which a box is larger than its actor on every side, so that points on its surface lie in it
 /// whichever way they are rounded.
 const MARGIN: f64 = 0.005;
+/// Largest intensity.
+const FULL: f32 = 255.0;
 /// Microseconds at which the first scene begins; scenes lie apart by their number.
 const EPOCH: i64 = 1_532_402_927_000_000;
 
@@ -97,7 +99,7 @@ pub(super) fn write(
     scan: &Scan,
     classes: &[Label],
 ) -> Result<FrameRecord, ExportError> {
-    let mounts = poses(scan);
+    let mounts = mounts(scan);
     let rings = first_rings(scan);
     let mut files = Vec::new();
     let mut inside = vec![0; scan.boxes.len()];
@@ -108,7 +110,9 @@ pub(super) fn write(
         let points = scan.points().filter(|point| source.takes(point)).map(|point| {
             let [x, y, z] = mover.position(point);
             let first = if merged { rings[usize::from(point.lidar)] } else { 0 };
-            [x, y, z, point.intensity * 255.0, (first + u32::from(point.channel)) as f32]
+            // The published noise of crosstalk goes beyond the intensities of the format.
+            let intensity = (point.intensity * FULL).clamp(0.0, FULL);
+            [x, y, z, intensity, (first + u32::from(point.channel)) as f32]
         });
         let cloud: Vec<[f32; 5]> = points.collect();
         let file = about.file(&channel, at, scan.time);

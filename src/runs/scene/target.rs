@@ -17,7 +17,7 @@ pub(super) struct Target<'a> {
 }
 
 impl<'a> Target<'a> {
-    /// Checks that both files can be written where `inputs` are read.
+    /// Checks that both files can be written, and that nothing is lost that nobody has named, where `inputs` are read.
     pub fn new(out: &'a Path, inputs: Option<&Path>) -> Result<Self, Error> {
         let mesh = out.with_extension("ply");
         if mesh == out {
@@ -33,7 +33,29 @@ impl<'a> Target<'a> {
             )));
         }
         writable_file(out, inputs)?;
-        Ok(Self { out, mesh })
+        let target = Self { out, mesh };
+        let name = target.name();
+        if name.contains(char::is_control) {
+            return Err(Error::Usage(format!(
+                "{name:?}: is to be the name of the scene, which has no control characters; name another file"
+            )));
+        }
+        target.check_mesh()?;
+        Ok(target)
+    }
+
+    /// Refuses a mesh that is there and is not that of the scene in the place of the new one.
+    fn check_mesh(&self) -> Result<(), Error> {
+        let named = |text: String| text.contains(&Value::from(self.mesh_name()).to_string());
+        if !self.mesh.exists() || std::fs::read_to_string(self.out).is_ok_and(named) {
+            return Ok(());
+        }
+        Err(Error::Usage(format!(
+            "{}: is there and would be overwritten by the scene's mesh; name another scene than {}, or move the \
+             mesh away",
+            self.mesh.display(),
+            self.out.display()
+        )))
     }
 
     /// Name of the scene: that of its file.

@@ -58,8 +58,14 @@ impl IncompleteEcho {
     }
 
     /// Reflectance of a vehicle that has `reflectance` otherwise; `u_object` from 0 to below 1 is the vehicle's
-    /// own and the same in all frames, so that more vehicles are dark at a greater ratio, never others.
-    pub fn reflectance(&self, reflectance: f64, u_object: f64) -> f64 {
-        if u_object < self.ratio { reflectance.min(DARK) } else { reflectance }
+    /// own and the same in all frames, so that more vehicles are dark at a greater ratio, never others. Vehicles that
+    /// cannot be told apart have none, and all of them the mean.
+    pub fn reflectance(&self, reflectance: f64, u_object: Option<f64>) -> f64 {
+        let dark = reflectance.min(DARK);
+        match u_object {
+            Some(u) if u < self.ratio => dark,
+            Some(_) => reflectance,
+            None => self.ratio * dark + (1.0 - self.ratio) * reflectance,
+        }
     }
 }

@@ -22,9 +22,7 @@ pub(crate) use faults::{Crosstalk, IncompleteEcho, MotionBlur};
 pub(crate) use fog::Fog;
 pub(crate) use overlap::Joined;
 pub use robo3d::Corruptions;
-#[cfg(test)]
-pub(crate) use snow::Fallen;
-pub(crate) use snow::{Flake, Snowfall};
+pub(crate) use snow::{Fallen, Flake, Snowfall};
 pub use specs::{Kind, Mode};
 pub(crate) use wet::{WetGround, is_ground};
 

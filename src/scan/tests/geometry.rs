@@ -438,3 +438,24 @@ fn a_stage_of_another_scene_is_no_stage() {
     let stage = Arc::new(Stage::new(&there).unwrap());
     let _ = Scanner::on(stage, &here, &placement, &Scanning::default());
 }
+
+#[test]
+fn as_many_actors_are_told_apart_as_there_are_instances() {
+    let actors = |count: usize| {
+        let actor = r#"{ "poses": [{ "x": 1, "y": 0 }], "parts": [{ "shape": "post" }] }"#;
+        let text = format!(
+            r#"{{ "sightline": 1, "name": "crowd", "frames": 1, "coverage": "first-hit",
+                 "roi": {{ "min": [-9, -9, -1], "max": [9, 9, 5], "voxel": [1, 1, 1] }},
+                 "lidar": {{ "channels": 1, "fov": [0, 0], "azimuth_steps": 1, "range": 9 }},
+                 "mount": {{ "min": [-1, -1, 0], "max": [1, 1, 3], "lidars": 1 }},
+                 "shapes": {{ "post": [{{ "class": "pole", "box": {{ "foot": [0, 0, 0], "size": [1, 1, 1] }} }}] }},
+                 "actors": [{}] }}"#,
+            vec![actor; count].join(",")
+        );
+        let scene = Scene::from_json(&text, "".as_ref(), "crowd").unwrap();
+        Scanner::check(&scene, &placement(&poses()[..1]), &Scanning::default())
+    };
+    actors(usize::from(EGO_INSTANCE) - 1).unwrap();
+    let error = actors(usize::from(EGO_INSTANCE)).unwrap_err().to_string();
+    assert!(error.contains("has 65535 actors, a scan tells at most 65534 apart"), "{error}");
+}

@@ -2,7 +2,7 @@
 
 use super::{bits, ideal, scan, scene};
 use crate::scan::conditions::Condition;
-use crate::scan::{NO_CLASS, Scan, Scanning, Status};
+use crate::scan::{NO_CLASS, Scan, Scanner, Scanning, Status};
 use crate::vehicle::SensorPose;
 
 /// A wall in front of the sensor, at a distance in metres.
@@ -217,6 +217,35 @@ fn crosstalk_puts_a_share_of_the_points_in_front_of_what_they_met() {
         assert!(beam.range < 30.2 && beam.class == NO_CLASS && beam.clean_class != NO_CLASS);
         assert!((beam.position[0] / beam.range - 1.0).abs() < 1e-3, "on its beam");
     }
+}
+
+#[test]
+fn static_vehicles_are_as_dark_as_vehicles_are_on_the_mean_at_any_seed() {
+    let things = wall(30.0).replace("building", "vehicle");
+    let scene =
+        scene(&things, FORWARD, r#"{ "divergence": [0, 0], "rated_range": 10000, "noise": 0 }"#);
+    let conditions = vec!["echo:ratio=0.6".parse().unwrap()];
+    // 0.225 of clear air is the mean of three dark ones of ten.
+    let mean = 0.6 * 0.05 + 0.4 * 0.225;
+    for seed in 0..5 {
+        let scanning = Scanning { seed, conditions: conditions.clone(), ..Scanning::default() };
+        let scan = scan(&scene, &[SensorPose::at(0.0, 0.0, 0.0)], &scanning).swap_remove(0);
+        let brightest = scan.returns.iter().map(|beam| beam.intensity).fold(0.0, f32::max);
+        assert!((f64::from(brightest) - mean).abs() < 1e-4, "seed {seed}: {brightest}");
+    }
+}
+
+#[test]
+fn conditions_of_beams_and_ideal_scans_do_not_go_together() {
+    let scene = scene(&wall(10.0), FORWARD, "{}");
+    let placement = super::placement(&[SensorPose::at(0.0, 0.0, 0.0)]);
+    let check = |condition: &str| {
+        let conditions = vec![condition.parse().unwrap()];
+        Scanner::check(&scene, &placement, &Scanning { conditions, ..ideal() })
+    };
+    let error = check("snow:rate=1").unwrap_err().to_string();
+    assert!(error.starts_with("the condition `snow:rate=1,speed=1.6` acts on beams"), "{error}");
+    check("snow:mode=robo3d").unwrap();
 }
 
 #[test]

@@ -10,6 +10,9 @@ use super::wet::{FEWEST, ground_points};
 use crate::scan::chance::Purpose;
 use crate::scan::{Scan, Status};
 
+/// Least millimetres an hour that count as snow. By the published law less snow is more flakes, all the smaller, which
+/// at rates that nobody measures would be too many to be counted.
+const LEAST: f64 = 0.01;
 /// Intensities of the published rule go from 0 to this.
 const FULL: f64 = 255.0;
 /// Share of the noise line that points must reach.
@@ -26,7 +29,7 @@ const DARKEST: f64 = 5.0;
 /// to, and a beam without a target meets no snow. The calibration of one sensor model that the published code
 /// applies to all is left out.
 pub(super) fn apply(scan: &mut Scan, draws: &Draws, rate: f64, speed: f64) {
-    let Some(balls) = Balls::new(rate, speed) else { return };
+    let Some(balls) = Balls::new(rate, speed).filter(|_| rate >= LEAST) else { return };
     let noise = noise(scan);
     let flakes = |beam: &crate::scan::Return| {
         let chance = draws.beam(scan, beam, 0);

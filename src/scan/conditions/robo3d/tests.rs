@@ -53,6 +53,7 @@ fn scan(points: impl Iterator<Item = (f64, u16, f64)>) -> Scan {
         lidars: vec![ScanLidar {
             model: String::new(),
             ego_from_sensor: lidar,
+            ego_from_mount: lidar,
             channels: 1,
             columns: 100_000,
             range: 200.0,
@@ -458,4 +459,15 @@ fn the_second_return_of_a_beam_has_numbers_of_its_own() {
     assert_ne!(blurred.returns[0].position, blurred.returns[1].position);
     let classes: Arc<[String]> = blurred.classes.clone();
     assert_eq!(&*classes[usize::from(blurred.returns[1].class)], "building");
+}
+
+#[test]
+fn snow_that_cannot_be_measured_is_none_and_ends_soon() {
+    let clean = walls(20);
+    for rate in ["1e-300", "1e-6", "0.0099"] {
+        let snowed = corrupted(&clean, &[&format!("snow:mode=robo3d,rate={rate}")], 1);
+        assert_eq!(bits(&snowed), bits(&clean), "{rate}");
+    }
+    let snowed = corrupted(&walls(2000), &["snow:mode=robo3d,rate=0.01"], 1);
+    assert_ne!(bits(&snowed), bits(&walls(2000)));
 }

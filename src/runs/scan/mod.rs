@@ -1,0 +1,217 @@
+//! Labelled scans of placements, written as data sets, gone on with after an interruption.
+
+mod gltf;
+mod request;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::{Computing, Error, opening};
+use crate::engine::scanning_on;
+use crate::export::{Dataset, DatasetSettings, Input, SceneFacts, record};
+use crate::scan::{ScanError, Scanner, Stage};
+use crate::scene::Scene;
+use crate::vehicle::Placement;
+pub use request::ScanRequest;
+use request::placements;
+
+/// The data set of one placement.
+#[derive(Debug, Serialize)]
+pub struct Scanned {
+    /// Name of the placement.
+    pub placement: String,
+    /// Its folder.
+    pub out: PathBuf,
+    /// Name of the layout.
+    pub layout: &'static str,
+    /// Scenes in it.
+    pub scenes: usize,
+    /// Frames of all scenes.
+    pub frames: usize,
+    /// Points of all frames.
+    pub points: u64,
+    /// Bytes of all files.
+    pub bytes: u64,
+    /// Points written now; the others were there before.
+    pub points_now: u64,
+    /// Time that it took.
+    pub seconds: f64,
+    /// Threads of the process.
+    pub threads: usize,
+}
+
+/// Scans every placement in every scene; nothing if the watcher stopped it, whose next call goes on.
+///
+/// # Errors
+/// Files that cannot be read or written, placements of one name, as of [`Scanner::on`], of [`Dataset::create`] and of
+/// the engine.
+pub fn scan(
+    request: &ScanRequest,
+    computing: &Computing<'_>,
+) -> Result<Option<Vec<Scanned>>, Error> {
+    let watcher = computing.watcher;
+    watcher.listen();
+    let placements = placements(&request.placements)?;
+    let read = |path: &PathBuf| opening::read(path, computing.vehicle.as_deref(), watcher);
+    let scenes = request.scenes.iter().map(read).collect::<Result<Vec<Scene>, Error>>()?;
+    // All that may be wrong is found before anything is written.
+    for placement in &placements {
+        for scene in &scenes {
+            Scanner::check(scene, placement, &request.scanning)?;
+        }
+    }
+    request.check_gltf(&scenes, &placements)?;
+    let facts: Vec<SceneFacts> = scenes.iter().map(|scene| request.facts(scene)).collect();
+    let files = scenes.iter().map(Input::names_of).collect::<Result<Vec<_>, _>>()?.concat();
+    let mut plans = Vec::new();
+    for placement in &placements {
+        let out = match placements.len() {
+            1 => request.out.clone(),
+            _ => request.out.join(&placement.name),
+        };
+        let settings = request.settings(placement, files.clone(), computing)?;
+        let missing = Dataset::check(&out, &settings, &facts)?;
+        plans.push(Plan { placement, out, settings, facts: &facts, missing });
+    }
+    let mut work = Work::new(request, computing, &scenes);
+    let mut sets = Vec::new();
+    for (k, plan) in plans.iter().enumerate() {
+        match work.one(plan, &plans[k + 1..])? {
+            Some(set) => sets.push(set),
+            None => {
+                let others = match plans.len() - k - 1 {
+                    0 => String::new(),
+                    1 => " and another one was not looked at".to_owned(),
+                    others => format!(" and {others} more were not looked at"),
+                };
+                watcher.note(&format!(
+                    "stopped; {} is not complete{others}, the same command goes on",
+                    plan.out.display()
+                ));
+                return Ok(None);
+            }
+        }
+    }
+    if let ([scene], [placement]) = (&scenes[..], &placements[..]) {
+        request.write_gltf(scene, placement, || work.stage(0, false), watcher)?;
+    }
+    Ok(Some(sets))
+}
+
+/// The data set of one placement, before anything of it is written.
+struct Plan<'a> {
+    placement: &'a Placement,
+    out: PathBuf,
+    settings: DatasetSettings,
+    facts: &'a [SceneFacts],
+    /// Frames that are not there.
+    missing: usize,
+}
+
+/// What placement after placement shares.
+struct Work<'a> {
+    request: &'a ScanRequest,
+    computing: &'a Computing<'a>,
+    scenes: &'a [Scene],
+    /// Trees of each scene, as long as another scan is to come.
+    stages: Vec<Option<Arc<Stage>>>,
+    /// Whether it was said which engine casts.
+    told: bool,
+}
+
+impl<'a> Work<'a> {
+    fn new(request: &'a ScanRequest, computing: &'a Computing<'a>, scenes: &'a [Scene]) -> Self {
+        let stages = scenes.iter().map(|_| None).collect();
+        Self { request, computing, scenes, stages, told: false }
+    }
+
+    /// Trees of the scene of a number, built the first time, kept if they are needed `again`.
+    fn stage(&mut self, scene: usize, again: bool) -> Result<Arc<Stage>, ScanError> {
+        let stage = match self.stages[scene].take() {
+            Some(stage) => stage,
+            None => Arc::new(Stage::new(&self.scenes[scene])?),
+        };
+        self.stages[scene] = again.then(|| stage.clone());
+        Ok(stage)
+    }
+
+    /// The data set of one placement, others to follow; `None` if it was interrupted.
+    fn one(&mut self, plan: &Plan<'_>, others: &[Plan<'_>]) -> Result<Option<Scanned>, Error> {
+        let start = Instant::now();
+        let ahead: usize = others.iter().map(|plan| plan.missing).sum();
+        let dataset = Dataset::create(&plan.out, &plan.settings, plan.facts)?;
+        let dataset = dataset.ahead_of(ahead as u64);
+        let again = ahead > 0 || self.request.gltf.is_some();
+        let points_now = match self.frames_of(plan, &dataset, again) {
+            Ok(Some(points)) => points,
+            ended => {
+                // Of an error that ended the run, the first is told.
+                let said = dataset.say_missing();
+                ended?;
+                return said.map(|()| None).map_err(Error::from);
+            }
+        };
+        let summary = dataset.finish()?;
+        let seconds = start.elapsed().as_secs_f64();
+        self.computing.watcher.detail(&format!(
+            "{points_now} points in {seconds:.2} s, {:.2} million a second",
+            points_now as f64 / seconds / 1e6
+        ));
+        Ok(Some(Scanned {
+            placement: plan.placement.name.clone(),
+            out: plan.out.clone(),
+            layout: self.request.layout.name(),
+            scenes: summary.scenes,
+            frames: summary.frames,
+            points: summary.points,
+            bytes: summary.bytes,
+            points_now,
+            seconds,
+            threads: rayon::current_num_threads(),
+        }))
+    }
+
+    /// Writes the frames that a data set lacks, and counts their points; `None` if it was interrupted. Which engine
+    /// casts is said the first time.
+    fn frames_of(
+        &mut self,
+        plan: &Plan<'_>,
+        dataset: &Dataset,
+        again: bool,
+    ) -> Result<Option<u64>, Error> {
+        let (watcher, scenes) = (self.computing.watcher, self.scenes);
+        let frames: usize = (0..scenes.len()).map(|scene| dataset.missing_of(scene).len()).sum();
+        let bar = watcher.bar(frames as u64, Some("frames"));
+        let points = AtomicU64::new(0);
+        for (k, scene) in scenes.iter().enumerate() {
+            if !watcher.goes_on() {
+                return Ok(None);
+            }
+            if dataset.missing_of(k).is_empty() {
+                continue;
+            }
+            let (stage, scanning) = (self.stage(k, again)?, &self.request.scanning);
+            let mut scanner = Scanner::on(stage, scene, plan.placement, scanning)?;
+            let notes = scanning_on(&mut scanner, &self.computing.engine)?;
+            if !std::mem::replace(&mut self.told, true) {
+                notes.iter().for_each(|note| watcher.note(note));
+            }
+            let whole = record(dataset, k, &scanner, |scan| {
+                points.fetch_add(scan.points().count() as u64, Ordering::Relaxed);
+                bar.advance(1);
+                watcher.goes_on()
+            })?;
+            if let Some(why) = scanner.device_failure() {
+                watcher.note(&format!("{why}; the rest of `{}` was cast on the CPU", scene.name()));
+            }
+            if !whole {
+                return Ok(None);
+            }
+        }
+        Ok(Some(points.into_inner()))
+    }
+}

@@ -1,0 +1,113 @@
+//! What scans are asked for, and what that makes of a data set.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use crate::export::{DatasetSettings, Input, Layout, SceneFacts, Splits};
+use crate::runs::inputs::named_placements;
+use crate::runs::{Computing, Error};
+use crate::scan::Scanning;
+use crate::scan::conditions::Condition;
+use crate::scene::Scene;
+use crate::vehicle::Placement;
+
+/// Scans to be written.
+#[derive(Debug, Clone)]
+pub struct ScanRequest {
+    /// Scene files with geometry.
+    pub scenes: Vec<PathBuf>,
+    /// Files of placements, perhaps with a name behind a colon; several placements get a folder each.
+    pub placements: Vec<String>,
+    /// Folder to write.
+    pub out: PathBuf,
+    /// Format.
+    pub layout: Layout,
+    /// How a rig scans.
+    pub scanning: Scanning,
+    /// First frames of each scene alone; all if none.
+    pub frames: Option<u32>,
+    /// Shares of the scenes for training, validation and tests.
+    pub splits: Splits,
+    /// nuScenes: of so many frames one is a keyframe.
+    pub keyframe_every: usize,
+    /// nuScenes: rows of cameras without pictures.
+    pub camera_stubs: bool,
+    /// Whether each LiDAR has a cloud of its own, too.
+    pub each_lidar: bool,
+    /// Classes that count as another, as `lamp=pole`.
+    pub map: Vec<String>,
+    /// Whether fog, snow and crosstalk have labels as in Robo3D.
+    pub robo3d_labels: bool,
+    /// File for one frame with its points as binary glTF, and the frame.
+    pub gltf: Option<(PathBuf, u32)>,
+}
+
+impl ScanRequest {
+    /// Frames and classes of a scene.
+    pub(super) fn facts(&self, scene: &Scene) -> SceneFacts {
+        let frames = self.frames.map_or(usize::MAX, |frames| frames as usize);
+        SceneFacts {
+            name: scene.name().to_owned(),
+            classes: scene.classes().to_vec(),
+            frames: (0..scene.frame_count().min(frames)).collect(),
+            split: None,
+        }
+    }
+
+    /// What decides the bytes of the set of a placement.
+    pub(super) fn settings(
+        &self,
+        placement: &Placement,
+        files: Vec<Input>,
+        computing: &Computing<'_>,
+    ) -> Result<DatasetSettings, Error> {
+        let mut map = Vec::new();
+        for pair in &self.map {
+            let Some((class, to)) = pair.split_once('=') else {
+                return Err(Error::Usage(format!("--map {pair}: write CLASS=CLASS, as lamp=pole")));
+            };
+            map.push((class.to_owned(), to.to_owned()));
+        }
+        let Scanning { ideal, seed, conditions } = &self.scanning;
+        let conditions: Vec<String> = conditions.iter().map(Condition::to_string).collect();
+        let provenance = json!({
+            "scenes": self.scenes,
+            "vehicle": computing.vehicle,
+            "placement": placement,
+            "ideal": ideal,
+            "seed": seed,
+            "conditions": conditions,
+            "sightline": env!("CARGO_PKG_VERSION"),
+        });
+        Ok(DatasetSettings {
+            keyframe_every: self.keyframe_every,
+            camera_stubs: self.camera_stubs,
+            each_lidar: self.each_lidar,
+            splits: self.splits,
+            seed: *seed,
+            map,
+            robo3d_labels: self.robo3d_labels,
+            files,
+            provenance: provenance.to_string(),
+            ..DatasetSettings::new(self.layout)
+        })
+    }
+}
+
+/// All placements of files, or one by its name behind a colon.
+pub(super) fn placements(given: &[String]) -> Result<Vec<Placement>, Error> {
+    let mut found: Vec<Placement> = Vec::new();
+    for text in given {
+        found.extend(named_placements(text)?);
+    }
+    for (k, placement) in found.iter().enumerate() {
+        if found[..k].iter().any(|other| other.name == placement.name) {
+            let name = &placement.name;
+            return Err(Error::Usage(format!(
+                "--placement: `{name}` comes twice, and each is to have a folder of its own; rename one"
+            )));
+        }
+    }
+    Ok(found)
+}
