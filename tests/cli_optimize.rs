@@ -40,7 +40,7 @@ fn optimize_writes_its_folder_and_repeats_itself() {
     }
     // What was found goes on to the other commands.
     let found =
-        ok(dir.path(), &["score", "scene.json", "first/placements.json", "--backend", "cpu"]);
+        ok(dir.path(), &["score", "room.json", "first/placements.json", "--backend", "cpu"]);
     assert_eq!(found["scores"][0]["name"], "optimized");
     assert_eq!(found["scores"][0]["information_gain"], first["best"]["scores"]["information_gain"]);
     let history =
