@@ -28,6 +28,7 @@ mod cli_rig;
 mod cli_rules;
 #[cfg(feature = "cli")]
 mod cli_scan;
+#[cfg(feature = "cli")]
 mod cli_scan_clouds;
 #[cfg(feature = "cli")]
 mod cli_scene;
