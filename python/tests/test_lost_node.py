@@ -9,6 +9,7 @@ ray = pytest.importorskip("ray")
 from ray.cluster_utils import Cluster  # noqa: E402
 
 from sightline import Scene, distributed  # noqa: E402
+from sightline._pool import Pool  # noqa: E402
 
 from .conftest import SMALL  # noqa: E402
 
@@ -28,6 +29,15 @@ def cluster():
 
 def test_a_lost_node_changes_no_byte(cluster, monkeypatch) -> None:
     monkeypatch.setattr(distributed, "CHUNK_SECONDS", 0.1)
+    # Both nodes at work from the start: a worker alone could be done before the other stands.
+    run = Pool.run
+
+    def run_with_all(pool: Pool, *arguments, **named) -> None:
+        standing, _ = ray.wait(list(pool._flying), num_returns=2, timeout=120)
+        assert len(standing) == 2
+        run(pool, *arguments, **named)
+
+    monkeypatch.setattr(Pool, "run", run_with_all)
     scene = Scene.from_dict(SMALL, backend="cpu")
     poses = scene.random_poses(20_000, seed=1)
     told, lost = [], []
