@@ -109,3 +109,26 @@ fn memory_is_bounded_and_what_was_used_last_stays() {
     let error = atlas.hold(&mut cpu, &(0..17).collect::<Vec<_>>()).unwrap_err();
     assert!(error.to_string().contains("the pose atlas"), "{error}");
 }
+
+#[test]
+fn a_search_along_a_grid_forgets_poses_and_casts_them_again() {
+    let problem = problem(few_worths);
+    let range = problem.sensors().table(0).range();
+    let mut cpu = CpuBackend::new(problem.clone(), MEMORY);
+    let mut atlas = Atlas::new(problem, grid(), Needed::all(true), MEMORY);
+    atlas.forget_beyond(4, 1 << 40);
+    (0..10).for_each(|pose| atlas.hold(&mut cpu, &[pose]).unwrap());
+    assert_eq!(atlas.held(), 10, "few bytes");
+    atlas.forget_beyond(4, 0);
+    atlas.hold(&mut cpu, &[20]).unwrap();
+    assert_eq!(atlas.held(), 4, "7, 8, 9 and 20");
+    // What is asked for at once stays, and what comes back counts once.
+    let poses = [0, 1, 2, 3, 9];
+    atlas.hold(&mut cpu, &poses).unwrap();
+    assert_eq!((atlas.held(), atlas.poses_cast()), (5, 11));
+    let mut union = Union::default();
+    atlas.union(&poses[1..], &mut union);
+    let lidars = poses.map(|pose| grid().pose(pose)).to_vec();
+    let want = cpu.tally(&[Placement { name: "x".into(), lidars }], Some(range)).unwrap().remove(0);
+    assert_eq!(sums(&atlas.tally_with(&union, 0)), sums(&want));
+}

@@ -49,7 +49,7 @@ fn compare(problem: &Arc<Problem>, placements: &[Placement], range: f32) -> u64 
             let mut bitmap = vec![0; rows.words()];
             cover_sensor(pose, beams, roi, own, range, &mut scratch, &mut bitmap);
             let bitmap = rows.convert(&bitmap, &linear);
-            assert!(bitmap == bitmaps[index * words..(index + 1) * words], "sensor {index}");
+            assert!(*bitmap == bitmaps[index * words..(index + 1) * words], "sensor {index}");
         }
         let mut first = 0;
         let sum_of = |placement: &Placement| {

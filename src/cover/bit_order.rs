@@ -1,5 +1,9 @@
 //! The order in which the bits of a coverage bitmap stand, by name.
 
+use std::borrow::Cow;
+
+use rayon::prelude::*;
+
 use crate::psog::Roi;
 
 /// Voxels along x in a 32-bit word of [`BitOrder::rows`].
@@ -125,16 +129,23 @@ impl BitOrder {
     }
 
     /// A bitmap of this order in another one.
-    pub fn convert(&self, bitmap: &[u64], to: &Self) -> Vec<u64> {
+    pub fn convert<'a>(&self, bitmap: &'a [u64], to: &Self) -> Cow<'a, [u64]> {
         if self == to {
-            return bitmap.to_vec();
+            return Cow::Borrowed(bitmap);
         }
         let mut converted = vec![0; to.words()];
         for voxel in bits(bitmap).filter_map(|bit| self.voxel_of(bit)) {
             let bit = to.bit_of(voxel) as usize;
             converted[bit / 64] |= 1 << (bit % 64);
         }
-        converted
+        Cow::Owned(converted)
+    }
+
+    /// The bitmap in which some bits are set.
+    pub(crate) fn bitmap(&self, bits: impl Iterator<Item = u32>) -> Vec<u64> {
+        let mut bitmap = vec![0; self.words()];
+        bits.for_each(|bit| bitmap[bit as usize / 64] |= 1 << (bit % 64));
+        bitmap
     }
 
     fn words_along_x(&self) -> u32 {
@@ -143,6 +154,36 @@ impl BitOrder {
 
     fn bricks_along(&self) -> [u32; 3] {
         [0, 1, 2].map(|axis| self.shape[axis].div_ceil(1 << BRICK[axis]))
+    }
+}
+
+/// Where some voxels come among one another in an order.
+pub(crate) struct Ranks {
+    /// Their bits.
+    pub bitmap: Vec<u64>,
+    /// Voxels before each word of the bitmap.
+    pub before: Vec<u32>,
+    /// Rank of each voxel: how many of the others have lower bits.
+    pub of: Vec<u32>,
+}
+
+impl Ranks {
+    /// Of voxels of which each is listed once, by linear index.
+    pub fn new(order: &BitOrder, voxels: impl IndexedParallelIterator<Item = u32>) -> Self {
+        let bits: Vec<u32> = voxels.map(|voxel| order.bit_of(voxel)).collect();
+        let bitmap = order.bitmap(bits.iter().copied());
+        let mut sum = 0;
+        let words = bitmap.iter().map(|word| {
+            sum += word.count_ones();
+            sum - word.count_ones()
+        });
+        let before: Vec<u32> = words.collect();
+        let rank = |bit: u32| {
+            let word = bit as usize / 64;
+            before[word] + (bitmap[word] & ((1 << (bit % 64)) - 1)).count_ones()
+        };
+        let of = bits.into_par_iter().map(rank).collect();
+        Self { bitmap, before, of }
     }
 }
 
@@ -250,7 +291,11 @@ mod tests {
                 let converted = linear.convert(&words, &from);
                 for to in orders(&roi) {
                     let words = from.convert(&converted, &to);
-                    assert_eq!(Bitmaps { order: to, words }.union(), some, "{from:?} {to:?}");
+                    assert_eq!(
+                        Bitmaps { order: to, words: words.to_vec() }.union(),
+                        some,
+                        "{from:?} {to:?}"
+                    );
                 }
             }
         }

@@ -8,6 +8,7 @@ mod lockstep;
 mod reference;
 mod transpose;
 
+pub(crate) use bit_order::Ranks;
 pub use bit_order::{BitOrder, Bitmaps};
 pub use fast::{WalkScratch, cover_sensor};
 pub use reference::cover_voxels;

@@ -15,10 +15,10 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::{Backend, BackendError, Chunk, ChunkLimits, check_frame, split};
+use super::{Backend, BackendError, Chunk, ChunkLimits, TakeBitmap, check_frame, split};
 use crate::bvh::Hit;
 use crate::cast::Caster;
-use crate::cover::{BitOrder, Bitmaps, WalkScratch, cover_sensor};
+use crate::cover::{BitOrder, WalkScratch, cover_sensor};
 use crate::geom::Pose;
 use crate::memory;
 use crate::problem::{DevicePose, Frame, Problem, SensorBatch, StageTimes, Tally};
@@ -208,6 +208,15 @@ impl CpuBackend {
         bitmaps.enumerate().for_each(cover);
     }
 
+    /// Bitmaps of at least so many sensors, all zero; to be put back zero.
+    fn zero_bitmaps(&self, sensors: usize) -> Vec<u64> {
+        let mut kept = self.bitmaps.take();
+        if kept.len() < sensors * self.order.words() {
+            kept.resize(sensors * self.order.words(), 0);
+        }
+        kept
+    }
+
     /// Adds one placement's sums in one frame to its tally; returns the time of covering and that of
     /// both together.
     fn add(
@@ -218,10 +227,7 @@ impl CpuBackend {
     ) -> [Duration; 2] {
         let start = Instant::now();
         let (words, count) = (self.order.words(), sensors.len());
-        let mut kept = self.bitmaps.take();
-        if kept.len() < count * words {
-            kept.resize(count * words, 0);
-        }
+        let mut kept = self.zero_bitmaps(count);
         let bitmaps = &mut kept[..count * words];
         self.cover(standing, sensors.clone(), bitmaps);
         let covered = start.elapsed();
@@ -299,19 +305,34 @@ impl Backend for CpuBackend {
         Ok(hits)
     }
 
-    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError> {
+    fn order(&self) -> BitOrder {
+        self.order
+    }
+
+    fn each_bitmap(
+        &mut self,
+        poses: &[SensorPose],
+        frame: usize,
+        take: &TakeBitmap<'_>,
+    ) -> Result<(), BackendError> {
         check_frame(&self.problem, frame)?;
         let problem = self.problem.clone();
         let batch = SensorBatch::new(&problem, poses, None)?;
         let ego_from_sensors = batch.ego_from_sensors(frame);
         self.cast_frame(&batch, &ego_from_sensors, frame)?;
         let start = Instant::now();
-        let mut words = memory::zeros(poses.len() * self.order.words(), "coverage bitmaps")?;
         let poses = batch.in_grid(&ego_from_sensors);
         let standing = Standing { batch: &batch, poses, frame, weight: 1, sensors_a_task: 1 };
-        self.cover(&standing, 0..batch.len(), &mut words);
+        (0..batch.len()).into_par_iter().for_each(|sensor| {
+            let mut kept = self.zero_bitmaps(1);
+            let bitmap = &mut kept[..self.order.words()];
+            self.cover(&standing, sensor..sensor + 1, bitmap);
+            take(sensor, &self.order, bitmap);
+            bitmap.fill(0);
+            self.bitmaps.put_back(kept);
+        });
         self.times.cover += start.elapsed();
-        Ok(Bitmaps { order: self.order, words })
+        Ok(())
     }
 
     fn times(&self) -> StageTimes {

@@ -2,9 +2,9 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use super::{Backend, BackendError};
+use super::{Backend, BackendError, TakeBitmap};
 use crate::bvh::Hit;
-use crate::cover::Bitmaps;
+use crate::cover::BitOrder;
 use crate::problem::{StageTimes, Tally};
 use crate::vehicle::{Placement, SensorPose};
 
@@ -122,8 +122,17 @@ impl Backend for Failover {
         self.attempt(|backend| backend.hits(poses, frame))
     }
 
-    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError> {
-        self.attempt(|backend| backend.bitmaps(poses, frame))
+    fn order(&self) -> BitOrder {
+        self.backend.order()
+    }
+
+    fn each_bitmap(
+        &mut self,
+        poses: &[SensorPose],
+        frame: usize,
+        take: &TakeBitmap<'_>,
+    ) -> Result<(), BackendError> {
+        self.attempt(|backend| backend.each_bitmap(poses, frame, take))
     }
 
     fn times(&self) -> StageTimes {

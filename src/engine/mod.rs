@@ -12,6 +12,8 @@
 //! The CPU functions are written to be read; the shaders mirror them name by name. All sums are
 //! integers, so no order of addition matters and both give the same bits.
 
+use std::sync::Mutex;
+
 pub(crate) mod batch;
 mod cpu;
 pub(crate) mod failover;
@@ -29,7 +31,8 @@ pub(crate) use reference::ReferenceBackend;
 
 pub use crate::bvh::{Hit, NO_HIT};
 pub use crate::cast::cast_rays;
-pub(crate) use crate::cover::Bitmaps;
+use crate::cover::{BitOrder, Bitmaps};
+use crate::memory;
 use crate::problem::{Problem, StageTimes, Tally};
 use crate::vehicle::{Placement, SensorPose, UnknownSensor};
 
@@ -96,6 +99,9 @@ fn check_frame(problem: &Problem, frame: usize) -> Result<(), BackendError> {
     if frame < frames { Ok(()) } else { Err(BackendError::NoFrame { frame, frames }) }
 }
 
+/// Takes the bitmap of a pose: the pose's number, the order of the bits, and the words, which are gone afterwards.
+pub type TakeBitmap<'a> = dyn Fn(usize, &BitOrder, &[u64]) + Sync + 'a;
+
 /// One implementation of the stages, bound to one [`Problem`].
 pub trait Backend: Send {
     /// `cpu` or `gpu`.
@@ -124,12 +130,39 @@ pub trait Backend: Send {
     /// No such frame, one sensor does not fit, or the device failed.
     fn hits(&mut self, poses: &[SensorPose], frame: usize) -> Result<Vec<Hit>, BackendError>;
 
-    /// Bitmaps of the voxels that each sensor pose covers in one frame, pose after pose, in the
-    /// order that this engine marks them in.
+    /// The order in which this engine marks voxels; another one once a device is lost.
+    fn order(&self) -> BitOrder;
+
+    /// Hands the bitmap of the voxels that a sensor pose covers in one frame to `take`, with the number of the
+    /// pose and the bitmap's order: each pose, in no order, from several threads, and once more where a device was
+    /// lost meanwhile. A bitmap is as large as the grid, so that it is best used while it is in a cache.
     ///
     /// # Errors
     /// As [`Self::hits`].
-    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError>;
+    fn each_bitmap(
+        &mut self,
+        poses: &[SensorPose],
+        frame: usize,
+        take: &TakeBitmap<'_>,
+    ) -> Result<(), BackendError>;
+
+    /// Bitmaps of the voxels that each sensor pose covers in one frame, pose after pose, in this engine's order.
+    ///
+    /// # Errors
+    /// As [`Self::hits`].
+    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError> {
+        let order = self.order();
+        let mut words = memory::zeros(poses.len() * order.words(), "coverage bitmaps")?;
+        let of_poses: Vec<Mutex<&mut [u64]>> =
+            words.chunks_mut(order.words().max(1)).map(Mutex::new).collect();
+        self.each_bitmap(poses, frame, &|pose, from, bitmap| {
+            if let Ok(mut to) = of_poses[pose].lock() {
+                to.copy_from_slice(&from.convert(bitmap, &order));
+            }
+        })?;
+        drop(of_poses);
+        Ok(Bitmaps { order, words })
+    }
 
     /// Voxels that one placement covers in one frame, as rising linear indices.
     ///

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::{Backend, BackendError, check_frame};
+use super::{Backend, BackendError, TakeBitmap, check_frame};
 use crate::bvh::Hit;
 use crate::cast::cast_frame_closest;
-use crate::cover::{BitOrder, Bitmaps, cover_voxels};
+use crate::cover::{BitOrder, cover_voxels};
 use crate::problem::{Frame, Problem, SensorBatch, StageTimes, Tally};
 use crate::reduce::reduce;
 use crate::vehicle::{Placement, SensorPose};
@@ -103,13 +103,25 @@ impl Backend for ReferenceBackend {
         Ok(cast(&SensorBatch::new(&self.problem, poses, None)?, frame, ends))
     }
 
-    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError> {
+    fn order(&self) -> BitOrder {
+        BitOrder::linear(self.problem.roi())
+    }
+
+    fn each_bitmap(
+        &mut self,
+        poses: &[SensorPose],
+        frame: usize,
+        take: &TakeBitmap<'_>,
+    ) -> Result<(), BackendError> {
         check_frame(&self.problem, frame)?;
         let problem = self.problem.clone();
         let batch = SensorBatch::new(&problem, poses, None)?;
         let hits = self.cast(&batch, frame);
         let words = self.cover(&batch, frame, hits.as_deref());
-        Ok(Bitmaps { order: BitOrder::linear(problem.roi()), words })
+        let order = self.order();
+        let bitmaps = words.chunks(order.words().max(1)).enumerate();
+        bitmaps.for_each(|(pose, bitmap)| take(pose, &order, bitmap));
+        Ok(())
     }
 
     fn times(&self) -> StageTimes {

@@ -48,16 +48,34 @@ impl Content {
             })
             .collect();
         weigh_by_distance(&mut occupied, psog);
-        let voxels_by_class: Vec<Vec<u32>> = (0..psog.classes().len())
-            .into_par_iter()
-            .map(|class| {
-                let rows = psog.index().iter().zip(psog.rows());
-                rows.filter(|(_, row)| row[class] > 0).map(|(&index, _)| index as u32).collect()
-            })
-            .collect();
+        let voxels_by_class = voxels_by_class(psog);
         let classes = psog.classes().to_vec();
         Self::new(classes, occupied, &voxels_by_class, !detection.is_empty())
     }
+}
+
+/// Rows of a P-SOG that are gone through at once.
+const ROWS: usize = 1 << 14;
+
+/// The voxels in which each class occurs in some frame, rising.
+fn voxels_by_class(psog: &Psog) -> Vec<Vec<u32>> {
+    let classes = psog.classes().len();
+    let rows = psog.counts().par_chunks(ROWS * classes.max(1));
+    let of_rows = |(index, rows): (&[u64], &[u16])| {
+        let mut by_class = vec![Vec::new(); classes];
+        for (&voxel, row) in index.iter().zip(rows.chunks_exact(classes)) {
+            for (voxels, &count) in by_class.iter_mut().zip(row) {
+                if count > 0 {
+                    voxels.push(voxel as u32);
+                }
+            }
+        }
+        by_class
+    };
+    let parts: Vec<Vec<Vec<u32>>> = psog.index().par_chunks(ROWS).zip(rows).map(of_rows).collect();
+    (0..classes)
+        .map(|class| parts.iter().flat_map(|part| &part[class]).copied().collect())
+        .collect()
 }
 
 /// Largest share that a voxel has, in fixed point: with it sums of 2³² voxels fit into 64 bits.
@@ -76,19 +94,24 @@ const GROUND_SHARE: f64 = 0.25;
 fn weigh_by_distance(occupied: &mut [OccupiedVoxel], psog: &Psog) {
     let (roi, names) = (psog.roi(), psog.classes());
     let (min, edge) = (roi.min(), roi.voxel());
-    let some = psog.rows().filter(|row| row.iter().any(|&count| count > 0));
-    let is_ground = some.map(|row| {
-        let commonest = (0..row.len()).max_by_key(|&class| (row[class], Reverse(class)));
-        commonest.is_some_and(|class| GROUND_CLASSES.contains(&names[class].as_str()))
-    });
-    let weigh = |(voxel, is_ground): (&OccupiedVoxel, bool)| {
+    let is_class_ground: Vec<bool> =
+        names.iter().map(|name| GROUND_CLASSES.contains(&name.as_str())).collect();
+    let rows = psog.counts().par_chunks(names.len().max(1));
+    let some = rows.filter(|row| row.iter().any(|&count| count > 0));
+    let is_ground: Vec<bool> = some
+        .map(|row| {
+            let commonest = (0..row.len()).max_by_key(|&class| (row[class], Reverse(class)));
+            commonest.is_some_and(|class| is_class_ground[class])
+        })
+        .collect();
+    let weigh = |(voxel, &is_ground): (&OccupiedVoxel, &bool)| {
         let at = roi.coords(u64::from(voxel.index));
         let [x, y] = [0, 1].map(|k| min[k] + (f64::from(at[k]) + 0.5) * edge[k]);
         let distance = x.hypot(y);
         let eighths = (STEPS * NEAR / distance.max(NEAR)).round().max(1.0);
         (f64::from(voxel.entropy[0]) * eighths, is_ground && distance <= NEAR)
     };
-    let weighed: Vec<(f64, bool)> = occupied.iter().zip(is_ground).map(weigh).collect();
+    let weighed: Vec<(f64, bool)> = occupied.par_iter().zip(&is_ground).map(weigh).collect();
     let total: f64 = weighed.iter().map(|(information, _)| information).sum();
     let ground = weighed.iter().filter(|(_, is_near_ground)| *is_near_ground).count();
     let of_ground = GROUND_SHARE / ground.max(1) as f64;

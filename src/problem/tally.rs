@@ -1,6 +1,6 @@
 //! Sums that a placement is scored by, and the time they took.
 
-use std::ops::AddAssign;
+use std::ops::{AddAssign, SubAssign};
 use std::time::Duration;
 
 use super::KINDS;
@@ -53,6 +53,19 @@ impl Tally {
 impl AddAssign<&Self> for Tally {
     fn add_assign(&mut self, other: &Self) {
         self.add_times(other, 1);
+    }
+}
+
+impl SubAssign<&Self> for Tally {
+    /// Takes the sums of a frame out again that were added before.
+    fn sub_assign(&mut self, other: &Self) {
+        self.covered -= other.covered;
+        self.covered_nonzero -= other.covered_nonzero;
+        self.entropy.iter_mut().zip(other.entropy).for_each(|(sum, value)| *sum -= value);
+        self.by_class.iter_mut().zip(&other.by_class).for_each(|(sum, value)| *sum -= value);
+        self.unique.iter_mut().zip(&other.unique).for_each(|(sum, value)| *sum -= value);
+        self.hits -= other.hits;
+        self.beams -= other.beams;
     }
 }
 

@@ -216,15 +216,16 @@ impl PsogBuilder {
         while self.runs.len() > 1 {
             self.merge_last_two();
         }
-        let (mut index, mut counts) = (Vec::new(), Vec::new());
-        for entry in self.runs.pop().unwrap_or_default() {
-            let voxel = entry >> 32;
-            if index.last() != Some(&voxel) {
-                index.push(voxel);
-                counts.resize(index.len() * self.classes.len(), 0);
+        let entries = self.runs.pop().unwrap_or_default();
+        // Counted first: the counts of all classes are the most memory of all, and would move as they grow.
+        let voxels = entries.chunk_by(|a, b| a >> 32 == b >> 32);
+        let mut counts = vec![0; voxels.clone().count() * self.classes.len()];
+        let mut index = Vec::with_capacity(counts.len() / self.classes.len().max(1));
+        for (entries, row) in voxels.zip(counts.chunks_mut(self.classes.len().max(1))) {
+            index.push(entries[0] >> 32);
+            for entry in entries {
+                row[usize::from((entry >> 16) as u16)] = *entry as u16;
             }
-            let row = counts.len() - self.classes.len();
-            counts[row + usize::from((entry >> 16) as u16)] = entry as u16;
         }
         let psog = Psog::new(self.roi, self.report.frames as u32, self.classes, index, counts)?;
         Ok((psog, self.report))

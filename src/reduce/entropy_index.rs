@@ -3,7 +3,7 @@
 use multiversion::multiversion;
 use rayon::prelude::*;
 
-use crate::cover::BitOrder;
+use crate::cover::{BitOrder, Ranks};
 use crate::problem::{Content, KINDS, Tally};
 
 /// Words of a block, 4 KiB a sensor: its union stays in the first-level cache for all sums.
@@ -25,19 +25,17 @@ struct Words {
 }
 
 impl Words {
-    /// The words that hold some voxels, whose bits' numbers rise.
-    fn new(voxels: impl Iterator<Item = u32>) -> Self {
-        let (mut words, mut before): (Vec<Word>, Vec<usize>) = (Vec::new(), vec![0]);
-        for (position, voxel) in voxels.enumerate() {
-            let (index, bit) = (voxel >> 6, 1 << (voxel & 63));
-            match words.last_mut() {
-                Some(word) if word.index == index => word.mask |= bit,
-                _ => {
-                    while before.len() <= index as usize / BLOCK {
-                        before.push(words.len());
-                    }
-                    words.push(Word { index, first: position as u32, mask: bit });
-                }
+    /// The words that are not zero, of a bitmap that holds the bit of each voxel.
+    fn new(bitmap: &[u64]) -> Self {
+        let (mut words, mut before) = (Vec::new(), Vec::new());
+        let mut first = 0;
+        for (index, &mask) in bitmap.iter().enumerate() {
+            if index % BLOCK == 0 {
+                before.push(words.len());
+            }
+            if mask != 0 {
+                words.push(Word { index: index as u32, first, mask });
+                first += mask.count_ones();
             }
         }
         Self { words, before }
@@ -60,19 +58,18 @@ pub(crate) struct EntropyIndex {
 impl EntropyIndex {
     /// For bitmaps of an order.
     pub(crate) fn new(content: &Content, order: &BitOrder) -> Self {
-        let bit = |voxel| order.bit_of(voxel);
-        let occupied = content.occupied().par_iter();
-        let mut occupied: Vec<_> = occupied.map(|v| (bit(v.index), v.entropy)).collect();
-        occupied.par_sort_unstable_by_key(|&(bit, _)| bit);
         let of_class = |class: usize| {
-            let mut voxels: Vec<u32> =
-                content.voxels_of_class(class).par_iter().map(|&voxel| bit(voxel)).collect();
-            voxels.par_sort_unstable();
-            Words::new(voxels.into_iter())
+            let voxels = content.voxels_of_class(class).iter();
+            Words::new(&order.bitmap(voxels.map(|&voxel| order.bit_of(voxel))))
         };
+        let ranks = Ranks::new(order, content.occupied().par_iter().map(|voxel| voxel.index));
+        let mut entropy = vec![[0; KINDS]; content.occupied().len()];
+        for (voxel, rank) in content.occupied().iter().zip(ranks.of) {
+            entropy[rank as usize] = voxel.entropy;
+        }
         Self {
-            occupied: Words::new(occupied.iter().map(|&(bit, _)| bit)),
-            entropy: occupied.iter().map(|&(_, entropy)| entropy).collect(),
+            occupied: Words::new(&ranks.bitmap),
+            entropy,
             classes: (0..content.set_count()).into_par_iter().map(of_class).collect(),
         }
     }

@@ -39,6 +39,12 @@ impl Atlases {
         Self { each }
     }
 
+    /// As [`Atlas::forget_beyond`], all together.
+    pub(super) fn forget_beyond(&mut self, poses: usize, bytes: u64) {
+        let share = bytes / self.each.len().max(1) as u64;
+        self.each.iter_mut().for_each(|atlas| atlas.forget_beyond(poses, share));
+    }
+
     /// The grid of their poses.
     pub fn grid(&self) -> &PoseGrid {
         self.each[0].grid()

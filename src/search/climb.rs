@@ -14,6 +14,9 @@ use crate::search::atlas::Union;
 /// Best swaps of a sensor that are offered to the guards before the sensor stays where it is.
 const OFFERS: usize = 4;
 
+/// Poses that one thread looks at at once.
+const FEW_POSES: usize = 4096;
+
 /// Poses that a climb may move a LiDAR to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Moves {
@@ -72,6 +75,20 @@ impl GridSearch {
             }
         }
         self.ascend(evaluator, start, moves, Check::EachSwap, go_on)
+    }
+
+    /// The same, whatever the guards say: a bound on all placements bounds those that violate one, too.
+    ///
+    /// # Errors
+    /// As [`Self::hold`].
+    pub(super) fn climb_unguarded(
+        &mut self,
+        evaluator: &mut Evaluator,
+        start: &[u32],
+        moves: &[Moves],
+        go_on: &mut dyn FnMut(u64) -> bool,
+    ) -> Result<GridPlacement, SearchError> {
+        self.ascend(evaluator, start, moves, Check::Nothing, go_on)
     }
 
     /// A climb whose swaps are checked or not.
@@ -133,6 +150,14 @@ impl GridSearch {
     pub(super) fn kicked(&self, poses: &[u32], rng: &mut impl Rng) -> Vec<u32> {
         let turns = self.turns(poses);
         let turn = turns[rng.random_range(0..turns.len())];
+        if let Turn::Lidar(lidar) = turn {
+            // As below, without a list of placements: a fine grid has millions of poses.
+            let to = self.targets(poses, lidar, Moves::Anywhere);
+            return match to.len() {
+                0 => poses.to_vec(),
+                count => with(poses, &[(lidar, to[rng.random_range(0..count)])]),
+            };
+        }
         let mut candidates = self.candidates(poses, turn, Moves::Anywhere);
         match candidates.len() {
             0 => poses.to_vec(),
@@ -140,32 +165,47 @@ impl GridSearch {
         }
     }
 
+    /// Poses that a LiDAR may move to, those with which the placement keeps the rules.
+    fn targets(&self, here: &[u32], lidar: usize, moves: Moves) -> Vec<u32> {
+        let (grid, ties, from) = (self.atlas.grid(), self.constraints.ties, here[lidar]);
+        let others = without(here, lidar..lidar + 1);
+        let keeps = |&to: &u32| {
+            let level = !ties.equal_height || grid.at_height_of(to, from) == to;
+            level && (!ties.symmetric || grid.mirrored(to) == to) && self.fits(to, &others)
+        };
+        self.reach(here, lidar, moves)
+            .into_par_iter()
+            .with_min_len(FEW_POSES)
+            .filter(keeps)
+            .collect()
+    }
+
+    /// Poses that a LiDAR may move to, whatever the rules.
+    fn reach(&self, here: &[u32], lidar: usize, moves: Moves) -> Vec<u32> {
+        let grid = self.atlas.grid();
+        match moves {
+            Moves::Along(radius) => grid.along(here[lidar], radius),
+            Moves::Around(radius) => grid.around(here[lidar], radius),
+            Moves::Anywhere => grid.poses_of_lidar(lidar).collect(),
+        }
+    }
+
     /// Placements that a turn may lead to, those that keep the rules.
     fn candidates(&self, here: &[u32], turn: Turn, moves: Moves) -> Vec<Vec<u32>> {
         let grid = self.atlas.grid();
-        let reach = |lidar: usize| -> Vec<u32> {
-            match moves {
-                Moves::Along(radius) => grid.along(here[lidar], radius),
-                Moves::Around(radius) => grid.around(here[lidar], radius),
-                Moves::Anywhere => grid.poses_of_lidar(lidar).collect(),
-            }
-        };
         let ties = self.constraints.ties;
         let level = |from: u32, to: u32| !ties.equal_height || grid.at_height_of(to, from) == to;
         match turn {
             Turn::Lidar(lidar) => {
-                let from = here[lidar];
-                let in_place = |to: u32| !ties.symmetric || grid.mirrored(to) == to;
-                let others = without(here, lidar..lidar + 1);
-                let mut to = reach(lidar);
-                to.retain(|&to| level(from, to) && in_place(to) && self.fits(to, &others));
-                to.into_iter().map(|to| with(here, &[(lidar, to)])).collect()
+                let to = self.targets(here, lidar, moves).into_iter();
+                to.map(|to| with(here, &[(lidar, to)])).collect()
             }
             Turn::Pair(lidar) => {
                 let from = here[lidar];
                 let others = without(here, lidar..lidar + 2);
                 let both = |to: u32| (to, grid.mirrored(to));
-                let mut to: Vec<(u32, u32)> = reach(lidar).into_iter().map(both).collect();
+                let reach = self.reach(here, lidar, moves).into_iter();
+                let mut to: Vec<(u32, u32)> = reach.map(both).collect();
                 to.retain(|&(to, image)| {
                     let fits = self.fits(to, &others) && self.fits(image, &others);
                     level(from, to) && fits && self.fits(to, &[image])
@@ -174,7 +214,8 @@ impl GridSearch {
                 to.into_iter().map(moved).collect()
             }
             Turn::Height => {
-                let levels = reach(0).into_iter().map(|to| grid.at_height_of(here[0], to));
+                let levels =
+                    self.reach(here, 0, moves).into_iter().map(|to| grid.at_height_of(here[0], to));
                 let mut levels: Vec<u32> = levels.collect();
                 levels.sort_unstable();
                 levels.dedup();

@@ -1,10 +1,9 @@
 //! Few frames that stand for all in a ranking of placements, as a pilot over every frame sees it.
 
-use std::ops::Range;
-
 use rayon::prelude::*;
 
 use super::pilot::Pilot;
+use crate::problem::Tally;
 use crate::score::Objective;
 
 /// Sets of frames that are all tried; of larger ones the best is looked for by exchanging frames.
@@ -30,22 +29,21 @@ impl Pilot {
     /// sets of that size, or of those reached from the best smaller set by adding and exchanging frames where
     /// there are too many to try.
     pub fn levels(&self, objective: &Objective, tolerance: f64) -> Vec<Level> {
-        let count = self.by_frame.len();
-        let all: Vec<usize> = (0..count).collect();
-        let choice = Choice { pilot: self, objective, reference: self.values(objective, &all) };
+        let choice = Choice::new(self, objective);
+        let count = choice.frames();
         let mut levels: Vec<Level> = Vec::new();
-        let mut best: Vec<usize> = choice.least();
-        let mut size = best.len().max(1);
+        let mut best = choice.set(choice.least());
+        let mut size = best.frames.len().max(1);
         while size < count {
             best = choice.best(size, best);
             let error = choice.error(&best);
             if !levels.is_empty() || error.is_some_and(|error| error <= tolerance) {
-                levels.push(Level { frames: best.clone(), error });
+                levels.push(Level { frames: best.frames.clone(), error });
             }
             size *= 2;
         }
         levels.push(Level {
-            frames: all,
+            frames: (0..count).collect(),
             error: choice.reference.iter().flatten().next().map(|_| 0.0),
         });
         levels
@@ -56,13 +54,95 @@ impl Pilot {
 struct Choice<'a> {
     pilot: &'a Pilot,
     objective: &'a Objective,
+    /// Scene, or mirror image, of each frame.
+    member_of: Vec<usize>,
+    /// Sums that an objective depends on, `[frames][placements]`.
+    sums: Vec<Vec<Tally>>,
     /// Objective over all frames.
     reference: Vec<Option<f64>>,
 }
 
-impl Choice<'_> {
-    fn error(&self, frames: &[usize]) -> Option<f64> {
-        scatter(&self.reference, self.pilot.values(self.objective, frames))
+/// Frames with their sums: those of a set with one frame more or less are then a step away, not a sum over it.
+#[derive(Clone)]
+struct Set {
+    /// In rising order.
+    frames: Vec<usize>,
+    /// Frames of each member.
+    counts: Vec<usize>,
+    /// `[members][placements]`.
+    sums: Vec<Vec<Tally>>,
+}
+
+impl<'a> Choice<'a> {
+    fn new(pilot: &'a Pilot, objective: &'a Objective) -> Self {
+        let ranges = pilot.suite.frame_ranges().into_iter().enumerate();
+        let member_of = ranges.flat_map(|(member, range)| range.map(move |_| member)).collect();
+        let sums_alone = |tally: &Tally| Tally {
+            covered: tally.covered,
+            covered_nonzero: tally.covered_nonzero,
+            entropy: tally.entropy,
+            ..Tally::default()
+        };
+        let of_frame = |frame: &Vec<Tally>| frame.iter().map(sums_alone).collect();
+        let sums = pilot.by_frame.iter().map(of_frame).collect();
+        let mut choice = Self { pilot, objective, member_of, sums, reference: Vec::new() };
+        choice.reference = choice.values(&choice.set((0..choice.frames()).collect()), &[]);
+        choice
+    }
+
+    fn frames(&self) -> usize {
+        self.sums.len()
+    }
+
+    fn set(&self, frames: Vec<usize>) -> Set {
+        let members = self.pilot.suite.members().len();
+        let none = vec![Tally::default(); self.pilot.placements.len()];
+        let mut set = Set { counts: vec![0; members], sums: vec![none; members], frames };
+        for &frame in &set.frames {
+            let member = self.member_of[frame];
+            set.counts[member] += 1;
+            for (sum, tally) in set.sums[member].iter_mut().zip(&self.sums[frame]) {
+                *sum += tally;
+            }
+        }
+        set
+    }
+
+    /// Objective of each placement over a set with some frames taken in or out; members without any frame do
+    /// not count.
+    fn values(&self, set: &Set, steps: &[Step]) -> Vec<Option<f64>> {
+        let count = |member: usize| {
+            let own = steps.iter().filter(|step| self.member_of[step.frame()] == member);
+            own.fold(set.counts[member], |count, step| match step {
+                Step::In(_) => count + 1,
+                Step::Out(_) => count - 1,
+            })
+        };
+        let counts: Vec<usize> = (0..set.counts.len()).map(count).collect();
+        let value = |placement: usize| {
+            let members = self.pilot.suite.members().iter().enumerate();
+            let some = members.filter(|(member, _)| counts[*member] > 0);
+            self.objective.value_over_scenes(some.map(|(member, scene)| {
+                let mut sum = set.sums[member][placement].clone();
+                for step in steps.iter().filter(|step| self.member_of[step.frame()] == member) {
+                    let tally = &self.sums[step.frame()][placement];
+                    match step {
+                        Step::In(_) => sum += tally,
+                        Step::Out(_) => sum -= tally,
+                    }
+                }
+                (sum, scene.problem().content(), counts[member])
+            }))
+        };
+        (0..self.pilot.placements.len()).map(value).collect()
+    }
+
+    fn error(&self, set: &Set) -> Option<f64> {
+        self.error_after(set, &[])
+    }
+
+    fn error_after(&self, set: &Set, steps: &[Step]) -> Option<f64> {
+        scatter(&self.reference, self.values(set, steps))
     }
 
     /// The frames that every set grows from: the first of each of several scenes.
@@ -72,48 +152,90 @@ impl Choice<'_> {
         several.map(|range| range.start).collect()
     }
 
-    /// Whether a set has a frame of each of several scenes.
-    fn is_of_all(&self, frames: &[usize]) -> bool {
-        let suite = &self.pilot.suite;
-        let in_set = |range: Range<usize>| frames.iter().any(|frame| range.contains(frame));
-        suite.is_single() || suite.frame_ranges().into_iter().all(in_set)
+    /// Whether a set without one of its frames, and with another, has a frame of each of several scenes.
+    fn is_of_all(&self, set: &Set, out: usize, other: usize) -> bool {
+        let (from, to) = (self.member_of[out], self.member_of[other]);
+        from == to || set.counts[from] > 1 || self.pilot.suite.is_single()
     }
 
-    /// The best `size` frames, sorted.
-    fn best(&self, size: usize, from: Vec<usize>) -> Vec<usize> {
-        let count = self.pilot.by_frame.len();
+    /// The best `size` frames.
+    fn best(&self, size: usize, from: Set) -> Set {
+        let count = self.frames();
         if sets(count, size) <= ALL_SETS {
-            let mut all = subsets(count, size);
-            all.retain(|frames| self.is_of_all(frames));
-            return self.first_of(all);
+            let mut all: Vec<Set> =
+                subsets(count, size).into_iter().map(|frames| self.set(frames)).collect();
+            all.retain(|set| {
+                self.pilot.suite.is_single() || set.counts.iter().all(|&count| count > 0)
+            });
+            let first = self.first_of(&all, |set| self.error(set));
+            return first.map(|(_, set)| set.clone()).unwrap_or(from);
         }
         let mut chosen = from;
-        while chosen.len() < size {
-            chosen = self.first_of(with_one_more(&chosen, count));
+        while chosen.frames.len() < size {
+            let others: Vec<Step> = chosen.others(count).map(Step::In).collect();
+            let error = |step: &Step| self.error_after(&chosen, &[*step]);
+            let Some((_, &step)) = self.first_of(&others, error) else { break };
+            chosen = self.after(&chosen, &[step]);
         }
         loop {
-            let mut swapped = vec![chosen.clone()];
-            for index in 0..size {
-                let mut rest = chosen.clone();
-                rest.remove(index);
-                swapped.extend(with_one_more(&rest, count));
+            let mut exchanges: Vec<[Step; 2]> = Vec::new();
+            for &out in &chosen.frames {
+                let others =
+                    chosen.others(count).filter(|&other| self.is_of_all(&chosen, out, other));
+                exchanges.extend(others.map(|other| [Step::Out(out), Step::In(other)]));
             }
-            swapped.retain(|frames| self.is_of_all(frames));
-            let better = self.first_of(swapped);
-            if better == chosen {
-                return chosen;
+            let least = self.error(&chosen).unwrap_or(f64::INFINITY);
+            let better = self.first_of(&exchanges, |steps| self.error_after(&chosen, steps));
+            match better.filter(|(error, _)| *error < least) {
+                Some((_, steps)) => chosen = self.after(&chosen, steps),
+                None => return chosen,
             }
-            chosen = better;
         }
     }
 
-    /// The set of least error; of equal ones the first.
-    fn first_of(&self, sets: Vec<Vec<usize>>) -> Vec<usize> {
+    fn after(&self, set: &Set, steps: &[Step]) -> Set {
+        let mut frames = set.frames.clone();
+        for step in steps {
+            match *step {
+                Step::In(frame) => frames.push(frame),
+                Step::Out(frame) => frames.retain(|&other| other != frame),
+            }
+        }
+        frames.sort_unstable();
+        self.set(frames)
+    }
+
+    /// The one of least error, of equal ones the first, with that error.
+    fn first_of<'b, T: Sync>(
+        &self,
+        some: &'b [T],
+        error: impl Fn(&T) -> Option<f64> + Sync,
+    ) -> Option<(f64, &'b T)> {
         let errors: Vec<f64> =
-            sets.par_iter().map(|frames| self.error(frames).unwrap_or(f64::INFINITY)).collect();
-        let least =
-            (0..sets.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b]).then(a.cmp(&b)));
-        least.map(|index| sets[index].clone()).unwrap_or_default()
+            some.par_iter().map(|one| error(one).unwrap_or(f64::INFINITY)).collect();
+        errors.into_iter().zip(some).min_by(|a, b| a.0.total_cmp(&b.0))
+    }
+}
+
+/// A frame taken into a set or out of it.
+#[derive(Debug, Clone, Copy)]
+enum Step {
+    In(usize),
+    Out(usize),
+}
+
+impl Step {
+    fn frame(self) -> usize {
+        match self {
+            Self::In(frame) | Self::Out(frame) => frame,
+        }
+    }
+}
+
+impl Set {
+    /// Frames of `count` that are not in the set.
+    fn others(&self, count: usize) -> impl Iterator<Item = usize> {
+        (0..count).filter(|frame| self.frames.binary_search(frame).is_err())
     }
 }
 
@@ -150,16 +272,6 @@ fn subsets(count: usize, size: usize) -> Vec<Vec<usize>> {
     })
 }
 
-fn with_one_more(chosen: &[usize], count: usize) -> Vec<Vec<usize>> {
-    let others = (0..count).filter(|frame| !chosen.contains(frame));
-    let longer = others.map(|frame| {
-        let mut set = [chosen, &[frame]].concat();
-        set.sort_unstable();
-        set
-    });
-    longer.collect()
-}
-
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
@@ -167,7 +279,7 @@ mod tests {
     use super::*;
     use crate::bvh::Bvh;
     use crate::geom::TriangleSoup;
-    use crate::problem::{Content, Problem, Tally};
+    use crate::problem::{Content, Problem};
     use crate::psog::Roi;
     use crate::vehicle::{BeamTable, Placement};
 

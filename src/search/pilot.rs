@@ -3,7 +3,6 @@
 use super::suite::{Member, Suite};
 use crate::engine::{BackendError, CpuBackend};
 use crate::problem::Tally;
-use crate::score::Objective;
 use crate::vehicle::Placement;
 
 /// Placements with their tallies over all frames of each scene.
@@ -83,23 +82,5 @@ impl Pilot {
         let mut sum = Tally::zero(classes, self.placements[index].lidars.len());
         frames.for_each(|frame| sum += &self.by_frame[frame][index]);
         sum
-    }
-
-    /// Objective of each placement over some frames; scenes without any of them do not count.
-    pub(super) fn values(&self, objective: &Objective, frames: &[usize]) -> Vec<Option<f64>> {
-        let members = self.suite.members().iter().zip(self.suite.frame_ranges());
-        let some = members.map(|(member, range)| {
-            let own = frames.iter().copied().filter(move |frame| range.contains(frame));
-            (member, own.collect::<Vec<usize>>())
-        });
-        let some: Vec<(&Member, Vec<usize>)> = some.filter(|(_, own)| !own.is_empty()).collect();
-        let value = |index| {
-            let scenes = some.iter().map(|(member, own)| {
-                let sum = self.sum(index, member, own.iter().copied());
-                (sum, member.problem().content(), own.len())
-            });
-            objective.value_over_scenes(scenes)
-        };
-        (0..self.placements.len()).map(value).collect()
     }
 }

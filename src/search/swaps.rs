@@ -27,6 +27,11 @@ const AS_GOOD: f64 = 0.01;
 /// Random placements of which the best is a start of the swaps where greedy has no place.
 const DRAWN: usize = 64;
 
+/// Poses, and bytes of their bitmaps, that are kept by climbs along a grid: these look at neighbours of where they
+/// stand.
+const AMPLE_POSES: usize = 256;
+const AMPLE_BYTES: u64 = 192 << 20;
+
 /// What all that must be seen is worth in swaps, in starts: a hundredth of it as much as all of a start.
 const MISSING: f64 = 100.0;
 
@@ -151,6 +156,7 @@ pub fn swap_from(
     go_on: &mut dyn FnMut(u64) -> bool,
 ) -> Result<Option<Swapped>, SearchError> {
     let mut search = grid_search(evaluator, objective, settings, starts)?;
+    search.atlas.forget_beyond(AMPLE_POSES, AMPLE_BYTES);
     let mut go_on = |cast: u64| cast < settings.casts && go_on(cast);
     let mut ends = Ends::default();
     for start in starts {

@@ -22,10 +22,9 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::{Backend, BackendError, Chunk, ChunkLimits, check_frame, split};
+use super::{Backend, BackendError, Chunk, ChunkLimits, TakeBitmap, check_frame, split};
 use crate::bvh::Hit;
-use crate::cover::{BitOrder, Bitmaps};
-use crate::memory;
+use crate::cover::BitOrder;
 use crate::problem::{Problem, StageTimes, Tally};
 use crate::vehicle::{Placement, SensorPose};
 use buffers::{SceneBuffers, Sizes, WorkBuffers};
@@ -199,23 +198,35 @@ impl Backend for GpuBackend {
         Ok(hits)
     }
 
-    fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError> {
+    fn order(&self) -> BitOrder {
+        BitOrder::bricks(self.problem.roi())
+    }
+
+    fn each_bitmap(
+        &mut self,
+        poses: &[SensorPose],
+        frame: usize,
+        take: &TakeBitmap<'_>,
+    ) -> Result<(), BackendError> {
         check_frame(&self.problem, frame)?;
-        let order = BitOrder::bricks(self.problem.roi());
+        let order = self.order();
         let range = None;
         let placements = one_by_one(poses);
         let chunks = self.cut(&placements)?;
         let batch = Batch { placements: &placements, chunks, frames: &[frame], range, sums: false };
-        let mut bitmaps = memory::zeros(poses.len() * order.words(), "coverage bitmaps")?;
         self.pipeline().run(&batch, |chunk, _, made| {
             if let Made::Bitmaps(made) = made {
                 // A placement is a sensor.
-                let first = chunk.cut.placements.start * order.words();
-                let to = bitmaps[first..].par_iter_mut().zip(made.par_chunks(2));
-                to.for_each(|(to, half)| *to = u64::from(half[0]) | u64::from(half[1]) << 32);
+                let first = chunk.cut.placements.start;
+                let of_sensors = made.par_chunks((2 * order.words()).max(1)).enumerate();
+                of_sensors.for_each(|(sensor, halves)| {
+                    let word = |half: &[u32]| u64::from(half[0]) | u64::from(half[1]) << 32;
+                    let words: Vec<u64> = halves.chunks(2).map(word).collect();
+                    take(first + sensor, &order, &words);
+                });
             }
         })?;
-        Ok(Bitmaps { order, words: bitmaps })
+        Ok(())
     }
 
     fn times(&self) -> StageTimes {

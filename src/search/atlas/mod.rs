@@ -8,16 +8,16 @@ mod order;
 mod sparse;
 
 use std::collections::{HashMap, HashSet};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use rayon::prelude::*;
 
-use crate::cover::{BitOrder, Bitmaps};
+use crate::cover::BitOrder;
 use crate::engine::{Backend, BackendError};
 use crate::memory;
 use crate::problem::{KINDS, Problem, Tally};
 use crate::score::Needed;
-use crate::vehicle::PoseGrid;
+use crate::vehicle::{PoseGrid, SensorPose};
 use areas::AreaBits;
 use order::{LevelOrder, ToLevels};
 use sparse::Sparse;
@@ -42,6 +42,8 @@ pub struct Atlas {
     pages: HashMap<u32, Page>,
     /// Pages held at most.
     capacity: usize,
+    /// Pages and bytes of them beyond which those go that were used longest ago.
+    ample: Option<(usize, u64)>,
     /// Counts requests; pages remember the last one that asked for them.
     clock: u64,
     /// Poses that were ever cast.
@@ -59,6 +61,13 @@ struct Page {
     /// Voxels of areas that must be seen, frame after frame.
     areas: Box<[u64]>,
     used: u64,
+}
+
+impl Page {
+    fn bytes(&self) -> u64 {
+        let empty: u64 = self.empty.iter().map(|empty| empty.bytes()).sum();
+        size_of_val(&self.occupied[..]) as u64 + size_of_val(&self.areas[..]) as u64 + empty
+    }
 }
 
 /// The union of some sensors' coverage, to which others are added.
@@ -95,6 +104,7 @@ impl Atlas {
             empty_words,
             pages: HashMap::new(),
             capacity,
+            ample: None,
             clock: 0,
             cast: HashSet::new(),
             mirrored: false,
@@ -111,6 +121,17 @@ impl Atlas {
     /// Holds no more than so many poses.
     pub(crate) fn limit(&mut self, capacity: usize) {
         self.capacity = self.capacity.min(capacity);
+    }
+
+    /// Lets poses go that were used longest ago once there are more than so many, and more than about so many
+    /// bytes of them: for a search that looks at a few at a time and seldom comes back to old ones.
+    pub fn forget_beyond(&mut self, poses: usize, bytes: u64) {
+        self.ample = Some((poses, bytes));
+    }
+
+    /// Poses held.
+    pub fn held(&self) -> usize {
+        self.pages.len()
     }
 
     /// The grid of its poses.
@@ -161,7 +182,25 @@ impl Atlas {
             self.cast.extend(some);
             self.pages.extend(some.iter().copied().zip(pages));
         }
+        if let Some((poses, bytes)) = self.ample.filter(|_| !missing.is_empty()) {
+            self.forget(poses, bytes);
+        }
         Ok(())
+    }
+
+    /// Lets idle pages go, those used longest ago first, until no more than enough bytes or pages are left.
+    fn forget(&mut self, enough_pages: usize, enough_bytes: u64) {
+        let mut bytes: u64 = self.pages.values().map(Page::bytes).sum();
+        let now = self.clock;
+        let idle = self.pages.iter().filter(|(_, page)| page.used < now);
+        let mut idle: Vec<(u64, u32)> = idle.map(|(&pose, page)| (page.used, pose)).collect();
+        idle.sort_unstable();
+        for (_, pose) in idle {
+            if bytes <= enough_bytes || self.pages.len() <= enough_pages {
+                break;
+            }
+            bytes -= self.pages.remove(&pose).map_or(0, |page| page.bytes());
+        }
     }
 
     fn make_room(&mut self, wanted: usize) -> Result<(), BackendError> {
@@ -217,37 +256,50 @@ impl Atlas {
                 }
                 continue;
             }
-            let bitmaps = backend.bitmaps(&poses, frame)?;
-            self.keep(frame, &bitmaps, &mut pages);
+            self.cast_frame(backend, &poses, frame, &mut pages)?;
         }
         Ok(pages)
     }
 
     /// Writes the coverage of each pose in one frame into its page.
-    fn keep(&mut self, frame: usize, bitmaps: &Bitmaps, pages: &mut [Page]) {
-        let (from, each) = (bitmaps.order, self.order.words());
-        if self.to_levels.as_ref().is_none_or(|to_levels| to_levels.from != from) {
-            self.to_levels = Some(ToLevels::new(&self.order, self.problem.content(), from));
+    fn cast_frame(
+        &mut self,
+        backend: &mut dyn Backend,
+        poses: &[SensorPose],
+        frame: usize,
+        pages: &mut [Page],
+    ) -> Result<(), BackendError> {
+        let order = backend.order();
+        if self.to_levels.as_ref().is_none_or(|to_levels| to_levels.from != order) {
+            self.to_levels = Some(ToLevels::new(&self.order, self.problem.content(), order));
         }
-        let Some(to_levels) = &self.to_levels else { return };
-        let empty_order = *self.empty_order.get_or_insert(from);
+        let Some(to_levels) = &self.to_levels else { return Ok(()) };
+        let empty_order = *self.empty_order.get_or_insert(order);
+        let (areas, each, area_words) = (&self.areas, self.order.words(), self.areas.words());
         let counts_all = self.empty_words > 0;
-        let (areas, area_words) = (&self.areas, self.areas.words());
-        pages.par_iter_mut().zip(bitmaps.words.par_chunks(from.words())).for_each(
-            |(page, bitmap)| {
-                to_levels.reorder(bitmap, &mut page.occupied[frame * each..(frame + 1) * each]);
-                let of_frame = frame * area_words..(frame + 1) * area_words;
-                areas.take(from, bitmap, &mut page.areas[of_frame]);
-                if counts_all && from == empty_order {
-                    page.empty.push(Arc::new(Sparse::new(to_levels.empty(bitmap))));
-                } else if counts_all {
-                    // Another engine took over after a failure.
-                    let empty: Vec<u64> = to_levels.empty(bitmap).collect();
-                    let converted = from.convert(&empty, &empty_order);
-                    page.empty.push(Arc::new(Sparse::new(converted.into_iter())));
-                }
-            },
-        );
+        let pages: Vec<Mutex<&mut Page>> = pages.iter_mut().map(Mutex::new).collect();
+        backend.each_bitmap(poses, frame, &|pose, from, bitmap| {
+            let Ok(mut page) = pages[pose].lock() else { return };
+            // Another engine takes over from a device that is lost, and hands out all poses again.
+            let bitmap = from.convert(bitmap, &order);
+            let occupied = &mut page.occupied[frame * each..(frame + 1) * each];
+            occupied.fill(0);
+            to_levels.reorder(&bitmap, occupied);
+            let seen = &mut page.areas[frame * area_words..(frame + 1) * area_words];
+            seen.fill(0);
+            areas.take(order, &bitmap, seen);
+            if counts_all {
+                let empty = to_levels.empty(&bitmap);
+                let sparse = if order == empty_order {
+                    Sparse::new(empty)
+                } else {
+                    let empty: Vec<u64> = empty.collect();
+                    Sparse::new(order.convert(&empty, &empty_order).iter().copied())
+                };
+                page.empty.truncate(frame);
+                page.empty.push(Arc::new(sparse));
+            }
+        })
     }
 
     /// Covered ones among the occupied voxels of a held pose, a bit each: frame after frame, in the

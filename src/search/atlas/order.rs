@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use multiversion::multiversion;
 use rayon::prelude::*;
 
-use crate::cover::BitOrder;
+use crate::cover::{BitOrder, Ranks};
 use crate::problem::{Content, KINDS, Tally};
 
 /// Voxels of equal entropy from which on they get words of their own. Fewer would waste most of a word.
@@ -38,20 +38,12 @@ pub(super) struct ToLevels {
 
 impl ToLevels {
     pub fn new(levels: &LevelOrder, content: &Content, from: BitOrder) -> Self {
-        let bits = content.occupied().par_iter().map(|voxel| from.bit_of(voxel.index));
-        let mut pairs: Vec<(u32, u32)> = bits.zip(levels.bit_of.par_iter().copied()).collect();
-        pairs.par_sort_unstable();
-        let mut mask = vec![0_u64; from.words()];
-        for &(bit, _) in &pairs {
-            mask[bit as usize / 64] |= 1 << (bit % 64);
+        let ranks = Ranks::new(&from, content.occupied().par_iter().map(|voxel| voxel.index));
+        let mut bit_of = vec![0; content.occupied().len()];
+        for (&bit, rank) in levels.bit_of.iter().zip(ranks.of) {
+            bit_of[rank as usize] = bit;
         }
-        let mut before = 0;
-        let rank = mask.iter().map(|word| {
-            before += word.count_ones();
-            before - word.count_ones()
-        });
-        let rank = rank.collect();
-        Self { from, mask, rank, bit_of: pairs.into_iter().map(|(_, bit)| bit).collect() }
+        Self { from, mask: ranks.bitmap, rank: ranks.before, bit_of }
     }
 
     /// The words of a bitmap of all voxels, without those that are occupied.

@@ -29,6 +29,11 @@ impl Sparse {
         Self { places: places.into(), words: words.into() }
     }
 
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        (size_of_val(&self.places[..]) + size_of_val(&self.words[..])) as u64
+    }
+
     /// Sets its bits in a bitmap.
     pub fn add_to(&self, bitmap: &mut [u64]) {
         self.visit(|at, word| bitmap[at] |= word);

@@ -116,7 +116,7 @@ fn gain(
     let total = effort.sets;
     let mut go_on = |done: u64| watch.tell(&Event::Progress { work: Work::Bounds, done, total });
     let anywhere = [Moves::Anywhere];
-    let top = search.climb(evaluator, &greedy.poses, &anywhere, &mut |_| go_on(0))?;
+    let top = search.climb_unguarded(evaluator, &greedy.poses, &anywhere, &mut |_| go_on(0))?;
     if !top.value.is_finite() {
         return Ok(Err("no bound was computed: no placement on the grid has a value".into()));
     }

@@ -78,7 +78,6 @@ impl Run {
         };
         levels.go_to(level, generation);
         let finalists = levels.finalists();
-        self.close();
         let scores = self.evaluator(watch)?.scores(&finalists)?;
         if let Some(levels) = &mut self.state.levels {
             levels.rescored(&scores, &objective);

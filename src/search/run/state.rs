@@ -73,10 +73,10 @@ impl State {
 /// Engines, and scores that need not be computed twice in one process.
 #[derive(Default)]
 pub(super) struct Sitting {
-    /// Over the frames of the search.
+    /// Over the frames of the search, or of the bounds: one engine at a time, or a device would hold a scene twice.
     pub evaluator: Option<Evaluator>,
-    /// Over the frames of the bounds, where these are others.
-    pub of_bounds: Option<Evaluator>,
+    /// Frames of that engine.
+    pub frames: Vec<usize>,
     /// Over all frames, where the search is over fewer.
     pub over_all: Option<Evaluator>,
     /// Placements whose tallies over all frames of each scene are known.
@@ -205,10 +205,25 @@ impl Run {
 
     /// Scores over the frames of the search.
     pub(super) fn evaluator(&mut self, watch: &mut Watch) -> Result<&mut Evaluator, SearchError> {
+        self.evaluator_over(self.frames(), watch)
+    }
+
+    /// Scores over some frames; closes an engine over others.
+    fn evaluator_over(
+        &mut self,
+        frames: Vec<usize>,
+        watch: &mut Watch,
+    ) -> Result<&mut Evaluator, SearchError> {
+        if self.sitting.frames != frames {
+            self.tell_changes(watch);
+            let closed = self.sitting.evaluator.take();
+            self.sitting.changes.extend(closed.iter().flat_map(Evaluator::changes));
+            self.sitting.told = 0;
+        }
         if self.sitting.evaluator.is_none() {
-            let suite = match self.is_over_all() {
+            let suite = match frames.len() == self.suite.frame_count() {
                 true => self.suite.clone(),
-                false => self.suite.over(&self.frames()),
+                false => self.suite.over(&frames),
             };
             // Lost devices are told after each step, from the engines' own lists.
             let (evaluator, notes) = Evaluator::open(&suite, &self.state.settings.engine, |_| {})?;
@@ -217,6 +232,7 @@ impl Run {
                 self.sitting.named = true;
             }
             self.sitting.evaluator = Some(evaluator);
+            self.sitting.frames = frames;
         }
         Ok(self.sitting.evaluator.as_mut().expect("opened above"))
     }
@@ -231,24 +247,7 @@ impl Run {
         &mut self,
         watch: &mut Watch,
     ) -> Result<&mut Evaluator, SearchError> {
-        let frames = self.frames_of_bounds();
-        if frames == self.frames() {
-            return self.evaluator(watch);
-        }
-        if self.sitting.of_bounds.is_none() {
-            let suite = self.suite.over(&frames);
-            let (evaluator, _) = Evaluator::open(&suite, &self.state.settings.engine, |_| {})?;
-            self.sitting.of_bounds = Some(evaluator);
-        }
-        Ok(self.sitting.of_bounds.as_mut().expect("opened above"))
-    }
-
-    /// Closes the engine of the search: the next one is over other frames.
-    pub(super) fn close(&mut self) {
-        if let Some(evaluator) = self.sitting.evaluator.take() {
-            self.sitting.changes.extend(evaluator.changes());
-            self.sitting.told = 0;
-        }
+        self.evaluator_over(self.frames_of_bounds(), watch)
     }
 
     /// Scores over all frames; on the CPU where the search is over fewer, since a second scene on a

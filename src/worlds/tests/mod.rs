@@ -4,6 +4,7 @@ mod generated;
 mod opendrive;
 
 use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use glam::{DVec2, DVec3};
@@ -21,7 +22,9 @@ fn read_back(world: &World) -> Scene {
 }
 
 fn write_to(world: &World, dir: &Path) {
-    write_ply(world.mesh(), &mut File::create(dir.join("w.ply")).unwrap()).unwrap();
+    let mut file = BufWriter::new(File::create(dir.join("w.ply")).unwrap());
+    write_ply(world.mesh(), &mut file).unwrap();
+    file.flush().unwrap();
     std::fs::write(dir.join("w.json"), world.scene("w", "w.ply").to_string()).unwrap();
 }
 
