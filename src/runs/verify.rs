@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::inputs::Files;
 use super::{Computing, Error, opening};
 use crate::engine::gpu::GpuBackend;
+use crate::engine::{BackendError, EngineKind};
 use crate::problem::{Problem, spread};
 use crate::vehicle::{Placement, read_placements};
 use crate::verify::compare::compared_frames;
@@ -52,12 +53,20 @@ pub struct Verified {
 /// Verifies scene after scene; `each` is told of every one.
 ///
 /// # Errors
-/// Files that cannot be read, numbers of placements beside a file of them, no device, and as of `each`.
+/// The CPU in place of a device, files that cannot be read, numbers of placements beside a file of them, no device, and
+/// as of `each`.
 pub fn verify_scenes(
     request: &VerifyRequest,
     computing: &Computing<'_>,
     mut each: impl FnMut(&Verified) -> Result<(), Error>,
 ) -> Result<Vec<Verified>, Error> {
+    if computing.engine.kind == EngineKind::Cpu {
+        return Err(Error::Usage(
+            "--backend cpu: a Vulkan device is compared with the CPU, which alone is compared with nothing; leave \
+             it out, or pick a device with --adapter"
+                .to_owned(),
+        ));
+    }
     let Files { scenes, placements } = Files::sort(&request.files)?;
     let given = match &placements {
         Some(path) if request.random.or(request.hostile).is_some() => {
@@ -94,10 +103,28 @@ fn of_scene(
     let usual = || usual_placements(&problem, random, hostile, request.seed);
     let placements = given.map_or_else(usual, <[Placement]>::to_vec);
     let memory = computing.engine.memory_budget() / 2;
-    let mut gpu = GpuBackend::new(problem.clone(), computing.engine.adapter.as_deref(), memory)?;
+    let gpu = GpuBackend::new(problem.clone(), computing.engine.adapter.as_deref(), memory);
+    let mut gpu = gpu.map_err(needs_device)?;
     let steps = (placements.len() * compared_frames(&problem)) as u64;
     let bar = computing.watcher.bar(steps, Some("placements × frames"));
     let done = || bar.advance(1);
-    let found = verify(&problem, &mut gpu, &placements, request.sample, request.seed, &done)?;
-    Ok((scene.name().to_owned(), found))
+    let found = verify(&problem, &mut gpu, &placements, request.sample, request.seed, &done);
+    Ok((scene.name().to_owned(), found.map_err(needs_device)?))
+}
+
+/// Elsewhere the CPU stands in for a device that is missing or fails; here it cannot.
+fn needs_device(error: BackendError) -> Error {
+    match error {
+        BackendError::NoDevice { name } => {
+            let named = name.map(|name| format!(" named `{name}`")).unwrap_or_default();
+            Error::Usage(format!(
+                "no Vulkan device{named}, and there is nothing else to compare with the CPU; install a driver, such \
+                 as lavapipe, which needs no hardware"
+            ))
+        }
+        BackendError::Device { adapter, stage, message } => Error::Usage(format!(
+            "the device `{adapter}` failed at {stage}: {message}; pick another one with --adapter"
+        )),
+        other => other.into(),
+    }
 }
