@@ -7,6 +7,7 @@ use super::near_field::unweighted_gain_text;
 use super::record::RunRecord;
 use super::text::{align_columns, findings_text, poses_text, scores_text};
 use super::words::{certificate_in_words, methods_in_words, spread_in_words, verdict};
+use crate::scan::conditions::under;
 
 /// What a run has found and left in its folder, in words first and the table after.
 pub fn record_text(record: &RunRecord, folder: &Path) -> String {
@@ -18,8 +19,11 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
         text += &format!("{words}\n\n");
     }
     text += &format!(
-        "{}: maximizing {} over {} frame(s)\n",
-        record.scene, record.objective, record.frames
+        "{}: maximizing {} over {} frame(s){}\n",
+        record.scene,
+        record.objective,
+        record.frames,
+        under(&record.conditions)
     );
     text += &scores_text(&rows);
     if let Some(rows) = by_scene(record) {

@@ -11,7 +11,7 @@ use crate::files::{Input, RunDir, holds_run};
 use crate::psog::Psog;
 use crate::report::study::study_plot;
 use crate::report::text::numbered;
-use crate::scan::conditions::Condition;
+use crate::scan::conditions::{Condition, in_words};
 use crate::scene::Scene;
 use crate::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, study};
 
@@ -253,9 +253,7 @@ fn recorded<'s>(
         "seed": settings.seed,
     });
     if !settings.conditions.is_empty() {
-        let conditions: Vec<String> =
-            settings.conditions.iter().map(|condition| condition.to_string()).collect();
-        recorded["conditions"] = json!(conditions);
+        recorded["conditions"] = json!(in_words(&settings.conditions));
     }
     Ok(Recorded { settings: recorded, inputs })
 }

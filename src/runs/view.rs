@@ -9,7 +9,7 @@ use super::own_body::add_self_hits;
 use super::{Computing, Error};
 use crate::files::{writable_file, write_whole};
 use crate::report::{Figures, Looks, SceneRecord, Subject, view_html};
-use crate::scan::conditions::Condition;
+use crate::scan::conditions::{Condition, in_words};
 use crate::scene::Scene;
 use crate::score::Objective;
 use crate::search::{Scored, Suite};
@@ -83,7 +83,8 @@ fn page(
     let names: Vec<&str> = scenes.iter().map(Scene::name).collect();
     let names = names.join(", ");
     let objective = objective.to_string();
+    let conditions = in_words(&request.conditions);
     let subject =
         Subject::given(&names, &records, result, baselines, &objective, request.command.clone());
-    Ok(view_html(&subject, &figures))
+    Ok(view_html(&subject.under(&conditions), &figures))
 }

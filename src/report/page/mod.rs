@@ -26,6 +26,7 @@ mod subject;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::{RunRecord, spread_in_words};
+use crate::scan::conditions::under;
 pub use figures::{Figures, Looks};
 pub use subject::Subject;
 
@@ -54,7 +55,7 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
             }
             body {
                 header {
-                    p.scene { "sightline · " (subject.scene) }
+                    p.scene { "sightline · " (subject.scene) (under(subject.conditions)) }
                     h1 { (unbroken(first)) (stop) }
                     @if !rest.is_empty() { p { (rest) } }
                 }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::request::NewRun;
 use crate::runs::Error;
-use crate::scan::conditions::Condition;
+use crate::scan::conditions::in_words;
 use crate::search::{Choosing, Equipped, Settings, State};
 use crate::vehicle::{MountRules, read_placements};
 
@@ -96,7 +96,7 @@ impl NewRun {
             vehicle: vehicle.map(absolute).transpose()?,
             budget: self.budget,
             near_weight: self.near_weight,
-            conditions: self.conditions.iter().map(Condition::to_string).collect(),
+            conditions: in_words(&self.conditions),
             equipped: None,
         })
     }

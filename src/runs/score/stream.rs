@@ -16,6 +16,7 @@ use crate::near_field::{FEW_PLACEMENTS, NearSite, add_self_hits, weighted};
 use crate::report;
 use crate::runs::opening::{self, LoadTimes, Loaded, timings};
 use crate::runs::{Bar, Computing, Error, Watcher};
+use crate::scan::conditions::{in_words, under};
 use crate::scene::Scene;
 use crate::score::Scores;
 use crate::search::Evaluator;
@@ -173,7 +174,8 @@ fn write_text(
     let problem = scoring.evaluator.problem();
     let (frames, beams) = (problem.frame_count(), problem.sensors().beams_in_words());
     let coverage = problem.coverage();
-    writeln!(out, "{scene}: {coverage} over {frames} frame(s), {beams} a LiDAR")
+    let under = under(&in_words(&scoring.request.conditions));
+    writeln!(out, "{scene}: {coverage} over {frames} frame(s), {beams} a LiDAR{under}")
         .and_then(|()| write!(out, "{}", report::scores_text(&first)))
         .map_err(Error::io(path))?;
     while let Some(block) = scoring.next()? {
@@ -193,7 +195,7 @@ fn write_json(
     out: &mut dyn Write,
 ) -> Result<(), Error> {
     let problem = scoring.evaluator.problem();
-    let head = json!({
+    let mut head = json!({
         "scene": scene,
         "backend": scoring.evaluator.backend().name(),
         "adapter": scoring.evaluator.backend().adapter(),
@@ -202,6 +204,9 @@ fn write_json(
         "modelled": problem.modelled(),
         "threads": rayon::current_num_threads(),
     });
+    if !scoring.request.conditions.is_empty() {
+        head["conditions"] = json!(in_words(&scoring.request.conditions));
+    }
     let stream = ScoreStream { scoring: RefCell::new(scoring), first, failed: RefCell::default() };
     let written = stream.write(&head, out);
     match (stream.failed.into_inner(), written) {
