@@ -244,8 +244,15 @@ fn faults_are_said() {
     fs::write(dir.path().join("sonar.json"), other.to_string()).unwrap();
     says(
         &["score", "room.json", "sonar.json", "--vehicle", "cart.json", "--backend", "cpu"],
-        &["no sensor `sonar`", "`spinning`, `solid`"],
+        &["sonar.json: placement `x`, LiDAR 0: there is no sensor `sonar`", "`spinning`, `solid`"],
     );
+    let slip = other.to_string().replace("sonar", "spining");
+    fs::write(dir.path().join("slip.json"), slip).unwrap();
+    let baselines = [&optimize("16", "x")[..], &["--baselines", "slip.json"]].concat();
+    let score = ["score", "room.json", "slip.json", "--vehicle", "cart.json", "--backend", "cpu"];
+    for command in [&score[..], &baselines] {
+        says(command, &["slip.json: placement `x`, LiDAR 0: ", "did you mean `spinning`?"]);
+    }
     changed(dir.path(), "bad.json", |vehicle| vehicle["mounts"] = json!([]));
     says(
         &["score", "room.json", "sonar.json", "--vehicle", "bad.json"],

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::given::Given;
 use super::inputs::Files;
 use super::{Computing, Error, opening};
 use crate::engine::gpu::GpuBackend;
@@ -68,7 +69,7 @@ pub fn verify_scenes(
         ));
     }
     let Files { scenes, placements } = Files::sort(&request.files)?;
-    let given = match &placements {
+    let read = match &placements {
         Some(path) if request.random.or(request.hostile).is_some() => {
             return Err(Error::Usage(format!(
                 "{}: holds the placements; leave out --random and --hostile, or this file",
@@ -78,10 +79,11 @@ pub fn verify_scenes(
         Some(path) => Some(read_placements(path)?),
         None => None,
     };
+    let given = placements.as_deref().zip(read.as_deref());
     let mut all = Vec::new();
     for path in &scenes {
         let start = Instant::now();
-        let (scene, found) = of_scene(path, given.as_deref(), request, computing)?;
+        let (scene, found) = of_scene(path, given, request, computing)?;
         all.push(Verified { scene, found, seconds: start.elapsed().as_secs_f64() });
         each(&all[all.len() - 1])?;
     }
@@ -91,7 +93,7 @@ pub fn verify_scenes(
 /// Name of a scene, and what is verified in it.
 fn of_scene(
     path: &Path,
-    given: Option<&[Placement]>,
+    given: Option<(&Path, &[Placement])>,
     request: &VerifyRequest,
     computing: &Computing<'_>,
 ) -> Result<(String, Verification), Error> {
@@ -101,7 +103,10 @@ fn of_scene(
     let problem = Arc::new(Problem::with_psog(&scene, &psog, &frames)?);
     let (random, hostile) = (request.random.unwrap_or(RANDOM), request.hostile.unwrap_or(HOSTILE));
     let usual = || usual_placements(&problem, random, hostile, request.seed);
-    let placements = given.map_or_else(usual, <[Placement]>::to_vec);
+    let placements = given.map_or_else(usual, |(_, given)| given.to_vec());
+    if let Some((file, given)) = given {
+        Given::in_problem(file, &problem, computing.watcher).all(given)?;
+    }
     let memory = computing.engine.memory_budget() / 2;
     let gpu = GpuBackend::new(problem.clone(), computing.engine.adapter.as_deref(), memory);
     let mut gpu = gpu.map_err(needs_device)?;

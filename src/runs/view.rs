@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use super::given::Given;
 use super::inputs::{file_and_name, named_placements};
 use super::opening::{self, Suited};
 use super::own_body::add_self_hits;
@@ -42,9 +43,17 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Erro
     let shown = given.first().ok_or_else(|| {
         Error::Usage(format!("{placements}: holds no placement; there is nothing to show"))
     })?;
-    let baselines = baselines(&request.baselines, shown)?;
+    let read = |text: &String| Ok((file_and_name(text).0, named_placements(text)?));
+    let rivals = request.baselines.iter().map(read).collect::<Result<Vec<_>, Error>>()?;
     let paths: Vec<PathBuf> = scenes.iter().map(PathBuf::from).collect();
     let mut suited = opening::suite(&paths, None, &request.conditions, computing)?;
+    let problem = suited.evaluator.problem();
+    let look = |file: &str| Given::in_problem(Path::new(file), problem, computing.watcher);
+    look(file_and_name(placements).0).all([shown])?;
+    for (file, all) in &rivals {
+        look(file).all(all)?;
+    }
+    let baselines = baselines(rivals, shown);
     let out = &request.out;
     let files = suited.scenes.iter().flat_map(|scene| scene.files()).map(PathBuf::as_path);
     let named = request.baselines.iter().chain([placements]).map(|text| file_and_name(text).0);
@@ -54,11 +63,12 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Erro
 }
 
 /// The layouts to compare with; the one shown is none of them.
-fn baselines(given: &[String], shown: &Placement) -> Result<Vec<Placement>, Error> {
-    let named = given.iter().map(|text| named_placements(text));
-    let named = named.collect::<Result<Vec<_>, _>>()?.concat();
-    let all = if given.is_empty() { table_7() } else { named };
-    Ok(all.into_iter().filter(|baseline| baseline != shown).collect())
+fn baselines(given: Vec<(&str, Vec<Placement>)>, shown: &Placement) -> Vec<Placement> {
+    let all = match given.is_empty() {
+        true => table_7(),
+        false => given.into_iter().flat_map(|(_, placements)| placements).collect(),
+    };
+    all.into_iter().filter(|baseline| baseline != shown).collect()
 }
 
 fn page(

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use super::{Placement, PlacementError};
+use super::{ForeignLidar, Placement, PlacementError};
 use crate::json::{did_you_mean, nearest, plain_words, unknown_key};
 
 /// Longest line of a `.jsonl` file, in bytes: 16 LiDARs need far less.
@@ -71,6 +71,14 @@ pub enum PlacementFileError {
         line: Option<u64>,
         /// Fault of the placement.
         source: PlacementError,
+    },
+    /// A LiDAR of a model that the vehicle does not have.
+    #[error("{}: {source}", path.display())]
+    Sensor {
+        /// File.
+        path: PathBuf,
+        /// Placement, LiDAR and model, and the models there are.
+        source: ForeignLidar,
     },
     /// A line that is not text.
     #[error("{}, line {line}: is not UTF-8 text; save it as UTF-8", path.display())]

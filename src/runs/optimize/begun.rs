@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::request::NewRun;
-use crate::runs::Error;
+use crate::runs::given::Given;
+use crate::runs::{Error, Watcher};
 use crate::scan::conditions::in_words;
-use crate::search::{Choosing, Equipped, Settings, State};
+use crate::search::{Choosing, Equipped, Settings, State, Suite};
 use crate::vehicle::{MountRules, read_placements};
 
 /// Scenes and rules that a run was begun with.
@@ -105,6 +106,23 @@ impl NewRun {
     pub(super) fn wanted(&self) -> Result<Wanted, Error> {
         let (choosing, plainly) = (Choosing::default(), self.baselines.is_none());
         Ok(Wanted { choosing, settings: self.settings()?, plainly })
+    }
+
+    /// Looks at the placements of the request's files; what they break of the mount's rules stands in the result.
+    pub(super) fn look(
+        &self,
+        settings: &Settings,
+        suite: &Suite,
+        watcher: &dyn Watcher,
+    ) -> Result<(), Error> {
+        let Some(member) = suite.members().first() else { return Ok(()) };
+        let files = [(&self.baselines, &settings.baselines), (&self.inject, &settings.starts)];
+        for (file, placements) in files {
+            if let Some(file) = file {
+                Given::in_problem(file, member.problem(), watcher).ruled().all(placements)?;
+            }
+        }
+        Ok(())
     }
 
     /// The settings with the objective and the placements of the request.

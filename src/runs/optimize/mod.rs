@@ -60,6 +60,9 @@ pub fn optimize(
     };
     glb::check(request.gltf.as_deref(), begun.scenes().map(PathBuf::as_path))?;
     let mut opened = open(&begun, request.frames, computing)?;
+    if let (Start::New(new), Course::Equipping(wanted)) = (&request.start, &course) {
+        new.look(&wanted.settings, &opened.suite, computing.watcher)?;
+    }
     computing.watcher.listen();
     let folder = match folder {
         Some(folder) => folder,

@@ -13,6 +13,7 @@ use crate::files::{shared_folder, writable_file};
 use crate::near_field::{FEW_PLACEMENTS, NearSite, self_hits};
 use crate::problem::Problem;
 use crate::report;
+use crate::runs::given::Given;
 use crate::runs::opening::{self, LoadTimes, Suited, timings};
 use crate::runs::{Computing, Error};
 use crate::scan::conditions::{in_words, under};
@@ -39,7 +40,8 @@ pub(super) fn score(
         let inputs = scenes.iter().flat_map(|scene| scene.files()).map(PathBuf::as_path);
         writable_file(file, inputs.chain([placements]))?;
     }
-    let placements = read(placements)?;
+    let (file, placements) = (placements, read(placements)?);
+    Given::in_problem(file, evaluator.problem(), computing.watcher).all(&placements)?;
     let conditions = in_words(&request.conditions);
     let mut batch = Batch { evaluator, times, start, conditions, judged: Vec::new() };
     let bar = computing.watcher.bar(placements.len() as u64, Some("placements"));

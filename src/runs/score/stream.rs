@@ -14,6 +14,7 @@ use super::request::{BLOCK, ScoreRequest, write_coverage, write_out};
 use crate::files::{LinePerElement, shared_folder, writable_file};
 use crate::near_field::{FEW_PLACEMENTS, NearSite, add_self_hits, weighted};
 use crate::report;
+use crate::runs::given::Given;
 use crate::runs::opening::{self, LoadTimes, Loaded, timings};
 use crate::runs::{Bar, Computing, Error, Watcher};
 use crate::scan::conditions::{in_words, under};
@@ -60,9 +61,11 @@ pub(super) fn score(
         let near = request.near_field.then(site).transpose()?;
         let (scene, watcher) = (&scene, computing.watcher);
         let (count, bar) = (0, Some(bar));
+        let given = Given::in_problem(placements, evaluator.problem(), watcher);
         let mut scoring = Scoring {
             request,
             scene,
+            given,
             evaluator,
             near,
             reader,
@@ -81,6 +84,7 @@ pub(super) fn score(
 struct Scoring<'a> {
     request: &'a ScoreRequest,
     scene: &'a Scene,
+    given: Given<'a>,
     evaluator: Evaluator,
     /// Where the near field is asked for.
     near: Option<NearSite>,
@@ -105,6 +109,8 @@ impl Scoring<'_> {
             return Ok(None);
         }
         let block: Result<Vec<Placement>, _> = self.reader.by_ref().take(BLOCK).collect();
+        let looked = |block: Vec<Placement>| self.given.look(&block).map(|()| block);
+        let block = block.map_err(Error::from).and_then(looked);
         if block.is_err() && self.count > 0 && self.request.out.is_none() {
             // Of a stream only: a file was read to its end before.
             let count = self.count;
@@ -140,6 +146,7 @@ impl Scoring<'_> {
 
     /// Says how fast it was.
     fn note_rate(&self) {
+        self.given.finish();
         let seconds = self.start.elapsed().as_secs_f64() - self.times.load - self.times.build;
         let (count, frames) = (self.count, self.evaluator.problem().frame_count() as u64);
         self.watcher.note(&format!(
