@@ -253,6 +253,22 @@ fn faults_are_said() {
     for command in [&score[..], &baselines] {
         says(command, &["slip.json: placement `x`, LiDAR 0: ", "did you mean `spinning`?"]);
     }
+    // Files in each other's place.
+    for (args, words) in [
+        (&["score", "room.json", "cart.json"][..], "cart.json: is a vehicle; give a file of placements"),
+        (&["score", "room.json", "cart.json"], "here, and this one by --vehicle"),
+        (&["optimize", "cart.json"], "cart.json: is a vehicle, where a scene belongs; give it by --vehicle"),
+        (
+            &["score", "room.json", "sonar.json", "--vehicle", "sonar.json"],
+            "sonar.json: is a file of placements, where a vehicle belongs; give it behind the scenes",
+        ),
+        (
+            &["score", "room.json", "sonar.json", "--vehicle", "room.json"],
+            "room.json: is a scene, where a vehicle belongs; give it as SCENE",
+        ),
+    ] {
+        says(args, &[words]);
+    }
     changed(dir.path(), "bad.json", |vehicle| vehicle["mounts"] = json!([]));
     says(
         &["score", "room.json", "sonar.json", "--vehicle", "bad.json"],
