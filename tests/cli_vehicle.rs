@@ -263,6 +263,10 @@ fn faults_are_said() {
             "sonar.json: is a file of placements, where a vehicle belongs; give it behind the scenes",
         ),
         (
+            &["study", "height", "sonar.json"],
+            "sonar.json: is a file of placements, where a scene belongs; give it behind the scenes",
+        ),
+        (
             &["score", "room.json", "sonar.json", "--vehicle", "room.json"],
             "room.json: is a scene, where a vehicle belongs; give it as SCENE",
         ),

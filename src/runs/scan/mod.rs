@@ -11,6 +11,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::given::Given;
+use super::inputs::check_distinct;
 use super::{Computing, Error, Silent, Watcher, opening};
 use crate::engine::scanning_on;
 use crate::export::{Dataset, DatasetSettings, Input, SceneFacts, record};
@@ -56,6 +57,7 @@ pub fn scan(
 ) -> Result<Option<Vec<Scanned>>, Error> {
     let watcher = computing.watcher;
     watcher.listen();
+    check_distinct(&request.scenes)?;
     let placements = placements(&request.placements)?;
     let (files_given, placements): (Vec<&Path>, Vec<Placement>) = placements.into_iter().unzip();
     let read = |path: &PathBuf| opening::read(path, computing.vehicle.as_deref(), watcher);
