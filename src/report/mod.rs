@@ -7,7 +7,7 @@
 //! | `by_scene` | gains in each of several scenes |
 //! | `table` | columns of scores |
 //! | `svg` | parts of every drawing: page, colours, axes |
-//! | `plot`, `convergence`, `study` | plain charts of some series |
+//! | `plot`, `plot_labels`, `convergence`, `study` | plain charts of some series |
 //! | `sensor`, `sensor_svg` | what a sensor file holds |
 //! | `chart`, `chart_labels`, `chart_table`, `chart_text`, `chart_words` | cost against ranking error |
 //! | `audit`, `verification`, `psog`, `rig` | what these found or hold, as text |
@@ -32,6 +32,7 @@ pub(crate) mod near_field;
 mod page;
 pub(crate) mod placement;
 pub(crate) mod plot;
+mod plot_labels;
 pub(crate) mod psog;
 pub(crate) mod record;
 pub(crate) mod record_text;

@@ -101,7 +101,9 @@ fn near_field(figures: &Figures) -> Markup {
                 Ok(svg) => {
                     p {
                         "From above, forward is right: ground within 10 m that no beam sees, and the zone in \
-                         which nothing on the ground is seen."
+                         which nothing on the ground is seen, over " (figures.near_frames) " frame(s) spread evenly"
+                        @if figures.views.len() > 1 { " over the first scene" }
+                        "."
                     }
                     (parts::figure(svg, "Blind zone from above"))
                 }
