@@ -75,7 +75,7 @@ pub(super) const NEAR_GAIN: &str = "the information gained where what is farther
 pub(super) fn guards(subject: &Subject<'_>) -> Markup {
     let all = subject.result.iter().copied().chain(subject.baselines);
     let spoken: Vec<(&Scored, Vec<String>)> =
-        all.map(|scored| (scored, reasons(scored))).filter(|(_, why)| !why.is_empty()).collect();
+        all.map(|scored| (scored, scored.reasons())).filter(|(_, why)| !why.is_empty()).collect();
     html! {
         section aria-labelledby="guards" {
             h2 #guards { "What speaks against it" }
@@ -91,16 +91,6 @@ pub(super) fn guards(subject: &Subject<'_>) -> Markup {
             }
         }
     }
-}
-
-/// Guards that speak against a placement, and rules of the mount that it breaks.
-fn reasons(scored: &Scored) -> Vec<String> {
-    let guards = scored.scores.guards.iter().map(ToString::to_string);
-    let lacking = scored.scores.required.iter().filter(|seen| seen.share < seen.least);
-    guards
-        .chain(scored.violations.iter().cloned())
-        .chain(lacking.map(ToString::to_string))
-        .collect()
 }
 
 /// Every score of the result and the baselines, a row each.
