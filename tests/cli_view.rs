@@ -46,11 +46,14 @@ fn a_page_of_a_placement_compares_it_with_those_given() {
     assert!(!page.contains("The search"), "nothing was searched");
     assert!(!page.contains("src=") && !page.contains("<link") && !page.contains("fetch("));
     // Without a baseline those of the paper, without a name the first of the file.
-    let args = ["view", "yard.json", "two.json", "--out", "w.html", "--backend", "cpu"];
+    fs::copy(dir.path().join("yard.json"), dir.path().join("my yard.json")).unwrap();
+    let args = ["view", "my yard.json", "two.json", "--out", "w.html", "--backend", "cpu"];
     let wet = ["--condition", "wet:water=1"];
     assert_eq!(sightline(dir.path(), &[&args[..], &wet].concat()).status.code(), Some(0));
     let page = fs::read_to_string(dir.path().join("w.html")).unwrap();
     assert!(page.contains("sightline · yard, under wet:water=1<"));
+    let command = "sightline view 'my yard.json' two.json --condition wet:water=1 --out w.html";
+    assert!(page.contains(command), "a command to be copied into a shell");
     assert!(page.contains("<h1>low ") && page.contains("Pyramid-roll"));
 }
 

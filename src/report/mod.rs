@@ -15,6 +15,7 @@
 //! | `placement`, `map` | a placement on its vehicle, and what it sees from above |
 //! | `table`, `text` | the one table of scores, tables as text |
 //! | `against` | the result against every baseline, with intervals |
+//! | `word` | a text as one word of a shell |
 //! | `view` | what a page shows in 3-D |
 //! | `page` | the page |
 
@@ -45,6 +46,7 @@ pub(crate) mod table;
 pub(crate) mod text;
 pub(crate) mod verification;
 mod view;
+pub(crate) mod word;
 pub(crate) mod words;
 
 pub(crate) use chart_table::seconds;
