@@ -64,7 +64,10 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
             text += &format!("certificate: {}\n", certificate_in_words(record));
             text += &format!("\n{}\n", findings_text(&record.findings));
         }
-        None => text += "\nno candidate kept the rules of the mount; widen it\n",
+        None => {
+            let objective = &record.objective;
+            text += &format!("\nno candidate both kept the rules of the mount and had a value of {objective}\n");
+        }
     }
     if let Some(frames) = &record.fidelity {
         text += &format!("\n{}\n", frames.words);

@@ -10,9 +10,10 @@ use crate::search::Scored;
 /// gains less information than one of those is never called better without that being said.
 pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> String {
     let Some(best) = best else {
-        return "No candidate kept the rules of the mount; widen the mount or lower its \
-                min_distance."
-            .into();
+        return format!(
+            "No candidate both kept the rules of the mount and had a value of {objective}; widen the mount or lower \
+             its min_distance."
+        );
     };
     judged("The placement found", best, baselines, objective)
 }
