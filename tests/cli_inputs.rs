@@ -139,7 +139,8 @@ fn what_is_most_likely_not_meant_is_told_once_and_taken_as_it_is() {
         one("fine", json!({ "x": 0.5, "y": 0.5, "z": 0.5, "yaw": 3.2 })),
         one("high", json!({ "x": 0.5, "y": 0.5, "z": 2500 })),
     ];
-    placements.extend((0..3).map(|k| one(&format!("p{k}"), json!({ "x": 1.4, "y": 0.5, "z": 0.5 }))));
+    placements
+        .extend((0..3).map(|k| one(&format!("p{k}"), json!({ "x": 1.4, "y": 0.5, "z": 0.5 }))));
     let text = json!({ "placements": placements }).to_string();
     fs::write(dir.path().join("odd.json"), text).unwrap();
     let scored = sightline(dir.path(), &["score", "scene.json", "odd.json", "--backend", "cpu"]);

@@ -111,15 +111,14 @@ fn several_placements_have_a_folder_each_and_weather_changes_the_points() {
     assert!(text.lines().next().unwrap().ends_with(" a LiDAR, under wet:water=1"), "{text}");
     assert!(ok(dir.path(), &score[..5]).get("conditions").is_none());
     let blur = ["score", "s.json", "p.json", "--backend", "cpu", "--condition", "blur"];
-    let noted = |args: &[&str]| {
-        String::from_utf8(sightline(dir.path(), args).stderr).unwrap()
-    };
+    let noted = |args: &[&str]| String::from_utf8(sightline(dir.path(), args).stderr).unwrap();
     let words = noted(&blur);
     assert!(words.contains("blur: takes no beam away") && words.contains("fog:mor=inf"), "{words}");
     let words = noted(&[&blur[..], &["--condition", "wet:water=1"]].concat());
     assert!(words.contains("scores are those of the other conditions"), "{words}");
     // What the sensor itself does not see is lost in clear air, too.
-    let scores = |condition: &[&str]| ok(dir.path(), &[&blur[..5], condition].concat())["scores"].clone();
+    let scores =
+        |condition: &[&str]| ok(dir.path(), &[&blur[..5], condition].concat())["scores"].clone();
     let blurred = scores(&["--condition", "blur"]);
     assert_eq!(blurred, scores(&["--condition", "fog:mor=inf"]));
     assert_ne!(blurred, scores(&[]));

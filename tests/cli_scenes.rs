@@ -100,8 +100,14 @@ fn scenes_that_do_not_belong_together_are_refused_in_a_sentence() {
         (&["score", "room.json", "p.json", "q.jsonl"], "both hold placements; give one"),
         (&["audit", "p.json"], "p.json: holds placements; give a scene"),
         (&["score", "room.json", "hall.json", "room.json", "p.json"], "room.json: is given twice"),
-        (&["study", "height", "room.json", "./room.json"], "./room.json: is the same file as room.json"),
-        (&["optimize", "room.json", "room.json"], "room.json: is given twice, and a scene counts once"),
+        (
+            &["study", "height", "room.json", "./room.json"],
+            "./room.json: is the same file as room.json",
+        ),
+        (
+            &["optimize", "room.json", "room.json"],
+            "room.json: is given twice, and a scene counts once",
+        ),
     ] {
         let error = fails(dir.path(), args);
         assert!(error.contains(words), "{args:?}: {error}");

@@ -255,9 +255,15 @@ fn faults_are_said() {
     }
     // Files in each other's place.
     for (args, words) in [
-        (&["score", "room.json", "cart.json"][..], "cart.json: is a vehicle; give a file of placements"),
+        (
+            &["score", "room.json", "cart.json"][..],
+            "cart.json: is a vehicle; give a file of placements",
+        ),
         (&["score", "room.json", "cart.json"], "here, and this one by --vehicle"),
-        (&["optimize", "cart.json"], "cart.json: is a vehicle, where a scene belongs; give it by --vehicle"),
+        (
+            &["optimize", "cart.json"],
+            "cart.json: is a vehicle, where a scene belongs; give it by --vehicle",
+        ),
         (
             &["score", "room.json", "sonar.json", "--vehicle", "sonar.json"],
             "sonar.json: is a file of placements, where a vehicle belongs; give it behind the scenes",

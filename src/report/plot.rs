@@ -112,7 +112,8 @@ impl Plot {
         let x_title = TOP + HEIGHT + UNDER + drop_of(&marks, turned) + UNDER;
         let names: Vec<Named> = self.series.iter().map(|s| named(s, &axes)).collect();
         let listed = names.iter().filter_map(Named::list).flatten();
-        let listed: Vec<(f64, &String)> = (2..).map(|k| x_title + LINE * f64::from(k)).zip(listed).collect();
+        let listed: Vec<(f64, &String)> =
+            (2..).map(|k| x_title + LINE * f64::from(k)).zip(listed).collect();
         let body = html! {
             text x=(LEFT) y="20" font-weight="600" { (cut(&self.title, TITLE)) }
             @if is_empty {

@@ -39,7 +39,8 @@ impl Named {
             }
         }
         let list = (!have_room(&places, width)).then(|| {
-            let numbered = (1..).zip(&places).map(|(number, (_, words))| format!("{number}  {words}"));
+            let numbered =
+                (1..).zip(&places).map(|(number, (_, words))| format!("{number}  {words}"));
             numbered.collect()
         });
         let points = points.iter().copied().filter(is_drawn).collect();
@@ -82,11 +83,13 @@ fn have_room(places: &[((f64, f64), String)], width: f64) -> bool {
             [x, x + LETTER * words.chars().count() as f64, y - HEIGHT, y]
         })
         .collect();
-    let clear = |a: &[f64; 4], b: &[f64; 4]| a[1] < b[0] || b[1] < a[0] || a[3] < b[2] || b[3] < a[2];
+    let clear =
+        |a: &[f64; 4], b: &[f64; 4]| a[1] < b[0] || b[1] < a[0] || a[3] < b[2] || b[3] < a[2];
     let apart = |k: usize| {
         let words = &boxes[k];
         let points = places.iter().map(|(at, _)| [at.0 - 4.0, at.0 + 4.0, at.1 - 4.0, at.1 + 4.0]);
-        boxes[..k].iter().all(|other| clear(words, other)) && points.into_iter().all(|p| clear(words, &p))
+        boxes[..k].iter().all(|other| clear(words, other))
+            && points.into_iter().all(|p| clear(words, &p))
     };
     boxes.iter().all(|words| words[1] < width) && (0..boxes.len()).all(apart)
 }

@@ -31,7 +31,8 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     // Guards stand in the table.
     let broken = broken_in_words(&record.baselines);
     if !broken.is_empty() {
-        text += "\nbaselines that break rules of the mount, with which the result is not compared:\n";
+        text +=
+            "\nbaselines that break rules of the mount, with which the result is not compared:\n";
         broken.iter().for_each(|line| text += &format!("  {line}\n"));
     }
     if let Some(rows) = by_scene(record) {
@@ -66,7 +67,9 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
         }
         None => {
             let objective = &record.objective;
-            text += &format!("\nno candidate both kept the rules of the mount and had a value of {objective}\n");
+            text += &format!(
+                "\nno candidate both kept the rules of the mount and had a value of {objective}\n"
+            );
         }
     }
     if let Some(frames) = &record.fidelity {

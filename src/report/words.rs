@@ -62,7 +62,8 @@ pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &st
 pub fn broken_in_words(all: &[Scored]) -> Vec<String> {
     let line = |scored: &Scored| {
         let (first, others) = scored.violations.split_first()?;
-        let more = if others.is_empty() { String::new() } else { format!("; and {} more", others.len()) };
+        let more =
+            if others.is_empty() { String::new() } else { format!("; and {} more", others.len()) };
         Some(format!("{}: {first}{more}", scored.placement.name))
     };
     all.iter().filter_map(line).collect()

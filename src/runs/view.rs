@@ -43,8 +43,8 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Erro
     let shown = given.first().ok_or_else(|| {
         Error::Usage(format!("{placements}: holds no placement; there is nothing to show"))
     })?;
-    let read = |text: &String| Ok((file_and_name(text).0, named_placements(text)?));
-    let rivals = request.baselines.iter().map(read).collect::<Result<Vec<_>, Error>>()?;
+    let rivals = request.baselines.iter().map(|text| read(text));
+    let rivals = rivals.collect::<Result<Vec<_>, Error>>()?;
     let paths: Vec<PathBuf> = scenes.iter().map(PathBuf::from).collect();
     check_distinct(&paths)?;
     let mut suited = opening::suite(&paths, None, &request.conditions, computing)?;
@@ -61,6 +61,11 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Erro
     writable_file(out, files.chain(named.map(Path::new)))?;
     let page = page(request, computing, &mut suited, shown, &baselines)?;
     write_whole(out, |file| file.write_all(page.as_bytes()).map_err(Error::io(out)))
+}
+
+/// Placements of a file, perhaps with a name behind a colon, beside the file.
+fn read(text: &str) -> Result<(&str, Vec<Placement>), Error> {
+    Ok((file_and_name(text).0, named_placements(text)?))
 }
 
 /// The layouts to compare with; the one shown is none of them.

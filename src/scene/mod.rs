@@ -36,8 +36,8 @@ use route::Motion;
 use shapes::Builder;
 use solid::Solid;
 
-pub use crate::json::{DescriptionError, FileKind};
 pub(crate) use crate::json::Place;
+pub use crate::json::{DescriptionError, FileKind};
 pub(crate) use classes::DEFAULT_CLASSES;
 pub(crate) use classes::GROUND_CLASSES;
 pub use kind::ActorKind;

@@ -38,7 +38,9 @@ impl Doubts {
     pub fn about(&self, placement: &Placement) -> Vec<String> {
         let lidars = placement.lidars.iter().enumerate();
         let doubts = lidars.filter_map(|(lidar, pose)| Some((lidar, self.about_pose(pose)?)));
-        doubts.map(|(lidar, doubt)| format!("placement `{}`, LiDAR {lidar}: {doubt}", placement.name)).collect()
+        doubts
+            .map(|(lidar, doubt)| format!("placement `{}`, LiDAR {lidar}: {doubt}", placement.name))
+            .collect()
     }
 
     fn about_pose(&self, pose: &SensorPose) -> Option<String> {
@@ -56,7 +58,8 @@ impl Doubts {
                 value / 1000.0
             ));
         }
-        let beside = self.regions.iter().map(|region| beside(region, pose)).min_by(f64::total_cmp)?;
+        let beside =
+            self.regions.iter().map(|region| beside(region, pose)).min_by(f64::total_cmp)?;
         (beside > SLACK).then(|| {
             format!("it stands {beside:.3} m outside the mount, and is taken where it stands")
         })
@@ -75,7 +78,8 @@ mod tests {
     use super::*;
 
     fn doubts(doubts: &Doubts, pose: SensorPose) -> String {
-        let placement = Placement { name: "roof".into(), lidars: vec![SensorPose::at(0.0, 0.0, 2.0), pose] };
+        let placement =
+            Placement { name: "roof".into(), lidars: vec![SensorPose::at(0.0, 0.0, 2.0), pose] };
         doubts.about(&placement).join("; ")
     }
 
@@ -88,7 +92,8 @@ mod tests {
         );
         let all = Doubts::of(&mount);
         let at = SensorPose::at;
-        for pose in [at(1.001, -1.0, 2.5), SensorPose { yaw: -TAU, roll: 0.4, ..at(0.0, 0.0, 2.0) }] {
+        for pose in [at(1.001, -1.0, 2.5), SensorPose { yaw: -TAU, roll: 0.4, ..at(0.0, 0.0, 2.0) }]
+        {
             assert_eq!(doubts(&all, pose), "");
         }
         assert_eq!(
@@ -99,7 +104,9 @@ mod tests {
         assert!(doubts(&all, at(0.0, 0.0, 2500.0)).ends_with(far));
         assert!(doubts(&Doubts::of_units(), at(0.0, 0.0, 2500.0)).ends_with(far));
         let outside = doubts(&all, at(1.3, 0.0, 2.9));
-        assert!(outside.ends_with("LiDAR 1: it stands 0.500 m outside the mount, and is taken where it stands"));
+        assert!(outside.ends_with(
+            "LiDAR 1: it stands 0.500 m outside the mount, and is taken where it stands"
+        ));
         assert_eq!(doubts(&Doubts::of_units(), at(1.3, 0.0, 2.9)), "");
     }
 }
