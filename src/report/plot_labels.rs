@@ -15,7 +15,7 @@ pub(super) struct Named {
     points: Vec<(f64, f64)>,
     /// Points with their words; those in one place share them.
     places: Vec<((f64, f64), String)>,
-    /// What the numbers stand for, where the words have no room.
+    /// Lines of what the numbers stand for, where the words have no room.
     list: Option<Vec<String>>,
 }
 
@@ -39,15 +39,16 @@ impl Named {
             }
         }
         let list = (!have_room(&places, width)).then(|| {
+            let letters = ((width - area[0] - 10.0) / LETTER) as usize;
             let numbered =
-                (1..).zip(&places).map(|(number, (_, words))| format!("{number}  {words}"));
-            numbered.collect()
+                (1..).zip(&places).map(|(number, (_, words))| format!("{number}: {words}"));
+            numbered.flat_map(|item| lines(&item, letters)).collect()
         });
         let points = points.iter().copied().filter(is_drawn).collect();
         Self { area, points, places, list }
     }
 
-    /// What stands under the chart, a line a number; `None` where the words stand beside their points.
+    /// What stands under the chart from the left of the area on, line by line; `None` where the words stand beside their points.
     pub fn list(&self) -> Option<&[String]> {
         self.list.as_deref()
     }
@@ -67,6 +68,23 @@ impl Named {
             @for (number, (at, _)) in (1..).zip(&self.places) { (labels.write(*at, number)) }
         }
     }
+}
+
+/// A text in lines of at most so many letters, those after the first set in.
+fn lines(text: &str, letters: usize) -> Vec<String> {
+    let length = |text: &str| text.chars().count();
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if length(line) + 1 + length(word) <= letters => {
+                *line += &format!(" {word}")
+            }
+            // A drawing drops plain spaces at the beginning.
+            Some(_) => lines.push(format!("\u{2003}{word}")),
+            None => lines.push(word.to_owned()),
+        }
+    }
+    lines
 }
 
 /// Where the words of a point begin.
@@ -92,4 +110,30 @@ fn have_room(places: &[((f64, f64), String)], width: f64) -> bool {
             && points.into_iter().all(|p| clear(words, &p))
     };
     boxes.iter().all(|words| words[1] < width) && (0..boxes.len()).all(apart)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_without_room_are_numbers_with_a_list() {
+        let area = [90.0, 650.0, 50.0, 350.0];
+        let named = |points: &[(f64, f64)], words: [&str; 2]| {
+            let labels = words.into_iter().enumerate();
+            let named = Named::new(points, labels, area, 900.0);
+            (named.draw().into_string(), named.list().map(<[String]>::to_vec))
+        };
+        let apart = [(100.0, 300.0), (500.0, 100.0)];
+        let (drawn, list) = named(&apart, ["one roof", "two doors"]);
+        assert!(drawn.contains(">one roof<") && list.is_none(), "{drawn}");
+        let near = [(100.0, 300.0), (120.0, 296.0)];
+        let (drawn, list) = named(&near, ["one roof", "two doors"]);
+        assert!(drawn.contains(">1<") && drawn.contains(">2<"), "{drawn}");
+        assert_eq!(list.unwrap(), ["1: one roof", "2: two doors"]);
+        let long = "word ".repeat(40);
+        let list = named(&apart, ["one roof", long.trim()]).1.unwrap();
+        assert_eq!(list.len(), 3);
+        assert!(list[2].starts_with("\u{2003}word") && list[1].chars().count() <= 129, "{list:?}");
+    }
 }

@@ -83,7 +83,7 @@ fn facts(run: &RunRecord) -> Markup {
         (
             "evaluations",
             format!(
-                "{} in {} generations, over {} frame(s) each; scores above are over {}",
+                "{} in {} generations, at last over {} frame(s); scores above are over {}",
                 run.evaluations, run.generations, run.search_frames, run.frames
             ),
         ),
