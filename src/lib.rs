@@ -162,6 +162,7 @@ pub mod internals {
     pub use crate::report::table::{ScoreColumn, optional};
     pub use crate::report::text::{align_columns, findings_text, poses_text, study_text};
     pub use crate::report::verification::verification_text;
+    pub use crate::report::word::word;
     pub use crate::report::words::{
         certificate_in_words, methods_in_words, spread_in_words, verdict,
     };

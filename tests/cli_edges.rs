@@ -45,7 +45,25 @@ fn a_psog_that_tells_nothing_is_said_and_ends_nothing() {
         }
         let args = ["study", "lidars", "scene.json", "--evaluations", "4", "--backend", "cpu"];
         ok(dir.path(), &args);
+        // A share of nothing is no number, which is no fault of the mount.
+        let message = fails(dir.path(), &[&OPTIMIZE[..], &["--out", "share"]].concat());
+        assert!(message.contains("nothing is uncertain in its P-SOG"), "{message}");
+        assert!(!dir.path().join("share").exists());
     }
+}
+
+#[test]
+fn candidates_that_see_nothing_are_not_said_to_break_rules() {
+    let dir = corridor();
+    let mut scene = scene();
+    (scene["mount"]["min"][2], scene["mount"]["max"][2]) = (json!(5), json!(6));
+    for angle in ["pitch", "yaw"] {
+        scene["mount"][angle] = json!([0, 0]);
+    }
+    fs::write(dir.path().join("scene.json"), scene.to_string()).unwrap();
+    let message = fails(dir.path(), &[&OPTIMIZE[..], &["--out", "run"]].concat());
+    let words = "candidates kept its rules, but none has a value of `near_gain`";
+    assert!(message.contains(words), "{message}");
 }
 
 #[test]

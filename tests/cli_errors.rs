@@ -140,6 +140,10 @@ fn wrong_arguments_and_places_are_answered_with_exit_code_2() {
     let large = ["scene", "new", "--triangles", "10000000", "--out", "large.json"];
     assert!(fails(dir.path(), &large).contains("10000000 is not in 4000..=9999000"));
     assert!(with(&["--adapter", "no such device"]).contains("no such device"));
+    let verify = fails(dir.path(), &["verify", "scene.json", "--backend", "cpu"]);
+    assert!(verify.contains("--backend cpu: a Vulkan device is compared with the CPU"), "{verify}");
+    let verify = fails(dir.path(), &["verify", "scene.json", "--adapter", "no such device"]);
+    assert!(verify.contains("named `no such device`") && !verify.contains("--backend"), "{verify}");
     assert!(with(&["--memory", "12 parsecs"]).contains("parsecs"));
     assert!(with(&["--memory", "16", "--backend", "cpu"]).contains("--memory"));
     assert!(

@@ -130,6 +130,33 @@ fn wrong_placements_are_answered_with_place_and_mend() {
     assert!(message.contains("f.json: is not UTF-8 text from byte 16 on"), "{message}");
 }
 
+#[test]
+fn what_is_most_likely_not_meant_is_told_once_and_taken_as_it_is() {
+    let dir = corridor();
+    let one = |name: &str, lidar: Value| json!({ "name": name, "lidars": [lidar] });
+    let mut placements = vec![
+        one("turned", json!({ "x": 0.5, "y": 0.5, "z": 0.5, "yaw": 90 })),
+        one("fine", json!({ "x": 0.5, "y": 0.5, "z": 0.5, "yaw": 3.2 })),
+        one("high", json!({ "x": 0.5, "y": 0.5, "z": 2500 })),
+    ];
+    placements
+        .extend((0..3).map(|k| one(&format!("p{k}"), json!({ "x": 1.4, "y": 0.5, "z": 0.5 }))));
+    let text = json!({ "placements": placements }).to_string();
+    fs::write(dir.path().join("odd.json"), text).unwrap();
+    let scored = sightline(dir.path(), &["score", "scene.json", "odd.json", "--backend", "cpu"]);
+    let told = String::from_utf8_lossy(&scored.stderr).into_owned();
+    assert!(scored.status.success(), "{told}");
+    for words in [
+        "odd.json: placement `turned`, LiDAR 0: yaw = 90 is more than a turn; angles are in radians",
+        "placement `high`, LiDAR 0: z = 2500 is far from any vehicle; positions are in metres",
+        "placement `p0`, LiDAR 0: it stands 0.500 m outside the mount",
+        "odd.json: there is doubt of 2 more LiDAR(s)",
+    ] {
+        assert!(told.contains(words), "{told}\n lacks {words}");
+    }
+    assert!(!told.contains("`fine`") && !told.contains("`p1`"), "{told}");
+}
+
 /// What the program answers to a scene with another value at a JSON pointer.
 fn with_scene(pointer: &str, value: Value, args: &[&str]) -> String {
     let dir = corridor();

@@ -104,10 +104,24 @@ fn several_placements_have_a_folder_each_and_weather_changes_the_points() {
         refused.starts_with("sightline: conditions are computed on the CPU alone;"),
         "{refused}"
     );
+    // What was scored in bad weather says so, in text and in JSON.
+    let score = ["score", "s.json", "p.json", "--backend", "cpu", "--condition", "wet:water=1"];
+    assert_eq!(ok(dir.path(), &score)["conditions"], json!(["wet:water=1"]));
+    let text = String::from_utf8(sightline(dir.path(), &score).stdout).unwrap();
+    assert!(text.lines().next().unwrap().ends_with(" a LiDAR, under wet:water=1"), "{text}");
+    assert!(ok(dir.path(), &score[..5]).get("conditions").is_none());
     let blur = ["score", "s.json", "p.json", "--backend", "cpu", "--condition", "blur"];
-    let noted = sightline(dir.path(), &blur);
-    assert!(noted.status.success());
-    assert!(String::from_utf8_lossy(&noted.stderr).contains("blur: takes no beam away"));
+    let noted = |args: &[&str]| String::from_utf8(sightline(dir.path(), args).stderr).unwrap();
+    let words = noted(&blur);
+    assert!(words.contains("blur: takes no beam away") && words.contains("fog:mor=inf"), "{words}");
+    let words = noted(&[&blur[..], &["--condition", "wet:water=1"]].concat());
+    assert!(words.contains("scores are those of the other conditions"), "{words}");
+    // What the sensor itself does not see is lost in clear air, too.
+    let scores =
+        |condition: &[&str]| ok(dir.path(), &[&blur[..5], condition].concat())["scores"].clone();
+    let blurred = scores(&["--condition", "blur"]);
+    assert_eq!(blurred, scores(&["--condition", "fog:mor=inf"]));
+    assert_ne!(blurred, scores(&[]));
 }
 
 #[test]

@@ -103,6 +103,8 @@ fn a_map_is_imported_or_refused() {
     let import = |file: &str| fails(dir.path(), &["scene", "import", file, "--out", "x.json"]);
     assert!(import("none.xodr").contains("none.xodr"));
     assert!(import("fork.json").contains("OpenDRIVE"));
+    let folder = import(".");
+    assert!(folder.contains(".: is a folder; say which set it holds, by --nuscenes"), "{folder}");
     fs::write(dir.path().join("a.xodr.gz"), [0x1f, 0x8b, 8]).unwrap();
     assert!(import("a.xodr.gz").contains("gunzip"));
     for (more, words) in [

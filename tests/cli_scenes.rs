@@ -44,7 +44,8 @@ fn score_prints_each_scene_and_the_mean() {
     let dir = rooms();
     let score = |files: &[&str]| ok(dir.path(), &[&["score"], files, &CPU].concat());
     // Placements may stand anywhere, and scenes of one name are told apart.
-    let all = score(&["room.json", "p.json", "hall.json", "room.json"]);
+    fs::copy(dir.path().join("room.json"), dir.path().join("copy.json")).unwrap();
+    let all = score(&["room.json", "p.json", "hall.json", "copy.json"]);
     let alone = ["room.json", "hall.json"].map(|scene| score(&[scene, "p.json"]));
     let scenes = all["scenes"].as_array().unwrap();
     let names: Vec<&str> = scenes.iter().map(|s| s["scene"].as_str().unwrap()).collect();
@@ -98,6 +99,15 @@ fn scenes_that_do_not_belong_together_are_refused_in_a_sentence() {
         (&["score", "room.json"], "room.json: is the only file"),
         (&["score", "room.json", "p.json", "q.jsonl"], "both hold placements; give one"),
         (&["audit", "p.json"], "p.json: holds placements; give a scene"),
+        (&["score", "room.json", "hall.json", "room.json", "p.json"], "room.json: is given twice"),
+        (
+            &["study", "height", "room.json", "./room.json"],
+            "./room.json: is the same file as room.json",
+        ),
+        (
+            &["optimize", "room.json", "room.json"],
+            "room.json: is given twice, and a scene counts once",
+        ),
     ] {
         let error = fails(dir.path(), args);
         assert!(error.contains(words), "{args:?}: {error}");

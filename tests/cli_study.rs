@@ -107,6 +107,8 @@ fn sensors_and_heights_that_see_the_same_row_gain_the_same() {
     assert_column(&table, "M-SOG/N ×1e-6", &[-1e6 * first / 100.0; 5]);
     let table = of_corridor(&dir, "height", &[]);
     assert_column(&table, "gain %", &[share; 5]);
+    // Without ground and within 10 m all information counts alike.
+    assert_column(&table, "near gain %", &[share; 5]);
     assert_eq!(column(&table, "gain %")[1].0, "0.37 m");
     for (k, row) in table["rows"].as_array().unwrap().iter().take(4).enumerate() {
         let z = row["placement"]["lidars"][0]["z"].as_f64().unwrap();

@@ -244,8 +244,41 @@ fn faults_are_said() {
     fs::write(dir.path().join("sonar.json"), other.to_string()).unwrap();
     says(
         &["score", "room.json", "sonar.json", "--vehicle", "cart.json", "--backend", "cpu"],
-        &["no sensor `sonar`", "`spinning`, `solid`"],
+        &["sonar.json: placement `x`, LiDAR 0: there is no sensor `sonar`", "`spinning`, `solid`"],
     );
+    let slip = other.to_string().replace("sonar", "spining");
+    fs::write(dir.path().join("slip.json"), slip).unwrap();
+    let baselines = [&optimize("16", "x")[..], &["--baselines", "slip.json"]].concat();
+    let score = ["score", "room.json", "slip.json", "--vehicle", "cart.json", "--backend", "cpu"];
+    for command in [&score[..], &baselines] {
+        says(command, &["slip.json: placement `x`, LiDAR 0: ", "did you mean `spinning`?"]);
+    }
+    // Files in each other's place.
+    for (args, words) in [
+        (
+            &["score", "room.json", "cart.json"][..],
+            "cart.json: is a vehicle; give a file of placements",
+        ),
+        (&["score", "room.json", "cart.json"], "here, and this one by --vehicle"),
+        (
+            &["optimize", "cart.json"],
+            "cart.json: is a vehicle, where a scene belongs; give it by --vehicle",
+        ),
+        (
+            &["score", "room.json", "sonar.json", "--vehicle", "sonar.json"],
+            "sonar.json: is a file of placements, where a vehicle belongs; give it behind the scenes",
+        ),
+        (
+            &["study", "height", "sonar.json"],
+            "sonar.json: is a file of placements, where a scene belongs; give it behind the scenes",
+        ),
+        (
+            &["score", "room.json", "sonar.json", "--vehicle", "room.json"],
+            "room.json: is a scene, where a vehicle belongs; give it as SCENE",
+        ),
+    ] {
+        says(args, &[words]);
+    }
     changed(dir.path(), "bad.json", |vehicle| vehicle["mounts"] = json!([]));
     says(
         &["score", "room.json", "sonar.json", "--vehicle", "bad.json"],

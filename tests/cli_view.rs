@@ -46,9 +46,14 @@ fn a_page_of_a_placement_compares_it_with_those_given() {
     assert!(!page.contains("The search"), "nothing was searched");
     assert!(!page.contains("src=") && !page.contains("<link") && !page.contains("fetch("));
     // Without a baseline those of the paper, without a name the first of the file.
-    let args = ["view", "yard.json", "two.json", "--out", "w.html", "--backend", "cpu"];
-    assert_eq!(sightline(dir.path(), &args).status.code(), Some(0));
+    fs::copy(dir.path().join("yard.json"), dir.path().join("my yard.json")).unwrap();
+    let args = ["view", "my yard.json", "two.json", "--out", "w.html", "--backend", "cpu"];
+    let wet = ["--condition", "wet:water=1"];
+    assert_eq!(sightline(dir.path(), &[&args[..], &wet].concat()).status.code(), Some(0));
     let page = fs::read_to_string(dir.path().join("w.html")).unwrap();
+    assert!(page.contains("sightline · yard, under wet:water=1<"));
+    let command = "sightline view 'my yard.json' two.json --condition wet:water=1 --out w.html";
+    assert!(page.contains(command), "a command to be copied into a shell");
     assert!(page.contains("<h1>low ") && page.contains("Pyramid-roll"));
 }
 
@@ -86,6 +91,8 @@ fn the_command_of_a_page_repeats_the_run() {
         "z=2",
         "--frames",
         "2",
+        "--condition",
+        "wet:water=1",
         "--out",
         "a",
     ];
@@ -93,6 +100,9 @@ fn the_command_of_a_page_repeats_the_run() {
     assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));
     let page = fs::read_to_string(dir.path().join("a/report.html")).unwrap();
     assert!(!page.contains("near field %"), "a column that nobody looked for");
+    assert!(page.contains("sightline · yard, under wet:water=1<"), "{}", &page[..2000]);
+    let text = String::from_utf8_lossy(&run.stdout);
+    assert!(text.contains(" over 3 frame(s), under wet:water=1\n"), "{text}");
     let (_, command) = page.split_once("<code>sightline ").unwrap();
     let command = command.split_once("</code>").unwrap().0;
     let shell = format!("'{}' {command} --out b", env!("CARGO_BIN_EXE_sightline"));

@@ -13,6 +13,7 @@ use serde_json::json;
 use sightline::engine::{EngineChoice, open};
 use sightline::near_field::add_self_hits;
 use sightline::report::{RunContext, RunRecord, RunTimes};
+use sightline::scan::conditions::in_words;
 use sightline::search::{
     Event, FrameChoice, Method, Outcome, Scored, Settings, Suite, TimeLimit, equip, optimize,
 };
@@ -93,12 +94,15 @@ struct Prepared {
     settings: Settings,
     /// Which models stand on which mounts, and their price, in words.
     equipment: Option<String>,
+    /// Weather and faults of the scenes, as they are written.
+    conditions: Vec<String>,
 }
 
 impl Asked {
     /// The suite with its sensors chosen, and the settings that go with them; `None` where the observer stops it.
     fn prepared(&self, observe: &mut dyn FnMut(&Event) -> bool) -> PyResult<Option<Prepared>> {
         let settings = self.settings.clone();
+        let conditions = self.conditions();
         let suite = suite_of(&self.scenes)?;
         let suite = if self.mirror { suite.with_mirror_images() } else { suite };
         let Some(vehicle) = self.scenes[0].scene.vehicle() else {
@@ -107,7 +111,7 @@ impl Asked {
                     "budget: the scene has one LiDAR and no prices; load it with a vehicle",
                 ));
             }
-            return Ok(Some(Prepared { suite, settings, equipment: None }));
+            return Ok(Some(Prepared { suite, settings, equipment: None, conditions }));
         };
         let mut observe = |event: &Event| observe(event);
         let (objective, engine) = (&settings.objective, &settings.engine);
@@ -116,7 +120,18 @@ impl Asked {
         let suite = suite.with_constraints(&vehicle.constraints(&found.equipment));
         let settings = found.begin(settings, suite.constraints(), self.plain_baselines);
         let equipment = Some(found.words_with_price(vehicle));
-        Ok(Some(Prepared { suite, settings, equipment }))
+        Ok(Some(Prepared { suite, settings, equipment, conditions }))
+    }
+
+    /// Weather and faults that any of the scenes has.
+    fn conditions(&self) -> Vec<String> {
+        let mut all: Vec<String> = Vec::new();
+        for condition in self.scenes.iter().flat_map(|scene| in_words(&scene.options.conditions)) {
+            if !all.contains(&condition) {
+                all.push(condition);
+            }
+        }
+        all
     }
 
     /// Runs to the outcome; `None` where the observer stops the choice of sensors.
@@ -315,7 +330,7 @@ fn result_object<'py>(
     prepared: &Prepared,
     outcome: &Outcome,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let Prepared { suite, settings, equipment } = prepared;
+    let Prepared { suite, settings, equipment, conditions } = prepared;
     let scene = suite.members().first().map_or("", |member| member.name());
     let times = &outcome.times;
     let record = RunRecord::new(
@@ -327,6 +342,7 @@ fn result_object<'py>(
             equipment: equipment.clone(),
             seed: settings.seed,
             objective: settings.objective.to_string(),
+            conditions: conditions.clone(),
             rate: times.scored as f64 / times.generations.max(1e-9),
             timings: RunTimes {
                 search: times.search,

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::internals::word;
 use crate::runs::Error;
 use crate::runs::view::{ViewRequest, view};
 
@@ -44,13 +45,14 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     Ok(Exit::Done)
 }
 
-/// The command that was given.
+/// The command that was given, to be copied into a shell.
 fn command(args: &Args) -> String {
-    let mut words = vec!["sightline view".to_owned()];
-    words.extend(args.files.iter().cloned());
-    words.extend(args.baseline.iter().map(|baseline| format!("--baseline {baseline}")));
-    words.extend(args.conditions.condition.iter().map(|one| format!("--condition {one}")));
-    words.extend(args.compute.vehicle.iter().map(|file| format!("--vehicle {}", file.display())));
-    words.push(format!("--out {}", args.out.display()));
+    let mut words = vec!["sightline".to_owned(), "view".to_owned()];
+    words.extend(args.files.iter().map(|file| word(file)));
+    let mut give = |option: &str, value: &str| words.extend([format!("--{option}"), word(value)]);
+    args.baseline.iter().for_each(|baseline| give("baseline", baseline));
+    args.conditions.condition.iter().for_each(|one| give("condition", &one.to_string()));
+    args.compute.vehicle.iter().for_each(|file| give("vehicle", &file.to_string_lossy()));
+    give("out", &args.out.to_string_lossy());
     words.join(" ")
 }

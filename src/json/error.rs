@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::Place;
+use super::{FileKind, Place};
 
 /// Why a scene file, or a sensor or mesh file that it names, could not be read.
 ///
@@ -72,6 +72,16 @@ pub enum DescriptionError {
         at: Box<Place>,
         /// Version or lack of one, in words.
         found: String,
+    },
+    /// A file of another kind than the one that was asked for.
+    #[error("{file}: is {found}, where {wanted} belongs; give it {}", .found.place())]
+    OtherKind {
+        /// The file.
+        file: String,
+        /// What it is.
+        found: FileKind,
+        /// What was asked for.
+        wanted: FileKind,
     },
     /// A number, name or list that the place does not allow.
     #[error("{at}: {value} is not {wanted}")]

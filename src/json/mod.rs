@@ -2,12 +2,14 @@
 
 pub(crate) mod check;
 mod error;
+mod kind;
 mod parse;
 mod place;
 mod yaml;
 
 pub use error::DescriptionError;
 pub(crate) use error::did_you_mean;
+pub use kind::FileKind;
 pub(crate) use parse::{check_version, nearest, parse, plain_words, read_limited, unknown_key};
 pub use place::Place;
 pub(crate) use yaml::{parse_yaml, yaml_as_json};

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use super::{DescriptionError, Place};
+use super::{DescriptionError, FileKind, Place};
 
 /// Names longer than this have no similar name: comparing takes time with both lengths.
 const LONGEST_NAME: usize = 256;
@@ -27,28 +27,30 @@ pub(crate) fn parse<T: DeserializeOwned>(text: &str, file: &str) -> Result<T, De
     Ok(value)
 }
 
-/// Checks the version key alone: a file of a later version is refused for its version, not its keys.
-pub(crate) fn check_version(text: &str, file: &str) -> Result<(), DescriptionError> {
+/// Checks the version key, and that the file is none of another kind: a file of a later version is refused for its
+/// version, one of another kind for its kind, not for their keys.
+pub(crate) fn check_version(
+    text: &str,
+    file: &str,
+    wanted: FileKind,
+) -> Result<(), DescriptionError> {
     #[derive(Deserialize)]
     struct Version {
         sightline: Option<serde_json::Value>,
-        placements: Option<serde::de::IgnoredAny>,
     }
     let version: Version = parse(text, file)?;
     let top = Place::top(file);
-    match version.sightline {
-        Some(v) if v == 1 => Ok(()),
-        Some(v) => Err(DescriptionError::Version {
+    let other = FileKind::of(text).filter(|kind| *kind != wanted);
+    match (version.sightline, other) {
+        (Some(v), _) if v != 1 => Err(DescriptionError::Version {
             at: Box::new(top.key("sightline")),
             found: format!("version {v} is unknown"),
         }),
-        // As of `scenes/*.json`, where placements lie beside scenes.
-        None if version.placements.is_some() => Err(DescriptionError::Misplaced {
-            at: Box::new(top),
-            key: "placements",
-            mend: "this is a file of placements; leave it out".to_owned(),
-        }),
-        None => Err(DescriptionError::Version {
+        (_, Some(found)) => {
+            Err(DescriptionError::OtherKind { file: file.to_owned(), found, wanted })
+        }
+        (Some(_), None) => Ok(()),
+        (None, None) => Err(DescriptionError::Version {
             at: Box::new(top),
             found: "the key `sightline` is missing".to_owned(),
         }),

@@ -1,6 +1,6 @@
-//! The gain of a result over every baseline, with intervals over scenes.
+//! The gain or near gain of a result over every baseline, with intervals over scenes.
 
-use super::SceneRecord;
+use super::{SceneRecord, ScoreColumn};
 use crate::score::{Interval, Scores, bootstrap};
 use crate::search::Scored;
 
@@ -12,7 +12,7 @@ const RESAMPLES: usize = 10_000;
 pub struct Against<'a> {
     /// Of the baseline.
     pub name: &'a str,
-    /// Share of the information that the baseline gains.
+    /// Share that the baseline gains.
     pub gain: f64,
     /// What the result gains more.
     pub difference: f64,
@@ -20,14 +20,15 @@ pub struct Against<'a> {
     pub interval: Option<Interval>,
 }
 
-/// The result against every baseline that gains anything, in their order.
+/// The result against every baseline that gains anything, in their order, by a share: see [`ScoreColumn::argued`].
 pub fn against<'a>(
     best: &Scored,
     baselines: &'a [Scored],
     scenes: &[SceneRecord],
     seed: u64,
+    column: ScoreColumn,
 ) -> Vec<Against<'a>> {
-    let share = |scores: &Scores| scores.segmentation.information_gain_share;
+    let share = |scores: &Scores| column.share(scores);
     let compare = |baseline: &'a Scored| {
         let (ours, theirs) = (share(&best.scores)?, share(&baseline.scores)?);
         // A scene and its mirror image are two frames of one place.

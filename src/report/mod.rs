@@ -7,7 +7,7 @@
 //! | `by_scene` | gains in each of several scenes |
 //! | `table` | columns of scores |
 //! | `svg` | parts of every drawing: page, colours, axes |
-//! | `plot`, `convergence`, `study` | plain charts of some series |
+//! | `plot`, `plot_labels`, `convergence`, `study` | plain charts of some series |
 //! | `sensor`, `sensor_svg` | what a sensor file holds |
 //! | `chart`, `chart_labels`, `chart_table`, `chart_text`, `chart_words` | cost against ranking error |
 //! | `audit`, `verification`, `psog`, `rig` | what these found or hold, as text |
@@ -15,6 +15,7 @@
 //! | `placement`, `map` | a placement on its vehicle, and what it sees from above |
 //! | `table`, `text` | the one table of scores, tables as text |
 //! | `against` | the result against every baseline, with intervals |
+//! | `word` | a text as one word of a shell |
 //! | `view` | what a page shows in 3-D |
 //! | `page` | the page |
 
@@ -32,6 +33,7 @@ pub(crate) mod near_field;
 mod page;
 pub(crate) mod placement;
 pub(crate) mod plot;
+mod plot_labels;
 pub(crate) mod psog;
 pub(crate) mod record;
 pub(crate) mod record_text;
@@ -44,6 +46,7 @@ pub(crate) mod table;
 pub(crate) mod text;
 pub(crate) mod verification;
 mod view;
+pub(crate) mod word;
 pub(crate) mod words;
 
 pub(crate) use chart_table::seconds;

@@ -1,7 +1,8 @@
-//! Plain charts of some series: points, lines, levels across, and a legend.
+//! Plain charts of some series: points, lines, levels across, changes along x, and a legend.
 
 use maud::{Markup, html};
 
+use super::plot_labels::Named;
 use super::svg::{ACCENT, Axes, COLOURS, GREY, INK, SOFT, Scale, Tick, corners, number, page, px};
 
 /// Pixels of the plot area.
@@ -9,12 +10,14 @@ const LEFT: f64 = 90.0;
 const TOP: f64 = 50.0;
 const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 300.0;
-/// Pixels of the whole.
-const ALL: [f64; 2] = [900.0, 470.0];
+/// Pixels of the whole width.
+const ALL: f64 = 900.0;
 /// Pixels that a character takes at most, on average.
 const LETTER: f64 = 7.0;
 /// Pixels between two lines of words.
 const LINE: f64 = 15.0;
+/// Pixels from the axis to the words under it.
+const UNDER: f64 = 20.0;
 /// Characters that have room: over the chart, in the legend, turned under the axis.
 const TITLE: usize = 100;
 const LEGEND: usize = 30;
@@ -74,14 +77,20 @@ pub(super) struct Level<'a> {
     pub accent: bool,
 }
 
+/// A thin line from bottom to top where something changes along x, named at its foot.
+pub(super) struct Change {
+    pub at: f64,
+    pub name: String,
+}
+
 impl Plot {
     /// As SVG, to stand alone or in a page.
     pub fn svg(&self) -> String {
-        self.svg_with(&[])
+        self.svg_with(&[], &[])
     }
 
-    /// As [`Self::svg`], with lines across.
-    pub(super) fn svg_with(&self, levels: &[Level]) -> String {
+    /// As [`Self::svg`], with lines across and upwards.
+    pub(super) fn svg_with(&self, levels: &[Level], changes: &[Change]) -> String {
         let points = || self.series.iter().flat_map(|s| &s.points);
         let is_empty = points().next().is_none();
         let heights = points().map(|p| p.1).chain(levels.iter().map(|l| l.value));
@@ -100,22 +109,31 @@ impl Plot {
             t.text.as_ref().is_some_and(|text| text.chars().count() as f64 * LETTER > room)
         };
         let turned = matches!(self.x, Axis::Names(_)) && marks.iter().any(is_wide);
+        let x_title = TOP + HEIGHT + UNDER + drop_of(&marks, turned) + UNDER;
+        let names: Vec<Named> = self.series.iter().map(|s| named(s, &axes)).collect();
+        let listed = names.iter().filter_map(Named::list).flatten();
+        let listed: Vec<(f64, &String)> =
+            (2..).map(|k| x_title + LINE * f64::from(k)).zip(listed).collect();
         let body = html! {
             text x=(LEFT) y="20" font-weight="600" { (cut(&self.title, TITLE)) }
             @if is_empty {
                 text x=(LEFT) y="60" { "There is nothing to draw." }
             } @else {
                 (axes.draw(&marks, &axes.y.ticks(number), turned))
+                (changed(changes, &axes))
                 (self.levels(levels, &axes))
-                @for (index, series) in self.series.iter().enumerate() {
+                @for (index, (series, names)) in self.series.iter().zip(&names).enumerate() {
                     (self.draw(series, self.colour(index), &axes))
+                    (names.draw())
                     (legend(&series.name, self.colour(index), index))
                 }
-                text x=(LEFT + WIDTH / 2.0) y=(ALL[1] - 12.0) text-anchor="middle" { (self.x_title) }
+                text x=(LEFT + WIDTH / 2.0) y=(px(x_title)) text-anchor="middle" { (self.x_title) }
                 text x=(LEFT) y="40" { (self.y_title) }
+                @for (y, name) in &listed { text x=(LEFT) y=(px(*y)) font-size="12" { (name) } }
             }
         };
-        page(ALL, &self.title, &body)
+        let last = listed.last().map_or(x_title, |(y, _)| *y);
+        page([ALL, last + 14.0], &self.title, &body)
     }
 
     fn colour(&self, index: usize) -> &'static str {
@@ -163,27 +181,38 @@ impl Plot {
                     circle cx=(px(*x)) cy=(px(*y)) r="4" fill=(colour) {}
                 }
             }
-            @for ((x, y), words) in places(series, axes) {
-                text x=(px(x)) y=(px(y)) font-size="12" { (words) }
-            }
         }
     }
 }
 
-/// Words beside points and where they stand; points in one place share a line of words.
-fn places(series: &Series, axes: &Axes) -> Vec<((f64, f64), String)> {
-    let mut places: Vec<((f64, f64), String)> = Vec::new();
-    for (point, words) in &series.labels {
-        let Some(&point) = series.points.get(*point) else { continue };
-        let (x, y) = axes.at(point);
-        let at = (x + 7.0, y - 7.0);
-        let near = |place: (f64, f64)| (place.0 - at.0).abs().max((place.1 - at.1).abs()) < 1.0;
-        match places.iter_mut().find(|(place, _)| near(*place)) {
-            Some((_, others)) => *others += &format!(", {words}"),
-            None => places.push((at, words.clone())),
+/// Words beside the points of a series.
+fn named(series: &Series, axes: &Axes) -> Named {
+    let area = [LEFT, LEFT + WIDTH, TOP, TOP + HEIGHT];
+    let points: Vec<(f64, f64)> = series.points.iter().map(|point| axes.at(*point)).collect();
+    let labels = series.labels.iter().map(|(point, words)| (*point, words.as_str()));
+    Named::new(&points, labels, area, ALL)
+}
+
+/// Pixels that names reach down from where they begin under the axis.
+fn drop_of(marks: &[Tick], turned: bool) -> f64 {
+    let length = |tick: &Tick| tick.text.as_ref().map_or(0, |text| text.chars().count()) as f64;
+    // Turned by 30°.
+    if turned { 0.5 * LETTER * marks.iter().map(length).fold(0.0, f64::max) } else { 0.0 }
+}
+
+/// Lines upwards, each named at its foot beside it; names of close ones stand above each other.
+fn changed(changes: &[Change], axes: &Axes) -> Markup {
+    let bottom = TOP + HEIGHT;
+    html! {
+        @for (index, change) in changes.iter().enumerate() {
+            @let x = axes.x.at(change.at);
+            @let room = change.name.chars().count() as f64 * LETTER;
+            @let (at, anchor) = if x + room < LEFT + WIDTH { (x + 4.0, "start") } else { (x - 4.0, "end") };
+            path d={ "M" (px(x)) " " (TOP) "V" (bottom) } stroke=(GREY) stroke-width=".8" {}
+            text x=(px(at)) y=(px(bottom - 7.0 - LINE * (index % 4) as f64)) text-anchor=(anchor)
+                font-size="12" fill=(SOFT) { (change.name) }
         }
     }
-    places
 }
 
 fn legend(name: &str, colour: &str, index: usize) -> Markup {

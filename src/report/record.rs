@@ -60,6 +60,9 @@ pub struct RunRecord {
     pub seed: u64,
     /// What was maximized.
     pub objective: String,
+    /// Weather and faults that it was maximized under, as they are written; empty in clear air.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub conditions: Vec<String>,
     /// How much of the scene the scores below are taken over.
     pub modelled: Modelled,
     /// Frames that the search averaged over.
@@ -155,6 +158,8 @@ pub struct RunContext<'a> {
     pub seed: u64,
     /// What was maximized.
     pub objective: String,
+    /// As [`RunRecord::conditions`].
+    pub conditions: Vec<String>,
     /// Placements × frames a second during the generations.
     pub rate: f64,
     /// Wall times of all sittings.
@@ -180,6 +185,7 @@ impl RunRecord {
             threads: rayon::current_num_threads(),
             seed: run.seed,
             objective: run.objective,
+            conditions: run.conditions,
             modelled: run.suite.modelled(),
             search_frames: outcome.search_frames,
             frames: run.suite.frame_count(),

@@ -6,7 +6,10 @@ use super::by_scene::by_scene;
 use super::near_field::unweighted_gain_text;
 use super::record::RunRecord;
 use super::text::{align_columns, findings_text, poses_text, scores_text};
-use super::words::{certificate_in_words, methods_in_words, spread_in_words, verdict};
+use super::words::{
+    broken_in_words, certificate_in_words, methods_in_words, spread_in_words, verdict,
+};
+use crate::scan::conditions::under;
 
 /// What a run has found and left in its folder, in words first and the table after.
 pub fn record_text(record: &RunRecord, folder: &Path) -> String {
@@ -18,10 +21,20 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
         text += &format!("{words}\n\n");
     }
     text += &format!(
-        "{}: maximizing {} over {} frame(s)\n",
-        record.scene, record.objective, record.frames
+        "{}: maximizing {} over {} frame(s){}\n",
+        record.scene,
+        record.objective,
+        record.frames,
+        under(&record.conditions)
     );
     text += &scores_text(&rows);
+    // Guards stand in the table.
+    let broken = broken_in_words(&record.baselines);
+    if !broken.is_empty() {
+        text +=
+            "\nbaselines that break rules of the mount, with which the result is not compared:\n";
+        broken.iter().for_each(|line| text += &format!("  {line}\n"));
+    }
     if let Some(rows) = by_scene(record) {
         text += "\nscene by scene\n";
         text += &align_columns(&rows);
@@ -52,7 +65,12 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
             text += &format!("certificate: {}\n", certificate_in_words(record));
             text += &format!("\n{}\n", findings_text(&record.findings));
         }
-        None => text += "\nno candidate kept the rules of the mount; widen it\n",
+        None => {
+            let objective = &record.objective;
+            text += &format!(
+                "\nno candidate both kept the rules of the mount and had a value of {objective}\n"
+            );
+        }
     }
     if let Some(frames) = &record.fidelity {
         text += &format!("\n{}\n", frames.words);

@@ -2,6 +2,9 @@
 
 use crate::score::Scores;
 
+/// Name of the objective that is a share by itself.
+const NEAR_GAIN: &str = "near_gain";
+
 /// A score as it is shown to people: title and cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
@@ -55,6 +58,19 @@ impl ScoreColumn {
         Self::ALL.into_iter().filter(|column| looked || *column != Self::NearField).collect()
     }
 
+    /// The share by which results are argued where an objective was maximized: the near gain by itself, the gain else.
+    pub fn argued(objective: &str) -> Self {
+        if objective == NEAR_GAIN { Self::NearGain } else { Self::GainShare }
+    }
+
+    /// Near gain or information gain as a share, for [`Self::argued`].
+    pub fn share(self, scores: &Scores) -> Option<f64> {
+        match self {
+            Self::NearGain => scores.near_gain,
+            _ => scores.segmentation.information_gain_share,
+        }
+    }
+
     /// Title with its unit.
     pub fn title(self) -> &'static str {
         match self {
@@ -84,8 +100,7 @@ impl ScoreColumn {
                 optional(scaled(scores.detection.and_then(|d| d.m_sog_scaled), 1e6), 3)
             }
             Self::Gain => optional(task.information_gain, 0),
-            Self::GainShare => optional(scaled(task.information_gain_share, 100.0), 2),
-            Self::NearGain => optional(scaled(scores.near_gain, 100.0), 2),
+            Self::GainShare | Self::NearGain => optional(scaled(self.share(scores), 100.0), 2),
             Self::NearField => optional(scaled(scores.near_field, 100.0), 1),
             Self::SMig => optional(scores.s_mig, 0),
             Self::Covered => format!("{:.0}", scores.covered),

@@ -10,9 +10,10 @@ use crate::search::Scored;
 /// gains less information than one of those is never called better without that being said.
 pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> String {
     let Some(best) = best else {
-        return "No candidate kept the rules of the mount; widen the mount or lower its \
-                min_distance."
-            .into();
+        return format!(
+            "No candidate both kept the rules of the mount and had a value of {objective}; widen the mount or lower \
+             its min_distance."
+        );
     };
     judged("The placement found", best, baselines, objective)
 }
@@ -21,11 +22,13 @@ pub fn verdict(best: Option<&Scored>, baselines: &[Scored], objective: &str) -> 
 pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &str) -> String {
     let against = against(subject, best, baselines, objective).unwrap_or_else(|| {
         let lidars = best.placement.lidars.len();
-        let why = match baselines.is_empty() {
-            true => "there is no baseline to compare it with",
-            false => {
-                "a rule or a guard speaks against every baseline, so that it is compared with none"
-            }
+        let first = baselines.iter().find_map(|b| Some((&b.placement.name, b.reasons().into_iter().next()?)));
+        let why = match first {
+            None if baselines.is_empty() => "there is no baseline to compare it with".to_owned(),
+            None => format!("{objective} has no value for any baseline"),
+            Some((name, reason)) => format!(
+                "a rule or a guard speaks against every baseline, so that it is compared with none ({name}: {reason})"
+            ),
         };
         let s = if lidars == 1 { "" } else { "s" };
         format!("{subject} has {lidars} LiDAR{s}; {why}.")
@@ -53,6 +56,17 @@ pub fn judged(subject: &str, best: &Scored, baselines: &[Scored], objective: &st
         .map(|seen| format!(" What must be seen is not: {seen}."))
         .collect();
     format!("{against}{share}{} {guards}", lacking.concat())
+}
+
+/// A line for each placement that breaks rules of the mount, with the first of them.
+pub fn broken_in_words(all: &[Scored]) -> Vec<String> {
+    let line = |scored: &Scored| {
+        let (first, others) = scored.violations.split_first()?;
+        let more =
+            if others.is_empty() { String::new() } else { format!("; and {} more", others.len()) };
+        Some(format!("{}: {first}{more}", scored.placement.name))
+    };
+    all.iter().filter_map(line).collect()
 }
 
 /// The first sentence of [`judged`]; `None` without a baseline to compare with.
@@ -256,7 +270,9 @@ mod tests {
             "The placement found is 25.0 % better than Center, the best baseline that no guard";
         assert!(words.starts_with(start) && words.contains("10.0 % more information"), "{words}");
         let alone = verdict(Some(&found), &[gamed, broken], "m_sog_scaled");
-        assert!(alone.contains("a rule or a guard speaks against every baseline"), "{alone}");
+        let why = "speaks against every baseline, so that it is compared with none (sky: covers_nothing: ";
+        assert!(alone.contains(why), "{alone}");
+        assert_eq!(broken_in_words(&baselines), ["roof rack: too near"]);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::given::Given;
 use super::inputs::Files;
 use super::{Computing, Error, opening};
 use crate::audit::{AUDIT_PARTS, Audit, AuditEvent, AuditSettings, audit};
@@ -41,7 +42,8 @@ pub fn audit_scenes(
     };
     let mut all = Vec::new();
     for path in &scenes {
-        let found = of_scene(path, &honest, &settings, request.frames, computing)?;
+        let given = placements.as_deref();
+        let found = of_scene(path, given, &honest, &settings, request.frames, computing)?;
         each(&found)?;
         all.push(found);
     }
@@ -51,6 +53,7 @@ pub fn audit_scenes(
 /// The audit of one scene.
 fn of_scene(
     path: &Path,
+    given: Option<&Path>,
     honest: &[Placement],
     settings: &AuditSettings,
     frames: Option<u32>,
@@ -59,6 +62,9 @@ fn of_scene(
     let watcher = computing.watcher;
     let (scene, psog, _) = opening::scene_and_psog(path, computing)?;
     opening::note_frames(&scene, frames, watcher);
+    if let Some(file) = given {
+        Given::new(file, &scene.sensors()?, &scene.constraints(), watcher).all(honest)?;
+    }
     let bar = watcher.bar(AUDIT_PARTS, Some("parts"));
     let tell = |event: AuditEvent| match event {
         AuditEvent::Note(note) => watcher.note(note),

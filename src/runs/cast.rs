@@ -6,6 +6,7 @@ use std::time::Instant;
 use serde::Serialize;
 use serde_json::Value;
 
+use super::given::Given;
 use super::opening::{self, timings};
 use super::{Computing, Error, glb};
 use crate::export::GltfView;
@@ -68,6 +69,7 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
     glb::check(request.gltf.as_deref(), loaded.inputs(&request.placements))?;
     let soup = loaded.scene.frame(request.frame as usize, EgoBody::Include);
     let problem = loaded.evaluator.problem().clone();
+    Given::in_problem(&request.placements, &problem, computing.watcher).all(&placements)?;
     let columns = BeamHits::of(&placements, &problem, &soup.face_class, |poses| {
         loaded.evaluator.backend_mut().hits(poses, 0)
     })?;

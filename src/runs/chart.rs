@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use super::given::Given;
 use super::inputs::Files;
 use super::{Bar, Computing, Error, Watcher, opening};
 use crate::chart::{Chart, ChartObserver, ChartSettings, ChartState, chart};
@@ -100,13 +101,16 @@ struct Begun {
     out: Option<PathBuf>,
     /// Name of the scene among those of the command.
     name: String,
+    /// File of the placements that are ranked.
+    placements: Option<PathBuf>,
 }
 
 /// The charts that are asked for, one a scene.
 fn begun(request: &ChartRequest, engine: &EngineChoice) -> Result<Vec<Begun>, Error> {
     if let Some(folder) = &request.resume {
         let (dir, saved) = RunDir::<Saved>::resume("chart", folder)?;
-        return Ok(vec![Begun { saved, resumed: Some(dir), out: None, name: String::new() }]);
+        let (resumed, out, name, placements) = (Some(dir), None, String::new(), None);
+        return Ok(vec![Begun { saved, resumed, out, name, placements }]);
     }
     let Files { scenes, placements } = Files::sort(&request.files)?;
     let settings = ChartSettings {
@@ -129,7 +133,7 @@ fn begun(request: &ChartRequest, engine: &EngineChoice) -> Result<Vec<Begun>, Er
         let out =
             request.out.as_ref().map(|out| if several { out.join(&name) } else { out.clone() });
         let saved = Saved { scene, settings: settings.clone(), state: ChartState::default() };
-        Ok(Begun { saved, resumed: None, out, name })
+        Ok(Begun { saved, resumed: None, out, name, placements: placements.clone() })
     };
     scenes.iter().zip(names).map(begun).collect()
 }
@@ -137,8 +141,12 @@ fn begun(request: &ChartRequest, engine: &EngineChoice) -> Result<Vec<Begun>, Er
 /// The chart of one scene, its folder, and all of `chart.json`.
 fn of_scene(begun: Begun, tolerance: f64, computing: &Computing<'_>) -> Result<Charted, Error> {
     let watcher = computing.watcher;
-    let Begun { saved, resumed, out, name } = begun;
+    let Begun { saved, resumed, out, name, placements } = begun;
     let (scene, psog, _) = opening::scene_and_psog(&saved.scene, computing)?;
+    if let Some(file) = placements {
+        let given = Given::new(&file, &scene.sensors()?, &scene.constraints(), watcher);
+        given.all(&saved.settings.given)?;
+    }
     let inputs = Input::of(&scene)?;
     let dir = match resumed {
         Some(dir) => {

@@ -19,7 +19,7 @@ impl Files {
     /// `{"placements": [ … ]}`; all others are scenes.
     ///
     /// # Errors
-    /// Two files of placements, or placements without a scene.
+    /// Two files of placements, placements without a scene, or a scene that is given twice.
     pub fn sort(files: &[PathBuf]) -> Result<Self, Error> {
         let (placements, scenes): (Vec<PathBuf>, Vec<PathBuf>) =
             files.iter().cloned().partition(|file| holds_placements(file));
@@ -36,6 +36,7 @@ impl Files {
                 only.display()
             )));
         }
+        check_distinct(&scenes)?;
         Ok(Self { scenes, placements: placements.into_iter().next() })
     }
 
@@ -55,6 +56,28 @@ impl Files {
             ))),
         }
     }
+}
+
+/// Checks that each scene is given once: it would count twice, and a spread over scenes would be too narrow.
+///
+/// # Errors
+/// Two paths of one file.
+pub fn check_distinct(scenes: &[PathBuf]) -> Result<(), Error> {
+    let file = |path: &PathBuf| std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
+    for (k, scene) in scenes.iter().enumerate() {
+        let mut before = scenes[..k].iter();
+        if let Some(first) = before.find(|other| file(other) == file(scene)) {
+            let what = match first == scene {
+                true => "is given twice".to_owned(),
+                false => format!("is the same file as {}", first.display()),
+            };
+            return Err(Error::Usage(format!(
+                "{}: {what}, and a scene counts once; leave it out",
+                scene.display()
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// A file of placements, and the name behind its colon if there is one.

@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `inputs` | which of the files given are scenes, names of placements behind a colon |
 //! | `opening` | from files to scenes, problems and evaluators |
+//! | `given` | placements of a file: sensors that the vehicle lacks, and what is most likely not meant |
 //! | `own_body` | the guard of placements that look at the own vehicle |
 //! | `glb` | a frame with its rigs as binary glTF |
 //! | `score` | scores of a batch: as a stream in one scene, with their mean in several |
@@ -34,6 +35,7 @@ pub mod verify;
 pub mod view;
 
 mod error;
+mod given;
 mod glb;
 mod own_body;
 

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use super::given::Given;
 use super::{Computing, Error, opening};
 use crate::files::{writable_file, write_whole};
 use crate::near_field::{Footprint, NearField, NearSite};
@@ -67,6 +68,9 @@ pub fn near_fields(
     let problem = problem(&scene, &request.scene, request.frames)?;
     let problem = in_conditions(&scene, problem, &request.conditions)?;
     let mut evaluator = opening::evaluator(problem, computing)?;
+    if let Some(file) = &request.placements {
+        Given::in_problem(file, evaluator.problem(), watcher).all(&placements)?;
+    }
     let site = NearSite::new(&scene, &evaluator.shared_problem())?;
     watcher.listen();
     let bar = watcher.bar(placements.len() as u64, Some("placements"));

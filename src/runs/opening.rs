@@ -158,7 +158,7 @@ pub fn geometry(path: &Path, frame: u32, computing: &Computing<'_>) -> Result<Lo
     Ok(Loaded { scene, evaluator, times })
 }
 
-/// Checks that the engine asked for computes under conditions, and says where one changes no score.
+/// Checks that the engine asked for computes under conditions, and says what scores are where one moves points alone.
 ///
 /// # Errors
 /// A device was asked for, and conditions with it.
@@ -166,10 +166,20 @@ pub fn check_conditions(conditions: &[Condition], computing: &Computing<'_>) -> 
     if !conditions.is_empty() {
         computing.engine.check_conditions()?;
     }
-    if conditions.iter().any(|condition| condition.kind() == Kind::Blur) {
-        computing.watcher.note(
-            "--condition blur: takes no beam away, it only moves the points of a scan; scores are as without it",
-        );
+    let (blur, others): (Vec<Kind>, Vec<Kind>) =
+        conditions.iter().map(Condition::kind).partition(|kind| *kind == Kind::Blur);
+    if !blur.is_empty() {
+        let scores = match others.is_empty() {
+            // Any condition has scores ask the sensor's response, which has its say in clear air, too.
+            true => {
+                "those of clear air under the sensor's own response, as with fog:mor=inf; without a condition \
+                 every beam counts that meets something"
+            }
+            false => "those of the other conditions",
+        };
+        computing.watcher.note(&format!(
+            "--condition blur: takes no beam away, it only moves the points of a scan; scores are {scores}"
+        ));
     }
     Ok(())
 }

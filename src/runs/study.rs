@@ -6,12 +6,13 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use super::inputs::check_distinct;
 use super::{Bar, Computing, Error, Watcher, opening};
 use crate::files::{Input, RunDir, holds_run};
 use crate::psog::Psog;
 use crate::report::study::study_plot;
 use crate::report::text::numbered;
-use crate::scan::conditions::Condition;
+use crate::scan::conditions::{Condition, in_words};
 use crate::scene::Scene;
 use crate::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, study};
 
@@ -54,6 +55,7 @@ pub fn study_scenes(
     computing: &Computing<'_>,
     mut each: impl FnMut(&Table, &Path) -> Result<(), Error>,
 ) -> Result<Vec<Table>, Error> {
+    check_distinct(&request.scenes)?;
     let settings = settings(request, computing)?;
     computing.watcher.listen();
     // What needs several scenes looks at them together; all other kinds at one after the other.
@@ -253,9 +255,7 @@ fn recorded<'s>(
         "seed": settings.seed,
     });
     if !settings.conditions.is_empty() {
-        let conditions: Vec<String> =
-            settings.conditions.iter().map(|condition| condition.to_string()).collect();
-        recorded["conditions"] = json!(conditions);
+        recorded["conditions"] = json!(in_words(&settings.conditions));
     }
     Ok(Recorded { settings: recorded, inputs })
 }

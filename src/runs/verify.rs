@@ -6,9 +6,11 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::given::Given;
 use super::inputs::Files;
 use super::{Computing, Error, opening};
 use crate::engine::gpu::GpuBackend;
+use crate::engine::{BackendError, EngineKind};
 use crate::problem::{Problem, spread};
 use crate::vehicle::{Placement, read_placements};
 use crate::verify::compare::compared_frames;
@@ -52,14 +54,22 @@ pub struct Verified {
 /// Verifies scene after scene; `each` is told of every one.
 ///
 /// # Errors
-/// Files that cannot be read, numbers of placements beside a file of them, no device, and as of `each`.
+/// The CPU in place of a device, files that cannot be read, numbers of placements beside a file of them, no device, and
+/// as of `each`.
 pub fn verify_scenes(
     request: &VerifyRequest,
     computing: &Computing<'_>,
     mut each: impl FnMut(&Verified) -> Result<(), Error>,
 ) -> Result<Vec<Verified>, Error> {
+    if computing.engine.kind == EngineKind::Cpu {
+        return Err(Error::Usage(
+            "--backend cpu: a Vulkan device is compared with the CPU, which alone is compared with nothing; leave \
+             it out, or pick a device with --adapter"
+                .to_owned(),
+        ));
+    }
     let Files { scenes, placements } = Files::sort(&request.files)?;
-    let given = match &placements {
+    let read = match &placements {
         Some(path) if request.random.or(request.hostile).is_some() => {
             return Err(Error::Usage(format!(
                 "{}: holds the placements; leave out --random and --hostile, or this file",
@@ -69,10 +79,11 @@ pub fn verify_scenes(
         Some(path) => Some(read_placements(path)?),
         None => None,
     };
+    let given = placements.as_deref().zip(read.as_deref());
     let mut all = Vec::new();
     for path in &scenes {
         let start = Instant::now();
-        let (scene, found) = of_scene(path, given.as_deref(), request, computing)?;
+        let (scene, found) = of_scene(path, given, request, computing)?;
         all.push(Verified { scene, found, seconds: start.elapsed().as_secs_f64() });
         each(&all[all.len() - 1])?;
     }
@@ -82,7 +93,7 @@ pub fn verify_scenes(
 /// Name of a scene, and what is verified in it.
 fn of_scene(
     path: &Path,
-    given: Option<&[Placement]>,
+    given: Option<(&Path, &[Placement])>,
     request: &VerifyRequest,
     computing: &Computing<'_>,
 ) -> Result<(String, Verification), Error> {
@@ -92,12 +103,33 @@ fn of_scene(
     let problem = Arc::new(Problem::with_psog(&scene, &psog, &frames)?);
     let (random, hostile) = (request.random.unwrap_or(RANDOM), request.hostile.unwrap_or(HOSTILE));
     let usual = || usual_placements(&problem, random, hostile, request.seed);
-    let placements = given.map_or_else(usual, <[Placement]>::to_vec);
+    let placements = given.map_or_else(usual, |(_, given)| given.to_vec());
+    if let Some((file, given)) = given {
+        Given::in_problem(file, &problem, computing.watcher).all(given)?;
+    }
     let memory = computing.engine.memory_budget() / 2;
-    let mut gpu = GpuBackend::new(problem.clone(), computing.engine.adapter.as_deref(), memory)?;
+    let gpu = GpuBackend::new(problem.clone(), computing.engine.adapter.as_deref(), memory);
+    let mut gpu = gpu.map_err(needs_device)?;
     let steps = (placements.len() * compared_frames(&problem)) as u64;
     let bar = computing.watcher.bar(steps, Some("placements × frames"));
     let done = || bar.advance(1);
-    let found = verify(&problem, &mut gpu, &placements, request.sample, request.seed, &done)?;
-    Ok((scene.name().to_owned(), found))
+    let found = verify(&problem, &mut gpu, &placements, request.sample, request.seed, &done);
+    Ok((scene.name().to_owned(), found.map_err(needs_device)?))
+}
+
+/// Elsewhere the CPU stands in for a device that is missing or fails; here it cannot.
+fn needs_device(error: BackendError) -> Error {
+    match error {
+        BackendError::NoDevice { name } => {
+            let named = name.map(|name| format!(" named `{name}`")).unwrap_or_default();
+            Error::Usage(format!(
+                "no Vulkan device{named}, and there is nothing else to compare with the CPU; install a driver, such \
+                 as lavapipe, which needs no hardware"
+            ))
+        }
+        BackendError::Device { adapter, stage, message } => Error::Usage(format!(
+            "the device `{adapter}` failed at {stage}: {message}; pick another one with --adapter"
+        )),
+        other => other.into(),
+    }
 }

@@ -3,13 +3,14 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::inputs::{file_and_name, named_placements};
+use super::given::Given;
+use super::inputs::{check_distinct, file_and_name, named_placements};
 use super::opening::{self, Suited};
 use super::own_body::add_self_hits;
 use super::{Computing, Error};
 use crate::files::{writable_file, write_whole};
 use crate::report::{Figures, Looks, SceneRecord, Subject, view_html};
-use crate::scan::conditions::Condition;
+use crate::scan::conditions::{Condition, in_words};
 use crate::scene::Scene;
 use crate::score::Objective;
 use crate::search::{Scored, Suite};
@@ -42,9 +43,18 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Erro
     let shown = given.first().ok_or_else(|| {
         Error::Usage(format!("{placements}: holds no placement; there is nothing to show"))
     })?;
-    let baselines = baselines(&request.baselines, shown)?;
+    let rivals = request.baselines.iter().map(|text| read(text));
+    let rivals = rivals.collect::<Result<Vec<_>, Error>>()?;
     let paths: Vec<PathBuf> = scenes.iter().map(PathBuf::from).collect();
+    check_distinct(&paths)?;
     let mut suited = opening::suite(&paths, None, &request.conditions, computing)?;
+    let problem = suited.evaluator.problem();
+    let look = |file: &str| Given::in_problem(Path::new(file), problem, computing.watcher);
+    look(file_and_name(placements).0).all([shown])?;
+    for (file, all) in &rivals {
+        look(file).all(all)?;
+    }
+    let baselines = baselines(rivals, shown);
     let out = &request.out;
     let files = suited.scenes.iter().flat_map(|scene| scene.files()).map(PathBuf::as_path);
     let named = request.baselines.iter().chain([placements]).map(|text| file_and_name(text).0);
@@ -53,12 +63,18 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Erro
     write_whole(out, |file| file.write_all(page.as_bytes()).map_err(Error::io(out)))
 }
 
+/// Placements of a file, perhaps with a name behind a colon, beside the file.
+fn read(text: &str) -> Result<(&str, Vec<Placement>), Error> {
+    Ok((file_and_name(text).0, named_placements(text)?))
+}
+
 /// The layouts to compare with; the one shown is none of them.
-fn baselines(given: &[String], shown: &Placement) -> Result<Vec<Placement>, Error> {
-    let named = given.iter().map(|text| named_placements(text));
-    let named = named.collect::<Result<Vec<_>, _>>()?.concat();
-    let all = if given.is_empty() { table_7() } else { named };
-    Ok(all.into_iter().filter(|baseline| baseline != shown).collect())
+fn baselines(given: Vec<(&str, Vec<Placement>)>, shown: &Placement) -> Vec<Placement> {
+    let all = match given.is_empty() {
+        true => table_7(),
+        false => given.into_iter().flat_map(|(_, placements)| placements).collect(),
+    };
+    all.into_iter().filter(|baseline| baseline != shown).collect()
 }
 
 fn page(
@@ -83,7 +99,8 @@ fn page(
     let names: Vec<&str> = scenes.iter().map(Scene::name).collect();
     let names = names.join(", ");
     let objective = objective.to_string();
+    let conditions = in_words(&request.conditions);
     let subject =
         Subject::given(&names, &records, result, baselines, &objective, request.command.clone());
-    Ok(view_html(&subject, &figures))
+    Ok(view_html(&subject.under(&conditions), &figures))
 }

@@ -36,8 +36,8 @@ use route::Motion;
 use shapes::Builder;
 use solid::Solid;
 
-pub use crate::json::DescriptionError;
 pub(crate) use crate::json::Place;
+pub use crate::json::{DescriptionError, FileKind};
 pub(crate) use classes::DEFAULT_CLASSES;
 pub(crate) use classes::GROUND_CLASSES;
 pub use kind::ActorKind;
@@ -242,7 +242,7 @@ impl Scene {
         name_for_errors: &str,
         vehicle: Option<&Path>,
     ) -> Result<Self, DescriptionError> {
-        json::check_version(text, name_for_errors)?;
+        json::check_version(text, name_for_errors, FileKind::Scene)?;
         let mut scene: SceneDescription = json::parse(text, name_for_errors)?;
         let top = Place::top(name_for_errors);
         let name = name_of(&top, scene.name.take())?;

@@ -201,6 +201,18 @@ impl Objective {
         })
     }
 
+    /// Whether it has a value for a placement that covers all there is: where it has none, no placement has one.
+    pub fn exists_in(&self, content: &Content) -> bool {
+        let occupied = content.occupied().len() as u64;
+        let all = Tally {
+            covered: occupied.max(1),
+            covered_nonzero: occupied,
+            entropy: content.entropy_total(),
+            ..Tally::default()
+        };
+        self.value_of_tally(&all, content, 1).is_some()
+    }
+
     /// The sums over covered voxels that the objective depends on.
     pub fn needed(&self) -> Needed {
         let least =
@@ -281,6 +293,19 @@ mod tests {
         assert_eq!(value("m_sog"), -4.0);
         assert_eq!(value("detection.m_sog"), -2.0);
         assert_eq!(value("0.5*m_sog + 2 * detection.m_sog_scaled"), -2.0 - 0.4);
+    }
+
+    #[test]
+    fn a_share_of_nothing_does_not_exist() {
+        let exists = |text: &str, entropy: u32| {
+            let occupied = vec![OccupiedVoxel { index: 3, entropy: [entropy; KINDS] }];
+            let content = Content::new(vec!["car".into()], occupied, &[vec![3]], true);
+            text.parse::<Objective>().unwrap().exists_in(&content)
+        };
+        for text in ["near_gain", "m_sog + information_gain_share"] {
+            assert!(exists(text, 1 << 28) && !exists(text, 0), "{text}");
+        }
+        assert!(exists("information_gain", 0) && exists("m_sog_scaled_nonzero", 0));
     }
 
     #[test]

@@ -54,6 +54,15 @@ impl Scored {
         self.violations.is_empty() && self.scores.guards.is_empty() && self.scores.missing() == 0.0
     }
 
+    /// Guards that speak against it, rules of the mount that it breaks, and what must be seen and is not, in words; none
+    /// if it is honest.
+    pub(crate) fn reasons(&self) -> Vec<String> {
+        let guards = self.scores.guards.iter().map(ToString::to_string);
+        let lacking = self.scores.required.iter().filter(|seen| seen.share < seen.least);
+        let broken = self.violations.iter().cloned();
+        guards.chain(broken).chain(lacking.map(ToString::to_string)).collect()
+    }
+
     /// The best of the honest baselines by the objective.
     pub(crate) fn yardstick(baselines: &[Self]) -> Option<&Self> {
         let honest = baselines.iter().filter(|baseline| baseline.is_honest());

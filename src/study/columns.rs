@@ -9,13 +9,14 @@ use crate::score::Scores;
 use crate::search::Evaluator;
 
 /// Columns that most studies show of a placement.
-pub(super) const SCORES: [&str; 5] =
-    ["gain %", "M-SOG/N ×1e-6", "detection ×1e-6", "covered", "guards violated"];
+pub(super) const SCORES: [&str; 6] =
+    ["gain %", "near gain %", "M-SOG/N ×1e-6", "detection ×1e-6", "covered", "guards violated"];
 
 /// Values of [`SCORES`].
 pub(super) fn values(scores: &Scores) -> Vec<Option<f64>> {
     vec![
         scores.segmentation.information_gain_share.map(|v| 100.0 * v),
+        scores.near_gain.map(|v| 100.0 * v),
         scores.segmentation.m_sog_scaled.map(|v| 1e6 * v),
         scores.detection.and_then(|d| d.m_sog_scaled).map(|v| 1e6 * v),
         Some(scores.covered),

@@ -6,6 +6,7 @@ use super::{StudyError, StudyObserver, StudySettings};
 use crate::engine::open;
 use crate::problem::{Problem, ProblemError, spread};
 use crate::psog::{Psog, Roi};
+use crate::scan::conditions::{in_words, under};
 use crate::scan::{in_conditions, scan_scene};
 use crate::scene::{PsogSource, Scene};
 use crate::score::{Objective, Scores};
@@ -45,9 +46,10 @@ impl<'a> StudyScene<'a> {
         file.map_or_else(|| self.scene.name().to_owned(), |file| file.display().to_string())
     }
 
-    /// Title of a study of this scene.
+    /// Title of a study of this scene, with the weather that it is made in.
     pub(super) fn title(&self, text: &str) -> String {
-        format!("{}: {text}", self.scene.name())
+        let under = under(&in_words(&self.settings.conditions));
+        format!("{}{under}: {text}", self.scene.name())
     }
 
     /// The mount's rules as the scene has them.

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use super::{Placement, PlacementError};
-use crate::json::{did_you_mean, nearest, plain_words, unknown_key};
+use super::{ForeignLidar, Placement, PlacementError};
+use crate::json::{FileKind, did_you_mean, nearest, plain_words, unknown_key};
 
 /// Longest line of a `.jsonl` file, in bytes: 16 LiDARs need far less.
 const MAX_LINE: u64 = 1 << 20;
@@ -48,11 +48,17 @@ pub enum PlacementFileError {
         /// File.
         path: PathBuf,
     },
-    /// A scene in the place of placements.
-    #[error("{}: is a scene; give a file of placements, {{\"placements\": [ … ]}}", path.display())]
-    Scene {
+    /// A scene or a vehicle in the place of placements.
+    #[error(
+        "{}: is {found}; give a file of placements, {{\"placements\": [ … ]}}, here, and this one {}",
+        path.display(),
+        found.place()
+    )]
+    OtherKind {
         /// File.
         path: PathBuf,
+        /// What it is.
+        found: FileKind,
     },
     /// The document is not UTF-8.
     #[error("{}: is not UTF-8 text from byte {byte} on; save it as UTF-8", path.display())]
@@ -71,6 +77,14 @@ pub enum PlacementFileError {
         line: Option<u64>,
         /// Fault of the placement.
         source: PlacementError,
+    },
+    /// A LiDAR of a model that the vehicle does not have.
+    #[error("{}: {source}", path.display())]
+    Sensor {
+        /// File.
+        path: PathBuf,
+        /// Placement, LiDAR and model, and the models there are.
+        source: ForeignLidar,
     },
     /// A line that is not text.
     #[error("{}, line {line}: is not UTF-8 text; save it as UTF-8", path.display())]
@@ -133,8 +147,10 @@ fn parse<T: DeserializeOwned>(text: &str, line: u64, path: &Path) -> Result<T, P
         };
         let full = error.to_string();
         let words = full.rsplit_once(" at line ").map_or(&full[..], |(words, _)| words);
+        if let Some(found) = FileKind::of(text).filter(|kind| *kind != FileKind::Placements) {
+            return PlacementFileError::OtherKind { path: path.to_owned(), found };
+        }
         let problem = match unknown_key(words) {
-            Some((SCENE_KEY, _)) => return PlacementFileError::Scene { path: path.to_owned() },
             Some((key, known)) => {
                 let nearest = nearest(key, known.iter().map(String::as_str));
                 format!("unknown key `{key}`{}", did_you_mean(&nearest, &known))
@@ -176,8 +192,6 @@ enum Source {
     Lines { reader: Box<dyn BufRead>, line: u64 },
 }
 
-/// Key that every scene has, and no file of placements.
-const SCENE_KEY: &str = "sightline";
 /// First bytes of a document, without spaces.
 const DOCUMENT: &[u8] = b"{\"placements\"";
 /// Mark that some editors write before UTF-8 text.

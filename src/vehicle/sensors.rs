@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::{BeamTable, Response, SensorName, SensorPose};
+use super::{BeamTable, Placement, Response, SensorName, SensorPose};
 use crate::chance::mixed;
 use crate::geom::Pose;
+use crate::json::nearest;
 
 /// Where in its turn a spinning sensor fires: an angle about its own axis, added to every azimuth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -69,12 +70,30 @@ impl SensorModel {
 
 /// A placement names a model that the vehicle does not have.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("there is no sensor `{name}`; the vehicle has {known}")]
+#[error("there is no sensor `{name}`; {}the vehicle has {known}", meant(.nearest))]
 pub struct UnknownSensor {
     /// As the placement names it.
     pub name: SensorName,
+    /// The most similar of the vehicle's names, if one is similar.
+    pub nearest: Option<String>,
     /// The vehicle's names, in words.
     pub known: String,
+}
+
+fn meant(nearest: &Option<String>) -> String {
+    nearest.as_ref().map(|name| format!("did you mean `{name}`? ")).unwrap_or_default()
+}
+
+/// A LiDAR of a placement whose model the vehicle does not have.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("placement `{placement}`, LiDAR {lidar}: {source}")]
+pub struct ForeignLidar {
+    /// Name of the placement.
+    pub placement: String,
+    /// Index of the LiDAR, from 0.
+    pub lidar: usize,
+    /// Its model, and those there are.
+    pub source: UnknownSensor,
 }
 
 /// Models of a vehicle, at least one, and the seed of what is left to chance: free phases, and what the air lets
@@ -149,7 +168,26 @@ impl Sensors {
             return Ok(0);
         }
         let found = self.models.iter().position(|model| model.name == pose.sensor);
-        found.ok_or_else(|| UnknownSensor { name: pose.sensor, known: self.in_words() })
+        found.ok_or_else(|| UnknownSensor {
+            name: pose.sensor,
+            nearest: nearest(pose.sensor.as_str(), self.models.iter().map(|m| m.name.as_str())),
+            known: self.in_words(),
+        })
+    }
+
+    /// Checks that there are the models of all LiDARs of a placement.
+    ///
+    /// # Errors
+    /// The first LiDAR whose model there is not.
+    pub fn check(&self, placement: &Placement) -> Result<(), ForeignLidar> {
+        for (lidar, pose) in placement.lidars.iter().enumerate() {
+            self.number(pose).map_err(|source| ForeignLidar {
+                placement: placement.name.clone(),
+                lidar,
+                source,
+            })?;
+        }
+        Ok(())
     }
 
     fn in_words(&self) -> String {
@@ -332,5 +370,8 @@ mod tests {
         let other = SensorPose { sensor: SensorName::new("other").unwrap(), ..pose };
         let words = sensors.number(&other).unwrap_err().to_string();
         assert_eq!(words, "there is no sensor `other`; the vehicle has `spinning`");
+        let slip = SensorPose { sensor: SensorName::new("spining").unwrap(), ..pose };
+        let words = sensors.number(&slip).unwrap_err().to_string();
+        assert!(words.contains("`spining`; did you mean `spinning`? the vehicle has"), "{words}");
     }
 }

@@ -16,7 +16,7 @@ use super::mounting::mounting;
 use super::ties::{check_pairs, level};
 use super::{Lidar, MAX_LIDARS, Phase, Response, SensorName, Ties};
 use crate::json::check::{self, bad};
-use crate::json::{self, DescriptionError, Place};
+use crate::json::{self, DescriptionError, FileKind, Place};
 
 /// Largest vehicle file, in bytes.
 const MAX_FILE: u64 = 64 << 20;
@@ -31,7 +31,7 @@ pub(crate) fn read<B: DeserializeOwned>(
     let bytes = json::read_limited(path, MAX_FILE)?;
     let text = String::from_utf8_lossy(&bytes);
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
-    json::check_version(text, &name)?;
+    json::check_version(text, &name, FileKind::Vehicle)?;
     json::parse(text, &name)
 }
 

@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 
 use crate::report::RunRecord;
+use crate::report::word::word;
 use crate::vehicle::table_7;
 
 /// The command line that a run's settings come from.
@@ -11,11 +12,11 @@ pub fn command(run: &RunRecord) -> String {
     let search = &all["search"];
     let mut words = vec!["sightline".to_owned(), "optimize".to_owned()];
     let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
-    words.push(word(&all["scene"]));
-    words.extend(list(&all["more_scenes"]).iter().map(word));
+    words.push(of_value(&all["scene"]));
+    words.extend(list(&all["more_scenes"]).iter().map(of_value));
     let mut give = |option: &str, value: &Value| {
         if !value.is_null() {
-            words.extend([format!("--{option}"), word(value)]);
+            words.extend([format!("--{option}"), of_value(value)]);
         }
     };
     give("vehicle", &all["vehicle"]);
@@ -58,25 +59,6 @@ pub fn command(run: &RunRecord) -> String {
 }
 
 /// A value as one word of a shell.
-fn word(value: &Value) -> String {
-    let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "._-/:=,+%".contains(c);
-    match !text.is_empty() && text.chars().all(is_plain) {
-        true => text,
-        false => format!("'{}'", text.replace('\'', r"'\''")),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn words_survive_a_shell() {
-        assert_eq!(word(&json!("scenes/a-b_1.json")), "scenes/a-b_1.json");
-        assert_eq!(word(&json!("0.5*m_sog + s_mig")), "'0.5*m_sog + s_mig'");
-        assert_eq!(word(&json!("it's")), r"'it'\''s'");
-        assert_eq!(word(&json!("")), "''");
-        assert_eq!(word(&json!(7)), "7");
-    }
+fn of_value(value: &Value) -> String {
+    word(&value.as_str().map_or_else(|| value.to_string(), str::to_owned))
 }

@@ -30,6 +30,8 @@ pub struct Looks {
 /// Near fields of some placements around one body.
 struct Near {
     footprint: Footprint,
+    /// Frames that they are taken over.
+    frames: usize,
     all: Vec<(Placement, NearField)>,
 }
 
@@ -87,7 +89,7 @@ fn near<'a>(
     let mut engine = open(&few, choice, |_| {})?.engine;
     let look = |placement: &Placement| Ok((placement.clone(), site.look(&mut *engine, placement)?));
     let all = placements.map(look).collect::<Result<Vec<_>, BackendError>>()?;
-    Ok(Ok(Near { footprint: site.footprint().clone(), all }))
+    Ok(Ok(Near { footprint: site.footprint().clone(), frames: frames.len(), all }))
 }
 
 /// The drawings of a page, as SVG, and the data of its 3-D view.
@@ -101,6 +103,8 @@ pub struct Figures {
     pub maps: Vec<(String, String)>,
     /// The blind zone from above, or why it is not drawn.
     pub near_field: Result<String, String>,
+    /// Frames that it is taken over.
+    pub near_frames: usize,
     /// The 3-D view of each scene; empty without a result.
     pub views: Vec<ViewData>,
 }
@@ -118,21 +122,25 @@ impl Figures {
             placement: shown.map(|shown| placement_svg(shown, constraints, body)),
             maps: Vec::new(),
             near_field: Err("there is no result".to_owned()),
+            near_frames: 0,
             views: Vec::new(),
         };
         let Some((Looks { maps, views, near }, shown)) = looks.zip(shown) else { return none };
-        let near_field = near.map(|Near { footprint, all }| {
+        let near_frames = near.as_ref().map_or(0, |near| near.frames);
+        let near_field = near.map(|Near { footprint, all, .. }| {
             let drawn: Vec<(&Placement, &NearField)> = all.iter().map(|(p, n)| (p, n)).collect();
             near_field_svg(&footprint, &drawn)
         });
         let maps = maps.into_iter().map(|(name, map)| (name, map.svg(&shown.placement)));
-        Self { maps: maps.collect(), near_field, views, ..none }
+        Self { maps: maps.collect(), near_field, near_frames, views, ..none }
     }
 
     /// The same with the convergence of a run.
     pub fn with_search(mut self, run: &RunRecord, history: &[GenerationRecord]) -> Self {
         let best = run.best.as_ref();
-        self.convergence = Some(convergence_svg(history, &run.objective, &run.baselines, best));
+        let steps = run.fidelity.as_ref().map_or(&[][..], |frames| &frames.steps);
+        let svg = convergence_svg(history, &run.objective, &run.baselines, best, steps);
+        self.convergence = Some(svg);
         self
     }
 }

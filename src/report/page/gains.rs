@@ -4,7 +4,9 @@ use maud::{Markup, html};
 
 use super::figures::Figures;
 use super::parts::{bar, table, text};
+use super::scores::NEAR_GAIN;
 use super::subject::Subject;
+use crate::report::ScoreColumn;
 use crate::report::view::sight::Part;
 
 /// Gain by class and by distance, against the best baseline.
@@ -21,6 +23,9 @@ pub(super) fn gains(subject: &Subject<'_>, figures: &Figures) -> Markup {
                 " frame(s)"
                 @if let Some(name) = rival { "; the mark on a bar is " (name) ", the best baseline" }
                 ". A voxel in which several classes occur counts with the rarest of them."
+                @if ScoreColumn::argued(subject.objective) == ScoreColumn::NearGain {
+                    " The near gain weighs this information: it is " (NEAR_GAIN) "."
+                }
             }
             @for view in &figures.views {
                 @if figures.views.len() > 1 { h3 { (view.scene()) } }

@@ -26,6 +26,7 @@ mod subject;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::{RunRecord, spread_in_words};
+use crate::scan::conditions::under;
 pub use figures::{Figures, Looks};
 pub use subject::Subject;
 
@@ -54,7 +55,7 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
             }
             body {
                 header {
-                    p.scene { "sightline · " (subject.scene) }
+                    p.scene { "sightline · " (subject.scene) (under(subject.conditions)) }
                     h1 { (unbroken(first)) (stop) }
                     @if !rest.is_empty() { p { (rest) } }
                 }
@@ -100,7 +101,9 @@ fn near_field(figures: &Figures) -> Markup {
                 Ok(svg) => {
                     p {
                         "From above, forward is right: ground within 10 m that no beam sees, and the zone in \
-                         which nothing on the ground is seen."
+                         which nothing on the ground is seen, over " (figures.near_frames) " frame(s) spread evenly"
+                        @if figures.views.len() > 1 { " over the first scene" }
+                        "."
                     }
                     (parts::figure(svg, "Blind zone from above"))
                 }

@@ -12,16 +12,17 @@ use crate::search::Scored;
 /// Scenes from which on an interval of resampled scenes is about as wide as it should be.
 const MANY_SCENES: usize = 10;
 
-/// The gain over each baseline.
+/// The gain over each baseline, or the near gain where that was maximized.
 pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup {
     let Some(best) = subject.result else { return html! {} };
     let seed = run.map_or(1, |run| run.seed);
-    let all = compared(best, subject.baselines, subject.scenes, seed);
+    let column = ScoreColumn::argued(subject.objective);
+    let all = compared(best, subject.baselines, subject.scenes, seed, column);
     let ends = |one: &Against| one.interval.map_or([one.difference; 2], |i| [i.low, i.high]);
     let widest = all.iter().flat_map(ends).map(f64::abs).fold(1e-12, f64::max);
     let several = !subject.scenes.is_empty();
     let places = subject.scenes.iter().filter(|scene| !scene.mirrored).count();
-    let titles = ["", "gain %", "more by", "95 % interval", ""];
+    let titles = ["", column.title(), "more by", "95 % interval", ""];
     let percent = |share: f64| format!("{:+.2}", 100.0 * share);
     let rows = all.iter().map(|one| {
         let interval = one.interval.map(|i| [i.low, i.high]);
@@ -42,10 +43,14 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
             section aria-labelledby="against" {
                 h2 #against { "Against every baseline" }
                 p {
-                    "Information gained, in per cent of what "
+                    @if column == ScoreColumn::NearGain {
+                        "Near gain (" (NEAR_GAIN) "), in per cent of what "
+                    } @else {
+                        "Information gained, in per cent of what "
+                    }
                     (if several { "the scenes hold, a mean over them" } else { "the scene holds" })
                     ": the result has "
-                    (ScoreColumn::GainShare.cell(&best.scores)) " %. "
+                    (column.cell(&best.scores)) " %. "
                     @if several {
                         "The interval resamples the " (places) " scenes: one that does not hold 0 is more than their \
                          own spread"
@@ -62,11 +67,15 @@ pub(super) fn against(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup 
     }
 }
 
+/// What the near gain is.
+pub(super) const NEAR_GAIN: &str = "the information gained where what is farther than 10 m from the vehicle counts for \
+                                    less, by its distance, and the ground within 10 m for a fifth by itself";
+
 /// What speaks against the result and the baselines.
 pub(super) fn guards(subject: &Subject<'_>) -> Markup {
     let all = subject.result.iter().copied().chain(subject.baselines);
     let spoken: Vec<(&Scored, Vec<String>)> =
-        all.map(|scored| (scored, reasons(scored))).filter(|(_, why)| !why.is_empty()).collect();
+        all.map(|scored| (scored, scored.reasons())).filter(|(_, why)| !why.is_empty()).collect();
     html! {
         section aria-labelledby="guards" {
             h2 #guards { "What speaks against it" }
@@ -82,16 +91,6 @@ pub(super) fn guards(subject: &Subject<'_>) -> Markup {
             }
         }
     }
-}
-
-/// Guards that speak against a placement, and rules of the mount that it breaks.
-fn reasons(scored: &Scored) -> Vec<String> {
-    let guards = scored.scores.guards.iter().map(ToString::to_string);
-    let lacking = scored.scores.required.iter().filter(|seen| seen.share < seen.least);
-    guards
-        .chain(scored.violations.iter().cloned())
-        .chain(lacking.map(ToString::to_string))
-        .collect()
 }
 
 /// Every score of the result and the baselines, a row each.
@@ -115,9 +114,9 @@ pub(super) fn scores(subject: &Subject<'_>) -> Markup {
             (table("Scores of the result and the baselines", &titles, &rows))
             p.small {
                 "Scores are means over frames; larger is better. The gain is ΣH over covered voxels, in nats: \
-                 the more of what changes in the scene the beams reach, the larger it is. M-SOG is its \
-                 negative mean, −(1/N)·ΣH, and can be raised by looking at what never changes. The objective \
-                 is " code { (subject.objective) } "."
+                 the more of what changes in the scene the beams reach, the larger it is. Near gain is "
+                (NEAR_GAIN) ". M-SOG is the negative mean of the gain, −(1/N)·ΣH, and can be raised by looking at \
+                 what never changes. The objective is " code { (subject.objective) } "."
             }
         }
     }
@@ -125,7 +124,8 @@ pub(super) fn scores(subject: &Subject<'_>) -> Markup {
 
 /// Gains in each of several scenes.
 pub(super) fn scenes(subject: &Subject<'_>) -> Markup {
-    let rows = rows_by_scene(subject.scenes, subject.result, subject.baselines);
+    let column = ScoreColumn::argued(subject.objective);
+    let rows = rows_by_scene(subject.scenes, subject.result, subject.baselines, column);
     let Some((titles, rows)) = rows.as_deref().and_then(<[_]>::split_first) else {
         return html! {};
     };
@@ -137,10 +137,14 @@ pub(super) fn scenes(subject: &Subject<'_>) -> Markup {
     html! {
         section aria-labelledby="scenes" {
             h2 #scenes { "Scene by scene" }
-            (table("Share of each scene's information that is gained", &titles, &rows))
+            @if column == ScoreColumn::NearGain {
+                (table("Near gain in each scene", &titles, &rows))
+            } @else {
+                (table("Share of each scene's information that is gained", &titles, &rows))
+            }
             p.small {
-                "Over all is the mean, each scene counting the same; the gain in nats above is that share of \
-                 the mean total."
+                "Over all is the mean, each scene counting the same; the gain in nats above is the share of the \
+                 information times the mean total."
             }
         }
     }

@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::figures::Figures;
 use super::parts::{figure, table, text};
+use crate::report::convergence::steps_of_generations;
 use crate::report::{RunRecord, certificate_in_words, methods_in_words, optional};
 
 /// All about how the result was found.
@@ -11,10 +12,29 @@ pub(super) fn search(run: &RunRecord, figures: &Figures) -> Markup {
     html! {
         section aria-labelledby="search" {
             h2 #search { "The search" }
-            @if let Some(svg) = &figures.convergence { (figure(svg, "Convergence of the search")) }
+            @if let Some(svg) = &figures.convergence {
+                (figure(svg, "Convergence of the search"))
+                (steps(run))
+            }
             (notes(run))
             (facts(run))
             (findings(run))
+        }
+    }
+}
+
+/// What the lines of the convergence are taken over.
+fn steps(run: &RunRecord) -> Markup {
+    let steps = run.fidelity.as_ref().map_or(&[][..], |frames| &frames.steps);
+    let steps = steps_of_generations(steps, run.generations);
+    let first = steps.first().map_or(run.search_frames, |(_, frames)| *frames as usize);
+    html! {
+        p.small {
+            "The best and the median are over " (first) " frame(s)"
+            @if steps.len() > 1 {
+                " at first, and over other numbers of them behind each upright line, whose two sides do not compare"
+            }
+            "; the lines across are over all " (run.frames) "."
         }
     }
 }
@@ -63,7 +83,7 @@ fn facts(run: &RunRecord) -> Markup {
         (
             "evaluations",
             format!(
-                "{} in {} generations, over {} frame(s) each; scores above are over {}",
+                "{} in {} generations, at last over {} frame(s); scores above are over {}",
                 run.evaluations, run.generations, run.search_frames, run.frames
             ),
         ),

@@ -13,6 +13,8 @@ pub struct Subject<'a> {
     pub scenes: &'a [SceneRecord],
     /// What the comparison is by.
     pub objective: &'a str,
+    /// Weather and faults that it holds for, as they are written.
+    pub conditions: &'a [String],
     /// The result in sentences, the first of which heads the page.
     pub verdict: String,
     /// What the page is about; `None` where a search found nothing.
@@ -30,6 +32,7 @@ impl<'a> Subject<'a> {
             scene: &run.scene,
             scenes: &run.scenes,
             objective: &run.objective,
+            conditions: &run.conditions,
             verdict: verdict(run.best.as_ref(), &run.baselines, &run.objective),
             result: run.best.as_ref(),
             baselines: &run.baselines,
@@ -37,7 +40,7 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// A placement that was given, by `objective`; `command` makes the page again.
+    /// A placement that was given, by `objective` in clear air; `command` makes the page again.
     pub fn given(
         scene: &'a str,
         scenes: &'a [SceneRecord],
@@ -47,7 +50,14 @@ impl<'a> Subject<'a> {
         command: String,
     ) -> Self {
         let verdict = judged(&result.placement.name, result, baselines, objective);
-        Self { scene, scenes, objective, verdict, result: Some(result), baselines, command }
+        let (conditions, result) = (&[][..], Some(result));
+        Self { scene, scenes, objective, conditions, verdict, result, baselines, command }
+    }
+
+    /// The same under weather and faults.
+    #[must_use]
+    pub fn under(self, conditions: &'a [String]) -> Self {
+        Self { conditions, ..self }
     }
 
     /// The best baseline that keeps all rules.

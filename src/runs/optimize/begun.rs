@@ -5,9 +5,11 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::request::NewRun;
-use crate::runs::Error;
-use crate::scan::conditions::Condition;
-use crate::search::{Choosing, Equipped, Settings, State};
+use crate::runs::given::Given;
+use crate::runs::inputs::check_distinct;
+use crate::runs::{Error, Watcher};
+use crate::scan::conditions::in_words;
+use crate::search::{Choosing, Equipped, Settings, State, Suite};
 use crate::vehicle::{MountRules, read_placements};
 
 /// Scenes and rules that a run was begun with.
@@ -85,6 +87,7 @@ impl Begun {
 impl NewRun {
     /// What is kept of the request beside the settings; `vehicle` is a file in place of what the scenes say.
     pub(super) fn begun(&self, vehicle: Option<&PathBuf>) -> Result<Begun, Error> {
+        check_distinct(&self.scenes)?;
         let absolute = |scene: &PathBuf| std::path::absolute(scene).map_err(Error::io(scene));
         let mut scenes = self.scenes.iter().map(absolute);
         let none = || Error::Usage("give a scene to search in".into());
@@ -96,7 +99,7 @@ impl NewRun {
             vehicle: vehicle.map(absolute).transpose()?,
             budget: self.budget,
             near_weight: self.near_weight,
-            conditions: self.conditions.iter().map(Condition::to_string).collect(),
+            conditions: in_words(&self.conditions),
             equipped: None,
         })
     }
@@ -105,6 +108,23 @@ impl NewRun {
     pub(super) fn wanted(&self) -> Result<Wanted, Error> {
         let (choosing, plainly) = (Choosing::default(), self.baselines.is_none());
         Ok(Wanted { choosing, settings: self.settings()?, plainly })
+    }
+
+    /// Looks at the placements of the request's files; what they break of the mount's rules stands in the result.
+    pub(super) fn look(
+        &self,
+        settings: &Settings,
+        suite: &Suite,
+        watcher: &dyn Watcher,
+    ) -> Result<(), Error> {
+        let Some(member) = suite.members().first() else { return Ok(()) };
+        let files = [(&self.baselines, &settings.baselines), (&self.inject, &settings.starts)];
+        for (file, placements) in files {
+            if let Some(file) = file {
+                Given::in_problem(file, member.problem(), watcher).ruled().all(placements)?;
+            }
+        }
+        Ok(())
     }
 
     /// The settings with the objective and the placements of the request.

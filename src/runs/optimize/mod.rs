@@ -18,11 +18,12 @@ use super::{Computing, Error, glb};
 use crate::export::GltfView;
 use crate::files::{Input, RunDir};
 use crate::near_field::weighted;
-use crate::problem::Problem;
+use crate::problem::{Content, Problem};
 use crate::report::RunRecord;
 use crate::scan::conditions::{Condition, ConditionError};
 use crate::scan::in_conditions;
 use crate::scene::Scene;
+use crate::score::Objective;
 use crate::search::{Event, Outcome, Run, SearchError, Suite, TimeLimit};
 use bars::Bars;
 use begun::{Begun, Course, Saved, Wanted};
@@ -60,6 +61,10 @@ pub fn optimize(
     };
     glb::check(request.gltf.as_deref(), begun.scenes().map(PathBuf::as_path))?;
     let mut opened = open(&begun, request.frames, computing)?;
+    if let (Start::New(new), Course::Equipping(wanted)) = (&request.start, &course) {
+        new.look(&wanted.settings, &opened.suite, computing.watcher)?;
+        check_value(&begun, &wanted.settings.objective, &opened.suite)?;
+    }
     computing.watcher.listen();
     let folder = match folder {
         Some(folder) => folder,
@@ -160,6 +165,22 @@ fn open_scene(
     Ok((scene, problem))
 }
 
+/// Checks that some placement can have a value.
+fn check_value(begun: &Begun, objective: &Objective, suite: &Suite) -> Result<(), Error> {
+    // What lacks a detection target is said by the search.
+    let exists = |content: &Content| {
+        objective.exists_in(content) || objective.needs_detection() && !content.has_detection()
+    };
+    if suite.members().iter().any(|member| exists(member.problem().content())) {
+        return Ok(());
+    }
+    Err(Error::Usage(format!(
+        "{}: nothing is uncertain in its P-SOG, so that no placement has a value of `{objective}`; give it frames in \
+         which something moves",
+        begun.scene.display()
+    )))
+}
+
 /// An error of the settings, with the scene that they do not fit.
 fn in_scene(error: SearchError, begun: &Begun) -> Error {
     let scenes: Vec<&PathBuf> = begun.scenes().collect();
@@ -207,11 +228,21 @@ impl Sitting<'_> {
         if record.best.is_some() || !self.computing.watcher.goes_on() {
             return Ok(());
         }
-        Err(Error::Usage(format!(
-            "{}: mount: no candidate kept its rules ({}); widen the mount or relax them",
-            self.begun.scene.display(),
-            record.constraints.join("; ")
-        )))
+        let scene = self.begun.scene.display();
+        let history = self.run.state().history();
+        let broken: u64 = history.iter().map(|record| record.infeasible as u64).sum();
+        let kept = history.last().map_or(0, |record| record.evaluations).saturating_sub(broken);
+        Err(Error::Usage(match kept {
+            0 => format!(
+                "{scene}: mount: no candidate kept its rules ({}); widen the mount or relax them",
+                record.constraints.join("; ")
+            ),
+            kept => format!(
+                "{scene}: mount: {kept} candidates kept its rules, but none has a value of `{}`: their beams reach \
+                 nothing in the region of interest that counts; move the mount, or allow other angles",
+                record.objective
+            ),
+        }))
     }
 
     /// Writes the result in the first scene where that is asked for.

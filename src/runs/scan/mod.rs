@@ -3,14 +3,16 @@
 mod gltf;
 mod request;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use serde::Serialize;
 
-use super::{Computing, Error, opening};
+use super::given::Given;
+use super::inputs::check_distinct;
+use super::{Computing, Error, Silent, Watcher, opening};
 use crate::engine::scanning_on;
 use crate::export::{Dataset, DatasetSettings, Input, SceneFacts, record};
 use crate::scan::{ScanError, Scanner, Stage};
@@ -55,12 +57,17 @@ pub fn scan(
 ) -> Result<Option<Vec<Scanned>>, Error> {
     let watcher = computing.watcher;
     watcher.listen();
+    check_distinct(&request.scenes)?;
     let placements = placements(&request.placements)?;
+    let (files_given, placements): (Vec<&Path>, Vec<Placement>) = placements.into_iter().unzip();
     let read = |path: &PathBuf| opening::read(path, computing.vehicle.as_deref(), watcher);
     let scenes = request.scenes.iter().map(read).collect::<Result<Vec<Scene>, Error>>()?;
     // All that may be wrong is found before anything is written.
-    for placement in &placements {
-        for scene in &scenes {
+    for (file, placement) in files_given.into_iter().zip(&placements) {
+        for (k, scene) in scenes.iter().enumerate() {
+            // Scenes of a data set share the vehicle: once is enough.
+            let watcher: &dyn Watcher = if k == 0 { watcher } else { &Silent };
+            Given::new(file, &scene.sensors()?, &scene.constraints(), watcher).all([placement])?;
             Scanner::check(scene, placement, &request.scanning)?;
         }
     }

@@ -1,11 +1,11 @@
 //! What scans are asked for, and what that makes of a data set.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
 use crate::export::{DatasetSettings, Input, Layout, SceneFacts, Splits};
-use crate::runs::inputs::named_placements;
+use crate::runs::inputs::{file_and_name, named_placements};
 use crate::runs::{Computing, Error};
 use crate::scan::Scanning;
 use crate::scan::conditions::Condition;
@@ -95,14 +95,15 @@ impl ScanRequest {
     }
 }
 
-/// All placements of files, or one by its name behind a colon.
-pub(super) fn placements(given: &[String]) -> Result<Vec<Placement>, Error> {
-    let mut found: Vec<Placement> = Vec::new();
+/// All placements of files, or one by its name behind a colon, each with its file.
+pub(super) fn placements(given: &[String]) -> Result<Vec<(&Path, Placement)>, Error> {
+    let mut found: Vec<(&Path, Placement)> = Vec::new();
     for text in given {
-        found.extend(named_placements(text)?);
+        let file = Path::new(file_and_name(text).0);
+        found.extend(named_placements(text)?.into_iter().map(|placement| (file, placement)));
     }
-    for (k, placement) in found.iter().enumerate() {
-        if found[..k].iter().any(|other| other.name == placement.name) {
+    for (k, (_, placement)) in found.iter().enumerate() {
+        if found[..k].iter().any(|(_, other)| other.name == placement.name) {
             let name = &placement.name;
             return Err(Error::Usage(format!(
                 "--placement: `{name}` comes twice, and each is to have a folder of its own; rename one"

@@ -63,6 +63,12 @@ fn opendrive(
     watcher: &dyn Watcher,
 ) -> Result<(), Error> {
     let name = file.to_string_lossy();
+    if file.is_dir() {
+        return Err(Error::Usage(format!(
+            "{name}: is a folder; say which set it holds, by --nuscenes --scene NAME or by --carla --poses FILE, or give \
+             the .xodr file in it"
+        )));
+    }
     if !matches!(name.rsplit('.').next(), Some("xodr" | "gz")) {
         return Err(Error::Usage(format!(
             "{name}: is of no format that is imported; give an OpenDRIVE file with the ending .xodr"

@@ -13,8 +13,10 @@ use crate::files::{shared_folder, writable_file};
 use crate::near_field::{FEW_PLACEMENTS, NearSite, self_hits};
 use crate::problem::Problem;
 use crate::report;
+use crate::runs::given::Given;
 use crate::runs::opening::{self, LoadTimes, Suited, timings};
 use crate::runs::{Computing, Error};
+use crate::scan::conditions::{in_words, under};
 use crate::scene::Scene;
 use crate::score::Scores;
 use crate::search::{Evaluator, Judged, Member, Suite};
@@ -38,8 +40,10 @@ pub(super) fn score(
         let inputs = scenes.iter().flat_map(|scene| scene.files()).map(PathBuf::as_path);
         writable_file(file, inputs.chain([placements]))?;
     }
-    let placements = read(placements)?;
-    let mut batch = Batch { evaluator, times, start, judged: Vec::new() };
+    let (file, placements) = (placements, read(placements)?);
+    Given::in_problem(file, evaluator.problem(), computing.watcher).all(&placements)?;
+    let conditions = in_words(&request.conditions);
+    let mut batch = Batch { evaluator, times, start, conditions, judged: Vec::new() };
     let bar = computing.watcher.bar(placements.len() as u64, Some("placements"));
     for block in placements.chunks(BLOCK) {
         batch.judged.extend(batch.evaluator.judged(block)?);
@@ -92,6 +96,8 @@ struct Batch {
     evaluator: Evaluator,
     times: LoadTimes,
     start: Instant,
+    /// Weather and faults, as they are written.
+    conditions: Vec<String>,
     judged: Vec<Judged>,
 }
 
@@ -156,11 +162,12 @@ impl Batch {
         for (index, member) in self.members() {
             let problem = member.problem();
             text += &format!(
-                "{}: {} over {} frame(s), {} a LiDAR\n",
+                "{}: {} over {} frame(s), {} a LiDAR{}\n",
                 member.name(),
                 problem.coverage(),
                 problem.frame_count(),
-                problem.sensors().beams_in_words()
+                problem.sensors().beams_in_words(),
+                under(&self.conditions)
             );
             let scores: Vec<Scores> = self.of_scene(index).into_iter().cloned().collect();
             text += &format!("{}\n", report::scores_text(&scores));
@@ -191,6 +198,9 @@ impl Batch {
                 // Loading and the whole are those of all scenes together.
                 "timings": timings(self.times, stages, self.start),
             });
+            if !self.conditions.is_empty() {
+                scene["conditions"] = json!(self.conditions);
+            }
             if !engine.changes().is_empty() {
                 scene["backend_changes"] = json!(engine.changes());
             }

@@ -14,8 +14,10 @@ use super::request::{BLOCK, ScoreRequest, write_coverage, write_out};
 use crate::files::{LinePerElement, shared_folder, writable_file};
 use crate::near_field::{FEW_PLACEMENTS, NearSite, add_self_hits, weighted};
 use crate::report;
+use crate::runs::given::Given;
 use crate::runs::opening::{self, LoadTimes, Loaded, timings};
 use crate::runs::{Bar, Computing, Error, Watcher};
+use crate::scan::conditions::{in_words, under};
 use crate::scene::Scene;
 use crate::score::Scores;
 use crate::search::Evaluator;
@@ -59,9 +61,11 @@ pub(super) fn score(
         let near = request.near_field.then(site).transpose()?;
         let (scene, watcher) = (&scene, computing.watcher);
         let (count, bar) = (0, Some(bar));
+        let given = Given::in_problem(placements, evaluator.problem(), watcher);
         let mut scoring = Scoring {
             request,
             scene,
+            given,
             evaluator,
             near,
             reader,
@@ -80,6 +84,7 @@ pub(super) fn score(
 struct Scoring<'a> {
     request: &'a ScoreRequest,
     scene: &'a Scene,
+    given: Given<'a>,
     evaluator: Evaluator,
     /// Where the near field is asked for.
     near: Option<NearSite>,
@@ -104,6 +109,8 @@ impl Scoring<'_> {
             return Ok(None);
         }
         let block: Result<Vec<Placement>, _> = self.reader.by_ref().take(BLOCK).collect();
+        let looked = |block: Vec<Placement>| self.given.look(&block).map(|()| block);
+        let block = block.map_err(Error::from).and_then(looked);
         if block.is_err() && self.count > 0 && self.request.out.is_none() {
             // Of a stream only: a file was read to its end before.
             let count = self.count;
@@ -139,6 +146,7 @@ impl Scoring<'_> {
 
     /// Says how fast it was.
     fn note_rate(&self) {
+        self.given.finish();
         let seconds = self.start.elapsed().as_secs_f64() - self.times.load - self.times.build;
         let (count, frames) = (self.count, self.evaluator.problem().frame_count() as u64);
         self.watcher.note(&format!(
@@ -173,7 +181,8 @@ fn write_text(
     let problem = scoring.evaluator.problem();
     let (frames, beams) = (problem.frame_count(), problem.sensors().beams_in_words());
     let coverage = problem.coverage();
-    writeln!(out, "{scene}: {coverage} over {frames} frame(s), {beams} a LiDAR")
+    let under = under(&in_words(&scoring.request.conditions));
+    writeln!(out, "{scene}: {coverage} over {frames} frame(s), {beams} a LiDAR{under}")
         .and_then(|()| write!(out, "{}", report::scores_text(&first)))
         .map_err(Error::io(path))?;
     while let Some(block) = scoring.next()? {
@@ -193,7 +202,7 @@ fn write_json(
     out: &mut dyn Write,
 ) -> Result<(), Error> {
     let problem = scoring.evaluator.problem();
-    let head = json!({
+    let mut head = json!({
         "scene": scene,
         "backend": scoring.evaluator.backend().name(),
         "adapter": scoring.evaluator.backend().adapter(),
@@ -202,6 +211,9 @@ fn write_json(
         "modelled": problem.modelled(),
         "threads": rayon::current_num_threads(),
     });
+    if !scoring.request.conditions.is_empty() {
+        head["conditions"] = json!(in_words(&scoring.request.conditions));
+    }
     let stream = ScoreStream { scoring: RefCell::new(scoring), first, failed: RefCell::default() };
     let written = stream.write(&head, out);
     match (stream.failed.into_inner(), written) {

@@ -43,6 +43,19 @@ pub struct Weather {
     pub echo: Option<IncompleteEcho>,
 }
 
+/// Conditions as they are written, one after the other.
+pub fn in_words(conditions: &[Condition]) -> Vec<String> {
+    conditions.iter().map(Condition::to_string).collect()
+}
+
+/// Conditions in words, behind those for what was computed under them; nothing in clear air.
+pub fn under(conditions: &[String]) -> String {
+    match conditions {
+        [] => String::new(),
+        all => format!(", under {}", all.join(" and ")),
+    }
+}
+
 /// Parts conditions into those that act on beams and those that change the finished scan, in the order given.
 ///
 /// # Errors
