@@ -28,7 +28,7 @@ pub fn audit_scenes(
     computing: &Computing<'_>,
     mut each: impl FnMut(&Audit) -> Result<(), Error>,
 ) -> Result<Vec<Audit>, Error> {
-    let Files { scenes, placements } = Files::sort(&request.files)?;
+    let Files { scenes, placements } = Files::sort(&request.files, computing.watcher)?;
     let honest = match &placements {
         Some(path) => read_placements(path)?,
         None => table_7(),

@@ -10,7 +10,6 @@ use super::given::Given;
 use super::inputs::Files;
 use super::{Bar, Computing, Error, Watcher, opening};
 use crate::chart::{Chart, ChartObserver, ChartSettings, ChartState, chart};
-use crate::engine::EngineChoice;
 use crate::files::{Input, RunDir};
 use crate::report::chart::fidelity_svg;
 use crate::report::chart_table::{ChartFrame, fidelity_csv};
@@ -64,7 +63,7 @@ pub fn chart_scenes(
 ) -> Result<(usize, Vec<Charted>), Error> {
     let watcher = computing.watcher;
     watcher.listen();
-    let begun = begun(request, &computing.engine)?;
+    let begun = begun(request, computing)?;
     let (count, mut charts) = (begun.len(), Vec::new());
     for begun in begun {
         let found = of_scene(begun, request.tolerance, computing)?;
@@ -106,13 +105,13 @@ struct Begun {
 }
 
 /// The charts that are asked for, one a scene.
-fn begun(request: &ChartRequest, engine: &EngineChoice) -> Result<Vec<Begun>, Error> {
+fn begun(request: &ChartRequest, computing: &Computing<'_>) -> Result<Vec<Begun>, Error> {
     if let Some(folder) = &request.resume {
         let (dir, saved) = RunDir::<Saved>::resume("chart", folder)?;
         let (resumed, out, name, placements) = (Some(dir), None, String::new(), None);
         return Ok(vec![Begun { saved, resumed, out, name, placements }]);
     }
-    let Files { scenes, placements } = Files::sort(&request.files)?;
+    let Files { scenes, placements } = Files::sort(&request.files, computing.watcher)?;
     let settings = ChartSettings {
         given: match &placements {
             Some(file) => read_placements(file)?,
@@ -123,7 +122,7 @@ fn begun(request: &ChartRequest, engine: &EngineChoice) -> Result<Vec<Begun>, Er
         finest: request.finest,
         quick: request.quick,
         seed: request.seed,
-        engine: engine.clone(),
+        engine: computing.engine.clone(),
     };
     let stem = |scene: &PathBuf| scene.file_stem().unwrap_or_default().to_string_lossy().into();
     let names = numbered(scenes.iter().map(stem));

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::Error;
+use super::{Error, Watcher};
 use crate::vehicle::placement_file::holds_placements;
 use crate::vehicle::{Placement, read_placements};
 
@@ -19,8 +19,8 @@ impl Files {
     /// `{"placements": [ … ]}`; all others are scenes.
     ///
     /// # Errors
-    /// Two files of placements, placements without a scene, or a scene that is given twice.
-    pub fn sort(files: &[PathBuf]) -> Result<Self, Error> {
+    /// Two files of placements, or placements without a scene.
+    pub fn sort(files: &[PathBuf], watcher: &dyn Watcher) -> Result<Self, Error> {
         let (placements, scenes): (Vec<PathBuf>, Vec<PathBuf>) =
             files.iter().cloned().partition(|file| holds_placements(file));
         if let [first, second, ..] = &placements[..] {
@@ -36,7 +36,7 @@ impl Files {
                 only.display()
             )));
         }
-        check_distinct(&scenes)?;
+        note_repeated(&scenes, watcher);
         Ok(Self { scenes, placements: placements.into_iter().next() })
     }
 
@@ -45,8 +45,11 @@ impl Files {
     ///
     /// # Errors
     /// As of [`Self::sort`], and a single file.
-    pub fn with_placements(files: &[PathBuf]) -> Result<(Vec<PathBuf>, PathBuf), Error> {
-        let Self { mut scenes, placements } = Self::sort(files)?;
+    pub fn with_placements(
+        files: &[PathBuf],
+        watcher: &dyn Watcher,
+    ) -> Result<(Vec<PathBuf>, PathBuf), Error> {
+        let Self { mut scenes, placements } = Self::sort(files, watcher)?;
         let placements = placements.or_else(|| scenes.pop());
         match (placements, scenes.is_empty()) {
             (Some(placements), false) => Ok((scenes, placements)),
@@ -58,26 +61,26 @@ impl Files {
     }
 }
 
-/// Checks that each scene is given once: it would count twice, and a spread over scenes would be too narrow.
-///
-/// # Errors
-/// Two paths of one file.
-pub fn check_distinct(scenes: &[PathBuf]) -> Result<(), Error> {
+/// The first scene whose file was given before, in words.
+pub fn repeated(scenes: &[PathBuf]) -> Option<String> {
     let file = |path: &PathBuf| std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
-    for (k, scene) in scenes.iter().enumerate() {
-        let mut before = scenes[..k].iter();
-        if let Some(first) = before.find(|other| file(other) == file(scene)) {
-            let what = match first == scene {
-                true => "is given twice".to_owned(),
-                false => format!("is the same file as {}", first.display()),
-            };
-            return Err(Error::Usage(format!(
-                "{}: {what}, and a scene counts once; leave it out",
-                scene.display()
-            )));
-        }
+    scenes.iter().enumerate().find_map(|(k, scene)| {
+        let first = scenes[..k].iter().find(|other| file(other) == file(scene))?;
+        let what = match first == scene {
+            true => "is given twice".to_owned(),
+            false => format!("is the same file as {}", first.display()),
+        };
+        Some(format!("{}: {what}", scene.display()))
+    })
+}
+
+/// Notes that a scene is given twice: a mean may weigh it so, but a spread over scenes is then too narrow.
+pub fn note_repeated(scenes: &[PathBuf], watcher: &dyn Watcher) {
+    if let Some(what) = repeated(scenes) {
+        watcher.note(&format!(
+            "{what} and counts twice in means; spreads over scenes then look narrower than they are"
+        ));
     }
-    Ok(())
 }
 
 /// A file of placements, and the name behind its colon if there is one.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::inputs::check_distinct;
+use super::inputs::note_repeated;
 use super::{Bar, Computing, Error, Watcher, opening};
 use crate::files::{Input, RunDir, holds_run};
 use crate::psog::Psog;
@@ -55,7 +55,7 @@ pub fn study_scenes(
     computing: &Computing<'_>,
     mut each: impl FnMut(&Table, &Path) -> Result<(), Error>,
 ) -> Result<Vec<Table>, Error> {
-    check_distinct(&request.scenes)?;
+    note_repeated(&request.scenes, computing.watcher);
     let settings = settings(request, computing)?;
     computing.watcher.listen();
     // What needs several scenes looks at them together; all other kinds at one after the other.

@@ -68,7 +68,7 @@ pub fn verify_scenes(
                 .to_owned(),
         ));
     }
-    let Files { scenes, placements } = Files::sort(&request.files)?;
+    let Files { scenes, placements } = Files::sort(&request.files, computing.watcher)?;
     let read = match &placements {
         Some(path) if request.random.or(request.hostile).is_some() => {
             return Err(Error::Usage(format!(

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::given::Given;
-use super::inputs::{check_distinct, file_and_name, named_placements};
+use super::inputs::{file_and_name, named_placements, note_repeated};
 use super::opening::{self, Suited};
 use super::own_body::add_self_hits;
 use super::{Computing, Error};
@@ -46,7 +46,7 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Erro
     let rivals = request.baselines.iter().map(|text| read(text));
     let rivals = rivals.collect::<Result<Vec<_>, Error>>()?;
     let paths: Vec<PathBuf> = scenes.iter().map(PathBuf::from).collect();
-    check_distinct(&paths)?;
+    note_repeated(&paths, computing.watcher);
     let mut suited = opening::suite(&paths, None, &request.conditions, computing)?;
     let problem = suited.evaluator.problem();
     let look = |file: &str| Given::in_problem(Path::new(file), problem, computing.watcher);

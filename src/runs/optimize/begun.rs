@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 
 use super::request::NewRun;
 use crate::runs::given::Given;
-use crate::runs::inputs::check_distinct;
 use crate::runs::{Error, Watcher};
 use crate::scan::conditions::in_words;
 use crate::search::{Choosing, Equipped, Settings, State, Suite};
@@ -87,7 +86,6 @@ impl Begun {
 impl NewRun {
     /// What is kept of the request beside the settings; `vehicle` is a file in place of what the scenes say.
     pub(super) fn begun(&self, vehicle: Option<&PathBuf>) -> Result<Begun, Error> {
-        check_distinct(&self.scenes)?;
         let absolute = |scene: &PathBuf| std::path::absolute(scene).map_err(Error::io(scene));
         let mut scenes = self.scenes.iter().map(absolute);
         let none = || Error::Usage("give a scene to search in".into());

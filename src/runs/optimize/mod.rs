@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 
 pub use request::{NewRun, OptimizeRequest, Start};
 
+use super::inputs::note_repeated;
 use super::opening::{self, LoadTimes};
 use super::{Computing, Error, glb};
 use crate::export::GltfView;
@@ -54,6 +55,7 @@ pub fn optimize(
             (Some(folder), saved.begun, saved.course, None)
         }
         Start::New(new) => {
+            note_repeated(&new.scenes, computing.watcher);
             let begun = new.begun(computing.vehicle.as_ref())?;
             let course = Course::Equipping(Box::new(new.wanted()?));
             (None, begun, course, new.out.as_deref())

@@ -11,7 +11,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::given::Given;
-use super::inputs::check_distinct;
+use super::inputs::repeated;
 use super::{Computing, Error, Silent, Watcher, opening};
 use crate::engine::scanning_on;
 use crate::export::{Dataset, DatasetSettings, Input, SceneFacts, record};
@@ -57,7 +57,11 @@ pub fn scan(
 ) -> Result<Option<Vec<Scanned>>, Error> {
     let watcher = computing.watcher;
     watcher.listen();
-    check_distinct(&request.scenes)?;
+    if let Some(what) = repeated(&request.scenes) {
+        return Err(Error::Usage(format!(
+            "{what}, and a data set has each scene once; leave it out"
+        )));
+    }
     let placements = placements(&request.placements)?;
     let (files_given, placements): (Vec<&Path>, Vec<Placement>) = placements.into_iter().unzip();
     let read = |path: &PathBuf| opening::read(path, computing.vehicle.as_deref(), watcher);

@@ -24,7 +24,7 @@ pub fn score(
     out: &mut dyn Write,
 ) -> Result<(), Error> {
     let start = Instant::now();
-    let (scenes, placements) = Files::with_placements(&request.files)?;
+    let (scenes, placements) = Files::with_placements(&request.files, computing.watcher)?;
     // Everything that can be wrong is found before the first score is computed or printed; a pipe can
     // be read only once.
     let is_file = placements != Path::new("-") && placements.is_file();
