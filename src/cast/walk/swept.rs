@@ -69,8 +69,9 @@ per_target! {
         let Swept { grid, window, eye, tree, .. } = swept;
         boxes(grid, window, eye, &tree.nodes[0], &mut work.rects);
         let Some(root) = around(&work.rects) else { return };
-        if usize::from(root.columns[1] - root.columns[0]) + 1 == window.columns {
-            // What is seen by all columns is met by most beams: in the order in which they lie in memory.
+        let across = |[first, last]: [u16; 2]| usize::from(last - first) + 1;
+        if across(root.columns) == window.columns && across(root.rows) == swept.channels.len() {
+            // What all beams see is met by most: they are turned in the order in which they lie in memory.
             aim_all(swept, work);
         }
         work.stack[0] = root;
