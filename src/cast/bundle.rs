@@ -100,15 +100,15 @@ pub(crate) fn closer_hits_of_bundle<'a, const N: usize>(
 }
 
 /// Whether rays of one origin all hit one triangle of a tree.
-pub(crate) fn all_hit<const N: usize>(
+pub(crate) fn all_hit(
     tree: &Bvh,
     pose: &DevicePose,
-    directions: &[[f32; 3]; N],
+    mut directions: impl Iterator<Item = [f32; 3]>,
     triangle: &Triangle,
     range: f32,
 ) -> bool {
     let origin = beam_origin(pose);
-    directions.iter().all(|&direction| {
+    directions.all(|direction| {
         let ray = Ray::new(origin, beam_direction(pose, direction), range);
         let mut hit = Hit::none(range);
         ray.intersect(triangle, tree.pad, 0, &mut hit);

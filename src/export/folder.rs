@@ -1,7 +1,7 @@
 //! The folder of a data set: files that come into it whole, records of frames, what stands in it.
 
 use std::fs::{DirEntry, File};
-use std::io::{BufReader, BufWriter, Seek, SeekFrom, Write};
+use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -18,6 +18,9 @@ pub(super) const INCOMPLETE: &str = "INCOMPLETE.txt";
 pub(super) const HIDDEN: &str = ".sightline";
 /// Names of files that are being written begin so.
 const BEGUN: &str = ".tmp";
+
+/// Bytes that are put together before they are written: arrays of clouds are longer, and are not copied.
+const BUFFER: usize = 1 << 14;
 
 /// Folder of a data set.
 pub(super) struct Folder {
@@ -86,7 +89,7 @@ impl Folder {
             builder.permissions(std::fs::Permissions::from_mode(0o666));
         }
         let file = builder.tempfile_in(&hidden).map_err(ExportError::io(&place))?;
-        Ok(Staged { out: BufWriter::with_capacity(1 << 18, file), place, name: name.to_owned() })
+        Ok(Staged { out: BufWriter::with_capacity(BUFFER, file), place, name: name.to_owned() })
     }
 
     /// Writes a file of records of any kind.
@@ -139,8 +142,8 @@ impl Folder {
     /// The record of a frame.
     pub fn record(&self, scene: usize, frame: usize) -> Result<FrameRecord, ExportError> {
         let path = self.root.join(Self::record_name(scene, frame));
-        let file = File::open(&path).map_err(ExportError::io(&path))?;
-        serde_json::from_reader(BufReader::new(file)).map_err(ExportError::json(&path))
+        let text = std::fs::read(&path).map_err(ExportError::io(&path))?;
+        serde_json::from_slice(&text).map_err(ExportError::json(&path))
     }
 
     /// Checks that the disk holds `need` more bytes, where the system says what is free.

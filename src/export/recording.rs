@@ -1,6 +1,6 @@
 //! From a scanner to a data set: several frames at the same time, as many in memory as there are threads.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
@@ -21,19 +21,24 @@ pub fn record(
     watch: impl Fn(&Scan) -> bool + Sync,
 ) -> Result<bool, ExportError> {
     let frames: Vec<usize> = dataset.missing_of(scene);
-    let stopped = AtomicBool::new(false);
-    for together in frames.chunks(rayon::current_num_threads().max(1)) {
-        together.par_iter().try_for_each(|&frame| {
+    let (next, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
+    // Each takes the next frame as soon as its own is written, so that none waits for another's files.
+    let takers = (0..rayon::current_num_threads().max(1)).into_par_iter().with_max_len(1);
+    takers.try_for_each(|_| {
+        while !stopped.load(Ordering::Relaxed)
+            && let Some(&frame) = frames.get(next.fetch_add(1, Ordering::Relaxed))
+        {
             let scan = scanner.scan(frame);
-            dataset.write(scene, &scan)?;
-            if !watch(&scan) {
+            let written = dataset.write(scene, &scan);
+            if written.is_err() || !watch(&scan) {
                 stopped.store(true, Ordering::Relaxed);
             }
-            Ok::<(), ExportError>(())
-        })?;
-        if stopped.load(Ordering::Relaxed) {
-            return Ok(dataset.missing_of(scene).is_empty());
+            written?;
         }
+        Ok::<(), ExportError>(())
+    })?;
+    match stopped.into_inner() {
+        true => Ok(dataset.missing_of(scene).is_empty()),
+        false => Ok(true),
     }
-    Ok(true)
 }

@@ -1,6 +1,7 @@
 //! In which order the beams of a sensor fire, and which of them lie side by side.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use crate::vehicle::BeamTable;
 
@@ -90,43 +91,43 @@ impl Fires {
         })
     }
 
-    /// Beams in the order of the table.
-    pub fn in_order(&self, beams: std::ops::Range<usize>) -> impl Iterator<Item = Place> + use<> {
-        let Self { columns, channels, size, azimuths, .. } = *self;
-        let (mut channel, mut column) = (beams.start / columns, beams.start % columns);
-        beams.map(move |beam| {
+    /// Beams of a channel in some columns, one after the other.
+    pub fn in_row(
+        &self,
+        channel: usize,
+        columns: Range<usize>,
+    ) -> impl Iterator<Item = Place> + use<> {
+        let Self { columns: all, channels, size, azimuths, .. } = *self;
+        columns.map(move |column| {
+            let beam = channel * all + column;
             let (firing, fired) = match azimuths {
                 Some(_) => (column, column * channels + channel),
                 None => (beam / size, beam),
             };
-            let place = Place { beam, channel, column, firing, fired };
-            column += 1;
-            if column == columns {
-                (channel, column) = (channel + 1, 0);
-            }
-            place
+            Place { beam, channel, column, firing, fired }
         })
     }
 
-    /// Beams beside a beam in azimuth and in elevation, by their numbers in the order in which they fire.
-    pub fn beside(&self, place: &Place) -> impl Iterator<Item = usize> + use<> {
+    /// Beams beside a beam in azimuth and in elevation, by their numbers in the order in which they fire; the beam
+    /// itself where there is none.
+    pub fn beside(&self, place: &Place) -> [usize; 4] {
         let Self { columns, channels, turns, .. } = *self;
         let Place { channel, column, fired, .. } = *place;
-        let round = (columns - 1) * channels;
-        let left = if column > 0 { Some(fired - channels) } else { turns.then(|| fired + round) };
-        let right = match column + 1 < columns {
-            true => Some(fired + channels),
-            false => turns.then(|| fired - round),
-        };
-        let above = (channel + 1 < channels).then(|| fired + 1);
-        let below = (channel > 0).then(|| fired - 1);
-        [left, right, above, below].into_iter().flatten()
+        let round = if turns { (columns - 1) * channels } else { 0 };
+        let left = if column > 0 { fired - channels } else { fired + round };
+        let right = if column + 1 < columns { fired + channels } else { fired - round };
+        let above = if channel + 1 < channels { fired + 1 } else { fired };
+        let below = if channel > 0 { fired - 1 } else { fired };
+        [left, right, above, below]
     }
 
-    /// Azimuth of a firing in radians and how far its beams lie beside it; all around of a list of directions.
-    pub fn azimuth(&self, firing: usize) -> (f64, f64) {
-        self.azimuths.map_or((0.0, TAU), |Azimuths { start, step, wide }| {
-            (start + firing as f64 * step, wide)
-        })
+    /// Azimuth of a firing in radians; none in particular of a list of directions.
+    pub fn azimuth(&self, firing: usize) -> f64 {
+        self.azimuths.map_or(0.0, |Azimuths { start, step, .. }| start + firing as f64 * step)
+    }
+
+    /// Farthest that a beam lies beside the azimuth of its firing, in radians.
+    pub fn wide(&self) -> f64 {
+        self.azimuths.map_or(TAU, |Azimuths { wide, .. }| wide)
     }
 }

@@ -9,7 +9,6 @@ use super::fires::Place;
 use super::optics::{Optics, is_seen};
 use super::rays::{RAYS, ray_share};
 use super::rim::Rims;
-use super::stage::Stage;
 use super::station::Surface;
 use super::sweep::{Sweep, Sweeper};
 use super::{NO_CLASS, NO_INSTANCE, Return, Status};
@@ -21,7 +20,6 @@ const MOST_NOISE: f64 = 3.0;
 
 /// What receives the echoes of a LiDAR in a frame.
 pub(super) struct Receiver<'a> {
-    pub stage: &'a Stage,
     pub sweeper: &'a Sweeper,
     pub sweep: &'a Sweep,
     /// None of beams without width.
@@ -46,7 +44,7 @@ impl Receiver<'_> {
             let echo = Echo { range: f64::from(surface.t), power: 0.0, ray: Some(0), status };
             return report(self.record(beam, &[surface], &echo, echo.range, intensity));
         }
-        let rays = self.rims.and_then(|rims| rims.rays(self.sweeper, self.stage, self.sweep, beam));
+        let rays = self.rims.and_then(|rims| rims.rays(beam));
         let rays = rays.as_ref().map_or(std::slice::from_ref(&surface), |rays| &rays[..]);
         let number = beam.beam as u32;
         let chance = Chance::new(self.seed, self.frame as u32, u32::from(self.lidar), number);

@@ -144,10 +144,9 @@ impl Scan {
 
     /// Counts the points in every box anew.
     pub fn count_points(&mut self) {
-        let mut points: [Vec<f32>; 3] = [(); 3].map(|()| Vec::with_capacity(self.returns.len()));
-        for beam in self.returns.iter().filter(|beam| beam.status.is_point()) {
-            points.iter_mut().zip(beam.position).for_each(|(all, number)| all.push(number));
-        }
+        let mut points = Vec::with_capacity(self.returns.len());
+        points.extend(self.points().map(|beam| beam.position));
+        let clusters: Vec<Cluster<'_>> = points.chunks(TOGETHER).map(Cluster::new).collect();
         self.boxes.par_iter_mut().for_each(|tracked| {
             let box_from_ego = tracked.ego_from_box.inverse();
             let half = tracked.size / 2.0;
@@ -157,28 +156,45 @@ impl Scan {
             };
             // What lies outside of the sphere around the box need not be turned.
             let reach = (tracked.size.length() / 2.0 + 1e-3) as f32;
-            let near = near(&points, tracked.ego_from_box.translation.as_vec3().to_array(), reach);
-            tracked.points = near.filter(inside).count() as u32;
+            let middle = tracked.ego_from_box.translation.as_vec3().to_array();
+            let clusters = clusters.iter().filter(|cluster| cluster.is_within(reach, middle));
+            let near = clusters.flat_map(|cluster| cluster.points).filter(|&&[x, y, z]| {
+                let (x, y, z) = (x - middle[0], y - middle[1], z - middle[2]);
+                x * x + y * y + z * z <= reach * reach
+            });
+            tracked.points = near.filter(|point| inside(point)).count() as u32;
         });
     }
 }
 
-/// Points, by axis, that lie within `reach` of a place; looked for many at a time.
-fn near(
-    [x, y, z]: &[Vec<f32>; 3],
-    [at_x, at_y, at_z]: [f32; 3],
-    reach: f32,
-) -> impl Iterator<Item = [f32; 3]> {
-    const TOGETHER: usize = 64;
-    let chunks = x.chunks(TOGETHER).zip(y.chunks(TOGETHER)).zip(z.chunks(TOGETHER));
-    chunks.flat_map(move |((x, y), z)| {
-        let mut is_near = [false; TOGETHER];
-        for (((near, x), y), z) in is_near.iter_mut().zip(x).zip(y).zip(z) {
-            let (x, y, z) = (x - at_x, y - at_y, z - at_z);
-            *near = x * x + y * y + z * z <= reach * reach;
+/// Points of a cluster.
+const TOGETHER: usize = 32;
+
+/// Points that follow one another: most lie side by side.
+struct Cluster<'a> {
+    points: &'a [[f32; 3]],
+    low: [f32; 3],
+    high: [f32; 3],
+}
+
+impl<'a> Cluster<'a> {
+    fn new(points: &'a [[f32; 3]]) -> Self {
+        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        for point in points {
+            for axis in 0..3 {
+                (low[axis], high[axis]) = (low[axis].min(point[axis]), high[axis].max(point[axis]));
+            }
         }
-        let any = is_near != [false; TOGETHER];
-        let those = (0..if any { x.len() } else { 0 }).filter(move |&k| is_near[k]);
-        those.map(move |k| [x[k], y[k], z[k]])
-    })
+        Self { points, low, high }
+    }
+
+    /// Whether its box comes as near to a place as `reach`.
+    fn is_within(&self, reach: f32, place: [f32; 3]) -> bool {
+        let beside = |axis: usize| {
+            let place = place[axis];
+            (self.low[axis] - place).max(place - self.high[axis]).max(0.0)
+        };
+        let [x, y, z] = [0, 1, 2].map(beside);
+        x * x + y * y + z * z <= reach * reach
+    }
 }

@@ -1,16 +1,14 @@
 //! The rims of beams, where a beam is wider than the line in its middle.
 
-use std::borrow::Cow;
-
 use rayon::prelude::*;
 
 use super::device::Device;
 use super::fires::Place;
 use super::rays::{RAYS, RING, lane, ring};
 use super::stage::Stage;
-use super::station::{Edge, Surface};
+use super::station::{Edge, Faces, Surface};
 use super::sweep::{COLUMNS_A_TASK, Sweep, Sweeper};
-use crate::bvh::{Hit, NO_HIT};
+use crate::bvh::Hit;
 use crate::cast::{Left, Target, all_hit, closer_hits_of_bundle};
 
 /// A beam whose middle is enough.
@@ -18,55 +16,60 @@ const NONE: u32 = u32::MAX;
 
 /// What the rims of beams meet in a frame.
 pub(super) struct Rims<'r> {
+    turn: Turn<'r>,
+    /// None where the sweep knows the rims of all beams.
+    cast: Option<Cast>,
+}
+
+/// Rims that were cast by themselves.
+struct Cast {
     /// Of each beam, in the order in which they fire, its place among the hits, or [`NONE`].
     places: Vec<u32>,
-    hits: Cow<'r, [[Hit; RING]]>,
+    hits: Vec<[Hit; RING]>,
 }
 
 impl<'r> Rims<'r> {
     /// What the rims of those beams meet whose middles are not enough: that see an edge, but for those that
     /// see nothing nearer beside it and meet one triangle with all of their rays. None where beams have no width.
     pub fn meet(
-        sweeper: &Sweeper,
-        stage: &Stage,
-        device: &Device,
+        sweeper: &'r Sweeper,
+        stage: &'r Stage,
+        device: &'r Device,
         sweep: &'r Sweep,
     ) -> Option<Self> {
         if sweeper.width <= 0.0 {
             return None;
         }
         let turn = Turn { sweeper, stage, device, sweep };
-        let all = (0..sweeper.fires.firings()).into_par_iter().with_min_len(COLUMNS_A_TASK);
-        let wanted = |firing| sweeper.fires.together(firing).filter(|place| turn.wants(place));
-        let wanted: Vec<Place> = all.flat_map_iter(wanted).collect();
-        let mut places = vec![NONE; sweep.surfaces.len()];
-        if let Some(hits) = &sweep.rims {
-            wanted.iter().for_each(|place| places[place.fired] = place.fired as u32);
-            return Some(Self { places, hits: hits.into() });
+        let cast = sweep.rims.is_none().then(|| {
+            let all = (0..sweeper.fires.firings()).into_par_iter().with_min_len(COLUMNS_A_TASK);
+            let wanted = |firing| sweeper.fires.together(firing).filter(|place| turn.wants(place));
+            let wanted: Vec<Place> = all.flat_map_iter(wanted).collect();
+            let mut places = vec![NONE; sweep.surfaces.len()];
+            wanted.iter().zip(0..).for_each(|(place, at)| places[place.fired] = at);
+            Cast { places, hits: turn.cast(&wanted) }
+        });
+        Some(Self { turn, cast })
+    }
+
+    /// What the rim of a beam meets; none where the middle is enough.
+    fn hits(&self, place: &Place) -> Option<&[Hit; RING]> {
+        match (&self.cast, &self.turn.sweep.rims) {
+            (Some(Cast { places, hits }), _) => hits.get(places[place.fired] as usize),
+            (None, Some(rims)) => self.turn.wants(place).then(|| &rims[place.fired]),
+            (None, None) => None,
         }
-        wanted.iter().zip(0..).for_each(|(place, at)| places[place.fired] = at);
-        Some(Self { places, hits: turn.cast(&wanted).into() })
     }
 
     /// What the rays of a beam meet, the middle one as it is known; none where the middle is enough.
-    pub fn rays(
-        &self,
-        sweeper: &Sweeper,
-        stage: &Stage,
-        sweep: &Sweep,
-        place: &Place,
-    ) -> Option<[Surface; RAYS]> {
-        let hits = self.hits.get(self.places[place.fired] as usize)?;
+    pub fn rays(&self, place: &Place) -> Option<[Surface; RAYS]> {
+        let hits = self.hits(place)?;
+        let Turn { sweeper, stage, sweep, .. } = self.turn;
         let rays = &sweeper.rays[place.fired];
-        let station = sweep.station(place.firing);
+        let mut faces = Faces::new(sweep.station(place.firing), stage);
         let mut surfaces = [sweep.surfaces[place.fired]; RAYS];
-        // Most neighbours on the rim hit the same face.
-        let mut last = (NO_HIT, None);
         for (k, hit) in hits.iter().enumerate() {
-            if hit.prim != last.0 {
-                last = (hit.prim, station.face(stage, hit));
-            }
-            surfaces[k + 1] = match &last.1 {
+            surfaces[k + 1] = match faces.of(hit) {
                 Some(face) => face.met(lane(rays, k + 1), hit).0,
                 None => Surface::none(hit.t),
             };
@@ -124,9 +127,13 @@ impl Turn<'_> {
         if edge != Edge::InFront || !own.is_hit() {
             return edge != Edge::None;
         }
-        if let Some(rims) = &sweep.rims
-            && rims[place.fired].iter().all(|hit| hit.prim == own.prim)
-        {
+        // Rays that are known to hit the triangle need not be asked again.
+        let knows = |ray: usize| match &sweep.rims {
+            Some(rims) => ray == 0 || rims[place.fired][ray - 1].prim == own.prim,
+            None => false,
+        };
+        let mut unsure = (0..RAYS).filter(|&ray| !knows(ray)).peekable();
+        if unsure.peek().is_none() {
             return false;
         }
         let Some((tree, pose)) = sweep.station(place.firing).tree_of(stage, own.prim) else {
@@ -134,15 +141,14 @@ impl Turn<'_> {
         };
         let triangle = stage.things[stage.thing_of(own.prim)].triangle(own.prim);
         let (range, rays) = (sweeper.model().table.range(), &sweeper.rays[place.fired]);
-        let all: [_; RAYS] = std::array::from_fn(|ray| lane(rays, ray));
-        !all_hit(tree, &pose, &all, triangle, range)
+        !all_hit(tree, &pose, unsure.map(|ray| lane(rays, ray)), triangle, range)
     }
 
     /// The edge between a beam and its neighbours; one that it sees behind before one in front.
     fn edge(&self, place: &Place) -> Edge {
         let surfaces = &self.sweep.surfaces;
         let here = &surfaces[place.fired];
-        let beside = self.sweeper.fires.beside(place);
-        beside.map(|at| here.edge_to(&surfaces[at])).max().unwrap_or(Edge::None)
+        let [a, b, c, d] = self.sweeper.fires.beside(place).map(|at| here.edge_to(&surfaces[at]));
+        a.max(b).max(c.max(d))
     }
 }

@@ -20,7 +20,7 @@ use crate::geom::Pose;
 use crate::scene::{Scene, Track};
 use crate::vehicle::{Placement, Sensors};
 
-/// Beams of one parallel task.
+/// Beams of one parallel task: what they met lies in the second cache.
 const BEAMS_A_TASK: usize = 2048;
 
 /// How a rig is to scan.
@@ -54,6 +54,25 @@ pub struct Scanner<'a> {
     scanning: Scanning,
     optics: Optics,
     corruptions: Corruptions,
+}
+
+/// Returns of neighbouring columns of a LiDAR, channel by channel: neighbours in the world, whose surfaces were met
+/// together.
+struct Window {
+    returns: Vec<Return>,
+    /// Returns of each channel and those before it.
+    ends: Vec<usize>,
+}
+
+impl Window {
+    fn with_room(channels: usize, columns: usize) -> Self {
+        Self { returns: Vec::with_capacity(channels * columns), ends: Vec::with_capacity(channels) }
+    }
+
+    fn row(&self, channel: usize) -> &[Return] {
+        let from = if channel == 0 { 0 } else { self.ends[channel - 1] };
+        &self.returns[from..self.ends[channel]]
+    }
 }
 
 impl<'a> Scanner<'a> {
@@ -191,6 +210,11 @@ impl<'a> Scanner<'a> {
             poses.map(|(pose, &model)| self.sensors.ego_from_sensor(model, pose, frame)).collect();
         let lidars = 0..self.models.len();
         let returns = lidars.into_par_iter().map(|k| self.lidar(k, frame, &motions, &poses[k]));
+        let returns: Vec<Vec<Window>> = returns.collect();
+        let rows = returns.iter().flat_map(|windows| {
+            let channels = windows.first().map_or(0, |window| window.ends.len());
+            (0..channels).flat_map(move |k| windows.iter().map(move |window| window.row(k)))
+        });
         let mut scan = Scan {
             scene: self.name.clone(),
             frame,
@@ -198,7 +222,7 @@ impl<'a> Scanner<'a> {
             classes: self.classes.clone(),
             lidars: (0..poses.len()).map(|lidar| self.facts(lidar, &poses[lidar])).collect(),
             world_from_ego: self.scene.ego_pose(frame),
-            returns: returns.flatten().collect::<Vec<_>>().concat(),
+            returns: rows.collect::<Vec<&[Return]>>().concat(),
             boxes: self.boxes(frame),
         };
         self.corruptions.apply(&mut scan, self.scanning.seed);
@@ -206,14 +230,14 @@ impl<'a> Scanner<'a> {
         scan
     }
 
-    /// Returns of one LiDAR, in pieces.
+    /// Returns of one LiDAR, some columns after others.
     fn lidar(
         &self,
         lidar: usize,
         frame: usize,
         motions: &Motions,
         ego_from_sensor: &Pose,
-    ) -> Vec<Vec<Return>> {
+    ) -> Vec<Window> {
         let sweeper = &self.sweepers[self.models[lidar]];
         let frame_time = 1.0 / self.scene.rate();
         let rolling = !self.scanning.ideal;
@@ -222,7 +246,6 @@ impl<'a> Scanner<'a> {
         let rims =
             if rolling { Rims::meet(sweeper, &self.stage, &self.device, &sweep) } else { None };
         let receiver = Receiver {
-            stage: &self.stage,
             sweeper,
             sweep: &sweep,
             rims: rims.as_ref(),
@@ -232,16 +255,21 @@ impl<'a> Scanner<'a> {
             seed: self.scanning.seed,
             frame,
         };
-        let beams = sweep.surfaces.len();
-        let tasks = (0..beams.div_ceil(BEAMS_A_TASK)).into_par_iter().map(|task| {
-            let from = task * BEAMS_A_TASK;
-            let mut returns = Vec::with_capacity(BEAMS_A_TASK);
-            for beam in sweeper.fires.in_order(from..(from + BEAMS_A_TASK).min(beams)) {
-                receiver.returns(&beam, |found| returns.push(found));
+        let Fires { columns, channels, .. } = sweeper.fires;
+        let together = (BEAMS_A_TASK / channels).max(1);
+        let windows = (0..columns.div_ceil(together)).into_par_iter().map(|window| {
+            let from = window * together;
+            let columns = from..(from + together).min(columns);
+            let mut window = Window::with_room(channels, columns.len());
+            for channel in 0..channels {
+                for beam in sweeper.fires.in_row(channel, columns.clone()) {
+                    receiver.returns(&beam, |found| window.returns.push(found));
+                }
+                window.ends.push(window.returns.len());
             }
-            returns
+            window
         });
-        tasks.collect()
+        windows.collect()
     }
 
     fn facts(&self, lidar: usize, ego_from_sensor: &Pose) -> ScanLidar {

@@ -1,8 +1,9 @@
 //! What the frames of a scan share: trees, faces, spheres around parts; and how all of it moves in a frame.
 
+use std::f64::consts::PI;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 
 use super::error::ScanError;
 use super::{EGO_INSTANCE, NO_INSTANCE};
@@ -241,17 +242,18 @@ impl Motions {
     }
 }
 
-/// Azimuths of a sensor, in radians, among which a thing is seen at some moment of a sweep.
+/// Azimuths of a sensor among which a thing is seen at some moment of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Seen {
     Never,
     Always,
-    /// From the first, counter-clockwise, so many radians.
-    Between(f64, f64),
+    /// Around that of a unit vector, as far as angles have at least such a cosine.
+    Around(DVec2, f64),
 }
 
 impl Seen {
-    /// Of a thing in a sweep that ends `last` of the way to the next frame; `ego_from_sensor` stands still.
+    /// Of a thing in a sweep that ends `last` of the way to the next frame; `ego_from_sensor` stands still. Beams
+    /// point up to `wide` radians beside the azimuth that they are asked for by.
     ///
     /// The thing's sphere moves in the sensor's frame; all of its way lies in a sphere around its middle
     /// position, larger by the farthest that the ends are from there, and half as much again for the curve.
@@ -262,6 +264,7 @@ impl Seen {
         ego_from_sensor: &Pose,
         last: f64,
         range: f64,
+        wide: f64,
     ) -> Self {
         let at = |share: f64| {
             let sensor_from_thing =
@@ -278,18 +281,19 @@ impl Seen {
         if across <= radius {
             return Self::Always;
         }
-        let half = (radius / across).asin();
-        Self::Between(middle.y.atan2(middle.x) - half, 2.0 * half)
+        let half = (radius / across).asin() + wide;
+        if half >= PI {
+            return Self::Always;
+        }
+        Self::Around(middle.truncate() / across, half.cos())
     }
 
-    /// Whether a beam of some azimuth may meet it; beams point up to `wide` radians beside it.
-    pub fn at(&self, azimuth: f64, wide: f64) -> bool {
+    /// Whether a beam may meet it, by the unit vector of its azimuth.
+    pub fn at(&self, azimuth: DVec2) -> bool {
         match *self {
             Self::Never => false,
             Self::Always => true,
-            Self::Between(from, width) => {
-                (azimuth - from + wide).rem_euclid(std::f64::consts::TAU) <= width + 2.0 * wide
-            }
+            Self::Around(middle, least) => middle.dot(azimuth) >= least,
         }
     }
 }

@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::sync::OnceLock;
 
+use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 
 use super::stage::{Motions, Stage};
@@ -31,7 +32,7 @@ pub(super) struct Station {
 }
 
 /// What a beam meets.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Zeroable)]
 pub(super) struct Surface {
     /// Metres; as far as the range goes where it meets nothing.
     pub t: f32,
@@ -124,20 +125,8 @@ impl Station {
         Some((number, &self.poses[at]))
     }
 
-    /// The surface that a beam of the sensor's frame hits.
-    pub fn surface(&self, stage: &Stage, direction: [f32; 3], hit: &Hit) -> Surface {
-        let Some(face) = self.face(stage, hit) else { return Surface::none(hit.t) };
-        let (surface, normal) = face.met(direction, hit);
-        let direction = DVec3::from(direction.map(f64::from));
-        Surface {
-            normal: (self.start_from_sensor.rotation * normal).as_vec3(),
-            position: self.start_from_sensor.apply(direction * f64::from(hit.t)).as_vec3(),
-            ..surface
-        }
-    }
-
     /// The face that is hit; none where nothing is.
-    pub fn face(&self, stage: &Stage, hit: &Hit) -> Option<SeenFace> {
+    fn face(&self, stage: &Stage, hit: &Hit) -> Option<SeenFace> {
         let (number, pose) =
             if hit.is_hit() { self.nearby(stage, hit.prim)? } else { return None };
         let thing = &stage.things[number];
@@ -155,19 +144,55 @@ pub(super) fn swept_parts<'s>(
 ) -> Vec<SweptPart<'s>> {
     let columns = fired.len();
     let mut parts: Vec<(u32, Vec<Option<DevicePose>>)> = Vec::new();
+    // Where among the parts each thing is.
+    let mut places = vec![usize::MAX; stage.things.len()];
     for (column, firing) in fired.enumerate() {
         let station = &stations[firing.min(stations.len() - 1)];
         for (&number, pose) in station.numbers.iter().zip(&station.poses) {
-            let known = parts.iter().position(|&(known, _)| known == number);
-            let at = known.unwrap_or_else(|| {
+            let place = &mut places[number as usize];
+            if *place == usize::MAX {
+                *place = parts.len();
                 parts.push((number, vec![None; columns]));
-                parts.len() - 1
-            });
-            parts[at].1[column] = Some(DevicePose::from(pose));
+            }
+            parts[*place].1[column] = Some(DevicePose::from(pose));
         }
     }
     let part = |(number, poses): (u32, Vec<_>)| stage.things[number as usize].as_swept(poses);
     parts.into_iter().map(part).collect()
+}
+
+/// Faces that rays from one place hit, one after the other: most neighbours hit the same.
+pub(super) struct Faces<'a> {
+    station: &'a Station,
+    stage: &'a Stage,
+    last: (u32, Option<SeenFace>),
+}
+
+impl<'a> Faces<'a> {
+    pub fn new(station: &'a Station, stage: &'a Stage) -> Self {
+        Self { station, stage, last: (NO_HIT, None) }
+    }
+
+    /// The face that is hit; none where nothing is.
+    pub fn of(&mut self, hit: &Hit) -> Option<&SeenFace> {
+        if hit.prim != self.last.0 {
+            self.last = (hit.prim, self.station.face(self.stage, hit));
+        }
+        self.last.1.as_ref()
+    }
+
+    /// The surface that a beam of the sensor's frame hits.
+    pub fn surface(&mut self, direction: [f32; 3], hit: &Hit) -> Surface {
+        let start_from_sensor = &self.station.start_from_sensor;
+        let Some(face) = self.of(hit) else { return Surface::none(hit.t) };
+        let (surface, normal) = face.met(direction, hit);
+        let direction = DVec3::from(direction.map(f64::from));
+        Surface {
+            normal: (start_from_sensor.rotation * normal).as_vec3(),
+            position: start_from_sensor.apply(direction * f64::from(hit.t)).as_vec3(),
+            ..surface
+        }
+    }
 }
 
 /// A face as one sensor sees it.

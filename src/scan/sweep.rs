@@ -1,12 +1,16 @@
 //! A LiDAR's beams of a frame, each cast from where the sensor is when it fires.
 
+use std::sync::OnceLock;
+
+use bytemuck::zeroed_vec;
+use glam::DVec2;
 use rayon::prelude::*;
 
 use super::device::Device;
 use super::fires::{Fires, Place};
 use super::rays::{RING, lane, rays_of};
 use super::stage::{Motions, Seen, Stage};
-use super::station::{Station, Surface, swept_parts};
+use super::station::{Faces, Station, Surface, swept_parts};
 use crate::bvh::Hit;
 use crate::cast::{Caster, FiringWalk, Instructions, Left, Rays, closer_hits_of_beams};
 use crate::geom::Pose;
@@ -18,7 +22,8 @@ pub(super) const COLUMNS_A_TASK: usize = 16;
 /// A sensor model, ready to be swept.
 pub(super) struct Sweeper {
     model: SensorModel,
-    whole: Caster,
+    /// Casts all beams at once, where that is asked for.
+    whole: OnceLock<Caster>,
     pub(super) fires: Fires,
     /// Middle and rim of each beam, in the order in which beams fire; the middle alone of beams without width.
     pub(super) rays: Vec<Rays>,
@@ -66,7 +71,7 @@ impl Sweeper {
             rays: rays_of(model, &fires),
             fires,
             walk: FiringWalk::new(table, width, Instructions::Best),
-            whole: Caster::new(table),
+            whole: OnceLock::new(),
             width,
             model: model.clone(),
         }
@@ -127,8 +132,9 @@ impl Sweeper {
     fn windows(&self, stage: &Stage, walk: &FiringWalk, stations: Vec<Station>) -> Sweep {
         let (range, beams) = (self.model.table.range(), self.rays.len());
         let together = walk.together();
-        let mut surfaces = vec![Surface::none(range); beams];
-        let mut rims = vec![[Hit::none(range); RING]; beams];
+        // Zeros take their memory when they are written over, window by window, side by side.
+        let mut surfaces: Vec<Surface> = zeroed_vec(beams);
+        let mut rims: Vec<[Hit; RING]> = zeroed_vec(beams);
         let size = together * self.fires.channels;
         let windows = surfaces.par_chunks_mut(size).zip(rims.par_chunks_mut(size)).enumerate();
         windows.for_each_init(Vec::new, |hits, (k, (surfaces, rims))| {
@@ -156,9 +162,9 @@ impl Sweeper {
         let rays = &self.rays[self.fires.before(from)..];
         let firings = hits.chunks(size).zip(surfaces.chunks_mut(size)).zip(rays.chunks(size));
         for (firing, ((hits, surfaces), rays)) in (from..).zip(firings) {
-            let station = station(stations, firing);
+            let mut faces = Faces::new(station(stations, firing), stage);
             for ((surface, hit), rays) in surfaces.iter_mut().zip(hits).zip(rays) {
-                *surface = station.surface(stage, lane(rays, 0), hit);
+                *surface = faces.surface(lane(rays, 0), hit);
             }
         }
     }
@@ -169,11 +175,15 @@ impl Sweeper {
         let by_device = || vec![station.firing(stage, directions.iter().copied())];
         let hits = device.closest_hits(range, by_device).unwrap_or_else(|| {
             let mut hits = vec![Hit::none(range); directions.len()];
-            self.whole.closer_hits(&station.parts(stage), &mut hits);
+            let whole = self.whole.get_or_init(|| Caster::new(&self.model.table));
+            whole.closer_hits(&station.parts(stage), &mut hits);
             hits
         });
         let mut fired = hits.clone();
-        self.fires.in_order(0..hits.len()).for_each(|place| fired[place.fired] = hits[place.beam]);
+        for channel in 0..self.fires.channels {
+            let row = self.fires.in_row(channel, 0..self.fires.columns);
+            row.for_each(|place| fired[place.fired] = hits[place.beam]);
+        }
         fired
     }
 
@@ -213,11 +223,12 @@ impl Sweeper {
         let (firings, range) = (self.fires.firings(), f64::from(self.model.table.range()));
         let last = 1.0 / (self.model.response.rate * frame_time);
         let things = stage.things.iter().enumerate();
-        let seen = things.map(|(k, t)| Seen::of(motions, k, t, ego_from_sensor, last, range));
+        let wide = self.fires.wide();
+        let seen = things.map(|(k, t)| Seen::of(motions, k, t, ego_from_sensor, last, range, wide));
         let seen: Vec<Seen> = seen.collect();
         let station = |firing: usize| {
-            let (azimuth, wide) = self.fires.azimuth(firing);
-            let visible = (0..seen.len()).filter(|&k| seen[k].at(azimuth, wide));
+            let azimuth = DVec2::from_angle(self.fires.azimuth(firing));
+            let visible = (0..seen.len()).filter(|&k| seen[k].at(azimuth));
             let share = last * firing as f64 / firings as f64;
             Station::new(motions, visible, ego_from_sensor, share, self.reach())
         };

@@ -23,6 +23,7 @@ pub(crate) mod street;
 mod tracks;
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use glam::DVec3;
 
@@ -62,6 +63,8 @@ pub struct Scene {
     lidar: Lidar,
     mount: Mount,
     vehicle: Option<Vehicle>,
+    /// Models once they are asked for: many beams take their time.
+    sensors: OnceLock<Sensors>,
     coverage: Coverage,
     psog: PsogSource,
     frames: usize,
@@ -289,6 +292,7 @@ impl Scene {
             lidar,
             mount,
             vehicle,
+            sensors: OnceLock::new(),
             coverage,
             psog,
             frames,
@@ -377,10 +381,14 @@ impl Scene {
     /// # Errors
     /// A model without beams.
     pub fn sensors(&self) -> Result<Sensors, SensorError> {
-        match &self.vehicle {
-            Some(vehicle) => vehicle.models(),
-            None => Ok(self.lidar.table()?.into()),
+        if let Some(sensors) = self.sensors.get() {
+            return Ok(sensors.clone());
         }
+        let sensors = match &self.vehicle {
+            Some(vehicle) => vehicle.models()?,
+            None => self.lidar.table()?.into(),
+        };
+        Ok(self.sensors.get_or_init(|| sensors).clone())
     }
 
     /// Rules of placements: of the vehicle with its fullest equipment, or of the mount.

@@ -106,14 +106,10 @@ impl FiringWalk {
         for (number, part) in (0..).zip(parts) {
             self.descend(window, number, part, rays, &mut work, range);
         }
-        for (row, &channel) in self.channels.iter().enumerate() {
-            for column in 0..window.columns {
-                let Packet { t, prim, .. } = &work.packets[row * window.columns + column];
-                let hit = |lane: usize| Hit { t: t[lane], prim: prim[lane] };
-                let beam = column * self.channels.len() + channel;
-                hits[beam] = hit(0);
-                rims[beam] = std::array::from_fn(|k| hit(k + 1));
-            }
+        for ((packet, found), rim) in work.packets.iter().zip(hits).zip(rims) {
+            let hit = |lane: usize| Hit { t: packet.t[lane], prim: packet.prim[lane] };
+            *found = hit(0);
+            *rim = std::array::from_fn(|k| hit(k + 1));
         }
         if let Ok(mut spare) = self.spare.lock() {
             spare.push(work);
@@ -178,8 +174,8 @@ impl FiringWalk {
         for (row, &channel) in self.channels.iter().enumerate() {
             for (column, pose) in part.poses.iter().enumerate() {
                 let Some(pose) = pose else { continue };
-                let at = row * window.columns + column;
-                let rays = &rays[column * self.channels.len() + channel];
+                let at = column * self.channels.len() + channel;
+                let rays = &rays[at];
                 let Packet { t, prim, .. } = &mut work.packets[at];
                 let mut hits: [Hit; RAYS] =
                     std::array::from_fn(|lane| Hit { t: t[lane], prim: prim[lane] });
@@ -191,7 +187,7 @@ impl FiringWalk {
                 let rays: [Ray; RAYS] = std::array::from_fn(ray);
                 descend(part.bvh, part.first_prim, &rays, self.width, &mut hits, &mut left);
                 (*t, *prim) = (hits.map(|hit| hit.t), hits.map(|hit| hit.prim));
-                work.far[at] = work.packets[at].farthest();
+                work.far[row * window.columns + column] = work.packets[at].farthest();
             }
         }
     }

@@ -26,9 +26,8 @@ const MIXED: usize = 3;
 pub(super) struct Packet {
     pub(super) t: Lane,
     pub(super) prim: [u32; RAYS],
-    /// In the frame of the part that it is aimed at, as are the next two.
+    /// In the frame of the part that it is aimed at, as is the next.
     direction: [Lane; 3],
-    inverse: [Lane; 3],
     shear: [Lane; 2],
     /// Axis along which all rays go farthest, or [`MIXED`].
     major: usize,
@@ -41,7 +40,6 @@ impl Packet {
         t: [0.0; RAYS],
         prim: [NO_HIT; RAYS],
         direction: [[0.0; RAYS]; 3],
-        inverse: [[0.0; RAYS]; 3],
         shear: [[0.0; RAYS]; 2],
         major: MIXED,
         aimed_at: NOWHERE,
@@ -117,7 +115,7 @@ impl<'a> Seen<'a> {
 per_target! {
     use super::{};
 
-    /// Turns a packet's rays to the frame of a part; as `beam_direction` and `Ray::new` do.
+    /// Turns a packet's rays to the frame of a part; as `beam_direction` does.
     fn aim(packet: &mut Packet, rays: &Rays, pose: &DevicePose, part: u32) {
         let (mut by_x, mut by_y) = (0_u32, 0_u32);
         let [r, s, t] = &pose.rows;
@@ -130,9 +128,7 @@ per_target! {
             ];
             for axis in 0..3 {
                 let d = x_y_z[axis];
-                let is_zero = d.abs() < TINY_COMPONENT;
-                packet.direction[axis][i] = if is_zero { 0.0 } else { d };
-                packet.inverse[axis][i] = if is_zero { FAR_INVERSE } else { 1.0 / d };
+                packet.direction[axis][i] = if d.abs() < TINY_COMPONENT { 0.0 } else { d };
             }
         }
         for i in 0..RAYS {
@@ -169,11 +165,15 @@ per_target! {
         let (mut takes, mut besides) = (0, 0);
         let id = first_prim + seen.block.prim[seen.slot] as u32;
         let (n, low, high) = (&seen.normal, &seen.low, &seen.high);
-        let ([dx, dy, dz], [ix, iy, iz]) = (&packet.direction, &packet.inverse);
+        let [dx, dy, dz] = &packet.direction;
         for i in 0..RAYS {
-            let (x0, x1) = (low[0] * ix[i], high[0] * ix[i]);
-            let (y0, y1) = (low[1] * iy[i], high[1] * iy[i]);
-            let (z0, z1) = (low[2] * iz[i], high[2] * iz[i]);
+            // As `Ray::new` has them; most tests end before they are needed.
+            let ix = if dx[i] == 0.0 { FAR_INVERSE } else { 1.0 / dx[i] };
+            let iy = if dy[i] == 0.0 { FAR_INVERSE } else { 1.0 / dy[i] };
+            let iz = if dz[i] == 0.0 { FAR_INVERSE } else { 1.0 / dz[i] };
+            let (x0, x1) = (low[0] * ix, high[0] * ix);
+            let (y0, y1) = (low[1] * iy, high[1] * iy);
+            let (z0, z1) = (low[2] * iz, high[2] * iz);
             let enter = most(most(most(least(x0, x1), least(y0, y1)), least(z0, z1)), 0.0);
             let leave = least(least(most(x0, x1), most(y0, y1)), most(z0, z1));
             let towards = n[0] * dx[i] + n[1] * dy[i] + n[2] * dz[i];

@@ -38,10 +38,11 @@ pub(super) type Middles = [Vec<f32>; 3];
 /// Rows of a triangle that are looked at together.
 const ROWS: usize = 64;
 
-/// Working memory: the beams of a window, row by row, and what is left of the tree.
+/// Working memory: the beams of a window, and what is left of the tree.
 pub(super) struct Sweeping {
+    /// Step by step and channel by channel, as their rays.
     pub(super) packets: Vec<Packet>,
-    /// The farthest best hit of each packet.
+    /// The farthest best hit of each packet, row by row.
     pub(super) far: Box<[f32; ROOM]>,
     stack: Box<[Entry; STACK]>,
     rects: Rects,
@@ -68,6 +69,11 @@ per_target! {
         let Swept { grid, window, eye, tree, .. } = swept;
         boxes(grid, window, eye, &tree.nodes[0], &mut work.rects);
         let Some(root) = around(&work.rects) else { return };
+        let across = |[first, last]: [u16; 2]| usize::from(last - first) + 1;
+        if across(root.columns) == window.columns && across(root.rows) == swept.channels.len() {
+            // What all beams see is met by most: they are turned in the order in which they lie in memory.
+            aim_all(swept, work);
+        }
         work.stack[0] = root;
         let mut depth = 1;
         while depth > 0 {
@@ -126,19 +132,31 @@ per_target! {
             let column = from + lane;
             let Some(pose) = &swept.poses[column] else { continue };
             let seen = Seen::new(block, slot, [pose.rows[0][3], pose.rows[1][3], pose.rows[2][3]]);
-            let fired = &swept.rays[column * swept.channels.len()..];
+            let fired = column * swept.channels.len();
             for row in first..=last {
                 if may[(row - first) % ROWS] >> lane & 1 == 0 {
                     continue;
                 }
-                let at = row * across + column;
+                let at = fired + swept.channels[row];
                 let packet = &mut work.packets[at];
                 if packet.aimed_at != swept.number {
-                    aim(packet, &fired[swept.channels[row]], pose, swept.number);
+                    aim(packet, &swept.rays[at], pose, swept.number);
                 }
                 if meet(packet, &seen, swept.eye.pad, swept.first_prim) {
-                    work.far[at] = packet.farthest();
+                    work.far[row * across + column] = packet.farthest();
                 }
+            }
+        }
+    }
+
+    /// Turns all beams of the window to the frame of the part.
+    fn aim_all(swept: &Swept<'_>, work: &mut Sweeping) {
+        let channels = swept.channels.len();
+        let columns = work.packets.chunks_exact_mut(channels).zip(swept.rays.chunks_exact(channels));
+        for ((packets, rays), pose) in columns.zip(swept.poses) {
+            let Some(pose) = pose else { continue };
+            for (packet, rays) in packets.iter_mut().zip(rays) {
+                aim(packet, rays, pose, swept.number);
             }
         }
     }
