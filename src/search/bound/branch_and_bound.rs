@@ -12,6 +12,9 @@ use crate::search::grid_search::{GridPlacement, GridSearch, Places, better_first
 
 /// Sets of sensors whose gains are looked at for each 100 evaluations of a search.
 const SETS: u64 = 28;
+/// Sets below which none is looked at: a tree as small leaves the bound where pairs have put it, to four digits in
+/// each of the four scenes.
+const LEAST_SETS: u64 = 100;
 /// Candidates that are looked at through pairs alone for each evaluation of a search.
 const PAIR_CANDIDATES: u64 = 1 << 14;
 /// A split of the voxels is chosen with one in so many of the candidates.
@@ -54,8 +57,9 @@ pub struct Effort {
 impl Effort {
     /// As much as goes with a search of so many evaluations.
     pub fn of(evaluations: u64) -> Self {
+        let sets = evaluations.saturating_mul(SETS) / 100;
         Self {
-            sets: (evaluations.saturating_mul(SETS) / 100).max(2),
+            sets: if sets < LEAST_SETS { 1 } else { sets },
             pair_candidates: evaluations.saturating_mul(PAIR_CANDIDATES),
             pair_words: evaluations.saturating_mul(PAIR_WORDS),
         }
