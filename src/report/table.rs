@@ -1,9 +1,6 @@
 //! Columns of scores, the same in the terminal, on the page and in the audit.
 
-use crate::score::Scores;
-
-/// Name of the objective that is a share by itself.
-const NEAR_GAIN: &str = "near_gain";
+use crate::score::{NEAR_GAIN, Scores};
 
 /// A score as it is shown to people: title and cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -20,6 +20,7 @@ pub(crate) use bootstrap::bootstrap;
 pub use guard::Guard;
 pub(crate) use guard::MOST_SELF_HITS;
 pub(crate) use guard::{guards_of, reference_layout, short_sight};
+pub(crate) use objective::NEAR_GAIN;
 pub use objective::{Needed, Objective, ObjectiveError};
 pub(crate) use over_scenes::totals;
 pub(crate) use ranking::{kendall_tau, mean_height, spearman};

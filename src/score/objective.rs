@@ -20,7 +20,7 @@ struct Metric {
 type Getter = fn(&Tasks, &TaskScores) -> Option<f64>;
 
 /// Name of the default objective.
-const NEAR_GAIN: &str = "near_gain";
+pub(crate) const NEAR_GAIN: &str = "near_gain";
 
 /// Every score that a search may maximize; all are "larger is better".
 const METRICS: [(&str, Getter); 8] = [

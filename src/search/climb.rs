@@ -41,7 +41,8 @@ enum Turn {
 
 /// What a climb asks the guards about.
 #[derive(Debug, Clone, Copy)]
-enum Check {
+pub(super) enum Check {
+    /// A bound on all placements bounds those that violate a guard, too.
     Nothing,
     EachSwap,
 }
@@ -77,22 +78,11 @@ impl GridSearch {
         self.ascend(evaluator, start, moves, Check::EachSwap, go_on)
     }
 
-    /// The same, whatever the guards say: a bound on all placements bounds those that violate one, too.
+    /// A climb whose swaps are checked or not.
     ///
     /// # Errors
     /// As [`Self::hold`].
-    pub(super) fn climb_unguarded(
-        &mut self,
-        evaluator: &mut Evaluator,
-        start: &[u32],
-        moves: &[Moves],
-        go_on: &mut dyn FnMut(u64) -> bool,
-    ) -> Result<GridPlacement, SearchError> {
-        self.ascend(evaluator, start, moves, Check::Nothing, go_on)
-    }
-
-    /// A climb whose swaps are checked or not.
-    fn ascend(
+    pub(super) fn ascend(
         &mut self,
         evaluator: &mut Evaluator,
         start: &[u32],

@@ -167,14 +167,14 @@ impl<'a> Choice<'a> {
             all.retain(|set| {
                 self.pilot.suite.is_single() || set.counts.iter().all(|&count| count > 0)
             });
-            let first = self.first_of(&all, |set| self.error(set));
+            let first = first_of(&all, |set| self.error(set));
             return first.map(|(_, set)| set.clone()).unwrap_or(from);
         }
         let mut chosen = from;
         while chosen.frames.len() < size {
             let others: Vec<Step> = chosen.others(count).map(Step::In).collect();
             let error = |step: &Step| self.error_after(&chosen, &[*step]);
-            let Some((_, &step)) = self.first_of(&others, error) else { break };
+            let Some((_, &step)) = first_of(&others, error) else { break };
             chosen = self.after(&chosen, &[step]);
         }
         loop {
@@ -185,7 +185,7 @@ impl<'a> Choice<'a> {
                 exchanges.extend(others.map(|other| [Step::Out(out), Step::In(other)]));
             }
             let least = self.error(&chosen).unwrap_or(f64::INFINITY);
-            let better = self.first_of(&exchanges, |steps| self.error_after(&chosen, steps));
+            let better = first_of(&exchanges, |steps| self.error_after(&chosen, steps));
             match better.filter(|(error, _)| *error < least) {
                 Some((_, steps)) => chosen = self.after(&chosen, steps),
                 None => return chosen,
@@ -204,17 +204,12 @@ impl<'a> Choice<'a> {
         frames.sort_unstable();
         self.set(frames)
     }
+}
 
-    /// The one of least error, of equal ones the first, with that error.
-    fn first_of<'b, T: Sync>(
-        &self,
-        some: &'b [T],
-        error: impl Fn(&T) -> Option<f64> + Sync,
-    ) -> Option<(f64, &'b T)> {
-        let errors: Vec<f64> =
-            some.par_iter().map(|one| error(one).unwrap_or(f64::INFINITY)).collect();
-        errors.into_iter().zip(some).min_by(|a, b| a.0.total_cmp(&b.0))
-    }
+/// The one of least error, of equal ones the first, with that error.
+fn first_of<T: Sync>(some: &[T], error: impl Fn(&T) -> Option<f64> + Sync) -> Option<(f64, &T)> {
+    let errors: Vec<f64> = some.par_iter().map(|one| error(one).unwrap_or(f64::INFINITY)).collect();
+    errors.into_iter().zip(some).min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
 /// A frame taken into a set or out of it.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::branch_and_bound::{Effort, GainBound, bound_gain};
 use super::sample::GridSample;
 use crate::search::atlases::Atlases;
-use crate::search::climb::Moves;
+use crate::search::climb::{Check, Moves};
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
 use crate::search::grid_search::GridSearch;
@@ -116,7 +116,8 @@ fn gain(
     let total = effort.sets;
     let mut go_on = |done: u64| watch.tell(&Event::Progress { work: Work::Bounds, done, total });
     let anywhere = [Moves::Anywhere];
-    let top = search.climb_unguarded(evaluator, &greedy.poses, &anywhere, &mut |_| go_on(0))?;
+    let top =
+        search.ascend(evaluator, &greedy.poses, &anywhere, Check::Nothing, &mut |_| go_on(0))?;
     if !top.value.is_finite() {
         return Ok(Err("no bound was computed: no placement on the grid has a value".into()));
     }
