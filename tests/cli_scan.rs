@@ -98,12 +98,6 @@ fn several_placements_have_a_folder_each_and_weather_changes_the_points() {
         ok(dir.path(), &[&args[..], condition].concat())["scores"][1]["covered"].as_f64().unwrap()
     };
     assert!(score(&["--condition", "fog:mor=10"]) < score(&[]));
-    let fog = ["score", "s.json", "p.json", "--condition", "fog:mor=10", "--backend", "gpu"];
-    let refused = fails(dir.path(), &fog);
-    assert!(
-        refused.starts_with("sightline: conditions are computed on the CPU alone;"),
-        "{refused}"
-    );
     // What was scored in bad weather says so, in text and in JSON.
     let score = ["score", "s.json", "p.json", "--backend", "cpu", "--condition", "wet:water=1"];
     assert_eq!(ok(dir.path(), &score)["conditions"], json!(["wet:water=1"]));

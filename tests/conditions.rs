@@ -3,7 +3,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use sightline::engine::{Backend, CpuBackend, EngineChoice, EngineKind, open};
+#[cfg(feature = "gpu")]
+use sightline::engine::gpu::GpuBackend;
+use sightline::engine::{Backend, CpuBackend};
 use sightline::internals::ReferenceBackend;
 use sightline::problem::{Problem, Tally};
 use sightline::psog::Psog;
@@ -11,6 +13,9 @@ use sightline::scan::conditions::Condition;
 use sightline::scan::in_conditions;
 use sightline::scene::Scene;
 use sightline::vehicle::{Placement, SensorPose};
+
+#[cfg(feature = "gpu")]
+use crate::common::MEMORY;
 
 /// A street with a house, a car and the own body, its sensor rated for `rated` metres.
 fn scene(rated: f64) -> Scene {
@@ -78,17 +83,26 @@ fn every_engine_sees_the_same_through_weather() {
             ];
             assert_eq!(fast, plain, "{conditions:?}, frame {frame}");
         }
-        // A device that is asked for is not silently replaced.
-        for choice in [
-            EngineChoice { kind: EngineKind::Gpu, ..EngineChoice::default() },
-            EngineChoice { adapter: Some("any".to_owned()), ..EngineChoice::default() },
-        ] {
-            let refused = open(&problem, &choice, |_| {}).map(drop).unwrap_err().to_string();
-            assert!(refused.starts_with("conditions are computed on the CPU alone"), "{refused}");
+        #[cfg(feature = "gpu")]
+        on_a_device(&problem, &expected);
+    }
+}
+
+/// Chunks of all sensors, and of one, through weather; hits stay those of clear air.
+#[cfg(feature = "gpu")]
+fn on_a_device(problem: &Arc<Problem>, expected: &[Tally]) {
+    for memory in [MEMORY, 1 << 16] {
+        let mut gpu = GpuBackend::new(problem.clone(), None, memory).unwrap();
+        let lidars = &placements()[1].lidars;
+        for frame in 0..2 {
+            let mut reference = ReferenceBackend::new(problem.clone());
+            let ours = gpu.bitmaps(lidars, frame).unwrap().union();
+            let plain = reference.bitmaps(lidars, frame).unwrap().union();
+            assert_eq!(ours, plain, "frame {frame}");
+            let hits = reference.hits(lidars, frame).unwrap();
+            assert_eq!(gpu.hits(lidars, frame).unwrap(), hits, "frame {frame}");
         }
-        let opened = open(&problem, &EngineChoice::default(), |_| {}).unwrap();
-        assert_eq!(opened.engine.name(), "cpu");
-        assert!(opened.notes[0].contains("conditions are not computed on devices"));
+        assert_eq!(gpu.tally(&placements(), None).unwrap(), expected, "{memory} bytes");
     }
 }
 

@@ -7,13 +7,14 @@ use crate::runs::Error;
 use crate::runs::verify::{Verified, VerifyRequest, verify_scenes};
 use serde_json::json;
 
-use super::args::{Compute, Format, whole};
+use super::args::{Compute, Conditions, Format, whole};
 use super::exit::Exit;
 
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   sightline verify scenes/highway.json
-  sightline verify scenes/highway.json scenes/placements.json --frames 20 --format json")]
+  sightline verify scenes/highway.json scenes/placements.json --frames 20 --format json
+  sightline verify scenes/highway.json --condition snow:rate=2.5 --condition wet:water=1.2")]
 pub struct Args {
     /// Scene files, and placements [default: Table 7 of the paper, random ones from the mount, and hostile
     /// ones]
@@ -41,6 +42,8 @@ pub struct Args {
     #[arg(long, conflicts_with = "format")]
     json: bool,
     #[command(flatten)]
+    conditions: Conditions,
+    #[command(flatten)]
     compute: Compute,
 }
 
@@ -53,6 +56,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         hostile: args.hostile,
         sample: args.sample,
         seed: args.seed,
+        conditions: args.conditions.condition.clone(),
     };
     let format = if args.json { Format::Json } else { args.format };
     let print = |one: &Verified| match format {

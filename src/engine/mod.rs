@@ -62,11 +62,6 @@ pub enum BackendError {
         /// The name asked for, if any.
         name: Option<String>,
     },
-    /// A device was asked for, and conditions with it.
-    #[error(
-        "conditions are computed on the CPU alone; leave out --backend gpu and --adapter, or --condition"
-    )]
-    Conditions,
     /// The device refused a request or failed at it.
     #[error("the device `{adapter}` failed at {stage}: {message}; try --backend cpu")]
     Device {

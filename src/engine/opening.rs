@@ -146,17 +146,6 @@ impl EngineChoice {
         Self { kind: EngineKind::Cpu, ..Self::default() }
     }
 
-    /// Checks that scores under conditions can be computed by the engine asked for.
-    ///
-    /// # Errors
-    /// A device was asked for: it is not silently replaced by the CPU.
-    pub fn check_conditions(&self) -> Result<(), BackendError> {
-        match (self.kind, &self.adapter) {
-            (EngineKind::Cpu, _) | (EngineKind::Auto, None) => Ok(()),
-            _ => Err(BackendError::Conditions),
-        }
-    }
-
     /// Bytes that work buffers may take.
     pub fn memory_budget(&self) -> u64 {
         self.memory.unwrap_or_else(|| available_memory().unwrap_or(SMALL_MACHINE) / 2)
@@ -184,12 +173,6 @@ pub fn open(
     let mut notes = Vec::new();
     let engine = match choice.kind {
         EngineKind::Cpu => cpu(problem, choice),
-        // What comes back through weather is decided on the host.
-        _ if problem.air().is_some() => {
-            choice.check_conditions()?;
-            notes.push("computing on the CPU: conditions are not computed on devices".to_owned());
-            cpu(problem, choice)
-        }
         EngineKind::Auto if choice.adapter.is_none() => {
             match device::hardware(problem, choice, on_change) {
                 Ok(engine) => engine,

@@ -64,7 +64,7 @@ pub fn near_fields(
         let inputs = scene.files().iter().map(PathBuf::as_path);
         writable_file(file, inputs.chain(request.placements.as_deref()))?;
     }
-    opening::check_conditions(&request.conditions, computing)?;
+    opening::note_conditions(&request.conditions, watcher);
     let problem = problem(&scene, &request.scene, request.frames)?;
     let problem = in_conditions(&scene, problem, &request.conditions)?;
     let mut evaluator = opening::evaluator(problem, computing)?;

@@ -46,7 +46,7 @@ pub fn problem(
     conditions: &[Condition],
     computing: &Computing<'_>,
 ) -> Result<(Scene, Problem, LoadTimes), Error> {
-    check_conditions(conditions, computing)?;
+    note_conditions(conditions, computing.watcher);
     let (scene, psog, mut times) = scene_and_psog(path, computing)?;
     let start = Instant::now();
     let frames = spread(scene.frame_count(), frames);
@@ -71,7 +71,7 @@ pub fn suite(
     conditions: &[Condition],
     computing: &Computing<'_>,
 ) -> Result<Suited, Error> {
-    check_conditions(conditions, computing)?;
+    note_conditions(conditions, computing.watcher);
     let mut times = LoadTimes::default();
     let (mut scenes, mut problems) = (Vec::new(), Vec::new());
     for path in paths {
@@ -158,14 +158,8 @@ pub fn geometry(path: &Path, frame: u32, computing: &Computing<'_>) -> Result<Lo
     Ok(Loaded { scene, evaluator, times })
 }
 
-/// Checks that the engine asked for computes under conditions, and says what scores are where one moves points alone.
-///
-/// # Errors
-/// A device was asked for, and conditions with it.
-pub fn check_conditions(conditions: &[Condition], computing: &Computing<'_>) -> Result<(), Error> {
-    if !conditions.is_empty() {
-        computing.engine.check_conditions()?;
-    }
+/// Says what scores are where a condition moves points alone.
+pub fn note_conditions(conditions: &[Condition], watcher: &dyn Watcher) {
     let (blur, others): (Vec<Kind>, Vec<Kind>) =
         conditions.iter().map(Condition::kind).partition(|kind| *kind == Kind::Blur);
     if !blur.is_empty() {
@@ -177,11 +171,10 @@ pub fn check_conditions(conditions: &[Condition], computing: &Computing<'_>) -> 
             }
             false => "those of the other conditions",
         };
-        computing.watcher.note(&format!(
+        watcher.note(&format!(
             "--condition blur: takes no beam away, it only moves the points of a scan; scores are {scores}"
         ));
     }
-    Ok(())
 }
 
 /// Says where `--frames` asks for more than there are.

@@ -110,7 +110,7 @@ fn of_scenes(
     computing: &Computing<'_>,
 ) -> Result<Table, Error> {
     let watcher = computing.watcher;
-    opening::check_conditions(&request.conditions, computing)?;
+    opening::note_conditions(&request.conditions, watcher);
     let mut scenes = Vec::new();
     for path in paths {
         let (scene, psog, _) = opening::scene_and_psog(path, computing)?;

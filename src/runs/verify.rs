@@ -12,6 +12,8 @@ use super::{Computing, Error, opening};
 use crate::engine::gpu::GpuBackend;
 use crate::engine::{BackendError, EngineKind};
 use crate::problem::{Problem, spread};
+use crate::scan::conditions::Condition;
+use crate::scan::in_conditions;
 use crate::vehicle::{Placement, read_placements};
 use crate::verify::compare::compared_frames;
 use crate::verify::placements::usual_placements;
@@ -37,6 +39,8 @@ pub struct VerifyRequest {
     pub sample: u64,
     /// Of the random placements and the sample.
     pub seed: u64,
+    /// Weather and faults under which covered voxels and sums are compared; hits are those of clear air.
+    pub conditions: Vec<Condition>,
 }
 
 /// What was found in a scene.
@@ -79,6 +83,7 @@ pub fn verify_scenes(
         Some(path) => Some(read_placements(path)?),
         None => None,
     };
+    opening::note_conditions(&request.conditions, computing.watcher);
     let given = placements.as_deref().zip(read.as_deref());
     let mut all = Vec::new();
     for path in &scenes {
@@ -100,7 +105,8 @@ fn of_scene(
     let (scene, psog, _) = opening::scene_and_psog(path, computing)?;
     opening::note_frames(&scene, Some(request.frames), computing.watcher);
     let frames = spread(scene.frame_count(), Some(request.frames));
-    let problem = Arc::new(Problem::with_psog(&scene, &psog, &frames)?);
+    let problem = Problem::with_psog(&scene, &psog, &frames)?;
+    let problem = Arc::new(in_conditions(&scene, problem, &request.conditions)?);
     let (random, hostile) = (request.random.unwrap_or(RANDOM), request.hostile.unwrap_or(HOSTILE));
     let usual = || usual_placements(&problem, random, hostile, request.seed);
     let placements = given.map_or_else(usual, |(_, given)| given.to_vec());

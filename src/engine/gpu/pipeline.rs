@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! Batch ─► Chunk: uploaded ─► cast ─► settle: hits of the beams that the kernel left, by the host
+//!                                ├─► dim: hits that come back through weather, by the host, where there is any
 //!                                └─► cover ─► reduce ─► Pending ─► Made ─► Sums
 //! ```
 //! While the device covers and sums up one step, the host adds up the sums of the step before.
@@ -21,7 +22,7 @@ use crate::bvh::Hit;
 use crate::cast::closest_hit_in;
 use crate::cover::{BitOrder, cover_voxels};
 use crate::engine::{self, BackendError};
-use crate::problem::{Frame, Problem, StageTimes};
+use crate::problem::{Air, Frame, Problem, StageTimes};
 
 /// A step's commands on the device and the copy of their results.
 struct Pending<'a> {
@@ -85,7 +86,10 @@ impl<'a> Pipeline<'a> {
                     if let Some(last) = &last {
                         self.wait(last, &mut clock)?;
                     }
-                    let hits = self.settle(&chunk, &standing, frame, counters)?;
+                    let mut hits = self.settle(&chunk, &standing, frame, counters)?;
+                    if let Some(air) = self.problem.air() {
+                        hits = self.dim(air, &chunk, &standing, frame)?;
+                    }
                     take(&chunk, turn, Made::Hits(&hits));
                     clock.lap(|times| &mut times.cast);
                 }
@@ -225,6 +229,23 @@ impl<'a> Pipeline<'a> {
             self.device.write_at(&self.work.hits, beam as u64, &[hit]);
         }
         Ok(hits)
+    }
+
+    /// Lets air end beams early: what it does is one function of the host for all engines, so that hits keep
+    /// their bits. Returns the hits by sensor that are left.
+    fn dim(
+        &self,
+        air: &dyn Air,
+        chunk: &Chunk<'_>,
+        standing: &Standing,
+        frame: usize,
+    ) -> Result<Vec<u32>, BackendError> {
+        let (batch, number) = (&chunk.batch, self.problem.number_of(frame));
+        let mut beams = self.read_hits(chunk)?;
+        air.dim(batch, &standing.ego_from_sensors, self.frame(frame), number, &mut beams);
+        self.device.write_at(&self.work.hits, 0, &beams);
+        let left = |sensor| beams[batch.beams_of(sensor)].iter().filter(|hit| hit.is_hit()).count();
+        Ok((0..batch.len()).map(|sensor| left(sensor) as u32).collect())
     }
 
     /// Hits of every beam of the chunk that was cast last.

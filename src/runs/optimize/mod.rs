@@ -117,7 +117,7 @@ fn open(begun: &Begun, frames: Option<u32>, computing: &Computing<'_>) -> Result
     let conditions = begun.conditions.iter().map(|text| text.parse());
     let conditions = conditions.collect::<Result<Vec<Condition>, ConditionError>>();
     let conditions = conditions.map_err(Error::from)?;
-    opening::check_conditions(&conditions, computing)?;
+    opening::note_conditions(&conditions, computing.watcher);
     let mut times = LoadTimes::default();
     let (mut scenes, mut problems, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
     for path in begun.scenes() {
