@@ -61,7 +61,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     let format = if args.json { Format::Json } else { args.format };
     let print = |one: &Verified| match format {
         Format::Json => Ok(()),
-        Format::Text => out!("{}", verification_text(&one.scene, &one.found)),
+        Format::Text => out!("{}", verification_text(&one.scene, &one.conditions, &one.found)),
     };
     let all = verify_scenes(&request, &args.compute.computing(&terminal), print)?;
     let passed = all.iter().all(|one| one.found.passed);

@@ -1,18 +1,22 @@
 //! A verification as text.
 
 use super::text::align_columns;
+use crate::scan::conditions::under;
 use crate::verify::Verification;
 
 /// Differences of a GPU from the CPU reference, and of that from `f64`, a line each.
-pub fn verification_text(scene: &str, found: &Verification) -> String {
+pub fn verification_text(scene: &str, conditions: &[String], found: &Verification) -> String {
     let lines = |rows: &[(&str, String)]| {
         let row = |(name, value): &(&str, String)| vec![format!("  {name}"), value.clone()];
         align_columns(&rows.iter().map(row).collect::<Vec<_>>())
     };
     let (gpu, reference) = (&found.gpu_against_cpu, &found.cpu_against_f64);
     let mut text = format!(
-        "{scene}: {} placements × {} frame(s)\nGPU ({}) against the CPU reference:\n",
-        found.placements, found.frames, found.adapter
+        "{scene}: {} placements × {} frame(s){}\nGPU ({}) against the CPU reference:\n",
+        found.placements,
+        found.frames,
+        under(conditions),
+        found.adapter
     );
     text += &lines(&[
         ("beams", gpu.beams.to_string()),

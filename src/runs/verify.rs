@@ -12,7 +12,7 @@ use super::{Computing, Error, opening};
 use crate::engine::gpu::GpuBackend;
 use crate::engine::{BackendError, EngineKind};
 use crate::problem::{Problem, spread};
-use crate::scan::conditions::Condition;
+use crate::scan::conditions::{Condition, in_words};
 use crate::scan::in_conditions;
 use crate::vehicle::{Placement, read_placements};
 use crate::verify::compare::compared_frames;
@@ -48,6 +48,9 @@ pub struct VerifyRequest {
 pub struct Verified {
     /// Name of the scene.
     pub scene: String,
+    /// Weather and faults, as they are written.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub conditions: Vec<String>,
     /// All that was compared.
     #[serde(flatten)]
     pub found: Verification,
@@ -89,7 +92,8 @@ pub fn verify_scenes(
     for path in &scenes {
         let start = Instant::now();
         let (scene, found) = of_scene(path, given, request, computing)?;
-        all.push(Verified { scene, found, seconds: start.elapsed().as_secs_f64() });
+        let (conditions, seconds) = (in_words(&request.conditions), start.elapsed().as_secs_f64());
+        all.push(Verified { scene, conditions, found, seconds });
         each(&all[all.len() - 1])?;
     }
     Ok(all)

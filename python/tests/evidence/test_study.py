@@ -18,8 +18,9 @@ import pytest
 
 pytest.importorskip("lightgbm", reason="lightgbm is not installed")
 pytest.importorskip("matplotlib", reason="matplotlib is not installed")
-from sightline.evidence import correlate, files, plan, present, run, summary, tables, trial, truth
+from sightline.evidence import correlate, files, plan, present, restore, run, summary, tables, trial, truth
 from sightline.evidence.__main__ import main
+from sightline.evidence.designs import DESIGNS
 from sightline.evidence.layouts import Layout
 
 from . import tiny
@@ -257,3 +258,38 @@ def test_killed_and_run_again_is_the_same(result: dict[str, Any], out: Path, tmp
     for found in (expected, again):
         del found["times"]
     assert json.dumps(files.finite(expected), sort_keys=True) == json.dumps(files.finite(again), sort_keys=True)
+
+
+def test_a_run_is_restored_from_what_was_kept(
+    result: dict[str, Any], out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(DESIGNS, "tiny", tiny.DESIGN)
+    scenes, kept = Path("scenes").resolve(), tmp_path / "short.json"
+    files.write_json(kept, present.short(result))
+    again = tmp_path / "again"
+    shutil.copytree(out / "worlds", again / "worlds")
+    assert main(["restore", str(kept), "--out", str(again)]) == 0
+    assert "other than in the record: nothing" in capsys.readouterr().err
+    found = run.so_far(again)
+    assert found["plan_sha256"] == result["plan_sha256"] and found["missing_units"] == []
+    for pool, of in result["pools"].items():
+        for score, regret in of["regret"]["scores"].items():
+            assert found["pools"][pool]["regret"]["scores"][score]["mean"]["value"] == pytest.approx(regret["mean"]["value"], abs=1e-4)
+    assert main(["restore", str(kept), "--out", str(again)]) == 2
+    assert "holds a run already" in capsys.readouterr().err
+    # Another world than that of the record, a record that was changed, one of means alone.
+    other = tmp_path / "other"
+    shutil.copytree(out / "worlds", other / "worlds")
+    world = sorted((other / "worlds").glob("*.json"))[0]
+    world.write_text(world.read_text().replace('"vegetation"', '"building"'), encoding="utf-8")
+    assert main(["restore", str(kept), "--out", str(other)]) == 2
+    assert f"{kept}: " in (said := capsys.readouterr().err) and "is not the file that the plan was made with" in said
+    assert not (other / "plan.json").exists()
+    record = files.read_json(kept)
+    record["plan"]["seeds"] = [7]
+    with pytest.raises(ValueError, match="was changed"):
+        restore.restore(record, tmp_path / "changed", scenes, None)
+    record = files.read_json(kept)
+    del record["placements"][0]["by_seed_and_scene"]
+    with pytest.raises(ValueError, match="means alone"):
+        restore.restore(record, tmp_path / "means", scenes, None)

@@ -1,4 +1,4 @@
-"""``python -m sightline.evidence quick|standard|tables --out DIR``; ``learned``, ``predictions``, ``cost``, ``real``, ``win``: see their ``--help``."""
+"""``python -m sightline.evidence quick|standard|tables --out DIR``; ``learned``, ``predictions``, ``cost``, ``real``, ``win``, ``restore``: see their ``--help``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 NAMES = ("quick", "standard", "again", "channels", "conditions", "transfer")
 
 #: Commands with arguments of their own, each a module with a ``main``.
-OTHERS = ("learned", "predictions", "cost", "real", "win")
+OTHERS = ("learned", "predictions", "cost", "real", "win", "restore")
 
 
 def main(arguments: list[str] | None = None) -> int:

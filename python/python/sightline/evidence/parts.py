@@ -87,7 +87,9 @@ def _table(given: Gathered, read: _Read) -> F64:
 
     def value(name: str, seed: int, scene: str) -> float:
         unit = given.units.get((name, seed))
-        found = read(unit["scenes"][scene]["detail"]) if unit else None
+        # A restored run has none.
+        detail = unit["scenes"][scene]["detail"] if unit else None
+        found = read(detail) if detail else None
         return np.nan if found is None else float(found)
 
     every = [[[value(one.name, s, scene) for scene in given.scenes] for one in given.layouts] for s in given.seeds]

@@ -103,6 +103,13 @@ def make(design: Design, out: Path, scenes: Path, xodr: Path | None, jobs: int) 
 
     Without a folder of OpenDRIVE maps the towns made on them are left out.
     """
+    chosen = worlds_of(design, out, scenes, xodr)
+    placed = _PLACED[design.placements](design, chosen, out / "pool", jobs)
+    return settle(design, chosen, layouts.out_of_step(placed), out)
+
+
+def worlds_of(design: Design, out: Path, scenes: Path, xodr: Path | None) -> list[World]:
+    """Makes the scenes of a study in ``out``, those that are there already once."""
     stage.say("making worlds")
     made = out / "worlds"
     chosen = [worlds.generated(kind, seed, "train", design.frames, made) for kind, seed in design.train]
@@ -112,9 +119,7 @@ def make(design: Design, out: Path, scenes: Path, xodr: Path | None, jobs: int) 
             stage.say(f"without --xodr: {', '.join(name for name, _ in towns)} to {role} are left out")
         elif xodr is not None:
             chosen += [worlds.imported(xodr, name, seed, role, design.frames, made) for name, seed in towns]
-    chosen += worlds.own(scenes, design.frames) if design.own else []
-    placed = _PLACED[design.placements](design, chosen, out / "pool", jobs)
-    return settle(design, chosen, layouts.out_of_step(placed), out)
+    return chosen + (worlds.own(scenes, design.frames) if design.own else [])
 
 
 def _study(design: Design, chosen: list[World], folder: Path, jobs: int) -> list[Layout]:

@@ -143,8 +143,8 @@ def _learnt(given: Gathered) -> dict[str, Any]:
     failed = []
     for (name, seed), unit in given.units.items():
         own = [scene["metrics"]["own_miou"] for scene in unit["scenes"].values()]
-        chance = [scene["detail"]["chance_miou"] for scene in unit["scenes"].values()]
-        if not np.mean(np.array(own, float)) > np.mean(np.array(chance, float)) + 0.05:
+        chance = [scene["detail"]["chance_miou"] for scene in unit["scenes"].values() if scene["detail"]]
+        if chance and not np.mean(np.array(own, float)) > np.mean(np.array(chance, float)) + 0.05:
             failed.append(f"{name}, seed {seed}")
     return {"units": len(given.units), "not_learnt": failed}
 
