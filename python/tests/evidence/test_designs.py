@@ -101,7 +101,7 @@ def test_a_plan_has_towns_where_their_maps_are(
         return worlds.world(name, small_file, role, 1)
 
     monkeypatch.setattr(worlds, "generated", lambda kind, seed, role, frames, folder: world(f"{kind}-{seed}", seed, role))
-    monkeypatch.setattr(worlds, "imported", lambda xodr, name, seed, role, frames, folder: world(name, seed, role))
+    monkeypatch.setattr(worlds, "imported", lambda xodr, name, seed, role, frames, folder, called: world(called, seed, role))
     design = replace(DESIGNS["channels"], name="towns", train_towns=(("Town01", 1),), test_towns=(("Town03", 2),))
     made = plan.make(design, tmp_path / "with", tmp_path, tmp_path, 1)
     assert {("Town01", 1, "train"), ("Town03", 2, "test")} <= set(asked)
@@ -111,6 +111,9 @@ def test_a_plan_has_towns_where_their_maps_are(
     without = plan.make(design, tmp_path / "without", tmp_path, None, 1)
     assert not {name for name, _, _ in asked} & {"Town01", "Town03"} and len(without.worlds) == len(made.worlds) - 2
     assert "without --xodr: Town03 to test are left out" in capsys.readouterr().err
+    several = replace(design, test_towns=(("Town03", 2), ("Town03", 5), ("Town04", 2)))
+    names = [world.name for world in plan.make(several, tmp_path / "several", tmp_path, tmp_path, 1).of("test")]
+    assert names[-3:] == ["Town03-2", "Town03-5", "Town04"]
 
 
 def test_more_channels_have_more_points_and_fog_fewer(small_file: Path) -> None:
@@ -198,6 +201,16 @@ def test_placements_of_the_standard_run_come_again_out_of_step(monkeypatch: pyte
     assert all(one.phases is None for one in found if one.name not in plan.CONTROLLED)
     looked_at = {seed for name in ("quick", "standard", "channels", "conditions", "transfer") for _, seed in DESIGNS[name].test}
     assert not looked_at & {seed for _, seed in DESIGNS["again"].test}
+
+
+def test_towns_have_those_in_the_mount_of_the_standard_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(Path(__file__).resolve().parents[3])
+    kept = {one["name"]: one for one in plan.read_json(plan.EARLIER["towns"])["plan"]["placements"]}
+    found = plan._towns()
+    assert {f"best-{name}-{n}" for name in plan.OBJECTIVES for n in (1, 2)} < {one.name for one in found}
+    assert len(found) > 40 and all(one.to_dict() == kept[one.name] for one in found)
+    tested = {name: set(DESIGNS[name].test_towns + DESIGNS[name].train_towns) for name in DESIGNS}
+    assert not set(DESIGNS["towns"].test_towns) & set().union(*(tested[name] for name in DESIGNS if name != "towns"))
 
 
 def test_units_come_in_an_order_that_leaves_some_of_all() -> None:

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 #: Studies; the same as ``designs.DESIGNS``, which needs the extra.
-NAMES = ("quick", "standard", "again", "channels", "conditions", "transfer")
+NAMES = ("quick", "standard", "again", "towns", "channels", "conditions", "transfer")
 
 #: Commands with arguments of their own, each a module with a ``main``.
 OTHERS = ("learned", "predictions", "cost", "real", "win", "restore")

@@ -6,6 +6,7 @@ import hashlib
 import importlib.metadata
 import json
 import platform
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -38,8 +39,8 @@ WITH_LOW = ("gain", "covered_occupied", "distinct_voxels", "actors_5", "blend", 
 #: Scenes that tell a difference of .01 apart with 80 % power, by the spread over scenes of the third standard run.
 SCENES_NEEDED = {"birds_eye_miou": 28, "voxel_1m_miou": 29, "ground_seen_10m": 12, "objects_5": 280}
 
-#: The run that ``again`` takes placements of, from the folder of the project.
-EARLIER = Path("docs/evidence/third.json")
+#: The runs that ``again`` and ``towns`` take placements of, from the folder of the project.
+EARLIER = {"again": Path("docs/evidence/third.json"), "towns": Path("docs/evidence/standard.json")}
 
 #: Candidates whose optima lost least in it, and the gain.
 NEAREST = ("gain", "blend", "near_and_ground", "near_and_field")
@@ -118,7 +119,10 @@ def worlds_of(design: Design, out: Path, scenes: Path, xodr: Path | None) -> lis
         if xodr is None and towns:
             stage.say(f"without --xodr: {', '.join(name for name, _ in towns)} to {role} are left out")
         elif xodr is not None:
-            chosen += [worlds.imported(xodr, name, seed, role, design.frames, made) for name, seed in towns]
+            # Several towns on a map are told apart by their seeds.
+            count = Counter(name for name, _ in towns)
+            called = [f"{name}-{seed}" if count[name] > 1 else name for name, seed in towns]
+            chosen += [worlds.imported(xodr, *town, role, design.frames, made, c) for town, c in zip(towns, called)]
     return chosen + (worlds.own(scenes, design.frames) if design.own else [])
 
 
@@ -137,7 +141,7 @@ def _again() -> list[Layout]:
     Those of people, the engine's optima and what comes near them over the pool, one random one of each stratum, counts,
     low corners and gamed ones.
     """
-    record = read_json(EARLIER)["plan"]
+    record = read_json(EARLIER["again"])["plan"]
     earlier = [replace(Layout.from_dict(one), phases=None) for one in record["placements"]]
     sorts = {"box", "mixed", "number", "gamed"}
     kept = [one for one in earlier if one.pool in sorts and one.name not in CONTROLLED and _again_in(one.name)]
@@ -149,6 +153,12 @@ def _again_in(name: str) -> bool:
     if name.startswith("random-"):
         return name.endswith("-0")
     return not name.startswith("best-pool-") or name in {f"best-pool-{candidate}-box" for candidate in NEAREST}
+
+
+def _towns() -> list[Layout]:
+    """Four in the mount of the standard run in the documents, of random ones one of each stratum, all in the phases of then."""
+    kept = [Layout.from_dict(one) for one in read_json(EARLIER["towns"])["plan"]["placements"]]
+    return [one for one in kept if one.pool == "box" and (not one.name.startswith("random-") or one.name.endswith("-0"))]
 
 
 def _transfer(design: Design, chosen: list[World], folder: Path, jobs: int) -> list[Layout]:
@@ -171,6 +181,7 @@ _PLACED: dict[str, Callable[[Design, list[World], Path, int], list[Layout]]] = {
     "study": _study,
     "transfer": _transfer,
     "again": lambda design, chosen, folder, jobs: _again(),
+    "towns": lambda design, chosen, folder, jobs: _towns(),
     "channels": lambda design, chosen, folder, jobs: layouts.channels(),
     "conditions": lambda design, chosen, folder, jobs: layouts.conditions(),
 }

@@ -90,18 +90,20 @@ def generated(kind: str, seed: int, role: str, frames: int, folder: Path) -> Wor
     return world(name, path, role, frames)
 
 
-def imported(xodr: Path, name: str, seed: int, role: str, frames: int, folder: Path) -> World:
+def imported(xodr: Path, name: str, seed: int, role: str, frames: int, folder: Path, called: str | None = None) -> World:
     """A town on the roads of an OpenDRIVE map, written to ``folder`` unless it is there.
 
-    ``name`` is that of its file somewhere in ``xodr``, without the endings ``.xodr`` and ``.xodr.gz``.
+    ``name`` is that of its file somewhere in ``xodr``, without the endings ``.xodr`` and ``.xodr.gz``; the town is ``called``
+    so, too, unless another name is given.
     """
-    path = folder / f"{name}.json"
+    called = called or name
+    path = folder / f"{called}.json"
     if not path.is_file():
         found = sorted(file for end in ("xodr", "xodr.gz") for file in xodr.rglob(f"{name}.{end}"))
         if not found:
             raise ValueError(f"{xodr}: holds no {name}.xodr, nor a compressed one; give a folder that does, or no --xodr")
         folder.mkdir(parents=True, exist_ok=True)
-        drawn = folder / f"{name}.xodr"
+        drawn = folder / f"{called}.xodr"
         try:
             given = found[0].read_bytes()
             drawn.write_bytes(gzip.decompress(given) if found[0].suffix == ".gz" else given)
@@ -110,7 +112,7 @@ def imported(xodr: Path, name: str, seed: int, role: str, frames: int, folder: P
             raise ValueError(f"{found[0]}: is no map that a town can be made on: {error}") from error
         finally:
             drawn.unlink(missing_ok=True)
-    return world(name, path, role, frames)
+    return world(called, path, role, frames)
 
 
 def _made(words: list[str]) -> None:
