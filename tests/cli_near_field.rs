@@ -48,7 +48,9 @@ fn the_near_field_of_two_heights() {
     assert!(svg.matches("<circle").count() >= 116 && svg.ends_with("</svg>\n"));
     // Fog hides what is far, a wet road mirrors what is flat: more ground is blind, and more beams end at nothing.
     let weather = ["--condition", "fog:mor=10", "--condition", "wet:water=1"];
-    let hidden = ok(dir.path(), &[&args[..6], &weather].concat())["near_fields"][1].clone();
+    let hidden = ok(dir.path(), &[&args[..6], &weather].concat());
+    assert_eq!(hidden["conditions"], serde_json::json!(["fog:mor=10,gain=1", "wet:water=1"]));
+    let hidden = &hidden["near_fields"][1];
     assert!(number(&hidden["blind_area"]) > number(&high["blind_area"]), "{hidden} {high}");
     assert!(number(&hidden["beams"][0]["nothing"]) > number(&high["beams"][0]["nothing"]));
     let robo3d = ["--condition", "fog:mode=robo3d"];
@@ -56,6 +58,10 @@ fn the_near_field_of_two_heights() {
     let text = sightline(dir.path(), &args[..6]);
     let text = String::from_utf8(text.stdout).unwrap();
     assert_eq!(text.lines().count(), 4, "{text}");
+    let text = sightline(dir.path(), &[&args[..6], &weather].concat());
+    assert!(
+        String::from_utf8(text.stdout).unwrap().contains("under fog:mor=10,gain=1 and wet:water=1")
+    );
 }
 
 #[test]

@@ -107,6 +107,13 @@ fn sensors_and_heights_that_see_the_same_row_gain_the_same() {
     assert_column(&table, "M-SOG/N ×1e-6", &[-1e6 * first / 100.0; 5]);
     let table = of_corridor(&dir, "height", &[]);
     assert_column(&table, "gain %", &[share; 5]);
+    // The figure shows what the searches made large.
+    let y_title = |svg: &str| svg.contains(">near gain %<");
+    let svg = |kind: &str| fs::read_to_string(dir.path().join(kind).join("chart.svg")).unwrap();
+    assert!(y_title(&svg("height")) && y_title(&svg("channels")));
+    fs::remove_dir_all(dir.path().join("height")).unwrap();
+    of_corridor(&dir, "height", &BY_GAIN);
+    assert!(!y_title(&svg("height")) && svg("height").contains(">gain %<"));
     // Without ground and within 10 m all information counts alike.
     assert_column(&table, "near gain %", &[share; 5]);
     assert_eq!(column(&table, "gain %")[1].0, "0.37 m");

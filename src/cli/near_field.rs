@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use crate::internals::near_field_text;
 use crate::runs::Error;
 use crate::runs::near_field::{NearFieldRequest, near_fields};
+use crate::scan::conditions::under;
 use serde_json::json;
 
 use super::args::{Compute, Conditions, Format};
@@ -50,7 +51,8 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         Format::Json => outln!("{}", json!(found))?,
         Format::Text => {
             let (scene, area, frames) = (&found.scene, found.ground_area, found.frames);
-            outln!("{scene}: {area:.0} m² of ground within 10 m, {frames} frame(s)")?;
+            let under = under(&found.conditions);
+            outln!("{scene}: {area:.0} m² of ground within 10 m, {frames} frame(s){under}")?;
             out!("{}", near_field_text(&found.near_fields))?;
         }
     }

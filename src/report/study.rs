@@ -32,10 +32,10 @@ pub fn study_plot(table: &Table) -> Plot {
             let names = Axis::Names(table.columns[1..].to_vec());
             (x_title, y_title, names, series.collect())
         }
-        Drawing::Against { x_title, y_title } => {
+        Drawing::Against { column, x_title, y_title } => {
             let series = Series {
                 name: format!("by {}", table.columns[0]),
-                points: rows().map(|row| (number(row, 0), number(row, 1))).collect(),
+                points: rows().map(|row| (number(row, 0), number(row, *column))).collect(),
                 line: false,
                 labels: rows().enumerate().map(|(k, row)| (k, row.name.clone())).collect(),
             };
@@ -85,7 +85,7 @@ mod tests {
         let by_column = study_plot(&table(Drawing::ByColumn { x_title: x, y_title: y }));
         assert_eq!((by_column.series.len(), by_column.series[1].name.as_str()), (2, "y"));
         assert_eq!(by_column.series[1].points, [(0.0, 2.0), (1.0, 3.0)]);
-        let against = study_plot(&table(Drawing::Against { x_title, y_title }));
+        let against = study_plot(&table(Drawing::Against { column: 1, x_title, y_title }));
         assert_eq!(against.series[0].points[1], (2.0, 3.0));
         assert_eq!(against.series[0].labels[1], (1, "y".to_owned()));
     }

@@ -12,7 +12,7 @@ use crate::near_field::{Footprint, NearField, NearSite};
 use crate::problem::{Problem, spread};
 use crate::psog::Psog;
 use crate::report::near_field::near_field_svg;
-use crate::scan::conditions::Condition;
+use crate::scan::conditions::{Condition, in_words};
 use crate::scan::in_conditions;
 use crate::scene::Scene;
 use crate::vehicle::{Placement, read_placements, table_7};
@@ -39,6 +39,9 @@ pub struct NearFields {
     pub scene: String,
     /// Frames averaged over.
     pub frames: usize,
+    /// Weather and faults, as they are written.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub conditions: Vec<String>,
     /// Outline of the own vehicle.
     pub footprint: Footprint,
     /// Ground within 10 m in m², mean of the frames.
@@ -88,6 +91,7 @@ pub fn near_fields(
     Ok(NearFields {
         scene: scene.name().to_owned(),
         frames: evaluator.problem().frame_count(),
+        conditions: in_words(&request.conditions),
         footprint: site.footprint().clone(),
         ground_area: site.ground_area(),
         near_fields: all,

@@ -5,12 +5,22 @@ use std::collections::HashSet;
 use super::cases::Measured;
 use super::scene::{StudyScene, score};
 use super::{Row, StudyError};
-use crate::score::Scores;
+use crate::score::{Objective, Scores};
 use crate::search::Evaluator;
 
 /// Columns that most studies show of a placement.
 pub(super) const SCORES: [&str; 6] =
     ["gain %", "near gain %", "M-SOG/N ×1e-6", "detection ×1e-6", "covered", "guards violated"];
+
+/// Which of [`SCORES`] searches for an objective make large, and a study draws; the gain where it is none of them.
+pub(super) fn made_large(objective: &Objective) -> usize {
+    match objective.to_string().as_str() {
+        "near_gain" => 1,
+        "m_sog_scaled" => 2,
+        "detection.m_sog_scaled" => 3,
+        _ => 0,
+    }
+}
 
 /// Values of [`SCORES`].
 pub(super) fn values(scores: &Scores) -> Vec<Option<f64>> {

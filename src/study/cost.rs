@@ -1,7 +1,7 @@
 //! What sensors are worth their price: the front of what is gained against what it costs.
 
 use super::cases::Cases;
-use super::columns::{self, SCORES};
+use super::columns::{self, SCORES, made_large};
 use super::scene::{StudyScene, score};
 use super::{Drawing, StudyError, Table};
 use crate::search::{Equipped, cost_front};
@@ -36,6 +36,8 @@ pub(super) fn cost(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Study
     ];
     let title = scene.title("what is gained for the money");
     let columns = ["sensors", "price"].into_iter().chain(SCORES).chain(["LiDARs", "not seen %"]);
-    let drawing = Drawing::Against { x_title: "price".to_owned(), y_title: SCORES[0].to_owned() };
+    let drawn = made_large(&scene.settings.objective);
+    let y_title = SCORES[drawn].to_owned();
+    let drawing = Drawing::Against { column: 1 + drawn, x_title: "price".to_owned(), y_title };
     Ok(Table::new(title, columns, rows, notes, drawing))
 }

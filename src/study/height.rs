@@ -1,7 +1,7 @@
 //! How high: all LiDARs at one height, against free heights.
 
 use super::cases::Cases;
-use super::columns::{self, SCORES};
+use super::columns::{self, SCORES, made_large};
 use super::scene::StudyScene;
 use super::{Drawing, StudyError, Table};
 
@@ -37,5 +37,6 @@ pub(super) fn height(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
     ];
     let title = scene.title("the best placement at each height");
     let columns = ["height"].into_iter().chain(SCORES);
-    Ok(Table::new(title, columns, rows, notes, Drawing::of_column(0, SCORES[0], true)))
+    let drawn = made_large(&scene.settings.objective);
+    Ok(Table::new(title, columns, rows, notes, Drawing::of_column(drawn, SCORES[drawn], true)))
 }

@@ -1,7 +1,7 @@
 //! Which sensor: numbers of channels over one field of view, and sensors from files.
 
 use super::cases::Cases;
-use super::columns::{self, SCORES, check_distinct};
+use super::columns::{self, SCORES, check_distinct, made_large};
 use super::scene::StudyScene;
 use super::{Drawing, StudyError, Table};
 use crate::near_field::NearSite;
@@ -122,5 +122,6 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
     }
     let title = scene.title("the best placement of each sensor");
     let columns = ["sensor", "beams a LiDAR"].into_iter().chain(SCORES).chain(NEAR_COLUMNS);
-    Ok(Table::new(title, columns, rows, notes, Drawing::of_column(1, SCORES[0], true)))
+    let drawn = made_large(&scene.settings.objective);
+    Ok(Table::new(title, columns, rows, notes, Drawing::of_column(1 + drawn, SCORES[drawn], true)))
 }

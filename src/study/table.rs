@@ -35,8 +35,10 @@ pub enum Drawing {
         /// Title of the y axis.
         y_title: String,
     },
-    /// The first column along x, the second along y, a labelled point for each case.
+    /// The first column along x, another along y, a labelled point for each case.
     Against {
+        /// Column along y.
+        column: usize,
         /// Title of the x axis.
         x_title: String,
         /// Title of the y axis.

@@ -43,6 +43,7 @@ pub(super) fn tasks(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stud
         scene.settings.evaluations
     )];
     let drawing = Drawing::Against {
+        column: 1,
         x_title: "segmentation: share of the information gained, %".into(),
         y_title: "detection: share of the information gained, %".into(),
     };

@@ -34,7 +34,7 @@ impl Run {
     /// Does one step; hands out the outcome after the last one.
     ///
     /// # Errors
-    /// From the engine; the state is then that before the step.
+    /// From the engine; a state half-way through the step is then left: go on from the last one that was written.
     pub fn step(&mut self, observer: &mut dyn Observer) -> Result<Option<Outcome>, SearchError> {
         let start = Instant::now();
         let mut watch = Watch::new(observer, self.sitting.interrupted);
