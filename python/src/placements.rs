@@ -1,16 +1,21 @@
 //! Placements: sensor poses by name, from objects, files and arrays.
 
+use std::ffi::CString;
 use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use sightline::vehicle::{MAX_LIDARS, SensorName, table_7};
+use sightline::vehicle::{Doubts, MAX_LIDARS, SensorName, table_7};
 use sightline::{Placement, SensorPose, read_placements};
 
 use crate::arrays::{column, matrix, numbers, shape_in_words};
 use crate::errors::{bad, raised};
 use crate::json::to_python;
+
+/// Warnings of a call at most: of a million placements in degrees, the first say enough.
+const MOST_WARNINGS: usize = 3;
 
 /// What an array of poses has to be, in words.
 const WANTED: &str =
@@ -111,8 +116,24 @@ pub fn sensors_of(names: Option<Vec<String>>) -> PyResult<Vec<SensorName>> {
     names.unwrap_or_default().iter().map(name).collect()
 }
 
-/// Placements from a `Placement`, a list of them, or an array `[N, L, 6]` or `[L, 6]`.
+/// Placements from a `Placement`, a list of them, or an array `[N, L, 6]` or `[L, 6]`; warns of units that are most likely
+/// not meant.
 pub fn placements_of(
+    given: &Bound<'_, PyAny>,
+    sensors: Option<Vec<String>>,
+    phases: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Vec<Placement>> {
+    let placements = parsed(given, sensors, phases)?;
+    let category = given.py().get_type::<PyUserWarning>();
+    let doubts = Doubts::of_units();
+    for doubt in placements.iter().flat_map(|one| doubts.about(one)).take(MOST_WARNINGS) {
+        // The caller's line, in Python.
+        PyErr::warn(given.py(), &category, &CString::new(doubt)?, 1)?;
+    }
+    Ok(placements)
+}
+
+fn parsed(
     given: &Bound<'_, PyAny>,
     sensors: Option<Vec<String>>,
     phases: Option<&Bound<'_, PyAny>>,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -33,6 +34,21 @@ POSES = "poses: "
 def test_arrays(scene, poses, sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
         scene.score(poses)
+
+
+def test_units_that_are_hardly_meant_are_warned_of(scene) -> None:
+    poses = np.zeros((9, 1, 6))
+    poses[:, 0, 2] = 2.5
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene.score(poses)
+    poses[:, 0, 5] = 90
+    with pytest.warns(UserWarning, match=r"placement `\d`, LiDAR 0: yaw = 90 .* in radians") as said:
+        scene.score(poses)
+    assert len(said) == 3 and said[0].filename == __file__
+    poses[:, 0] = [0, 0, 2500, 0, 0, 0]
+    with pytest.warns(UserWarning, match="2500 mm are 2.5"):
+        scene.covered(poses[:1])
 
 
 def test_an_empty_batch_has_no_scores(scene) -> None:
