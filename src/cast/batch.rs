@@ -45,6 +45,13 @@ struct Level<'a> {
     poses: Vec<DevicePose>,
 }
 
+/// A sensor that is cast by itself: its parts by how their beams go, and its hits.
+struct Row<'p, 'h> {
+    walked: Vec<Part<'p>>,
+    alone: Vec<Part<'p>>,
+    hits: &'h mut [Hit],
+}
+
 impl<'a> Level<'a> {
     /// The tree with the pose of one sensor.
     fn part(&self, sensor: usize) -> Part<'a> {
@@ -120,10 +127,23 @@ impl Caster {
             }
         }
         let few = others.len() < SENSORS_A_THREAD * rayon::current_num_threads();
-        others.into_par_iter().for_each(|(k, row)| {
-            let parts = levels.iter().map(|level| level.part(k));
-            self.replace(&parts.collect::<Vec<_>>(), few, row);
-        });
+        let of_sensor = |(k, hits)| {
+            let parts: Vec<Part<'_>> = levels.iter().map(|level| level.part(k)).collect();
+            let (walked, alone) = self.sorted(&parts);
+            Row { walked, alone, hits }
+        };
+        let mut rows: Vec<Row<'_, '_>> = others.into_iter().map(of_sensor).collect();
+        match &self.walk {
+            Some(walk) if few => {
+                rows.par_iter_mut().for_each(|row| walk.cast(&row.walked, true, row.hits))
+            }
+            // Window after window: what one sensor meets there lies in the cache when the next one comes.
+            Some(walk) => (0..walk.windows()).for_each(|window| {
+                rows.par_iter_mut().for_each(|row| walk.cast_in(window, &row.walked, row.hits));
+            }),
+            None => {}
+        }
+        rows.into_par_iter().for_each(|row| self.cast_alone(row.alone, row.hits));
     }
 
     /// Replaces the hits of one sensor, in the order of the table's directions, by closer ones in some
@@ -131,16 +151,19 @@ impl Caster {
     ///
     /// What a sensor does not see costs next to nothing: bounds of a tree's first boxes.
     pub fn closer_hits(&self, parts: &[Part<'_>], hits: &mut [Hit]) {
-        self.replace(parts, false, hits);
+        let (walked, alone) = self.sorted(parts);
+        if let Some(walk) = &self.walk {
+            walk.cast(&walked, false, hits);
+        }
+        self.cast_alone(alone, hits);
     }
 
-    fn replace(&self, parts: &[Part<'_>], shared: bool, hits: &mut [Hit]) {
-        let walk = self.walk.as_ref();
-        let (walked, alone): (Vec<Part<'_>>, Vec<_>) =
-            parts.iter().partition(|part| walk.is_some() && Walk::fits(part));
-        if let Some(walk) = walk.filter(|_| !walked.is_empty()) {
-            walk.cast(&walked, shared && rayon::current_num_threads() > 1, hits);
-        }
+    /// Those that are walked, and those whose beams go alone.
+    fn sorted<'a>(&self, parts: &[Part<'a>]) -> (Vec<Part<'a>>, Vec<Part<'a>>) {
+        parts.iter().partition(|part| self.walk.is_some() && Walk::fits(part))
+    }
+
+    fn cast_alone(&self, alone: Vec<Part<'_>>, hits: &mut [Hit]) {
         let range = farthest(hits);
         for Part { bvh, pose, first_prim } in alone {
             cast_rows(vec![(&pose, &mut *hits)], self.table.directions(), bvh, first_prim, range);

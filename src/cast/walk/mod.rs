@@ -74,10 +74,15 @@ impl Walk {
         turns && small && part.bvh.bvh16.largest < LARGEST
     }
 
+    /// Windows that the beams are cut into.
+    pub(super) fn windows(&self) -> usize {
+        self.grid.windows.len()
+    }
+
     /// Replaces hits of a sensor by closer ones, and by equally close ones of a lower face. Windows go
     /// side by side where `parallel`.
     pub(super) fn cast(&self, parts: &[Part<'_>], parallel: bool, hits: &mut [Hit]) {
-        if parallel {
+        if parallel && !parts.is_empty() && rayon::current_num_threads() > 1 {
             let before = &*hits;
             let windows = self.grid.windows.par_iter();
             let done: Vec<_> =
@@ -86,10 +91,16 @@ impl Walk {
                 self.write(window, work, hits);
             }
         } else {
-            for window in &self.grid.windows {
-                let work = self.cast_window(window, parts, hits);
-                self.write(window.0, work, hits);
-            }
+            (0..self.windows()).for_each(|window| self.cast_in(window, parts, hits));
+        }
+    }
+
+    /// The same in one window alone.
+    pub(super) fn cast_in(&self, window: usize, parts: &[Part<'_>], hits: &mut [Hit]) {
+        if !parts.is_empty() {
+            let window = &self.grid.windows[window];
+            let work = self.cast_window(window, parts, hits);
+            self.write(window.0, work, hits);
         }
     }
 
