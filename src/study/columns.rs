@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use super::cases::Measured;
 use super::scene::{StudyScene, score};
 use super::{Row, StudyError};
-use crate::score::{Objective, Scores};
+use crate::score::{NEAR_GAIN, Objective, Scores};
 use crate::search::Evaluator;
 
 /// Columns that most studies show of a placement.
@@ -15,7 +15,7 @@ pub(super) const SCORES: [&str; 6] =
 /// Which of [`SCORES`] searches for an objective make large, and a study draws; the gain where it is none of them.
 pub(super) fn made_large(objective: &Objective) -> usize {
     match objective.to_string().as_str() {
-        "near_gain" => 1,
+        NEAR_GAIN => 1,
         "m_sog_scaled" => 2,
         "detection.m_sog_scaled" => 3,
         _ => 0,

@@ -110,14 +110,14 @@ def make(design: Design, out: Path, scenes: Path, xodr: Path | None, jobs: int) 
 
 
 def worlds_of(design: Design, out: Path, scenes: Path, xodr: Path | None) -> list[World]:
-    """Makes the scenes of a study in ``out``, those that are there already once."""
+    """The scenes of a study; those that are not in ``out`` yet are made there."""
     stage.say("making worlds")
     made = out / "worlds"
     chosen = [worlds.generated(kind, seed, "train", design.frames, made) for kind, seed in design.train]
     chosen += [worlds.generated(kind, seed, "test", design.frames, made) for kind, seed in design.test]
     for role, towns in (("train", design.train_towns), ("test", design.test_towns)):
         if xodr is None and towns:
-            stage.say(f"without --xodr: {', '.join(name for name, _ in towns)} to {role} are left out")
+            stage.say(f"without --xodr: {', '.join(dict(towns))} to {role} are left out")
         elif xodr is not None:
             # Several towns on a map are told apart by their seeds.
             count = Counter(name for name, _ in towns)
@@ -150,15 +150,20 @@ def _again() -> list[Layout]:
 
 
 def _again_in(name: str) -> bool:
-    if name.startswith("random-"):
-        return name.endswith("-0")
+    if not _first_of_stratum(name):
+        return False
     return not name.startswith("best-pool-") or name in {f"best-pool-{candidate}-box" for candidate in NEAREST}
+
+
+def _first_of_stratum(name: str) -> bool:
+    """Of random placements the first of a stratum; all others."""
+    return not name.startswith("random-") or name.endswith("-0")
 
 
 def _towns() -> list[Layout]:
     """Four in the mount of the standard run in the documents, of random ones one of each stratum, all in the phases of then."""
     kept = [Layout.from_dict(one) for one in read_json(EARLIER["towns"])["plan"]["placements"]]
-    return [one for one in kept if one.pool == "box" and (not one.name.startswith("random-") or one.name.endswith("-0"))]
+    return [one for one in kept if one.pool == "box" and _first_of_stratum(one.name)]
 
 
 def _transfer(design: Design, chosen: list[World], folder: Path, jobs: int) -> list[Layout]:

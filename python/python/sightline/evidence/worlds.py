@@ -62,7 +62,8 @@ class World:
         if scenes is None:
             return World(kept["name"], path, kept["role"], kept["frames"], kept["sha256"])
         if not path.is_file():
-            raise ValueError(f"{path}: is not there; give the folder of the own scenes with --scenes")
+            missing = "OpenDRIVE maps with --xodr, or another --out" if kept["made"] else "own scenes with --scenes"
+            raise ValueError(f"{path}: is not there; give the folder of the {missing}")
         found = Source.read(path).digest()
         if found != kept["sha256"]:
             raise ValueError(f"{path}: is not the file that the plan was made with; give another --out")
