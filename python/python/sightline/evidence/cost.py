@@ -51,6 +51,9 @@ DEAREST = "U-Net, shared"
 #: A step up in correlation that is worth dearer work.
 WORTH = 0.05
 
+#: Placements below which a rank correlation tells too little: it is listed, and neither drawn nor argued with.
+FEWEST = 8
+
 #: Placements that scores are timed with, and test scenes; the rest cost as much.
 TIMED, SCENES = 8, 2
 
@@ -65,9 +68,15 @@ class Way:
     #: Rank correlation with the dearest: of maps, and of objects found.
     maps: Interval
     objects: Interval
+    #: Placements that both have judged.
+    placements: int
     #: Rank correlation with the maps of nets trained anew, and for how many placements there are such.
     anew: float
     anew_of: int
+
+    def tells(self) -> bool:
+        """Whether enough placements stand behind its correlations."""
+        return self.placements >= FEWEST and bool(np.isfinite(self.maps.value))
 
 
 def measured(plan: Plan, out: Path) -> dict[str, float]:
@@ -133,12 +142,14 @@ class _Dear:
         """A way, held against them; the dearest against itself tells nothing and is ``NaN``."""
         nothing = Interval(float("nan"), float("nan"), float("nan"))
         own = name == DEAREST
-        both = np.isfinite(self.anew).any(axis=1) & np.isfinite(maps).any(axis=1)
+        judged = np.isfinite(maps).any(axis=1)
+        both = np.isfinite(self.anew).any(axis=1) & judged
         return Way(
             name,
             seconds,
             nothing if own else agreement.agreement(maps, self.maps),
             nothing if own else agreement.agreement(objects, self.objects),
+            int((np.isfinite(self.maps).any(axis=1) & judged).sum()),
             agreement.agreement(maps, self.anew).value if name != "U-Net, anew" else float("nan"),
             int(both.sum()),
         )
@@ -151,7 +162,7 @@ def _seconds(folder: Path) -> float:
 
 def bend(found: list[Way]) -> str:
     """Where more work stops to pay, in one sentence: the cheapest way that none dearer beats by ``WORTH``."""
-    known = [way for way in found if np.isfinite(way.maps.value)]
+    known = [way for way in found if way.tells()]
     if not known:
         return "Nothing could be held against the dearest measurement."
     most = max(way.maps.value for way in known)
@@ -173,7 +184,7 @@ def table(found: list[Way]) -> str:
 
 
 def chart(found: list[Way]) -> bytes:
-    """SVG: CPU-seconds against the correlation with the dearest."""
+    """SVG: CPU-seconds against the correlation with the dearest, whose own cost is a line."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -181,15 +192,27 @@ def chart(found: list[Way]) -> bytes:
     spot = page.subplots()
     # What costs nothing stands at the left edge of a logarithmic axis.
     least = min((way.seconds for way in found if way.seconds > 0), default=1.0) / 10
+    told = [way for way in found if way.tells()]
+    # Ways of one cost stand side by side.
+    beside = [sum(way.seconds == other.seconds for other in told[:k]) for k, way in enumerate(told)]
+    placed = [(max(way.seconds, least) * 1.25**steps, way) for steps, way in zip(beside, told, strict=True)]
+    costs = [way.seconds for way in told]
+    first = {way.name for steps, way in zip(beside, told, strict=True) if steps == 0 and costs.count(way.seconds) > 1}
     for key, colour, label in (("maps", "#2b6cb0", "map"), ("objects", "#dd6b20", "objects found")):
-        shown = [(max(way.seconds, least), getattr(way, key), way.name) for way in found]
-        shown = [one for one in shown if np.isfinite(one[1].value)]
+        shown = [(x, getattr(way, key), way.name) for x, way in placed if np.isfinite(getattr(way, key).value)]
         for x, interval, name in shown:
             spot.plot([x, x], [interval.low, interval.high], color=colour, linewidth=1.5, alpha=0.5)
             if key == "maps":
-                spot.annotate(name, (x, interval.value), fontsize=8, xytext=(5, 4), textcoords="offset points")
+                # The first of several that stand side by side has its room on the left.
+                side, shift = ("right", -5) if name in first else ("left", 5)
+                spot.annotate(name, (x, interval.value), fontsize=8, xytext=(shift, 4), textcoords="offset points", ha=side)
         spot.plot([one[0] for one in shown], [one[1].value for one in shown], "o", color=colour, label=label)
     spot.set_xscale("log")
+    for way in found:
+        if way.name == DEAREST and np.isfinite(way.seconds):
+            spot.axvline(way.seconds, color="grey", linewidth=1, linestyle="--", label=f"cost of the {DEAREST}, itself")
+    # Room for the name of the dearest way.
+    spot.margins(x=0.12)
     spot.axhline(0, color="black", linewidth=0.8)
     spot.set_xlabel("CPU-seconds for one more placement (mean height: none)")
     spot.set_ylabel(f"Spearman with the {DEAREST}")
