@@ -215,10 +215,16 @@ impl Dataset {
     /// Frames that are missing, a full disk.
     pub fn finish(self) -> Result<Summary, ExportError> {
         let frames: usize = self.scenes.iter().map(|scene| scene.frames.len()).sum();
-        if let (missing, Some((scene, frame))) = self.missing() {
-            self.say_missing()?;
-            let (path, scene) = (self.folder.root().to_owned(), self.scenes[scene].name.clone());
-            return Err(ExportError::Incomplete { path, missing, frames, scene, frame });
+        let mut summary = Summary { scenes: self.scenes.len(), frames, points: 0, bytes: 0 };
+        for (scene, frame) in planned(&self.scenes) {
+            let Some(record) = self.folder.whole(scene, frame) else {
+                self.say_missing()?;
+                let (path, missing) = (self.folder.root().to_owned(), self.missing().0);
+                let scene = self.scenes[scene].name.clone();
+                return Err(ExportError::Incomplete { path, missing, frames, scene, frame });
+            };
+            summary.points += record.points;
+            summary.bytes += record.files.iter().map(|file| file.bytes).sum::<u64>();
         }
         let (folder, each) = (&self.folder, self.settings.each_lidar);
         match self.settings.layout {
@@ -226,14 +232,6 @@ impl Dataset {
             Layout::SemanticKitti => kitti::finish(folder, &self.scenes, &self.plan, each)?,
             Layout::Nuscenes => {
                 nuscenes::finish(folder, &self.settings, &self.scenes, &self.plan)?;
-            }
-        }
-        let mut summary = Summary { scenes: self.scenes.len(), frames, points: 0, bytes: 0 };
-        for (i, scene) in self.scenes.iter().enumerate() {
-            for &frame in &scene.frames {
-                let record = folder.record(i, frame)?;
-                summary.points += record.points;
-                summary.bytes += record.files.iter().map(|file| file.bytes).sum::<u64>();
             }
         }
         let mut about = About::read(folder.root())?;
@@ -244,11 +242,15 @@ impl Dataset {
     }
 }
 
-/// Frames that are not there: the number of the scene, and that in it.
-fn missing(folder: &Folder, scenes: &[SceneFacts]) -> impl Iterator<Item = (usize, usize)> {
+/// Frames of all scenes: the number of the scene, and that in it.
+fn planned(scenes: &[SceneFacts]) -> impl Iterator<Item = (usize, usize)> {
     let all = scenes.iter().enumerate();
-    let all = all.flat_map(|(i, scene)| scene.frames.iter().map(move |&frame| (i, frame)));
-    all.filter(|&(scene, frame)| !folder.has(scene, frame))
+    all.flat_map(|(i, scene)| scene.frames.iter().map(move |&frame| (i, frame)))
+}
+
+/// Those that are not there.
+fn missing(folder: &Folder, scenes: &[SceneFacts]) -> impl Iterator<Item = (usize, usize)> {
+    planned(scenes).filter(|&(scene, frame)| !folder.has(scene, frame))
 }
 
 /// Numbers of a rising list that are wanted, those that follow one another as one range.

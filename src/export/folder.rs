@@ -1,7 +1,7 @@
 //! The folder of a data set: files that come into it whole, records of frames, what stands in it.
 
 use std::fs::{DirEntry, File};
-use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::io::{BufWriter, ErrorKind, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -111,9 +111,7 @@ impl Folder {
     pub fn remove(&self, name: &str) -> Result<(), ExportError> {
         let path = self.root.join(name);
         match std::fs::remove_file(&path) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                Err(ExportError::io(&path)(error))
-            }
+            Err(error) if error.kind() != ErrorKind::NotFound => Err(ExportError::io(&path)(error)),
             _ => Ok(()),
         }
     }
@@ -124,12 +122,16 @@ impl Folder {
 
     /// Whether a frame is there whole.
     pub fn has(&self, scene: usize, frame: usize) -> bool {
-        self.record(scene, frame).is_ok_and(|record| {
-            record.files.iter().all(|file| {
-                let meta = std::fs::metadata(self.root.join(&file.path));
-                meta.is_ok_and(|meta| meta.is_file() && meta.len() == file.bytes)
-            })
-        })
+        self.whole(scene, frame).is_some()
+    }
+
+    /// The record of a frame that is there whole.
+    pub fn whole(&self, scene: usize, frame: usize) -> Option<FrameRecord> {
+        let is_there = |file: &Written| {
+            let meta = std::fs::metadata(self.root.join(&file.path));
+            meta.is_ok_and(|meta| meta.is_file() && meta.len() == file.bytes)
+        };
+        self.record(scene, frame).ok().filter(|record| record.files.iter().all(is_there))
     }
 
     /// Keeps the record of a frame whose files are all in place.
@@ -176,10 +178,14 @@ impl Staged {
         let io = |error| ExportError::io(&place)(error);
         let mut file = out.into_inner().map_err(|error| io(error.into_error()))?;
         let bytes = file.seek(SeekFrom::End(0)).map_err(io)?;
-        if let Some(folder) = place.parent() {
+        if let Err(error) = file.persist(&place) {
+            // Most files come into a folder that is there: it is made where it is not.
+            let (Some(folder), ErrorKind::NotFound) = (place.parent(), error.error.kind()) else {
+                return Err(io(error.error));
+            };
             std::fs::create_dir_all(folder).map_err(ExportError::io(folder))?;
+            error.file.persist(&place).map_err(|error| io(error.error))?;
         }
-        file.persist(&place).map_err(|error| io(error.error))?;
         Ok(Written { path: name, bytes })
     }
 }

@@ -43,9 +43,13 @@ pub(super) fn write(
     let each = settings.each_lidar;
     let mounts = mounts(scan);
     let mut files: Vec<Written> = Vec::new();
+    let (mut cloud, mut ids): (Vec<[f32; 4]>, Vec<u32>) = Default::default();
+    cloud.reserve(scan.returns.len());
+    ids.reserve(scan.returns.len());
     for source in Source::all(mounts.len(), each && mounts.len() > 1) {
         let mover = Mover::new(&source.ego_from_sensor(&mounts, DMat3::IDENTITY));
-        let (mut cloud, mut ids): (Vec<[f32; 4]>, Vec<u32>) = Default::default();
+        cloud.clear();
+        ids.clear();
         for point in scan.points().filter(|point| source.takes(point)) {
             let [x, y, z] = mover.position(point);
             cloud.push([x, y, z, point.intensity]);
@@ -72,9 +76,14 @@ pub(super) fn finish(
     for (number, (scene, planned)) in scenes.iter().zip(plan).enumerate() {
         let first = folder.record(number, scene.frames[0])?;
         lidars = lidars.max(first.lidars.len());
-        for source in Source::all(first.lidars.len(), each && first.lidars.len() > 1) {
-            sequence(folder, number, scene, &planned.name, source)?;
+        let sources = Source::all(first.lidars.len(), each && first.lidars.len() > 1);
+        let begun = sources.map(|source| Sequence::begin(folder, &planned.name, source, &first));
+        let mut sequences = begun.collect::<Result<Vec<Sequence>, ExportError>>()?;
+        for &frame in &scene.frames {
+            let record = folder.record(number, frame)?;
+            sequences.iter_mut().try_for_each(|sequence| sequence.add(&record))?;
         }
+        sequences.into_iter().try_for_each(Sequence::end)?;
     }
     for source in Source::all(lidars, each && lidars > 1) {
         for split in Split::ALL {
@@ -94,33 +103,50 @@ fn world_from_source(record: &FrameRecord, source: Source) -> Pose {
     record.world_from_ego.pose().compose(&ego_from_source(record, source))
 }
 
-/// Poses, times, calibration and the LiDAR's place on the vehicle, of a sequence.
-fn sequence(
-    folder: &Folder,
-    number: usize,
-    scene: &SceneFacts,
-    name: &str,
+/// Poses, times, calibration and the LiDAR's place on the vehicle, of a sequence of one source.
+struct Sequence {
     source: Source,
-) -> Result<(), ExportError> {
-    let place = format!("{}sequences/{name}", root_of(source));
-    let mut poses = folder.begin(&format!("{place}/poses.txt"))?;
-    let mut times = folder.begin(&format!("{place}/times.txt"))?;
-    let mut first: Option<(Pose, f64)> = None;
-    for &frame in &scene.frames {
-        let record = folder.record(number, frame)?;
-        let here = world_from_source(&record, source);
-        let (start, begin) = *first.get_or_insert((here.inverse(), record.time));
-        poses.write(|out| writeln!(out, "{}", line(&start.compose(&here))))?;
-        times.write(|out| writeln!(out, "{:e}", record.time - begin))?;
+    poses: Staged,
+    times: Staged,
+    /// Pose and time that the others are counted from.
+    first_from_world: Pose,
+    begin: f64,
+}
+
+impl Sequence {
+    fn begin(
+        folder: &Folder,
+        name: &str,
+        source: Source,
+        first: &FrameRecord,
+    ) -> Result<Self, ExportError> {
+        let place = format!("{}sequences/{name}", root_of(source));
+        let unit = line(&Pose::IDENTITY);
+        let rows = ["P0", "P1", "P2", "P3", "Tr"].map(|name| format!("{name}: {unit}\n"));
+        folder.put(&format!("{place}/calib.txt"), rows.concat().as_bytes())?;
+        let mount = format!("{}\n", line(&ego_from_source(first, source)));
+        folder.put(&format!("{place}/{EGO_FROM_LIDAR}"), mount.as_bytes())?;
+        Ok(Self {
+            source,
+            poses: folder.begin(&format!("{place}/poses.txt"))?,
+            times: folder.begin(&format!("{place}/times.txt"))?,
+            first_from_world: world_from_source(first, source).inverse(),
+            begin: first.time,
+        })
     }
-    poses.end()?;
-    times.end()?;
-    let unit = line(&Pose::IDENTITY);
-    let calib: String = ["P0", "P1", "P2", "P3", "Tr"].map(|n| format!("{n}: {unit}\n")).concat();
-    folder.put(&format!("{place}/calib.txt"), calib.as_bytes())?;
-    let first = folder.record(number, scene.frames[0])?;
-    let here = format!("{}\n", line(&ego_from_source(&first, source)));
-    folder.put(&format!("{place}/{EGO_FROM_LIDAR}"), here.as_bytes()).map(drop)
+
+    /// Adds the frame that is next.
+    fn add(&mut self, record: &FrameRecord) -> Result<(), ExportError> {
+        let here = self.first_from_world.compose(&world_from_source(record, self.source));
+        self.poses.write(|out| writeln!(out, "{}", line(&here)))?;
+        let time = record.time - self.begin;
+        self.times.write(|out| writeln!(out, "{time:e}"))
+    }
+
+    fn end(self) -> Result<(), ExportError> {
+        self.poses.end()?;
+        self.times.end().map(drop)
+    }
 }
 
 /// The upper three rows of a matrix, row by row.

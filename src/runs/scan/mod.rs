@@ -195,14 +195,15 @@ impl<'a> Work<'a> {
         again: bool,
     ) -> Result<Option<u64>, Error> {
         let (watcher, scenes) = (self.computing.watcher, self.scenes);
-        let frames: usize = (0..scenes.len()).map(|scene| dataset.missing_of(scene).len()).sum();
-        let bar = watcher.bar(frames as u64, Some("frames"));
+        let lists = (0..scenes.len()).map(|scene| dataset.missing_of(scene));
+        let missing: Vec<usize> = lists.map(|frames| frames.len()).collect();
+        let bar = watcher.bar(missing.iter().sum::<usize>() as u64, Some("frames"));
         let points = AtomicU64::new(0);
         for (k, scene) in scenes.iter().enumerate() {
             if !watcher.goes_on() {
                 return Ok(None);
             }
-            if dataset.missing_of(k).is_empty() {
+            if missing[k] == 0 {
                 continue;
             }
             let (stage, scanning) = (self.stage(k, again)?, &self.request.scanning);
