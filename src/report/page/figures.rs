@@ -55,17 +55,26 @@ impl Looks {
         let places: Vec<&Member> =
             suite.members().iter().filter(|member| !member.is_mirrored()).collect();
         for member in &places {
-            let problem = member.problem();
-            let mut engine = open(problem, &choice, |_| {})?.engine;
-            let map = InformationMap::of(problem, &mut *engine, placement)?;
-            maps.push((member.name().to_owned(), map));
-            let (scene, count) = (&scenes[member.scene()], places.len());
-            let engine = &mut *engine;
-            views.push(ViewData::new(scene, problem, engine, placement, &layouts, count)?);
-            if ground.is_none() {
-                let both = std::iter::once(placement).chain(rival);
-                ground = Some(near(scene, problem, &choice, both)?);
-            }
+            let (name, problem, scene) = (member.name(), member.problem(), &scenes[member.scene()]);
+            // Much of either is work of one thread.
+            let (seen, near) = rayon::join(
+                || -> Result<_, BackendError> {
+                    let mut engine = open(problem, &choice, |_| {})?.engine;
+                    let engine = &mut *engine;
+                    let map = InformationMap::of(problem, engine, placement)?;
+                    let count = places.len();
+                    let view = ViewData::new(scene, problem, engine, placement, &layouts, count)?;
+                    Ok((map, view))
+                },
+                || {
+                    let both = std::iter::once(placement).chain(rival);
+                    ground.is_none().then(|| near(scene, problem, &choice, both))
+                },
+            );
+            let (map, view) = seen?;
+            maps.push((name.to_owned(), map));
+            views.push(view);
+            ground = near.transpose()?.or(ground);
         }
         let near = ground.expect("a suite has a scene that is no mirror image");
         Ok(Self { maps, views, near })

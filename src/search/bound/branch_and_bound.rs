@@ -239,7 +239,7 @@ impl Tree<'_> {
 /// The empty set, extended by bounds from pairs in no order.
 fn root(pairs: &PairBound) -> Node {
     let (candidates, value, bound) = (pairs.singles(), pairs.base, f64::INFINITY);
-    Node { chosen: vec![], value, candidates, next: 0, bound, exact: false }
+    Node { chosen: vec![], value, candidates, next: 0, sorted: false, bound, exact: false }
 }
 
 /// Takes the next candidate out of a node, as a child with bounds from pairs, its candidates in no order.
@@ -251,7 +251,7 @@ fn split(places: &Places, pairs: &PairBound, mut node: Node) -> (Node, Node) {
     let chosen = [&node.chosen[..], &[pose]].concat();
     let value = node.value + added;
     let bound = node.bound;
-    (Node { chosen, value, candidates, next: 0, bound, exact: false }, node)
+    (Node { chosen, value, candidates, next: 0, sorted: false, bound, exact: false }, node)
 }
 
 /// A set with the gains of candidates, in no order, whose objectives beside it are `values`.
@@ -261,5 +261,5 @@ fn exact(chosen: Vec<u32>, value: f64, mut values: Vec<(u32, f64)>, bound: f64) 
         // The objective does not exist where nothing is covered; the gain is zero there.
         *gain = gain.max(value) - value;
     }
-    Node { chosen, value, candidates: values, next: 0, bound, exact: true }
+    Node { chosen, value, candidates: values, next: 0, sorted: false, bound, exact: true }
 }

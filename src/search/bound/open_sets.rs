@@ -8,7 +8,7 @@ use crate::vehicle::MAX_LIDARS;
 /// Relative rounding error of the sums of gains behind a bound, at most.
 pub(super) const ROUNDING: f64 = 1e-12;
 
-/// A set of sensors to be extended, its candidates by what they add, falling.
+/// A set of sensors to be extended by candidates.
 #[derive(Debug, Clone)]
 pub(super) struct Node {
     pub chosen: Vec<u32>,
@@ -16,6 +16,8 @@ pub(super) struct Node {
     pub value: f64,
     /// (pose, what it adds at most) from the first that was not taken yet on.
     pub candidates: Vec<(u32, f64)>,
+    /// Whether they fall, as those of a set that is handed out do.
+    pub sorted: bool,
     pub next: usize,
     /// No extension is above this.
     pub bound: f64,
@@ -44,14 +46,17 @@ impl Node {
         self.candidates.shrink_to_fit();
     }
 
-    /// The same of a node whose candidates come in any order, which are then sorted: most sets are dropped as
-    /// a whole before that. False if no extension is above `floor`.
-    fn sort_above(&mut self, floor: f64, lidars: usize) -> bool {
+    /// Both of a node whose candidates come in any order: most are never extended, so that they are sorted when
+    /// they are. False if no extension is above `floor`.
+    fn cut(&mut self, floor: f64, lidars: usize) -> bool {
         let wanted = lidars - self.chosen.len();
         // The largest so many, falling.
         let mut top = [f64::NEG_INFINITY; MAX_LIDARS];
         let top = &mut top[..wanted];
         for &(_, added) in &self.candidates {
+            if added <= top[wanted - 1] {
+                continue;
+            }
             let mut added = added;
             for held in top.iter_mut() {
                 if added > *held {
@@ -59,16 +64,17 @@ impl Node {
                 }
             }
         }
-        let sum: f64 = top.iter().sum();
-        if self.candidates.len() < wanted || (self.value + sum) * (1.0 + ROUNDING) <= floor {
+        let bound = (self.value + top.iter().sum::<f64>()) * (1.0 + ROUNDING);
+        if self.candidates.len() < wanted || bound <= floor {
             return false;
         }
         let others: f64 = top[..wanted - 1].iter().sum();
         let least = floor / (1.0 + ROUNDING) - self.value - others;
         self.candidates.retain(|c| c.1 > least);
         self.candidates.shrink_to_fit();
-        self.candidates.sort_unstable_by(better_first);
-        true
+        self.sorted = false;
+        self.bound = self.bound.min(bound);
+        self.candidates.len() >= wanted && self.bound > floor
     }
 }
 
@@ -101,18 +107,14 @@ impl Open {
     /// Adds a set, unless no extension of it is above the floor.
     pub fn push(&mut self, mut node: Node) {
         node.drop_below(self.floor, self.lidars);
-        self.keep(node);
+        if node.tighten(self.lidars) && node.bound > self.floor {
+            self.heap.push(node);
+        }
     }
 
     /// Adds a set whose candidates come in any order.
     pub fn push_unsorted(&mut self, mut node: Node) {
-        if node.sort_above(self.floor, self.lidars) {
-            self.keep(node);
-        }
-    }
-
-    fn keep(&mut self, mut node: Node) {
-        if node.tighten(self.lidars) && node.bound > self.floor {
+        if node.cut(self.floor, self.lidars) {
             self.heap.push(node);
         }
     }
@@ -124,6 +126,11 @@ impl Open {
 
     /// The node of largest bound, unless nothing above the floor is left.
     pub fn pop(&mut self) -> Option<Node> {
-        self.heap.pop().filter(|node| node.bound > self.floor)
+        let mut node = self.heap.pop().filter(|node| node.bound > self.floor)?;
+        if !node.sorted {
+            node.candidates.sort_unstable_by(better_first);
+            node.sorted = true;
+        }
+        Some(node)
     }
 }
