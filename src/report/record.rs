@@ -31,6 +31,9 @@ pub struct RunTimes {
     pub bounds: f64,
     /// Scoring result and baselines over all frames.
     pub confirm: f64,
+    /// Looking at the result for its page, and drawing it.
+    #[serde(default)]
+    pub page: f64,
     /// All together.
     pub total: f64,
 }

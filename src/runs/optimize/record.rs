@@ -78,6 +78,7 @@ impl Sitting<'_> {
                 swaps: times.swaps + now.swaps,
                 bounds: times.bounds + now.bounds,
                 confirm: times.confirm + now.confirm,
+                page: times.page,
                 total: times.total + self.start.elapsed().as_secs_f64(),
             },
         }
@@ -97,7 +98,7 @@ pub(super) fn save(sitting: &Sitting) -> Result<(), Error> {
 /// Writes result, charts and page, and hands out the record.
 pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, Error> {
     let (folder, suite) = (&sitting.folder, &sitting.opened.suite);
-    let spent = sitting.spent();
+    let mut spent = sitting.spent();
     let settings = sitting.run.state().settings();
     let outcome = &with_self_hits(&sitting.opened.scenes, suite, outcome)?;
     let vehicle = sitting.opened.scenes[0].vehicle();
@@ -121,12 +122,17 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
     if let Some(nats) = sitting.begun.near_weight {
         record.near_field = unweighted_gains(&sitting.opened.scenes, suite, outcome, nats)?;
     }
+    let drawing = Instant::now();
     let memory = sitting.computing.engine.memory;
     let (scenes, best, baselines) = (&sitting.opened.scenes, &record.best, &record.baselines);
     let look = |best: &Scored| Looks::new(scenes, suite, &best.placement, baselines, memory);
     let looks = best.as_ref().map(look).transpose()?;
     let figures = Figures::new(best.as_ref(), suite.constraints(), &scenes[0].body(), looks)
         .with_search(&record, &outcome.history);
+    let drawn = drawing.elapsed().as_secs_f64();
+    spent.times.page += drawn;
+    spent.times.total += drawn;
+    record.timings = spent.times;
     folder.write_json(TIMES, &spent)?;
     folder.write_json("result.json", &record)?;
     let found = record.best.iter().chain(&record.baselines).map(|scored| &scored.placement);
