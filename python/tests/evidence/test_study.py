@@ -277,6 +277,8 @@ def test_a_run_is_restored_from_what_was_kept(
             assert found["pools"][pool]["regret"]["scores"][score]["mean"]["value"] == pytest.approx(regret["mean"]["value"], abs=1e-4)
     assert main(["restore", str(kept), "--out", str(again)]) == 2
     assert "holds a run already" in capsys.readouterr().err
+    assert main(["restore", "nowhere.json", "--out", str(tmp_path / "none")]) == 2
+    assert capsys.readouterr().err == "error: nowhere.json: no such file or directory; check the path\n"
     # Another world than that of the record, a record that was changed, one of means alone.
     other = tmp_path / "other"
     shutil.copytree(out / "worlds", other / "worlds")

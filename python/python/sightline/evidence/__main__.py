@@ -44,7 +44,7 @@ def main(arguments: list[str] | None = None) -> int:
         say("interrupted; the same command goes on")
         return 130
     except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {words_of(error)}", file=sys.stderr)
         return 2
     say(f"wrote result.json, tables.md and figure.svg to {given.out}")
     return 0
@@ -58,9 +58,16 @@ def other(command: str, words: list[str]) -> int:
         print("evidence: interrupted; the same command goes on", file=sys.stderr)
         return 130
     except (ImportError, ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {words_of(error)}", file=sys.stderr)
         return 2
     return code
+
+
+def words_of(error: Exception) -> str:
+    """An error as a sentence; of a file the file comes first, and no number of the system."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        return f"{error.filename}: {error.strerror[0].lower()}{error.strerror[1:]}; check the path"
+    return str(error)
 
 
 if __name__ == "__main__":
