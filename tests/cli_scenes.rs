@@ -151,7 +151,8 @@ fn optimize_shows_every_scene_and_says_whether_the_gain_is_more_than_chance() {
     let words = found["spread"]["words"].as_str().unwrap();
     assert!(words.contains("the scenes' own spread"), "{words}");
     assert!(page.contains("Scene by scene") && page.contains("hall mirrored"));
-    assert!(page.contains("Over 2 scenes it gains"), "{words}");
+    assert_eq!(found["spread"]["gain"], "near_gain", "what the search makes large");
+    assert!(words.starts_with("Over 2 scenes its near gain is ") && page.contains(words));
     assert!(dir.path().join("both/map-2.svg").exists());
     // One scene cannot say, and its result has no keys of several.
     let args = ["optimize", "hall.json", "--out", "one", "--evaluations", "30"];

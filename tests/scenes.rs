@@ -8,7 +8,7 @@ use sightline::internals::{
 };
 use sightline::problem::{Problem, Tally};
 use sightline::score::{Objective, Scores};
-use sightline::search::{Evaluator, Run, Settings, State, Suite};
+use sightline::search::{Evaluator, Gain, Run, Settings, State, Suite};
 use sightline::vehicle::{BeamTable, Constraints, Placement, random_placements};
 use sightline::{EngineChoice, SensorPose};
 
@@ -169,11 +169,12 @@ fn a_run_over_scenes_goes_on_from_any_step_to_the_same_bits() {
     assert_eq!(best.by_scene.len(), 4);
     let spread = whole.spread.as_ref().unwrap();
     assert_eq!((spread.scenes, spread.by_scene.len()), (2, 2));
+    assert_eq!(spread.gain, Gain::Near, "what the search makes large");
     // Each scene's difference is that of the shares of scene and image.
     let rival = whole.baselines.iter().find(|b| b.placement.name == spread.baseline).unwrap();
     for (scene, difference) in spread.by_scene.iter().enumerate() {
         let share = |scored: &sightline::search::Scored, member: usize| {
-            scored.by_scene[member].scores.segmentation.information_gain_share.unwrap()
+            scored.by_scene[member].scores.near_gain.unwrap()
         };
         let each = [2 * scene, 2 * scene + 1].map(|m| share(best, m) - share(rival, m));
         assert!((0.5 * (each[0] + each[1]) - difference).abs() < 1e-12, "{each:?}, {difference}");

@@ -55,6 +55,6 @@ pub use phases::PhaseCheck;
 pub(crate) use rules::rules_in_words;
 pub use run::{Phase, Run, State, optimize};
 pub use settings::{FrameChoice, Method, Settings, TimeLimit};
-pub use spread::GainSpread;
+pub use spread::{Gain, GainSpread};
 pub use suite::{Member, Suite};
 pub(crate) use swaps::SWAP_SPACING;

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::problem::NEAR_KIND;
 use crate::score::{Interval, bootstrap};
 
 /// Times that scenes and frames are drawn.
@@ -9,11 +10,34 @@ const RESAMPLES: usize = 10_000;
 /// Scenes from which on an interval of resampled scenes is about as wide as it should be.
 const MANY_SCENES: usize = 10;
 
-/// The gain of a result over the best baseline, as a share of each scene's information, over several scenes.
+/// The gain that is compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub enum Gain {
+    /// Share of a scene's information.
+    #[serde(rename = "information_gain")]
+    Information,
+    /// The near gain.
+    #[serde(rename = "near_gain")]
+    Near,
+}
+
+impl Gain {
+    /// Its kind of information.
+    pub(super) fn kind(self) -> usize {
+        match self {
+            Self::Information => 0,
+            Self::Near => NEAR_KIND,
+        }
+    }
+}
+
+/// The gain of a result over the best baseline, as a share of all there is in each scene, over several scenes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GainSpread {
     /// Name of the baseline.
     pub baseline: String,
+    /// The near gain where the objective holds it, the information gain otherwise.
+    pub gain: Gain,
     /// Scenes, mirror images not counted.
     pub scenes: usize,
     /// Mean difference of the shares in each scene, in their order.
@@ -29,12 +53,12 @@ pub struct GainSpread {
 }
 
 impl GainSpread {
-    /// From the shares that result and baseline gain in each frame, `[scenes][frames]`; `None` where a scene
-    /// has no frame.
+    /// From the shares that result and baseline gain in each frame, `[scenes][frames]` of either; `None` where a
+    /// scene has no frame.
     pub(super) fn new(
         baseline: &str,
-        ours: &[Vec<f64>],
-        theirs: &[Vec<f64>],
+        gain: Gain,
+        [ours, theirs]: &[Vec<Vec<f64>>; 2],
         seed: u64,
     ) -> Option<Self> {
         let paired = ours.iter().zip(theirs).map(|(ours, theirs)| {
@@ -45,13 +69,18 @@ impl GainSpread {
         let scenes = differences.len();
         let mean = |frames: &Vec<f64>| frames.iter().sum::<f64>() / frames.len() as f64;
         let by_scene: Vec<f64> = differences.iter().map(mean).collect();
-        let words = words(baseline, &by_scene, difference);
+        let words = words(baseline, gain, &by_scene, difference);
         let (baseline, resamples) = (baseline.to_owned(), RESAMPLES);
-        Some(Self { baseline, scenes, by_scene, difference, resamples, seed, words })
+        Some(Self { baseline, gain, scenes, by_scene, difference, resamples, seed, words })
     }
 }
 
-fn words(baseline: &str, by_scene: &[f64], Interval { mean, low, high }: Interval) -> String {
+fn words(
+    baseline: &str,
+    gain: Gain,
+    by_scene: &[f64],
+    Interval { mean, low, high }: Interval,
+) -> String {
     let verdict = if low > 0.0 {
         "more than the scenes' own spread"
     } else if high < 0.0 {
@@ -66,9 +95,13 @@ fn words(baseline: &str, by_scene: &[f64], Interval { mean, low, high }: Interva
     } else {
         ""
     };
+    let what = match gain {
+        Gain::Information => format!("it gains {mean} % of the information more than {baseline}"),
+        Gain::Near => format!("its near gain is {mean} percentage points above that of {baseline}"),
+    };
     format!(
-        "Over {scenes} scenes it gains {mean} % of the information more than {baseline} (95 % interval {low} \
-         to {high}, scenes and frames resampled; above 0 in {above} of {scenes}): {verdict}{few}."
+        "Over {scenes} scenes {what} (95 % interval {low} to {high}, scenes and frames resampled; above 0 in \
+         {above} of {scenes}): {verdict}{few}."
     )
 }
 
@@ -76,26 +109,30 @@ fn words(baseline: &str, by_scene: &[f64], Interval { mean, low, high }: Interva
 mod tests {
     use super::*;
 
-    fn spread(differences: &[[f64; 2]]) -> GainSpread {
-        let ours: Vec<Vec<f64>> =
-            differences.iter().map(|d| vec![0.2 + d[0], 0.3 + d[1]]).collect();
+    fn spread(gain: Gain, differences: &[[f64; 2]]) -> GainSpread {
+        let ours = differences.iter().map(|d| vec![0.2 + d[0], 0.3 + d[1]]).collect();
         let theirs = vec![vec![0.2, 0.3]; differences.len()];
-        GainSpread::new("Center", &ours, &theirs, 1).unwrap()
+        GainSpread::new("Center", gain, &[ours, theirs], 1).unwrap()
     }
 
     #[test]
     fn the_verdict_is_that_of_the_interval() {
-        let more = spread(&[[0.02, 0.03], [0.01, 0.02], [0.03, 0.03]]);
+        let more = spread(Gain::Information, &[[0.02, 0.03], [0.01, 0.02], [0.03, 0.03]]);
         assert!(
             more.words.contains("+2.33 % of the information more than Center"),
             "{}",
             more.words
         );
         assert!(more.words.contains("in 3 of 3): more than the scenes' own"), "{}", more.words);
-        let unsure = spread(&[[0.02, 0.03], [-0.03, -0.02], [0.01, 0.0]]);
+        let unsure = spread(Gain::Near, &[[0.02, 0.03], [-0.03, -0.02], [0.01, 0.0]]);
+        assert!(
+            unsure.words.contains("near gain is +0.17 percentage points above that of Center"),
+            "{}",
+            unsure.words
+        );
         assert!(unsure.words.contains(": not more than"), "{}", unsure.words);
         assert!(unsure.difference.low < 0.0 && unsure.difference.high > 0.0);
-        let less = spread(&[[-0.02, -0.03], [-0.03, -0.02]]);
+        let less = spread(Gain::Near, &[[-0.02, -0.03], [-0.03, -0.02]]);
         assert!(less.words.contains("): a loss of more than"), "{}", less.words);
     }
 }

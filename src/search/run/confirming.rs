@@ -15,7 +15,7 @@ use crate::search::phases::{self, PhaseCheck};
 use crate::search::pilot::Pilot;
 use crate::search::rules::active_bounds;
 use crate::search::settings::Method;
-use crate::search::spread::GainSpread;
+use crate::search::spread::{Gain, GainSpread};
 use crate::vehicle::Placement;
 
 impl Run {
@@ -178,10 +178,14 @@ impl Run {
             false => Cow::Borrowed(&self.suite),
         };
         let by_frame = Pilot::new(&suite, pair, self.memory())?;
-        let [ours, theirs] = [0, 1].map(|index| by_frame.gain_shares(index));
+        let gain = match self.objective().weighs_place() {
+            true => Gain::Near,
+            false => Gain::Information,
+        };
+        let shares = [0, 1].map(|index| by_frame.gain_shares(index, gain.kind()));
         let seed = self.state.settings.seed;
         let name = &rival.placement.name;
-        let mut spread = GainSpread::new(name, &ours, &theirs, seed);
+        let mut spread = GainSpread::new(name, gain, &shares, seed);
         if let Some(spread) = spread.as_mut().filter(|_| !rival.is_honest()) {
             spread.words += &format!(" But {name} breaks a rule or has a guard against it.");
         }
