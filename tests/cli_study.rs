@@ -88,6 +88,14 @@ fn a_second_lidar_gains_the_second_row_and_no_further_one_gains_anything() {
     let mut marginal = vec![0.0; 8];
     (marginal[0], marginal[1]) = (gains[0], 100.0 - gains[0]);
     assert_column(&table, "marginal gain %", &marginal);
+    let near = column(&table, "near gain %");
+    let more = column(&table, "marginal near gain %");
+    assert!(
+        (near[0].1 - more[0].1).abs() < 1e-9 && (near[1].1 - near[0].1 - more[1].1).abs() < 1e-9
+    );
+    // The figure shows what the searches made large.
+    let figure = fs::read_to_string(dir.path().join("lidars/chart.svg")).unwrap();
+    assert!(figure.contains(">near gain %<"), "{figure}");
     let mut covered = vec![20.0; 8];
     covered[0] = 10.0;
     assert_column(&table, "covered", &covered);

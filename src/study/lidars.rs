@@ -1,13 +1,15 @@
 //! How many LiDARs: the best placement of each number, and the gain of each one more.
 
 use super::cases::Cases;
-use super::columns::{self, SCORES};
+use super::columns::{self, SCORES, made_large};
 use super::scene::{StudyScene, score};
 use super::{Drawing, StudyError, Table};
 use crate::vehicle::Placement;
 
 /// Numbers of LiDARs that are compared.
 const LIDARS: std::ops::RangeInclusive<usize> = 1..=8;
+/// Those of [`SCORES`] that grow with every LiDAR: the gain and the near gain.
+const GAINS: [usize; 2] = [0, 1];
 
 pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
     let counts = LIDARS.map(|count| (count.to_string(), count)).collect();
@@ -24,19 +26,26 @@ pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
         let values = columns::values(&score(&mut evaluator, &best)?);
         Ok((values, Some(best)))
     })?;
-    let gains: Vec<f64> = rows.iter().map_while(|row| row.values.first().copied()?).collect();
+    // Of both gains, each beside its own column, and of the one that the searches make large the knee.
+    let gains = GAINS.map(|gain| columns::numbers(&rows, gain));
     for (k, row) in rows.iter_mut().enumerate() {
-        let before = if k == 0 { 0.0 } else { *gains.get(k - 1).unwrap_or(&f64::NAN) };
         row.values.resize(SCORES.len(), None);
-        row.values.insert(1, gains.get(k).map(|gain| gain - before));
+        for (gain, gains) in GAINS.into_iter().zip(&gains).rev() {
+            let before = if k == 0 { 0.0 } else { gains[k - 1] };
+            row.values.insert(gain + 1, Some(gains[k] - before).filter(|more| !more.is_nan()));
+        }
     }
-    let columns = ["LiDARs", SCORES[0], "marginal gain %"].into_iter().chain(SCORES[1..].to_vec());
-    let drawing = Drawing::of_column(0, SCORES[0], true);
+    let marginal = ["marginal gain %", "marginal near gain %"];
+    let of_gains = GAINS.into_iter().zip(marginal).flat_map(|(gain, more)| [SCORES[gain], more]);
+    let columns = ["LiDARs"].into_iter().chain(of_gains).chain(SCORES[GAINS.len()..].to_vec());
+    let drawn = usize::from(made_large(&scene.settings.objective) == GAINS[1]);
+    let drawing = Drawing::of_column(2 * drawn, SCORES[drawn], true);
     let title = scene.title("the best placement of each number of LiDARs");
-    Ok(Table::new(title, columns, rows, notes(scene, &gains), drawing))
+    let known: Vec<f64> = gains[drawn].iter().copied().take_while(|gain| !gain.is_nan()).collect();
+    Ok(Table::new(title, columns, rows, notes(scene, SCORES[drawn], &known), drawing))
 }
 
-fn notes(scene: &StudyScene, gains: &[f64]) -> Vec<String> {
+fn notes(scene: &StudyScene, drawn: &str, gains: &[f64]) -> Vec<String> {
     let mut notes = vec![format!(
         "Each number has its own search of {} evaluations for `{}`; a fall is a search that ended early, \
          not a LiDAR that harms.",
@@ -45,8 +54,8 @@ fn notes(scene: &StudyScene, gains: &[f64]) -> Vec<String> {
     let from_none: Vec<f64> = std::iter::once(0.0).chain(gains.iter().copied()).collect();
     if let Some(knee) = knee(&from_none) {
         notes.push(format!(
-            "The gain bends most at {knee} LiDAR(s): up to there each adds more than the average of all \
-             {}.",
+            "The {} bends most at {knee} LiDAR(s): up to there each adds more than the average of all {}.",
+            drawn.trim_end_matches(" %"),
             gains.len()
         ));
     }
