@@ -37,6 +37,8 @@ fn a_run_does_not_go_on_with_other_files() {
     assert_eq!(resumed["best"], begun["best"]);
     assert_eq!(resumed["timings"]["generations"], begun["timings"]["generations"]);
     assert!(resumed["rate"].as_f64() > Some(0.0), "{}", resumed["rate"]);
+    let page = |run: &Value| run["timings"]["page"].as_f64().unwrap();
+    assert!(0.0 < page(&begun) && page(&begun) < page(&resumed), "each sitting draws a page");
     assert!(resumed["timings"]["total"].as_f64() > begun["timings"]["total"].as_f64());
 }
 

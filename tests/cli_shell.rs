@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+use sightline::score::{Objective, ObjectiveError};
 use tempfile::TempDir;
 
 use crate::cli::{fails, sightline};
@@ -105,5 +106,19 @@ fn packages_hold_what_a_user_builds_and_nothing_else() {
         }
         let foreign = |file: &&&str| ["fuzz/", "python/"].iter().any(|dir| file.starts_with(dir));
         assert!(files.iter().find(foreign).is_none(), "{package}");
+    }
+}
+
+/// Names in the help of `--objective` are those that an unknown one is answered with.
+#[test]
+fn the_help_names_every_score_that_may_be_maximized() {
+    let help = printed(Path::new("."), &["optimize", "--help"]);
+    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    let (_, names) = help.split_once("--objective <OBJECTIVE>").unwrap();
+    let unknown = "no_score".parse::<Objective>().unwrap_err();
+    let ObjectiveError::UnknownMetric { known, .. } = unknown else { panic!("{unknown}") };
+    for name in known.split(", ") {
+        let is_named = |word: &str| word.trim_end_matches([',', ';']) == name;
+        assert!(names.split(' ').take(60).any(is_named), "{name} is not in the help");
     }
 }

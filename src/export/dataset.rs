@@ -216,7 +216,7 @@ impl Dataset {
     pub fn finish(self) -> Result<Summary, ExportError> {
         let frames: usize = self.scenes.iter().map(|scene| scene.frames.len()).sum();
         let mut summary = Summary { scenes: self.scenes.len(), frames, points: 0, bytes: 0 };
-        for (scene, frame) in planned(&self.scenes) {
+        for (scene, frame) in all_frames(&self.scenes) {
             let Some(record) = self.folder.whole(scene, frame) else {
                 self.say_missing()?;
                 let (path, missing) = (self.folder.root().to_owned(), self.missing().0);
@@ -243,14 +243,14 @@ impl Dataset {
 }
 
 /// Frames of all scenes: the number of the scene, and that in it.
-fn planned(scenes: &[SceneFacts]) -> impl Iterator<Item = (usize, usize)> {
+fn all_frames(scenes: &[SceneFacts]) -> impl Iterator<Item = (usize, usize)> {
     let all = scenes.iter().enumerate();
     all.flat_map(|(i, scene)| scene.frames.iter().map(move |&frame| (i, frame)))
 }
 
 /// Those that are not there.
 fn missing(folder: &Folder, scenes: &[SceneFacts]) -> impl Iterator<Item = (usize, usize)> {
-    planned(scenes).filter(|&(scene, frame)| !folder.has(scene, frame))
+    all_frames(scenes).filter(|&(scene, frame)| !folder.has(scene, frame))
 }
 
 /// Numbers of a rising list that are wanted, those that follow one another as one range.

@@ -43,9 +43,8 @@ pub(super) fn write(
     let each = settings.each_lidar;
     let mounts = mounts(scan);
     let mut files: Vec<Written> = Vec::new();
-    let (mut cloud, mut ids): (Vec<[f32; 4]>, Vec<u32>) = Default::default();
-    cloud.reserve(scan.returns.len());
-    ids.reserve(scan.returns.len());
+    let most = scan.returns.len();
+    let (mut cloud, mut ids) = (Vec::<[f32; 4]>::with_capacity(most), Vec::with_capacity(most));
     for source in Source::all(mounts.len(), each && mounts.len() > 1) {
         let mover = Mover::new(&source.ego_from_sensor(&mounts, DMat3::IDENTITY));
         cloud.clear();

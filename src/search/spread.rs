@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::problem::NEAR_KIND;
-use crate::score::{Interval, bootstrap};
+use crate::score::{Interval, Objective, bootstrap};
 
 /// Times that scenes and frames are drawn.
 const RESAMPLES: usize = 10_000;
@@ -22,6 +22,11 @@ pub enum Gain {
 }
 
 impl Gain {
+    /// The near gain where an objective holds it, the information gain otherwise.
+    pub(super) fn of(objective: &Objective) -> Self {
+        if objective.weighs_place() { Self::Near } else { Self::Information }
+    }
+
     /// Its kind of information.
     pub(super) fn kind(self) -> usize {
         match self {
@@ -36,7 +41,7 @@ impl Gain {
 pub struct GainSpread {
     /// Name of the baseline.
     pub baseline: String,
-    /// The near gain where the objective holds it, the information gain otherwise.
+    /// What is compared.
     pub gain: Gain,
     /// Scenes, mirror images not counted.
     pub scenes: usize,

@@ -98,7 +98,7 @@ pub(super) fn save(sitting: &Sitting) -> Result<(), Error> {
 /// Writes result, charts and page, and hands out the record.
 pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, Error> {
     let (folder, suite) = (&sitting.folder, &sitting.opened.suite);
-    let mut spent = sitting.spent();
+    let spent = sitting.spent();
     let settings = sitting.run.state().settings();
     let outcome = &with_self_hits(&sitting.opened.scenes, suite, outcome)?;
     let vehicle = sitting.opened.scenes[0].vehicle();
@@ -129,9 +129,9 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
     let looks = best.as_ref().map(look).transpose()?;
     let figures = Figures::new(best.as_ref(), suite.constraints(), &scenes[0].body(), looks)
         .with_search(&record, &outcome.history);
-    let drawn = drawing.elapsed().as_secs_f64();
-    spent.times.page += drawn;
-    spent.times.total += drawn;
+    // All but writing the files is over.
+    let mut spent = sitting.spent();
+    spent.times.page += drawing.elapsed().as_secs_f64();
     record.timings = spent.times;
     folder.write_json(TIMES, &spent)?;
     folder.write_json("result.json", &record)?;

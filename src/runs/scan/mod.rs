@@ -195,8 +195,8 @@ impl<'a> Work<'a> {
         again: bool,
     ) -> Result<Option<u64>, Error> {
         let (watcher, scenes) = (self.computing.watcher, self.scenes);
-        let lists = (0..scenes.len()).map(|scene| dataset.missing_of(scene));
-        let missing: Vec<usize> = lists.map(|frames| frames.len()).collect();
+        let missing: Vec<usize> =
+            (0..scenes.len()).map(|scene| dataset.missing_of(scene).len()).collect();
         let bar = watcher.bar(missing.iter().sum::<usize>() as u64, Some("frames"));
         let points = AtomicU64::new(0);
         for (k, scene) in scenes.iter().enumerate() {

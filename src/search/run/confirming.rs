@@ -178,10 +178,7 @@ impl Run {
             false => Cow::Borrowed(&self.suite),
         };
         let by_frame = Pilot::new(&suite, pair, self.memory())?;
-        let gain = match self.objective().weighs_place() {
-            true => Gain::Near,
-            false => Gain::Information,
-        };
+        let gain = Gain::of(&self.state.settings.objective);
         let shares = [0, 1].map(|index| by_frame.gain_shares(index, gain.kind()));
         let seed = self.state.settings.seed;
         let name = &rival.placement.name;

@@ -193,19 +193,20 @@ def chart(found: list[Way]) -> bytes:
     # What costs nothing stands at the left edge of a logarithmic axis.
     least = min((way.seconds for way in found if way.seconds > 0), default=1.0) / 10
     told = [way for way in found if way.tells()]
-    # Ways of one cost stand side by side.
-    beside = [sum(way.seconds == other.seconds for other in told[:k]) for k, way in enumerate(told)]
-    placed = [(max(way.seconds, least) * 1.25**steps, way) for steps, way in zip(beside, told, strict=True)]
-    costs = [way.seconds for way in told]
-    first = {way.name for steps, way in zip(beside, told, strict=True) if steps == 0 and costs.count(way.seconds) > 1}
+    of_cost = {way.seconds: [other for other in told if other.seconds == way.seconds] for way in told}
     for key, colour, label in (("maps", "#2b6cb0", "map"), ("objects", "#dd6b20", "objects found")):
-        shown = [(x, getattr(way, key), way.name) for x, way in placed if np.isfinite(getattr(way, key).value)]
-        for x, interval, name in shown:
+        shown = []
+        for way in told:
+            # Ways of one cost stand side by side, the name of the first on its left.
+            alike, interval = of_cost[way.seconds], getattr(way, key)
+            x = max(way.seconds, least) * 1.25 ** alike.index(way)
+            if not np.isfinite(interval.value):
+                continue
+            shown.append((x, interval))
             spot.plot([x, x], [interval.low, interval.high], color=colour, linewidth=1.5, alpha=0.5)
             if key == "maps":
-                # The first of several that stand side by side has its room on the left.
-                side, shift = ("right", -5) if name in first else ("left", 5)
-                spot.annotate(name, (x, interval.value), fontsize=8, xytext=(shift, 4), textcoords="offset points", ha=side)
+                side, shift = ("right", -5) if alike.index(way) == 0 < len(alike) - 1 else ("left", 5)
+                spot.annotate(way.name, (x, interval.value), fontsize=8, xytext=(shift, 4), textcoords="offset points", ha=side)
         spot.plot([one[0] for one in shown], [one[1].value for one in shown], "o", color=colour, label=label)
     spot.set_xscale("log")
     for way in found:
