@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("lightgbm", reason="lightgbm is not installed")
-from sightline.evidence import __main__, charts, effects, layouts, plan, trial, worlds
+from sightline.evidence import __main__, charts, effects, layouts, plan, scores, trial, variants, worlds
 from sightline.evidence.designs import DESIGNS, KINDS
 from sightline.evidence.gathered import Gathered
 from sightline.evidence.layouts import Layout
@@ -24,7 +24,8 @@ FORK = Path(__file__).resolve().parents[3] / "tests" / "data" / "fork.xodr"
 
 
 def test_layouts_come_out_of_a_plan_as_they_went_in() -> None:
-    all_sorts = [*layouts.sensors(), *layouts.channels(), *layouts.conditions(), *layouts.gamed(), *layouts.numbers()]
+    bases = layouts.published()
+    all_sorts = [*layouts.sensors(), *layouts.channels(bases), *layouts.conditions(bases), *layouts.gamed(), *layouts.numbers()]
     for layout in all_sorts + layouts.out_of_step(all_sorts):
         again = Layout.from_dict(layout.to_dict())
         np.testing.assert_array_equal(again.poses, layout.poses)
@@ -50,7 +51,7 @@ def test_lidars_fire_out_of_step_unless_a_layout_says_otherwise(small_file: Path
     assert np.all(free["Center-in-step"].placement().phases == 0)
     np.testing.assert_allclose(free["Center-staggered"].placement().phases / step, [0, 0.25, 0.5, 0.75])
     # Variants of a placement are compared with each other: their phases are the same share of their steps.
-    more = layouts.out_of_step(layouts.channels())
+    more = layouts.out_of_step(layouts.channels(layouts.published()))
     np.testing.assert_array_equal(more[0].phases, free[more[0].name.partition("@")[0]].phases)
     # Four in step at one spot meet the same points; out of step they do not.
     world = worlds.world("small", small_file, "test", 1)
@@ -94,6 +95,7 @@ def test_towns_stand_on_opendrive_maps(tmp_path: Path) -> None:
 def test_a_plan_has_towns_where_their_maps_are(
     tmp_path: Path, small_file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.chdir(Path(__file__).resolve().parents[3])
     asked: list[tuple[str, int, str]] = []
 
     def world(name: str, seed: int, role: str) -> worlds.World:
@@ -118,7 +120,8 @@ def test_a_plan_has_towns_where_their_maps_are(
 
 def test_more_channels_have_more_points_and_fog_fewer(small_file: Path) -> None:
     world = worlds.world("small", small_file, "test", 1)
-    by_name = {layout.name: layout for layout in layouts.channels() + layouts.conditions()}
+    bases = layouts.published()
+    by_name = {layout.name: layout for layout in layouts.channels(bases) + layouts.conditions(bases)}
     count = {
         name: len(trial.frames_of(world, by_name[name], 1, by_name[name].tested_in)[0].xyz)
         for name in ("Center@16-channels", "Center@32-channels", "Center@clear", "Center@snow, trained in it")
@@ -137,7 +140,7 @@ def test_variants_are_paired_by_placement() -> None:
         ["street-1", "yard-1"],
         [1],
         {"birds_eye_miou": metric[None]},
-        {name: metric for name in effects.BESIDE},
+        {name: metric for name in variants.CHOOSING},
         {},
         [],
     )
@@ -145,8 +148,10 @@ def test_variants_are_paired_by_placement() -> None:
     assert found["first"]["metrics"]["birds_eye_miou"]["less_first"]["value"] == 0
     more = found["more"]["metrics"]["birds_eye_miou"]
     assert more["less_first"]["value"] == pytest.approx((1 + 2 + 0 + 1.1 + 2 + 0) / 6)
-    assert more["order_as_first"] == pytest.approx(0.5)
+    assert more["order_as_first"]["value"] == pytest.approx(0.5)
     assert found["more"]["placements"] == 3
+    # Three have no order to choose by.
+    assert not found["more"]["chosen"]
 
 
 def drawn(effects: dict[str, Any]) -> Any:
@@ -172,7 +177,7 @@ def test_weather_is_drawn_beside_clear_air() -> None:
     assert [float(line.get_xdata()[0]) for line in dots] == [-0.2, -0.1]
     assert [text.get_text() for text in spot.get_yticklabels()] == ["fog"]
     assert [text.get_text() for text in page.legends[0].get_texts()] == ["trained in clear air", "trained in it"]
-    assert spot.get_xlabel() == "difference from clear (0.40)"
+    assert spot.get_title() == "bird's-eye map, mIoU\n(0.40 in clear)" and spot.get_xlabel() == "difference from clear"
 
 
 def test_channels_are_drawn_from_the_first_on() -> None:
@@ -205,7 +210,7 @@ def test_placements_of_the_standard_run_come_again_out_of_step(monkeypatch: pyte
 
 def test_towns_have_those_in_the_mount_of_the_standard_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(Path(__file__).resolve().parents[3])
-    kept = {one["name"]: one for one in plan.read_json(plan.EARLIER["towns"])["plan"]["placements"]}
+    kept = {one["name"]: one for one in plan.read_json(plan.STANDARD)["plan"]["placements"]}
     found = plan._towns()
     assert {f"best-{name}-{n}" for name in plan.OBJECTIVES for n in (1, 2)} < {one.name for one in found}
     assert len(found) > 40 and all(one.to_dict() == kept[one.name] for one in found)
@@ -220,3 +225,79 @@ def test_units_come_in_an_order_that_leaves_some_of_all() -> None:
     assert [layout.name for layout, seed in found if seed == 1] == ["Line", "best-gain-1", "random-low-wide-0", "sky", "random-low-wide-1"]
     assert [seed for _, seed in found] == [1] * 5 + [2] * 5
     assert {layout.name for layout, _ in found[5:8]} == {"Line", "best-gain-1", "sky"}
+
+
+def test_variants_are_of_placements_of_the_standard_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(Path(__file__).resolve().parents[3])
+    names = [one.name for one in plan._varied()]
+    assert {one.name for one in layouts.published()} | {f"best-{name}-1" for name in plan.VARIED} < set(names)
+    assert 20 <= len(names) == len(set(names)) and all(one.phases is not None for one in plan._varied())
+    looked_at = {world for name, design in DESIGNS.items() if name not in ("channels", "conditions") for world in design.test + design.train}
+    assert not looked_at & {*DESIGNS["channels"].test, *DESIGNS["conditions"].test}
+
+
+def test_what_is_tested_in_fog_is_scored_in_fog(small_file: Path) -> None:
+    world = worlds.world("small", small_file, "test", 1)
+    bases = layouts.out_of_step(layouts.published()[:3])
+    placed = layouts.conditions(bases)
+    number = {layout.name: k for k, layout in enumerate(placed)}
+    found = {score: np.array(values) for score, values in scores.of_world(world, placed, 2).items()}
+    in_fog = world.source().open(2, conditions=("fog:level=heavy",), lidar=LIDAR)
+    clear = world.source().open(2, lidar=LIDAR)
+    rigs = [one.placement(one.name) for one in bases]
+    for scene, variants_of in ((clear, ["clear"]), (in_fog, ["fog, trained in clear air", "fog, trained in it"])):
+        expected = scene.score(rigs, self_hits=False)["near_gain"]
+        for variant in variants_of:
+            rows = [number[f"{one.name}@{variant}"] for one in bases]
+            np.testing.assert_array_equal(found["near_gain"][rows], expected)
+            # Candidates know no weather.
+            assert np.isfinite(found["blend"][rows]).all() == np.isfinite(found["hits"][rows]).all() == (variant == "clear")
+    assert found["near_gain"][number["Center@fog, trained in it"]] < found["near_gain"][number["Center@clear"]]
+
+
+def in_two_weathers(here: list[float]) -> Gathered:
+    """Five placements that fog turns round, with scores as in clear air and as ``here``."""
+    names = ["Ours-seg", "Center", "Line", "best-near_gain-1", "random-low-wide-0"]
+    metric = np.array([[1.0, 1.1], [2, 2.1], [3, 3.1], [4, 4.1], [5, 5.1]])
+    both = np.concatenate([metric, metric[::-1]])
+    known = np.concatenate([metric, np.repeat(np.array(here)[:, None], 2, axis=1)])
+    anything: Any = SimpleNamespace()
+    return Gathered(
+        anything,
+        [Layout(f"{name}@{variant}", "variant", np.zeros((4, 6))) for variant in ("clear", "fog, trained in it") for name in names],
+        ["street-1", "yard-1"],
+        [1],
+        {m: both[None] for m in ("birds_eye_miou", "objects_5")},
+        {name: known for name in variants.CHOOSING},
+        {},
+        [],
+    )
+
+
+def test_a_score_of_clear_air_loses_where_the_weather_turns_the_order_round() -> None:
+    found = variants.of(in_two_weathers([5.0, 4, 3, 2, 1]))
+    clear, fog = (found[name]["chosen"] for name in ("clear", "fog, trained in it"))
+    near = clear["scores"]["near_gain"]
+    assert near["as_first"]["regret"]["value"] == 0 and near["as_first"]["spearman"]["objects_5"]["value"] == pytest.approx(1)
+    assert "here" not in near
+    near = fog["scores"]["near_gain"]
+    # The worst of five, as far below the mean as the best is above.
+    assert near["as_first"]["regret"]["value"] == pytest.approx(2) and near["here"]["regret"]["value"] == 0
+    assert near["less"]["value"] == pytest.approx(2)
+    assert near["as_first"]["spearman"]["birds_eye_miou"]["value"] == pytest.approx(-1)
+    # The optimum of four is worth 3 more than the published placement in clear air, and as much less in fog.
+    assert clear["optima"]["near_gain"]["value"] == pytest.approx(1.5)
+    assert fog["optima"]["near_gain"]["value"] == pytest.approx(-1.5)
+    # What has no score in fog is shown as it is in clear air alone.
+    fog = variants.of(in_two_weathers([np.nan] * 5))["fog, trained in it"]["chosen"]
+    assert set(fog["scores"]["blend"]) == {"as_first"}
+
+
+def test_first_choices_are_drawn_beneath() -> None:
+    page = drawn({"variants": variants.of(in_two_weathers([5.0, 4, 3, 2, 1])), "transfer": {}})
+    _, lower = page.subfigs
+    near = lower.axes[0]
+    dots = {line.get_color(): float(line.get_xdata()[0]) for line in near.lines if line.get_marker() == "o" and len(line.get_xdata())}
+    assert dots["#2b6cb0"] == 0 and dots["#dd6b20"] == pytest.approx(2)
+    assert [text.get_text() for text in near.get_yticklabels()] == ["clear", "fog"]
+    assert [text.get_text() for text in lower.legends[0].get_texts()] == ["scored as in clear", "scored as here"]

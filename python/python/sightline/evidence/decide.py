@@ -57,7 +57,7 @@ def of(given: Gathered, kept: Bools) -> dict[str, Any]:
     Intervals of what a score picks are over placements and scenes: other placements, another pick, another best.
     Placements that are there anyhow are compared over scenes and seeds.
     """
-    metrics = [m for m in DECIDING if m in given.metrics and _is_known(given.mean(m)[kept])]
+    metrics = metrics_of(given, kept)
     tables = np.stack([given.mean(m)[kept] for m in metrics])
     drawn = correlate.Drawn.of(np.random.default_rng(SEED), *tables.shape[1:])
     groups = {"mean": metrics, **ABOUT, **{m: (m,) for m in metrics}}
@@ -74,9 +74,7 @@ def of(given: Gathered, kept: Bools) -> dict[str, Any]:
             "about": {name: of[name] for name in ABOUT},
             "by_metric": {m: of[m] for m in metrics},
         }
-    # [metrics, seeds, placements, scenes]
-    each = np.stack([_by_seed(given, m)[:, kept] for m in metrics])
-    each = regrets(each, tables[:, None])
+    each = lost_by_seed(given, kept, metrics)
     lost = mean(each, 0)
     layouts = [layout for layout, keep in zip(given.layouts, kept) if keep]
     placements = {
@@ -87,7 +85,18 @@ def of(given: Gathered, kept: Bools) -> dict[str, Any]:
         for k, layout in enumerate(layouts)
     }
     found = {"metrics": metrics, "scores": by_score, "placements": placements}
-    return {**found, "optima": _optima(given, kept, lost, metrics), "verdict": _verdict(given, kept, by_score, lost)}
+    return {**found, "optima": optima(given, kept, lost, metrics), "verdict": _verdict(given, kept, by_score, lost)}
+
+
+def metrics_of(given: Gathered, kept: Bools) -> list[str]:
+    """Those of ``DECIDING`` that most of the placements have."""
+    return [m for m in DECIDING if m in given.metrics and _is_known(given.mean(m)[kept])]
+
+
+def lost_by_seed(given: Gathered, kept: Bools, metrics: list[str]) -> F64:
+    """``regrets`` ``[metrics, seeds, placements, scenes]`` in each seed, among the placements ``kept`` in the mean over seeds."""
+    tables = np.stack([given.mean(m)[kept] for m in metrics])
+    return regrets(np.stack([_by_seed(given, m)[:, kept] for m in metrics]), tables[:, None])
 
 
 def _is_known(table: F64) -> bool:
@@ -180,7 +189,7 @@ def optima_of(given: Gathered, score: str) -> list[str]:
     return [x.name for x in given.layouts if x.pool == "box" and (x.name.startswith(of_engine) or x.name == of_pool)]
 
 
-def _optima(given: Gathered, kept: Bools, lost: F64, metrics: list[str]) -> dict[str, Any]:
+def optima(given: Gathered, kept: Bools, lost: F64, metrics: list[str]) -> dict[str, Any]:
     """Of each score that was searched with: how its optima do against the published optimum and the best by hand.
 
     ``lost`` is ``[seeds, placements, scenes]``.

@@ -27,7 +27,8 @@ class Design:
     test_towns: tuple[tuple[str, int], ...] = ()
     #: Whether the own four scenes are tested on, too.
     own: bool = False
-    #: ``study``: all sorts; ``again`` and ``towns``: some of an earlier run; ``channels``, ``conditions``, ``transfer``: one question each.
+    #: ``study``: all sorts; ``again`` and ``towns``: some of an earlier run; ``channels`` and ``conditions``: the same, varied;
+    #: ``transfer``: optima of one kind of worlds each.
     placements: str = "study"
     #: Random layouts in each of twelve strata.
     random: int = 0
@@ -98,8 +99,11 @@ _ALL = (
         seeds=(1, 2),
         learner=Settings(points=60_000),
     ),
-    Design(name="channels", train=_worlds(1), test=_worlds(101), placements="channels"),
-    Design(name="conditions", train=_worlds(1), test=_worlds(101), placements="conditions"),
+    # Placements of the standard run with other LiDARs and in other weather, in scenes that no run has looked at.
+    Design(name="channels", train=_worlds(1, 2), test=_worlds(601, 602, 603), placements="channels"),
+    Design(
+        name="conditions", train=_worlds(1, 2), test=_worlds(601, 602, 603), placements="conditions", seeds=(1, 2)
+    ),
     Design(
         name="transfer", train=_worlds(1, 2), test=_worlds(101, 102), frames=2, placements="transfer", poses=(160, 0)
     ),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from . import correlate, decide
+from . import correlate, decide, variants
 from ._types import F64
 from .decide import SEED
 from .designs import KINDS
@@ -29,7 +29,7 @@ def of(given: Gathered) -> dict[str, Any]:
         "low": lambda given: _less_published(given, "mixed"),
         "phases": _phases,
         "needed": _needed,
-        "variants": _variants,
+        "variants": variants.of,
         "transfer": _transfer,
         "to_win": _to_win,
         "places": _places,
@@ -78,7 +78,7 @@ def _coefficients(told: F64, values: F64) -> F64:
 def _less_published(given: Gathered, pool: str) -> dict[str, Any]:
     """Each placement of a pool less the published optimum, paired over scenes."""
     names = [layout.name for layout in given.layouts if layout.pool == pool]
-    rows = [names_at(given, name) for name in names]
+    rows = [given.place(name) for name in names]
     metrics = [m for m in decide.DECIDING if m in given.metrics and np.isfinite(given.mean(m)[rows]).any(axis=1).all()]
     return {name: {m: asdict(decide.paired(given, m, name, decide.PUBLISHED)) for m in metrics} for name in names}
 
@@ -116,42 +116,6 @@ def _needed(given: Gathered) -> dict[str, Any]:
     return found
 
 
-#: Scores that are shown beside variants.
-BESIDE = ("information_gain", "covered_occupied", "distinct_voxels")
-
-
-def _variants(given: Gathered) -> dict[str, Any]:
-    """Means of ``NAME@VARIANT`` over the names, less those of the first variant, and how it orders the names."""
-    names = [layout.name for layout in given.layouts if layout.pool == "variant"]
-    found: dict[str, Any] = {}
-    first = names[0].partition("@")[2] if names else ""
-    for variant in dict.fromkeys(name.partition("@")[2] for name in names):
-        bases = [n.partition("@")[0] for n in names if n.endswith(f"@{variant}") and f"{n.partition('@')[0]}@{first}" in names]
-        here, there = ([names_at(given, f"{base}@{v}") for base in bases] for v in (variant, first))
-        of = {m: given.mean(m) for m in decide.DECIDING if m in given.metrics}
-        found[variant] = {
-            "placements": len(bases),
-            "metrics": {
-                m: {
-                    "mean": float(np.nanmean(table[here])),
-                    "less_first": asdict(decide.over_scenes(mean(table[here] - table[there], 0))),
-                    "order_as_first": correlate.spearman(mean(table[here], 1), mean(table[there], 1)),
-                }
-                for m, table in of.items()
-            },
-            "scores": {s: float(given.scores[s][here].mean()) for s in BESIDE},
-        }
-    return found
-
-
-def names_at(given: Gathered, name: str) -> int:
-    """Where a placement stands that must be there."""
-    found = given.number(name)
-    if found is None:
-        raise ValueError(f"{name}: has no unit")
-    return found
-
-
 def _transfer(given: Gathered) -> dict[str, Any]:
     """Of optima of one kind of worlds: less the published optimum, in each kind of test worlds."""
     kinds = sorted({scene.rpartition("-")[0] for scene in given.scenes})
@@ -159,7 +123,7 @@ def _transfer(given: Gathered) -> dict[str, Any]:
     for layout in given.layouts:
         if layout.pool != "transfer" or given.number(decide.PUBLISHED) is None:
             continue
-        one, other = names_at(given, layout.name), names_at(given, decide.PUBLISHED)
+        one, other = given.place(layout.name), given.place(decide.PUBLISHED)
         found[layout.name] = {}
         for metric in ("voxel_1m_miou", "birds_eye_miou", "objects_5"):
             less = given.mean(metric)[one] - given.mean(metric)[other]

@@ -80,6 +80,13 @@ class Gathered:
         names = [layout.name for layout in self.layouts]
         return names.index(name) if name in names else None
 
+    def place(self, name: str) -> int:
+        """Where a placement stands that must be there."""
+        found = self.number(name)
+        if found is None:
+            raise ValueError(f"{name}: has no unit")
+        return found
+
 
 def mean(values: F64, axis: int) -> F64:
     """Of what is finite along an axis; ``NaN`` of nothing, without a warning."""

@@ -113,37 +113,30 @@ def sensors() -> list[Layout]:
     return [Layout(f"Ours-seg-{name}", "sensor", ours, {**LIDAR, **changed}) for name, changed in patterns]
 
 
-#: Placements that variants are made of.
-BASES = ("Center", "Line", "Pyramid", "Square", "Ours-seg")
-
 #: Conditions that a vehicle meets.
 CONDITIONS = ("fog", "wet", "snow", "blur", "crosstalk", "echo")
 
 
-def channels() -> list[Layout]:
-    """Published ones with more channels in the same field of view, as ``NAME@VARIANT``."""
+def channels(bases: list[Layout]) -> list[Layout]:
+    """These with more channels in the same field of view, as ``NAME@VARIANT``."""
     return [
-        Layout(f"{base.name}@{count}-channels", "variant", base.poses, {**LIDAR, "channels": count})
+        replace(base, name=f"{base.name}@{count}-channels", pool="variant", lidar={**LIDAR, "channels": count})
         for count in (16, 32, 64, 128)
-        for base in _bases()
+        for base in bases
     ]
 
 
-def conditions() -> list[Layout]:
-    """Published ones tested in each condition, trained in clear air or in it, as ``NAME@VARIANT``."""
+def conditions(bases: list[Layout]) -> list[Layout]:
+    """These tested in each condition, trained in clear air or in it, as ``NAME@VARIANT``."""
     weathers: list[tuple[str, tuple[str, ...], tuple[str, ...]]] = [("clear", (), ())]
     for name in CONDITIONS:
         weather = (f"{name}:level=heavy",)
         weathers += [(f"{name}, trained in clear air", (), weather), (f"{name}, trained in it", weather, weather)]
     return [
-        Layout(f"{base.name}@{name}", "variant", base.poses, None, trained, tested)
+        replace(base, name=f"{base.name}@{name}", pool="variant", trained_in=trained, tested_in=tested)
         for name, trained, tested in weathers
-        for base in _bases()
+        for base in bases
     ]
-
-
-def _bases() -> list[Layout]:
-    return [layout for layout in published() if layout.name in BASES]
 
 
 def gamed() -> list[Layout]:
@@ -190,7 +183,7 @@ def drawn(
         if _nearest(np.c_[xy, z]) >= apart * (1 - attempt / 1000):
             break
     angles = np.c_[rng.uniform(roll[0], roll[1], 4), np.zeros(4), rng.uniform(-np.pi, np.pi, 4)]
-    poses: F64 = np.round(np.c_[xy, z, angles], 4)
+    poses: F64 = np.concatenate([xy, z, angles], axis=1).round(4)
     return poses
 
 

@@ -39,8 +39,11 @@ WITH_LOW = ("gain", "covered_occupied", "distinct_voxels", "actors_5", "blend", 
 #: Scenes that tell a difference of .01 apart with 80 % power, by the spread over scenes of the third standard run.
 SCENES_NEEDED = {"birds_eye_miou": 28, "voxel_1m_miou": 29, "ground_seen_10m": 12, "objects_5": 280}
 
-#: The runs that ``again`` and ``towns`` take placements of, from the folder of the project.
-EARLIER = {"again": Path("docs/evidence/third.json"), "towns": Path("docs/evidence/standard.json")}
+#: The run in the documents that other designs take placements of, from the folder of the project, and an earlier one.
+STANDARD, THIRD = Path("docs/evidence/standard.json"), Path("docs/evidence/third.json")
+
+#: Objectives whose optima in the standard run are among the placements of ``channels`` and ``conditions``.
+VARIED = ("near_gain", "information_gain", "m_sog_scaled")
 
 #: Candidates whose optima lost least in it, and the gain.
 NEAREST = ("gain", "blend", "near_and_ground", "near_and_field")
@@ -141,8 +144,7 @@ def _again() -> list[Layout]:
     Those of people, the engine's optima and what comes near them over the pool, one random one of each stratum, counts,
     low corners and gamed ones.
     """
-    record = read_json(EARLIER["again"])["plan"]
-    earlier = [replace(Layout.from_dict(one), phases=None) for one in record["placements"]]
+    earlier = [replace(one, phases=None) for one in _earlier(THIRD)]
     sorts = {"box", "mixed", "number", "gamed"}
     kept = [one for one in earlier if one.pool in sorts and one.name not in CONTROLLED and _again_in(one.name)]
     controlled = [*layouts.numbers(), *layouts.gamed(), *layouts.in_step_and_staggered()]
@@ -160,10 +162,20 @@ def _first_of_stratum(name: str) -> bool:
     return not name.startswith("random-") or name.endswith("-0")
 
 
+def _earlier(path: Path) -> list[Layout]:
+    return [Layout.from_dict(one) for one in read_json(path)["plan"]["placements"]]
+
+
 def _towns() -> list[Layout]:
-    """Four in the mount of the standard run in the documents, of random ones one of each stratum, all in the phases of then."""
-    kept = [Layout.from_dict(one) for one in read_json(EARLIER["towns"])["plan"]["placements"]]
-    return [one for one in kept if one.pool == "box" and _first_of_stratum(one.name)]
+    """Four in the mount of the standard run, of random ones one of each stratum, all in the phases of then."""
+    return [one for one in _earlier(STANDARD) if one.pool == "box" and _first_of_stratum(one.name)]
+
+
+def _varied() -> list[Layout]:
+    """Of those the published ones, the random ones, and the optima of ``VARIED``."""
+    published = {one.name for one in layouts.published()}
+    begins = ("random-", *(f"best-{name}-" for name in VARIED))
+    return [one for one in _towns() if one.name in published or one.name.startswith(begins)]
 
 
 def _transfer(design: Design, chosen: list[World], folder: Path, jobs: int) -> list[Layout]:
@@ -187,8 +199,8 @@ _PLACED: dict[str, Callable[[Design, list[World], Path, int], list[Layout]]] = {
     "transfer": _transfer,
     "again": lambda design, chosen, folder, jobs: _again(),
     "towns": lambda design, chosen, folder, jobs: _towns(),
-    "channels": lambda design, chosen, folder, jobs: layouts.channels(),
-    "conditions": lambda design, chosen, folder, jobs: layouts.conditions(),
+    "channels": lambda design, chosen, folder, jobs: layouts.channels(_varied()),
+    "conditions": lambda design, chosen, folder, jobs: layouts.conditions(_varied()),
 }
 
 

@@ -47,7 +47,8 @@ def drawn(mount: dict[str, Any], inside: int, low: int, seed: int) -> tuple[F64,
     xy = corners[side] + along[:, None] * (corners[side + 1] - corners[side])
     zeros = np.zeros((low, 2))
     below = np.c_[xy, rng.uniform(0.6, 1.0, low), zeros, rng.uniform(-np.pi, np.pi, low)]
-    return np.round(np.r_[high, below], 4), np.r_[np.full(inside, INSIDE), np.full(low, LOW)].astype(np.int64)
+    poses: F64 = np.concatenate([high, below]).round(4)
+    return poses, np.r_[np.full(inside, INSIDE), np.full(low, LOW)].astype(np.int64)
 
 
 def cast(world: World, poses: F64, folder: Path) -> dict[str, int]:

@@ -60,7 +60,7 @@ def figure(result: dict[str, Any]) -> bytes:
     page = Figure(figsize=(11, 5.6), layout="constrained")
     title = f"{design} study: {count} placements, targets that no placement moves"
     if charts.of(page, result["effects"]):
-        page.set_size_inches(11, 3.4)
+        page.set_size_inches(11, 3.4 * max(len(page.subfigs), 1))
         scenes = len(result["targets"])
         title = f"{design} study: {count} placements in {scenes} scenes; intervals of the difference, over scenes (95 %)"
     elif POOL in result["pools"]:

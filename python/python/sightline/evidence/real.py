@@ -62,10 +62,11 @@ class Described:
 
 def sequences(folder: Path) -> list[tuple[str, Path, Path]]:
     """Sequence, points and labels of at most ``MOST`` labelled scans of each sequence."""
-    found = []
+    found: list[tuple[str, Path, Path]] = []
     for sequence in sorted((folder / "sequences").glob("[0-9][0-9]")):
         scans = [path for path in sorted((sequence / "velodyne").glob("*.bin")) if _labels(path).is_file()]
-        kept = np.unique(np.linspace(0, len(scans) - 1, min(MOST, len(scans))).round().astype(int)) if scans else []
+        spread = np.linspace(0, len(scans) - 1, min(MOST, len(scans)))
+        kept = sorted(set(spread.round().astype(int).tolist()))
         found += [(sequence.name, scans[k], _labels(scans[k])) for k in kept]
     if len({sequence for sequence, _, _ in found}) < 2:
         raise ValueError(

@@ -39,16 +39,21 @@ FRAMES = 4
 def of_world(world: World, placements: list[Layout], frames: int = FRAMES) -> dict[str, list[float]]:
     """Every score of every placement in a scene, ``NaN`` where a placement has none.
 
-    ``hits`` counts the beams that end in the region; ``shuffled`` is the gain of another placement.
+    A placement that is tested in other conditions than clear air is scored in them; what knows no weather, candidates
+    and ``hits``, has no score there. ``hits`` counts the beams that end in the region; ``shuffled`` is the gain of another
+    placement.
     """
     table = {name: np.full(len(placements), np.nan) for name in SCORES}
     psog = opened(Source.read(world.path)).psog
-    lidars = [json.dumps(layout.lidar) for layout in placements]
-    for lidar in sorted(set(lidars)):
-        kept = np.array([one == lidar for one in lidars])
-        found = _of_one_lidar(world, psog, [layout for layout, keep in zip(placements, kept) if keep], frames)
-        for name, values in found.items():
-            table[name][kept] = values
+    kinds = [(json.dumps(layout.lidar), layout.tested_in) for layout in placements]
+    for kind in sorted(set(kinds)):
+        kept = np.array([one == kind for one in kinds])
+        # Those that differ in what they are trained in alone are scored once.
+        among = [layout for layout, keep in zip(placements, kept) if keep]
+        first = {_key(layout): layout for layout in reversed(among)}
+        places = [list(first).index(_key(layout)) for layout in among]
+        for name, values in _of_one_kind(world, psog, list(first.values()), frames).items():
+            table[name][kept] = values[places]
     table["mean_height"] = np.array([layout.poses[:, 2].mean() for layout in placements])
     # The same permutation in every scene, or means over scenes would know the gain again.
     order = np.random.default_rng(7).permutation(len(placements))
@@ -56,12 +61,19 @@ def of_world(world: World, placements: list[Layout], frames: int = FRAMES) -> di
     return {name: table[name].tolist() for name in SCORES}
 
 
-def _of_one_lidar(world: World, psog: sightline.Psog, placements: list[Layout], frames: int) -> dict[str, F64]:
-    source, lidar = Source.read(world.path), placements[0].lidar
-    scene = opened(source, frames, lidar, psog)
+def _key(layout: Layout) -> bytes:
+    return layout.poses.tobytes() + (b"" if layout.phases is None else layout.phases.tobytes())
+
+
+def _of_one_kind(world: World, psog: sightline.Psog, placements: list[Layout], frames: int) -> dict[str, F64]:
+    """Of placements with one LiDAR in one weather."""
+    source, lidar, weather = Source.read(world.path), placements[0].lidar, placements[0].tested_in
+    scene = opened(source, frames, lidar, psog, weather)
     rigs = [layout.placement(f"placement-{k}") for k, layout in enumerate(placements)]
     found = scene.score(rigs, self_hits=False)
     table = {name: np.asarray(found[name], dtype=np.float64) for name in _ENGINE}
+    if weather:
+        return table
     rows: list[list[list[float]]] = []
     for there, ground in frames_of(scene, source, psog, placements[0], frames):
         seen = [candidates.look(there, ground, rig) for rig in rigs]

@@ -128,15 +128,44 @@ def _variants(effects: dict[str, Any]) -> str:
     if not effects:
         return ""
     first = next(iter(effects.values()))
-    metrics, scores = list(first["metrics"]), list(first["scores"])
-    text = f"\n## Variants of {first['placements']} placements\n\nMean, then less that of the first line [95 %, over scenes], then ρ "
-    text += "of the order of the placements with that in the first line; scores are means.\n\n" + head(["variant", *metrics, *scores])
+    metrics = list(first["metrics"])
+    text = f"\n## Variants of {first['placements']} placements\n\nMean, less that of the first line [95 %, over scenes], ρ "
+    text += "of the order of the placements with that in the first line [over placements and scenes].\n\n"
+    text += head(["variant", *metrics])
     for name, of in effects.items():
         cells = [
-            f"{number(m['mean'], 3)}, {interval(m['less_first'], 3)}, {number(m['order_as_first'])}" for m in of["metrics"].values()
+            ", ".join([number(m["mean"], 3), interval(m["less_first"], 3), interval(m["order_as_first"])])
+            for m in of["metrics"].values()
         ]
-        text += row([name, *cells, *(f"{of['scores'][s]:.4g}" for s in scores)])
-    return text
+        text += row([name, *cells])
+    return text + _chosen(effects)
+
+
+def _chosen(effects: dict[str, Any]) -> str:
+    first, chosen = next(iter(effects)), {name: of["chosen"] for name, of in effects.items() if of["chosen"]}
+    if not chosen:
+        return ""
+    scores = list(chosen[first]["scores"])
+    text = f"\nRegret of what each score puts first, mean over {', '.join(chosen[first]['metrics'])} [95 %, over placements and "
+    text += f"scenes]: scored as in {first}; scored as here; what this loses less.\n\n"
+    text += head(["variant", *(f"`{s}`" for s in scores)])
+    for name, of in chosen.items():
+        text += row([name, *("; ".join(_both(of["scores"][s])) for s in scores)])
+    metrics = list(chosen[first]["scores"][scores[0]]["as_first"]["spearman"])
+    text += f"\nSpearman with {', '.join(metrics)}, scored as in {first}; scored as here.\n\n"
+    text += head(["variant", *(f"`{s}`" for s in scores)])
+    for name, of in chosen.items():
+        each = [[of["scores"][s][how]["spearman"] for how in ("as_first", "here") if how in of["scores"][s]] for s in scores]
+        text += row([name, *("; ".join(", ".join(number(rho[m]["value"]) for m in metrics) for rho in both) for both in each)])
+    text += "\nOptima less Ours-seg, regret [95 %, over scenes and seeds]: above 0 they lose less.\n\n"
+    searched = list(chosen[first]["optima"])
+    text += head(["variant", *(f"`{s}`" for s in searched)])
+    return text + "".join(row([name, *(interval(of["optima"][s]) for s in searched)]) for name, of in chosen.items())
+
+
+def _both(found: dict[str, Any]) -> list[str]:
+    both = [interval(found["as_first"]["regret"])]
+    return both + ([interval(found["here"]["regret"]), interval(found["less"])] if "here" in found else [])
 
 
 def _transfer(effects: dict[str, Any]) -> str:

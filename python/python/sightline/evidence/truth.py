@@ -77,10 +77,17 @@ class Source:
         """The scene's region."""
         return Grid.of(self.described["roi"])
 
-    def open(self, frames: int | None = None, psog: sightline.Psog | None = None, **changed: Any) -> sightline.Scene:
-        """The scene with other entries, as ``lidar=…``, scored over so many frames, with a P-SOG that is there."""
+    def open(
+        self,
+        frames: int | None = None,
+        psog: sightline.Psog | None = None,
+        conditions: tuple[str, ...] = (),
+        **changed: Any,
+    ) -> sightline.Scene:
+        """The scene with other entries, as ``lidar=…``, scored over so many frames in such conditions, with a P-SOG that is there."""
+        described, folder = {**self.described, **changed}, self.path.parent
         return sightline.Scene.from_dict(
-            {**self.described, **changed}, folder=self.path.parent, psog=psog, backend="cpu", frames=frames
+            described, folder=folder, psog=psog, backend="cpu", frames=frames, conditions=conditions
         )
 
     def digest(self) -> str:

@@ -136,12 +136,13 @@ def opened(
     frames: int | None = None,
     lidar: dict[str, Any] | None = None,
     psog: sightline.Psog | None = None,
+    conditions: tuple[str, ...] = (),
 ) -> sightline.Scene:
-    """A scene with the study's LiDAR or another; scores are means over so many frames.
+    """A scene with the study's LiDAR or another; scores are means over so many frames, in clear air or other conditions.
 
-    ``psog`` is that of the scene, which it need not make again: it is the same for all LiDARs.
+    ``psog`` is that of the scene, which it need not make again: it is the same for all LiDARs and conditions.
     """
-    return source.open(frames, psog=psog, lidar=lidar or LIDAR)
+    return source.open(frames, psog, conditions, lidar=lidar or LIDAR)
 
 
 def at(source: Source, frame: int, psog: sightline.Psog, lidar: dict[str, Any] | None = None) -> sightline.Scene:

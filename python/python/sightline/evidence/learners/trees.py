@@ -40,18 +40,18 @@ def features(xyz: Floats, of: I64 | None = None) -> F32:
     """
     if not len(xyz):
         return np.zeros((0, 2 + 7 * len(NEIGHBOURS) + 4 * len(COLUMNS)), np.float32)
-    xyz = xyz.astype(np.float64)
-    chosen = xyz if of is None else xyz[of]
+    points: F64 = xyz.astype(np.float64)
+    chosen = points if of is None else points[of]
     parts = [chosen[:, 2], np.hypot(chosen[:, 0], chosen[:, 1])]
-    most = min(max(NEIGHBOURS), len(xyz))
-    away, near = cKDTree(xyz, balanced_tree=False).query(chosen, k=most)
+    most = min(max(NEIGHBOURS), len(points))
+    away, near = cKDTree(points, balanced_tree=False).query(chosen, k=most)
     away, near = np.reshape(away, (len(chosen), most)), np.reshape(near, (len(chosen), most))
     # Small numbers, about the point itself, bear single precision, which is twice as fast.
-    around = (xyz[near] - chosen[:, None]).astype(np.float32)
+    around = (points[near] - chosen[:, None]).astype(np.float32)
     for count in NEIGHBOURS:
         parts += _neighbourhood(around[:, :count], away[:, :count])
     for edge in COLUMNS:
-        column = _column(xyz, edge)
+        column = _column(points, edge)
         parts += column if of is None else [values[of] for values in column]
     table: F32 = np.stack(parts, axis=1).astype(np.float32)
     return table

@@ -38,4 +38,5 @@ def distance_to(body: tuple[float, float, float, float], xy: Floats) -> F64:
     """Metres in plan from an outline along the axes to points ``[P, 2]``; 0 inside."""
     x0, y0, x1, y1 = body
     outside = np.maximum(np.maximum([x0, y0] - xy, xy - [x1, y1]), 0.0)
-    return np.hypot(outside[:, 0], outside[:, 1])
+    away: F64 = np.hypot(outside[:, 0], outside[:, 1]).astype(np.float64)
+    return away
