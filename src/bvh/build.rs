@@ -4,7 +4,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::bvh8::Bvh8;
-use super::bvh16::Bvh16;
+use super::bvh16::{Bvh16, WIDTH};
 use super::{Bvh, MAX_DEPTH, Node, Triangle};
 use crate::geom::{Aabb, TriangleSoup};
 
@@ -241,14 +241,14 @@ fn best_split(items: &mut [Item], aside: &mut [Item], extent: &Extent) -> Option
             }
             above.merge(&bins[bin].0);
             count += bins[bin].1;
-            above_cost[bin] = above.half_area() * count as f32;
+            above_cost[bin] = above.half_area() * weight(count, items.len());
         }
         let (mut below, mut count) = (Aabb::EMPTY, 0);
         // A cut behind an empty bin is the cut before it.
         for bin in (0..BINS - 1).filter(|&bin| bins[bin].1 > 0) {
             below.merge(&bins[bin].0);
             count += bins[bin].1;
-            let cost = below.half_area() * count as f32 + above_cost[bin + 1];
+            let cost = below.half_area() * weight(count, items.len()) + above_cost[bin + 1];
             if count < items.len() && best.is_none_or(|(c, ..)| cost < c) {
                 best = Some((cost, axis, bin));
             }
@@ -276,6 +276,15 @@ fn best_split(items: &mut [Item], aside: &mut [Item], extent: &Extent) -> Option
     }
     items[below..].copy_from_slice(&aside[..above]);
     Some(below)
+}
+
+/// What a half of `count` triangles costs to meet, of a node of `all`.
+///
+/// The walk sees a block's sixteen triangles at once, however many there are: halves are counted in whole blocks as long as
+/// there is more than one, so that blocks become full (13 of 16 triangles in place of 11, and a fifth fewer blocks).
+fn weight(count: usize, all: usize) -> f32 {
+    let counted = if all > WIDTH { count.next_multiple_of(WIDTH) } else { count };
+    counted as f32
 }
 
 fn bin_of(item: &Item, axis: usize, centroids: &Aabb) -> usize {

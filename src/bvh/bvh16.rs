@@ -1,6 +1,6 @@
 //! The sixteen-wide tree that a sensor's grid of beams walks, collapsed from the binary one.
 
-use super::collapse::{Below, wide_children};
+use super::collapse::{Below, Cuts};
 use super::{Node, Triangle};
 
 /// Children of a node, and most triangles of a block.
@@ -54,15 +54,16 @@ struct Collapse<'a> {
     nodes: &'a [Node],
     triangles: &'a [Triangle],
     below: Vec<Below>,
+    cuts: Cuts<'a, WIDTH>,
     tree: Bvh16,
 }
 
 impl Bvh16 {
-    /// Merges the binary tree's nodes: each takes over the grandchildren of its largest children until
-    /// sixteen are together. A subtree of at most sixteen triangles becomes a block.
+    /// Merges the binary tree's nodes where [`Cuts`] says. A subtree of at most sixteen triangles becomes a block.
     pub(crate) fn collapse(nodes: &[Node], triangles: &[Triangle]) -> Self {
         let below = Below::all(nodes);
-        let mut collapse = Collapse { nodes, triangles, below, tree: Self::default() };
+        let cuts = Cuts::new(nodes, &below);
+        let mut collapse = Collapse { nodes, triangles, below, cuts, tree: Self::default() };
         if let Some(root) = nodes.first() {
             let sides = root.min.iter().chain(&root.max);
             collapse.tree.largest = sides.fold(0.0, |largest, side| largest.max(side.abs()));
@@ -81,8 +82,7 @@ impl Bvh16 {
 impl Collapse<'_> {
     /// Fills node `at` with the descendants of binary node `from`.
     fn fill(&mut self, from: usize, at: usize) {
-        let children = wide_children(self.nodes, &self.below, from, WIDTH);
-        for (slot, index) in children.into_iter().enumerate() {
+        for (slot, index) in self.cuts.children(from).into_iter().enumerate() {
             self.tree.nodes[at].set_box(slot, &self.nodes[index]);
             let child = if self.below[index].count as usize <= WIDTH {
                 let Below { first, count } = self.below[index];

@@ -1,6 +1,6 @@
 //! The eight-wide tree of the CPU's vector instructions, collapsed from the binary one.
 
-use super::collapse::{Below, wide_children};
+use super::collapse::{Below, Cuts};
 use super::{Node, Triangle};
 
 /// Children of a node, and most triangles of a block.
@@ -64,16 +64,17 @@ struct Collapse<'a> {
     nodes: &'a [Node],
     triangles: &'a [Triangle],
     below: Vec<Below>,
+    cuts: Cuts<'a, WIDTH>,
     bvh8: Bvh8,
 }
 
 impl Bvh8 {
-    /// Merges the binary tree's nodes: each takes over the grandchildren of its largest children until
-    /// eight are together. A subtree of at most eight triangles becomes a block.
+    /// Merges the binary tree's nodes where [`Cuts`] says. A subtree of at most eight triangles becomes a block.
     /// Boxes are the binary tree's own.
     pub(crate) fn collapse(nodes: &[Node], triangles: &[Triangle]) -> Self {
         let below = Below::all(nodes);
-        let mut collapse = Collapse { nodes, triangles, below, bvh8: Self::default() };
+        let cuts = Cuts::new(nodes, &below);
+        let mut collapse = Collapse { nodes, triangles, below, cuts, bvh8: Self::default() };
         if !nodes.is_empty() {
             collapse.bvh8.nodes.push(Node8::EMPTY);
             collapse.fill(0, 0);
@@ -90,8 +91,7 @@ impl Bvh8 {
 impl Collapse<'_> {
     /// Fills node `at` with the descendants of binary node `from`.
     fn fill(&mut self, from: usize, at: usize) {
-        let children = wide_children(self.nodes, &self.below, from, WIDTH);
-        for (slot, index) in children.into_iter().enumerate() {
+        for (slot, index) in self.cuts.children(from).into_iter().enumerate() {
             let node = &self.nodes[index];
             for axis in 0..3 {
                 self.bvh8.nodes[at].planes[axis][0][slot] = node.min[axis];
