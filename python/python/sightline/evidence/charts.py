@@ -103,7 +103,8 @@ def _dots(
         return name
 
     names = list(dict.fromkeys(map(plain, found)))
-    spots = page.subplots(1, len(titles), squeeze=False, sharey=True)[0]
+    # Regrets are compared from panel to panel, metrics are not.
+    spots = page.subplots(1, len(titles), squeeze=False, sharex=until > 0, sharey=True)[0]
     for spot, (key, title) in zip(spots, titles.items()):
         for name, of in found.items():
             if key not in of:
@@ -115,13 +116,14 @@ def _dots(
             spot.plot(one["value"], height, "o", color=colour, markersize=4)
         for line in {0.0, until}:
             spot.axvline(line, color=_GREY, linewidth=0.8)
-        # What is no difference shall look like none.
-        low, high = spot.get_xlim()
-        spot.set_xlim(min(low, -0.05), max(high, 0.01))
         spot.set_title(title, fontsize=9)
         spot.set_xlabel(what, fontsize=8)
         spot.tick_params(axis="x", labelsize=8)
         spot.locator_params(axis="x", nbins=5)
+    for spot in spots:
+        # What is no difference shall look like none.
+        low, high = spot.get_xlim()
+        spot.set_xlim(min(low, -0.05), max(high, 0.01))
     spots[0].set_yticks(range(len(names)), names)
     spots[0].invert_yaxis()
     if len(names) < len(found):

@@ -62,7 +62,9 @@ def figure(result: dict[str, Any]) -> bytes:
     if charts.of(page, result["effects"]):
         page.set_size_inches(11, 3.4 * max(len(page.subfigs), 1))
         scenes = len(result["targets"])
-        title = f"{design} study: {count} placements in {scenes} scenes; intervals of the difference, over scenes (95 %)"
+        variants = result["effects"]["variants"]
+        each = f"{next(iter(variants.values()))['placements']} placements in {len(variants)} variants" if variants else f"{count} placements"
+        title = f"{design} study: {each} and {scenes} scenes; intervals of 95 %, of differences over scenes"
     elif POOL in result["pools"]:
         left, right = page.subplots(1, 2)
         _losses(left, result["pools"][POOL]["regret"])
