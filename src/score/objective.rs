@@ -53,7 +53,7 @@ pub struct Objective {
 pub enum ObjectiveError {
     /// No score of that name.
     #[error(
-        "`{name}` is no score; did you mean `{nearest}`? There are {known}, each also with `detection.` before it"
+        "`{name}` is no score; did you mean `{nearest}`? There are {known}; all but {} also with `detection.` before them", OF_NO_TASK.join(" and ")
     )]
     UnknownMetric {
         /// As given.
