@@ -34,7 +34,7 @@ def main() -> None:
     poses = load[0].random_poses(given.placements, seed=1)
     build, _ = measured(lambda: [scene.score(poses[:1]) for scene in load])
     one, scores = measured(lambda: [scene.score(poses) for scene in load])
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+    ray.init("local", num_cpus=2, include_dashboard=False, log_to_driver=False)
     rates = []
     for actors in (1, 2):
         told: list[distributed.Progress] = []
