@@ -63,7 +63,6 @@ impl Child {
 struct Collapse<'a> {
     nodes: &'a [Node],
     triangles: &'a [Triangle],
-    below: Vec<Below>,
     cuts: Cuts<'a, WIDTH>,
     bvh8: Bvh8,
 }
@@ -72,9 +71,8 @@ impl Bvh8 {
     /// Merges the binary tree's nodes where [`Cuts`] says. A subtree of at most eight triangles becomes a block.
     /// Boxes are the binary tree's own.
     pub(crate) fn collapse(nodes: &[Node], triangles: &[Triangle]) -> Self {
-        let below = Below::all(nodes);
-        let cuts = Cuts::new(nodes, &below);
-        let mut collapse = Collapse { nodes, triangles, below, cuts, bvh8: Self::default() };
+        let cuts = Cuts::new(nodes);
+        let mut collapse = Collapse { nodes, triangles, cuts, bvh8: Self::default() };
         if !nodes.is_empty() {
             collapse.bvh8.nodes.push(Node8::EMPTY);
             collapse.fill(0, 0);
@@ -97,8 +95,8 @@ impl Collapse<'_> {
                 self.bvh8.nodes[at].planes[axis][0][slot] = node.min[axis];
                 self.bvh8.nodes[at].planes[axis][1][slot] = node.max[axis];
             }
-            let child = if self.below[index].count as usize <= WIDTH {
-                self.bvh8.blocks.push(Block::new(self.triangles, self.below[index]));
+            let child = if self.cuts.below[index].count as usize <= WIDTH {
+                self.bvh8.blocks.push(Block::new(self.triangles, self.cuts.below[index]));
                 LEAF | (self.bvh8.blocks.len() - 1) as u32
             } else {
                 self.bvh8.nodes.push(Node8::EMPTY);

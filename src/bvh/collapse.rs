@@ -11,7 +11,7 @@ pub(super) struct Below {
 
 impl Below {
     /// Of each node.
-    pub(super) fn all(nodes: &[Node]) -> Vec<Self> {
+    fn all(nodes: &[Node]) -> Vec<Self> {
         let mut below = vec![Self::default(); nodes.len()];
         // Children come after their parents.
         for (index, node) in nodes.iter().enumerate().rev() {
@@ -36,6 +36,8 @@ impl Below {
 /// however the tree is cut.)
 pub(super) struct Cuts<'a, const WIDTH: usize> {
     nodes: &'a [Node],
+    /// Of each binary node.
+    pub(super) below: Vec<Below>,
     /// Row of each binary node in `places`; [`BLOCK`] for those that are blocks or lie in one.
     rows: Vec<u32>,
     /// Of the k + 1 places that a subtree takes how many are its left half's; 0: it takes one, as a node of its own. The
@@ -47,13 +49,14 @@ pub(super) struct Cuts<'a, const WIDTH: usize> {
 const BLOCK: u32 = u32::MAX;
 
 impl<'a, const WIDTH: usize> Cuts<'a, WIDTH> {
-    pub(super) fn new(nodes: &'a [Node], below: &[Below]) -> Self {
-        let mut cuts = Self { nodes, rows: vec![BLOCK; nodes.len()], places: Vec::new() };
+    pub(super) fn new(nodes: &'a [Node]) -> Self {
+        let (below, rows) = (Below::all(nodes), vec![BLOCK; nodes.len()]);
+        let mut cuts = Self { nodes, below, rows, places: Vec::new() };
         // By row: least sum of areas for k + 1 places.
         let mut least: Vec<[f32; WIDTH]> = Vec::new();
         // Children come after their parents.
         for (index, node) in nodes.iter().enumerate().rev() {
-            if below[index].count as usize <= WIDTH {
+            if cuts.below[index].count as usize <= WIDTH {
                 continue;
             }
             let half = |k: usize| least.get(cuts.rows[node.first as usize + k] as usize);
@@ -134,21 +137,16 @@ mod tests {
     }
 
     /// Sum of the areas of the wide nodes, and what lies in their children that are blocks.
-    fn walked(
-        cuts: &Cuts<'_, WIDTH>,
-        below: &[Below],
-        from: usize,
-        blocks: &mut Vec<usize>,
-    ) -> f64 {
+    fn walked(cuts: &Cuts<'_, WIDTH>, from: usize, blocks: &mut Vec<usize>) -> f64 {
         let children = cuts.children(from);
         assert!(children.len() <= WIDTH);
         let mut sum = f64::from(half_area(&cuts.nodes[from]));
         for child in children {
-            if below[child].count as usize <= WIDTH {
+            if cuts.below[child].count as usize <= WIDTH {
                 blocks.push(child);
             } else {
                 assert_ne!(child, from);
-                sum += walked(cuts, below, child, blocks);
+                sum += walked(cuts, child, blocks);
             }
         }
         sum
@@ -190,11 +188,11 @@ mod tests {
     fn wide_nodes_have_the_least_sum_of_areas() {
         for seed in 0..20 {
             let bvh = tree(24, seed, 10.0);
-            let below = Below::all(&bvh.nodes);
-            let cuts = Cuts::<WIDTH>::new(&bvh.nodes, &below);
+            let cuts = Cuts::<WIDTH>::new(&bvh.nodes);
+            let below = &cuts.below;
             let mut blocks = Vec::new();
-            let found = walked(&cuts, &below, 0, &mut blocks);
-            let expected = least(&bvh.nodes, &below);
+            let found = walked(&cuts, 0, &mut blocks);
+            let expected = least(&bvh.nodes, below);
             assert!((found - expected).abs() < 1e-3 * expected, "seed {seed}: {found}, {expected}");
             // Every triangle is in one block.
             let mut ranges: Vec<_> =
@@ -211,7 +209,7 @@ mod tests {
     #[test]
     fn a_tree_of_one_block_is_its_own_child() {
         let bvh = tree(WIDTH as u32, 1, 10.0);
-        let cuts = Cuts::<WIDTH>::new(&bvh.nodes, &Below::all(&bvh.nodes));
+        let cuts = Cuts::<WIDTH>::new(&bvh.nodes);
         assert_eq!(cuts.children(0), [0]);
         assert!(cuts.rows.iter().all(|&row| row == BLOCK));
     }
@@ -219,10 +217,9 @@ mod tests {
     #[test]
     fn areas_beyond_all_numbers_are_cut_somewhere() {
         let bvh = tree(60, 3, 1e30);
-        let below = Below::all(&bvh.nodes);
-        let cuts = Cuts::<WIDTH>::new(&bvh.nodes, &below);
+        let cuts = Cuts::<WIDTH>::new(&bvh.nodes);
         let mut blocks = Vec::new();
-        walked(&cuts, &below, 0, &mut blocks);
-        assert_eq!(blocks.iter().map(|&node| below[node].count).sum::<u32>(), 60);
+        walked(&cuts, 0, &mut blocks);
+        assert_eq!(blocks.iter().map(|&node| cuts.below[node].count).sum::<u32>(), 60);
     }
 }

@@ -332,6 +332,7 @@ mod tests {
     fn unknown_names_are_answered_with_the_nearest() {
         let error = "m_sog_scald".parse::<Objective>().unwrap_err().to_string();
         assert!(error.contains("did you mean `m_sog_scaled`?"), "{error}");
+        assert!(error.contains("all but near_gain and s_mig also with `detection.`"), "{error}");
         let error = "much*m_sog".parse::<Objective>().unwrap_err();
         assert_eq!(error, ObjectiveError::BadWeight { weight: "much".into() });
     }

@@ -13,8 +13,8 @@ DRAWN = {
     "ground_seen_10m": "ground within 10 m, share",
 }
 
-#: Scores whose first choices are drawn.
-CHOOSING = ("near_gain", "information_gain", "m_sog_scaled", "mean_height")
+#: Scores whose first choices are drawn, of ``variants.CHOOSING``.
+CHOICES = ("near_gain", "information_gain", "m_sog_scaled", "mean_height")
 
 #: Colours of what is drawn side by side in a line, by the end of its name.
 _ORANGE, _BLUE, _GREY = "#dd6b20", "#2b6cb0", "#718096"
@@ -60,10 +60,10 @@ def _choices(page: Any, chosen: dict[str, Any], first: str) -> None:
         if name.endswith(", trained in clear air"):
             continue
         for end, how in zip(ends, ("as_first", "here")):
-            of = {s: scores[s][how]["regret"] for s in CHOOSING if how in scores.get(s, {})}
+            of = {s: scores[s][how]["regret"] for s in CHOICES if how in scores.get(s, {})}
             if of:
                 found[name.removesuffix(", trained in it") + end] = of
-    titles = {s: f"first choice of {s}" for s in CHOOSING if s in chosen[first]}
+    titles = {s: f"first choice of {s}" for s in CHOICES if s in chosen[first]}
     _dots(page, found, titles, "regret: 0 the best, 1 the mean placement", ends, until=1.0)
 
 

@@ -66,10 +66,10 @@ def of(given: Gathered, kept: Bools) -> dict[str, Any]:
     numbers = {score: k for k, score in enumerate(given.scores)}
     by_score = {}
     for score, k in numbers.items():
-        of = {group: asdict(_interval(losses[:, k, j])) for j, group in enumerate(groups)}
+        of = {group: asdict(interval_of(losses[:, k, j])) for j, group in enumerate(groups)}
         less = losses[:, numbers.get(GAIN, k), 0] - losses[:, k, 0]
         by_score[score] = {
-            "less_than_gain": asdict(_interval(less)),
+            "less_than_gain": asdict(interval_of(less)),
             "mean": of["mean"],
             "about": {name: of[name] for name in ABOUT},
             "by_metric": {m: of[m] for m in metrics},
@@ -173,7 +173,7 @@ def _weighted(values: F64, often: I64) -> F64:
     return found
 
 
-def _interval(values: F64) -> correlate.Interval:
+def interval_of(values: F64) -> correlate.Interval:
     """Of what ``picked`` gives: the first value, and the percentiles of the others."""
     return correlate.interval(float(values[0]), values[1:])
 

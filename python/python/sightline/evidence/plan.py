@@ -45,7 +45,7 @@ STANDARD, THIRD = Path("docs/evidence/standard.json"), Path("docs/evidence/third
 #: Objectives whose optima in the standard run are among the placements of ``channels`` and ``conditions``.
 VARIED = ("near_gain", "information_gain", "m_sog_scaled")
 
-#: Candidates whose optima lost least in it, and the gain.
+#: Candidates whose optima lost least in the third run, and the gain.
 NEAREST = ("gain", "blend", "near_and_ground", "near_and_field")
 
 #: Placements of ``again`` whose phases are part of what they are: as this version makes them.

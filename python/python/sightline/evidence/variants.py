@@ -55,18 +55,17 @@ def of(given: Gathered) -> dict[str, Any]:
                 }
                 for m, table in of.items()
             },
-            "chosen": _chosen(given, bases, here, there) if len(bases) >= FEWEST else {},
+            "chosen": _chosen(given, bases, here, there, drawn) if len(bases) >= FEWEST else {},
         }
     return found
 
 
-def _chosen(given: Gathered, bases: list[str], here: I64, there: I64) -> dict[str, Any]:
+def _chosen(given: Gathered, bases: list[str], here: I64, there: I64, drawn: correlate.Drawn) -> dict[str, Any]:
     """What scores choose among the placements ``here``, which stand ``there`` in the first variant."""
     one = _alone(given, bases, here)
     kept = np.ones(len(bases), dtype=bool)
     metrics = decide.metrics_of(one, kept)
     tables = np.stack([one.mean(m) for m in metrics])
-    drawn = correlate.Drawn.of(np.random.default_rng(decide.SEED), *tables.shape[1:])
     first = {s: given.scores[s][there] for s in CHOOSING}
     # What knows no weather has no score in it; what is the same in both is shown once.
     own = {s: table for s in CHOOSING if np.isfinite(table := given.scores[s][here]).all() and not np.array_equal(table, first[s])}
@@ -76,11 +75,11 @@ def _chosen(given: Gathered, bases: list[str], here: I64, there: I64) -> dict[st
 
     def told(table: F64, loss: F64) -> dict[str, Any]:
         rho = {m: asdict(correlate.spearman_interval(table, of, drawn)) for m, of in among.items()}
-        return {"regret": _interval(loss), "spearman": rho}
+        return {"regret": asdict(decide.interval_of(loss)), "spearman": rho}
 
     found: dict[str, Any] = {s: {"as_first": told(table, lost[:, k])} for k, (s, table) in enumerate(first.items())}
     for k, (s, table) in enumerate(own.items(), len(first)):
-        found[s] |= {"here": told(table, lost[:, k]), "less": _interval(lost[:, CHOOSING.index(s)] - lost[:, k])}
+        found[s] |= {"here": told(table, lost[:, k]), "less": asdict(decide.interval_of(lost[:, CHOOSING.index(s)] - lost[:, k]))}
     by_seed = mean(decide.lost_by_seed(one, kept, metrics), 0)
     optima = {s: of["less_regret_than"] for s, of in decide.optima(one, kept, by_seed, metrics).items()}
     return {"metrics": metrics, "scores": found, "optima": {s: less[decide.PUBLISHED] for s, less in optima.items()}}
@@ -91,8 +90,3 @@ def _alone(given: Gathered, bases: list[str], rows: I64) -> Gathered:
     layouts = [replace(given.layouts[k], name=base, pool="box") for k, base in zip(rows, bases)]
     metrics = {m: table[:, rows] for m, table in given.metrics.items()}
     return replace(given, layouts=layouts, metrics=metrics, scores={s: table[rows] for s, table in given.scores.items()})
-
-
-def _interval(values: F64) -> dict[str, float]:
-    """Of what ``decide.picked`` gives: the first value, and the percentiles of the others."""
-    return asdict(correlate.interval(float(values[0]), values[1:]))
