@@ -68,6 +68,7 @@ mod chance;
 mod error;
 mod memory;
 mod mesh;
+mod note;
 
 pub mod audit;
 mod bvh;
@@ -102,6 +103,7 @@ pub mod worlds;
 
 pub use engine::{EngineChoice, EngineKind};
 pub use error::Error;
+pub use note::Note;
 pub use problem::Problem;
 pub use psog::Psog;
 pub use scene::Scene;

@@ -143,8 +143,8 @@ impl PyScene {
 
     /// Likely mistakes in the scene, a sentence each.
     #[getter]
-    fn notes(&self) -> &[String] {
-        self.built.scene.notes()
+    fn notes(&self) -> Vec<String> {
+        self.built.scene.notes().iter().map(ToString::to_string).collect()
     }
 
     /// Models by name; without a vehicle one, whose name is empty.

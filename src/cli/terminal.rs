@@ -8,7 +8,8 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
-use crate::runs::{Bar, Watcher};
+use crate::Note;
+use crate::runs::{Bar, Error, Watcher};
 
 use super::exit::Exit;
 use super::output::say;
@@ -22,6 +23,9 @@ pub struct Talk {
     /// Say nothing on stderr but errors
     #[arg(long, conflicts_with = "verbose")]
     pub quiet: bool,
+    /// Refuse an input that is likely not meant as it stands, such as millimetres in place of metres
+    #[arg(long)]
+    pub strict: bool,
 }
 
 impl Talk {
@@ -62,6 +66,14 @@ impl Terminal {
 impl Watcher for Terminal {
     fn note(&self, sentence: &str) {
         self.talk.note(sentence);
+    }
+
+    fn tell(&self, note: &Note) -> Result<(), Error> {
+        if self.talk.strict && note.is_doubt() {
+            return Err(Error::Doubt(note.to_string()));
+        }
+        self.talk.note(note.text());
+        Ok(())
     }
 
     fn detail(&self, sentence: &str) {

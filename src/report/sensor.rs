@@ -102,7 +102,7 @@ impl SensorFacts {
             azimuth: span(angles.iter().map(|angle| angle[0])),
             azimuth_steps,
             beams,
-            notes: pattern.notes.clone(),
+            notes: pattern.notes.iter().map(ToString::to_string).collect(),
             elevation_deg: list(1),
             azimuth_offset_deg: list(0),
         }
@@ -161,7 +161,7 @@ mod tests {
     use crate::vehicle::sensor_file::{Channel, SensorFormat};
 
     fn pattern(beams: Beams) -> SensorPattern {
-        let notes = vec!["Something is dropped.".to_owned()];
+        let notes = vec![crate::Note::fact("Something is dropped.")];
         let format = SensorFormat::Hesai;
         SensorPattern { format, model: None, beams, azimuth_steps: None, notes }
     }

@@ -4,6 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use super::RigError;
 use super::angles::{IDENTITY, compose, inverse};
+use crate::Note;
 use crate::json::Place;
 use crate::vehicle::SensorPose;
 
@@ -42,7 +43,7 @@ pub(super) struct Frames {
     /// Name that the files give the rig.
     pub(super) name: Option<String>,
     /// What a user should know of the reading.
-    pub(super) notes: Vec<String>,
+    pub(super) notes: Vec<Note>,
 }
 
 impl Frames {

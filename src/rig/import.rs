@@ -9,6 +9,7 @@ use super::{
     BASE_LINK, Mounting, Rig, RigError, RigFormat, RigLidar, Source, autoware, carla,
     carla_objects, detect, known, launch, pandaset, placements, sdf, sources, urdf,
 };
+use crate::Note;
 use crate::vehicle::{MAX_LIDARS, SensorPose};
 
 /// Words in the names of LiDAR frames, for formats that say no more.
@@ -54,7 +55,7 @@ pub struct Imported {
     /// Frames that are no LiDARs, or carry the frame of one.
     pub left_out: Vec<String>,
     /// What a user should know, in sentences.
-    pub notes: Vec<String>,
+    pub notes: Vec<Note>,
 }
 
 /// Reads a rig from files; a folder stands for the YAML files in it.
@@ -98,11 +99,11 @@ pub fn import_texts(sources: &[Source], settings: &ImportSettings) -> Result<Imp
         rig.lidars.push(lidar(&frames, frame, &base, format, settings, &mut unknown)?);
     }
     if let Some(frame) = unknown.first() {
-        notes.push(format!(
+        notes.push(Note::fact(format!(
             "nothing says how far above its foot the optical centre of {} is, so they are taken for one; give \
              --sensor {frame}=MODEL or --optical-height {frame}=METRES",
             unknown.join(", ")
-        ));
+        )));
     }
     // A robot's name may be one that no placement may bear; one that was asked for is an error.
     if settings.name.is_none() && rig.validate().is_err() {
@@ -154,7 +155,8 @@ fn base(
         RigFormat::Sdf if !frames.mentions(BASE_LINK) => sdf::MODEL,
         _ => return Ok(BASE_LINK.to_owned()),
     };
-    frames.notes.push(format!("{file}: the vehicle's frame is taken to be `{own}`"));
+    let text = format!("{file}: the vehicle's frame is taken to be `{own}`");
+    frames.notes.push(Note::fact(text));
     Ok(own.to_owned())
 }
 

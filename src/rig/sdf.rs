@@ -9,6 +9,7 @@ use super::fields::wrong;
 use super::frames::{Frame, Frames, Holds};
 use super::simulated::{add_sensor, namespace, sensor_element};
 use super::{BASE_LINK, Mounting, Rig, RigError, Source, xml};
+use crate::Note;
 use crate::vehicle::SensorPose;
 
 /// Frame that everything in a model hangs on unless it says otherwise.
@@ -25,7 +26,8 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
     };
     frames.name = model.attribute("name").map(str::to_owned);
     if model.children().any(|node| node.has_tag_name("model") || node.has_tag_name("include")) {
-        frames.notes.push(format!("{file}: models inside of the model are left out"));
+        let text = format!("{file}: models inside of the model are left out");
+        frames.notes.push(Note::fact(text));
     }
     for node in model.children().filter(Node::is_element) {
         let usual_parent = match node.tag_name().name() {

@@ -14,6 +14,9 @@ pub enum Error {
     /// From a file or folder.
     #[error(transparent)]
     File(#[from] FileError),
+    /// A likely mistake in an input, where such are refused.
+    #[error("{0} (refused by --strict)")]
+    Doubt(String),
     /// A request that does not fit the scene or itself.
     #[error("{0}")]
     Usage(String),

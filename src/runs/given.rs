@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{Error, Watcher};
+use crate::Note;
 use crate::problem::Problem;
 use crate::vehicle::{Constraints, Doubts, Placement, PlacementFileError, Sensors};
 
@@ -56,7 +57,8 @@ impl<'a> Given<'a> {
             for doubt in self.doubts.about(placement) {
                 self.found += 1;
                 if self.found <= MOST_TOLD {
-                    self.watcher.note(&format!("{}: {doubt}", self.file.display()));
+                    let doubt = Note::doubt(format!("{}: {doubt}", self.file.display()));
+                    self.watcher.tell(&doubt)?;
                 }
             }
         }

@@ -44,12 +44,22 @@ use std::sync::Arc;
 
 pub use error::Error;
 
+use crate::Note;
 use crate::engine::EngineChoice;
 
 /// Who is told of work under way, and may end it. Every part is optional.
 pub trait Watcher: Sync {
     /// A sentence that is of interest by default.
     fn note(&self, _sentence: &str) {}
+
+    /// A sentence about an input.
+    ///
+    /// # Errors
+    /// A doubt, where doubts are refused (`--strict`).
+    fn tell(&self, note: &Note) -> Result<(), Error> {
+        self.note(note.text());
+        Ok(())
+    }
 
     /// A sentence for who wants to know more.
     fn detail(&self, _sentence: &str) {}

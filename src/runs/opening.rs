@@ -103,7 +103,7 @@ pub fn suite(
 /// Reads a scene and says what in it is most likely not meant.
 pub fn read(path: &Path, vehicle: Option<&Path>, watcher: &dyn Watcher) -> Result<Scene, Error> {
     let scene = Scene::read_with(path, vehicle)?;
-    scene.notes().iter().for_each(|note| watcher.note(note));
+    scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
     Ok(scene)
 }
 

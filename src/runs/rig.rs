@@ -102,7 +102,7 @@ pub fn import_files(
 ) -> Result<Option<String>, Error> {
     let imported = import(files, settings)?;
     let rig = &imported.rig;
-    say(&imported, watcher);
+    say(&imported, watcher)?;
     for (index, lidar) in rig.lidars.iter().enumerate() {
         let sensor = lidar.sensor.as_deref().unwrap_or("sensor not known");
         watcher.note(&format!("LiDAR {index} is `{}`, {sensor}", lidar.frame));
@@ -115,7 +115,7 @@ pub fn import_files(
 }
 
 /// Says what was left out and what should be known.
-fn say(imported: &Imported, watcher: &dyn Watcher) {
+fn say(imported: &Imported, watcher: &dyn Watcher) -> Result<(), Error> {
     let left_out = &imported.left_out;
     if !left_out.is_empty() {
         let shown = left_out[..left_out.len().min(MOST_LISTED)].join(", ");
@@ -123,7 +123,7 @@ fn say(imported: &Imported, watcher: &dyn Watcher) {
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
         watcher.note(&format!("left out, not being LiDARs: {shown}{more}"));
     }
-    imported.notes.iter().for_each(|note| watcher.note(note));
+    imported.notes.iter().try_for_each(|note| watcher.tell(note))
 }
 
 /// Compares two rigs, each a file or folder of any format, or placements with a name behind a colon.
@@ -140,7 +140,7 @@ pub fn compare_files(
         let (file, name) = file_and_name(text);
         let settings = ImportSettings { name: name.map(str::to_owned), ..settings.clone() };
         let imported = import(&[file.into()], &settings)?;
-        imported.notes.iter().for_each(|note| watcher.detail(note));
+        imported.notes.iter().for_each(|note| watcher.detail(note.text()));
         Ok::<_, Error>(imported.rig)
     };
     Ok(compare(&read(before)?, &read(after)?)?)

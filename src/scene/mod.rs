@@ -27,6 +27,7 @@ use std::sync::OnceLock;
 
 use glam::DVec3;
 
+use crate::Note;
 use crate::geom::{Pose, TriangleSoup};
 use crate::json::{self, check};
 use crate::vehicle::{Constraints, Lidar, Mount, MountRules, SensorError, Sensors, Vehicle};
@@ -80,7 +81,7 @@ pub struct Scene {
     origins: Vec<DVec3>,
     reflectances: Reflectances,
     files: Vec<PathBuf>,
-    notes: Vec<String>,
+    notes: Vec<Note>,
 }
 
 /// Moving object: triangles in its own frame and a pose for each frame.
@@ -309,7 +310,7 @@ impl Scene {
     }
 
     /// Likely mistakes that are no errors: a sentence each, with file and place.
-    pub fn notes(&self) -> &[String] {
+    pub fn notes(&self) -> &[Note] {
         &self.notes
     }
 

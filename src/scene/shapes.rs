@@ -9,6 +9,7 @@ use super::copies::copies;
 use super::description::{Dictionary, MeshDescription, ShapeDescription};
 use super::primitives::{cuboid, cylinder, plane, prism};
 use super::solid::Solid;
+use crate::Note;
 use crate::json::check::bad;
 use crate::json::{DescriptionError, Place, nearest};
 use crate::mesh::{self, MOST_TRIANGLES, Placing, RawMesh};
@@ -33,7 +34,7 @@ pub(crate) struct Builder<'a> {
     built: HashMap<&'a str, Rc<Solid>>,
     /// Triangles built so far, named shapes included.
     triangles: u64,
-    notes: Vec<String>,
+    notes: Vec<Note>,
 }
 
 impl<'a> Builder<'a> {
@@ -62,7 +63,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Notes on material names that no mesh has, and on actors that no beam can hit.
-    pub fn notes(&mut self) -> Vec<String> {
+    pub fn notes(&mut self) -> Vec<Note> {
         std::mem::take(&mut self.notes)
     }
 
@@ -95,10 +96,10 @@ impl<'a> Builder<'a> {
         }
         let solid = self.list(at, parts)?;
         if !solid.has_area() {
-            self.notes.push(format!(
+            self.notes.push(Note::doubt(format!(
                 "{at}: no triangle has an area, so that no beam hits the actor; give its mesh an extent, or leave \
                  the actor out"
-            ));
+            )));
         }
         Ok(solid)
     }
@@ -280,10 +281,10 @@ impl Builder<'_> {
         unused.sort_unstable();
         let guess = unused.iter().find_map(|name| nearest(name, has()));
         let guess = guess.map(|known| format!("; did you mean `{known}`?")).unwrap_or_default();
-        self.notes.push(format!(
+        self.notes.push(Note::doubt(format!(
             "{at}: {} has no material or label `{}`{guess}",
             file.display(),
             unused.join("`, `")
-        ));
+        )));
     }
 }

@@ -100,7 +100,7 @@ fn the_lexus_stands_as_transforms3d_has_it() {
         // Eight cameras, gnss, imu and the kit itself.
         assert_eq!(imported.left_out.len(), 11);
         assert!(imported.left_out.contains(&"camera0/camera_link".to_owned()));
-        assert!(imported.notes.len() == 1 && imported.notes[0].contains("--optical-height"));
+        assert!(imported.notes.len() == 1 && imported.notes[0].text().contains("--optical-height"));
     }
     let folder = import(&[rigs().join("lexus/before")], &ImportSettings::default()).unwrap();
     assert_eq!(folder.rig.lidars.len(), 4);

@@ -65,7 +65,7 @@ fn an_actor_that_no_beam_can_hit_is_noted() {
         let actor = r#", "actors": [{ "parts": [{ "class": "vehicle", "mesh": { "file": "a.obj" } }],
                                       "poses": [{ "x": 0, "y": 0 }] }]"#;
         let scene = Scene::from_json(&full(BOX, actor), dir.path(), "s.json").unwrap();
-        scene.notes().join("\n")
+        scene.notes().iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
     };
     let note = noted("2 2 2");
     assert!(note.starts_with("s.json: actors[0].parts: no triangle has an area"), "{note}");

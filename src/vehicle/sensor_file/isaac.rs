@@ -9,6 +9,7 @@ use super::pattern::{
     Beams, Channel, MAX_BEAMS, SensorFormat, SensorPattern, azimuth, channel, check_count,
     direction,
 };
+use crate::Note;
 use crate::json::check::{self, bad};
 use crate::json::{self, DescriptionError, Place};
 
@@ -71,15 +72,17 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
     };
     pattern.model = model;
     pattern.notes.extend(profile.far_range_m.map(|range| {
-        format!("The profile states a range of {range} m; that of the scene's `lidar` counts.")
+        Note::fact(format!(
+            "The profile states a range of {range} m; that of the scene's `lidar` counts."
+        ))
     }));
     let offsets =
         profile.emitter_states.iter().flat_map(|s| s.hor_offset_m.iter().chain(&s.vert_offset_m));
     let largest = offsets.fold(0.0, |most: f64, offset| most.max(1000.0 * offset.abs()));
     if largest > 0.0 {
-        pattern.notes.push(format!(
+        pattern.notes.push(Note::fact(format!(
             "Emitters stand up to {largest:.0} mm from the origin; all beams start there here."
-        ));
+        )));
     }
     Ok(pattern)
 }
@@ -130,7 +133,8 @@ fn solid_state(list: &Place, profile: &Profile) -> Result<SensorPattern, Descrip
     });
     let beams = Beams::Directions(directions.collect::<Result<_, DescriptionError>>()?);
     let states = profile.emitter_states.len();
-    let later = format!("Of {states} emitter states the first is cast: each scan takes one.");
+    let later =
+        Note::fact(format!("Of {states} emitter states the first is cast: each scan takes one."));
     let notes = (states > 1).then_some(later).into_iter().collect();
     Ok(SensorPattern { notes, ..SensorPattern::new(SensorFormat::Isaac, beams) })
 }

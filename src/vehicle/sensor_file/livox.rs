@@ -5,6 +5,7 @@
 
 use super::csv;
 use super::pattern::{Beams, MAX_BEAMS, SensorFormat, SensorPattern, azimuth, direction, quoted};
+use crate::Note;
 use crate::json::check::bad;
 use crate::json::{DescriptionError, Place};
 
@@ -46,11 +47,11 @@ pub(super) fn parse(
         let found = format!("{} of {samples} samples from {from} to {to} s", directions.len());
         return Err(bad(at, found, format!("a frame of 1 to {MAX_BEAMS} beams; give a `window`")));
     }
-    let notes = vec![format!(
+    let notes = vec![Note::fact(format!(
         "The frame is the window from {from} to {to} s: {} of {samples} samples. The sensor goes on with \
          others; here every frame has these.",
         directions.len()
-    )];
+    ))];
     let beams = Beams::Directions(directions);
     Ok(SensorPattern { notes, ..SensorPattern::new(SensorFormat::Livox, beams) })
 }

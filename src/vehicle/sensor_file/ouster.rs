@@ -6,6 +6,7 @@
 use serde::Deserialize;
 
 use super::pattern::{SensorFormat, SensorPattern, channels_of};
+use crate::Note;
 use crate::json::check::{self, bad};
 use crate::json::{self, DescriptionError, Place};
 
@@ -113,27 +114,27 @@ fn steps(
     }
 }
 
-fn notes(origin: Option<f64>, height: Option<f64>, window: Option<[f64; 2]>) -> Vec<String> {
+fn notes(origin: Option<f64>, height: Option<f64>, window: Option<[f64; 2]>) -> Vec<Note> {
     let mut notes = Vec::new();
     if let Some(mm) = origin.filter(|mm| *mm != 0.0) {
-        notes.push(format!(
+        notes.push(Note::fact(format!(
             "Beams leave the sensor {mm} mm from its axis; all start at one origin here, and miss their \
              own lines by that times the sine of their azimuth offset."
-        ));
+        )));
     }
     if let Some(mm) = height.filter(|mm| *mm != 0.0) {
-        notes.push(format!(
+        notes.push(Note::fact(format!(
             "The origin of the beams lies {mm} mm above that of the sensor's frame; a pose here is that \
              of the beams."
-        ));
+        )));
     }
     if let Some([from, to]) = window.filter(|window| *window != TURN) {
-        notes.push(format!(
+        notes.push(Note::fact(format!(
             "The sensor was set to look from {} to {} degrees of its encoder; all of the turn is cast \
              unless `azimuth` is given.",
             from / 1000.0,
             to / 1000.0
-        ));
+        )));
     }
     notes
 }

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use crate::Note;
 use crate::json::check::{self, bad};
 use crate::json::{DescriptionError, Place};
 
@@ -24,7 +25,7 @@ pub struct SensorPattern {
     /// Columns a turn, if the file states them.
     pub azimuth_steps: Option<u32>,
     /// Sentences about what the file states and one origin for all beams leaves out.
-    pub notes: Vec<String>,
+    pub notes: Vec<Note>,
 }
 
 /// Formats that are told apart by content.

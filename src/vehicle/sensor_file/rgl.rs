@@ -4,6 +4,7 @@
 //! (RGLGazeboPlugin, LidarPatternLoader.cc: a level ray ahead has the pitch π/2).
 
 use super::pattern::{Beams, MAX_BEAMS, SensorFormat, SensorPattern};
+use crate::Note;
 use crate::json::check::bad;
 use crate::json::{DescriptionError, Place};
 
@@ -36,10 +37,10 @@ pub(super) fn parse(at: &Place, bytes: &[u8]) -> Result<SensorPattern, Descripti
         directions.push(direction);
         farthest = farthest.max(origin);
     }
-    let note = format!(
+    let note = Note::fact(format!(
         "Rays start up to {:.0} mm from the origin; all beams start there here.",
         1000.0 * farthest
-    );
+    ));
     let notes = (farthest > 0.0).then_some(note).into_iter().collect();
     let beams = Beams::Directions(directions);
     Ok(SensorPattern { notes, ..SensorPattern::new(SensorFormat::Rgl, beams) })

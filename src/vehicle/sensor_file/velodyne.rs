@@ -6,6 +6,7 @@
 use serde::Deserialize;
 
 use super::pattern::{Beams, SensorFormat, SensorPattern, channel, check_count};
+use crate::Note;
 use crate::json::{DescriptionError, Place, parse_yaml};
 
 #[derive(Deserialize)]
@@ -43,7 +44,7 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
 }
 
 /// What one origin for all lasers leaves out.
-fn dropped_origins(lasers: &[Laser]) -> Option<String> {
+fn dropped_origins(lasers: &[Laser]) -> Option<Note> {
     let span = |of: fn(&Laser) -> f64| {
         let values = || lasers.iter().map(|laser| 1000.0 * of(laser));
         [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)]
@@ -53,9 +54,9 @@ fn dropped_origins(lasers: &[Laser]) -> Option<String> {
     if up == [0.0; 2] && across == [0.0; 2] {
         return None;
     }
-    Some(format!(
+    Some(Note::fact(format!(
         "Lasers leave the sensor {:.0} to {:.0} mm above and {:.0} to {:.0} mm beside its origin; all \
          beams start at the origin here.",
         up[0], up[1], across[0], across[1]
-    ))
+    )))
 }

@@ -68,7 +68,7 @@ fn velodyne_in_block_and_flow() {
         let [first, second] = channels(&pattern)[..] else { panic!() };
         assert!((first[0] + 15.0).abs() < 1e-12 && (first[1] - 1.0).abs() < 1e-12, "{first:?}");
         assert_eq!(second, [0.0, 0.0]);
-        assert!(pattern.notes[0].contains("0 to 210 mm above and -26 to 0 mm beside"));
+        assert!(pattern.notes[0].text().contains("0 to 210 mm above and -26 to 0 mm beside"));
     }
     let wrong = message("lasers:\n- rot_correction: 0\n");
     assert!(wrong.contains("lasers[0]: missing key `vert_correction`"), "{wrong}");
@@ -121,9 +121,9 @@ fn ouster_flat_and_nested() {
             (pattern.azimuth_steps, pattern.model.as_deref()),
             (Some(steps), Some("OS-1-2"))
         );
-        assert!(pattern.notes[0].contains(note), "{:?}", pattern.notes);
+        assert!(pattern.notes[0].text().contains(note), "{:?}", pattern.notes);
     }
-    assert!(read(nested).unwrap().notes[1].contains("from 0 to 90 degrees"));
+    assert!(read(nested).unwrap().notes[1].text().contains("from 0 to 90 degrees"));
     let missing = message(r#"{"beam_intrinsics": {"beam_altitude_angles": [1]}}"#);
     assert!(
         missing.starts_with("f: beam_intrinsics: `beam_azimuth_angles` is missing"),
@@ -141,7 +141,7 @@ fn livox_cuts_a_window() {
     for text in [with, without] {
         let pattern = read(text).unwrap();
         assert_near(directions(&pattern), &[[1.0, 0.0, 0.0], [0.0, root, half]]);
-        assert!(pattern.notes[0].contains("2 of 4 samples"), "{:?}", pattern.notes);
+        assert!(pattern.notes[0].text().contains("2 of 4 samples"), "{:?}", pattern.notes);
         let later = parse(&Place::top("f"), text.as_bytes(), Some([0.1, 1.0])).unwrap();
         assert_near(directions(&later), &[[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]);
         let none = parse(&Place::top("f"), text.as_bytes(), Some([2.0, 3.0])).unwrap_err();
@@ -174,7 +174,7 @@ fn isaac_that_turns_and_that_does_not() {
     let pattern = read(profile("rotary", "", state)).unwrap();
     assert_eq!((pattern.azimuth_steps, pattern.model.as_deref()), (Some(3600), Some("x")));
     assert_eq!(channels(&pattern), [[-15.0, 3.0], [15.0, -3.0]]);
-    assert!(pattern.notes[0].contains("200 m"));
+    assert!(pattern.notes[0].text().contains("200 m"));
     // Two states take turns, so that the second one is a column further on.
     for (more, sign) in [("\"rotationDirection\": \"CW\",", -1.0), ("", 1.0)] {
         let pattern = read(profile("rotary", more, &format!("{state}, {state}"))).unwrap();
@@ -187,7 +187,7 @@ fn isaac_that_turns_and_that_does_not() {
     let (up, out) = (15_f64.to_radians().sin(), 15_f64.to_radians().cos());
     let (ahead, aside) = (3_f64.to_radians().cos() * out, 3_f64.to_radians().sin() * out);
     assert_near(directions(&solid), &[[ahead, aside, -up], [ahead, -aside, up]]);
-    assert!(solid.notes[0].contains("Of 2 emitter states"));
+    assert!(solid.notes[0].text().contains("Of 2 emitter states"));
     assert!(message(profile("flash", "", state)).contains("\"flash\" is not \"rotary\" or"));
     let short = message(profile("rotary", "", &state.replace("3, -3", "3")));
     assert!(short.contains("emitterStates[0]: 1 azimuths and 2 elevations"), "{short}");
@@ -203,7 +203,7 @@ fn rgl_matrices() {
     let pattern = read(&bytes).unwrap();
     assert_eq!(pattern.format, SensorFormat::Rgl);
     assert_near(directions(&pattern), &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
-    assert!(pattern.notes[0].contains("30 mm"));
+    assert!(pattern.notes[0].text().contains("30 mm"));
     assert!(message(&bytes[..95]).contains("95 bytes is not a multiple of 48"));
     let mut skewed = bytes.clone();
     skewed[48 + 26] = 0x40;

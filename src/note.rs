@@ -1,0 +1,47 @@
+//! Sentences about an input that was read: facts to know, and doubts.
+
+use std::fmt;
+
+use serde::{Serialize, Serializer};
+
+/// A sentence about an input, with the file, the place in it, and what to do.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Note {
+    text: String,
+    is_doubt: bool,
+}
+
+impl Note {
+    /// A fact that changes no number: a part of a file that was passed over, a default that was taken.
+    pub fn fact(text: impl Into<String>) -> Self {
+        Self { text: text.into(), is_doubt: false }
+    }
+
+    /// A likely mistake in the input, such as millimetres in place of metres. `--strict` turns it into an error.
+    pub fn doubt(text: impl Into<String>) -> Self {
+        Self { text: text.into(), is_doubt: true }
+    }
+
+    /// The sentence.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Whether the input is likely not what its author means.
+    pub fn is_doubt(&self) -> bool {
+        self.is_doubt
+    }
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+/// The sentence alone.
+impl Serialize for Note {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.text)
+    }
+}
