@@ -96,12 +96,6 @@ pub struct Args {
     /// the true gain and the near field stand beside the result
     #[arg(long, value_name = "W", conflicts_with = "resume", value_parser = parse_weight)]
     near_weight: Option<f64>,
-    /// Of the Python module, which has the learners
-    #[arg(long, value_name = "HOW", hide = true)]
-    confirm: Option<String>,
-    /// As --confirm
-    #[arg(long, value_name = "DIR", hide = true)]
-    learner: Vec<PathBuf>,
     #[command(flatten)]
     conditions: Conditions,
     /// How to print the result
@@ -116,13 +110,6 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<Exit, Error> {
-    if args.confirm.is_some() || !args.learner.is_empty() {
-        return Err(Error::Usage(
-            "--confirm: is an option of the Python module, which has the learners; run python -m sightline \
-             optimize … --confirm learned"
-                .to_owned(),
-        ));
-    }
     let terminal = args.compute.start()?;
     let start = match &args.resume {
         Some(folder) => Start::Resume(folder.clone()),
