@@ -151,7 +151,7 @@ pub mod internals {
     pub use crate::report::chart_words::chart_words;
     pub use crate::report::convergence::convergence_svg;
     pub use crate::report::map::InformationMap;
-    pub use crate::report::near_field::{near_field_svg, near_field_text, unweighted_gain_text};
+    pub use crate::report::near_field::{near_field_svg, near_field_text};
     pub use crate::report::placement::placement_svg;
     pub use crate::report::plot::{Axis, Plot, Series};
     pub use crate::report::psog::psog_text;
