@@ -1,13 +1,12 @@
-//! Casting in packets against casting beam by beam: the same bits, whatever the packets hold.
+//! Each way of casting a batch against the reference: the same bits for every soup, table and set of poses.
 
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use rand::RngExt;
 use sightline::geom::{Pose, TriangleSoup};
 use sightline::internals::{
-    Bvh, Caster, Casting, DevicePose, FAN_DIRECTIONS, Fan, Hit, Instructions, NO_HIT, PACKET_RAYS,
-    PacketHits, Ray, cast_closest, hostile_placements, major_axis,
+    Bvh, Caster, Casting, DevicePose, Hit, Instructions, NO_HIT, cast_closest, hostile_placements,
 };
 use sightline::problem::{Frame, Instance};
 use sightline::psog::Roi;
@@ -89,7 +88,7 @@ fn frame(tree: &Arc<Bvh>, numbers: &[u32]) -> Frame {
 }
 
 #[test]
-fn packets_give_the_bits_of_single_beams() {
+fn each_way_gives_the_bits_of_the_reference() {
     let (mut beams, mut found) = (0, 0);
     for soup in soups() {
         let bvh = Arc::new(Bvh::build(&soup, 30.0));
@@ -98,10 +97,10 @@ fn packets_give_the_bits_of_single_beams() {
                 let sensors: Vec<_> = poses.iter().map(|p| p.ego_from_sensor()).collect();
                 let poses: Vec<_> =
                     poses.iter().map(|p| DevicePose::new(&p.ego_from_sensor(), &roi())).collect();
-                let ways = [Casting::Beams, Casting::Walk, Casting::Fans].map(Some);
+                let ways = [Casting::Beams, Casting::Walk];
                 for range in [30.0, 2.5] {
                     let want = cast_closest(&poses, &table, &bvh, range);
-                    for way in ways.into_iter().chain([None]) {
+                    for way in ways {
                         // What was there before must not shine through.
                         let mut got = vec![Hit { t: f32::NAN, prim: 77 }; 5000];
                         let caster = Caster::by(way, Instructions::Best, &table);
@@ -129,80 +128,4 @@ fn packets_give_the_bits_of_single_beams() {
         }
     }
     assert!(found * 10 > beams, "only {found} of {beams} beams hit: the scenes are trivial");
-}
-
-/// Large triangles close behind each other that cross: which one is hit changes from ray to ray.
-fn sheets() -> TriangleSoup {
-    let mut rng = rng(10);
-    let mut soup = TriangleSoup::default();
-    for sheet in 0..90 {
-        let corners = [[-20.0, -20.0], [30.0, -20.0], [-20.0, 30.0]];
-        for corner in corners {
-            let height = 0.02 * (sheet / 3) as f32 + rng.random_range(-0.3..0.3);
-            let mut vertex = [height; 3];
-            vertex[(sheet + 1) % 3] = corner[0];
-            vertex[(sheet + 2) % 3] = corner[1];
-            soup.vertices.push(vertex);
-        }
-        let first = 3 * sheet as u32;
-        soup.faces.push([first, first + 1, first + 2]);
-    }
-    soup.face_class = vec![0; soup.faces.len()];
-    soup
-}
-
-#[test]
-fn a_fan_gives_the_bits_of_all_triangles() {
-    let mut rng = rng(9);
-    for soup in soups().into_iter().chain([sheets()]) {
-        let bvh = Bvh::build(&soup, 30.0);
-        let mut hits = vec![PacketHits::default(); FAN_DIRECTIONS];
-        for round in 0..120 {
-            // Narrow and wide, far from the triangles and between them, and with signs that change.
-            let spread = [1e-3, 0.1, 3.0][round % 3];
-            let turn = [1e-4, 0.02, 0.3, 1.5][round % 4];
-            let (middle, towards) = (random_vec(&mut rng, 8.0), random_vec(&mut rng, 1.0));
-            let origins: Vec<Vec3> = (0..rng.random_range(1..=PACKET_RAYS))
-                .map(|_| middle + random_vec(&mut rng, spread))
-                .collect();
-            let directions: Vec<Vec3> = (0..FAN_DIRECTIONS)
-                .map(|_| (towards + random_vec(&mut rng, turn)).normalize())
-                .filter(|&direction| major_axis(direction) == major_axis(towards))
-                .collect();
-            let mut fan = Fan::new(&origins);
-            // Ranges that end at a triangle too, right before it and soon after.
-            let first = bvh.closest_hit(&Ray::new(origins[0], directions[0], 30.0)).t;
-            let range = [30.0, first, first.next_down(), first + 0.1][round / 12 % 4];
-            bvh.closest_hits_of_fan(&mut fan, &directions, range, &mut hits);
-            for (&direction, hits) in directions.iter().zip(&hits) {
-                for (lane, &origin) in origins.iter().enumerate() {
-                    let want = bvh.closest_hit(&Ray::new(origin, direction, range));
-                    let hit = hits.get(lane);
-                    assert_eq!((hit.t.to_bits(), hit.prim), (want.t.to_bits(), want.prim));
-                }
-            }
-        }
-    }
-}
-
-#[test]
-fn one_square_is_hit_at_its_distance() {
-    let corners = [[5.0, -1.0, -1.0], [5.0, 1.0, -1.0], [5.0, 1.0, 1.0], [5.0, -1.0, 1.0]];
-    let soup = TriangleSoup {
-        vertices: corners.to_vec(),
-        faces: vec![[0, 1, 2], [0, 2, 3]],
-        face_class: vec![0; 2],
-    };
-    let bvh = Bvh::build(&soup, 10.0);
-    let mut fan = Fan::new(&[Vec3::ZERO, Vec3::new(1.0, -0.5, 0.2), Vec3::Y * 3.0]);
-    let mut hits = [PacketHits::default()];
-    bvh.closest_hits_of_fan(&mut fan, &[Vec3::X], 10.0, &mut hits);
-    let want = [Hit { t: 5.0, prim: 0 }, Hit { t: 4.0, prim: 1 }, Hit { t: 10.0, prim: NO_HIT }];
-    assert_eq!([0, 1, 2].map(|lane| hits[0].get(lane)), want);
-    // The list of what may be hit ends where the range does, and not before.
-    let mut fan = Fan::new(&[Vec3::ZERO, Vec3::Y * 0.5]);
-    for range in [5.2, 5.001, 5.0, 4.999] {
-        bvh.closest_hits_of_fan(&mut fan, &[Vec3::X], range, &mut hits);
-        assert_eq!([0, 1].map(|lane| hits[0].get(lane).is_hit()), [range >= 5.0; 2], "{range}");
-    }
 }
