@@ -116,10 +116,7 @@ pub use vehicle::{BeamTable, Constraints, Placement, SensorPose, read_placements
 pub mod internals {
     pub use crate::allocator::Sentence;
     pub use crate::bvh::{Bvh, Hit, NO_HIT, Ray, major_axis};
-    pub use crate::cast::{
-        Caster, Casting, FAN_DIRECTIONS, Fan, Instructions, PACKET_RAYS, PacketHits, Part,
-        cast_closest, cast_frame_closest,
-    };
+    pub use crate::cast::{Caster, Casting, Instructions, Part, cast_closest, cast_frame_closest};
     pub use crate::chart::measure::{Measured, PoseCost};
     pub use crate::chart::ranking::{Interval, RankingError};
     pub use crate::chart::setting::{Engine, Setting};
@@ -151,7 +148,7 @@ pub mod internals {
     pub use crate::report::chart_words::chart_words;
     pub use crate::report::convergence::convergence_svg;
     pub use crate::report::map::InformationMap;
-    pub use crate::report::near_field::{near_field_svg, near_field_text, unweighted_gain_text};
+    pub use crate::report::near_field::{near_field_svg, near_field_text};
     pub use crate::report::placement::placement_svg;
     pub use crate::report::plot::{Axis, Plot, Series};
     pub use crate::report::psog::psog_text;

@@ -132,11 +132,6 @@ fn wrong_arguments_and_places_are_answered_with_exit_code_2() {
         "{usage}"
     );
     assert_eq!(usage.lines().count(), 1, "{usage}");
-    let learned = ["optimize", "scene.json", "--confirm", "learned", "--learner", "trees"];
-    assert!(
-        fails(dir.path(), &learned)
-            .contains("run python -m sightline optimize … --confirm learned")
-    );
     let large = ["scene", "new", "--triangles", "10000000", "--out", "large.json"];
     assert!(fails(dir.path(), &large).contains("10000000 is not in 4000..=9999000"));
     assert!(with(&["--adapter", "no such device"]).contains("no such device"));

@@ -81,11 +81,11 @@ mod optimize;
 mod own_mesh;
 #[cfg_attr(not(feature = "cli"), allow(dead_code))]
 mod own_scenes;
-mod packets;
 mod reference;
 mod round_trip;
 #[cfg(feature = "cli")]
 mod runs;
 mod scenes;
 mod walk;
+mod ways;
 mod world;

@@ -3,7 +3,6 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::bvh8::Bvh8;
 use super::bvh16::{Bvh16, WIDTH};
 use super::{Bvh, MAX_DEPTH, Node, Triangle};
 use crate::geom::{Aabb, TriangleSoup};
@@ -102,9 +101,8 @@ impl Bvh {
             .map(|item| Triangle::new(soup.corners(item.triangle), item.triangle))
             .collect();
         drop(items);
-        let bvh8 = Bvh8::collapse(&nodes, &triangles);
         let bvh16 = Bvh16::collapse(&nodes, &triangles);
-        Self { nodes, triangles, pad, bvh8, bvh16 }
+        Self { nodes, triangles, pad, bvh16 }
     }
 }
 

@@ -1,8 +1,7 @@
 //! Bounding volume hierarchy over the triangles of one rigid thing, and the tests of a ray with its parts.
 //!
 //! Built once on the host as a binary tree with a binned surface-area heuristic (Wald 2007), which the
-//! reference goes down. Devices, fans and walks go down copies of it with four, eight and sixteen
-//! children a node.
+//! reference goes down. Devices and walks go down copies of it with four and sixteen children a node.
 //!
 //! # Why every traversal gives the same bits
 //! A triangle's hit distance is clamped to the interval in which the ray is inside the triangle's own
@@ -11,13 +10,12 @@
 //! interval of every ancestor box contains that of the triangle. A node that is
 //! skipped because it begins behind the best hit can therefore not hold a closer or an equal one: the
 //! answer is the same for every tree, every order of visits, and for no tree at all
-//! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together (`cast::Caster`, `cast::Fan`).
+//! ([`Bvh::closest_hit_brute_force`]). So it is for rays cast together (`cast::Caster`).
 
 mod build;
 pub(crate) mod bvh16;
 #[cfg(feature = "gpu")]
 mod bvh4;
-pub(crate) mod bvh8;
 mod collapse;
 mod intersect;
 mod node;

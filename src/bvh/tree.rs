@@ -1,6 +1,5 @@
 //! A rigid thing's triangles under their trees, and the check that the binary one is sound.
 
-use super::bvh8::Bvh8;
 use super::bvh16::Bvh16;
 use super::node::{MAX_DEPTH, Node, Triangle};
 use crate::geom::Aabb;
@@ -14,8 +13,6 @@ pub struct Bvh {
     pub triangles: Vec<Triangle>,
     /// Metres by which each triangle's box is grown; see [`Bvh::build`].
     pub pad: f32,
-    /// The same tree, eight wide.
-    pub(crate) bvh8: Bvh8,
     /// The same tree, sixteen wide.
     pub(crate) bvh16: Bvh16,
 }
@@ -72,7 +69,7 @@ impl Bvh {
     /// Bytes of the triangles, the binary and the wide trees.
     pub fn bytes(&self) -> u64 {
         let own = size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice());
-        own as u64 + self.bvh8.bytes() + self.bvh16.bytes()
+        own as u64 + self.bvh16.bytes()
     }
 
     /// Checks that every triangle is in one leaf, boxes nest exactly, and no path is too deep.

@@ -1,9 +1,7 @@
-//! The beams of one sensor model, cast for any sensors: which of them go down the tree together.
+//! Casts the beams of one sensor model for any number of sensors.
 
 use rayon::prelude::*;
 
-use super::fan_blocks::{Block, blocks};
-use super::groups::equal_rotations;
 use super::reference::cast_rows;
 use super::walk::{Instructions, Part, Walk};
 use crate::bvh::{Bvh, Hit};
@@ -11,8 +9,6 @@ use crate::geom::Pose;
 use crate::problem::{DevicePose, Frame};
 use crate::vehicle::BeamTable;
 
-/// Sensors of one rotation from which on their beams go in fans; measured, see `docs/performance.md`.
-const FAN_SENSORS: usize = 40;
 /// Sensors for each thread from which on a sensor's windows are not shared out too.
 const SENSORS_A_THREAD: usize = 4;
 
@@ -23,19 +19,14 @@ pub enum Casting {
     Beams,
     /// One walk down the tree a sensor; beam by beam where the table is no grid.
     Walk,
-    /// Packets of one direction, of sensors that share a rotation; see [`super::Fan`].
-    Fans,
 }
 
 /// Casts the beams of a table: the bits of [`super::cast_frame_closest`].
 ///
-/// Sensors that share their rotation with many others are cast in fans: neighbouring directions from
-/// origins that lie side by side go down the tree together. All others walk it by themselves, each with
-/// all of its beams at once. Beams that lie in no grid go alone.
+/// Each sensor walks the tree once with all of its beams. Beams that lie in no grid go alone.
 pub struct Caster {
     table: BeamTable,
     walk: Option<Walk>,
-    way: Option<Casting>,
 }
 
 /// A tree, and the pose of each sensor of a batch in its frame.
@@ -62,13 +53,13 @@ impl<'a> Level<'a> {
 impl Caster {
     /// A caster for all sensors of a table.
     pub fn new(table: &BeamTable) -> Self {
-        Self::by(None, Instructions::Best, table)
+        Self::by(Casting::Walk, Instructions::Best, table)
     }
 
     /// A caster that goes one way alone, to compare the ways.
-    pub fn by(way: Option<Casting>, instructions: Instructions, table: &BeamTable) -> Self {
-        let walk = (way != Some(Casting::Beams)).then(|| Walk::new(table, instructions)).flatten();
-        Self { table: table.clone(), walk, way }
+    pub fn by(way: Casting, instructions: Instructions, table: &BeamTable) -> Self {
+        let walk = (way == Casting::Walk).then(|| Walk::new(table, instructions)).flatten();
+        Self { table: table.clone(), walk }
     }
 
     /// Closest hits of many sensors up to `range` in a frame; `sensors` lead to the ego frame, `hits`
@@ -104,35 +95,13 @@ impl Caster {
     }
 
     fn cast_levels(&self, levels: &[Level<'_>], rows: Vec<&mut [Hit]>) {
-        let directions = self.table.directions();
-        let Some(first) = levels.first() else { return };
-        let mut rows: Vec<Option<&mut [Hit]>> = rows.into_iter().map(Some).collect();
-        let mut others = Vec::new();
-        // Equal rotations stay equal in every frame.
-        for group in equal_rotations(&first.poses) {
-            let rows = group.into_iter().filter_map(|k| Some((k, rows[k].take()?)));
-            let mut rows: Vec<(usize, &mut [Hit])> = rows.collect();
-            if self.way.map_or(rows.len() >= FAN_SENSORS, |way| way == Casting::Fans) {
-                let farthest = |row: &(usize, &mut [Hit])| farthest(row.1);
-                let range = rows.iter().map(farthest).fold(0.0, f32::max);
-                for level in levels {
-                    let rows = rows.iter_mut().map(|(k, row)| (&level.poses[*k], &mut **row));
-                    let blocks = blocks(rows.collect(), directions, level.bvh, range);
-                    let cast =
-                        |mut block: Block<'_>| block.cast(level.bvh, level.first_prim, range);
-                    blocks.into_par_iter().for_each(cast);
-                }
-            } else {
-                others.extend(rows);
-            }
-        }
-        let few = others.len() < SENSORS_A_THREAD * rayon::current_num_threads();
+        let few = rows.len() < SENSORS_A_THREAD * rayon::current_num_threads();
         let of_sensor = |(k, hits)| {
             let parts: Vec<Part<'_>> = levels.iter().map(|level| level.part(k)).collect();
             let (walked, alone) = self.sorted(&parts);
             Row { walked, alone, hits }
         };
-        let mut rows: Vec<Row<'_, '_>> = others.into_iter().map(of_sensor).collect();
+        let mut rows: Vec<Row<'_, '_>> = rows.into_iter().enumerate().map(of_sensor).collect();
         match &self.walk {
             Some(walk) if few => {
                 rows.par_iter_mut().for_each(|row| walk.cast(&row.walked, true, row.hits))

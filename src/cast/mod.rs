@@ -4,15 +4,8 @@
 //! `README.md` beside this file names the job of each file and the evidence for each path.
 
 mod batch;
-mod bounds;
 mod bundle;
-mod fan;
-mod fan_blocks;
-mod fan_bounds;
 mod firings;
-mod groups;
-mod intersect;
-mod lanes;
 mod rays;
 mod reference;
 mod sight;
@@ -22,9 +15,7 @@ pub use batch::{Caster, Casting};
 pub(crate) use bundle::{
     Left, Standing, Target, all_hit, closer_hits_of_beams, closer_hits_of_bundle,
 };
-pub use fan::Fan;
 pub(crate) use firings::{Firing, FiringCaster};
-pub use lanes::{FAN_DIRECTIONS, PACKET_RAYS, PacketHits};
 pub use rays::cast_rays;
 pub(crate) use reference::closest_hit_in;
 pub use reference::{cast_closest, cast_frame_closest};

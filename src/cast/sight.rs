@@ -76,19 +76,6 @@ impl Sight {
         let least_square = square - radius * radius - SQUARE_SLACK * square;
         Self { radius: radius as f32, least_square: least_square as f32, ..*self }
     }
-
-    /// The sphere around several, each of which a sensor with the same rotation sees.
-    pub(crate) fn around(all: &[Self]) -> Option<Self> {
-        let first = all.first()?;
-        let center = DVec3::from(first.center.map(f64::from));
-        let apart =
-            |s: &Self| f64::from(s.radius) + DVec3::from(s.center.map(f64::from)).distance(center);
-        let radius = all.iter().map(apart).fold(0.0, f64::max) * (1.0 + SQUARE_SLACK);
-        let square = center.length_squared();
-        let least_square = square - radius * radius - SQUARE_SLACK * square;
-        let (radius, least_square) = (radius as f32, least_square as f32);
-        Some(Self { center: first.center, radius, least_square })
-    }
 }
 
 #[cfg(test)]
@@ -139,7 +126,6 @@ mod tests {
                     assert!(!(hit.is_hit() && misses), "{far} m: {hit:?}");
                     if let (Some(sight), true) = (sight, hit.is_hit()) {
                         assert!(!sight.misses(direction, hit.t));
-                        assert!(sight.around_itself().misses(direction, range) <= misses);
                     }
                     hits += u32::from(hit.is_hit());
                     kept += u32::from(!misses);
@@ -149,11 +135,5 @@ mod tests {
         }
         assert!(hits > 1000 && kept < beams / 2, "{hits} hits, {kept} of {beams} kept");
         assert_eq!(Hit::none(3.0).t, 3.0);
-    }
-
-    impl Sight {
-        fn around_itself(&self) -> Self {
-            Self::around(&[*self]).unwrap()
-        }
     }
 }

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use crate::engine::{EngineChoice, EngineKind};
-use crate::near_field::MOST_WEIGHT;
 use crate::runs::Computing;
 use crate::scan::conditions::Condition;
 use clap::{Args, ValueEnum};
@@ -85,12 +84,6 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
         Ok(seconds) if (0.0..=1e9).contains(&seconds) => Ok(seconds),
         _ => Err("give a number of seconds, as 30".into()),
     }
-}
-
-/// `--near-weight`: nats.
-pub fn parse_weight(text: &str) -> Result<f64, String> {
-    let given = text.parse().ok().filter(|nats| (0.0..=MOST_WEIGHT).contains(nats));
-    given.ok_or_else(|| format!("give nats from 0 to {MOST_WEIGHT}, as 0.1"))
 }
 
 /// Bytes from `4096`, `800M`, `2G` or `2GiB`; K, M, G and T are powers of 1024.

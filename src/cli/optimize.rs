@@ -8,9 +8,7 @@ use crate::runs::optimize::{NewRun, OptimizeRequest, Start, optimize};
 use crate::search::{FrameChoice, Method, Settings};
 use crate::vehicle::{MountRules, SensorPose};
 
-use super::args::{
-    Compute, Conditions, Format, at_least_one, finite, parse_seconds, parse_weight, whole,
-};
+use super::args::{Compute, Conditions, Format, at_least_one, finite, parse_seconds, whole};
 use super::exit::Exit;
 use super::glb::Gltf;
 
@@ -21,7 +19,6 @@ use super::glb::Gltf;
   sightline optimize scenes/highway.json scenes/residential.json --mirror
   sightline optimize scenes/highway.json --symmetric --equal-height --max-seconds 30
   sightline optimize scenes/highway.json scenes/residential.json --vehicle scenes/vehicles/car.json --budget 12000
-  sightline optimize scenes/highway.json --near-weight 0.05
   sightline optimize --resume runs/highway")]
 pub struct Args {
     /// Scene file; of several, which share LiDAR and mount, the mean is maximized, each normalized by its own
@@ -37,7 +34,7 @@ pub struct Args {
     /// Go on with an interrupted run, to the same bytes that it would have given
     #[arg(long, value_name = "DIR")]
     resume: Option<PathBuf>,
-    /// Score to maximize, or a weighted sum of several [default: near_gain, with --near-weight information_gain]
+    /// Score to maximize, or a weighted sum of several [default: near_gain]
     ///
     /// near_gain, information_gain, information_gain_share, m_sog, m_sog_nonzero, m_sog_scaled, m_sog_scaled_nonzero,
     /// s_mig; all but the first and the last also of detection, as detection.m_sog_scaled. m_sog_scaled is the paper's. Of
@@ -92,16 +89,6 @@ pub struct Args {
     /// numbers are chosen for the money
     #[arg(long, value_name = "PRICE", conflicts_with = "resume", value_parser = finite)]
     budget: Option<f64>,
-    /// Search with W nats more in every voxel of ground within 10 m of the own body, for information_gain;
-    /// the true gain and the near field stand beside the result
-    #[arg(long, value_name = "W", conflicts_with = "resume", value_parser = parse_weight)]
-    near_weight: Option<f64>,
-    /// Of the Python module, which has the learners
-    #[arg(long, value_name = "HOW", hide = true)]
-    confirm: Option<String>,
-    /// As --confirm
-    #[arg(long, value_name = "DIR", hide = true)]
-    learner: Vec<PathBuf>,
     #[command(flatten)]
     conditions: Conditions,
     /// How to print the result
@@ -116,13 +103,6 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<Exit, Error> {
-    if args.confirm.is_some() || !args.learner.is_empty() {
-        return Err(Error::Usage(
-            "--confirm: is an option of the Python module, which has the learners; run python -m sightline \
-             optimize … --confirm learned"
-                .to_owned(),
-        ));
-    }
     let terminal = args.compute.start()?;
     let start = match &args.resume {
         Some(folder) => Start::Resume(folder.clone()),
@@ -168,7 +148,6 @@ fn new_run(args: &Args) -> NewRun {
         baselines: args.baselines.clone(),
         inject: args.inject.clone(),
         budget: args.budget,
-        near_weight: args.near_weight,
         conditions: args.conditions.condition.clone(),
     }
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::runs::score::{ScoreRequest, score};
 
-use super::args::{Compute, Conditions, Format, parse_weight, whole};
+use super::args::{Compute, Conditions, Format, whole};
 use super::exit::Exit;
 use super::output::unless_closed;
 use crate::runs::Error;
@@ -32,9 +32,6 @@ pub struct Args {
     /// Average over this many frames, spread evenly over each scene [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
-    /// Count W nats more in every voxel of ground within 10 m of the own body, as in `optimize`; one scene
-    #[arg(long, value_name = "W", value_parser = parse_weight)]
-    near_weight: Option<f64>,
     /// Score the near field, too: the share of the ground within 10 m, and within 3 m, of the own body with a hit close
     /// by; takes casts of its own
     #[arg(long)]
@@ -57,7 +54,6 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         out: args.out.clone(),
         coverage_out: args.coverage_out.clone(),
         frames: args.frames,
-        near_weight: args.near_weight,
         near_field: args.near_field,
         draw: args.draw,
         conditions: args.conditions.condition.clone(),

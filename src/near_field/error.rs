@@ -42,14 +42,6 @@ pub enum NearFieldError {
         /// Names of the classes that count as ground.
         names: String,
     },
-    /// A weight that is none.
-    #[error("a weight of {given} nats is not usable; give 0 to {most}")]
-    Weight {
-        /// As given.
-        given: f64,
-        /// The limit.
-        most: f64,
-    },
     /// A sensor of a model that the vehicle does not have.
     #[error(transparent)]
     UnknownSensor(#[from] UnknownSensor),

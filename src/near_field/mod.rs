@@ -27,7 +27,6 @@
 //! | `zone` | the blind zone |
 //! | `poles` | the preset of poles, and the beams on each |
 //! | `self_hit` | the guard of placements that look at the own vehicle |
-//! | `weight` | ground near the vehicle that counts more in a search |
 
 mod error;
 mod footprint;
@@ -35,7 +34,6 @@ mod ground;
 mod look;
 mod poles;
 mod self_hit;
-mod weight;
 mod zone;
 
 #[cfg(test)]
@@ -49,6 +47,3 @@ pub(crate) use look::CLOSE;
 pub use look::{NearField, NearSite};
 pub(crate) use poles::{Pole, Standard};
 pub use self_hit::{FEW_PLACEMENTS, add_self_hits, self_hits};
-#[cfg(any(test, feature = "cli"))]
-pub(crate) use weight::MOST_WEIGHT;
-pub use weight::{UnweightedGain, unweighted, weighted};

@@ -76,19 +76,6 @@ impl Content {
         self
     }
 
-    /// The same with another entropy of all classes in some occupied voxels: `more` says how much, in fixed
-    /// point, the voxel of a linear index gains.
-    pub fn with_more_entropy(&self, more: impl Fn(u32) -> i64) -> Self {
-        let mut content = self.clone();
-        for voxel in &mut content.occupied {
-            let sum = i64::from(voxel.entropy[0]) + more(voxel.index);
-            voxel.entropy[0] = sum.clamp(0, i64::from(u32::MAX)) as u32;
-        }
-        let all = content.occupied.iter().map(|voxel| u64::from(voxel.entropy[0]));
-        content.entropy_total[0] = all.sum();
-        content
-    }
-
     /// The same with every area mirrored at the plane y = 0.
     pub(super) fn with_mirrored_areas(&self, roi: &Roi) -> Self {
         let mirrored: Vec<Requirement> =

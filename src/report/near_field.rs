@@ -7,7 +7,7 @@ use maud::{Markup, html};
 use super::optional;
 use super::svg::{ACCENT, FAINT, GREY, INK, SECOND, SOFT, corners, page, px};
 use super::text::align_columns;
-use crate::near_field::{CELL, Footprint, NEAR, NearField, RING, Standard, UnweightedGain};
+use crate::near_field::{CELL, Footprint, NEAR, NearField, RING, Standard};
 use crate::vehicle::Placement;
 
 /// Drawings beside each other.
@@ -47,23 +47,6 @@ pub fn near_field_text(all: &[NearField]) -> String {
         let wasted = near.beams.iter().map(|beams| format!("{:.0}", 100.0 * beams.own));
         row.push(wasted.collect::<Vec<_>>().join(" "));
         row
-    }));
-    align_columns(&rows)
-}
-
-/// A line a placement of a weighted search: what it gains in truth, and what it sees near the vehicle.
-pub fn unweighted_gain_text(all: &[UnweightedGain]) -> String {
-    let titles = ["without the weight", "gain nats", "near %", "3 m %"].map(str::to_owned);
-    let mut rows = vec![titles.to_vec()];
-    rows.extend(all.iter().map(|near| {
-        let scene = near.scene.as_ref().map_or(String::new(), |scene| format!(" in {scene}"));
-        let per_cent = |share: f64| 100.0 * share;
-        vec![
-            near.name.clone() + &scene,
-            optional(near.information_gain, 0),
-            optional(Some(per_cent(near.near_field)), 1),
-            optional(near.ring.map(per_cent), 1),
-        ]
     }));
     align_columns(&rows)
 }

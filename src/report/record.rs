@@ -3,7 +3,6 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::near_field::UnweightedGain;
 use crate::problem::Modelled;
 use crate::search::{
     Certificate, Finding, FramesUsed, GainSpread, LeftOut, Member, MethodRecord, Outcome,
@@ -109,9 +108,6 @@ pub struct RunRecord {
     /// Pose fields of the result that lie on a bound of the mount, and other rules that it just keeps,
     /// in words.
     pub active_bounds: Vec<String>,
-    /// True gain and near field of the result and the baselines, where near ground was given a weight.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub near_field: Vec<UnweightedGain>,
     /// Placements × frames a second during the search.
     pub rate: f64,
     /// Wall times.
@@ -207,7 +203,6 @@ impl RunRecord {
             methods: outcome.methods,
             findings: outcome.findings,
             fidelity: outcome.frames_used,
-            near_field: Vec::new(),
             active_bounds: outcome.active_bounds,
             rate: run.rate,
             timings: run.timings,

@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use super::by_scene::by_scene;
-use super::near_field::unweighted_gain_text;
 use super::record::RunRecord;
 use super::text::{align_columns, findings_text, poses_text, scores_text};
 use super::words::{
@@ -38,9 +37,6 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     if let Some(rows) = by_scene(record) {
         text += "\nscene by scene\n";
         text += &align_columns(&rows);
-    }
-    if !record.near_field.is_empty() {
-        text += &format!("\n{}", unweighted_gain_text(&record.near_field));
     }
     if let Some(words) = &record.equipment {
         text += &format!("\nequipment: {words}\n");

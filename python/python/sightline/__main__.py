@@ -9,11 +9,6 @@ from . import _native
 def main() -> None:
     """Runs the program and ends the process with its exit code."""
     arguments = sys.argv[1:]
-    if "optimize" in arguments[:1] and any(word.startswith("--confirm") for word in arguments):
-        # Learning needs PyTorch, which the program itself does not know.
-        from ._confirmed import optimize
-
-        sys.exit(optimize(arguments))
     # The program listens for Ctrl-C itself: it finishes what it does, writes it and exits with 130.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     sys.exit(_native.main(["sightline", *arguments]))

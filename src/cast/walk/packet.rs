@@ -5,7 +5,6 @@ use glam::Vec3;
 use super::ops::per_target;
 use crate::bvh::bvh16::Block16;
 use crate::bvh::{FAR_INVERSE, Hit, NO_HIT, Ray, axes_of};
-use crate::cast::lanes::{least, most};
 use crate::problem::{DevicePose, TINY_COMPONENT};
 
 /// Rays of a packet.
@@ -110,6 +109,18 @@ impl<'a> Seen<'a> {
         let above = normal[0] * a[0] + normal[1] * a[1] + normal[2] * a[2];
         Self { block, slot, origin, corners, low, high, above, normal }
     }
+}
+
+/// Smaller number, by one compare and select as the vector instruction does it; NaN is not expected.
+#[inline(always)]
+fn least(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// Larger number, likewise.
+#[inline(always)]
+fn most(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
 }
 
 per_target! {

@@ -1,7 +1,5 @@
 //! The near field against closed forms on level ground: rings, shadows of a box, beams on a cylinder.
 
-mod weight;
-
 use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::Arc;

@@ -27,7 +27,6 @@ pub fn command(run: &RunRecord) -> String {
     give("evaluations", &search["evaluations"]);
     give("population", &search["population"]);
     give("target", &all["target"]);
-    give("near-weight", &all["near_weight"]);
     let delta = &search["delta"];
     let spacing = delta.is_object().then(|| format!("{},{}", delta["metres"], delta["radians"]));
     give("delta", &json!(spacing));

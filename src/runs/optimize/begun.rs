@@ -29,9 +29,6 @@ pub(super) struct Begun {
     /// Most that the sensors may cost.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget: Option<f64>,
-    /// Nats that near ground counts more.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub near_weight: Option<f64>,
     /// Weather and faults, as they are written.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub conditions: Vec<String>,
@@ -96,7 +93,6 @@ impl NewRun {
             rules: self.rules.clone(),
             vehicle: vehicle.map(absolute).transpose()?,
             budget: self.budget,
-            near_weight: self.near_weight,
             conditions: in_words(&self.conditions),
             equipped: None,
         })
@@ -128,18 +124,8 @@ impl NewRun {
     /// The settings with the objective and the placements of the request.
     fn settings(&self) -> Result<Settings, Error> {
         let mut settings = self.settings.clone();
-        match (&self.objective, self.near_weight) {
-            (Some(text), _) => settings.objective = text.parse()?,
-            (None, Some(_)) => settings.objective = "information_gain".parse()?,
-            (None, None) => {}
-        }
-        let objective = &settings.objective;
-        let adds = objective.is_information_gain() && !objective.weighs_place();
-        if self.near_weight.is_some() && !adds {
-            return Err(Error::Usage(format!(
-                "--near-weight: adds to information_gain, and `{}` is something else; leave one of them out",
-                objective
-            )));
+        if let Some(text) = &self.objective {
+            settings.objective = text.parse()?;
         }
         if let Some(file) = &self.baselines {
             settings.baselines = read_placements(file)?;

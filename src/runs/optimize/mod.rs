@@ -18,7 +18,6 @@ use super::opening::{self, LoadTimes};
 use super::{Computing, Error, glb};
 use crate::export::GltfView;
 use crate::files::{Input, RunDir};
-use crate::near_field::weighted;
 use crate::problem::{Content, Problem};
 use crate::report::RunRecord;
 use crate::scan::conditions::{Condition, ConditionError};
@@ -152,10 +151,7 @@ fn open_scene(
     let all: Vec<usize> = (0..scene.frame_count()).collect();
     let problem = Problem::with_psog(&scene, &psog, &all)?;
     let problem = in_conditions(&scene, problem, conditions)?;
-    let problem = Arc::new(match begun.near_weight {
-        Some(nats) => weighted(&scene, problem, nats)?,
-        None => problem,
-    });
+    let problem = Arc::new(problem);
     watcher.detail(&problem.modelled().to_string());
     watcher.detail(&format!(
         "scene and P-SOG take {} MiB, work buffers at most {} MiB",

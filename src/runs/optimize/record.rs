@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::begun::{Begun, Course, Saved};
-use super::near_field::{unweighted_gains, with_self_hits};
+use super::near_field::with_self_hits;
 use super::request::OptimizeRequest;
 use crate::files::{Input, RunDir};
 use crate::report::record::peak_memory;
@@ -119,9 +119,6 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
             peak_memory: peak_memory(),
         },
     );
-    if let Some(nats) = sitting.begun.near_weight {
-        record.near_field = unweighted_gains(&sitting.opened.scenes, suite, outcome, nats)?;
-    }
     let drawing = Instant::now();
     let memory = sitting.computing.engine.memory;
     let (scenes, best, baselines) = (&sitting.opened.scenes, &record.best, &record.baselines);
@@ -179,9 +176,6 @@ fn settings_json(begun: &Begun, settings: &Settings, left_out: &[LeftOut]) -> Va
     }
     if !settings.starts.is_empty() {
         all["starts"] = json!(settings.starts);
-    }
-    if let Some(nats) = begun.near_weight {
-        all["near_weight"] = json!(nats);
     }
     if !begun.conditions.is_empty() {
         all["conditions"] = json!(begun.conditions);

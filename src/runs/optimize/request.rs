@@ -49,8 +49,6 @@ pub struct NewRun {
     pub inject: Option<PathBuf>,
     /// Most that the sensors of a vehicle may cost.
     pub budget: Option<f64>,
-    /// Nats that near ground counts more.
-    pub near_weight: Option<f64>,
     /// Weather and faults.
     pub conditions: Vec<Condition>,
 }

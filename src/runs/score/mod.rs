@@ -29,9 +29,8 @@ pub fn score(
     // be read only once.
     let is_file = placements != Path::new("-") && placements.is_file();
     let total = if is_file { count_placements(&placements)? } else { 0 };
-    let alone = [("--near-weight", request.near_weight.is_some()), ("--draw", request.draw > 0)];
-    if let Some((option, _)) = alone.iter().find(|(_, given)| *given && scenes.len() > 1) {
-        return Err(Error::Usage(format!("{option}: takes one scene")));
+    if request.draw > 0 && scenes.len() > 1 {
+        return Err(Error::Usage("--draw: takes one scene".to_owned()));
     }
     match &scenes[..] {
         [scene] => stream::score(request, computing, scene, &placements, total, start, out),

@@ -24,8 +24,6 @@ pub struct ScoreRequest {
     pub coverage_out: Option<PathBuf>,
     /// Frames to average over; all if none.
     pub frames: Option<u32>,
-    /// Nats that near ground counts more; takes one scene.
-    pub near_weight: Option<f64>,
     /// Whether the near field is scored, too.
     pub near_field: bool,
     /// Draw of what is left to chance; other than 0 takes one scene.

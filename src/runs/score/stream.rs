@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 use super::request::{BLOCK, ScoreRequest, write_coverage, write_out};
 use crate::files::{LinePerElement, shared_folder, writable_file};
-use crate::near_field::{FEW_PLACEMENTS, NearSite, add_self_hits, weighted};
+use crate::near_field::{FEW_PLACEMENTS, NearSite, add_self_hits};
 use crate::report;
 use crate::runs::given::Given;
 use crate::runs::opening::{self, LoadTimes, Loaded, timings};
@@ -36,9 +36,6 @@ pub(super) fn score(
     let (scene, mut problem, mut times) =
         opening::problem(scene, request.frames, &request.conditions, computing)?;
     let building = Instant::now();
-    if let Some(nats) = request.near_weight {
-        problem = weighted(&scene, problem, nats)?;
-    }
     if request.draw > 0 {
         let sensors = problem.sensors().with_seed(request.draw);
         problem = problem.with_sensors(sensors);

@@ -1,0 +1,16 @@
+"""Does a score predict what a learned model gets from a placement? ``pip install sightline-evidence``.
+
+| module | holds |
+|---|---|
+| ``groups``, ``grid`` | classes and voxels that everything else counts in |
+| ``metrics`` | what a placement is worth to a learner |
+| ``truth`` | targets that no placement moves |
+| ``learners`` | boosted trees for each placement; a shared bird's-eye U-Net |
+| ``correlate`` | how well a score predicts a metric, with intervals |
+| ``layouts``, ``worlds``, ``scores`` | placements and scenes of the studies, and what is said of them |
+| ``plan`` | what is to be done, fixed and hashed before it is done |
+| ``trial``, ``run``, ``summary`` | one placement through a learner; all of them, resumably; the result |
+| ``present`` | tables and figure |
+
+``python -m sightline_evidence quick --out DIR`` runs it; ``docs/evidence.md`` says what came out.
+"""
