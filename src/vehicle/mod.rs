@@ -31,6 +31,7 @@ pub(crate) mod vehicle_file;
 
 pub use beam_table::{BeamGrid, BeamTable, SensorError};
 pub use constraints::{Constraints, Slot, Ties, Violation};
+pub(crate) use lidar_reading::Described;
 pub(crate) use description::{LidarDescription, MountDescription, VehicleDescription};
 pub use doubts::Doubts;
 pub use equipment::{Equipment, Requirement, Vehicle, VehicleMount, VehicleSensor};

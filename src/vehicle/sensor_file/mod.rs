@@ -3,9 +3,11 @@
 mod csv;
 mod hesai;
 mod isaac;
+mod keys;
 mod livox;
 mod npy;
 mod ouster;
+mod ouster_columns;
 mod pattern;
 mod rgl;
 mod robosense;
@@ -23,8 +25,9 @@ use serde::de::IgnoredAny;
 use crate::json::check::bad;
 use crate::json::{self, DescriptionError, Place, read_limited};
 
-pub use pattern::{Beams, Channel, SensorFormat, SensorPattern};
+pub use pattern::{Beams, Channel, Measures, SensorFormat, SensorPattern};
 pub(crate) use pattern::{MAX_BEAMS, MAX_CHANNELS};
+pub(super) use pattern::NARROWEST;
 
 /// Largest sensor file in bytes; Livox patterns of four seconds have 25 MB.
 const MAX_SENSOR_FILE: u64 = 64 << 20;
@@ -41,7 +44,8 @@ const MAX_SENSOR_FILE: u64 = 64 << 20;
 pub fn read(path: &Path, window: Option<[f64; 2]>) -> Result<SensorPattern, DescriptionError> {
     let bytes = read_limited(path, MAX_SENSOR_FILE)?;
     let at = Place::top(&path.display().to_string());
-    let pattern = parse(&at, &bytes, window)?;
+    let mut pattern = parse(&at, &bytes, window)?;
+    pattern.notes.extend(pattern::doubts(&at, &pattern.beams));
     if window.is_some() && pattern.format != SensorFormat::Livox {
         return Err(DescriptionError::Misplaced {
             at: Box::new(at),
@@ -59,6 +63,9 @@ fn parse(
 ) -> Result<SensorPattern, DescriptionError> {
     if npy::is_npy(bytes) {
         return npy::parse(at, bytes);
+    }
+    if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+        return Err(bad(at, "UTF-16 text", "UTF-8 text; save the file as UTF-8"));
     }
     let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
     let text = match std::str::from_utf8(bytes) {
@@ -80,6 +87,12 @@ fn parse(
     }
     if csv::column(&cells, "zenith").is_some() {
         return livox::parse(at, text, window);
+    }
+    let first = cells.join(",");
+    let words = ["elevation", "zenith"].map(|word| first.to_ascii_lowercase().contains(word));
+    if words.contains(&true) && first.contains([';', '\t']) {
+        let wanted = "a row with commas between its columns; save the table as CSV with commas and decimal points";
+        return Err(bad(&csv::line(at, line), pattern::quoted(&first), wanted));
     }
     let is_number = |cell: &&str| cell.parse::<f64>().is_ok();
     match (line, cells.len()) {
