@@ -33,7 +33,13 @@ pub(crate) fn read_header(reader: &mut impl Read) -> Result<(NpyHeader, usize), 
     bytes.resize(start + length, 0);
     take(&mut bytes[start..])?;
     let text = &bytes[start..];
-    if text.iter().filter(|b| b"([{".contains(b)).count() > 8 {
+    let (mut open, mut deepest) = (0_i32, 0);
+    for byte in text {
+        open += i32::from(b"([{".contains(byte)) - i32::from(b")]}".contains(byte));
+        deepest = deepest.max(open);
+    }
+    let brackets = text.iter().filter(|b| b"([{".contains(b)).count();
+    if deepest > 4 || brackets > 64 {
         return Err("the header nests too many brackets".into());
     }
     // Every number in the header is a dimension or the size of an element.

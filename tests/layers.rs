@@ -55,7 +55,10 @@ const FOREIGN: [(&str, &[&str]); 13] = [
     ("ply_rs_bw", &["mesh/"]),
     ("roxmltree", &["rig/"]),
     ("xodr", &["worlds/"]),
-    ("npyz", &["npy.rs", "psog/", "files/", "vehicle/sensor_file/npy.rs", "datasets/carla/records.rs"]),
+    (
+        "npyz",
+        &["npy.rs", "psog/", "files/", "vehicle/sensor_file/npy.rs", "datasets/carla/records.rs"],
+    ),
     ("zip", &["psog/"]),
     ("serde_yaml_ng", &["json/"]),
     // Where files are read and written.

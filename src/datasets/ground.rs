@@ -34,7 +34,9 @@ impl Road {
     /// The road among depths below the LiDAR; `None` of no depth.
     pub fn of(mut depths: Vec<f64>) -> Option<Self> {
         depths.sort_by(f64::total_cmp);
-        let share = |share: usize| depths.get((depths.len() * share / 10).min(depths.len().saturating_sub(1)));
+        let share = |share: usize| {
+            depths.get((depths.len() * share / 10).min(depths.len().saturating_sub(1)))
+        };
         Some(Self {
             points: depths.len(),
             depth: *depths.get(depths.len() / 2)?,
@@ -85,7 +87,8 @@ pub(super) fn doubts(
     if let Some((frame, road)) = road(sequence)?.filter(|(_, road)| road.is_sure()) {
         let height = sequence.ego_from_sensor(frame)?.translation.z;
         if (road.depth - height).abs() > OFF {
-            let mend = option.map(|option| format!("; {option} gives another height")).unwrap_or_default();
+            let mend =
+                option.map(|option| format!("; {option} gives another height")).unwrap_or_default();
             notes.push(Note::doubt(format!(
                 "{name}: the LiDAR stands {height:.2} m above the ground, and the road of frame {frame} lies \
                  {:.2} m below it; {height:.2} m counts{mend}.",

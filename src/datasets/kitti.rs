@@ -255,7 +255,10 @@ fn read_tr(path: &Path, notes: &mut Vec<Note>) -> Result<Pose, DatasetError> {
     unknown.truncate(8);
     notes.extend((known > 0).then(|| {
         let names = unknown.join("`, `");
-        Note::fact(format!("{}: {known} lines, `{names}`, are not known here, and not read.", path.display()))
+        Note::fact(format!(
+            "{}: {known} lines, `{names}`, are not known here, and not read.",
+            path.display()
+        ))
     }));
     found.ok_or_else(|| DatasetError::NoTr { path: path.to_owned() })
 }
@@ -264,13 +267,15 @@ fn read_tr(path: &Path, notes: &mut Vec<Note>) -> Result<Pose, DatasetError> {
 fn labels_alone(folder: &Path, scans: &[(u32, PathBuf)]) -> Option<Note> {
     let folder = folder.join("labels");
     let is_alone = |path: &Path| {
-        let frame = path.file_stem().and_then(|stem| stem.to_str()).and_then(|stem| stem.parse().ok());
+        let frame =
+            path.file_stem().and_then(|stem| stem.to_str()).and_then(|stem| stem.parse().ok());
         frame.is_none_or(|frame: u32| scans.binary_search_by_key(&frame, |&(n, _)| n).is_err())
     };
     let paths = std::fs::read_dir(&folder).ok()?.flatten().map(|entry| entry.path());
     let labels = paths.filter(|path| path.extension().is_some_and(|ending| ending == "label"));
     let alone = labels.filter(|path| is_alone(path)).count();
-    let text = format!("{}: {alone} label files have no scan in velodyne; not read.", folder.display());
+    let text =
+        format!("{}: {alone} label files have no scan in velodyne; not read.", folder.display());
     (alone > 0).then(|| Note::fact(text))
 }
 

@@ -93,11 +93,10 @@ impl SensorFacts {
         let half = sorted.windows(held.max(1)).map(|held| [held[0], held[held.len() - 1]]);
         let half = half.min_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])));
         let azimuth_steps = steps.or(pattern.azimuth_steps).filter(|_| !is_listed);
-        let (columns, azimuth_window) =
-            azimuth_steps.map_or((None, pattern.azimuth), |steps| {
-                let (columns, window) = pattern.columns(steps);
-                (Some(columns), window)
-            });
+        let (columns, azimuth_window) = azimuth_steps.map_or((None, pattern.azimuth), |steps| {
+            let (columns, window) = pattern.columns(steps);
+            (Some(columns), window)
+        });
         let beams = match columns {
             Some(columns) => Some(angles.len() as u64 * u64::from(columns)),
             None => is_listed.then_some(angles.len() as u64),

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use super::{Error, Watcher, opening};
 use crate::datasets::{
-    CarlaSequence, CarlaTags, KittiSequence, LabelledSequence, PsogOptions, build_psog, read_nuscenes,
+    CarlaSequence, CarlaTags, KittiSequence, LabelledSequence, PsogOptions, build_psog,
+    read_nuscenes,
 };
 use crate::files::{writable_file, write_whole};
 use crate::psog::{BuildReport, Psog, Roi, read_psog, write_psog};

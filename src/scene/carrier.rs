@@ -89,7 +89,8 @@ impl Carrier {
         let mount = Mount::new(&top.key("mount"), &mount)?;
         let files = lidar.file.iter().map(|file| dir.join(file)).collect();
         let Described { lidar, measures, notes } = Described::new(&top.key("lidar"), lidar, dir)?;
-        let response = (measures != Measures::default()).then(|| Response::stated(lidar.range(), &measures));
+        let response =
+            (measures != Measures::default()).then(|| Response::stated(lidar.range(), &measures));
         Ok(Self { lidar, mount, vehicle: None, body: None, files, response, notes })
     }
 

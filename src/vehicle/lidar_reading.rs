@@ -67,7 +67,8 @@ impl Described {
     /// Reads a description; `dir` is where its sensor file is.
     pub fn new(at: &Place, lidar: LidarDescription, dir: &Path) -> Result<Self, DescriptionError> {
         let form = form(at, &lidar)?;
-        let stated_range = lidar.range.map(|range| check::range(&at.key("range"), range)).transpose()?;
+        let stated_range =
+            lidar.range.map(|range| check::range(&at.key("range"), range)).transpose()?;
         let range = stated_range.ok_or_else(|| DescriptionError::Missing {
             at: Box::new(at.clone()),
             key: "range",
@@ -85,7 +86,8 @@ impl Described {
                 let count = lidar.channels.unwrap_or(0);
                 let channels = even_channels(at, count, lidar.fov)?;
                 let steps = lidar.azimuth_steps.ok_or_else(|| no_steps(at))?;
-                let mut described = Self::plain(spinning_in(at, channels, steps, lidar.azimuth, range)?);
+                let mut described =
+                    Self::plain(spinning_in(at, channels, steps, lidar.azimuth, range)?);
                 described.notes.extend(narrow_fov(at, count, lidar.fov));
                 Ok(described)
             }
@@ -120,7 +122,11 @@ impl Described {
             Beams::Directions(directions) => {
                 no_turning(at, lidar.azimuth_steps, lidar.azimuth)?;
                 let directions = std::mem::take(directions);
-                return Ok(Self { lidar: Lidar::Directions { directions, range }, measures, notes });
+                return Ok(Self {
+                    lidar: Lidar::Directions { directions, range },
+                    measures,
+                    notes,
+                });
             }
             Beams::Channels(channels) => lists(channels),
         };
@@ -129,12 +135,15 @@ impl Described {
             let steps = lidar.azimuth_steps.ok_or_else(|| no_steps(at))?;
             notes.extend(pattern.azimuth.filter(|stated| *stated != sector).map(|stated| {
                 let at = at.key("azimuth");
-                Note::fact(format!("{at}: {sector:?} degrees; the sensor file states {stated:?}. The first counts."))
+                Note::fact(format!(
+                    "{at}: {sector:?} degrees; the sensor file states {stated:?}. The first counts."
+                ))
             }));
             spinning_in(at, channels, steps, Some(sector), range)?
         } else {
             let stated = pattern.azimuth_steps;
-            let steps = lidar.azimuth_steps.or(stated.map(u64::from)).ok_or_else(|| no_steps(at))?;
+            let steps =
+                lidar.azimuth_steps.or(stated.map(u64::from)).ok_or_else(|| no_steps(at))?;
             let steps = check::count(&at.key("azimuth_steps"), steps, 1, MAX_STEPS)?;
             notes.extend(other(at, "azimuth_steps", f64::from(steps), stated.map(f64::from)));
             let (steps, azimuth) = pattern.columns(steps);
@@ -180,7 +189,8 @@ pub(super) fn other(at: &Place, key: &str, given: f64, stated: Option<f64>) -> O
 fn narrow_fov(at: &Place, channels: u64, fov: Option<[f64; 2]>) -> Option<Note> {
     let [low, high] = fov.filter(|_| channels > 1)?;
     let at = at.key("fov");
-    let text = format!("{at}: {:.3} degrees for {channels} channels: radians? Write degrees.", high - low);
+    let text =
+        format!("{at}: {:.3} degrees for {channels} channels: radians? Write degrees.", high - low);
     (high - low < NARROWEST && high > low).then(|| Note::doubt(text))
 }
 

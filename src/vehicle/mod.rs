@@ -31,11 +31,11 @@ pub(crate) mod vehicle_file;
 
 pub use beam_table::{BeamGrid, BeamTable, SensorError};
 pub use constraints::{Constraints, Slot, Ties, Violation};
-pub(crate) use lidar_reading::Described;
 pub(crate) use description::{LidarDescription, MountDescription, VehicleDescription};
 pub use doubts::Doubts;
 pub use equipment::{Equipment, Requirement, Vehicle, VehicleMount, VehicleSensor};
 pub use lidar::Lidar;
+pub(crate) use lidar_reading::Described;
 pub use mount::{Mount, MountRules};
 pub use placement::{MAX_LIDARS, Placement, PlacementError, SensorPose};
 pub use placement_file::{PlacementFileError, PlacementReader, read_placements};

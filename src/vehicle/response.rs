@@ -99,7 +99,9 @@ impl Response {
             ("noise", written.noise, measures.noise),
             ("min_range", written.min_range, measures.min_range),
         ];
-        notes.extend(both.into_iter().filter_map(|(key, given, stated)| other(at, key, given?, stated)));
+        notes.extend(
+            both.into_iter().filter_map(|(key, given, stated)| other(at, key, given?, stated)),
+        );
         let between = |key: &str, value: Option<f64>, usual: f64, low: f64, high: f64| {
             let value = value.unwrap_or(usual);
             if (low..=high).contains(&value) {

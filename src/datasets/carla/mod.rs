@@ -114,7 +114,9 @@ impl CarlaSequence {
     /// Returns the road in that version.
     fn choose_tags(&mut self, given: Option<CarlaTags>) -> Result<Option<Road>, DatasetError> {
         let [old, new] = self.roads()?;
-        let fits = |road: Option<Road>| road.is_some_and(|road| road.is_sure() && road.depth > 0.0 && road.spread < FLAT);
+        let fits = |road: Option<Road>| {
+            road.is_some_and(|road| road.is_sure() && road.depth > 0.0 && road.spread < FLAT)
+        };
         let fitting = match (fits(old), fits(new)) {
             (true, false) => Some(CarlaTags::Until0913),
             (false, true) => Some(CarlaTags::Since0914),
@@ -147,7 +149,8 @@ impl CarlaSequence {
             ))),
             _ => None,
         });
-        let found = self.tags.names().iter().map(|&name| class_of_name(name).map(|tag| (name, tag)));
+        let found =
+            self.tags.names().iter().map(|&name| class_of_name(name).map(|tag| (name, tag)));
         self.meanings = found.flatten().collect();
         Ok(of(self.tags))
     }
@@ -160,14 +163,16 @@ impl CarlaSequence {
         for (path, _) in self.frames.values().take(MOST_SCANS) {
             let records = records::read(path)?;
             let roads = [CarlaTags::Until0913, CarlaTags::Since0914].map(|tags| {
-                let is_road: Vec<bool> = tags.names().iter().map(|name| is_road_tag(name)).collect();
+                let is_road: Vec<bool> =
+                    tags.names().iter().map(|name| is_road_tag(name)).collect();
                 let near = records.iter().filter(|record| {
                     let [x, y, _] = record.xyz.map(f64::from);
                     is_road.get(record.tag as usize) == Some(&true) && x.hypot(y) <= ground::NEAR
                 });
                 // Tags that the version lacks speak against it.
                 let known = records.iter().all(|record| (record.tag as usize) < is_road.len());
-                Road::of(near.map(|record| 0.0 - f64::from(record.xyz[2])).collect()).filter(|_| known)
+                Road::of(near.map(|record| 0.0 - f64::from(record.xyz[2])).collect())
+                    .filter(|_| known)
             });
             if roads.iter().any(Option::is_some) {
                 return Ok(roads);

@@ -55,9 +55,14 @@ pub(super) fn read(path: &Path) -> Result<Table, DatasetError> {
     let time = column("time").or(column("timestamp"));
     let known = [key].into_iter().chain(places).chain(time);
     let known: Vec<usize> = known.collect();
-    let unknown = (0..titles.len().min(MOST_COLUMNS)).filter(|k| !known.contains(k) && !titles[*k].is_empty());
+    let unknown = (0..titles.len().min(MOST_COLUMNS))
+        .filter(|k| !known.contains(k) && !titles[*k].is_empty());
     let unknown: Vec<String> = unknown.map(|k| format!("`{}`", short(titles[k]))).collect();
-    let text = format!("{}: columns {} are not known here, and not read.", path.display(), unknown.join(", "));
+    let text = format!(
+        "{}: columns {} are not known here, and not read.",
+        path.display(),
+        unknown.join(", ")
+    );
     let notes = (!unknown.is_empty()).then(|| Note::fact(text)).into_iter().collect();
     let mut poses = BTreeMap::new();
     for (line, text) in rows {

@@ -165,6 +165,7 @@ fn categories(tables: &Tables) -> Result<(Labels, ByToken), DatasetError> {
     // Sets of Place3D keep the categories of points apart from those of boxes.
     let apart = Some("lidarseg_category").filter(|name| tables.path(name).exists());
     for table in ["category"].into_iter().chain(apart) {
+        let mut here: HashSet<u8> = HashSet::new();
         tables.rows(table, |CategoryRow { token, name, index }| {
             let Some(found) = category(&name) else {
                 let path = tables.path(table);
@@ -172,7 +173,7 @@ fn categories(tables: &Tables) -> Result<(Labels, ByToken), DatasetError> {
             };
             if let Some(index) = index {
                 let label = usize::from(index);
-                if labels[label].is_some_and(|other| other != found) {
+                if !here.insert(index) && labels[label] != Some(found) {
                     let fault = "its `index` is that of another category; give each its own";
                     return Err(DatasetError::Row { path: tables.path(table), token, fault });
                 }

@@ -139,9 +139,16 @@ impl Tables {
     }
 
     /// The file that a row names, in the folder of the set.
-    pub(super) fn file(&self, table: &str, folder: &Path, name: &str) -> Result<PathBuf, DatasetError> {
-        stays_inside(folder, name)
-            .map_err(|fault| DatasetError::Outside { path: self.path(table), fault: fault.to_string() })
+    pub(super) fn file(
+        &self,
+        table: &str,
+        folder: &Path,
+        name: &str,
+    ) -> Result<PathBuf, DatasetError> {
+        stays_inside(folder, name).map_err(|fault| DatasetError::Outside {
+            path: self.path(table),
+            fault: fault.to_string(),
+        })
     }
 
     /// Reads a table and keeps what `keep` makes of its rows.
@@ -157,7 +164,13 @@ impl Tables {
         })?;
         let (mut row, mut refused) = (0, None);
         let left = Cell::new(MOST_OF_A_ROW);
-        let each = Each { row: &mut row, refused: &mut refused, keep: &mut keep, left: &left, of: PhantomData };
+        let each = Each {
+            row: &mut row,
+            refused: &mut refused,
+            keep: &mut keep,
+            left: &left,
+            of: PhantomData,
+        };
         let metered = Metered { file: BufReader::new(file), left: &left };
         let mut json = serde_json::Deserializer::from_reader(metered);
         let read = each.deserialize(&mut json).and_then(|()| json.end());

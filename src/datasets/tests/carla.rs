@@ -73,7 +73,7 @@ fn folder() -> tempfile::TempDir {
 }
 
 fn open(folder: &Path) -> Result<CarlaSequence, DatasetError> {
-    CarlaSequence::open(folder, &folder.join("poses.csv"), CarlaTags::Since0914, None)
+    CarlaSequence::open(folder, &folder.join("poses.csv"), None, None)
 }
 
 #[test]

@@ -54,7 +54,11 @@ pub(super) fn line(at: &Place, number: usize) -> Place {
 }
 
 /// Refuses a row with more cells than there are columns: decimal commas split numbers.
-pub(super) fn check_width(at: &Place, cells: &[&str], columns: usize) -> Result<(), DescriptionError> {
+pub(super) fn check_width(
+    at: &Place,
+    cells: &[&str],
+    columns: usize,
+) -> Result<(), DescriptionError> {
     match cells.iter().skip(columns).find(|cell| !cell.is_empty()) {
         None => Ok(()),
         Some(_) => {

@@ -5,8 +5,8 @@
 
 use std::collections::BTreeSet;
 
-use super::{csv, keys};
 use super::pattern::{Beams, SensorFormat, SensorPattern, channel, check_count, quoted};
+use super::{csv, keys};
 use crate::Note;
 use crate::json::check::bad;
 use crate::json::{DescriptionError, Place};
@@ -47,7 +47,10 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
     let mut notes = Vec::new();
     notes.extend(keys::unread(&title_at, &csv::unknown(&titles, &TITLES)));
     notes.extend(gap(at, &numbers));
-    Ok(SensorPattern { notes, ..SensorPattern::new(SensorFormat::Hesai, Beams::Channels(channels)) })
+    Ok(SensorPattern {
+        notes,
+        ..SensorPattern::new(SensorFormat::Hesai, Beams::Channels(channels))
+    })
 }
 
 /// A doubt where channels are numbered from 0 or 1 on and one is left out.

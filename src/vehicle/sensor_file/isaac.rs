@@ -7,8 +7,8 @@ use serde::Deserialize;
 
 use super::keys::{self, Passed, Rest};
 use super::pattern::{
-    Beams, Channel, MAX_BEAMS, Measures, SensorFormat, SensorPattern, azimuth, channel, check_count,
-    direction, quoted,
+    Beams, Channel, MAX_BEAMS, Measures, SensorFormat, SensorPattern, azimuth, channel,
+    check_count, direction, quoted,
 };
 use crate::Note;
 use crate::json::check::{self, bad};
@@ -24,17 +24,29 @@ const EDGE: f64 = 1e-6;
 /// Keys that are passed over, wherever they stand.
 const PASSED: Passed = &[
     (&["class", "type", "driveWorksId"], "kind of the file and of the sensor in DriveWorks"),
-    (&["avgPowerW", "wavelengthNm", "effectiveApertureSize", "focusDistM"], "`response` has its own law of power"),
+    (
+        &["avgPowerW", "wavelengthNm", "effectiveApertureSize", "focusDistM"],
+        "`response` has its own law of power",
+    ),
     (&["intensityMappingType", "intensityProcessing", "intensityScalePercent"], "intensities"),
-    (&["pulseTimeNs", "minDistBetweenEchos", "maxReturns"], "`response` says which echoes are reported"),
-    (&["rangeResolutionM", "rangeOffset", "rangeCount", "ranges", "rangeId"], "steps of the reported range"),
+    (
+        &["pulseTimeNs", "minDistBetweenEchos", "maxReturns"],
+        "`response` says which echoes are reported",
+    ),
+    (
+        &["rangeResolutionM", "rangeOffset", "rangeCount", "ranges", "rangeId"],
+        "steps of the reported range",
+    ),
     (
         &["azimuthErrorMean", "azimuthErrorStd", "elevationErrorMean", "elevationErrorStd"],
         "beams go where the emitters point",
     ),
     (&["rayType", "stateResolutionStep"], "how the simulator casts"),
     (&["upElevationDeg", "downElevationDeg"], "repeat what the emitters' elevations say"),
-    (&["numberOfChannels", "numLines", "channelId", "bank"], "how emitters are numbered in packets"),
+    (
+        &["numberOfChannels", "numLines", "channelId", "bank"],
+        "how emitters are numbered in packets",
+    ),
     (&["fireTimeNs"], "emitters of a column fire together here"),
 ];
 
@@ -107,7 +119,9 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
     pattern.notes.extend(top);
     pattern.notes.extend(keys::unknown(&at, &profile.rest, PASSED));
     let states = profile.emitter_states.iter().enumerate();
-    pattern.notes.extend(states.filter_map(|(s, state)| keys::unknown(&list.item(s), &state.rest, PASSED)).take(1));
+    pattern.notes.extend(
+        states.filter_map(|(s, state)| keys::unknown(&list.item(s), &state.rest, PASSED)).take(1),
+    );
     let offsets =
         profile.emitter_states.iter().flat_map(|s| s.hor_offset_m.iter().chain(&s.vert_offset_m));
     let largest = offsets.fold(0.0, |most: f64, offset| most.max(1000.0 * offset.abs()));
@@ -138,7 +152,8 @@ fn check_counts(at: &Place, list: &Place, profile: &Profile) -> Result<(), Descr
         return Err(bad(&at.key("emitterStateCount"), count, wanted));
     }
     let lengths = || states.iter().map(|state| state.elevation_deg.len() as u64);
-    let fits = |count: u64| lengths().all(|length| length == count) || lengths().sum::<u64>() == count;
+    let fits =
+        |count: u64| lengths().all(|length| length == count) || lengths().sum::<u64>() == count;
     if let Some(count) = profile.number_of_emitters.filter(|count| !fits(*count)) {
         let found = lengths().next().unwrap_or(0);
         let wanted = format!("the {found} emitters that the first state lists; {correct}");
@@ -147,7 +162,10 @@ fn check_counts(at: &Place, list: &Place, profile: &Profile) -> Result<(), Descr
     let rays = profile.num_rays_per_line.as_ref();
     let rays = rays.map(|rays| rays.iter().fold(0, |sum: u64, rays| sum.saturating_add(*rays)));
     if let Some(count) = rays.filter(|count| !fits(*count)) {
-        let wanted = format!("as many in all as the {} emitters of a state; {correct}", lengths().next().unwrap_or(0));
+        let wanted = format!(
+            "as many in all as the {} emitters of a state; {correct}",
+            lengths().next().unwrap_or(0)
+        );
         return Err(bad(&at.key("numRaysPerLine"), format!("{count} rays"), wanted));
     }
     Ok(())
@@ -157,7 +175,12 @@ fn check_counts(at: &Place, list: &Place, profile: &Profile) -> Result<(), Descr
 fn window(at: &Place, profile: &Profile) -> Result<Option<[f64; 2]>, DescriptionError> {
     let pairs = [
         ("startAzimuthDeg", profile.start_azimuth_deg, "endAzimuthDeg", profile.end_azimuth_deg),
-        ("validStartAzimuthDeg", profile.valid_start_azimuth_deg, "validEndAzimuthDeg", profile.valid_end_azimuth_deg),
+        (
+            "validStartAzimuthDeg",
+            profile.valid_start_azimuth_deg,
+            "validEndAzimuthDeg",
+            profile.valid_end_azimuth_deg,
+        ),
     ];
     let mut window: Option<[f64; 2]> = None;
     for (from_key, from, to_key, to) in pairs {
@@ -176,7 +199,8 @@ fn window(at: &Place, profile: &Profile) -> Result<Option<[f64; 2]>, Description
             None => [from, to],
             // The later pair cuts the earlier one; a turn more or less makes them meet.
             Some([low, high]) => {
-                let shifts = [-360.0, 0.0, 360.0].map(|turn| [low.max(from + turn), high.min(to + turn)]);
+                let shifts =
+                    [-360.0, 0.0, 360.0].map(|turn| [low.max(from + turn), high.min(to + turn)]);
                 let [low, high] = shifts.into_iter().fold([0.0, -1.0], |best: [f64; 2], cut| {
                     if cut[1] - cut[0] > best[1] - best[0] { cut } else { best }
                 });
@@ -192,24 +216,31 @@ fn window(at: &Place, profile: &Profile) -> Result<Option<[f64; 2]>, Description
 }
 
 /// Ranges and errors, checked.
-fn measures(at: &Place, profile: &Profile, notes: &mut Vec<Note>) -> Result<Measures, DescriptionError> {
+fn measures(
+    at: &Place,
+    profile: &Profile,
+    notes: &mut Vec<Note>,
+) -> Result<Measures, DescriptionError> {
     let within = |key: &str, value: Option<f64>, low: f64, high: f64| match value {
         Some(value) if !(low..=high).contains(&value) => {
             Err(bad(&at.key(key), value, format!("a number from {low} to {high}")))
         }
         other => Ok(other),
     };
-    let range = profile.far_range_m.map(|range| check::range(&at.key("farRangeM"), range)).transpose()?;
+    let range =
+        profile.far_range_m.map(|range| check::range(&at.key("farRangeM"), range)).transpose()?;
     let min_range = within("nearRangeM", profile.near_range_m, 0.0, range.unwrap_or(1e5))?;
     let noise = within("rangeAccuracyM", profile.range_accuracy_m, 0.0, 10.0)?;
-    let reflectance = within("minReflectance", profile.min_reflectance, 1e-3, 1.0)?.unwrap_or(RATED);
+    let reflectance =
+        within("minReflectance", profile.min_reflectance, 1e-3, 1.0)?.unwrap_or(RATED);
     let stated = within("minReflectanceRange", profile.min_reflectance_range, 0.1, 1e4)?;
     // The power of an echo goes with the reflectance over the square of the range.
     let rated_range = stated.map(|stated| stated * (RATED / reflectance).sqrt());
     if let Some((rated, range)) = rated_range.zip(range).filter(|(rated, range)| rated > range) {
         notes.push(Note::doubt(format!(
-            "{at}: a range of {rated:.6} m at 10 % reflectance lies beyond `farRangeM`, {range} m: a value of a template? \
-             Give `response.rated_range`."
+            "{at}: a range of {} m at 10 % reflectance lies beyond `farRangeM`, {range} m: a value of a template? \
+             Give `response.rated_range`.",
+            (rated * 1e3).round() / 1e3
         )));
     }
     let rate = within("scanRateBaseHz", profile.scan_rate_base_hz, 1e-3, 1e4)?;
@@ -260,12 +291,18 @@ fn rotary(
     if let Some([from, to]) = window {
         // Without columns of its own the window ends where the file says.
         let step = azimuth_steps.map_or(EDGE, |steps| 360.0 / f64::from(steps));
-        let [first, last] = [((from - EDGE) / step).ceil() * step, ((to + EDGE) / step).floor() * step];
+        let [first, last] =
+            [((from - EDGE) / step).ceil() * step, ((to + EDGE) / step).floor() * step];
         if last < first {
             let found = format!("{from} to {to} degrees");
-            return Err(bad(at, found, format!("a window that holds a column, one every {step} degrees")));
+            return Err(bad(
+                at,
+                found,
+                format!("a window that holds a column, one every {step} degrees"),
+            ));
         }
-        pattern.azimuth = Some(if last > 360.0 { [first - 360.0, last - 360.0] } else { [first, last] });
+        pattern.azimuth =
+            Some(if last > 360.0 { [first - 360.0, last - 360.0] } else { [first, last] });
         pattern.notes.push(Note::fact(format!(
             "The profile measures from {from} to {to} degrees; only columns of this window are cast."
         )));
@@ -288,7 +325,9 @@ fn solid_state(
     for (e, (&across, &up)) in state.azimuth_deg.iter().zip(&state.elevation_deg).enumerate() {
         let across = azimuth(&at.key("azimuthDeg").item(e), across)?;
         let up = check::elevation(&at.key("elevationDeg").item(e), up)?;
-        let inside = |[from, to]: [f64; 2]| (across - from + EDGE).rem_euclid(360.0) <= to - from + 2.0 * EDGE;
+        let inside = |[from, to]: [f64; 2]| {
+            (across - from + EDGE).rem_euclid(360.0) <= to - from + 2.0 * EDGE
+        };
         if window.is_none_or(inside) {
             directions.push(direction(across, up));
         }
@@ -296,7 +335,8 @@ fn solid_state(
     let mut notes = Vec::new();
     if let Some([from, to]) = window.filter(|_| directions.len() < count) {
         if directions.is_empty() {
-            let wanted = format!("an emitter between the window's {from} and {to} degrees of azimuth");
+            let wanted =
+                format!("an emitter between the window's {from} and {to} degrees of azimuth");
             return Err(bad(&at, format!("a list of {count}"), wanted));
         }
         notes.push(Note::fact(format!(

@@ -61,7 +61,8 @@ pub(super) fn unknown(at: &Place, rest: &Rest, passed: Passed) -> Option<Note> {
 
 /// A note on names that are not known here, keys or titles of columns.
 pub(super) fn unread<S: AsRef<str>>(at: &Place, names: &[S]) -> Option<Note> {
-    let short = |name: &S| format!("`{}`", name.as_ref().escape_debug().take(LONGEST).collect::<String>());
+    let short =
+        |name: &S| format!("`{}`", name.as_ref().escape_debug().take(LONGEST).collect::<String>());
     let named: Vec<String> = names.iter().take(MOST_NAMED).map(short).collect();
     let more = match names.len().saturating_sub(MOST_NAMED) {
         0 => String::new(),
@@ -87,7 +88,9 @@ impl<T> Answer<T> {
             Self::Read(part) => Some(part),
             Self::Text(text) => {
                 let text = super::pattern::quoted(&text);
-                notes.push(Note::fact(format!("{at}: the text {text} stands in its place; not read.")));
+                notes.push(Note::fact(format!(
+                    "{at}: the text {text} stands in its place; not read."
+                )));
                 None
             }
         }

@@ -5,8 +5,8 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::{csv, keys};
 use super::pattern::{Beams, MAX_BEAMS, SensorFormat, SensorPattern, azimuth, direction, quoted};
+use super::{csv, keys};
 use crate::Note;
 use crate::json::check::bad;
 use crate::json::{DescriptionError, Place};

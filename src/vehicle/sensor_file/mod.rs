@@ -25,9 +25,9 @@ use serde::de::IgnoredAny;
 use crate::json::check::bad;
 use crate::json::{self, DescriptionError, Place, read_limited};
 
+pub(super) use pattern::NARROWEST;
 pub use pattern::{Beams, Channel, Measures, SensorFormat, SensorPattern};
 pub(crate) use pattern::{MAX_BEAMS, MAX_CHANNELS};
-pub(super) use pattern::NARROWEST;
 
 /// Largest sensor file in bytes; Livox patterns of four seconds have 25 MB.
 const MAX_SENSOR_FILE: u64 = 64 << 20;
@@ -44,8 +44,7 @@ const MAX_SENSOR_FILE: u64 = 64 << 20;
 pub fn read(path: &Path, window: Option<[f64; 2]>) -> Result<SensorPattern, DescriptionError> {
     let bytes = read_limited(path, MAX_SENSOR_FILE)?;
     let at = Place::top(&path.display().to_string());
-    let mut pattern = parse(&at, &bytes, window)?;
-    pattern.notes.extend(pattern::doubts(&at, &pattern.beams));
+    let pattern = parse(&at, &bytes, window)?;
     if window.is_some() && pattern.format != SensorFormat::Livox {
         return Err(DescriptionError::Misplaced {
             at: Box::new(at),
@@ -57,6 +56,16 @@ pub fn read(path: &Path, window: Option<[f64; 2]>) -> Result<SensorPattern, Desc
 }
 
 fn parse(
+    at: &Place,
+    bytes: &[u8],
+    window: Option<[f64; 2]>,
+) -> Result<SensorPattern, DescriptionError> {
+    let mut pattern = parse_any(at, bytes, window)?;
+    pattern.notes.extend(pattern::doubts(at, &pattern.beams));
+    Ok(pattern)
+}
+
+fn parse_any(
     at: &Place,
     bytes: &[u8],
     window: Option<[f64; 2]>,

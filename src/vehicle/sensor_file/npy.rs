@@ -19,8 +19,8 @@ pub(super) fn parse(at: &Place, bytes: &[u8]) -> Result<SensorPattern, Descripti
     let wanted = "an array [N, 2] of float32 or float64, as np.save writes it: azimuth and elevation of each beam \
                   in radians";
     let mut rest = bytes;
-    let (header, _) =
-        read_header(&mut rest).map_err(|fault| bad(at, format!("a header where {fault}"), wanted))?;
+    let (header, _) = read_header(&mut rest)
+        .map_err(|fault| bad(at, format!("a header where {fault}"), wanted))?;
     let size = match header.dtype() {
         DType::Plain(kind) if kind.type_char() == TypeChar::Float => kind.size_field(),
         _ => 0,

@@ -15,36 +15,72 @@ use crate::json::{self, DescriptionError, Place};
 
 /// Keys that are passed over, wherever they stand.
 const PASSED: Passed = &[
-    (&["imu_to_sensor_transform", "imu_intrinsics", "imu_data_format"], "no beam depends on the IMU"),
+    (
+        &["imu_to_sensor_transform", "imu_intrinsics", "imu_data_format"],
+        "no beam depends on the IMU",
+    ),
     (&["sensor_to_body_transform", "user_data", "zones", "zone_set"], "the user's own additions"),
     (&["calibration_status", "reflectivity_calibration"], "reflectivity"),
     (&["pixel_shift_by_row"], "repeats the azimuth angles in columns, for images"),
     (
-        &["base_pn", "base_sn", "prod_pn", "prod_sn", "hostname", "build_date", "build_rev", "image_rev"],
+        &["base_pn", "base_sn", "prod_pn", "prod_sn", "hostname", "build_date", "image_rev"],
         "which unit and firmware",
     ),
     (
         &[
-            "client_version", "initialization_id", "json_calibration_version", "ouster-sdk", "power_on_active_ids",
-            "proto_rev", "status", "version",
+            "client_version",
+            "initialization_id",
+            "json_calibration_version",
+            "ouster-sdk",
+            "power_on_active_ids",
+            "proto_rev",
+            "status",
+            "version",
         ],
         "who wrote the file",
     ),
     (
         &[
-            "accel_fsr", "auto_start_flag", "bloom_reduction_optimization", "columns_per_packet", "gyro_fsr",
-            "header_type", "imu_packets_per_frame", "lidar_frame_azimuth_offset", "min_range_threshold_cm",
-            "multipurpose_io_mode", "operating_mode", "phase_lock_enable", "phase_lock_offset",
-            "return_order", "signal_multiplier", "timestamp_mode", "window_rejection_enable",
+            "accel_fsr",
+            "auto_start_flag",
+            "bloom_reduction_optimization",
+            "columns_per_packet",
+            "gyro_fsr",
+            "header_type",
+            "imu_packets_per_frame",
+            "lidar_frame_azimuth_offset",
+            "min_range_threshold_cm",
+            "multipurpose_io_mode",
+            "operating_mode",
+            "phase_lock_enable",
+            "phase_lock_offset",
+            "return_order",
+            "signal_multiplier",
+            "timestamp_mode",
+            "window_rejection_enable",
         ],
         "how packets are filled; directions do not depend on it",
     ),
     (
         &[
-            "fps", "nmea_baud_rate", "nmea_ignore_valid_char", "nmea_in_polarity", "nmea_leap_seconds",
-            "sync_pulse_in_polarity", "sync_pulse_out_angle", "sync_pulse_out_frequency",
-            "sync_pulse_out_polarity", "sync_pulse_out_pulse_width", "udp_dest", "udp_dest_zm", "udp_ip",
-            "udp_multicast_ttl", "udp_port_imu", "udp_port_lidar", "udp_port_zm", "udp_profile_imu",
+            "fps",
+            "nmea_baud_rate",
+            "nmea_ignore_valid_char",
+            "nmea_in_polarity",
+            "nmea_leap_seconds",
+            "sync_pulse_in_polarity",
+            "sync_pulse_out_angle",
+            "sync_pulse_out_frequency",
+            "sync_pulse_out_polarity",
+            "sync_pulse_out_pulse_width",
+            "udp_dest",
+            "udp_dest_zm",
+            "udp_ip",
+            "udp_multicast_ttl",
+            "udp_port_imu",
+            "udp_port_lidar",
+            "udp_port_zm",
+            "udp_profile_imu",
             "udp_profile_lidar",
         ],
         "network and clocks",
@@ -61,6 +97,7 @@ struct Metadata {
     lidar_intrinsics: Option<Answer<Extrinsics>>,
     // Flat files have the rest at the top.
     prod_line: Option<Value>,
+    build_rev: Option<Value>,
     lidar_mode: Option<Value>,
     azimuth_window: Option<[f64; 2]>,
     lidar_to_sensor_transform: Option<Value>,
@@ -85,6 +122,7 @@ struct Beam {
 #[derive(Deserialize)]
 struct Info {
     prod_line: Option<Value>,
+    build_rev: Option<Value>,
     #[serde(flatten)]
     rest: Rest,
 }
@@ -119,6 +157,7 @@ struct Facts {
     prod_line: Option<String>,
     mode: Option<String>,
     azimuth_window: Option<[f64; 2]>,
+    is_firmware_1: bool,
     columns: Option<u64>,
     column_window: Option<[u64; 2]>,
     rows: Option<u64>,
@@ -149,7 +188,10 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
         model: facts.prod_line.map(|name| check::text(&at.key("prod_line"), name)).transpose()?,
         azimuth_steps: steps,
         azimuth,
-        measures: Measures { rate: rate.filter(|rate| (1.0..=100.0).contains(rate)), ..Measures::default() },
+        measures: Measures {
+            rate: rate.filter(|rate| (1.0..=100.0).contains(rate)),
+            ..Measures::default()
+        },
         notes,
         ..SensorPattern::new(SensorFormat::Ouster, beams)
     })
@@ -193,17 +235,25 @@ fn facts(at: &Place, file: Metadata, beam: &Beam, list: &Place) -> Result<Facts,
     let info_at = at.key("sensor_info");
     let info = file.sensor_info.and_then(|info| info.or_note(&info_at, notes));
     notes.extend(info.as_ref().and_then(|info| keys::unknown(&info_at, &info.rest, PASSED)));
-    let line = info.and_then(|info| info.prod_line).or(file.prod_line);
+    let (line, firmware) = info.map_or((None, None), |info| (info.prod_line, info.build_rev));
+    let line = line.or(file.prod_line);
+    let firmware = text(&at.key("build_rev"), firmware.or(file.build_rev), notes);
+    facts.is_firmware_1 = firmware.is_some_and(|firmware| firmware.starts_with("v1."));
     facts.prod_line = text(&at.key("prod_line"), line, notes);
     let config_at = at.key("config_params");
     let config = file.config_params.and_then(|config| config.or_note(&config_at, notes));
-    notes.extend(config.as_ref().and_then(|config| keys::unknown(&config_at, &config.rest, PASSED)));
+    notes
+        .extend(config.as_ref().and_then(|config| keys::unknown(&config_at, &config.rest, PASSED)));
     let (mode, window) = config.map_or((None, None), |c| (c.lidar_mode, c.azimuth_window));
     facts.mode = text(&at.key("lidar_mode"), mode.or(file.lidar_mode), notes);
     facts.azimuth_window = window.or(file.azimuth_window);
-    for (key, format) in [("lidar_data_format", file.lidar_data_format), ("data_format", file.data_format)] {
+    for (key, format) in
+        [("lidar_data_format", file.lidar_data_format), ("data_format", file.data_format)]
+    {
         let format_at = at.key(key);
-        let Some(format) = format.and_then(|format| format.or_note(&format_at, notes)) else { continue };
+        let Some(format) = format.and_then(|format| format.or_note(&format_at, notes)) else {
+            continue;
+        };
         notes.extend(keys::unknown(&format_at, &format.rest, PASSED));
         facts.columns = facts.columns.or(format.columns_per_frame);
         facts.column_window = facts.column_window.or(format.column_window);
@@ -267,7 +317,8 @@ fn real_beams(
     let named = facts.prod_line.as_deref();
     let named = named.and_then(|line| line.split('-').nth(2)?.parse::<usize>().ok());
     let rows = facts.rows.map(|rows| rows as usize);
-    let is_real = |channel: &super::Channel| channel.elevation != 0.0 || channel.azimuth_offset != 0.0;
+    let is_real =
+        |channel: &super::Channel| channel.elevation != 0.0 || channel.azimuth_offset != 0.0;
     let real = channels.iter().filter(|channel| is_real(channel)).count();
     let said = [named, rows].into_iter().flatten();
     if said.clone().any(|said| said < count && said == real) {
@@ -280,7 +331,8 @@ fn real_beams(
         return Ok(Beams::Channels(channels));
     }
     if let Some(rows) = rows.filter(|rows| *rows != count) {
-        let wanted = format!("one angle for each of the {rows} `pixels_per_column`; correct one of the two");
+        let wanted =
+            format!("one angle for each of the {rows} `pixels_per_column`; correct one of the two");
         return Err(bad(at, format!("a list of {count}"), wanted));
     }
     if let Some(named) = named.filter(|named| *named != count) {
@@ -292,7 +344,11 @@ fn real_beams(
 }
 
 /// Columns of a turn: as stated, or those of a mode such as `1024x10`.
-fn steps(at: &Place, facts: &Facts, notes: &mut Vec<Note>) -> Result<Option<u32>, DescriptionError> {
+fn steps(
+    at: &Place,
+    facts: &Facts,
+    notes: &mut Vec<Note>,
+) -> Result<Option<u32>, DescriptionError> {
     let mode_at = at.key("lidar_mode");
     let of_mode = facts.mode.as_deref().map(|mode| {
         let columns = mode.split_once('x').and_then(|(columns, _)| columns.parse::<u64>().ok());
@@ -320,8 +376,11 @@ fn window(
 ) -> Result<Option<[f64; 2]>, DescriptionError> {
     let stated = facts.column_window;
     let stated = stated.map(|columns| Window::of_columns(&at.key("column_window"), columns, steps));
-    let of_angles = facts.azimuth_window;
-    let of_angles = of_angles.map(|angles| Window::of_angles(&at.key("azimuth_window"), angles, steps));
+    // Firmware 1 counts hundredths of a degree, later ones thousandths.
+    let unit = if facts.is_firmware_1 { 10.0 } else { 1.0 };
+    let of_angles = facts.azimuth_window.map(|angles| angles.map(|angle| unit * angle));
+    let of_angles =
+        of_angles.map(|angles| Window::of_angles(&at.key("azimuth_window"), angles, steps));
     let (stated, of_angles) = (stated.transpose()?, of_angles.transpose()?);
     if let (Some(columns), Some(angles)) = (stated, of_angles)
         && !columns.is_near(&angles, steps)

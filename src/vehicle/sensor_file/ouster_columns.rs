@@ -45,7 +45,10 @@ impl Window {
         }
         let column = |angle: f64| f64::from(steps) * (1.0 - angle / TURN);
         // A millionth of a column keeps columns at the very ends.
-        let (first, last) = ((column(to) - 1e-6).ceil(), (column(to) + f64::from(steps) * span / TURN + 1e-6).floor());
+        let (first, last) = (
+            (column(to) - 1e-6).ceil(),
+            (column(to) + f64::from(steps) * span / TURN + 1e-6).floor(),
+        );
         if last < first {
             let wanted = format!("a window that holds a column; there are {steps} a turn");
             return Err(bad(at, format!("{angles:?}"), wanted));

@@ -154,7 +154,11 @@ impl SensorPattern {
         let step = 360.0 / f64::from(steps.max(1));
         // A millionth of a column keeps the last one in the window whatever its rounding.
         let count = ((to - from) / step + 1e-6).floor().max(0.0) as u32 + 1;
-        if count >= steps { (steps, None) } else { (count, Some([from, from + f64::from(count - 1) * step])) }
+        if count >= steps {
+            (steps, None)
+        } else {
+            (count, Some([from, from + f64::from(count - 1) * step]))
+        }
     }
 }
 
@@ -233,7 +237,8 @@ pub(super) fn doubts(at: &Place, beams: &Beams) -> Vec<Note> {
 /// finer than sensors have.
 fn narrow(at: &Place, channels: &[Channel]) -> Option<Note> {
     let all = || channels.iter().map(|channel| channel.elevation);
-    let [low, high] = [all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max)];
+    let [low, high] =
+        [all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max)];
     let steps = channels.len().saturating_sub(1) as f64;
     let is_fine = low.abs().max(high.abs()) <= FRAC_PI_2 && high - low < FINEST * steps;
     let text = format!(

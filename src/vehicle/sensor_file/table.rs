@@ -13,11 +13,18 @@ const MAX_COLUMNS: u64 = 100_000;
 /// Keys that are passed over.
 const PASSED: Passed = &[
     (&["vendor", "source", "licence", "license", "prod_line", "lidar_mode"], "words for people"),
-    (&["format", "elevation", "spacing", "half", "azimuth", "beams", "notes", "fov_deg"], "follow from the lists"),
+    (
+        &["format", "elevation", "spacing", "half", "azimuth", "beams", "notes", "fov_deg"],
+        "follow from the lists",
+    ),
     (
         &[
-            "lidar_origin_to_beam_origin_mm", "beam_to_lidar_transform", "lidar_to_sensor_transform",
-            "vert_offset_m", "horiz_offset_m", "distance_resolution_m",
+            "lidar_origin_to_beam_origin_mm",
+            "beam_to_lidar_transform",
+            "lidar_to_sensor_transform",
+            "vert_offset_m",
+            "horiz_offset_m",
+            "distance_resolution_m",
         ],
         "all beams start at one origin, and ranges have no steps",
     ),
@@ -52,14 +59,17 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
     if let Some(count) = table.channels.as_ref().and_then(Value::as_u64)
         && count != elevations.len() as u64
     {
-        let wanted = format!("the {} elevations that are listed; correct one of the two", elevations.len());
+        let wanted =
+            format!("the {} elevations that are listed; correct one of the two", elevations.len());
         return Err(check::bad(&at.key("channels"), count, wanted));
     }
     let model = table.name.map(|name| check::text(&at.key("name"), name)).transpose()?;
-    let steps = [("azimuth_steps", table.azimuth_steps), ("columns_per_frame", table.columns_per_frame)];
+    let steps =
+        [("azimuth_steps", table.azimuth_steps), ("columns_per_frame", table.columns_per_frame)];
     let steps = steps.into_iter().find_map(|(key, steps)| Some((at.key(key), steps?)));
     let steps = steps.map(|(at, steps)| check::count(&at, steps, 1, MAX_COLUMNS));
-    let window = table.azimuth_window.map(|ends| window(&at.key("azimuth_window"), ends)).transpose()?;
+    let window =
+        table.azimuth_window.map(|ends| window(&at.key("azimuth_window"), ends)).transpose()?;
     let range = table.range.map(|range| check::range(&at.key("range"), range)).transpose()?;
     let rate = table.rate.map(|rate| check::rate(&at.key("rate"), rate)).transpose()?;
     let within = |key: &str, value: Option<f64>, low: f64, high: f64| match value {
@@ -101,5 +111,9 @@ fn window(at: &Place, [from, to]: [f64; 2]) -> Result<[f64; 2], DescriptionError
     if from <= to && to - from < 360.0 {
         return Ok([from, to]);
     }
-    Err(check::bad(at, format!("{:?}", [from, to]), "a range [from, to] of less than a turn, from <= to"))
+    Err(check::bad(
+        at,
+        format!("{:?}", [from, to]),
+        "a range [from, to] of less than a turn, from <= to",
+    ))
 }

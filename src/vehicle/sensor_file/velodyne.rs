@@ -16,7 +16,12 @@ use crate::json::{DescriptionError, Place, parse_yaml};
 
 /// Keys that are read.
 const READ: &[&str] = &[
-    "lasers", "num_lasers", "laser_id", "rot_correction", "vert_correction", "vert_offset_correction",
+    "lasers",
+    "num_lasers",
+    "laser_id",
+    "rot_correction",
+    "vert_correction",
+    "vert_offset_correction",
     "horiz_offset_correction",
 ];
 /// Keys that are passed over, wherever they stand.
@@ -25,8 +30,15 @@ const PASSED: Passed = &[
     (&["distance_resolution"], "ranges have no steps"),
     (
         &[
-            "dist_correction", "dist_correction_x", "dist_correction_y", "two_pt_correction_available",
-            "focal_distance", "focal_slope", "focal_offset", "max_intensity", "min_intensity",
+            "dist_correction",
+            "dist_correction_x",
+            "dist_correction_y",
+            "two_pt_correction_available",
+            "focal_distance",
+            "focal_slope",
+            "focal_offset",
+            "max_intensity",
+            "min_intensity",
         ],
         "corrections of distances and intensities",
     ),
