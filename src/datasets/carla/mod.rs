@@ -29,6 +29,8 @@ use tracks::Seen;
 const MOST_SCANS: usize = 10;
 /// Metres of height within which the points of a road near the LiDAR lie; house fronts do not.
 const FLAT: f64 = 1.5;
+/// Metres by which one surface lies clearly below another.
+const LOWER: f64 = 0.3;
 
 /// A point with the name and the meaning of its tag.
 type Tagged = (Record, (&'static str, Tag));
@@ -120,7 +122,8 @@ impl CarlaSequence {
         let fitting = match (fits(old), fits(new)) {
             (true, false) => Some(CarlaTags::Until0913),
             (false, true) => Some(CarlaTags::Since0914),
-            _ => None,
+            (true, true) => deeper(old, new),
+            (false, false) => None,
         };
         self.tags = given.or(fitting).unwrap_or(CarlaTags::Since0914);
         let of = |tags: CarlaTags| if tags == CarlaTags::Until0913 { old } else { new };
@@ -263,6 +266,15 @@ impl LabelledSequence for CarlaSequence {
         };
         let labels = records.iter().map(label).collect();
         Ok(LabelledScan { points: records.iter().map(|(record, _)| record.xyz).collect(), labels })
+    }
+}
+
+/// The version whose road lies clearly below that of the other one: a road is the lowest surface near a car.
+fn deeper(old: Option<Road>, new: Option<Road>) -> Option<CarlaTags> {
+    match old?.depth - new?.depth {
+        more if more > LOWER => Some(CarlaTags::Until0913),
+        more if more < -LOWER => Some(CarlaTags::Since0914),
+        _ => None,
     }
 }
 

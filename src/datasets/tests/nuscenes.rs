@@ -311,7 +311,8 @@ const SPOILT: [(Spoil, &str); 23] = [
     (
         |d| {
             let path = d.join("v1.0-mini/sample_data.json");
-            let text = std::fs::read_to_string(&path).unwrap().replace("\"sample-1\"", "\"sample-0\"");
+            let text =
+                std::fs::read_to_string(&path).unwrap().replace("\"sample-1\"", "\"sample-0\"");
             std::fs::write(path, text).unwrap();
         },
         "DIR/v1.0-mini/sample_data.json: the row \"data-1\": its sample has a keyframe",
