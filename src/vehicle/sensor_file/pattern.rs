@@ -242,7 +242,7 @@ fn narrow(at: &Place, channels: &[Channel]) -> Option<Note> {
     let steps = channels.len().saturating_sub(1) as f64;
     let is_fine = low.abs().max(high.abs()) <= FRAC_PI_2 && high - low < FINEST * steps;
     let text = format!(
-        "{at}: {} channels from {low} to {high} degrees, {:.3} degrees in all: radians? Write degrees.",
+        "{at}: {} channels from {low:.3} to {high:.3} degrees, {:.3} degrees in all: radians? Write degrees.",
         channels.len(),
         high - low
     );
