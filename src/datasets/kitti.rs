@@ -237,10 +237,7 @@ fn read_tr(path: &Path, notes: &mut Vec<Note>) -> Result<Pose, DatasetError> {
     let text = read_text(path)?;
     for (n, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
         let line = line.trim_start().trim_start_matches('\u{feff}');
-        let Some((name, numbers)) = line.split_once(':') else {
-            let fault = "it has no name with a colon behind it, as `Tr:`".to_owned();
-            return Err(DatasetError::Matrix { path: path.to_owned(), line: n + 1, fault });
-        };
+        let (name, numbers) = line.split_once(':').unwrap_or((line, ""));
         match name.trim() {
             "Tr" if found.is_none() => found = Some(parse_pose(path, n + 1, numbers)?),
             "Tr" => {
