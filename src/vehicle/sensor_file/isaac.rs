@@ -23,31 +23,22 @@ const EDGE: f64 = 1e-6;
 
 /// Keys that are passed over, wherever they stand.
 const PASSED: Passed = &[
-    (&["class", "type", "driveWorksId"], "kind of the file and of the sensor in DriveWorks"),
+    ("class type driveWorksId", "kind of the file and of the sensor in DriveWorks"),
     (
-        &["avgPowerW", "wavelengthNm", "effectiveApertureSize", "focusDistM"],
+        "avgPowerW wavelengthNm effectiveApertureSize focusDistM",
         "`response` has its own law of power",
     ),
-    (&["intensityMappingType", "intensityProcessing", "intensityScalePercent"], "intensities"),
+    ("intensityMappingType intensityProcessing intensityScalePercent", "intensities"),
+    ("pulseTimeNs minDistBetweenEchos maxReturns", "`response` says which echoes are reported"),
+    ("rangeResolutionM rangeOffset rangeCount ranges rangeId", "steps of the reported range"),
     (
-        &["pulseTimeNs", "minDistBetweenEchos", "maxReturns"],
-        "`response` says which echoes are reported",
-    ),
-    (
-        &["rangeResolutionM", "rangeOffset", "rangeCount", "ranges", "rangeId"],
-        "steps of the reported range",
-    ),
-    (
-        &["azimuthErrorMean", "azimuthErrorStd", "elevationErrorMean", "elevationErrorStd"],
+        "azimuthErrorMean azimuthErrorStd elevationErrorMean elevationErrorStd",
         "beams go where the emitters point",
     ),
-    (&["rayType", "stateResolutionStep"], "how the simulator casts"),
-    (&["upElevationDeg", "downElevationDeg"], "repeat what the emitters' elevations say"),
-    (
-        &["numberOfChannels", "numLines", "channelId", "bank"],
-        "how emitters are numbered in packets",
-    ),
-    (&["fireTimeNs"], "emitters of a column fire together here"),
+    ("rayType stateResolutionStep", "how the simulator casts"),
+    ("upElevationDeg downElevationDeg", "repeat what the emitters' elevations say"),
+    ("numberOfChannels numLines channelId bank", "how emitters are numbered in packets"),
+    ("fireTimeNs", "emitters of a column fire together here"),
 ];
 
 #[derive(Deserialize)]

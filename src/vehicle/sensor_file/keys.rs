@@ -41,8 +41,8 @@ impl AsRef<str> for Key {
     }
 }
 
-/// Keys that are passed over, and why.
-pub(super) type Passed = &'static [(&'static [&'static str], &'static str)];
+/// Keys that are passed over, with blanks between them, and why.
+pub(super) type Passed = &'static [(&'static str, &'static str)];
 
 /// Most unknown keys that a note names.
 const MOST_NAMED: usize = 8;
@@ -53,7 +53,7 @@ const LONGEST: usize = 40;
 pub(super) fn unknown(at: &Place, rest: &Rest, passed: Passed) -> Option<Note> {
     let is_passed = |Key(key): &Key| {
         let comment = key.trim_start_matches('_').to_ascii_lowercase().starts_with("comment");
-        comment || passed.iter().any(|(keys, _)| keys.contains(&key.as_str()))
+        comment || passed.iter().any(|(keys, _)| keys.split(' ').any(|known| known == key))
     };
     let unknown: Vec<&Key> = rest.keys().filter(|key| !is_passed(key)).collect();
     unread(at, &unknown)

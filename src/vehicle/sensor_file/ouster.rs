@@ -15,74 +15,29 @@ use crate::json::{self, DescriptionError, Place};
 
 /// Keys that are passed over, wherever they stand.
 const PASSED: Passed = &[
+    ("imu_to_sensor_transform imu_intrinsics imu_data_format", "no beam depends on the IMU"),
+    ("sensor_to_body_transform user_data zones zone_set", "the user's own additions"),
+    ("calibration_status reflectivity_calibration", "reflectivity"),
+    ("pixel_shift_by_row", "repeats the azimuth angles in columns, for images"),
+    ("base_pn base_sn prod_pn prod_sn hostname build_date image_rev", "which unit and firmware"),
     (
-        &["imu_to_sensor_transform", "imu_intrinsics", "imu_data_format"],
-        "no beam depends on the IMU",
-    ),
-    (&["sensor_to_body_transform", "user_data", "zones", "zone_set"], "the user's own additions"),
-    (&["calibration_status", "reflectivity_calibration"], "reflectivity"),
-    (&["pixel_shift_by_row"], "repeats the azimuth angles in columns, for images"),
-    (
-        &["base_pn", "base_sn", "prod_pn", "prod_sn", "hostname", "build_date", "image_rev"],
-        "which unit and firmware",
-    ),
-    (
-        &[
-            "client_version",
-            "initialization_id",
-            "json_calibration_version",
-            "ouster-sdk",
-            "power_on_active_ids",
-            "proto_rev",
-            "status",
-            "version",
-        ],
+        "client_version initialization_id json_calibration_version ouster-sdk \
+         power_on_active_ids proto_rev status version",
         "who wrote the file",
     ),
     (
-        &[
-            "accel_fsr",
-            "auto_start_flag",
-            "bloom_reduction_optimization",
-            "columns_per_packet",
-            "gyro_fsr",
-            "header_type",
-            "imu_packets_per_frame",
-            "lidar_frame_azimuth_offset",
-            "min_range_threshold_cm",
-            "multipurpose_io_mode",
-            "operating_mode",
-            "phase_lock_enable",
-            "phase_lock_offset",
-            "return_order",
-            "signal_multiplier",
-            "timestamp_mode",
-            "window_rejection_enable",
-        ],
+        "accel_fsr auto_start_flag bloom_reduction_optimization columns_per_packet gyro_fsr \
+         header_type imu_packets_per_frame lidar_frame_azimuth_offset min_range_threshold_cm \
+         multipurpose_io_mode operating_mode phase_lock_enable phase_lock_offset return_order \
+         signal_multiplier timestamp_mode window_rejection_enable",
         "how packets are filled; directions do not depend on it",
     ),
     (
-        &[
-            "fps",
-            "nmea_baud_rate",
-            "nmea_ignore_valid_char",
-            "nmea_in_polarity",
-            "nmea_leap_seconds",
-            "sync_pulse_in_polarity",
-            "sync_pulse_out_angle",
-            "sync_pulse_out_frequency",
-            "sync_pulse_out_polarity",
-            "sync_pulse_out_pulse_width",
-            "udp_dest",
-            "udp_dest_zm",
-            "udp_ip",
-            "udp_multicast_ttl",
-            "udp_port_imu",
-            "udp_port_lidar",
-            "udp_port_zm",
-            "udp_profile_imu",
-            "udp_profile_lidar",
-        ],
+        "fps nmea_baud_rate nmea_ignore_valid_char nmea_in_polarity nmea_leap_seconds \
+         sync_pulse_in_polarity sync_pulse_out_angle sync_pulse_out_frequency \
+         sync_pulse_out_polarity sync_pulse_out_pulse_width udp_dest udp_dest_zm udp_ip \
+         udp_multicast_ttl udp_port_imu udp_port_lidar udp_port_zm udp_profile_imu \
+         udp_profile_lidar",
         "network and clocks",
     ),
 ];

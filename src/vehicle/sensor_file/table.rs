@@ -12,20 +12,11 @@ use crate::json::{self, DescriptionError, Place, check};
 const MAX_COLUMNS: u64 = 100_000;
 /// Keys that are passed over.
 const PASSED: Passed = &[
-    (&["vendor", "source", "licence", "license", "prod_line", "lidar_mode"], "words for people"),
+    ("vendor source licence license prod_line lidar_mode", "words for people"),
+    ("format elevation spacing half azimuth beams notes fov_deg", "follow from the lists"),
     (
-        &["format", "elevation", "spacing", "half", "azimuth", "beams", "notes", "fov_deg"],
-        "follow from the lists",
-    ),
-    (
-        &[
-            "lidar_origin_to_beam_origin_mm",
-            "beam_to_lidar_transform",
-            "lidar_to_sensor_transform",
-            "vert_offset_m",
-            "horiz_offset_m",
-            "distance_resolution_m",
-        ],
+        "lidar_origin_to_beam_origin_mm beam_to_lidar_transform lidar_to_sensor_transform \
+         vert_offset_m horiz_offset_m distance_resolution_m",
         "all beams start at one origin, and ranges have no steps",
     ),
 ];

@@ -15,31 +15,15 @@ use crate::json::check::bad;
 use crate::json::{DescriptionError, Place, parse_yaml};
 
 /// Keys that are read.
-const READ: &[&str] = &[
-    "lasers",
-    "num_lasers",
-    "laser_id",
-    "rot_correction",
-    "vert_correction",
-    "vert_offset_correction",
-    "horiz_offset_correction",
-];
+const READ: &str = "lasers num_lasers laser_id rot_correction vert_correction vert_offset_correction \
+                    horiz_offset_correction";
 /// Keys that are passed over, wherever they stand.
 const PASSED: Passed = &[
     (READ, "read"),
-    (&["distance_resolution"], "ranges have no steps"),
+    ("distance_resolution", "ranges have no steps"),
     (
-        &[
-            "dist_correction",
-            "dist_correction_x",
-            "dist_correction_y",
-            "two_pt_correction_available",
-            "focal_distance",
-            "focal_slope",
-            "focal_offset",
-            "max_intensity",
-            "min_intensity",
-        ],
+        "dist_correction dist_correction_x dist_correction_y two_pt_correction_available \
+         focal_distance focal_slope focal_offset max_intensity min_intensity",
         "corrections of distances and intensities",
     ),
 ];
