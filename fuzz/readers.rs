@@ -7,7 +7,8 @@ use std::fs;
 use std::path::Path;
 
 use sightline::datasets::{
-    CarlaSequence, CarlaTags, ImportOptions, KittiSequence, PsogOptions, build_psog, to_scene,
+    CarlaSequence, ImportOptions, KittiSequence, LabelledSequence, PsogOptions, build_psog,
+    read_nuscenes, to_scene,
 };
 use sightline::psog::{Roi, read_psog, write_psog};
 use sightline::rig::{ImportSettings, Mounting, RigFormat, Source, export, import_texts};
@@ -28,7 +29,7 @@ pub struct Reader {
 }
 
 /// All readers of outside bytes.
-pub const READERS: [Reader; 23] = [
+pub const READERS: [Reader; 25] = [
     Reader { name: "scene_json", read: scene_json },
     Reader { name: "sensor_file", read: sensor_file },
     Reader { name: "vehicle_json", read: vehicle_json },
@@ -41,6 +42,8 @@ pub const READERS: [Reader; 23] = [
     Reader { name: "kitti_calib", read: kitti_calib },
     Reader { name: "carla_ply", read: carla_ply },
     Reader { name: "carla_poses", read: carla_poses },
+    Reader { name: "carla_npy", read: carla_npy },
+    Reader { name: "nuscenes_tables", read: nuscenes_tables },
     Reader { name: "mesh_obj", read: mesh_obj },
     Reader { name: "mesh_ply", read: mesh_ply },
     Reader { name: "mesh_gltf", read: mesh_gltf },
@@ -71,6 +74,9 @@ pub fn scene_json(folder: &Path, bytes: &[u8]) {
 pub fn sensor_file(folder: &Path, bytes: &[u8]) {
     put(folder, "sensor", bytes);
     let Ok(pattern) = said(sensors::read(&folder.join("sensor"), None)) else { return };
+    if let Some([from, to]) = pattern.azimuth {
+        assert!(from <= to && to - from < 360.0 && from.abs() <= 360.0 && to.abs() <= 360.0);
+    }
     let lidar = match &pattern.beams {
         Beams::Channels(channels) => {
             assert!((1..=1024).contains(&channels.len()));
@@ -132,12 +138,40 @@ pub fn kitti_calib(folder: &Path, bytes: &[u8]) {
 
 /// A scan of CARLA's semantic LiDAR.
 pub fn carla_ply(folder: &Path, bytes: &[u8]) {
-    check_carla(folder, bytes, CARLA_POSES.as_bytes());
+    check_carla(folder, "000001.ply", bytes, CARLA_POSES.as_bytes());
+}
+
+/// A scan of CARLA's raw data as an array of records.
+pub fn carla_npy(folder: &Path, bytes: &[u8]) {
+    check_carla(folder, "000001.npy", bytes, CARLA_POSES.as_bytes());
+}
+
+/// Tables of nuScenes in one text, each below a line `=== NAME`; its scan has one point, a road.
+pub fn nuscenes_tables(folder: &Path, bytes: &[u8]) {
+    let (set, tables) = (folder.join("nuscenes"), folder.join("nuscenes/v1.0-mini"));
+    for sub in ["samples", "lidarseg", "v1.0-mini"] {
+        fs::create_dir_all(set.join(sub)).expect("the folder can be written");
+    }
+    put(&set, "samples/0.bin", &[1.5_f32, 0.5, -1.8, 0.0, 0.0].map(f32::to_le_bytes).concat());
+    put(&set, "lidarseg/0.bin", &[24]);
+    for name in NUSCENES_TABLES {
+        let title = format!("=== {name}\n");
+        let start = bytes.windows(title.len()).position(|w| w == title.as_bytes());
+        let rest = start.map_or(&b"[]"[..], |start| &bytes[start + title.len()..]);
+        let end = rest.windows(4).position(|w| w == b"=== ").unwrap_or(rest.len());
+        put(&tables, &format!("{name}.json"), &rest[..end]);
+    }
+    let Ok(scenes) = said(read_nuscenes(&set, None, &[])) else { return };
+    for scene in &scenes {
+        check_sequence(folder, scene);
+    }
+    let roi = Roi::new([-8.0, -8.0, 0.0], [1.0; 3], [16, 16, 4]).expect("a valid grid");
+    let _ = said(build_psog(&scenes, &PsogOptions::new(roi)));
 }
 
 /// Poses of CARLA's LiDAR.
 pub fn carla_poses(folder: &Path, bytes: &[u8]) {
-    check_carla(folder, CARLA_SCAN.as_bytes(), bytes);
+    check_carla(folder, "000001.ply", CARLA_SCAN.as_bytes(), bytes);
 }
 
 /// A mesh in Wavefront OBJ.
@@ -213,6 +247,20 @@ const CALIB: &str = "Tr: 0 -1 0 0 0 0 -1 -0.1 1 0 0 -0.2\n";
 const CARLA_POSES: &str = "frame,x,y,z,roll,pitch,yaw\n1,10,-5,2,0,0,30\n";
 const CARLA_SCAN: &str = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float32 x\nproperty float32 y\n\
     property float32 z\nproperty uint32 ObjIdx\nproperty uint32 ObjTag\nend_header\n1 2 -1.5 0 1\n";
+
+/// Tables of nuScenes that are read.
+const NUSCENES_TABLES: [&str; 10] = [
+    "scene",
+    "sample",
+    "sensor",
+    "calibrated_sensor",
+    "sample_data",
+    "ego_pose",
+    "lidarseg",
+    "category",
+    "instance",
+    "sample_annotation",
+];
 
 fn put(folder: &Path, name: &str, bytes: &[u8]) {
     fs::write(folder.join(name), bytes).expect("the folder can be written");
@@ -300,7 +348,7 @@ fn check_kitti(folder: &Path, bin: &[u8], label: &[u8], poses: &[u8], calib: &[u
     put(folder, "labels/000000.label", label);
     put(folder, "poses.txt", poses);
     put(folder, "calib.txt", calib);
-    let Ok(sequence) = said(KittiSequence::open(folder)) else { return };
+    let Ok(sequence) = said(KittiSequence::open_at(folder, None)) else { return };
     let roi = Roi::new([-8.0, -8.0, 0.0], [1.0; 3], [16, 16, 4]).expect("a valid grid");
     let Ok((psog, report)) = said(build_psog(&[sequence], &PsogOptions::new(roi))) else {
         return;
@@ -310,20 +358,25 @@ fn check_kitti(folder: &Path, bin: &[u8], label: &[u8], poses: &[u8], calib: &[u
 }
 
 /// Reads a scan of CARLA; one that is accepted becomes a P-SOG and a scene, where it is not too wide for one.
-fn check_carla(folder: &Path, ply: &[u8], poses: &[u8]) {
-    let scans = folder.join("carla");
+fn check_carla(folder: &Path, name: &str, scan: &[u8], poses: &[u8]) {
+    let scans = folder.join(name.replace('.', "-"));
     fs::create_dir_all(&scans).expect("the folder can be written");
-    put(&scans, "000001.ply", ply);
+    put(&scans, name, scan);
     put(folder, "poses.csv", poses);
-    let (tags, poses) = (CarlaTags::Since0914, folder.join("poses.csv"));
-    let sequence = CarlaSequence::open(&scans, &poses, tags, Some(2.0));
+    let sequence = CarlaSequence::open(&scans, &folder.join("poses.csv"), None, Some(2.0));
     let Ok(sequence) = said(sequence) else { return };
-    if let Ok(imported) = said(to_scene(&sequence, &ImportOptions::default())) {
-        check_scene(Scene::from_json(&imported.scene.to_string(), folder, "scene.json"));
-    }
+    check_sequence(folder, &sequence);
     let roi = Roi::new([-8.0, -8.0, 0.0], [1.0; 3], [16, 16, 4]).expect("a valid grid");
     let Ok((psog, _)) = said(build_psog(&[sequence], &PsogOptions::new(roi))) else { return };
     assert_eq!(psog.frames(), 1);
+}
+
+/// Makes a scene of a sequence that was read, where it is not too wide for one.
+fn check_sequence(folder: &Path, sequence: &dyn LabelledSequence) {
+    assert!(sequence.notes().iter().all(|note| note.text().ends_with('.')));
+    if let Ok(imported) = said(to_scene(sequence, &ImportOptions::default())) {
+        check_scene(Scene::from_json(&imported.scene.to_string(), folder, "scene.json"));
+    }
 }
 
 fn check_mesh(folder: &Path, name: &str, bytes: &[u8]) {

@@ -69,6 +69,7 @@ mod error;
 mod memory;
 mod mesh;
 mod note;
+mod npy;
 
 pub mod audit;
 mod bvh;

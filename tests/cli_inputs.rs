@@ -214,3 +214,33 @@ fn what_cannot_be_is_named_with_its_file_and_leaves_nothing() {
     let message = fails(dir.path(), &optimize);
     assert!(message.contains("kept its rules (LiDARs at least 1.5 m apart;"), "{message}");
 }
+
+#[test]
+fn doubts_about_a_sensor_file_are_told_and_refused_under_strict() {
+    let dir = TempDir::new().unwrap();
+    let write =
+        |name: &str, value: &Value| fs::write(dir.path().join(name), value.to_string()).unwrap();
+    write("radians.json", &json!({ "elevation_deg": [-0.2, -0.1, 0.0, 0.1, 0.2] }));
+    let facts = ok(dir.path(), &["sensor", "info", "radians.json"]);
+    assert!(facts["notes"][0].as_str().unwrap().contains("radians?"), "{facts}");
+    let args = ["sensor", "info", "radians.json", "--out", "p.svg", "--strict"];
+    assert!(fails(dir.path(), &args).contains("radians?"));
+    assert!(!dir.path().join("p.svg").exists());
+}
+
+/// The answer on a sensor with channels is a sensor file with the same window and ranges.
+#[test]
+fn facts_of_a_sensor_can_be_read_again() {
+    let dir = TempDir::new().unwrap();
+    let emitters = json!([{ "azimuthDeg": [0, 0], "elevationDeg": [-15, 15] }]);
+    let profile = json!({ "profile": { "scanType": "rotary", "farRangeM": 80, "scanRateBaseHz": 10,
+        "reportRateBaseHz": 3600, "startAzimuthDeg": -60, "endAzimuthDeg": 60, "emitterStates": emitters } });
+    fs::write(dir.path().join("profile.json"), profile.to_string()).unwrap();
+    let first = ok(dir.path(), &["sensor", "info", "profile.json"]);
+    fs::write(dir.path().join("facts.json"), first.to_string()).unwrap();
+    let second = ok(dir.path(), &["sensor", "info", "facts.json"]);
+    assert_eq!((&first["beams"], &first["range"]), (&json!(242), &json!(80.0)));
+    for key in ["beams", "range", "rate", "azimuth_window", "azimuth_steps", "elevation_deg"] {
+        assert_eq!(first[key], second[key], "{key}");
+    }
+}

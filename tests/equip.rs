@@ -48,6 +48,7 @@ fn vehicle(require: Vec<Requirement>) -> Vehicle {
         sensors,
         min_distance: 0.15,
         keep_out: Vec::new(),
+        notes: Vec::new(),
         ties: Default::default(),
         require,
     }

@@ -8,12 +8,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use imports::{Source, Sources, words};
 
 /// Modules of the library, top to bottom: each imports only from itself and from those above it.
-const ORDER: [&str; 31] = [
+const ORDER: [&str; 33] = [
     "memory",
     "allocator",
     "chance",
     "geom",
     "json",
+    "note",
+    "npy",
     "mesh",
     "vehicle",
     "rig",
@@ -53,7 +55,10 @@ const FOREIGN: [(&str, &[&str]); 13] = [
     ("ply_rs_bw", &["mesh/"]),
     ("roxmltree", &["rig/"]),
     ("xodr", &["worlds/"]),
-    ("npyz", &["psog/", "files/"]),
+    (
+        "npyz",
+        &["npy.rs", "psog/", "files/", "vehicle/sensor_file/npy.rs", "datasets/carla/records.rs"],
+    ),
     ("zip", &["psog/"]),
     ("serde_yaml_ng", &["json/"]),
     // Where files are read and written.

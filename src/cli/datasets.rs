@@ -17,11 +17,12 @@ pub struct DatasetArgs {
     /// CSV of the LiDAR's carla.Transform: frame or file, x, y, z, roll, pitch, yaw, and perhaps time
     #[arg(long, value_name = "FILE", requires = "carla")]
     pub poses: Option<PathBuf>,
-    /// Version of CARLA whose tags the points have: 0.9.10 to 0.9.13, or 0.9.14 and later
-    #[arg(long, value_enum, value_name = "VERSION", requires = "carla", default_value_t = Tags::Since0914)]
-    pub carla_tags: Tags,
+    /// Version of CARLA whose tags the points have: 0.9.10 to 0.9.13, or 0.9.14 and later [default: the one in
+    /// which the road lies flat below the LiDAR]
+    #[arg(long, value_enum, value_name = "VERSION", requires = "carla")]
+    pub carla_tags: Option<Tags>,
     /// Height of the recording LiDAR above the ground in metres, for KITTI and CARLA [default: what an export
-    /// of this program says, else 1.73 for KITTI; above the road of the first scan for CARLA]
+    /// of this program says, else above the labelled road within 10 m; 1.73 for KITTI where the road lies so]
     #[arg(long, value_name = "M", conflicts_with = "nuscenes", value_parser = finite)]
     pub lidar_height: Option<f64>,
 }
@@ -41,10 +42,10 @@ impl DatasetArgs {
     /// The scans of CARLA in a folder.
     pub fn carla(&self, folder: &Path) -> CarlaScans {
         let Some(poses) = &self.poses else { unreachable!("clap requires it with a folder") };
-        let tags = match self.carla_tags {
+        let tags = self.carla_tags.map(|tags| match tags {
             Tags::Until0913 => CarlaTags::Until0913,
             Tags::Since0914 => CarlaTags::Since0914,
-        };
+        });
         let (folder, poses) = (folder.to_owned(), poses.clone());
         CarlaScans { folder, poses, tags, lidar_height: self.lidar_height }
     }

@@ -8,8 +8,8 @@ use crate::vehicle::sensor_file;
 
 use super::args::Format;
 use super::exit::Exit;
-use super::terminal::Talk;
-use crate::runs::Error;
+use super::terminal::{Talk, Terminal};
+use crate::runs::{Error, Watcher};
 
 #[derive(clap::Subcommand)]
 pub enum Command {
@@ -51,6 +51,9 @@ pub fn run(command: &Command) -> Result<Exit, Error> {
         _ => return Err(Error::Usage("--window: give FROM below TO, as in 0 0.1".to_owned())),
     };
     let pattern = sensor_file::read(&args.file, window)?;
+    // Facts stand in the answer alone.
+    let terminal = Terminal::new(args.talk);
+    pattern.notes.iter().filter(|note| note.is_doubt()).try_for_each(|note| terminal.tell(note))?;
     let facts = SensorFacts::of(&pattern, args.azimuth_steps);
     if let Some(out) = &args.out {
         let svg = sensor_svg(&pattern, &facts);

@@ -30,6 +30,15 @@ pub enum DatasetError {
     /// Points and labels do not match.
     #[error("{} has {labels} labels, but {} has {points} points; the two must come from the same frame", path.display(), scan.display())]
     LabelCount { path: PathBuf, labels: usize, scan: PathBuf, points: usize },
+    /// Points of more or fewer columns.
+    #[error("{} has {columns} numbers for each label, {wanted} are read as one point; write 32-bit floats, {wanted} a point", path.display())]
+    Columns { path: PathBuf, columns: usize, wanted: usize },
+    /// A file larger than any scan.
+    #[error("{} has more than {} MiB, more than a scan has; give the file of one frame", path.display(), limit >> 20)]
+    TooLarge { path: PathBuf, limit: u64 },
+    /// A text in another encoding.
+    #[error("{} is not UTF-8 text; save it as UTF-8", path.display())]
+    NotUtf8 { path: PathBuf },
     /// A coordinate is not a number.
     #[error("{}: point {point} has {axis} = {value}; remove the point and its label", path.display())]
     NotFinite { path: PathBuf, point: usize, axis: char, value: f32 },
@@ -72,6 +81,12 @@ pub enum DatasetError {
     /// A row with a number that is of no use.
     #[error("{}: the row {token:?}: {fault}", path.display())]
     Row { path: PathBuf, token: String, fault: &'static str },
+    /// Categories without the labels of points.
+    #[error("{}: no category has an `index`, the label of its points; take category.json of nuScenes-lidarseg", path.display())]
+    NoIndex { path: PathBuf },
+    /// A row that names a file outside of the set.
+    #[error("{}: {fault}", path.display())]
+    Outside { path: PathBuf, fault: String },
     /// A category that has no class here.
     #[error("{}: category {name:?} is unknown; known are {}", path.display(), listed(known))]
     Category { path: PathBuf, name: String, known: Vec<String> },

@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 
 use super::DatasetError;
 
+/// Most bytes of a scan, a list of labels or a table of poses: 16 million points.
+const LARGEST: u64 = 256 << 20;
+
 /// Opens a file; refuses pipes and devices, which may have no end.
 pub(super) fn open(path: &Path) -> Result<File, DatasetError> {
     let to_read = |source| DatasetError::Read { path: path.to_owned(), source };
@@ -15,12 +18,14 @@ pub(super) fn open(path: &Path) -> Result<File, DatasetError> {
     File::open(path).map_err(to_read)
 }
 
-/// The bytes of a file.
+/// The bytes of a file of at most [`LARGEST`].
 pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, DatasetError> {
     let mut bytes = Vec::new();
-    open(path)?
-        .read_to_end(&mut bytes)
-        .map_err(|source| DatasetError::Read { path: path.to_owned(), source })?;
+    let to_read = |source| DatasetError::Read { path: path.to_owned(), source };
+    open(path)?.take(LARGEST + 1).read_to_end(&mut bytes).map_err(to_read)?;
+    if bytes.len() as u64 > LARGEST {
+        return Err(DatasetError::TooLarge { path: path.to_owned(), limit: LARGEST });
+    }
     Ok(bytes)
 }
 
@@ -36,11 +41,8 @@ pub(super) fn read_units(path: &Path, unit: u64) -> Result<Vec<u8>, DatasetError
 
 /// The text of a file.
 pub(super) fn read_text(path: &Path) -> Result<String, DatasetError> {
-    let mut text = String::new();
-    open(path)?
-        .read_to_string(&mut text)
-        .map_err(|source| DatasetError::Read { path: path.to_owned(), source })?;
-    Ok(text)
+    String::from_utf8(read_bytes(path)?)
+        .map_err(|_| DatasetError::NotUtf8 { path: path.to_owned() })
 }
 
 /// Little-endian x, y, z at the start of each record of `N` bytes.
@@ -67,15 +69,22 @@ pub(super) fn check_finite(path: &Path, point: usize, xyz: [f32; 3]) -> Result<(
     }
 }
 
-/// Refuses labels that are not one a point.
+/// Refuses labels that are not one a point of `unit` bytes.
 pub(super) fn check_count(
     path: PathBuf,
     labels: usize,
     scan: &Path,
     points: usize,
+    unit: usize,
 ) -> Result<(), DatasetError> {
     if labels == points {
         return Ok(());
     }
-    Err(DatasetError::LabelCount { path, labels, scan: scan.to_owned(), points })
+    let scan = scan.to_owned();
+    let bytes = points * unit;
+    // Points of three to eight columns, where this many bytes belong to each label.
+    match (3..=8).find(|columns| 4 * columns * labels == bytes) {
+        Some(columns) => Err(DatasetError::Columns { path: scan, columns, wanted: unit / 4 }),
+        None => Err(DatasetError::LabelCount { path, labels, scan, points }),
+    }
 }

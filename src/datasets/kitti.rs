@@ -6,11 +6,17 @@ use glam::{DMat3, DVec3};
 
 use super::files::{check_count, read_points, read_text, read_units};
 use super::kitti_labels::{KITTI_CLASSES, kitti_label};
-use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel};
+use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel, ground};
+use crate::Note;
 use crate::geom::Pose;
 
 /// Height of the KITTI car's LiDAR above the ground, in metres.
 pub const KITTI_LIDAR_HEIGHT: f64 = 1.73;
+/// Metres within which the depth of a road is that of KITTI's car: on sequence 00 it is 1.79 to 1.83 m.
+const SAME_HEIGHT: f64 = 0.15;
+/// Lines of `calib.txt` beside `Tr`, which LiDAR scans do not need.
+const CALIB_PASSED: [&str; 8] =
+    ["P0", "P1", "P2", "P3", "R0_rect", "Tr_imu_to_velo", "calib_time", "Tr_cam_to_road"];
 /// File beside `calib.txt` in exports of this program, which loaders of SemanticKITTI pass over: the pose of the
 /// LiDAR on the vehicle, whose frame stands on the ground, as twelve numbers.
 pub(crate) const EGO_FROM_LIDAR: &str = "ego_from_lidar.txt";
@@ -26,18 +32,21 @@ pub struct KittiSequence {
     world_from_lidar: Vec<Pose>,
     /// The ego frame stands on the ground, below the LiDAR where the sequence does not say more.
     ego_from_lidar: Pose,
+    notes: Vec<Note>,
 }
 
 impl KittiSequence {
     /// Opens a sequence folder: lists its scans and reads its poses. The file gives poses P of
     /// camera 0; LiDAR pose i is Tr⁻¹·P_i·Tr, so that the world is the LiDAR frame of frame 0. The LiDAR stands
-    /// where `ego_from_lidar.txt` says, as in exports of this program, else [`KITTI_LIDAR_HEIGHT`] above the ground.
+    /// where `ego_from_lidar.txt` says, as in exports of this program, else [`KITTI_LIDAR_HEIGHT`] above the ground;
+    /// [`Self::open_at`] asks the labelled road first.
     ///
     /// # Errors
     /// Missing or malformed files, a scan without a pose; see [`DatasetError`].
     pub fn open(folder: &Path) -> Result<Self, DatasetError> {
         let scans = list_scans(&folder.join("velodyne"))?;
-        let camera_from_lidar = read_tr(&folder.join("calib.txt"))?;
+        let mut notes = Vec::new();
+        let camera_from_lidar = read_tr(&folder.join("calib.txt"), &mut notes)?;
         let poses = folder.join("poses.txt");
         let lidar_from_camera = camera_from_lidar.inverse();
         let world_from_lidar: Vec<_> = read_text(&poses)?
@@ -55,13 +64,60 @@ impl KittiSequence {
             let poses_read = world_from_lidar.len();
             return Err(DatasetError::NoPose { path: poses, frame, poses: poses_read });
         }
+        notes.extend(labels_alone(folder, &scans));
         let own = folder.join(EGO_FROM_LIDAR);
-        let ego_from_lidar = match own.is_file() {
-            true => parse_pose(&own, 1, &read_text(&own)?)?,
-            false => above_ground(KITTI_LIDAR_HEIGHT)?,
+        let mut sequence = Self {
+            folder: folder.to_owned(),
+            scans,
+            world_from_lidar,
+            ego_from_lidar: above_ground(KITTI_LIDAR_HEIGHT)?,
+            notes,
         };
-        let folder = folder.to_owned();
-        Ok(Self { folder, scans, world_from_lidar, ego_from_lidar })
+        if own.is_file() {
+            sequence.ego_from_lidar = parse_pose(&own, 1, read_text(&own)?.trim_end())?;
+        }
+        Ok(sequence)
+    }
+
+    /// As [`Self::open`], with the LiDAR at `height` metres above the ground. Without a height and without
+    /// `ego_from_lidar.txt` the median depth of the labelled road within 10 m counts, where it differs from
+    /// [`KITTI_LIDAR_HEIGHT`] by more than 0.15 m.
+    ///
+    /// # Errors
+    /// As [`Self::open`], those of reading the first scans, and a height that is not finite.
+    pub fn open_at(folder: &Path, height: Option<f64>) -> Result<Self, DatasetError> {
+        let mut sequence = Self::open(folder)?;
+        match height {
+            Some(height) => sequence = sequence.with_lidar_height(height)?,
+            None if !folder.join(EGO_FROM_LIDAR).is_file() => sequence.take_height_of_road()?,
+            None => {}
+        }
+        sequence.notes.extend(ground::doubts(&sequence, Some("--lidar-height"))?);
+        Ok(sequence)
+    }
+
+    /// Takes the road's depth below the LiDAR where it speaks against KITTI's height.
+    fn take_height_of_road(&mut self) -> Result<(), DatasetError> {
+        let Some((frame, road)) = ground::road(self)?.filter(|(_, road)| road.is_sure()) else {
+            self.notes.push(Note::fact(format!(
+                "{}: no labelled road within {} m tells how high the LiDAR stands; {KITTI_LIDAR_HEIGHT} m are taken, as \
+                 for KITTI's car. --lidar-height gives another height.",
+                self.folder.display(),
+                ground::NEAR
+            )));
+            return Ok(());
+        };
+        if (road.depth - KITTI_LIDAR_HEIGHT).abs() > SAME_HEIGHT {
+            self.ego_from_lidar = above_ground(road.depth)?;
+            self.notes.push(Note::fact(format!(
+                "{}: the labelled road of frame {frame} lies {:.2} m below the LiDAR, not {KITTI_LIDAR_HEIGHT} m as on \
+                 KITTI's car; {:.2} m is taken as its height. --lidar-height gives another one.",
+                self.folder.display(),
+                road.depth,
+                road.depth
+            )));
+        }
+        Ok(())
     }
 
     /// The same recorded with the LiDAR upright at another height above the ground, metres.
@@ -112,6 +168,10 @@ impl LabelledSequence for KittiSequence {
         Ok(Vec::new())
     }
 
+    fn notes(&self) -> &[Note] {
+        &self.notes
+    }
+
     fn read(&self, frame: u32) -> Result<LabelledScan, DatasetError> {
         let Ok(at) = self.scans.binary_search_by_key(&frame, |&(n, _)| n) else {
             let (path, have) = (self.folder.join("velodyne"), self.frames());
@@ -123,7 +183,7 @@ impl LabelledSequence for KittiSequence {
         label_path.push(scan.file_stem().unwrap_or_default());
         label_path.set_extension("label");
         let labels = read_labels(&label_path)?;
-        check_count(label_path, labels.len(), scan, points.len())?;
+        check_count(label_path, labels.len(), scan, points.len(), 16)?;
         Ok(LabelledScan { points, labels })
     }
 }
@@ -171,13 +231,49 @@ fn read_labels(path: &Path) -> Result<Vec<PointLabel>, DatasetError> {
         .collect()
 }
 
-fn read_tr(path: &Path) -> Result<Pose, DatasetError> {
-    for (n, line) in read_text(path)?.lines().enumerate() {
-        if let Some(numbers) = line.trim_start().strip_prefix("Tr:") {
-            return parse_pose(path, n + 1, numbers);
+/// Pose of the LiDAR in the camera's frame; lines that are not known become a note.
+fn read_tr(path: &Path, notes: &mut Vec<Note>) -> Result<Pose, DatasetError> {
+    let (mut found, mut unknown) = (None, Vec::new());
+    let text = read_text(path)?;
+    for (n, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
+        let line = line.trim_start().trim_start_matches('\u{feff}');
+        let (name, numbers) = line.split_once(':').unwrap_or((line, ""));
+        match name.trim() {
+            "Tr" if found.is_none() => found = Some(parse_pose(path, n + 1, numbers)?),
+            "Tr" => {
+                let fault = "a second `Tr`; leave one out".to_owned();
+                return Err(DatasetError::Matrix { path: path.to_owned(), line: n + 1, fault });
+            }
+            name if CALIB_PASSED.contains(&name) => {}
+            name => unknown.push(name.chars().take(40).collect::<String>()),
         }
     }
-    Err(DatasetError::NoTr { path: path.to_owned() })
+    let known = unknown.len();
+    unknown.truncate(8);
+    notes.extend((known > 0).then(|| {
+        let names = unknown.join("`, `");
+        Note::fact(format!(
+            "{}: {known} lines, `{names}`, are not known here, and not read.",
+            path.display()
+        ))
+    }));
+    found.ok_or_else(|| DatasetError::NoTr { path: path.to_owned() })
+}
+
+/// A note on label files without a scan.
+fn labels_alone(folder: &Path, scans: &[(u32, PathBuf)]) -> Option<Note> {
+    let folder = folder.join("labels");
+    let is_alone = |path: &Path| {
+        let frame =
+            path.file_stem().and_then(|stem| stem.to_str()).and_then(|stem| stem.parse().ok());
+        frame.is_none_or(|frame: u32| scans.binary_search_by_key(&frame, |&(n, _)| n).is_err())
+    };
+    let paths = std::fs::read_dir(&folder).ok()?.flatten().map(|entry| entry.path());
+    let labels = paths.filter(|path| path.extension().is_some_and(|ending| ending == "label"));
+    let alone = labels.filter(|path| is_alone(path)).count();
+    let text =
+        format!("{}: {alone} label files have no scan in velodyne; not read.", folder.display());
+    (alone > 0).then(|| Note::fact(text))
 }
 
 /// A 3×4 transform from twelve numbers, row by row. The printed rotation is rounded, so it is made

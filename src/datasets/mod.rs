@@ -13,11 +13,13 @@
 //! | `carla` | scans of CARLA's semantic LiDAR with a table of poses |
 //! | `import` | a scene from a sequence |
 //! | `files` | whole files of records |
+//! | `ground` | the labelled road: heights, and what speaks against poses |
 
 mod build;
 mod carla;
 mod error;
 mod files;
+mod ground;
 mod import;
 pub(crate) mod kitti;
 pub(crate) mod kitti_labels;

@@ -1,6 +1,7 @@
 //! What every data set says of its scans: frames, poses, labelled points, things that move.
 
 use super::DatasetError;
+use crate::Note;
 use crate::geom::Pose;
 use crate::scene::ActorKind;
 
@@ -91,6 +92,9 @@ pub trait LabelledSequence {
     /// # Errors
     /// As [`Self::read`], where boxes are made from points.
     fn tracks(&self) -> Result<Vec<BoxTrack>, DatasetError>;
+
+    /// Sentences about the files: passed over, taken in place of a default, or most likely wrong.
+    fn notes(&self) -> &[Note];
 
     /// Reads the scan and the labels of a frame.
     ///

@@ -1,13 +1,14 @@
 //! One array of an `.npz` archive: found, checked against what is wanted, read.
 
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
 use npyz::{DType, Deserialize, NpyFile, NpyHeader, Order, TypeChar};
 use zip::{CompressionMethod, ZipArchive, read::ZipFile};
 
 use super::GridError;
+use crate::npy::{read_header, transpose};
 
 /// The arrays of a P-SOG file, in the order they are written.
 const ARRAYS: [&str; 7] = ["roi_min", "voxel", "shape", "frames", "classes", "index", "counts"];
@@ -204,14 +205,13 @@ fn read_member<T: Element>(
     shape: impl FnOnce(&[u64]) -> Result<(), String>,
     mut value: impl FnMut(usize, T) -> Result<(), GridError>,
 ) -> Result<Vec<T>, ArrayFault> {
-    let text = read_header(&mut member).map_err(|cause| ArrayFault::Header { cause })?;
-    let header = NpyHeader::from_reader(&text[..])
-        .map_err(|error| ArrayFault::Header { cause: error.to_string() })?;
+    let (header, length) =
+        read_header(&mut member).map_err(|cause| ArrayFault::Header { cause })?;
     check_dtype::<T>(&header).map_err(|found| ArrayFault::Dtype { found, wanted: T::NAME })?;
     shape(header.shape())
         .map_err(|wanted| ArrayFault::Shape { found: show_shape(header.shape()), wanted })?;
     let need = header.len() * T::KIND.1; // cannot overflow: read_header bounds the elements
-    let have = member.size().saturating_sub(text.len() as u64);
+    let have = member.size().saturating_sub(length as u64);
     if need != have {
         return Err(ArrayFault::Size { need, have });
     }
@@ -236,47 +236,6 @@ fn read_member<T: Element>(
     })
 }
 
-/// The bytes of a `.npy` header, refused before they are parsed if they are longer or promise more
-/// than any array of a P-SOG could: the parser trusts both.
-fn read_header(member: &mut impl Read) -> Result<Vec<u8>, String> {
-    const LONGEST: usize = 4096; // NumPy writes 118 bytes, padded to 128
-    let mut bytes = vec![0; 10];
-    let mut take = |bytes: &mut [u8]| {
-        member.read_exact(bytes).map_err(|e| format!("it ends inside the header: {e}"))
-    };
-    take(&mut bytes)?;
-    if &bytes[..6] != b"\x93NUMPY" {
-        return Err("it does not begin with \\x93NUMPY".into());
-    }
-    let mut length = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
-    if bytes[6] >= 2 {
-        let mut high = [0; 2];
-        take(&mut high)?;
-        bytes.extend(high);
-        length += usize::from(u16::from_le_bytes(high)) << 16;
-    }
-    if length > LONGEST {
-        return Err(format!("the header claims {length} bytes, at most {LONGEST} are read"));
-    }
-    let start = bytes.len();
-    bytes.resize(start + length, 0);
-    take(&mut bytes[start..])?;
-    let text = &bytes[start..];
-    if text.iter().filter(|b| b"([{".contains(b)).count() > 8 {
-        return Err("the header nests too many brackets".into());
-    }
-    // Every number in the header is a dimension or the size of an element.
-    let mut product = 1u64;
-    for digits in text.split(|b| !b.is_ascii_digit()).filter(|d| !d.is_empty()) {
-        let number = std::str::from_utf8(digits).ok().and_then(|d| d.parse::<u64>().ok());
-        product = number
-            .and_then(|n| product.checked_mul(n.max(1)))
-            .filter(|&p| p < 1 << 60)
-            .ok_or("the shape promises more elements than any file holds")?;
-    }
-    Ok(bytes)
-}
-
 /// The name of the dtype in the file, if it is not `T` (of either byte order).
 fn check_dtype<T: Element>(header: &NpyHeader) -> Result<(), String> {
     match header.dtype() {
@@ -299,10 +258,4 @@ fn check_dtype<T: Element>(header: &NpyHeader) -> Result<(), String> {
 fn show_shape(shape: &[u64]) -> String {
     let list: Vec<_> = shape.iter().map(u64::to_string).collect();
     if list.len() == 1 { format!("({},)", list[0]) } else { format!("({})", list.join(", ")) }
-}
-
-/// Column-major `[K, columns]` to row-major.
-fn transpose<T: Copy>(data: &[T], columns: usize) -> Vec<T> {
-    let rows = data.len().checked_div(columns).unwrap_or(0);
-    (0..data.len()).map(|n| data[n % columns * rows + n / columns]).collect()
 }

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::svg::trimmed;
 use super::text::align_columns;
-use crate::vehicle::sensor_file::{Beams, SensorPattern};
+use crate::vehicle::sensor_file::{Beams, Measures, SensorPattern};
 
 /// Most rows of the drawing of elevations.
 const ROWS: f64 = 18.0;
@@ -30,9 +30,15 @@ pub struct SensorFacts {
     pub azimuth: [f64; 2],
     /// Azimuth steps of a turn, as given or stated.
     pub azimuth_steps: Option<u32>,
+    /// Azimuths of the first and the last column that the sensor is set to look at; a whole turn if none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub azimuth_window: Option<[f64; 2]>,
     /// Beams of a frame, where the azimuth steps are known.
     pub beams: Option<u64>,
-    /// What the file states and one origin for all beams leaves out.
+    /// Ranges and errors, where the file states them.
+    #[serde(flatten)]
+    pub measures: Measures,
+    /// Sentences about parts of the file: dropped, unknown, or most likely wrong.
     pub notes: Vec<String>,
     /// Elevation of each channel, in the order of the file.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -87,8 +93,12 @@ impl SensorFacts {
         let half = sorted.windows(held.max(1)).map(|held| [held[0], held[held.len() - 1]]);
         let half = half.min_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])));
         let azimuth_steps = steps.or(pattern.azimuth_steps).filter(|_| !is_listed);
-        let beams = match azimuth_steps {
-            Some(steps) => Some(angles.len() as u64 * u64::from(steps)),
+        let (columns, azimuth_window) = azimuth_steps.map_or((None, pattern.azimuth), |steps| {
+            let (columns, window) = pattern.columns(steps);
+            (Some(columns), window)
+        });
+        let beams = match columns {
+            Some(columns) => Some(angles.len() as u64 * u64::from(columns)),
             None => is_listed.then_some(angles.len() as u64),
         };
         let list = |of: usize| (!is_listed).then(|| angles.iter().map(|a| a[of]).collect());
@@ -101,7 +111,9 @@ impl SensorFacts {
             half: half.unwrap_or_default(),
             azimuth: span(angles.iter().map(|angle| angle[0])),
             azimuth_steps,
+            azimuth_window,
             beams,
+            measures: pattern.measures,
             notes: pattern.notes.iter().map(ToString::to_string).collect(),
             elevation_deg: list(1),
             azimuth_offset_deg: list(0),
@@ -128,8 +140,16 @@ pub fn sensor_text(pattern: &SensorPattern, facts: &SensorFacts) -> String {
         let unknown = || "not stated; give --azimuth-steps".to_owned();
         let steps = facts.azimuth_steps.map_or_else(unknown, |steps| format!("{steps} a turn"));
         lines.push(("azimuth steps", steps));
+        lines.extend(facts.azimuth_window.map(|window| ("azimuth window", range(window))));
     }
     lines.extend(facts.beams.map(|beams| ("beams a frame", beams.to_string())));
+    let Measures { range: most, min_range, rated_range, noise, rate } = facts.measures;
+    let metres = |value: Option<f64>| value.map(|value| format!("{} m", number(value)));
+    lines.extend(metres(most).map(|text| ("range", text)));
+    lines.extend(metres(min_range).map(|text| ("closest range", text)));
+    lines.extend(metres(rated_range).map(|text| ("range at 10 %", text)));
+    lines.extend(metres(noise).map(|text| ("range noise", text)));
+    lines.extend(rate.map(|rate| ("frames a second", number(rate))));
     lines.extend(facts.notes.iter().map(|note| ("note", note.clone())));
     let width = lines.iter().map(|(key, _)| key.chars().count()).max().unwrap_or(0);
     let lines: String =
@@ -162,8 +182,7 @@ mod tests {
 
     fn pattern(beams: Beams) -> SensorPattern {
         let notes = vec![crate::Note::fact("Something is dropped.")];
-        let format = SensorFormat::Hesai;
-        SensorPattern { format, model: None, beams, azimuth_steps: None, notes }
+        SensorPattern { notes, ..SensorPattern::new(SensorFormat::Hesai, beams) }
     }
 
     #[test]

@@ -156,12 +156,11 @@ mod tests {
     #[test]
     fn the_first_step_and_its_neighbours_are_drawn() {
         let channel = |elevation| Channel { elevation, azimuth_offset: 0.0 };
+        let beams = Beams::Channels([-10.0, 0.0, 10.0].map(channel).to_vec());
         let pattern = SensorPattern {
-            format: SensorFormat::Table,
             model: Some("a < b".to_owned()),
-            beams: Beams::Channels([-10.0, 0.0, 10.0].map(channel).to_vec()),
             azimuth_steps: Some(360),
-            notes: Vec::new(),
+            ..SensorPattern::new(SensorFormat::Table, beams)
         };
         let svg = sensor_svg(&pattern, &SensorFacts::of(&pattern, None));
         // Six steps to each side of the first one, for each of three channels.

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use super::{Error, Watcher, opening};
 use crate::datasets::{
-    CarlaSequence, CarlaTags, KittiSequence, PsogOptions, build_psog, read_nuscenes,
+    CarlaSequence, CarlaTags, KittiSequence, LabelledSequence, PsogOptions, build_psog,
+    read_nuscenes,
 };
 use crate::files::{writable_file, write_whole};
 use crate::psog::{BuildReport, Psog, Roi, read_psog, write_psog};
@@ -57,8 +58,8 @@ pub struct CarlaScans {
     pub folder: PathBuf,
     /// CSV of the LiDAR's transforms.
     pub poses: PathBuf,
-    /// Tags that the points have.
-    pub tags: CarlaTags,
+    /// Version whose tags the points have; the one that the road fits if none.
+    pub tags: Option<CarlaTags>,
     /// Height of the LiDAR above the ground in metres; above the road of the first scan if none.
     pub lidar_height: Option<f64>,
 }
@@ -68,6 +69,7 @@ impl CarlaScans {
     pub(super) fn open(&self, watcher: &dyn Watcher) -> Result<CarlaSequence, Error> {
         let sequence =
             CarlaSequence::open(&self.folder, &self.poses, self.tags, self.lidar_height)?;
+        tell_notes(&sequence, watcher)?;
         watcher.detail(&format!(
             "{}: the LiDAR stands {:.2} m above the ground",
             self.folder.display(),
@@ -122,19 +124,27 @@ fn of_scans(scans: &Scans, watcher: &dyn Watcher) -> Result<(Psog, BuildReport),
     let options = PsogOptions { window: scans.window, ..PsogOptions::new(roi) };
     let built = match &scans.set {
         DataSet::Kitti(folder, height) => {
-            let mut sequence = KittiSequence::open(folder)?;
-            if let Some(height) = height {
-                sequence = sequence.with_lidar_height(*height)?;
-            }
+            let sequence = KittiSequence::open_at(folder, *height)?;
+            tell_notes(&sequence, watcher)?;
             build_psog(&[sequence], &options)?
         }
         DataSet::Nuscenes(folder, version, names) => {
-            build_psog(&read_nuscenes(folder, version.as_deref(), names)?, &options)?
+            let scenes = read_nuscenes(folder, version.as_deref(), names)?;
+            scenes.iter().try_for_each(|scene| tell_notes(scene, watcher))?;
+            build_psog(&scenes, &options)?
         }
         DataSet::Carla(scans) => build_psog(&[scans.open(watcher)?], &options)?,
     };
     note_ground(&built.0, watcher);
     Ok(built)
+}
+
+/// Tells what the reader of a sequence has to say.
+pub(super) fn tell_notes(
+    sequence: &dyn LabelledSequence,
+    watcher: &dyn Watcher,
+) -> Result<(), Error> {
+    sequence.notes().iter().try_for_each(|note| watcher.tell(note))
 }
 
 /// Says where no voxel holds ground: the scans were most likely placed at a wrong height.

@@ -6,8 +6,12 @@ use super::classes::Classes;
 use super::description::{Dictionary, SceneDescription, ShapeDescription, VehicleSource};
 use super::shapes::Builder;
 use super::solid::Solid;
+use crate::Note;
 use crate::json::{DescriptionError, Place};
-use crate::vehicle::{Lidar, Mount, Vehicle, VehicleDescription, read_vehicle};
+use crate::vehicle::sensor_file::Measures;
+use crate::vehicle::{
+    Described, Lidar, Mount, Response, Vehicle, VehicleDescription, read_vehicle,
+};
 
 /// The sensors of a scene and where they may stand.
 pub(super) struct Carrier {
@@ -19,6 +23,10 @@ pub(super) struct Carrier {
     /// A body that takes the place of the scene's own.
     pub body: Option<Body>,
     pub files: Vec<PathBuf>,
+    /// How the LiDAR measures, where its sensor file says so.
+    pub response: Option<Response>,
+    /// Sentences about the LiDAR or the vehicle.
+    pub notes: Vec<Note>,
 }
 
 /// Shapes of a vehicle's body.
@@ -80,8 +88,10 @@ impl Carrier {
             .ok_or_else(|| missing("mount", "say where sensors may stand, or give a `vehicle`"))?;
         let mount = Mount::new(&top.key("mount"), &mount)?;
         let files = lidar.file.iter().map(|file| dir.join(file)).collect();
-        let lidar = Lidar::new(&top.key("lidar"), lidar, dir)?;
-        Ok(Self { lidar, mount, vehicle: None, body: None, files })
+        let Described { lidar, measures, notes } = Described::new(&top.key("lidar"), lidar, dir)?;
+        let response =
+            (measures != Measures::default()).then(|| Response::stated(lidar.range(), &measures));
+        Ok(Self { lidar, mount, vehicle: None, body: None, files, response, notes })
     }
 
     fn of_vehicle(
@@ -98,7 +108,8 @@ impl Carrier {
         let lidar = vehicle.sensors[0].lidar.clone();
         let mount = around(&vehicle);
         let body = (!shapes.is_empty()).then(|| Body { shapes, at, dir: dir.to_owned() });
-        Ok(Self { lidar, mount, vehicle: Some(vehicle), body, files })
+        let notes = vehicle.notes.clone();
+        Ok(Self { lidar, mount, vehicle: Some(vehicle), body, files, response: None, notes })
     }
 }
 

@@ -30,7 +30,9 @@ use glam::DVec3;
 use crate::Note;
 use crate::geom::{Pose, TriangleSoup};
 use crate::json::{self, check};
-use crate::vehicle::{Constraints, Lidar, Mount, MountRules, SensorError, Sensors, Vehicle};
+use crate::vehicle::{
+    Constraints, Lidar, Mount, MountRules, Response, SensorError, SensorModel, Sensors, Vehicle,
+};
 use carrier::Carrier;
 use classes::Classes;
 use description::{ActorDescription, EgoDescription, SceneDescription, ShapeDescription};
@@ -66,6 +68,8 @@ pub struct Scene {
     vehicle: Option<Vehicle>,
     /// Models once they are asked for: many beams take their time.
     sensors: OnceLock<Sensors>,
+    /// How the LiDAR measures, where its sensor file says so.
+    response: Option<Response>,
     coverage: Coverage,
     psog: PsogSource,
     frames: usize,
@@ -252,7 +256,7 @@ impl Scene {
         let name = name_of(&top, scene.name.take())?;
         let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
         let carrier = Carrier::new(&top, &mut scene, dir, vehicle)?;
-        let Carrier { lidar, mount, vehicle, body, mut files } = carrier;
+        let Carrier { lidar, mount, vehicle, body, mut files, response, mut notes } = carrier;
         roi.check_mount(&top.key("mount"), &mount)?;
         let classes = Classes::new(&top, scene.classes, scene.detection)?;
 
@@ -266,7 +270,7 @@ impl Scene {
             things.body = solid;
             files.extend(more);
         }
-        let notes = builder.notes();
+        notes.extend(builder.notes());
         let reflectances = Reflectances::new(&top, &classes, &scene.reflectance, &scene.actors)?;
 
         let has_geometry = things.has_geometry();
@@ -294,6 +298,7 @@ impl Scene {
             mount,
             vehicle,
             sensors: OnceLock::new(),
+            response,
             coverage,
             psog,
             frames,
@@ -387,7 +392,11 @@ impl Scene {
         }
         let sensors = match &self.vehicle {
             Some(vehicle) => vehicle.models()?,
-            None => self.lidar.table()?.into(),
+            None => {
+                let plain = SensorModel::plain(self.lidar.table()?);
+                let response = self.response.unwrap_or(plain.response);
+                Sensors::new(vec![SensorModel { response, ..plain }]).ok_or(SensorError::NoBeams)?
+            }
         };
         Ok(self.sensors.get_or_init(|| sensors).clone())
     }

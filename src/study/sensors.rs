@@ -86,7 +86,8 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
     for path in &scene.settings.sensors {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let mut lidar = Lidar::from_sensor_file(path, *azimuth_steps, *range)?;
-        if let Lidar::Spinning { azimuth: sector, .. } = &mut lidar {
+        // A file's own window stays.
+        if let Lidar::Spinning { azimuth: sector @ None, .. } = &mut lidar {
             *sector = *azimuth;
         }
         sensors.push((name, lidar));

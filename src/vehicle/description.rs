@@ -15,7 +15,7 @@ pub(crate) struct LidarDescription {
     pub azimuth: Option<[f64; 2]>,
     pub window: Option<[f64; 2]>,
     pub directions: Option<Vec<[f64; 3]>>,
-    pub range: f64,
+    pub range: Option<f64>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -7,6 +7,7 @@ use super::{
     Constraints, Lidar, MAX_LIDARS, Phase, Region, Response, SensorError, SensorModel, SensorName,
     Sensors, Slot, Ties,
 };
+use crate::Note;
 
 /// A sensor model that the vehicle may carry.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,6 +82,8 @@ pub struct Vehicle {
     pub ties: Ties,
     /// What must be seen.
     pub require: Vec<Requirement>,
+    /// Sentences about the file and the sensor files that it names.
+    pub notes: Vec<Note>,
 }
 
 /// Number of a mount and a model for each LiDAR: what a rig is made of, before it has poses.

@@ -5,8 +5,9 @@ use std::path::Path;
 use super::Lidar;
 use super::description::LidarDescription;
 use super::sensor_file::{
-    self, Beams, Channel, MAX_BEAMS, MAX_CHANNELS, SensorFormat, SensorPattern,
+    self, Beams, Channel, MAX_BEAMS, MAX_CHANNELS, Measures, NARROWEST, SensorFormat, SensorPattern,
 };
+use crate::Note;
 use crate::json::check::{self, bad};
 use crate::json::{self, DescriptionError, Place};
 
@@ -15,7 +16,8 @@ const MAX_STEPS: u64 = 100_000;
 impl Lidar {
     /// Reads a LiDAR from a sensor file of any of the formats of [`sensor_file::read`].
     ///
-    /// `azimuth_steps` a turn, for channels; `range` in metres.
+    /// `azimuth_steps` a turn, for channels, of which only a window counts where the file states one; `range` in
+    /// metres.
     ///
     /// # Errors
     /// As [`sensor_file::read`], and too many beams.
@@ -25,10 +27,12 @@ impl Lidar {
         range: f64,
     ) -> Result<Self, DescriptionError> {
         let at = Place::top(&path.display().to_string());
-        match sensor_file::read(path, None)?.beams {
+        let pattern = sensor_file::read(path, None)?;
+        let (steps, azimuth) = pattern.columns(azimuth_steps);
+        match pattern.beams {
             Beams::Directions(directions) => Ok(Self::Directions { directions, range }),
             Beams::Channels(channels) => {
-                spinning(&at, lists(&channels), u64::from(azimuth_steps), None, range)
+                spinning(&at, lists(&channels), u64::from(steps), azimuth, range)
             }
         }
     }
@@ -44,56 +48,150 @@ impl Lidar {
         dir: &Path,
         name_for_errors: &str,
     ) -> Result<Self, DescriptionError> {
-        Self::new(&Place::top(name_for_errors), json::parse(text, name_for_errors)?, dir)
+        let top = Place::top(name_for_errors);
+        Ok(Described::new(&top, json::parse(text, name_for_errors)?, dir)?.lidar)
+    }
+}
+
+/// A LiDAR as a scene or vehicle file describes it.
+#[derive(Debug)]
+pub(crate) struct Described {
+    pub lidar: Lidar,
+    /// What the sensor file says of ranges and errors.
+    pub measures: Measures,
+    /// Sentences about the description and the sensor file.
+    pub notes: Vec<Note>,
+}
+
+impl Described {
+    /// Reads a description; `dir` is where its sensor file is.
+    pub fn new(at: &Place, lidar: LidarDescription, dir: &Path) -> Result<Self, DescriptionError> {
+        let form = form(at, &lidar)?;
+        let stated_range =
+            lidar.range.map(|range| check::range(&at.key("range"), range)).transpose()?;
+        let range = stated_range.ok_or_else(|| DescriptionError::Missing {
+            at: Box::new(at.clone()),
+            key: "range",
+            mend: "give the range in metres, 100 for example".to_owned(),
+        });
+        match form {
+            "directions" => {
+                no_turning(at, lidar.azimuth_steps, lidar.azimuth)?;
+                let list = lidar.directions.unwrap_or_default();
+                let directions = unit_vectors(&at.key("directions"), list)?;
+                Ok(Self::plain(Lidar::Directions { directions, range: range? }))
+            }
+            "channels" => {
+                let range = range?;
+                let count = lidar.channels.unwrap_or(0);
+                let channels = even_channels(at, count, lidar.fov)?;
+                let steps = lidar.azimuth_steps.ok_or_else(|| no_steps(at))?;
+                let mut described =
+                    Self::plain(spinning_in(at, channels, steps, lidar.azimuth, range)?);
+                described.notes.extend(narrow_fov(at, count, lidar.fov));
+                Ok(described)
+            }
+            _ => {
+                let file = dir.join(lidar.file.as_deref().unwrap_or_default());
+                let pattern = file_pattern(at, &lidar, &file)?;
+                let range = match (stated_range, pattern.measures.range) {
+                    (None, Some(stated)) => stated,
+                    _ => range?,
+                };
+                Self::of_pattern(at, &lidar, pattern, range)
+            }
+        }
     }
 
-    pub(crate) fn new(
-        at: &Place,
-        lidar: LidarDescription,
-        dir: &Path,
-    ) -> Result<Self, DescriptionError> {
-        let range = check::range(&at.key("range"), lidar.range)?;
-        let mut found = Vec::new();
-        found.extend(lidar.channels.map(|_| "channels"));
-        found.extend(lidar.file.as_ref().map(|_| "file"));
-        found.extend(lidar.directions.as_ref().map(|_| "directions"));
-        let [form] = found[..] else {
-            let of = &["channels", "file", "directions"];
-            return Err(DescriptionError::Choice { at: Box::new(at.clone()), found, of });
-        };
-        spare(at, "fov", lidar.fov.is_some() && form != "channels", "it belongs to `channels`")?;
-        let of_file = "it belongs to `file`";
-        spare(at, "azimuth_offsets", lidar.azimuth_offsets.is_some() && form != "file", of_file)?;
-        spare(at, "window", lidar.window.is_some() && form != "file", of_file)?;
-        if let Some(directions) = lidar.directions {
-            no_turning(at, lidar.azimuth_steps, lidar.azimuth)?;
-            let directions = unit_vectors(&at.key("directions"), directions)?;
-            return Ok(Self::Directions { directions, range });
-        }
-        let (channels, stated) = match (&lidar.file, lidar.channels) {
-            (Some(file), _) => {
-                let pattern = file_pattern(at, &lidar, &dir.join(file))?;
-                match pattern.beams {
-                    Beams::Directions(directions) => {
-                        no_turning(at, lidar.azimuth_steps, lidar.azimuth)?;
-                        return Ok(Self::Directions { directions, range });
-                    }
-                    Beams::Channels(channels) => (lists(&channels), pattern.azimuth_steps),
-                }
-            }
-            (None, channels) => (even_channels(at, channels.unwrap_or(0), lidar.fov)?, None),
-        };
-        // Columns that a file states are those of a turn.
-        let stated = stated.filter(|_| lidar.azimuth.is_none()).map(u64::from);
-        let Some(steps) = lidar.azimuth_steps.or(stated) else {
-            return Err(DescriptionError::Missing {
-                at: Box::new(at.clone()),
-                key: "azimuth_steps",
-                mend: "give the measurements of one channel in a turn, 250 for example".to_owned(),
-            });
-        };
-        spinning(at, channels, steps, lidar.azimuth, range)
+    /// A LiDAR without a sensor file.
+    fn plain(lidar: Lidar) -> Self {
+        Self { lidar, measures: Measures::default(), notes: Vec::new() }
     }
+
+    /// Beams of a sensor file. Numbers of the description count; the file's own fill what it leaves out.
+    fn of_pattern(
+        at: &Place,
+        lidar: &LidarDescription,
+        mut pattern: SensorPattern,
+        range: f64,
+    ) -> Result<Self, DescriptionError> {
+        let mut notes = std::mem::take(&mut pattern.notes);
+        let measures = pattern.measures;
+        notes.extend(other(at, "range", range, measures.range));
+        let channels = match &mut pattern.beams {
+            Beams::Directions(directions) => {
+                no_turning(at, lidar.azimuth_steps, lidar.azimuth)?;
+                let directions = std::mem::take(directions);
+                return Ok(Self {
+                    lidar: Lidar::Directions { directions, range },
+                    measures,
+                    notes,
+                });
+            }
+            Beams::Channels(channels) => lists(channels),
+        };
+        let lidar = if let Some(sector) = lidar.azimuth {
+            // Columns that a file states are those of a turn.
+            let steps = lidar.azimuth_steps.ok_or_else(|| no_steps(at))?;
+            notes.extend(pattern.azimuth.filter(|stated| *stated != sector).map(|stated| {
+                let at = at.key("azimuth");
+                Note::fact(format!(
+                    "{at}: {sector:?} degrees; the sensor file states {stated:?}. The first counts."
+                ))
+            }));
+            spinning_in(at, channels, steps, Some(sector), range)?
+        } else {
+            let stated = pattern.azimuth_steps;
+            let steps =
+                lidar.azimuth_steps.or(stated.map(u64::from)).ok_or_else(|| no_steps(at))?;
+            let steps = check::count(&at.key("azimuth_steps"), steps, 1, MAX_STEPS)?;
+            notes.extend(other(at, "azimuth_steps", f64::from(steps), stated.map(f64::from)));
+            let (steps, azimuth) = pattern.columns(steps);
+            spinning(at, channels, u64::from(steps), azimuth, range)?
+        };
+        Ok(Self { lidar, measures, notes })
+    }
+}
+
+/// The key that says where the beams come from; keys that belong to another one are refused.
+fn form(at: &Place, lidar: &LidarDescription) -> Result<&'static str, DescriptionError> {
+    let mut found = Vec::new();
+    found.extend(lidar.channels.map(|_| "channels"));
+    found.extend(lidar.file.as_ref().map(|_| "file"));
+    found.extend(lidar.directions.as_ref().map(|_| "directions"));
+    let [form] = found[..] else {
+        let of = &["channels", "file", "directions"];
+        return Err(DescriptionError::Choice { at: Box::new(at.clone()), found, of });
+    };
+    spare(at, "fov", lidar.fov.is_some() && form != "channels", "it belongs to `channels`")?;
+    let of_file = "it belongs to `file`";
+    spare(at, "azimuth_offsets", lidar.azimuth_offsets.is_some() && form != "file", of_file)?;
+    spare(at, "window", lidar.window.is_some() && form != "file", of_file)?;
+    Ok(form)
+}
+
+fn no_steps(at: &Place) -> DescriptionError {
+    DescriptionError::Missing {
+        at: Box::new(at.clone()),
+        key: "azimuth_steps",
+        mend: "give the measurements of one channel in a turn, 250 for example".to_owned(),
+    }
+}
+
+/// A note on a number that the sensor file states otherwise; the description's own counts.
+pub(super) fn other(at: &Place, key: &str, given: f64, stated: Option<f64>) -> Option<Note> {
+    let stated = stated.filter(|stated| (stated - given).abs() > 1e-9 * given.abs())?;
+    let at = at.key(key);
+    Some(Note::fact(format!("{at}: {given}; the sensor file states {stated}. The first counts.")))
+}
+
+/// A doubt about a field of view that looks like radians.
+fn narrow_fov(at: &Place, channels: u64, fov: Option<[f64; 2]>) -> Option<Note> {
+    let [low, high] = fov.filter(|_| channels > 1)?;
+    let at = at.key("fov");
+    let text =
+        format!("{at}: {:.3} degrees for {channels} channels: radians? Write degrees.", high - low);
+    (high - low < NARROWEST && high > low).then(|| Note::doubt(text))
 }
 
 /// Elevations and azimuth offsets in degrees, as many.
@@ -101,6 +199,18 @@ type Channels = (Vec<f64>, Vec<f64>);
 
 fn lists(channels: &[Channel]) -> Channels {
     channels.iter().map(|channel| (channel.elevation, channel.azimuth_offset)).unzip()
+}
+
+/// Channels that turn, or sweep the horizontal field of view of a description.
+fn spinning_in(
+    at: &Place,
+    channels: Channels,
+    steps: u64,
+    azimuth: Option<[f64; 2]>,
+    range: f64,
+) -> Result<Lidar, DescriptionError> {
+    let azimuth = azimuth.map(|azimuth| sector(&at.key("azimuth"), azimuth)).transpose()?;
+    spinning(at, channels, steps, azimuth, range)
 }
 
 fn spinning(
@@ -111,7 +221,6 @@ fn spinning(
     range: f64,
 ) -> Result<Lidar, DescriptionError> {
     let azimuth_steps = check::count(&at.key("azimuth_steps"), steps, 1, MAX_STEPS)?;
-    let azimuth = azimuth.map(|azimuth| sector(&at.key("azimuth"), azimuth)).transpose()?;
     let beams = elevations.len() as u64 * steps;
     if beams > MAX_BEAMS {
         return Err(DescriptionError::TooMany {

@@ -35,6 +35,7 @@ pub(crate) use description::{LidarDescription, MountDescription, VehicleDescript
 pub use doubts::Doubts;
 pub use equipment::{Equipment, Requirement, Vehicle, VehicleMount, VehicleSensor};
 pub use lidar::Lidar;
+pub(crate) use lidar_reading::Described;
 pub use mount::{Mount, MountRules};
 pub use placement::{MAX_LIDARS, Placement, PlacementError, SensorPose};
 pub use placement_file::{PlacementFileError, PlacementReader, read_placements};

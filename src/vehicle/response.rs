@@ -3,6 +3,9 @@
 use serde::Serialize;
 
 use super::description::ResponseDescription;
+use super::lidar_reading::other;
+use super::sensor_file::Measures;
+use crate::Note;
 use crate::json::check::{self, bad};
 use crate::json::{DescriptionError, Place};
 
@@ -66,14 +69,39 @@ impl Response {
         RATED_REFLECTANCE / (self.rated_range * self.rated_range)
     }
 
-    /// Reads the `response` of a sensor model whose beams go `range` metres.
+    /// The usual response, with the numbers that a sensor file states in place of the usual ones.
+    pub(crate) fn stated(range: f64, measures: &Measures) -> Self {
+        let usual = Self::usual(range);
+        Self {
+            rate: measures.rate.unwrap_or(usual.rate),
+            rated_range: measures.rated_range.unwrap_or(usual.rated_range),
+            noise: measures.noise.unwrap_or(usual.noise),
+            // A range cut short by a scene leaves the sensor nothing nearer.
+            min_range: measures.min_range.unwrap_or(usual.min_range).min(range),
+            ..usual
+        }
+    }
+
+    /// Reads the `response` of a sensor model whose beams go `range` metres. Its numbers count, those of the sensor
+    /// file where it has none; numbers of both that differ are notes.
     pub(super) fn new(
         at: &Place,
         written: Option<&ResponseDescription>,
         range: f64,
+        measures: &Measures,
+        notes: &mut Vec<Note>,
     ) -> Result<Self, DescriptionError> {
-        let usual = Self::usual(range);
+        let usual = Self::stated(range, measures);
         let Some(written) = written else { return Ok(usual) };
+        let both = [
+            ("rate", written.rate, measures.rate),
+            ("rated_range", written.rated_range, measures.rated_range),
+            ("noise", written.noise, measures.noise),
+            ("min_range", written.min_range, measures.min_range),
+        ];
+        notes.extend(
+            both.into_iter().filter_map(|(key, given, stated)| other(at, key, given?, stated)),
+        );
         let between = |key: &str, value: Option<f64>, usual: f64, low: f64, high: f64| {
             let value = value.unwrap_or(usual);
             if (low..=high).contains(&value) {

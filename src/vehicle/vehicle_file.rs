@@ -10,11 +10,13 @@ use super::description::{
     RequirementDescription, VehicleDescription,
 };
 use super::equipment::{Requirement, Vehicle, VehicleMount, VehicleSensor};
+use super::lidar_reading::Described;
 use super::mesh_mirror::mirror_meshes;
 use super::mount::keep_out_boxes;
 use super::mounting::mounting;
 use super::ties::{check_pairs, level};
-use super::{Lidar, MAX_LIDARS, Phase, Response, SensorName, Ties};
+use super::{MAX_LIDARS, Phase, Response, SensorName, Ties};
+use crate::Note;
 use crate::json::check::{self, bad};
 use crate::json::{self, DescriptionError, FileKind, Place};
 
@@ -64,12 +66,12 @@ impl Vehicle {
         }
         let name = vehicle.name.filter(|name| !name.trim().is_empty());
         let name = name.map(|name| check::text(&at.key("name"), name)).transpose()?;
-        let mut files = Vec::new();
+        let (mut files, mut notes) = (Vec::new(), Vec::new());
         let mut sensors: Vec<VehicleSensor> = Vec::new();
         for (i, model) in vehicle.sensors.into_iter().enumerate() {
             let at = at.key("sensors").item(i);
             files.extend(model.lidar.file.iter().map(|file| dir.join(file)));
-            let sensor = sensor(&at, model, dir)?;
+            let sensor = sensor(&at, model, dir, &mut notes)?;
             if sensors.iter().any(|known| known.name == sensor.name) {
                 let wanted = "a name of its own; it is used twice";
                 return Err(bad(&at.key("name"), format!("`{}`", sensor.name), wanted));
@@ -95,7 +97,7 @@ impl Vehicle {
         let require = require.map(|(i, r)| requirement(&at.key("require").item(i), r));
         let require = require.collect::<Result<_, _>>()?;
         let name = name.unwrap_or_else(|| stem.to_owned());
-        Ok((Self { name, sensors, mounts, min_distance, keep_out, ties, require }, files))
+        Ok((Self { name, sensors, mounts, min_distance, keep_out, ties, require, notes }, files))
     }
 }
 
@@ -132,10 +134,13 @@ fn sensor(
     at: &Place,
     model: ModelDescription,
     dir: &Path,
+    notes: &mut Vec<Note>,
 ) -> Result<VehicleSensor, DescriptionError> {
     let name = SensorName::new(&model.name)
         .map_err(|why| bad(&at.key("name"), format!("{:?}", model.name), why))?;
-    let lidar = Lidar::new(&at.key("lidar"), model.lidar, dir)?;
+    let described = Described::new(&at.key("lidar"), model.lidar, dir)?;
+    let Described { lidar, measures, notes: said } = described;
+    notes.extend(said);
     let phase = match model.phase {
         None if lidar.turns() => Phase::Free,
         None => Phase::Locked(0.0),
@@ -153,7 +158,8 @@ fn sensor(
     if !(0.0..=1e12).contains(&model.price) {
         return Err(bad(&at.key("price"), model.price, "a price of 0 or more"));
     }
-    let response = Response::new(&at.key("response"), model.response.as_ref(), lidar.range())?;
+    let written = model.response.as_ref();
+    let response = Response::new(&at.key("response"), written, lidar.range(), &measures, notes)?;
     Ok(VehicleSensor { name, lidar, phase, price: model.price, response })
 }
 

@@ -12,8 +12,10 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 
+use super::ground::{self, Road};
 use super::kitti::above_ground;
 use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel};
+use crate::Note;
 use crate::geom::Pose;
 use crate::scene::DEFAULT_CLASSES;
 use poses::{Stood, frame_of};
@@ -23,10 +25,12 @@ use tags::Tag;
 pub(super) use tags::{class_of_name, tag_names};
 use tracks::Seen;
 
-/// Within this radius of the LiDAR the road tells its height, metres.
-const NEAR: f64 = 10.0;
-/// Classes that say where the ground is.
-const GROUND: [&str; 2] = ["road", "road_line"];
+/// Scans that are looked at for a road.
+const MOST_SCANS: usize = 10;
+/// Metres of height within which the points of a road near the LiDAR lie; house fronts do not.
+const FLAT: f64 = 1.5;
+/// Metres by which one surface lies clearly below another.
+const LOWER: f64 = 0.3;
 
 /// A point with the name and the meaning of its tag.
 type Tagged = (Record, (&'static str, Tag));
@@ -42,22 +46,24 @@ pub struct CarlaSequence {
     meanings: Vec<(&'static str, Tag)>,
     /// The ego frame stands on the ground below the LiDAR.
     ego_from_sensor: Pose,
+    notes: Vec<Note>,
 }
 
 impl CarlaSequence {
     /// Opens a folder of scans named by their frames (`000123.ply`, `.bin` or `.npy`) and a table of
-    /// `carla.Transform` of the LiDAR: frame or file, x, y, z, roll, pitch, yaw, and perhaps time. Without a
-    /// height of the LiDAR above the ground the first scan's road within 10 m tells it.
+    /// `carla.Transform` of the LiDAR: frame or file, x, y, z, roll, pitch, yaw, and perhaps time. Without `tags`
+    /// the first scan with a road tells their version; without a height of the LiDAR above the ground, the road
+    /// within 10 m does.
     ///
     /// # Errors
     /// Files that are missing, malformed or named by no frame, a scan without a pose; see [`DatasetError`].
     pub fn open(
         folder: &Path,
         poses: &Path,
-        tags: CarlaTags,
+        tags: Option<CarlaTags>,
         lidar_height: Option<f64>,
     ) -> Result<Self, DatasetError> {
-        let table = poses::read(poses)?;
+        let (table, mut notes) = poses::read(poses)?;
         let mut frames = BTreeMap::new();
         for (frame, scan) in list_scans(folder)? {
             let Some(&stood) = table.get(&frame) else {
@@ -67,12 +73,27 @@ impl CarlaSequence {
                 return Err(DatasetError::Twice { path: folder.to_owned(), frame });
             }
         }
-        let named = tags.names().iter().map(|&name| class_of_name(name).map(|tag| (name, tag)));
-        let meanings = named.flatten().collect();
-        let folder = folder.to_owned();
-        let mut sequence = Self { folder, frames, tags, meanings, ego_from_sensor: Pose::IDENTITY };
-        let height = lidar_height.map_or_else(|| sequence.measured_height(), Ok)?;
+        let more = table.len() - frames.len();
+        notes.extend((more > 0).then(|| {
+            Note::fact(format!("{}: {more} rows belong to no scan; not read.", poses.display()))
+        }));
+        notes.extend(poses::backwards(poses, &frames));
+        let mut sequence = Self {
+            folder: folder.to_owned(),
+            frames,
+            tags: tags.unwrap_or(CarlaTags::Since0914),
+            meanings: Vec::new(),
+            ego_from_sensor: Pose::IDENTITY,
+            notes,
+        };
+        let road = sequence.choose_tags(tags)?;
+        let height = match (lidar_height, road) {
+            (Some(height), _) => height,
+            (None, Some(road)) => road.depth,
+            (None, None) => return Err(sequence.no_ground()),
+        };
         sequence.ego_from_sensor = above_ground(height)?;
+        sequence.notes.extend(ground::doubts(&sequence, Some("--lidar-height"))?);
         Ok(sequence)
     }
 
@@ -81,22 +102,86 @@ impl CarlaSequence {
         self.ego_from_sensor.translation.z
     }
 
-    /// Median height above the road points near the LiDAR, in the first scan.
-    fn measured_height(&self) -> Result<f64, DatasetError> {
-        let Some((path, _)) = self.frames.values().next() else {
-            return Err(DatasetError::NoCarlaScans { path: self.folder.clone() });
+    /// Version whose tags the points are taken to have.
+    pub fn tags(&self) -> CarlaTags {
+        self.tags
+    }
+
+    fn no_ground(&self) -> DatasetError {
+        let path = self.frames.values().next().map_or(&self.folder, |(path, _)| path);
+        DatasetError::NoGround { path: path.clone(), radius: ground::NEAR }
+    }
+
+    /// Takes the version that is given, or the one in which the road of the first scans lies flat below the LiDAR.
+    /// Returns the road in that version.
+    fn choose_tags(&mut self, given: Option<CarlaTags>) -> Result<Option<Road>, DatasetError> {
+        let [old, new] = self.roads()?;
+        let fits = |road: Option<Road>| {
+            road.is_some_and(|road| road.is_sure() && road.depth > 0.0 && road.spread < FLAT)
         };
-        let mut heights = Vec::new();
-        for (record, (_, (class, ..))) in self.records(path)? {
-            let [x, y, z] = record.xyz.map(f64::from);
-            let ground = class.is_some_and(|c| GROUND.contains(&DEFAULT_CLASSES[usize::from(c)]));
-            if ground && x.hypot(y) <= NEAR {
-                heights.push(0.0 - z);
+        let fitting = match (fits(old), fits(new)) {
+            (true, false) => Some(CarlaTags::Until0913),
+            (false, true) => Some(CarlaTags::Since0914),
+            (true, true) => deeper(old, new),
+            (false, false) => None,
+        };
+        self.tags = given.or(fitting).unwrap_or(CarlaTags::Since0914);
+        let of = |tags: CarlaTags| if tags == CarlaTags::Until0913 { old } else { new };
+        let said = |tags: CarlaTags| match of(tags) {
+            None => format!("no road in {}", tags.version()),
+            Some(Road { points, depth, spread }) => format!(
+                "{points} points of road {depth:.2} m below the LiDAR within {spread:.2} m of height in {}",
+                tags.version()
+            ),
+        };
+        let name = self.folder.display();
+        let both = format!("{}, {}", said(CarlaTags::Until0913), said(CarlaTags::Since0914));
+        let taken = self.tags.version();
+        self.notes.extend(match (given, fitting) {
+            (Some(given), Some(fitting)) if given != fitting => Some(Note::doubt(format!(
+                "{name}: tags are those of CARLA {taken}, as given, and those of {} fit better: {both}. --carla-tags gives \
+                 the version.",
+                fitting.version()
+            ))),
+            (None, Some(CarlaTags::Until0913)) => Some(Note::fact(format!(
+                "{name}: tags are taken to be those of CARLA {taken} to 0.9.13: {both}. --carla-tags gives the version."
+            ))),
+            (None, None) => Some(Note::doubt(format!(
+                "{name}: tags are taken to be those of CARLA {taken} and later, and nothing speaks for either version: \
+                 {both}. --carla-tags gives the version."
+            ))),
+            _ => None,
+        });
+        let found =
+            self.tags.names().iter().map(|&name| class_of_name(name).map(|tag| (name, tag)));
+        self.meanings = found.flatten().collect();
+        Ok(of(self.tags))
+    }
+
+    /// Roads near the LiDAR by either version's tags, in the first scan that has one of them.
+    fn roads(&self) -> Result<[Option<Road>; 2], DatasetError> {
+        if self.frames.is_empty() {
+            return Err(DatasetError::NoCarlaScans { path: self.folder.clone() });
+        }
+        for (path, _) in self.frames.values().take(MOST_SCANS) {
+            let records = records::read(path)?;
+            let roads = [CarlaTags::Until0913, CarlaTags::Since0914].map(|tags| {
+                let is_road: Vec<bool> =
+                    tags.names().iter().map(|name| is_road_tag(name)).collect();
+                let near = records.iter().filter(|record| {
+                    let [x, y, _] = record.xyz.map(f64::from);
+                    is_road.get(record.tag as usize) == Some(&true) && x.hypot(y) <= ground::NEAR
+                });
+                // Tags that the version lacks speak against it.
+                let known = records.iter().all(|record| (record.tag as usize) < is_road.len());
+                Road::of(near.map(|record| 0.0 - f64::from(record.xyz[2])).collect())
+                    .filter(|_| known)
+            });
+            if roads.iter().any(Option::is_some) {
+                return Ok(roads);
             }
         }
-        heights.sort_by(f64::total_cmp);
-        let none = || DatasetError::NoGround { path: path.clone(), radius: NEAR };
-        heights.get(heights.len() / 2).copied().ok_or_else(none)
+        Ok([None; 2])
     }
 
     /// The points of a scan with the name and meaning of their tags.
@@ -169,6 +254,10 @@ impl LabelledSequence for CarlaSequence {
         Ok(seen.values().filter_map(Seen::track).collect())
     }
 
+    fn notes(&self) -> &[Note] {
+        &self.notes
+    }
+
     fn read(&self, frame: u32) -> Result<LabelledScan, DatasetError> {
         let records = self.records(&self.frame(frame)?.0)?;
         let label = |(record, (_, tag)): &(Record, (&str, Tag))| {
@@ -178,6 +267,21 @@ impl LabelledSequence for CarlaSequence {
         let labels = records.iter().map(label).collect();
         Ok(LabelledScan { points: records.iter().map(|(record, _)| record.xyz).collect(), labels })
     }
+}
+
+/// The version whose road lies clearly below that of the other one: a road is the lowest surface near a car.
+fn deeper(old: Option<Road>, new: Option<Road>) -> Option<CarlaTags> {
+    match old?.depth - new?.depth {
+        more if more > LOWER => Some(CarlaTags::Until0913),
+        more if more < -LOWER => Some(CarlaTags::Since0914),
+        _ => None,
+    }
+}
+
+/// Whether a tag's name is one of road.
+fn is_road_tag(name: &str) -> bool {
+    let class = class_of_name(name).and_then(|(class, ..)| class);
+    class.is_some_and(|class| ground::is_road(DEFAULT_CLASSES[usize::from(class)]))
 }
 
 /// Whether a point lies on a vehicle or person that the simulator moves: parts of the map have object 0.

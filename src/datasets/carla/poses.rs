@@ -4,12 +4,15 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::super::{DatasetError, files};
+use crate::Note;
 use crate::geom::Pose;
 use crate::rig::mirrored;
 use crate::vehicle::SensorPose;
 
 /// Columns of a transform, in metres and degrees.
 const COLUMNS: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
+/// Most columns that are looked at.
+const MOST_COLUMNS: usize = 64;
 /// Largest number: beyond, angles lose their degrees.
 const MOST: f64 = 1e7;
 
@@ -21,8 +24,11 @@ pub(super) struct Stood {
     pub time: Option<f64>,
 }
 
+/// Poses by frame, and notes on the table.
+type Table = (BTreeMap<u32, Stood>, Vec<Note>);
+
 /// Reads the poses by frame. The world is CARLA's with y to the left.
-pub(super) fn read(path: &Path) -> Result<BTreeMap<u32, Stood>, DatasetError> {
+pub(super) fn read(path: &Path) -> Result<Table, DatasetError> {
     let text = files::read_text(path)?;
     let fault = |line: usize, fault: String| DatasetError::Line {
         path: path.to_owned(),
@@ -32,7 +38,12 @@ pub(super) fn read(path: &Path) -> Result<BTreeMap<u32, Stood>, DatasetError> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
     let mut rows = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let titles = rows.next().map_or("", |(_, line)| line).to_ascii_lowercase();
-    let titles: Vec<&str> = titles.split(',').map(str::trim).collect();
+    let titles: Vec<&str> = titles.split(',').map(plain).collect();
+    if let Some(k) = (1..titles.len().min(MOST_COLUMNS)).find(|&k| titles[..k].contains(&titles[k]))
+        && !titles[k].is_empty()
+    {
+        return Err(fault(0, format!("has two columns {:?}; leave one out", short(titles[k]))));
+    }
     let column = |name: &str| titles.iter().position(|title| *title == name);
     let wanted = || "give a first row with frame (or file), x, y, z, roll, pitch, yaw".to_owned();
     let key = column("frame").or(column("file")).ok_or_else(|| fault(0, wanted()))?;
@@ -42,9 +53,24 @@ pub(super) fn read(path: &Path) -> Result<BTreeMap<u32, Stood>, DatasetError> {
             column(name).ok_or_else(|| fault(0, format!("has no column {name}; {}", wanted())))?;
     }
     let time = column("time").or(column("timestamp"));
+    let known = [key].into_iter().chain(places).chain(time);
+    let known: Vec<usize> = known.collect();
+    let unknown = (0..titles.len().min(MOST_COLUMNS))
+        .filter(|k| !known.contains(k) && !titles[*k].is_empty());
+    let unknown: Vec<String> = unknown.map(|k| format!("`{}`", short(titles[k]))).collect();
+    let text = format!(
+        "{}: columns {} are not known here, and not read.",
+        path.display(),
+        unknown.join(", ")
+    );
+    let notes = (!unknown.is_empty()).then(|| Note::fact(text)).into_iter().collect();
     let mut poses = BTreeMap::new();
     for (line, text) in rows {
-        let cells: Vec<&str> = text.split(',').map(str::trim).collect();
+        let cells: Vec<&str> = text.split(',').take(MOST_COLUMNS + 1).map(plain).collect();
+        if cells.iter().skip(titles.len()).any(|cell| !cell.is_empty()) {
+            let wanted = "more cells than the first row; write decimals with a point, as 1.5";
+            return Err(fault(line, format!("has {wanted}")));
+        }
         let cell = |place: usize| cells.get(place).copied().unwrap_or_default();
         let number = |place: usize| match cell(place).parse::<f64>() {
             Ok(number) if number.abs() <= MOST => Ok(number),
@@ -67,7 +93,30 @@ pub(super) fn read(path: &Path) -> Result<BTreeMap<u32, Stood>, DatasetError> {
             return Err(fault(line, format!("frame {frame} comes twice; keep one row")));
         }
     }
-    Ok(poses)
+    Ok((poses, notes))
+}
+
+/// A doubt about times that do not rise with the frames.
+pub(super) fn backwards(
+    path: &Path,
+    frames: &BTreeMap<u32, (std::path::PathBuf, Stood)>,
+) -> Option<Note> {
+    let times: Vec<(u32, f64)> =
+        frames.iter().filter_map(|(&frame, (_, stood))| Some((frame, stood.time?))).collect();
+    let pair = times.windows(2).find(|pair| pair[1].1 <= pair[0].1)?;
+    Some(Note::doubt(format!(
+        "{}: frame {} has the time {}, and frame {} after it {}; times are seconds and rise.",
+        path.display(),
+        pair[0].0,
+        pair[0].1,
+        pair[1].0,
+        pair[1].1
+    )))
+}
+
+/// A cell without blanks and quotes.
+fn plain(cell: &str) -> &str {
+    cell.trim().trim_matches('"').trim()
 }
 
 /// The start of a cell, for messages.

@@ -2,7 +2,10 @@
 
 use std::path::Path;
 
+use npyz::{DType, Endianness, TypeChar};
+
 use super::super::{DatasetError, files};
+use crate::npy::read_header;
 
 /// Bytes of a raw record: x, y, z and the cosine as `f32`, object and tag as `u32`.
 const RECORD: usize = 24;
@@ -44,21 +47,38 @@ fn raw(bytes: &[u8]) -> Vec<Record> {
     bytes.as_chunks::<RECORD>().0.iter().map(record).collect()
 }
 
-/// An array `[N]` of records of version 1, as `numpy.save` writes it.
+/// An array `[N]` of records that name x, y, z, ObjIdx and ObjTag, in any order.
 fn array(path: &Path, bytes: &[u8]) -> Result<Vec<Record>, DatasetError> {
-    let split = || {
-        let length = match bytes.strip_prefix(b"\x93NUMPY")? {
-            [1, 0, low, high, ..] => usize::from(u16::from_le_bytes([*low, *high])),
-            _ => return None,
+    let mut data = bytes;
+    let mut split = || {
+        let (header, _) = read_header(&mut data).ok()?;
+        let DType::Record(fields) = header.dtype() else { return None };
+        let &[rows] = header.shape() else { return None };
+        let (mut places, mut size) = ([None; 5], 0);
+        for field in &fields {
+            let DType::Plain(kind) = &field.dtype else { return None };
+            let known = PROPERTIES.iter().position(|name| name.eq_ignore_ascii_case(&field.name));
+            if let Some(known) = known {
+                let wanted = if known < 3 { TypeChar::Float } else { TypeChar::Uint };
+                let is_little = kind.endianness() != Endianness::Big;
+                let fits = kind.type_char() == wanted && kind.size_field() == 4 && is_little;
+                if !fits || places[known].replace(size).is_some() {
+                    return None;
+                }
+            }
+            size += kind.num_bytes()?;
+        }
+        let [Some(x), Some(y), Some(z), Some(object), Some(tag)] = places else { return None };
+        // A header's numbers are bounded together.
+        if size == 0 || rows.checked_mul(size as u64) != Some(data.len() as u64) {
+            return None;
+        }
+        let record = |record: &[u8]| {
+            let four = |at: usize| [record[at], record[at + 1], record[at + 2], record[at + 3]];
+            let xyz = [x, y, z].map(|at| f32::from_le_bytes(four(at)));
+            left_handed(xyz, u32::from_le_bytes(four(object)), u32::from_le_bytes(four(tag)))
         };
-        let (header, data) = bytes[10..].split_at_checked(length)?;
-        let header = std::str::from_utf8(header).ok()?.replace(' ', "");
-        let (_, fields) = header.split_once("'descr':[")?;
-        let (fields, rest) = fields.split_once(']')?;
-        let types: String = fields.split('\'').skip(3).step_by(4).collect();
-        let rows = rest.split_once("'shape':(")?.1.split_once(",)")?.0.parse::<usize>().ok()?;
-        let fits = types == "<f4<f4<f4<f4<u4<u4" && rows.checked_mul(RECORD) == Some(data.len());
-        fits.then(|| raw(data))
+        Some(data.chunks_exact(size).map(record).collect())
     };
     split().ok_or_else(|| DatasetError::Array { path: path.to_owned() })
 }
@@ -80,6 +100,10 @@ fn ply(path: &Path, text: &str) -> Result<Vec<Record>, DatasetError> {
             if let Some(column) = column {
                 found[*column] = Some(word);
             }
+        }
+        if text.split_ascii_whitespace().nth(columns.len()).is_some() {
+            let fault = format!("has more than the {} numbers of the header", columns.len());
+            return line_error(line, fault);
         }
         let [x, y, z] = [0, 1, 2].map(|k| found[k].and_then(|word| word.parse::<f32>().ok()));
         let [object, tag] = [3, 4].map(|k| found[k].and_then(|word| word.parse::<u32>().ok()));

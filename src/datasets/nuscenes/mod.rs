@@ -20,6 +20,7 @@ pub use read::read_nuscenes;
 
 use super::files::{check_count, read_points, read_units};
 use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel};
+use crate::Note;
 use crate::geom::Pose;
 use crate::scene::DEFAULT_CLASSES;
 
@@ -37,6 +38,7 @@ pub struct NuscenesScene {
     rate: Option<f64>,
     /// Meaning of each label that the set defines.
     categories: Arc<Vec<Option<Category>>>,
+    notes: Vec<Note>,
 }
 
 #[derive(Debug, Clone)]
@@ -105,6 +107,10 @@ impl LabelledSequence for NuscenesScene {
         Ok(self.tracks.clone())
     }
 
+    fn notes(&self) -> &[Note] {
+        &self.notes
+    }
+
     /// A point of a thing that may have a box moves where that box does, also a little beside it. One that
     /// has no box stands still, as parked cars that a data set takes for a part of the street.
     fn read(&self, frame: u32) -> Result<LabelledScan, DatasetError> {
@@ -112,7 +118,7 @@ impl LabelledSequence for NuscenesScene {
         let points = read_points::<POINT>(&keyframe.scan)?;
         let path = &keyframe.labels;
         let ids = read_units(path, 1)?;
-        check_count(path.clone(), ids.len(), &keyframe.scan, points.len())?;
+        check_count(path.clone(), ids.len(), &keyframe.scan, points.len(), POINT)?;
         let boxes = self.boxes(frame, &keyframe.world_from_sensor);
         let at_rest: Vec<bool> = self.tracks.iter().map(BoxTrack::at_rest).collect();
         let moves = |track: u32| !at_rest[track as usize];

@@ -10,7 +10,8 @@ use super::tables::{
     SampleRow, SceneRow, SensorRow, Tables,
 };
 use super::{Keyframe, NuscenesScene};
-use crate::datasets::{BoxTrack, DatasetError, TrackPose};
+use crate::Note;
+use crate::datasets::{BoxTrack, DatasetError, TrackPose, ground};
 use crate::geom::Pose;
 
 /// The channel whose keyframes lidarseg labels.
@@ -43,13 +44,16 @@ pub fn read_nuscenes(
         if keyframes.is_empty() {
             return Err(tables.no_row("sample", name, "scene.json"));
         }
-        read.push(NuscenesScene {
+        let mut scene = NuscenesScene {
             name: name.clone(),
             keyframes,
             tracks: tracks.remove(&index).unwrap_or_default(),
             rate: rate(&times),
             categories: Arc::clone(&categories),
-        });
+            notes: times_doubted(&tables, name, &times).into_iter().collect(),
+        };
+        scene.notes.extend(ground::doubts(&scene, None)?);
+        read.push(scene);
     }
     Ok(read)
 }
@@ -76,6 +80,21 @@ fn rate(times: &[f64]) -> Option<f64> {
     let (first, last) = (times.first()?, times.last()?);
     let rate = (times.len() - 1) as f64 * 1e6 / (last - first);
     Some((rate * 1000.0).round() / 1000.0).filter(|rate| *rate > 0.0 && *rate <= 1000.0)
+}
+
+/// A doubt about times that are no microseconds, or of which two are the same.
+fn times_doubted(tables: &Tables, scene: &str, times: &[f64]) -> Option<Note> {
+    let fault = match rate(times) {
+        _ if times.len() < 2 => return None,
+        _ if times.windows(2).any(|pair| pair[0] == pair[1]) => "has two keyframes of one time",
+        Some(rate) if (0.1..=100.0).contains(&rate) => return None,
+        _ => "has less than 0.1 or more than 100 keyframes a second",
+    };
+    let path = tables.path("sample");
+    Some(Note::doubt(format!(
+        "{}: the scene {scene:?} {fault}; `timestamp` is in microseconds.",
+        path.display()
+    )))
 }
 
 /// Token and name of the scenes, in the order asked for or that of the table.
@@ -146,17 +165,26 @@ fn categories(tables: &Tables) -> Result<(Labels, ByToken), DatasetError> {
     // Sets of Place3D keep the categories of points apart from those of boxes.
     let apart = Some("lidarseg_category").filter(|name| tables.path(name).exists());
     for table in ["category"].into_iter().chain(apart) {
+        let mut here: HashSet<u8> = HashSet::new();
         tables.rows(table, |CategoryRow { token, name, index }| {
             let Some(found) = category(&name) else {
                 let path = tables.path(table);
                 return Err(DatasetError::Category { path, name, known: known() });
             };
             if let Some(index) = index {
-                labels[usize::from(index)] = Some(found);
+                let label = usize::from(index);
+                if !here.insert(index) && labels[label] != Some(found) {
+                    let fault = "its `index` is that of another category; give each its own";
+                    return Err(DatasetError::Row { path: tables.path(table), token, fault });
+                }
+                labels[label] = Some(found);
             }
             by_token.insert(token, (name, found));
             Ok(())
         })?;
+    }
+    if labels.iter().all(Option::is_none) {
+        return Err(DatasetError::NoIndex { path: tables.path("category") });
     }
     Ok((labels, by_token))
 }
@@ -173,7 +201,12 @@ fn keyframes(
     tables.rows("sample_data", |row: SampleDataRow| {
         let keyframe = row.is_key_frame && wanted.contains(row.sample_token.as_str());
         if keyframe && calibrated.contains_key(&row.calibrated_sensor_token) {
-            data.insert(row.sample_token.clone(), row);
+            let token = row.token.clone();
+            if data.insert(row.sample_token.clone(), row).is_some() {
+                let path = tables.path("sample_data");
+                let fault = "its sample has a keyframe of LIDAR_TOP already; leave one out";
+                return Err(DatasetError::Row { path, token, fault });
+            }
         }
         Ok(())
     })?;
@@ -192,8 +225,8 @@ fn keyframes(
             tables.pose("ego_pose", &pose.token, pose.translation, pose.rotation)?;
         let ego_from_sensor = calibrated[&row.calibrated_sensor_token];
         keyframes.entry(sample.scene).or_default().push(Keyframe {
-            scan: folder.join(&row.filename),
-            labels: folder.join(&lidarseg[&row.token].filename),
+            scan: tables.file("sample_data", folder, &row.filename)?,
+            labels: tables.file("lidarseg", folder, &lidarseg[&row.token].filename)?,
             ego_from_sensor,
             world_from_sensor: world_from_ego.compose(&ego_from_sensor),
         });

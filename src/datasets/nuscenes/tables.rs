@@ -1,18 +1,28 @@
 //! Tables of nuScenes, read row by row: those of the whole set are larger than memory should be.
+//!
+//! Passed over in a row: `prev`, `next` (times order the samples), `timestamp` of sweeps and poses, `height`,
+//! `width` and `camera_intrinsic` (cameras), `fileformat`, `modality`, `description`, `nbr_*`, `first_*`, `last_*`,
+//! `log_token` (repeat other rows), `visibility_token`, `attribute_tokens`, `num_lidar_pts`, `num_radar_pts`
+//! (about boxes; a box is an obstacle whoever sees it). The tables `log`, `map`, `attribute`, `visibility` and
+//! `panoptic` are not read.
 
+use std::cell::Cell;
 use std::collections::{HashMap, HashSet};
 use std::fmt;
-use std::io::BufReader;
+use std::io::{BufReader, Read};
 use std::marker::PhantomData;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
 use serde::de::{DeserializeSeed, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
 use super::super::{DatasetError, files};
+use crate::files::stays_inside;
 use crate::geom::Pose;
 
+/// Most bytes of a row; rows of nuScenes have up to 800.
+const MOST_OF_A_ROW: usize = 1 << 20;
 /// Farthest that the length of a quaternion may be from 1.
 const UNIT: f64 = 1e-3;
 /// Largest coordinate in metres.
@@ -53,7 +63,7 @@ pub(super) struct SampleDataRow {
     pub sample_token: String,
     pub ego_pose_token: String,
     pub calibrated_sensor_token: String,
-    pub filename: PathBuf,
+    pub filename: String,
     pub is_key_frame: bool,
 }
 
@@ -68,7 +78,7 @@ pub(super) struct EgoPoseRow {
 #[derive(Deserialize)]
 pub(super) struct LidarsegRow {
     pub sample_data_token: String,
-    pub filename: PathBuf,
+    pub filename: String,
 }
 
 #[derive(Deserialize)]
@@ -128,6 +138,19 @@ impl Tables {
         self.folder.join(format!("{name}.json"))
     }
 
+    /// The file that a row names, in the folder of the set.
+    pub(super) fn file(
+        &self,
+        table: &str,
+        folder: &Path,
+        name: &str,
+    ) -> Result<PathBuf, DatasetError> {
+        stays_inside(folder, name).map_err(|fault| DatasetError::Outside {
+            path: self.path(table),
+            fault: fault.to_string(),
+        })
+    }
+
     /// Reads a table and keeps what `keep` makes of its rows.
     pub(super) fn rows<R: for<'de> Deserialize<'de>>(
         &self,
@@ -140,8 +163,16 @@ impl Tables {
             other => other,
         })?;
         let (mut row, mut refused) = (0, None);
-        let each = Each { row: &mut row, refused: &mut refused, keep: &mut keep, of: PhantomData };
-        let mut json = serde_json::Deserializer::from_reader(BufReader::new(file));
+        let left = Cell::new(MOST_OF_A_ROW);
+        let each = Each {
+            row: &mut row,
+            refused: &mut refused,
+            keep: &mut keep,
+            left: &left,
+            of: PhantomData,
+        };
+        let metered = Metered { file: BufReader::new(file), left: &left };
+        let mut json = serde_json::Deserializer::from_reader(metered);
         let read = each.deserialize(&mut json).and_then(|()| json.end());
         match (refused, read) {
             (Some(error), _) => Err(error),
@@ -160,7 +191,11 @@ impl Tables {
         let mut found = HashMap::new();
         self.rows(name, |row: R| {
             if wanted.contains(row.token()) {
-                found.insert(row.token().to_owned(), row);
+                let token = row.token().to_owned();
+                if found.insert(token.clone(), row).is_some() {
+                    let fault = "it comes twice; leave one out";
+                    return Err(DatasetError::Row { path: self.path(name), token, fault });
+                }
             }
             Ok(())
         })?;
@@ -202,7 +237,28 @@ struct Each<'a, R, F> {
     row: &'a mut usize,
     refused: &'a mut Option<DatasetError>,
     keep: &'a mut F,
+    left: &'a Cell<usize>,
     of: PhantomData<R>,
+}
+
+/// A table that ends with an error where a row is longer than any row is: a text without an end would fill memory.
+struct Metered<'a, R> {
+    file: R,
+    /// Bytes that the row may still take.
+    left: &'a Cell<usize>,
+}
+
+impl<R: Read> Read for Metered<'_, R> {
+    fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
+        let most = to.len().min(self.left.get());
+        if most == 0 && !to.is_empty() {
+            let words = format!("is longer than {} KiB", MOST_OF_A_ROW >> 10);
+            return Err(std::io::Error::other(words));
+        }
+        let read = self.file.read(&mut to[..most])?;
+        self.left.set(self.left.get() - read);
+        Ok(read)
+    }
 }
 
 impl<'de, R, F> DeserializeSeed<'de> for Each<'_, R, F>
@@ -235,6 +291,7 @@ where
                 return Err(serde::de::Error::custom("refused"));
             }
             *self.row += 1;
+            self.left.set(MOST_OF_A_ROW);
         }
         Ok(())
     }

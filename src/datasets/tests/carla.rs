@@ -73,7 +73,7 @@ fn folder() -> tempfile::TempDir {
 }
 
 fn open(folder: &Path) -> Result<CarlaSequence, DatasetError> {
-    CarlaSequence::open(folder, &folder.join("poses.csv"), CarlaTags::Since0914, None)
+    CarlaSequence::open(folder, &folder.join("poses.csv"), None, None)
 }
 
 #[test]
@@ -179,6 +179,68 @@ fn every_tag_has_a_meaning() {
     assert_eq!(class_of_name("Submarine"), None);
 }
 
+/// The scan of [`scan`] with the tags of 0.9.10.
+fn old_scan() -> Vec<Point> {
+    let old = |tag| match tag {
+        1 => 7,
+        4 => 1,
+        _ => 10,
+    };
+    scan(0.0).into_iter().map(|(x, y, z, object, tag)| (x, y, z, object, old(tag))).collect()
+}
+
+#[test]
+fn the_road_tells_the_version_of_the_tags() {
+    let dir = folder();
+    let open = |tags, height| {
+        CarlaSequence::open(dir.path(), &dir.path().join("poses.csv"), tags, height).unwrap()
+    };
+    let sequence = open(None, None);
+    assert_eq!((sequence.tags(), sequence.notes()), (CarlaTags::Since0914, &[][..]));
+    for file in ["lidar_000007.ply", "000008.bin"] {
+        std::fs::remove_file(dir.path().join(file)).unwrap();
+    }
+    // Read as 0.9.14, the wall beside the road would be the road.
+    for frame in [7, 8] {
+        std::fs::write(dir.path().join(format!("{frame}.bin")), records(&old_scan())).unwrap();
+    }
+    let sequence = open(None, None);
+    assert_eq!(sequence.tags(), CarlaTags::Until0913);
+    assert!((sequence.lidar_height() - 2.4).abs() < 1e-6);
+    let [note] = sequence.notes() else { panic!("{:?}", sequence.notes()) };
+    assert!(!note.is_doubt() && note.text().contains("--carla-tags"), "{note}");
+    let forced = open(Some(CarlaTags::Since0914), Some(2.4));
+    assert_eq!(forced.tags(), CarlaTags::Since0914);
+    assert!(
+        forced.notes()[0].is_doubt() && forced.notes()[0].text().contains("of 0.9.10 fit better")
+    );
+    // A height that the road contradicts.
+    let high = open(None, Some(4.0));
+    assert!(
+        high.notes().iter().any(|note| note.is_doubt() && note.text().contains("2.40 m below it"))
+    );
+    // Nothing speaks for either version.
+    for frame in [7, 8] {
+        let points = [(3.0, 0.0, -1.0, 0, 9)];
+        std::fs::write(dir.path().join(format!("{frame}.bin")), records(&points)).unwrap();
+    }
+    assert!(open(None, Some(2.0)).notes()[0].is_doubt());
+}
+
+#[test]
+fn tables_of_poses_say_what_is_not_read() {
+    let dir = folder();
+    let text = "frame,x,y,z,roll,pitch,yaw,time,speed\n7,0,0,2.4,0,0,0,2,1\n8,1,0,2.4,0,0,0,1,1\n9,1,0,2.4,0,0,0,3,1\n";
+    poses(dir.path(), text);
+    let sequence = open(dir.path()).unwrap();
+    let said = sequence.notes().iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
+    for part in
+        ["columns `speed` are not known", "1 rows belong to no scan", "frame 8 after it 1; times"]
+    {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+}
+
 type Spoil = fn(&Path);
 
 fn poses(folder: &Path, text: &str) {
@@ -186,7 +248,25 @@ fn poses(folder: &Path, text: &str) {
 }
 
 /// What is done to good scans, and how the answer begins.
-const SPOILT: [(Spoil, &str); 14] = [
+const SPOILT: [(Spoil, &str); 17] = [
+    (
+        |d| poses(d, &POSES.replace("2.4,0", "2,4,0")),
+        "DIR/poses.csv line 2: has more cells than the first row; write decimals with a point",
+    ),
+    (
+        |d| poses(d, &POSES.replace("roll", "x")),
+        "DIR/poses.csv line 1: has two columns \"x\"; leave one out",
+    ),
+    (
+        |d| {
+            std::fs::write(
+                d.join("lidar_000007.ply"),
+                ply(&scan(0.0)).replacen(" 0.5000", " 0.5000 7", 1),
+            )
+            .unwrap()
+        },
+        "DIR/lidar_000007.ply line 11: has more than the 6 numbers of the header",
+    ),
     (
         |d| std::fs::write(d.join("last.ply"), "ply\n").unwrap(),
         "DIR/last.ply: a scan of CARLA is named by its frame, at most 4294967295, like 000123.ply;",

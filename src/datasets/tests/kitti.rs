@@ -119,7 +119,20 @@ fn all_34_ids_are_known_and_no_other() {
 
 type Spoil = fn(&Path);
 /// What is done to a good sequence, and how the answer begins.
-const SPOILT: [(Spoil, &str); 15] = [
+const SPOILT: [(Spoil, &str); 18] = [
+    (
+        |d| std::fs::write(d.join("calib.txt"), format!("{CALIB}{CALIB}")).unwrap(),
+        "DIR/calib.txt line 4: a second `Tr`; leave one out;",
+    ),
+    (
+        |d| std::fs::write(d.join("poses.txt"), POSES.replace("1 0 0 0", "1,0 0 0 0")).unwrap(),
+        "DIR/poses.txt line 1: \"1,0\" is not a finite number;",
+    ),
+    (
+        // Four points of five columns are 80 bytes, which are five points of four.
+        |d| std::fs::write(d.join("velodyne/000000.bin"), [0; 80]).unwrap(),
+        "DIR/velodyne/000000.bin has 5 numbers for each label, 4 are read as one point;",
+    ),
     (|d| std::fs::remove_dir_all(d.join("velodyne")).unwrap(), "DIR/velodyne: cannot be read: "),
     (
         |d| {
@@ -194,6 +207,82 @@ fn bad_options_are_refused() {
     let [sequence] = sequence;
     let message = sequence.with_lidar_height(f64::NAN).unwrap_err().to_string();
     assert!(message.starts_with("the LiDAR height is NaN m;"), "{message}");
+}
+
+/// A road of 25 points at a depth below the LiDAR around each frame.
+fn with_road(depth: f32) -> tempfile::TempDir {
+    let folder = sequence();
+    let spots = (0..25_u8).map(|k| [f32::from(k % 5) - 2.0, f32::from(k / 5) - 2.0, -depth]);
+    let points: Vec<_> = spots.map(|point| (point, 40)).collect();
+    write_scan(folder.path(), "000000", &points);
+    folder
+}
+
+#[test]
+fn the_labelled_road_tells_the_height() {
+    let height = |sequence: &KittiSequence| sequence.ego_from_sensor(0).unwrap().translation.z;
+    let open = |folder: &Path, height| KittiSequence::open_at(folder, height).unwrap();
+    let low = with_road(0.8);
+    let sequence = open(low.path(), None);
+    assert!((height(&sequence) - 0.8).abs() < 1e-6);
+    let [note] = sequence.notes() else { panic!("{:?}", sequence.notes()) };
+    let said = note.text();
+    assert!(!note.is_doubt() && said.contains("0.80 m below") && said.contains("1.73 m"), "{said}");
+    // KITTI's own road lies up to a decimetre off.
+    let own = with_road(1.8);
+    assert_eq!((height(&open(own.path(), None)), open(own.path(), None).notes()), (1.73, &[][..]));
+    // A height that is given or written counts, and a road that speaks against it is a doubt.
+    let given = open(low.path(), Some(1.9));
+    assert_eq!(height(&given), 1.9);
+    assert!(given.notes()[0].is_doubt() && given.notes()[0].text().contains("0.80 m below it"));
+    std::fs::write(low.path().join("ego_from_lidar.txt"), "1 0 0 1 0 1 0 0 0 0 1 2\n").unwrap();
+    let written = open(low.path(), None);
+    assert!(height(&written) == 2.0 && written.notes()[0].is_doubt());
+    // No road at all.
+    let none = sequence_notes();
+    assert!(none.contains("no labelled road within 10 m"), "{none}");
+}
+
+fn sequence_notes() -> String {
+    let folder = sequence();
+    KittiSequence::open_at(folder.path(), None).unwrap().notes()[0].to_string()
+}
+
+#[test]
+fn what_is_not_read_is_named() {
+    let folder = with_road(1.73);
+    let calib = format!("{CALIB}Tr_velo_to_imu: 1 0 0\nP1: x\n");
+    std::fs::write(folder.path().join("calib.txt"), calib).unwrap();
+    std::fs::write(folder.path().join("labels/000009.label"), []).unwrap();
+    let sequence = KittiSequence::open_at(folder.path(), None).unwrap();
+    let said = sequence.notes().iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
+    assert!(
+        said.contains("1 lines, `Tr_velo_to_imu`, are not known") && said.contains("1 label files"),
+        "{said}"
+    );
+}
+
+#[test]
+fn poses_that_lie_on_their_side_or_lead_sideways_are_doubted() {
+    let folder = with_road(1.73);
+    // Six frames a metre apart to the left of the LiDAR (camera x is −y), and one that leans.
+    let aside: String = (0..6).map(|k| format!("1 0 0 {} 0 1 0 0 0 0 1 0\n", -k)).collect();
+    for frame in 0..6 {
+        write_scan(folder.path(), &format!("{frame:06}"), &[([1.0, 2.0, -1.73], 40)]);
+    }
+    std::fs::write(folder.path().join("poses.txt"), &aside).unwrap();
+    let notes = |folder: &Path| -> String {
+        let sequence = KittiSequence::open_at(folder, Some(1.73)).unwrap();
+        sequence.notes().iter().filter(|note| note.is_doubt()).map(ToString::to_string).collect()
+    };
+    assert!(notes(folder.path()).contains("moves 90 degrees off its own heading over 5 steps"));
+    let leaning = aside.replacen("1 0 0 0 0 1 0 0 0 0 1 0", "0 -1 0 0 1 0 0 0 0 0 1 0", 1);
+    std::fs::write(folder.path().join("poses.txt"), leaning).unwrap();
+    assert!(
+        notes(folder.path()).contains("frame 0 leans by 90 degrees"),
+        "{}",
+        notes(folder.path())
+    );
 }
 
 #[cfg(unix)]

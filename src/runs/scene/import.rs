@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::target::Target;
 use crate::datasets::{ImportOptions, Imported, LabelledSequence, read_nuscenes, to_scene};
 use crate::files::{FileError, writable_file, write_whole};
-use crate::runs::psog::CarlaScans;
+use crate::runs::psog::{CarlaScans, tell_notes};
 use crate::runs::{Error, Watcher};
 use crate::scene::Scene;
 use crate::worlds::{import_opendrive, read_opendrive};
@@ -47,7 +47,10 @@ pub fn import(origin: &Origin, out: &Path, watcher: &dyn Watcher) -> Result<(), 
         Origin::OpenDrive { file, seed, frames } => opendrive(file, *seed, *frames, out, watcher),
         Origin::Nuscenes { folder, version, scenes, cell } => {
             let scenes = read_nuscenes(folder, version.as_deref(), scenes)?;
-            scenes.iter().try_for_each(|scene| of_scans(scene, *cell, None, out, watcher))
+            scenes.iter().try_for_each(|scene| {
+                tell_notes(scene, watcher)?;
+                of_scans(scene, *cell, None, out, watcher)
+            })
         }
         Origin::Carla(scans, cell) => {
             of_scans(&scans.open(watcher)?, *cell, Some(&scans.poses), out, watcher)

@@ -8,6 +8,7 @@ mod errors;
 #[cfg(feature = "mesh")]
 mod mesh_mounts;
 mod own;
+mod sensor_files;
 mod vehicle;
 
 /// The small form of the contract.

@@ -3,9 +3,11 @@
 mod csv;
 mod hesai;
 mod isaac;
+mod keys;
 mod livox;
 mod npy;
 mod ouster;
+mod ouster_columns;
 mod pattern;
 mod rgl;
 mod robosense;
@@ -23,7 +25,8 @@ use serde::de::IgnoredAny;
 use crate::json::check::bad;
 use crate::json::{self, DescriptionError, Place, read_limited};
 
-pub use pattern::{Beams, Channel, SensorFormat, SensorPattern};
+pub(super) use pattern::NARROWEST;
+pub use pattern::{Beams, Channel, Measures, SensorFormat, SensorPattern};
 pub(crate) use pattern::{MAX_BEAMS, MAX_CHANNELS};
 
 /// Largest sensor file in bytes; Livox patterns of four seconds have 25 MB.
@@ -57,8 +60,21 @@ fn parse(
     bytes: &[u8],
     window: Option<[f64; 2]>,
 ) -> Result<SensorPattern, DescriptionError> {
+    let mut pattern = parse_any(at, bytes, window)?;
+    pattern.notes.extend(pattern::doubts(at, &pattern.beams));
+    Ok(pattern)
+}
+
+fn parse_any(
+    at: &Place,
+    bytes: &[u8],
+    window: Option<[f64; 2]>,
+) -> Result<SensorPattern, DescriptionError> {
     if npy::is_npy(bytes) {
         return npy::parse(at, bytes);
+    }
+    if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+        return Err(bad(at, "UTF-16 text", "UTF-8 text; save the file as UTF-8"));
     }
     let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
     let text = match std::str::from_utf8(bytes) {
@@ -80,6 +96,12 @@ fn parse(
     }
     if csv::column(&cells, "zenith").is_some() {
         return livox::parse(at, text, window);
+    }
+    let first = cells.join(",");
+    let words = ["elevation", "zenith"].map(|word| first.to_ascii_lowercase().contains(word));
+    if words.contains(&true) && first.contains([';', '\t']) {
+        let wanted = "a row with commas between its columns; save the table as CSV with commas and decimal points";
+        return Err(bad(&csv::line(at, line), pattern::quoted(&first), wanted));
     }
     let is_number = |cell: &&str| cell.parse::<f64>().is_ok();
     match (line, cells.len()) {

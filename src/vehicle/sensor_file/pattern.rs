@@ -1,6 +1,10 @@
 //! What a sensor file gives, whoever wrote it: beams and facts, in the frame and signs of this library.
 
+use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_2;
 use std::fmt;
+
+use serde::Serialize;
 
 use crate::Note;
 use crate::json::check::{self, bad};
@@ -10,6 +14,10 @@ use crate::json::{DescriptionError, Place};
 pub(crate) const MAX_CHANNELS: usize = 1024;
 /// Most beams of one LiDAR.
 pub(crate) const MAX_BEAMS: u64 = 10_000_000;
+/// Least vertical field of view in degrees that is no doubt.
+pub(in super::super) const NARROWEST: f64 = 1.0;
+/// Finest mean step of elevations in degrees that is no doubt, where all could be radians.
+const FINEST: f64 = 0.06;
 /// Longest piece of a file that an error repeats, in characters.
 const LONGEST_QUOTE: usize = 24;
 
@@ -24,8 +32,33 @@ pub struct SensorPattern {
     pub beams: Beams,
     /// Columns a turn, if the file states them.
     pub azimuth_steps: Option<u32>,
-    /// Sentences about what the file states and one origin for all beams leaves out.
+    /// Azimuths of the first and the last column that the sensor is set to look at, in degrees, counter-clockwise;
+    /// `None` for a whole turn.
+    pub azimuth: Option<[f64; 2]>,
+    /// Ranges and errors, if the file states them.
+    pub measures: Measures,
+    /// Sentences about parts of the file: dropped, unknown, or most likely wrong.
     pub notes: Vec<Note>,
+}
+
+/// How a sensor measures, as far as its file says.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Measures {
+    /// Largest range, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range: Option<f64>,
+    /// Smallest range, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub min_range: Option<f64>,
+    /// Range of a target that reflects 10 %, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rated_range: Option<f64>,
+    /// Standard deviation of the range, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise: Option<f64>,
+    /// Turns or whole patterns a second.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate: Option<f64>,
 }
 
 /// Formats that are told apart by content.
@@ -102,8 +135,30 @@ impl fmt::Display for SensorFormat {
 
 impl SensorPattern {
     /// A pattern of which nothing is known but its beams.
-    pub(super) fn new(format: SensorFormat, beams: Beams) -> Self {
-        Self { format, model: None, beams, azimuth_steps: None, notes: Vec::new() }
+    pub(crate) fn new(format: SensorFormat, beams: Beams) -> Self {
+        Self {
+            format,
+            model: None,
+            beams,
+            azimuth_steps: None,
+            azimuth: None,
+            measures: Measures::default(),
+            notes: Vec::new(),
+        }
+    }
+
+    /// Columns in a frame and the azimuths of the first and the last one, where a turn has `steps` columns.
+    /// A whole turn has no such azimuths.
+    pub fn columns(&self, steps: u32) -> (u32, Option<[f64; 2]>) {
+        let Some([from, to]) = self.azimuth else { return (steps, None) };
+        let step = 360.0 / f64::from(steps.max(1));
+        // A millionth of a column keeps the last one in the window whatever its rounding.
+        let count = ((to - from) / step + 1e-6).floor().max(0.0) as u32 + 1;
+        if count >= steps {
+            (steps, None)
+        } else {
+            (count, Some([from, from + f64::from(count - 1) * step]))
+        }
     }
 }
 
@@ -153,6 +208,45 @@ pub(super) fn check_count(at: &Place, count: usize) -> Result<(), DescriptionErr
         return Ok(());
     }
     Err(bad(at, format!("a list of {count}"), format!("1 to {MAX_CHANNELS} elevations")))
+}
+
+/// Doubts about the angles of a pattern, whatever its format: radians, and channels that are listed twice.
+pub(super) fn doubts(at: &Place, beams: &Beams) -> Vec<Note> {
+    let Beams::Channels(channels) = beams else { return Vec::new() };
+    let mut notes: Vec<Note> = narrow(at, channels).into_iter().collect();
+    let mut seen = BTreeMap::new();
+    for (k, channel) in channels.iter().enumerate() {
+        let key = [channel.elevation, channel.azimuth_offset].map(|angle| (angle + 0.0).to_bits());
+        seen.entry(key).or_insert_with(Vec::new).push(k);
+    }
+    let twice = seen.values().filter(|same| same.len() > 1).max_by_key(|same| same.len());
+    notes.extend(twice.map(|same| {
+        let Channel { elevation, azimuth_offset } = channels[same[0]];
+        Note::doubt(format!(
+            "{at}: {} channels, {} and {} among them, stand at elevation {elevation} and offset {azimuth_offset}: \
+             places without a beam? Leave out what is not there.",
+            same.len(),
+            same[0],
+            same[1]
+        ))
+    }));
+    notes
+}
+
+/// A doubt about elevations that look like radians: spread over less than a degree, or within ±π/2 in steps
+/// finer than sensors have.
+fn narrow(at: &Place, channels: &[Channel]) -> Option<Note> {
+    let all = || channels.iter().map(|channel| channel.elevation);
+    let [low, high] =
+        [all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max)];
+    let steps = channels.len().saturating_sub(1) as f64;
+    let is_fine = low.abs().max(high.abs()) <= FRAC_PI_2 && high - low < FINEST * steps;
+    let text = format!(
+        "{at}: {} channels from {low:.3} to {high:.3} degrees, {:.3} degrees in all: radians? Write degrees.",
+        channels.len(),
+        high - low
+    );
+    (steps > 0.0 && high > low && (high - low < NARROWEST || is_fine)).then(|| Note::doubt(text))
 }
 
 /// Unit vector of an azimuth and an elevation in degrees.

@@ -3,19 +3,40 @@
 //! Angles are radians. The driver takes `rot_correction` off an azimuth that counts clockwise, so that a
 //! positive one turns counter-clockwise (ros-drivers/velodyne, rawdata.cc).
 
+use std::collections::BTreeSet;
+use std::f64::consts::FRAC_PI_2;
+
 use serde::Deserialize;
 
+use super::keys::{self, Passed, Rest};
 use super::pattern::{Beams, SensorFormat, SensorPattern, channel, check_count};
 use crate::Note;
+use crate::json::check::bad;
 use crate::json::{DescriptionError, Place, parse_yaml};
+
+/// Keys that are read.
+const READ: &str = "lasers num_lasers laser_id rot_correction vert_correction vert_offset_correction \
+                    horiz_offset_correction";
+/// Keys that are passed over, wherever they stand.
+const PASSED: Passed = &[
+    (READ, "read"),
+    ("distance_resolution", "ranges have no steps"),
+    (
+        "dist_correction dist_correction_x dist_correction_y two_pt_correction_available \
+         focal_distance focal_slope focal_offset max_intensity min_intensity",
+        "corrections of distances and intensities",
+    ),
+];
 
 #[derive(Deserialize)]
 struct Calibration {
     lasers: Vec<Laser>,
+    num_lasers: Option<u64>,
 }
 
 #[derive(Deserialize)]
 struct Laser {
+    laser_id: Option<u64>,
     vert_correction: f64,
     rot_correction: f64,
     #[serde(default)]
@@ -24,22 +45,48 @@ struct Laser {
     horiz_offset_correction: f64,
 }
 
+/// The keys of the file and of its lasers. A struct that keeps unknown keys would keep their values, too, and
+/// aliases make them large.
+#[derive(Deserialize)]
+struct Keys {
+    lasers: Vec<Rest>,
+}
+
 /// Whether a line of the text begins the list of lasers; JSON would have quotes around the key.
 pub(super) fn is_velodyne(text: &str) -> bool {
     text.lines().any(|line| line.trim_start_matches(['{', ' ']).starts_with("lasers:"))
 }
 
 pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
-    let lasers = parse_yaml::<Calibration>(text, &at.file)?.lasers;
+    let Calibration { lasers, num_lasers } = parse_yaml(text, &at.file)?;
     let list = at.key("lasers");
     check_count(&list, lasers.len())?;
+    if let Some(count) = num_lasers.filter(|count| *count != lasers.len() as u64) {
+        let wanted = format!("the {} lasers that are listed; correct one of the two", lasers.len());
+        return Err(bad(&at.key("num_lasers"), count, wanted));
+    }
+    let mut ids = BTreeSet::new();
+    for (i, id) in lasers.iter().enumerate().filter_map(|(i, laser)| Some((i, laser.laser_id?))) {
+        if !ids.insert(id) {
+            return Err(bad(&list.item(i).key("laser_id"), id, "an id of its own; it comes twice"));
+        }
+    }
     let channels = lasers.iter().enumerate().map(|(i, laser)| {
         let at = list.item(i);
-        let elevation = (&at.key("vert_correction"), laser.vert_correction.to_degrees());
+        let up = laser.vert_correction;
+        if (FRAC_PI_2..=90.0).contains(&up.abs()) {
+            let wanted = "an elevation in radians from -1.5708 to 1.5708: is it in degrees?";
+            return Err(bad(&at.key("vert_correction"), up, wanted));
+        }
+        let elevation = (&at.key("vert_correction"), up.to_degrees());
         channel(elevation, (&at.key("rot_correction"), laser.rot_correction.to_degrees()))
     });
     let beams = Beams::Channels(channels.collect::<Result<_, _>>()?);
-    let notes = dropped_origins(&lasers).into_iter().collect();
+    let mut notes: Vec<Note> = dropped_origins(&lasers).into_iter().collect();
+    notes.extend(keys::unknown(at, &parse_yaml::<Rest>(text, &at.file)?, PASSED));
+    let lasers = parse_yaml::<Keys>(text, &at.file)?.lasers.into_iter().enumerate();
+    let unknown = |(i, keys): (usize, Rest)| keys::unknown(&list.item(i), &keys, PASSED);
+    notes.extend(lasers.filter_map(unknown).take(1));
     Ok(SensorPattern { notes, ..SensorPattern::new(SensorFormat::Velodyne, beams) })
 }
 

@@ -1,0 +1,80 @@
+//! Likely mistakes: radians, channels that are there twice, decimal commas, spreadsheets.
+
+use super::super::{Beams, SensorPattern};
+use super::{message, read};
+
+fn doubts(pattern: &SensorPattern) -> Vec<&str> {
+    pattern.notes.iter().filter(|note| note.is_doubt()).map(|note| note.text()).collect()
+}
+
+#[test]
+fn radians_in_place_of_degrees() {
+    for (low, high, count) in [(-0.26, 0.26, 16), (-0.785, 0.785, 32), (-1.5, 1.5, 128)] {
+        let step = (high - low) / f64::from(count - 1);
+        let elevations: Vec<String> =
+            (0..count).map(|k| (low + f64::from(k) * step).to_string()).collect();
+        let pattern = read(format!(r#"{{"elevation_deg": [{}]}}"#, elevations.join(","))).unwrap();
+        let said = doubts(&pattern);
+        assert!(said.len() == 1 && said[0].contains("radians?"), "{said:?}");
+    }
+    // A short-range sensor of four channels, and one channel.
+    for fine in ["[-1.5, -0.5, 0.5, 1.5]", "[0.1]"] {
+        let pattern = read(format!(r#"{{"elevation_deg": {fine}}}"#)).unwrap();
+        assert!(doubts(&pattern).is_empty(), "{pattern:?}");
+    }
+    let degrees = message("lasers:\n- {rot_correction: 0, vert_correction: -15}\n");
+    assert!(degrees.contains("vert_correction: -15 is not an elevation in radians"), "{degrees}");
+    let rows: String =
+        (0..20).map(|k| format!("0.00{k:02},{},1.5{k:02}\n", 0.3 * f64::from(k))).collect();
+    let livox = read(format!("Time,Azimuth,Zenith\n{rows}")).unwrap();
+    assert!(doubts(&livox)[0].contains("radians?"), "{livox:?}");
+    let title = message("Channel,Elevation(rad),Azimuth\n1,0.1,0\n");
+    assert!(title.contains("is not a column of degrees"), "{title}");
+}
+
+#[test]
+fn channels_that_are_there_twice() {
+    let padded =
+        read(r#"{"elevation_deg": [1, 0, 0, -1], "azimuth_offset_deg": [2, 0, 0, 2]}"#).unwrap();
+    assert!(doubts(&padded)[0].contains("2 channels, 1 and 2 among them"), "{padded:?}");
+    let twice = message("Channel,Elevation,Azimuth\n1,5,0\n1,6,0\n");
+    assert!(twice.starts_with("f: line 3: channel 1 is not listed once"), "{twice}");
+    let gap = read("Channel,Elevation,Azimuth\n1,5,0\n3,7,0\n").unwrap();
+    assert!(doubts(&gap)[0].contains("numbered from 1 to 3: are 1 left out"), "{gap:?}");
+}
+
+#[test]
+fn tables_that_a_spreadsheet_saved() {
+    let good =
+        read("\"Channel\",\"Elevation\",\"Azimuth\"\r1,\"14.5\",-1.25\r2,-3,0\r,,\r").unwrap();
+    assert!(
+        matches!(&good.beams, Beams::Channels(all) if all.len() == 2 && all[0].elevation == 14.5)
+    );
+    let commas = message("Channel,Elevation,Azimuth\n1,14,436,-3,257\n");
+    assert!(commas.contains("write decimals with a point"), "{commas}");
+    let semicolons = message("Channel;Elevation;Azimuth\n1;14,436;-3,257\n");
+    assert!(semicolons.contains("commas between its columns"), "{semicolons}");
+    assert!(message(b"\xff\xfeC\0h\0").contains("UTF-16"));
+    let more = read("Channel,Elevation,Azimuth,Range\n1,14.5,-1.25,9\n").unwrap();
+    assert!(more.notes[0].text().contains("line 1: `Range`: not known here"), "{more:?}");
+}
+
+#[test]
+fn arrays_in_any_order_of_rows_and_bytes() {
+    let array = |descr: &str, fortran: &str, shape: &str, data: Vec<u8>| {
+        let header =
+            format!("{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}\n");
+        [b"\x93NUMPY\x02\x00", &(header.len() as u32).to_le_bytes()[..], header.as_bytes(), &data]
+            .concat()
+    };
+    let rows = [0.1_f64, -0.2, 0.3, 0.4, 0.5, 0.6];
+    let columns = [0.1_f64, 0.3, 0.5, -0.2, 0.4, 0.6];
+    let c = read(array("<f8", "False", "(3, 2)", rows.map(f64::to_le_bytes).concat())).unwrap();
+    let fortran = array("<f8", "True", "(3, 2)", columns.map(f64::to_le_bytes).concat());
+    let big = array(">f8", "False", "(3, 2)", rows.map(f64::to_be_bytes).concat());
+    assert_eq!(c.beams, read(fortran).unwrap().beams);
+    assert_eq!(c.beams, read(big).unwrap().beams);
+    let degrees =
+        message(array("<f8", "False", "(1, 2)", [1.0_f64, 52.0].map(f64::to_le_bytes).concat()));
+    assert!(degrees.contains("is it in degrees?"), "{degrees}");
+}
