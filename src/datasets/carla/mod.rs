@@ -15,6 +15,7 @@ use glam::Vec3;
 use super::kitti::above_ground;
 use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel};
 use crate::geom::Pose;
+use crate::maths;
 use crate::scene::DEFAULT_CLASSES;
 use poses::{Stood, frame_of};
 use records::Record;
@@ -90,7 +91,7 @@ impl CarlaSequence {
         for (record, (_, (class, ..))) in self.records(path)? {
             let [x, y, z] = record.xyz.map(f64::from);
             let ground = class.is_some_and(|c| GROUND.contains(&DEFAULT_CLASSES[usize::from(c)]));
-            if ground && x.hypot(y) <= NEAR {
+            if ground && maths::hypot(x, y) <= NEAR {
                 heights.push(0.0 - z);
             }
         }
