@@ -3,6 +3,8 @@
 //! One frame of a scene on one thread, against plain scoring of the same placements in turns. Prints
 //! medians of the rounds and the spread between the quartiles.
 
+#![allow(clippy::disallowed_methods)]
+
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;

@@ -3,7 +3,7 @@
 //! `cargo bench --bench gpu` prints medians of alternating runs with their spread; `-- --help` lists
 //! what can be varied. A software device takes its threads from the environment: set
 //! `LP_NUM_THREADS` to `--threads` for lavapipe.
-
+#![allow(clippy::disallowed_methods)]
 #![allow(clippy::unwrap_used)]
 
 mod scene;

@@ -2,7 +2,7 @@
 //!
 //! `cargo bench --bench scaling` measures in turns and fits a power to the medians of each series:
 //! an exponent of 1 is linear. `-- --help` lists what can be varied.
-
+#![allow(clippy::disallowed_methods)]
 #![allow(clippy::unwrap_used)]
 
 mod scene;

@@ -3,7 +3,7 @@
 //! `cargo bench --bench speed` prints medians of alternating runs with their spread; `-- --help` lists
 //! what can be varied. A row that cannot be measured says why. Figures are of this machine in its state
 //! of the moment: the ratios count. A software device takes as many threads as `LP_NUM_THREADS` says.
-
+#![allow(clippy::disallowed_methods)]
 #![allow(clippy::unwrap_used)]
 
 mod cases;

@@ -63,9 +63,12 @@
 //! | [`runs`] | work on files: what each command does with scenes, placements and folders |
 //! | `cli` | the program: parses arguments, calls the modules above, prints |
 
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
 mod allocator;
 mod chance;
 mod error;
+mod maths;
 mod memory;
 mod mesh;
 mod note;

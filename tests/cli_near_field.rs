@@ -53,8 +53,8 @@ fn the_near_field_of_two_heights() {
     let hidden = &hidden["near_fields"][1];
     assert!(number(&hidden["blind_area"]) > number(&high["blind_area"]), "{hidden} {high}");
     assert!(number(&hidden["beams"][0]["nothing"]) > number(&high["beams"][0]["nothing"]));
-    let robo3d = ["--condition", "fog:mode=robo3d"];
-    assert!(fails(dir.path(), &[&args[..6], &robo3d].concat()).contains("robo3d"));
+    let twice = ["--condition", "rain", "--condition", "rain"];
+    assert!(fails(dir.path(), &[&args[..6], &twice].concat()).contains("rain is given twice"));
     let text = sightline(dir.path(), &args[..6]);
     let text = String::from_utf8(text.stdout).unwrap();
     assert_eq!(text.lines().count(), 4, "{text}");

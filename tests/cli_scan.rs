@@ -202,11 +202,6 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
     assert!(
         refused(&[one[0], one[1], "--out", "/proc/xx"]).starts_with("sightline: /proc/xx: No such")
     );
-    let published = ["--ideal", "--condition", "fog:mode=robo3d"];
-    ok(
-        dir.path(),
-        &[&["scan", "s.json", one[0], one[1], "--out", "ideal"], &published[..]].concat(),
-    );
     fs::create_dir(dir.path().join("mine")).unwrap();
     fs::write(dir.path().join("mine/thesis.txt"), "all of it").unwrap();
     let error = fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "mine"]);

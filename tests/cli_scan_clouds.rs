@@ -106,7 +106,7 @@ fn lidars_of_semantickitti_stand_in_their_places_in_every_frame() {
 #[test]
 fn intensities_of_nuscenes_are_those_of_a_byte_whatever_the_noise() {
     let dir = street();
-    let noise = ["--condition", "crosstalk:mode=robo3d,share=0.5", "--merged-only"];
+    let noise = ["--condition", "crosstalk:share=0.5", "--merged-only"];
     let scan =
         ["scan", "s.json", "--placement", "p.json:one", "--layout", "nuscenes", "--out", "set"];
     ok(dir.path(), &[&scan[..], &noise].concat());

@@ -67,9 +67,11 @@ fn tallies(problem: &Arc<Problem>) -> Vec<Tally> {
 fn every_engine_sees_the_same_through_weather() {
     let scene = scene(36.0);
     let psog = psog(&scene);
-    for conditions in
-        [&["fog:mor=40"][..], &["snow:rate=2.5", "wet:water=1.2"], &["crosstalk:share=0.1", "echo"]]
-    {
+    for conditions in [
+        &["fog:mor=40"][..],
+        &["snow:rate=2.5", "wet:water=1.2", "rain:rate=50"],
+        &["crosstalk:share=0.1", "echo"],
+    ] {
         let problem = problem(&scene, &psog, conditions);
         let expected = ReferenceBackend::new(problem.clone()).tally(&placements(), None).unwrap();
         assert_eq!(tallies(&problem), expected, "{conditions:?}");
@@ -116,6 +118,7 @@ fn the_denser_the_fog_the_less_is_covered_and_none_is_like_clear_air() {
     assert!(fogs.windows(2).all(|pair| pair[1] <= pair[0]), "{clear} {fogs:?}");
     assert!(fogs[3] < clear * 9 / 10, "{clear} {fogs:?}");
     assert!(covered(&["wet:water=1.2"]) < clear);
+    assert!(covered(&["rain:rate=100"]) < clear);
     assert!(covered(&["crosstalk:share=0.5"]) < clear);
     // A sensor that sees everything has the coverage of one without a response.
     let far = self::scene(10_000.0);
@@ -169,9 +172,8 @@ fn what_scores_have_no_answer_to_is_refused() {
         let problem = Problem::with_psog(scene, &psog, &[0]).unwrap();
         in_conditions(scene, problem, &[condition.parse().unwrap()]).unwrap_err().to_string()
     };
-    let published = refused(&scene, "fog:mode=robo3d");
-    assert!(
-        published.contains("changes finished scans; scores take the mode `physical`"),
-        "{published}"
-    );
+    let through = scene_text(36.0).replace("first-hit", "through");
+    let through = Scene::from_json(&through, Path::new(""), "street").unwrap();
+    let error = refused(&through, "rain");
+    assert!(error.contains("conditions need `\"coverage\": \"first-hit\"`"), "{error}");
 }

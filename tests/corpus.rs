@@ -3,7 +3,7 @@
 //! A fuzzer that needs no fuzzer: seeded, bounded, and on the stable toolchain. `fuzz/` holds the same
 //! readers as targets of cargo-fuzz. `SIGHTLINE_FUZZ_MUTATIONS=100000` asks for a longer run,
 //! `SIGHTLINE_FUZZ_SEED=2` for another one, and `SIGHTLINE_FUZZ_READER=mesh` for those readers alone.
-
+#![allow(clippy::disallowed_methods)]
 #![allow(clippy::unwrap_used)]
 
 #[path = "corpus/mutate.rs"]

@@ -1,5 +1,5 @@
 //! One test binary: a file for each kind of test.
-
+#![allow(clippy::disallowed_methods)]
 #![allow(clippy::unwrap_used)]
 
 #[cfg(feature = "gpu")]

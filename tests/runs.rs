@@ -145,7 +145,6 @@ fn scans_that_were_stopped_go_on_to_the_same_bytes() {
         camera_stubs: false,
         each_lidar: true,
         map: Vec::new(),
-        robo3d_labels: false,
         gltf: None,
     };
     let whole = scan(&request("whole"), &on_cpu(&Silent)).unwrap().unwrap();

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::exact_tree::ExactTree;
 use super::{ChartError, Fidelity, World, merge_vertices};
 use crate::geom::TriangleSoup;
+use crate::maths;
 use crate::problem::{Content, KINDS, NEAR_KIND, Tally};
 use crate::psog::{ENTROPY_ONE, EntropyKind, EntropyTable, HIT_PUSH, Psog, Roi};
 use crate::scene::{EgoBody, GROUND_CLASSES, Scene};
@@ -153,13 +154,13 @@ fn directions(lidar: &Lidar, divisor: u32) -> Vec<DVec3> {
         Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps: steps, .. } => {
             let channels = elevations.iter().zip(azimuth_offsets);
             let beams = channels.flat_map(|(elevation, offset)| {
-                let (sin_e, cos_e) = elevation.to_radians().sin_cos();
+                let (sin_e, cos_e) = maths::sin_cos(elevation.to_radians());
                 (0..*steps).map(move |j| {
                     let turn = match sector {
                         Some([start, step]) => (start + step * f64::from(j)).to_radians(),
                         None => std::f64::consts::TAU * f64::from(j) / f64::from(*steps),
                     };
-                    let (sin_a, cos_a) = (turn + offset.to_radians()).sin_cos();
+                    let (sin_a, cos_a) = maths::sin_cos(turn + offset.to_radians());
                     DVec3::new(cos_e * cos_a, cos_e * sin_a, sin_e)
                 })
             });

@@ -37,7 +37,7 @@ pub struct Compute {
 /// Weather and faults that scores are computed under.
 #[derive(Args, Debug, Clone, Default)]
 pub struct Conditions {
-    /// Weather or a fault, as fog:mor=50, snow:rate=1, wet:water=1, crosstalk:share=0.01, echo:ratio=0.85:
+    /// Weather or a fault, as fog:mor=50, snow:rate=1, rain:rate=5, wet:water=1, crosstalk:share=0.01, echo:ratio=0.85:
     /// beams that do not come back cover and see nothing
     #[arg(long, value_name = "NAME[:KEY=VALUE,…]")]
     pub condition: Vec<Condition>,

@@ -39,8 +39,8 @@ pub struct Args {
     /// Geometry alone: every beam returns at once, without error, from what it meets
     #[arg(long)]
     ideal: bool,
-    /// Weather or a fault, as fog:mor=50, snow:rate=1, wet:water=1, blur, crosstalk:share=0.01, echo:ratio=0.85;
-    /// with mode=robo3d by the rules of the public benchmark, with level=light|moderate|heavy
+    /// Weather or a fault, as fog:mor=50, snow:rate=1, rain:rate=5, wet:water=1, blur, crosstalk:share=0.01,
+    /// echo:ratio=0.85, or with level=light|moderate|heavy
     #[arg(long, value_name = "NAME[:KEY=VALUE,…]")]
     condition: Vec<Condition>,
     /// Seed of all that is left to chance
@@ -64,10 +64,6 @@ pub struct Args {
     /// semantickitti, nuscenes: a class of the scenes that is to count as another, as lamp=pole
     #[arg(long, value_name = "CLASS=CLASS")]
     map: Vec<String>,
-    /// Label fog, snow and crosstalk as Robo3D does: 21, 22, 23 in semantickitti and 41, 42, 43 in nuscenes;
-    /// evaluators and loaders of those formats know no such labels and may stop. Else they are unlabelled
-    #[arg(long)]
-    robo3d_labels: bool,
     /// Where to cast: the best hardware Vulkan device, or the CPU where there is none (auto); any Vulkan device,
     /// also one in software (gpu); the CPU (cpu). The bytes are the same
     #[arg(long, value_enum, default_value_t = BackendChoice::Auto)]
@@ -130,7 +126,6 @@ impl Args {
             ("--with-camera-stubs", self.with_camera_stubs, nuscenes),
             ("--merged-only", self.merged_only, any),
             ("--map", !self.map.is_empty(), any),
-            ("--robo3d-labels", self.robo3d_labels, any),
         ];
         match options.iter().find(|(_, given, of)| *given && !of.contains(&self.layout)) {
             Some((option, _, of)) => {
@@ -171,7 +166,6 @@ fn request(args: &Args) -> ScanRequest {
         camera_stubs: args.with_camera_stubs,
         each_lidar: !args.merged_only,
         map: args.map.clone(),
-        robo3d_labels: args.robo3d_labels,
         gltf: args.gltf.gltf.clone().map(|file| (file, args.frame)),
     }
 }

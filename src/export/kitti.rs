@@ -39,7 +39,7 @@ pub(super) fn write(
     classes: &[Label],
     settings: &DatasetSettings,
 ) -> Result<FrameRecord, ExportError> {
-    let labels = Labels::new(classes, &scan.boxes, settings.robo3d_labels);
+    let labels = Labels::new(classes, &scan.boxes);
     let each = settings.each_lidar;
     let mounts = mounts(scan);
     let mut files: Vec<Written> = Vec::new();

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::{ExportError, SceneFacts};
 use crate::json::nearest;
-use crate::scan::{EGO_INSTANCE, Return, Status, TrackedBox};
+use crate::scan::{EGO_INSTANCE, Return, TrackedBox};
 use crate::scene::ActorKind;
 
 /// Metres a second from which on an actor moves.
@@ -29,14 +29,8 @@ const fn moving(kitti: u16, kitti_moving: u16, nuscenes: u8) -> Label {
     Label { kitti, kitti_moving, nuscenes }
 }
 
-/// Of fog, snow and crosstalk.
+/// Of fog, snow, rain and crosstalk.
 const NOISE: Label = still(0, 0);
-/// The same as Robo3D labels them: ids that neither format has otherwise.
-const PUBLISHED_NOISE: [(Status, Label); 3] = [
-    (Status::Fog, still(21, 41)),
-    (Status::Snow, still(22, 42)),
-    (Status::Crosstalk, still(23, 43)),
-];
 /// Of the own body: an outlier of SemanticKITTI.
 const EGO: Label = still(1, 31);
 
@@ -178,26 +172,22 @@ pub(super) struct Labels<'a> {
     classes: &'a [Label],
     /// By instance: label of its kind, whether it moves.
     actors: Vec<Option<(Option<Label>, bool)>>,
-    /// Whether noise has the labels of Robo3D.
-    published: bool,
 }
 
 impl<'a> Labels<'a> {
-    pub fn new(classes: &'a [Label], boxes: &[TrackedBox], published: bool) -> Self {
+    pub fn new(classes: &'a [Label], boxes: &[TrackedBox]) -> Self {
         let most = boxes.iter().map(|tracked| usize::from(tracked.instance)).max();
         let mut actors = vec![None; most.map_or(0, |most| most + 1)];
         for tracked in boxes {
             let moves = tracked.velocity.length() > MOVES;
             actors[usize::from(tracked.instance)] = Some((of_kind(tracked.kind), moves));
         }
-        Self { classes, actors, published }
+        Self { classes, actors }
     }
 
     fn of(&self, point: &Return) -> (Label, bool) {
         let Some(&class) = self.classes.get(usize::from(point.class)) else {
-            let known = PUBLISHED_NOISE.iter().find(|(status, _)| *status == point.status);
-            let label = known.filter(|_| self.published).map_or(NOISE, |(_, label)| *label);
-            return (label, false);
+            return (NOISE, false);
         };
         if point.instance == EGO_INSTANCE {
             return (EGO, false);
@@ -220,41 +210,5 @@ impl<'a> Labels<'a> {
     /// Index of the category of nuScenes lidarseg.
     pub fn nuscenes(&self, point: &Return) -> u8 {
         self.of(point).0.nuscenes
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scan::{NO_CLASS, NO_INSTANCE};
-
-    #[test]
-    fn noise_has_the_published_labels_where_they_are_asked_for() {
-        let point = |class, status| Return {
-            position: [0.0; 3],
-            raw: [0.0; 3],
-            range: 1.0,
-            intensity: 0.0,
-            time: 0.0,
-            lidar: 0,
-            channel: 0,
-            column: 0,
-            class,
-            clean_class: class,
-            instance: NO_INSTANCE,
-            incidence: 0.0,
-            status,
-        };
-        let classes = [still(40, 24)];
-        for (published, want) in [(false, [(0, 0); 3]), (true, [(21, 41), (22, 42), (23, 43)])] {
-            let labels = Labels::new(&classes, &[], published);
-            let all = [Status::Fog, Status::Snow, Status::Crosstalk].map(|status| {
-                let noise = point(NO_CLASS, status);
-                (labels.kitti(&noise), labels.nuscenes(&noise))
-            });
-            assert_eq!(all, want);
-            let road = point(0, Status::Hit);
-            assert_eq!((labels.kitti(&road), labels.nuscenes(&road)), (40, 24));
-        }
     }
 }

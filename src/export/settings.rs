@@ -113,10 +113,6 @@ pub struct DatasetSettings {
     pub seed: u64,
     /// Classes of the scenes that are to count as others, by name.
     pub map: Vec<(String, String)>,
-    /// Fog, snow and crosstalk are labelled as Robo3D does: 21, 22, 23 in SemanticKITTI and 41, 42, 43 in
-    /// nuScenes lidarseg, which has no categories of these numbers; else they are unlabelled.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub robo3d_labels: bool,
     /// Every file that decides the scans: of the scenes, in their order, and of the vehicle. A folder is gone
     /// on with only where they are the same.
     #[serde(default)]
@@ -138,7 +134,6 @@ impl DatasetSettings {
             splits: Splits::default(),
             seed: 0,
             map: Vec::new(),
-            robo3d_labels: false,
             files: Vec::new(),
             provenance: String::new(),
         }

@@ -1,5 +1,7 @@
 //! The outline of the own vehicle on the ground, and distances from it.
 
+use crate::maths;
+
 /// Convex hull of the own body seen from above: corners in the ego frame, metres, counter-clockwise.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 #[serde(transparent)]
@@ -79,7 +81,7 @@ impl Footprint {
             let (along, to) = ([b[0] - a[0], b[1] - a[1]], [point[0] - a[0], point[1] - a[1]]);
             let length = along[0] * along[0] + along[1] * along[1];
             let share = ((to[0] * along[0] + to[1] * along[1]) / length).clamp(0.0, 1.0);
-            (to[0] - share * along[0]).hypot(to[1] - share * along[1])
+            maths::hypot(to[0] - share * along[0], to[1] - share * along[1])
         };
         self.edges().map(from_edge).fold(f64::INFINITY, f64::min)
     }

@@ -7,6 +7,7 @@ use super::Footprint;
 use crate::bvh::Hit;
 use crate::cast::cast_frame_closest;
 use crate::geom::Pose;
+use crate::maths;
 use crate::problem::Frame;
 use crate::vehicle::BeamTable;
 
@@ -82,7 +83,7 @@ impl Cells {
         places.filter_map(move |[i, j]| {
             let number = self.numbers[i * self.shape[1] + j]? as usize;
             let [x, y] = self.cells[number].centre;
-            ((x - point[0]).hypot(y - point[1]) <= radius).then_some(number)
+            (maths::hypot(x - point[0], y - point[1]) <= radius).then_some(number)
         })
     }
 

@@ -1,5 +1,6 @@
 //! The blind zone around the own vehicle: the ground nearer than the nearest that is seen.
 
+use crate::maths;
 use std::f64::consts::TAU;
 
 use serde::Serialize;
@@ -37,13 +38,13 @@ impl BlindZone {
         let mut nearest = [f64::INFINITY; DIRECTIONS];
         for Cell { centre, .. } in seen {
             let [x, y] = [0, 1].map(|k| centre[k] - middle[k]);
-            let sector = (y.atan2(x).rem_euclid(TAU) / TAU * DIRECTIONS as f64).round();
+            let sector = (maths::atan2(y, x).rem_euclid(TAU) / TAU * DIRECTIONS as f64).round();
             let nearest = &mut nearest[sector as usize % DIRECTIONS];
-            *nearest = nearest.min(x.hypot(y));
+            *nearest = nearest.min(maths::hypot(x, y));
         }
         let (mut distances, mut polygon) = (Vec::new(), Vec::new());
         for (k, radius) in nearest.into_iter().enumerate() {
-            let (sin, cos) = (TAU * k as f64 / DIRECTIONS as f64).sin_cos();
+            let (sin, cos) = maths::sin_cos(TAU * k as f64 / DIRECTIONS as f64);
             let reach = footprint.reach([cos, sin]);
             let distance = radius.is_finite().then(|| (radius - reach).max(0.0));
             distances.push(distance);

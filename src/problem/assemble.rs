@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use super::{Content, Frame, Instance, NEAR_KIND, OccupiedVoxel, Problem, ProblemError, World};
 use crate::bvh::Bvh;
 use crate::geom::{Pose, TriangleSoup};
+use crate::maths;
 use crate::memory::{self, OutOfMemory};
 use crate::psog::{EntropyKind, EntropyTable, Psog, fixed};
 use crate::scene::{Coverage, EgoBody, GROUND_CLASSES, Scene};
@@ -107,7 +108,7 @@ fn weigh_by_distance(occupied: &mut [OccupiedVoxel], psog: &Psog) {
     let weigh = |(voxel, &is_ground): (&OccupiedVoxel, &bool)| {
         let at = roi.coords(u64::from(voxel.index));
         let [x, y] = [0, 1].map(|k| min[k] + (f64::from(at[k]) + 0.5) * edge[k]);
-        let distance = x.hypot(y);
+        let distance = maths::hypot(x, y);
         let eighths = (STEPS * NEAR / distance.max(NEAR)).round().max(1.0);
         (f64::from(voxel.entropy[0]) * eighths, is_ground && distance <= NEAR)
     };

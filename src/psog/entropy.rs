@@ -1,5 +1,6 @@
 //! Entropy of voxels, in nats and in fixed point.
 
+use crate::maths;
 use rayon::prelude::*;
 
 use super::Psog;
@@ -81,7 +82,7 @@ fn term(n: u32, frames: u32) -> f64 {
         return 0.0;
     }
     let p = f64::from(n) / f64::from(frames);
-    -p * p.ln()
+    -p * maths::ln(p)
 }
 
 impl Psog {

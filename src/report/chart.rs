@@ -6,6 +6,7 @@ use super::chart_labels::Labels;
 use super::chart_table::{ChartFrame, seconds, table};
 use super::svg::{ACCENT, Axes, GREY, INK, SECOND, SOFT, Scale, corners, page, px, trimmed};
 use crate::chart::{Engine, Rated, pareto};
+use crate::maths;
 
 /// Pixels of the picture's width, and of a row of its table.
 const WIDTH: f64 = 1000.0;
@@ -87,9 +88,9 @@ impl Area {
         let range = |values: &mut dyn Iterator<Item = f64>| {
             values.fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)))
         };
-        let x = range(&mut points.iter().map(|&i| rated[i].measured.seconds.log10()));
+        let x = range(&mut points.iter().map(|&i| maths::log10(rated[i].measured.seconds)));
         let above = points.iter().flat_map(|&i| misranked(&rated[i]));
-        let (low, high) = range(&mut above.filter(|v| *v > 1e-9).map(f64::log10));
+        let (low, high) = range(&mut above.filter(|v| *v > 1e-9).map(maths::log10));
         let (low, high) = if low <= high { (low, high) } else { (-3.0, 0.0) };
         let [left, right, top, bottom] = AREA;
         let x = Scale::log((half_below(x.0 - 0.15), x.1 + 0.2), (left, right));
@@ -99,7 +100,7 @@ impl Area {
 
     /// Pixel of 1 − τ; 0 stands on the x axis.
     fn at_y(&self, misranked: f64) -> f64 {
-        let lowest = 10_f64.powf(self.axes.y.range().0);
+        let lowest = maths::pow(10_f64, self.axes.y.range().0);
         self.axes.y.at(if misranked > 1e-9 { misranked.max(lowest) } else { lowest })
     }
 
@@ -112,7 +113,7 @@ impl Area {
         let lowest = self.axes.y.range().0;
         let mut y = self.axes.y.ticks(|v| trimmed(v, 6));
         // No tick in the way of the line for 0.
-        y.retain(|tick| tick.value.log10() > lowest + 0.12);
+        y.retain(|tick| maths::log10(tick.value) > lowest + 0.12);
         html! {
             (self.axes.draw(&self.axes.x.ticks(seconds), &y, false))
             text x=(left - 8.0) y=(bottom + 4.5) text-anchor="end" { "0" }

@@ -7,6 +7,7 @@ use maud::{Markup, html};
 use super::optional;
 use super::svg::{ACCENT, FAINT, GREY, INK, SECOND, SOFT, corners, page, px};
 use super::text::align_columns;
+use crate::maths;
 use crate::near_field::{CELL, Footprint, NEAR, NearField, RING, Standard};
 use crate::vehicle::Placement;
 
@@ -135,7 +136,7 @@ fn unseen(near: &NearField, at: &dyn Fn([f64; 2]) -> (f64, f64)) -> String {
 
 /// Points at a distance around a footprint: each corner with a round.
 fn around(footprint: &Footprint, within: f64) -> Vec<[f64; 2]> {
-    let turns = (0..180).map(|k| (f64::from(k).to_radians() * 2.0).sin_cos());
+    let turns = (0..180).map(|k| maths::sin_cos(f64::from(k).to_radians() * 2.0));
     let farthest = |(sin, cos): (f64, f64)| {
         let along = |c: &&[f64; 2]| c[0] * cos + c[1] * sin;
         let corners = footprint.corners().iter();

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::svg::trimmed;
 use super::text::align_columns;
+use crate::maths;
 use crate::vehicle::sensor_file::{Beams, Measures, SensorPattern};
 
 /// Most rows of the drawing of elevations.
@@ -53,8 +54,9 @@ pub(super) fn angles(beams: &Beams) -> Vec<[f64; 2]> {
     match beams {
         Beams::Channels(all) => all.iter().map(|c| [c.azimuth_offset, c.elevation]).collect(),
         Beams::Directions(all) => {
-            let of =
-                |[x, y, z]: &[f64; 3]| [y.atan2(*x), z.atan2(x.hypot(*y))].map(f64::to_degrees);
+            let of = |[x, y, z]: &[f64; 3]| {
+                [maths::atan2(*y, *x), maths::atan2(*z, maths::hypot(*x, *y))].map(f64::to_degrees)
+            };
             all.iter().map(of).collect()
         }
     }

@@ -1,5 +1,6 @@
 //! Parts of every drawing: page, colours, numbers as words, and axes with their ticks.
 
+use crate::maths;
 use maud::{Markup, html};
 
 pub(super) const INK: &str = "#1b2a3a";
@@ -95,7 +96,7 @@ impl Scale {
 
     /// Pixel of a value.
     pub fn at(&self, value: f64) -> f64 {
-        scale(if self.is_log { value.log10() } else { value }, self.range, self.pixels)
+        scale(if self.is_log { maths::log10(value) } else { value }, self.range, self.pixels)
     }
 
     /// Round numbers along the axis: about six, or on a logarithmic axis 1, 2, …, 9 times powers of ten,
@@ -114,14 +115,14 @@ impl Scale {
                 Tick { value, text: is_named(digit).then(|| name(value)) }
             })
         });
-        all.filter(|tick| (low..=high).contains(&tick.value.log10())).collect()
+        all.filter(|tick| (low..=high).contains(&maths::log10(tick.value))).collect()
     }
 }
 
 /// About `count` round numbers within a range.
 fn round_numbers(low: f64, high: f64, count: usize) -> Vec<f64> {
     let raw = (high - low) / count as f64;
-    let power = 10_f64.powf(raw.log10().floor());
+    let power = maths::pow(10_f64, maths::log10(raw).floor());
     let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|s| *s >= raw);
     let step = step.unwrap_or(raw);
     let first = (low / step).ceil() as i64;

@@ -3,6 +3,7 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::geom::Pose;
+use crate::maths;
 use crate::vehicle::SensorPose;
 
 /// The pose that changes nothing.
@@ -49,10 +50,10 @@ pub(super) fn turn(a: &DMat3, b: &DMat3) -> f64 {
     // |A − B|² = 8 sin²(angle/2): exact for small angles, where the arc cosine is not.
     let columns = (0..3).map(|k| a.col(k).distance_squared(b.col(k)));
     let half_sine = (columns.sum::<f64>() / 8.0).sqrt();
-    2.0 * half_sine.min(1.0).asin()
+    2.0 * maths::asin(half_sine.min(1.0))
 }
 
 /// Angle between two directions of unit length, in radians.
 pub(super) fn tilt(a: DVec3, b: DVec3) -> f64 {
-    2.0 * (a.distance(b) / 2.0).min(1.0).asin()
+    2.0 * maths::asin((a.distance(b) / 2.0).min(1.0))
 }

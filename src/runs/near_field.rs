@@ -53,7 +53,7 @@ pub struct NearFields {
 /// Looks at the near field of each placement, and draws it where that is asked for.
 ///
 /// # Errors
-/// Files that cannot be read or written, a scene without geometry or own body, conditions in the mode `robo3d`.
+/// Files that cannot be read or written, a scene without geometry or own body, a condition given twice.
 pub fn near_fields(
     request: &NearFieldRequest,
     computing: &Computing<'_>,

@@ -1,6 +1,7 @@
 //! Numbers by chance that depend on what they are for alone, not on the order in which they are drawn.
 
 use crate::chance::mixed;
+use crate::maths;
 
 /// What a number is drawn for; numbers of different purposes have nothing to do with each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,8 +19,8 @@ pub enum Purpose {
     Crosstalk,
     /// What an object is like.
     Object,
-    /// A published corruption of a whole frame or point.
-    Corruption,
+    /// Drops in a beam.
+    Rain,
 }
 
 /// A source of numbers for one beam of a frame.
@@ -42,11 +43,20 @@ impl Chance {
         (word >> 11) as f64 / (1u64 << 53) as f64
     }
 
+    /// The numbers of a purpose, one after the other.
+    pub fn draws(&self, purpose: Purpose) -> impl FnMut() -> f64 {
+        let (chance, mut next) = (*self, 0);
+        move || {
+            next += 1;
+            chance.draw(purpose, next - 1)
+        }
+    }
+
     /// The `k`-th number of a purpose from the standard normal distribution (Box and Muller 1958).
     pub fn normal(&self, purpose: Purpose, k: u32) -> f64 {
         // 1 − u is never 0.
-        let radius = (-2.0 * (1.0 - self.draw(purpose, 2 * k)).ln()).sqrt();
-        radius * (std::f64::consts::TAU * self.draw(purpose, 2 * k + 1)).cos()
+        let radius = (-2.0 * maths::ln(1.0 - self.draw(purpose, 2 * k))).sqrt();
+        radius * maths::cos(std::f64::consts::TAU * self.draw(purpose, 2 * k + 1))
     }
 }
 

@@ -18,6 +18,11 @@ pub(super) struct Echo {
 impl Echo {
     const NONE: Self = Self { range: 0.0, power: 0.0, ray: None, status: Status::Miss };
 
+    /// Of fog, snow or rain.
+    pub fn of_medium(range: f64, power: f64, status: Status) -> Self {
+        Self { range, power, ray: None, status }
+    }
+
     /// Adds the power of another, and moves to the mean of both by power.
     pub fn join(&mut self, other: &Self) {
         let power = self.power + other.power;
@@ -27,15 +32,15 @@ impl Echo {
     }
 }
 
-/// The echoes of a beam: at most one of each of its rays, one of fog and one of snow.
+/// The echoes of a beam: at most one of each of its rays, one of fog, of snow and of rain each.
 pub(super) struct EchoList {
-    list: [Echo; RAYS + 2],
+    list: [Echo; RAYS + 3],
     len: usize,
 }
 
 impl Default for EchoList {
     fn default() -> Self {
-        Self { list: [Echo::NONE; RAYS + 2], len: 0 }
+        Self { list: [Echo::NONE; RAYS + 3], len: 0 }
     }
 }
 

@@ -30,10 +30,10 @@ pub enum ScanError {
     /// A model without beams.
     #[error(transparent)]
     Sensor(#[from] SensorError),
-    /// A condition of beams that nothing acts on.
+    /// A condition of an ideal scan.
     #[error(
         "the condition `{condition}` acts on beams, of which an ideal scan has the geometry alone; leave out one \
-         of the two, or take the condition's mode `robo3d`"
+         of the two"
     )]
     Ideal {
         /// As written.

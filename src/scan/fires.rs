@@ -19,6 +19,8 @@ pub(super) struct Fires {
     /// Whether the columns make one whole turn.
     turns: bool,
     azimuths: Option<Azimuths>,
+    /// Columns and channels beside a beam that lie within half of its width, and one more.
+    overlaps: [usize; 2],
 }
 
 /// Azimuths of the columns in radians.
@@ -45,10 +47,19 @@ pub(super) struct Place {
 
 impl Fires {
     /// An azimuth step of all channels fires together; of a list of directions so many that follow each other.
-    pub fn new(table: &BeamTable) -> Self {
+    /// Beams have a divergence in radians: full widths across and along.
+    pub fn new(table: &BeamTable, divergence: [f64; 2]) -> Self {
         let beams = table.directions().len();
         match table.grid() {
             Some(grid) => {
+                let [across, along] = divergence.map(|width| width / 2.0);
+                let columns = (across / grid.step) as usize + 1;
+                let near = |k: usize| {
+                    let (elevation, _) = grid.channels[k];
+                    let above = grid.channels[k + 1..].iter();
+                    above.take_while(|(other, _)| (other - elevation).abs() <= along).count()
+                };
+                let channels = (0..grid.channels.len()).map(near).max().unwrap_or(0) + 1;
                 let offsets = grid.channels.iter().map(|(_, offset)| offset.abs() + 1e-6);
                 Self {
                     columns: grid.steps,
@@ -60,6 +71,7 @@ impl Fires {
                         step: grid.step,
                         wide: offsets.fold(1e-6, f64::max),
                     }),
+                    overlaps: [columns, channels],
                 }
             }
             None => Self {
@@ -68,6 +80,7 @@ impl Fires {
                 size: beams.div_ceil(PIECES).max(1),
                 turns: true,
                 azimuths: None,
+                overlaps: [1, 1],
             },
         }
     }
@@ -108,17 +121,26 @@ impl Fires {
         })
     }
 
-    /// Beams beside a beam in azimuth and in elevation, by their numbers in the order in which they fire; the beam
-    /// itself where there is none.
-    pub fn beside(&self, place: &Place) -> [usize; 4] {
-        let Self { columns, channels, turns, .. } = *self;
+    /// Beams beside a beam in azimuth and in elevation, by their numbers in the order in which they fire: its
+    /// neighbours, and where steps are finer than half of its width all that it overlaps and the next.
+    pub fn beside(&self, place: &Place) -> impl Iterator<Item = usize> + use<> {
+        let Self { columns, channels, turns, overlaps, .. } = *self;
         let Place { channel, column, fired, .. } = *place;
-        let round = if turns { (columns - 1) * channels } else { 0 };
-        let left = if column > 0 { fired - channels } else { fired + round };
-        let right = if column + 1 < columns { fired + channels } else { fired - round };
-        let above = if channel + 1 < channels { fired + 1 } else { fired };
-        let below = if channel > 0 { fired - 1 } else { fired };
-        [left, right, above, below]
+        let in_azimuth = (1..=overlaps[0].min(columns - 1)).flat_map(move |step| {
+            let (far, round) = (step * channels, (columns - step) * channels);
+            let left =
+                if column >= step { Some(fired - far) } else { turns.then(|| fired + round) };
+            let right = match column + step < columns {
+                true => Some(fired + far),
+                false => turns.then(|| fired - round),
+            };
+            [left, right]
+        });
+        let in_elevation = (1..=overlaps[1].min(channels - 1)).flat_map(move |step| {
+            let above = (channel + step < channels).then(|| fired + step);
+            [above, (channel >= step).then(|| fired - step)]
+        });
+        in_azimuth.chain(in_elevation).flatten()
     }
 
     /// Azimuth of a firing in radians; none in particular of a list of directions.

@@ -25,7 +25,7 @@ pub use error::ScanError;
 pub use hits::BeamHits;
 pub use psog::scan_scene;
 pub use record::{
-    EGO_INSTANCE, NO_CLASS, NO_INSTANCE, Return, Scan, ScanLidar, Status, TrackedBox,
+    BOX_MARGIN, EGO_INSTANCE, NO_CLASS, NO_INSTANCE, Return, Scan, ScanLidar, Status, TrackedBox,
 };
 pub use scanner::{Scanner, Scanning};
 pub use stage::Stage;

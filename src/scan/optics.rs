@@ -60,5 +60,5 @@ pub(super) fn is_seen(response: &Response, power: f64, draw: impl FnOnce() -> f6
 
 /// Share of a normal distribution below x.
 fn normal_share(x: f64) -> f64 {
-    0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2)
+    0.5 * crate::maths::erfc(-x * std::f64::consts::FRAC_1_SQRT_2)
 }

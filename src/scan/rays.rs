@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::fires::{Fires, Place};
 use crate::cast::{self, Rays};
+use crate::maths;
 use crate::vehicle::SensorModel;
 
 /// Rays that a beam is made of where its middle is not enough: the middle, and a ring of six on its rim.
@@ -27,8 +28,8 @@ pub(super) fn rays_of(model: &SensorModel, fires: &Fires) -> Vec<Rays> {
     let [across, along] = model.response.divergence.map(|width| width / 2.0);
     let ray = |k: usize| {
         // Round the ellipse of the half widths.
-        let (sin, cos) = (TAU * (k as f64 + 1.5) / RING as f64).sin_cos();
-        DVec3::new(1.0, (cos * across).tan(), (sin * along).tan()).normalize()
+        let (sin, cos) = maths::sin_cos(TAU * (k as f64 + 1.5) / RING as f64);
+        DVec3::new(1.0, maths::tan(cos * across), maths::tan(sin * along)).normalize()
     };
     let ring: [DVec3; RING] = std::array::from_fn(ray);
     let is_wide = across > 0.0 || along > 0.0;
@@ -61,6 +62,6 @@ pub(super) fn ring(rays: &Rays) -> [[f32; 3]; RING] {
 /// Takes +x to a direction: Ry(−elevation), then Rz(azimuth).
 fn turn(direction: [f32; 3]) -> DMat3 {
     let direction = DVec3::from(direction.map(f64::from));
-    let (azimuth, across) = (direction.y.atan2(direction.x), direction.truncate().length());
-    DMat3::from_rotation_z(azimuth) * DMat3::from_rotation_y(-direction.z.atan2(across))
+    let (azimuth, across) = (maths::atan2(direction.y, direction.x), direction.truncate().length());
+    DMat3::from_rotation_z(azimuth) * DMat3::from_rotation_y(-maths::atan2(direction.z, across))
 }

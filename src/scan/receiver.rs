@@ -137,43 +137,24 @@ impl Receiver<'_> {
         Echo { range, power, ray: Some(ray), status: Status::Hit }
     }
 
-    /// Echoes of fog and snow, and what snow takes from the surfaces.
+    /// Echoes of fog, snow and rain, and what the last two take from the surfaces.
     fn weather(&self, chance: &Chance, surface: &Surface, echoes: &mut EchoList) {
         let model = self.sweeper.model();
         let target = if surface.is_hit() { f64::from(surface.t) } else { f64::INFINITY };
-        let medium = |range, power, status| Echo { range, power, ray: None, status };
         let surfaces = echoes.len();
         if let Some(fog) = &self.optics.weather.fog {
             let range = fog.soft_range(target, chance.draw(Purpose::FogRange, 0));
-            echoes.push(medium(range, fog.soft_power(target), Status::Fog));
+            echoes.push(Echo::of_medium(range, fog.soft_power(target), Status::Fog));
         }
-        if let Some(snow) = &self.optics.weather.snow {
+        for (falling, purpose, status) in self.optics.weather.falls() {
             let reach = f64::from(model.table.range()).min(target);
-            let mut draws = 0;
-            let draw = || {
-                draws += 1;
-                chance.draw(Purpose::Snow, draws - 1)
-            };
-            let fallen = snow.beam(model.response.divergence, reach, draw);
+            let fallen = falling.beam(model.response.divergence, reach, chance.draws(purpose));
             for echo in &mut echoes.as_mut_slice()[..surfaces] {
                 echo.power *= fallen.passed;
             }
-            let Some(flake) = fallen.flake else { return };
+            let Some(flake) = fallen.flake else { continue };
             let power = flake.power * self.optics.through_fog(flake.range);
-            let flake = Flake { power, ..flake };
-            // The strongest of the surfaces near it adds up with it.
-            let lit = echoes.as_mut_slice()[..surfaces].iter_mut().map(|echo| {
-                let joined = flake.join(echo.range, echo.power);
-                (echo, joined)
-            });
-            let near = lit.filter(|(echo, joined)| echo.power > 0.0 && *joined != Joined::Apart);
-            match near.max_by(|(a, _), (b, _)| a.power.total_cmp(&b.power)) {
-                Some((echo, Joined::Target(power))) => echo.power = power,
-                Some((echo, Joined::Flake(Flake { range, power }))) => {
-                    *echo = medium(range, power, Status::Snow);
-                }
-                _ => echoes.push(medium(flake.range, flake.power, Status::Snow)),
-            }
+            join(&Flake { power, ..flake }, status, surfaces, echoes);
         }
     }
 
@@ -251,5 +232,22 @@ impl Receiver<'_> {
         };
         let blur = self.optics.weather.blur.as_ref().map_or(0.0, |blur| blur.share() as f32);
         (position + (raw - position) * blur, raw)
+    }
+}
+
+/// Adds a flake's or drop's echo to those of a beam, the first `surfaces` of which are of surfaces: the strongest
+/// of these near it adds up with it.
+fn join(flake: &Flake, status: Status, surfaces: usize, echoes: &mut EchoList) {
+    let lit = echoes.as_mut_slice()[..surfaces].iter_mut().map(|echo| {
+        let joined = flake.join(echo.range, echo.power);
+        (echo, joined)
+    });
+    let near = lit.filter(|(echo, joined)| echo.power > 0.0 && *joined != Joined::Apart);
+    match near.max_by(|(a, _), (b, _)| a.power.total_cmp(&b.power)) {
+        Some((echo, Joined::Target(power))) => echo.power = power,
+        Some((echo, Joined::Flake(Flake { range, power }))) => {
+            *echo = Echo::of_medium(range, power, status);
+        }
+        _ => echoes.push(Echo::of_medium(flake.range, flake.power, status)),
     }
 }

@@ -15,6 +15,10 @@ pub const NO_INSTANCE: u16 = 0;
 /// Instance of the ego vehicle's own body.
 pub const EGO_INSTANCE: u16 = u16::MAX;
 
+/// Metres beyond an actor's box within which a point counts as one of the box. Points on a surface lie on the faces
+/// of a tight box, where rounding would decide.
+pub const BOX_MARGIN: f64 = 0.005;
+
 /// What a beam came back as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
@@ -35,6 +39,8 @@ pub enum Status {
     Crosstalk = 6,
     /// A second time, from a surface behind the first.
     Second = 7,
+    /// From a drop of rain.
+    Rain = 8,
 }
 
 impl Status {
@@ -65,7 +71,7 @@ pub struct Return {
     pub channel: u16,
     /// Azimuth step of the channel.
     pub column: u32,
-    /// Class of the surface that the point is counted as; [`NO_CLASS`] for fog, snow, crosstalk and none.
+    /// Class of the surface that the point is counted as; [`NO_CLASS`] for fog, snow, rain, crosstalk and none.
     pub class: u16,
     /// Class of the surface that the beam meets in clear air; [`NO_CLASS`] if none.
     pub clean_class: u16,
@@ -94,7 +100,7 @@ pub struct TrackedBox {
     pub size: DVec3,
     /// In the world frame, metres a second.
     pub velocity: DVec3,
-    /// Points of the scan that lie in it, whatever they are of.
+    /// Points of the scan that lie in it, whatever they are of; within [`BOX_MARGIN`] of it they count.
     pub points: u32,
 }
 
@@ -149,13 +155,13 @@ impl Scan {
         let clusters: Vec<Cluster<'_>> = points.chunks(TOGETHER).map(Cluster::new).collect();
         self.boxes.par_iter_mut().for_each(|tracked| {
             let box_from_ego = tracked.ego_from_box.inverse();
-            let half = tracked.size / 2.0;
+            let half = tracked.size / 2.0 + BOX_MARGIN;
             let inside = |&point: &[f32; 3]| {
                 let point = DVec3::from(point.map(f64::from));
                 box_from_ego.apply(point).abs().cmple(half).all()
             };
             // What lies outside of the sphere around the box need not be turned.
-            let reach = (tracked.size.length() / 2.0 + 1e-3) as f32;
+            let reach = (half.length() + 1e-3) as f32;
             let middle = tracked.ego_from_box.translation.as_vec3().to_array();
             let clusters = clusters.iter().filter(|cluster| cluster.is_within(reach, middle));
             let near = clusters.flat_map(|cluster| cluster.points).filter(|&&[x, y, z]| {

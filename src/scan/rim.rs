@@ -144,11 +144,11 @@ impl Turn<'_> {
         !all_hit(tree, &pose, unsure.map(|ray| lane(rays, ray)), triangle, range)
     }
 
-    /// The edge between a beam and its neighbours; one that it sees behind before one in front.
+    /// The edge between a beam and those beside it; one that it sees behind before one in front.
     fn edge(&self, place: &Place) -> Edge {
         let surfaces = &self.sweep.surfaces;
         let here = &surfaces[place.fired];
-        let [a, b, c, d] = self.sweeper.fires.beside(place).map(|at| here.edge_to(&surfaces[at]));
-        a.max(b).max(c.max(d))
+        let edges = self.sweeper.fires.beside(place).map(|at| here.edge_to(&surfaces[at]));
+        edges.max().unwrap_or(Edge::None)
     }
 }

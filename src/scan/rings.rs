@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use crate::maths;
 use crate::psog::Roi;
 use crate::scene::ScanSettings;
 use crate::vehicle::{BeamTable, SensorError};
@@ -38,8 +39,8 @@ impl Rings {
         let all_around = (TAU / step).ceil();
         let ring = |(elevation, extent): (f64, f64)| {
             // In quarters of an octave, so that rings side by side go into one table.
-            let quarters = (4.0 * (reach / extent).log2()).floor().clamp(0.0, 32.0);
-            let spaced = (all_around * (-quarters / 4.0).exp2()).ceil() as u32;
+            let quarters = (4.0 * maths::log2(reach / extent)).floor().clamp(0.0, 32.0);
+            let spaced = (all_around * maths::exp2(-quarters / 4.0)).ceil() as u32;
             Ring { elevation, azimuth_steps: settings.azimuth_steps.unwrap_or(spaced) }
         };
         let [lower, upper] = settings.fov.map(f64::to_radians);
@@ -82,7 +83,7 @@ impl View {
     /// How far away a beam of this elevation is between the ground and the top, at most `reach`.
     fn extent(&self, elevation: f64) -> f64 {
         let drop = if elevation < 0.0 { self.height } else { self.height - self.top };
-        let extent = drop / (-elevation).tan();
+        let extent = drop / maths::tan(-elevation);
         if extent > 0.0 { extent.min(self.reach) } else { self.reach }
     }
 
@@ -98,8 +99,8 @@ impl View {
         loop {
             elevations.push((next, self.extent(next)));
             // Where the ring lies on the ground; endless from the horizon upwards.
-            let radius = if next < 0.0 { self.height / (-next).tan() } else { f64::INFINITY };
-            let on_ground = -(self.height / (radius + spacing)).atan();
+            let radius = if next < 0.0 { self.height / maths::tan(-next) } else { f64::INFINITY };
+            let on_ground = -maths::atan(self.height / (radius + spacing));
             next = if radius < self.reach && on_ground > next {
                 on_ground
             } else {

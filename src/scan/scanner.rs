@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::conditions::{self, Condition, Corruptions, Mode};
+use super::conditions::{self, Condition};
 use super::device::Device;
 use super::error::ScanError;
 use super::fires::Fires;
@@ -26,11 +26,11 @@ const BEAMS_A_TASK: usize = 2048;
 /// How a rig is to scan.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Scanning {
-    /// Geometry alone: every beam returns from what it meets, at once, without error; conditions of beams are refused.
+    /// Geometry alone: every beam returns from what it meets, at once, without error; conditions are refused.
     pub ideal: bool,
     /// Of all that is left to chance.
     pub seed: u64,
-    /// Weather and faults; those in the way of the `robo3d` mode change the finished scan, in this order.
+    /// Weather and faults.
     pub conditions: Vec<Condition>,
 }
 
@@ -53,7 +53,6 @@ pub struct Scanner<'a> {
     tracks: Vec<Track>,
     scanning: Scanning,
     optics: Optics,
-    corruptions: Corruptions,
 }
 
 /// Returns of neighbouring columns of a LiDAR, channel by channel: neighbours in the world, whose surfaces were met
@@ -92,9 +91,8 @@ impl<'a> Scanner<'a> {
         }
         let sensors = scene.sensors()?;
         placement.lidars.iter().try_for_each(|pose| sensors.number(pose).map(drop))?;
-        conditions::sort(&scanning.conditions)?;
-        let on_beams = scanning.conditions.iter().find(|c| c.mode() == Mode::Physical);
-        match on_beams.filter(|_| scanning.ideal) {
+        conditions::weather(&scanning.conditions)?;
+        match scanning.conditions.first().filter(|_| scanning.ideal) {
             Some(condition) => Err(ScanError::Ideal { condition: condition.to_string() }),
             None => Ok(()),
         }
@@ -103,8 +101,8 @@ impl<'a> Scanner<'a> {
     /// Builds the trees of the scene, once for all frames.
     ///
     /// # Errors
-    /// A scene without geometry, a sensor that the vehicle does not have, a condition given twice or for beams that
-    /// are ideal.
+    /// A scene without geometry, a sensor that the vehicle does not have, a condition given twice, or with an
+    /// ideal scan.
     pub fn new(
         scene: &'a Scene,
         placement: &'a Placement,
@@ -142,7 +140,7 @@ impl<'a> Scanner<'a> {
         let sensors = scene.sensors()?;
         let models = placement.lidars.iter().map(|pose| sensors.number(pose));
         let models = models.collect::<Result<Vec<usize>, _>>()?;
-        let (weather, corruptions) = conditions::sort(&scanning.conditions)?;
+        let weather = conditions::weather(&scanning.conditions)?;
         let classes: Arc<[String]> = scene.classes().into();
         let sweepers: Vec<Sweeper> = sensors.models().iter().map(Sweeper::new).collect();
         Ok(Self {
@@ -157,7 +155,6 @@ impl<'a> Scanner<'a> {
             tracks,
             scanning: scanning.clone(),
             optics: Optics::new(scene, weather),
-            corruptions,
             classes,
         })
     }
@@ -225,7 +222,6 @@ impl<'a> Scanner<'a> {
             returns: rows.collect::<Vec<&[Return]>>().concat(),
             boxes: self.boxes(frame),
         };
-        self.corruptions.apply(&mut scan, self.scanning.seed);
         scan.count_points();
         scan
     }

@@ -10,6 +10,7 @@ use super::{EGO_INSTANCE, NO_INSTANCE};
 use crate::bvh::{Bvh, Triangle};
 use crate::cast::{Part, Standing, SweptPart, Target};
 use crate::geom::{Glide, Pose};
+use crate::maths;
 use crate::problem::{DevicePose, Instance, World};
 use crate::scene::{EgoBody, Scene};
 
@@ -281,11 +282,11 @@ impl Seen {
         if across <= radius {
             return Self::Always;
         }
-        let half = (radius / across).asin() + wide;
+        let half = maths::asin(radius / across) + wide;
         if half >= PI {
             return Self::Always;
         }
-        Self::Around(middle.truncate() / across, half.cos())
+        Self::Around(middle.truncate() / across, maths::cos(half))
     }
 
     /// Whether a beam may meet it, by the unit vector of its azimuth.

@@ -66,7 +66,7 @@ impl Sweeper {
         // A tenth more than half of the divergence, for rounding.
         let width = 1.1 * model.response.divergence.into_iter().fold(0.0, f64::max) / 2.0;
         let width = width as f32;
-        let fires = Fires::new(table);
+        let fires = Fires::new(table, model.response.divergence);
         Self {
             rays: rays_of(model, &fires),
             fires,

@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::chance::{Chance, Purpose};
-use super::conditions::{self, Condition, Fallen, Flake, Joined, Mode};
+use super::conditions::{self, Condition, Fallen, Flake, Joined};
 use super::optics::{Optics, is_seen};
 use super::stage::Stage;
 use crate::bvh::Hit;
@@ -36,12 +36,6 @@ pub enum VisibilityError {
         /// Name of the scene.
         scene: String,
     },
-    /// A finished scan is changed, and scores have none.
-    #[error("the condition `{condition}` changes finished scans; scores take the mode `physical`")]
-    Robo3d {
-        /// As written.
-        condition: String,
-    },
     /// Conditions that do not go together.
     #[error(transparent)]
     Condition(#[from] conditions::ConditionError),
@@ -51,7 +45,7 @@ pub enum VisibilityError {
 ///
 /// A beam that meets a surface comes back with the probability that a scan gives it, and then covers what it
 /// covers in clear air; otherwise it covers nothing. A beam that meets nothing covers as far as a target of
-/// 30 % would be seen, behind whatever snow takes on the whole of its way; nothing if crosstalk hits it. Which
+/// 30 % would be seen, behind whatever snow and rain take on the whole of its way; nothing if crosstalk hits it. Which
 /// beams come back is drawn once for each frame, model and beam, so that a voxel is weighted with the probability
 /// that a beam tells of it, in whole beams: all engines have the same bits, and neighbouring placements the same
 /// luck. So have the beams of one number of all LiDARs of a model: where two of them meet in a voxel, both tell
@@ -76,10 +70,10 @@ struct Beam<'a> {
 /// Response and range of a model, and how far the target is seen, by the draw that decides.
 type Reach = (Response, f32, Arc<[f32]>);
 
-/// A scene's problem under conditions in the mode `physical`; as it is under none.
+/// A scene's problem under conditions; as it is under none.
 ///
 /// # Errors
-/// Beams that end at nothing, the mode `robo3d`, a condition given twice.
+/// Beams that end at nothing, a condition given twice.
 pub fn in_conditions(
     scene: &Scene,
     problem: Problem,
@@ -93,10 +87,10 @@ pub fn in_conditions(
 }
 
 impl Visibility {
-    /// Of a scene's problem under conditions in the mode `physical`.
+    /// Of a scene's problem under conditions.
     ///
     /// # Errors
-    /// Beams that end at nothing, the mode `robo3d`, a condition given twice.
+    /// Beams that end at nothing, a condition given twice.
     pub fn new(
         scene: &Scene,
         problem: &Problem,
@@ -105,11 +99,7 @@ impl Visibility {
         if scene.coverage() == Coverage::Through || !scene.has_geometry() {
             return Err(VisibilityError::Through { scene: scene.name().to_owned() });
         }
-        if let Some(condition) = conditions.iter().find(|c| c.mode() == Mode::Robo3d) {
-            return Err(VisibilityError::Robo3d { condition: condition.to_string() });
-        }
-        let (weather, _) = conditions::sort(conditions)?;
-        let optics = Optics::new(scene, weather);
+        let optics = Optics::new(scene, conditions::weather(conditions)?);
         let first = problem.geometry(0).into_iter().flat_map(|frame| frame.instances());
         Ok(Arc::new(Self { stage: Stage::of(scene, first), optics, reaches: Mutex::default() }))
     }
@@ -153,12 +143,12 @@ impl Visibility {
     }
 
     /// How far a beam that meets nothing up to a range would see the target, where `reaches` says it for air
-    /// without snow.
+    /// in which nothing falls.
     fn far(&self, beam: &Beam<'_>, reaches: &[f32], range: f32) -> f32 {
         let draw = beam.chance.draw(Purpose::Detection, 0);
         if self.is_wrong(beam) {
             0.0
-        } else if self.optics.weather.snow.is_none() {
+        } else if self.optics.weather.falls().next().is_none() {
             range.min(reaches[(draw * STEPS as f64) as usize])
         } else {
             let range = f64::from(range);
@@ -171,21 +161,23 @@ impl Visibility {
         self.optics.weather.fog.as_ref().map_or(0.0, |fog| fog.soft_power(range))
     }
 
-    /// What snow does to a beam that goes as far as a range; fog takes its share of the flake's echo.
+    /// What snow and rain do to a beam that goes as far as a range, with the stronger of their flakes; fog takes
+    /// its share of the flake's echo.
     fn fallen(&self, beam: &Beam<'_>, range: f64) -> Fallen {
-        let Some(snow) = &self.optics.weather.snow else {
-            return Fallen { passed: 1.0, flake: None };
-        };
-        let mut draws = 0;
-        let fallen = snow.beam(beam.response.divergence, range, || {
-            draws += 1;
-            beam.chance.draw(Purpose::Snow, draws - 1)
-        });
-        let seen = |flake: Flake| {
-            let power = flake.power * self.optics.through_fog(flake.range);
-            Flake { power, ..flake }
-        };
-        Fallen { flake: fallen.flake.map(seen), ..fallen }
+        let mut all = Fallen { passed: 1.0, flake: None };
+        for (falling, purpose, _) in self.optics.weather.falls() {
+            let draws = beam.chance.draws(purpose);
+            let fallen = falling.beam(beam.response.divergence, range, draws);
+            all.passed *= fallen.passed;
+            let flake = fallen.flake.map(|flake| {
+                let power = flake.power * self.optics.through_fog(flake.range);
+                Flake { power, ..flake }
+            });
+            let stronger =
+                flake.filter(|flake| all.flake.is_none_or(|known| flake.power > known.power));
+            all.flake = stronger.or(all.flake);
+        }
+        all
     }
 
     /// Whether a beam takes another sensor's pulse for its own.

@@ -6,6 +6,7 @@ use super::description::{PoseDescription, RouteDescription};
 use crate::geom::{Glide, Pose};
 use crate::json::check::{self, bad};
 use crate::json::{DescriptionError, Place};
+use crate::maths;
 
 /// A pose for every frame.
 #[derive(Debug, Clone)]
@@ -141,7 +142,7 @@ impl Route {
         let (from, to) = (self.points[segment], self.points[segment + 1]);
         let heading = (to - from).normalize();
         let position = from + heading * (distance - self.along[segment]);
-        Pose::new(position, 0.0, 0.0, heading.y.atan2(heading.x))
+        Pose::new(position, 0.0, 0.0, maths::atan2(heading.y, heading.x))
     }
 }
 

@@ -4,6 +4,7 @@ use glam::{DMat3, DVec3};
 
 use super::polygon::triangulate;
 use crate::geom::{Pose, TriangleSoup};
+use crate::maths;
 
 /// Triangles with a class each, in the frame of their owner: world, actor or ego.
 ///
@@ -73,7 +74,8 @@ impl Solid {
     /// Upright prism with `sides` corners on the circle around `foot`, the first at +x.
     pub fn cylinder(foot: DVec3, radius: f64, height: f64, sides: u32, class: u16) -> Self {
         let corner = |i: u32| {
-            let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / f64::from(sides)).sin_cos();
+            let (sin, cos) =
+                maths::sin_cos(f64::from(i) * std::f64::consts::TAU / f64::from(sides));
             [radius * cos, radius * sin]
         };
         let base: Vec<_> = (0..sides).map(corner).collect();

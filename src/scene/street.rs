@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::DEFAULT_CLASSES;
 use crate::geom::TriangleSoup;
+use crate::maths;
 use crate::mesh::MOST_TRIANGLES;
 
 /// Fewest triangles of a street.
@@ -156,12 +157,12 @@ impl Street {
         let turned = index & 4 != 0;
         let size = DVec3::new(2.2, 0.9, 0.5 * self.rng.random_range(1.4..2.4));
         let n = ((budget / 2) as f64).sqrt() as usize;
-        let rounded = |v: f64| v.signum() * v.abs().powf(0.4);
+        let rounded = |v: f64| v.signum() * maths::pow(v.abs(), 0.4);
         self.patch(
             [n, n],
             |u, v| {
-                let (sin_a, cos_a) = (TAU * u).sin_cos();
-                let (sin_e, cos_e) = (0.5 * TAU * (v - 0.5)).sin_cos();
+                let (sin_a, cos_a) = maths::sin_cos(TAU * u);
+                let (sin_e, cos_e) = maths::sin_cos(0.5 * TAU * (v - 0.5));
                 let [r, up] = [rounded(cos_e), rounded(sin_e)];
                 let body = size * DVec3::new(r * rounded(cos_a), r * rounded(sin_a), up);
                 let body = if turned { DVec3::new(-body.y, body.x, body.z) } else { body };
@@ -180,7 +181,7 @@ impl Street {
         let before = self.soup.faces.len();
         if budget > 24 {
             let trunk = |u: f64, v: f64| {
-                let (sin, cos) = (TAU * u).sin_cos();
+                let (sin, cos) = maths::sin_cos(TAU * u);
                 foot + DVec3::new(0.15 * cos, 0.15 * sin, 3.0 * v)
             };
             self.patch([8, 1], trunk, |_, _| class("vegetation"));

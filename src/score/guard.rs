@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use serde::{Serialize, Serializer};
 
+use crate::maths;
 use crate::problem::{Content, Tally};
 use crate::vehicle::{Constraints, Placement, Region, SensorName, SensorPose, Slot};
 
@@ -177,7 +178,7 @@ fn around<'a>(
                 if lidars == 1 { 0.0 } else { half * std::f64::consts::SQRT_2 * direction };
             (middle(k) + offset).clamp(lower[k], upper[k])
         };
-        let (x, y) = (on_edge(0, turn.cos()), on_edge(1, turn.sin()));
+        let (x, y) = (on_edge(0, maths::cos(turn)), on_edge(1, maths::sin(turn)));
         region.pose([x, y, region.plain_height(), level(3), level(4), level(5)], sensor)
     })
 }

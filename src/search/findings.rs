@@ -1,5 +1,6 @@
 //! How properties of layouts go with the objective, beside the null model of mean height.
 
+use crate::maths;
 use crate::score::{mean_height, spearman};
 use crate::vehicle::Placement;
 
@@ -11,7 +12,10 @@ const DESCRIPTORS: [Descriptor; 4] = [
     ("mean height", mean_height),
     ("height spread", |p| deviation(p.lidars.iter().map(|l| l.z))),
     ("horizontal spread", |p| {
-        deviation(p.lidars.iter().map(|l| l.x)).hypot(deviation(p.lidars.iter().map(|l| l.y)))
+        maths::hypot(
+            deviation(p.lidars.iter().map(|l| l.x)),
+            deviation(p.lidars.iter().map(|l| l.y)),
+        )
     }),
     ("mean |roll|", |p| p.lidars.iter().map(|l| l.roll.abs()).sum::<f64>() / p.lidars.len() as f64),
 ];

@@ -1,5 +1,7 @@
 //! A part of the region of interest by distance, by direction, or a box.
 
+use crate::maths;
+
 /// A part of the region of interest, by the centres of its voxels in the ego frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
@@ -51,8 +53,8 @@ impl Region {
     pub(super) fn holds(&self, point: [f64; 3]) -> bool {
         let [x, y, _] = point;
         match &self.extent {
-            Extent::Ring(from, to) => (*from..*to).contains(&x.hypot(y)),
-            Extent::Sector(from, to) => (*from..*to).contains(&y.abs().atan2(x)),
+            Extent::Ring(from, to) => (*from..*to).contains(&maths::hypot(x, y)),
+            Extent::Sector(from, to) => (*from..*to).contains(&maths::atan2(y.abs(), x)),
             Extent::Box(min, max) => (0..3).all(|k| (min[k]..max[k]).contains(&point[k])),
         }
     }

@@ -4,6 +4,7 @@ use super::cases::Cases;
 use super::columns::{self, SCORES, check_distinct, made_large};
 use super::scene::StudyScene;
 use super::{Drawing, StudyError, Table};
+use crate::maths;
 use crate::near_field::NearSite;
 use crate::search::Evaluator;
 use crate::vehicle::{BeamTable, Lidar, Placement, Sensors};
@@ -21,7 +22,7 @@ const CROWDED: [f64; 3] = [1.25, 1.5, 2.0];
 /// share x becomes x^power. The ends stay where they are.
 fn crowded(elevation: f64, [low, high]: [f64; 2], power: f64) -> f64 {
     let end = if elevation < 0.0 { low } else { high };
-    end * (elevation / end).powf(power)
+    end * maths::pow(elevation / end, power)
 }
 
 /// The scene's own sensor with its elevations crowded; none where no channel lies to one side of the horizon.

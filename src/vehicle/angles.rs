@@ -4,6 +4,7 @@ use glam::DMat3;
 
 use super::SensorPose;
 use crate::geom::Pose;
+use crate::maths;
 
 /// Cosine of the pitch below which roll and yaw turn about the same axis.
 const GIMBAL_LOCK: f64 = 1e-12;
@@ -20,15 +21,15 @@ impl From<&Pose> for SensorPose {
 /// Roll, pitch and yaw of `Rz(yaw)·Ry(pitch)·Rx(roll)`; at a pitch of ±π/2 roll is 0 and yaw takes all.
 fn angles(rotation: &DMat3) -> [f64; 3] {
     let at = |row: usize, column: usize| rotation.col(column)[row];
-    let level = at(0, 0).hypot(at(1, 0));
+    let level = maths::hypot(at(0, 0), at(1, 0));
     // The arc sine would lose half of the digits near ±π/2.
-    let pitch = (0.0 - at(2, 0)).atan2(level);
+    let pitch = maths::atan2(0.0 - at(2, 0), level);
     if level < GIMBAL_LOCK {
-        return [0.0, pitch, (0.0 - at(0, 1)).atan2(at(1, 1))];
+        return [0.0, pitch, maths::atan2(0.0 - at(0, 1), at(1, 1))];
     }
-    let yaw = at(1, 0).atan2(at(0, 0));
+    let yaw = maths::atan2(at(1, 0), at(0, 0));
     // Taken from what the yaw leaves: near ±π/2 both are uncertain, and so they make good for each other.
-    let (sin, cos) = yaw.sin_cos();
-    let roll = (sin * at(0, 2) - cos * at(1, 2)).atan2(cos * at(1, 1) - sin * at(0, 1));
+    let (sin, cos) = maths::sin_cos(yaw);
+    let roll = maths::atan2(sin * at(0, 2) - cos * at(1, 2), cos * at(1, 1) - sin * at(0, 1));
     [roll, pitch, yaw]
 }

@@ -1,5 +1,6 @@
 //! Beam directions of one sensor, and the grid that they lie in.
 
+use crate::maths;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::Arc;
 
@@ -103,9 +104,9 @@ impl BeamTable {
     ) -> Result<Self, SensorError> {
         let azimuth = &azimuth;
         let directions = channels.iter().flat_map(|&(elevation, offset)| {
-            let (sin_e, cos_e) = elevation.to_radians().sin_cos();
+            let (sin_e, cos_e) = maths::sin_cos(elevation.to_radians());
             (0..steps).map(move |j| {
-                let (sin_a, cos_a) = (azimuth(j) + offset.to_radians()).sin_cos();
+                let (sin_a, cos_a) = maths::sin_cos(azimuth(j) + offset.to_radians());
                 DVec3::new(cos_e * cos_a, cos_e * sin_a, sin_e)
             })
         });

@@ -12,6 +12,7 @@ use super::surface::{Facet, Surface, is_roof, rest};
 use crate::geom::Pose;
 use crate::json::check::{self, bad};
 use crate::json::{DescriptionError, Place};
+use crate::maths;
 use crate::mesh::{self, Placing};
 
 /// Widest angle from the direction that triangles face unless the mount says so, radians.
@@ -70,7 +71,7 @@ fn direction(at: &Place, facing: &FacingDescription) -> Result<(DVec3, f64), Des
     if !(angle > 0.0 && angle <= std::f64::consts::FRAC_PI_2) {
         return Err(bad(&at.key("angle"), angle, "an angle above 0 and at most π/2 radians"));
     }
-    Ok((direction, angle.cos()))
+    Ok((direction, maths::cos(angle)))
 }
 
 /// Triangles that face a direction within a cosine, all of them without one, with normals at the corners that

@@ -7,6 +7,7 @@ use glam::DVec3;
 use super::mirror::SLACK;
 use super::{SensorName, SensorPose, Surface};
 use crate::geom::Pose;
+use crate::maths;
 
 /// Where sensors may stand: a box, a flat patch with an outline, or a curved surface, in a frame of its own.
 ///
@@ -167,7 +168,7 @@ impl Outline {
             let (dx, dy) = (bx - ax, by - ay);
             let along = ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy);
             let along = along.clamp(0.0, 1.0);
-            nearest = nearest.min((ax + along * dx - x).hypot(ay + along * dy - y));
+            nearest = nearest.min(maths::hypot(ax + along * dx - x, ay + along * dy - y));
         }
         if inside { 0.0 } else { nearest }
     }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::geom::Pose;
+use crate::maths;
 
 /// Most cells of the lookup grid along one axis.
 const MOST_CELLS: f64 = 128.0;
@@ -199,7 +200,7 @@ impl Surface {
         for ring in 0..self.count[0] {
             // Cells of this ring are at least so far from the point.
             let within = (ring as f64 - 1.0).max(0.0) * self.size.min_element();
-            let reach = within.hypot(point.distance(inside));
+            let reach = maths::hypot(within, point.distance(inside));
             if best.as_ref().is_some_and(|best| best.off < reach) {
                 break;
             }

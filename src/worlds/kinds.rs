@@ -1,5 +1,6 @@
 //! The plans of roads of the generated kinds: where roads run, bend and meet.
 
+use crate::maths;
 use glam::DVec2;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -35,11 +36,16 @@ pub(crate) fn relief(kind: Kind, rng: &mut ChaCha8Rng) -> impl Fn(f64, f64) -> f
     let waves: [[f64; 4]; 2] = [0; 2].map(|_| {
         let turn = rng.random_range(0.0..std::f64::consts::TAU);
         let length = rng.random_range(180.0..420.0);
-        [turn.cos() / length, turn.sin() / length, turn, rng.random_range(0.0..0.5) * most]
+        [
+            maths::cos(turn) / length,
+            maths::sin(turn) / length,
+            turn,
+            rng.random_range(0.0..0.5) * most,
+        ]
     });
     move |x, y| {
         let wave = |[u, v, phase, high]: &[f64; 4]| {
-            high * (std::f64::consts::TAU * (u * x + v * y) + phase).sin()
+            high * maths::sin(std::f64::consts::TAU * (u * x + v * y) + phase)
         };
         waves.iter().map(wave).sum()
     }

@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::line::left_of;
 use crate::geom::TriangleSoup;
+use crate::maths;
 
 /// Ids in [`crate::scene::DEFAULT_CLASSES`].
 pub(crate) mod class {
@@ -129,7 +130,7 @@ impl Model {
         let size = size.clamp(0.06, 0.6);
         for _ in 0..count {
             let out = ball(rng);
-            let out = out.normalize_or(DVec3::Z) * out.length().powf(0.4);
+            let out = out.normalize_or(DVec3::Z) * maths::pow(out.length(), 0.4);
             let centre = middle + out * radii;
             let corners = [0; 3].map(|_| centre + ball(rng) * size);
             self.triangle(corners, class::VEGETATION);

@@ -3,6 +3,7 @@
 //! The crate `xodr` evaluates reference lines, widths, elevations, superelevations and links in `f64`
 //! and hands them over as lanes of `f32` points; here they become strips and lanes.
 
+use crate::maths;
 use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
@@ -128,7 +129,7 @@ fn ribbon(lane: &xodr::Lane, raised: f64) -> Option<Ribbon> {
     let mut widest = 0.0_f64;
     for (i, (p, t)) in points.iter().zip(tangents).enumerate() {
         let [x, y, _] = t.to_array().map(f64::from);
-        let (sin, cos) = last(&lane.bank, i, 0.0).sin_cos();
+        let (sin, cos) = maths::sin_cos(last(&lane.bank, i, 0.0));
         let half = 0.5 * last(&lane.widths, i, lane.width);
         let across = (left_of(DVec2::new(x, y).normalize_or(DVec2::X)) * cos).extend(sin) * half;
         let middle = point(*p) + DVec3::Z * raised;

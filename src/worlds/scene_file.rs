@@ -9,6 +9,7 @@ use super::fleet::{self, Part};
 use super::traffic::{Stand, Track};
 use super::world::{RATE, World};
 use crate::geom::TriangleSoup;
+use crate::maths;
 use crate::scene::DEFAULT_CLASSES;
 
 impl World {
@@ -82,7 +83,7 @@ fn poses(track: &Track, frames: usize) -> Vec<Value> {
 fn motion(track: &Track, frames: usize) -> (&'static str, Value) {
     let [stand] = track.stands.as_slice() else { return ("poses", json!(poses(track, frames))) };
     let [x, y, z] = stand.at.to_array().map(|v| round(v, 1e3));
-    let (sin, cos) = stand.yaw.sin_cos();
+    let (sin, cos) = maths::sin_cos(stand.yaw);
     let points = [[x, y, z], [round(x + cos, 1e4), round(y + sin, 1e4), z]];
     ("route", json!({ "points": points, "spacing": 0 }))
 }

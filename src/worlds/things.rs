@@ -1,5 +1,6 @@
 //! What stands beside the road: trees, lamps, signs, lights, rails, benches, bins and goods.
 
+use crate::maths;
 use glam::{DVec2, DVec3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -164,7 +165,7 @@ impl Things<'_> {
             // A round board is an octagon.
             let middle = board.middle.extend(0.5 * (low + high));
             let corner = |k: u32| {
-                let (sin, cos) = (f64::from(k) * std::f64::consts::FRAC_PI_4).sin_cos();
+                let (sin, cos) = maths::sin_cos(f64::from(k) * std::f64::consts::FRAC_PI_4);
                 middle + (left_of(faces) * (half * cos)).extend(half * sin)
             };
             for k in 1..7 {

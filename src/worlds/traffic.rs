@@ -1,5 +1,6 @@
 //! Who moves where, frame by frame: each is planned against those planned before and keeps its distance.
 
+use crate::maths;
 use glam::{DVec2, DVec3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -187,7 +188,7 @@ pub(crate) fn stand_on(way: &Line, s: f64, length: f64) -> Stand {
     let flat = chord.truncate();
     let yaw = if flat.length() > 1e-6 { flat.to_angle() } else { 0.0 };
     // A nose up is a negative pitch about y to the left.
-    Stand { at, yaw, pitch: -chord.z.atan2(flat.length().max(1e-6)) }
+    Stand { at, yaw, pitch: -maths::atan2(chord.z, flat.length().max(1e-6)) }
 }
 
 /// Metres a second in the sharpest bend just ahead.

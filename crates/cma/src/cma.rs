@@ -12,6 +12,7 @@ use crate::bounds::BoundTransform;
 use crate::candidate::{Candidate, Origin};
 use crate::error::MAX_POPULATION;
 use crate::error::check_length;
+use crate::maths;
 use crate::state::{Roots, State};
 use crate::stop::Progress;
 use crate::{CmaError, CmaOptions, Constants, StopReason};
@@ -179,9 +180,10 @@ impl Cma {
             });
         }
         let samples = self.constants.population - candidates.len();
-        let z = DMatrix::from_fn(n, samples, |_, _| StandardNormal.sample(&mut rng));
+        let z = DMatrix::from_fn(n, samples, |_, _| normal(&mut rng));
         // Eqs. 38 to 40: x = m + σ C^(1/2) z.
-        let y = self.roots.as_ref().map_or_else(|| z.clone(), |roots| &roots.root * &z);
+        let y =
+            self.roots.as_ref().map_or_else(|| z.clone(), |roots| maths::product(&roots.root, &z));
         candidates.extend(y.column_iter().zip(z.column_iter()).map(|(y, z)| {
             let x = &self.state.mean + y * self.state.step_size;
             let (point, length) = (self.point_of(x.as_slice()), z.norm_squared());
@@ -272,7 +274,7 @@ impl Cma {
         }
         let n = self.constants.n as f64;
         let longest = n.sqrt() + 2.0 * n / (n + 2.0);
-        let length = (&roots.inverse_root * DVector::from_column_slice(step)).norm();
+        let length = maths::apply(&roots.inverse_root, &DVector::from_column_slice(step)).norm();
         if length > longest {
             step.iter_mut().for_each(|y| *y *= longest / length);
         }
@@ -325,4 +327,15 @@ impl Cma {
     pub fn polishing(&self) -> bool {
         self.polishing
     }
+}
+
+/// A number of the standard normal distribution.
+///
+/// The ziggurat of `rand_distr` takes numbers beyond 3.654 from the C library's logarithm, whose last bit differs
+/// between processors: they are cut to multiples of 2⁻⁴⁰.
+fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    const TAIL: f64 = 3.654;
+    const STEPS: f64 = (1_u64 << 40) as f64;
+    let z: f64 = StandardNormal.sample(rng);
+    if z.abs() > TAIL { (z * STEPS).round() / STEPS } else { z }
 }

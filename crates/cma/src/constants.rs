@@ -1,5 +1,6 @@
 //! Strategy parameters: Table 1 of the tutorial.
 
+use crate::maths;
 use serde::{Deserialize, Serialize};
 
 /// Strategy parameters of Table 1 of the tutorial.
@@ -37,8 +38,9 @@ impl Constants {
         let lambda = population as f64;
         let mu = population / 2;
         // Eq. 49: w'_i = ln((λ + 1)/2) − ln i.
-        let raw: Vec<f64> =
-            (1..=population).map(|i| ((lambda + 1.0) / 2.0).ln() - (i as f64).ln()).collect();
+        let raw: Vec<f64> = (1..=population)
+            .map(|i| maths::ln((lambda + 1.0) / 2.0) - maths::ln(i as f64))
+            .collect();
         let mass = |w: &[f64]| {
             let (sum, squares) = w.iter().fold((0.0, 0.0), |(s, q), w| (s + w, q + w * w));
             if squares > 0.0 { sum * sum / squares } else { 0.0 }
@@ -78,6 +80,6 @@ impl Constants {
 
     /// λ = 4 + ⌊3 ln n⌋, eq. 48.
     pub(super) fn default_population(n: usize) -> usize {
-        4 + (3.0 * (n as f64).ln()).floor() as usize
+        4 + (3.0 * maths::ln(n as f64)).floor() as usize
     }
 }

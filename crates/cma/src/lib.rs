@@ -1,5 +1,7 @@
 //! Covariance matrix adaptation evolution strategy: ask, tell, stop.
 //!
+
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
 #![doc = include_str!("../README.md")]
 
 mod bounds;
@@ -7,6 +9,7 @@ mod candidate;
 mod cma;
 mod constants;
 mod error;
+mod maths;
 mod options;
 mod restarts;
 mod state;

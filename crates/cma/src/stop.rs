@@ -6,6 +6,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use crate::CmaOptions;
+use crate::maths;
 
 /// Generations whose costs must all agree before the search counts as converged.
 const AGREEING: usize = 10;
@@ -79,7 +80,7 @@ pub(super) struct Progress {
 impl Progress {
     pub(super) fn new(options: &CmaOptions, n: usize, population: usize) -> Self {
         let (n, population) = (n as f64, population as f64);
-        let memory = 200.0 + 200.0 * n.powf(1.5) / population;
+        let memory = 200.0 + 200.0 * maths::pow(n, 1.5) / population;
         Self {
             target: options.target,
             budget: options.budget,

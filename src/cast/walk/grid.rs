@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use bytemuck::zeroed_box;
 
 use super::ops::W;
+use crate::maths;
 use crate::vehicle::{BeamGrid, BeamTable};
 
 /// Most beams of a window: their directions and hits then lie in the second cache.
@@ -127,7 +128,7 @@ impl Grid {
             let shift = if turn { shift.rem_euclid(steps as f64) } else { shift - base };
             Row { channel, shift: shift as usize }
         });
-        let tangents: Vec<f64> = order.iter().map(|&k| channels[k].0.tan()).collect();
+        let tangents: Vec<f64> = order.iter().map(|&k| maths::tan(channels[k].0)).collect();
         let lookup = RowLookup::new(&tangents);
         let (rows, windows) = (rows.collect(), vec![]);
         Some((Self { rows, lookup, windows, columns, steps, turn }, slots))

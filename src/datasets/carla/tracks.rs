@@ -10,6 +10,7 @@ use glam::{DMat3, DVec2, DVec3};
 use super::super::{BoxTrack, TrackPose};
 use super::tags::Tag;
 use crate::geom::Pose;
+use crate::maths;
 
 /// Shortest step between frames whose direction is a heading, metres.
 const STEP: f64 = 0.3;
@@ -74,5 +75,5 @@ fn long_axis(points: &[DVec3]) -> f64 {
         let d = point.truncate() - middle;
         (xx, xy, yy) = (xx + d.x * d.x, xy + d.x * d.y, yy + d.y * d.y);
     }
-    0.5 * (2.0 * xy).atan2(xx - yy)
+    0.5 * maths::atan2(2.0 * xy, xx - yy)
 }

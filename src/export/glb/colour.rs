@@ -1,5 +1,7 @@
 //! Colours of classes.
 
+use crate::maths;
+
 /// Of a frustum's lines.
 pub(super) const FRUSTUM: [f64; 4] = [0.9, 0.35, 0.02, 0.7];
 
@@ -38,7 +40,8 @@ pub(super) fn of_class(name: &str) -> [f64; 4] {
 /// Light of an sRGB value.
 fn linear(value: u8) -> f64 {
     let value = f64::from(value) / 255.0;
-    let light = if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) };
+    let light =
+        if value <= 0.040_45 { value / 12.92 } else { maths::pow((value + 0.055) / 1.055, 2.4) };
     (light * 1e4).round() / 1e4
 }
 

@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use serde::Serialize;
 
+use crate::maths;
 use crate::vehicle::BeamTable;
 
 /// Length of the lines, metres, unless the range is shorter: the whole range would hide the scene.
@@ -31,10 +32,10 @@ impl Frustum {
     /// Of all beams of a table.
     pub fn of(table: &BeamTable) -> Self {
         let directions = || table.directions().iter().map(|d| d.map(f64::from));
-        let rise = |[x, y, z]: [f64; 3]| z.atan2(x.hypot(y));
+        let rise = |[x, y, z]: [f64; 3]| maths::atan2(z, maths::hypot(x, y));
         let low = directions().map(rise).fold(f64::INFINITY, f64::min);
         let high = directions().map(rise).fold(f64::NEG_INFINITY, f64::max);
-        let mut azimuths: Vec<f64> = directions().map(|[x, y, _]| y.atan2(x)).collect();
+        let mut azimuths: Vec<f64> = directions().map(|[x, y, _]| maths::atan2(y, x)).collect();
         azimuths.sort_unstable_by(f64::total_cmp);
         let length = f64::from(table.range()).min(LENGTH);
         Self { azimuth: sector(&azimuths), elevation: [low, high], length }
@@ -60,8 +61,8 @@ impl Frustum {
 
     fn at(&self, azimuth: f64, elevation: f64) -> [f32; 3] {
         let ([sin, cos], [up, out]) = (
-            [azimuth.sin(), azimuth.cos()],
-            [elevation.sin() * self.length, elevation.cos() * self.length],
+            [maths::sin(azimuth), maths::cos(azimuth)],
+            [maths::sin(elevation) * self.length, maths::cos(elevation) * self.length],
         );
         [out * cos, out * sin, up].map(|v| v as f32)
     }

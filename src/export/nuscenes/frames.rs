@@ -7,13 +7,14 @@ use serde_json::{Value, json};
 
 use super::fixed::{CAMERAS, CATEGORIES, attribute};
 use super::table::Tables;
-use super::{About, MARGIN, channels, right_forward, token};
+use super::{About, channels, right_forward, token};
 use crate::export::cloud::Source;
 use crate::export::folder::Folder;
 use crate::export::labels::MOVES;
 use crate::export::record::FrameRecord;
 use crate::export::{ExportError, SceneFacts};
 use crate::geom::Pose;
+use crate::scan::BOX_MARGIN;
 
 /// An actor's row while its scene is read.
 struct Instance {
@@ -203,7 +204,7 @@ impl Rows<'_> {
                 if found { name(instance, at) } else { String::new() }
             };
             let pose = here.world_from_ego.pose().compose(&tracked.ego_from_box.pose());
-            let [length, width, height] = tracked.size.map(|extent| extent + 2.0 * MARGIN);
+            let [length, width, height] = tracked.size.map(|extent| extent + 2.0 * BOX_MARGIN);
             let moves = tracked.velocity.iter().map(|v| v * v).sum::<f64>() > MOVES * MOVES;
             let attributes = attribute(tracked.category, moves);
             let attributes = attributes.map(|name| token(&["attribute", name]));

@@ -19,14 +19,11 @@ use super::plan::Planned;
 use super::record::FrameRecord;
 use super::{DatasetSettings, ExportError};
 use crate::geom::Pose;
-use crate::scan::Scan;
+use crate::scan::{BOX_MARGIN, Scan};
 
 pub(super) use names::scene_names;
 pub(super) use tables::finish;
 
-/// Metres by which a box is larger than its actor on every side, so that points on its surface lie in it
-/// whichever way they are rounded.
-const MARGIN: f64 = 0.005;
 /// Largest intensity.
 const FULL: f32 = 255.0;
 /// Microseconds at which the first scene begins; scenes lie apart by their number.
@@ -110,17 +107,14 @@ pub(super) fn write(
         let points = scan.points().filter(|point| source.takes(point)).map(|point| {
             let [x, y, z] = mover.position(point);
             let first = if merged { rings[usize::from(point.lidar)] } else { 0 };
-            // The published noise of crosstalk goes beyond the intensities of the format.
-            let intensity = (point.intensity * FULL).clamp(0.0, FULL);
-            [x, y, z, intensity, (first + u32::from(point.channel)) as f32]
+            [x, y, z, point.intensity * FULL, (first + u32::from(point.channel)) as f32]
         });
         let cloud: Vec<[f32; 5]> = points.collect();
         let file = about.file(&channel, at, scan.time);
         files.push(folder.put(&file, bytemuck::cast_slice(&cloud))?);
         if merged && about.is_keyframe(at) {
             inside = count(&cloud, &ego_from_sensor, scan);
-            let published = about.settings.robo3d_labels;
-            let labels = Labels::new(classes, &scan.boxes, published);
+            let labels = Labels::new(classes, &scan.boxes);
             let labels: Vec<u8> = scan.points().map(|point| labels.nuscenes(point)).collect();
             files.push(folder.put(&about.lidarseg_file(at), &labels)?);
         }
@@ -148,7 +142,7 @@ fn first_rings(scan: &Scan) -> Vec<u32> {
 fn count(cloud: &[[f32; 5]], ego_from_sensor: &Pose, scan: &Scan) -> Vec<u32> {
     let in_box = |tracked: &crate::scan::TrackedBox| {
         let box_from_sensor = tracked.ego_from_box.inverse().compose(ego_from_sensor);
-        let half = tracked.size / 2.0 + MARGIN;
+        let half = tracked.size / 2.0 + BOX_MARGIN;
         let center = box_from_sensor.inverse().translation;
         let reach = half.length_squared() * (1.0 + 1e-6);
         let inside = |&&[x, y, z, ..]: &&[f32; 5]| {

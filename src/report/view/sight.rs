@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::cover::{BitOrder, Bitmaps};
 use crate::engine::{Backend, BackendError};
+use crate::maths;
 use crate::problem::{Content, Problem};
 use crate::psog::{Roi, to_nats};
 use crate::vehicle::{Placement, SensorPose};
@@ -227,7 +228,7 @@ fn informative(roi: &Roi, content: &Content) -> Vec<Voxel> {
         Voxel {
             drawn: Drawn { index: voxel.index, worth, class },
             nats: to_nats(u64::from(voxel.entropy[0])),
-            ring: ((x.hypot(y) / RING) as usize).min(RINGS - 1),
+            ring: ((maths::hypot(x, y) / RING) as usize).min(RINGS - 1),
         }
     };
     let mut voxels: Vec<Voxel> = informative.map(voxel).collect();

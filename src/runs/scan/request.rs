@@ -37,8 +37,6 @@ pub struct ScanRequest {
     pub each_lidar: bool,
     /// Classes that count as another, as `lamp=pole`.
     pub map: Vec<String>,
-    /// Whether fog, snow and crosstalk have labels as in Robo3D.
-    pub robo3d_labels: bool,
     /// File for one frame with its points as binary glTF, and the frame.
     pub gltf: Option<(PathBuf, u32)>,
 }
@@ -87,7 +85,6 @@ impl ScanRequest {
             splits: self.splits,
             seed: *seed,
             map,
-            robo3d_labels: self.robo3d_labels,
             files,
             provenance: provenance.to_string(),
             ..DatasetSettings::new(self.layout)

@@ -1,4 +1,4 @@
-//! A condition as the user writes it: `fog:mor=50`, `snow:mode=robo3d,level=heavy`.
+//! A condition as the user writes it: `fog:mor=50`, `snow:level=heavy`.
 
 use std::fmt;
 use std::str::FromStr;
@@ -6,22 +6,20 @@ use std::str::FromStr;
 use serde::{Serialize, Serializer};
 
 use super::error::ConditionError;
-use super::specs::{Key, Kind, LEVELS, Mode, keys};
+use super::specs::{Key, Kind, LEVELS, keys};
 
 /// Most keys of a condition.
 const MOST_KEYS: usize = 2;
 
 /// One condition: `NAME[:KEY=VALUE[,KEY=VALUE…]]`.
 ///
-/// `mode` is `physical` (taken if none is given) or `robo3d`, `level` is `light`, `moderate` or `heavy`; other
-/// keys are numbers and count more than the level, wherever they stand. Written out, a condition gives all its
-/// numbers and no level.
+/// `level` is `light`, `moderate` or `heavy` and sets all keys. Other keys are numbers and overrule the level,
+/// wherever they stand. A condition is written out with all its numbers and no level.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Condition {
     kind: Kind,
-    mode: Mode,
-    /// In the order of its keys; none is left to chance.
-    values: [Option<f64>; MOST_KEYS],
+    /// In the order of its keys.
+    values: [f64; MOST_KEYS],
 }
 
 impl Condition {
@@ -30,15 +28,10 @@ impl Condition {
         self.kind
     }
 
-    /// How it is computed.
-    pub fn mode(&self) -> Mode {
-        self.mode
-    }
-
-    /// Value of a key; none of a key that it does not have or that is left to chance.
+    /// Value of a key; none of a key that it does not have.
     pub fn value(&self, key: &str) -> Option<f64> {
-        let place = keys(self.kind, self.mode).iter().position(|known| known.name == key)?;
-        self.values[place]
+        let place = keys(self.kind).iter().position(|known| known.name == key)?;
+        Some(self.values[place])
     }
 }
 
@@ -51,33 +44,29 @@ impl FromStr for Condition {
         let kind =
             kind.ok_or_else(|| ConditionError::UnknownCondition { name: name.to_owned() })?;
         let pairs = pairs(text, rest, kind)?;
-        let word = |key: &'static str, known: &[&str]| {
-            let Some((_, value)) = pairs.iter().find(|(k, _)| *k == key) else { return Ok(None) };
-            let found = known.iter().position(|word| word == value);
-            found.map(Some).ok_or_else(|| ConditionError::UnknownWord {
-                key,
-                value: (*value).to_owned(),
-                condition: kind.name(),
-                known: known.join(", "),
-            })
-        };
-        let mode =
-            word("mode", &Mode::ALL.map(Mode::name))?.map_or(Mode::Physical, |k| Mode::ALL[k]);
-        let level = word("level", &LEVELS)?;
-        let mut values = [None; MOST_KEYS];
-        for (value, key) in values.iter_mut().zip(keys(kind, mode)) {
-            *value = match (level, key.levels) {
-                (Some(level), Some(levels)) => Some(levels[level]),
-                _ => key.usual,
-            };
+        let level = pairs.iter().find(|(key, _)| *key == "level");
+        let level = level.map(|(_, word)| level_of(word, kind)).transpose()?;
+        let mut values = [0.0; MOST_KEYS];
+        for (value, key) in values.iter_mut().zip(keys(kind)) {
+            *value = level.map_or(key.usual, |level| key.levels[level]);
         }
-        for (name, text) in pairs.iter().filter(|(key, _)| !["mode", "level"].contains(key)) {
-            let place = keys(kind, mode).iter().position(|key| key.name == *name);
-            let place = place.ok_or_else(|| unknown_key(name, kind, mode))?;
-            values[place] = Some(number(&keys(kind, mode)[place], kind, text)?);
+        for (name, text) in pairs.iter().filter(|(key, _)| *key != "level") {
+            let place = keys(kind).iter().position(|key| key.name == *name);
+            let place = place.ok_or_else(|| unknown_key(name, kind))?;
+            values[place] = number(&keys(kind)[place], kind, text)?;
         }
-        Ok(Self { kind, mode, values })
+        Ok(Self { kind, values })
     }
+}
+
+/// Number of a level, weakest first.
+fn level_of(word: &str, kind: Kind) -> Result<usize, ConditionError> {
+    let level = LEVELS.iter().position(|level| *level == word);
+    level.ok_or_else(|| ConditionError::UnknownLevel {
+        value: word.to_owned(),
+        condition: kind.name(),
+        known: LEVELS.join(", "),
+    })
 }
 
 /// Pairs of keys and values, each key once.
@@ -93,7 +82,7 @@ fn pairs<'t>(
                 part: part.to_owned(),
                 text: text.to_owned(),
                 condition: kind.name(),
-                known: in_words(kind, Mode::Physical),
+                known: in_words(kind),
             });
         };
         if pairs.iter().any(|(key, _)| *key == pair.0) {
@@ -118,33 +107,29 @@ fn number(key: &Key, kind: Kind, text: &str) -> Result<f64, ConditionError> {
     })
 }
 
-fn unknown_key(key: &str, kind: Kind, mode: Mode) -> ConditionError {
-    let other = mode.other();
-    let there = keys(kind, other).iter().any(|known| known.name == key);
-    ConditionError::UnknownKey {
-        key: key.to_owned(),
-        condition: kind.name(),
-        mode: mode.name(),
-        known: in_words(kind, mode),
-        hint: match there {
-            true => format!("; `mode={}` has `{key}`", other.name()),
-            false => String::new(),
-        },
-    }
+fn unknown_key(key: &str, kind: Kind) -> ConditionError {
+    let hint = match key {
+        "mode" => {
+            "; for the corruptions of Robo3D run its own program on a set of `--layout semantickitti` \
+             (docs/scans.md)"
+        }
+        _ => "",
+    };
+    let (key, condition, known) = (key.to_owned(), kind.name(), in_words(kind));
+    ConditionError::UnknownKey { key, condition, known, hint }
 }
 
-/// Keys in words: `mode, level, mor, gain`.
-fn in_words(kind: Kind, mode: Mode) -> String {
-    let own = keys(kind, mode).iter().map(|key| key.name);
-    ["mode", "level"].into_iter().chain(own).collect::<Vec<_>>().join(", ")
+/// Keys in words: `level, mor, gain`.
+fn in_words(kind: Kind) -> String {
+    let own = keys(kind).iter().map(|key| key.name);
+    std::iter::once("level").chain(own).collect::<Vec<_>>().join(", ")
 }
 
 impl fmt::Display for Condition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mode = (self.mode != Mode::Physical).then(|| format!("mode={}", self.mode.name()));
-        let keys = keys(self.kind, self.mode).iter().zip(self.values);
-        let numbers = keys.filter_map(|(key, value)| Some(format!("{}={}", key.name, value?)));
-        let pairs: Vec<String> = mode.into_iter().chain(numbers).collect();
+        let numbers = keys(self.kind).iter().zip(self.values);
+        let pairs: Vec<String> =
+            numbers.map(|(key, value)| format!("{}={value}", key.name)).collect();
         write!(f, "{}:{}", self.kind.name(), pairs.join(","))
     }
 }

@@ -5,7 +5,9 @@
 #[non_exhaustive]
 pub enum ConditionError {
     /// There is no condition of that name.
-    #[error("there is no condition `{name}`; known are fog, wet, snow, blur, crosstalk and echo")]
+    #[error(
+        "there is no condition `{name}`; known are fog, wet, snow, rain, blur, crosstalk and echo"
+    )]
     UnknownCondition {
         /// As written.
         name: String,
@@ -23,18 +25,16 @@ pub enum ConditionError {
         known: String,
     },
     /// A key that the condition does not have.
-    #[error("{condition} in the mode {mode} has no key `{key}`; it takes {known}{hint}")]
+    #[error("{condition} has no key `{key}`; it takes {known}{hint}")]
     UnknownKey {
         /// As written.
         key: String,
         /// The condition's name.
         condition: &'static str,
-        /// The mode's name.
-        mode: &'static str,
         /// Its keys in words.
         known: String,
-        /// That the other mode has it; empty if it has not.
-        hint: String,
+        /// Where to go instead; empty where nothing is known.
+        hint: &'static str,
     },
     /// A key given more than once.
     #[error("the condition `{text}` gives `{key}` twice; give it once")]
@@ -44,16 +44,14 @@ pub enum ConditionError {
         /// All that was written.
         text: String,
     },
-    /// A value that is none of some words.
-    #[error("`{key}={value}` of {condition}: `{value}` is not one of {known}")]
-    UnknownWord {
-        /// The key.
-        key: &'static str,
+    /// A word that is no level.
+    #[error("`level={value}` of {condition}: `{value}` is not one of {known}")]
+    UnknownLevel {
         /// As written.
         value: String,
         /// The condition's name.
         condition: &'static str,
-        /// The words that may stand there.
+        /// The levels in words.
         known: String,
     },
     /// A value that is no number or outside of its limits.
@@ -72,12 +70,10 @@ pub enum ConditionError {
         /// Unit with a space before it.
         unit: &'static str,
     },
-    /// The same condition twice in one mode.
-    #[error("the condition {condition} is given twice in the mode {mode}; give it once")]
+    /// A condition given twice.
+    #[error("the condition {condition} is given twice; give it once")]
     Repeated {
         /// The condition's name.
         condition: &'static str,
-        /// The mode's name.
-        mode: &'static str,
     },
 }

@@ -1,6 +1,7 @@
 //! Fog in the air, for each beam.
 
 use super::pulse::{self, BLIND, LIGHT, Peaks, overlap};
+use crate::maths;
 
 /// −ln 0.05: contrast left at the meteorological optical range (Koschmieder).
 const CONTRAST: f64 = 2.995_732_273_553_991;
@@ -35,7 +36,7 @@ impl Fog {
         let alpha = CONTRAST / optical_range;
         let backscatter = |alpha: f64| BACKSCATTER * alpha / CONTRAST;
         let hard = GAIN_REFLECTANCE / (GAIN_RANGE * GAIN_RANGE)
-            * (-2.0 * GAIN_EXTINCTION * GAIN_RANGE).exp();
+            * maths::exp(-2.0 * GAIN_EXTINCTION * GAIN_RANGE);
         let soft = backscatter(GAIN_EXTINCTION)
             * (LIGHT / 2.0)
             * pulse::peak(GAIN_EXTINCTION, GAIN_RANGE).integral;
@@ -49,7 +50,7 @@ impl Fog {
 
     /// Share of a target's power that is left at a range in metres, there and back.
     pub fn attenuation(&self, range: f64) -> f64 {
-        (-2.0 * self.alpha * range).exp()
+        maths::exp(-2.0 * self.alpha * range)
     }
 
     /// Power that the fog before a target sends back, in the unit of ρ·cos θ / r²; the target's range in metres
@@ -89,7 +90,7 @@ fn envelope(alpha: f64) -> Vec<f64> {
     let mut sum = 0.0;
     for step in 0..STEPS {
         let x = BLIND / (1.0 - (step as f64 + 0.5) / STEPS as f64);
-        sum += (-2.0 * alpha * x).exp() * overlap(x);
+        sum += maths::exp(-2.0 * alpha * x) * overlap(x);
         sums.push(sum);
     }
     sums

@@ -1,4 +1,4 @@
-//! Weather and faults in scans: exact for each beam, or the way of the public benchmark Robo3D.
+//! Weather and faults in scans, computed for each beam.
 
 mod condition;
 mod error;
@@ -7,7 +7,6 @@ mod fog;
 mod fresnel;
 mod overlap;
 mod pulse;
-mod robo3d;
 mod snow;
 mod snow_law;
 mod snow_tables;
@@ -21,10 +20,12 @@ pub use error::ConditionError;
 pub(crate) use faults::{Crosstalk, IncompleteEcho, MotionBlur};
 pub(crate) use fog::Fog;
 pub(crate) use overlap::Joined;
-pub use robo3d::Corruptions;
-pub(crate) use snow::{Fallen, Flake, Snowfall};
-pub use specs::{Kind, Mode};
+pub(crate) use snow::{Fallen, Falling, Flake};
+pub use specs::Kind;
 pub(crate) use wet::{WetGround, is_ground};
+
+use super::Status;
+use super::chance::Purpose;
 
 /// What a beam meets on its way besides surfaces, and what the sensor makes of it; nothing by default.
 #[derive(Debug, Clone, Default)]
@@ -34,7 +35,9 @@ pub struct Weather {
     /// Water on the ground.
     pub wet: Option<WetGround>,
     /// Snow in the air.
-    pub snow: Option<Snowfall>,
+    pub snow: Option<Falling>,
+    /// Rain in the air.
+    pub rain: Option<Falling>,
     /// The sensor's motion left in the points.
     pub blur: Option<MotionBlur>,
     /// Pulses of other sensors.
@@ -56,28 +59,35 @@ pub fn under(conditions: &[String]) -> String {
     }
 }
 
-/// Parts conditions into those that act on beams and those that change the finished scan, in the order given.
+impl Weather {
+    /// Whatever falls in it: what it is drawn for, and the status of its echoes.
+    pub(crate) fn falls(&self) -> impl Iterator<Item = (&Falling, Purpose, Status)> {
+        let snow = self.snow.iter().map(|snow| (snow, Purpose::Snow, Status::Snow));
+        snow.chain(self.rain.iter().map(|rain| (rain, Purpose::Rain, Status::Rain)))
+    }
+}
+
+/// The weather that conditions make together.
 ///
 /// # Errors
-/// The same condition twice in one mode.
-pub fn sort(conditions: &[Condition]) -> Result<(Weather, Corruptions), ConditionError> {
+/// A condition given twice.
+pub fn weather(conditions: &[Condition]) -> Result<Weather, ConditionError> {
     let mut weather = Weather::default();
-    let mut corruptions = Corruptions::default();
     for (place, condition) in conditions.iter().enumerate() {
-        let (kind, mode) = (condition.kind(), condition.mode());
-        if conditions[..place].iter().any(|other| (other.kind(), other.mode()) == (kind, mode)) {
-            return Err(ConditionError::Repeated { condition: kind.name(), mode: mode.name() });
+        let kind = condition.kind();
+        if conditions[..place].iter().any(|other| other.kind() == kind) {
+            return Err(ConditionError::Repeated { condition: kind.name() });
         }
         let value = |key: &str| condition.value(key).unwrap_or(0.0);
-        match (mode, kind) {
-            (Mode::Robo3d, _) => corruptions.push(condition),
-            (_, Kind::Fog) => weather.fog = Some(Fog::new(value("mor"), value("gain"))),
-            (_, Kind::Wet) => weather.wet = Some(WetGround::new(value("water"))),
-            (_, Kind::Snow) => weather.snow = Some(Snowfall::new(value("rate"), value("speed"))),
-            (_, Kind::Blur) => weather.blur = Some(MotionBlur::new(value("share"))),
-            (_, Kind::Crosstalk) => weather.crosstalk = Some(Crosstalk::new(value("share"))),
-            (_, Kind::Echo) => weather.echo = Some(IncompleteEcho::new(value("ratio"))),
+        match kind {
+            Kind::Fog => weather.fog = Some(Fog::new(value("mor"), value("gain"))),
+            Kind::Wet => weather.wet = Some(WetGround::new(value("water"))),
+            Kind::Snow => weather.snow = Some(Falling::snow(value("rate"), value("speed"))),
+            Kind::Rain => weather.rain = Some(Falling::rain(value("rate"))),
+            Kind::Blur => weather.blur = Some(MotionBlur::new(value("share"))),
+            Kind::Crosstalk => weather.crosstalk = Some(Crosstalk::new(value("share"))),
+            Kind::Echo => weather.echo = Some(IncompleteEcho::new(value("ratio"))),
         }
     }
-    Ok((weather, corruptions))
+    Ok(weather)
 }

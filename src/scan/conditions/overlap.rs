@@ -1,6 +1,7 @@
 //! Echoes of two targets that come back within a pulse's length of each other, and so add up.
 
-use std::f64::consts::{PI, TAU};
+use crate::maths;
+use std::f64::consts::TAU;
 
 use super::Flake;
 use super::pulse::LIGHT;
@@ -11,8 +12,9 @@ pub(super) const LENGTH: f64 = LIGHT * 10e-9;
 pub(super) const APART: f64 = 0.2;
 
 /// The echo of a unit pulse by its phase, from 0 where it begins to 1 where it ends.
+#[cfg(test)]
 pub(super) fn swell(phase: f64) -> f64 {
-    if phase > 0.0 && phase < 1.0 { (PI * phase).sin().powi(2) } else { 0.0 }
+    if phase > 0.0 && phase < 1.0 { (std::f64::consts::PI * phase).sin().powi(2) } else { 0.0 }
 }
 
 /// What a flake's echo and that of a target make together.
@@ -38,10 +40,10 @@ impl Flake {
         if apart.abs() >= LENGTH / 2.0 {
             return Joined::Apart;
         }
-        let (sin, cos) = (TAU * apart / LENGTH).sin_cos();
+        let (sin, cos) = maths::sin_cos(TAU * apart / LENGTH);
         let (along, across) = (self.power + power * cos, power * sin);
-        let peak = 0.5 * (self.power + power + along.hypot(across));
-        let range = self.range + LENGTH / TAU * across.atan2(along);
+        let peak = 0.5 * (self.power + power + maths::hypot(along, across));
+        let range = self.range + LENGTH / TAU * maths::atan2(across, along);
         if (range - target).abs() < APART {
             Joined::Target(peak)
         } else {

@@ -1,5 +1,6 @@
 //! What fog sends back of a pulse: the integral of Rasshofer et al. 2011 over the pulse's length.
 
+use crate::maths;
 use std::f64::consts::TAU;
 
 /// Metres a second.
@@ -42,8 +43,8 @@ impl Sums {
         let mut sum = [0.0; 3];
         for cell in 0..cells {
             let x = BLIND + (cell as f64 + 0.5) / FINE;
-            let h = (-2.0 * alpha * x).exp() * overlap(x) / (x * x) / FINE;
-            let (sin, cos) = (TAU / LENGTH * x).sin_cos();
+            let h = maths::exp(-2.0 * alpha * x) * overlap(x) / (x * x) / FINE;
+            let (sin, cos) = maths::sin_cos(TAU / LENGTH * x);
             sum = [sum[0] + h, sum[1] + h * cos, sum[2] + h * sin];
             sums.push(sum);
         }
@@ -62,7 +63,7 @@ impl Sums {
     /// The integral at R, for a target.
     fn integral(&self, range: f64, target: f64) -> f64 {
         let (from, to) = (self.at(range - LENGTH), self.at(range.min(target)));
-        let (sin, cos) = (TAU / LENGTH * range).sin_cos();
+        let (sin, cos) = maths::sin_cos(TAU / LENGTH * range);
         let part = |k: usize| to[k] - from[k];
         ((part(0) - cos * part(1) - sin * part(2)) / LIGHT).max(0.0)
     }

@@ -1,5 +1,6 @@
 //! Functions of the flakes in a beam that have no short form, tabulated once.
 
+use crate::maths;
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
@@ -32,14 +33,14 @@ impl Tables {
             true => 1.0 - 0.6 * x + 3.0 / 14.0 * x * x,
             false => {
                 let w = x.sqrt();
-                (0.75 * PI.sqrt() * libm::erf(w) - 1.5 * w * (-x).exp()) / (x * w)
+                (0.75 * PI.sqrt() * maths::erf(w) - 1.5 * w * maths::exp(-x)) / (x * w)
             }
         };
         let threshold = (0..=STEPS).map(|k| {
             let q = step(k);
             let product = |x: f64| x * q * q;
             if k == 0 {
-                return (3.0 * PI.sqrt() / 4.0).powf(2.0 / 3.0);
+                return maths::pow(3.0 * PI.sqrt() / 4.0, 2.0 / 3.0);
             }
             let (mut low, mut high) = (0.0, 2.0 / (q * q));
             for _ in 0..60 {
@@ -50,12 +51,12 @@ impl Tables {
         });
         let gamma = (0..=STEPS).map(|k| {
             let w = step(k) * WIDEST.sqrt();
-            let tail = (-w * w).exp() * w * (1.0 + 2.0 / 3.0 * w * w);
-            (libm::erf(w) - 2.0 / PI.sqrt() * tail).max(0.0)
+            let tail = maths::exp(-w * w) * w * (1.0 + 2.0 / 3.0 * w * w);
+            (maths::erf(w) - 2.0 / PI.sqrt() * tail).max(0.0)
         });
         let mean_share = (0..=STEPS).map(|k| {
             let x = (step(k) * WIDEST_MEAN.sqrt()).powi(2);
-            let p = |z: f64| 1.0 - (-z).exp() * (1.0 + z * (1.0 + 0.5 * z));
+            let p = |z: f64| 1.0 - maths::exp(-z) * (1.0 + z * (1.0 + 0.5 * z));
             (0..400).map(|i| p(x * ((f64::from(i) + 0.5) / 400.0).powi(2))).sum::<f64>() / 400.0
         });
         let gamma: Vec<f64> = gamma.collect();
@@ -74,14 +75,14 @@ impl Tables {
     /// x above which a share of the flakes has its echoes.
     pub fn threshold(&self, share: f64) -> f64 {
         // At q = 10⁻⁶ echoes are stronger than any in ten thousand years of snow.
-        let q = f64::from((share as f32).cbrt()).max(1e-6);
+        let q = f64::from(maths::cbrtf(share as f32)).max(1e-6);
         at(&self.threshold, q) / (q * q)
     }
 
     /// t = r/R of a flake with its echo at x.
     pub fn place(&self, x: f64, u: f64) -> f64 {
         if x < 0.01 {
-            return u.powf(0.2);
+            return maths::pow(u, 0.2);
         }
         let widest = x.sqrt();
         let steps = widest / WIDEST.sqrt() * STEPS as f64;

@@ -142,6 +142,29 @@ fn a_wide_beam_at_the_edge_of_a_board_sees_both_and_elsewhere_one() {
 }
 
 #[test]
+fn edges_are_seen_as_far_as_a_beam_is_wide_however_fine_the_steps() {
+    // A board's edge at y = 0 before a wall; the rim's outermost rays are 1.3 mrad off the middle.
+    let things = r#""static": [
+        { "class": "building", "box": { "min": [25, -8, -8], "max": [25.1, 8, 8] } },
+        { "class": "traffic_sign", "box": { "min": [20, 0, -5], "max": [20.05, 5, 5] } }]"#;
+    let both = |steps: u32| {
+        let response = r#"{ "divergence": [0.003, 0.0015], "echoes": "dual", "noise": 0, "rated_range": 500 }"#;
+        let lidar = format!(
+            r#"{{ "channels": 2, "fov": [-0.01, 0.01], "azimuth": [-0.2, 0.2], "azimuth_steps": {steps}, "range": 100 }}"#
+        );
+        let scene = scene(things, &lidar, response);
+        let scan = scan(&scene, &[SensorPose::at(0.0, 0.0, 0.0)], &Scanning::default());
+        scan[0].returns.iter().filter(|beam| beam.status == Status::Second).count()
+    };
+    // 1.3 mrad are 7 steps of 0.01 degrees and 74 of 0.001, in two channels. Beams on the board's side report it and
+    // the wall; beside it the wall is the strongest echo as well as the last.
+    let fine = both(41);
+    assert!((14..=18).contains(&fine), "{fine}");
+    let finer = both(401);
+    assert!((140..=156).contains(&finer), "{finer}");
+}
+
+#[test]
 fn fog_takes_dark_targets_first_and_no_fog_changes_no_byte() {
     let response = r#"{ "rated_range": 60, "divergence": [0.003, 0.0015] }"#;
     let at = |distance: f64, conditions: &[&str]| at_wall(distance, response, conditions);
@@ -245,19 +268,30 @@ fn conditions_of_beams_and_ideal_scans_do_not_go_together() {
     };
     let error = check("snow:rate=1").unwrap_err().to_string();
     assert!(error.starts_with("the condition `snow:rate=1,speed=1.6` acts on beams"), "{error}");
-    check("snow:mode=robo3d").unwrap();
 }
 
 #[test]
-fn published_corruptions_change_the_finished_scan() {
-    let clear = at_wall(30.0, "{}", &[]);
-    let blurred = at_wall(30.0, "{}", &["blur:mode=robo3d,sigma=0.3"]);
-    let moved =
-        clear.returns.iter().zip(&blurred.returns).filter(|(a, b)| a.position != b.position);
-    assert!(moved.count() > 3900);
-    let fog = at_wall(30.0, "{}", &["fog:mode=robo3d,beta=0.2,alpha=0.06"]);
-    // Beyond 10.8 m all is fog.
-    assert_eq!(share(&fog, Status::Fog), 1.0);
+fn rain_shortens_the_range_to_a_wall_and_sends_back_drops() {
+    // Rated 60 m for ρ = 0.1: the wall of 0.41 is seen half of the time where 0.41·e^(−αr)/r² = 0.1/60².
+    let response = r#"{ "rated_range": 60, "divergence": [0.003, 0.0015], "softness": 0.02, "echoes": "last" }"#;
+    let seen = |range: f64| share(&at_wall(range, response, &["rain:rate=100"]), Status::Hit);
+    let alpha = std::f64::consts::PI * 8e-3 / (4.1 * 100_f64.powf(-0.21)).powi(3);
+    let left = |r: f64| 0.41 * (-alpha * r).exp() / (r * r) * 36_000.0;
+    let limit = (1..200).map(f64::from).find(|&r| left(r) < 1.0).unwrap();
+    assert!((80.0..100.0).contains(&limit), "of 121 m in clear air: {limit}");
+    let ranges = [0.85, 1.15].map(|share| seen(share * limit));
+    assert!(ranges[0] > 0.8 && ranges[1] < 0.2, "{ranges:?}");
+    // A sensor that sees far is hit by near drops.
+    let far = at_wall(100.0, r#"{ "rated_range": 1000 }"#, &["rain:rate=100"]);
+    let drops: Vec<f32> = far
+        .returns
+        .iter()
+        .filter(|beam| beam.status == Status::Rain)
+        .map(|beam| beam.range)
+        .collect();
+    assert!(drops.len() > 20 && drops.iter().all(|range| *range < 100.2), "{}", drops.len());
+    let none = at_wall(30.0, response, &["rain:rate=0"]);
+    assert_eq!(bits(&[none]), bits(&[at_wall(30.0, response, &[])]));
 }
 
 #[test]

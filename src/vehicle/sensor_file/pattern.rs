@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::Note;
 use crate::json::check::{self, bad};
 use crate::json::{DescriptionError, Place};
+use crate::maths;
 
 /// Most channels of a sensor.
 pub(crate) const MAX_CHANNELS: usize = 1024;
@@ -251,8 +252,8 @@ fn narrow(at: &Place, channels: &[Channel]) -> Option<Note> {
 
 /// Unit vector of an azimuth and an elevation in degrees.
 pub(super) fn direction(azimuth: f64, elevation: f64) -> [f64; 3] {
-    let (sin_a, cos_a) = azimuth.to_radians().sin_cos();
-    let (sin_e, cos_e) = elevation.to_radians().sin_cos();
+    let (sin_a, cos_a) = maths::sin_cos(azimuth.to_radians());
+    let (sin_e, cos_e) = maths::sin_cos(elevation.to_radians());
     [cos_e * cos_a, cos_e * sin_a, sin_e]
 }
 

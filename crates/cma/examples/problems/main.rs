@@ -10,6 +10,8 @@
 //! optimizer stops by itself. The counts of pycma in `pycma.json` come from `pycma.py` beside this
 //! file, which says how.
 
+#![allow(clippy::disallowed_methods)]
+
 mod problems;
 mod runs;
 mod timing;

@@ -2,6 +2,7 @@
 
 use super::{Cma, MAX_STEP_SIZE};
 use crate::candidate::{Candidate, Origin};
+use crate::maths;
 
 /// Deviations count as on their floor up to this multiple of it.
 const ON_FLOOR: f64 = 2.0;
@@ -26,7 +27,7 @@ impl Cma {
     /// Grows σ by exp(0.2 + c_σ/d_σ): a generation of equal costs shows no direction.
     pub(super) fn widen(&mut self) {
         let c = &self.constants;
-        self.state.step_size *= (0.2 + c.c_sigma / c.d_sigma).exp();
+        self.state.step_size *= maths::exp(0.2 + c.c_sigma / c.d_sigma);
     }
 
     /// Standard deviation of variable `k` in the search space, σ √C_kk.

@@ -2,6 +2,7 @@
 
 mod faults;
 mod fog;
+mod rain;
 mod snow;
 mod wet;
 mod words;

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use super::{ks, uniform};
 use crate::scan::conditions::overlap::{APART, LENGTH, swell};
 use crate::scan::conditions::snow_law::Balls;
-use crate::scan::conditions::{Fallen, Flake, Joined, Snowfall};
+use crate::scan::conditions::{Fallen, Falling, Flake, Joined};
 
 const WIDE: [f64; 2] = [3e-3, 1.5e-3];
 
@@ -16,14 +16,14 @@ fn exponential(draw: &mut impl FnMut() -> f64) -> f64 {
 #[test]
 fn the_extinction_is_that_of_the_balls() {
     for (rate, speed) in [(0.5, 2.0), (1.0, 1.6), (2.5, 1.6)] {
-        let balls = Balls::new(rate, speed).unwrap();
+        let balls = Balls::flakes(rate, speed).unwrap();
         let mut draw = uniform(3);
         let diameters: Vec<f64> =
             (0..400_000).map(|_| balls.mean * exponential(&mut draw)).collect();
         let mean = |k: i32| diameters.iter().map(|d| d.powi(k)).sum::<f64>() / 400_000.0;
         let number = balls.volume / (PI / 6.0 * mean(3));
         let wanted = number * PI / 4.0 * mean(2);
-        let found = Snowfall::new(rate, speed).extinction();
+        let found = Falling::snow(rate, speed).extinction();
         assert!((found / wanted - 1.0).abs() < 0.02, "{found} {wanted}");
         assert!((balls.per_cubic_metre() / number - 1.0).abs() < 0.03);
     }
@@ -31,20 +31,20 @@ fn the_extinction_is_that_of_the_balls() {
 
 #[test]
 fn no_snow_is_clean() {
-    let fallen = Snowfall::new(0.0, 1.6).beam(WIDE, 100.0, || unreachable!("nothing is drawn"));
+    let fallen = Falling::snow(0.0, 1.6).beam(WIDE, 100.0, || unreachable!("nothing is drawn"));
     assert_eq!(fallen, Fallen { passed: 1.0, flake: None });
     let mut draw = uniform(1);
     for _ in 0..1000 {
-        let fallen = Snowfall::new(1e-9, 1.6).beam(WIDE, 100.0, &mut draw);
+        let fallen = Falling::snow(1e-9, 1.6).beam(WIDE, 100.0, &mut draw);
         assert!(fallen.passed > 0.999, "{fallen:?}");
-        let tiny = Snowfall::new(1e-300, 1.6).beam(WIDE, 100.0, &mut draw);
+        let tiny = Falling::snow(1e-300, 1.6).beam(WIDE, 100.0, &mut draw);
         assert!(tiny.passed > 0.999, "{tiny:?}");
     }
 }
 
 #[test]
 fn a_line_is_blocked_at_exponential_ranges() {
-    let snow = Snowfall::new(2.5, 1.6);
+    let snow = Falling::snow(2.5, 1.6);
     let mut draw = uniform(2);
     let reach = 5000.0;
     let mut ranges = Vec::new();
@@ -64,7 +64,7 @@ fn a_line_is_blocked_at_exponential_ranges() {
 #[test]
 fn the_light_that_passes_is_that_of_the_extinction() {
     for (rate, speed) in [(0.5, 2.0), (2.5, 1.6)] {
-        let snow = Snowfall::new(rate, speed);
+        let snow = Falling::snow(rate, speed);
         for reach in [5.0, 30.0, 100.0] {
             let mut draw = uniform(4);
             let beams = 40_000;
@@ -129,7 +129,7 @@ fn ks_two(a: &mut [f64], b: &mut [f64]) -> f64 {
 #[test]
 fn returns_are_distributed_as_if_every_flake_were_drawn() {
     for (rate, speed, reach) in [(0.5, 2.0, 20.0), (2.5, 1.6, 50.0), (2.5, 1.6, 4.0)] {
-        let (snow, balls) = (Snowfall::new(rate, speed), Balls::new(rate, speed).unwrap());
+        let (snow, balls) = (Falling::snow(rate, speed), Balls::flakes(rate, speed).unwrap());
         let (mut draw, mut other) = (uniform(6), uniform(7));
         let beams = 40_000;
         let fast: Vec<Fallen> = (0..beams).map(|_| snow.beam(WIDE, reach, &mut draw)).collect();
@@ -215,7 +215,7 @@ fn a_flake_and_a_target_add_up_as_the_sum_of_their_pulses() {
 fn what_snow_costs() {
     use crate::scan::chance::{Chance, Purpose};
     for (rate, speed) in [(0.5, 2.0), (1.0, 1.6), (2.5, 1.6)] {
-        let snow = Snowfall::new(rate, speed);
+        let snow = Falling::snow(rate, speed);
         let (beams, mut sum) = (1_000_000, snow.beam(WIDE, 50.0, || 0.5).passed);
         let start = std::time::Instant::now();
         for beam in 0..beams {
