@@ -33,6 +33,8 @@ pub struct PoseGrid {
     parts: Vec<Part>,
     /// Part of each LiDAR of a placement.
     part_of_lidar: Vec<usize>,
+    /// Number of LiDARs of each part.
+    lidars_by_kind: Vec<usize>,
     /// LiDARs in mirrored pairs; these come first.
     paired: usize,
 }
@@ -104,9 +106,18 @@ impl PoseGrid {
             }
             parts.push(part);
         }
-        let part_of = |slot: &Slot| parts.iter().position(|part| part.slot == *slot);
-        let part_of_lidar = constraints.slots.iter().filter_map(part_of).collect();
-        Ok(Self { parts, part_of_lidar, paired: constraints.paired() })
+        // Neighbours are mostly of one kind: the part of the LiDAR before is looked at first.
+        let mut part_of_lidar: Vec<usize> = Vec::with_capacity(constraints.slots.len());
+        let mut lidars_by_kind = vec![0; parts.len()];
+        for slot in &constraints.slots {
+            let last = part_of_lidar.last().copied().filter(|&last| parts[last].slot == *slot);
+            let part = last.or_else(|| parts.iter().position(|part| part.slot == *slot));
+            if let Some(part) = part {
+                part_of_lidar.push(part);
+                lidars_by_kind[part] += 1;
+            }
+        }
+        Ok(Self { parts, part_of_lidar, lidars_by_kind, paired: constraints.paired() })
     }
 
     /// Number of poses.
@@ -131,9 +142,8 @@ impl PoseGrid {
     }
 
     /// LiDARs of each kind of slot.
-    pub fn lidars_by_kind(&self) -> Vec<usize> {
-        let of = |kind| self.part_of_lidar.iter().filter(|&&part| part == kind).count();
-        (0..self.parts.len()).map(of).collect()
+    pub fn lidars_by_kind(&self) -> &[usize] {
+        &self.lidars_by_kind
     }
 
     /// Distance of neighbours along each pose field, in m and rad.
