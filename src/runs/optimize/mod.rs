@@ -110,7 +110,10 @@ fn begin(
     let Some((suite, is_late)) = equipped else { return Ok(None) };
     opened.suite = suite.clone();
     let Wanted { settings, plainly, .. } = match course {
-        Course::Run(state) => return Ok(Some((Run::resume(suite, *state), false))),
+        Course::Run(state) => {
+            state.check(&suite).map_err(|why| folder.refusal(&why))?;
+            return Ok(Some((Run::resume(suite, *state), false)));
+        }
         Course::Equipping(wanted) => *wanted,
     };
     let settings = match &begun.equipped {

@@ -65,7 +65,9 @@ impl Choosing {
     /// Whether all of its poses are on a grid of so many.
     pub(super) fn fits(&self, poses: u32) -> bool {
         let climbing = self.climb.iter().map(|climb| &climb.poses);
-        self.ends.iter().chain(climbing).flatten().all(|&pose| pose < poses)
+        let is_rig =
+            |end: &Vec<u32>| end.len() <= MAX_LIDARS && end.iter().all(|&pose| pose < poses);
+        self.ends.len() <= 2 && self.ends.iter().chain(climbing).all(is_rig)
     }
 }
 
