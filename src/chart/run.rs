@@ -16,6 +16,8 @@ use crate::scene::Scene;
 use crate::score::Objective;
 use crate::vehicle::{Placement, random_placements_by_the_rules, table_7};
 
+/// Most random placements of a chart.
+const MOST_RANDOM: u32 = 2_000;
 /// Repeats of a timing, and of a quick one.
 const REPEATS: [usize; 2] = [5, 3];
 
@@ -213,6 +215,9 @@ fn finest(scene: &Scene, psog: &Psog, settings: &ChartSettings) -> Result<Option
         let file = scene.files().first();
         let scene = file.map_or_else(|| scene.name().to_owned(), |f| f.display().to_string());
         return Err(ChartError::NoDetection { scene, objective: objective.to_string() });
+    }
+    if settings.random > MOST_RANDOM {
+        return Err(ChartError::TooMany { random: settings.random, most: MOST_RANDOM });
     }
     if settings.given.is_empty() && settings.random == 0 {
         return Err(ChartError::NoPlacement);

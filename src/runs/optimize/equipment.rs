@@ -9,7 +9,7 @@ use crate::files::RunDir;
 use crate::runs::{Computing, Error};
 use crate::scene::Scene;
 use crate::search::{EquipStep, Equipped, Equipping, Event, Suite};
-use crate::vehicle::Vehicle;
+use crate::vehicle::{SensorName, Vehicle};
 
 /// The suite with a slot for each sensor of the scenes' vehicle; chosen under the budget, unless the run that
 /// goes on has chosen already, and whether the time ended before that; `None` after Ctrl-C.
@@ -46,6 +46,14 @@ pub(super) fn equipped(
             return Ok(None);
         };
         (begun.equipped, is_late) = (Some(found), late);
+    }
+    if let Some(Equipped { equipment, placement, .. }) = &begun.equipped {
+        let is_there = |&(mount, sensor): &(usize, SensorName)| {
+            mount < vehicle.mounts.len() && vehicle.sensors.iter().any(|of| of.name == sensor)
+        };
+        if equipment.len() != placement.lidars.len() || !equipment.iter().all(is_there) {
+            return Err(folder.refusal("its sensors are not those of the vehicle").into());
+        }
     }
     let equipment = begun.equipped.as_ref().map(|equipped| &equipped.equipment);
     let equipment = equipment.cloned().unwrap_or_default();
