@@ -52,7 +52,7 @@ fn time_ends_the_choice_of_sensors() {
     assert!(told.contains("the time ended while the sensors were chosen"), "{told}");
     let result: Value =
         serde_json::from_slice(&fs::read(dir.path().join("run/result.json")).unwrap()).unwrap();
-    assert_eq!(result["stopped"], "time");
+    assert!(result["stopped"].as_str().unwrap().starts_with("time"), "{result}");
     // A resumed run goes on with the choice, not with what was taken in a hurry.
     let saved: Value =
         serde_json::from_slice(&fs::read(dir.path().join("run/checkpoint.json")).unwrap()).unwrap();

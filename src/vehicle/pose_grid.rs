@@ -95,7 +95,7 @@ impl PoseGrid {
                 false => Image::None,
             };
             let (mut part, count) = Part::new(slot, poses as u32, spacing, image);
-            poses += count;
+            poses = poses.saturating_add(count);
             if poses > u128::from(MAX_POSES) {
                 return Err(PoseGridError::TooManyPoses { poses });
             }
@@ -259,10 +259,11 @@ impl Part {
             false => whole(upper[k] - lower[k], k),
         };
         let phases = if slot.phase.is_some() { PHASES } else { 1 };
-        let poses = (0..6)
-            .fold(u128::from(phases), |product, k| product.saturating_mul(steps(k) as u128 + 1));
-        let count =
-            [0, 1, 2, 3, 4, 5, 6].map(|k| if k == 6 { phases } else { steps(k) as u32 + 1 });
+        let poses = (0..6).fold(u128::from(phases), |product, k| {
+            product.saturating_mul((steps(k) as u128).saturating_add(1))
+        });
+        let count = [0, 1, 2, 3, 4, 5, 6]
+            .map(|k| if k == 6 { phases } else { (steps(k) as u32).saturating_add(1) });
         let lower = [0, 1, 2, 3, 4, 5, 6].map(|k| match k {
             6 => from,
             k if centred(k) => 0.0 - 0.5 * steps(k) * step[k],
@@ -396,6 +397,11 @@ mod tests {
         let fine = Spacing { metres: 1e-4, radians: 1e-3 };
         let error = PoseGrid::new(&constraints(), fine).unwrap_err();
         assert!(matches!(error, PoseGridError::TooManyPoses { .. }));
+        for metres in [1e-40, f64::MIN_POSITIVE] {
+            let none = Spacing { metres, radians: metres };
+            let error = PoseGrid::new(&constraints(), none).unwrap_err();
+            assert!(matches!(error, PoseGridError::TooManyPoses { .. }));
+        }
         let wide = Spacing { metres: 9.0, radians: 9.0 };
         assert_eq!(PoseGrid::new(&constraints(), wide).unwrap().len(), 1, "the lower corner");
     }
