@@ -69,7 +69,7 @@ fn equip(
     engine: &EngineChoice,
 ) -> Result<Equipped, SearchError> {
     let silent = &mut |_: &Event| true;
-    let found = sightline::search::equip(suite, vehicle, objective, budget, engine, silent)?;
+    let found = sightline::search::equip(suite, vehicle, objective, budget, engine, None, silent)?;
     Ok(found.expect("nobody stops it"))
 }
 
@@ -88,8 +88,15 @@ fn the_choice_tells_how_far_it_is_and_stops_when_told() {
             }
             told.len() < stop_after
         };
-        let found =
-            sightline::search::equip(&suite, &vehicle, &objective, 14.0, &engine, &mut observe);
+        let found = sightline::search::equip(
+            &suite,
+            &vehicle,
+            &objective,
+            14.0,
+            &engine,
+            None,
+            &mut observe,
+        );
         let found = found.unwrap();
         assert_eq!(found.is_some(), stop_after == usize::MAX);
         assert!(told.len() <= stop_after);
@@ -124,7 +131,7 @@ fn a_choice_that_is_saved_after_any_step_goes_on_to_the_same_equipment() {
     let mut steps = 0;
     loop {
         // Nothing lives on from step to step but the text of the state.
-        let opened = Equipping::open(&suite, &vehicle, &objective, 14.0, &engine, silent);
+        let opened = Equipping::open(&suite, &vehicle, &objective, 14.0, &engine, None, silent);
         let mut choice = opened.unwrap().expect("nobody stops it").with_state(state.clone());
         assert_eq!(*choice.state(), state);
         match choice.step(silent) {
@@ -138,7 +145,7 @@ fn a_choice_that_is_saved_after_any_step_goes_on_to_the_same_equipment() {
     assert!(steps > 6, "{steps} steps");
     // One of another vehicle begins anew.
     let far: Choosing = serde_json::from_str(r#"{ "ends": [[4000000]], "climb": null }"#).unwrap();
-    let opened = Equipping::open(&suite, &vehicle, &objective, 14.0, &engine, silent);
+    let opened = Equipping::open(&suite, &vehicle, &objective, 14.0, &engine, None, silent);
     assert_eq!(*opened.unwrap().unwrap().with_state(far).state(), Choosing::default());
 }
 

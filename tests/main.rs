@@ -17,6 +17,8 @@ mod cli_gltf;
 #[cfg(feature = "cli")]
 mod cli_inputs;
 #[cfg(feature = "cli")]
+mod cli_limits;
+#[cfg(feature = "cli")]
 mod cli_near_field;
 #[cfg(feature = "cli")]
 mod cli_optimize;

@@ -69,7 +69,8 @@ fn the_example_of_the_docs_runs_on_real_meshes() {
     let silent = &mut |_: &Event| true;
     let engine = EngineChoice::cpu();
     let suite: Suite = problem.clone().into();
-    let found = equip(&suite, &vehicle, &objective, 1500.0, &engine, silent).unwrap().unwrap();
+    let found =
+        equip(&suite, &vehicle, &objective, 1500.0, &engine, None, silent).unwrap().unwrap();
     let suite = suite.with_constraints(&vehicle.constraints(&found.equipment));
     let settings = Settings {
         evaluations: 48,

@@ -115,7 +115,8 @@ impl Asked {
         };
         let mut observe = |event: &Event| observe(event);
         let (objective, engine) = (&settings.objective, &settings.engine);
-        let found = equip(&suite, vehicle, objective, self.budget, engine, &mut observe);
+        let deadline = settings.time.as_ref().map(TimeLimit::deadline);
+        let found = equip(&suite, vehicle, objective, self.budget, engine, deadline, &mut observe);
         let Some(found) = found.map_err(raised)? else { return Ok(None) };
         let suite = suite.with_constraints(&vehicle.constraints(&found.equipment));
         let settings = found.begin(settings, suite.constraints(), self.plain_baselines);

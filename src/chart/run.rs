@@ -16,6 +16,8 @@ use crate::scene::Scene;
 use crate::score::Objective;
 use crate::vehicle::{Placement, random_placements_by_the_rules, table_7};
 
+/// Most random placements of a chart.
+const MOST_RANDOM: u32 = 2_000;
 /// Repeats of a timing, and of a quick one.
 const REPEATS: [usize; 2] = [5, 3];
 
@@ -191,8 +193,7 @@ pub fn chart(
         ladder.left_out.push(format!("the GPU: {why}"));
     }
     check_resumed(&mut bench, &ladder, state)?;
-    measure(&mut bench, &mut ladder, edge, state, observer)?;
-    let is_missing = |setting: &&Setting| !state.measured.iter().any(|m| m.setting == **setting);
+    let missing = measure(&mut bench, &mut ladder, edge, state, observer)?;
     let rated = rate(&state.measured, tolerance, settings.seed);
     Ok(Chart {
         scene: name,
@@ -202,7 +203,7 @@ pub fn chart(
         tolerance,
         verdict: cheapest(&rated, tolerance),
         rated,
-        missing: ladder.all.iter().filter(is_missing).count(),
+        missing,
         left_out: ladder.left_out,
     })
 }
@@ -214,6 +215,9 @@ fn finest(scene: &Scene, psog: &Psog, settings: &ChartSettings) -> Result<Option
         let file = scene.files().first();
         let scene = file.map_or_else(|| scene.name().to_owned(), |f| f.display().to_string());
         return Err(ChartError::NoDetection { scene, objective: objective.to_string() });
+    }
+    if settings.random > MOST_RANDOM {
+        return Err(ChartError::TooMany { random: settings.random, most: MOST_RANDOM });
     }
     if settings.given.is_empty() && settings.random == 0 {
         return Err(ChartError::NoPlacement);
@@ -252,21 +256,26 @@ fn check_resumed(
     if same { Ok(()) } else { Err(ChartError::OtherState) }
 }
 
-/// Measures the settings that are missing, until the observer says stop.
+/// Measures the settings that are missing, until the observer says stop; the number of those then missing. Settings
+/// that are left out for a reason are not among them.
 fn measure(
     bench: &mut Bench,
     settings: &mut Settings,
     edge: f64,
     state: &mut ChartState,
     observer: &dyn ChartObserver,
-) -> Result<(), ChartError> {
+) -> Result<usize, ChartError> {
     let all = settings.all.clone();
     let efforts: Vec<f64> = all.iter().map(|s| s.effort(bench.world().scene())).collect();
     let (whole, count) = (efforts.iter().sum::<f64>(), bench.placements().len() as f64);
+    let missing = |state: &ChartState, from: usize| {
+        let is_missing = |setting: &&Setting| state.measured.iter().all(|m| m.setting != **setting);
+        all[from..].iter().filter(is_missing).count()
+    };
     let mut before = 0.0;
     for (index, (setting, effort)) in all.iter().zip(&efforts).enumerate() {
         if !observer.goes_on() {
-            break;
+            return Ok(missing(state, index));
         }
         if !state.measured.iter().any(|m| m.setting == *setting) {
             let words = setting.words(edge);
@@ -279,7 +288,7 @@ fn measure(
             };
             match bench.measure(setting, &state.measured, &go_on) {
                 Ok(Some(measured)) => state.measured.push(measured),
-                Ok(None) => break,
+                Ok(None) => return Ok(missing(state, index)),
                 Err(error) if error.spares_others(setting) => {
                     settings.left_out.push(format!("{words}: {error}"));
                 }
@@ -291,5 +300,5 @@ fn measure(
         before += effort;
         observer.progress(before / whole);
     }
-    Ok(())
+    Ok(0)
 }

@@ -39,6 +39,16 @@ pub enum ChartError {
         /// Multiple of the scene's own voxel edge.
         factor: f64,
     },
+    /// More random placements than are ranked.
+    #[error(
+        "{random} random placements are more than the {most} that a chart ranks; ask for fewer"
+    )]
+    TooMany {
+        /// As asked.
+        random: u32,
+        /// The largest number.
+        most: u32,
+    },
     /// Nothing to rank.
     #[error("there are no placements to rank; give some, or ask for random ones")]
     NoPlacement,

@@ -111,6 +111,10 @@ enum Command {
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Exit {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     let program = usage::with_examples(taking_negative_numbers(Cli::command()));
+    if let Some(told) = usage::not_utf8(&arguments) {
+        output::say(&told);
+        return Exit::BadInput;
+    }
     let matches = program.clone().try_get_matches_from(&arguments);
     let failed = match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => match dispatch(cli.command) {

@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 use std::io::IsTerminal;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Once};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
@@ -13,6 +13,9 @@ use crate::runs::{Bar, Error, Watcher};
 
 use super::exit::Exit;
 use super::output::say;
+
+/// Time that work has to end after Ctrl-C.
+const GRACE: Duration = Duration::from_secs(8);
 
 /// How much is said on stderr.
 #[derive(clap::Args, Debug, Clone, Copy)]
@@ -47,14 +50,36 @@ impl Talk {
 /// Told of work under way by a command.
 pub struct Terminal {
     talk: Talk,
-    /// Set by Ctrl-C once it is listened for.
+    /// Set by the first Ctrl-C.
     stops: Arc<AtomicBool>,
-    listens: Once,
+    /// Whether work under way is asked to stop; otherwise Ctrl-C ends the program at once.
+    listens: Arc<AtomicBool>,
 }
 
 impl Terminal {
     pub fn new(talk: Talk) -> Self {
-        Self { talk, stops: Arc::default(), listens: Once::new() }
+        let terminal = Self { talk, stops: Arc::default(), listens: Arc::default() };
+        terminal.handle_interrupts();
+        terminal
+    }
+
+    /// From now on Ctrl-C ends the program with its exit code: at once, or after work that listens has written what it
+    /// has. A second Ctrl-C, or work that takes longer than [`GRACE`], ends it, too: files are whole at any time.
+    fn handle_interrupts(&self) {
+        let (stops, listens) = (self.stops.clone(), self.listens.clone());
+        let end = || std::process::exit(i32::from(Exit::Interrupted.code()));
+        let handler = ctrlc::set_handler(move || {
+            if stops.swap(true, Ordering::SeqCst) || !listens.load(Ordering::SeqCst) {
+                end();
+            }
+            std::thread::spawn(move || {
+                std::thread::sleep(GRACE);
+                end();
+            });
+        });
+        if let Err(error) = handler {
+            self.talk.detail(format!("Ctrl-C ends at once: {error}"));
+        }
     }
 
     /// How the command ends: as one that is done, or was stopped.
@@ -109,19 +134,8 @@ impl Watcher for Terminal {
         Box::new(Shown(bar))
     }
 
-    /// A second Ctrl-C ends the program at once.
     fn listen(&self) {
-        self.listens.call_once(|| {
-            let set = self.stops.clone();
-            let handler = ctrlc::set_handler(move || {
-                if set.swap(true, Ordering::SeqCst) {
-                    std::process::exit(i32::from(Exit::Interrupted.code()));
-                }
-            });
-            if let Err(error) = handler {
-                self.talk.detail(format!("Ctrl-C ends at once: {error}"));
-            }
-        });
+        self.listens.store(true, Ordering::SeqCst);
     }
 
     fn goes_on(&self) -> bool {

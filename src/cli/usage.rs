@@ -10,6 +10,21 @@ pub fn is_help(error: &clap::Error) -> bool {
     !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand
 }
 
+/// Why names of files cannot be written, where one is not UTF-8: results and checkpoints are JSON.
+pub fn not_utf8(arguments: &[OsString]) -> Option<String> {
+    if let Some(argument) = arguments.iter().find(|argument| argument.to_str().is_none()) {
+        let shown = argument.to_string_lossy();
+        return Some(format!(
+            "{shown}: is not UTF-8, and results name their files in JSON; rename it"
+        ));
+    }
+    let folder = std::env::current_dir().ok().filter(|folder| folder.to_str().is_none())?;
+    let shown = folder.display();
+    Some(format!(
+        "{shown}: this folder's name is not UTF-8, and results name it in JSON; rename it"
+    ))
+}
+
 /// An error of the arguments in one line: what is wrong, what clap guesses was meant, where the help is.
 pub fn sentence(error: &clap::Error, program: &Command, arguments: &[OsString]) -> String {
     let text = error.render().to_string();
@@ -91,6 +106,16 @@ mod tests {
             commands += 1;
         });
         assert!(commands > 25 && long > 1, "{commands} commands, {long} long lines");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_argument_that_is_no_utf8_is_named_before_any_work() {
+        use std::os::unix::ffi::OsStringExt;
+        let odd = OsString::from_vec(b"a\xffb.json".to_vec());
+        let told = not_utf8(&["sightline".into(), odd]).expect("a sentence");
+        assert!(told.starts_with("a\u{fffd}b.json: is not UTF-8"), "{told}");
+        assert_eq!(not_utf8(&["sightline".into(), "é.json".into()]), None);
     }
 
     #[test]

@@ -109,7 +109,10 @@ impl<S: Serialize + DeserializeOwned> RunDir<S> {
         if saved.digest != digest(saved.state) {
             return refuse("was changed after it was written, or is damaged".to_owned());
         }
-        let state = serde_json::from_str(saved.state.get()).map_err(json)?;
+        let state = match serde_json::from_str(saved.state.get()) {
+            Ok(state) => state,
+            Err(error) => return refuse(format!("its state cannot be read: {error}")),
+        };
         let (path, made) = (path.to_owned(), Missing::none());
         Ok((
             Self {
@@ -143,6 +146,12 @@ impl<S> RunDir<S> {
     /// Refuses to go on with files that have changed since the run was begun.
     pub fn check(&self, inputs: &[Input]) -> Result<(), FileError> {
         Input::check(&self.path, &self.inputs, inputs)
+    }
+
+    /// Refusal of a state that was read and does not fit.
+    pub fn refusal(&self, why: &str) -> FileError {
+        let file = self.path.join(CHECKPOINT);
+        FileError::Refused(format!("{}: {why}; start a new run", file.display()))
     }
 
     /// The folder.

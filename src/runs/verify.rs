@@ -24,6 +24,11 @@ const RANDOM: usize = 200;
 /// Hostile ones.
 const HOSTILE: usize = 50;
 
+/// Most random placements, and most hostile ones.
+const MOST_PLACEMENTS: usize = 100_000;
+/// Most beams of the sample: each is held until all are explained.
+const MOST_BEAMS: u64 = 10_000_000;
+
 /// What is to be verified.
 #[derive(Debug, Clone)]
 pub struct VerifyRequest {
@@ -75,6 +80,7 @@ pub fn verify_scenes(
                 .to_owned(),
         ));
     }
+    request.check()?;
     let Files { scenes, placements } = Files::sort(&request.files, computing.watcher)?;
     let read = match &placements {
         Some(path) if request.random.or(request.hostile).is_some() => {
@@ -97,6 +103,24 @@ pub fn verify_scenes(
         each(&all[all.len() - 1])?;
     }
     Ok(all)
+}
+
+impl VerifyRequest {
+    /// Refuses numbers that no memory holds.
+    fn check(&self) -> Result<(), Error> {
+        let placements = MOST_PLACEMENTS as u64;
+        let asked = |count: Option<usize>| count.map_or(0, |count| count as u64);
+        for (option, count, most) in [
+            ("--random", asked(self.random), placements),
+            ("--hostile", asked(self.hostile), placements),
+            ("--sample", self.sample, MOST_BEAMS),
+        ] {
+            if count > most {
+                return Err(Error::Usage(format!("{option} {count}: give at most {most}")));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Name of a scene, and what is verified in it.

@@ -21,6 +21,9 @@ const LEAST_DEVIATION: f64 = 0.01;
 /// Share of the evaluations that is left when the least deviation is given up for the final polish.
 const POLISH: f64 = 0.15;
 
+/// Largest count of a loaded search: far beyond any run, far below overflow.
+pub(super) const MOST_COUNTED: u64 = 1 << 53;
+
 /// One line of `history.jsonl`.
 ///
 /// It holds nothing that depends on time or machine, so that equal runs leave equal bytes.
@@ -154,6 +157,16 @@ impl Generations {
             Some(cma)
         };
         Ok(Self { cma, best: None, generation: 0, evaluations: 0, stopped: None })
+    }
+
+    /// Looks whether a loaded search is one over these rules.
+    pub(super) fn check(&self, constraints: &Constraints) -> Result<(), String> {
+        if self.generation.max(self.evaluations) > MOST_COUNTED {
+            return Err("its counts are beyond any run".to_owned());
+        }
+        let variables = constraints.variable_bounds().len();
+        let checked = self.cma.as_ref().map_or(Ok(()), |cma| cma.check(variables));
+        checked.map_err(|error| error.to_string())
     }
 
     /// The best placement so far; `None` while no candidate kept the rules of the mount.

@@ -157,7 +157,7 @@ impl GridSearch {
             poses.map(|pose| (pose.position(), self.constraints.is_clear(&pose))).unzip();
         let kinds = (0..grid.len()).map(|pose| grid.kind(pose)).collect();
         let (lidars_by_kind, least) =
-            (grid.lidars_by_kind(), self.constraints.min_distance - SLACK);
+            (grid.lidars_by_kind().to_vec(), self.constraints.min_distance - SLACK);
         Places { positions, clear, kinds, lidars_by_kind, least }
     }
 

@@ -87,6 +87,11 @@ impl<'a> Watch<'a> {
         Self { observer, deadline: None, interrupted }
     }
 
+    /// A watch that is over at a deadline, too.
+    pub(super) fn until(observer: &'a mut dyn Observer, deadline: Option<Instant>) -> Self {
+        Self { observer, deadline, interrupted: false }
+    }
+
     /// Tells an event; false where the run is to end, by the observer's word or the deadline.
     pub(super) fn tell(&mut self, event: &Event) -> bool {
         let goes_on = self.observer.on(event);

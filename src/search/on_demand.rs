@@ -4,6 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::error::SearchError;
+use super::generations::MOST_COUNTED;
 use super::pilot::{Known, Pilot};
 use super::settings::Settings;
 use super::suite::Suite;
@@ -106,6 +107,32 @@ pub struct WorkByPurpose {
 }
 
 impl FramesOnDemand {
+    /// Looks whether loaded levels are of so many frames.
+    pub fn check(&self, frames: usize) -> Result<(), String> {
+        let PlacementFrames { levels: chosen, search, confirm } = self.work;
+        let parts = [
+            ("the present level is not among them", self.at < self.levels.len()),
+            ("one holds no frame", self.levels.iter().all(|level| !level.is_empty())),
+            (
+                "one holds a frame that the scenes lack, or not in rising order",
+                self.levels.iter().all(|level| {
+                    level.is_sorted_by(|a, b| a < b) && level.iter().all(|&frame| frame < frames)
+                }),
+            ),
+            ("the last is not all frames", self.levels.last().is_some_and(|l| l.len() == frames)),
+            ("their errors are not one a level", self.errors.len() == self.levels.len()),
+            ("they have no first step", !self.steps.is_empty()),
+            ("their counts are beyond any run", chosen.max(search).max(confirm) <= MOST_COUNTED),
+        ];
+        let fault = parts.into_iter().find(|(_, is_whole)| !is_whole);
+        fault.map_or(Ok(()), |(fault, _)| Err(format!("levels of frames: {fault}")))
+    }
+
+    /// Placements that the levels hold.
+    pub fn held(&self) -> impl Iterator<Item = &Placement> {
+        self.finalists.iter().map(|finalist| &finalist.placement)
+    }
+
     /// Chooses the levels of a suite over all frames, by a pilot of the baselines and some random
     /// placements, within about `memory` bytes; hands out the pilot's tallies over all frames.
     ///

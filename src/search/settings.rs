@@ -54,7 +54,7 @@ impl TimeLimit {
     }
 
     /// When the search has to end.
-    pub(super) fn deadline(&self) -> Instant {
+    pub fn deadline(&self) -> Instant {
         self.start + self.length
     }
 

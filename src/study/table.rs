@@ -95,8 +95,13 @@ impl Table {
     }
 }
 
+/// A cell of text. An apostrophe goes before text that a spreadsheet would take for a formula, but not before a
+/// number.
 fn quoted(text: &str) -> String {
-    if text.contains([',', '"', '\n']) {
+    let is_formula = text.starts_with(['=', '+', '-', '@', '\t', '\r']);
+    let guard = if is_formula && text.parse::<f64>().is_err() { "'" } else { "" };
+    let text = &format!("{guard}{text}");
+    if text.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {
         text.to_owned()
@@ -121,6 +126,11 @@ mod tests {
             notes: vec![],
             drawing: Drawing::of_column(0, "a", true),
         };
+        for (text, cell) in
+            [("=1+1", "'=1+1"), ("-2.5", "-2.5"), ("@a,b", "\"'@a,b\""), ("\tx", "'\tx")]
+        {
+            assert_eq!(quoted(text), cell);
+        }
         assert_eq!(table.csv(), "case,\"a, b\",c\nx,1.5,\n\"\"\"y\"\"\",-2,0\n");
     }
 }

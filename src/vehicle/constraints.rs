@@ -74,7 +74,8 @@ impl Constraints {
     pub fn kinds(&self) -> Vec<(&Slot, usize)> {
         let mut kinds: Vec<(&Slot, usize)> = Vec::new();
         for slot in &self.slots {
-            match kinds.iter_mut().find(|(known, _)| *known == slot) {
+            // Slots of one kind are neighbours in most lists: the last kind is looked at first.
+            match kinds.iter_mut().rev().find(|(known, _)| *known == slot) {
                 Some((_, count)) => *count += 1,
                 None => kinds.push((slot, 1)),
             }

@@ -33,6 +33,8 @@ pub struct PoseGrid {
     parts: Vec<Part>,
     /// Part of each LiDAR of a placement.
     part_of_lidar: Vec<usize>,
+    /// Number of LiDARs of each part.
+    lidars_by_kind: Vec<usize>,
     /// LiDARs in mirrored pairs; these come first.
     paired: usize,
 }
@@ -93,7 +95,7 @@ impl PoseGrid {
                 false => Image::None,
             };
             let (mut part, count) = Part::new(slot, poses as u32, spacing, image);
-            poses += count;
+            poses = poses.saturating_add(count);
             if poses > u128::from(MAX_POSES) {
                 return Err(PoseGridError::TooManyPoses { poses });
             }
@@ -104,9 +106,18 @@ impl PoseGrid {
             }
             parts.push(part);
         }
-        let part_of = |slot: &Slot| parts.iter().position(|part| part.slot == *slot);
-        let part_of_lidar = constraints.slots.iter().filter_map(part_of).collect();
-        Ok(Self { parts, part_of_lidar, paired: constraints.paired() })
+        // Neighbours are mostly of one kind: the part of the LiDAR before is looked at first.
+        let mut part_of_lidar: Vec<usize> = Vec::with_capacity(constraints.slots.len());
+        let mut lidars_by_kind = vec![0; parts.len()];
+        for slot in &constraints.slots {
+            let last = part_of_lidar.last().copied().filter(|&last| parts[last].slot == *slot);
+            let part = last.or_else(|| parts.iter().position(|part| part.slot == *slot));
+            if let Some(part) = part {
+                part_of_lidar.push(part);
+                lidars_by_kind[part] += 1;
+            }
+        }
+        Ok(Self { parts, part_of_lidar, lidars_by_kind, paired: constraints.paired() })
     }
 
     /// Number of poses.
@@ -131,9 +142,8 @@ impl PoseGrid {
     }
 
     /// LiDARs of each kind of slot.
-    pub fn lidars_by_kind(&self) -> Vec<usize> {
-        let of = |kind| self.part_of_lidar.iter().filter(|&&part| part == kind).count();
-        (0..self.parts.len()).map(of).collect()
+    pub fn lidars_by_kind(&self) -> &[usize] {
+        &self.lidars_by_kind
     }
 
     /// Distance of neighbours along each pose field, in m and rad.
@@ -249,10 +259,11 @@ impl Part {
             false => whole(upper[k] - lower[k], k),
         };
         let phases = if slot.phase.is_some() { PHASES } else { 1 };
-        let poses = (0..6)
-            .fold(u128::from(phases), |product, k| product.saturating_mul(steps(k) as u128 + 1));
-        let count =
-            [0, 1, 2, 3, 4, 5, 6].map(|k| if k == 6 { phases } else { steps(k) as u32 + 1 });
+        let poses = (0..6).fold(u128::from(phases), |product, k| {
+            product.saturating_mul((steps(k) as u128).saturating_add(1))
+        });
+        let count = [0, 1, 2, 3, 4, 5, 6]
+            .map(|k| if k == 6 { phases } else { (steps(k) as u32).saturating_add(1) });
         let lower = [0, 1, 2, 3, 4, 5, 6].map(|k| match k {
             6 => from,
             k if centred(k) => 0.0 - 0.5 * steps(k) * step[k],
@@ -386,6 +397,11 @@ mod tests {
         let fine = Spacing { metres: 1e-4, radians: 1e-3 };
         let error = PoseGrid::new(&constraints(), fine).unwrap_err();
         assert!(matches!(error, PoseGridError::TooManyPoses { .. }));
+        for metres in [1e-40, f64::MIN_POSITIVE] {
+            let none = Spacing { metres, radians: metres };
+            let error = PoseGrid::new(&constraints(), none).unwrap_err();
+            assert!(matches!(error, PoseGridError::TooManyPoses { .. }));
+        }
         let wide = Spacing { metres: 9.0, radians: 9.0 };
         assert_eq!(PoseGrid::new(&constraints(), wide).unwrap().len(), 1, "the lower corner");
     }

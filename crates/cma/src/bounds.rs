@@ -25,6 +25,14 @@ impl BoundTransform {
         Self { bounds, free }
     }
 
+    /// Whether the free variables are those of the bounds, which are `all`.
+    pub(super) fn is_whole(&self, all: usize) -> bool {
+        let usable = |&(low, high): &(f64, f64)| low.is_finite() && high.is_finite() && low <= high;
+        self.bounds.len() == all
+            && self.bounds.iter().all(usable)
+            && *self == Self::new(self.bounds.clone())
+    }
+
     /// Number of variables of the search space.
     pub(super) fn free_count(&self) -> usize {
         self.free.len()

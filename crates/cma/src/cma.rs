@@ -21,6 +21,8 @@ use crate::{CmaError, CmaOptions, Constants, StopReason};
 const MAX_CONDITION: f64 = 1e14;
 /// Largest step size, as a multiple of the first: beyond it every point is random.
 const MAX_STEP_SIZE: f64 = 1e6;
+/// Longest pause of clipped points in a saved search, in generations.
+const MOST_PAUSE: u32 = 1 << 30;
 /// Deviations below this share of the first step size count as a point.
 const SHRUNK: f64 = 1e-12;
 /// Deviations below this share of their released floor end the polish.
@@ -115,6 +117,35 @@ impl Cma {
             progress: Progress::new(&options, n, population),
             roots: None,
         })
+    }
+
+    /// Looks whether the parts of a loaded search belong together, for `all` variables in the caller's space. A file
+    /// holds any numbers.
+    ///
+    /// # Errors
+    /// The first part that does not fit.
+    pub fn check(&self, all: usize) -> Result<(), CmaError> {
+        let n = self.constants.n;
+        let is_space = match &self.space {
+            Some(space) => space.is_whole(all) && space.free_count() == n,
+            None => n == all,
+        };
+        let points = self.waiting.iter().chain(&self.clip).chain(&self.last_clip);
+        let is_pause = (1..=MOST_PAUSE).contains(&self.clip_pause) && self.clip_wait <= MOST_PAUSE;
+        let parts = [
+            ("its variables are not those of its bounds", n > 0 && is_space),
+            ("its constants are not those of its population", self.constants.is_whole()),
+            ("its distribution is of other variables", self.state.is_of(n)),
+            ("its floors are of other variables", self.min_std.iter().all(|std| std.len() == n)),
+            ("a point is of other variables", points.into_iter().all(|p| p.len() == all)),
+            ("its first step size is not above 0", self.first_step_size > 0.0),
+            ("its pauses are too long", is_pause),
+            ("its record of costs is damaged", self.progress.is_whole()),
+        ];
+        match parts.into_iter().find(|(_, is_whole)| !is_whole) {
+            Some((what, _)) => Err(CmaError::BadState { what }),
+            None => Ok(()),
+        }
     }
 
     /// Adds points of the caller's space to the next generations, at most half of each.

@@ -3,6 +3,8 @@
 use crate::maths;
 use serde::{Deserialize, Serialize};
 
+use crate::error::MAX_POPULATION;
+
 /// Strategy parameters of Table 1 of the tutorial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Constants {
@@ -31,6 +33,19 @@ pub struct Constants {
 }
 
 impl Constants {
+    /// Whether loaded constants are of one population and may be computed with.
+    pub(super) fn is_whole(&self) -> bool {
+        let Self { population, mu, ref weights, .. } = *self;
+        let rates = [self.c_sigma, self.c_c, self.c_1, self.c_mu];
+        (2..=MAX_POPULATION).contains(&population)
+            && mu == population / 2
+            && weights.len() == population
+            && rates.iter().all(|rate| (0.0..=1.0).contains(rate))
+            && self.d_sigma > 0.0
+            && self.chi_n > 0.0
+            && self.mu_eff > 0.0
+    }
+
     /// Default parameters for `n` ≥ 1 variables and `population` ≥ 2 candidates; `active` and
     /// `c_mu_offset` as in [`super::CmaOptions`].
     pub(super) fn new(n: usize, population: usize, active: bool, c_mu_offset: f64) -> Self {

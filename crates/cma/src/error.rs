@@ -2,6 +2,8 @@
 
 /// Largest population.
 pub(crate) const MAX_POPULATION: usize = 1_000_000;
+/// Largest count of generations or evaluations of a saved search: far beyond any run, far below overflow.
+pub(crate) const MOST_COUNTED: u64 = 1 << 53;
 
 /// Why a search cannot start, or go on with what it was given.
 #[derive(Debug, thiserror::Error, PartialEq)]
@@ -48,6 +50,12 @@ pub enum CmaError {
     /// No variable, or none with width.
     #[error("there is nothing to search: no variable has room to vary")]
     NoVariable,
+    /// A saved search whose parts do not belong together.
+    #[error("the saved search cannot be gone on with: {what}")]
+    BadState {
+        /// The fault.
+        what: &'static str,
+    },
     /// Too few or too many candidates.
     #[error("a population of {population} is not usable; take 2 to {MAX_POPULATION}")]
     BadPopulation {

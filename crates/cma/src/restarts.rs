@@ -4,13 +4,16 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::error::MAX_POPULATION;
 use crate::error::check_bounds;
 use crate::maths;
+use crate::error::{MAX_POPULATION, MOST_COUNTED};
 use crate::{Candidate, Cma, CmaError, CmaOptions, StopReason};
 
 /// Smallest population of a small instance, unless the first instance's is smaller still.
 const LEAST_POPULATION: usize = 4;
+
+/// Most instances of a saved search.
+const MOST_INSTANCES: u32 = 1 << 30;
 
 /// Rule for the instance that follows a stopped one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -116,6 +119,31 @@ pub struct Restarts {
 }
 
 impl Restarts {
+    /// Looks whether the parts of a loaded search belong together, for `all` variables. A file holds any numbers.
+    ///
+    /// # Errors
+    /// The first part that does not fit.
+    pub fn check(&self, all: usize) -> Result<(), CmaError> {
+        let what = "it is of other variables";
+        if self.mean.len() != all {
+            return Err(CmaError::BadState { what });
+        }
+        self.options.check(&self.mean, self.step_size)?;
+        if let Some(region) = &self.restarts.region {
+            check_bounds("the region of restarts", region, all)?;
+        }
+        let counts = [self.large, self.small].map(|spent| spent.evaluations);
+        let counts = counts.into_iter().chain(self.last_large).chain([self.evaluations]);
+        let instances = self.large.instances.max(self.small.instances);
+        if !(2..=MAX_POPULATION).contains(&self.first_population)
+            || counts.into_iter().any(|count| count > MOST_COUNTED)
+            || instances > MOST_INSTANCES
+        {
+            return Err(CmaError::BadState { what: "its counts are beyond any run" });
+        }
+        self.running.cma.check(all)
+    }
+
     /// A search whose first instance is [`Cma::new`] of the same mean, step size and options.
     ///
     /// # Errors

@@ -1,10 +1,12 @@
 //! Search distribution and its update, eqs. 38 to 47.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
-use serde::{Deserialize, Serialize};
+use serde::de::{Error as _, IgnoredAny};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::Constants;
 use crate::maths;
+use crate::error::MOST_COUNTED;
 
 /// Floor of the eigenvalues, as a share of the largest: rounding makes small ones negative.
 const EIGENVALUE_FLOOR: f64 = 1e-15;
@@ -15,14 +17,18 @@ const MAX_SWEEPS: usize = 10_000;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct State {
     /// Mean m.
+    #[serde(deserialize_with = "read_vector")]
     pub(super) mean: DVector<f64>,
     /// Step size σ.
     pub(super) step_size: f64,
     /// Covariance matrix C.
+    #[serde(deserialize_with = "read_matrix")]
     pub(super) cov: DMatrix<f64>,
     /// Evolution path of the step size, p_σ.
+    #[serde(deserialize_with = "read_vector")]
     pub(super) path_sigma: DVector<f64>,
     /// Evolution path of the covariance, p_c.
+    #[serde(deserialize_with = "read_vector")]
     pub(super) path_c: DVector<f64>,
     /// Generations told.
     pub(super) generation: u64,
@@ -36,7 +42,35 @@ pub(super) struct Roots {
     pub(super) condition: f64,
 }
 
+/// A vector as nalgebra writes it: entries, rows, and a unit for its one column.
+fn read_vector<'de, D: Deserializer<'de>>(from: D) -> Result<DVector<f64>, D::Error> {
+    let (entries, rows, _): (Vec<f64>, usize, IgnoredAny) = Deserialize::deserialize(from)?;
+    if rows != entries.len() {
+        return Err(D::Error::custom("a vector has another length than its entries"));
+    }
+    Ok(DVector::from_vec(entries))
+}
+
+/// A matrix as nalgebra writes it: entries by column, rows, columns. nalgebra's own reader multiplies the two
+/// unchecked.
+fn read_matrix<'de, D: Deserializer<'de>>(from: D) -> Result<DMatrix<f64>, D::Error> {
+    let (entries, rows, columns): (Vec<f64>, usize, usize) = Deserialize::deserialize(from)?;
+    if rows.checked_mul(columns) != Some(entries.len()) {
+        return Err(D::Error::custom("a matrix has another size than its entries"));
+    }
+    Ok(DMatrix::from_vec(rows, columns, entries))
+}
+
 impl State {
+    /// Whether all parts are of `n` variables.
+    pub(super) fn is_of(&self, n: usize) -> bool {
+        let vectors = [&self.mean, &self.path_sigma, &self.path_c];
+        vectors.iter().all(|vector| vector.len() == n)
+            && self.cov.shape() == (n, n)
+            && self.step_size > 0.0
+            && self.generation <= MOST_COUNTED
+    }
+
     /// Identity covariance and empty paths.
     pub(super) fn new(mean: DVector<f64>, step_size: f64) -> Self {
         let n = mean.len();

@@ -7,11 +7,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::CmaOptions;
 use crate::maths;
+use crate::error::MOST_COUNTED;
 
 /// Generations whose costs must all agree before the search counts as converged.
 const AGREEING: usize = 10;
 /// Generations that the test for stagnation compares, spread evenly over its memory.
 const KEPT: usize = 40;
+/// Largest window of a saved search.
+const MOST_WINDOW: usize = 1 << 32;
 /// Rounding of a cost, as a share of it; smaller differences count as none.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
@@ -93,6 +96,15 @@ impl Progress {
             best: None,
             evaluations: 0,
         }
+    }
+
+    /// Whether the record can be gone on with.
+    pub(super) fn is_whole(&self) -> bool {
+        (1..=MOST_WINDOW).contains(&self.window)
+            && self.recent.len() <= 2 * self.window
+            && self.sparse.len() <= KEPT
+            && self.stride > 0
+            && self.generations.max(self.evaluations) <= MOST_COUNTED
     }
 
     /// Records a generation; NaN is left out, and ±∞ becomes ±`f64::MAX`.

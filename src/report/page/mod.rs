@@ -40,6 +40,10 @@ pub fn view_html(subject: &Subject<'_>, figures: &Figures) -> String {
     page(subject, figures, None).into_string()
 }
 
+/// Nothing is loaded or sent: styles, scripts and pictures stand in the page.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; \
+                      base-uri 'none'; form-action 'none'";
+
 fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Markup {
     let (first, rest) = subject.verdict.split_once(". ").unwrap_or((&subject.verdict, ""));
     let stop = if rest.is_empty() { "" } else { "." };
@@ -48,6 +52,7 @@ fn page(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Ma
         html lang="en" {
             head {
                 meta charset="utf-8";
+                meta http-equiv="Content-Security-Policy" content=(POLICY);
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="color-scheme" content="light dark";
                 title { "sightline: " (subject.scene) }

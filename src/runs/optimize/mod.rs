@@ -73,42 +73,54 @@ pub fn optimize(
         None => RunDir::create("optimize", out, &begun.folder(), opened.inputs.clone())?,
     };
     folder.check(&opened.inputs)?;
-    let Some(run) = begin(&mut begun, course, &mut opened, &folder, computing)? else {
+    let time = request
+        .max_seconds
+        .map(|seconds| TimeLimit { start, length: Duration::from_secs_f64(seconds) });
+    let deadline = time.as_ref().map(TimeLimit::deadline);
+    let begins = begin(&mut begun, course, &mut opened, &folder, deadline, computing)?;
+    let Some((run, is_late)) = begins else {
         return Ok(None);
     };
     let earlier = read_spent(&folder);
-    let mut sitting = Sitting { request, computing, begun, opened, folder, run, earlier, start };
-    let outcome = sitting.search()?;
+    let mut sitting =
+        Sitting { request, computing, begun, opened, folder, is_late, run, earlier, start };
+    let outcome = sitting.search(time)?;
     let record = finish(&sitting, &outcome)?;
     sitting.check(&record)?;
     sitting.write_gltf(&record)?;
     Ok(Some(Optimized { record, folder: sitting.folder.path().to_owned() }))
 }
 
-/// The search, with a slot for each sensor of the vehicle; `None` after Ctrl-C while the sensors were chosen.
+/// The search, with a slot for each sensor of the vehicle, and whether the time ended while these were chosen;
+/// `None` after Ctrl-C.
 fn begin(
     begun: &mut Begun,
     course: Course,
     opened: &mut Opened,
     folder: &RunDir<Saved>,
+    deadline: Option<Instant>,
     computing: &Computing<'_>,
-) -> Result<Option<Run>, Error> {
+) -> Result<Option<(Run, bool)>, Error> {
     let wanted = match &course {
         Course::Equipping(wanted) => Some(&**wanted),
         Course::Run(_) => None,
     };
-    let suite = equipment::equipped(begun, wanted, opened, folder, computing)?;
-    let Some(suite) = suite else { return Ok(None) };
+    let equipped = equipment::equipped(begun, wanted, opened, folder, deadline, computing)?;
+    let Some((suite, is_late)) = equipped else { return Ok(None) };
     opened.suite = suite.clone();
     let Wanted { settings, plainly, .. } = match course {
-        Course::Run(state) => return Ok(Some(Run::resume(suite, *state))),
+        Course::Run(state) => {
+            state.check(&suite).map_err(|why| folder.refusal(&why))?;
+            return Ok(Some((Run::resume(suite, *state), false)));
+        }
         Course::Equipping(wanted) => *wanted,
     };
     let settings = match &begun.equipped {
         Some(equipped) => equipped.begin(settings, suite.constraints(), plainly),
         None => settings,
     };
-    Run::new(suite, &settings).map(Some).map_err(|error| in_scene(error, begun))
+    let run = Run::new(suite, &settings).map_err(|error| in_scene(error, begun))?;
+    Ok(Some((run, is_late)))
 }
 
 /// Scenes and problems of a run.
@@ -187,12 +199,8 @@ fn in_scene(error: SearchError, begun: &Begun) -> Error {
 
 impl Sitting<'_> {
     /// Runs to the outcome; the state is saved on the way.
-    fn search(&mut self) -> Result<Outcome, Error> {
+    fn search(&mut self, time: Option<TimeLimit>) -> Result<Outcome, Error> {
         let watcher = self.computing.watcher;
-        let time = self.request.max_seconds.map(|seconds| TimeLimit {
-            start: self.start,
-            length: Duration::from_secs_f64(seconds),
-        });
         self.run.open_with(self.computing.engine.clone(), time);
         let mut bars = Bars::new(watcher);
         let mut saved: Option<Instant> = None;

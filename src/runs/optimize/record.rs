@@ -32,6 +32,8 @@ pub(super) struct Sitting<'a> {
     pub(super) begun: Begun,
     pub(super) opened: Opened,
     pub(super) folder: RunDir<Saved>,
+    /// Whether the time ended while sensors were chosen: a resumed run goes on with that choice.
+    pub(super) is_late: bool,
     pub(super) run: Run,
     /// Of earlier sittings.
     pub(super) earlier: Spent,
@@ -89,9 +91,10 @@ impl Sitting<'_> {
 pub(super) fn save(sitting: &Sitting) -> Result<(), Error> {
     let run = sitting.run.state().clone();
     sitting.folder.write_lines("history.jsonl", run.history())?;
-    sitting
-        .folder
-        .save(&Saved { begun: sitting.begun.clone(), course: Course::Run(Box::new(run)) })?;
+    if !sitting.is_late {
+        let course = Course::Run(Box::new(run));
+        sitting.folder.save(&Saved { begun: sitting.begun.clone(), course })?;
+    }
     Ok(sitting.folder.write_json(TIMES, &sitting.spent())?)
 }
 

@@ -32,6 +32,11 @@ pub struct GridSample {
 }
 
 impl GridSample {
+    /// The placements sampled.
+    pub fn placements(&self) -> impl Iterator<Item = &Placement> {
+        self.pairs.iter().map(|(placement, _)| placement)
+    }
+
     /// Samples placements on the grid of a search, each with one neighbour a step along one pose field away.
     ///
     /// Ties between LiDARs are left out: random poses never keep them.

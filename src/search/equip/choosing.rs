@@ -8,7 +8,7 @@ use crate::score::Objective;
 use crate::search::atlases::Atlases;
 use crate::search::error::SearchError;
 use crate::search::evaluator::Evaluator;
-use crate::search::grid_search::GridSearch;
+use crate::search::grid_search::{GridSearch, Places};
 use crate::search::observer::{Event, Watch, Work};
 use crate::search::suite::Suite;
 use crate::vehicle::{
@@ -65,7 +65,9 @@ impl Choosing {
     /// Whether all of its poses are on a grid of so many.
     pub(super) fn fits(&self, poses: u32) -> bool {
         let climbing = self.climb.iter().map(|climb| &climb.poses);
-        self.ends.iter().chain(climbing).flatten().all(|&pose| pose < poses)
+        let is_rig =
+            |end: &Vec<u32>| end.len() <= MAX_LIDARS && end.iter().all(|&pose| pose < poses);
+        self.ends.len() <= 2 && self.ends.iter().chain(climbing).all(is_rig)
     }
 }
 
@@ -86,8 +88,20 @@ pub enum EquipStep {
     On,
     /// The observer has stopped it.
     Stopped,
+    /// Its time is over; the best equipment so far.
+    OutOfTime(Equipped),
     /// The equipment.
     Done(Equipped),
+}
+
+/// What opening a search for equipment gave.
+pub(super) enum Opened<'a> {
+    /// The search, all poses cast.
+    Open(Box<Equip<'a>>),
+    /// The observer has stopped it.
+    Stopped,
+    /// Its time was over before all poses were cast.
+    OutOfTime,
 }
 
 /// The search for equipment.
@@ -95,12 +109,20 @@ pub(super) struct Equip<'a> {
     vehicle: &'a Vehicle,
     pub(super) budget: f64,
     grid: GridSearch,
+    /// Where the poses of the grid stand.
+    places: Places,
     /// Mount and model of each kind of pose.
     kinds: Vec<(usize, SensorName)>,
     /// As of [`GridSearch::require`].
     penalty: f64,
     /// Whether sensors come in mirrored pairs; an odd one of a kind lies in the plane of symmetry.
     in_pairs: bool,
+}
+
+/// Tells how many rounds of exchanges are done; false where the choice is to end.
+fn tell(watch: &mut Watch, done: usize) -> bool {
+    let (work, done, total) = (Work::Exchanges, done as u64, 2 * ROUNDS as u64);
+    watch.tell(&Event::Progress { work, done, total })
 }
 
 /// Sensors on a mount among those chosen and a group.
@@ -134,7 +156,7 @@ impl<'a> Equip<'a> {
         budget: f64,
         engine: &EngineChoice,
         watch: &mut Watch,
-    ) -> Result<Option<Self>, SearchError> {
+    ) -> Result<Opened<'a>, SearchError> {
         let (constraints, kinds) = every_kind(vehicle);
         // What is chosen are models and mounts: the search that follows chooses phases.
         let constraints = constraints.without_phases();
@@ -167,7 +189,11 @@ impl<'a> Equip<'a> {
         for (block, poses) in all.chunks(CAST).enumerate() {
             let (work, done, total) = (Work::Equipment, (block * CAST) as u64, all.len() as u64);
             if !watch.tell(&Event::Progress { work, done, total }) {
-                return Ok(None);
+                return Ok(if watch.is_interrupted() {
+                    Opened::Stopped
+                } else {
+                    Opened::OutOfTime
+                });
             }
             grid.hold(&mut evaluator, poses)?;
         }
@@ -175,8 +201,8 @@ impl<'a> Equip<'a> {
         let most = singles.iter().map(|(_, value)| *value).fold(0.0, f64::max);
         let penalty = REQUIRED * most.max(1e-9);
         grid.require(penalty);
-        let in_pairs = constraints.ties.symmetric;
-        Ok(Some(Self { vehicle, budget, grid, kinds, penalty, in_pairs }))
+        let (in_pairs, places) = (constraints.ties.symmetric, grid.places());
+        Ok(Opened::Open(Box::new(Self { vehicle, budget, grid, places, kinds, penalty, in_pairs })))
     }
 
     /// The equipment from the beginning; `None` where the observer stops the choice.
@@ -186,7 +212,9 @@ impl<'a> Equip<'a> {
             match self.step(&mut state, watch) {
                 EquipStep::On => {}
                 EquipStep::Stopped => return None,
-                EquipStep::Done(equipped) => return Some(equipped),
+                EquipStep::Done(equipped) | EquipStep::OutOfTime(equipped) => {
+                    return Some(equipped);
+                }
             }
         }
     }
@@ -196,12 +224,10 @@ impl<'a> Equip<'a> {
     pub(super) fn step(&mut self, state: &mut Choosing, watch: &mut Watch) -> EquipStep {
         if let Some(climb) = &mut state.climb {
             if climb.index < climb.poses.len() && climb.round < ROUNDS {
-                let (work, done) = (Work::Exchanges, state.ends.len() * ROUNDS + climb.round);
-                let (done, total) = (done as u64, 2 * ROUNDS as u64);
-                if !watch.tell(&Event::Progress { work, done, total }) {
-                    return EquipStep::Stopped;
+                let done = state.ends.len() * ROUNDS + climb.round;
+                if !tell(watch, done) || !self.exchange(climb, done, watch) {
+                    return self.cut(state, Vec::new(), watch);
                 }
-                self.exchange(climb);
             } else {
                 state.ends.push(std::mem::take(&mut climb.poses));
                 state.climb = None;
@@ -209,20 +235,56 @@ impl<'a> Equip<'a> {
             return EquipStep::On;
         }
         let grown = match state.ends.len() {
-            0 => self.grown(Vec::new(), |gain, _| gain),
-            1 => self.grown(Vec::new(), |gain, price| gain / price.max(1e-9)),
+            0 => self.grown(Vec::new(), |gain, _| gain, 0, watch),
+            1 => self.grown(Vec::new(), |gain, price| gain / price.max(1e-9), ROUNDS, watch),
             _ => return EquipStep::Done(self.better(&state.ends)),
         };
+        if watch.is_over() {
+            return self.cut(state, grown, watch);
+        }
         state.climb = Some(Climb { poses: Self::poses(&grown), round: 0, index: 0 });
         EquipStep::On
     }
 
-    /// The better of two ends, the first of equal ones.
+    /// The best of some ends, the first of equal ones.
     fn better(&mut self, ends: &[Vec<u32>]) -> Equipped {
         let ends: Vec<Vec<Choice>> = ends.iter().map(|poses| self.choices(poses)).collect();
         let worths: Vec<f64> = ends.iter().map(|end| self.worth(end)).collect();
-        let best = usize::from(worths[1] > worths[0]);
-        self.equipped(&ends[best])
+        let best = (0..ends.len()).reduce(|a, b| if worths[b] > worths[a] { b } else { a });
+        self.equipped(best.map_or(&[], |best| &ends[best]))
+    }
+
+    /// Ends a choice before its end: nothing after Ctrl-C, the best equipment so far where the time is over.
+    fn cut(&mut self, state: &Choosing, grown: Vec<Choice>, watch: &mut Watch) -> EquipStep {
+        if watch.is_interrupted() {
+            return EquipStep::Stopped;
+        }
+        let mut ends = state.ends.clone();
+        ends.extend(state.climb.iter().map(|climb| climb.poses.clone()));
+        // Sensors that mounts must hold come first: an end without them is no equipment.
+        let (whole, part): (Vec<_>, Vec<_>) = ends
+            .into_iter()
+            .chain([Self::poses(&self.filled(grown))])
+            .partition(|end| self.keeps_counts(&self.choices(end)));
+        EquipStep::OutOfTime(self.better(if whole.is_empty() { &part } else { &whole }))
+    }
+
+    /// The sensors chosen, and the first that fit for mounts that must hold more.
+    fn filled(&self, mut chosen: Vec<Choice>) -> Vec<Choice> {
+        while !self.keeps_counts(&chosen) {
+            let lacks = |mount: usize| {
+                let on = chosen.iter().filter(|choice| choice.mount == mount).count();
+                on < self.vehicle.mounts[mount].count[0]
+            };
+            let candidates = self.candidates(&chosen).into_iter();
+            let next = candidates.filter(|group| group.choices().any(|one| lacks(one.mount)));
+            let price = |group: &Group| -> f64 {
+                group.choices().map(|choice| self.vehicle.price(choice.sensor)).sum()
+            };
+            let Some(next) = next.min_by(|a, b| price(a).total_cmp(&price(b))) else { break };
+            chosen.extend(next.choices());
+        }
+        chosen
     }
 
     /// Sensors at poses of the grid.
@@ -265,7 +327,7 @@ impl<'a> Equip<'a> {
         if chosen.len() >= MAX_LIDARS {
             return Vec::new();
         }
-        let poses = Self::poses(chosen);
+        let (poses, places) = (Self::poses(chosen), &self.places);
         let spent = self.cost(chosen);
         let cheapest = self.vehicle.cheapest();
         let mut found = Vec::new();
@@ -285,19 +347,14 @@ impl<'a> Equip<'a> {
             if affordable
                 && after <= MAX_LIDARS
                 && self.has_room(chosen, &group)
-                && self.grid.fits(pose, &poses)
-                && image.is_none_or(|image| self.fits_beside(image.pose, pose, &poses))
+                && places.fits(pose, &poses)
+                && image
+                    .is_none_or(|image| places.fits(image.pose, &[&poses[..], &[pose]].concat()))
             {
                 found.push(group);
             }
         }
         found
-    }
-
-    /// Whether the image of a pose fits beside it and others.
-    fn fits_beside(&self, image: u32, pose: u32, others: &[u32]) -> bool {
-        let others: Vec<u32> = others.iter().copied().chain([pose]).collect();
-        self.grid.fits(image, &others)
     }
 
     /// What the mounts must hold beyond those chosen and a group: its price, and how many sensors.
@@ -357,9 +414,17 @@ impl<'a> Equip<'a> {
         best.map(|(group, _, added)| (group, added))
     }
 
-    /// Sensors added until none is left that adds anything, or that a mount must hold.
-    fn grown(&mut self, mut chosen: Vec<Choice>, rating: impl Fn(f64, f64) -> f64) -> Vec<Choice> {
-        while let Some((group, added)) = self.best_beside(&chosen, &rating) {
+    /// Sensors added until none is left that adds anything, or that a mount must hold; fewer where the watch is over.
+    fn grown(
+        &mut self,
+        mut chosen: Vec<Choice>,
+        rating: impl Fn(f64, f64) -> f64,
+        done: usize,
+        watch: &mut Watch,
+    ) -> Vec<Choice> {
+        while tell(watch, done)
+            && let Some((group, added)) = self.best_beside(&chosen, &rating)
+        {
             let must = self.vehicle.mounts.iter().enumerate().any(|(mount, of)| {
                 chosen.iter().filter(|choice| choice.mount == mount).count() < of.count[0]
             });
@@ -371,21 +436,26 @@ impl<'a> Equip<'a> {
         chosen
     }
 
-    /// Takes a climb's next sensor off, with its image, and adds what gains most; kept where that gains.
-    fn exchange(&mut self, climb: &mut Climb) {
+    /// Takes a climb's next sensor off, with its image, and adds what gains most; kept where that gains. False
+    /// where the watch is over before that; the climb is then as it was.
+    fn exchange(&mut self, climb: &mut Climb, done: usize, watch: &mut Watch) -> bool {
         let chosen = self.choices(&climb.poses);
         let held = self.worth(&chosen);
         let off = chosen[climb.index].pose;
         let image = self.image(off);
         let mut without = chosen;
         without.retain(|choice| choice.pose != off && Some(choice.pose) != image);
-        let other = self.grown(without, |gain, _| gain);
+        let other = self.grown(without, |gain, _| gain, done, watch);
+        if watch.is_over() {
+            return false;
+        }
         let worth = self.worth(&other);
         if worth > held * (1.0 + 1e-9) && self.keeps_counts(&other) {
             *climb = Climb { poses: Self::poses(&other), round: climb.round + 1, index: 0 };
         } else {
             climb.index += 1;
         }
+        true
     }
 
     fn keeps_counts(&self, chosen: &[Choice]) -> bool {

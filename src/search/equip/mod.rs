@@ -12,7 +12,9 @@ mod equipped;
 pub use choosing::{Choosing, EquipStep};
 pub use equipped::Equipped;
 
-use choosing::{Equip, FRAMES};
+use choosing::{Equip, FRAMES, Opened};
+
+use std::time::Instant;
 
 use super::error::SearchError;
 use super::evaluator::Evaluator;
@@ -22,6 +24,8 @@ use crate::engine::EngineChoice;
 use crate::score::{Objective, reference_layout};
 use crate::vehicle::{Placement, SensorName, Vehicle};
 
+/// Said where the time is over before the choice.
+const OUT_OF_TIME: &str = "the time ended while the sensors were chosen; the best so far are taken, and more time may find better ones";
 /// Budgets of a front, beside the one that wants for nothing.
 const BUDGETS: u32 = 8;
 
@@ -29,16 +33,19 @@ const BUDGETS: u32 = 8;
 pub struct Equipping<'a> {
     search: Search<'a>,
     state: Choosing,
+    deadline: Option<Instant>,
 }
 
 enum Search<'a> {
     /// There was nothing to choose.
     Chosen(Equipped),
+    /// The time was over before poses could be compared: the cheapest equipment.
+    OutOfTime(Equipped),
     Open(Box<Equip<'a>>),
 }
 
-/// Equipment for at most `budget`, as good as found, of the vehicle of some scenes; `None` where the observer
-/// stops the choice.
+/// Equipment for at most `budget`, as good as found until `deadline`, of the vehicle of some scenes; `None` where
+/// the observer stops the choice.
 ///
 /// # Errors
 /// As [`Equipping::open`].
@@ -48,15 +55,18 @@ pub fn equip(
     objective: &Objective,
     budget: f64,
     engine: &EngineChoice,
+    deadline: Option<Instant>,
     observer: &mut dyn Observer,
 ) -> Result<Option<Equipped>, SearchError> {
-    let opened = Equipping::open(suite, vehicle, objective, budget, engine, observer)?;
+    let opened = Equipping::open(suite, vehicle, objective, budget, engine, deadline, observer)?;
     let Some(mut choice) = opened else { return Ok(None) };
     loop {
         match choice.step(observer) {
             EquipStep::On => {}
             EquipStep::Stopped => return Ok(None),
-            EquipStep::Done(equipped) => return Ok(Some(equipped)),
+            EquipStep::Done(equipped) | EquipStep::OutOfTime(equipped) => {
+                return Ok(Some(equipped));
+            }
         }
     }
 }
@@ -73,6 +83,7 @@ impl<'a> Equipping<'a> {
         objective: &Objective,
         budget: f64,
         engine: &EngineChoice,
+        deadline: Option<Instant>,
         observer: &mut dyn Observer,
     ) -> Result<Option<Self>, SearchError> {
         let cheapest = vehicle.cheapest();
@@ -85,11 +96,15 @@ impl<'a> Equipping<'a> {
                 return Err(SearchError::NotForEquipment { objective: objective.to_string() });
             }
             let search = Search::Chosen(plain(suite, vehicle, objective, engine)?);
-            return Ok(Some(Self { search, state }));
+            return Ok(Some(Self { search, state, deadline }));
         }
-        let mut watch = Watch::new(observer, false);
-        let search = Equip::new(suite, vehicle, objective, budget, engine, &mut watch)?;
-        Ok(search.map(|search| Self { search: Search::Open(Box::new(search)), state }))
+        let mut watch = Watch::until(observer, deadline);
+        let search = match Equip::new(suite, vehicle, objective, budget, engine, &mut watch)? {
+            Opened::Open(search) => Search::Open(search),
+            Opened::Stopped => return Ok(None),
+            Opened::OutOfTime => Search::OutOfTime(plain(suite, vehicle, objective, engine)?),
+        };
+        Ok(Some(Self { search, state, deadline }))
     }
 
     /// Goes on with a state that an earlier choice of the same vehicle in the same scenes was in; one that does
@@ -98,7 +113,7 @@ impl<'a> Equipping<'a> {
     pub fn with_state(mut self, state: Choosing) -> Self {
         let poses = match &self.search {
             Search::Open(search) => search.pose_count(),
-            Search::Chosen(_) => 0,
+            Search::Chosen(_) | Search::OutOfTime(_) => return Self { state, ..self },
         };
         if state.fits(poses) {
             self.state = state;
@@ -115,7 +130,18 @@ impl<'a> Equipping<'a> {
     pub fn step(&mut self, observer: &mut dyn Observer) -> EquipStep {
         match &mut self.search {
             Search::Chosen(equipped) => EquipStep::Done(equipped.clone()),
-            Search::Open(search) => search.step(&mut self.state, &mut Watch::new(observer, false)),
+            Search::OutOfTime(equipped) => {
+                Watch::new(observer, false).note(OUT_OF_TIME);
+                EquipStep::OutOfTime(equipped.clone())
+            }
+            Search::Open(search) => {
+                let mut watch = Watch::until(observer, self.deadline);
+                let step = search.step(&mut self.state, &mut watch);
+                if matches!(step, EquipStep::OutOfTime(_)) {
+                    watch.note(OUT_OF_TIME);
+                }
+                step
+            }
         }
     }
 }
@@ -158,7 +184,7 @@ pub fn cost_front(
     let silent = &mut |_: &Event| true;
     let mut watch = Watch::new(silent, false);
     let search = Equip::new(suite, vehicle, objective, f64::INFINITY, engine, &mut watch)?;
-    let Some(mut search) = search else { return Ok(Vec::new()) };
+    let Opened::Open(mut search) = search else { return Ok(Vec::new()) };
     let least = vehicle.cost(&vehicle.cheapest());
     let Some(most) = search.best(&mut watch) else { return Ok(Vec::new()) };
     let mut front = Vec::new();

@@ -7,7 +7,9 @@ use crate::score::Objective;
 use crate::search::bound::Bounds;
 use crate::search::error::SearchError;
 use crate::search::evaluator::{Evaluator, Judged};
-use crate::search::generations::{GenerationRecord, Generations, GenerationsStop, why_left_out};
+use crate::search::generations::{
+    GenerationRecord, Generations, GenerationsStop, MOST_COUNTED, why_left_out,
+};
 use crate::search::observer::Watch;
 use crate::search::on_demand::FramesOnDemand;
 use crate::search::outcome::{LeftOut, Scored, SearchTimes};
@@ -15,8 +17,10 @@ use crate::search::pilot::Known;
 use crate::search::settings::{FrameChoice, Settings, TimeLimit};
 use crate::search::suite::Suite;
 use crate::search::swaps::{SWAP_SPACING, Swapped};
-use crate::vehicle::{Placement, PoseGrid};
+use crate::vehicle::{MAX_LIDARS, Placement, PoseGrid};
 
+/// Largest population of a loaded state.
+const MOST_POPULATION: usize = 1_000_000;
 /// Draw of what is left to chance with which placements are confirmed; the search has the draw 0.
 pub(super) const CONFIRMING: u64 = 1;
 
@@ -62,6 +66,48 @@ impl State {
     /// Its settings; engine and time limit of a loaded state are the defaults.
     pub fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// Looks whether a loaded state is one of these scenes: its numbers come from a file.
+    ///
+    /// # Errors
+    /// The first part that does not fit, in words.
+    pub fn check(&self, suite: &Suite) -> Result<(), String> {
+        let constraints = suite.constraints();
+        let settings = &self.settings;
+        PoseGrid::new(constraints, settings.delta.unwrap_or(SWAP_SPACING))
+            .map_err(|error| error.to_string())?;
+        if settings.evaluations > MOST_COUNTED
+            || settings.population.is_some_and(|n| n > MOST_POPULATION)
+        {
+            return Err("settings: a count is beyond any run".to_owned());
+        }
+        self.generations.check(constraints).map_err(|why| format!("generations: {why}"))?;
+        if let Some(levels) = &self.levels {
+            levels.check(suite.frame_count())?;
+        }
+        let later =
+            matches!(self.phase, Phase::Finalists | Phase::Swaps | Phase::Bounds | Phase::Confirm);
+        if self.levels.is_none()
+            && settings.frames == FrameChoice::OnDemand
+            && (later || self.phase == Phase::Generations)
+        {
+            return Err("levels of frames: there are none".to_owned());
+        }
+        let lidars = constraints.lidars();
+        let given = settings.baselines.iter().chain(&settings.starts);
+        let best = self.generations.best().map(|best| &best.placement);
+        let swapped =
+            self.swaps.iter().flat_map(|swaps| swaps.others.iter().chain([&swaps.placement]));
+        let sampled = self.bounds.iter().flat_map(|bounds| bounds.sample.placements());
+        let held = self.levels.iter().flat_map(FramesOnDemand::held);
+        let found = held.chain(best).chain(&self.chosen).chain(swapped).chain(sampled);
+        let is_found = found.into_iter().all(|placement| placement.lidars.len() == lidars);
+        let is_given = given.into_iter().all(|p| (1..=MAX_LIDARS).contains(&p.lidars.len()));
+        match is_found && is_given {
+            true => Ok(()),
+            false => Err("a placement has another number of LiDARs than the run".to_owned()),
+        }
     }
 
     /// A record of each generation so far.

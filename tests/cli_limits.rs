@@ -1,0 +1,205 @@
+//! Limits of the program: deadlines, interrupts at any moment, numbers without measure, checkpoints of others.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+use tempfile::TempDir;
+
+use crate::cli::{corridor, fails, ok, room, sightline};
+
+/// Time that an end may take on a busy machine.
+const LATE: Duration = Duration::from_secs(20);
+
+/// Many models on many mounts: far more to choose from than a second allows.
+fn write_fleet(dir: &Path) {
+    let sensors: Vec<Value> = (0..30)
+        .map(|i| {
+            json!({ "name": format!("s{i}"), "price": i + 1,
+                "lidar": { "channels": 4, "fov": [-30, 10], "azimuth_steps": 60, "range": 50 } })
+        })
+        .collect();
+    let mounts: Vec<Value> = (0..30)
+        .map(|i| json!({ "name": format!("m{i}"), "min": [0.1, 0.1, 0.1], "max": [0.9, 1.9, 0.9], "count": [0, 4] }))
+        .collect();
+    let vehicle = json!({ "sightline": 1, "sensors": sensors, "mounts": mounts });
+    fs::write(dir.join("fleet.json"), vehicle.to_string()).unwrap();
+}
+
+#[test]
+fn time_ends_the_choice_of_sensors() {
+    let dir = corridor();
+    write_fleet(dir.path());
+    let args = ["optimize", "scene.json", "--vehicle", "fleet.json", "--budget", "500"];
+    let more = [
+        "--objective",
+        "information_gain",
+        "--max-seconds",
+        "0.2",
+        "--backend",
+        "cpu",
+        "--out",
+        "run",
+    ];
+    let start = Instant::now();
+    let output = sightline(dir.path(), &[&args[..], &more[..]].concat());
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{told}");
+    assert!(start.elapsed() < LATE, "{:?}", start.elapsed());
+    assert!(told.contains("the time ended while the sensors were chosen"), "{told}");
+    let result: Value =
+        serde_json::from_slice(&fs::read(dir.path().join("run/result.json")).unwrap()).unwrap();
+    assert!(result["stopped"].as_str().unwrap().starts_with("time"), "{result}");
+    // A resumed run goes on with the choice, not with what was taken in a hurry.
+    let saved: Value =
+        serde_json::from_slice(&fs::read(dir.path().join("run/checkpoint.json")).unwrap()).unwrap();
+    assert!(saved["state"]["equipping"].is_object(), "{saved}");
+}
+
+#[test]
+fn numbers_beyond_any_machine_are_refused() {
+    let dir = corridor();
+    let most = u64::MAX.to_string();
+    for option in ["--random", "--hostile", "--sample"] {
+        let told = fails(dir.path(), &["verify", "scene.json", option, &most]);
+        assert!(told.contains(option) && told.contains("give at most"), "{told}");
+    }
+    let optimize = ["optimize", "scene.json", "--backend", "cpu", "--out", "never"];
+    for (option, value) in [
+        ("--delta", "1e-40"),
+        ("--delta", "nan"),
+        ("--max-seconds", "1e308"),
+        ("--max-seconds", "-1"),
+        ("--population", "0"),
+        ("--evaluations", "0"),
+        ("--evaluations", "-1"),
+        ("--threads", "0"),
+        ("--seed", "1.5"),
+        ("--near-weight", "inf"),
+    ] {
+        fails(dir.path(), &[&optimize[..], &[option, value]].concat());
+        assert!(!dir.path().join("never").exists(), "{option} {value} left a folder");
+    }
+}
+
+/// Puts a value into a checkpoint, with the digest that belongs to it; false where it has no such place.
+fn forge(run: &Path, whole: &Value, place: &str, value: &Value) -> bool {
+    let mut state = whole["state"].clone();
+    let Some(at) = state.pointer_mut(place) else { return false };
+    *at = value.clone();
+    let state = state.to_string();
+    let digest: String = Sha256::digest(&state).iter().map(|byte| format!("{byte:02x}")).collect();
+    let text = format!(
+        r#"{{"checkpoint": {}, "command": "optimize", "digest": "{digest}", "inputs": {}, "state": {state}}}"#,
+        whole["checkpoint"], whole["inputs"]
+    );
+    fs::write(run.join("checkpoint.json"), text).unwrap();
+    true
+}
+
+#[test]
+fn a_checkpoint_whose_numbers_do_not_belong_together_is_refused() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let args =
+        ["--evaluations", "400", "--max-seconds", "0.05", "--backend", "cpu", "--out", "run"];
+    sightline(dir.path(), &[&["optimize", "room.json"], &args[..]].concat());
+    let run = dir.path().join("run");
+    let whole: Value =
+        serde_json::from_slice(&fs::read(run.join("checkpoint.json")).unwrap()).unwrap();
+    let cma = "/run/generations/cma/running/cma";
+    let changes = [
+        ("/run/levels/at".to_owned(), json!(u64::MAX)),
+        ("/run/levels/levels/0/0".to_owned(), json!(1_000_000)),
+        ("/run/levels/errors".to_owned(), json!([])),
+        (format!("{cma}/constants/mu"), json!(1_000_000)),
+        (format!("{cma}/constants/population"), json!(1_u64 << 62)),
+        (format!("{cma}/constants/n"), json!(0)),
+        (format!("{cma}/constants/weights"), json!([])),
+        (format!("{cma}/space/free/0"), json!(1_u64 << 53)),
+        (format!("{cma}/space/bounds/0"), json!([1.0, 0.0])),
+        (format!("{cma}/state/mean"), json!([[], 0, null])),
+        (format!("{cma}/state/cov"), json!([[], 1_u64 << 33, 1_u64 << 33])),
+        (format!("{cma}/state/generation"), json!(u64::MAX)),
+        (format!("{cma}/min_std"), json!([0.1])),
+        (format!("{cma}/progress/stride"), json!(0)),
+        (format!("{cma}/progress/window"), json!(u64::MAX)),
+        (format!("{cma}/waiting"), json!([[0.5]])),
+        ("/run/generations/cma/first_population".to_owned(), json!(0)),
+        ("/run/generations/evaluations".to_owned(), json!(u64::MAX)),
+        ("/run/settings/population".to_owned(), json!(u64::MAX)),
+        ("/run/settings/delta".to_owned(), json!({ "metres": 1e-40, "radians": 0.1 })),
+    ];
+    let mut forged = 0;
+    for (place, value) in &changes {
+        if forge(&run, &whole, place, value) {
+            let told = fails(dir.path(), &["optimize", "--resume", "run", "--backend", "cpu"]);
+            assert!(told.contains("checkpoint.json: "), "{place}: {told}");
+            assert!(told.contains("; start a new run"), "{place}: {told}");
+            forged += 1;
+        }
+    }
+    assert!(forged > changes.len() - 4, "only {forged} places were there");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_ends_every_command_soon() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let commands: [&[&str]; 8] = [
+        &["optimize", "room.json", "--evaluations", "100000", "--out", "o"],
+        &["study", "lidars", "room.json", "--evaluations", "5000", "--out", "s"],
+        &["chart", "room.json", "--placements", "2000", "--out", "c"],
+        &["audit", "room.json"],
+        &["near-field", "room.json", "--backend", "cpu"],
+        &["psog", "build", "room.json", "--out", "p.npz"],
+        &["view", "room.json", "--out", "v.html"],
+        &["scene", "new", "--kind", "town", "--out", "t.json"],
+    ];
+    for (number, command) in commands.iter().enumerate() {
+        for wait in [5, 60, 400] {
+            let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
+                .args(*command)
+                .current_dir(dir.path())
+                .stdout(Stdio::null())
+                .stderr(Stdio::null())
+                .spawn()
+                .unwrap();
+            std::thread::sleep(Duration::from_millis(wait + 7 * number as u64));
+            let _ = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+            let start = Instant::now();
+            let code = child.wait().unwrap().code();
+            assert!(start.elapsed() < LATE, "{command:?} took {:?}", start.elapsed());
+            // None: before the program listens, the system ends it. Others: it was done before.
+            assert!(matches!(code, None | Some(0 | 1 | 2 | 130)), "{command:?}: {code:?}");
+            for half in ["p.npz", "v.html", "t.json"] {
+                let file = dir.path().join(half);
+                assert!(
+                    !file.exists() || fs::metadata(&file).unwrap().len() > 0,
+                    "{half} is empty"
+                );
+            }
+            for folder in ["o", "s", "c"] {
+                let _ = fs::remove_dir_all(dir.path().join(folder));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_page_forbids_what_it_does_not_need() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    ok(
+        dir.path(),
+        &["optimize", "room.json", "--evaluations", "30", "--backend", "cpu", "--out", "run"],
+    );
+    let page = fs::read_to_string(dir.path().join("run/report.html")).unwrap();
+    let policy = page.find("Content-Security-Policy").expect("a policy");
+    assert!(page[policy..].contains("default-src 'none'"));
+    assert!(policy < page.find("<style").unwrap() && policy < page.find("<script").unwrap());
+}
