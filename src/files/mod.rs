@@ -4,6 +4,7 @@
 mod arrays;
 mod folder;
 mod input;
+mod inside;
 mod run_dir;
 mod whole;
 
@@ -13,6 +14,7 @@ use std::path::{Path, PathBuf};
 pub use arrays::{LinePerElement, write_npy};
 pub use folder::shared_folder;
 pub use input::Input;
+pub use inside::{stays_inside, trust_paths};
 pub use run_dir::{RunDir, holds_run};
 pub use whole::{is_sink, target, writable_file, write_whole};
 
