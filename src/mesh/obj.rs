@@ -120,7 +120,7 @@ impl<'a> Iterator for Lines<'a> {
         let line = self.line;
         let named = |text: &[u8]| {
             let first = words(text).next().unwrap_or_default();
-            first.starts_with(b"#") || NAMED.contains(&first)
+            text.trim_ascii_start().starts_with(b"#") || NAMED.contains(&first)
         };
         if text.trim_ascii_end().ends_with(b"\\") && !named(&text) {
             while let Some(head) = text.trim_ascii_end().strip_suffix(b"\\") {

@@ -160,12 +160,12 @@ fn ascii_ply(vertex_count: &str, body: &str) -> String {
 
 #[test]
 fn ply_faces_keep_their_labels() {
-    let text = ascii_ply("4", "0 0 0\n1 0 0\n1 1 0\n85012.343 1 0\n4 0 1 2 3 40\n3 0 1 2 50\n");
+    let text = ascii_ply("4", "0 0 0\n1 0 0\n1 1 0\n-85012.343 1 0\n4 0 1 2 3 40\n3 0 1 2 50\n");
     let mesh = ply::read(text.as_bytes()).unwrap();
     assert_eq!(mesh.faces, [[0, 1, 2], [0, 2, 3], [0, 1, 2]]);
     assert_eq!(mesh.materials, [Some("40".to_owned()), Some("50".to_owned())]);
     assert_eq!(mesh.face_material, [0, 0, 1]);
-    assert_eq!(mesh.vertices[3].x, 85012.343);
+    assert_eq!(mesh.vertices[3].x, -85012.343);
 }
 
 #[test]
