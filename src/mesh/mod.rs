@@ -3,16 +3,25 @@
 #[cfg(feature = "mesh")]
 mod gltf;
 #[cfg(feature = "mesh")]
+mod gltf_data;
+#[cfg(feature = "mesh")]
+mod gltf_walk;
+#[cfg(feature = "mesh")]
 mod obj;
 mod placing;
 #[cfg(feature = "mesh")]
 mod ply;
+#[cfg(feature = "mesh")]
+mod ply_file;
+#[cfg(feature = "mesh")]
+mod polygon;
 mod raw;
 
 use std::path::Path;
 
 use glam::DVec3;
 
+use crate::Note;
 use crate::json::{DescriptionError, Place, read_limited};
 use raw::{Fault, MAX_FILE, extension};
 
@@ -39,6 +48,11 @@ pub(crate) fn load(at: &Place, file: &Path) -> Result<RawMesh, DescriptionError>
     let mut mesh = read(&bytes, dir).map_err(fault)?;
     mesh.files.push(file.to_owned());
     check(&mesh).map_err(fault)?;
+    mesh.drop_unused();
+    for note in &mut mesh.notes {
+        let text = format!("{at}: {}: {}", file.display(), note.text());
+        *note = if note.is_doubt() { Note::doubt(text) } else { Note::fact(text) };
+    }
     Ok(mesh)
 }
 
@@ -61,7 +75,7 @@ fn reader(_: &str) -> Result<Reader, Fault> {
     Err(Fault::new("file", "cannot be read: this build is without the feature `mesh`"))
 }
 
-/// Checks for finite vertices, indices in range and at least one triangle.
+/// Checks for at least one triangle, indices in range, and finite corners.
 fn check(mesh: &RawMesh) -> Result<(), Fault> {
     if mesh.faces.is_empty() {
         return Err(Fault::new(
@@ -69,18 +83,18 @@ fn check(mesh: &RawMesh) -> Result<(), Fault> {
             "holds no triangle; export its faces, not points or lines alone",
         ));
     }
-    if let Some(i) = mesh.vertices.iter().position(|v| !v.is_finite()) {
-        let v = mesh.vertices[i];
-        return Err(Fault::new(
-            format!("vertex {i}"),
-            format!("{} is not a finite position; export it again", exponents(v)),
-        ));
-    }
     let count = mesh.vertices.len();
     for (i, face) in mesh.faces.iter().enumerate() {
-        if let Some(v) = face.iter().find(|&&v| v as usize >= count) {
-            let problem = format!("refers to vertex {v}, there are {count}");
-            return Err(Fault::new(format!("face {i}"), problem));
+        for &v in face {
+            let Some(corner) = mesh.vertices.get(v as usize) else {
+                let problem = format!("refers to vertex {v}, there are {count}");
+                return Err(Fault::new(format!("face {i}"), problem));
+            };
+            if !corner.is_finite() {
+                let problem =
+                    format!("{} is not a finite position; export it again", exponents(*corner));
+                return Err(Fault::new(format!("vertex {v}"), problem));
+            }
         }
     }
     Ok(())

@@ -5,14 +5,47 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::raw::{RawMesh, extension};
+use crate::Note;
 use crate::geom::Pose;
 use crate::json::check::{self, bad};
 use crate::json::{DescriptionError, Place};
 
+/// Directions of a file's axes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Axes {
+    /// x forward, y left, z up, as here.
+    ZUp,
+    /// x forward, y up, z right, as Blender writes a world whose x is forward.
+    YUp,
+    /// x left, y up, z forward, as the specification of glTF has it.
+    ZForward,
+}
+
+impl Axes {
+    /// Axes by the word for them in a scene file, or in the extras of a glTF asset.
+    pub fn of(word: &str) -> Option<Self> {
+        match word {
+            "z-up" => Some(Self::ZUp),
+            "y-up" => Some(Self::YUp),
+            "z-forward" => Some(Self::ZForward),
+            _ => None,
+        }
+    }
+
+    /// A position in metres forward, left and up.
+    fn turn(self, v: DVec3) -> DVec3 {
+        match self {
+            Self::ZUp => v,
+            Self::YUp => DVec3::new(v.x, -v.z, v.y),
+            Self::ZForward => DVec3::new(v.z, v.x, v.y),
+        }
+    }
+}
+
 /// Axes, a scale and a pose: what a description says about a mesh beside its file.
 pub(crate) struct Placing {
-    /// Whether y points up in the file.
-    y_up: bool,
+    /// Axes that the description names.
+    axes: Option<Axes>,
     scale: f64,
     pose: Pose,
 }
@@ -21,20 +54,16 @@ impl Placing {
     /// Checks the keys `axes`, `scale`, `translate` and `roll`, `pitch`, `yaw` of a mesh.
     pub fn new(
         at: &Place,
-        file: &Path,
         axes: Option<&str>,
         scale: Option<f64>,
         translate: [f64; 3],
         [roll, pitch, yaw]: [f64; 3],
     ) -> Result<Self, DescriptionError> {
-        let y_up = match axes {
-            None => matches!(extension(file).as_str(), "gltf" | "glb"),
-            Some("z-up") => false,
-            Some("y-up") => true,
-            Some(other) => {
-                return Err(bad(&at.key("axes"), format!("{other:?}"), "\"z-up\" or \"y-up\""));
-            }
-        };
+        let axes = axes.map(|word| {
+            let wanted = "\"z-up\", \"y-up\" (x forward) or \"z-forward\" (y up, x left)";
+            Axes::of(word).ok_or_else(|| bad(&at.key("axes"), format!("{word:?}"), wanted))
+        });
+        let axes = axes.transpose()?;
         let scale = scale.unwrap_or(1.0);
         if !(scale > 0.0 && scale <= 1.0e6) {
             return Err(bad(&at.key("scale"), scale, "a scale above 0 and at most 1000000"));
@@ -43,7 +72,19 @@ impl Placing {
         let pitch = check::radians(&at.key("pitch"), pitch)?;
         let yaw = check::radians(&at.key("yaw"), yaw)?;
         let translate = check::point(&at.key("translate"), translate)?;
-        Ok(Self { y_up, scale, pose: Pose::new(translate.into(), roll, pitch, yaw) })
+        Ok(Self { axes, scale, pose: Pose::new(translate.into(), roll, pitch, yaw) })
+    }
+
+    /// A note on the forward axis of a glTF that neither the description nor the file names.
+    pub fn note(&self, at: &Place, file: &Path, mesh: &RawMesh) -> Option<Note> {
+        let open = is_gltf(file) && self.axes.or(mesh.axes).is_none();
+        open.then(|| {
+            Note::fact(format!(
+                "{at}: {} does not say which way is forward; x is taken, as Blender writes a world. `axes` decides: \
+                 \"y-up\" for x, \"z-forward\" for z as the specification of glTF has it",
+                file.display()
+            ))
+        })
     }
 
     /// The vertices of a mesh in its owner's frame, in metres.
@@ -53,9 +94,12 @@ impl Placing {
         file: &Path,
         mesh: &RawMesh,
     ) -> Result<Vec<DVec3>, DescriptionError> {
+        let axes = self.axes.or(mesh.axes).unwrap_or(match is_gltf(file) {
+            true => Axes::YUp,
+            false => Axes::ZUp,
+        });
         let place = |(i, v): (usize, &DVec3)| {
-            let v = if self.y_up { DVec3::new(v.x, -v.z, v.y) } else { *v };
-            let v = self.pose.apply(v * self.scale);
+            let v = self.pose.apply(axes.turn(*v) * self.scale);
             if v.abs().max_element() <= check::MAX_METRES {
                 return Ok(v);
             }
@@ -71,4 +115,8 @@ impl Placing {
         };
         mesh.vertices.iter().enumerate().map(place).collect()
     }
+}
+
+fn is_gltf(file: &Path) -> bool {
+    matches!(extension(file).as_str(), "gltf" | "glb")
 }

@@ -5,13 +5,16 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
+use super::placing::Axes;
+use crate::Note;
+
 /// Largest mesh file or buffer, in bytes.
-pub(super) const MAX_FILE: u64 = 2 << 30;
+pub(super) const MAX_FILE: u64 = 1 << 30;
 
 /// Most triangles of a mesh, and of a scene.
 pub(crate) const MOST_TRIANGLES: usize = 10_000_000;
 
-/// What a file's name ends in, in small letters.
+/// Ending of a file's name, in small letters.
 pub(super) fn extension(file: &Path) -> String {
     file.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
@@ -30,6 +33,10 @@ pub(crate) struct RawMesh {
     pub(super) by_name: HashMap<Option<String>, u32>,
     /// The mesh file and its buffers.
     pub files: Vec<PathBuf>,
+    /// Parts of the file that were passed over.
+    pub notes: Vec<Note>,
+    /// Axes that the file itself names.
+    pub(super) axes: Option<Axes>,
 }
 
 #[cfg(feature = "mesh")]
@@ -41,6 +48,38 @@ impl RawMesh {
             self.materials.push(name.clone());
             self.materials.len() as u32 - 1
         })
+    }
+
+    /// Adds a triangle.
+    ///
+    /// # Errors
+    /// There are [`MOST_TRIANGLES`] already.
+    pub(super) fn triangle(&mut self, face: [u32; 3], material: u32) -> Result<(), String> {
+        if self.faces.len() == MOST_TRIANGLES {
+            return Err(format!("is one too many: {MOST_TRIANGLES} triangles may be there"));
+        }
+        self.faces.push(face);
+        self.face_material.push(material);
+        Ok(())
+    }
+}
+
+impl RawMesh {
+    /// Drops the vertices that no face uses: they have no surface, and may be anywhere.
+    pub(super) fn drop_unused(&mut self) {
+        let mut place = vec![u32::MAX; self.vertices.len()];
+        self.faces.as_flattened().iter().for_each(|&v| place[v as usize] = 0);
+        if !place.contains(&u32::MAX) {
+            return;
+        }
+        let mut kept = 0;
+        for (old, new) in place.iter_mut().enumerate().filter(|(_, new)| **new == 0) {
+            *new = kept;
+            self.vertices[kept as usize] = self.vertices[old];
+            kept += 1;
+        }
+        self.vertices.truncate(kept as usize);
+        self.faces.as_flattened_mut().iter_mut().for_each(|v| *v = place[*v as usize]);
     }
 }
 

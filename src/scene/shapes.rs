@@ -230,7 +230,7 @@ impl<'a> Builder<'a> {
         default: Option<u16>,
     ) -> Result<Solid, DescriptionError> {
         let file = self.dir.join(&mesh.file);
-        let placing = placing(at, mesh, &file)?;
+        let placing = placing(at, mesh)?;
         let mut map = HashMap::new();
         for (material, class) in &mesh.classes.0 {
             map.insert(
@@ -242,6 +242,7 @@ impl<'a> Builder<'a> {
             Some(raw) => Rc::clone(raw),
             None => {
                 let raw = Rc::new(mesh::load(at, &file)?);
+                self.notes.extend(raw.notes.iter().cloned().chain(placing.note(at, &file, &raw)));
                 self.meshes.insert(file.clone(), Rc::clone(&raw));
                 raw
             }
@@ -264,9 +265,9 @@ impl<'a> Builder<'a> {
     }
 }
 
-fn placing(at: &Place, mesh: &MeshDescription, file: &Path) -> Result<Placing, DescriptionError> {
+fn placing(at: &Place, mesh: &MeshDescription) -> Result<Placing, DescriptionError> {
     let MeshDescription { scale, translate, roll, pitch, yaw, .. } = *mesh;
-    Placing::new(at, file, mesh.axes.as_deref(), scale, translate, [roll, pitch, yaw])
+    Placing::new(at, mesh.axes.as_deref(), scale, translate, [roll, pitch, yaw])
 }
 
 impl Builder<'_> {

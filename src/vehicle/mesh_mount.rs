@@ -34,7 +34,7 @@ pub(super) fn patch(
     let file = dir.join(&patch.file);
     let MeshPatchDescription { scale, translate, roll, pitch, yaw, .. } = *patch;
     let axes = patch.axes.as_deref();
-    let placing = Placing::new(at, &file, axes, scale, translate, [roll, pitch, yaw])?;
+    let placing = Placing::new(at, axes, scale, translate, [roll, pitch, yaw])?;
     let facing = patch.facing.as_ref().map(|facing| direction(&at.key("facing"), facing));
     let facing = facing.transpose()?;
     let within = patch.within.as_ref();

@@ -136,7 +136,9 @@ impl Container {
     pub fn finish(&mut self, scene: &str, root: usize) {
         let mut document = json!({
             "asset": { "version": "2.0",
-                       "generator": concat!("sightline ", env!("CARGO_PKG_VERSION")) },
+                       "generator": concat!("sightline ", env!("CARGO_PKG_VERSION")),
+                       // The same word as the key `axes` of a mesh in a scene file.
+                       "extras": { "axes": "z-forward" } },
             "scene": 0,
             "scenes": [{ "name": scene, "nodes": [root] }],
             "nodes": std::mem::take(&mut self.nodes),

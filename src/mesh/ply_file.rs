@@ -1,0 +1,329 @@
+//! The grammar of PLY: a header of elements with properties, and a body of text or of bytes.
+
+use super::raw::Fault;
+
+/// Scalar types, under both of their names.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Kind {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Kind {
+    fn of(word: &str) -> Option<Self> {
+        Some(match word {
+            "char" | "int8" => Self::I8,
+            "uchar" | "uint8" => Self::U8,
+            "short" | "int16" => Self::I16,
+            "ushort" | "uint16" => Self::U16,
+            "int" | "int32" => Self::I32,
+            "uint" | "uint32" => Self::U32,
+            "float" | "float32" => Self::F32,
+            "double" | "float64" => Self::F64,
+            _ => return None,
+        })
+    }
+
+    /// Bytes of a number.
+    fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+}
+
+/// A property: a number, or a list of numbers behind their count.
+#[derive(Debug)]
+pub(super) struct Property {
+    pub name: String,
+    pub kind: Kind,
+    /// Type of the count of a list.
+    pub list: Option<Kind>,
+}
+
+/// An element: `count` rows of its properties.
+#[derive(Debug)]
+pub(super) struct Element {
+    pub name: String,
+    pub count: u64,
+    pub properties: Vec<Property>,
+}
+
+impl Element {
+    /// Place of a single number among the properties.
+    pub fn scalar(&self, name: &str) -> Option<usize> {
+        self.properties.iter().position(|p| p.name == name && p.list.is_none())
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Form {
+    Ascii,
+    Little,
+    Big,
+}
+
+#[derive(Debug)]
+pub(super) struct Header {
+    pub elements: Vec<Element>,
+}
+
+impl Header {
+    /// Reads the header; the body begins behind it. Lines end with LF, CR LF or CR.
+    pub fn read(bytes: &[u8]) -> Result<(Self, Body<'_>), Fault> {
+        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+        let (mut at, mut line) = (0, 0);
+        let (mut form, mut elements) = (None, Vec::<Element>::new());
+        let is_end = |b: &u8| matches!(b, b'\n' | b'\r');
+        // Where the first line ends with CR alone, a byte 10 behind the last one is data.
+        let first = bytes.iter().position(is_end).map_or(&bytes[..0], |end| &bytes[end..]);
+        let lone = first.starts_with(b"\r") && !first.starts_with(b"\r\n");
+        loop {
+            line += 1;
+            let fault = |problem: String| Fault::new(format!("header line {line}"), problem);
+            let rest = &bytes[at..];
+            let Some(end) = rest.iter().position(is_end) else {
+                return Err(Fault::new(
+                    "header",
+                    "does not end with `end_header`; is this a PLY file?",
+                ));
+            };
+            let text = String::from_utf8_lossy(&rest[..end]).into_owned();
+            let wide = if !lone && rest[end..].starts_with(b"\r\n") { 2 } else { 1 };
+            at = (at + end + wide).min(bytes.len());
+            let words: Vec<&str> = text.split_ascii_whitespace().collect();
+            match words[..] {
+                ["ply"] if line == 1 => {}
+                _ if line == 1 => {
+                    return Err(fault("is not `ply`; is this a PLY file?".to_owned()));
+                }
+                [] | ["comment" | "obj_info", ..] => {}
+                ["format", name, _] => {
+                    form = Some(match name {
+                        "ascii" => Form::Ascii,
+                        "binary_little_endian" => Form::Little,
+                        "binary_big_endian" => Form::Big,
+                        _ => return Err(fault(format!("has the unknown format {name:?}"))),
+                    });
+                }
+                ["element", name, count] => {
+                    let count = count.parse().map_err(|_| {
+                        fault(format!("has the count {count:?}, which is no whole number"))
+                    })?;
+                    elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
+                }
+                ["property", ref words @ ..] => {
+                    let element = elements
+                        .last_mut()
+                        .ok_or_else(|| fault("has a property before any element".to_owned()))?;
+                    let kind = |word: &str| {
+                        Kind::of(word)
+                            .ok_or_else(|| fault(format!("has the unknown type {word:?}")))
+                    };
+                    let property = match *words {
+                        ["list", count, item, name] => Property {
+                            name: name.to_owned(),
+                            kind: kind(item)?,
+                            list: Some(kind(count)?),
+                        },
+                        [item, name] => {
+                            Property { name: name.to_owned(), kind: kind(item)?, list: None }
+                        }
+                        _ => return Err(fault(format!("{:?} is not a property", text.trim()))),
+                    };
+                    element.properties.push(property);
+                }
+                ["end_header"] => break,
+                _ => {
+                    return Err(fault(format!(
+                        "{:?} is not known in a header",
+                        text.trim().chars().take(60).collect::<String>()
+                    )));
+                }
+            }
+        }
+        let form = form.ok_or_else(|| Fault::new("header", "names no format"))?;
+        let body = Body { form, rest: &bytes[at..], words: b"" };
+        Self { elements }.checked(body)
+    }
+
+    /// Refuses names that come twice, and counts that the rest of the file cannot hold.
+    fn checked<'a>(self, body: Body<'a>) -> Result<(Self, Body<'a>), Fault> {
+        let left = body.rest.len() as u64;
+        for element in &self.elements {
+            let fault = |problem| Fault::new(format!("element {}", element.name), problem);
+            let mut names: Vec<&str> = element.properties.iter().map(|p| p.name.as_str()).collect();
+            names.sort_unstable();
+            if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+                return Err(fault(format!("has two properties {:?}", pair[0])));
+            }
+            if element.properties.is_empty() && element.count > 0 {
+                return Err(fault("has rows without properties; leave it out".to_owned()));
+            }
+            let smallest = |p: &Property| match body.form {
+                // One digit and one blank.
+                Form::Ascii => 2,
+                _ => p.list.unwrap_or(p.kind).size() as u64,
+            };
+            let need = element.count.saturating_mul(element.properties.iter().map(smallest).sum());
+            // + 1: the last line may lack its line feed.
+            if need > left + 1 {
+                return Err(fault(format!(
+                    "{} announced, which take {need} bytes or more, and {left} follow; is the file cut off?",
+                    element.count
+                )));
+            }
+        }
+        Ok((self, body))
+    }
+}
+
+/// The rows behind the header, read from front to back.
+#[derive(Debug, Clone)]
+pub(super) struct Body<'a> {
+    form: Form,
+    rest: &'a [u8],
+    /// Rest of the present line of text.
+    words: &'a [u8],
+}
+
+impl<'a> Body<'a> {
+    /// Reads a row: `read` takes each property by its index, and reads or passes it.
+    pub fn row(
+        &mut self,
+        element: &Element,
+        mut read: impl FnMut(&mut Self, usize, &Property) -> Result<(), String>,
+    ) -> Result<(), String> {
+        if self.form == Form::Ascii {
+            self.words = b"";
+            while self.words.is_empty() {
+                if self.rest.is_empty() {
+                    return Err("is missing: unexpected end of the file".to_owned());
+                }
+                let end = self
+                    .rest
+                    .iter()
+                    .position(|b| matches!(b, b'\n' | b'\r'))
+                    .unwrap_or(self.rest.len());
+                self.words = self.rest[..end].trim_ascii();
+                self.rest = &self.rest[(end + 1).min(self.rest.len())..];
+            }
+        }
+        for (i, property) in element.properties.iter().enumerate() {
+            read(self, i, property)
+                .map_err(|problem| format!("{problem} (property {})", property.name))?;
+        }
+        match self.word() {
+            Ok(word) if self.form == Form::Ascii => {
+                Err(format!("has more values than its element has properties, {word:?} first"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Passes over all rows of an element.
+    pub fn skip(&mut self, element: &Element) -> Result<(), Fault> {
+        let fixed = element.properties.iter().all(|p| p.list.is_none());
+        if self.form != Form::Ascii && fixed {
+            let row: usize = element.properties.iter().map(|p| p.kind.size()).sum();
+            let need = (element.count as usize).saturating_mul(row);
+            return match self.take(need) {
+                Ok(_) => Ok(()),
+                Err(problem) => Err(Fault::new(format!("element {}", element.name), problem)),
+            };
+        }
+        for row in 0..element.count {
+            self.row(element, |body, _, property| body.pass(property))
+                .map_err(|problem| Fault::new(format!("{} {row}", element.name), problem))?;
+        }
+        Ok(())
+    }
+
+    /// Refuses data behind the last row: a count in the header is too small then.
+    pub fn end(&self) -> Result<(), Fault> {
+        let padding = |b: &u8| *b == 0 || b.is_ascii_whitespace();
+        if self.rest.iter().all(padding) {
+            return Ok(());
+        }
+        let problem = format!(
+            "has {} bytes behind its last element; are the counts in the header right?",
+            self.rest.len()
+        );
+        Err(Fault::new("file", problem))
+    }
+
+    fn take(&mut self, size: usize) -> Result<&'a [u8], String> {
+        let (taken, rest) =
+            self.rest.split_at_checked(size).ok_or("is missing: unexpected end of the file")?;
+        self.rest = rest;
+        Ok(taken)
+    }
+
+    fn word(&mut self) -> Result<&'a str, String> {
+        let words = self.words.trim_ascii_start();
+        let end = words.iter().position(u8::is_ascii_whitespace).unwrap_or(words.len());
+        let word;
+        (word, self.words) = words.split_at(end);
+        if word.is_empty() {
+            return Err("has fewer values than its element has properties".to_owned());
+        }
+        std::str::from_utf8(word).map_err(|_| "is not text".to_owned())
+    }
+
+    /// A number of a kind.
+    pub fn number(&mut self, kind: Kind) -> Result<f64, String> {
+        if self.form == Form::Ascii {
+            let word = self.word()?;
+            return word
+                .parse()
+                .map_err(|_| format!("{word:?} is not a number such as 1.5 or -2e3"));
+        }
+        let mut bytes = [0; 8];
+        let size = kind.size();
+        let bytes = &mut bytes[..size];
+        bytes.copy_from_slice(self.take(size)?);
+        if self.form == Form::Big {
+            bytes.reverse();
+        }
+        let bits = bytes.iter().rev().fold(0_u64, |bits, byte| bits << 8 | u64::from(*byte));
+        Ok(match kind {
+            Kind::I8 => f64::from(bits as u8 as i8),
+            Kind::U8 | Kind::U16 | Kind::U32 => bits as f64,
+            Kind::I16 => f64::from(bits as u16 as i16),
+            Kind::I32 => f64::from(bits as u32 as i32),
+            Kind::F32 => f64::from(f32::from_bits(bits as u32)),
+            Kind::F64 => f64::from_bits(bits),
+        })
+    }
+
+    /// The count of a list, for which there are bytes enough.
+    pub fn count(&mut self, kind: Kind) -> Result<usize, String> {
+        let count = self.number(kind)?;
+        let left = if self.form == Form::Ascii { self.words.len() } else { self.rest.len() };
+        if count.fract() == 0.0 && (0.0..=left as f64).contains(&count) {
+            return Ok(count as usize);
+        }
+        Err(format!("has a list of {count} numbers, and {left} bytes follow"))
+    }
+
+    /// Passes over a property, whatever its words are.
+    pub fn pass(&mut self, property: &Property) -> Result<(), String> {
+        let count = match property.list {
+            Some(kind) => self.count(kind)?,
+            None => 1,
+        };
+        if self.form == Form::Ascii {
+            return (0..count).try_for_each(|_| self.word().map(drop));
+        }
+        self.take(count.saturating_mul(property.kind.size())).map(drop)
+    }
+}
