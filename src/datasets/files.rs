@@ -1,27 +1,23 @@
 //! Whole files of records, and points in them.
 
 use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::DatasetError;
 
-/// Opens a file; refuses pipes and devices, which may have no end.
+/// Largest file of a scan, of its labels or poses, in bytes: a scan of KITTI has 2 MB.
+const MAX_FILE: u64 = 1 << 30;
+
+/// Opens a plain file.
 pub(super) fn open(path: &Path) -> Result<File, DatasetError> {
     let to_read = |source| DatasetError::Read { path: path.to_owned(), source };
-    if !std::fs::metadata(path).map_err(to_read)?.is_file() {
-        return Err(to_read(std::io::Error::other("is not a plain file")));
-    }
-    File::open(path).map_err(to_read)
+    crate::files::open(path).map_err(to_read)
 }
 
 /// The bytes of a file.
 pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, DatasetError> {
-    let mut bytes = Vec::new();
-    open(path)?
-        .read_to_end(&mut bytes)
-        .map_err(|source| DatasetError::Read { path: path.to_owned(), source })?;
-    Ok(bytes)
+    let to_read = |source| DatasetError::Read { path: path.to_owned(), source };
+    crate::files::read(path, MAX_FILE).map_err(to_read)
 }
 
 /// The bytes of a file that holds records of `unit` bytes.
@@ -36,11 +32,10 @@ pub(super) fn read_units(path: &Path, unit: u64) -> Result<Vec<u8>, DatasetError
 
 /// The text of a file.
 pub(super) fn read_text(path: &Path) -> Result<String, DatasetError> {
-    let mut text = String::new();
-    open(path)?
-        .read_to_string(&mut text)
-        .map_err(|source| DatasetError::Read { path: path.to_owned(), source })?;
-    Ok(text)
+    String::from_utf8(read_bytes(path)?).map_err(|_| DatasetError::Read {
+        path: path.to_owned(),
+        source: std::io::Error::new(std::io::ErrorKind::InvalidData, "is not UTF-8 text"),
+    })
 }
 
 /// Little-endian x, y, z at the start of each record of `N` bytes.

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::begun::{Begun, Course, Saved};
 use super::near_field::{unweighted_gains, with_self_hits};
 use super::request::OptimizeRequest;
-use crate::files::{Input, RunDir};
+use crate::files::{Input, RunDir, read_own};
 use crate::report::record::peak_memory;
 
 use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
@@ -58,7 +58,7 @@ pub(super) struct Spent {
 
 /// The times of earlier sittings; a run that was killed before it wrote its first times has none.
 pub(super) fn read_spent(folder: &RunDir<Saved>) -> Spent {
-    let text = std::fs::read(folder.path().join(TIMES)).ok();
+    let text = read_own(&folder.path().join(TIMES), 1 << 20).ok();
     text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
 }
 

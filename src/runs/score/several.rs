@@ -37,8 +37,7 @@ pub(super) fn score(
     let suited = opening::suite(scenes, request.frames, &request.conditions, computing)?;
     let Suited { scenes, suite, evaluator, times, .. } = suited;
     if let Some(file) = &request.out {
-        let inputs = scenes.iter().flat_map(|scene| scene.files()).map(PathBuf::as_path);
-        writable_file(file, inputs.chain([placements]))?;
+        writable_file(file)?;
     }
     let (file, placements) = (placements, read(placements)?);
     Given::in_problem(file, evaluator.problem(), computing.watcher).all(&placements)?;

@@ -48,7 +48,7 @@ pub(super) fn score(
     let loaded = Loaded { scene, evaluator, times };
     opening::note_frames(&loaded.scene, request.frames, computing.watcher);
     if let Some(file) = &request.out {
-        writable_file(file, loaded.inputs(placements))?;
+        writable_file(file)?;
     }
     if let Some(folder) = &request.coverage_out {
         shared_folder(folder)?;
