@@ -12,6 +12,7 @@ const ORDER: [&str; 31] = [
     "memory",
     "allocator",
     "chance",
+    "threads",
     "files",
     "geom",
     "json",

@@ -9,6 +9,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 use crate::Note;
+use crate::files::remove_temporaries;
 use crate::runs::{Bar, Error, Watcher};
 
 use super::exit::Exit;
@@ -47,14 +48,33 @@ impl Talk {
 /// Told of work under way by a command.
 pub struct Terminal {
     talk: Talk,
-    /// Set by Ctrl-C once it is listened for.
-    stops: Arc<AtomicBool>,
-    listens: Once,
+}
+
+/// Whether Ctrl-C, SIGTERM or SIGHUP came while a command listens for them.
+static STOPS: AtomicBool = AtomicBool::new(false);
+/// Whether the command asks for them. One that does not ends at once.
+static LISTENS: AtomicBool = AtomicBool::new(false);
+/// The handler is set once a process.
+static HANDLER: Once = Once::new();
+
+/// Ends the process unless the command listens and has not been told yet; no half-written file is left.
+fn on_signal() {
+    if !LISTENS.load(Ordering::SeqCst) || STOPS.swap(true, Ordering::SeqCst) {
+        remove_temporaries();
+        std::process::exit(i32::from(Exit::Interrupted.code()));
+    }
 }
 
 impl Terminal {
     pub fn new(talk: Talk) -> Self {
-        Self { talk, stops: Arc::default(), listens: Once::new() }
+        STOPS.store(false, Ordering::SeqCst);
+        LISTENS.store(false, Ordering::SeqCst);
+        HANDLER.call_once(|| {
+            if let Err(error) = ctrlc::set_handler(on_signal) {
+                talk.detail(format!("Ctrl-C ends at once: {error}"));
+            }
+        });
+        Self { talk }
     }
 
     /// How the command ends: as one that is done, or was stopped.
@@ -111,21 +131,11 @@ impl Watcher for Terminal {
 
     /// A second Ctrl-C ends the program at once.
     fn listen(&self) {
-        self.listens.call_once(|| {
-            let set = self.stops.clone();
-            let handler = ctrlc::set_handler(move || {
-                if set.swap(true, Ordering::SeqCst) {
-                    std::process::exit(i32::from(Exit::Interrupted.code()));
-                }
-            });
-            if let Err(error) = handler {
-                self.talk.detail(format!("Ctrl-C ends at once: {error}"));
-            }
-        });
+        LISTENS.store(true, Ordering::SeqCst);
     }
 
     fn goes_on(&self) -> bool {
-        !self.stops.load(Ordering::SeqCst)
+        !STOPS.load(Ordering::SeqCst)
     }
 }
 

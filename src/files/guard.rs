@@ -89,7 +89,7 @@ pub fn open(path: &Path) -> Result<File> {
 ///
 /// # Errors
 /// As of [`open`].
-pub fn open_own(path: &Path) -> Result<File> {
+pub(super) fn open_own(path: &Path) -> Result<File> {
     plain(&std::fs::metadata(path)?)?;
     let mut options = File::options();
     options.read(true);
@@ -280,7 +280,8 @@ pub fn sweep(folder: &Path) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
         let name = entry.file_name();
-        let process = name.to_str().and_then(|name| name.strip_prefix(TEMPORARY)?.split('-').next());
+        let process =
+            name.to_str().and_then(|name| name.strip_prefix(TEMPORARY)?.split('-').next());
         let is_dead = process.and_then(|id| id.parse().ok()).is_some_and(|id| !is_alive(id));
         let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
         // A process of another container holds the lock of its file.

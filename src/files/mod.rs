@@ -24,12 +24,15 @@ use std::path::{Path, PathBuf};
 pub use arrays::{LinePerElement, write_npy};
 pub use folder::shared_folder;
 pub use guard::{
-    Session, Temporary, is_forced, is_no_input, open, open_own, read, read_own, remove_temporaries, sweep, will_read,
+    Session, Temporary, is_forced, is_no_input, open, read, read_own, remove_temporaries, sweep,
+    will_read,
 };
 pub use input::Input;
 pub use names::{safe_name, safe_names};
 pub use run_dir::{RunDir, holds_run};
-pub use whole::{is_sink, begin_in, sync_disk, target, writable_file, write_many, write_own, write_whole};
+pub use whole::{
+    begin_in, is_sink, sync_disk, target, writable_file, write_many, write_own, write_whole,
+};
 
 /// Why a file or folder cannot be read, written or gone on with.
 #[derive(Debug, thiserror::Error)]

@@ -8,8 +8,8 @@ use super::inputs::file_and_name;
 use super::{Error, Watcher};
 use crate::files::{Session, safe_name, shared_folder, writable_file, write_whole};
 use crate::rig::{
-    Comparison, Exported, Fan, ImportSettings, Imported, Mounting, RigError, RigFormat, compare,
-    export, import, read_rig, rig_json, NamedText,
+    Comparison, Exported, Fan, ImportSettings, Imported, Mounting, NamedText, RigError, RigFormat,
+    compare, export, import, read_rig, rig_json,
 };
 use crate::scene::Scene;
 

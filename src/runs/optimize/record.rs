@@ -186,11 +186,20 @@ fn settings_json(begun: &Begun, settings: &Settings, left_out: &[LeftOut]) -> Va
     if !begun.conditions.is_empty() {
         all["conditions"] = json!(begun.conditions);
     }
+    let files = [
+        ("vehicle", &begun.vehicle),
+        ("baselines_file", &begun.baselines),
+        ("starts_file", &begun.inject),
+    ];
+    for (key, file) in files {
+        if let Some(file) = file {
+            all[key] = json!(file.to_string_lossy());
+        }
+    }
     if begun.mirror {
         all["mirror"] = json!(true);
     }
     if let Some(equipped) = &begun.equipped {
-        all["vehicle"] = json!(begun.vehicle);
         all["budget"] = json!(begun.budget);
         all["equipped"] = json!(equipped);
     }

@@ -78,7 +78,11 @@ pub fn scan(
     }
     request.check_gltf(&scenes, &placements)?;
     let facts: Vec<SceneFacts> = scenes.iter().map(|scene| request.facts(scene)).collect();
-    let files = scenes.iter().map(|scene| Input::names_of(scene.files())).collect::<Result<Vec<_>, _>>()?.concat();
+    let files = scenes
+        .iter()
+        .map(|scene| Input::names_of(scene.files()))
+        .collect::<Result<Vec<_>, _>>()?
+        .concat();
     let names = safe_names(placements.iter().map(|placement| &*placement.name));
     let mut plans = Vec::new();
     for (placement, name) in placements.iter().zip(names) {

@@ -50,9 +50,7 @@ pub fn import(origin: &Origin, out: &Path, watcher: &dyn Watcher) -> Result<(), 
             let scenes = read_nuscenes(folder, version.as_deref(), scenes)?;
             scenes.iter().try_for_each(|scene| of_scans(scene, *cell, out, watcher))
         }
-        Origin::Carla(scans, cell) => {
-            of_scans(&scans.open(watcher)?, *cell, out, watcher)
-        }
+        Origin::Carla(scans, cell) => of_scans(&scans.open(watcher)?, *cell, out, watcher),
     }
 }
 

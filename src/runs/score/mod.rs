@@ -1,5 +1,6 @@
 //! Scores of a batch of placements: as a stream in one scene, with their mean in several.
 
+mod journal;
 mod request;
 mod several;
 mod stream;
