@@ -33,7 +33,7 @@ use std::ffi::OsString;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use crate::files::Session;
+use crate::files::{Session, trust_paths};
 use crate::runs::Error;
 use args::start_default_threads;
 pub use exit::Exit;
@@ -116,6 +116,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Exit {
     let matches = program.clone().try_get_matches_from(&arguments);
     let parsed = matches.and_then(|matches| {
         let session = Session::of_program(is_given(&matches, FORCE));
+        trust_paths(is_given(&matches, "trust_paths"));
         Cli::from_arg_matches(&matches).map(|cli| (session, cli))
     });
     let failed = match parsed {

@@ -27,6 +27,9 @@ pub struct Talk {
     /// Refuse an input that is likely not meant as it stands, such as millimetres in place of metres
     #[arg(long)]
     pub strict: bool,
+    /// Let meshes and data sets refer to files outside of their folders
+    #[arg(long)]
+    pub trust_paths: bool,
 }
 
 impl Talk {

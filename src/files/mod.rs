@@ -4,6 +4,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `guard` | what a command reads, and what its outputs must not replace |
+//! | `inside` | references of one file to another |
 //! | `names` | names that become files and folders |
 //! | `whole` | files that are either whole or not there |
 //! | `folder`, `run_dir` | folders that are locked, and the state of a run in one |
@@ -14,6 +15,7 @@ mod arrays;
 mod folder;
 mod guard;
 mod input;
+mod inside;
 mod names;
 mod run_dir;
 mod whole;
@@ -28,6 +30,7 @@ pub use guard::{
     will_read,
 };
 pub use input::Input;
+pub use inside::{stays_inside, trust_paths};
 pub use names::{safe_name, safe_names};
 pub use run_dir::{RunDir, holds_run};
 pub use whole::{
