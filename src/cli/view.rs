@@ -57,7 +57,10 @@ fn command(args: &Args) -> String {
     let mut give = |option: &str, value: &str| words.extend([format!("--{option}"), word(value)]);
     args.baseline.iter().for_each(|baseline| give("baseline", &absolute(baseline)));
     args.conditions.condition.iter().for_each(|one| give("condition", &one.to_string()));
-    args.compute.vehicle.iter().for_each(|file| give("vehicle", &absolute(&file.to_string_lossy())));
+    args.compute
+        .vehicle
+        .iter()
+        .for_each(|file| give("vehicle", &absolute(&file.to_string_lossy())));
     give("out", &absolute(&args.out.to_string_lossy()));
     words.push("--force".to_owned());
     words.join(" ")
