@@ -8,11 +8,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use imports::{Source, Sources, words};
 
 /// Modules of the library, top to bottom: each imports only from itself and from those above it.
-const ORDER: [&str; 32] = [
+const ORDER: [&str; 33] = [
     "memory",
     "allocator",
     "chance",
     "threads",
+    "note",
     "files",
     "geom",
     "json",

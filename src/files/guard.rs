@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::FileError;
-use super::whole::{is_sink, target};
+use super::place::{folder_of, is_sink, target};
 
 /// Prefix of the files that are being written; the number of their process follows.
 const TEMPORARY: &str = ".sightline-";
@@ -219,7 +219,7 @@ pub(super) fn claim(path: &Path) -> std::result::Result<(), FileError> {
     }
     is_no_input(path)?;
     is_new(path)?;
-    let folder = super::whole::folder_of(&target).canonicalize().unwrap_or_default();
+    let folder = folder_of(&target).canonicalize().unwrap_or_default();
     let place = folder.join(target.file_name().unwrap_or_default());
     let mut guard = guard();
     if guard.sessions > 0 && !guard.outputs.insert(place) {

@@ -6,6 +6,7 @@
 //! | `guard` | what a command reads, and what its outputs must not replace |
 //! | `inside` | references of one file to another |
 //! | `names` | names that become files and folders |
+//! | `place` | where paths lead |
 //! | `whole` | files that are either whole or not there |
 //! | `folder`, `run_dir` | folders that are locked, and the state of a run in one |
 //! | `input` | files that a run was begun with, by their SHA-256 |
@@ -17,6 +18,7 @@ mod guard;
 mod input;
 mod inside;
 mod names;
+mod place;
 mod run_dir;
 mod whole;
 
@@ -32,10 +34,9 @@ pub use guard::{
 pub use input::Input;
 pub use inside::{stays_inside, trust_paths};
 pub use names::{safe_name, safe_names};
+pub use place::{is_sink, target};
 pub use run_dir::{RunDir, holds_run};
-pub use whole::{
-    begin_in, is_sink, sync_disk, target, writable_file, write_many, write_own, write_whole,
-};
+pub use whole::{begin_in, sync_disk, writable_file, write_many, write_own, write_whole};
 
 /// Why a file or folder cannot be read, written or gone on with.
 #[derive(Debug, thiserror::Error)]

@@ -2,42 +2,13 @@
 
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use tempfile::{NamedTempFile, TempPath};
 
 use super::FileError;
 use super::guard::{self, Temporary};
-
-/// Links that are followed before a path is taken for a loop.
-const MOST_LINKS: usize = 40;
-
-/// Where a path leads when links are followed. The links to open files in `/proc` name no place.
-pub fn target(path: &Path) -> Result<PathBuf, FileError> {
-    let mut at = path.to_owned();
-    for _ in 0..MOST_LINKS {
-        match std::fs::read_link(&at) {
-            Ok(link) if !is_open_file(&at) => at = folder_of(&at).join(link),
-            _ => return Ok(at),
-        }
-    }
-    let message = "a loop of symbolic links; name a file";
-    Err(FileError::io(path)(std::io::Error::other(message)))
-}
-
-fn is_open_file(path: &Path) -> bool {
-    path.starts_with("/proc") || path.starts_with("/dev/fd")
-}
-
-pub(super) fn folder_of(path: &Path) -> &Path {
-    path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
-/// Whether a path names a pipe or a device, which must not be replaced by a file.
-pub fn is_sink(path: &Path) -> bool {
-    is_open_file(path)
-        || std::fs::metadata(path).is_ok_and(|meta| !meta.is_file() && !meta.is_dir())
-}
+use super::place::{folder_of, is_open_file, is_sink, target};
 
 /// Which files a write may replace, and when the bytes must be on the disk.
 #[derive(Clone, Copy, PartialEq)]
