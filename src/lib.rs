@@ -101,6 +101,7 @@ pub mod scene;
 pub mod score;
 pub mod search;
 pub mod study;
+pub mod threads;
 pub mod vehicle;
 pub mod verify;
 pub mod worlds;
@@ -132,8 +133,8 @@ pub mod internals {
     pub use crate::engine::failover::{Failover, Reopen};
     pub use crate::engine::reference::ReferenceBackend;
     pub use crate::files::{
-        FileError, Input, LinePerElement, RunDir, holds_run, is_sink, shared_folder, target,
-        writable_file, write_npy, write_whole,
+        FileError, Input, LinePerElement, RunDir, holds_run, is_sink, remove_temporaries,
+        shared_folder, target, writable_file, write_npy, write_whole,
     };
     pub use crate::geom::aabb::Aabb;
     pub use crate::memory::{available_memory, may_fail};

@@ -237,7 +237,7 @@ fn bad_labelled_frames_are_answered_with_file_and_count() {
 fn labelled_frames_need_neither_region_nor_voxel() {
     let dir = TempDir::new().unwrap();
     sequence(dir.path());
-    let build = ["psog", "build", "--kitti", "seq", "--out", "x.npz"];
+    let build = ["psog", "build", "--kitti", "seq", "--force", "--out", "x.npz"];
     let built = ok(dir.path(), &build);
     assert_eq!((&built["voxel"][2], &built["shape"]), (&json!(0.1), &json!([800, 800, 60])));
     assert_eq!((&built["min"], &built["occupied"]), (&json!([-40.0, -40.0, -0.5]), &json!(3)));
@@ -286,7 +286,7 @@ fn scans_without_ground_in_the_region_are_said() {
     let dir = TempDir::new().unwrap();
     sequence(dir.path());
     let told = |more: &[&str]| {
-        let args = ["psog", "build", "--kitti", "seq", "--out", "x.npz"];
+        let args = ["psog", "build", "--kitti", "seq", "--force", "--out", "x.npz"];
         let done = sightline(dir.path(), &[&args[..], more].concat());
         assert!(done.status.success());
         String::from_utf8_lossy(&done.stderr).into_owned()

@@ -150,7 +150,7 @@ fn a_cast_shows_the_scene_its_lidars_and_the_hits() {
         serde_json::from_slice(&fs::read(dir.path().join("p.json")).unwrap()).unwrap();
     for frame in [0, 2] {
         let number = frame.to_string();
-        let args = ["cast", "s.json", "p.json", "--backend", "cpu", "--gltf", "c.glb"];
+        let args = ["cast", "s.json", "p.json", "--backend", "cpu", "--force", "--gltf", "c.glb"];
         let answer = ok(dir.path(), &[&args[..], &["--frame", &number]].concat());
         let seen = Seen::read(&dir.path().join("c.glb"));
         check_triangles(&seen, &scene, frame);

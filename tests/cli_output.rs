@@ -51,8 +51,10 @@ fn out_leaves_pipes_links_and_permissions_as_they_are() {
     let dir = corridor();
     let at = |name: &str| dir.path().join(name);
     let to = |name: &str| {
-        let output =
-            sightline(dir.path(), &[&SCORE[..], &["--format", "json", "--out", name]].concat());
+        let output = sightline(
+            dir.path(),
+            &[&SCORE[..], &["--format", "json", "--force", "--out", name]].concat(),
+        );
         assert!(output.status.success(), "{name}: {output:?}");
         output.stdout
     };

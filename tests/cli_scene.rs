@@ -53,7 +53,8 @@ fn a_street_that_cannot_be_made_is_refused() {
 fn a_mesh_that_nobody_has_named_is_left_alone() {
     let dir = TempDir::new().unwrap();
     let read = |file: &str| fs::read(dir.path().join(file)).unwrap();
-    let new = ["scene", "new", "--triangles", "4000", "--frames", "1", "--out", "car.json"];
+    let new =
+        ["scene", "new", "--triangles", "4000", "--frames", "1", "--force", "--out", "car.json"];
     fs::write(dir.path().join("car.ply"), "a scan of my car").unwrap();
     let words = "car.ply: is there and would be overwritten by the scene's mesh; name another scene than car.json";
     let error = fails(dir.path(), &new);

@@ -12,6 +12,8 @@ mod cli_chart;
 mod cli_edges;
 #[cfg(feature = "cli")]
 mod cli_errors;
+#[cfg(all(unix, feature = "cli"))]
+mod cli_files;
 #[cfg(feature = "cli")]
 mod cli_gltf;
 #[cfg(feature = "cli")]

@@ -385,7 +385,7 @@ impl PyScene {
 
     /// SHA-256 of every file that the scene is made of.
     fn _inputs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        to_python(py, &Input::of(&self.built.scene).map_err(raised)?)
+        to_python(py, &Input::of(self.built.scene.files()).map_err(raised)?)
     }
 
     fn __repr__(&self) -> String {

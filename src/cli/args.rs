@@ -6,6 +6,7 @@ use std::str::FromStr;
 use crate::engine::{EngineChoice, EngineKind};
 use crate::runs::Computing;
 use crate::scan::conditions::Condition;
+use crate::threads;
 use clap::{Args, ValueEnum};
 
 use super::terminal::{Talk, Terminal};
@@ -120,7 +121,7 @@ impl Compute {
     /// Checks the options against each other and starts the threads of the CPU backend.
     pub fn start(&self) -> Result<Terminal, Error> {
         engine(self.backend, self.adapter.as_deref(), self.memory)?;
-        start_threads(self.threads)?;
+        start_threads(self.threads, self.talk)?;
         Ok(Terminal::new(self.talk))
     }
 }
@@ -150,9 +151,26 @@ pub fn engine(
     Ok(EngineChoice { kind: backend.kind(), adapter: adapter.map(str::to_owned), memory })
 }
 
-/// Starts the threads of `--threads`.
-pub fn start_threads(threads: Option<u16>) -> Result<(), Error> {
-    let Some(threads) = threads else { return Ok(()) };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
-    pool.build_global().map_err(|error| Error::Usage(format!("--threads {threads}: {error}")))
+/// Starts the threads of `--threads`; says where these are fewer.
+pub fn start_threads(wanted: Option<u16>, talk: Talk) -> Result<(), Error> {
+    let Some(wanted) = wanted else { return Ok(()) };
+    let threads = threads::start(usize::from(wanted));
+    let threads = threads.map_err(|error| Error::Usage(format!("--threads {wanted}: {error}")))?;
+    if threads < usize::from(wanted) {
+        talk.note(format!(
+            "--threads {wanted}: takes {threads}, four for each core; more are slower"
+        ));
+    }
+    Ok(())
+}
+
+/// Refuses a number of threads in the environment that would take minutes to start.
+pub fn start_default_threads() -> Result<(), Error> {
+    match threads::too_many_by_environment() {
+        None => Ok(()),
+        Some(wanted) => Err(Error::Usage(format!(
+            "RAYON_NUM_THREADS={wanted}: is more than is useful here; give at most {}, or leave it out",
+            threads::most()
+        ))),
+    }
 }

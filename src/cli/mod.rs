@@ -33,7 +33,9 @@ use std::ffi::OsString;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
+use crate::files::{Session, trust_paths};
 use crate::runs::Error;
+use args::start_default_threads;
 pub use exit::Exit;
 
 /// Where on this vehicle should the LiDARs go?
@@ -110,14 +112,19 @@ enum Command {
 /// stdout, all else to stderr, an error as one sentence. Help and version end the process.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Exit {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
-    let program = usage::with_examples(taking_negative_numbers(Cli::command()));
+    let program = usage::with_examples(program());
     if let Some(told) = usage::not_utf8(&arguments) {
         output::say(&told);
         return Exit::BadInput;
     }
     let matches = program.clone().try_get_matches_from(&arguments);
-    let failed = match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
-        Ok(cli) => match dispatch(cli.command) {
+    let parsed = matches.and_then(|matches| {
+        let session = Session::of_program(is_given(&matches, FORCE));
+        trust_paths(is_given(&matches, "trust_paths"));
+        Cli::from_arg_matches(&matches).map(|cli| (session, cli))
+    });
+    let failed = match parsed {
+        Ok((_session, cli)) => match start_default_threads().and_then(|()| dispatch(cli.command)) {
             Ok(exit) => return exit,
             Err(error) => error.to_string(),
         },
@@ -144,9 +151,37 @@ fn dispatch(command: Command) -> Result<Exit, Error> {
         Command::Rig(command) => rig::run(&command),
         Command::Scene(command) => scene::run(&command),
         Command::Devices(args) => devices::run(&args),
-        Command::Completions(args) => shell::completions(&args, Cli::command()),
-        Command::Man(args) => shell::man(&args, Cli::command()),
+        Command::Completions(args) => shell::completions(&args, program()),
+        Command::Man(args) => shell::man(&args, program()),
     }
+}
+
+/// The program's arguments.
+fn program() -> clap::Command {
+    with_force(taking_negative_numbers(Cli::command()))
+}
+
+/// Name of the option that lets outputs replace files.
+const FORCE: &str = "force";
+/// Names of the options that say where outputs go.
+const OUTPUTS: [&str; 3] = ["out", "gltf", "coverage_out"];
+
+/// Gives every command that writes files the option to replace those that exist.
+fn with_force(command: clap::Command) -> clap::Command {
+    let command = command.mut_subcommands(with_force);
+    if !command.get_arguments().any(|arg| OUTPUTS.contains(&arg.get_id().as_str())) {
+        return command;
+    }
+    let force = clap::Arg::new(FORCE).long(FORCE).action(clap::ArgAction::SetTrue);
+    command.arg(
+        force.help("Overwrite files that exist; the command's own inputs are never overwritten"),
+    )
+}
+
+/// Whether the command was given a flag.
+fn is_given(matches: &clap::ArgMatches, flag: &str) -> bool {
+    let below = matches.subcommand().is_some_and(|(_, below)| is_given(below, flag));
+    below || matches.try_get_one::<bool>(flag).ok().flatten() == Some(&true)
 }
 
 /// Lets numbers below 0 reach the options, whose own messages name the numbers that they take.

@@ -90,7 +90,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<Exit, Error> {
-    start_threads(args.threads)?;
+    start_threads(args.threads, args.talk)?;
     let terminal = Terminal::new(args.talk);
     let engine = engine(args.backend, args.adapter.as_deref(), None)?;
     let vehicle = args.vehicle.clone();

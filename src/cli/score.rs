@@ -25,6 +25,9 @@ pub struct Args {
     /// Write the scores to this file instead of stdout
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Go on with the scores of an interrupted run, which stand in FILE.partial beside the file of --out
+    #[arg(long, requires = "out")]
+    resume: bool,
     /// Write the covered voxels of each placement to DIR/NAME.npy: u64 linear indices, rising; with
     /// several frames, voxels covered in at least one; of several scenes DIR/SCENE/NAME.npy
     #[arg(long, value_name = "DIR")]
@@ -53,6 +56,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         as_json: args.format == Format::Json,
         out: args.out.clone(),
         coverage_out: args.coverage_out.clone(),
+        resume: args.resume,
         frames: args.frames,
         near_field: args.near_field,
         draw: args.draw,
@@ -60,5 +64,5 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     };
     let computing = args.compute.computing(&terminal);
     unless_closed(score(&request, &computing, &mut std::io::stdout().lock()))?;
-    Ok(Exit::Done)
+    Ok(terminal.exit())
 }

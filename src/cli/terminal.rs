@@ -2,20 +2,21 @@
 
 use std::fmt::Write;
 use std::io::IsTerminal;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Once};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 use crate::Note;
+use crate::files::remove_temporaries;
 use crate::runs::{Bar, Error, Watcher};
 
 use super::exit::Exit;
 use super::output::say;
 
 /// Time that work has to end after Ctrl-C.
-const GRACE: Duration = Duration::from_secs(8);
+const GRACE: Duration = Duration::from_secs(20);
 
 /// How much is said on stderr.
 #[derive(clap::Args, Debug, Clone, Copy)]
@@ -29,6 +30,9 @@ pub struct Talk {
     /// Refuse an input that is likely not meant as it stands, such as millimetres in place of metres
     #[arg(long)]
     pub strict: bool,
+    /// Let meshes and data sets refer to files outside of their folders
+    #[arg(long)]
+    pub trust_paths: bool,
 }
 
 impl Talk {
@@ -50,36 +54,41 @@ impl Talk {
 /// Told of work under way by a command.
 pub struct Terminal {
     talk: Talk,
-    /// Set by the first Ctrl-C.
-    stops: Arc<AtomicBool>,
-    /// Whether work under way is asked to stop; otherwise Ctrl-C ends the program at once.
-    listens: Arc<AtomicBool>,
+}
+
+/// Whether Ctrl-C, SIGTERM or SIGHUP came while a command listens for them.
+static STOPS: AtomicBool = AtomicBool::new(false);
+/// Whether the command asks for them. One that does not ends at once.
+static LISTENS: AtomicBool = AtomicBool::new(false);
+/// The handler is set once a process.
+static HANDLER: Once = Once::new();
+
+/// Ends the process unless the command listens and has not been told yet; no half-written file is left.
+fn on_signal() {
+    let end = || {
+        remove_temporaries();
+        std::process::exit(i32::from(Exit::Interrupted.code()))
+    };
+    if STOPS.swap(true, Ordering::SeqCst) || !LISTENS.load(Ordering::SeqCst) {
+        end();
+    }
+    // Work that takes longer than its grace is ended: files are whole at any time.
+    std::thread::spawn(move || {
+        std::thread::sleep(GRACE);
+        end();
+    });
 }
 
 impl Terminal {
     pub fn new(talk: Talk) -> Self {
-        let terminal = Self { talk, stops: Arc::default(), listens: Arc::default() };
-        terminal.handle_interrupts();
-        terminal
-    }
-
-    /// From now on Ctrl-C ends the program with its exit code: at once, or after work that listens has written what it
-    /// has. A second Ctrl-C, or work that takes longer than [`GRACE`], ends it, too: files are whole at any time.
-    fn handle_interrupts(&self) {
-        let (stops, listens) = (self.stops.clone(), self.listens.clone());
-        let end = || std::process::exit(i32::from(Exit::Interrupted.code()));
-        let handler = ctrlc::set_handler(move || {
-            if stops.swap(true, Ordering::SeqCst) || !listens.load(Ordering::SeqCst) {
-                end();
+        STOPS.store(false, Ordering::SeqCst);
+        LISTENS.store(false, Ordering::SeqCst);
+        HANDLER.call_once(|| {
+            if let Err(error) = ctrlc::set_handler(on_signal) {
+                talk.detail(format!("Ctrl-C ends at once: {error}"));
             }
-            std::thread::spawn(move || {
-                std::thread::sleep(GRACE);
-                end();
-            });
         });
-        if let Err(error) = handler {
-            self.talk.detail(format!("Ctrl-C ends at once: {error}"));
-        }
+        Self { talk }
     }
 
     /// How the command ends: as one that is done, or was stopped.
@@ -135,11 +144,11 @@ impl Watcher for Terminal {
     }
 
     fn listen(&self) {
-        self.listens.store(true, Ordering::SeqCst);
+        LISTENS.store(true, Ordering::SeqCst);
     }
 
     fn goes_on(&self) -> bool {
-        !self.stops.load(Ordering::SeqCst)
+        !STOPS.load(Ordering::SeqCst)
     }
 }
 

@@ -45,14 +45,23 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     Ok(Exit::Done)
 }
 
-/// The command that was given, to be copied into a shell.
+/// The command that was given, to be copied into a shell in any folder; the page is written anew.
 fn command(args: &Args) -> String {
     let mut words = vec!["sightline".to_owned(), "view".to_owned()];
-    words.extend(args.files.iter().map(|file| word(file)));
+    // A name behind a colon stays where it is.
+    let absolute = |file: &str| match std::path::absolute(file) {
+        Ok(path) if file != "-" => path.to_string_lossy().into_owned(),
+        _ => file.to_owned(),
+    };
+    words.extend(args.files.iter().map(|file| word(&absolute(file))));
     let mut give = |option: &str, value: &str| words.extend([format!("--{option}"), word(value)]);
-    args.baseline.iter().for_each(|baseline| give("baseline", baseline));
+    args.baseline.iter().for_each(|baseline| give("baseline", &absolute(baseline)));
     args.conditions.condition.iter().for_each(|one| give("condition", &one.to_string()));
-    args.compute.vehicle.iter().for_each(|file| give("vehicle", &file.to_string_lossy()));
-    give("out", &args.out.to_string_lossy());
+    args.compute
+        .vehicle
+        .iter()
+        .for_each(|file| give("vehicle", &absolute(&file.to_string_lossy())));
+    give("out", &absolute(&args.out.to_string_lossy()));
+    words.push("--force".to_owned());
     words.join(" ")
 }

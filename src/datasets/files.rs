@@ -12,10 +12,7 @@ const LARGEST: u64 = 256 << 20;
 /// Opens a file; refuses pipes and devices, which may have no end.
 pub(super) fn open(path: &Path) -> Result<File, DatasetError> {
     let to_read = |source| DatasetError::Read { path: path.to_owned(), source };
-    if !std::fs::metadata(path).map_err(to_read)?.is_file() {
-        return Err(to_read(std::io::Error::other("is not a plain file")));
-    }
-    File::open(path).map_err(to_read)
+    crate::files::open(path).map_err(to_read)
 }
 
 /// The bytes of a file of at most [`LARGEST`].

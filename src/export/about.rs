@@ -8,7 +8,10 @@ use serde_json::Value;
 use super::folder::{ABOUT, HIDDEN};
 use super::plan::Planned;
 use super::{DatasetSettings, ExportError, SceneFacts, Split};
-use crate::files::{FileError, Input};
+use crate::files::{self, FileError, Input};
+
+/// Largest `dataset.json`: one of a thousand scenes has a megabyte.
+const MOST_BYTES: u64 = 1 << 28;
 
 /// Keys of the provenance that hold paths as they were given: recorded, but not compared.
 const PATHS: [&str; 2] = ["scenes", "vehicle"];
@@ -50,8 +53,8 @@ impl About {
 
     pub fn read(dir: &Path) -> Result<Self, ExportError> {
         let path = dir.join(ABOUT);
-        let text = std::fs::read_to_string(&path).map_err(FileError::io(&path))?;
-        serde_json::from_str(&text).map_err(|why| ExportError::About { path, why })
+        let text = files::read_own(&path, MOST_BYTES).map_err(FileError::io(&path))?;
+        serde_json::from_slice(&text).map_err(|why| ExportError::About { path, why })
     }
 
     /// Whether the folder holds this very data set; an empty one or none holds nothing.

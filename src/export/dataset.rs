@@ -30,8 +30,6 @@ struct Checked {
     about: About,
     plan: Vec<Planned>,
     labels: Vec<Vec<Label>>,
-    /// Whether the folder holds it already, whole or in part.
-    known: bool,
     folder: Folder,
 }
 
@@ -70,9 +68,9 @@ impl Checked {
             }
         }
         let about = About::new(settings, scenes, &plan);
-        let known = about.is_in(dir)?;
+        about.is_in(dir)?;
         let folder = Folder::at(dir)?;
-        Ok(Self { about, plan, labels, known, folder })
+        Ok(Self { about, plan, labels, folder })
     }
 }
 
@@ -100,9 +98,13 @@ impl Dataset {
         settings: &DatasetSettings,
         scenes: &[SceneFacts],
     ) -> Result<Self, ExportError> {
-        let Checked { about, plan, labels, known, .. } = Checked::new(dir, settings, scenes)?;
+        let Checked { about, plan, labels, .. } = Checked::new(dir, settings, scenes)?;
+        let folder = Folder::open(dir)?;
+        // Of two programs that found the folder empty, the second finds the set of the first.
+        let _claim = folder.claim();
+        let known = about.is_in(dir)?;
         let set = Self {
-            folder: Folder::open(dir)?,
+            folder,
             settings: settings.clone(),
             scenes: scenes.to_vec(),
             plan,
@@ -236,8 +238,10 @@ impl Dataset {
         }
         let mut about = About::read(folder.root())?;
         about.complete = true;
+        folder.sync();
         folder.put_json(ABOUT, &about)?;
         folder.remove(INCOMPLETE)?;
+        folder.sync();
         Ok(summary)
     }
 }

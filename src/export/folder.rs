@@ -1,6 +1,6 @@
 //! The folder of a data set: files that come into it whole, records of frames, what stands in it.
 
-use std::fs::{DirEntry, File};
+use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
@@ -9,6 +9,7 @@ use tempfile::NamedTempFile;
 
 use super::ExportError;
 use super::record::{FrameRecord, Written};
+use crate::files::{self, Temporary};
 
 /// Says what the folder holds, and whether it is whole.
 pub(super) const ABOUT: &str = "dataset.json";
@@ -16,8 +17,10 @@ pub(super) const ABOUT: &str = "dataset.json";
 pub(super) const INCOMPLETE: &str = "INCOMPLETE.txt";
 /// Records and files that are being written: hidden, because loaders list the other folders.
 pub(super) const HIDDEN: &str = ".sightline";
-/// Names of files that are being written begin so.
-const BEGUN: &str = ".tmp";
+/// Locked while a program finds out whether the folder is its own.
+const CLAIM: &str = "claim";
+/// Largest record of a frame: one of ten thousand boxes has a few megabytes.
+const MOST_BYTES: u64 = 1 << 28;
 
 /// Bytes that are put together before they are written: arrays of clouds are longer, and are not copied.
 const BUFFER: usize = 1 << 14;
@@ -25,13 +28,12 @@ const BUFFER: usize = 1 << 14;
 /// Folder of a data set.
 pub(super) struct Folder {
     root: PathBuf,
-    /// Lock of the one that takes away what others began; none where another program holds it.
-    _alone: Option<File>,
 }
 
 /// A file that is being written; it takes its place when it is done.
 pub(super) struct Staged {
     out: BufWriter<NamedTempFile>,
+    _temporary: Temporary,
     place: PathBuf,
     name: String,
 }
@@ -45,12 +47,11 @@ impl Folder {
         let hidden = root.join(HIDDEN);
         match std::fs::symlink_metadata(&hidden) {
             Ok(meta) if !meta.is_dir() => Err(ExportError::Hidden { path: hidden }),
-            _ => Ok(Self { root: root.to_owned(), _alone: None }),
+            _ => Ok(Self { root: root.to_owned() }),
         }
     }
 
-    /// Makes the folder if there is none; takes away what a run that was killed had begun in it, unless another
-    /// program writes into it.
+    /// Makes the folder if there is none; takes away what runs that were killed had begun in it.
     ///
     /// # Errors
     /// As of [`Self::at`], and a place that cannot be written.
@@ -58,18 +59,21 @@ impl Folder {
         let folder = Self::at(root)?;
         let hidden = root.join(HIDDEN);
         std::fs::create_dir_all(&hidden).map_err(ExportError::io(root))?;
-        let alone = File::open(&hidden).ok().filter(|hidden| hidden.try_lock().is_ok());
-        if alone.is_some() {
-            let entries = std::fs::read_dir(&hidden).map_err(ExportError::io(&hidden))?;
-            let begun = |entry: &DirEntry| {
-                entry.file_name().to_string_lossy().starts_with(BEGUN)
-                    && entry.file_type().is_ok_and(|kind| kind.is_file())
-            };
-            for torn in entries.flatten().filter(begun) {
-                std::fs::remove_file(torn.path()).map_err(ExportError::io(&torn.path()))?;
-            }
-        }
-        Ok(Self { _alone: alone, ..folder })
+        files::sweep(&hidden);
+        Ok(folder)
+    }
+
+    /// Keeps other programs from finding out whether the folder is theirs, until the file is dropped. `None` where files
+    /// cannot be locked, as on some network drives.
+    pub fn claim(&self) -> Option<File> {
+        let claim = self.root.join(HIDDEN).join(CLAIM);
+        let file = File::options().create(true).truncate(false).write(true).open(claim).ok()?;
+        file.lock().ok().map(|()| file)
+    }
+
+    /// Waits until the disk has all files: once a set, not once a file.
+    pub fn sync(&self) {
+        files::sync_disk(&self.root);
     }
 
     pub fn root(&self) -> &Path {
@@ -80,16 +84,9 @@ impl Folder {
     pub fn begin(&self, name: &str) -> Result<Staged, ExportError> {
         let place = self.root.join(name);
         let hidden = self.root.join(HIDDEN);
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(BEGUN);
-        // As readable as any new file of the user.
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            builder.permissions(std::fs::Permissions::from_mode(0o666));
-        }
-        let file = builder.tempfile_in(&hidden).map_err(ExportError::io(&place))?;
-        Ok(Staged { out: BufWriter::with_capacity(BUFFER, file), place, name: name.to_owned() })
+        let (file, temporary) = files::begin_in(&hidden).map_err(ExportError::io(&place))?;
+        let out = BufWriter::with_capacity(BUFFER, file);
+        Ok(Staged { out, _temporary: temporary, place, name: name.to_owned() })
     }
 
     /// Writes a file of records of any kind.
@@ -144,7 +141,7 @@ impl Folder {
     /// The record of a frame.
     pub fn record(&self, scene: usize, frame: usize) -> Result<FrameRecord, ExportError> {
         let path = self.root.join(Self::record_name(scene, frame));
-        let text = std::fs::read(&path).map_err(ExportError::io(&path))?;
+        let text = files::read_own(&path, MOST_BYTES).map_err(ExportError::io(&path))?;
         serde_json::from_slice(&text).map_err(ExportError::json(&path))
     }
 
@@ -174,8 +171,9 @@ impl Staged {
 
     /// Moves the file to its place.
     pub fn end(self) -> Result<Written, ExportError> {
-        let Self { out, place, name } = self;
+        let Self { out, place, name, _temporary } = self;
         let io = |error| ExportError::io(&place)(error);
+        files::is_no_input(&place)?;
         let mut file = out.into_inner().map_err(|error| io(error.into_error()))?;
         let bytes = file.seek(SeekFrom::End(0)).map_err(io)?;
         if let Err(error) = file.persist(&place) {

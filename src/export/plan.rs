@@ -4,13 +4,11 @@ use super::folder::{ABOUT, INCOMPLETE};
 use super::nuscenes::scene_names;
 use super::{DatasetSettings, ExportError, Layout, SceneFacts, Split, Splits};
 use crate::chance::mixed;
+use crate::files::safe_name;
 
 /// Numbers of sequences that every loader of SemanticKITTI takes for training, validation and tests.
 const SEQUENCES: [&[usize]; 3] =
     [&[0, 1, 2, 3, 4, 5, 6, 7, 9, 10], &[8], &[11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21]];
-
-/// Most bytes of a name of a folder.
-const LONGEST: usize = 255;
 
 /// What a scene is called in the data set, in the order of the scenes.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,8 +59,8 @@ fn check(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Result<(), Export
         if !frames.is_sorted_by(|a, b| a < b) {
             return Err(ExportError::Frames { scene });
         }
-        let folder = folder_name(&scene);
-        let same = scenes[..i].iter().find(|other| folder_name(&other.name) == folder);
+        let folder = safe_name(&scene);
+        let same = scenes[..i].iter().find(|other| safe_name(&other.name) == folder);
         if let Some(other) = same.map(|other| other.name.clone()) {
             return Err(match other == scene {
                 true => ExportError::SameName { scene },
@@ -78,23 +76,12 @@ fn check(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Result<(), Export
 
 /// Why a folder of a data set cannot have a name.
 fn unfit(name: &str) -> Option<&'static str> {
-    match name {
-        ABOUT | INCOMPLETE => Some("a file of the set has it"),
-        _ => (name.len() > LONGEST).then_some("it is longer than 255 bytes"),
-    }
-}
-
-/// A name that no file system takes for a path: letters, digits, `-`, `_` and `.` inside.
-fn folder_name(name: &str) -> String {
-    let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
-    let name: String = name.chars().map(plain).collect();
-    let name = name.trim_start_matches('.');
-    if name.is_empty() { "scene".to_owned() } else { name.to_owned() }
+    [ABOUT, INCOMPLETE].contains(&name).then_some("a file of the set has it")
 }
 
 fn own_names(scenes: &[SceneFacts], splits: &[Split]) -> Vec<Planned> {
     let named = scenes.iter().zip(splits);
-    named.map(|(scene, &split)| Planned { split, name: folder_name(&scene.name) }).collect()
+    named.map(|(scene, &split)| Planned { split, name: safe_name(&scene.name) }).collect()
 }
 
 fn limited(

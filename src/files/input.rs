@@ -1,13 +1,11 @@
 //! Files that a run was begun with and their SHA-256, so that it does not go on with others.
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::FileError;
-use crate::scene::Scene;
 
 /// A file and the SHA-256 of its bytes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -20,24 +18,24 @@ impl Input {
     /// A file as it is now.
     pub fn read(file: &Path) -> Result<Self, FileError> {
         let mut hash = Sha256::new();
-        let mut opened = File::open(file).map_err(FileError::io(file))?;
+        let mut opened = super::open(file).map_err(FileError::io(file))?;
         std::io::copy(&mut opened, &mut hash).map_err(FileError::io(file))?;
         let sha256 = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
         Ok(Self { file: file.to_owned(), sha256 })
     }
 
-    /// Every file that decides about a scene, as it is now.
-    pub fn of(scene: &Scene) -> Result<Vec<Self>, FileError> {
-        scene.files().iter().map(|file| Self::read(file)).collect()
+    /// Several files, such as those of a scene, as they are now.
+    pub fn of(files: &[PathBuf]) -> Result<Vec<Self>, FileError> {
+        files.iter().map(|file| Self::read(file)).collect()
     }
 
     /// As [`Self::of`], by the names of the files alone: the same from any working directory.
-    pub fn names_of(scene: &Scene) -> Result<Vec<Self>, FileError> {
+    pub fn names_of(files: &[PathBuf]) -> Result<Vec<Self>, FileError> {
         let name = |input: Self| Self {
             file: input.file.file_name().map(PathBuf::from).unwrap_or(input.file),
             ..input
         };
-        Ok(Self::of(scene)?.into_iter().map(name).collect())
+        Ok(Self::of(files)?.into_iter().map(name).collect())
     }
 
     /// The first of these files that differs from those of an earlier time, in the order of both, in words.

@@ -1,10 +1,24 @@
-//! Files that are whole at any time: outputs beside their place until they are done, folders of runs that
-//! can go on after an interruption.
+//! Files that are read and written: one guard of inputs, outputs beside their place until they are whole, folders of
+//! runs that can go on after an interruption.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `guard` | what a command reads, and what its outputs must not replace |
+//! | `inside` | references of one file to another |
+//! | `names` | names that become files and folders |
+//! | `place` | where paths lead |
+//! | `whole` | files that are either whole or not there |
+//! | `folder`, `run_dir` | folders that are locked, and the state of a run in one |
+//! | `input` | files that a run was begun with, by their SHA-256 |
+//! | `arrays` | lists as files |
 
 mod arrays;
 mod folder;
+mod guard;
 mod input;
 mod inside;
+mod names;
+mod place;
 mod run_dir;
 mod whole;
 
@@ -13,10 +27,16 @@ use std::path::{Path, PathBuf};
 
 pub use arrays::{LinePerElement, write_npy};
 pub use folder::shared_folder;
+pub use guard::{
+    Session, Temporary, is_forced, is_no_input, open, read, read_own, remove_temporaries, sweep,
+    will_read,
+};
 pub use input::Input;
 pub use inside::{stays_inside, trust_paths};
+pub use names::{safe_name, safe_names};
+pub use place::{is_sink, target};
 pub use run_dir::{RunDir, holds_run};
-pub use whole::{is_sink, target, writable_file, write_whole};
+pub use whole::{begin_in, sync_disk, writable_file, write_many, write_own, write_whole};
 
 /// Why a file or folder cannot be read, written or gone on with.
 #[derive(Debug, thiserror::Error)]

@@ -11,11 +11,13 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use sha2::{Digest, Sha256};
 
-use super::folder::{Missing, lock_folder};
-use super::{FileError, Input, write_whole};
+use super::folder::{Missing, is_empty, lock_folder};
+use super::{FileError, Input, guard, is_forced, names, read_own, write_own};
 
 /// File of the state, in every run folder.
 const CHECKPOINT: &str = "checkpoint.json";
+/// Largest checkpoint: one of a search over many LiDARs has a few megabytes.
+const MOST_BYTES: u64 = 1 << 30;
 /// Version of that file. 2 to 4: `optimize` of earlier programs.
 const VERSION: u32 = 5;
 /// Numbered folders that are tried before giving up.
@@ -58,7 +60,7 @@ struct Head {
 }
 
 impl<S: Serialize + DeserializeOwned> RunDir<S> {
-    /// Makes the folder asked for, which must not hold a run yet, or the first of `runs/NAME`,
+    /// Makes the folder asked for, which must be new or empty unless `--force` is given, or the first of `runs/NAME`,
     /// `runs/NAME-2`, … that does not exist.
     pub fn create(
         command: &'static str,
@@ -66,18 +68,22 @@ impl<S: Serialize + DeserializeOwned> RunDir<S> {
         name: &str,
         inputs: Vec<Input>,
     ) -> Result<Self, FileError> {
-        let path = match out {
-            Some(path) if holds_run(path) => {
-                return Err(FileError::Refused(format!(
-                    "{}: already holds a run; go on with --resume, or name another folder",
-                    path.display()
-                )));
-            }
-            Some(path) => path.to_owned(),
+        let (path, made) = match out {
+            Some(path) => (path.to_owned(), Missing::of(path)),
             None => free_folder(name)?,
         };
-        let made = Missing::of(&path);
         let lock = lock_folder(&path, Duration::ZERO)?;
+        // Under the lock: another run may have ended since the command began.
+        if is_forced() {
+            guard::holds_no_input(&path)?;
+        } else if holds_run(&path) {
+            return Err(FileError::Refused(format!(
+                "{}: already holds a run; go on with --resume, name another folder, or give --force",
+                path.display()
+            )));
+        } else {
+            is_empty(&path)?;
+        }
         Ok(Self { path, command, inputs, _made: made, _lock: lock, state: PhantomData })
     }
 
@@ -93,7 +99,9 @@ impl<S: Serialize + DeserializeOwned> RunDir<S> {
             )));
         }
         let lock = lock_folder(path, PATIENCE)?;
-        let text = std::fs::read_to_string(&file).map_err(FileError::io(&file))?;
+        let text = read_own(&file, MOST_BYTES).map_err(FileError::io(&file))?;
+        let text = String::from_utf8(text)
+            .map_err(|_| FileError::io(&file)(std::io::ErrorKind::InvalidData.into()))?;
         let refuse = |words: String| {
             Err(FileError::Refused(format!("{}: {words}; start a new run", file.display())))
         };
@@ -162,7 +170,7 @@ impl<S> RunDir<S> {
     /// Writes a file of JSON, indented.
     pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<(), FileError> {
         let path = self.path.join(name);
-        write_whole(&path, |file| {
+        write_own(&path, |file| {
             serde_json::to_writer_pretty(&mut *file, value).map_err(FileError::json(&path))?;
             file.write_all(b"\n").map_err(FileError::io(&path))
         })
@@ -175,7 +183,7 @@ impl<S> RunDir<S> {
         values: impl IntoIterator<Item = impl Serialize>,
     ) -> Result<(), FileError> {
         let path = self.path.join(name);
-        write_whole(&path, |file| {
+        write_own(&path, |file| {
             for value in values {
                 serde_json::to_writer(&mut *file, &value).map_err(FileError::json(&path))?;
                 file.write_all(b"\n").map_err(FileError::io(&path))?;
@@ -187,7 +195,7 @@ impl<S> RunDir<S> {
     /// Writes a file of text.
     pub fn write_text(&self, name: &str, text: &str) -> Result<(), FileError> {
         let path = self.path.join(name);
-        write_whole(&path, |file| file.write_all(text.as_bytes()).map_err(FileError::io(&path)))
+        write_own(&path, |file| file.write_all(text.as_bytes()).map_err(FileError::io(&path)))
     }
 }
 
@@ -200,14 +208,23 @@ fn digest(state: &RawValue) -> String {
     Sha256::digest(state.get()).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn free_folder(name: &str) -> Result<PathBuf, FileError> {
-    let numbered = (1..MOST_RUNS).map(|n| match n {
-        1 => Path::new("runs").join(name),
-        n => Path::new("runs").join(format!("{name}-{n}")),
-    });
-    numbered.into_iter().find(|path| !path.exists()).ok_or_else(|| {
-        FileError::Refused(format!("runs/{name}: too many runs; name a folder with --out"))
-    })
+/// Makes the first of `runs/NAME`, `runs/NAME-2`, … that no other program has made.
+fn free_folder(name: &str) -> Result<(PathBuf, Missing), FileError> {
+    let (runs, name) = (Path::new("runs"), names::safe_name(name));
+    for number in 1..MOST_RUNS {
+        let path = match number {
+            1 => runs.join(&name),
+            _ => runs.join(format!("{name}-{number}")),
+        };
+        let made = Missing::of(&path);
+        std::fs::create_dir_all(runs).map_err(FileError::io(runs))?;
+        match std::fs::create_dir(&path) {
+            Ok(()) => return Ok((path, made)),
+            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
+            Err(error) => return Err(FileError::io(&path)(error)),
+        }
+    }
+    Err(FileError::Refused(format!("runs/{name}: too many runs; name a folder with --out")))
 }
 
 #[cfg(test)]

@@ -148,17 +148,10 @@ pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) 
 
 /// Reads a whole file; refuses folders, devices and files larger than `limit` bytes.
 pub(crate) fn read_limited(file: &Path, limit: u64) -> Result<Vec<u8>, DescriptionError> {
-    use std::io::Read as _;
-    let fail = |source| DescriptionError::Read { file: file.to_owned(), source };
-    let meta = std::fs::metadata(file).map_err(fail)?;
-    if !meta.is_file() {
-        return Err(fail(std::io::Error::other("is not a plain file")));
-    }
-    let mut bytes = Vec::new();
-    let opened = std::fs::File::open(file).map_err(fail)?;
-    opened.take(limit + 1).read_to_end(&mut bytes).map_err(fail)?;
-    if bytes.len() as u64 > limit {
-        return Err(DescriptionError::TooLarge { file: file.to_owned(), limit });
-    }
-    Ok(bytes)
+    crate::files::read(file, limit).map_err(|source| match source.kind() {
+        std::io::ErrorKind::FileTooLarge => {
+            DescriptionError::TooLarge { file: file.to_owned(), limit }
+        }
+        _ => DescriptionError::Read { file: file.to_owned(), source },
+    })
 }

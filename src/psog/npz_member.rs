@@ -134,10 +134,7 @@ impl Archive {
     /// Opens the archive and checks that it holds each of [`ARRAYS`] once, and nothing else.
     pub fn open(path: &Path) -> Result<Self, PsogFileError> {
         let to_open = |source| PsogFileError::Open { path: path.to_owned(), source };
-        let file = File::open(path).map_err(to_open)?;
-        if file.metadata().map_err(to_open)?.is_dir() {
-            return Err(to_open(std::io::ErrorKind::IsADirectory.into()));
-        }
+        let file = crate::files::open(path).map_err(to_open)?;
         let to_archive = |error: zip::result::ZipError| PsogFileError::Archive {
             path: path.to_owned(),
             cause: error.to_string(),

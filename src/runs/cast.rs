@@ -10,7 +10,7 @@ use super::given::Given;
 use super::opening::{self, timings};
 use super::{Computing, Error, glb};
 use crate::export::GltfView;
-use crate::files::{writable_file, write_whole};
+use crate::files::{Session, writable_file, write_whole};
 use crate::scan::BeamHits;
 use crate::scene::EgoBody;
 use crate::vehicle::read_placements;
@@ -60,13 +60,14 @@ pub struct CastSummary {
 /// # Errors
 /// Files that cannot be read or written, a scene without geometry or without the frame, more beams than memory holds.
 pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSummary, Error> {
+    let _session = Session::begin();
     let start = Instant::now();
     let placements = read_placements(&request.placements)?;
     let mut loaded = opening::geometry(&request.scene, request.frame, computing)?;
     if let Some(path) = &request.out {
-        writable_file(path, loaded.inputs(&request.placements))?;
+        writable_file(path)?;
     }
-    glb::check(request.gltf.as_deref(), loaded.inputs(&request.placements))?;
+    glb::check(request.gltf.as_deref())?;
     let soup = loaded.scene.frame(request.frame as usize, EgoBody::Include);
     let problem = loaded.evaluator.problem().clone();
     Given::in_problem(&request.placements, &problem, computing.watcher).all(&placements)?;

@@ -10,11 +10,10 @@ use super::given::Given;
 use super::inputs::Files;
 use super::{Bar, Computing, Error, Watcher, opening};
 use crate::chart::{Chart, ChartObserver, ChartSettings, ChartState, chart};
-use crate::files::{Input, RunDir};
+use crate::files::{Input, RunDir, Session, safe_names};
 use crate::report::chart::fidelity_svg;
 use crate::report::chart_table::{ChartFrame, fidelity_csv};
 use crate::report::chart_words::chart_words;
-use crate::report::text::numbered;
 use crate::vehicle::{read_placements, table_7};
 
 /// Charts to be made, or one to go on with.
@@ -61,6 +60,7 @@ pub fn chart_scenes(
     computing: &Computing<'_>,
     mut each: impl FnMut(&Charted) -> Result<(), Error>,
 ) -> Result<(usize, Vec<Charted>), Error> {
+    let _session = Session::begin();
     let watcher = computing.watcher;
     watcher.listen();
     let begun = begun(request, computing)?;
@@ -125,7 +125,8 @@ fn begun(request: &ChartRequest, computing: &Computing<'_>) -> Result<Vec<Begun>
         engine: computing.engine.clone(),
     };
     let stem = |scene: &PathBuf| scene.file_stem().unwrap_or_default().to_string_lossy().into();
-    let names = numbered(scenes.iter().map(stem));
+    let stems: Vec<String> = scenes.iter().map(stem).collect();
+    let names = safe_names(stems.iter().map(|stem| &**stem));
     let several = scenes.len() > 1;
     let begun = |(scene, name): (&PathBuf, String)| {
         let scene = std::path::absolute(scene).map_err(Error::io(scene))?;
@@ -146,7 +147,7 @@ fn of_scene(begun: Begun, tolerance: f64, computing: &Computing<'_>) -> Result<C
         let given = Given::new(&file, &scene.sensors()?, &scene.constraints(), watcher);
         given.all(&saved.settings.given)?;
     }
-    let inputs = Input::of(&scene)?;
+    let inputs = Input::of(scene.files())?;
     let dir = match resumed {
         Some(dir) => {
             dir.check(&inputs)?;

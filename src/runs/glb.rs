@@ -6,11 +6,8 @@ use super::{Error, Watcher};
 use crate::export::{Glb, GltfView};
 use crate::files::{is_sink, target, writable_file, write_whole};
 
-/// Checks, before work begins, that the file has the right ending, can be written and is none of `inputs`.
-pub(super) fn check<'a>(
-    path: Option<&Path>,
-    inputs: impl IntoIterator<Item = &'a Path>,
-) -> Result<(), Error> {
+/// Checks, before work begins, that the file has the right ending, and can be written.
+pub(super) fn check(path: Option<&Path>) -> Result<(), Error> {
     let Some(path) = path else { return Ok(()) };
     let is_glb = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
     if !is_glb && !is_sink(&target(path)?) {
@@ -19,7 +16,7 @@ pub(super) fn check<'a>(
             path.display()
         )));
     }
-    Ok(writable_file(path, inputs)?)
+    Ok(writable_file(path)?)
 }
 
 /// Writes a view where a file is given, and says so.

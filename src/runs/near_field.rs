@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::given::Given;
 use super::{Computing, Error, opening};
-use crate::files::{writable_file, write_whole};
+use crate::files::{Session, writable_file, write_whole};
 use crate::near_field::{Footprint, NearField, NearSite};
 use crate::problem::{Problem, spread};
 use crate::psog::Psog;
@@ -58,14 +58,14 @@ pub fn near_fields(
     request: &NearFieldRequest,
     computing: &Computing<'_>,
 ) -> Result<NearFields, Error> {
+    let _session = Session::begin();
     let watcher = computing.watcher;
     let placements = request.placements.as_deref();
     let placements = placements.map_or_else(|| Ok(table_7()), read_placements)?;
     let scene = opening::read(&request.scene, computing.vehicle.as_deref(), watcher)?;
     opening::note_frames(&scene, request.frames, watcher);
     if let Some(file) = &request.out {
-        let inputs = scene.files().iter().map(PathBuf::as_path);
-        writable_file(file, inputs.chain(request.placements.as_deref()))?;
+        writable_file(file)?;
     }
     opening::note_conditions(&request.conditions, watcher);
     let problem = problem(&scene, &request.scene, request.frames)?;

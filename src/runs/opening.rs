@@ -32,13 +32,6 @@ pub struct Loaded {
     pub times: LoadTimes,
 }
 
-impl Loaded {
-    /// Every file that was read for the scene, and one beside them.
-    pub fn inputs<'a>(&'a self, placements: &'a Path) -> impl Iterator<Item = &'a Path> {
-        self.scene.files().iter().map(PathBuf::as_path).chain([placements])
-    }
-}
-
 /// Reads a scene and its P-SOG, and makes its problem over `frames` of its frames (all if `None`).
 pub fn problem(
     path: &Path,

@@ -7,7 +7,7 @@ use crate::datasets::{
     CarlaSequence, CarlaTags, KittiSequence, LabelledSequence, PsogOptions, build_psog,
     read_nuscenes,
 };
-use crate::files::{writable_file, write_whole};
+use crate::files::{Session, will_read, writable_file, write_whole};
 use crate::psog::{BuildReport, Psog, Roi, read_psog, write_psog};
 use crate::scan::scan_scene;
 use crate::scene::{GROUND_CLASSES, PsogSource, ScanSettings};
@@ -51,6 +51,19 @@ pub enum DataSet {
     Carla(CarlaScans),
 }
 
+impl DataSet {
+    /// Announces the files whose names are known before they are read.
+    fn will_read(&self) {
+        match self {
+            Self::Kitti(folder, _) => {
+                ["poses.txt", "calib.txt"].iter().for_each(|name| will_read(&folder.join(name)));
+            }
+            Self::Nuscenes(..) => {}
+            Self::Carla(scans) => will_read(&scans.poses),
+        }
+    }
+}
+
 /// Scans of CARLA's semantic LiDAR.
 #[derive(Debug, Clone)]
 pub struct CarlaScans {
@@ -88,11 +101,12 @@ pub fn build(
     out: &Path,
     watcher: &dyn Watcher,
 ) -> Result<(Psog, BuildReport), Error> {
-    let scene = match source {
-        Source::Scene(scene) => Some(scene.as_path()),
-        Source::Scans(_) => None,
-    };
-    writable_file(out, scene)?;
+    let _session = Session::begin();
+    match source {
+        Source::Scene(scene) => will_read(scene),
+        Source::Scans(scans) => scans.set.will_read(),
+    }
+    writable_file(out)?;
     let (psog, report) = match source {
         Source::Scene(scene) => of_scene(scene, watcher)?,
         Source::Scans(scans) => of_scans(scans, watcher)?,
@@ -169,7 +183,9 @@ fn note_ground(psog: &Psog, watcher: &dyn Watcher) {
 /// # Errors
 /// Files that cannot be read or written, grids or classes that differ, no file.
 pub fn merge(psogs: &[PathBuf], out: &Path) -> Result<(), Error> {
-    writable_file(out, psogs.iter().map(PathBuf::as_path))?;
+    let _session = Session::begin();
+    psogs.iter().for_each(|psog| will_read(psog));
+    writable_file(out)?;
     let Some((first, rest)) = psogs.split_first() else {
         return Err(Error::Usage("give P-SOG files to merge".into()));
     };

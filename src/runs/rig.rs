@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use super::inputs::file_and_name;
 use super::{Error, Watcher};
-use crate::files::{shared_folder, writable_file, write_whole};
+use crate::files::{Session, safe_name, shared_folder, writable_file, write_whole};
 use crate::rig::{
-    Comparison, Exported, Fan, ImportSettings, Imported, Mounting, RigError, RigFormat, compare,
-    export, import, read_rig, rig_json,
+    Comparison, Exported, Fan, ImportSettings, Imported, Mounting, NamedText, RigError, RigFormat,
+    compare, export, import, read_rig, rig_json,
 };
 use crate::scene::Scene;
 
@@ -43,6 +43,7 @@ pub fn export_file(
     request: &ExportRequest,
     watcher: &dyn Watcher,
 ) -> Result<Option<String>, Error> {
+    let _session = Session::begin();
     let (file, name) = file_and_name(&request.placement);
     let file = Path::new(file);
     let mut rig = read_rig(file, name)?;
@@ -70,22 +71,27 @@ pub fn export_file(
     let exported = export(&rig, request.format, &request.mounting, fan)?;
     exported.warnings.iter().for_each(|warning| watcher.note(warning));
     match &request.out {
-        Some(out) => write_files(&exported, out, file).map(|()| None),
+        Some(out) => write_files(&exported, out).map(|()| None),
         None => Ok(Some(exported.files.iter().map(|file| &*file.text).collect())),
     }
 }
 
 /// Writes one file to `out`, several into the folder `out`.
-fn write_files(exported: &Exported, out: &Path, input: &Path) -> Result<(), Error> {
+fn write_files(exported: &Exported, out: &Path) -> Result<(), Error> {
     let write = |path: &Path, text: &str| {
-        writable_file(path, [input])?;
         write_whole(path, |file| file.write_all(text.as_bytes()).map_err(Error::io(path)))
     };
     match &exported.files[..] {
-        [file] if !out.is_dir() => write(out, &file.text),
+        [file] if !out.is_dir() => {
+            writable_file(out)?;
+            write(out, &file.text)
+        }
         files => {
             shared_folder(out)?;
-            files.iter().try_for_each(|file| write(&out.join(&file.name), &file.text))
+            // None is written unless all can be.
+            let place = |file: &NamedText| out.join(safe_name(&file.name));
+            files.iter().try_for_each(|file| writable_file(&place(file)))?;
+            files.iter().try_for_each(|file| write(&place(file), &file.text))
         }
     }
 }
@@ -100,6 +106,7 @@ pub fn import_files(
     out: Option<&Path>,
     watcher: &dyn Watcher,
 ) -> Result<Option<String>, Error> {
+    let _session = Session::begin();
     let imported = import(files, settings)?;
     let rig = &imported.rig;
     say(&imported, watcher)?;
@@ -109,7 +116,7 @@ pub fn import_files(
     }
     let text = format!("{:#}\n", rig_json(&[rig]));
     let Some(out) = out else { return Ok(Some(text)) };
-    writable_file(out, files.iter().map(PathBuf::as_path))?;
+    writable_file(out)?;
     write_whole(out, |file| file.write_all(text.as_bytes()).map_err(Error::io(out)))?;
     Ok(None)
 }

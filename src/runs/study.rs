@@ -8,10 +8,9 @@ use serde_json::{Value, json};
 
 use super::inputs::note_repeated;
 use super::{Bar, Computing, Error, Watcher, opening};
-use crate::files::{Input, RunDir, holds_run};
+use crate::files::{self, Input, RunDir, holds_run, is_forced, safe_names};
 use crate::psog::Psog;
 use crate::report::study::study_plot;
-use crate::report::text::numbered;
 use crate::scan::conditions::{Condition, in_words};
 use crate::scene::Scene;
 use crate::study::{Kind, Region, Row, StudyObserver, StudySettings, Table, study};
@@ -55,6 +54,7 @@ pub fn study_scenes(
     computing: &Computing<'_>,
     mut each: impl FnMut(&Table, &Path) -> Result<(), Error>,
 ) -> Result<Vec<Table>, Error> {
+    let _session = files::Session::begin();
     note_repeated(&request.scenes, computing.watcher);
     let settings = settings(request, computing)?;
     computing.watcher.listen();
@@ -68,7 +68,8 @@ pub fn study_scenes(
     let stem = |scenes: &&[PathBuf]| {
         scenes[0].file_stem().unwrap_or_default().to_string_lossy().into_owned()
     };
-    let (names, mut tables) = (numbered(each_of.iter().map(stem)), Vec::new());
+    let stems: Vec<String> = each_of.iter().map(stem).collect();
+    let (names, mut tables) = (safe_names(stems.iter().map(|stem| &**stem)), Vec::new());
     for (scenes, name) in each_of.iter().zip(&names) {
         let folder = match &request.out {
             Some(out) if together => out.clone(),
@@ -154,7 +155,7 @@ struct Saved {
 
 /// The folder of a study and the rows that it holds; one that holds another study is an error.
 fn open_folder(folder: &Path, recorded: &Recorded) -> Result<(RunDir<Saved>, Vec<Row>), Error> {
-    if !holds_run(folder) {
+    if is_forced() || !holds_run(folder) {
         let dir = RunDir::create("study", Some(folder), "", recorded.inputs.clone())?;
         return Ok((dir, Vec::new()));
     }
@@ -236,7 +237,7 @@ fn recorded<'s>(
     };
     let mut inputs = Vec::new();
     for scene in scenes {
-        inputs.extend(Input::of(scene)?);
+        inputs.extend(Input::of(scene.files())?);
     }
     for sensor in &settings.sensors {
         inputs.push(Input::read(sensor)?);

@@ -8,7 +8,7 @@ use super::inputs::{file_and_name, named_placements, note_repeated};
 use super::opening::{self, Suited};
 use super::own_body::add_self_hits;
 use super::{Computing, Error};
-use crate::files::{writable_file, write_whole};
+use crate::files::{Session, writable_file, write_whole};
 use crate::report::{Figures, Looks, SceneRecord, Subject, view_html};
 use crate::scan::conditions::{Condition, in_words};
 use crate::scene::Scene;
@@ -36,6 +36,7 @@ pub struct ViewRequest {
 /// # Errors
 /// Files that cannot be read or written, no placement to show, scenes that do not go together.
 pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Error> {
+    let _session = Session::begin();
     let Some((placements, scenes)) = request.files.split_last() else {
         return Err(Error::Usage("give scenes, and a file of placements".into()));
     };
@@ -56,9 +57,7 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Erro
     }
     let baselines = baselines(rivals, shown);
     let out = &request.out;
-    let files = suited.scenes.iter().flat_map(|scene| scene.files()).map(PathBuf::as_path);
-    let named = request.baselines.iter().chain([placements]).map(|text| file_and_name(text).0);
-    writable_file(out, files.chain(named.map(Path::new)))?;
+    writable_file(out)?;
     let page = page(request, computing, &mut suited, shown, &baselines)?;
     write_whole(out, |file| file.write_all(page.as_bytes()).map_err(Error::io(out)))
 }

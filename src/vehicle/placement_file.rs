@@ -9,6 +9,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
 use super::{ForeignLidar, Placement, PlacementError};
+use crate::files;
 use crate::json::{FileKind, did_you_mean, nearest, plain_words, unknown_key};
 
 /// Longest line of a `.jsonl` file, in bytes: 16 LiDARs need far less.
@@ -222,8 +223,13 @@ pub fn holds_placements(path: &Path) -> bool {
         return true;
     }
     // Nothing is read of a pipe, which could be read only once.
-    let head = File::open(path).and_then(|file| sniff(&mut BufReader::new(file)));
-    path.is_file() && head.is_ok_and(|(_, is_document)| is_document)
+    let head = files::open(path).and_then(|file| sniff(&mut BufReader::new(file)));
+    head.is_ok_and(|(_, is_document)| is_document)
+}
+
+/// Whether a path names a file that the shell has opened: standard input, or the `<( … )` of a shell.
+fn is_open_file(path: &Path) -> bool {
+    ["/dev/stdin", "/dev/fd", "/proc/self/fd"].iter().any(|open| path.starts_with(open))
 }
 
 impl PlacementReader {
@@ -235,8 +241,10 @@ impl PlacementReader {
         let io = |source| PlacementFileError::Io { path: path.to_owned(), source };
         let mut reader: Box<dyn BufRead> = if path == Path::new("-") {
             Box::new(BufReader::new(io::stdin()))
-        } else {
+        } else if is_open_file(path) {
             Box::new(BufReader::new(File::open(path).map_err(io)?))
+        } else {
+            Box::new(BufReader::new(files::open(path).map_err(io)?))
         };
         let is_document = match path.extension().and_then(|ending| ending.to_str()) {
             Some("jsonl") => false,

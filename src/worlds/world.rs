@@ -1,6 +1,5 @@
 //! From a network to a whole world.
 
-use std::io::Read;
 use std::path::Path;
 
 use glam::DVec2;
@@ -118,14 +117,14 @@ pub fn import_opendrive(
 pub fn read_opendrive(path: &Path) -> Result<String, WorldError> {
     let file = path.display().to_string();
     let failed = |source| WorldError::File { file: file.clone(), source };
-    let mut bytes = Vec::new();
-    let input = std::fs::File::open(path).map_err(failed)?;
-    input.take(opendrive::MAX_FILE + 1).read_to_end(&mut bytes).map_err(failed)?;
+    let bytes = match crate::files::read(path, opendrive::MAX_FILE) {
+        Err(error) if error.kind() == std::io::ErrorKind::FileTooLarge => {
+            return Err(WorldError::FileTooLarge { file, most: opendrive::MAX_FILE >> 20 });
+        }
+        bytes => bytes.map_err(failed)?,
+    };
     if bytes.starts_with(&[0x1f, 0x8b]) {
         return Err(WorldError::Compressed { file });
-    }
-    if bytes.len() as u64 > opendrive::MAX_FILE {
-        return Err(WorldError::FileTooLarge { file, most: opendrive::MAX_FILE >> 20 });
     }
     let invalid = |_| std::io::Error::new(std::io::ErrorKind::InvalidData, "is not UTF-8 text");
     String::from_utf8(bytes).map_err(|error| failed(invalid(error)))

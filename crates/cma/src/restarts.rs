@@ -5,8 +5,8 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::error::check_bounds;
-use crate::maths;
 use crate::error::{MAX_POPULATION, MOST_COUNTED};
+use crate::maths;
 use crate::{Candidate, Cma, CmaError, CmaOptions, StopReason};
 
 /// Smallest population of a small instance, unless the first instance's is smaller still.

@@ -5,8 +5,8 @@ use serde::de::{Error as _, IgnoredAny};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::Constants;
-use crate::maths;
 use crate::error::MOST_COUNTED;
+use crate::maths;
 
 /// Floor of the eigenvalues, as a share of the largest: rounding makes small ones negative.
 const EIGENVALUE_FLOOR: f64 = 1e-15;

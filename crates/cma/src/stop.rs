@@ -6,8 +6,8 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use crate::CmaOptions;
-use crate::maths;
 use crate::error::MOST_COUNTED;
+use crate::maths;
 
 /// Generations whose costs must all agree before the search counts as converged.
 const AGREEING: usize = 10;

@@ -171,7 +171,8 @@ impl CarlaSequence {
                     tags.names().iter().map(|name| is_road_tag(name)).collect();
                 let near = records.iter().filter(|record| {
                     let [x, y, _] = record.xyz.map(f64::from);
-                    is_road.get(record.tag as usize) == Some(&true) && maths::hypot(x, y) <= ground::NEAR
+                    is_road.get(record.tag as usize) == Some(&true)
+                        && maths::hypot(x, y) <= ground::NEAR
                 });
                 // Tags that the version lacks speak against it.
                 let known = records.iter().all(|record| (record.tag as usize) < is_road.len());

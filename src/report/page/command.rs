@@ -4,7 +4,6 @@ use serde_json::{Value, json};
 
 use crate::report::RunRecord;
 use crate::report::word::word;
-use crate::vehicle::table_7;
 
 /// The command line that a run's settings come from.
 pub fn command(run: &RunRecord) -> String {
@@ -40,12 +39,8 @@ pub fn command(run: &RunRecord) -> String {
     for rule in list(&all["rules"]["fixed"]) {
         give("fix", &json!(format!("{}={}", rule[0].as_str().unwrap_or_default(), rule[1])));
     }
-    if all["baselines"] != json!(table_7()) {
-        give("baselines", &json!("BASELINES"));
-    }
-    if !list(&all["starts"]).is_empty() {
-        give("inject", &json!("STARTS"));
-    }
+    give("baselines", &all["baselines_file"]);
+    give("inject", &all["starts_file"]);
     give("backend", &json!(run.backend));
     let flags = [
         ("mirror", &all["mirror"]),

@@ -1,15 +1,12 @@
 //! How to repeat a run: its command and its settings.
 
 use maud::{Markup, html};
-use serde_json::json;
 
 use super::subject::Subject;
 use crate::report::RunRecord;
-use crate::vehicle::table_7;
 
 /// The command, and every setting behind it.
 pub(super) fn repeat(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup {
-    let own = run.is_some_and(|run| run.settings["baselines"] != json!(table_7()));
     html! {
         section aria-labelledby="repeat" {
             h2 #repeat { "How to repeat it" }
@@ -17,8 +14,7 @@ pub(super) fn repeat(subject: &Subject<'_>, run: Option<&RunRecord>) -> Markup {
             @if let Some(run) = run {
                 p {
                     "The same program (sightline " (run.sightline) "), the same files and the same backend give \
-                     the same bytes."
-                    @if own { " BASELINES stands for a file with the baselines of the settings below." }
+                     the same bytes, timings left aside."
                 }
                 details {
                     summary { "Every setting" }

@@ -26,6 +26,11 @@ pub(super) struct Begun {
     /// Vehicle file in place of what the scenes say.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vehicle: Option<PathBuf>,
+    /// Files of the placements to compare with, and of those to start from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub baselines: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inject: Option<PathBuf>,
     /// Most that the sensors may cost.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget: Option<f64>,
@@ -92,6 +97,8 @@ impl NewRun {
             mirror: self.mirror,
             rules: self.rules.clone(),
             vehicle: vehicle.map(absolute).transpose()?,
+            baselines: self.baselines.as_ref().map(absolute).transpose()?,
+            inject: self.inject.as_ref().map(absolute).transpose()?,
             budget: self.budget,
             conditions: in_words(&self.conditions),
             equipped: None,

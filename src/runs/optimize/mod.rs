@@ -17,7 +17,7 @@ use super::inputs::note_repeated;
 use super::opening::{self, LoadTimes};
 use super::{Computing, Error, glb};
 use crate::export::GltfView;
-use crate::files::{Input, RunDir};
+use crate::files::{Input, RunDir, Session};
 use crate::problem::{Content, Problem};
 use crate::report::RunRecord;
 use crate::scan::conditions::{Condition, ConditionError};
@@ -47,6 +47,7 @@ pub fn optimize(
     request: &OptimizeRequest,
     computing: &Computing<'_>,
 ) -> Result<Option<Optimized>, Error> {
+    let _session = Session::begin();
     let start = Instant::now();
     let (folder, mut begun, course, out) = match &request.start {
         Start::Resume(path) => {
@@ -60,8 +61,8 @@ pub fn optimize(
             (None, begun, course, new.out.as_deref())
         }
     };
-    glb::check(request.gltf.as_deref(), begun.scenes().map(PathBuf::as_path))?;
     let mut opened = open(&begun, request.frames, computing)?;
+    glb::check(request.gltf.as_deref())?;
     if let (Start::New(new), Course::Equipping(wanted)) = (&request.start, &course) {
         new.look(&wanted.settings, &opened.suite, computing.watcher)?;
         check_value(&begun, &wanted.settings.objective, &opened.suite)?;
@@ -133,7 +134,7 @@ fn open(begun: &Begun, frames: Option<u32>, computing: &Computing<'_>) -> Result
     let (mut scenes, mut problems, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
     for path in begun.scenes() {
         let (scene, problem) = open_scene(path, begun, &conditions, frames, computing, &mut times)?;
-        inputs.extend(Input::of(&scene)?);
+        inputs.extend(Input::of(scene.files())?);
         problems.push((scene.name().to_owned(), problem));
         scenes.push(scene);
     }

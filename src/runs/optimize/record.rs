@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::begun::{Begun, Course, Saved};
 use super::near_field::with_self_hits;
 use super::request::OptimizeRequest;
-use crate::files::{Input, RunDir};
+use crate::files::{Input, RunDir, read_own};
 use crate::report::record::peak_memory;
 
 use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
@@ -60,7 +60,7 @@ pub(super) struct Spent {
 
 /// The times of earlier sittings; a run that was killed before it wrote its first times has none.
 pub(super) fn read_spent(folder: &RunDir<Saved>) -> Spent {
-    let text = std::fs::read(folder.path().join(TIMES)).ok();
+    let text = read_own(&folder.path().join(TIMES), 1 << 20).ok();
     text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
 }
 
@@ -183,11 +183,20 @@ fn settings_json(begun: &Begun, settings: &Settings, left_out: &[LeftOut]) -> Va
     if !begun.conditions.is_empty() {
         all["conditions"] = json!(begun.conditions);
     }
+    let files = [
+        ("vehicle", &begun.vehicle),
+        ("baselines_file", &begun.baselines),
+        ("starts_file", &begun.inject),
+    ];
+    for (key, file) in files {
+        if let Some(file) = file {
+            all[key] = json!(file.to_string_lossy());
+        }
+    }
     if begun.mirror {
         all["mirror"] = json!(true);
     }
     if let Some(equipped) = &begun.equipped {
-        all["vehicle"] = json!(begun.vehicle);
         all["budget"] = json!(begun.budget);
         all["equipped"] = json!(equipped);
     }

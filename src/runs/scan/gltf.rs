@@ -1,6 +1,5 @@
 //! A frame with the points of its scan as binary glTF, beside the data set.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::request::ScanRequest;
@@ -33,7 +32,7 @@ impl ScanRequest {
                 frames - 1
             )));
         }
-        glb::check(Some(path), scene.files().iter().map(PathBuf::as_path))
+        glb::check(Some(path))
     }
 
     /// Writes the frame of `--gltf` with the points of its scan, cast into the trees that `stage` gives.

@@ -15,6 +15,7 @@ use super::inputs::repeated;
 use super::{Computing, Error, Silent, Watcher, opening};
 use crate::engine::scanning_on;
 use crate::export::{Dataset, DatasetSettings, Input, SceneFacts, record};
+use crate::files::{Session, safe_names};
 use crate::scan::{ScanError, Scanner, Stage};
 use crate::scene::Scene;
 use crate::vehicle::Placement;
@@ -55,8 +56,8 @@ pub fn scan(
     request: &ScanRequest,
     computing: &Computing<'_>,
 ) -> Result<Option<Vec<Scanned>>, Error> {
+    let _session = Session::begin();
     let watcher = computing.watcher;
-    watcher.listen();
     if let Some(what) = repeated(&request.scenes) {
         return Err(Error::Usage(format!(
             "{what}, and a data set has each scene once; leave it out"
@@ -77,17 +78,23 @@ pub fn scan(
     }
     request.check_gltf(&scenes, &placements)?;
     let facts: Vec<SceneFacts> = scenes.iter().map(|scene| request.facts(scene)).collect();
-    let files = scenes.iter().map(Input::names_of).collect::<Result<Vec<_>, _>>()?.concat();
+    let files = scenes
+        .iter()
+        .map(|scene| Input::names_of(scene.files()))
+        .collect::<Result<Vec<_>, _>>()?
+        .concat();
+    let names = safe_names(placements.iter().map(|placement| &*placement.name));
     let mut plans = Vec::new();
-    for placement in &placements {
+    for (placement, name) in placements.iter().zip(names) {
         let out = match placements.len() {
             1 => request.out.clone(),
-            _ => request.out.join(&placement.name),
+            _ => request.out.join(name),
         };
         let settings = request.settings(placement, files.clone(), computing)?;
         let missing = Dataset::check(&out, &settings, &facts)?;
         plans.push(Plan { placement, out, settings, facts: &facts, missing });
     }
+    watcher.listen();
     let mut work = Work::new(request, computing, &scenes);
     let mut sets = Vec::new();
     for (k, plan) in plans.iter().enumerate() {

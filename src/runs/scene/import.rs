@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::target::Target;
 use crate::datasets::{ImportOptions, Imported, LabelledSequence, read_nuscenes, to_scene};
-use crate::files::{FileError, writable_file, write_whole};
+use crate::files::{FileError, Session, writable_file, write_whole};
 use crate::runs::psog::{CarlaScans, tell_notes};
 use crate::runs::{Error, Watcher};
 use crate::scene::Scene;
@@ -43,18 +43,17 @@ pub enum Origin {
 /// # Errors
 /// Files that cannot be read or written, a map or a set of another format.
 pub fn import(origin: &Origin, out: &Path, watcher: &dyn Watcher) -> Result<(), Error> {
+    let _session = Session::begin();
     match origin {
         Origin::OpenDrive { file, seed, frames } => opendrive(file, *seed, *frames, out, watcher),
         Origin::Nuscenes { folder, version, scenes, cell } => {
             let scenes = read_nuscenes(folder, version.as_deref(), scenes)?;
             scenes.iter().try_for_each(|scene| {
                 tell_notes(scene, watcher)?;
-                of_scans(scene, *cell, None, out, watcher)
+                of_scans(scene, *cell, out, watcher)
             })
         }
-        Origin::Carla(scans, cell) => {
-            of_scans(&scans.open(watcher)?, *cell, Some(&scans.poses), out, watcher)
-        }
+        Origin::Carla(scans, cell) => of_scans(&scans.open(watcher)?, *cell, out, watcher),
     }
 }
 
@@ -87,11 +86,10 @@ fn opendrive(
 fn of_scans(
     sequence: &dyn LabelledSequence,
     cell: f64,
-    poses: Option<&Path>,
     out: &Path,
     watcher: &dyn Watcher,
 ) -> Result<(), Error> {
-    writable_file(out, poses)?;
+    writable_file(out)?;
     let imported = to_scene(sequence, &ImportOptions { cell })?;
     let Imported { scene, plates, boxes, actors } = imported;
     let text = serde_json::to_string(&scene)

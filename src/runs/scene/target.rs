@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use crate::files::{FileError, is_sink, target, writable_file, write_whole};
+use crate::files::{FileError, is_sink, target, will_read, writable_file, write_whole};
 use crate::geom::TriangleSoup;
 use crate::runs::{Error, Watcher};
 use crate::worlds::write_ply;
@@ -32,7 +32,8 @@ impl<'a> Target<'a> {
                 out.display()
             )));
         }
-        writable_file(out, inputs)?;
+        inputs.iter().for_each(|input| will_read(input));
+        writable_file(out)?;
         let target = Self { out, mesh };
         let name = target.name();
         if name.contains(char::is_control) {

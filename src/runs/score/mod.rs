@@ -1,5 +1,6 @@
 //! Scores of a batch of placements: as a stream in one scene, with their mean in several.
 
+mod journal;
 mod request;
 mod several;
 mod stream;
@@ -12,6 +13,7 @@ pub use request::ScoreRequest;
 
 use super::inputs::Files;
 use super::{Computing, Error};
+use crate::files::Session;
 use crate::vehicle::placement_file::count_placements;
 
 /// Scores placements and writes the scores as they are computed, to the request's file or else to `out`.
@@ -23,6 +25,7 @@ pub fn score(
     computing: &Computing<'_>,
     out: &mut dyn Write,
 ) -> Result<(), Error> {
+    let _session = Session::begin();
     let start = Instant::now();
     let (scenes, placements) = Files::with_placements(&request.files, computing.watcher)?;
     // Everything that can be wrong is found before the first score is computed or printed; a pipe can

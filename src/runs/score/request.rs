@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::files::{write_npy, write_whole};
+use crate::files::{safe_name, write_many, write_npy, write_own, write_whole};
 use crate::runs::Error;
 use crate::scan::conditions::Condition;
 use crate::vehicle::Placement;
@@ -22,6 +22,8 @@ pub struct ScoreRequest {
     pub out: Option<PathBuf>,
     /// Folder for the covered voxels of each placement.
     pub coverage_out: Option<PathBuf>,
+    /// Whether the scores of an interrupted batch are gone on with, from `FILE.partial` beside the file.
+    pub resume: bool,
     /// Frames to average over; all if none.
     pub frames: Option<u32>,
     /// Whether the near field is scored, too.
@@ -49,7 +51,12 @@ pub(super) fn write_coverage(
     folder: &Path,
     placement: &Placement,
     covered: Vec<u64>,
+    resumes: bool,
 ) -> Result<(), Error> {
-    let path = folder.join(format!("{}.npy", placement.name));
-    write_whole(&path, |file| write_npy(file, covered).map_err(Error::io(&path)))
+    let path = folder.join(format!("{}.npy", safe_name(&placement.name)));
+    // The last block of an interrupted batch is written again.
+    match resumes && path.exists() {
+        true => write_own(&path, |file| write_npy(file, covered).map_err(Error::io(&path))),
+        false => write_many(&path, |file| write_npy(file, covered).map_err(Error::io(&path))),
+    }
 }

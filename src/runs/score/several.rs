@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::request::{BLOCK, ScoreRequest, write_coverage, write_out};
 use crate::engine::{Backend, EngineChoice, open};
-use crate::files::{shared_folder, writable_file};
+use crate::files::{safe_names, shared_folder, sync_disk, writable_file};
 use crate::near_field::{FEW_PLACEMENTS, NearSite, self_hits};
 use crate::problem::Problem;
 use crate::report;
@@ -37,8 +37,10 @@ pub(super) fn score(
     let suited = opening::suite(scenes, request.frames, &request.conditions, computing)?;
     let Suited { scenes, suite, evaluator, times, .. } = suited;
     if let Some(file) = &request.out {
-        let inputs = scenes.iter().flat_map(|scene| scene.files()).map(PathBuf::as_path);
-        writable_file(file, inputs.chain([placements]))?;
+        writable_file(file)?;
+    }
+    if request.resume {
+        return Err(Error::Usage("--resume: takes one scene".into()));
     }
     let (file, placements) = (placements, read(placements)?);
     Given::in_problem(file, evaluator.problem(), computing.watcher).all(&placements)?;
@@ -211,14 +213,15 @@ impl Batch {
 
     /// Covered voxels of each placement, in a folder a scene.
     fn write_coverage(&mut self, folder: &Path, placements: &[Placement]) -> Result<(), Error> {
-        let names: Vec<String> = self.members().map(|(_, m)| m.name().to_owned()).collect();
+        let names = safe_names(self.members().map(|(_, member)| member.name()));
         for (scene, name) in names.iter().enumerate() {
             let folder = folder.join(name);
             shared_folder(&folder)?;
             for placement in placements {
                 let covered = self.evaluator.covered_in(scene, placement)?;
-                write_coverage(&folder, placement, covered)?;
+                write_coverage(&folder, placement, covered, false)?;
             }
+            sync_disk(&folder);
         }
         Ok(())
     }

@@ -1,21 +1,23 @@
 //! Scores of a batch of placements in one scene, written as they are computed.
 
-use std::cell::RefCell;
 use std::io::Write;
 use std::iter::Peekable;
 use std::path::Path;
 use std::time::Instant;
 
-use serde::ser::{Error as _, SerializeMap, SerializeSeq};
-use serde::{Serialize, Serializer};
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::ser::{CompactFormatter, Formatter};
+use serde_json::{Map, Value, json};
 
+use super::journal::Journal;
 use super::request::{BLOCK, ScoreRequest, write_coverage, write_out};
-use crate::files::{LinePerElement, shared_folder, writable_file};
+use crate::files::{
+    FileError, LinePerElement, is_sink, shared_folder, sync_disk, target, writable_file,
+};
 use crate::near_field::{FEW_PLACEMENTS, NearSite, add_self_hits};
 use crate::report;
 use crate::runs::given::Given;
-use crate::runs::opening::{self, LoadTimes, Loaded, timings};
+use crate::runs::opening::{self, LoadTimes, timings};
 use crate::runs::{Bar, Computing, Error, Watcher};
 use crate::scan::conditions::{in_words, under};
 use crate::scene::Scene;
@@ -42,44 +44,87 @@ pub(super) fn score(
     }
     let evaluator = opening::evaluator(problem, computing)?;
     times.build += building.elapsed().as_secs_f64();
-    let loaded = Loaded { scene, evaluator, times };
-    opening::note_frames(&loaded.scene, request.frames, computing.watcher);
+    let loaded = Loaded { scene: &scene, evaluator, times };
+    opening::note_frames(&scene, request.frames, computing.watcher);
     if let Some(file) = &request.out {
-        writable_file(file, loaded.inputs(placements))?;
+        writable_file(file)?;
     }
     if let Some(folder) = &request.coverage_out {
         shared_folder(folder)?;
     }
-    write_out(request, out, |path, out| {
-        let reader = PlacementReader::open(placements)?.peekable();
-        let bar = computing.watcher.bar(total, Some("placements"));
-        let Loaded { scene, evaluator, times, .. } = loaded;
-        let site = || NearSite::new(&scene, &evaluator.shared_problem());
-        let near = request.near_field.then(site).transpose()?;
-        let (scene, watcher) = (&scene, computing.watcher);
-        let (count, bar) = (0, Some(bar));
-        let given = Given::in_problem(placements, evaluator.problem(), watcher);
-        let mut scoring = Scoring {
-            request,
-            scene,
-            given,
-            evaluator,
-            near,
-            reader,
-            watcher,
-            bar,
-            total,
-            count,
-            times,
-            start,
-        };
-        scoring.write(placements, path, out)
+    let is_stream = !placements.is_file();
+    let journal = match &request.out {
+        Some(file) if !is_stream && !is_sink(&target(file)?) => {
+            Some(Journal::open(file, request, &scene, placements)?)
+        }
+        _ if request.resume => {
+            return Err(Error::Usage(
+                "--resume: goes on with the scores of a file of placements in a file; give both, and --out".into(),
+            ));
+        }
+        _ => None,
+    };
+    match (journal, &request.out) {
+        (Some(journal), Some(out_file)) => {
+            computing.watcher.listen();
+            match scoring(request, computing, loaded, placements, total, start) {
+                Ok(scoring) => scoring.to_file(journal, out_file),
+                Err(error) => {
+                    journal.remove();
+                    Err(error)
+                }
+            }
+        }
+        _ => write_out(request, out, |path, out| {
+            scoring(request, computing, loaded, placements, total, start)?.to_writer(path, out)
+        }),
+    }
+}
+
+/// A scene ready to be scored.
+struct Loaded<'a> {
+    scene: &'a Scene,
+    evaluator: Evaluator,
+    times: LoadTimes,
+}
+
+/// Scoring of placements that are about to be read.
+fn scoring<'a>(
+    request: &'a ScoreRequest,
+    computing: &Computing<'a>,
+    loaded: Loaded<'a>,
+    placements: &'a Path,
+    total: u64,
+    start: Instant,
+) -> Result<Scoring<'a>, Error> {
+    let (scene, watcher) = (loaded.scene, computing.watcher);
+    let reader = PlacementReader::open(placements)?.peekable();
+    let site = || NearSite::new(scene, &loaded.evaluator.shared_problem());
+    let near = request.near_field.then(site).transpose()?;
+    let bar = Some(watcher.bar(total, Some("placements")));
+    let given = Given::in_problem(placements, loaded.evaluator.problem(), watcher);
+    let (evaluator, times, count) = (loaded.evaluator, loaded.times, 0);
+    Ok(Scoring {
+        request,
+        placements,
+        scene,
+        given,
+        evaluator,
+        near,
+        reader,
+        watcher,
+        bar,
+        total,
+        count,
+        times,
+        start,
     })
 }
 
 /// Placements that are read, scored and handed on block by block.
 struct Scoring<'a> {
     request: &'a ScoreRequest,
+    placements: &'a Path,
     scene: &'a Scene,
     given: Given<'a>,
     evaluator: Evaluator,
@@ -126,7 +171,8 @@ impl Scoring<'_> {
         }
         if let Some(folder) = &self.request.coverage_out {
             for placement in &block {
-                write_coverage(folder, placement, self.evaluator.covered(placement)?)?;
+                let covered = self.evaluator.covered(placement)?;
+                write_coverage(folder, placement, covered, self.request.resume)?;
             }
         }
         self.count += block.len() as u64;
@@ -152,116 +198,139 @@ impl Scoring<'_> {
         ));
     }
 
-    /// Writes all scores.
-    fn write(&mut self, placements: &Path, path: &Path, out: &mut dyn Write) -> Result<(), Error> {
-        // Before anything is written: what cannot be computed prints nothing.
-        let Some(first) = self.next()? else {
-            return Err(PlacementFileError::Empty { path: placements.to_owned() }.into());
-        };
-        let name = self.scene.name();
-        match self.request.as_json {
-            true => write_json(self, first, name, path, out)?,
-            false => write_text(self, first, name, path, out)?,
+    /// Writes all scores to the caller's writer, as they are computed.
+    fn to_writer(mut self, path: &Path, out: &mut dyn Write) -> Result<(), Error> {
+        let mut first = true;
+        while let Some(scores) = self.next()? {
+            // Not before: an input whose scores cannot be computed prints nothing.
+            let head = if first { self.head()? } else { String::new() };
+            let text = head + &self.text(&scores, first)?;
+            out.write_all(text.as_bytes()).map_err(Error::io(path))?;
+            first = false;
         }
+        self.check(first)?;
+        out.write_all(self.tail()?.as_bytes()).map_err(Error::io(path))?;
         self.note_rate();
         out.flush().map_err(Error::io(path))
     }
-}
 
-fn write_text(
-    scoring: &mut Scoring,
-    first: Vec<Scores>,
-    scene: &str,
-    path: &Path,
-    out: &mut dyn Write,
-) -> Result<(), Error> {
-    let problem = scoring.evaluator.problem();
-    let (frames, beams) = (problem.frame_count(), problem.sensors().beams_in_words());
-    let coverage = problem.coverage();
-    let under = under(&in_words(&scoring.request.conditions));
-    writeln!(out, "{scene}: {coverage} over {frames} frame(s), {beams} a LiDAR{under}")
-        .and_then(|()| write!(out, "{}", report::scores_text(&first)))
-        .map_err(Error::io(path))?;
-    while let Some(block) = scoring.next()? {
-        let text = report::scores_text(&block);
-        let body = text.split_once('\n').map_or("", |(_, body)| body);
-        write!(out, "{body}").map_err(Error::io(path))?;
-    }
-    Ok(())
-}
-
-/// One JSON object, written as the scores come; the timings follow them.
-fn write_json(
-    scoring: &mut Scoring,
-    first: Vec<Scores>,
-    scene: &str,
-    path: &Path,
-    out: &mut dyn Write,
-) -> Result<(), Error> {
-    let problem = scoring.evaluator.problem();
-    let mut head = json!({
-        "scene": scene,
-        "backend": scoring.evaluator.backend().name(),
-        "adapter": scoring.evaluator.backend().adapter(),
-        "coverage": problem.coverage(),
-        "frames": problem.frame_count(),
-        "modelled": problem.modelled(),
-        "threads": rayon::current_num_threads(),
-    });
-    if !scoring.request.conditions.is_empty() {
-        head["conditions"] = json!(in_words(&scoring.request.conditions));
-    }
-    let stream = ScoreStream { scoring: RefCell::new(scoring), first, failed: RefCell::default() };
-    let written = stream.write(&head, out);
-    match (stream.failed.into_inner(), written) {
-        (Some(error), _) => Err(error),
-        (None, Ok(())) => Ok(()),
-        (None, Err(error)) => Err(Error::io(path)(error.into())),
-    }
-}
-
-/// Scores that are computed while they are written.
-struct ScoreStream<'a, 'b> {
-    scoring: RefCell<&'a mut Scoring<'b>>,
-    first: Vec<Scores>,
-    /// The reason why the stream ended early.
-    failed: RefCell<Option<Error>>,
-}
-
-impl ScoreStream<'_, '_> {
-    fn write(&self, head: &Value, out: &mut dyn Write) -> Result<(), serde_json::Error> {
-        let mut json = serde_json::Serializer::with_formatter(&mut *out, LinePerElement::default());
-        let mut object = json.serialize_map(None)?;
-        for (key, value) in head.as_object().into_iter().flatten() {
-            object.serialize_entry(key, value)?;
-        }
-        object.serialize_entry("scores", self)?;
-        let scoring = self.scoring.borrow();
-        let changes = scoring.evaluator.backend().changes();
-        if !changes.is_empty() {
-            object.serialize_entry("backend_changes", changes)?;
-        }
-        object.serialize_entry("timings", &scoring.timings())?;
-        SerializeMap::end(object)?;
-        out.write_all(b"\n").map_err(serde_json::Error::io)
-    }
-}
-
-impl Serialize for ScoreStream<'_, '_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut list = serializer.serialize_seq(None)?;
-        self.first.iter().try_for_each(|scores| list.serialize_element(scores))?;
-        loop {
-            match self.scoring.borrow_mut().next() {
-                Ok(Some(block)) => {
-                    block.iter().try_for_each(|scores| list.serialize_element(scores))?;
+    /// Writes all scores to a file. The journal keeps those so far where the watcher ends the work or the disk is full.
+    fn to_file(mut self, mut journal: Journal, out: &Path) -> Result<(), Error> {
+        let scored = self.fill(&mut journal).and_then(|()| self.check(journal.scored == 0));
+        match scored {
+            Ok(()) if self.reader.peek().is_some() => {
+                let (scored, all) = (journal.scored, self.total);
+                let kept = journal.leave()?.map_or(String::new(), |path| {
+                    format!(", kept in {}; the same command with --resume goes on", path.display())
+                });
+                self.watcher.note(&format!("interrupted after {scored} of {all} placements{kept}"));
+                Ok(())
+            }
+            Ok(()) => {
+                let (head, tail) = (self.head()?, self.tail()?);
+                if let Some(folder) = &self.request.coverage_out {
+                    sync_disk(folder);
                 }
-                Ok(None) => return list.end(),
-                Err(error) => {
-                    self.failed.replace(Some(error));
-                    return Err(S::Error::custom("the placements end early"));
+                journal.finish(out, &head, &tail)?;
+                self.note_rate();
+                Ok(())
+            }
+            Err(error) => {
+                match &error {
+                    Error::File(_) => drop(journal.leave()?),
+                    _ => journal.remove(),
                 }
+                Err(error)
             }
         }
+    }
+
+    /// Adds the scores that the journal lacks, as long as the watcher lets it.
+    fn fill(&mut self, journal: &mut Journal) -> Result<(), Error> {
+        for _ in 0..journal.scored {
+            self.reader.next().transpose()?;
+        }
+        self.count = journal.scored;
+        while self.watcher.goes_on() {
+            let first = journal.scored == 0;
+            let Some(scores) = self.next()? else { break };
+            journal.push(self.count, &self.text(&scores, first)?)?;
+        }
+        Ok(())
+    }
+
+    /// Refuses a file without any placement.
+    fn check(&mut self, is_empty: bool) -> Result<(), Error> {
+        match is_empty && self.reader.peek().is_none() {
+            true => Err(PlacementFileError::Empty { path: self.placements.to_owned() }.into()),
+            false => Ok(()),
+        }
+    }
+
+    /// All before the scores.
+    fn head(&self) -> Result<String, Error> {
+        let problem = self.evaluator.problem();
+        let (scene, frames) = (self.scene.name(), problem.frame_count());
+        let coverage = problem.coverage();
+        if !self.request.as_json {
+            let beams = problem.sensors().beams_in_words();
+            let under = under(&in_words(&self.request.conditions));
+            return Ok(format!(
+                "{scene}: {coverage} over {frames} frame(s), {beams} a LiDAR{under}\n"
+            ));
+        }
+        let engine = self.evaluator.backend();
+        let mut head = json!({
+            "scene": scene,
+            "backend": engine.name(),
+            "adapter": engine.adapter(),
+            "coverage": coverage,
+            "frames": frames,
+            "modelled": problem.modelled(),
+            "threads": rayon::current_num_threads(),
+        });
+        if !self.request.conditions.is_empty() {
+            head["conditions"] = json!(in_words(&self.request.conditions));
+        }
+        let text = self.json(&head, LinePerElement::default())?;
+        Ok(format!("{},\"scores\":[", text.strip_suffix('}').unwrap_or(&text)))
+    }
+
+    /// Scores of a block, the first one or one after others.
+    fn text(&self, scores: &[Scores], first: bool) -> Result<String, Error> {
+        let mut text = String::new();
+        if !self.request.as_json {
+            text += &report::scores_text(scores);
+            let body = text.split_once('\n').map_or("", |(_, body)| body);
+            return Ok(if first { text } else { body.to_owned() });
+        }
+        for (index, scores) in scores.iter().enumerate() {
+            text += if first && index == 0 { "\n" } else { ",\n" };
+            text += &self.json(scores, CompactFormatter)?;
+        }
+        Ok(text)
+    }
+
+    /// All after the scores.
+    fn tail(&self) -> Result<String, Error> {
+        if !self.request.as_json {
+            return Ok(String::new());
+        }
+        let changes = self.evaluator.backend().changes();
+        let mut tail = Map::new();
+        if !changes.is_empty() {
+            tail.insert("backend_changes".into(), json!(changes));
+        }
+        tail.insert("timings".into(), self.timings());
+        let tail = self.json(&tail, LinePerElement::default())?;
+        Ok(format!("\n],{}\n", tail.strip_prefix('{').unwrap_or(&tail)))
+    }
+
+    fn json(&self, value: &impl Serialize, format: impl Formatter) -> Result<String, Error> {
+        let path = self.request.out.as_deref().unwrap_or(Path::new("stdout"));
+        let mut text = Vec::new();
+        let mut writer = serde_json::Serializer::with_formatter(&mut text, format);
+        value.serialize(&mut writer).map_err(FileError::json(path))?;
+        Ok(String::from_utf8_lossy(&text).into_owned())
     }
 }

@@ -1,0 +1,343 @@
+//! The guard of files: every file that a command reads, and every output that must not replace one.
+
+use std::collections::BTreeSet;
+use std::fs::{File, Metadata};
+use std::io::{Error, ErrorKind, Read, Result};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use super::FileError;
+use super::place::{folder_of, is_sink, target};
+
+/// Prefix of the files that are being written; the number of their process follows.
+const TEMPORARY: &str = ".sightline-";
+
+static GUARD: Mutex<Guard> = Mutex::new(Guard::new());
+
+/// Everything that is known of the files of this process.
+struct Guard {
+    /// Commands that run now, each inside the other.
+    sessions: usize,
+    /// Whether the program runs, and with `--force`.
+    program: Option<bool>,
+    /// Files that were read: by place, and by number so that hard links count.
+    read: BTreeSet<PathBuf>,
+    numbers: BTreeSet<(u64, u64)>,
+    /// Outputs that were announced.
+    outputs: BTreeSet<PathBuf>,
+    /// Files that are being written now.
+    temporaries: BTreeSet<PathBuf>,
+}
+
+impl Guard {
+    const fn new() -> Self {
+        Self {
+            sessions: 0,
+            program: None,
+            read: BTreeSet::new(),
+            numbers: BTreeSet::new(),
+            outputs: BTreeSet::new(),
+            temporaries: BTreeSet::new(),
+        }
+    }
+}
+
+fn guard() -> MutexGuard<'static, Guard> {
+    GUARD.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A command under way. While one lives, each file that is read is remembered, and no output may replace it.
+pub struct Session(());
+
+impl Session {
+    /// A command of the program: its outputs replace files that exist only with `--force`.
+    pub fn of_program(force: bool) -> Self {
+        let session = Self::begin();
+        guard().program = Some(force);
+        session
+    }
+
+    /// A command inside of another one, or of a caller of the library, whose outputs may replace files.
+    pub fn begin() -> Self {
+        guard().sessions += 1;
+        Self(())
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        let mut guard = guard();
+        guard.sessions -= 1;
+        if guard.sessions == 0 {
+            let temporaries = std::mem::take(&mut guard.temporaries);
+            *guard = Guard { temporaries, ..Guard::new() };
+        }
+    }
+}
+
+/// Opens an input: a plain file, which no output of the command may replace from now on.
+///
+/// # Errors
+/// A file that cannot be opened; a folder, pipe, device or socket.
+pub fn open(path: &Path) -> Result<File> {
+    let file = open_own(path)?;
+    will_read(path);
+    Ok(file)
+}
+
+/// Opens a plain file of the command's own folder, such as a checkpoint, which is replaced later.
+///
+/// # Errors
+/// As of [`open`].
+pub(super) fn open_own(path: &Path) -> Result<File> {
+    plain(&std::fs::metadata(path)?)?;
+    let mut options = File::options();
+    options.read(true);
+    // A pipe that takes the place of the file meanwhile is not waited for.
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::OpenOptionsExt;
+        options.custom_flags(rustix::fs::OFlags::NONBLOCK.bits() as i32);
+    }
+    let file = options.open(path)?;
+    plain(&file.metadata()?)?;
+    Ok(file)
+}
+
+fn plain(meta: &Metadata) -> Result<()> {
+    match (meta.is_file(), meta.is_dir()) {
+        (true, _) => Ok(()),
+        (_, true) => Err(ErrorKind::IsADirectory.into()),
+        _ => Err(Error::other("is not a plain file")),
+    }
+}
+
+/// Reads an input of at most so many bytes.
+///
+/// # Errors
+/// As of [`open`]; a file that is larger, which is not read.
+pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
+    read_all(open(path)?, most)
+}
+
+/// As [`read`], for a file of the command's own folder.
+///
+/// # Errors
+/// As of [`read`].
+pub fn read_own(path: &Path, most: u64) -> Result<Vec<u8>> {
+    read_all(open_own(path)?, most)
+}
+
+fn read_all(file: File, most: u64) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let length = file.metadata()?.len();
+    if length <= most {
+        bytes.try_reserve(usize::try_from(length).unwrap_or(usize::MAX))?;
+        file.take(most + 1).read_to_end(&mut bytes)?;
+    }
+    if length > most || bytes.len() as u64 > most {
+        let (most, unit) = if most >> 20 > 0 { (most >> 20, "MiB") } else { (most, "bytes") };
+        let words = format!("is larger than {most} {unit}, the most that is read of such a file");
+        return Err(Error::new(ErrorKind::FileTooLarge, words));
+    }
+    Ok(bytes)
+}
+
+/// Remembers a file as an input that is opened elsewhere or later.
+pub fn will_read(path: &Path) {
+    let mut guard = guard();
+    if guard.sessions == 0 {
+        return;
+    }
+    if let Ok(place) = path.canonicalize() {
+        guard.read.insert(place);
+    }
+    guard.numbers.extend(number(path));
+}
+
+/// Number of the file behind a path, links followed.
+#[cfg(unix)]
+fn number(path: &Path) -> Option<(u64, u64)> {
+    use std::os::unix::fs::MetadataExt;
+    std::fs::metadata(path).ok().filter(Metadata::is_file).map(|meta| (meta.dev(), meta.ino()))
+}
+
+#[cfg(not(unix))]
+fn number(_: &Path) -> Option<(u64, u64)> {
+    None
+}
+
+/// Checks that a file is none that the command has read.
+///
+/// # Errors
+/// An input of the command, also through links and other spellings.
+pub fn is_no_input(path: &Path) -> std::result::Result<(), FileError> {
+    let guard = guard();
+    if guard.numbers.is_empty() && guard.read.is_empty() {
+        return Ok(());
+    }
+    let by_number = number(path).is_some_and(|number| guard.numbers.contains(&number));
+    // Numbers are exact; places are for systems without them.
+    let by_place = cfg!(not(unix)) && path.canonicalize().is_ok_and(|p| guard.read.contains(&p));
+    if by_number || by_place {
+        return Err(FileError::Refused(format!(
+            "{}: is read by this command and would be overwritten; name another file",
+            path.display()
+        )));
+    }
+    Ok(())
+}
+
+/// Checks that no input of the command lies in a folder that is to be written into.
+pub(super) fn holds_no_input(folder: &Path) -> std::result::Result<(), FileError> {
+    let Ok(place) = folder.canonicalize() else { return Ok(()) };
+    let inside = guard().read.iter().find(|file| file.parent() == Some(&place)).cloned();
+    inside.map_or(Ok(()), |file| {
+        Err(FileError::Refused(format!(
+            "{}: holds {}, which this command reads; name another folder",
+            folder.display(),
+            file.file_name().unwrap_or_default().display()
+        )))
+    })
+}
+
+/// Whether outputs of the command may replace files that exist.
+pub(super) fn overwrites() -> bool {
+    guard().program.unwrap_or(true)
+}
+
+/// Whether the program was told `--force`.
+pub fn is_forced() -> bool {
+    guard().program.unwrap_or(false)
+}
+
+/// Checks that a file that the user names for an output is no input, exists only with `--force`, and is named once.
+pub(super) fn claim(path: &Path) -> std::result::Result<(), FileError> {
+    let target = target(path)?;
+    if is_sink(&target) {
+        return Ok(());
+    }
+    is_no_input(path)?;
+    is_new(path)?;
+    let folder = folder_of(&target).canonicalize().unwrap_or_default();
+    let place = folder.join(target.file_name().unwrap_or_default());
+    let mut guard = guard();
+    if guard.sessions > 0 && !guard.outputs.insert(place) {
+        return Err(FileError::Refused(format!(
+            "{}: is named for two outputs of this command; name another file for one of them",
+            path.display()
+        )));
+    }
+    Ok(())
+}
+
+/// Checks that a file does not exist, unless outputs may replace files.
+pub(super) fn is_new(path: &Path) -> std::result::Result<(), FileError> {
+    if overwrites() || !path.exists() {
+        return Ok(());
+    }
+    Err(exists(path))
+}
+
+/// The refusal of a file that exists.
+pub(super) fn exists(path: &Path) -> FileError {
+    FileError::Refused(format!(
+        "{}: already exists; give --force to overwrite it, or name another file",
+        path.display()
+    ))
+}
+
+/// Start of the names of files that this process is writing.
+pub(super) fn temporary_prefix() -> String {
+    format!("{TEMPORARY}{}-", std::process::id())
+}
+
+/// Remembers a file that is being written, for [`remove_temporaries`]; forgets it when dropped.
+pub struct Temporary(PathBuf);
+
+impl Temporary {
+    pub(super) fn new(path: &Path) -> Self {
+        guard().temporaries.insert(path.to_owned());
+        Self(path.to_owned())
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        guard().temporaries.remove(&self.0);
+    }
+}
+
+/// Removes all files that are being written: for a process that ends at once.
+pub fn remove_temporaries() {
+    for path in std::mem::take(&mut guard().temporaries) {
+        let _ = std::fs::remove_file(path);
+    }
+}
+
+/// Removes what processes that are no more had begun to write into a folder.
+pub fn sweep(folder: &Path) {
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let process =
+            name.to_str().and_then(|name| name.strip_prefix(TEMPORARY)?.split('-').next());
+        let is_dead = process.and_then(|id| id.parse().ok()).is_some_and(|id| !is_alive(id));
+        let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+        // A process of another container holds the lock of its file.
+        let free = |path: &Path| File::open(path).is_ok_and(|file| file.try_lock().is_ok());
+        if is_dead && is_file && free(&entry.path()) {
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Whether a process of this number runs; true where that is not known.
+fn is_alive(id: u32) -> bool {
+    #[cfg(unix)]
+    if let Some(process) = rustix::process::Pid::from_raw(id.cast_signed()) {
+        let asked = rustix::process::test_kill_process(process);
+        return asked != Err(rustix::io::Errno::SRCH);
+    }
+    let _ = id;
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_loses_the_files_of_dead_processes_alone() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let mut child = std::process::Command::new("true").spawn().expect("a process");
+        child.wait().expect("its end");
+        let (dead, own) = (child.id(), std::process::id());
+        for name in [
+            format!(".sightline-{dead}-a.tmp"),
+            format!(".sightline-{own}-a.tmp"),
+            ".sightline-x-a.tmp".into(),
+            ".tmpabc".into(),
+        ] {
+            std::fs::write(dir.path().join(name), "x").expect("a file");
+        }
+        std::fs::create_dir(dir.path().join(format!(".sightline-{dead}-b"))).expect("a folder");
+        sweep(dir.path());
+        let left = std::fs::read_dir(dir.path()).expect("the folder").count();
+        assert_eq!(left, 4);
+        assert!(!dir.path().join(format!(".sightline-{dead}-a.tmp")).exists());
+    }
+
+    #[test]
+    fn files_beyond_their_budget_are_not_read() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("sparse");
+        let file = File::create(&path).expect("a file");
+        file.set_len(1 << 40).expect("a length");
+        let message = read(&path, 1 << 30).expect_err("too large").to_string();
+        assert!(message.contains("larger than 1024 MiB"), "{message}");
+        file.set_len(10).expect("a length");
+        assert_eq!(read(&path, 10).expect("ten bytes").len(), 10);
+        assert!(read(dir.path(), 10).is_err());
+    }
+}

@@ -1,0 +1,205 @@
+//! `FILE.partial`: scores so far of a batch that goes to a file, which `--resume` goes on from.
+
+use std::fs::{File, TryLockError};
+use std::io::{BufRead, BufReader, BufWriter, ErrorKind, Read, Seek, Write};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use sha2::{Digest, Sha256};
+
+use super::request::ScoreRequest;
+use crate::files::{FileError, Input, is_forced, write_whole};
+use crate::runs::Error;
+use crate::scan::conditions::in_words;
+use crate::scene::Scene;
+
+/// Longest line of marks in bytes.
+const MAX_LINE: u64 = 1 << 10;
+/// Largest block of text in bytes: 1024 scores have about one megabyte.
+const MAX_BLOCK: u64 = 1 << 28;
+
+/// Scores so far, block by block. While it lives no other program goes on with the same file.
+pub(super) struct Journal {
+    path: PathBuf,
+    file: BufWriter<File>,
+    /// Bytes before the first block.
+    head: u64,
+    /// Placements whose scores it holds.
+    pub scored: u64,
+}
+
+/// First line: everything that decides about the scores, as one number.
+#[derive(Serialize, Deserialize)]
+struct Head {
+    sightline_partial: u32,
+    digest: String,
+}
+
+/// Line before the text of a block.
+#[derive(Serialize, Deserialize)]
+struct Mark {
+    /// Placements up to the end of the block.
+    scored: u64,
+    bytes: u64,
+    sha256: String,
+}
+
+impl Journal {
+    /// Begins one beside the output, or goes on with the one there where the request says so.
+    ///
+    /// # Errors
+    /// One that is there and is not asked for, of other inputs or options, or held by another program.
+    pub fn open(
+        out: &Path,
+        request: &ScoreRequest,
+        scene: &Scene,
+        placements: &Path,
+    ) -> Result<Self, Error> {
+        let mut name = out.as_os_str().to_owned();
+        name.push(".partial");
+        let path = PathBuf::from(name);
+        let digest = digest(request, scene, placements)?;
+        let exists = path.exists();
+        let refuse = |words: &str| Error::Usage(format!("{}: {words}", path.display()));
+        if exists && !request.resume && !is_forced() {
+            return Err(refuse(
+                "holds the scores of an interrupted run; go on with --resume, or begin anew with --force",
+            ));
+        }
+        if exists && !path.is_file() {
+            return Err(refuse("is not a plain file; move it away"));
+        }
+        let mut options = File::options();
+        options.read(true).write(true).create_new(!exists);
+        let file = options.open(&path).map_err(Error::io(&path))?;
+        if let Err(TryLockError::WouldBlock) = file.try_lock() {
+            return Err(refuse(
+                "another run writes into it; wait for its end, or name another file",
+            ));
+        }
+        if exists && request.resume {
+            return Self::resume(path, file, &digest);
+        }
+        file.set_len(0).map_err(Error::io(&path))?;
+        let mut file = BufWriter::new(file);
+        let head = format!("{}\n", json!(Head { sightline_partial: 1, digest }));
+        file.write_all(head.as_bytes()).map_err(Error::io(&path))?;
+        Ok(Self { path, file, head: head.len() as u64, scored: 0 })
+    }
+
+    /// Finds the end of the last whole block; what follows it is cut off.
+    fn resume(path: PathBuf, file: File, digest: &str) -> Result<Self, Error> {
+        let io = |error| Error::io(&path)(error);
+        let mut reader = BufReader::new(&file);
+        let first = line(&mut reader);
+        let head = first.as_ref().and_then(|line| serde_json::from_str::<Head>(line).ok());
+        match head {
+            Some(head) if head.sightline_partial == 1 && head.digest == digest => {}
+            _ => {
+                return Err(Error::Usage(format!(
+                    "{}: was begun with other scenes, placements or options; give those again, or begin anew with \
+                     --force and without --resume",
+                    path.display()
+                )));
+            }
+        }
+        let head = first.map_or(0, |line| line.len() as u64);
+        let (mut end, mut scored) = (head, 0);
+        while let Some((mark, length, _)) = block(&mut reader) {
+            (end, scored) = (end + length, mark.scored);
+        }
+        file.set_len(end).map_err(io)?;
+        let mut file = BufWriter::new(file);
+        file.seek(std::io::SeekFrom::Start(end)).map_err(io)?;
+        Ok(Self { path, file, head, scored })
+    }
+
+    /// Keeps the text of a block that ends after so many placements.
+    pub fn push(&mut self, scored: u64, text: &str) -> Result<(), Error> {
+        let mark = Mark { scored, bytes: text.len() as u64, sha256: sha256(text.as_bytes()) };
+        let written = writeln!(self.file, "{}", json!(mark))
+            .and_then(|()| self.file.write_all(text.as_bytes()))
+            .and_then(|()| self.file.flush());
+        self.scored = scored;
+        written.map_err(Error::io(&self.path))
+    }
+
+    /// Leaves the scores so far for `--resume`, and returns the path; one that holds none is removed.
+    pub fn leave(mut self) -> Result<Option<PathBuf>, Error> {
+        if self.scored == 0 {
+            self.remove();
+            return Ok(None);
+        }
+        let synced = self.file.flush().and_then(|()| self.file.get_ref().sync_all());
+        synced.map_err(Error::io(&self.path))?;
+        Ok(Some(self.path))
+    }
+
+    /// Takes the file away.
+    pub fn remove(self) {
+        let _ = std::fs::remove_file(&self.path);
+    }
+
+    /// Writes the output: `head`, all blocks, `tail`.
+    pub fn finish(self, out: &Path, head: &str, tail: &str) -> Result<(), Error> {
+        let mut whole = self.file.get_ref();
+        whole.seek(std::io::SeekFrom::Start(self.head)).map_err(Error::io(&self.path))?;
+        let mut reader = BufReader::new(whole);
+        write_whole(out, |file| {
+            file.write_all(head.as_bytes()).map_err(Error::io(out))?;
+            let mut scored = 0;
+            while let Some((mark, _, text)) = block(&mut reader) {
+                file.write_all(&text).map_err(Error::io(out))?;
+                scored = mark.scored;
+            }
+            if scored != self.scored {
+                let changed =
+                    std::io::Error::new(ErrorKind::Other, "was changed meanwhile; run again");
+                return Err(Error::io(&self.path)(changed));
+            }
+            file.write_all(tail.as_bytes()).map_err(Error::io(out))
+        })?;
+        self.remove();
+        Ok(())
+    }
+}
+
+/// The next line with its end; `None` where there is no whole one.
+fn line(reader: &mut impl BufRead) -> Option<String> {
+    let mut line = String::new();
+    reader.take(MAX_LINE).read_line(&mut line).ok()?;
+    line.ends_with('\n').then_some(line)
+}
+
+/// The next block, its bytes with the mark, and its text; `None` where there is no whole one.
+fn block(reader: &mut impl BufRead) -> Option<(Mark, u64, Vec<u8>)> {
+    let line = line(reader)?;
+    let mark: Mark = serde_json::from_str(&line).ok()?;
+    let mut text = Vec::new();
+    reader.take(mark.bytes.min(MAX_BLOCK)).read_to_end(&mut text).ok()?;
+    let is_whole = text.len() as u64 == mark.bytes && sha256(&text) == mark.sha256;
+    is_whole
+        .then_some((line.len() as u64 + mark.bytes, text))
+        .map(|(length, text)| (mark, length, text))
+}
+
+fn sha256(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// One number of all files and options that decide about the text of the scores.
+fn digest(request: &ScoreRequest, scene: &Scene, placements: &Path) -> Result<String, FileError> {
+    let all = json!({
+        "sightline": env!("CARGO_PKG_VERSION"),
+        "scene": Input::names_of(scene.files())?,
+        "placements": Input::names_of(&[placements.to_owned()])?,
+        "as_json": request.as_json,
+        "frames": request.frames,
+        "near_field": request.near_field,
+        "draw": request.draw,
+        "conditions": in_words(&request.conditions),
+        "coverage": request.coverage_out.is_some(),
+    });
+    Ok(sha256(all.to_string().as_bytes()))
+}
