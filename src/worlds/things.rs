@@ -43,9 +43,10 @@ pub(crate) fn of_map(network: &Network) -> BTreeSet<(u16, [i32; 2])> {
         class::FENCE | class::WALL | class::GUARD_RAIL => class::GUARD_RAIL,
         other => other,
     };
-    let shapes = network.shapes.iter().flat_map(|shape| {
-        shape.faces.iter().flatten().map(move |p| (barrier(shape.class), *p))
-    });
+    let shapes = network
+        .shapes
+        .iter()
+        .flat_map(|shape| shape.faces.iter().flatten().map(move |p| (barrier(shape.class), *p)));
     signs.chain(shapes).map(|(class, p)| (class, near_cell(p.truncate()))).collect()
 }
 

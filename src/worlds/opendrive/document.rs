@@ -10,16 +10,76 @@ use crate::worlds::error::WorldError;
 
 /// Elements that are read: their numbers decide a surface, a shape or a way.
 const READ: &[&str] = &[
-    "OpenDRIVE", "header", "road", "link", "predecessor", "successor", "planView", "geometry",
-    "line", "spiral", "arc", "poly3", "paramPoly3", "elevationProfile", "elevation",
-    "lateralProfile", "superelevation", "crossfall", "shape", "crossSectionSurface", "tOffset",
-    "surfaceStrips", "strip", "mode", "constant", "linear", "quadratic", "cubic", "lanes",
-    "laneOffset", "laneSection", "left", "center", "right", "lane", "width", "border", "height",
-    "roadMark", "type", "sway", "explicit", "objects", "object", "repeat", "outlines", "outline",
-    "cornerRoad", "cornerLocal", "curveLocal", "skeleton", "polyline", "vertexRoad", "vertexLocal",
-    "markings", "marking", "cornerReference", "borders", "objectReference", "signals", "signal",
-    "staticBoard", "vmsBoard", "sign", "positionInertial", "positionRoad", "junction",
-    "connection", "laneLink",
+    "OpenDRIVE",
+    "header",
+    "road",
+    "link",
+    "predecessor",
+    "successor",
+    "planView",
+    "geometry",
+    "line",
+    "spiral",
+    "arc",
+    "poly3",
+    "paramPoly3",
+    "elevationProfile",
+    "elevation",
+    "lateralProfile",
+    "superelevation",
+    "crossfall",
+    "shape",
+    "crossSectionSurface",
+    "tOffset",
+    "surfaceStrips",
+    "strip",
+    "mode",
+    "constant",
+    "linear",
+    "quadratic",
+    "cubic",
+    "lanes",
+    "laneOffset",
+    "laneSection",
+    "left",
+    "center",
+    "right",
+    "lane",
+    "width",
+    "border",
+    "height",
+    "roadMark",
+    "type",
+    "sway",
+    "explicit",
+    "objects",
+    "object",
+    "repeat",
+    "outlines",
+    "outline",
+    "cornerRoad",
+    "cornerLocal",
+    "curveLocal",
+    "skeleton",
+    "polyline",
+    "vertexRoad",
+    "vertexLocal",
+    "surface",
+    "markings",
+    "marking",
+    "cornerReference",
+    "borders",
+    "objectReference",
+    "signals",
+    "signal",
+    "staticBoard",
+    "vmsBoard",
+    "sign",
+    "positionInertial",
+    "positionRoad",
+    "junction",
+    "connection",
+    "laneLink",
 ];
 
 /// Elements that are passed over on purpose, and why nothing of a world depends on them.
@@ -27,20 +87,57 @@ const PASSED: &[(&str, &[&str])] = &[
     ("coordinates stay those of the document", &["geoReference", "offset"]),
     ("rights and data about the document", &["license", "dataQuality", "error", "rawData"]),
     ("data of other programs", &["userData"]),
-    ("speeds and rules come from the seed", &[
-        "speed", "access", "restriction", "rule", "defaultRegulations", "roadRegulations",
-        "signalRegulations", "semantics", "priority", "validity", "visibility", "layers", "layer",
-        "connectedTo",
-    ]),
+    (
+        "speeds and rules come from the seed",
+        &[
+            "speed",
+            "access",
+            "restriction",
+            "rule",
+            "defaultRegulations",
+            "roadRegulations",
+            "signalRegulations",
+            "semantics",
+            "priority",
+            "validity",
+            "visibility",
+            "layers",
+            "layer",
+            "connectedTo",
+        ],
+    ),
     ("weight and friction are no geometry", &["material"]),
-    ("lights are not obeyed", &[
-        "controller", "control", "signalReference", "dependency", "reference", "vmsGroup",
-        "vmsBoardReference", "displayArea",
-    ]),
-    ("ways follow links and connections", &["neighbor", "laneLinks", "junctionGroup",
-        "junctionReference", "crossPath", "startLaneLink", "endLaneLink", "trafficIsland"]),
+    (
+        "lights are not obeyed",
+        &[
+            "controller",
+            "control",
+            "signalReference",
+            "dependency",
+            "reference",
+            "vmsGroup",
+            "vmsBoardReference",
+            "displayArea",
+        ],
+    ),
+    (
+        "ways follow links and connections",
+        &[
+            "neighbor",
+            "laneLinks",
+            "junctionGroup",
+            "junctionReference",
+            "crossPath",
+            "startLaneLink",
+            "endLaneLink",
+            "trafficIsland",
+        ],
+    ),
     ("parking follows lanes of the type `parking`", &["parkingSpace"]),
-    ("areas of junctions are paved by gaps between lanes", &["boundary", "segment", "elevationGrid"]),
+    (
+        "areas of junctions are paved by gaps between lanes",
+        &["boundary", "segment", "elevationGrid"],
+    ),
 ];
 
 /// Elements that change the geometry of a real road and are counted in a note.
@@ -86,8 +183,18 @@ const NUMBERS: &[(&str, &[&str], &[&str])] = &[
 const OBJECT: &[&str] =
     &["zOffset", "hdg", "pitch", "roll", "length", "width", "height", "radius", "validLength"];
 const REPEAT: &[&str] = &[
-    "tStart", "tEnd", "widthStart", "widthEnd", "heightStart", "heightEnd", "zOffsetStart",
-    "zOffsetEnd", "lengthStart", "lengthEnd", "radiusStart", "radiusEnd",
+    "tStart",
+    "tEnd",
+    "widthStart",
+    "widthEnd",
+    "heightStart",
+    "heightEnd",
+    "zOffsetStart",
+    "zOffsetEnd",
+    "lengthStart",
+    "lengthEnd",
+    "radiusStart",
+    "radiusEnd",
 ];
 const SHAPES: &[&str] = &["line", "spiral", "arc", "poly3", "paramPoly3"];
 /// Longest part of a value that an error repeats, in characters.
@@ -105,10 +212,8 @@ pub(super) struct Document {
 
 /// An error at an element: its road or junction, its name, its place along the road.
 fn refused(file: &str, node: Node<'_, '_>, what: String) -> WorldError {
-    let owner = node
-        .ancestors()
-        .find(|n| n.has_tag_name("road") || n.has_tag_name("junction"))
-        .map(|n| {
+    let owner =
+        node.ancestors().find(|n| n.has_tag_name("road") || n.has_tag_name("junction")).map(|n| {
             let id = n.attribute("id").unwrap_or("without an id");
             format!("{} {}, ", n.tag_name().name(), shown(id))
         });
@@ -159,7 +264,11 @@ pub(super) fn checked(text: &str, file: &str) -> Result<Document, WorldError> {
             document.take(node, name, file)?;
         }
         if name == "include" {
-            return Err(refused(file, node, "is not followed; write the map as one file".to_owned()));
+            return Err(refused(
+                file,
+                node,
+                "is not followed; write the map as one file".to_owned(),
+            ));
         }
         next = following(node, entered);
     }
@@ -167,11 +276,13 @@ pub(super) fn checked(text: &str, file: &str) -> Result<Document, WorldError> {
         document.notes.push(Note::fact(format!("{file}: <{name}> {count} times: {how}")));
     }
     if !unknown.is_empty() {
-        let list: Vec<String> =
-            unknown.iter().take(12).map(|(name, count)| format!("<{name}> {count} times")).collect();
+        let list: Vec<String> = unknown
+            .iter()
+            .take(12)
+            .map(|(name, count)| format!("<{name}> {count} times"))
+            .collect();
         document.notes.push(Note::fact(format!(
-            "{file}: {} kinds of element are unknown and left out: {}",
-            unknown.len(),
+            "{file}: unknown elements are left out: {}",
             list.join(", ")
         )));
     }
@@ -224,7 +335,8 @@ fn check(node: Node<'_, '_>, name: &str, file: &str) -> Result<(), WorldError> {
                 [one] => format!("the unknown shape <{}>", shown(one)),
                 several => format!("{} shapes", several.len()),
             };
-            let what = format!("has {found}; give one of <line>, <spiral>, <arc>, <poly3>, <paramPoly3>");
+            let what =
+                format!("has {found}; give one of <line>, <spiral>, <arc>, <poly3>, <paramPoly3>");
             return Err(refused(file, node, what));
         }
     }
@@ -280,9 +392,9 @@ impl Document {
     /// Lanes of a road with a <height>, 0 as well: the file decides, and not the height of our kerb.
     fn raised(&mut self, road: Node<'_, '_>) {
         let start = |n: &Node<'_, '_>| number(n.attribute("s").unwrap_or("0")).unwrap_or(0.0);
-        let lanes = road.children().filter(|n| {
-            n.has_tag_name("lanes") && n.attribute("layer") != Some("temporary")
-        });
+        let lanes = road
+            .children()
+            .filter(|n| n.has_tag_name("lanes") && n.attribute("layer") != Some("temporary"));
         let mut sections: Vec<Node<'_, '_>> =
             lanes.flat_map(|n| n.children()).filter(|n| n.has_tag_name("laneSection")).collect();
         sections.sort_by(|a, b| start(a).total_cmp(&start(b)));

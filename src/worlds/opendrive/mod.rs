@@ -180,9 +180,8 @@ impl<'a> Map<'a> {
     /// Metres of a lane above its road, left and right at each point: the file's word, or our kerb for a walk.
     fn raised(&self, lane: &xodr::Lane) -> Vec<[f64; 2]> {
         let origin = self.origins.get(&lane.id.0);
-        let stated = origin.filter(|o| {
-            self.document.raised.contains(&(o.road_id.clone(), o.section, o.od_id))
-        });
+        let stated = origin
+            .filter(|o| self.document.raised.contains(&(o.road_id.clone(), o.section, o.od_id)));
         let count = lane.center.points().len();
         let Some(origin) = stated else {
             let walk = lane.kind == LaneType::Sidewalk;
@@ -307,7 +306,10 @@ fn post(signal: &xodr::Signal) -> Post {
     let foot = DVec3::new(x, y, f64::from(ground.z));
     let faces = DVec2::from_angle(f64::from(signal.heading));
     let size = [signal.width, signal.height].map(|size| size.map_or(0.0, f64::from));
-    let plate = (size[0] > 0.0 && size[1] > 0.0 && low > foot.z + LOWEST)
-        .then_some(Plate { low, width: size[0], height: size[1] });
+    let plate = (size[0] > 0.0 && size[1] > 0.0 && low > foot.z + LOWEST).then_some(Plate {
+        low,
+        width: size[0],
+        height: size[1],
+    });
     Post { foot, faces, light: signal.dynamic || signal.kind == "1000001", plate }
 }

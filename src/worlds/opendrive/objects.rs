@@ -64,7 +64,11 @@ fn painted(kind: ObjectType) -> bool {
 ///
 /// # Errors
 /// Objects that are larger, or farther away, than a world can hold.
-pub(super) fn add(roads: &RoadNetwork, network: &mut Network, file: &str) -> Result<(), WorldError> {
+pub(super) fn add(
+    roads: &RoadNetwork,
+    network: &mut Network,
+    file: &str,
+) -> Result<(), WorldError> {
     let mesh = roads.object_mesh();
     let mut without_size: BTreeMap<&str, usize> = BTreeMap::new();
     let (mut bays, mut area) = (0, 0.0);
@@ -103,8 +107,10 @@ pub(super) fn add(roads: &RoadNetwork, network: &mut Network, file: &str) -> Res
         });
     }
     if !without_size.is_empty() {
-        let list: Vec<String> =
-            without_size.iter().map(|(kind, count)| format!("{count} of the type {kind}")).collect();
+        let list: Vec<String> = without_size
+            .iter()
+            .map(|(kind, count)| format!("{count} of the type {kind}"))
+            .collect();
         network.notes.push(Note::fact(format!(
             "{file}: objects without length and width, or a radius, are left out: {}",
             list.join(", ")
