@@ -69,7 +69,7 @@ fn body(solid: &Solid) -> Option<String> {
     }
     if size.z > 2.5 && size.z > 1.5 * size.x.max(size.y) {
         return Some(format!(
-            "the ego body is {:.1} m high, but {:.1} m long and {:.1} m wide; z is up: give its mesh `\"up\": \"y\"`, \
+            "the ego body is {:.1} m high, but {:.1} m long and {:.1} m wide; z is up: give its mesh `\"axes\": \"y-up\"`, \
              or turn it",
             size.z, size.x, size.y
         ));
@@ -97,7 +97,7 @@ fn world(solid: &Solid) -> Option<String> {
     on_side.then(|| {
         format!(
             "the static world is {:.0} m high and {:.0} m deep, and most of its faces look along y; z is up: give \
-             its mesh `\"up\": \"y\"`",
+             its mesh `\"axes\": \"y-up\"`",
             size.z, size.y
         )
     })
@@ -242,4 +242,53 @@ fn inside(solid: &Solid, p: DVec3) -> bool {
         crossed.count() % 2 == 1
     };
     odd(|v| v) && odd(|v| DVec3::new(v.y, v.z, v.x))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(body: &str, ego: &str, ground: f64, lidar: &str, mount: &str) -> String {
+        let text = format!(
+            r#"{{"sightline": 1, "roi": {{"min": [-20, -20, -0.5], "max": [20, 20, 5.5], "voxel": [0.4, 0.4, 0.4]}},
+            "lidar": {lidar}, "mount": {mount}, "frames": 4,
+            "ego": {{"body": [{{"class": "vehicle", "box": {body}}}], {ego}}},
+            "static": [{{"class": "road", "plane": {{"min": [-50, -50], "max": [50, 50], "z": {ground}}}}}]}}"#
+        );
+        let scene = Scene::from_json(&text, std::path::Path::new(""), "s.json").unwrap();
+        let notes = scene.notes().iter().inspect(|note| assert!(note.is_doubt()));
+        notes.map(|note| note.text().to_owned()).collect::<Vec<_>>().join("\n")
+    }
+
+    const CAR: &str = r#"{"foot": [0, 0, 0.2], "size": [4.4, 1.8, 1.3]}"#;
+    const AHEAD: &str = r#""route": {"points": [[0, 0], [10, 0]], "spacing": 1}"#;
+    const ROOF: &str = r#"{"min": [-0.6, -0.6, 2], "max": [0.6, 0.6, 2.6], "lidars": 1}"#;
+    const LIDAR: &str = r#"{"channels": 16, "fov": [-25, 5], "azimuth_steps": 180, "range": 100}"#;
+
+    #[test]
+    fn a_sound_scene_is_not_doubted() {
+        assert_eq!(told(CAR, AHEAD, 0.0, LIDAR, ROOF), "");
+    }
+
+    #[test]
+    fn each_likely_mistake_is_told_with_its_number() {
+        let poses =
+            r#""poses": [{"x": 0, "y": 0}, {"x": 0, "y": 1}, {"x": 0, "y": 2}, {"x": 0, "y": 3}]"#;
+        let inside = r#"{"min": [-0.1, -0.1, 0.5], "max": [0.1, 0.1, 0.7], "lidars": 1}"#;
+        let short = LIDAR.replace("100}", "0.1}");
+        let narrow = LIDAR.replace("-25, 5", "-0.4, 0.1");
+        let large = r#"{"foot": [0, 0, 0.2], "size": [4400, 1800, 1300]}"#;
+        let upright = r#"{"foot": [0, 0, 0.2], "size": [1.8, 1.3, 4.4]}"#;
+        for (told, word) in [
+            (told(large, AHEAD, 0.0, LIDAR, ROOF), "4400 mm would be 4.40 m"),
+            (told(upright, AHEAD, 0.0, LIDAR, ROOF), "the ego body is 4.4 m high"),
+            (told(CAR, poses, 0.0, LIDAR, ROOF), "ego moves sideways: in 3 of 3 steps"),
+            (told(CAR, AHEAD, -1.73, LIDAR, ROOF), "1.73 m below its origin"),
+            (told(CAR, AHEAD, 0.0, &short, ROOF), "a range of 0.1 m"),
+            (told(CAR, AHEAD, 0.0, &narrow, ROOF), "a field of view of 0.500°"),
+            (told(CAR, AHEAD, 0.0, LIDAR, inside), "the whole mount lies inside the ego body"),
+        ] {
+            assert!(told.contains(word), "{word}: {told}");
+        }
+    }
 }
