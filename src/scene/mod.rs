@@ -9,6 +9,7 @@ mod carrier;
 mod classes;
 mod copies;
 mod description;
+mod doubts;
 mod kind;
 mod origins;
 mod parts;
@@ -290,7 +291,7 @@ impl Scene {
             PsogSource::File(file) => files.push(file.clone()),
             PsogSource::Scan(_) => classes.check_detection(&classes.names)?,
         }
-        Ok(Self {
+        let mut scene = Self {
             name,
             classes,
             roi,
@@ -311,7 +312,10 @@ impl Scene {
             reflectances,
             files,
             notes,
-        })
+        };
+        let doubts = doubts::about(&scene, name_for_errors);
+        scene.notes.extend(doubts);
+        Ok(scene)
     }
 
     /// Likely mistakes that are no errors: a sentence each, with file and place.

@@ -12,6 +12,32 @@ pub enum WorldError {
         /// What the reader says.
         source: Box<xodr::ImportError>,
     },
+    /// The XML is too deep or too wide to be read.
+    #[error("{file}: {what}")]
+    Xml {
+        /// Name of the file.
+        file: String,
+        /// The line, the limit, and what to do.
+        what: String,
+    },
+    /// An element of the document that cannot be read.
+    #[error("{file}: {place} {what}")]
+    Element {
+        /// Name of the file.
+        file: String,
+        /// Line, road or junction, and element.
+        place: String,
+        /// What is wrong with it, and what to do.
+        what: String,
+    },
+    /// A part of the map that would be missing.
+    #[error("{file}: {what}; correct it, or take it out of the map")]
+    Part {
+        /// Name of the file.
+        file: String,
+        /// What the reader says.
+        what: String,
+    },
     /// The file cannot be read at all.
     #[error("{file}: {source}; give an OpenDRIVE file (.xodr)")]
     File {

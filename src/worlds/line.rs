@@ -43,6 +43,11 @@ impl Line {
         &self.points
     }
 
+    /// Metres along the line up to each of its points.
+    pub fn along(&self) -> &[f64] {
+        &self.along
+    }
+
     /// Whole length.
     pub fn length(&self) -> f64 {
         self.along.last().copied().unwrap_or(0.0)

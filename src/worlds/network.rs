@@ -3,6 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use super::line::Line;
+use crate::Note;
 
 /// What a strip of the network is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,6 +24,8 @@ pub(crate) struct Strip {
     pub used: Use,
     pub left: Vec<DVec3>,
     pub right: Vec<DVec3>,
+    /// Metres above the road, left and right at each point; empty where all of it is level with the road.
+    pub raised: Vec<[f64; 2]>,
 }
 
 /// A lane for vehicles in the direction in which they drive.
@@ -34,6 +37,8 @@ pub(crate) struct Lane {
     /// Lanes that begin where this one ends.
     pub next: Vec<usize>,
     pub junction: bool,
+    /// One drives on the left of the road.
+    pub left_hand: bool,
 }
 
 /// One stretch of road between junctions, kerbs and outer edges in the direction of the road.
@@ -47,6 +52,40 @@ pub(crate) struct Street {
     pub parking: [f64; 2],
     /// Whether the street meets a junction at its start and at its end.
     pub meets: [bool; 2],
+    /// Height of the walk above each edge: metres along the edge as x, the height as z.
+    pub kerbs: [Line; 2],
+    /// One drives on the left of the road.
+    pub left_hand: bool,
+}
+
+impl Street {
+    /// Metres that the walk of a side stands above its edge.
+    pub fn kerb(&self, side: usize, s: f64) -> f64 {
+        let line = &self.kerbs[side];
+        line.at(s.clamp(0.0, line.length())).z
+    }
+}
+
+/// Height of a walk that is the same everywhere, for [`Street::kerbs`].
+pub(crate) fn even_kerb(height: f64) -> Line {
+    Line::new([DVec3::new(0.0, 0.0, height)])
+}
+
+/// A solid, or paint, that the network itself brings.
+#[derive(Debug, Clone)]
+pub(crate) struct Shape {
+    pub class: u16,
+    pub faces: Vec<[DVec3; 3]>,
+    /// Stands on the ground and keeps other things away.
+    pub solid: bool,
+}
+
+/// A plate that a map describes: its lower edge, its width and its height in metres.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Plate {
+    pub low: f64,
+    pub width: f64,
+    pub height: f64,
 }
 
 /// A sign or light that the network itself brings.
@@ -56,6 +95,8 @@ pub(crate) struct Post {
     /// Where the board looks.
     pub faces: DVec2,
     pub light: bool,
+    /// `None`: as is usual.
+    pub plate: Option<Plate>,
 }
 
 /// Roads of a world.
@@ -67,6 +108,9 @@ pub(crate) struct Network {
     /// Painted quads, a few millimetres above the road.
     pub marks: Vec<[DVec3; 4]>,
     pub posts: Vec<Post>,
+    pub shapes: Vec<Shape>,
+    /// Sentences about the map.
+    pub notes: Vec<Note>,
 }
 
 impl Network {

@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::fleet::{self, Model};
 use super::line::{Line, left_of};
-use super::network::{KERB, Network, Street};
+use super::network::{Network, Street};
 use super::style::Style;
 use super::traffic::{Scene, Stand, Track, stand_on, way};
 
@@ -188,7 +188,7 @@ impl Settings<'_> {
             }
             let ahead = edge.heading(middle);
             let shift = left_of(ahead) * inward * (street.walks[side] + 0.5 * strip);
-            let reverse = (side == 0) != rng.random_bool(0.1);
+            let reverse = ((side == 0) != street.left_hand) != rng.random_bool(0.1);
             let yaw =
                 (if reverse { -ahead } else { ahead }).to_angle() + rng.random_range(-0.02..0.02);
             people.add(
@@ -210,11 +210,12 @@ impl Settings<'_> {
         let edge = &street.edges[side];
         let inward = if side == 0 { -1.0 } else { 1.0 };
         let inset = rng.random_range(0.35..(street.walks[side] - 1.4).max(0.45));
-        let line = Line::new(edge.offset(inward * inset));
+        let walk = edge.offset(inward * inset).into_iter().zip(edge.along());
+        let line = Line::new(walk.map(|(p, s)| p + DVec3::Z * street.kerb(side, *s)));
         let line = if rng.random_bool(0.5) { line } else { line.reversed() };
         let from = rng.random_range(0.0..1.0) * line.length();
         if near(line.at(from)) {
-            self.walk(people, model, &line, from, rng, KERB);
+            self.walk(people, model, &line, from, rng);
         }
     }
 
@@ -226,13 +227,12 @@ impl Settings<'_> {
         line: &Line,
         from: f64,
         rng: &mut ChaCha8Rng,
-        up: f64,
     ) {
         let pace = rng.random_range(0.9..1.8);
         let stand = |t: usize| {
             let s = (from + pace * t as f64 / self.rate).clamp(0.0, line.length());
             let stand = stand_on(line, s, 0.5);
-            Stand { at: line.at(s) + DVec3::Z * up, pitch: 0.0, ..stand }
+            Stand { at: line.at(s), pitch: 0.0, ..stand }
         };
         let stands = (0..self.frames).map(stand).collect();
         people.add(model, Track::walking(people.models[model].size, stands));
@@ -253,8 +253,9 @@ impl Settings<'_> {
         let [a, b] = [left, right].map(|e| e.at(share * e.length()));
         let across = (b - a).normalize_or_zero();
         let [w, v] = street.walks;
-        let up = DVec3::Z * KERB;
-        Some([a + across * 0.4 + up, a + across * w, b - across * v, b - across * 0.4 + up])
+        let [here, there] = [(0, left), (1, right)]
+            .map(|(side, edge)| DVec3::Z * street.kerb(side, share * edge.length()));
+        Some([a + across * 0.4 + here, a + across * w, b - across * v, b - across * 0.4 + there])
     }
 
     fn cross(&self, people: &mut Population, street: &Street, rng: &mut ChaCha8Rng) {
@@ -263,7 +264,7 @@ impl Settings<'_> {
         let line = Line::new(points);
         let line = if rng.random_bool(0.5) { line } else { line.reversed() };
         let from = rng.random_range(0.0..0.8) * line.length();
-        self.walk(people, model, &line, from, rng, 0.0);
+        self.walk(people, model, &line, from, rng);
     }
 
     fn wait(&self, people: &mut Population, street: &Street, side: usize, rng: &mut ChaCha8Rng) {
@@ -333,7 +334,8 @@ impl Settings<'_> {
             return false;
         }
         if bicycle {
-            line = Line::new(line.offset(-(0.5 * lane.width - 0.7).max(0.0)));
+            let aside = (0.5 * lane.width - 0.7).max(0.0);
+            line = Line::new(line.offset(if lane.left_hand { aside } else { -aside }));
         }
         let track = people.scene.drive(&line, from, speed, self.rate, size);
         people.add(model, track)

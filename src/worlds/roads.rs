@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use glam::{DVec2, DVec3};
 
 use super::line::{Line, curve, left_of};
-use super::network::{KERB, Lane, MARK, Network, Street, Strip, Use};
+use super::network::{KERB, Lane, MARK, Network, Street, Strip, Use, even_kerb};
 
 /// Cross section of a road, the same to both sides, in metres.
 #[derive(Debug, Clone, Copy)]
@@ -125,7 +125,10 @@ impl Plan {
 
 /// Lanes of a road, forward and backward, the innermost first, with all that is paved.
 fn carriageway(network: &mut Network, line: &Line, profile: &Profile) -> [Vec<usize>; 2] {
-    let strip = |used, a: f64, b: f64| Strip { used, left: line.offset(a), right: line.offset(b) };
+    let strip = |used, a: f64, b: f64| {
+        let (left, right) = (line.offset(a), line.offset(b));
+        Strip { used, left, right, raised: Vec::new() }
+    };
     let mut lanes = [Vec::new(), Vec::new()];
     let middle = 0.5 * profile.median;
     if middle > 0.0 {
@@ -140,7 +143,13 @@ fn carriageway(network: &mut Network, line: &Line, profile: &Profile) -> [Vec<us
             let centre = if side < 0.0 { centre } else { centre.reversed() };
             lanes.push(network.lanes.len());
             let width = profile.lane_width;
-            network.lanes.push(Lane { centre, width, next: Vec::new(), junction: false });
+            network.lanes.push(Lane {
+                centre,
+                width,
+                next: Vec::new(),
+                junction: false,
+                left_hand: false,
+            });
             let edge = Line::new(line.offset(side * (outer - 0.1)));
             let last = i + 1 == profile.lanes;
             network.paint(&edge, 0.13, if last { 0.0 } else { 3.0 });
@@ -168,7 +177,8 @@ fn walks(network: &mut Network, line: &Line, profile: &Profile, meets: [bool; 2]
     if profile.walk > 0.0 {
         for side in [-1.0, 1.0] {
             let [left, right] = [raised(side * kerb, KERB), raised(side * edge, KERB)];
-            network.strips.push(Strip { used: Use::Walk, left, right });
+            let raised = vec![[KERB; 2]; left.len()];
+            network.strips.push(Strip { used: Use::Walk, left, right, raised });
         }
         for (meets, at) in meets.into_iter().zip([2.5, line.length() - 2.5]) {
             if meets && line.length() > 20.0 {
@@ -178,7 +188,8 @@ fn walks(network: &mut Network, line: &Line, profile: &Profile, meets: [bool; 2]
     }
     let edges = [Line::new(line.offset(edge)), Line::new(line.offset(-edge))];
     let (walks, parking) = ([profile.walk; 2], [profile.parking; 2]);
-    network.streets.push(Street { edges, walks, parking, meets });
+    let kerbs = [even_kerb(KERB), even_kerb(KERB)];
+    network.streets.push(Street { edges, walks, parking, meets, kerbs, left_hand: false });
 }
 
 fn zebra(network: &mut Network, line: &Line, at: f64, kerb: f64) {
@@ -209,15 +220,18 @@ fn junction(network: &mut Network, node: DVec2, arms: &[Arm]) {
         border.push(arm.beside(-here.kerb()));
         if here.walk > 0.0 && there.walk > 0.0 {
             let outer = bend(here.kerb() + here.walk, there.kerb() + there.walk);
-            let raised = |line: &[DVec3]| line.iter().map(|p| *p + DVec3::Z * KERB).collect();
+            let raised = |line: &[DVec3]| -> Vec<DVec3> {
+                line.iter().map(|p| *p + DVec3::Z * KERB).collect()
+            };
             let [left, right] = [raised(&kerb), raised(&outer)];
-            network.strips.push(Strip { used: Use::Walk, left, right });
+            let raised = vec![[KERB; 2]; left.len()];
+            network.strips.push(Strip { used: Use::Walk, left, right, raised });
         }
         border.extend(kerb);
     }
     border.extend(border.first().copied());
     let right = vec![middle; border.len()];
-    network.strips.push(Strip { used: Use::Road, left: border, right });
+    network.strips.push(Strip { used: Use::Road, left: border, right, raised: Vec::new() });
     for (i, from) in arms.iter().enumerate() {
         for (j, to) in arms.iter().enumerate() {
             if i != j {
@@ -250,6 +264,7 @@ fn turn(network: &mut Network, from: &Arm, to: &Arm) {
         let (width, centre) = (a.width, curve(start, -from.away, end, to.away, 1.0));
         let lane = network.lanes.len();
         network.lanes[into].next.push(lane);
-        network.lanes.push(Lane { centre, width, next: vec![out], junction: true });
+        let next = vec![out];
+        network.lanes.push(Lane { centre, width, next, junction: true, left_hand: false });
     }
 }

@@ -2,9 +2,9 @@
 
 use glam::{DVec2, DVec3};
 
-use super::mask::{Mask, ROAD, WALK};
+use super::mask::{CELL, Mask, ROAD, THING, WALK};
 use super::model::{Model, class};
-use super::network::{KERB, Network, Strip, Use};
+use super::network::{Network, Shape, Strip, Use};
 
 /// Metres of terrain around the network.
 const MARGIN: f64 = 70.0;
@@ -38,21 +38,23 @@ pub(crate) fn draw(network: &Network, model: &mut Model, open: u16) -> (Mask, Te
             Use::Road | Use::Walk => class::ROAD,
         };
         quads(strip).for_each(|q| model.quad(q, class));
+        if !strip.raised.is_empty() {
+            quads(strip).for_each(|q| sides(model, q, class));
+        }
     }
     let mut walks = Mask::default();
     for strip in network.strips.iter().filter(walked) {
-        for q in quads(strip) {
+        for (q, up) in quads(strip).zip(strip.raised.windows(2)) {
             if !free(&mask, &q) {
                 // Maps lead walks across junctions: there they are part of the road, just below it.
-                model.quad(q.map(|p| p - DVec3::Z * (KERB + 0.004)), class::ROAD);
+                let up = [up[0][0], up[1][0], up[1][1], up[0][1]];
+                let lowered = [0, 1, 2, 3].map(|k| q[k] - DVec3::Z * (up[k] + 0.004));
+                model.quad(lowered, class::ROAD);
                 continue;
             }
             model.quad(q, class::SIDEWALK);
             walks.fill_long(q, WALK);
-            for [a, b] in [[q[0], q[1]], [q[3], q[2]]] {
-                let down = DVec3::Z * SKIRT;
-                model.quad([a, b, b - down, a - down], class::SIDEWALK);
-            }
+            sides(model, q, class::SIDEWALK);
         }
     }
     walks.cells(WALK).for_each(|cell| mask.set(cell, WALK));
@@ -62,6 +64,34 @@ pub(crate) fn draw(network: &Network, model: &mut Model, open: u16) -> (Mask, Te
     edges(network, model);
     terrain.draw(model, open);
     (mask, terrain)
+}
+
+/// Faces down from both sides of a raised quad.
+fn sides(model: &mut Model, q: [DVec3; 4], class: u16) {
+    for [a, b] in [[q[0], q[1]], [q[3], q[2]]] {
+        let down = DVec3::Z * SKIRT;
+        model.quad([a, b, b - down, a - down], class);
+    }
+}
+
+/// Draws the shapes of the map, and keeps the ground under solid ones free of other things.
+pub(crate) fn shapes(shapes: &[Shape], mask: &mut Mask, model: &mut Model) {
+    for shape in shapes {
+        for &[a, b, c] in &shape.faces {
+            model.triangle([a, b, c], shape.class);
+            if !shape.solid {
+                continue;
+            }
+            mask.fill([a, b, c, c], THING);
+            for (from, to) in [(a, b), (b, c), (c, a)] {
+                let pieces = ((to - from).truncate().length() / CELL).ceil().clamp(1.0, 1e4) as u32;
+                for k in 0..=pieces {
+                    let at = from.lerp(to, f64::from(k) / f64::from(pieces)).truncate();
+                    mask.set(Mask::cell(at), THING);
+                }
+            }
+        }
+    }
 }
 
 /// The quads of a strip, those of no area left out by the model.

@@ -1,6 +1,8 @@
 //! What stands beside the road: trees, lamps, signs, lights, rails, benches, bins and goods.
 
 use crate::maths;
+use std::collections::BTreeSet;
+
 use glam::{DVec2, DVec3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -9,7 +11,7 @@ use super::houses::fence;
 use super::line::{Line, left_of};
 use super::mask::{HOUSE, Mask, ROAD, THING, WALK};
 use super::model::{Model, Plot, class};
-use super::network::{KERB, Network, Street, Use};
+use super::network::{KERB, Network, Post, Street, Use};
 use super::style::Style;
 use super::surfaces::Terrain;
 
@@ -22,6 +24,31 @@ pub(crate) struct Things<'a> {
     pub rng: ChaCha8Rng,
     /// Feet of the trees.
     pub trees: Vec<DVec2>,
+    /// Cells of 10 m in which the map itself has a thing of a class.
+    pub of_map: BTreeSet<(u16, [i32; 2])>,
+    /// Signals of the map that would stand on the road.
+    pub left_out: usize,
+}
+
+/// Metres above a road from which a plate hangs over it.
+const OVER_ROAD: f64 = 3.0;
+
+fn near_cell(p: DVec2) -> [i32; 2] {
+    [(p.x / 10.0).floor() as i32, (p.y / 10.0).floor() as i32]
+}
+
+/// Where a map itself has poles, signs and barriers, so that none of ours stands beside them.
+pub(crate) fn of_map(network: &Network) -> BTreeSet<(u16, [i32; 2])> {
+    let signs = network.posts.iter().map(|post| (class::TRAFFIC_SIGN, post.foot));
+    let barrier = |class| match class {
+        class::FENCE | class::WALL | class::GUARD_RAIL => class::GUARD_RAIL,
+        other => other,
+    };
+    let shapes = network
+        .shapes
+        .iter()
+        .flat_map(|shape| shape.faces.iter().flatten().map(move |p| (barrier(shape.class), *p)));
+    signs.chain(shapes).map(|(class, p)| (class, near_cell(p.truncate()))).collect()
 }
 
 impl Things<'_> {
@@ -57,8 +84,8 @@ impl Things<'_> {
     }
 
     /// Height of the walk or the ground.
-    fn ground(&self, edge: DVec3, p: DVec2, walk: f64) -> DVec3 {
-        p.extend(if walk > 0.0 { edge.z + KERB } else { self.terrain.height(p) })
+    fn ground(&self, edge: DVec3, p: DVec2, kerb: Option<f64>) -> DVec3 {
+        p.extend(kerb.map_or_else(|| self.terrain.height(p), |kerb| edge.z + kerb))
     }
 
     /// Trees, lamps, signs and street furniture just behind the kerb.
@@ -71,16 +98,23 @@ impl Things<'_> {
         let mut s = self.rng.random_range(2.0..9.0);
         while s < edge.length() {
             let (p, at) = (place(s, from_kerb), edge.at(s));
-            let foot = self.ground(at, p, walk);
+            let foot = self.ground(at, p, (walk > 0.0).then(|| street.kerb(side, s)));
             if self.free(p, 0.0) {
                 let trees = if self.style.trees > 0.0 { 6.0 / self.style.trees } else { 0.0 };
                 let lamps = if self.style.lamps > 0.0 { 6.0 / self.style.lamps } else { 0.0 };
                 match self.rng.random_range(0.0..1.0) {
                     r if r < trees && walk > 1.5 => self.tree(foot, 1.0),
-                    r if r < trees + lamps => self.lamp(foot, -outward(s)),
+                    r if r < trees + lamps => {
+                        if !self.brought(class::POLE, p) {
+                            self.lamp(foot, -outward(s));
+                        }
+                    }
                     r if r < trees + lamps + 0.06 => {
-                        let side = if out < 0.0 { -1.0 } else { 1.0 };
-                        self.sign(foot, edge.heading(s) * side);
+                        // Boards look at those who come along on this side of the road.
+                        let side = if (out < 0.0) != street.left_hand { -1.0 } else { 1.0 };
+                        if !self.brought(class::TRAFFIC_SIGN, p) {
+                            self.sign(foot, edge.heading(s) * side);
+                        }
                     }
                     r if r < trees + lamps + 0.13 && walk > 1.5 => {
                         self.small(foot, edge.heading(s))
@@ -192,13 +226,11 @@ impl Things<'_> {
 
     /// Signs and lights of the network, or at the lanes that lead into a junction.
     fn posts(&mut self, network: &Network) {
-        let own = network.posts.iter().copied().map(|p| (p.foot, p.faces, p.light));
-        let mut posts: Vec<(DVec3, DVec2, bool)> = own.collect();
-        if posts.is_empty() {
-            posts = self.approaches(network);
+        if !network.posts.is_empty() {
+            return network.posts.iter().for_each(|post| self.brought_post(post));
         }
         let mut taken: Vec<DVec2> = Vec::new();
-        for (foot, faces, light) in posts {
+        for (foot, faces, light) in self.approaches(network) {
             let p = foot.truncate();
             if taken.iter().any(|t| t.distance(p) < 2.5) || !self.clear(p, 0.05, ROAD | HOUSE) {
                 continue;
@@ -206,6 +238,43 @@ impl Things<'_> {
             taken.push(p);
             if light { self.light(foot, faces) } else { self.sign(foot, faces) }
         }
+    }
+
+    /// A signal of the map: a plate of its own size and height, on a post where it stands beside the road.
+    fn brought_post(&mut self, post: &Post) {
+        let (foot, faces) = (post.foot, post.faces);
+        let on_road = !self.clear(foot.truncate(), 0.05, ROAD);
+        let Some(plate) = post.plate else {
+            match (on_road, post.light) {
+                (true, _) => self.left_out += 1,
+                (false, true) => self.light(foot, faces),
+                (false, false) => self.sign(foot, faces),
+            }
+            return;
+        };
+        if on_road && plate.low < foot.z + OVER_ROAD {
+            self.left_out += 1;
+            return;
+        }
+        let thick = if post.light { 0.14 } else { 0.015 };
+        let board = Plot {
+            middle: foot.truncate() + faces * 0.2,
+            ahead: faces,
+            half: DVec2::new(thick, 0.5 * plate.width),
+        };
+        let class = if post.light { class::TRAFFIC_LIGHT } else { class::TRAFFIC_SIGN };
+        self.model.block(&board, [plate.low, plate.low + plate.height], class);
+        if !on_road {
+            let height = plate.low + plate.height - foot.z;
+            self.model.pole(foot, 0.05, height, 6, class::POLE);
+            self.take(foot.truncate(), 0.2);
+        }
+    }
+
+    /// Whether the map itself has a thing of the class within 10 m or a little more.
+    fn brought(&self, class: u16, p: DVec2) -> bool {
+        let [x, y] = near_cell(p);
+        (-1..=1).any(|i| (-1..=1).any(|j| self.of_map.contains(&(class, [x + i, y + j]))))
     }
 
     fn approaches(&mut self, network: &Network) -> Vec<(DVec3, DVec2, bool)> {
@@ -217,7 +286,7 @@ impl Things<'_> {
         let found = lanes.filter_map(|lane| {
             let end = (lane.centre.length() - 1.0).max(0.0);
             let (at, heading) = (lane.centre.at(end), lane.centre.heading(end));
-            let right = -left_of(heading);
+            let right = left_of(heading) * if lane.left_hand { 1.0 } else { -1.0 };
             let off = (2..60)
                 .map(|k| 0.3 * f64::from(k))
                 .find(|off| self.clear(at.truncate() + right * *off, 0.0, ROAD))?;
@@ -297,6 +366,10 @@ impl Things<'_> {
         let mut s = 0.0;
         while s + 4.0 <= line.length() {
             let (a, b) = (line.at(s), line.at(s + 4.0));
+            if self.brought(class::GUARD_RAIL, a.truncate()) {
+                s += 4.0;
+                continue;
+            }
             let side = (left_of(line.heading(s + 2.0)) * 0.06).extend(0.0);
             for [low, high] in [[0.45, 0.78]] {
                 let up = |p: DVec3, z: f64| p + DVec3::Z * z;

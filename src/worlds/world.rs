@@ -17,7 +17,8 @@ use super::opendrive;
 use super::population::{Population, Settings};
 use super::style::{Kind, Style};
 use super::surfaces::{self, Terrain};
-use super::things::Things;
+use super::things::{Things, of_map};
+use crate::Note;
 use crate::geom::TriangleSoup;
 
 /// Frames a second of all worlds.
@@ -39,6 +40,11 @@ impl World {
     /// Triangles of the static world with classes of the default classes, in metres.
     pub fn mesh(&self) -> &TriangleSoup {
         &self.model
+    }
+
+    /// Sentences about the map that the world stands on.
+    pub fn notes(&self) -> &[Note] {
+        &self.network.notes
     }
 
     /// Things that move or are parked, the ego not counted.
@@ -156,6 +162,7 @@ fn furnished(
     let open = if style.goods { class::GROUND } else { class::TERRAIN };
     let (mut mask, terrain) = surfaces::draw(&network, &mut model, open);
     surfaces::pave_gaps(&network, &mut mask, &mut model);
+    surfaces::shapes(&network.shapes, &mut mask, &mut model);
     special(&mut Draw { network: &network, terrain: &terrain, mask: &mut mask, model: &mut model });
     let mut houses = Houses {
         style: &style,
@@ -174,9 +181,17 @@ fn furnished(
         model: &mut model,
         rng: lot(seed, 22),
         trees: Vec::new(),
+        of_map: of_map(&network),
+        left_out: 0,
     };
     things.furnish(&network);
-    let trees = things.trees;
+    let (trees, left_out) = (things.trees, things.left_out);
+    let mut network = network;
+    if left_out > 0 {
+        network.notes.push(Note::fact(format!(
+            "{file}: {left_out} signals would stand on the road and are left out; give them the height of a plate over it"
+        )));
+    }
     Ok(World { model: model.soup, people, frames: frames.max(1), houses, trees, network })
 }
 

@@ -79,6 +79,7 @@ fn opendrive(
     let target = Target::new(out, Some(file))?;
     let text = read_opendrive(file)?;
     let world = import_opendrive(&text, &file.display().to_string(), seed, frames)?;
+    world.notes().iter().try_for_each(|note| watcher.tell(note))?;
     target.write(world.mesh(), &world.scene(&target.name(), &target.mesh_name()), watcher)
 }
 

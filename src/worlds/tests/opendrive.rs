@@ -68,9 +68,23 @@ fn a_map_without_what_a_world_needs_is_refused_with_a_sentence() {
     let short = fork().replace("length=\"120\"", "length=\"9\"");
     let error = import_opendrive(&short, "m.xodr", 1, 1000).unwrap_err();
     assert!(matches!(error, WorldError::NoWay { .. }), "{error}");
-    // A number that is none leaves its road out, not the map.
-    let nan = fork().replace("x=\"140\"", "x=\"NaN\"");
-    assert!(import_opendrive(&nan, "m.xodr", 1, 10).is_ok());
+}
+
+#[test]
+fn a_number_or_a_shape_that_cannot_be_read_is_an_error_with_its_road() {
+    let cases = [
+        ("x=\"140\"", "x=\"NaN\"", "`x` is `NaN`, not finite"),
+        ("x=\"140\"", "x=\"140,5\"", "with a comma"),
+        ("x=\"140\"", "", "has no `x`"),
+        ("<line/>", "<clothoid/>", "the unknown shape <clothoid>"),
+        ("a=\"3.5\"", "a=\"wide\"", "`a` is `wide`, not a number"),
+    ];
+    for (from, to, expected) in cases {
+        let text = fork().replace(from, to);
+        assert_ne!(text, fork(), "{from}");
+        let told = import_opendrive(&text, "m.xodr", 1, 10).unwrap_err().to_string();
+        assert!(told.contains(expected) && told.contains("road "), "{told}");
+    }
 }
 
 #[test]
