@@ -137,7 +137,7 @@ pub mod internals {
         shared_folder, target, writable_file, write_npy, write_whole,
     };
     pub use crate::geom::aabb::Aabb;
-    pub use crate::memory::{available_memory, may_fail};
+    pub use crate::memory::{available_memory, check as check_memory, may_fail};
     pub use crate::problem::beam::beam_direction;
     pub use crate::problem::pose::{DevicePose, KINDS};
     pub use crate::psog::entropy::{ENTROPY_ONE, EntropyKind, EntropyTable, fixed, to_nats};
@@ -189,7 +189,7 @@ pub mod internals {
     pub use crate::vehicle::constraints::Ties;
     pub use crate::vehicle::placement_file::{count_placements, holds_placements};
     pub use crate::vehicle::pose_grid::{PoseGrid, PoseGridError, Spacing};
-    pub use crate::vehicle::random::random_placements_by_the_rules;
+    pub use crate::vehicle::random::{draws, random_placements_by_the_rules};
     pub use crate::verify::compare::{Differences, compared_frames};
     pub use crate::verify::oracle::{Agreement, EDGE_TOLERANCE, Explanation, explain, explain_in};
     pub use crate::verify::placements::{hostile_placements, usual_placements};

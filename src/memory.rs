@@ -67,7 +67,10 @@ fn mebibytes(bytes: u64) -> u64 {
 }
 
 /// Checks that `need` bytes are left.
-pub(crate) fn check(what: &'static str, need: u64) -> Result<(), OutOfMemory> {
+///
+/// # Errors
+/// Fewer are left.
+pub fn check(what: &'static str, need: u64) -> Result<(), OutOfMemory> {
     match available_memory() {
         Some(left) if left < need => Err(OutOfMemory { what, need, left }),
         _ => Ok(()),

@@ -1,41 +1,127 @@
 //! Arrays in and out: checked on the way in, moved on the way out.
 
+use std::ops::RangeInclusive;
+
 use numpy::ndarray::{ArrayD, ArrayView2, Ix2};
 use numpy::{
-    Element, IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn,
-    PyUntypedArray, PyUntypedArrayMethods,
+    Element, IntoPyArray, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods,
+    PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 use sightline::geom::Pose;
 
+use crate::arguments::{or_raised, room_for, whole_in_words, whole_of_float};
 use crate::errors::bad;
 
-/// An array of numbers of any real type as one of `T`; `shape` says in words what is wanted.
+/// Bytes that an element of a Python list takes, at least: a pointer, a number, and its copy in an array.
+const LISTED_BYTES: usize = 40;
+/// Bytes of the largest number that is taken.
+const MOST_BYTES: usize = 8;
+/// Axes that an array may have: those of NumPy before 2.
+const MOST_AXES: usize = 32;
+
+/// An array of numbers of any real type as one of `T`; `wanted` says in words what is wanted.
 ///
-/// Arrays of that type come without a copy, however they are strided; others are converted.
+/// Aligned arrays of that type come without a copy, however they are strided; others are converted.
 pub fn numbers<'py, T: Element>(
     what: &str,
     given: &Bound<'py, PyAny>,
     wanted: &str,
 ) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
+    converted(&real_numbers::<T>(what, given, wanted)?.0)
+}
+
+/// An array of whole numbers in `allowed`, of any real type, as values of `T` in C order, and its shape.
+pub fn wholes<T: Element + TryFrom<i128>>(
+    what: &str,
+    given: &Bound<'_, PyAny>,
+    wanted: &str,
+    allowed: RangeInclusive<i128>,
+) -> PyResult<(Vec<T>, Vec<usize>)> {
+    let (array, kind) = real_numbers::<T>(what, given, wanted)?;
+    let shape = array.shape().to_vec();
+    let checked = |(n, value): (usize, Result<i128, f64>)| {
+        let number = value.ok().filter(|number| allowed.contains(number));
+        number.and_then(|number| T::try_from(number).ok()).ok_or_else(|| {
+            let place: Vec<String> = place(n, &shape).iter().map(ToString::to_string).collect();
+            let value = value.map_or_else(|value| format!("{value:?}"), |value| value.to_string());
+            let allowed = whole_in_words(&allowed);
+            bad(format!("{what}[{}]: is {value}; give {allowed}", place.join(", ")))
+        })
+    };
+    let whole = |value: i128| -> Result<i128, f64> { Ok(value) };
+    let values: PyResult<Vec<T>> = match kind {
+        'u' => {
+            let array = converted::<u64>(&array)?;
+            array.as_array().iter().map(|&v| whole(v.into())).enumerate().map(checked).collect()
+        }
+        'i' => {
+            let array = converted::<i64>(&array)?;
+            array.as_array().iter().map(|&v| whole(v.into())).enumerate().map(checked).collect()
+        }
+        _ => {
+            let array = converted::<f64>(&array)?;
+            let whole = |&v: &f64| whole_of_float(v).ok_or(v);
+            array.as_array().iter().map(whole).enumerate().map(checked).collect()
+        }
+    };
+    values.map(|values| (values, shape))
+}
+
+/// Where the element of number `n` in C order stands in an array.
+fn place(mut n: usize, shape: &[usize]) -> Vec<usize> {
+    let mut place = vec![0; shape.len()];
+    for (at, &length) in place.iter_mut().zip(shape).rev() {
+        *at = n % length.max(1);
+        n /= length.max(1);
+    }
+    place
+}
+
+/// An array of real numbers, of which there is room for copies as `T`; and the letter of their kind: `f`, `i` or `u`.
+fn real_numbers<'py, T: Element>(
+    what: &str,
+    given: &Bound<'py, PyAny>,
+    wanted: &str,
+) -> PyResult<(Bound<'py, PyUntypedArray>, char)> {
     let py = given.py();
-    let numpy = py.import("numpy")?;
-    let is_jagged = |_| bad(format!("{what}: is no array of numbers; give {wanted}"));
-    let array = numpy.call_method1("asarray", (given,)).map_err(is_jagged)?;
-    let untyped = array.cast::<PyUntypedArray>()?;
-    let kind = untyped.dtype().getattr("kind")?.extract::<String>()?;
-    if !matches!(kind.as_str(), "f" | "i" | "u") {
-        let dtype = untyped.dtype();
+    if let (Ok(length), false) = (given.len(), given.hasattr("__array__")?) {
+        room_for("lists of numbers", length, LISTED_BYTES)?;
+    }
+    let array = match py.import("numpy")?.call_method1("asarray", (given,)) {
+        Ok(array) => array.cast_into::<PyUntypedArray>()?,
+        Err(error) => {
+            or_raised(py, error)?;
+            return Err(bad(format!("{what}: is no array of numbers; give {wanted}")));
+        }
+    };
+    let dtype = array.dtype();
+    let kind = dtype.getattr("kind")?.extract::<char>()?;
+    // `long double` holds numbers that no type of ours does.
+    if !matches!(kind, 'f' | 'i' | 'u') || dtype.itemsize() > MOST_BYTES {
         let real = numpy::dtype::<T>(py);
         return Err(bad(format!(
             "{what}: has the type {dtype}; give {wanted}, as {real} or other real numbers"
         )));
     }
-    let options = PyDict::new(py);
-    options.set_item("copy", false)?;
-    let array = array.call_method("astype", (numpy::dtype::<T>(py),), Some(&options))?;
-    Ok(array.cast::<PyArrayDyn<T>>()?.readonly())
+    if array.ndim() > MOST_AXES {
+        return Err(bad(format!("{what}: has {} axes; give {wanted}", array.ndim())));
+    }
+    let elements = array.shape().iter().fold(1, |all: usize, &length| all.saturating_mul(length));
+    // Once converted, once in the library's own order.
+    room_for("arrays", elements, MOST_BYTES + size_of::<T>())?;
+    Ok((array, kind))
+}
+
+/// An array as one of `T`, aligned.
+fn converted<'py, T: Element>(
+    array: &Bound<'py, PyUntypedArray>,
+) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
+    let py = array.py();
+    let arguments = (array, numpy::dtype::<T>(py), ["ALIGNED"]);
+    let array = py.import("numpy")?.call_method1("require", arguments)?;
+    let readonly = array.cast::<PyArrayDyn<T>>()?.try_readonly();
+    readonly.map_err(|error| bad(error.to_string()))
 }
 
 /// A shape in words, as `[3, 4, 6]`.
@@ -71,6 +157,18 @@ pub fn matrix<T: Element>(
 ) -> PyResult<Bound<'_, PyArray2<T>>> {
     let count = values.len() / width.max(1);
     PyArray1::from_vec(py, values).reshape([count, width])
+}
+
+/// `N` numbers, as the corner of a box.
+pub fn few_numbers<const N: usize>(what: &str, given: &Bound<'_, PyAny>) -> PyResult<[f64; N]> {
+    let wanted = format!("{N} numbers");
+    let array = numbers::<f64>(what, given, &wanted)?;
+    let values: Vec<f64> = array.as_array().iter().copied().collect();
+    let wrong = |_| {
+        let shape = shape_in_words(array.shape());
+        bad(format!("{what}: has the shape {shape}; give {wanted}"))
+    };
+    values.try_into().map_err(wrong)
 }
 
 /// Values of any shape, moved.

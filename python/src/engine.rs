@@ -12,6 +12,7 @@ use sightline::scan::{ScanError, Stage, in_conditions};
 use sightline::search::Suite;
 use sightline::{Evaluator, Placement, Problem, Psog, Scene, Scores};
 
+use crate::arguments::room_for;
 use crate::errors::{bad, raised};
 use crate::psogs::PyPsog;
 
@@ -45,9 +46,6 @@ impl Options {
         let kind = BACKENDS.iter().find(|(name, _)| *name == backend).map(|(_, kind)| *kind);
         let kind = kind
             .ok_or_else(|| bad(format!("backend: `{backend}` is none; give auto, cpu or gpu")))?;
-        if frames == Some(0) {
-            return Err(bad("frames: are 0; give 1 or more, or None for all"));
-        }
         let conditions = conditions.iter().map(|text| text.parse().map_err(raised));
         let conditions = conditions.collect::<PyResult<_>>()?;
         Ok(Self { psog, frames, conditions, engine: EngineChoice { kind, adapter, memory } })
@@ -152,13 +150,11 @@ impl Built {
         self.evaluator.with(open, work)
     }
 
-    /// Refuses frames that the scene does not have.
-    pub fn check_frame(&self, frame: usize) -> PyResult<()> {
+    /// The number of a frame, which the scene must have.
+    pub fn check_frame(&self, frame: i128) -> PyResult<usize> {
         let frames = self.scene.frame_count();
-        if frame < frames {
-            return Ok(());
-        }
-        Err(bad(format!("frame: is {frame}; give 0 to {}", frames - 1)))
+        let number = usize::try_from(frame).ok().filter(|number| *number < frames);
+        number.ok_or_else(|| bad(format!("frame: is {frame}; give 0 to {}", frames - 1)))
     }
 
     /// One frame to cast into.
@@ -168,7 +164,6 @@ impl Built {
                 "the scene has no geometry to cast into; add static shapes, actors or an ego body",
             ));
         }
-        self.check_frame(frame)?;
         let mut last = self.frame.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((number, problem)) = &*last
             && *number == frame
@@ -188,6 +183,11 @@ pub fn suite_of(scenes: &[Arc<Built>]) -> PyResult<Suite> {
     Suite::new(named).map_err(raised)
 }
 
+/// Bytes of the scores of a placement, in records and then in columns: all but its classes.
+const SCORES_BYTES: usize = size_of::<Scores>() + 512;
+/// Bytes that each class adds to them.
+const CLASS_BYTES: usize = 64;
+
 /// Seconds that a chunk of placements is to take.
 const CHUNK_SECONDS: f64 = 0.25;
 
@@ -197,6 +197,8 @@ pub fn score(
     placements: &[Placement],
     stopped: impl Fn() -> bool,
 ) -> PyResult<Vec<Scores>> {
+    let classes = evaluator.shared_problem().content().classes().len();
+    room_for("scores", placements.len(), SCORES_BYTES + CLASS_BYTES * classes)?;
     let mut scores = Vec::with_capacity(placements.len());
     let mut size = 16;
     while scores.len() < placements.len() && !stopped() {

@@ -1,9 +1,10 @@
 //! The library's errors as exceptions: `OSError` for files and devices, `MemoryError`, else `ValueError`.
 
 use std::error::Error as StdError;
+use std::ffi::CString;
 
-use pyo3::PyErr;
-use pyo3::exceptions::{PyMemoryError, PyOSError, PyValueError};
+use pyo3::exceptions::{PyMemoryError, PyOSError, PyUserWarning, PyValueError};
+use pyo3::prelude::*;
 use sightline::Error;
 use sightline::engine::{BackendError, OpenError};
 use sightline::problem::ProblemError;
@@ -27,6 +28,17 @@ pub fn raised(error: impl Into<Error>) -> PyErr {
 /// A `ValueError` with a sentence of the module's own.
 pub fn bad(sentence: impl Into<String>) -> PyErr {
     PyValueError::new_err(sentence.into())
+}
+
+/// Warnings of a call at most: of a million placements in degrees, the first say enough.
+const MOST_WARNINGS: usize = 3;
+
+/// Tells the caller's line in Python of what is most likely not meant: a `UserWarning` each.
+pub fn warn_of(py: Python<'_>, doubts: impl IntoIterator<Item = String>) -> PyResult<()> {
+    let category = py.get_type::<PyUserWarning>();
+    let told = doubts.into_iter().take(MOST_WARNINGS);
+    told.map(|doubt| doubt.replace('\0', ""))
+        .try_for_each(|doubt| PyErr::warn(py, &category, &CString::new(doubt)?, 1))
 }
 
 /// The engine's error, where it is one.

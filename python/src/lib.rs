@@ -2,6 +2,7 @@
 //!
 //! | file | holds |
 //! |---|---|
+//! | `arguments` | every number and list of names that comes in, checked |
 //! | `arrays`, `json` | conversions |
 //! | `errors` | exceptions |
 //! | `wait` | long work without the GIL, with Ctrl-C |
@@ -11,6 +12,7 @@
 //! | `scans` | scans as an iterator |
 //! | `search` | suites and `optimize` |
 
+mod arguments;
 mod arrays;
 mod columns;
 mod engine;
@@ -24,8 +26,10 @@ mod search;
 mod sensors;
 mod wait;
 
+use std::error::Error;
 use std::ffi::OsString;
 
+use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 
 use errors::bad;
@@ -41,12 +45,13 @@ fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
     py.detach(|| sightline::cli::run(arguments).code())
 }
 
-/// Lets the CPU engine use so many threads; to be called before anything is computed.
+/// Lets the CPU engine use so many threads, up to 8 for each core; to be called before anything is computed.
 #[pyfunction]
-fn set_threads(count: usize) -> PyResult<()> {
+fn set_threads(#[pyo3(from_py_with = arguments::threads)] count: usize) -> PyResult<()> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(count);
-    pool.build_global().map_err(|_| {
-        bad("threads: are at work already; call set_threads before anything is computed")
+    pool.build_global().map_err(|error| match error.source() {
+        Some(system) => PyOSError::new_err(format!("threads: {count} cannot be started: {system}")),
+        None => bad("threads: are at work already; call set_threads before anything is computed"),
     })
 }
 

@@ -1,21 +1,20 @@
 //! Placements: sensor poses by name, from objects, files and arrays.
 
-use std::ffi::CString;
 use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
-use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use sightline::vehicle::{Doubts, MAX_LIDARS, SensorName, table_7};
 use sightline::{Placement, SensorPose, read_placements};
 
+use crate::arguments::{self, listed, room_for};
 use crate::arrays::{column, matrix, numbers, shape_in_words};
-use crate::errors::{bad, raised};
+use crate::errors::{bad, raised, warn_of};
 use crate::json::to_python;
 
-/// Warnings of a call at most: of a million placements in degrees, the first say enough.
-const MOST_WARNINGS: usize = 3;
+/// Bytes that the name of a placement takes.
+const NAME_BYTES: usize = 32;
 
 /// What an array of poses has to be, in words.
 const WANTED: &str =
@@ -37,7 +36,7 @@ impl PyPlacement {
     fn new(
         poses: &Bound<'_, PyAny>,
         name: &str,
-        sensors: Option<Vec<String>>,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let mut all = from_array(poses, &sensors_of(sensors)?, phases)?;
@@ -124,12 +123,8 @@ pub fn placements_of(
     phases: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Vec<Placement>> {
     let placements = parsed(given, sensors, phases)?;
-    let category = given.py().get_type::<PyUserWarning>();
     let doubts = Doubts::of_units();
-    for doubt in placements.iter().flat_map(|one| doubts.about(one)).take(MOST_WARNINGS) {
-        // The caller's line, in Python.
-        PyErr::warn(given.py(), &category, &CString::new(doubt)?, 1)?;
-    }
+    warn_of(given.py(), placements.iter().flat_map(|one| doubts.about(one)))?;
     Ok(placements)
 }
 
@@ -151,14 +146,17 @@ fn parsed(
     if let Ok(one) = given.cast::<PyPlacement>() {
         return Ok(vec![taken(one.get())?]);
     }
-    if let Ok(list) = given.extract::<Vec<Bound<'_, PyPlacement>>>()
-        && !list.is_empty()
-    {
+    if let Some(list) = listed::<PyPlacement>("poses", given, "a Placement")? {
         return list.iter().map(|one| taken(one.get())).collect();
     }
     let all = from_array(given, &names, phases)?;
     all.iter().try_for_each(|placement| placement.validate().map_err(raised))?;
     Ok(all)
+}
+
+/// Bytes of a placement in memory.
+pub fn placement_bytes(lidars: usize) -> usize {
+    size_of::<Placement>() + NAME_BYTES + lidars * size_of::<SensorPose>()
 }
 
 /// Phases of some placements, `[L]` for all of them or `[N, L]`, one after the other; none where `NaN`.
@@ -202,6 +200,7 @@ fn from_array(
             sensors.len()
         )));
     }
+    room_for("placements", count, placement_bytes(lidars))?;
     let values: Vec<f64> = array.as_array().iter().copied().collect();
     let phases = phases.map(|phases| phases_of(phases, count, lidars)).transpose()?;
     let pose = |n: usize, k: usize| SensorPose {

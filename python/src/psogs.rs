@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
-use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use sightline::Psog;
@@ -16,10 +16,16 @@ use sightline::internals::{EntropyKind, FileError, to_nats, write_whole};
 use sightline::psog::{PsogInfo, Roi, read_psog, write_psog};
 use sightline::scan::NO_CLASS;
 
-use crate::arrays::{column, matrix, numbers, rows};
+use crate::arguments::{self, room_for};
+use crate::arrays::{column, few_numbers, matrix, numbers, rows, shape_in_words, wholes};
 use crate::errors::{bad, raised};
 use crate::json::to_python;
 use crate::wait::interruptible;
+
+/// What a region has to be, in words.
+const CORNERS: &str = "[2, 3]: the lower and the upper corner, metres";
+/// Bytes of a labelled point, read and then merged.
+const POINT_BYTES: usize = 64;
 
 /// A probabilistic semantic occupancy grid: in how many of T frames a voxel has each of M classes.
 ///
@@ -33,29 +39,40 @@ pub struct PyPsog(pub Arc<Psog>);
 impl PyPsog {
     #[new]
     #[pyo3(signature = (*, index, counts, frames, classes, roi_min, voxel, shape))]
+    #[allow(clippy::too_many_arguments)]
     fn new(
         index: &Bound<'_, PyAny>,
         counts: &Bound<'_, PyAny>,
-        frames: u32,
-        classes: Vec<String>,
-        roi_min: [f64; 3],
-        voxel: [f64; 3],
-        shape: [u32; 3],
+        #[pyo3(from_py_with = arguments::counted_frames)] frames: u32,
+        #[pyo3(from_py_with = arguments::classes)] classes: Vec<String>,
+        roi_min: &Bound<'_, PyAny>,
+        voxel: &Bound<'_, PyAny>,
+        shape: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
-        let index = numbers::<u64>("index", index, "the linear indices of K voxels, rising")?;
-        let wanted = "frames of each class, [K, classes]";
-        let counts = numbers::<u16>("counts", counts, wanted)?;
-        let cells = rows("counts", &counts, classes.len())?;
-        if cells.nrows() != index.len() {
+        let wanted = "[K] linear indices of voxels, rising";
+        let (index, voxels) = wholes("index", index, wanted, 0..=u64::MAX.into())?;
+        let wanted = "[K, classes] frames of each class";
+        let (counts, cells) = wholes("counts", counts, wanted, 0..=u16::MAX.into())?;
+        let [voxels] = voxels[..] else {
+            return Err(bad(format!("index: has the shape {}; give [K]", shape_in_words(&voxels))));
+        };
+        let rows = match cells[..] {
+            [rows, width] if width == classes.len() => rows,
+            _ => {
+                let (shape, width) = (shape_in_words(&cells), classes.len());
+                return Err(bad(format!("counts: has the shape {shape}; give [N, {width}]")));
+            }
+        };
+        if rows != voxels {
             return Err(bad(format!(
-                "counts: have {} rows for {} voxels; give one for each",
-                cells.nrows(),
-                index.len()
+                "counts: have {rows} rows for {voxels} voxels; give one for each"
             )));
         }
-        let roi = Roi::new(roi_min, voxel, shape).map_err(raised)?;
-        let index = index.as_array().iter().copied().collect();
-        let counts = cells.iter().copied().collect();
+        let (along, _) = wholes("shape", shape, "voxels along x, y, z", 1..=u32::MAX.into())?;
+        let along = <[u32; 3]>::try_from(along);
+        let along = along.map_err(|_| bad("shape: give 3 numbers, voxels along x, y, z"))?;
+        let (min, voxel) = (few_numbers("roi_min", roi_min)?, few_numbers("voxel", voxel)?);
+        let roi = Roi::new(min, voxel, along).map_err(raised)?;
         let psog = Psog::new(roi, frames, classes, index, counts).map_err(raised)?;
         Ok(Self(Arc::new(psog)))
     }
@@ -84,34 +101,38 @@ impl PyPsog {
     #[allow(clippy::too_many_arguments)]
     fn from_scans(
         py: Python<'_>,
-        points: Vec<Bound<'_, PyAny>>,
-        labels: Vec<Bound<'_, PyAny>>,
-        poses: Vec<Bound<'_, PyAny>>,
-        classes: Vec<String>,
-        roi: [[f64; 3]; 2],
-        voxel: [f64; 3],
-        window: Option<u32>,
-        moving: Option<Vec<String>>,
+        points: &Bound<'_, PyAny>,
+        labels: &Bound<'_, PyAny>,
+        poses: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = arguments::classes)] classes: Vec<String>,
+        roi: &Bound<'_, PyAny>,
+        voxel: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = arguments::window)] window: Option<u32>,
+        #[pyo3(from_py_with = arguments::moving)] moving: Option<Vec<String>>,
     ) -> PyResult<Self> {
-        if points.len() != labels.len() || points.len() != poses.len() {
+        let [count, labelled_frames, posed] = [points, labels, poses].map(|list| list.len());
+        let (count, labelled_frames, posed) = (count?, labelled_frames?, posed?);
+        if count != labelled_frames || count != posed {
             return Err(bad(format!(
-                "points, labels and poses: are lists of {}, {} and {} frames; give one entry a frame in each",
-                points.len(),
-                labels.len(),
-                poses.len()
+                "points, labels and poses: are lists of {count}, {labelled_frames} and {posed} frames; give one entry a frame in each",
             )));
+        }
+        if classes.len() >= usize::from(NO_CLASS) {
+            return Err(bad(format!("classes: are {}; give fewer than {NO_CLASS}", classes.len())));
         }
         let moves = moving.unwrap_or_default();
         if let Some(unknown) = moves.iter().find(|name| !classes.contains(name)) {
             return Err(bad(format!("moving: `{unknown}` is none of the classes {classes:?}")));
         }
         let moves: Vec<bool> = classes.iter().map(|name| moves.contains(name)).collect();
-        let mut frames = Vec::with_capacity(points.len());
-        for (t, points) in points.iter().enumerate() {
-            let scan = labelled(t, points, &labels[t], &moves)?;
-            frames.push((scan, pose(t, &poses[t])?));
+        let (corners, edges) = (numbers::<f64>("roi", roi, CORNERS)?, few_numbers("voxel", voxel)?);
+        let [lower, upper] = corners_of(&corners)?;
+        let grid = Roi::from_bounds(lower, upper, edges).map_err(raised)?;
+        let mut frames = Vec::new();
+        for t in 0..count {
+            let scan = labelled(t, &points.get_item(t)?, &labels.get_item(t)?, &moves)?;
+            frames.push((scan, pose(t, &poses.get_item(t)?)?));
         }
-        let grid = Roi::from_bounds(roi[0], roi[1], voxel).map_err(raised)?;
         let recording = Recording { classes, frames };
         let options = PsogOptions { window, ..PsogOptions::new(grid) };
         let (psog, _) =
@@ -211,12 +232,18 @@ fn labelled(
     let what = format!("points[{t}]");
     let points = numbers::<f32>(&what, points, "[N, 3] coordinates in the sensor frame, metres")?;
     let points = rows(&what, &points, 3)?;
+    room_for("points of a frame", points.nrows(), POINT_BYTES)?;
     let points: Vec<[f32; 3]> = points.rows().into_iter().map(|p| [p[0], p[1], p[2]]).collect();
     if let Some(at) = points.iter().flatten().position(|value| !value.is_finite()) {
         return Err(bad(format!("{what}[{}]: is not finite; leave the point out", at / 3)));
     }
     let what = format!("labels[{t}]");
-    let labels = numbers::<i64>(&what, labels, "[N] positions in `classes`, −1 for no vote")?;
+    let wanted = "[N] positions in `classes`, −1 for no vote";
+    let (labels, shape) = wholes::<i64>(&what, labels, wanted, i64::MIN.into()..=i64::MAX.into())?;
+    if shape.len() != 1 {
+        let shape = shape_in_words(&shape);
+        return Err(bad(format!("{what}: has the shape {shape}; give {wanted}")));
+    }
     if labels.len() != points.len() {
         let (labels, points) = (labels.len(), points.len());
         return Err(bad(format!("{what}: has {labels} labels for {points} points; give one each")));
@@ -236,8 +263,18 @@ fn labelled(
             }),
         }
     };
-    let labels = labels.as_array().iter().enumerate().map(label).collect::<PyResult<_>>()?;
+    let labels = labels.iter().enumerate().map(label).collect::<PyResult<_>>()?;
     Ok(LabelledScan { points, labels })
+}
+
+/// The lower and the upper corner of a box.
+fn corners_of(corners: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<[[f64; 3]; 2]> {
+    let view = rows("roi", corners, 3)?;
+    let shape = || shape_in_words(corners.shape());
+    if view.nrows() != 2 {
+        return Err(bad(format!("roi: has the shape {}; give {CORNERS}", shape())));
+    }
+    Ok([0, 1].map(|k| [0, 1, 2].map(|axis| view[(k, axis)])))
 }
 
 /// A rigid 4 × 4 matrix that takes the sensor frame to the world.

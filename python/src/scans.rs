@@ -10,9 +10,9 @@ use sightline::engine::scanning_on;
 use sightline::scan::{Return, Scan, Scanner, Scanning, TrackedBox};
 use sightline::{Error, Placement};
 
-use crate::arrays::{column, homogeneous, matrix, shaped};
+use crate::arrays::{column, homogeneous, matrix, shaped, wholes};
 use crate::engine::Built;
-use crate::errors::{bad, raised};
+use crate::errors::raised;
 use crate::wait::{start, wait};
 
 /// Scans of a scene, frame after frame.
@@ -30,7 +30,7 @@ impl ScanIterator {
         conditions: &[String],
         ideal: bool,
         seed: u64,
-        frames: Option<Vec<usize>>,
+        frames: Option<&Bound<'_, PyAny>>,
         misses: bool,
     ) -> PyResult<Self> {
         let conditions = conditions.iter().map(|text| text.parse().map_err(raised));
@@ -38,10 +38,10 @@ impl ScanIterator {
         let scanning = Scanning { ideal, seed, conditions };
         Scanner::check(&built.scene, &placement, &scanning).map_err(raised)?;
         let count = built.scene.frame_count();
-        let frames = frames.unwrap_or_else(|| (0..count).collect());
-        if let Some(frame) = frames.iter().find(|frame| **frame >= count) {
-            return Err(bad(format!("frames: hold {frame}; give 0 to {}", count - 1)));
-        }
+        let frames: Vec<usize> = match frames {
+            Some(frames) => wholes("frames", frames, "numbers of frames", 0..=count as i128 - 1)?.0,
+            None => (0..count).collect(),
+        };
         // One frame waits while another is scanned.
         let (sender, scans) = sync_channel(1);
         start(move || {

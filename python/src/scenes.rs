@@ -8,20 +8,20 @@ use numpy::{PyArray1, PyArray2, PyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use sightline::engine::cast_rays;
-use sightline::internals::{Input, usual_placements};
+use sightline::internals::{Input, draws, usual_placements};
 use sightline::problem::spread;
 use sightline::scan::BeamHits;
 use sightline::scene::EgoBody;
-use sightline::vehicle::random_placements;
 use sightline::verify::verify;
-use sightline::{Placement, Problem, Scene, engine};
+use sightline::{Placement, Problem, Scene, SensorPose, engine};
 
+use crate::arguments::{self, room_for};
 use crate::arrays::{column, homogeneous, matrix, numbers, rows, shaped};
 use crate::columns::scores_object;
 use crate::engine::{Built, Options, add_near_fields, guard, score};
-use crate::errors::{bad, raised};
+use crate::errors::{bad, raised, warn_of};
 use crate::json::{to_python, to_text};
-use crate::placements::placements_of;
+use crate::placements::{placement_bytes, placements_of};
 use crate::psogs::PyPsog;
 use crate::scans::ScanIterator;
 use crate::sensors::PySensor;
@@ -29,6 +29,13 @@ use crate::wait::interruptible;
 
 /// Metres within which rays of callers hit.
 const RAY_RANGE: f32 = 1e6;
+
+/// Bytes of a ray with its hit, in records and then in columns.
+const RAY_BYTES: usize = 64;
+/// Bytes of a beam that `verify` draws.
+const SAMPLE_BYTES: usize = 256;
+/// Placements that are drawn between two looks whether to stop.
+const DRAWN_TOGETHER: usize = 4096;
 
 /// Where a scene comes from.
 #[derive(Clone)]
@@ -49,8 +56,11 @@ pub struct PyScene {
 }
 
 impl PyScene {
-    fn new(scene: Scene, source: Source, options: Options) -> Self {
-        Self { built: Arc::new(Built::new(scene, options)), source }
+    /// Warns of what is doubted in the scene.
+    fn new(py: Python<'_>, scene: Scene, source: Source, options: Options) -> PyResult<Self> {
+        let doubts = scene.notes().iter().filter(|note| note.is_doubt());
+        warn_of(py, doubts.map(|doubt| doubt.text().to_owned()))?;
+        Ok(Self { built: Arc::new(Built::new(scene, options)), source })
     }
 }
 
@@ -71,16 +81,16 @@ impl PyScene {
         path: PathBuf,
         vehicle: Option<PathBuf>,
         psog: Option<&Bound<'_, PyPsog>>,
-        frames: Option<u32>,
-        conditions: Vec<String>,
+        #[pyo3(from_py_with = arguments::frames)] frames: Option<u32>,
+        #[pyo3(from_py_with = arguments::conditions)] conditions: Vec<String>,
         backend: &str,
         adapter: Option<String>,
-        memory: Option<u64>,
+        #[pyo3(from_py_with = arguments::memory)] memory: Option<u64>,
     ) -> PyResult<Self> {
         let psog = psog.map(|psog| psog.get().0.clone());
         let options = Options::new(psog, frames, &conditions, backend, adapter, memory)?;
         let scene = py.detach(|| Scene::read_with(&path, vehicle.as_deref())).map_err(raised)?;
-        Ok(Self::new(scene, Source::File { path, vehicle }, options))
+        Self::new(py, scene, Source::File { path, vehicle }, options)
     }
 
     /// A scene from what a scene file holds; files that it names are relative to `folder`. Options as of `load`.
@@ -92,17 +102,17 @@ impl PyScene {
         scene: &Bound<'_, PyAny>,
         folder: PathBuf,
         psog: Option<&Bound<'_, PyPsog>>,
-        frames: Option<u32>,
-        conditions: Vec<String>,
+        #[pyo3(from_py_with = arguments::frames)] frames: Option<u32>,
+        #[pyo3(from_py_with = arguments::conditions)] conditions: Vec<String>,
         backend: &str,
         adapter: Option<String>,
-        memory: Option<u64>,
+        #[pyo3(from_py_with = arguments::memory)] memory: Option<u64>,
     ) -> PyResult<Self> {
         let psog = psog.map(|psog| psog.get().0.clone());
         let options = Options::new(psog, frames, &conditions, backend, adapter, memory)?;
         let text = to_text("scene", scene)?;
         let read = Scene::from_json(&text, &folder, "scene").map_err(raised)?;
-        Ok(Self::new(read, Source::Text { text, folder }, options))
+        Self::new(scene.py(), read, Source::Text { text, folder }, options)
     }
 
     /// Name of the scene.
@@ -141,7 +151,8 @@ impl PyScene {
         self.built.scene.files()
     }
 
-    /// Likely mistakes in the scene, a sentence each.
+    /// Facts about the scene's files, such as parts that were passed over, and doubts; a sentence each. Doubts are warned of
+    /// where the scene is loaded, as `UserWarning`.
     #[getter]
     fn notes(&self) -> Vec<String> {
         self.built.scene.notes().iter().map(ToString::to_string).collect()
@@ -172,17 +183,22 @@ impl PyScene {
     fn world_from_ego<'py>(
         &self,
         py: Python<'py>,
-        frame: usize,
+        #[pyo3(from_py_with = arguments::frame)] frame: i128,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        self.built.check_frame(frame)?;
+        let frame = self.built.check_frame(frame)?;
         homogeneous(py, &self.built.scene.ego_pose(frame))
     }
 
     /// Triangles of a frame in the ego frame: `vertices` `[V, 3]` f32 in metres, `faces` `[F, 3]` u32, `class_ids` `[F]` u16;
     /// without those of the own vehicle where `body` is false.
     #[pyo3(signature = (frame = 0, *, body = true))]
-    fn mesh<'py>(&self, py: Python<'py>, frame: usize, body: bool) -> PyResult<Bound<'py, PyDict>> {
-        self.built.check_frame(frame)?;
+    fn mesh<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = arguments::frame)] frame: i128,
+        body: bool,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let frame = self.built.check_frame(frame)?;
         let body = if body { EgoBody::Include } else { EgoBody::Exclude };
         let soup = py.detach(|| self.built.scene.frame(frame, body));
         let mesh = PyDict::new(py);
@@ -203,7 +219,7 @@ impl PyScene {
         &self,
         py: Python<'py>,
         poses: &Bound<'py, PyAny>,
-        sensors: Option<Vec<String>>,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
         self_hits: Option<bool>,
         near_field: bool,
@@ -230,7 +246,7 @@ impl PyScene {
         &self,
         py: Python<'py>,
         poses: &Bound<'py, PyAny>,
-        sensors: Option<Vec<String>>,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray1<u64>>> {
         let placement = only(placements_of(poses, sensors, phases)?)?;
@@ -251,10 +267,11 @@ impl PyScene {
         &self,
         py: Python<'py>,
         poses: &Bound<'py, PyAny>,
-        frame: usize,
-        sensors: Option<Vec<String>>,
+        #[pyo3(from_py_with = arguments::frame)] frame: i128,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let frame = self.built.check_frame(frame)?;
         let placements = placements_of(poses, sensors, phases)?;
         let built = self.built.clone();
         let hits = interruptible(py, move |_| {
@@ -283,8 +300,9 @@ impl PyScene {
         &self,
         py: Python<'py>,
         rays: &Bound<'py, PyAny>,
-        frame: usize,
+        #[pyo3(from_py_with = arguments::frame)] frame: i128,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let frame = self.built.check_frame(frame)?;
         let wanted = "[N, 6]: origin and direction in the ego frame, metres";
         let array = numbers::<f32>("rays", rays, wanted)?;
         let view = rows("rays", &array, 6)?;
@@ -292,6 +310,7 @@ impl PyScene {
         {
             return Err(bad(format!("rays[{at}]: is not finite; leave the ray out")));
         }
+        room_for("hits of all rays", view.nrows(), RAY_BYTES)?;
         let rays: Vec<[f32; 6]> =
             view.rows().into_iter().map(|r| std::array::from_fn(|k| r[k])).collect();
         let built = self.built.clone();
@@ -322,12 +341,12 @@ impl PyScene {
     fn scan(
         &self,
         poses: &Bound<'_, PyAny>,
-        sensors: Option<Vec<String>>,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'_, PyAny>>,
-        conditions: Vec<String>,
+        #[pyo3(from_py_with = arguments::conditions)] conditions: Vec<String>,
         ideal: bool,
-        seed: u64,
-        frames: Option<Vec<usize>>,
+        #[pyo3(from_py_with = arguments::seed)] seed: u64,
+        frames: Option<&Bound<'_, PyAny>>,
         misses: bool,
     ) -> PyResult<ScanIterator> {
         let placement = only(placements_of(poses, sensors, phases)?)?;
@@ -344,19 +363,22 @@ impl PyScene {
         &self,
         py: Python<'py>,
         poses: Option<&Bound<'py, PyAny>>,
-        sensors: Option<Vec<String>>,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
-        frames: u32,
-        random: usize,
-        hostile: usize,
-        sample: u64,
-        seed: u64,
+        #[pyo3(from_py_with = arguments::verified_frames)] frames: u32,
+        #[pyo3(from_py_with = arguments::random)] random: usize,
+        #[pyo3(from_py_with = arguments::hostile)] hostile: usize,
+        #[pyo3(from_py_with = arguments::sample)] sample: u64,
+        #[pyo3(from_py_with = arguments::seed)] seed: u64,
     ) -> PyResult<Bound<'py, PyAny>> {
         let given = poses.map(|poses| placements_of(poses, sensors, phases)).transpose()?;
+        let lidars = self.built.scene.constraints().lidars().max(2);
+        room_for("placements", random.saturating_add(hostile), placement_bytes(lidars))?;
+        room_for("beams of the sample", sample as usize, SAMPLE_BYTES)?;
         let built = self.built.clone();
         let found = interruptible(py, move |_| {
             let psog = built.psog()?;
-            let frames = spread(built.scene.frame_count(), Some(frames.max(1)));
+            let frames = spread(built.scene.frame_count(), Some(frames));
             let problem = Problem::with_psog(&built.scene, &psog, &frames).map_err(raised)?;
             let usual = || usual_placements(&problem, random, hostile, seed);
             let placements = given.unwrap_or_else(usual);
@@ -368,19 +390,28 @@ impl PyScene {
         to_python(py, &found)
     }
 
-    /// Random placements that keep the rules of the mount, `[count, L, 6]`.
+    /// Random placements from the bounds of the mount, `[count, L, 6]`; its least distance and keep-out boxes are not asked.
     #[pyo3(signature = (count, *, seed = 1))]
     fn random_poses<'py>(
         &self,
         py: Python<'py>,
-        count: usize,
-        seed: u64,
+        #[pyo3(from_py_with = arguments::count)] count: usize,
+        #[pyo3(from_py_with = arguments::seed)] seed: u64,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let constraints = self.built.scene.constraints();
-        let placements = random_placements(&constraints, count, seed);
-        let values: Vec<f64> =
-            placements.iter().flat_map(|p| &p.lidars).flat_map(|pose| pose.values()).collect();
-        shaped(py, values, &[placements.len(), constraints.lidars(), 6])
+        let lidars = constraints.lidars();
+        room_for("poses", count, lidars * size_of::<[f64; 6]>())?;
+        let values = interruptible(py, move |stop| {
+            let mut values = Vec::with_capacity(6 * lidars * count);
+            for (n, placement) in draws(&constraints, seed).take(count).enumerate() {
+                if n % DRAWN_TOGETHER == 0 && stop.load(Ordering::SeqCst) {
+                    break;
+                }
+                values.extend(placement.lidars.iter().flat_map(SensorPose::values));
+            }
+            values
+        })?;
+        shaped(py, values, &[count, lidars, 6])
     }
 
     /// SHA-256 of every file that the scene is made of.

@@ -19,6 +19,7 @@ use sightline::search::{
 };
 use sightline::{Evaluator, Objective};
 
+use crate::arguments::{self, listed};
 use crate::columns::scores_object;
 use crate::engine::{Built, Kept, score, suite_of};
 use crate::errors::{bad, raised};
@@ -37,12 +38,8 @@ pub struct PySuite {
 #[pymethods]
 impl PySuite {
     #[new]
-    fn new(scenes: Vec<Bound<'_, PyScene>>) -> PyResult<Self> {
-        if scenes.is_empty() {
-            return Err(bad("scenes: are none; give at least one"));
-        }
-        let scenes = scenes.iter().map(|scene| scene.get().built.clone()).collect();
-        Ok(Self { scenes, evaluator: Arc::default() })
+    fn new(scenes: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(Self { scenes: scenes_of(scenes)?, evaluator: Arc::default() })
     }
 
     /// Names of the scenes.
@@ -57,7 +54,7 @@ impl PySuite {
         &self,
         py: Python<'py>,
         poses: &Bound<'py, PyAny>,
-        sensors: Option<Vec<String>>,
+        #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let placements = placements_of(poses, sensors, phases)?;
@@ -208,24 +205,21 @@ pub fn search<'py>(
     py: Python<'py>,
     scenes: &Bound<'py, PyAny>,
     objective: &str,
-    evaluations: u64,
-    seed: u64,
+    #[pyo3(from_py_with = arguments::evaluations)] evaluations: u64,
+    #[pyo3(from_py_with = arguments::seed)] seed: u64,
     method: &str,
     frames: &str,
-    population: Option<usize>,
+    #[pyo3(from_py_with = arguments::population)] population: Option<usize>,
     baselines: Option<&Bound<'py, PyAny>>,
     starts: Option<&Bound<'py, PyAny>>,
-    target: Option<f64>,
-    seconds: Option<f64>,
+    #[pyo3(from_py_with = arguments::target)] target: Option<f64>,
+    #[pyo3(from_py_with = arguments::seconds)] seconds: Option<f64>,
     mirror: bool,
-    budget: Option<f64>,
+    #[pyo3(from_py_with = arguments::budget)] budget: Option<f64>,
     callback: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let scenes = scenes_of(scenes)?;
     let engine: EngineChoice = scenes[0].options.engine.clone();
-    if let Some(seconds) = seconds.filter(|seconds| !(*seconds > 0.0 && *seconds < 1e9)) {
-        return Err(bad(format!("seconds: are {seconds}; give more than 0")));
-    }
     let given = |list: Option<&Bound<'py, PyAny>>| {
         list.filter(|list| !list.len().is_ok_and(|length| length == 0))
             .map_or_else(|| Ok(Vec::new()), |list| placements_of(list, None, None))
@@ -272,13 +266,14 @@ pub fn search<'py>(
 
 /// What a scene, or a list of at least one, was built from.
 fn scenes_of(given: &Bound<'_, PyAny>) -> PyResult<Vec<Arc<Built>>> {
-    let scenes: Vec<Bound<'_, PyScene>> = match given.cast::<PyScene>() {
-        Ok(one) => vec![one.clone()],
-        Err(_) => given.extract().map_err(|_| bad("scenes: give a Scene or a list of them"))?,
-    };
-    if scenes.is_empty() {
-        return Err(bad("scenes: are none; give at least one"));
+    if let Ok(one) = given.cast::<PyScene>() {
+        return Ok(vec![one.get().built.clone()]);
     }
+    let scenes = listed::<PyScene>("scenes", given, "a Scene")?;
+    let scenes = scenes.ok_or_else(|| match given.len() {
+        Ok(0) => bad("scenes: are none; give at least one"),
+        _ => bad("scenes: give a Scene or a list of them"),
+    })?;
     Ok(scenes.iter().map(|scene| scene.get().built.clone()).collect())
 }
 

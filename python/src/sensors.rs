@@ -9,8 +9,9 @@ use serde_json::json;
 use sightline::BeamTable;
 use sightline::vehicle::{Lidar, Vehicle};
 
+use crate::arguments;
 use crate::arrays::matrix;
-use crate::errors::raised;
+use crate::errors::{bad, raised};
 use crate::json::{to_python, to_text};
 
 /// A LiDAR model: its beams in its own frame.
@@ -37,7 +38,17 @@ impl PySensor {
     /// `range` in metres; `azimuth_steps` a turn where the file does not state them.
     #[staticmethod]
     #[pyo3(signature = (path, *, range = 100.0, azimuth_steps = None))]
-    fn load(path: PathBuf, range: f64, azimuth_steps: Option<u32>) -> PyResult<Self> {
+    fn load(
+        path: PathBuf,
+        #[pyo3(from_py_with = arguments::range)] range: f64,
+        #[pyo3(from_py_with = arguments::azimuth_steps)] azimuth_steps: Option<u32>,
+    ) -> PyResult<Self> {
+        if path.to_str().is_none() {
+            let path = path.display();
+            return Err(bad(format!(
+                "{path}: the name is not UTF-8; rename the file or its folder"
+            )));
+        }
         let mut lidar = json!({ "file": path, "range": range });
         if let Some(steps) = azimuth_steps {
             lidar["azimuth_steps"] = steps.into();

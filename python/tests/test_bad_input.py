@@ -75,7 +75,7 @@ def test_files_that_cannot_be_read() -> None:
 def test_options(small, scene) -> None:
     with pytest.raises(ValueError, match="backend: `tpu` is none; give auto, cpu or gpu"):
         Scene.load("scenes/highway.json", backend="tpu")
-    with pytest.raises(ValueError, match="frames: are 0"):
+    with pytest.raises(ValueError, match="frames: is 0; give a whole number, 1 to"):
         Scene.load("scenes/highway.json", frames=0)
     with pytest.raises(ValueError, match="hail"):
         Scene.load("scenes/highway.json", conditions=["hail"])
@@ -91,7 +91,7 @@ def test_options(small, scene) -> None:
         sightline.optimize("scenes/highway.json")
     with pytest.raises(ValueError, match="sensors: are 1 names for 2 LiDARs"):
         scene.score(np.zeros((1, 2, 6)), sensors=["a"])
-    with pytest.raises(ValueError, match="frames: hold 9; give 0 to 1"):
+    with pytest.raises(ValueError, match=r"frames\[1\]: is 9; give a whole number, 0 to 1"):
         small.scan([[0, 0, 2, 0, 0, 0]], frames=[0, 9])
 
 

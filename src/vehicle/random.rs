@@ -25,7 +25,7 @@ pub fn random_placements_by_the_rules(
 }
 
 /// Endless placements, uniform in every free pose field, named by their number.
-fn draws(constraints: &Constraints, seed: u64) -> impl Iterator<Item = Placement> + '_ {
+pub fn draws(constraints: &Constraints, seed: u64) -> impl Iterator<Item = Placement> + '_ {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let bounds = constraints.variable_bounds();
     (0..).map(move |index: usize| {

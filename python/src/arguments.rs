@@ -1,0 +1,260 @@
+//! Arguments as numbers of the library: whole and in range, or a `ValueError` with name, value and range.
+//!
+//! Sizes are known before memory is taken for them: [`room_for`] raises `MemoryError` where they do not fit.
+
+use std::ops::RangeInclusive;
+
+use pyo3::PyClass;
+use pyo3::exceptions::{
+    PyArithmeticError, PyAttributeError, PyMemoryError, PyTypeError, PyValueError,
+};
+use pyo3::prelude::*;
+use pyo3::types::PyString;
+use sightline::internals::check_memory;
+
+use crate::errors::bad;
+
+/// Longest value in a message, in characters.
+const LONGEST: usize = 60;
+/// Most placements and beams of a call: a zero too many is told, not computed for days.
+const MOST: i128 = 1_000_000_000;
+/// Most threads for each core.
+const THREADS_A_CORE: i128 = 8;
+/// Sizes below this many bytes are not checked: the check takes longer than they do.
+const FEW_BYTES: u128 = 1 << 20;
+
+/// Converters of whole numbers: converter, argument, type, least and most.
+macro_rules! whole_numbers {
+    ($($name:ident = $what:literal: $kind:ty, $least:expr, $most:expr;)*) => {$(
+        #[doc = concat!("The argument `", $what, "`.")]
+        pub fn $name(given: &Bound<'_, PyAny>) -> PyResult<$kind> {
+            whole($what, given, $least as i128..=$most as i128)
+        }
+    )*};
+}
+
+/// Converters of whole numbers that may be `None`.
+macro_rules! maybe_whole_numbers {
+    ($($name:ident = $what:literal: $kind:ty, $least:expr, $most:expr;)*) => {$(
+        #[doc = concat!("The argument `", $what, "`, which may be `None`.")]
+        pub fn $name(given: &Bound<'_, PyAny>) -> PyResult<Option<$kind>> {
+            if given.is_none() {
+                return Ok(None);
+            }
+            whole($what, given, $least as i128..=$most as i128).map(Some)
+        }
+    )*};
+}
+
+whole_numbers! {
+    count = "count": usize, 0, MOST;
+    evaluations = "evaluations": u64, 1, u64::MAX;
+    // The scene says how many frames it has.
+    frame = "frame": i128, i128::MIN, i128::MAX;
+    hostile = "hostile": usize, 0, MOST;
+    random = "random": usize, 0, MOST;
+    sample = "sample": u64, 0, MOST;
+    seed = "seed": u64, 0, u64::MAX;
+    counted_frames = "frames": u32, 0, u32::MAX;
+    verified_frames = "frames": u32, 1, u32::MAX;
+}
+
+maybe_whole_numbers! {
+    azimuth_steps = "azimuth_steps": u32, 1, 100_000;
+    frames = "frames": u32, 1, u32::MAX;
+    memory = "memory": u64, 1, u64::MAX;
+    population = "population": usize, 4, 10_000;
+    window = "window": u32, 0, u32::MAX;
+}
+
+/// The argument of `set_threads`: at most [`THREADS_A_CORE`] for each core.
+pub fn threads(given: &Bound<'_, PyAny>) -> PyResult<usize> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    whole("count", given, 1..=THREADS_A_CORE * cores as i128)
+}
+
+/// The argument `range` of sensors.
+pub fn range(given: &Bound<'_, PyAny>) -> PyResult<f64> {
+    real("range", given, "metres, more than 0", |metres| metres > 0.0)
+}
+
+/// The argument `target`.
+pub fn target(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
+    maybe_real("target", given, "a finite number or None", |_| true)
+}
+
+/// The argument `seconds`.
+pub fn seconds(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
+    let wanted = "more than 0 and less than 10⁹, or None";
+    maybe_real("seconds", given, wanted, |seconds| seconds > 0.0 && seconds < 1e9)
+}
+
+/// The argument `budget`.
+pub fn budget(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
+    maybe_real("budget", given, "a price of 0 or more, or None", |price| price >= 0.0)
+}
+
+/// The argument `conditions`.
+pub fn conditions(given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    texts("conditions", given)
+}
+
+/// The argument `classes`.
+pub fn classes(given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    texts("classes", given)
+}
+
+/// The argument `moving`, which may be `None`.
+pub fn moving(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
+    if given.is_none() { Ok(None) } else { texts("moving", given).map(Some) }
+}
+
+/// The argument `sensors`, which may be `None`.
+pub fn sensors(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
+    if given.is_none() { Ok(None) } else { texts("sensors", given).map(Some) }
+}
+
+/// Objects of the module in a list; `None` where it does not begin with one.
+pub fn listed<'py, T: PyClass>(
+    what: &str,
+    given: &Bound<'py, PyAny>,
+    wanted: &str,
+) -> PyResult<Option<Vec<Bound<'py, T>>>> {
+    let is_first = given.len().is_ok_and(|length| length > 0)
+        && given.get_item(0).is_ok_and(|first| first.is_instance_of::<T>());
+    if !is_first {
+        return Ok(None);
+    }
+    let items = given.try_iter()?.take(given.len()?).enumerate().map(|(k, item)| {
+        let item = item?.cast_into::<T>();
+        item.map_err(|_| bad(format!("{what}[{k}]: is not {wanted}; give a list of them alone")))
+    });
+    items.collect::<PyResult<_>>().map(Some)
+}
+
+fn texts(what: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    // A text is a list of letters in Python.
+    let letters = given.is_instance_of::<PyString>();
+    let length = given.len().ok().filter(|_| !letters);
+    let wrong = || bad(format!("{what}: is {}; give a list of texts", shown(given)));
+    let mut texts = Vec::new();
+    for (k, text) in given.try_iter().map_err(|_| wrong())?.enumerate() {
+        if length.is_none_or(|length| k >= length) {
+            return Err(wrong());
+        }
+        let text = text?;
+        match text.extract::<String>() {
+            Ok(text) => texts.push(text),
+            Err(_) => {
+                return Err(bad(format!("{what}[{k}]: is {}; give a text", shown(&text))));
+            }
+        }
+    }
+    Ok(texts)
+}
+
+/// A whole number in `allowed`: an `int`, or a float without a fraction; no `bool`.
+pub fn whole<T: TryFrom<i128>>(
+    what: &str,
+    given: &Bound<'_, PyAny>,
+    allowed: RangeInclusive<i128>,
+) -> PyResult<T> {
+    let number = exact(given)?.filter(|number| allowed.contains(number));
+    number.and_then(|number| T::try_from(number).ok()).ok_or_else(|| {
+        let wanted = whole_in_words(&allowed);
+        bad(format!("{what}: is {}; give {wanted}", shown(given)))
+    })
+}
+
+/// Words for a whole number in `allowed`.
+pub fn whole_in_words(allowed: &RangeInclusive<i128>) -> String {
+    let (least, most) = (*allowed.start(), *allowed.end());
+    if most == i128::MAX {
+        return "a whole number".to_owned();
+    }
+    format!("a whole number, {least} to {most}")
+}
+
+/// The whole number that a float is.
+pub fn whole_of_float(value: f64) -> Option<i128> {
+    // 2¹²⁷ in size: all that `i128` holds.
+    (value.fract() == 0.0 && value.abs() < 1.7e38).then_some(value as i128)
+}
+
+/// The whole number that an object stands for; `None` where it stands for none.
+fn exact(given: &Bound<'_, PyAny>) -> PyResult<Option<i128>> {
+    // Truth values are whole numbers in Python, and no counts; NumPy and PyTorch have their own.
+    let kind = given.getattr("dtype").unwrap_or_else(|_| given.get_type().into_any());
+    if kind.str().is_ok_and(|kind| kind.to_string_lossy().contains("bool")) {
+        return Ok(None);
+    }
+    match given.extract::<i128>() {
+        Ok(number) => return Ok(Some(number)),
+        Err(error) => or_raised(given.py(), error)?,
+    }
+    match given.extract::<f64>() {
+        Ok(value) => Ok(whole_of_float(value)),
+        Err(error) => or_raised(given.py(), error).map(|()| None),
+    }
+}
+
+/// A finite number that `is_allowed`.
+pub fn real(
+    what: &str,
+    given: &Bound<'_, PyAny>,
+    wanted: &str,
+    is_allowed: fn(f64) -> bool,
+) -> PyResult<f64> {
+    let value = match given.extract::<f64>() {
+        Ok(value) => Some(value),
+        Err(error) => or_raised(given.py(), error).map(|()| None)?,
+    };
+    value
+        .filter(|&value| value.is_finite() && is_allowed(value))
+        .ok_or_else(|| bad(format!("{what}: is {}; give {wanted}", shown(given))))
+}
+
+fn maybe_real(
+    what: &str,
+    given: &Bound<'_, PyAny>,
+    wanted: &str,
+    is_allowed: fn(f64) -> bool,
+) -> PyResult<Option<f64>> {
+    if given.is_none() {
+        return Ok(None);
+    }
+    real(what, given, wanted, is_allowed).map(Some)
+}
+
+/// Raises what is no matter of the argument's value, such as Ctrl-C or a lack of memory.
+pub fn or_raised(py: Python<'_>, error: PyErr) -> PyResult<()> {
+    let of_value = error.is_instance_of::<PyTypeError>(py)
+        || error.is_instance_of::<PyValueError>(py)
+        || error.is_instance_of::<PyArithmeticError>(py)
+        || error.is_instance_of::<PyAttributeError>(py);
+    if of_value { Ok(()) } else { Err(error) }
+}
+
+/// A value as Python writes it, cut where it is long.
+fn shown(given: &Bound<'_, PyAny>) -> String {
+    let Ok(text) = given.repr() else {
+        // Python refuses to write whole numbers of thousands of digits.
+        let kind = given.get_type();
+        return kind.name().map_or("unknown".to_owned(), |name| format!("of the type {name}"));
+    };
+    let text = text.to_string_lossy();
+    match text.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.into_owned(),
+    }
+}
+
+/// Raises `MemoryError` where `count` elements of `each` bytes do not fit into memory that is left.
+pub fn room_for(what: &'static str, count: usize, each: usize) -> PyResult<()> {
+    let bytes = count as u128 * each as u128;
+    if bytes < FEW_BYTES {
+        return Ok(());
+    }
+    let bytes = u64::try_from(bytes).unwrap_or(u64::MAX);
+    check_memory(what, bytes).map_err(|error| PyMemoryError::new_err(error.to_string()))
+}
