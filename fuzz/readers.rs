@@ -219,12 +219,12 @@ pub fn rig_sdf(_: &Path, bytes: &[u8]) {
     check_rig(bytes, Some(RigFormat::Sdf));
 }
 
-/// A rig in a ROS 2 launch file, of Python or XML.
+/// A rig in a launch file of ROS 1 or ROS 2.
 pub fn rig_launch(_: &Path, bytes: &[u8]) {
     check_rig(bytes, Some(RigFormat::Ros2Launch));
 }
 
-/// A list of sensors of a CARLA agent.
+/// A list of sensors of CARLA, as JSON.
 pub fn rig_carla(_: &Path, bytes: &[u8]) {
     check_rig(bytes, Some(RigFormat::Carla));
 }

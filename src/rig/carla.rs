@@ -1,18 +1,20 @@
-//! The list that `sensors()` of a CARLA agent returns: left-handed, y to the right, in degrees.
+//! The list that `sensors()` of a CARLA agent returns, as JSON: left-handed, y to the right, in degrees.
 //!
 //! With y mirrored, CARLA's own signs of pitch and roll leave roll as it is; y, pitch, yaw and phase change sign.
 
-use serde_json::{Map, Value, json};
+use serde_json::{Map, Value};
 
-use super::fields::{self, Fields};
+use super::fields::{self, Fields, PHASE, wrong};
 use super::frames::{Frame, Frames, Holds};
-use super::literal::{literal, skip_blank};
 use super::{BASE_LINK, Fan, Mounting, Rig, RigError, RigLidar, Source, known};
-use crate::json::Place;
+use crate::Note;
+use crate::json::{self, Place};
 use crate::vehicle::SensorPose;
 
 /// Type of the LiDAR that CARLA casts.
 pub(super) const LIDAR: &str = "sensor.lidar.ray_cast";
+/// Attribute of a LiDAR that looks over a part of the turn, in degrees.
+const HORIZONTAL: &str = "horizontal_fov";
 
 /// CARLA's six numbers of a pose of ours, angles in degrees; and ours of CARLA's.
 pub(crate) fn mirrored(pose: &SensorPose, angle: impl Fn(f64) -> f64) -> SensorPose {
@@ -28,18 +30,58 @@ pub(crate) fn mirrored(pose: &SensorPose, angle: impl Fn(f64) -> f64) -> SensorP
     }
 }
 
-/// Reads the first list of dictionaries, of JSON or Python.
+/// Keys of a LiDAR that are read.
+const READ: [&str; 13] = [
+    "type",
+    "id",
+    "x",
+    "y",
+    "z",
+    "roll",
+    "pitch",
+    "yaw",
+    PHASE,
+    "channels",
+    "lower_fov",
+    "upper_fov",
+    "spawn_point",
+];
+/// Keys passed over: they say how CARLA casts, not where the LiDAR stands.
+const PASSED_OVER: [&str; 12] = [
+    "range",
+    "points_per_second",
+    "rotation_frequency",
+    "sensor_tick",
+    "atmosphere_attenuation_rate",
+    "dropoff_general_rate",
+    "dropoff_intensity_limit",
+    "dropoff_zero_intensity",
+    "noise_stddev",
+    "noise_seed",
+    "role_name",
+    "attached_objects",
+];
+
+/// Reads the text of a list.
 pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
-    let top = Place::top(&source.file);
-    let syntax =
-        |problem| RigError::Syntax { at: Box::new(top.clone()), what: "list of sensors", problem };
-    let is_list = |(at, _): &(usize, _)| skip_blank(&source.text[at + 1..]).starts_with('{');
-    let start = source.text.match_indices('[').find(is_list);
-    let (at, _) = start.ok_or_else(|| syntax("it has no `[ { … } ]`".to_owned()))?;
-    let (list, _) = literal(&source.text[at..]).map_err(syntax)?;
-    for (index, sensor) in list.as_array().into_iter().flatten().enumerate() {
-        let fields = Fields::of(sensor, top.item(index))?;
-        let holds = holds(&fields)?;
+    let document: Value = json::parse(&source.text, &source.file)?;
+    read_list(&document, &Place::top(&source.file), frames)
+}
+
+/// Reads a list of objects, or the object whose `sensors` it is.
+pub(super) fn read_list(
+    document: &Value,
+    top: &Place,
+    frames: &mut Frames,
+) -> Result<(), RigError> {
+    let (list, at) = match document.get("sensors") {
+        Some(list) => (list, top.key("sensors")),
+        None => (document, top.clone()),
+    };
+    let list = list.as_array().ok_or_else(|| wrong(&at, list, "a list of sensors"))?;
+    for (index, sensor) in list.iter().enumerate() {
+        let fields = Fields::of(sensor, at.item(index))?;
+        let holds = holds(&fields, frames)?;
         // Cameras and the like may lack a pose.
         if holds != Holds::Other {
             let pose = mirrored(&fields.six_or_level()?, f64::to_radians);
@@ -49,13 +91,29 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
     Ok(())
 }
 
-/// What an entry says that it is.
-pub(super) fn holds(fields: &Fields) -> Result<Holds, RigError> {
+/// What an entry says that it is. Notes name the keys of a LiDAR that a placement does not keep.
+pub(super) fn holds(fields: &Fields, frames: &mut Frames) -> Result<Holds, RigError> {
     if !fields.text("type")?.starts_with("sensor.lidar") {
         return Ok(Holds::Other);
     }
+    let angle = if fields.has(HORIZONTAL) { fields.number(HORIZONTAL)? } else { 360.0 };
+    let is_whole = angle >= 360.0;
+    if !is_whole {
+        frames.notes.push(Note::fact(format!(
+            "{}: `{HORIZONTAL}` {angle} is not kept in a placement; name a model of that field of view \
+             with --sensor",
+            fields.at
+        )));
+    }
+    let known = |key: &str| key == HORIZONTAL || READ.contains(&key) || PASSED_OVER.contains(&key);
+    let unknown: Vec<String> =
+        fields.each().filter(|(key, ..)| !known(key)).map(|(key, ..)| format!("`{key}`")).collect();
+    if !unknown.is_empty() {
+        let text = format!("{}: passed over, not being known: {}", fields.at, unknown.join(", "));
+        frames.notes.push(Note::fact(text));
+    }
     let has_fan = ["channels", "lower_fov", "upper_fov"].iter().all(|key| fields.has(key));
-    let sensor = if has_fan {
+    let sensor = if has_fan && is_whole {
         let number = |key| fields.number(key);
         known::of_fan(number("channels")?, number("lower_fov")?, number("upper_fov")?)
     } else {
@@ -75,7 +133,7 @@ pub(super) fn add(
     frames.add(Frame { name, parent: BASE_LINK.to_owned(), pose, holds, at })
 }
 
-/// The list as JSON, which is Python as well.
+/// The list as JSON.
 pub(super) fn write(
     rig: &Rig,
     mounting: &Mounting,
@@ -87,18 +145,31 @@ pub(super) fn write(
         let pose = mirrored(&mounting.to_base(&lidar.pose), f64::to_degrees);
         entry.extend(fields::numbers(&pose));
         entry.insert("id".to_owned(), lidar.frame.as_str().into());
-        entry.extend(fan(lidar).into_iter().flat_map(attributes));
+        entry.extend(attributes(fan(lidar)));
         Value::Object(entry)
     };
     rig.lidars.iter().map(entry).collect()
 }
 
-/// What CARLA is told of a fan.
-pub(super) fn attributes(fan: Fan) -> Map<String, Value> {
-    let Fan { channels, lower, upper, range, points_a_second } = fan;
-    let attributes = json!({
-        "range": range, "channels": channels, "points_per_second": points_a_second,
-        "upper_fov": upper, "lower_fov": lower, "rotation_frequency": Fan::RATE,
-    });
-    attributes.as_object().cloned().unwrap_or_default()
+/// Attributes of a LiDAR: its fan where it is known, and no beams lost by chance or intensity.
+pub(super) fn attributes(fan: Option<Fan>) -> Map<String, Value> {
+    let mut attributes = Map::new();
+    if let Some(Fan { channels, lower, upper, range, points_a_second }) = fan {
+        attributes.insert("range".to_owned(), range.into());
+        attributes.insert("channels".to_owned(), channels.into());
+        attributes.insert("points_per_second".to_owned(), points_a_second.into());
+        attributes.insert("upper_fov".to_owned(), upper.into());
+        attributes.insert("lower_fov".to_owned(), lower.into());
+        attributes.insert("rotation_frequency".to_owned(), Fan::RATE.into());
+    }
+    // By default CARLA loses 45 % of the points by chance, and more by intensity.
+    for key in [
+        "dropoff_general_rate",
+        "dropoff_intensity_limit",
+        "dropoff_zero_intensity",
+        "noise_stddev",
+    ] {
+        attributes.insert(key.to_owned(), 0.0.into());
+    }
+    attributes
 }

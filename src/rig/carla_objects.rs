@@ -26,7 +26,7 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
             continue;
         }
         for sensor in items(&object, "sensors")? {
-            let holds = carla::holds(&sensor)?;
+            let holds = carla::holds(&sensor, frames)?;
             if holds == Holds::Other {
                 continue;
             }
@@ -65,7 +65,7 @@ pub(super) fn write(
         sensor.insert("type".to_owned(), carla::LIDAR.into());
         sensor.insert("id".to_owned(), lidar.frame.as_str().into());
         sensor.insert("spawn_point".to_owned(), spawn_point.into());
-        sensor.extend(fan(lidar).into_iter().flat_map(carla::attributes));
+        sensor.extend(carla::attributes(fan(lidar)));
         Value::Object(sensor)
     };
     let sensors: Vec<Value> = rig.lidars.iter().map(sensor).collect();

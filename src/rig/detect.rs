@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use super::{RigError, RigFormat, Source, autoware, launch, pandaset, xml};
+use super::{RigError, RigFormat, Source, autoware, pandaset, xml};
 
 /// The format of a text.
 ///
@@ -10,6 +10,7 @@ use super::{RigError, RigFormat, Source, autoware, launch, pandaset, xml};
 /// XML that does not parse, or a text of no format.
 pub(super) fn format_of(source: &Source) -> Result<RigFormat, RigError> {
     let text = source.text.as_str();
+    refuse_program(source)?;
     let unrecognised = || RigError::Unrecognised { file: source.file.clone() };
     if text.trim_start().starts_with('<') {
         let document = xml::parse(text, &source.file)?;
@@ -22,7 +23,6 @@ pub(super) fn format_of(source: &Source) -> Result<RigFormat, RigError> {
     }
     // From the rarest word to the commonest.
     let words = [
-        (launch::PUBLISHER, RigFormat::Ros2Launch),
         ("\"spawn_point\"", RigFormat::CarlaObjects),
         ("\"lidars\"", RigFormat::Json),
         ("sensor.lidar.", RigFormat::Carla),
@@ -40,6 +40,21 @@ pub(super) fn format_of(source: &Source) -> Result<RigFormat, RigError> {
     } else {
         Err(unrecognised())
     }
+}
+
+/// Refuses program source: only running it tells its sensors.
+///
+/// # Errors
+/// A file that is named as a Python program, or whose lines begin as those of one do.
+pub(super) fn refuse_program(source: &Source) -> Result<(), RigError> {
+    let named = source.file.ends_with(".py");
+    let starts = ["import ", "from ", "def ", "class ", "#!/usr/bin/env python", "@"];
+    let begins = |line: &str| starts.iter().any(|start| line.starts_with(start));
+    let is_markup = source.text.trim_start().starts_with(['<', '{', '[']);
+    if named || (!is_markup && source.text.lines().any(begins)) {
+        return Err(RigError::Program { file: source.file.clone() });
+    }
+    Ok(())
 }
 
 impl FromStr for RigFormat {

@@ -140,6 +140,17 @@ pub enum RigError {
         /// The name as written.
         name: String,
     },
+    /// Program source in the place of data.
+    #[error(
+        "{file}: is a Python program, which is not run; write its sensors as JSON with these three lines: \
+         `import json`, `sensors = MyAgent().sensors()` (the list of CARLA, or one made by hand), \
+         `json.dump(sensors, open(\"sensors.json\", \"w\"))`; or give the URDF, or `/tf_static` as \
+         `ros2 topic echo /tf_static --once` prints it"
+    )]
+    Program {
+        /// The file.
+        file: String,
+    },
     /// A file whose content tells no format.
     #[error("{file}: its content is none of {}; name its format with --format", formats())]
     Unrecognised {

@@ -42,7 +42,7 @@ pub fn export(
         RigFormat::Autoware => autoware::write(rig, mounting),
         RigFormat::Urdf => one("rig.urdf", urdf::write(rig, mounting)),
         RigFormat::Sdf => one("rig.sdf", sdf::write(rig, mounting)),
-        RigFormat::Ros2Launch => one("rig.launch.py", launch::write(rig, mounting)),
+        RigFormat::Ros2Launch => one("rig.launch.xml", launch::write(rig, mounting)),
         RigFormat::Carla => one("sensors.json", pretty(&carla::write(rig, mounting, fan))),
         RigFormat::CarlaObjects => {
             one("objects.json", pretty(&carla_objects::write(rig, mounting, fan)))

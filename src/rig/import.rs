@@ -3,6 +3,8 @@
 use std::collections::{BTreeMap, HashSet};
 use std::path::PathBuf;
 
+use serde_json::Value;
+
 use super::angles::{IDENTITY, compose, up};
 use super::frames::{Frame, Frames, Holds};
 use super::{
@@ -10,6 +12,7 @@ use super::{
     carla_objects, detect, known, launch, pandaset, placements, sdf, sources, urdf,
 };
 use crate::Note;
+use crate::json::Place;
 use crate::vehicle::{MAX_LIDARS, SensorPose};
 
 /// Words in the names of LiDAR frames, for formats that say no more.
@@ -87,11 +90,36 @@ pub fn import_texts(sources: &[Source], settings: &ImportSettings) -> Result<Imp
     }
     let mut frames = Frames::default();
     for source in sources {
+        detect::refuse_program(source)?;
         read(format, source, &mut frames)?;
     }
-    let base = base(format, &mut frames, settings, &first.file)?;
+    rig_of(frames, format, settings, &first.file)
+}
+
+/// Reads the list that `sensors()` of a CARLA agent returns, as JSON values: objects with `type`, `id`, `x`,
+/// `y`, `z`, and angles in degrees.
+///
+/// # Errors
+/// A list that gives no rig.
+pub fn from_carla_sensors(
+    sensors: &Value,
+    settings: &ImportSettings,
+) -> Result<Imported, RigError> {
+    let (name, mut frames) = ("sensors", Frames::default());
+    carla::read_list(sensors, &Place::top(name), &mut frames)?;
+    rig_of(frames, RigFormat::Carla, settings, name)
+}
+
+/// The rig of frames that were read.
+fn rig_of(
+    mut frames: Frames,
+    format: RigFormat,
+    settings: &ImportSettings,
+    file: &str,
+) -> Result<Imported, RigError> {
+    let base = base(format, &mut frames, settings, file)?;
     let mut notes = std::mem::take(&mut frames.notes);
-    let (lidars, left_out) = picked(&frames, settings, &first.file)?;
+    let (lidars, left_out) = picked(&frames, settings, file)?;
     let mut unknown = Vec::new();
     let named = settings.name.clone().or(frames.name.clone());
     let mut rig = Rig { name: named.unwrap_or_else(|| UNNAMED.to_owned()), lidars: Vec::new() };

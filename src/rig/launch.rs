@@ -1,20 +1,20 @@
-//! ROS 2 launch files of static transform publishers: Python and XML are read, Python is written.
+//! Launch files of static transform publishers in XML, of ROS 1 and ROS 2.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::fmt::Write;
 
-use serde_json::Value;
+use roxmltree::Node;
 
 use super::angles::of_quaternion;
 use super::fields::{number, wrong};
 use super::frames::{Frame, Frames, Holds};
-use super::literal::{literal, skip_blank};
 use super::{BASE_LINK, Mounting, Rig, RigError, Source, xml};
+use crate::Note;
 use crate::json::Place;
 use crate::vehicle::SensorPose;
 
 /// Program of `tf2_ros` that publishes a transform.
-pub(super) const PUBLISHER: &str = "static_transform_publisher";
+const PUBLISHER: &str = "static_transform_publisher";
 /// Flags that take a value; what else there is, is left alone.
 const FLAGS: [&str; 12] = [
     "--x",
@@ -33,80 +33,136 @@ const FLAGS: [&str; 12] = [
 /// Begins what a node tells ROS itself.
 const ROS_ARGS: &str = "--ros-args";
 
-/// Reads every publisher of a launch file.
+/// Longest value of an argument once others are put into it.
+const MOST_VALUE: usize = 4096;
+
+/// Reads every publisher of a launch file that its `if` and `unless` leave on.
 pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
-    if source.text.trim_start().starts_with('<') {
-        read_xml(source, frames)
-    } else {
-        read_python(source, frames)
-    }
-}
-
-fn read_xml(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
     let document = xml::parse(&source.text, &source.file)?;
-    let nodes = document.descendants().filter(|node| node.has_tag_name("node"));
-    for (index, node) in nodes.enumerate() {
-        let program = node.attribute("exec").or(node.attribute("type"));
-        if program == Some(PUBLISHER) {
-            let at = Place::top(&source.file).key("<node>").item(index);
-            let args = xml::attribute(node, "args", &at)?;
-            let words = args.split_whitespace().map(str::to_owned).collect();
-            frames.add(publisher(words, at)?)?;
-        }
-    }
-    Ok(())
-}
-
-/// Reads `Node(… arguments=[ … ] …)`; the lists must be literals.
-fn read_python(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
-    let text = without_comments(&source.text);
-    let mut line = 1;
-    for (index, call) in text.split("Node(").enumerate() {
-        let at = Place::top(&source.file).key(&format!("Node, line {line}"));
-        line += call.matches('\n').count();
-        if index == 0 || !call.contains(PUBLISHER) {
+    let mut launch =
+        Launch { file: &source.file, values: HashMap::new(), passed: BTreeSet::new(), nodes: 0 };
+    let mut open = vec![document.root_element()];
+    while let Some(node) = open.pop() {
+        if !launch.is_on(node)? {
             continue;
         }
-        let list = call.match_indices("arguments").find_map(|(start, word)| {
-            let rest = skip_blank(&call[start + word.len()..]).strip_prefix('=')?;
-            Some(skip_blank(rest)).filter(|rest| rest.starts_with('['))
-        });
-        let missing =
-            || RigError::Missing { at: Box::new(at.clone()), key: "arguments=[…]".into() };
-        let (list, _) = literal(list.ok_or_else(missing)?).map_err(|problem| RigError::Syntax {
-            at: Box::new(at.clone()),
-            what: "list of arguments",
-            problem,
-        })?;
-        let word = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-        let words = list.as_array().into_iter().flatten().map(word).collect();
-        frames.add(publisher(words, at)?)?;
+        match node.tag_name().name() {
+            "launch" | "group" => {
+                let children: Vec<Node> = node.children().filter(Node::is_element).collect();
+                open.extend(children.into_iter().rev());
+            }
+            "arg" | "let" => launch.argument(node)?,
+            "node" => {
+                if let Some(frame) = launch.node(node)? {
+                    frames.add(frame)?;
+                }
+            }
+            // Neither moves a frame.
+            "param" | "rosparam" | "remap" | "env" | "set_env" | "unset_env" | "machine"
+            | "master" | "test" | "executable" | "arg_group" => {}
+            other => {
+                launch.passed.insert(format!("<{other}>"));
+            }
+        }
+    }
+    if !launch.passed.is_empty() {
+        let passed: Vec<String> = launch.passed.into_iter().collect();
+        let text = format!(
+            "{}: passed over: {}; read the files that they bring in beside this one",
+            source.file,
+            passed.join(", ")
+        );
+        frames.notes.push(Note::fact(text));
     }
     Ok(())
 }
 
-/// Python without its comments; a `#` in quotes is none.
-fn without_comments(text: &str) -> String {
-    let mut kept = String::with_capacity(text.len());
-    let (mut quote, mut comment, mut escape) = (None, false, false);
-    for c in text.chars() {
-        if c == '\n' {
-            (quote, comment, escape) = (None, false, false);
-        } else if let Some(open) = quote {
-            if !escape && c == open {
-                quote = None;
+/// A launch file as far as it is read.
+struct Launch<'a> {
+    file: &'a str,
+    /// Values of arguments and variables by name.
+    values: HashMap<String, String>,
+    /// Elements that are not understood.
+    passed: BTreeSet<String>,
+    /// Nodes so far.
+    nodes: usize,
+}
+
+impl Launch<'_> {
+    /// Whether `if` and `unless` leave an element on.
+    fn is_on(&self, node: Node) -> Result<bool, RigError> {
+        for (key, wanted) in [("if", true), ("unless", false)] {
+            let Some(text) = node.attribute(key) else { continue };
+            let at = xml::place(node, self.file).key(key);
+            let value = match self.resolved(text, &at)?.trim().to_lowercase().as_str() {
+                "true" | "1" => true,
+                "false" | "0" => false,
+                _ => {
+                    return Err(wrong(
+                        &at,
+                        text,
+                        "true, false, or an argument with such a default",
+                    ));
+                }
+            };
+            if value != wanted {
+                return Ok(false);
             }
-            escape = c == '\\' && !escape;
-        } else if c == '#' {
-            comment = true;
-        } else if !comment && (c == '"' || c == '\'') {
-            quote = Some(c);
         }
-        if !comment {
-            kept.push(c);
-        }
+        Ok(true)
     }
-    kept
+
+    /// Keeps the value of an argument: `value`, or the `default` that counts without one.
+    fn argument(&mut self, node: Node) -> Result<(), RigError> {
+        let at = xml::place(node, self.file);
+        let Some(text) = node.attribute("value").or(node.attribute("default")) else {
+            return Ok(());
+        };
+        // One that cannot be told is an error where it is used.
+        if let (Some(name), Ok(value)) = (node.attribute("name"), self.resolved(text, &at)) {
+            self.values.insert(name.to_owned(), value);
+        }
+        Ok(())
+    }
+
+    /// A text with the values of `$(arg NAME)` and `$(var NAME)` in their places.
+    fn resolved(&self, text: &str, at: &Place) -> Result<String, RigError> {
+        let (mut done, mut rest) = (String::new(), text);
+        while let Some((before, behind)) = rest.split_once("$(") {
+            let unknown = || wrong(at, text, "a text whose arguments have a default in this file");
+            let (inside, after) = behind.split_once(')').ok_or_else(unknown)?;
+            let name = match inside.split_whitespace().collect::<Vec<_>>()[..] {
+                ["arg" | "var", name] => name.trim_matches(['\'', '"']),
+                _ => return Err(unknown()),
+            };
+            done += before;
+            done += self.values.get(name).ok_or_else(unknown)?;
+            rest = after;
+            if done.len() > MOST_VALUE {
+                return Err(wrong(at, text, "a shorter text"));
+            }
+        }
+        Ok(done + rest)
+    }
+
+    /// The frame of a node that publishes one.
+    fn node(&mut self, node: Node) -> Result<Option<Frame>, RigError> {
+        let at = Place::top(self.file).key("<node>").item(self.nodes);
+        self.nodes += 1;
+        if node.attribute("exec").or(node.attribute("type")) != Some(PUBLISHER) {
+            return Ok(None);
+        }
+        let args = self.resolved(xml::attribute(node, "args", &at)?, &at)?;
+        let mut words: Vec<String> = args.split_whitespace().map(str::to_owned).collect();
+        // `tf` of ROS 1 wants a period in milliseconds behind the two frames.
+        let has_period = matches!(words.len(), 9 | 10)
+            && words.last().is_some_and(|word| word.parse::<f64>().is_ok())
+            && words[words.len() - 3].parse::<f64>().is_err();
+        if has_period {
+            words.pop();
+        }
+        publisher(words, at).map(Some)
+    }
 }
 
 /// The frame of a publisher's arguments: flags, or `x y z yaw pitch roll PARENT CHILD` as before ROS 2
@@ -161,23 +217,19 @@ fn pose(given: &HashMap<&str, &str>, at: &Place) -> Result<SensorPose, RigError>
     Ok(SensorPose::from_values([x, y, z, roll?, pitch?, yaw?]))
 }
 
-/// A launch file in Python, one publisher a LiDAR.
+/// A launch file of ROS 2, one publisher a LiDAR.
 pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
-    let mut text =
-        "from launch import LaunchDescription\nfrom launch_ros.actions import Node\n\n\n\
-                    def generate_launch_description():\n    return LaunchDescription([\n"
-            .to_owned();
+    let mut text = "<launch>\n".to_owned();
     for lidar in &rig.lidars {
         let (foot, _) = mounting.foot(&lidar.frame, lidar.sensor.as_deref(), &lidar.pose);
-        let number = |(key, value)| format!("                '--{key}', '{value}',\n");
+        let number = |(key, value)| format!("--{key} {value} ");
         let numbers: String = foot.fields().into_iter().map(number).collect();
-        let _ = write!(
+        let _ = writeln!(
             text,
-            "        Node(\n            package='tf2_ros',\n            executable='{PUBLISHER}',\n            \
-             arguments=[\n{numbers}                '--frame-id', '{BASE_LINK}',\n                \
-             '--child-frame-id', {},\n            ],\n        ),\n",
-            Value::from(lidar.frame.as_str())
+            "  <node pkg=\"tf2_ros\" exec=\"{PUBLISHER}\"\n        \
+             args=\"{numbers}--frame-id {BASE_LINK} --child-frame-id {}\"/>",
+            xml::escape(&lidar.frame)
         );
     }
-    text + "    ])\n"
+    text + "</launch>\n"
 }

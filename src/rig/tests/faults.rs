@@ -76,25 +76,33 @@ fn each_fault_is_a_sentence() {
             &["<link> `lidar`.pose: `nan` stands where a finite number belongs"],
         ),
         (
-            "Node(executable='static_transform_publisher', arguments=['--x', height])".to_owned(),
-            &["Node, line 1: is no list of arguments", "`height])`"],
+            "from launch import LaunchDescription\nNode(executable='static_transform_publisher')"
+                .to_owned(),
+            &["file: is a Python program", "json.dump"],
         ),
         (
-            "Node(executable='static_transform_publisher', arguments=['--x', '1'])".to_owned(),
-            &["Node, line 1: `--child-frame-id` is missing"],
+            "class Agent:\n    def sensors(self):\n        return [{'type': 'sensor.lidar.x'}]"
+                .to_owned(),
+            &["file: is a Python program"],
+        ),
+        (
+            "<launch><node exec='static_transform_publisher' args='--x $(arg x)'/></launch>"
+                .to_owned(),
+            &["<node>[0]: `--x $(arg x)`", "default"],
+        ),
+        (
+            "<launch><group if='$(eval 1)'/></launch>".to_owned(),
+            &["<group>.if: `$(eval 1)`", "default"],
         ),
         (
             "<launch><node exec='static_transform_publisher' args='1 2 3'/></launch>".to_owned(),
             &["<node>[0]: `1 2 3`", "a list of flags"],
         ),
         (
-            "[{'type': 'sensor.lidar.ray_cast', 'x': 1, 'y': 2, 'id': 'a'}]".to_owned(),
+            r#"[{"type": "sensor.lidar.ray_cast", "x": 1, "y": 2, "id": "a"}]"#.to_owned(),
             &["file: [0]: `z` is missing"],
         ),
-        (
-            "[{'type': 'sensor.lidar.ray_cast', 'x': 1".to_owned(),
-            &["is no list of sensors", "comma"],
-        ),
+        (r#"[{"type": "sensor.lidar.ray_cast", "x": 1"#.to_owned(), &["file", "the file ends"]),
         ("{\"spawn_point\": 1}".to_owned(), &["file: `objects` is missing"]),
         (
             "{\"objects\": [{\"sensors\": [1]}], \"spawn_point\": 1}".to_owned(),
@@ -209,7 +217,7 @@ fn one_of_several_placements_is_picked_by_name() {
 fn hostile_files_end_soon() {
     let deep = 100_000;
     let elements = format!("<sdf>{}{}</sdf>", "<a>".repeat(deep), "</a>".repeat(deep));
-    let lists = format!("[{{'type': 'sensor.lidar.x', {}", "[".repeat(deep));
+    let lists = format!("[{{\"type\": \"sensor.lidar.x\", {}", "[".repeat(deep));
     let blocks = "- ".repeat(deep);
     let yaml = format!("a: {}", "[".repeat(deep));
     let bomb = (0..30).fold("a0: &a0 {x: 1}\n".to_owned(), |text, k| {

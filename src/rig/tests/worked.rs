@@ -24,21 +24,22 @@ const SDF: &str = r#"<sdf version="1.9"><model name="r"><link name="base_link"/>
 const SDF_DEGREES: &str = r#"<sdf version="1.9"><model name="r"><link name="body">
   <sensor name="top" type="gpu_lidar"><pose degrees="true">0.6 -0.4 2.8 -17.188734 5.729578 -28.647890</pose></sensor>
   </link></model></sdf>"#;
-const LAUNCH_FLAGS: &str = "Node(package='tf2_ros', executable='static_transform_publisher', # arguments=[1]
-  arguments=['--x', '0.6', '--y', '-0.4', '--z', '2.8', '--roll', '-0.3', '--pitch', '0.1', '--yaw', '-0.5',
-             '--frame-id', 'base_link', '--child-frame-id', 'lidar_0'])";
+const LAUNCH_FLAGS: &str = r#"<launch><arg name="height" default="2.8"/>
+  <group if="false"><node pkg="tf2_ros" exec="static_transform_publisher" args="9 9 9 0 0 0 base_link lidar_9"/></group>
+  <node pkg="tf2_ros" exec="static_transform_publisher" unless="false" args="--x 0.6 --y -0.4 --z $(var height)
+   --roll -0.3 --pitch 0.1 --yaw -0.5 --frame-id base_link --child-frame-id lidar_0"/></launch>"#;
 const LAUNCH_XML: &str = r#"<launch><node pkg="tf2_ros" exec="static_transform_publisher"
   args="--x 0.6 --y -0.4 --z 2.8 --qw 0.9586831 --qx -0.13238531 --qy 0.08480705 --qz -0.23708355
         --frame-id base_link --child-frame-id lidar_0"/></launch>"#;
-/// The order before Humble: yaw, pitch, roll.
+/// The order before Humble, yaw, pitch, roll, and the period of ROS 1.
+const LAUNCH_ROS1: &str = r#"<launch><node pkg="tf" type="static_transform_publisher" name="n"
+  args="0.6 -0.4 2.8 -0.5 0.1 -0.3 base_link lidar_0 100"/></launch>"#;
 const LAUNCH_OLD: &str = r#"<launch><node pkg="tf2_ros" exec="static_transform_publisher"
   args="0.6 -0.4 2.8 -0.5 0.1 -0.3 base_link lidar_0"/></launch>"#;
-const CARLA: &str = "def sensors(self):
-    return [  # left-handed
-        {'type': 'sensor.camera.rgb', 'x': 0.7, 'id': 'Left'},
-        {'type': 'sensor.lidar.ray_cast', 'x': 0.6, 'y': 0.4, 'z': 2.8, 'roll': -17.1887, 'pitch': -5.7296,
-         'yaw': 28.6479, 'id': 'LIDAR'},
-    ]";
+const CARLA: &str = r#"[
+  {"type": "sensor.camera.rgb", "x": 0.7, "id": "Left"},
+  {"type": "sensor.lidar.ray_cast", "x": 0.6, "y": 0.4, "z": 2.8, "roll": -17.1887, "pitch": -5.7296,
+   "yaw": 28.6479, "id": "LIDAR"}]"#;
 const OBJECTS: &str = r#"{"objects": [{"type": "vehicle.x", "id": "ego_vehicle", "sensors": [
   {"type": "sensor.other.gnss", "id": "gnss", "spawn_point": {"x": 1.0, "y": 0.0, "z": 2.0}},
   {"type": "sensor.lidar.ray_cast_semantic", "id": "lidar", "channels": 16, "upper_fov": 15, "lower_fov": -15,
@@ -60,6 +61,7 @@ fn the_worked_pose_is_read_in_every_format() {
         (RigFormat::Ros2Launch, LAUNCH_FLAGS, 0.0),
         (RigFormat::Ros2Launch, LAUNCH_XML, 2e-8),
         (RigFormat::Ros2Launch, LAUNCH_OLD, 0.0),
+        (RigFormat::Ros2Launch, LAUNCH_ROS1, 0.0),
         (RigFormat::Carla, CARLA, 1e-6),
         (RigFormat::CarlaObjects, OBJECTS, 1e-6),
         (RigFormat::Json, JSON, 0.0),
@@ -96,7 +98,7 @@ fn the_worked_pose_is_written_in_every_format() {
     holds(RigFormat::Autoware, &format!("lidar_0: {six}"));
     holds(RigFormat::Urdf, r#"<origin xyz="0.6 -0.4 2.8" rpy="-0.3 0.1 -0.5"/>"#);
     holds(RigFormat::Sdf, r#"<pose relative_to="base_link">0.6 -0.4 2.8 -0.3 0.1 -0.5</pose>"#);
-    holds(RigFormat::Ros2Launch, "'--roll', '-0.3', '--pitch', '0.1', '--yaw', '-0.5',");
+    holds(RigFormat::Ros2Launch, "--roll -0.3 --pitch 0.1 --yaw -0.5");
     let degrees = |format| {
         let text = written(format);
         let value: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -202,4 +204,27 @@ fn files_of_one_rig_are_read_together_and_others_are_not() {
     let two = [source("a.json", OBJECTS), source("b.json", OBJECTS)];
     let error = import_texts(&two, &ImportSettings::default()).unwrap_err().to_string();
     assert!(error.contains("b.json") && error.contains("one at a time"), "{error}");
+}
+
+#[test]
+fn a_list_of_values_is_read_as_its_text() {
+    let list = serde_json::from_str(CARLA).unwrap();
+    let of_values = crate::rig::from_carla_sensors(&list, &ImportSettings::default()).unwrap();
+    assert_eq!(of_values.rig, read(CARLA).unwrap().rig);
+}
+
+#[test]
+fn a_narrow_fan_and_unknown_keys_of_carla_are_named() {
+    let text = r#"[{"type": "sensor.lidar.ray_cast", "x": 1, "y": 0, "z": 2, "id": "a", "channels": 16,
+        "lower_fov": -15, "upper_fov": 15, "horizontal_fov": 120, "colour": 3, "range": 50}]"#;
+    let narrow = read(text).unwrap();
+    let notes: Vec<&str> = narrow.notes.iter().map(|note| note.text()).collect();
+    assert!(
+        notes[0].contains("`horizontal_fov` 120") && notes[1].contains("`colour`"),
+        "{notes:?}"
+    );
+    assert!(!notes[1].contains("range"), "{notes:?}");
+    assert_eq!(narrow.rig.lidars[0].sensor, None);
+    let whole = read(&text.replace("120", "360")).unwrap();
+    assert_eq!(whole.rig.lidars[0].sensor.as_deref(), Some("VLP-16"));
 }
