@@ -5,8 +5,8 @@
 //! or our own code everywhere.
 
 pub(crate) use libm::{
-    asin, atan, atan2, cbrtf, cos, erf, erfc, exp, exp2, hypot, log as ln, log2, log10, pow, sin,
-    tan,
+    acos, asin, atan, atan2, cbrtf, cos, erf, erfc, exp, exp2, hypot, log as ln, log2, log10, pow,
+    sin, tan,
 };
 
 /// Sine and cosine of an angle in radians.

@@ -8,16 +8,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use imports::{Source, Sources, words};
 
 /// Modules of the library, top to bottom: each imports only from itself and from those above it.
-const ORDER: [&str; 33] = [
+const ORDER: [&str; 35] = [
     "memory",
     "allocator",
     "chance",
     "threads",
     "note",
     "files",
+    "maths",
     "geom",
     "json",
-    "note",
     "npy",
     "mesh",
     "vehicle",
@@ -47,15 +47,14 @@ const ORDER: [&str; 33] = [
 ];
 
 /// Foreign crates and the files that may name them, by the start of their names.
-const FOREIGN: [(&str, &[&str]); 13] = [
+const FOREIGN: [(&str, &[&str]); 12] = [
     ("wgpu", &["engine/gpu/"]),
     ("clap", &["cli/"]),
     ("indicatif", &["cli/"]),
     ("ctrlc", &["cli/"]),
     ("gltf", &["mesh/"]),
-    ("tobj", &["mesh/"]),
-    ("ply_rs_bw", &["mesh/"]),
-    ("roxmltree", &["rig/"]),
+    ("earcut", &["mesh/"]),
+    ("roxmltree", &["rig/", "worlds/"]),
     ("xodr", &["worlds/"]),
     (
         "npyz",

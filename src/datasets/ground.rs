@@ -5,6 +5,7 @@ use glam::{DVec3, Vec3};
 use super::{DatasetError, LabelledScan, LabelledSequence};
 use crate::Note;
 use crate::geom::Pose;
+use crate::maths;
 
 /// Within this radius of the LiDAR the road tells its height, metres.
 pub(super) const NEAR: f64 = 10.0;
@@ -63,8 +64,9 @@ pub(super) fn road(sequence: &dyn LabelledSequence) -> Result<Option<(u32, Road)
         let LabelledScan { points, labels } = sequence.read(frame)?;
         let near = points.iter().zip(&labels).filter_map(|(&point, label)| {
             let at = upright.apply(Vec3::from(point).as_dvec3());
-            let is_near = is_road(&classes[usize::from(label.class?)]) && at.x.hypot(at.y) <= NEAR;
-            is_near.then(|| 0.0 - at.z)
+            let is_near =
+                is_road(&classes[usize::from(label.class?)]) && maths::hypot(at.x, at.y) <= NEAR;
+            is_near.then_some(0.0 - at.z)
         });
         if let Some(road) = Road::of(near.collect()) {
             return Ok(Some((frame, road)));
@@ -103,7 +105,7 @@ pub(super) fn doubts(
         egos.push(sequence.world_from_sensor(frame)?.compose(&ego_from_sensor.inverse()));
     }
     if let Some(k) = egos.iter().position(|ego| ego.rotation.z_axis.z < UPRIGHT) {
-        let tilt = egos[k].rotation.z_axis.z.clamp(-1.0, 1.0).acos().to_degrees();
+        let tilt = maths::acos(egos[k].rotation.z_axis.z.clamp(-1.0, 1.0)).to_degrees();
         notes.push(Note::doubt(format!(
             "{name}: the vehicle of frame {} leans by {tilt:.0} degrees; check the order of its quaternion (w, x, y, z) \
              or the axes of its pose.",

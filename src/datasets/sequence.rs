@@ -94,7 +94,9 @@ pub trait LabelledSequence {
     fn tracks(&self) -> Result<Vec<BoxTrack>, DatasetError>;
 
     /// Sentences about the files: passed over, taken in place of a default, or most likely wrong.
-    fn notes(&self) -> &[Note];
+    fn notes(&self) -> &[Note] {
+        &[]
+    }
 
     /// Reads the scan and the labels of a frame.
     ///

@@ -1,5 +1,7 @@
 //! Polygons of mesh files, cut into triangles that cover the polygon alone.
 
+use std::cmp::Ordering;
+
 use earcut::Earcut;
 use glam::DVec3;
 
@@ -78,7 +80,7 @@ impl Cutter {
         };
         let covered: f64 = self.cut.chunks_exact(3).map(area).sum();
         let meant = normal[drop].abs();
-        if !((covered - meant).abs() <= CROSSED * meant) {
+        if (covered - meant).abs().partial_cmp(&(CROSSED * meant)).is_none_or(Ordering::is_gt) {
             self.crossed.0 += 1;
             self.crossed.1 = if self.crossed.0 == 1 { self.polygons - 1 } else { self.crossed.1 };
         }

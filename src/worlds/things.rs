@@ -104,11 +104,8 @@ impl Things<'_> {
                 let lamps = if self.style.lamps > 0.0 { 6.0 / self.style.lamps } else { 0.0 };
                 match self.rng.random_range(0.0..1.0) {
                     r if r < trees && walk > 1.5 => self.tree(foot, 1.0),
-                    r if r < trees + lamps => {
-                        if !self.brought(class::POLE, p) {
-                            self.lamp(foot, -outward(s));
-                        }
-                    }
+                    r if r < trees + lamps && self.brought(class::POLE, p) => {}
+                    r if r < trees + lamps => self.lamp(foot, -outward(s)),
                     r if r < trees + lamps + 0.06 => {
                         // Boards look at those who come along on this side of the road.
                         let side = if (out < 0.0) != street.left_hand { -1.0 } else { 1.0 };

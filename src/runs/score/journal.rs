@@ -1,7 +1,7 @@
 //! `FILE.partial`: scores so far of a batch that goes to a file, which `--resume` goes on from.
 
 use std::fs::{File, TryLockError};
-use std::io::{BufRead, BufReader, BufWriter, ErrorKind, Read, Seek, Write};
+use std::io::{BufRead, BufReader, BufWriter, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -154,8 +154,7 @@ impl Journal {
                 scored = mark.scored;
             }
             if scored != self.scored {
-                let changed =
-                    std::io::Error::new(ErrorKind::Other, "was changed meanwhile; run again");
+                let changed = std::io::Error::other("was changed meanwhile; run again");
                 return Err(Error::io(&self.path)(changed));
             }
             file.write_all(tail.as_bytes()).map_err(Error::io(out))

@@ -68,7 +68,7 @@ pub(super) fn score(
         (Some(journal), Some(out_file)) => {
             computing.watcher.listen();
             match scoring(request, computing, loaded, placements, total, start) {
-                Ok(scoring) => scoring.to_file(journal, out_file),
+                Ok(scoring) => scoring.into_file(journal, out_file),
                 Err(error) => {
                     journal.remove();
                     Err(error)
@@ -76,7 +76,7 @@ pub(super) fn score(
             }
         }
         _ => write_out(request, out, |path, out| {
-            scoring(request, computing, loaded, placements, total, start)?.to_writer(path, out)
+            scoring(request, computing, loaded, placements, total, start)?.into_writer(path, out)
         }),
     }
 }
@@ -199,7 +199,7 @@ impl Scoring<'_> {
     }
 
     /// Writes all scores to the caller's writer, as they are computed.
-    fn to_writer(mut self, path: &Path, out: &mut dyn Write) -> Result<(), Error> {
+    fn into_writer(mut self, path: &Path, out: &mut dyn Write) -> Result<(), Error> {
         let mut first = true;
         while let Some(scores) = self.next()? {
             // Not before: an input whose scores cannot be computed prints nothing.
@@ -215,7 +215,7 @@ impl Scoring<'_> {
     }
 
     /// Writes all scores to a file. The journal keeps those so far where the watcher ends the work or the disk is full.
-    fn to_file(mut self, mut journal: Journal, out: &Path) -> Result<(), Error> {
+    fn into_file(mut self, mut journal: Journal, out: &Path) -> Result<(), Error> {
         let scored = self.fill(&mut journal).and_then(|()| self.check(journal.scored == 0));
         match scored {
             Ok(()) if self.reader.peek().is_some() => {

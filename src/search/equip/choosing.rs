@@ -149,7 +149,7 @@ fn every_kind(vehicle: &Vehicle) -> (Constraints, Vec<(usize, SensorName)>) {
 }
 
 impl<'a> Equip<'a> {
-    pub(super) fn new(
+    pub(super) fn open(
         suite: &Suite,
         vehicle: &'a Vehicle,
         objective: &Objective,

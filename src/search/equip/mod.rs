@@ -99,7 +99,7 @@ impl<'a> Equipping<'a> {
             return Ok(Some(Self { search, state, deadline }));
         }
         let mut watch = Watch::until(observer, deadline);
-        let search = match Equip::new(suite, vehicle, objective, budget, engine, &mut watch)? {
+        let search = match Equip::open(suite, vehicle, objective, budget, engine, &mut watch)? {
             Opened::Open(search) => Search::Open(search),
             Opened::Stopped => return Ok(None),
             Opened::OutOfTime => Search::OutOfTime(plain(suite, vehicle, objective, engine)?),
@@ -183,7 +183,7 @@ pub fn cost_front(
     }
     let silent = &mut |_: &Event| true;
     let mut watch = Watch::new(silent, false);
-    let search = Equip::new(suite, vehicle, objective, f64::INFINITY, engine, &mut watch)?;
+    let search = Equip::open(suite, vehicle, objective, f64::INFINITY, engine, &mut watch)?;
     let Opened::Open(mut search) = search else { return Ok(Vec::new()) };
     let least = vehicle.cost(&vehicle.cheapest());
     let Some(most) = search.best(&mut watch) else { return Ok(Vec::new()) };
