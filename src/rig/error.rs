@@ -151,6 +151,25 @@ pub enum RigError {
         /// The file.
         file: String,
     },
+    /// A robot that xacro has not expanded.
+    #[error(
+        "{file}: holds elements or values of xacro, which is a program; expand it first, `xacro {file} > robot.urdf`, \
+         and read that"
+    )]
+    Xacro {
+        /// The file.
+        file: String,
+    },
+    /// An element that poses depend on and that is not read.
+    #[error("{at}: {what}, which is not read; {mend}")]
+    Unread {
+        /// The element.
+        at: Box<Place>,
+        /// The part that is not read.
+        what: &'static str,
+        /// A way round it.
+        mend: &'static str,
+    },
     /// A file whose content tells no format.
     #[error("{file}: its content is none of {}; name its format with --format", formats())]
     Unrecognised {

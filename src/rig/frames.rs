@@ -40,6 +40,8 @@ pub(super) struct Frame {
 pub(super) struct Frames {
     list: Vec<Frame>,
     index: HashMap<String, usize>,
+    /// Joints that move, in words, by the frame behind each.
+    moving: HashMap<String, String>,
     /// Name that the files give the rig.
     pub(super) name: Option<String>,
     /// What a user should know of the reading.
@@ -59,6 +61,30 @@ impl Frames {
         self.index.insert(frame.name.clone(), self.list.len());
         self.list.push(frame);
         Ok(())
+    }
+
+    /// Says that a frame stands behind a joint that moves.
+    pub(super) fn moves(&mut self, frame: &str, joint: String) {
+        self.moving.insert(frame.to_owned(), joint);
+    }
+
+    /// Joints that move between two frames, in words.
+    pub(super) fn moving_between(&self, base: &str, frame: &str) -> Vec<&str> {
+        let up = |from: &str| {
+            let mut way: Vec<String> = Vec::new();
+            let mut at = Some(from);
+            while let Some(name) = at.filter(|_| way.len() <= self.list.len()) {
+                way.push(name.to_owned());
+                at = self.get(name).map(|frame| frame.parent.as_str());
+            }
+            way
+        };
+        let (one, other) = (up(frame), up(base));
+        let apart = |way: &[String], common: &[String]| -> Vec<String> {
+            way.iter().filter(|name| !common.contains(name)).cloned().collect()
+        };
+        let way = apart(&one, &other).into_iter().chain(apart(&other, &one));
+        way.filter_map(|name| self.moving.get(&name).map(String::as_str)).collect()
     }
 
     pub(super) fn all(&self) -> &[Frame] {
@@ -83,6 +109,16 @@ impl Frames {
         let mut seen = HashSet::new();
         let names = self.list.iter().flat_map(|frame| [&frame.parent, &frame.name]);
         names.filter(|name| seen.insert(*name)).cloned().collect()
+    }
+
+    /// Pose of one frame in another; `None` without a connection.
+    pub(super) fn between(&self, base: &str, frame: &str) -> Option<SensorPose> {
+        match (self.get(frame), self.get(base)) {
+            (Some(frame), _) => self.in_base(base, frame).ok(),
+            // The root of the tree is placed by no entry.
+            (None, Some(base)) => Some(inverse(&self.in_base(frame, base).ok()?)),
+            (None, None) => None,
+        }
     }
 
     /// Pose of a frame in the base, wherever in the tree that stands.

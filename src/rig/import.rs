@@ -1,6 +1,6 @@
 //! From files of another program to a rig: frames are read, LiDARs picked, chains followed.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::PathBuf;
 
 use serde_json::Value;
@@ -30,6 +30,8 @@ const WORDS: [&str; 10] = [
 ];
 /// Name of a rig whose file has none that a placement may bear.
 const UNNAMED: &str = "rig";
+/// Frame on the ground below `base_link`, by REP 120.
+const FOOTPRINT: &str = "base_footprint";
 
 /// How files are read.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -120,6 +122,11 @@ fn rig_of(
     let base = base(format, &mut frames, settings, file)?;
     let mut notes = std::mem::take(&mut frames.notes);
     let (lidars, left_out) = picked(&frames, settings, file)?;
+    let moving: BTreeSet<&str> =
+        lidars.iter().flat_map(|frame| frames.moving_between(&base, &frame.name)).collect();
+    notes.extend(moving.into_iter().map(|joint| {
+        Note::fact(format!("{file}: the joint {joint} moves; what stands behind it is taken where the joint is at 0"))
+    }));
     let mut unknown = Vec::new();
     let named = settings.name.clone().or(frames.name.clone());
     let mut rig = Rig { name: named.unwrap_or_else(|| UNNAMED.to_owned()), lidars: Vec::new() };
@@ -181,11 +188,36 @@ fn base(
     let own = match format {
         RigFormat::Pandaset => pandaset::BASE,
         RigFormat::Sdf if !frames.mentions(BASE_LINK) => sdf::MODEL,
-        _ => return Ok(BASE_LINK.to_owned()),
+        _ => return Ok(ground(frames, settings, file)),
     };
     let text = format!("{file}: the vehicle's frame is taken to be `{own}`");
     frames.notes.push(Note::fact(text));
     Ok(own.to_owned())
+}
+
+/// `base_link`, or the frame on the ground below it (REP 120) where the files place one and no position of `base_link`
+/// is given: the frame of placements stands on the ground.
+fn ground(frames: &mut Frames, settings: &ImportSettings, file: &str) -> String {
+    let names = frames.names();
+    let last = |name: &str| name.rsplit(['/', ':']).next() == Some(FOOTPRINT);
+    let found = names.iter().find(|name| last(name) || name.ends_with(&format!("_{FOOTPRINT}")));
+    let below = found.and_then(|name| Some((name, frames.between(name, BASE_LINK)?)));
+    match below {
+        Some((name, pose)) if settings.mounting.base_link == [0.0; 3] && pose != IDENTITY => {
+            frames.notes.push(Note::fact(format!(
+                "{file}: `{BASE_LINK}` stands {} m above `{name}`; positions count from `{name}`, which is on the ground, \
+                 and --base-frame {BASE_LINK} counts them from there",
+                rounded(pose.z)
+            )));
+            name.clone()
+        }
+        _ => BASE_LINK.to_owned(),
+    }
+}
+
+/// Metres to the micrometre, for messages.
+fn rounded(metres: f64) -> f64 {
+    (metres * 1e6).round() / 1e6
 }
 
 /// Whether the name of a frame of which nothing is said is that of a LiDAR.

@@ -1,39 +1,37 @@
-//! URDF: fixed joints `<origin xyz rpy>`, `R = Rz·Ry·Rx`, in metres and radians.
+//! URDF: joints with `<origin xyz rpy>`, `R = Rz·Ry·Rx`, in metres and radians.
+//!
+//! Read: `<joint>` (type, origin, parent, child), `<gazebo reference>` with `<sensor>` and its `<pose>`. Passed over, because
+//! no pose depends on it: links' shapes and masses, limits, axes, transmissions, materials.
 
 use std::fmt::Write;
 
+use roxmltree::Node;
+
+use super::fields::wrong;
 use super::frames::{Frame, Frames, Holds};
 use super::simulated::{add_sensor, namespace, sensor_element};
 use super::{BASE_LINK, Mounting, Rig, RigError, Source, xml};
 use crate::vehicle::SensorPose;
 
-/// Reads every fixed joint, and the LiDARs that Gazebo is told of.
+/// Kinds of joints that move. Each frame behind one is taken where the joint stands at 0.
+const MOVING: [&str; 5] = ["continuous", "floating", "planar", "prismatic", "revolute"];
+
+/// Reads every joint, and the LiDARs that Gazebo is told of.
 pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
     let file = &source.file;
-    let document = xml::parse(&source.text, file)?;
+    let unexpanded = || RigError::Xacro { file: file.clone() };
+    let document = xml::parse(&source.text, file).map_err(|error| match error {
+        // A prefix that no attribute declares is no XML with namespaces.
+        RigError::Syntax { .. } if source.text.contains("<xacro:") => unexpanded(),
+        error => error,
+    })?;
+    if document.descendants().any(is_xacro) {
+        return Err(unexpanded());
+    }
     let robot = document.root_element();
     frames.name = robot.attribute("name").map(str::to_owned);
-    let fixed = |joint: &roxmltree::Node| {
-        joint.has_tag_name("joint") && joint.attribute("type") == Some("fixed")
-    };
-    for joint in robot.children().filter(fixed) {
-        let at = xml::place(joint, file);
-        let link = |key: &str| {
-            let missing =
-                || RigError::Missing { at: Box::new(at.clone()), key: format!("<{key}>") };
-            let element = xml::child(joint, key).ok_or_else(missing)?;
-            xml::attribute(element, "link", &at.key(key)).map(str::to_owned)
-        };
-        let triple = |key: &str| {
-            let text = xml::child(joint, "origin").and_then(|origin| origin.attribute(key));
-            text.map_or(Ok([0.0; 3]), |text| {
-                xml::numbers(text, &at.key(&format!("origin.{key}")), "three numbers")
-            })
-        };
-        let ([x, y, z], [roll, pitch, yaw]) = (triple("xyz")?, triple("rpy")?);
-        let pose = SensorPose::from_values([x, y, z, roll, pitch, yaw]);
-        let (name, parent) = (link("child")?, link("parent")?);
-        frames.add(Frame { name, parent, pose, holds: Holds::Unsaid, at })?;
+    for joint in robot.children().filter(|node| node.has_tag_name("joint")) {
+        read_joint(joint, file, frames)?;
     }
     for gazebo in robot.children().filter(|node| node.has_tag_name("gazebo")) {
         let Some(link) = gazebo.attribute("reference") else { continue };
@@ -44,6 +42,42 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
         }
     }
     Ok(())
+}
+
+/// Whether an element is one of xacro, or an attribute of it waits for xacro.
+fn is_xacro(node: Node) -> bool {
+    let waits = |value: &str| value.contains("${") || value.contains("$(");
+    node.tag_name().namespace().is_some_and(|space| space.contains("xacro"))
+        || node.attributes().any(|attribute| waits(attribute.value()))
+}
+
+/// Adds the frame of a joint's child.
+fn read_joint(joint: Node, file: &str, frames: &mut Frames) -> Result<(), RigError> {
+    let at = xml::place(joint, file);
+    let link = |key: &str| {
+        let missing = || RigError::Missing { at: Box::new(at.clone()), key: format!("<{key}>") };
+        let element = xml::child(joint, key).ok_or_else(missing)?;
+        xml::attribute(element, "link", &at.key(key)).map(str::to_owned)
+    };
+    let triple = |key: &str| {
+        let text = xml::child(joint, "origin").and_then(|origin| origin.attribute(key));
+        text.map_or(Ok([0.0; 3]), |text| {
+            xml::numbers(text, &at.key(&format!("origin.{key}")), "three numbers")
+        })
+    };
+    let kind = xml::attribute(joint, "type", &at)?;
+    if kind != "fixed" && !MOVING.contains(&kind) {
+        let wanted = "fixed, continuous, revolute, prismatic, planar or floating";
+        return Err(wrong(&at.key("type"), kind, wanted));
+    }
+    let ([x, y, z], [roll, pitch, yaw]) = (triple("xyz")?, triple("rpy")?);
+    let pose = SensorPose::from_values([x, y, z, roll, pitch, yaw]);
+    let (name, parent) = (link("child")?, link("parent")?);
+    if kind != "fixed" {
+        let joint = joint.attribute("name").unwrap_or_default();
+        frames.moves(&name, format!("`{joint}` ({kind})"));
+    }
+    frames.add(Frame { name, parent, pose, holds: Holds::Unsaid, at })
 }
 
 /// A robot of `base_link` and one link a LiDAR.

@@ -5,7 +5,7 @@ use roxmltree::{Document, Node, ParsingOptions};
 use super::RigError;
 use super::angles::IDENTITY;
 use super::fields::{number, wrong};
-use crate::json::Place;
+use crate::json::{Place, check_xml};
 use crate::vehicle::SensorPose;
 
 /// Most elements, texts and comments of a file.
@@ -13,12 +13,10 @@ const MAX_NODES: u32 = 1_000_000;
 
 /// Parses a text. Documents with a DTD are refused, since entities of entities grow without bounds.
 pub(super) fn parse<'a>(text: &'a str, file: &str) -> Result<Document<'a>, RigError> {
+    let fault = |problem| RigError::Syntax { at: Box::new(Place::top(file)), what: "XML", problem };
+    check_xml(text).map_err(fault)?;
     let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
-    Document::parse_with_options(text, options).map_err(|error| RigError::Syntax {
-        at: Box::new(Place::top(file)),
-        what: "XML",
-        problem: error.to_string(),
-    })
+    Document::parse_with_options(text, options).map_err(|error| fault(error.to_string()))
 }
 
 /// Place of an element, by its tag and name; a line would take a walk through the text.

@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use roxmltree::Node;
 
-use super::xml::checked_xml;
 use crate::Note;
+use crate::json::check_xml;
 use crate::worlds::error::WorldError;
 
 /// Elements that are read: their numbers decide a surface, a shape or a way.
@@ -242,7 +242,7 @@ fn shown(value: &str) -> String {
 /// # Errors
 /// A number that is missing, none or not finite; a geometry or another element that cannot be read.
 pub(super) fn checked(text: &str, file: &str) -> Result<Document, WorldError> {
-    checked_xml(text).map_err(|what| WorldError::Xml { file: file.to_owned(), what })?;
+    check_xml(text).map_err(|what| WorldError::Xml { file: file.to_owned(), what })?;
     let xml = roxmltree::Document::parse(text).map_err(|source| WorldError::OpenDrive {
         file: file.to_owned(),
         source: Box::new(source.into()),

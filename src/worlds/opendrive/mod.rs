@@ -6,7 +6,6 @@
 mod document;
 mod objects;
 mod warnings;
-mod xml;
 
 use std::collections::BTreeMap;
 
