@@ -255,77 +255,80 @@ fn ends(dir: &Path, args: &[String]) -> (Option<i32>, String) {
     (code, fs::read_to_string(errors).unwrap())
 }
 
+/// Commands, and options of each; @ is where the number stands.
+const OPTIONS: [(&str, &[&str]); 15] = [
+    (
+        "optimize closet.json --max-seconds 0 --backend cpu --out out",
+        &[
+            "--evaluations=@",
+            "--target=@",
+            "--population=@",
+            "--frames=@",
+            "--delta=@",
+            "--delta=0.1,@",
+            "--seed=@",
+            "--threads=@",
+            "--memory=@",
+            "--fix=z=@",
+            "--budget=@",
+            "--condition=fog:mor=@",
+        ],
+    ),
+    ("optimize closet.json --evaluations 4 --backend cpu --out out", &["--max-seconds=@"]),
+    ("score closet.json placed.json --backend cpu", &["--frames=@", "--draw=@"]),
+    ("cast closet.json placed.json --backend cpu", &["--frame=@"]),
+    (
+        "scan closet.json --placement placed.json --backend cpu --layout nuscenes --out out",
+        &[
+            "--seed=@",
+            "--frames=@",
+            "--keyframe-every=@",
+            "--splits @ 1 1",
+            "--condition=snow:rate=@",
+        ],
+    ),
+    (
+        "verify closet.json --backend cpu --random 1 --hostile 1 --sample 1",
+        &["--frames=@", "--seed=@"],
+    ),
+    ("verify closet.json --backend cpu --hostile 1 --sample 1", &["--random=@"]),
+    ("verify closet.json --backend cpu --random 1 --sample 1", &["--hostile=@"]),
+    ("near-field closet.json --backend cpu", &["--frames=@"]),
+    (
+        "psog build --kitti kitti --out out",
+        &[
+            "--window=@",
+            "--lidar-height=@",
+            "--roi-min @ -10 -3",
+            "--roi-max 40 @ 3",
+            "--voxel @ @ @",
+        ],
+    ),
+    ("rig export placed.json --scene closet.json --format urdf --out out", &["--base-link=@"]),
+    ("scene new --triangles 1000 --out out.json", &["--frames=@", "--seed=@"]),
+    ("scene new --frames 1 --out out.json", &["--triangles=@"]),
+    (
+        "chart closet.json --backend cpu --out out",
+        &["--placements=2001", "--tolerance=1.5", "--finest=0"],
+    ),
+    (
+        "study lidars closet.json --backend cpu --out out",
+        &["--frames=0", "--random=100001", "--voxel=1e-40"],
+    ),
+];
+
+/// Numbers that readers trip over.
+const HOSTILE: [&str; 8] =
+    ["0", "-1", "nan", "inf", "1e308", "1e-40", "18446744073709551615", "18446744073709551616"];
+
 #[test]
 fn every_number_of_every_command_is_taken_or_refused_in_a_sentence() {
     let dir = TempDir::new().unwrap();
     closet(dir.path());
-    // A command, and its options; @ is where the number stands.
-    let options: [(&str, &[&str]); 15] = [
-        (
-            "optimize closet.json --max-seconds 0 --backend cpu --out out",
-            &[
-                "--evaluations=@",
-                "--target=@",
-                "--population=@",
-                "--frames=@",
-                "--delta=@",
-                "--delta=0.1,@",
-                "--seed=@",
-                "--threads=@",
-                "--memory=@",
-                "--fix=z=@",
-                "--budget=@",
-                "--condition=fog:mor=@",
-            ],
-        ),
-        ("optimize closet.json --evaluations 4 --backend cpu --out out", &["--max-seconds=@"]),
-        ("score closet.json placed.json --backend cpu", &["--frames=@", "--draw=@"]),
-        ("cast closet.json placed.json --backend cpu", &["--frame=@"]),
-        (
-            "scan closet.json --placement placed.json --backend cpu --layout nuscenes --out out",
-            &[
-                "--seed=@",
-                "--frames=@",
-                "--keyframe-every=@",
-                "--splits @ 1 1",
-                "--condition=snow:rate=@",
-            ],
-        ),
-        (
-            "verify closet.json --backend cpu --random 1 --hostile 1 --sample 1",
-            &["--frames=@", "--seed=@"],
-        ),
-        ("verify closet.json --backend cpu --hostile 1 --sample 1", &["--random=@"]),
-        ("verify closet.json --backend cpu --random 1 --sample 1", &["--hostile=@"]),
-        ("near-field closet.json --backend cpu", &["--frames=@"]),
-        (
-            "psog build --kitti kitti --out out",
-            &[
-                "--window=@",
-                "--lidar-height=@",
-                "--roi-min @ -10 -3",
-                "--roi-max 40 @ 3",
-                "--voxel @ @ @",
-            ],
-        ),
-        ("rig export placed.json --scene closet.json --format urdf --out out", &["--base-link=@"]),
-        ("scene new --triangles 1000 --out out.json", &["--frames=@", "--seed=@"]),
-        ("scene new --frames 1 --out out.json", &["--triangles=@"]),
-        (
-            "chart closet.json --backend cpu --out out",
-            &["--placements=2001", "--tolerance=1.5", "--finest=0"],
-        ),
-        (
-            "study lidars closet.json --backend cpu --out out",
-            &["--frames=0", "--random=100001", "--voxel=1e-40"],
-        ),
-    ];
-    let hostile =
-        ["0", "-1", "nan", "inf", "1e308", "1e-40", "18446744073709551615", "18446744073709551616"];
     let mut refused = 0;
-    for (command, options) in options {
+    for (command, options) in OPTIONS {
         for option in options {
-            let values = if option.contains('@') { &hostile[..] } else { &[""] };
+            let values = if option.contains('@') { &HOSTILE[..] } else { &[""] };
             for value in values {
                 let line = format!("{command} {}", option.replace('@', value));
                 let args: Vec<String> = line.split(' ').map(str::to_owned).collect();
