@@ -258,7 +258,7 @@ fn ends(dir: &Path, args: &[String]) -> (Option<i32>, String) {
 /// Commands, and options of each; @ is where the number stands.
 const OPTIONS: [(&str, &[&str]); 15] = [
     (
-        "optimize closet.json --max-seconds 0 --backend cpu --out out",
+        "optimize closet.json --max-seconds 0 --method cma --backend cpu --out out",
         &[
             "--evaluations=@",
             "--target=@",

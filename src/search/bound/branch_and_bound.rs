@@ -147,7 +147,7 @@ fn by_pairs(
     open.push_unsorted(root(pairs));
     let mut looked_at = 1;
     while looked_at < most
-        && (looked_at % SPLITS_AT_ONCE != 0 || go_on())
+        && (!u64::is_multiple_of(looked_at, SPLITS_AT_ONCE) || go_on())
         && let Some(node) = open.pop()
     {
         if node.chosen.len() + 1 == open.lidars {
