@@ -3,19 +3,26 @@
 //! Each puts the bytes where the reader looks for them, reads them, and checks what was accepted:
 //! whatever the bytes are, the answer is a value that keeps its promises or an error that says why.
 
+use std::ffi::OsString;
 use std::fs;
 use std::path::Path;
+use std::sync::LazyLock;
+use std::time::Duration;
 
+use serde_json::value::RawValue;
 use sightline::datasets::{
     CarlaSequence, ImportOptions, KittiSequence, LabelledSequence, PsogOptions, build_psog,
     read_nuscenes, to_scene,
 };
-use sightline::psog::{Roi, read_psog, write_psog};
+use sightline::internals::RunDir;
+use sightline::psog::{Psog, Roi, read_psog, write_psog};
 use sightline::rig::{ImportSettings, Mounting, RigFormat, Source, export, import_texts};
 use sightline::scene::{EgoBody, Scene};
+use sightline::search::{Event, Run, State, Suite, TimeLimit};
 use sightline::vehicle::read_placements;
 use sightline::vehicle::sensor_file::{self as sensors, Beams};
 use sightline::worlds::{import_opendrive, read_opendrive};
+use sightline::{EngineChoice, EngineKind, Problem};
 
 /// Triangles up to which the frames of an accepted scene are looked at.
 const MAX_FACES: usize = 200_000;
@@ -29,7 +36,7 @@ pub struct Reader {
 }
 
 /// All readers of outside bytes.
-pub const READERS: [Reader; 25] = [
+pub const READERS: [Reader; 27] = [
     Reader { name: "scene_json", read: scene_json },
     Reader { name: "sensor_file", read: sensor_file },
     Reader { name: "vehicle_json", read: vehicle_json },
@@ -55,6 +62,8 @@ pub const READERS: [Reader; 25] = [
     Reader { name: "rig_objects", read: rig_objects },
     Reader { name: "rig_json", read: rig_json },
     Reader { name: "map_xodr", read: map_xodr },
+    Reader { name: "checkpoint_json", read: checkpoint_json },
+    Reader { name: "options", read: options },
 ];
 
 /// A folder for the readers' files: in memory where there is such a place, since a file system on disk
@@ -237,6 +246,50 @@ pub fn rig_objects(_: &Path, bytes: &[u8]) {
 /// Placements as a rig.
 pub fn rig_json(_: &Path, bytes: &[u8]) {
     check_rig(bytes, Some(RigFormat::Json));
+}
+
+/// State of a search with the digest that belongs to it, as `--resume` takes it; one that is accepted takes a step.
+pub fn checkpoint_json(folder: &Path, bytes: &[u8]) {
+    let Ok(text) = serde_json::from_slice::<Box<RawValue>>(bytes) else { return };
+    let folder = folder.join("run");
+    let _ = fs::remove_dir_all(&folder);
+    let run = RunDir::<Box<RawValue>>::create("fuzzed", Some(&folder), "run", Vec::new());
+    run.and_then(|run| run.save(&text)).expect("the folder can be written");
+    let Ok((run, state)) = said(RunDir::<State>::resume("fuzzed", &folder)) else { return };
+    if said(state.check(&SEARCHED).map_err(|why| run.refusal(&why))).is_err() {
+        return;
+    }
+    let mut search = Run::resume(SEARCHED.clone(), state);
+    let engine = EngineChoice { kind: EngineKind::Cpu, adapter: None, memory: Some(16 << 20) };
+    search.open_with(engine, Some(TimeLimit::from_now(Duration::from_millis(50))));
+    let _ = said(search.step(&mut |_: &Event<'_>| true));
+}
+
+/// A little scene that is searched; the seeds of [`checkpoint_json`] are states of such searches.
+static SEARCHED: LazyLock<Suite> = LazyLock::new(|| {
+    let roi = Roi::new([-4.0, -4.0, -1.0], [1.0; 3], [8, 8, 4]).expect("a valid grid");
+    let classes = vec!["vehicle".to_owned()];
+    let psog = Psog::new(roi, 4, classes, vec![9, 70, 130], vec![1, 2, 3]).expect("a valid P-SOG");
+    let text = r#"{ "sightline": 1, "name": "searched",
+        "roi": { "min": [-4, -4, -1], "max": [4, 4, 3], "voxel": [1, 1, 1] },
+        "lidar": { "channels": 2, "fov": [-20, 10], "azimuth_steps": 8, "range": 50 },
+        "mount": { "min": [-1, -1, 0], "max": [1, 1, 1], "min_distance": 0.2, "lidars": 2 },
+        "psog": { "file": "none.npz" }, "coverage": "first-hit", "frames": 2,
+        "static": [{ "class": "road_line", "plane": { "min": [-4, -4], "max": [4, 4], "z": -1 } }],
+        "actors": [{ "parts": [{ "class": "vehicle", "box": { "center": [0, 0, 0], "size": [1, 1, 1] } }],
+                     "poses": [{ "x": 2, "y": -1 }, { "x": 2, "y": 0 }] }] }"#;
+    let scene = Scene::from_json(text, Path::new("."), "scene.json").expect("a valid scene");
+    let problem = Problem::with_psog(&scene, &psog, &[0, 1]).expect("a valid problem");
+    Suite::new([("searched".to_owned(), problem.into())]).expect("a scene")
+});
+
+/// Arguments of the program, one a line; none is run, and a refusal is one line.
+pub fn options(_: &Path, bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    let words = std::iter::once("sightline").chain(text.lines());
+    let words: Vec<OsString> = words.map(OsString::from).collect();
+    let Some(told) = sightline::cli::refusal(&words) else { return };
+    assert!(!told.is_empty() && told.contains("--help"), "{told}");
 }
 
 const SCAN: [u8; 16] = [0, 0, 128, 63, 0, 0, 128, 63, 0, 0, 128, 63, 0, 0, 0, 0];

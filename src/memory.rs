@@ -51,7 +51,7 @@ fn address_space() -> Option<u64> {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "out of memory: {what} need {} MiB and {} MiB are left to this process; raise its limit, or use fewer \
-     placements at once, fewer frames, larger voxels or a coarser mesh", mebibytes(*.need), mebibytes(*.left)
+     placements at once, fewer frames or beams, larger voxels or a coarser mesh", mebibytes(*.need), mebibytes(*.left)
 )]
 pub struct OutOfMemory {
     /// Contents of the memory, in the plural.

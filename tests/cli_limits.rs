@@ -203,3 +203,176 @@ fn a_page_forbids_what_it_does_not_need() {
     assert!(page[policy..].contains("default-src 'none'"));
     assert!(policy < page.find("<style").unwrap() && policy < page.find("<script").unwrap());
 }
+
+/// A scene so small that any of its commands is done at once.
+fn closet(dir: &Path) {
+    room(dir);
+    let text = fs::read_to_string(dir.join("room.json")).unwrap();
+    let mut scene: Value = serde_json::from_str(&text).unwrap();
+    scene["name"] = json!("closet");
+    scene["roi"]["voxel"] = json!([2, 2, 1]);
+    scene["frames"] = json!(2);
+    scene["actors"][0]["poses"].as_array_mut().unwrap().truncate(2);
+    scene["lidar"]["azimuth_steps"] = json!(4);
+    scene["psog"]["scan"]["azimuth_steps"] = json!(8);
+    fs::write(dir.join("closet.json"), scene.to_string()).unwrap();
+    let placed = json!({ "placements": [{ "name": "a", "lidars": [
+        { "x": 0.0, "y": 0.0, "z": 1.5 }, { "x": 0.5, "y": 0.0, "z": 1.5 }] }] });
+    fs::write(dir.join("placed.json"), placed.to_string()).unwrap();
+    let kitti = dir.join("kitti");
+    for sub in ["velodyne", "labels"] {
+        fs::create_dir_all(kitti.join(sub)).unwrap();
+    }
+    let point = [5.0_f32, 1.0, -1.7, 0.0].map(f32::to_le_bytes).concat();
+    fs::write(kitti.join("velodyne/000000.bin"), point).unwrap();
+    fs::write(kitti.join("labels/000000.label"), 40_u32.to_le_bytes()).unwrap();
+    fs::write(kitti.join("poses.txt"), "1 0 0 0 0 1 0 0 0 0 1 0\n").unwrap();
+    fs::write(kitti.join("calib.txt"), "Tr: 0 -1 0 0 0 0 -1 -0.1 1 0 0 -0.2\n").unwrap();
+}
+
+/// Runs a command that must end by itself within the time; its exit code and its words.
+fn ends(dir: &Path, args: &[String]) -> (Option<i32>, String) {
+    let errors = dir.join("errors.txt");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
+        .args(args)
+        .current_dir(dir)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(fs::File::create(&errors).unwrap())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    let code = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status.code();
+        }
+        if start.elapsed() > 3 * LATE {
+            child.kill().unwrap();
+            panic!("{args:?} did not end");
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    (code, fs::read_to_string(errors).unwrap())
+}
+
+/// Commands, and options of each; @ is where the number stands.
+const OPTIONS: [(&str, &[&str]); 15] = [
+    (
+        "optimize closet.json --max-seconds 0 --method cma --backend cpu --out out",
+        &[
+            "--evaluations=@",
+            "--target=@",
+            "--population=@",
+            "--frames=@",
+            "--delta=@",
+            "--delta=0.1,@",
+            "--seed=@",
+            "--threads=@",
+            "--memory=@",
+            "--fix=z=@",
+            "--budget=@",
+            "--condition=fog:mor=@",
+        ],
+    ),
+    ("optimize closet.json --evaluations 4 --backend cpu --out out", &["--max-seconds=@"]),
+    ("score closet.json placed.json --backend cpu", &["--frames=@", "--draw=@"]),
+    ("cast closet.json placed.json --backend cpu", &["--frame=@"]),
+    (
+        "scan closet.json --placement placed.json --backend cpu --layout nuscenes --out out",
+        &[
+            "--seed=@",
+            "--frames=@",
+            "--keyframe-every=@",
+            "--splits @ 1 1",
+            "--condition=snow:rate=@",
+        ],
+    ),
+    (
+        "verify closet.json --backend cpu --random 1 --hostile 1 --sample 1",
+        &["--frames=@", "--seed=@"],
+    ),
+    ("verify closet.json --backend cpu --hostile 1 --sample 1", &["--random=@"]),
+    ("verify closet.json --backend cpu --random 1 --sample 1", &["--hostile=@"]),
+    ("near-field closet.json --backend cpu", &["--frames=@"]),
+    (
+        "psog build --kitti kitti --out out",
+        &[
+            "--window=@",
+            "--lidar-height=@",
+            "--roi-min @ -10 -3",
+            "--roi-max 40 @ 3",
+            "--voxel @ @ @",
+        ],
+    ),
+    ("rig export placed.json --scene closet.json --format urdf --out out", &["--base-link=@"]),
+    ("scene new --triangles 1000 --out out.json", &["--frames=@", "--seed=@"]),
+    ("scene new --frames 1 --out out.json", &["--triangles=@"]),
+    (
+        "chart closet.json --backend cpu --out out",
+        &["--placements=2001", "--tolerance=1.5", "--finest=0"],
+    ),
+    (
+        "study lidars closet.json --backend cpu --out out",
+        &["--frames=0", "--random=100001", "--voxel=1e-40"],
+    ),
+];
+
+/// Numbers that readers trip over.
+const HOSTILE: [&str; 8] =
+    ["0", "-1", "nan", "inf", "1e308", "1e-40", "18446744073709551615", "18446744073709551616"];
+
+#[test]
+fn every_number_of_every_command_is_taken_or_refused_in_a_sentence() {
+    let dir = TempDir::new().unwrap();
+    closet(dir.path());
+    let mut refused = 0;
+    for (command, options) in OPTIONS {
+        for option in options {
+            let values = if option.contains('@') { &HOSTILE[..] } else { &[""] };
+            for value in values {
+                let line = format!("{command} {}", option.replace('@', value));
+                let args: Vec<String> = line.split(' ').map(str::to_owned).collect();
+                let (code, told) = ends(dir.path(), &args);
+                assert!(matches!(code, Some(0..=2)), "{line}: {code:?}: {told}");
+                assert!(!told.contains("panicked"), "{line}: {told}");
+                if code == Some(2) {
+                    let last = told.lines().last().unwrap_or_default();
+                    assert!(last.starts_with("sightline: ") && last.len() < 600, "{line}: {told}");
+                    refused += 1;
+                }
+                for left in ["out", "out.json", "out.ply"] {
+                    let left = dir.path().join(left);
+                    let _ = fs::remove_dir_all(&left).or_else(|_| fs::remove_file(&left));
+                }
+            }
+        }
+    }
+    assert!(refused > 120, "{refused} refused");
+}
+
+#[test]
+fn a_scan_of_more_beams_than_memory_holds_is_refused_before_it_is_taken() {
+    let dir = TempDir::new().unwrap();
+    closet(dir.path());
+    let text = fs::read_to_string(dir.path().join("closet.json")).unwrap();
+    let mut scene: Value = serde_json::from_str(&text).unwrap();
+    scene["lidar"] =
+        json!({ "channels": 100, "fov": [-30, 10], "azimuth_steps": 100_000, "range": 20 });
+    scene["mount"]["lidars"] = json!(16);
+    fs::write(dir.path().join("dense.json"), scene.to_string()).unwrap();
+    let lidars: Vec<Value> =
+        (0..16).map(|k| json!({ "x": 0.0, "y": 0.0, "z": 1.2 + 0.03 * f64::from(k) })).collect();
+    let placed = json!({ "placements": [{ "name": "all", "lidars": lidars }] });
+    fs::write(dir.path().join("many.json"), placed.to_string()).unwrap();
+    let program = env!("CARGO_BIN_EXE_sightline");
+    let job =
+        format!("exec '{program}' scan dense.json --placement many.json --backend cpu --out out");
+    let limited = format!("ulimit -c 0; ulimit -v {}; {job}", 6 << 20);
+    let start = Instant::now();
+    let output =
+        Command::new("sh").arg("-c").arg(limited).current_dir(dir.path()).output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{told}");
+    assert!(told.contains("the beams of a scan need") && told.contains("fewer"), "{told}");
+    assert!(!dir.path().join("out").exists() && start.elapsed() < 3 * LATE, "{told}");
+}

@@ -112,8 +112,8 @@ fn numbers_below_0_reach_the_options() {
     for (option, value, words) in [
         ("--target", "nan", "give a number"),
         ("--threads", "-1", "-1 is not in 1.."),
-        ("--seed", "-1", "give a whole number, 0 or more"),
-        ("--max-seconds", "-1", "give a number of seconds"),
+        ("--seed", "-1", "give a whole number from 0 to 18446744073709551615"),
+        ("--max-seconds", "-1", "give 0 to 1000000000 seconds"),
     ] {
         let message = fails(dir.path(), &[&optimize[..], &[option, value]].concat());
         assert!(message.contains(option) && message.contains(words), "{message}");

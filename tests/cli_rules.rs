@@ -222,7 +222,7 @@ fn rules_that_contradict_each_other_are_answered_with_key_and_mend() {
         (&[], &["--fix", "z=9"], "room.json: mount.z: 9 is not within the mount"),
         (&[], &["--symmetric", "--fix", "roll=0.1"], "room.json: mount.symmetric: "),
         (&[], &["--fix", "tilt=1"], "as z=2.5"),
-        (&[], &["--max-seconds", "soon"], "a number of seconds, as 30"),
+        (&[], &["--max-seconds", "soon"], "give 0 to 1000000000 seconds, as 30"),
     ];
     for (mount, options, wanted) in cases {
         room_with(dir.path(), mount);

@@ -156,7 +156,7 @@ fn the_sampled_constants_are_those_of_the_sample() {
     let problem = random_problem(11, true);
     let rules = constraints(2, 0.0);
     let (mut search, mut evaluator) = search(&problem, &rules, "information_gain");
-    let sample = GridSample::draw(&mut search, &mut evaluator, 50, 3).unwrap();
+    let sample = GridSample::draw(&mut search, &mut evaluator, 50, 3, &|| true).unwrap();
     let bound = sample.lipschitz().unwrap();
     assert_eq!((bound.samples, bound.delta), (50, 2.0));
     assert_eq!(bound.bound, bound.c_m + bound.k_g * 2.0);
@@ -169,7 +169,7 @@ fn the_sampled_constants_are_those_of_the_sample() {
     for pair in scored.chunks(2) {
         assert!((pair[0].1 - pair[1].1).abs() <= bound.k_g * 2.0 * (1.0 + 1e-12));
     }
-    let again = GridSample::draw(&mut search, &mut evaluator, 50, 3).unwrap();
+    let again = GridSample::draw(&mut search, &mut evaluator, 50, 3, &|| true).unwrap();
     assert_eq!(sample, again, "same seed, same sample");
 }
 

@@ -167,3 +167,30 @@ fn a_search_outlives_its_device() {
     assert!(changes[0].as_str().unwrap().contains("was lost"), "{changes:?}");
     assert!(want.get("backend_changes").is_none());
 }
+
+#[test]
+fn a_bound_outlives_its_device() {
+    let dir = TempDir::new().unwrap();
+    room(dir.path());
+    let run = |out: &str, backend: &str, batches: &str| {
+        let fixed = ["optimize", "room.json", "--evaluations", "40", "--seed", "5", "--frames"];
+        let args = [&fixed[..], &["1", "--out", out, "--backend", backend]].concat();
+        let (_, told) = losing(dir.path(), &args, batches);
+        let result = fs::read(dir.path().join(out).join("result.json")).unwrap();
+        (serde_json::from_slice::<Value>(&result).unwrap(), told)
+    };
+    let (want, _) = run("whole", "cpu", "1");
+    // The batch at which the bound is under way is found by halving.
+    let (mut low, mut high) = (1, 256);
+    while low < high {
+        let batches = (low + high) / 2;
+        let (got, told) = run(&format!("lost-{batches}"), "gpu", &batches.to_string());
+        assert_eq!((&got["best"], &got["certificate"]), (&want["best"], &want["certificate"]));
+        match (told.find("the device was lost"), told.find("bounding the gain")) {
+            (Some(lost), Some(bounding)) if lost > bounding => return,
+            (Some(_), _) => low = batches + 1,
+            (None, _) => high = batches,
+        }
+    }
+    panic!("no device was lost while the gain was bounded");
+}

@@ -66,12 +66,16 @@ pub enum Format {
 
 /// A whole number, as of a seed.
 pub fn whole<T: FromStr>(text: &str) -> Result<T, String> {
-    text.parse().map_err(|_| "give a whole number, 0 or more".to_owned())
+    let most = u128::MAX >> (128 - 8 * size_of::<T>());
+    text.parse().map_err(|_| format!("give a whole number from 0 to {most}"))
 }
 
 /// A count of something without which nothing is done.
 pub fn at_least_one(text: &str) -> Result<u64, String> {
-    text.parse().ok().filter(|n| *n > 0).ok_or("give a whole number, 1 or more".to_owned())
+    text.parse()
+        .ok()
+        .filter(|n| *n > 0)
+        .ok_or(format!("give a whole number from 1 to {}", u64::MAX))
 }
 
 /// A number below, at or above 0.
@@ -79,11 +83,14 @@ pub fn finite(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|v: &f64| v.is_finite()).ok_or("give a number, as in -8e-8".to_owned())
 }
 
+/// Longest time that a search may be given, in seconds.
+const MOST_SECONDS: f64 = 1e9;
+
 /// `--max-seconds`.
 pub fn parse_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(seconds) if (0.0..=1e9).contains(&seconds) => Ok(seconds),
-        _ => Err("give a number of seconds, as 30".into()),
+        Ok(seconds) if (0.0..=MOST_SECONDS).contains(&seconds) => Ok(seconds),
+        _ => Err(format!("give 0 to {MOST_SECONDS} seconds, as 30")),
     }
 }
 

@@ -112,27 +112,62 @@ enum Command {
 /// stdout, all else to stderr, an error as one sentence. Help and version end the process.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Exit {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
-    let program = usage::with_examples(program());
-    if let Some(told) = usage::not_utf8(&arguments) {
-        output::say(&told);
-        return Exit::BadInput;
-    }
-    let matches = program.clone().try_get_matches_from(&arguments);
-    let parsed = matches.and_then(|matches| {
-        let session = Session::of_program(is_given(&matches, FORCE));
-        trust_paths(is_given(&matches, "trust_paths"));
-        Cli::from_arg_matches(&matches).map(|cli| (session, cli))
-    });
+    let parsed = parse(&arguments);
     let failed = match parsed {
-        Ok((_session, cli)) => match start_default_threads().and_then(|()| dispatch(cli.command)) {
-            Ok(exit) => return exit,
-            Err(error) => error.to_string(),
-        },
-        Err(error) if usage::is_help(&error) => error.exit(),
-        Err(error) => usage::sentence(&error, &program, &arguments),
+        Ok(Parsed { command, force, trusts_paths }) => {
+            let _session = Session::of_program(force);
+            trust_paths(trusts_paths);
+            match start_default_threads().and_then(|()| dispatch(command)) {
+                Ok(exit) => return exit,
+                Err(error) => error.to_string(),
+            }
+        }
+        Err(Refused::Help(help)) => help.exit(),
+        Err(Refused::Sentence(told)) => told,
     };
     output::say(&failed);
     Exit::BadInput
+}
+
+/// The sentence that refuses arguments; `None` where they are taken, or ask for help. Nothing is run.
+pub fn refusal(arguments: &[OsString]) -> Option<String> {
+    match parse(arguments) {
+        Err(Refused::Sentence(told)) => Some(told),
+        Ok(_) | Err(Refused::Help(_)) => None,
+    }
+}
+
+/// Arguments that were read.
+struct Parsed {
+    command: Command,
+    /// Whether outputs may replace files.
+    force: bool,
+    /// Whether files may name others outside their folder.
+    trusts_paths: bool,
+}
+
+/// Arguments that begin no command.
+enum Refused {
+    /// Help or version is asked for.
+    Help(clap::Error),
+    /// One sentence that says why.
+    Sentence(String),
+}
+
+/// Reads the arguments, the program's own name first.
+fn parse(arguments: &[OsString]) -> Result<Parsed, Refused> {
+    if let Some(told) = usage::not_utf8(arguments) {
+        return Err(Refused::Sentence(told));
+    }
+    let program = usage::with_examples(program());
+    let refused = |error| match usage::is_help(&error) {
+        true => Refused::Help(error),
+        false => Refused::Sentence(usage::sentence(&error, &program, arguments)),
+    };
+    let matches = program.clone().try_get_matches_from(arguments).map_err(refused)?;
+    let Cli { command } = Cli::from_arg_matches(&matches).map_err(refused)?;
+    let (force, trusts_paths) = (is_given(&matches, FORCE), is_given(&matches, "trust_paths"));
+    Ok(Parsed { command, force, trusts_paths })
 }
 
 fn dispatch(command: Command) -> Result<Exit, Error> {

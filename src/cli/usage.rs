@@ -128,7 +128,10 @@ mod tests {
                 "unexpected argument '--fromat' found; a similar",
             ),
             ("score s.json --format jsn", "for '--format <FORMAT>' [possible values: text, json]"),
-            ("scan s.json --seed -1", "'--seed <N>': give a whole number, 0 or more"),
+            (
+                "scan s.json --seed -1",
+                "'--seed <N>': give a whole number from 0 to 18446744073709551615",
+            ),
             ("scene make", "unrecognized subcommand 'make'"),
         ] {
             let arguments: Vec<OsString> =

@@ -4,6 +4,9 @@ use std::path::PathBuf;
 
 use crate::psog::GridError;
 
+/// Largest distance of a recording LiDAR from the ground, in metres.
+pub(super) const HEIGHT_LIMIT: f64 = 1000.0;
+
 /// Why labelled scans were not read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -58,7 +61,9 @@ pub enum DatasetError {
     #[error("{} has no frame {frame}; it has {have:?}", path.display())]
     NoFrame { path: PathBuf, frame: u32, have: Vec<u32> },
     /// The LiDAR height is unusable.
-    #[error("the LiDAR height is {value} m; give a finite height above the ground")]
+    #[error(
+        "the LiDAR height is {value} m; give a height above the ground, at most {HEIGHT_LIMIT} m from it"
+    )]
     Height { value: f64 },
     /// A table of nuScenes that is not there.
     #[error("{}: the table is missing ({source}); give a folder that holds the version's tables, samples and lidarseg", path.display())]

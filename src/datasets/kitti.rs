@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3};
 
+use super::error::HEIGHT_LIMIT;
 use super::files::{check_count, read_points, read_text, read_units};
 use super::kitti_labels::{KITTI_CLASSES, kitti_label};
 use super::{BoxTrack, DatasetError, LabelledScan, LabelledSequence, PointLabel, ground};
@@ -190,7 +191,7 @@ impl LabelledSequence for KittiSequence {
 
 /// Pose of a sensor above the origin of the ego frame.
 pub(super) fn above_ground(height: f64) -> Result<Pose, DatasetError> {
-    if !height.is_finite() {
+    if !(-HEIGHT_LIMIT..=HEIGHT_LIMIT).contains(&height) {
         return Err(DatasetError::Height { value: height });
     }
     Ok(Pose { translation: DVec3::new(0.0, 0.0, height), ..Pose::IDENTITY })

@@ -1,11 +1,15 @@
 //! Files that a run was begun with and their SHA-256, so that it does not go on with others.
 
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::FileError;
+
+/// Bytes that are read at once.
+const AT_ONCE: usize = 1 << 16;
 
 /// A file and the SHA-256 of its bytes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -19,7 +23,15 @@ impl Input {
     pub fn read(file: &Path) -> Result<Self, FileError> {
         let mut hash = Sha256::new();
         let mut opened = super::open(file).map_err(FileError::io(file))?;
-        std::io::copy(&mut opened, &mut hash).map_err(FileError::io(file))?;
+        let mut bytes = vec![0; AT_ONCE];
+        loop {
+            match opened.read(&mut bytes) {
+                Ok(0) => break,
+                Ok(read) => hash.update(&bytes[..read]),
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Err(FileError::io(file)(error)),
+            }
+        }
         let sha256 = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
         Ok(Self { file: file.to_owned(), sha256 })
     }

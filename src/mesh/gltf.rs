@@ -2,6 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use base64::Engine;
+use base64::engine::general_purpose::PAD;
+use base64::engine::{DecodePaddingMode, GeneralPurpose};
+
 use super::gltf_data::Data;
 use super::gltf_walk::Walk;
 use super::placing::Axes;
@@ -37,6 +41,12 @@ const PASSED: [&str; 19] = [
 ];
 /// Names that a note tells.
 const MOST_TOLD: usize = 8;
+
+/// Data in a reference: some exporters leave the padding at its end out.
+const DATA_URI: GeneralPurpose = GeneralPurpose::new(
+    &base64::alphabet::STANDARD,
+    PAD.with_decode_padding_mode(DecodePaddingMode::Indifferent),
+);
 
 /// Reads a glTF; buffers beside it are looked up in `dir`. Points, lines, cameras, lights and textures are passed
 /// over: they have no surface.
@@ -120,7 +130,7 @@ fn read_buffers(
             }
             gltf::buffer::Source::Uri(uri) if uri.starts_with("data:") => {
                 let data = uri.split_once(";base64,").map_or("", |(_, data)| data);
-                base64::decode(data).map_err(|e| fault(format!("is not base64: {e}")))?
+                DATA_URI.decode(data).map_err(|e| fault(format!("is not base64: {e}")))?
             }
             gltf::buffer::Source::Uri(uri) => {
                 let path = uri.strip_prefix("file:").unwrap_or(uri);

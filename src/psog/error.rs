@@ -7,6 +7,9 @@ pub const VOXEL_LIMIT: u64 = 1 << 31;
 /// Most voxels along one axis: plane numbers are exact in `f32`.
 pub const AXIS_LIMIT: u32 = 1 << 24;
 
+/// Longest edge of a voxel, in metres.
+pub const EDGE_LIMIT: f64 = 1e6;
+
 /// Why a grid, a P-SOG or a vote was refused.
 ///
 /// Field names (`roi_min`, `voxel`, `shape`, `frames`, `classes`, `index`, `counts`) are those of
@@ -18,8 +21,8 @@ pub enum GridError {
     /// A coordinate is NaN or infinite.
     #[error("{field} along {axis} is {value}; give a finite number of metres")]
     NotFinite { field: &'static str, axis: char, value: f64 },
-    /// A voxel edge is zero or negative.
-    #[error("voxel along {axis} is {value} m; give an edge above 0")]
+    /// A voxel edge is zero, negative or beyond any scene.
+    #[error("voxel along {axis} is {value} m; give an edge above 0, at most {EDGE_LIMIT} m")]
     VoxelSize { axis: char, value: f64 },
     /// The box ends before it begins.
     #[error(

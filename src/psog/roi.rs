@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde::Serialize;
 
-use super::error::{AXIS_LIMIT, GridError, VOXEL_LIMIT};
+use super::error::{AXIS_LIMIT, EDGE_LIMIT, GridError, VOXEL_LIMIT};
 use crate::scene::RoiBounds;
 
 /// A hit is pushed this far along its beam before its voxel is looked up, in metres.
@@ -47,7 +47,7 @@ impl Roi {
                     return Err(GridError::NotFinite { field, axis, value });
                 }
             }
-            if voxel[a] <= 0.0 {
+            if voxel[a] <= 0.0 || voxel[a] > EDGE_LIMIT {
                 return Err(GridError::VoxelSize { axis, value: voxel[a] });
             }
             if shape[a] == 0 {
@@ -57,13 +57,6 @@ impl Roi {
                 return Err(GridError::AxisTooLong { axis, voxels: f64::from(shape[a]) });
             }
             let max = min[a] + f64::from(shape[a]) * voxel[a];
-            if !max.is_finite() {
-                return Err(GridError::NotFinite {
-                    field: "roi_min + shape·voxel",
-                    axis,
-                    value: max,
-                });
-            }
             for near in [min[a], max] {
                 if near + voxel[a] <= near || near - voxel[a] >= near {
                     return Err(GridError::TooFine { axis, voxel: voxel[a], near });
@@ -92,7 +85,7 @@ impl Roi {
                     return Err(GridError::NotFinite { field, axis, value });
                 }
             }
-            if voxel[a] <= 0.0 {
+            if voxel[a] <= 0.0 || voxel[a] > EDGE_LIMIT {
                 return Err(GridError::VoxelSize { axis, value: voxel[a] });
             }
             if max[a] <= min[a] {

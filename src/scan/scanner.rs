@@ -12,13 +12,14 @@ use super::optics::Optics;
 use super::receiver::Receiver;
 use super::rim::Rims;
 use super::stage::{Motions, Stage};
-use super::sweep::Sweeper;
+use super::sweep::{BYTES_OF_A_SWEEP, BYTES_OF_RAYS, Sweeper};
 use super::{EGO_INSTANCE, Return, Scan, ScanLidar, TrackedBox};
 use crate::bvh::Bvh;
 use crate::cast::FiringCaster;
 use crate::geom::Pose;
+use crate::memory;
 use crate::scene::{Scene, Track};
-use crate::vehicle::{Placement, Sensors};
+use crate::vehicle::{Placement, Sensors, UnknownSensor};
 
 /// Beams of one parallel task: what they met lies in the second cache.
 const BEAMS_A_TASK: usize = 2048;
@@ -74,8 +75,22 @@ impl Window {
     }
 }
 
+/// Bytes that a scan of the placement takes at its peak: the rays of each model, all returns twice while they are
+/// put in order, and hits and surfaces of the LiDARs that are swept side by side.
+fn bytes_of_a_scan(sensors: &Sensors, placement: &Placement) -> Result<u64, UnknownSensor> {
+    let beams = |model: usize| sensors.table(model).directions().len() as u64;
+    let models = placement.lidars.iter().map(|pose| sensors.number(pose));
+    let models = models.collect::<Result<Vec<usize>, _>>()?;
+    let rays = (0..sensors.models().len()).map(|model| beams(model) * BYTES_OF_RAYS).sum::<u64>();
+    let returns = models.iter().map(|&model| 2 * beams(model) * size_of::<Return>() as u64);
+    let side_by_side = models.len().min(rayon::current_num_threads()) as u64;
+    let most = models.iter().map(|&model| beams(model)).max().unwrap_or(0);
+    Ok(rays + returns.sum::<u64>() + side_by_side * most * BYTES_OF_A_SWEEP)
+}
+
 impl<'a> Scanner<'a> {
-    /// Finds what would keep [`Self::new`] from making a scanner, but for memory, before any work is done.
+    /// Finds what would keep [`Self::new`] from making a scanner, before any work is done: all but memory for
+    /// the trees.
     ///
     /// # Errors
     /// As of [`Self::new`].
@@ -90,7 +105,7 @@ impl<'a> Scanner<'a> {
             return Err(ScanError::TooManyActors { scene: scene.name().to_owned(), actors });
         }
         let sensors = scene.sensors()?;
-        placement.lidars.iter().try_for_each(|pose| sensors.number(pose).map(drop))?;
+        memory::check("the beams of a scan", bytes_of_a_scan(&sensors, placement)?)?;
         conditions::weather(&scanning.conditions)?;
         match scanning.conditions.first().filter(|_| scanning.ideal) {
             Some(condition) => Err(ScanError::Ideal { condition: condition.to_string() }),
@@ -102,7 +117,7 @@ impl<'a> Scanner<'a> {
     ///
     /// # Errors
     /// A scene without geometry, a sensor that the vehicle does not have, a condition given twice, or with an
-    /// ideal scan.
+    /// ideal scan, and more beams than memory holds.
     pub fn new(
         scene: &'a Scene,
         placement: &'a Placement,

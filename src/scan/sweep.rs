@@ -18,6 +18,10 @@ use crate::vehicle::SensorModel;
 
 /// Columns of one parallel task.
 pub(super) const COLUMNS_A_TASK: usize = 16;
+/// Bytes of a beam in a [`Sweeper`].
+pub(super) const BYTES_OF_RAYS: u64 = size_of::<Rays>() as u64;
+/// Bytes of a beam in a [`Sweep`].
+pub(super) const BYTES_OF_A_SWEEP: u64 = (size_of::<Surface>() + size_of::<[Hit; RING]>()) as u64;
 
 /// A sensor model, ready to be swept.
 pub(super) struct Sweeper {

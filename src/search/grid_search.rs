@@ -17,6 +17,8 @@ use crate::vehicle::{Constraints, Placement, PoseGrid};
 
 /// Stale gains that lazy greedy looks at again at once: enough to keep every core busy.
 const LAZY_BLOCK: usize = 64;
+/// Poses that are cast between two looks at the time.
+const HELD_AT_ONCE: usize = 256;
 
 /// Slack of the least distance, as in [`Constraints::violations`].
 const SLACK: f64 = 1e-9;
@@ -131,6 +133,31 @@ impl GridSearch {
     /// From the backend, or more poses than the atlas holds.
     pub fn hold(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<(), SearchError> {
         Ok(self.atlas.hold(evaluator, poses)?)
+    }
+
+    /// As [`Self::hold`], some poses after others; `go_on` is asked in between, with the number of poses cast. Returns
+    /// the poses that are held then, in the order given: all, where `go_on` never says no.
+    ///
+    /// # Errors
+    /// As [`Self::hold`].
+    pub fn hold_while(
+        &mut self,
+        evaluator: &mut Evaluator,
+        poses: &[u32],
+        go_on: &mut dyn FnMut(u64) -> bool,
+    ) -> Result<Vec<u32>, SearchError> {
+        let chunks = poses.len().div_ceil(HELD_AT_ONCE);
+        for chunk in 0..chunks {
+            // Each chunk is spread over the whole grid: those that are held first stand for all.
+            let some: Vec<u32> = poses.iter().skip(chunk).step_by(chunks).copied().collect();
+            self.hold(evaluator, &some)?;
+            if !go_on(self.atlas.poses_cast()) && chunk + 1 < chunks {
+                let held = (0..poses.len()).filter(|at| at % chunks <= chunk);
+                return Ok(held.map(|at| poses[at]).collect());
+            }
+        }
+        self.hold(evaluator, poses)?;
+        Ok(poses.to_vec())
     }
 
     /// Whether a pose may stand beside others: in no box that is kept free, another pose, and far

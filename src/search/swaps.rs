@@ -198,13 +198,18 @@ pub fn swap_anywhere(
         let random: Vec<Vec<u32>> = random.iter().filter_map(|p| search.start_of(p)).collect();
         let mut ends = Ends::default();
         for poses in random {
+            if !ends.all.is_empty() && !go_on(search.atlas().poses_cast()) {
+                break;
+            }
             let value = search.value(evaluator, &poses)?;
             ends.add(&mut search, evaluator, GridPlacement { poses, value })?;
         }
         first.extend(ends.best.map(|best| best.poses));
     } else {
         let all: Vec<u32> = (0..search.atlas().grid().len()).collect();
-        first.extend(search.greedy(evaluator, &all)?.map(|greedy| greedy.poses));
+        // Greedy among those that time has left.
+        let held = search.hold_while(evaluator, &all, go_on)?;
+        first.extend(search.greedy(evaluator, &held)?.map(|greedy| greedy.poses));
     }
     first.extend(starts.iter().filter_map(|start| search.start_of(start)));
     let mut ends = Ends::default();

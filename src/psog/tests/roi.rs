@@ -108,13 +108,19 @@ fn bad_grids_are_refused() {
     let cases = [
         (new([0.0, f64::NAN, 0.0], v, s), "roi_min along y is NaN; give a finite number of metres"),
         (new(m, [0.2, 0.2, f64::INFINITY], s), "voxel along z is inf"),
-        (new(m, [-0.2, 0.2, 0.2], s), "voxel along x is -0.2 m; give an edge above 0"),
+        (
+            new(m, [-0.2, 0.2, 0.2], s),
+            "voxel along x is -0.2 m; give an edge above 0, at most 1000000 m",
+        ),
         (new(m, [0.0, 0.2, 0.2], s), "voxel along x is 0 m"),
         (new(m, v, [10, 0, 10]), "shape along y is 0"),
         (new(m, v, [1 << 25, 1, 1]), "shape along x is 33554432 voxels, at most 16777216 fit"),
         (new(m, v, [2048, 2048, 513]), "the grid has 2151677952 voxels, at most 2147483648 fit"),
         (new([1e16, 0.0, 0.0], v, s), "voxel along x is 0.2 m, too fine for coordinates near 1"),
-        (new([0.0; 3], [1e308, 1.0, 1.0], s), "roi_min + shape·voxel along x is inf"),
+        (
+            new(m, [2e6, 1.0, 1.0], s),
+            "voxel along x is 2000000 m; give an edge above 0, at most 1000000 m",
+        ),
         (
             Roi::from_bounds([0.0; 3], [1.0, -1.0, 1.0], v),
             "the region of interest ends at -1 m along y, before or where it begins (0 m)",

@@ -1,5 +1,6 @@
 //! The view's data as the page holds it: a JSON header, and one run of bytes that it points into.
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use bytemuck::NoUninit;
 use serde_json::{Value, json};
 
@@ -78,7 +79,7 @@ impl ViewData {
             },
         });
         // No text in it ends the script that it stands in.
-        (header.to_string().replace('<', "\\u003c"), base64::encode(&bytes.0))
+        (header.to_string().replace('<', "\\u003c"), BASE64_STANDARD.encode(&bytes.0))
     }
 }
 

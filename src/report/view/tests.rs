@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use serde_json::Value;
 
 use super::*;
@@ -92,7 +93,7 @@ fn a_page_reads_back_what_was_packed() {
     assert!(!header.contains('<') && !bytes.contains('<'));
     let header: Value = serde_json::from_str(&header).unwrap();
     assert_eq!(header["scene"], "</script>yard");
-    let bytes = base64::decode(bytes).unwrap();
+    let bytes = BASE64_STANDARD.decode(bytes).unwrap();
     let array = |at: &Value, size: usize| {
         let [from, length] = [1, 2].map(|k| at[k].as_u64().unwrap() as usize);
         assert_eq!(from % 4, 0);

@@ -17,6 +17,10 @@ const SETS: u64 = 28;
 const LEAST_SETS: u64 = 100;
 /// Candidates that are looked at through pairs alone for each evaluation of a search.
 const PAIR_CANDIDATES: u64 = 1 << 14;
+/// Candidates of all sets that wait to be split, at most: they take 16 bytes each.
+const MOST_CANDIDATES: u64 = 1 << 27;
+/// Sets that are split between two looks at the time.
+const SPLITS_AT_ONCE: u64 = 64;
 /// A split of the voxels is chosen with one in so many of the candidates.
 const CHOOSING: u64 = 8;
 /// Words of bitmaps that are read for the overlaps of pairs for each evaluation of a search.
@@ -60,7 +64,7 @@ impl Effort {
         let sets = evaluations.saturating_mul(SETS) / 100;
         Self {
             sets: if sets < LEAST_SETS { 1 } else { sets },
-            pair_candidates: evaluations.saturating_mul(PAIR_CANDIDATES),
+            pair_candidates: evaluations.saturating_mul(PAIR_CANDIDATES).min(MOST_CANDIDATES),
             pair_words: evaluations.saturating_mul(PAIR_WORDS),
         }
     }
@@ -81,7 +85,7 @@ impl Effort {
 /// The bound holds for other objectives only if they are such gains too, see
 /// [`crate::score::Objective::is_information_gain`].
 ///
-/// `go_on` is asked before each set, with the number of sets looked at.
+/// `go_on` is asked before each set, with the number of sets looked at; a bound that it ends is valid, too.
 ///
 /// # Errors
 /// As [`GridSearch::hold`].
@@ -103,7 +107,8 @@ pub fn bound_gain(
     let (units, places) = (search.worth_units(), search.places());
     let open = || Open { heap: BinaryHeap::new(), lidars, floor: found.value };
     let words = effort.pair_words;
-    let root_of = |pairs: &PairBound, nodes: u64| by_pairs(pairs, &places, open(), nodes);
+    let mut root_of =
+        |pairs: &PairBound, nodes: u64| by_pairs(pairs, &places, open(), nodes, &mut || go_on(0));
     let (pairs, chosen_by) =
         PairBound::tightest(search.atlas(), lidars, &units, &typical, words, |pairs| {
             root_of(pairs, effort.pair_nodes(pairs) / CHOOSING)
@@ -131,11 +136,18 @@ fn beside(search: &mut GridSearch, found: &GridPlacement, all: &[u32]) -> f64 {
     (value + gains) * (1.0 + ROUNDING)
 }
 
-/// A bound from pairs alone: sets of sensors are split until their number is used up.
-fn by_pairs(pairs: &PairBound, places: &Places, mut open: Open, most: u64) -> f64 {
+/// A bound from pairs alone: sets of sensors are split until their number is used up, or until `go_on` says no.
+fn by_pairs(
+    pairs: &PairBound,
+    places: &Places,
+    mut open: Open,
+    most: u64,
+    go_on: &mut dyn FnMut() -> bool,
+) -> f64 {
     open.push_unsorted(root(pairs));
     let mut looked_at = 1;
     while looked_at < most
+        && (!u64::is_multiple_of(looked_at, SPLITS_AT_ONCE) || go_on())
         && let Some(node) = open.pop()
     {
         if node.chosen.len() + 1 == open.lidars {

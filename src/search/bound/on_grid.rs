@@ -48,13 +48,23 @@ pub(in crate::search) fn bounds(
             let grid =
                 PoseGrid::new(evaluator.constraints(), settings.delta.unwrap_or(SWAP_SPACING))?;
             let mut search = grid_search(evaluator, settings, &grid, memory);
-            let sample = GridSample::draw(&mut search, evaluator, SAMPLES, settings.seed)?;
+            let sample = sample(&mut search, evaluator, settings, watch)?;
             return Ok(Bounds { sample, gain: Err(why) });
         }
     };
     let gain = gain(&mut search, evaluator, settings, watch)?;
-    let sample = GridSample::draw(&mut search, evaluator, SAMPLES, settings.seed)?;
+    let sample = sample(&mut search, evaluator, settings, watch)?;
     Ok(Bounds { sample, gain })
+}
+
+/// A sample of the grid, as large as the time allows.
+fn sample(
+    search: &mut GridSearch,
+    evaluator: &mut Evaluator,
+    settings: &Settings,
+    watch: &Watch,
+) -> Result<GridSample, SearchError> {
+    GridSample::draw(search, evaluator, SAMPLES, settings.seed, &|| !watch.is_over())
 }
 
 /// A search whose atlas has room for every pose of the bound's grid, or why there is no bound.
@@ -109,12 +119,15 @@ fn gain(
     let poses = search.atlas().grid().len();
     watch.note(&format!("bounding the gain over {poses} sensor poses"));
     let all: Vec<u32> = (0..poses).collect();
-    let Some(greedy) = search.greedy(evaluator, &all)? else {
-        return Ok(Err("no placement on the grid keeps the distance asked for".into()));
-    };
     let effort = Effort::of(settings.evaluations);
     let total = effort.sets;
     let mut go_on = |done: u64| watch.tell(&Event::Progress { work: Work::Bounds, done, total });
+    if search.hold_while(evaluator, &all, &mut |_| go_on(0))?.len() < all.len() {
+        return Ok(Err("no bound was computed: the time was over before".into()));
+    }
+    let Some(greedy) = search.greedy(evaluator, &all)? else {
+        return Ok(Err("no placement on the grid keeps the distance asked for".into()));
+    };
     let anywhere = [Moves::Anywhere];
     let top =
         search.ascend(evaluator, &greedy.poses, &anywhere, Check::Nothing, &mut |_| go_on(0))?;

@@ -40,8 +40,8 @@ impl GridSample {
     /// Samples placements on the grid of a search, each with one neighbour a step along one pose field away.
     ///
     /// Ties between LiDARs are left out: random poses never keep them.
-    /// Placements that break another rule of the mount are drawn again, but not for ever: the sample may be
-    /// smaller than asked for, and is empty where nothing may vary.
+    /// Placements that break another rule of the mount are drawn again, but not for ever, and none once `go_on` says
+    /// no: the sample may be smaller than asked for, and is empty where nothing may vary.
     ///
     /// # Errors
     /// As [`GridSearch::hold`].
@@ -50,6 +50,7 @@ impl GridSample {
         evaluator: &mut Evaluator,
         samples: usize,
         seed: u64,
+        go_on: &dyn Fn() -> bool,
     ) -> Result<Self, SearchError> {
         let constraints = evaluator.constraints().untied();
         let grid = search.atlas().grid().clone();
@@ -59,7 +60,8 @@ impl GridSample {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut pairs = Vec::new();
         for _ in 0..100 * samples {
-            if pairs.len() == 2 * samples {
+            // At least one pair: a few casts, and the findings have something to go by.
+            if pairs.len() == 2 * samples || (!pairs.is_empty() && !go_on()) {
                 break;
             }
             let poses: Vec<u32> =
