@@ -97,6 +97,7 @@ fn scan(scene: &str, frame: usize) -> Scan {
             size: *size,
             velocity: *velocity,
             points: 40,
+            visible: None,
         });
     Scan {
         scene: scene.into(),
