@@ -169,7 +169,7 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
             &[one[0], one[1], "--out", "out", "--condition", "fog:mor=-5"],
             "`mor=-5` of fog: wanted is a number from",
         ),
-        (&[one[0], one[1], "--out", "out", "--condition", "rain"], "there is no condition `rain`"),
+        (&[one[0], one[1], "--out", "out", "--condition", "hail"], "there is no condition `hail`"),
         (&[one[0], one[1], "--out", "out", "--layout", "kitti"], "`kitti` is no layout"),
         (
             &[one[0], one[1], "--out", "out", "--ideal", "--condition", "fog:mor=50"],
