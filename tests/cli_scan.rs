@@ -210,11 +210,14 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
     let error =
         fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set", "--seed", "7"]);
     assert!(error.contains("holds a data set of other settings (seed); name"), "{error}");
-    // What a run that was killed had begun goes, whatever its name.
-    fs::write(dir.path().join("set/.sightline/.tmpAbCdEf"), "{").unwrap();
+    // What a run that was killed had begun goes, by the number of its process.
+    let mut ended = std::process::Command::new("true").spawn().unwrap();
+    ended.wait().unwrap();
+    let begun = format!("set/.sightline/.sightline-{}-AbCdEf.tmp", ended.id());
+    fs::write(dir.path().join(&begun), "{").unwrap();
     fs::remove_file(dir.path().join("set/street/000001.npz")).unwrap();
     ok(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set"]);
-    assert!(!dir.path().join("set/.sightline/.tmpAbCdEf").exists());
+    assert!(!dir.path().join(&begun).exists());
     fs::write(dir.path().join("set/dataset.json"), "\n").unwrap();
     let error = fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set"]);
     assert!(error.contains("dataset.json: cannot be read (EOF"), "{error}");
