@@ -169,7 +169,7 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
             &[one[0], one[1], "--out", "out", "--condition", "fog:mor=-5"],
             "`mor=-5` of fog: wanted is a number from",
         ),
-        (&[one[0], one[1], "--out", "out", "--condition", "rain"], "there is no condition `rain`"),
+        (&[one[0], one[1], "--out", "out", "--condition", "hail"], "there is no condition `hail`"),
         (&[one[0], one[1], "--out", "out", "--layout", "kitti"], "`kitti` is no layout"),
         (
             &[one[0], one[1], "--out", "out", "--ideal", "--condition", "fog:mor=50"],
@@ -210,11 +210,14 @@ fn what_cannot_be_scanned_is_said_before_anything_is_written() {
     let error =
         fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set", "--seed", "7"]);
     assert!(error.contains("holds a data set of other settings (seed); name"), "{error}");
-    // What a run that was killed had begun goes, whatever its name.
-    fs::write(dir.path().join("set/.sightline/.tmpAbCdEf"), "{").unwrap();
+    // What a run that was killed had begun goes, by the number of its process.
+    let mut ended = std::process::Command::new("true").spawn().unwrap();
+    ended.wait().unwrap();
+    let begun = format!("set/.sightline/.sightline-{}-AbCdEf.tmp", ended.id());
+    fs::write(dir.path().join(&begun), "{").unwrap();
     fs::remove_file(dir.path().join("set/street/000001.npz")).unwrap();
     ok(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set"]);
-    assert!(!dir.path().join("set/.sightline/.tmpAbCdEf").exists());
+    assert!(!dir.path().join(&begun).exists());
     fs::write(dir.path().join("set/dataset.json"), "\n").unwrap();
     let error = fails(dir.path(), &["scan", "s.json", one[0], one[1], "--out", "set"]);
     assert!(error.contains("dataset.json: cannot be read (EOF"), "{error}");

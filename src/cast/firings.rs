@@ -25,7 +25,6 @@ impl Firing<'_> {
     /// The closest hit of a ray of a direction, by the reference's way down each tree.
     ///
     /// CPU twin of `shaders/cast_closest.wgsl` where its sensors are firings.
-    #[cfg_attr(not(feature = "gpu"), allow(dead_code))]
     pub(crate) fn closest_hit(&self, direction: [f32; 3], range: f32) -> Hit {
         let mut hit = Hit::none(range);
         for target in &self.targets {

@@ -160,6 +160,13 @@ impl Dataset {
         self.folder.has(scene, frame)
     }
 
+    /// Whether what is written of a frame says how much of each box is seen.
+    pub(super) fn tells_visibility(&self, scene: usize, frame: usize) -> bool {
+        let frames = self.scenes.get(scene).map_or(&[][..], |scene| &scene.frames);
+        let keyframe = |at: usize| at.is_multiple_of(self.settings.keyframe_every);
+        self.settings.layout == Layout::Nuscenes && frames.binary_search(&frame).is_ok_and(keyframe)
+    }
+
     /// Writes a scan of the scene of a number; what was there of that frame is replaced.
     ///
     /// # Errors

@@ -51,6 +51,9 @@ pub(super) struct BoxRecord {
     pub velocity: DVec3List,
     /// Points in it, as the layout counts them.
     pub points: u32,
+    /// Share of its hull that the rig sees, where the layout says it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub visible: Option<f32>,
 }
 
 pub(super) type DVec3List = [f64; 3];
@@ -95,6 +98,7 @@ impl FrameRecord {
             size: tracked.size.to_array(),
             velocity: tracked.velocity.to_array(),
             points,
+            visible: tracked.visible,
         });
         Self {
             frame: scan.frame,

@@ -28,7 +28,10 @@ pub fn record(
         while !stopped.load(Ordering::Relaxed)
             && let Some(&frame) = frames.get(next.fetch_add(1, Ordering::Relaxed))
         {
-            let scan = scanner.scan(frame);
+            let mut scan = scanner.scan(frame);
+            if dataset.tells_visibility(scene, frame) {
+                scanner.look_at_boxes(&mut scan);
+            }
             let written = dataset.write(scene, &scan);
             if written.is_err() || !watch(&scan) {
                 stopped.store(true, Ordering::Relaxed);

@@ -7,6 +7,7 @@ mod echoes;
 mod error;
 mod fires;
 mod hits;
+mod hull;
 mod optics;
 mod psog;
 mod rays;

@@ -65,7 +65,9 @@ impl Receiver<'_> {
         }
     }
 
-    /// Echoes that the sensor reports, by their place in the list.
+    /// Echoes that the sensor reports, by their place in the list. Where the strongest is also the last, a dual sensor
+    /// reports the second strongest too, as those of Velodyne (VLP-16 User Manual 63-9243, Dual Return Mode) and Hesai
+    /// (Pandar64 User Manual, 3.1.2.2) do.
     fn wanted(&self, chance: &Chance, echoes: &[Echo]) -> [Option<usize>; 2] {
         let response = &self.sweeper.model().response;
         let seen = |at: usize| {
@@ -74,10 +76,8 @@ impl Receiver<'_> {
         };
         let all = 0..echoes.len();
         // Of equal ones the first.
-        let strongest = || {
-            let by_power = |a: &usize, b: &usize| echoes[*a].power.total_cmp(&echoes[*b].power);
-            all.clone().rev().max_by(by_power).filter(|&at| seen(at))
-        };
+        let by_power = |a: &usize, b: &usize| echoes[*a].power.total_cmp(&echoes[*b].power);
+        let strongest = || all.clone().rev().max_by(by_power).filter(|&at| seen(at));
         let last = || {
             let by_range = |a: &usize, b: &usize| echoes[*a].range.total_cmp(&echoes[*b].range);
             all.clone().filter(|&at| seen(at)).max_by(by_range)
@@ -85,7 +85,13 @@ impl Receiver<'_> {
         match response.echoes {
             Echoes::Strongest => [strongest(), None],
             Echoes::Last => [last(), None],
-            Echoes::Dual => [strongest(), last()],
+            Echoes::Dual => match (strongest(), last()) {
+                (Some(both), Some(last)) if both == last => {
+                    let others = all.clone().rev().filter(|&at| at != both && seen(at));
+                    [Some(both), others.max_by(by_power)]
+                }
+                both => both.into(),
+            },
         }
     }
 
@@ -158,7 +164,7 @@ impl Receiver<'_> {
         }
     }
 
-    /// A return, with the errors of its measurement; the second is one behind another.
+    /// A return, with the errors of its measurement; the second is of another surface than the strongest.
     fn measure(
         &self,
         beam: &Place,

@@ -37,7 +37,7 @@ pub enum Status {
     Snow = 5,
     /// At a wrong distance, for another sensor's pulse.
     Crosstalk = 6,
-    /// A second time, from a surface behind the first.
+    /// A second time, from another surface than the strongest echo: the last, or the second strongest.
     Second = 7,
     /// From a drop of rain.
     Rain = 8,
@@ -50,7 +50,7 @@ impl Status {
     }
 }
 
-/// A beam and what came back; ordered by LiDAR, channel, column, a second return behind its first.
+/// A beam and what came back; ordered by LiDAR, channel, column, a second return after its first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Return {
     /// Where it came from, in the ego frame at the scan's time, metres: the sensor's motion since is made up
@@ -102,6 +102,8 @@ pub struct TrackedBox {
     pub velocity: DVec3,
     /// Points of the scan that lie in it, whatever they are of; within [`BOX_MARGIN`] of it they count.
     pub points: u32,
+    /// Share of its hull that the rig sees, 0 to 1; none before [`Scanner::look_at_boxes`](super::Scanner::look_at_boxes).
+    pub visible: Option<f32>,
 }
 
 /// A LiDAR as it stood at the time of a scan.

@@ -8,10 +8,12 @@ use super::conditions::{self, Condition};
 use super::device::Device;
 use super::error::ScanError;
 use super::fires::Fires;
+use super::hull::{Eye, seen_share};
 use super::optics::Optics;
 use super::receiver::Receiver;
 use super::rim::Rims;
 use super::stage::{Motions, Stage};
+use super::station::Station;
 use super::sweep::{BYTES_OF_A_SWEEP, BYTES_OF_RAYS, Sweeper};
 use super::{EGO_INSTANCE, Return, Scan, ScanLidar, TrackedBox};
 use crate::bvh::Bvh;
@@ -241,6 +243,28 @@ impl<'a> Scanner<'a> {
         scan
     }
 
+    /// Finds how much of each box in a scan of this scanner its rig sees ([`TrackedBox::visible`]): of the sample points
+    /// on those faces that face a LiDAR, by area, those to which a straight line from one of these LiDARs is free, as
+    /// long as its range at most. Where its beams point does not count.
+    pub fn look_at_boxes(&self, scan: &mut Scan) {
+        let motions = Motions::new(self.scene, &self.stage, scan.frame);
+        let station = |lidar: &ScanLidar| {
+            let all = 0..self.stage.things.len();
+            Station::new(&motions, all, &lidar.ego_from_sensor, 0.0, [lidar.range, 0.0])
+        };
+        let stations: Vec<Station> = scan.lidars.iter().map(station).collect();
+        let eye = |(station, lidar): (_, &ScanLidar)| Eye {
+            ego_from_sensor: lidar.ego_from_sensor,
+            range: lidar.range,
+            around: Station::firing(station, &self.stage, std::iter::empty()),
+        };
+        let eyes: Vec<Eye<'_>> = stations.iter().zip(&scan.lidars).map(eye).collect();
+        let look = |tracked: &mut TrackedBox| {
+            tracked.visible = Some(seen_share(&self.stage, &eyes, tracked));
+        };
+        scan.boxes.par_iter_mut().for_each(look);
+    }
+
     /// Returns of one LiDAR, some columns after others.
     fn lidar(
         &self,
@@ -314,6 +338,7 @@ impl<'a> Scanner<'a> {
                 size: track.size,
                 velocity: (next.apply(track.center) - here.apply(track.center)) * self.scene.rate(),
                 points: 0,
+                visible: None,
             }
         };
         let boxes = self.tracks.iter().enumerate().filter(|(_, track)| track.size.length() > 0.0);

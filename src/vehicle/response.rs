@@ -20,7 +20,7 @@ pub enum Echoes {
     Strongest,
     /// The farthest that is strong enough.
     Last,
-    /// Both, once if they are the same.
+    /// Both. Where the strongest is also the farthest, the second strongest comes with it.
     Dual,
 }
 

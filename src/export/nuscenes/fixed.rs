@@ -36,6 +36,17 @@ pub(super) fn attribute(category: u8, moves: bool) -> Option<&'static str> {
 /// Visibilities by token, from 1.
 pub(super) const VISIBILITIES: [&str; 4] = ["v0-40", "v40-60", "v60-80", "v80-100"];
 
+/// Token of a visibility, by the share of a box's hull that is seen; where nobody looked, by whether it has points.
+pub(super) fn visibility(seen: Option<f32>, points: u32) -> &'static str {
+    let seen = seen.unwrap_or(if points > 0 { 1.0 } else { 0.0 });
+    match [0.4, 0.6, 0.8].iter().filter(|&&least| seen >= least).count() {
+        0 => "1",
+        1 => "2",
+        2 => "3",
+        _ => "4",
+    }
+}
+
 /// Cameras that mmdetection3d asks for, and where they look: degrees to the left.
 pub(super) const CAMERAS: [(&str, f64); 6] = [
     ("CAM_FRONT", 0.0),
@@ -45,3 +56,16 @@ pub(super) const CAMERAS: [(&str, f64); 6] = [
     ("CAM_BACK_LEFT", 110.0),
     ("CAM_BACK_RIGHT", -110.0),
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn visibilities_are_those_of_the_share_that_is_seen() {
+        let shares = [0.0, 0.39, 0.4, 0.5, 0.6, 0.79, 0.8, 1.0];
+        let tokens = shares.map(|share| visibility(Some(share), 7));
+        assert_eq!(tokens, ["1", "1", "2", "2", "3", "3", "4", "4"]);
+        assert_eq!([0, 1].map(|points| visibility(None, points)), ["1", "4"]);
+    }
+}

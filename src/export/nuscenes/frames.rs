@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::DQuat;
 use serde_json::{Value, json};
 
-use super::fixed::{CAMERAS, CATEGORIES, attribute};
+use super::fixed::{CAMERAS, CATEGORIES, attribute, visibility};
 use super::table::Tables;
 use super::{About, channels, right_forward, token};
 use crate::export::cloud::Source;
@@ -211,7 +211,7 @@ impl Rows<'_> {
             rows.push((tracked, json!({
                 "token": name(instance, at), "sample_token": self.token("sample", at),
                 "instance_token": self.token("instance", instance),
-                "visibility_token": if tracked.points > 0 { "4" } else { "1" },
+                "visibility_token": visibility(tracked.visible, tracked.points),
                 "attribute_tokens": attributes.into_iter().collect::<Vec<_>>(),
                 "translation": translation(&pose), "size": [width, length, height],
                 "rotation": rotation(&pose),

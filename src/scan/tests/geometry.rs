@@ -218,6 +218,41 @@ fn boxes_follow_the_actors_and_count_their_points() {
 }
 
 #[test]
+fn a_box_half_behind_a_wall_is_half_seen() {
+    // The sensor looks at one face of each box: |y| ≤ 1 and z of 0.2 to 1.8 at x = 20, behind a wall at x = 10.
+    let seen = |wall: &str, mount: SensorPose| {
+        let boxed = |x: f64| {
+            format!(
+                r#"{{ "parts": [{{ "class": "vehicle", "box": {{ "foot": [0, 0, 0.2], "size": [4, 2, 1.6] }} }}],
+                      "poses": [{{ "x": {x}, "y": 0 }}, {{ "x": {x}, "y": 0 }}, {{ "x": {x}, "y": 0 }}] }}"#
+            )
+        };
+        let things = format!(
+            r#""static": [{{ "class": "road", "plane": {{ "min": [-50, -50], "max": [50, 50], "z": 0 }} }},
+                          {{ "class": "building", "box": {wall} }}],
+               "actors": [{}, {}]"#,
+            boxed(22.0),
+            boxed(-900.0)
+        );
+        let scene = scene(&things, SPINNING, EXACT);
+        let placement = placement(&[mount]);
+        let scanner = Scanner::new(&scene, &placement, &ideal()).unwrap();
+        let mut scan = scanner.scan(1);
+        assert_eq!(scan.boxes[0].visible, None, "before anyone looked");
+        scanner.look_at_boxes(&mut scan);
+        [scan.boxes[0].visible.unwrap(), scan.boxes[1].visible.unwrap()]
+    };
+    let middle = SensorPose::at(0.0, 0.0, 1.0);
+    let wall =
+        |low: f64, high: f64| format!(r#"{{ "min": [10, {low}, -1], "max": [10.2, {high}, 5] }}"#);
+    assert_eq!(seen(&wall(30.0, 31.0), middle), [1.0, 0.0], "the other is out of range");
+    assert_eq!(seen(&wall(0.0, 20.0), middle), [0.5, 0.0]);
+    assert_eq!(seen(&wall(-20.0, 20.0), middle), [0.0, 0.0]);
+    // Lines to the points 1/6, 3/6 and 5/6 m beside the middle pass 1/12, 3/12 and 5/12 m beside it at 10 m.
+    assert_eq!(seen(&wall(0.2, 20.0), middle), [4.0_f32 / 6.0, 0.0]);
+}
+
+#[test]
 fn the_same_bytes_on_any_number_of_threads_and_in_any_order_of_frames() {
     let scene = scene(STREET, SPINNING, "{}");
     let on = |threads: usize| {
