@@ -54,7 +54,7 @@ impl Watcher for Patience {
 
 /// On the CPU, as the watcher says.
 fn on_cpu(watcher: &dyn Watcher) -> Computing<'_> {
-    Computing { engine: EngineChoice::cpu(), vehicle: None, watcher }
+    Computing { engine: EngineChoice::cpu(), vehicle: None, sensors: Vec::new(), watcher }
 }
 
 /// A scene and two placements in it.

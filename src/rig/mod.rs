@@ -5,6 +5,7 @@
 
 mod angles;
 mod autoware;
+mod beams;
 mod carla;
 mod carla_objects;
 mod compare;
@@ -19,6 +20,7 @@ mod known;
 mod launch;
 mod model;
 mod mounting;
+mod numbers;
 mod pandaset;
 mod placements;
 mod sdf;
@@ -29,6 +31,7 @@ mod tests;
 mod urdf;
 mod xml;
 
+pub use beams::Models;
 pub(crate) use carla::mirrored;
 pub use compare::{Asymmetry, Comparison, Moved, compare};
 pub use error::RigError;
