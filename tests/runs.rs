@@ -175,6 +175,7 @@ fn a_rig_that_is_written_and_read_again_is_the_same() {
         frames: Vec::new(),
         sensors: BTreeMap::new(),
         scene: None,
+        vehicle: None,
         mounting: Mounting::default(),
     };
     assert_eq!(export_file(&request, &Silent).unwrap(), None);

@@ -157,10 +157,11 @@ impl Models {
 
 /// All numbers of a LiDAR: elevations and azimuths in degrees, range in metres.
 fn described(lidar: &Lidar) -> Value {
+    let all = |values: &[f64]| values.iter().copied().map(written).collect::<Vec<f64>>();
     match lidar {
         Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range } => json!({
-            "elevations": elevations,
-            "azimuth_offsets": azimuth_offsets,
+            "elevations": all(elevations),
+            "azimuth_offsets": all(azimuth_offsets),
             "azimuth_steps": azimuth_steps,
             "azimuth": azimuth.unwrap_or([0.0, 360.0]),
             "range": range,

@@ -42,6 +42,7 @@ pub use known::Fan;
 pub(crate) use model::BASE_LINK;
 pub use model::{Rig, RigLidar};
 pub use mounting::Mounting;
+pub use numbers::in_millimetres;
 pub use placements::{read_rig, rig_json};
 pub(crate) use source::NamedText;
 pub use source::{Source, sources};

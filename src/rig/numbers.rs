@@ -21,6 +21,20 @@ pub(super) fn written_pose(pose: &SensorPose) -> SensorPose {
     SensorPose { sensor: pose.sensor, phase: pose.phase.map(written), ..numbers }
 }
 
+/// A pose in millimetres and degrees, in words.
+pub fn in_millimetres(pose: &SensorPose) -> String {
+    let words = pose.fields().into_iter().enumerate().map(|(k, (field, value))| match k {
+        0..3 => format!("{field} {} mm", hundredths(value * 1e3)),
+        _ => format!("{field} {}°", hundredths(value.to_degrees())),
+    });
+    words.collect::<Vec<_>>().join(", ")
+}
+
+/// A number of at most two decimals, without −0.
+fn hundredths(value: f64) -> f64 {
+    (value * 100.0).round() / 100.0 + 0.0
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -40,5 +54,14 @@ mod tests {
             assert_eq!(written(value).to_string(), text);
         }
         assert_eq!(written(-0.0).to_bits(), 0);
+    }
+
+    #[test]
+    fn a_pose_is_told_in_millimetres_and_degrees() {
+        let pose = SensorPose::from_values([0.6, -0.4, 2.8, -0.001, 0.1, -0.000_01]);
+        assert_eq!(
+            in_millimetres(&pose),
+            "x 600 mm, y -400 mm, z 2800 mm, roll -0.06°, pitch 5.73°, yaw 0°"
+        );
     }
 }

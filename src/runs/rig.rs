@@ -9,7 +9,7 @@ use super::{Error, Watcher};
 use crate::files::{Session, safe_name, shared_folder, writable_file, write_whole};
 use crate::rig::{
     Comparison, Exported, ImportSettings, Imported, Models, Mounting, NamedText, RigError,
-    RigFormat, compare, export, import, read_rig, rig_json,
+    RigFormat, compare, export, import, in_millimetres, read_rig, rig_json,
 };
 use crate::scene::Scene;
 use crate::vehicle::Vehicle;
@@ -123,7 +123,8 @@ pub fn import_files(
     say(&imported, watcher)?;
     for (index, lidar) in rig.lidars.iter().enumerate() {
         let sensor = lidar.sensor.as_deref().unwrap_or("sensor not known");
-        watcher.note(&format!("LiDAR {index} is `{}`, {sensor}", lidar.frame));
+        let place = in_millimetres(&lidar.pose);
+        watcher.note(&format!("LiDAR {index} is `{}`, {sensor}: {place}", lidar.frame));
     }
     let text = format!("{:#}\n", rig_json(&[rig]));
     let Some(out) = out else { return Ok(Some(text)) };

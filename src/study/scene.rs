@@ -30,14 +30,9 @@ impl<'a> StudyScene<'a> {
         settings: &'a StudySettings,
         observer: &'a dyn StudyObserver,
     ) -> Result<Self, StudyError> {
-        let (mut published, sensors) = (table_7(), scene.sensors()?);
-        if sensors.name_first(&mut published) {
-            let first = sensors.models()[0].name;
-            let told = format!(
-                "LiDARs of the layouts of Table 7 are the vehicle's first model, `{first}`"
-            );
-            observer.opened(&[told]);
-        }
+        // The notes of a table say so.
+        let mut published = table_7();
+        scene.sensors()?.name_first(&mut published);
         let this = Self { scene, psog, settings, published, observer };
         let objective = &settings.objective;
         if objective.needs_detection() && scene.detection_among(psog.classes()).is_empty() {
