@@ -323,7 +323,9 @@ fn two_lidars(dir: &Path) {
             json!({ "x": 0.0, "y": 0.5, "z": 1.0, "yaw": 1.5 }),
         ];
         let named = places.into_iter().zip(models).map(|(mut lidar, model)| {
-            model.map(|model| lidar["sensor"] = json!(model));
+            if let Some(model) = model {
+                lidar["sensor"] = json!(model);
+            }
             lidar
         });
         named.collect()

@@ -106,15 +106,12 @@ impl Models {
             _ => NEAREST,
         };
         let steps = fan.azimuth_steps;
-        let [from, to] = fan.azimuth.map_or_else(
-            || {
-                // Step 0 looks ahead; the last one ends a step before the first.
-                let step = 360.0 / f64::from(steps);
-                let from = -step * f64::from(steps / 2);
-                [from, from + step * f64::from(steps.max(1) - 1)]
-            },
-            |azimuth| azimuth,
-        );
+        // Of a turn step 0 looks ahead, and the last one ends a step before the first.
+        let [from, to] = fan.azimuth.unwrap_or_else(|| {
+            let step = 360.0 / f64::from(steps);
+            let from = -step * f64::from(steps / 2);
+            [from, from + step * f64::from(steps.max(1) - 1)]
+        });
         let mut text =
             format!("{indent}<update_rate>{}</update_rate>\n{indent}<lidar>\n", Fan::RATE);
         let _ = writeln!(text, "{indent}  <scan>");

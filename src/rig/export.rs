@@ -9,7 +9,7 @@ use super::{
 };
 
 /// Models of LiDARs beside Autoware's files.
-const MODELS_FILE: &str = "models.json";
+pub(crate) const MODELS_FILE: &str = "models.json";
 /// Most LiDARs that CARLA's leaderboard lets an agent have.
 const LEADERBOARD_LIDARS: usize = 2;
 /// Farthest that they may stand from the vehicle's origin, in metres.
@@ -99,7 +99,7 @@ fn pretty(value: &Value) -> String {
 /// Refuses LiDARs without a model where there are several, and models that are none of them.
 fn check_models(rig: &Rig, models: &Models) -> Result<(), RigError> {
     let known = models.names();
-    for lidar in rig.lidars.iter() {
+    for lidar in &rig.lidars {
         let frame = lidar.frame.clone();
         match (&lidar.sensor, models.of(lidar)) {
             (None, _) if models.count() > 1 => {
@@ -160,7 +160,9 @@ fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<Stri
 /// What a format without a place for models loses.
 fn lost_models(rig: &Rig, format: RigFormat) -> Option<String> {
     let (what, kept) = match format {
-        RigFormat::Autoware => ("YAML files have", format!("they are in {MODELS_FILE}; ")),
+        RigFormat::Autoware => {
+            ("YAML files have", format!("with --out they are in {MODELS_FILE}; "))
+        }
         RigFormat::Ros2Launch => ("a launch file has", String::new()),
         RigFormat::Carla | RigFormat::CarlaObjects => ("CARLA has", String::new()),
         _ => return None,

@@ -35,6 +35,7 @@ pub use beams::Models;
 pub(crate) use carla::mirrored;
 pub use compare::{Asymmetry, Comparison, Moved, compare};
 pub use error::RigError;
+pub(crate) use export::MODELS_FILE;
 pub use export::{Exported, export};
 pub use format::RigFormat;
 pub use import::{ImportSettings, Imported, from_carla_sensors, import, import_texts};

@@ -8,8 +8,8 @@ use super::inputs::file_and_name;
 use super::{Error, Watcher};
 use crate::files::{Session, safe_name, shared_folder, writable_file, write_whole};
 use crate::rig::{
-    Comparison, Exported, ImportSettings, Imported, Models, Mounting, NamedText, RigError,
-    RigFormat, compare, export, import, in_millimetres, read_rig, rig_json,
+    Comparison, Exported, ImportSettings, Imported, MODELS_FILE, Models, Mounting, NamedText,
+    RigError, RigFormat, compare, export, import, in_millimetres, read_rig, rig_json,
 };
 use crate::scene::Scene;
 use crate::vehicle::Vehicle;
@@ -74,7 +74,11 @@ pub fn export_file(
     exported.warnings.iter().for_each(|warning| watcher.note(warning));
     match &request.out {
         Some(out) => write_files(&exported, out).map(|()| None),
-        None => Ok(Some(exported.files.iter().map(|file| &*file.text).collect())),
+        None => {
+            // Models are a document of another kind than the YAML that is printed.
+            let printed = exported.files.iter().filter(|file| file.name != MODELS_FILE);
+            Ok(Some(printed.map(|file| &*file.text).collect()))
+        }
     }
 }
 
