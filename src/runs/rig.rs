@@ -124,12 +124,12 @@ pub fn import_files(
     let _session = Session::begin();
     let imported = import(files, settings)?;
     let rig = &imported.rig;
-    say(&imported, watcher)?;
     for (index, lidar) in rig.lidars.iter().enumerate() {
         let sensor = lidar.sensor.as_deref().unwrap_or("sensor not known");
         let place = in_millimetres(&lidar.pose);
         watcher.note(&format!("LiDAR {index} is `{}`, {sensor}: {place}", lidar.frame));
     }
+    say(&imported, watcher)?;
     let text = format!("{:#}\n", rig_json(&[rig]));
     let Some(out) = out else { return Ok(Some(text)) };
     writable_file(out)?;
