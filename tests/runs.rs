@@ -54,7 +54,7 @@ impl Watcher for Patience {
 
 /// On the CPU, as the watcher says.
 fn on_cpu(watcher: &dyn Watcher) -> Computing<'_> {
-    Computing { engine: EngineChoice::cpu(), vehicle: None, watcher }
+    Computing { engine: EngineChoice::cpu(), vehicle: None, sensors: Vec::new(), watcher }
 }
 
 /// A scene and two placements in it.
@@ -175,6 +175,7 @@ fn a_rig_that_is_written_and_read_again_is_the_same() {
         frames: Vec::new(),
         sensors: BTreeMap::new(),
         scene: None,
+        vehicle: None,
         mounting: Mounting::default(),
     };
     assert_eq!(export_file(&request, &Silent).unwrap(), None);

@@ -6,7 +6,7 @@ use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use sightline::vehicle::{Doubts, MAX_LIDARS, SensorName, table_7};
-use sightline::{Placement, SensorPose, read_placements};
+use sightline::{Placement, Scene, SensorPose, read_placements};
 
 use crate::arguments::{self, listed, room_for};
 use crate::arrays::{column, matrix, numbers, shape_in_words};
@@ -115,14 +115,18 @@ pub fn sensors_of(names: Option<Vec<String>>) -> PyResult<Vec<SensorName>> {
     names.unwrap_or_default().iter().map(name).collect()
 }
 
-/// Placements from a `Placement`, a list of them, or an array `[N, L, 6]` or `[L, 6]`; warns of units that are most likely
-/// not meant.
-pub fn placements_of(
+/// Placements from a `Placement`, a list of them, or an array `[N, L, 6]` or `[L, 6]`, of models that the scene's vehicle
+/// has; warns of units that are most likely not meant.
+pub fn placements_in(
+    scene: &Scene,
     given: &Bound<'_, PyAny>,
     sensors: Option<Vec<String>>,
     phases: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Vec<Placement>> {
     let placements = parsed(given, sensors, phases)?;
+    let models = scene.sensors().map_err(raised)?;
+    let named = |placement| models.check(placement).map_err(|fault| bad(fault.to_string()));
+    placements.iter().try_for_each(named)?;
     let doubts = Doubts::of_units();
     warn_of(given.py(), placements.iter().flat_map(|one| doubts.about(one)))?;
     Ok(placements)

@@ -21,7 +21,7 @@ use crate::columns::scores_object;
 use crate::engine::{Built, Options, add_near_fields, guard, score};
 use crate::errors::{bad, raised, warn_of};
 use crate::json::{to_python, to_text};
-use crate::placements::{placement_bytes, placements_of};
+use crate::placements::{placement_bytes, placements_in};
 use crate::psogs::PyPsog;
 use crate::scans::ScanIterator;
 use crate::sensors::PySensor;
@@ -224,7 +224,7 @@ impl PyScene {
         self_hits: Option<bool>,
         near_field: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let placements = placements_of(poses, sensors, phases)?;
+        let placements = placements_in(&self.built.scene, poses, sensors, phases)?;
         let built = self.built.clone();
         let scores = interruptible(py, move |stop| {
             let stopped = || stop.load(Ordering::SeqCst);
@@ -249,7 +249,7 @@ impl PyScene {
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray1<u64>>> {
-        let placement = only(placements_of(poses, sensors, phases)?)?;
+        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
         let built = self.built.clone();
         let covered = interruptible(py, move |_| {
             built.evaluate(|evaluator| evaluator.covered(&placement).map_err(raised))
@@ -272,7 +272,7 @@ impl PyScene {
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let frame = self.built.check_frame(frame)?;
-        let placements = placements_of(poses, sensors, phases)?;
+        let placements = placements_in(&self.built.scene, poses, sensors, phases)?;
         let built = self.built.clone();
         let hits = interruptible(py, move |_| {
             let problem = built.frame(frame)?;
@@ -349,7 +349,7 @@ impl PyScene {
         frames: Option<&Bound<'_, PyAny>>,
         misses: bool,
     ) -> PyResult<ScanIterator> {
-        let placement = only(placements_of(poses, sensors, phases)?)?;
+        let placement = only(placements_in(&self.built.scene, poses, sensors, phases)?)?;
         ScanIterator::begin(self.built.clone(), placement, &conditions, ideal, seed, frames, misses)
     }
 
@@ -371,7 +371,9 @@ impl PyScene {
         #[pyo3(from_py_with = arguments::sample)] sample: u64,
         #[pyo3(from_py_with = arguments::seed)] seed: u64,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let given = poses.map(|poses| placements_of(poses, sensors, phases)).transpose()?;
+        let given = poses
+            .map(|poses| placements_in(&self.built.scene, poses, sensors, phases))
+            .transpose()?;
         let lidars = self.built.scene.constraints().lidars().max(2);
         room_for("placements", random.saturating_add(hostile), placement_bytes(lidars))?;
         room_for("beams of the sample", sample as usize, SAMPLE_BYTES)?;

@@ -24,7 +24,7 @@ use crate::columns::scores_object;
 use crate::engine::{Built, Kept, score, suite_of};
 use crate::errors::{bad, raised};
 use crate::json::to_python;
-use crate::placements::{PyPlacement, placements_of};
+use crate::placements::{PyPlacement, placements_in};
 use crate::scenes::PyScene;
 use crate::wait::{interruptible, start, wait};
 
@@ -57,7 +57,8 @@ impl PySuite {
         #[pyo3(from_py_with = arguments::sensors)] sensors: Option<Vec<String>>,
         phases: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let placements = placements_of(poses, sensors, phases)?;
+        let scene = &self.scenes[0].scene;
+        let placements = placements_in(scene, poses, sensors, phases)?;
         let (scenes, kept) = (self.scenes.clone(), self.evaluator.clone());
         let scores = interruptible(py, move |stop| {
             let open = || {
@@ -221,8 +222,10 @@ pub fn search<'py>(
     let scenes = scenes_of(scenes)?;
     let engine: EngineChoice = scenes[0].options.engine.clone();
     let given = |list: Option<&Bound<'py, PyAny>>| {
-        list.filter(|list| !list.len().is_ok_and(|length| length == 0))
-            .map_or_else(|| Ok(Vec::new()), |list| placements_of(list, None, None))
+        list.filter(|list| !list.len().is_ok_and(|length| length == 0)).map_or_else(
+            || Ok(Vec::new()),
+            |list| placements_in(&scenes[0].scene, list, None, None),
+        )
     };
     let default = Settings::default();
     let settings = Settings {

@@ -7,6 +7,7 @@ use crate::engine::{EngineChoice, EngineKind};
 use crate::runs::Computing;
 use crate::scan::conditions::Condition;
 use crate::threads;
+use crate::vehicle::SensorChoice;
 use clap::{Args, ValueEnum};
 
 use super::terminal::{Talk, Terminal};
@@ -33,6 +34,21 @@ pub struct Compute {
     pub vehicle: Option<PathBuf>,
     #[command(flatten)]
     pub talk: Talk,
+}
+
+/// Models of LiDARs that placements leave without a name.
+#[derive(Args, Debug, Clone, Default)]
+pub struct Named {
+    /// Model of a LiDAR whose placement names none, for a vehicle with several: its index from 0, or all
+    #[arg(long, value_name = "N=MODEL")]
+    pub sensor: Vec<SensorChoice>,
+}
+
+impl Named {
+    /// What computes, with these models.
+    pub fn computing<'a>(&self, compute: &Compute, terminal: &'a Terminal) -> Computing<'a> {
+        Computing { sensors: self.sensor.clone(), ..compute.computing(terminal) }
+    }
 }
 
 /// Weather and faults that scores are computed under.
@@ -122,7 +138,12 @@ impl Compute {
 
     /// What computes, and that the terminal is told.
     pub fn computing<'a>(&self, terminal: &'a Terminal) -> Computing<'a> {
-        Computing { engine: self.engine(), vehicle: self.vehicle.clone(), watcher: terminal }
+        Computing {
+            engine: self.engine(),
+            vehicle: self.vehicle.clone(),
+            sensors: Vec::new(),
+            watcher: terminal,
+        }
     }
 
     /// Checks the options against each other and starts the threads of the CPU backend.

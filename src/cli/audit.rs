@@ -8,7 +8,7 @@ use crate::runs::Error;
 use crate::runs::audit::{AuditRequest, audit_scenes};
 use serde_json::json;
 
-use super::args::{Compute, Format};
+use super::args::{Compute, Format, Named};
 use super::exit::Exit;
 
 #[derive(clap::Args)]
@@ -30,6 +30,8 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
     #[command(flatten)]
+    named: Named,
+    #[command(flatten)]
     compute: Compute,
 }
 
@@ -45,7 +47,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         Format::Json => Ok(()),
         Format::Text => out!("{}{}", std::mem::replace(&mut gap, "\n"), audit_text(found)),
     };
-    let all = audit_scenes(&request, &args.compute.computing(&terminal), print)?;
+    let all = audit_scenes(&request, &args.named.computing(&args.compute, &terminal), print)?;
     let passed = all.iter().all(|found| found.passed);
     match (args.format, &all[..]) {
         (Format::Json, [found]) => outln!("{}", json!(found))?,

@@ -6,7 +6,7 @@ use crate::runs::Error;
 use crate::runs::cast::{CastRequest, cast};
 use serde_json::json;
 
-use super::args::{Compute, Format};
+use super::args::{Compute, Format, Named};
 use super::exit::Exit;
 use super::glb::Gltf;
 
@@ -31,6 +31,8 @@ pub struct Args {
     #[command(flatten)]
     gltf: Gltf,
     #[command(flatten)]
+    named: Named,
+    #[command(flatten)]
     compute: Compute,
 }
 
@@ -43,7 +45,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         gltf: args.gltf.gltf.clone(),
         frame: args.frame,
     };
-    let found = cast(&request, &args.compute.computing(&terminal))?;
+    let found = cast(&request, &args.named.computing(&args.compute, &terminal))?;
     match args.format {
         Format::Json => outln!("{}", json!(found))?,
         Format::Text => outln!(

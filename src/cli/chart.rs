@@ -8,7 +8,7 @@ use crate::runs::Error;
 use crate::runs::chart::{ChartRequest, Charted, chart_scenes};
 use serde_json::{Value, json};
 
-use super::args::{Compute, Format, whole};
+use super::args::{Compute, Format, Named, whole};
 use super::exit::Exit;
 
 #[derive(clap::Args)]
@@ -58,6 +58,8 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = Format::Text)]
     format: Format,
     #[command(flatten)]
+    named: Named,
+    #[command(flatten)]
     compute: Compute,
 }
 
@@ -93,7 +95,8 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
             outln!("{gap}{}chart: {}", chart_text(&found.chart), svg.display())
         }
     };
-    let (count, found) = chart_scenes(&request, &args.compute.computing(&terminal), print)?;
+    let (count, found) =
+        chart_scenes(&request, &args.named.computing(&args.compute, &terminal), print)?;
     let (charts, answers): (Vec<Chart>, Vec<Value>) =
         found.into_iter().map(|found| (found.chart, found.answer)).unzip();
     match (args.format, &answers[..]) {

@@ -8,7 +8,7 @@ use crate::runs::near_field::{NearFieldRequest, near_fields};
 use crate::scan::conditions::under;
 use serde_json::json;
 
-use super::args::{Compute, Conditions, Format};
+use super::args::{Compute, Conditions, Format, Named};
 use super::exit::Exit;
 
 #[derive(clap::Args)]
@@ -34,6 +34,8 @@ pub struct Args {
     #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
+    named: Named,
+    #[command(flatten)]
     compute: Compute,
 }
 
@@ -46,7 +48,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         frames: args.frames,
         conditions: args.conditions.condition.clone(),
     };
-    let found = near_fields(&request, &args.compute.computing(&terminal))?;
+    let found = near_fields(&request, &args.named.computing(&args.compute, &terminal))?;
     match args.format {
         Format::Json => outln!("{}", json!(found))?,
         Format::Text => {

@@ -8,7 +8,7 @@ use crate::runs::optimize::{NewRun, OptimizeRequest, Start, optimize};
 use crate::search::{FrameChoice, Method, Settings};
 use crate::vehicle::{MountRules, SensorPose};
 
-use super::args::{Compute, Conditions, Format, at_least_one, finite, parse_seconds, whole};
+use super::args::{Compute, Conditions, Format, Named, at_least_one, finite, parse_seconds, whole};
 use super::exit::Exit;
 use super::glb::Gltf;
 
@@ -99,6 +99,8 @@ pub struct Args {
     #[command(flatten)]
     rules: Rules,
     #[command(flatten)]
+    named: Named,
+    #[command(flatten)]
     compute: Compute,
 }
 
@@ -114,7 +116,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         frames: args.frames,
         gltf: args.gltf.gltf.clone(),
     };
-    let found = optimize(&request, &args.compute.computing(&terminal))?;
+    let found = optimize(&request, &args.named.computing(&args.compute, &terminal))?;
     match (&found, args.format) {
         (None, _) => return Ok(Exit::Interrupted),
         (Some(found), Format::Json) => outln!("{}", serde_json::json!(found.record))?,

@@ -41,7 +41,8 @@ struct Mounted {
 #[command(after_help = "Examples:
   sightline rig export scenes/placements.json:Center --format urdf --out center.urdf
   sightline rig export runs/mine/placements.json:optimized --format autoware --base-link=-1.4 --out calibration
-  sightline rig export placements.json --format carla-objects --scene scenes/highway.json")]
+  sightline rig export placements.json --format carla-objects --scene scenes/highway.json
+  sightline rig export placements.json:optimized --format urdf --vehicle scenes/vehicles/car.json")]
 pub struct ExportArgs {
     /// Placements, and the name of one of them where there are several
     #[arg(value_name = "PLACEMENT_FILE[:NAME]")]
@@ -55,9 +56,12 @@ pub struct ExportArgs {
     /// Name of a LiDAR's frame, one for each LiDAR [default: lidar_0, lidar_1, …]
     #[arg(long, value_name = "NAME")]
     frame: Vec<String>,
-    /// Scene whose sensor CARLA is to cast where a LiDAR names none
-    #[arg(long, value_name = "SCENE")]
+    /// Scene whose sensors the LiDARs are: CARLA and Gazebo get the beams of each
+    #[arg(long, value_name = "SCENE", conflicts_with = "vehicle")]
     scene: Option<PathBuf>,
+    /// Vehicle file whose sensors the LiDARs are
+    #[arg(long, value_name = "FILE")]
+    vehicle: Option<PathBuf>,
     #[command(flatten)]
     mounted: Mounted,
     #[command(flatten)]
@@ -175,6 +179,7 @@ fn run_export(args: &ExportArgs) -> Result<(), Error> {
         frames: args.frame.clone(),
         sensors: args.mounted.sensors(),
         scene: args.scene.clone(),
+        vehicle: args.vehicle.clone(),
         mounting: args.mounted.mounting(),
     };
     let text = export_file(&request, &Terminal::new(args.talk))?;

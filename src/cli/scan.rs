@@ -9,7 +9,7 @@ use crate::scan::Scanning;
 use crate::scan::conditions::Condition;
 use serde_json::json;
 
-use super::args::{BackendChoice, Format, engine, finite, start_threads, whole};
+use super::args::{BackendChoice, Format, Named, engine, finite, start_threads, whole};
 use super::exit::Exit;
 use super::glb::Gltf;
 use super::terminal::{Talk, Terminal};
@@ -74,6 +74,8 @@ pub struct Args {
     /// Vehicle file: its sensors, mounts and body in place of the scenes'
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
+    #[command(flatten)]
+    named: Named,
     /// Threads [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
@@ -93,8 +95,8 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     start_threads(args.threads, args.talk)?;
     let terminal = Terminal::new(args.talk);
     let engine = engine(args.backend, args.adapter.as_deref(), None)?;
-    let vehicle = args.vehicle.clone();
-    let computing = Computing { engine, vehicle, watcher: &terminal };
+    let (vehicle, sensors) = (args.vehicle.clone(), args.named.sensor.clone());
+    let computing = Computing { engine, vehicle, sensors, watcher: &terminal };
     args.check()?;
     let Some(sets) = scan(&request(args), &computing)? else { return Ok(Exit::Interrupted) };
     match args.format {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::runs::score::{ScoreRequest, score};
 
-use super::args::{Compute, Conditions, Format, whole};
+use super::args::{Compute, Conditions, Format, Named, whole};
 use super::exit::Exit;
 use super::output::unless_closed;
 use crate::runs::Error;
@@ -46,6 +46,8 @@ pub struct Args {
     #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
+    named: Named,
+    #[command(flatten)]
     compute: Compute,
 }
 
@@ -62,7 +64,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         draw: args.draw,
         conditions: args.conditions.condition.clone(),
     };
-    let computing = args.compute.computing(&terminal);
+    let computing = args.named.computing(&args.compute, &terminal);
     unless_closed(score(&request, &computing, &mut std::io::stdout().lock()))?;
     Ok(terminal.exit())
 }

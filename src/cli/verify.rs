@@ -7,7 +7,7 @@ use crate::runs::Error;
 use crate::runs::verify::{Verified, VerifyRequest, verify_scenes};
 use serde_json::json;
 
-use super::args::{Compute, Conditions, Format, whole};
+use super::args::{Compute, Conditions, Format, Named, whole};
 use super::exit::Exit;
 
 #[derive(clap::Args)]
@@ -44,6 +44,8 @@ pub struct Args {
     #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
+    named: Named,
+    #[command(flatten)]
     compute: Compute,
 }
 
@@ -63,7 +65,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         Format::Json => Ok(()),
         Format::Text => out!("{}", verification_text(&one.scene, &one.conditions, &one.found)),
     };
-    let all = verify_scenes(&request, &args.compute.computing(&terminal), print)?;
+    let all = verify_scenes(&request, &args.named.computing(&args.compute, &terminal), print)?;
     let passed = all.iter().all(|one| one.found.passed);
     match (format, &all[..]) {
         (Format::Json, [one]) => outln!("{}", json!(one))?,

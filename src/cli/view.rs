@@ -6,7 +6,7 @@ use crate::internals::word;
 use crate::runs::Error;
 use crate::runs::view::{ViewRequest, view};
 
-use super::args::{Compute, Conditions};
+use super::args::{Compute, Conditions, Named};
 use super::exit::Exit;
 
 #[derive(clap::Args)]
@@ -29,6 +29,8 @@ pub struct Args {
     #[command(flatten)]
     conditions: Conditions,
     #[command(flatten)]
+    named: Named,
+    #[command(flatten)]
     compute: Compute,
 }
 
@@ -41,7 +43,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
         conditions: args.conditions.condition.clone(),
         command: command(args),
     };
-    view(&request, &args.compute.computing(&terminal))?;
+    view(&request, &args.named.computing(&args.compute, &terminal))?;
     Ok(Exit::Done)
 }
 
@@ -57,6 +59,7 @@ fn command(args: &Args) -> String {
     let mut give = |option: &str, value: &str| words.extend([format!("--{option}"), word(value)]);
     args.baseline.iter().for_each(|baseline| give("baseline", &absolute(baseline)));
     args.conditions.condition.iter().for_each(|one| give("condition", &one.to_string()));
+    args.named.sensor.iter().for_each(|choice| give("sensor", &choice.to_string()));
     args.compute
         .vehicle
         .iter()

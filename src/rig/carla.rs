@@ -6,6 +6,7 @@ use serde_json::{Map, Value};
 
 use super::fields::{self, Fields, PHASE, wrong};
 use super::frames::{Frame, Frames, Holds};
+use super::numbers::written;
 use super::{BASE_LINK, Fan, Mounting, Rig, RigError, RigLidar, Source, known};
 use crate::Note;
 use crate::json::{self, Place};
@@ -154,12 +155,14 @@ pub(super) fn write(
 /// Attributes of a LiDAR: its fan where it is known, and no beams lost by chance or intensity.
 pub(super) fn attributes(fan: Option<Fan>) -> Map<String, Value> {
     let mut attributes = Map::new();
-    if let Some(Fan { channels, lower, upper, range, points_a_second }) = fan {
-        attributes.insert("range".to_owned(), range.into());
-        attributes.insert("channels".to_owned(), channels.into());
-        attributes.insert("points_per_second".to_owned(), points_a_second.into());
-        attributes.insert("upper_fov".to_owned(), upper.into());
-        attributes.insert("lower_fov".to_owned(), lower.into());
+    if let Some(fan) = fan {
+        let points = fan.points_a_second();
+        attributes.insert("range".to_owned(), written(fan.range).into());
+        attributes.insert("channels".to_owned(), fan.channels.into());
+        attributes.insert("points_per_second".to_owned(), points.into());
+        attributes.insert("upper_fov".to_owned(), written(fan.upper).into());
+        attributes.insert("lower_fov".to_owned(), written(fan.lower).into());
+        attributes.insert(HORIZONTAL.to_owned(), written(fan.horizontal()).into());
         attributes.insert("rotation_frequency".to_owned(), Fan::RATE.into());
     }
     // By default CARLA loses 45 % of the points by chance, and more by intensity.

@@ -53,6 +53,30 @@ pub enum RigError {
         /// The frame.
         frame: String,
     },
+    /// A LiDAR without a model, for a vehicle with several.
+    #[error(
+        "`{frame}` names no sensor, and the vehicle has {}; give --sensor {frame}={}",
+        listed(known), known[0]
+    )]
+    UnnamedModel {
+        /// Frame of the LiDAR.
+        frame: String,
+        /// Models of the vehicle, two or more.
+        known: Vec<String>,
+    },
+    /// A LiDAR of a model that the vehicle does not have.
+    #[error(
+        "`{frame}` is a `{sensor}`, and the vehicle has {}; give its own vehicle, or --sensor {frame}=MODEL",
+        listed(known)
+    )]
+    UnknownModel {
+        /// Frame of the LiDAR.
+        frame: String,
+        /// Its model.
+        sensor: String,
+        /// Models of the vehicle.
+        known: Vec<String>,
+    },
     /// A frame that nothing mentions.
     #[error("{file}: no frame is called `{frame}`; there are {}", listed(known))]
     UnknownFrame {

@@ -2,11 +2,14 @@
 
 use serde_json::Value;
 
+use super::beams::{Beams, Models};
 use super::{
     Fan, Mounting, NamedText, Rig, RigError, RigFormat, RigLidar, autoware, carla, carla_objects,
-    known, launch, placements, sdf, urdf,
+    launch, placements, sdf, urdf,
 };
 
+/// Models of LiDARs beside Autoware's files.
+pub(crate) const MODELS_FILE: &str = "models.json";
 /// Most LiDARs that CARLA's leaderboard lets an agent have.
 const LEADERBOARD_LIDARS: usize = 2;
 /// Farthest that they may stand from the vehicle's origin, in metres.
@@ -21,8 +24,7 @@ pub struct Exported {
     pub warnings: Vec<String>,
 }
 
-/// Writes a rig. `scene_fan` is the scene's sensor, for LiDARs without a sensor that is known: `None` without
-/// a scene, `Some(None)` where its channels are uneven. Only CARLA's formats ask for it.
+/// Writes a rig. `models` are those of its vehicle or scene, whose beams the simulators' formats carry.
 ///
 /// # Errors
 /// A rig that no placement could be, or a format that is read only.
@@ -30,18 +32,21 @@ pub fn export(
     rig: &Rig,
     format: RigFormat,
     mounting: &Mounting,
-    scene_fan: Option<Option<Fan>>,
+    models: &Models,
 ) -> Result<Exported, RigError> {
     rig.validate()?;
-    let fan = |lidar: &RigLidar| {
-        let known = lidar.sensor.as_deref().and_then(known::fan);
-        known.or(scene_fan).flatten()
-    };
+    check_models(rig, models)?;
+    let fan = |lidar: &RigLidar| models.fan(lidar);
     let one = |name: &str, text| vec![NamedText { name: name.to_owned(), text }];
     let files = match format {
-        RigFormat::Autoware => autoware::write(rig, mounting),
-        RigFormat::Urdf => one("rig.urdf", urdf::write(rig, mounting)),
-        RigFormat::Sdf => one("rig.sdf", sdf::write(rig, mounting)),
+        RigFormat::Autoware => {
+            let mut files = autoware::write(rig, mounting);
+            let text = models.document(rig).map(|document| pretty(&document));
+            files.extend(text.map(|text| NamedText { name: MODELS_FILE.to_owned(), text }));
+            files
+        }
+        RigFormat::Urdf => one("rig.urdf", urdf::write(rig, mounting, models)),
+        RigFormat::Sdf => one("rig.sdf", sdf::write(rig, mounting, models)),
         RigFormat::Ros2Launch => one("rig.launch.xml", launch::write(rig, mounting)),
         RigFormat::Carla => one("sensors.json", pretty(&carla::write(rig, mounting, fan))),
         RigFormat::CarlaObjects => {
@@ -51,8 +56,9 @@ pub fn export(
         RigFormat::Pandaset => return Err(RigError::ReadOnly { format }),
     };
     let mut warnings = Vec::new();
-    if matches!(format, RigFormat::Carla | RigFormat::CarlaObjects) {
-        warnings.extend(rig.lidars.iter().filter_map(|lidar| unsaid_fan(lidar, scene_fan)));
+    if let Some(program) = simulator(format) {
+        let unsaid = |lidar| unsaid_beams(lidar, models, program);
+        warnings.extend(rig.lidars.iter().filter_map(unsaid));
     }
     if format == RigFormat::Carla {
         warnings.extend(leaderboard(rig, mounting));
@@ -70,6 +76,7 @@ pub fn export(
         }));
     }
     warnings.extend(lost_phases(rig, format));
+    warnings.extend(lost_models(rig, format));
     Ok(Exported { files, warnings })
 }
 
@@ -89,22 +96,83 @@ fn pretty(value: &Value) -> String {
     format!("{value:#}\n")
 }
 
-/// What CARLA cannot be told of a LiDAR's beams.
-fn unsaid_fan(lidar: &RigLidar, scene_fan: Option<Option<Fan>>) -> Option<String> {
-    let frame = &lidar.frame;
-    let known = lidar.sensor.as_deref().and_then(known::fan);
-    match (known.or(scene_fan), &lidar.sensor) {
-        (Some(Some(_)), _) => None,
-        (Some(None), sensor) => Some(format!(
-            "`{frame}`: CARLA casts channels at even steps only, and those of {} are uneven; its channels and \
-             field of view are left out, and CARLA takes its own",
-            sensor.as_deref().filter(|_| known.is_some()).unwrap_or("the scene's sensor")
-        )),
-        (None, _) => Some(format!(
-            "`{frame}`: its beams are not known, so CARLA takes its own; name its sensor, or a scene with \
-             --scene"
-        )),
+/// Refuses LiDARs without a model where there are several, and models that are none of them.
+fn check_models(rig: &Rig, models: &Models) -> Result<(), RigError> {
+    let known = models.names();
+    for lidar in &rig.lidars {
+        let frame = lidar.frame.clone();
+        match (&lidar.sensor, models.of(lidar)) {
+            (None, _) if models.count() > 1 => {
+                return Err(RigError::UnnamedModel { frame, known });
+            }
+            (Some(sensor), Beams::Unknown) if !known.is_empty() => {
+                let sensor = sensor.clone();
+                return Err(RigError::UnknownModel { frame, sensor, known });
+            }
+            _ => {}
+        }
     }
+    Ok(())
+}
+
+/// The simulator that casts the beams of a format.
+fn simulator(format: RigFormat) -> Option<&'static str> {
+    match format {
+        RigFormat::Carla | RigFormat::CarlaObjects => Some("CARLA"),
+        RigFormat::Urdf | RigFormat::Sdf => Some("Gazebo"),
+        _ => None,
+    }
+}
+
+/// What a simulator cannot be told of a LiDAR's beams.
+fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<String> {
+    let frame = &lidar.frame;
+    let of = lidar.sensor.as_deref().unwrap_or("the scene's sensor");
+    let said = match models.of(lidar) {
+        Beams::Known(_) => return None,
+        Beams::Given(given, _) => match Fan::of(given) {
+            Some(fan) if !fan.is_even => format!(
+                "{program} casts channels at even steps only, and those of {of} are uneven; only their number, \
+                 the lowest and the highest are kept"
+            ),
+            Some(fan) if program == "CARLA" && !fan.is_centred() => format!(
+                "{program} casts a sector to both sides of straight ahead, and that of {of} is not; turn the \
+                 LiDAR by its middle in CARLA"
+            ),
+            Some(_) => return None,
+            None => format!(
+                "{of} has a list of directions, which {program} cannot cast; its beams are left out, and \
+                 {program} takes its own"
+            ),
+        },
+        Beams::Uneven => format!(
+            "{program} casts channels at even steps only, and those of {of} are uneven; its channels and field \
+             of view are left out, and {program} takes its own"
+        ),
+        Beams::Unknown => format!(
+            "its beams are not known, so {program} takes its own; name its sensor, and give --vehicle or \
+             --scene"
+        ),
+    };
+    Some(format!("`{frame}`: {said}"))
+}
+
+/// What a format without a place for models loses.
+fn lost_models(rig: &Rig, format: RigFormat) -> Option<String> {
+    let (what, kept) = match format {
+        RigFormat::Autoware => {
+            ("YAML files have", format!("with --out they are in {MODELS_FILE}; "))
+        }
+        RigFormat::Ros2Launch => ("a launch file has", String::new()),
+        RigFormat::Carla | RigFormat::CarlaObjects => ("CARLA has", String::new()),
+        _ => return None,
+    };
+    let named =
+        |lidar: &RigLidar| Some(format!("--sensor {}={}", lidar.frame, lidar.sensor.as_ref()?));
+    let options: Vec<String> = rig.lidars.iter().filter_map(named).collect();
+    (!options.is_empty()).then(|| {
+        format!("{what} no place for names of models; {kept}import them with {}", options.join(" "))
+    })
 }
 
 /// What CARLA's leaderboard would refuse.

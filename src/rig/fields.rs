@@ -3,6 +3,7 @@
 use serde_json::{Map, Value};
 
 use super::RigError;
+use super::numbers::written;
 use crate::json::Place;
 use crate::vehicle::SensorPose;
 
@@ -12,9 +13,10 @@ const MOST_SHOWN: usize = 40;
 /// Key of the angle at which a LiDAR is locked. No other program reads it, and none trips over it.
 pub(super) const PHASE: &str = "phase";
 
-/// The six numbers of a pose by name, and its phase if it has one.
+/// The six numbers of a pose by name, and its phase if it has one, as people write them.
 pub(super) fn named(pose: &SensorPose) -> impl Iterator<Item = (&'static str, f64)> {
-    pose.fields().into_iter().chain(pose.phase.map(|phase| (PHASE, phase)))
+    let all = pose.fields().into_iter().chain(pose.phase.map(|phase| (PHASE, phase)));
+    all.map(|(key, value)| (key, written(value)))
 }
 
 /// The same for JSON.

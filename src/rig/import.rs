@@ -13,7 +13,7 @@ use super::{
 };
 use crate::Note;
 use crate::json::Place;
-use crate::vehicle::{MAX_LIDARS, SensorPose};
+use crate::vehicle::{MAX_LIDARS, SensorPose, doubt_of_ground, doubts_of_units};
 
 /// Words in the names of LiDAR frames, for formats that say no more.
 const WORDS: [&str; 10] = [
@@ -132,6 +132,7 @@ fn rig_of(
     let mut rig = Rig { name: named.unwrap_or_else(|| UNNAMED.to_owned()), lidars: Vec::new() };
     for frame in lidars {
         rig.lidars.push(lidar(&frames, frame, &base, format, settings, &mut unknown)?);
+        doubts(&frames, frame, &base, &mut notes);
     }
     if let Some(frame) = unknown.first() {
         notes.push(Note::fact(format!(
@@ -145,7 +146,35 @@ fn rig_of(
         rig.name = UNNAMED.to_owned();
     }
     rig.validate()?;
+    notes.extend(below_ground(&rig, file));
     Ok(Imported { rig, format, left_out, notes })
+}
+
+/// Doubts of the units of a LiDAR's frame, and of the frames that it hangs on. Each is told once.
+fn doubts(frames: &Frames, lidar: &Frame, base: &str, notes: &mut Vec<Note>) {
+    let mut next = Some(lidar);
+    for _ in 0..frames.all().len() {
+        let Some(frame) = next.filter(|frame| frame.name != base) else { break };
+        for doubt in doubts_of_units(&frame.pose) {
+            let note = Note::doubt(format!("{}: {doubt}", frame.at));
+            if !notes.contains(&note) {
+                notes.push(note);
+            }
+        }
+        next = frames.get(&frame.parent);
+    }
+}
+
+/// Doubts of LiDARs below the ground.
+fn below_ground(rig: &Rig, file: &str) -> Vec<Note> {
+    let low =
+        rig.lidars.iter().filter_map(|lidar| Some((&lidar.frame, doubt_of_ground(&lidar.pose)?)));
+    low.map(|(frame, doubt)| {
+        Note::doubt(format!(
+            "{file}, `{frame}`: {doubt}; --base-link says where the vehicle's frame is"
+        ))
+    })
+    .collect()
 }
 
 fn of_placements(source: &Source, settings: &ImportSettings) -> Result<Imported, RigError> {
@@ -154,7 +183,13 @@ fn of_placements(source: &Source, settings: &ImportSettings) -> Result<Imported,
         let sensor = settings.sensors.get(&lidar.frame).cloned();
         lidar.sensor = sensor.or(lidar.sensor.take());
     }
-    Ok(Imported { rig, format: RigFormat::Json, left_out: Vec::new(), notes: Vec::new() })
+    let file = &source.file;
+    let units = rig.lidars.iter().flat_map(|lidar| {
+        let doubts = doubts_of_units(&lidar.pose).into_iter();
+        doubts.map(|doubt| Note::doubt(format!("{file}, `{}`: {doubt}", lidar.frame)))
+    });
+    let notes = units.chain(below_ground(&rig, file)).collect();
+    Ok(Imported { rig, format: RigFormat::Json, left_out: Vec::new(), notes })
 }
 
 fn read(format: RigFormat, source: &Source, frames: &mut Frames) -> Result<(), RigError> {

@@ -25,13 +25,15 @@ const KNOWN: [Known; 2] = [
             lower: -15.0,
             upper: 15.0,
             range: 100.0,
-            points_a_second: 300_000,
+            azimuth_steps: 1875,
+            azimuth: None,
+            is_even: true,
         }),
     },
     Known { name: "VLS-128", optical_height: 0.06611, fan: None },
 ];
 
-/// Channels evenly spaced over the vertical field of view: all that CARLA's LiDAR casts.
+/// Channels over a vertical field of view, which turn: all that CARLA and Gazebo can be told of a LiDAR.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fan {
     /// Number of channels.
@@ -42,19 +44,21 @@ pub struct Fan {
     pub upper: f64,
     /// Range in metres.
     pub range: f64,
-    /// Beams a second, at ten turns a second.
-    pub points_a_second: u64,
+    /// Azimuth steps of a turn, or of the sector.
+    pub azimuth_steps: u32,
+    /// First and last azimuth in degrees of a LiDAR that looks over a sector.
+    pub azimuth: Option<[f64; 2]>,
+    /// Whether the channels are evenly spaced, and all look the same way. The programs cast them so.
+    pub is_even: bool,
 }
 
 impl Fan {
     /// Turns a second.
     pub(super) const RATE: f64 = TURNS_A_SECOND;
 
-    /// The fan of a sensor; `None` where its channels are uneven, offset in azimuth, look to one side,
-    /// or are a list.
+    /// The fan of a sensor; `None` of one whose beams are a list of directions.
     pub fn of(lidar: &Lidar) -> Option<Self> {
-        let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth: None, range } =
-            lidar
+        let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range } = lidar
         else {
             return None;
         };
@@ -64,15 +68,30 @@ impl Fan {
         let gap = (upper - lower) / (sorted.len().max(2) - 1) as f64;
         let even = |(k, e): (usize, &f64)| (lower + gap * k as f64 - e).abs() <= SAME_DEGREES;
         let straight = azimuth_offsets.iter().all(|offset| offset.abs() <= SAME_DEGREES);
-        (straight && sorted.iter().enumerate().all(even)).then(|| Self {
+        Some(Self {
             channels: sorted.len() as u32,
             lower,
             upper,
             range: *range,
-            points_a_second: sorted.len() as u64
-                * u64::from(*azimuth_steps)
-                * TURNS_A_SECOND as u64,
+            azimuth_steps: *azimuth_steps,
+            azimuth: *azimuth,
+            is_even: straight && sorted.iter().enumerate().all(even),
         })
+    }
+
+    /// Beams a second, at ten turns a second.
+    pub fn points_a_second(&self) -> u64 {
+        u64::from(self.channels) * u64::from(self.azimuth_steps) * TURNS_A_SECOND as u64
+    }
+
+    /// Horizontal field of view in degrees.
+    pub fn horizontal(&self) -> f64 {
+        self.azimuth.map_or(360.0, |[from, to]| to - from)
+    }
+
+    /// Whether it looks to both sides alike.
+    pub(super) fn is_centred(&self) -> bool {
+        self.azimuth.is_none_or(|[from, to]| (from + to).abs() <= SAME_DEGREES)
     }
 }
 

@@ -8,6 +8,7 @@ use roxmltree::Node;
 use super::angles::of_quaternion;
 use super::fields::{number, wrong};
 use super::frames::{Frame, Frames, Holds};
+use super::numbers::written;
 use super::{BASE_LINK, Mounting, Rig, RigError, Source, xml};
 use crate::Note;
 use crate::json::Place;
@@ -222,7 +223,7 @@ pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
     let mut text = "<launch>\n".to_owned();
     for lidar in &rig.lidars {
         let (foot, _) = mounting.foot(&lidar.frame, lidar.sensor.as_deref(), &lidar.pose);
-        let number = |(key, value)| format!("--{key} {value} ");
+        let number = |(key, value)| format!("--{key} {} ", written(value));
         let numbers: String = foot.fields().into_iter().map(number).collect();
         let _ = writeln!(
             text,

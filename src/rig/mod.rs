@@ -5,6 +5,7 @@
 
 mod angles;
 mod autoware;
+mod beams;
 mod carla;
 mod carla_objects;
 mod compare;
@@ -19,6 +20,7 @@ mod known;
 mod launch;
 mod model;
 mod mounting;
+mod numbers;
 mod pandaset;
 mod placements;
 mod sdf;
@@ -29,9 +31,11 @@ mod tests;
 mod urdf;
 mod xml;
 
+pub use beams::Models;
 pub(crate) use carla::mirrored;
 pub use compare::{Asymmetry, Comparison, Moved, compare};
 pub use error::RigError;
+pub(crate) use export::MODELS_FILE;
 pub use export::{Exported, export};
 pub use format::RigFormat;
 pub use import::{ImportSettings, Imported, from_carla_sensors, import, import_texts};
@@ -39,6 +43,7 @@ pub use known::Fan;
 pub(crate) use model::BASE_LINK;
 pub use model::{Rig, RigLidar};
 pub use mounting::Mounting;
+pub use numbers::in_millimetres;
 pub use placements::{read_rig, rig_json};
 pub(crate) use source::NamedText;
 pub use source::{Source, sources};

@@ -10,8 +10,9 @@ use roxmltree::Node;
 use super::angles::of_quaternion;
 use super::fields::wrong;
 use super::frames::{Frame, Frames, Holds};
+use super::numbers::written;
 use super::simulated::{add_sensor, namespace, sensor_element};
-use super::{BASE_LINK, Mounting, Rig, RigError, Source, xml};
+use super::{BASE_LINK, Models, Mounting, Rig, RigError, Source, xml};
 use crate::Note;
 use crate::vehicle::SensorPose;
 
@@ -166,7 +167,7 @@ fn pose<'a>(
 }
 
 /// A model of `base_link` and one link a LiDAR.
-pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
+pub(super) fn write(rig: &Rig, mounting: &Mounting, models: &Models) -> String {
     let mut text = format!(
         "<?xml version=\"1.0\"?>\n<sdf version=\"1.9\"{}>\n  <model name=\"{}\">\n    \
          <link name=\"{BASE_LINK}\"/>\n",
@@ -176,7 +177,7 @@ pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
     for lidar in &rig.lidars {
         let sensor = lidar.sensor.as_deref();
         let (foot, height) = mounting.foot(&lidar.frame, sensor, &lidar.pose);
-        let [x, y, z, roll, pitch, yaw] = foot.values();
+        let [x, y, z, roll, pitch, yaw] = foot.values().map(written);
         let frame = xml::escape(&lidar.frame);
         let _ = write!(
             text,
@@ -184,7 +185,7 @@ pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
              <pose relative_to=\"{BASE_LINK}\">{x} {y} {z} {roll} {pitch} {yaw}</pose>\n{}    </link>\n    \
              <joint name=\"{frame}_joint\" type=\"fixed\">\n      <parent>{BASE_LINK}</parent>\n      \
              <child>{frame}</child>\n    </joint>\n",
-            sensor_element(lidar, height, "      ")
+            sensor_element(lidar, height, models, "      ")
         );
     }
     text + "  </model>\n</sdf>\n"

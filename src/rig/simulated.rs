@@ -4,7 +4,8 @@ use roxmltree::Node;
 
 use super::fields::{PHASE, number};
 use super::frames::{Frame, Frames, Holds};
-use super::{BASE_LINK, Rig, RigError, RigLidar, known, xml};
+use super::numbers::written;
+use super::{BASE_LINK, Models, Rig, RigError, RigLidar, known, xml};
 use crate::vehicle::SensorPose;
 
 /// Values of `type` that mean a LiDAR, in the versions of Gazebo.
@@ -58,15 +59,24 @@ pub(super) fn add_sensor(
 }
 
 /// The element that [`add_sensor`] reads, for a LiDAR `height` metres above its foot.
-pub(super) fn sensor_element(lidar: &RigLidar, height: f64, indent: &str) -> String {
+pub(super) fn sensor_element(
+    lidar: &RigLidar,
+    height: f64,
+    models: &Models,
+    indent: &str,
+) -> String {
     let RigLidar { frame, sensor, pose } = lidar;
     let name = sensor.as_ref().map_or(frame.clone(), |sensor| format!("{frame}-{sensor}"));
-    let phase =
-        pose.phase.map(|phase| format!(" {PREFIX}:{PHASE}=\"{phase}\"")).unwrap_or_default();
+    let phase = pose
+        .phase
+        .map(|phase| format!(" {PREFIX}:{PHASE}=\"{}\"", written(phase)))
+        .unwrap_or_default();
     format!(
-        "{indent}<sensor name=\"{}\" type=\"gpu_lidar\"{phase}>\n{indent}  <pose>0 0 {height} 0 0 0</pose>\n\
+        "{indent}<sensor name=\"{}\" type=\"gpu_lidar\"{phase}>\n{indent}  <pose>0 0 {} 0 0 0</pose>\n{}\
          {indent}</sensor>\n",
-        xml::escape(&name)
+        xml::escape(&name),
+        written(height),
+        models.gazebo(lidar, &format!("{indent}  "))
     )
 }
 

@@ -9,8 +9,9 @@ use roxmltree::Node;
 
 use super::fields::wrong;
 use super::frames::{Frame, Frames, Holds};
+use super::numbers::written;
 use super::simulated::{add_sensor, namespace, sensor_element};
-use super::{BASE_LINK, Mounting, Rig, RigError, Source, xml};
+use super::{BASE_LINK, Models, Mounting, Rig, RigError, Source, xml};
 use crate::vehicle::SensorPose;
 
 /// Kinds of joints that move. Each frame behind one is taken where the joint stands at 0.
@@ -81,7 +82,7 @@ fn read_joint(joint: Node, file: &str, frames: &mut Frames) -> Result<(), RigErr
 }
 
 /// A robot of `base_link` and one link a LiDAR.
-pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
+pub(super) fn write(rig: &Rig, mounting: &Mounting, models: &Models) -> String {
     let mut text = format!(
         "<?xml version=\"1.0\"?>\n<robot name=\"{}\"{}>\n  <link name=\"{BASE_LINK}\"/>\n",
         xml::escape(&rig.name),
@@ -90,7 +91,7 @@ pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
     for lidar in &rig.lidars {
         let sensor = lidar.sensor.as_deref();
         let (foot, height) = mounting.foot(&lidar.frame, sensor, &lidar.pose);
-        let [x, y, z, roll, pitch, yaw] = foot.values();
+        let [x, y, z, roll, pitch, yaw] = foot.values().map(written);
         let frame = xml::escape(&lidar.frame);
         let _ = write!(
             text,
@@ -98,7 +99,7 @@ pub(super) fn write(rig: &Rig, mounting: &Mounting) -> String {
              <origin xyz=\"{x} {y} {z}\" rpy=\"{roll} {pitch} {yaw}\"/>\n    \
              <parent link=\"{BASE_LINK}\"/>\n    <child link=\"{frame}\"/>\n  </joint>\n  \
              <gazebo reference=\"{frame}\">\n{}  </gazebo>\n",
-            sensor_element(lidar, height, "    ")
+            sensor_element(lidar, height, models, "    ")
         );
     }
     text + "</robot>\n"

@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::given::Given;
+use super::given::{Given, published};
 use super::inputs::Files;
 use super::{Computing, Error, opening};
 use crate::audit::{AUDIT_PARTS, Audit, AuditEvent, AuditSettings, audit};
-use crate::vehicle::{Placement, read_placements, table_7};
+use crate::vehicle::{Placement, read_placements};
 
 /// What is to be audited.
 #[derive(Debug, Clone, Default)]
@@ -29,10 +29,7 @@ pub fn audit_scenes(
     mut each: impl FnMut(&Audit) -> Result<(), Error>,
 ) -> Result<Vec<Audit>, Error> {
     let Files { scenes, placements } = Files::sort(&request.files, computing.watcher)?;
-    let honest = match &placements {
-        Some(path) => read_placements(path)?,
-        None => table_7(),
-    };
+    let honest = placements.as_deref().map(read_placements).transpose()?;
     let standard = AuditSettings::default();
     let objective = request.objective.as_deref().map(str::parse).transpose()?;
     let settings = AuditSettings {
@@ -43,7 +40,8 @@ pub fn audit_scenes(
     let mut all = Vec::new();
     for path in &scenes {
         let given = placements.as_deref();
-        let found = of_scene(path, given, &honest, &settings, request.frames, computing)?;
+        let given = given.zip(honest.as_deref());
+        let found = of_scene(path, given, &settings, request.frames, computing)?;
         each(&found)?;
         all.push(found);
     }
@@ -53,8 +51,7 @@ pub fn audit_scenes(
 /// The audit of one scene.
 fn of_scene(
     path: &Path,
-    given: Option<&Path>,
-    honest: &[Placement],
+    given: Option<(&Path, &[Placement])>,
     settings: &AuditSettings,
     frames: Option<u32>,
     computing: &Computing<'_>,
@@ -62,13 +59,19 @@ fn of_scene(
     let watcher = computing.watcher;
     let (scene, psog, _) = opening::scene_and_psog(path, computing)?;
     opening::note_frames(&scene, frames, watcher);
-    if let Some(file) = given {
-        Given::new(file, &scene.sensors()?, &scene.constraints(), watcher).all(honest)?;
-    }
+    let sensors = scene.sensors()?;
+    let honest = match given {
+        Some((file, given)) => {
+            let mut given = given.to_vec();
+            Given::new(file, &sensors, &scene.constraints(), computing).all(&mut given)?;
+            given
+        }
+        None => published(&sensors, computing)?,
+    };
     let bar = watcher.bar(AUDIT_PARTS, Some("parts"));
     let tell = |event: AuditEvent| match event {
         AuditEvent::Note(note) => watcher.note(note),
         AuditEvent::PartDone => bar.advance(1),
     };
-    Ok(audit(&scene, &psog, honest, settings, &tell)?)
+    Ok(audit(&scene, &psog, &honest, settings, &tell)?)
 }

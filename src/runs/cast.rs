@@ -62,7 +62,7 @@ pub struct CastSummary {
 pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSummary, Error> {
     let _session = Session::begin();
     let start = Instant::now();
-    let placements = read_placements(&request.placements)?;
+    let mut placements = read_placements(&request.placements)?;
     let mut loaded = opening::geometry(&request.scene, request.frame, computing)?;
     if let Some(path) = &request.out {
         writable_file(path)?;
@@ -70,7 +70,7 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
     glb::check(request.gltf.as_deref())?;
     let soup = loaded.scene.frame(request.frame as usize, EgoBody::Include);
     let problem = loaded.evaluator.problem().clone();
-    Given::in_problem(&request.placements, &problem, computing.watcher).all(&placements)?;
+    Given::in_problem(&request.placements, &problem, computing).all(&mut placements)?;
     let columns = BeamHits::of(&placements, &problem, &soup.face_class, |poses| {
         loaded.evaluator.backend_mut().hits(poses, 0)
     })?;

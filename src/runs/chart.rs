@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::given::Given;
+use super::given::{Given, name_published};
 use super::inputs::Files;
 use super::{Bar, Computing, Error, Watcher, opening};
 use crate::chart::{Chart, ChartObserver, ChartSettings, ChartState, chart};
@@ -141,11 +141,15 @@ fn begun(request: &ChartRequest, computing: &Computing<'_>) -> Result<Vec<Begun>
 /// The chart of one scene, its folder, and all of `chart.json`.
 fn of_scene(begun: Begun, tolerance: f64, computing: &Computing<'_>) -> Result<Charted, Error> {
     let watcher = computing.watcher;
-    let Begun { saved, resumed, out, name, placements } = begun;
+    let Begun { mut saved, resumed, out, name, placements } = begun;
     let (scene, psog, _) = opening::scene_and_psog(&saved.scene, computing)?;
-    if let Some(file) = placements {
-        let given = Given::new(&file, &scene.sensors()?, &scene.constraints(), watcher);
-        given.all(&saved.settings.given)?;
+    let sensors = scene.sensors()?;
+    match placements {
+        Some(file) => {
+            let given = Given::new(&file, &sensors, &scene.constraints(), computing);
+            given.all(&mut saved.settings.given)?;
+        }
+        None => name_published(&mut saved.settings.given, &sensors, computing)?,
     }
     let inputs = Input::of(scene.files())?;
     let dir = match resumed {

@@ -3,10 +3,13 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Error, Watcher};
+use super::{Computing, Error, Watcher};
 use crate::Note;
 use crate::problem::Problem;
-use crate::vehicle::{Constraints, Doubts, Placement, PlacementFileError, Sensors};
+use crate::vehicle::{
+    Constraints, Doubts, ForeignLidar, Placement, PlacementFileError, SensorChoice, Sensors,
+    name_lidars, table_7,
+};
 
 /// Doubts that are told: of a million placements in degrees, the first say enough.
 const MOST_TOLD: u64 = 3;
@@ -16,6 +19,7 @@ pub struct Given<'a> {
     file: PathBuf,
     sensors: Sensors,
     doubts: Doubts,
+    choices: Vec<SensorChoice>,
     watcher: &'a dyn Watcher,
     found: u64,
 }
@@ -26,15 +30,16 @@ impl<'a> Given<'a> {
         file: &Path,
         sensors: &Sensors,
         constraints: &Constraints,
-        watcher: &'a dyn Watcher,
+        computing: &Computing<'a>,
     ) -> Self {
         let (file, sensors, doubts) = (file.to_owned(), sensors.clone(), Doubts::of(constraints));
-        Self { file, sensors, doubts, watcher, found: 0 }
+        let (choices, watcher) = (computing.sensors.clone(), computing.watcher);
+        Self { file, sensors, doubts, choices, watcher, found: 0 }
     }
 
     /// The same by a problem.
-    pub fn in_problem(file: &Path, problem: &Problem, watcher: &'a dyn Watcher) -> Self {
-        Self::new(file, problem.sensors(), problem.constraints(), watcher)
+    pub fn in_problem(file: &Path, problem: &Problem, computing: &Computing<'a>) -> Self {
+        Self::new(file, problem.sensors(), problem.constraints(), computing)
     }
 
     /// The same where what a placement breaks of the mount's rules is told elsewhere.
@@ -43,16 +48,17 @@ impl<'a> Given<'a> {
         Self { doubts: Doubts::of_units(), ..self }
     }
 
-    /// Looks at some placements.
+    /// Names LiDARs by `--sensor`, and looks at some placements.
     ///
     /// # Errors
-    /// A sensor that the vehicle does not have.
+    /// A sensor that the vehicle does not have, or none where it has several.
     pub fn look<'p>(
         &mut self,
-        placements: impl IntoIterator<Item = &'p Placement>,
+        placements: impl IntoIterator<Item = &'p mut Placement>,
     ) -> Result<(), Error> {
         for placement in placements {
             let unknown = |source| PlacementFileError::Sensor { path: self.file.clone(), source };
+            name_lidars(&self.choices, placement).map_err(unknown)?;
             self.sensors.check(placement).map_err(unknown)?;
             for doubt in self.doubts.about(placement) {
                 self.found += 1;
@@ -79,10 +85,46 @@ impl<'a> Given<'a> {
     /// As [`Self::look`].
     pub fn all<'p>(
         mut self,
-        placements: impl IntoIterator<Item = &'p Placement>,
+        placements: impl IntoIterator<Item = &'p mut Placement>,
     ) -> Result<(), Error> {
         self.look(placements)?;
         self.finish();
         Ok(())
     }
+}
+
+/// The layouts of Table 7 of the paper. See [`name_published`] for their models.
+///
+/// # Errors
+/// As [`name_published`].
+pub fn published(sensors: &Sensors, computing: &Computing<'_>) -> Result<Vec<Placement>, Error> {
+    let mut layouts = table_7();
+    name_published(&mut layouts, sensors, computing)?;
+    Ok(layouts)
+}
+
+/// Names the models of layouts of the paper: by `--sensor`, else the first of several models, which is told.
+///
+/// # Errors
+/// A model of `--sensor` that the vehicle does not have.
+pub fn name_published(
+    layouts: &mut [Placement],
+    sensors: &Sensors,
+    computing: &Computing<'_>,
+) -> Result<(), Error> {
+    for layout in layouts.iter_mut() {
+        name_lidars(&computing.sensors, layout).map_err(wrong_choice)?;
+    }
+    if sensors.name_first(layouts) {
+        let first = sensors.models()[0].name;
+        computing.watcher.note(&format!(
+            "LiDARs of the layouts of Table 7 are the vehicle's first model, `{first}`; --sensor all=MODEL \
+             gives them another"
+        ));
+    }
+    layouts.iter().try_for_each(|layout| sensors.check(layout)).map_err(wrong_choice)
+}
+
+fn wrong_choice(fault: ForeignLidar) -> Error {
+    Error::Usage(format!("--sensor: {fault}"))
 }

@@ -46,6 +46,7 @@ pub use error::Error;
 
 use crate::Note;
 use crate::engine::EngineChoice;
+use crate::vehicle::SensorChoice;
 
 /// Who is told of work under way, and may end it. Every part is optional.
 pub trait Watcher: Sync {
@@ -109,6 +110,8 @@ pub struct Computing<'a> {
     pub engine: EngineChoice,
     /// Vehicle file in place of what scenes say.
     pub vehicle: Option<PathBuf>,
+    /// Models of LiDARs that placements of files leave without a name.
+    pub sensors: Vec<SensorChoice>,
     /// Who is told.
     pub watcher: &'a dyn Watcher,
 }
@@ -116,6 +119,11 @@ pub struct Computing<'a> {
 impl Computing<'_> {
     /// The best engine there is, the vehicle of each scene, and nobody who is told.
     pub fn silent() -> Computing<'static> {
-        Computing { engine: EngineChoice::default(), vehicle: None, watcher: &Silent }
+        Computing {
+            engine: EngineChoice::default(),
+            vehicle: None,
+            sensors: Vec::new(),
+            watcher: &Silent,
+        }
     }
 }

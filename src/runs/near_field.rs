@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::given::Given;
+use super::given::{Given, published};
 use super::{Computing, Error, opening};
 use crate::files::{Session, writable_file, write_whole};
 use crate::near_field::{Footprint, NearField, NearSite};
@@ -15,7 +15,7 @@ use crate::report::near_field::near_field_svg;
 use crate::scan::conditions::{Condition, in_words};
 use crate::scan::in_conditions;
 use crate::scene::Scene;
-use crate::vehicle::{Placement, read_placements, table_7};
+use crate::vehicle::{Placement, read_placements};
 
 /// Placements whose near field is looked at.
 #[derive(Debug, Clone, Default)]
@@ -60,8 +60,7 @@ pub fn near_fields(
 ) -> Result<NearFields, Error> {
     let _session = Session::begin();
     let watcher = computing.watcher;
-    let placements = request.placements.as_deref();
-    let placements = placements.map_or_else(|| Ok(table_7()), read_placements)?;
+    let read = request.placements.as_deref().map(read_placements).transpose()?;
     let scene = opening::read(&request.scene, computing.vehicle.as_deref(), watcher)?;
     opening::note_frames(&scene, request.frames, watcher);
     if let Some(file) = &request.out {
@@ -71,9 +70,13 @@ pub fn near_fields(
     let problem = problem(&scene, &request.scene, request.frames)?;
     let problem = in_conditions(&scene, problem, &request.conditions)?;
     let mut evaluator = opening::evaluator(problem, computing)?;
-    if let Some(file) = &request.placements {
-        Given::in_problem(file, evaluator.problem(), watcher).all(&placements)?;
-    }
+    let placements = match request.placements.as_deref().zip(read) {
+        Some((file, mut read)) => {
+            Given::in_problem(file, evaluator.problem(), computing).all(&mut read)?;
+            read
+        }
+        None => published(evaluator.problem().sensors(), computing)?,
+    };
     let site = NearSite::new(&scene, &evaluator.shared_problem())?;
     watcher.listen();
     let bar = watcher.bar(placements.len() as u64, Some("placements"));

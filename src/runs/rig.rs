@@ -8,10 +8,11 @@ use super::inputs::file_and_name;
 use super::{Error, Watcher};
 use crate::files::{Session, safe_name, shared_folder, writable_file, write_whole};
 use crate::rig::{
-    Comparison, Exported, Fan, ImportSettings, Imported, Mounting, NamedText, RigError, RigFormat,
-    compare, export, import, read_rig, rig_json,
+    Comparison, Exported, ImportSettings, Imported, MODELS_FILE, Models, Mounting, NamedText,
+    RigError, RigFormat, compare, export, import, in_millimetres, read_rig, rig_json,
 };
 use crate::scene::Scene;
+use crate::vehicle::Vehicle;
 
 /// Frames left out that a note lists.
 const MOST_LISTED: usize = 12;
@@ -29,8 +30,10 @@ pub struct ExportRequest {
     pub frames: Vec<String>,
     /// Sensor by frame, in place of those that LiDARs name.
     pub sensors: BTreeMap<String, String>,
-    /// Scene whose sensor CARLA is to cast where a LiDAR names none.
+    /// Scene whose sensors the LiDARs are.
     pub scene: Option<PathBuf>,
+    /// Vehicle file in place of what the scene says.
+    pub vehicle: Option<PathBuf>,
     /// What lies between frames and optical centres.
     pub mounting: Mounting,
 }
@@ -66,14 +69,26 @@ pub fn export_file(
             }
         }
     }
-    let scene = request.scene.as_deref().map(Scene::read).transpose()?;
-    let fan = scene.map(|scene| Fan::of(scene.lidar()));
-    let exported = export(&rig, request.format, &request.mounting, fan)?;
+    let models = models(request)?;
+    let exported = export(&rig, request.format, &request.mounting, &models)?;
     exported.warnings.iter().for_each(|warning| watcher.note(warning));
     match &request.out {
         Some(out) => write_files(&exported, out).map(|()| None),
-        None => Ok(Some(exported.files.iter().map(|file| &*file.text).collect())),
+        None => {
+            // Models are a document of another kind than the YAML that is printed.
+            let printed = exported.files.iter().filter(|file| file.name != MODELS_FILE);
+            Ok(Some(printed.map(|file| &*file.text).collect()))
+        }
     }
+}
+
+/// Models of the vehicle, of the scene, or none.
+fn models(request: &ExportRequest) -> Result<Models, Error> {
+    Ok(match (&request.vehicle, &request.scene) {
+        (Some(file), _) => Models::from(&Vehicle::read(file)?),
+        (None, Some(file)) => Models::from(&Scene::read(file)?),
+        (None, None) => Models::default(),
+    })
 }
 
 /// Writes one file to `out`, several into the folder `out`.
@@ -109,11 +124,12 @@ pub fn import_files(
     let _session = Session::begin();
     let imported = import(files, settings)?;
     let rig = &imported.rig;
-    say(&imported, watcher)?;
     for (index, lidar) in rig.lidars.iter().enumerate() {
         let sensor = lidar.sensor.as_deref().unwrap_or("sensor not known");
-        watcher.note(&format!("LiDAR {index} is `{}`, {sensor}", lidar.frame));
+        let place = in_millimetres(&lidar.pose);
+        watcher.note(&format!("LiDAR {index} is `{}`, {sensor}: {place}", lidar.frame));
     }
+    say(&imported, watcher)?;
     let text = format!("{:#}\n", rig_json(&[rig]));
     let Some(out) = out else { return Ok(Some(text)) };
     writable_file(out)?;

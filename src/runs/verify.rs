@@ -137,10 +137,14 @@ fn of_scene(
     let problem = Arc::new(in_conditions(&scene, problem, &request.conditions)?);
     let (random, hostile) = (request.random.unwrap_or(RANDOM), request.hostile.unwrap_or(HOSTILE));
     let usual = || usual_placements(&problem, random, hostile, request.seed);
-    let placements = given.map_or_else(usual, |(_, given)| given.to_vec());
-    if let Some((file, given)) = given {
-        Given::in_problem(file, &problem, computing.watcher).all(given)?;
-    }
+    let placements = match given {
+        Some((file, given)) => {
+            let mut given = given.to_vec();
+            Given::in_problem(file, &problem, computing).all(&mut given)?;
+            given
+        }
+        None => usual(),
+    };
     let memory = computing.engine.memory_budget() / 2;
     let gpu = GpuBackend::new(problem.clone(), computing.engine.adapter.as_deref(), memory);
     let mut gpu = gpu.map_err(needs_device)?;

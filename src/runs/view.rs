@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::given::Given;
+use super::given::{Given, published};
 use super::inputs::{file_and_name, named_placements, note_repeated};
 use super::opening::{self, Suited};
 use super::own_body::add_self_hits;
@@ -14,7 +14,7 @@ use crate::scan::conditions::{Condition, in_words};
 use crate::scene::Scene;
 use crate::score::Objective;
 use crate::search::{Scored, Suite};
-use crate::vehicle::{Placement, table_7};
+use crate::vehicle::Placement;
 
 /// A placement to be shown.
 #[derive(Debug, Clone, Default)]
@@ -40,22 +40,28 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Erro
     let Some((placements, scenes)) = request.files.split_last() else {
         return Err(Error::Usage("give scenes, and a file of placements".into()));
     };
-    let given = named_placements(placements)?;
-    let shown = given.first().ok_or_else(|| {
+    let mut given = named_placements(placements)?;
+    let shown = given.first_mut().ok_or_else(|| {
         Error::Usage(format!("{placements}: holds no placement; there is nothing to show"))
     })?;
     let rivals = request.baselines.iter().map(|text| read(text));
-    let rivals = rivals.collect::<Result<Vec<_>, Error>>()?;
+    let mut rivals = rivals.collect::<Result<Vec<_>, Error>>()?;
     let paths: Vec<PathBuf> = scenes.iter().map(PathBuf::from).collect();
     note_repeated(&paths, computing.watcher);
     let mut suited = opening::suite(&paths, None, &request.conditions, computing)?;
     let problem = suited.evaluator.problem();
-    let look = |file: &str| Given::in_problem(Path::new(file), problem, computing.watcher);
-    look(file_and_name(placements).0).all([shown])?;
-    for (file, all) in &rivals {
+    let look = |file: &str| Given::in_problem(Path::new(file), problem, computing);
+    look(file_and_name(placements).0).all([&mut *shown])?;
+    for (file, all) in &mut rivals {
         look(file).all(all)?;
     }
-    let baselines = baselines(rivals, shown);
+    let baselines = match rivals.is_empty() {
+        true => published(problem.sensors(), computing)?,
+        false => rivals.into_iter().flat_map(|(_, placements)| placements).collect(),
+    };
+    // The one shown is none of those to compare with.
+    let baselines: Vec<Placement> =
+        baselines.into_iter().filter(|baseline| baseline != shown).collect();
     let out = &request.out;
     writable_file(out)?;
     let page = page(request, computing, &mut suited, shown, &baselines)?;
@@ -65,15 +71,6 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Erro
 /// Placements of a file, perhaps with a name behind a colon, beside the file.
 fn read(text: &str) -> Result<(&str, Vec<Placement>), Error> {
     Ok((file_and_name(text).0, named_placements(text)?))
-}
-
-/// The layouts to compare with; the one shown is none of them.
-fn baselines(given: Vec<(&str, Vec<Placement>)>, shown: &Placement) -> Vec<Placement> {
-    let all = match given.is_empty() {
-        true => table_7(),
-        false => given.into_iter().flat_map(|(_, placements)| placements).collect(),
-    };
-    all.into_iter().filter(|baseline| baseline != shown).collect()
 }
 
 fn page(

@@ -30,7 +30,9 @@ impl<'a> StudyScene<'a> {
         settings: &'a StudySettings,
         observer: &'a dyn StudyObserver,
     ) -> Result<Self, StudyError> {
-        let published = table_7();
+        // The notes of a table say so.
+        let mut published = table_7();
+        scene.sensors()?.name_first(&mut published);
         let this = Self { scene, psog, settings, published, observer };
         let objective = &settings.objective;
         if objective.needs_detection() && scene.detection_among(psog.classes()).is_empty() {

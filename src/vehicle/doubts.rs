@@ -1,12 +1,14 @@
 //! What in a placement is most likely not meant: degrees, millimetres, a place beside the mount.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 use super::{Constraints, Placement, Region, SensorPose};
 
 /// Farthest coordinate of a sensor that stands on a vehicle, in metres: larger ones are most likely millimetres.
 const FARTHEST: f64 = 100.0;
+/// Smallest whole number of radians that is more likely degrees.
+const WHOLE: f64 = 2.0;
 /// Metres beside a mount that poses lose where they are written with three decimals.
 const SLACK: f64 = 2e-3;
 
@@ -34,36 +36,66 @@ impl Doubts {
         Self { regions }
     }
 
-    /// A sentence for each LiDAR of which there is one to say, with the name of the placement.
+    /// Sentences about LiDARs, with the name of the placement.
     pub fn about(&self, placement: &Placement) -> Vec<String> {
         let lidars = placement.lidars.iter().enumerate();
-        let doubts = lidars.filter_map(|(lidar, pose)| Some((lidar, self.about_pose(pose)?)));
+        let doubts = lidars.flat_map(|(lidar, pose)| {
+            self.about_pose(pose).into_iter().map(move |doubt| (lidar, doubt))
+        });
         doubts
             .map(|(lidar, doubt)| format!("placement `{}`, LiDAR {lidar}: {doubt}", placement.name))
             .collect()
     }
 
-    fn about_pose(&self, pose: &SensorPose) -> Option<String> {
-        let fields = pose.fields();
-        let (metres, radians) = fields.split_at(3);
-        if let Some((field, value)) = radians.iter().find(|(_, value)| value.abs() > TAU + 1e-6) {
-            return Some(format!(
-                "{field} = {value} is more than a turn; angles are in radians, {value}° are {:.4}",
-                value.to_radians()
-            ));
-        }
-        if let Some((field, value)) = metres.iter().find(|(_, value)| value.abs() > FARTHEST) {
-            return Some(format!(
-                "{field} = {value} is far from any vehicle; positions are in metres, {value} mm are {}",
-                value / 1000.0
-            ));
-        }
-        let beside =
-            self.regions.iter().map(|region| beside(region, pose)).min_by(f64::total_cmp)?;
-        (beside > SLACK).then(|| {
+    fn about_pose(&self, pose: &SensorPose) -> Vec<String> {
+        let units = doubts_of_units(pose);
+        let is_far = pose.position().abs().max_element() > FARTHEST;
+        let beside = self.regions.iter().map(|region| beside(region, pose));
+        let beside = beside.min_by(f64::total_cmp).filter(|beside| !is_far && *beside > SLACK);
+        let beside = beside.map(|beside| {
             format!("it stands {beside:.3} m outside the mount, and is taken where it stands")
-        })
+        });
+        units.into_iter().chain(doubt_of_ground(pose)).chain(beside).collect()
     }
+}
+
+/// Sentences about a pose whose angles are most likely degrees, or its position millimetres.
+pub(crate) fn doubts_of_units(pose: &SensorPose) -> Vec<String> {
+    let fields = pose.fields();
+    let (metres, radians) = fields.split_at(3);
+    let turned = radians.iter().find_map(|&(field, value)| {
+        let most = if field == "yaw" { TAU } else { PI };
+        let fault = if value.abs() > TAU + 1e-6 {
+            "is more than a turn".to_owned()
+        } else if value.abs() >= WHOLE && value.fract() == 0.0 {
+            format!("rad is {:.0}°", value.to_degrees())
+        } else if value.abs() > most + 1e-6 {
+            "is more than half a turn".to_owned()
+        } else {
+            return None;
+        };
+        Some(format!(
+            "{field} = {value} {fault}; angles are in radians, {value}° are {:.4}",
+            value.to_radians()
+        ))
+    });
+    let far = metres.iter().find(|(_, value)| value.abs() > FARTHEST).map(|(field, value)| {
+        format!(
+            "{field} = {value} is far from any vehicle; positions are in metres, {value} mm are {}",
+            value / 1000.0
+        )
+    });
+    turned.into_iter().chain(far).collect()
+}
+
+/// A sentence about a LiDAR below the ground.
+pub(crate) fn doubt_of_ground(pose: &SensorPose) -> Option<String> {
+    (pose.z < 0.0 && pose.z >= -FARTHEST).then(|| {
+        let z = pose.z;
+        format!(
+            "z = {z:.3} is below the ground; heights are counted from the ground below the vehicle"
+        )
+    })
 }
 
 /// Metres from a position to a region; 0 inside.
@@ -108,5 +140,31 @@ mod tests {
             "LiDAR 1: it stands 0.500 m outside the mount, and is taken where it stands"
         ));
         assert_eq!(doubts(&Doubts::of_units(), at(1.3, 0.0, 2.9)), "");
+    }
+
+    #[test]
+    fn small_whole_angles_half_turns_and_the_ground_are_doubted() {
+        let units = Doubts::of_units();
+        let at = SensorPose::at(0.0, 0.0, 2.0);
+        let five = doubts(&units, SensorPose { pitch: 5.0, ..at });
+        assert!(
+            five.ends_with("pitch = 5 rad is 286°; angles are in radians, 5° are 0.0873"),
+            "{five}"
+        );
+        let half = doubts(&units, SensorPose { roll: -3.5, ..at });
+        assert!(half.contains("roll = -3.5 is more than half a turn; angles are"), "{half}");
+        let both = doubts(&units, SensorPose { x: 900.0, pitch: 15.0, ..at });
+        assert!(both.contains("15° are 0.2618") && both.contains("900 mm are 0.9"), "{both}");
+        let low = doubts(&units, SensorPose { z: -0.25, ..at });
+        assert!(low.ends_with(
+            "z = -0.250 is below the ground; heights are counted from the ground below the vehicle"
+        ));
+        for fine in [
+            SensorPose { yaw: 3.5, ..at },
+            SensorPose { roll: PI, pitch: 1.0, ..at },
+            SensorPose { z: 0.0, ..at },
+        ] {
+            assert_eq!(doubts(&units, fine), "");
+        }
     }
 }

@@ -84,16 +84,63 @@ fn meant(nearest: &Option<String>) -> String {
     nearest.as_ref().map(|name| format!("did you mean `{name}`? ")).unwrap_or_default()
 }
 
-/// A LiDAR of a placement whose model the vehicle does not have.
+/// A LiDAR of a placement that is of no model of the vehicle.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("placement `{placement}`, LiDAR {lidar}: {source}")]
-pub struct ForeignLidar {
-    /// Name of the placement.
-    pub placement: String,
-    /// Index of the LiDAR, from 0.
-    pub lidar: usize,
-    /// Its model, and those there are.
-    pub source: UnknownSensor,
+pub enum ForeignLidar {
+    /// It names a model that the vehicle does not have.
+    #[error("placement `{placement}`, LiDAR {lidar}: {source}")]
+    Unknown {
+        /// Name of the placement.
+        placement: String,
+        /// Index of the LiDAR, from 0.
+        lidar: usize,
+        /// Its model, and those there are.
+        source: UnknownSensor,
+    },
+    /// It names no model, and the vehicle has several.
+    #[error(
+        "placement `{placement}`, LiDAR {lidar} names no sensor, and the vehicle has {} models: {}; add \
+         \"sensor\": \"{first}\" to the LiDAR, or give --sensor {lidar}={first} (in Python sensors=[…])",
+        .models.len(), list(.models), first = .models[0]
+    )]
+    Unnamed {
+        /// Name of the placement.
+        placement: String,
+        /// Index of the LiDAR, from 0.
+        lidar: usize,
+        /// Models of the vehicle, two or more.
+        models: Vec<SensorName>,
+    },
+    /// `--sensor` names another model than the placement.
+    #[error(
+        "placement `{placement}`, LiDAR {lidar} is a `{named}`, and --sensor {lidar}={asked} says otherwise; \
+         leave one of them out"
+    )]
+    Renamed {
+        /// Name of the placement.
+        placement: String,
+        /// Index of the LiDAR, from 0.
+        lidar: usize,
+        /// Model in the placement.
+        named: SensorName,
+        /// Model of the option.
+        asked: SensorName,
+    },
+}
+
+fn list(models: &[SensorName]) -> String {
+    models.iter().map(SensorName::as_str).collect::<Vec<_>>().join(", ")
+}
+
+impl UnknownSensor {
+    fn among(models: &[SensorName], name: SensorName) -> Self {
+        let named = models.iter().filter(|model| !model.is_none());
+        let names: Vec<String> = named.map(|model| format!("`{model}`")).collect();
+        let known =
+            if names.is_empty() { "one model without a name".into() } else { names.join(", ") };
+        let nearest = nearest(name.as_str(), models.iter().map(SensorName::as_str));
+        Self { name, nearest, known }
+    }
 }
 
 /// Models of a vehicle, at least one, and the seed of what is left to chance: free phases, and what the air lets
@@ -159,7 +206,8 @@ impl Sensors {
         &self.models[model].table
     }
 
-    /// Number of the model that a pose names; 0 if it names none.
+    /// Number of the model that a pose names; 0 if it names none. [`Self::check`] refuses a pose without a
+    /// name where the vehicle has several models.
     ///
     /// # Errors
     /// The vehicle has no such model.
@@ -168,32 +216,44 @@ impl Sensors {
             return Ok(0);
         }
         let found = self.models.iter().position(|model| model.name == pose.sensor);
-        found.ok_or_else(|| UnknownSensor {
-            name: pose.sensor,
-            nearest: nearest(pose.sensor.as_str(), self.models.iter().map(|m| m.name.as_str())),
-            known: self.in_words(),
-        })
+        found.ok_or_else(|| UnknownSensor::among(&self.names(), pose.sensor))
     }
 
-    /// Checks that there are the models of all LiDARs of a placement.
+    /// Names of all models, in the vehicle's order.
+    pub fn names(&self) -> Vec<SensorName> {
+        self.models.iter().map(|model| model.name).collect()
+    }
+
+    /// Checks that the vehicle has the model of every LiDAR. Of a vehicle with several models each LiDAR must
+    /// name its own.
     ///
     /// # Errors
-    /// The first LiDAR whose model there is not.
+    /// The first LiDAR whose model is not known.
     pub fn check(&self, placement: &Placement) -> Result<(), ForeignLidar> {
         for (lidar, pose) in placement.lidars.iter().enumerate() {
-            self.number(pose).map_err(|source| ForeignLidar {
-                placement: placement.name.clone(),
-                lidar,
-                source,
-            })?;
+            let placement = || placement.name.clone();
+            if pose.sensor.is_none() && self.models.len() > 1 {
+                let models = self.names();
+                return Err(ForeignLidar::Unnamed { placement: placement(), lidar, models });
+            }
+            let unknown = |source| ForeignLidar::Unknown { placement: placement(), lidar, source };
+            self.number(pose).map_err(unknown)?;
         }
         Ok(())
     }
 
-    fn in_words(&self) -> String {
-        let named = self.models.iter().filter(|model| !model.name.is_none());
-        let names: Vec<String> = named.map(|model| format!("`{}`", model.name)).collect();
-        if names.is_empty() { "one model without a name".into() } else { names.join(", ") }
+    /// Names the first model in LiDARs without a name, where the vehicle has several. For placements that the
+    /// program makes: those of files must name their own.
+    ///
+    /// Returns whether any was named.
+    pub fn name_first(&self, placements: &mut [Placement]) -> bool {
+        let [first, _, ..] = &self.models[..] else { return false };
+        let unnamed = placements.iter_mut().flat_map(|placement| &mut placement.lidars);
+        let mut any = false;
+        for pose in unnamed.filter(|pose| pose.sensor.is_none()) {
+            (pose.sensor, any) = (first.name, true);
+        }
+        any
     }
 
     /// Beams of one sensor in words: `4000 beams`, of several models `4000 or 8000 beams`.
@@ -373,5 +433,32 @@ mod tests {
         let slip = SensorPose { sensor: SensorName::new("spining").unwrap(), ..pose };
         let words = sensors.number(&slip).unwrap_err().to_string();
         assert!(words.contains("`spining`; did you mean `spinning`? the vehicle has"), "{words}");
+    }
+
+    #[test]
+    fn of_several_models_each_lidar_names_its_own() {
+        let table = || BeamTable::spinning(&[(0.0, 0.0)], 250, 100.0).unwrap();
+        let name = |name: &str| SensorName::new(name).unwrap();
+        let model = |of: &str| SensorModel { name: name(of), ..SensorModel::plain(table()) };
+        let both = Sensors::new(vec![model("spin-32"), model("corner-8")]).unwrap();
+        let at = |sensor| SensorPose { sensor, ..SensorPose::at(0.0, 0.0, 2.0) };
+        let lidars = vec![at(name("corner-8")), at(SensorName::NONE)];
+        let mut placements = [Placement { name: "a".into(), lidars }];
+        let words = both.check(&placements[0]).unwrap_err().to_string();
+        assert_eq!(
+            words,
+            "placement `a`, LiDAR 1 names no sensor, and the vehicle has 2 models: spin-32, corner-8; add \
+             \"sensor\": \"spin-32\" to the LiDAR, or give --sensor 1=spin-32 (in Python sensors=[…])"
+        );
+        assert!(
+            sensors(Phase::Free)
+                .check(&Placement { lidars: vec![at(SensorName::NONE)], ..placements[0].clone() })
+                .is_ok()
+        );
+        assert!(both.name_first(&mut placements) && !both.name_first(&mut placements));
+        let named: Vec<_> = placements[0].lidars.iter().map(|pose| pose.sensor).collect();
+        assert_eq!(named, [name("corner-8"), name("spin-32")]);
+        assert_eq!(both.check(&placements[0]), Ok(()));
+        assert!(!sensors(Phase::Free).name_first(&mut placements));
     }
 }

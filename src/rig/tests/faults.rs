@@ -2,7 +2,8 @@
 
 use super::{read, source};
 use crate::rig::{
-    ImportSettings, Mounting, Rig, RigError, RigFormat, RigLidar, Source, export, import_texts,
+    ImportSettings, Models, Mounting, Rig, RigError, RigFormat, RigLidar, Source, export,
+    import_texts,
 };
 use crate::vehicle::SensorPose;
 
@@ -177,7 +178,7 @@ fn a_rig_that_cannot_be_written_is_refused() {
             .collect(),
     };
     let fails = |rig: &Rig, format| {
-        export(rig, format, &Mounting::default(), None).unwrap_err().to_string()
+        export(rig, format, &Mounting::default(), &Models::default()).unwrap_err().to_string()
     };
     assert!(fails(&rig(&["a b"], 0.0), RigFormat::Urdf).contains("`a b`"));
     assert!(fails(&rig(&["a", "a"], 0.0), RigFormat::Urdf).contains("used twice"));

@@ -5,9 +5,9 @@
 
 use super::{read, source};
 use crate::rig::{
-    Fan, ImportSettings, Mounting, Rig, RigFormat, RigLidar, Source, export, import_texts,
+    Fan, ImportSettings, Models, Mounting, Rig, RigFormat, RigLidar, Source, export, import_texts,
 };
-use crate::vehicle::SensorPose;
+use crate::vehicle::{Lidar, SensorPose};
 
 const POSE: SensorPose = SensorPose::from_values([0.6, -0.4, 2.8, -0.3, 0.1, -0.5]);
 
@@ -83,7 +83,7 @@ fn worked(sensor: Option<&str>) -> Rig {
 }
 
 fn written(format: RigFormat) -> String {
-    let exported = export(&worked(None), format, &Mounting::default(), None).unwrap();
+    let exported = export(&worked(None), format, &Mounting::default(), &Models::default()).unwrap();
     exported.files.into_iter().map(|file| file.text).collect()
 }
 
@@ -146,51 +146,75 @@ fn the_optical_centre_lies_up_the_sensors_own_z() {
 #[test]
 fn the_base_link_is_moved_and_moved_back() {
     let mounting = Mounting { base_link: [-1.4, 0.0, 0.25], ..Mounting::default() };
-    let text = &export(&worked(None), RigFormat::Urdf, &mounting, None).unwrap().files[0].text;
+    let text =
+        &export(&worked(None), RigFormat::Urdf, &mounting, &Models::default()).unwrap().files[0]
+            .text;
     assert!(text.contains("xyz=\"2 -0.4 2.55\""), "{text}");
     let settings = ImportSettings { mounting, ..ImportSettings::default() };
     let read = import_texts(&[source("r.urdf", text)], &settings).unwrap();
     assert!(close(&read.rig.lidars[0].pose, &POSE, 1e-15));
 }
 
+fn table(elevations: &[f64], offset: f64, azimuth: Option<[f64; 2]>) -> Lidar {
+    Lidar::Spinning {
+        elevations: elevations.to_vec(),
+        azimuth_offsets: vec![offset; elevations.len()],
+        azimuth_steps: 500,
+        azimuth,
+        range: 80.0,
+    }
+}
+
 #[test]
 fn what_a_format_cannot_say_is_said() {
-    let warnings = |sensor, format, fan| {
-        export(&worked(sensor), format, &Mounting::default(), fan).unwrap().warnings.join("\n")
+    let warnings = |sensor, format, models: &Models| {
+        export(&worked(sensor), format, &Mounting::default(), models).unwrap().warnings.join("\n")
     };
-    let fan = Fan { channels: 4, lower: -9.0, upper: 0.0, range: 50.0, points_a_second: 4000 };
-    assert_eq!(warnings(Some("VLP-16"), RigFormat::Carla, None), "");
-    assert_eq!(warnings(None, RigFormat::Carla, Some(Some(fan))), "");
-    let uneven = warnings(Some("VLS-128"), RigFormat::CarlaObjects, Some(Some(fan)));
+    let none = Models::default();
+    let even = Models::from(table(&[-9.0, 0.0], 0.0, None));
+    assert!(warnings(Some("VLP-16"), RigFormat::Carla, &none).contains("--sensor lidar_0=VLP-16"));
+    assert_eq!(warnings(None, RigFormat::Carla, &even), "");
+    let uneven = warnings(Some("VLS-128"), RigFormat::CarlaObjects, &even);
     assert!(uneven.contains("even steps only") && uneven.contains("VLS-128"), "{uneven}");
-    assert!(warnings(None, RigFormat::Carla, Some(None)).contains("the scene's sensor"));
-    assert!(warnings(None, RigFormat::Carla, None).contains("--scene"));
-    assert!(warnings(Some("VLP-16"), RigFormat::Autoware, None).contains("--optical-height"));
-    assert_eq!(warnings(Some("VLP-16"), RigFormat::Urdf, None), "");
+    let uneven = Models::from(table(&[-9.0, -8.0, 0.0], 0.0, None));
+    for format in [RigFormat::Carla, RigFormat::Sdf] {
+        assert!(warnings(None, format, &uneven).contains("of the scene's sensor are uneven"));
+        assert!(warnings(None, format, &none).contains("--scene"));
+    }
+    let aside = Models::from(table(&[-9.0, 0.0], 0.0, Some([0.0, 90.0])));
+    assert!(warnings(None, RigFormat::Carla, &aside).contains("both sides of straight ahead"));
+    assert_eq!(warnings(None, RigFormat::Urdf, &aside), "");
+    let list = Models::from(Lidar::Directions { directions: vec![[1.0, 0.0, 0.0]], range: 9.0 });
+    assert!(warnings(None, RigFormat::Urdf, &list).contains("list of directions"));
+    assert!(warnings(Some("VLP-16"), RigFormat::Autoware, &none).contains("--optical-height"));
+    assert_eq!(warnings(Some("VLP-16"), RigFormat::Urdf, &none), "");
 
     let mut rig = worked(Some("VLP-16"));
     rig.lidars[0].pose.x = 3.5;
     rig.lidars.extend([1, 2].map(|k| RigLidar { frame: format!("l{k}"), ..rig.lidars[0].clone() }));
-    let exported = export(&rig, RigFormat::Carla, &Mounting::default(), None).unwrap();
+    let exported = export(&rig, RigFormat::Carla, &Mounting::default(), &none).unwrap();
     let all = exported.warnings.join("\n");
     assert!(all.contains("at most 2 LiDARs, here are 3") && all.contains("4.50 m"), "{all}");
 }
 
 #[test]
-fn a_table_of_even_channels_is_a_fan_and_another_is_not() {
-    use crate::vehicle::Lidar;
-    let table = |elevations: &[f64], offset: f64| Lidar::Spinning {
-        elevations: elevations.to_vec(),
-        azimuth_offsets: vec![offset; elevations.len()],
+fn a_table_of_channels_is_a_fan_even_or_not() {
+    let wanted = Fan {
+        channels: 3,
+        lower: -20.0,
+        upper: 4.0,
+        range: 80.0,
         azimuth_steps: 500,
         azimuth: None,
-        range: 80.0,
+        is_even: true,
     };
-    let wanted =
-        Fan { channels: 3, lower: -20.0, upper: 4.0, range: 80.0, points_a_second: 15_000 };
-    assert_eq!(Fan::of(&table(&[-20.0, 4.0, -8.0], 0.0)), Some(wanted));
-    assert_eq!(Fan::of(&table(&[-20.0, 4.0, -7.9], 0.0)), None);
-    assert_eq!(Fan::of(&table(&[-20.0, 4.0, -8.0], 1.0)), None);
+    assert_eq!(wanted.points_a_second(), 15_000);
+    let fan = |elevations: &[f64], offset| Fan::of(&table(elevations, offset, None)).unwrap();
+    assert_eq!(fan(&[-20.0, 4.0, -8.0], 0.0), wanted);
+    assert!(!fan(&[-20.0, 4.0, -7.9], 0.0).is_even);
+    assert!(!fan(&[-20.0, 4.0, -8.0], 1.0).is_even);
+    let sector = Fan::of(&table(&[-20.0, 4.0, -8.0], 0.0, Some([-60.0, 60.0]))).unwrap();
+    assert_eq!((sector.horizontal(), sector.is_centred()), (120.0, true));
 }
 
 #[test]

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::request::NewRun;
 use crate::runs::given::Given;
-use crate::runs::{Error, Watcher};
+use crate::runs::{Computing, Error};
 use crate::scan::conditions::in_words;
 use crate::search::{Choosing, Equipped, Settings, State, Suite};
 use crate::vehicle::{MountRules, read_placements};
@@ -114,15 +114,23 @@ impl NewRun {
     /// Looks at the placements of the request's files; what they break of the mount's rules stands in the result.
     pub(super) fn look(
         &self,
-        settings: &Settings,
+        settings: &mut Settings,
         suite: &Suite,
-        watcher: &dyn Watcher,
+        computing: &Computing<'_>,
     ) -> Result<(), Error> {
         let Some(member) = suite.members().first() else { return Ok(()) };
-        let files = [(&self.baselines, &settings.baselines), (&self.inject, &settings.starts)];
+        if let ([choice, ..], None, None) = (&computing.sensors[..], &self.baselines, &self.inject)
+        {
+            return Err(Error::Usage(format!(
+                "--sensor {choice}: names LiDARs of a file of placements; give one with --baselines or \
+                 --inject, or leave it out"
+            )));
+        }
+        let files =
+            [(&self.baselines, &mut settings.baselines), (&self.inject, &mut settings.starts)];
         for (file, placements) in files {
             if let Some(file) = file {
-                Given::in_problem(file, member.problem(), watcher).ruled().all(placements)?;
+                Given::in_problem(file, member.problem(), computing).ruled().all(placements)?;
             }
         }
         Ok(())

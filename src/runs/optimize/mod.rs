@@ -49,7 +49,7 @@ pub fn optimize(
 ) -> Result<Option<Optimized>, Error> {
     let _session = Session::begin();
     let start = Instant::now();
-    let (folder, mut begun, course, out) = match &request.start {
+    let (folder, mut begun, mut course, out) = match &request.start {
         Start::Resume(path) => {
             let (folder, saved) = RunDir::<Saved>::resume("optimize", path)?;
             (Some(folder), saved.begun, saved.course, None)
@@ -63,8 +63,8 @@ pub fn optimize(
     };
     let mut opened = open(&begun, request.frames, computing)?;
     glb::check(request.gltf.as_deref())?;
-    if let (Start::New(new), Course::Equipping(wanted)) = (&request.start, &course) {
-        new.look(&wanted.settings, &opened.suite, computing.watcher)?;
+    if let (Start::New(new), Course::Equipping(wanted)) = (&request.start, &mut course) {
+        new.look(&mut wanted.settings, &opened.suite, computing)?;
         check_value(&begun, &wanted.settings.objective, &opened.suite)?;
     }
     computing.watcher.listen();

@@ -64,15 +64,18 @@ pub fn scan(
         )));
     }
     let placements = placements(&request.placements)?;
-    let (files_given, placements): (Vec<&Path>, Vec<Placement>) = placements.into_iter().unzip();
+    let (files_given, mut placements): (Vec<&Path>, Vec<Placement>) =
+        placements.into_iter().unzip();
     let read = |path: &PathBuf| opening::read(path, computing.vehicle.as_deref(), watcher);
     let scenes = request.scenes.iter().map(read).collect::<Result<Vec<Scene>, Error>>()?;
     // All that may be wrong is found before anything is written.
-    for (file, placement) in files_given.into_iter().zip(&placements) {
+    for (file, placement) in files_given.into_iter().zip(&mut placements) {
         for (k, scene) in scenes.iter().enumerate() {
             // Scenes of a data set share the vehicle: once is enough.
             let watcher: &dyn Watcher = if k == 0 { watcher } else { &Silent };
-            Given::new(file, &scene.sensors()?, &scene.constraints(), watcher).all([placement])?;
+            let computing = Computing { watcher, ..computing.clone() };
+            let given = Given::new(file, &scene.sensors()?, &scene.constraints(), &computing);
+            given.all([&mut *placement])?;
             Scanner::check(scene, placement, &request.scanning)?;
         }
     }

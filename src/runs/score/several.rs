@@ -42,8 +42,8 @@ pub(super) fn score(
     if request.resume {
         return Err(Error::Usage("--resume: takes one scene".into()));
     }
-    let (file, placements) = (placements, read(placements)?);
-    Given::in_problem(file, evaluator.problem(), computing.watcher).all(&placements)?;
+    let (file, mut placements) = (placements, read(placements)?);
+    Given::in_problem(file, evaluator.problem(), computing).all(&mut placements)?;
     let conditions = in_words(&request.conditions);
     let mut batch = Batch { evaluator, times, start, conditions, judged: Vec::new() };
     let bar = computing.watcher.bar(placements.len() as u64, Some("placements"));

@@ -102,7 +102,7 @@ fn scoring<'a>(
     let site = || NearSite::new(scene, &loaded.evaluator.shared_problem());
     let near = request.near_field.then(site).transpose()?;
     let bar = Some(watcher.bar(total, Some("placements")));
-    let given = Given::in_problem(placements, loaded.evaluator.problem(), watcher);
+    let given = Given::in_problem(placements, loaded.evaluator.problem(), computing);
     let (evaluator, times, count) = (loaded.evaluator, loaded.times, 0);
     Ok(Scoring {
         request,
@@ -151,7 +151,7 @@ impl Scoring<'_> {
             return Ok(None);
         }
         let block: Result<Vec<Placement>, _> = self.reader.by_ref().take(BLOCK).collect();
-        let looked = |block: Vec<Placement>| self.given.look(&block).map(|()| block);
+        let looked = |mut block: Vec<Placement>| self.given.look(&mut block).map(|()| block);
         let block = block.map_err(Error::from).and_then(looked);
         if block.is_err() && self.count > 0 && self.request.out.is_none() {
             // Of a stream only: a file was read to its end before.
