@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::given::Given;
-use super::{Computing, Error, opening};
+use super::{Computing, Error, GRACE, opening};
 use crate::files::{Session, writable_file, write_whole};
 use crate::near_field::{Footprint, NearField, NearSite};
 use crate::problem::{Problem, spread};
@@ -75,7 +75,7 @@ pub fn near_fields(
         Given::in_problem(file, evaluator.problem(), watcher).all(&placements)?;
     }
     let site = NearSite::new(&scene, &evaluator.shared_problem())?;
-    watcher.listen();
+    watcher.listen(GRACE);
     let bar = watcher.bar(placements.len() as u64, Some("placements"));
     let mut all = Vec::new();
     for placement in placements.iter().take_while(|_| watcher.goes_on()) {
