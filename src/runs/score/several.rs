@@ -36,6 +36,7 @@ pub(super) fn score(
 ) -> Result<(), Error> {
     let suited = opening::suite(scenes, request.frames, &request.conditions, computing)?;
     let Suited { scenes, suite, evaluator, times, .. } = suited;
+    computing.watcher.listen(GRACE);
     if let Some(file) = &request.out {
         writable_file(file)?;
     }
@@ -47,7 +48,6 @@ pub(super) fn score(
     let conditions = in_words(&request.conditions);
     let mut batch = Batch { evaluator, times, start, conditions, judged: Vec::new() };
     let bar = computing.watcher.bar(placements.len() as u64, Some("placements"));
-    computing.watcher.listen(GRACE);
     for block in placements.chunks(BLOCK) {
         let scored = batch.judged.len();
         if !computing.watcher.goes_on() {
