@@ -291,7 +291,9 @@ fn scans_without_ground_in_the_region_are_said() {
         assert!(done.status.success());
         String::from_utf8_lossy(&done.stderr).into_owned()
     };
-    assert_eq!(told(&[]), "");
+    let guessed = told(&[]);
+    assert!(guessed.contains("1.73 m are taken") && guessed.lines().count() == 1, "{guessed}");
+    assert_eq!(told(&["--lidar-height", "1.73"]), "");
     let none = told(&["--lidar-height", "-3"]);
     assert!(
         none.contains("no voxel of the region holds ground") && none.contains("--lidar-height"),

@@ -1,6 +1,7 @@
 //! Files of the program: no output replaces an input, or without `--force` any file; names stay in their folder.
 
 use std::fs;
+use std::io::{BufRead, BufReader, Read};
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -453,4 +454,123 @@ fn the_command_on_the_page_gives_the_same_run() {
             || key.contains("time");
         assert!(is_time || value == &again[key], "{key}: {value} and {}", again[key]);
     }
+}
+
+/// Placements of the corridor, one a line.
+fn many(dir: &Path, count: u32) {
+    let line =
+        |k: u32| format!("{{\"name\":\"p{k}\",\"lidars\":[{{\"x\":0.5,\"y\":0.5,\"z\":0.5}}]}}\n");
+    fs::write(dir.join("many.jsonl"), (0..count).map(line).collect::<String>()).unwrap();
+}
+
+#[test]
+fn a_hangup_ends_a_batch_unless_it_is_ignored() {
+    let dir = corridor();
+    many(dir.path(), 30_000);
+    let partial = dir.path().join("cut.partial");
+    for (before, code) in [("", 130), ("trap '' HUP; ", 0)] {
+        let program = env!("CARGO_BIN_EXE_sightline");
+        let words =
+            format!("{before}exec {program} score scene.json many.jsonl --backend cpu --out cut");
+        let mut child = Command::new("sh")
+            .args(["-c", &words])
+            .current_dir(dir.path())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        wait_for(|| fs::metadata(&partial).is_ok_and(|meta| meta.len() > 2000));
+        interrupt(&child, "-HUP");
+        assert_eq!(child.wait().unwrap().code(), Some(code), "{before}");
+        assert_eq!((partial.exists(), dir.path().join("cut").exists()), (code > 0, code == 0));
+        let _ = fs::remove_file(&partial);
+    }
+}
+
+#[test]
+fn a_batch_that_is_not_kept_says_how_far_it_came() {
+    let dir = corridor();
+    many(dir.path(), 30_000);
+    let second = scene().to_string().replace("\"corridor\"", "\"second\"");
+    fs::write(dir.path().join("second.json"), second).unwrap();
+    for (files, all) in [
+        (&["scene.json", "second.json", "many.jsonl"][..], " of 30000 placements"),
+        (&["scene.json", "-"], " placements"),
+    ] {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
+            .arg("score")
+            .args(files)
+            .args(["--backend", "cpu", "--verbose", "--out", "cut"])
+            .current_dir(dir.path())
+            .stdin(fs::File::open(dir.path().join("many.jsonl")).unwrap())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        // The first sentence of the engine: scoring begins.
+        let mut told = BufReader::new(child.stderr.take().unwrap());
+        let mut words = String::new();
+        while !words.contains("computing on cpu") {
+            assert!(told.read_line(&mut words).unwrap() > 0, "{words}");
+        }
+        std::thread::sleep(Duration::from_secs(1));
+        interrupt(&child, "-INT");
+        told.read_to_string(&mut words).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(130), "{words}");
+        let says = words.contains("interrupted after ") && words.contains(all);
+        assert!(says && words.contains("cut is not written"), "{words}");
+        assert!(!all_files(dir.path()).iter().any(|(path, _)| is_litter(path)));
+        assert!(!dir.path().join("cut").exists());
+    }
+}
+
+#[test]
+fn a_scan_ends_soon_within_a_long_frame_and_goes_on() {
+    let dir = world();
+    let town = fs::read_to_string(dir.path().join("town.json")).unwrap();
+    let mut town: Value = serde_json::from_str(&town).unwrap();
+    town["lidar"] =
+        json!({ "channels": 128, "fov": [-20, 2], "azimuth_steps": 20_000, "range": 40 });
+    fs::write(dir.path().join("dense.json"), town.to_string()).unwrap();
+    let args =
+        ["scan", "dense.json", "--placement", "p.json", "--backend", "cpu", "--threads", "1"];
+    let mut child = spawn(dir.path(), &[&args[..], &["--out", "set"]].concat());
+    wait_for(|| dir.path().join("set").exists());
+    let start = Instant::now();
+    interrupt(&child, "-TERM");
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert!(start.elapsed() < Duration::from_secs(4), "{:?}", start.elapsed());
+    assert!(!all_files(dir.path()).iter().any(|(path, _)| is_litter(path)));
+}
+
+#[test]
+fn a_page_of_a_run_that_time_ended_says_so() {
+    let dir = world();
+    let args = ["optimize", "town.json", "--backend", "cpu"];
+    let page = |folder: &str, limit: &[&str]| {
+        ok(dir.path(), &[&args[..], &["--out", folder], limit].concat());
+        fs::read_to_string(dir.path().join(folder).join("report.html")).unwrap()
+    };
+    let ended = page("ended", &["--max-seconds", "2", "--evaluations", "1000000"]);
+    assert!(ended.contains(" --max-seconds 2") && ended.contains("Time ended this run"), "{ended}");
+    let whole = page("whole", &["--max-seconds", "500", "--evaluations", "8"]);
+    assert!(!whole.contains("--max-seconds") && whole.contains("They give the same bytes"));
+}
+
+#[test]
+fn a_batch_that_was_killed_at_its_start_begins_anew() {
+    let dir = corridor();
+    let at = |name: &str| dir.path().join(name);
+    let args = ["score", "scene.json", "placements.json", "--backend", "cpu", "--out"];
+    assert!(sightline(dir.path(), &[&args[..], &["whole"]].concat()).status.success());
+    for begin in ["", "{\"sightline_part"] {
+        fs::write(at("cut.partial"), begin).unwrap();
+        let output = sightline(dir.path(), &[&args[..], &["cut", "--resume"]].concat());
+        assert!(output.status.success(), "{output:?}");
+        assert!(fs::read(at("cut")).unwrap() == fs::read(at("whole")).unwrap());
+        assert!(!at("cut.partial").exists());
+        fs::remove_file(at("cut")).unwrap();
+    }
+    fs::write(at("cut.partial"), "my notes").unwrap();
+    let refused = fails(dir.path(), &[&args[..], &["cut", "--resume"]].concat());
+    assert!(refused.contains("was begun with other"), "{refused}");
+    assert_eq!(fs::read_to_string(at("cut.partial")).unwrap(), "my notes");
 }

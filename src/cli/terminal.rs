@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Once};
 use std::time::Duration;
 
@@ -14,9 +14,6 @@ use crate::runs::{Bar, Error, Watcher};
 
 use super::exit::Exit;
 use super::output::say;
-
-/// Time that work has to end after Ctrl-C.
-const GRACE: Duration = Duration::from_secs(20);
 
 /// How much is said on stderr.
 #[derive(clap::Args, Debug, Clone, Copy)]
@@ -58,8 +55,8 @@ pub struct Terminal {
 
 /// Whether Ctrl-C, SIGTERM or SIGHUP came while a command listens for them.
 static STOPS: AtomicBool = AtomicBool::new(false);
-/// Whether the command asks for them. One that does not ends at once.
-static LISTENS: AtomicBool = AtomicBool::new(false);
+/// Milliseconds that the command has to end after a signal; 0 before it listens for them.
+static GRACE: AtomicU64 = AtomicU64::new(0);
 /// The handler is set once a process.
 static HANDLER: Once = Once::new();
 
@@ -69,22 +66,46 @@ fn on_signal() {
         remove_temporaries();
         std::process::exit(i32::from(Exit::Interrupted.code()))
     };
-    if STOPS.swap(true, Ordering::SeqCst) || !LISTENS.load(Ordering::SeqCst) {
+    let grace = GRACE.load(Ordering::SeqCst);
+    if STOPS.swap(true, Ordering::SeqCst) || grace == 0 {
         end();
     }
     // Work that takes longer than its grace is ended: files are whole at any time.
     std::thread::spawn(move || {
-        std::thread::sleep(GRACE);
+        std::thread::sleep(Duration::from_millis(grace));
+        say("interrupted before a place to stop; files that are there are whole");
         end();
     });
+}
+
+/// Hears Ctrl-C, SIGTERM and SIGHUP. A SIGHUP that `nohup` lets the program ignore stays ignored.
+fn hear_signals() -> Result<(), ctrlc::Error> {
+    #[cfg(unix)]
+    let is_ignored = ignore_hangup();
+    ctrlc::set_handler(on_signal)?;
+    #[cfg(unix)]
+    if is_ignored {
+        ignore_hangup();
+    }
+    Ok(())
+}
+
+/// Ignores SIGHUP, and returns whether it was ignored before.
+#[cfg(unix)]
+#[allow(unsafe_code)]
+fn ignore_hangup() -> bool {
+    use nix::sys::signal::{SigHandler, Signal, signal};
+    // SAFETY: no code of ours runs where a signal is ignored.
+    let before = unsafe { signal(Signal::SIGHUP, SigHandler::SigIgn) };
+    matches!(before, Ok(SigHandler::SigIgn))
 }
 
 impl Terminal {
     pub fn new(talk: Talk) -> Self {
         STOPS.store(false, Ordering::SeqCst);
-        LISTENS.store(false, Ordering::SeqCst);
+        GRACE.store(0, Ordering::SeqCst);
         HANDLER.call_once(|| {
-            if let Err(error) = ctrlc::set_handler(on_signal) {
+            if let Err(error) = hear_signals() {
                 talk.detail(format!("Ctrl-C ends at once: {error}"));
             }
         });
@@ -143,8 +164,10 @@ impl Watcher for Terminal {
         Box::new(Shown(bar))
     }
 
-    fn listen(&self) {
-        LISTENS.store(true, Ordering::SeqCst);
+    fn listen(&self, grace: Duration) {
+        // At least one: 0 is a command that does not listen.
+        let grace = u64::try_from(grace.as_millis()).unwrap_or(u64::MAX).max(1);
+        GRACE.store(grace, Ordering::SeqCst);
     }
 
     fn goes_on(&self) -> bool {

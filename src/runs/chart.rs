@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::given::{Given, name_published};
 use super::inputs::Files;
-use super::{Bar, Computing, Error, Watcher, opening};
+use super::{Bar, Computing, Error, GRACE, Watcher, opening};
 use crate::chart::{Chart, ChartObserver, ChartSettings, ChartState, chart};
 use crate::files::{Input, RunDir, Session, safe_names};
 use crate::report::chart::fidelity_svg;
@@ -62,7 +62,7 @@ pub fn chart_scenes(
 ) -> Result<(usize, Vec<Charted>), Error> {
     let _session = Session::begin();
     let watcher = computing.watcher;
-    watcher.listen();
+    watcher.listen(GRACE);
     let begun = begun(request, computing)?;
     let (count, mut charts) = (begun.len(), Vec::new());
     for begun in begun {

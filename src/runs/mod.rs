@@ -41,12 +41,16 @@ mod own_body;
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 
 pub use error::Error;
 
 use crate::Note;
 use crate::engine::EngineChoice;
 use crate::vehicle::SensorChoice;
+
+/// Time after a wish to stop for work that has a result to write, such as the page of a search.
+const GRACE: Duration = Duration::from_secs(20);
 
 /// Who is told of work under way, and may end it. Every part is optional.
 pub trait Watcher: Sync {
@@ -75,8 +79,9 @@ pub trait Watcher: Sync {
         Box::new(Silent)
     }
 
-    /// What follows can be interrupted without loss: from now on a wish to stop is asked for by [`Self::goes_on`].
-    fn listen(&self) {}
+    /// Work begins that can be interrupted without loss: from now on it asks [`Self::goes_on`] for a wish to stop. Work
+    /// that still runs `grace` after such a wish may be ended with the process.
+    fn listen(&self, _grace: Duration) {}
 
     /// Whether the work is to go on.
     fn goes_on(&self) -> bool {

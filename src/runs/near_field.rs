@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::given::{Given, published};
-use super::{Computing, Error, opening};
+use super::{Computing, Error, GRACE, opening};
 use crate::files::{Session, writable_file, write_whole};
 use crate::near_field::{Footprint, NearField, NearSite};
 use crate::problem::{Problem, spread};
@@ -78,7 +78,7 @@ pub fn near_fields(
         None => published(evaluator.problem().sensors(), computing)?,
     };
     let site = NearSite::new(&scene, &evaluator.shared_problem())?;
-    watcher.listen();
+    watcher.listen(GRACE);
     let bar = watcher.bar(placements.len() as u64, Some("placements"));
     let mut all = Vec::new();
     for placement in placements.iter().take_while(|_| watcher.goes_on()) {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::inputs::note_repeated;
-use super::{Bar, Computing, Error, Watcher, opening};
+use super::{Bar, Computing, Error, GRACE, Watcher, opening};
 use crate::files::{self, Input, RunDir, holds_run, is_forced, safe_names};
 use crate::psog::Psog;
 use crate::report::study::study_plot;
@@ -57,7 +57,7 @@ pub fn study_scenes(
     let _session = files::Session::begin();
     note_repeated(&request.scenes, computing.watcher);
     let settings = settings(request, computing)?;
-    computing.watcher.listen();
+    computing.watcher.listen(GRACE);
     // What needs several scenes looks at them together; all other kinds at one after the other.
     let together = request.kind == Kind::Transfer || request.scenes.len() == 1;
     if together {

@@ -26,6 +26,7 @@ pub fn command(run: &RunRecord) -> String {
     give("evaluations", &search["evaluations"]);
     give("population", &search["population"]);
     give("target", &all["target"]);
+    give("max-seconds", &all["max_seconds"]);
     let delta = &search["delta"];
     let spacing = delta.is_object().then(|| format!("{},{}", delta["metres"], delta["radians"]));
     give("delta", &json!(spacing));

@@ -15,7 +15,7 @@ pub use request::{NewRun, OptimizeRequest, Start};
 
 use super::inputs::note_repeated;
 use super::opening::{self, LoadTimes};
-use super::{Computing, Error, glb};
+use super::{Computing, Error, GRACE, glb};
 use crate::export::GltfView;
 use crate::files::{Input, RunDir, Session};
 use crate::problem::{Content, Problem};
@@ -67,7 +67,7 @@ pub fn optimize(
         new.look(&mut wanted.settings, &opened.suite, computing)?;
         check_value(&begun, &wanted.settings.objective, &opened.suite)?;
     }
-    computing.watcher.listen();
+    computing.watcher.listen(GRACE);
     let folder = match folder {
         Some(folder) => folder,
         // Before the search, so that a folder that cannot be written is found out now.

@@ -15,7 +15,7 @@ use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html
 use crate::runs::opening::LoadTimes;
 use crate::runs::{Computing, Error};
 use crate::scene::Scene;
-use crate::search::{FrameChoice, LeftOut, Outcome, Run, Scored, Settings, Suite};
+use crate::search::{FrameChoice, LeftOut, Outcome, Run, Scored, Settings, Stopped, Suite};
 
 /// Scenes with the rules of the options, and their problems over all frames.
 pub(super) struct Opened {
@@ -111,7 +111,10 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
         outcome,
         RunContext {
             scene: sitting.opened.scenes[0].name(),
-            settings: settings_json(&sitting.begun, settings, &outcome.left_out),
+            settings: with_limit(
+                settings_json(&sitting.begun, settings, &outcome.left_out),
+                sitting.request.max_seconds.filter(|_| outcome.stopped == Stopped::Time),
+            ),
             suite,
             equipment,
             seed: settings.seed,
@@ -149,6 +152,14 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
     }
     folder.write_text("report.html", &report_html(&record, &figures))?;
     Ok(record)
+}
+
+/// Adds the seconds that ended the run. A limit that did not end it decides nothing.
+fn with_limit(mut settings: Value, seconds: Option<f64>) -> Value {
+    if let Some(seconds) = seconds {
+        settings["max_seconds"] = json!(seconds);
+    }
+    settings
 }
 
 /// Every setting that decides about the result, in the keys of `result.json`.

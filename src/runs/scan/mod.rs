@@ -6,7 +6,7 @@ mod request;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
@@ -21,6 +21,10 @@ use crate::scene::Scene;
 use crate::vehicle::Placement;
 pub use request::ScanRequest;
 use request::placements;
+
+/// Time after a wish to stop: trees are built and large frames cast without a look at it, and a frame that is not yet in
+/// its place is written by the same command later.
+const GRACE: Duration = Duration::from_millis(1500);
 
 /// The data set of one placement.
 #[derive(Debug, Serialize)]
@@ -97,7 +101,7 @@ pub fn scan(
         let missing = Dataset::check(&out, &settings, &facts)?;
         plans.push(Plan { placement, out, settings, facts: &facts, missing });
     }
-    watcher.listen();
+    watcher.listen(GRACE);
     let mut work = Work::new(request, computing, &scenes);
     let mut sets = Vec::new();
     for (k, plan) in plans.iter().enumerate() {

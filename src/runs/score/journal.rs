@@ -78,13 +78,14 @@ impl Journal {
                 "another run writes into it; wait for its end, or name another file",
             ));
         }
-        if exists && request.resume {
+        let head = json!(Head { sightline_partial: 1, digest: digest.clone() });
+        let head = format!("{head}\n");
+        if exists && request.resume && !is_torn(&file, &head).map_err(Error::io(&path))? {
             return Self::resume(path, file, &digest);
         }
-        file.set_len(0).map_err(Error::io(&path))?;
-        let mut file = BufWriter::new(file);
-        let head = format!("{}\n", json!(Head { sightline_partial: 1, digest }));
-        file.write_all(head.as_bytes()).map_err(Error::io(&path))?;
+        let begun = file.set_len(0).and_then(|()| (&file).rewind());
+        begun.and_then(|()| (&file).write_all(head.as_bytes())).map_err(Error::io(&path))?;
+        let file = BufWriter::new(file);
         Ok(Self { path, file, head: head.len() as u64, scored: 0 })
     }
 
@@ -162,6 +163,14 @@ impl Journal {
         self.remove();
         Ok(())
     }
+}
+
+/// Whether a kill has cut the first line, so that a file holds no scores. Leaves its place at the start.
+fn is_torn(mut file: &File, head: &str) -> std::io::Result<bool> {
+    let mut begin = Vec::new();
+    file.take(head.len() as u64).read_to_end(&mut begin)?;
+    file.rewind()?;
+    Ok(begin.len() < head.len() && head.as_bytes().starts_with(&begin))
 }
 
 /// The next line with its end; `None` where there is no whole one.

@@ -46,6 +46,14 @@ pub(super) fn write_out(
     }
 }
 
+/// Says how far a batch came whose scores are not kept; `total` is 0 where it is not known.
+pub(super) fn interrupted(request: &ScoreRequest, scored: u64, total: u64) -> Error {
+    let all = if total > 0 { format!(" of {total}") } else { String::new() };
+    let left = request.out.as_ref().map(|out| format!("; {} is not written", out.display()));
+    let left = left.unwrap_or_default();
+    Error::Usage(format!("interrupted after {scored}{all} placements{left}"))
+}
+
 /// Writes the covered voxels of a placement, in rising order.
 pub(super) fn write_coverage(
     folder: &Path,

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::request::{BLOCK, ScoreRequest, write_coverage, write_out};
+use super::request::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out};
 use crate::engine::{Backend, EngineChoice, open};
 use crate::files::{safe_names, shared_folder, sync_disk, writable_file};
 use crate::near_field::{FEW_PLACEMENTS, NearSite, self_hits};
@@ -15,7 +15,7 @@ use crate::problem::Problem;
 use crate::report;
 use crate::runs::given::Given;
 use crate::runs::opening::{self, LoadTimes, Suited, timings};
-use crate::runs::{Computing, Error};
+use crate::runs::{Computing, Error, GRACE};
 use crate::scan::conditions::{in_words, under};
 use crate::scene::Scene;
 use crate::score::Scores;
@@ -36,6 +36,7 @@ pub(super) fn score(
 ) -> Result<(), Error> {
     let suited = opening::suite(scenes, request.frames, &request.conditions, computing)?;
     let Suited { scenes, suite, evaluator, times, .. } = suited;
+    computing.watcher.listen(GRACE);
     if let Some(file) = &request.out {
         writable_file(file)?;
     }
@@ -48,6 +49,10 @@ pub(super) fn score(
     let mut batch = Batch { evaluator, times, start, conditions, judged: Vec::new() };
     let bar = computing.watcher.bar(placements.len() as u64, Some("placements"));
     for block in placements.chunks(BLOCK) {
+        let scored = batch.judged.len();
+        if !computing.watcher.goes_on() {
+            return Err(interrupted(request, scored as u64, placements.len() as u64));
+        }
         batch.judged.extend(batch.evaluator.judged(block)?);
         bar.advance(block.len() as u64);
     }

@@ -10,7 +10,7 @@ use serde_json::ser::{CompactFormatter, Formatter};
 use serde_json::{Map, Value, json};
 
 use super::journal::Journal;
-use super::request::{BLOCK, ScoreRequest, write_coverage, write_out};
+use super::request::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out};
 use crate::files::{
     FileError, LinePerElement, is_sink, shared_folder, sync_disk, target, writable_file,
 };
@@ -18,7 +18,7 @@ use crate::near_field::{FEW_PLACEMENTS, NearSite, add_self_hits};
 use crate::report;
 use crate::runs::given::Given;
 use crate::runs::opening::{self, LoadTimes, timings};
-use crate::runs::{Bar, Computing, Error, Watcher};
+use crate::runs::{Bar, Computing, Error, GRACE, Watcher};
 use crate::scan::conditions::{in_words, under};
 use crate::scene::Scene;
 use crate::score::Scores;
@@ -66,7 +66,7 @@ pub(super) fn score(
     };
     match (journal, &request.out) {
         (Some(journal), Some(out_file)) => {
-            computing.watcher.listen();
+            computing.watcher.listen(GRACE);
             match scoring(request, computing, loaded, placements, total, start) {
                 Ok(scoring) => scoring.into_file(journal, out_file),
                 Err(error) => {
@@ -201,7 +201,14 @@ impl Scoring<'_> {
     /// Writes all scores to the caller's writer, as they are computed.
     fn into_writer(mut self, path: &Path, out: &mut dyn Write) -> Result<(), Error> {
         let mut first = true;
+        let in_file = self.request.out.is_some();
+        if in_file {
+            self.watcher.listen(GRACE);
+        }
         while let Some(scores) = self.next()? {
+            if in_file && !self.watcher.goes_on() {
+                return Err(interrupted(self.request, self.count, self.total));
+            }
             // Not before: an input whose scores cannot be computed prints nothing.
             let head = if first { self.head()? } else { String::new() };
             let text = head + &self.text(&scores, first)?;
