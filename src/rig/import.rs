@@ -106,7 +106,7 @@ pub fn from_carla_sensors(
     settings: &ImportSettings,
 ) -> Result<Imported, RigError> {
     let (name, mut frames) = ("sensors", Frames::default());
-    carla::read_list(sensors, &Place::top(name), &mut frames)?;
+    carla::read_list(sensors, &Place::top("CARLA").key(name), &mut frames)?;
     rig_of(frames, RigFormat::Carla, settings, name)
 }
 
@@ -119,7 +119,9 @@ fn rig_of(
 ) -> Result<Imported, RigError> {
     let base = base(format, &mut frames, settings, file)?;
     let mut notes = std::mem::take(&mut frames.notes);
-    let (lidars, left_out) = picked(&frames, settings, file)?;
+    let unplaced = std::mem::take(&mut frames.left_out);
+    let (lidars, mut left_out) = picked(&frames, settings, file)?;
+    left_out.extend(unplaced);
     let mut unknown = Vec::new();
     let named = settings.name.clone().or(frames.name.clone());
     let mut rig = Rig { name: named.unwrap_or_else(|| UNNAMED.to_owned()), lidars: Vec::new() };
