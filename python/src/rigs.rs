@@ -250,9 +250,9 @@ fn carla_list(given: &Bound<'_, PyAny>) -> PyResult<Value> {
             let no_text =
                 |_| bad(format!("sensors[{k}]: has the key {}; give texts as keys", shown(&key)));
             let key = key.extract::<String>().map_err(no_text)?;
-            let text = to_text(&format!("sensors[{k}].{key}"), &value)?;
-            let value = serde_json::from_str(&text);
-            entry.insert(key, value.map_err(|error| bad(format!("sensors[{k}]: {error}")))?);
+            let at = format!("sensors[{k}].{key}");
+            let value = serde_json::from_str(&to_text(&at, &value)?);
+            entry.insert(key, value.map_err(|error| bad(format!("{at}: {error}")))?);
         }
         Ok(Value::Object(entry))
     };

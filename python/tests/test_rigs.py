@@ -155,14 +155,3 @@ def test_sensors_and_suites_are_pickled(small: sightline.Scene) -> None:
     again = pickle.loads(pickle.dumps(suite))
     poses = np.array([[0, 0, 1.5, 0, 0, 0]])
     assert again.names == suite.names and again.score(poses) == suite.score(poses)
-
-
-def test_a_placement_without_models_is_refused_where_there_are_several() -> None:
-    car = "scenes/vehicles/car.json"
-    scene = sightline.Scene.load("scenes/urban-crossing.json", vehicle=car, backend="cpu", frames=1)
-    names = list(scene.sensors)
-    assert len(names) > 1
-    placement = Rig.from_carla([lidar()]).placement()
-    for call in (scene.score, scene.cast, scene.covered, lambda one: next(scene.scan(one)), sightline.Suite([scene]).score):
-        with pytest.raises(ValueError, match="LiDAR 0.*" + ".*".join(names)):
-            call(placement)
