@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from . import plan as plans
-from . import stage
+from . import stage, worlds
 from .designs import DESIGNS
 from .files import read_json, write_json
 from .plan import Plan
@@ -24,13 +24,14 @@ def restore(kept: dict[str, Any], out: Path, scenes: Path, xodr: Path | None) ->
     Raises ``ValueError`` for a record that is none or has no metrics by seed and scene, and for scenes that are others now.
     """
     record = _record(kept)
+    _check_maps(record, xodr)
     plans.worlds_of(DESIGNS[record["design"]], out, scenes, xodr)
-    worlds = [World.from_dict(world, out, scenes) for world in record["scenes"]]
+    scenes_of_run = [World.from_dict(world, out, scenes) for world in record["scenes"]]
     now = plans.versions()
     changed = sorted(key for key in now if record["versions"].get(key) != now[key])
     stage.say(f"other than in the record: {', '.join(changed) or 'nothing'}")
     record = {**record, "versions": now}
-    tested = [world.name for world in worlds if world.role == "test"]
+    tested = [world.name for world in scenes_of_run if world.role == "test"]
     placements = kept["placements"]
     for index, scene in enumerate(tested):
         of_scene = {score: [one["scores"][score][index] for one in placements] for score in record["scores"]}
@@ -53,6 +54,18 @@ def _metrics(placement: dict[str, Any], row: int, scene: int) -> dict[str, float
     """Those that the trees have; of another learner's the units are not kept."""
     found = placement["by_seed_and_scene"]
     return {metric: found[metric][row][scene] for metric in found if not metric.startswith("unet_")}
+
+
+def _check_maps(record: dict[str, Any], xodr: Path | None) -> None:
+    """Refuses a run with towns on maps that are not there, before any world is made."""
+    design, run = DESIGNS[record["design"]], {scene["name"] for scene in record["scenes"]}
+    towns = [*design.train_towns, *design.test_towns]
+    maps = list(dict.fromkeys(name for name, seed in towns if run & {name, f"{name}-{seed}"}))
+    if xodr is None and maps:
+        raise ValueError(f"it has towns on the OpenDRIVE maps {', '.join(maps)}; give their folder with --xodr")
+    if xodr is not None:
+        for name in maps:
+            worlds.map_of(xodr, name)
 
 
 def _record(kept: dict[str, Any]) -> dict[str, Any]:

@@ -66,7 +66,7 @@ class World:
             raise ValueError(f"{path}: is not there; give the folder of the {missing}")
         found = Source.read(path).digest()
         if found != kept["sha256"]:
-            raise ValueError(f"{path}: is not the file that the plan was made with; give another --out")
+            raise ValueError(f"{path}: is not the file that the plan was made with; give another --out, or take the sightline of then")
         return World(kept["name"], path, kept["role"], kept["frames"], found)
 
 
@@ -100,20 +100,26 @@ def imported(xodr: Path, name: str, seed: int, role: str, frames: int, folder: P
     called = called or name
     path = folder / f"{called}.json"
     if not path.is_file():
-        found = sorted(file for end in ("xodr", "xodr.gz") for file in xodr.rglob(f"{name}.{end}"))
-        if not found:
-            raise ValueError(f"{xodr}: holds no {name}.xodr, nor a compressed one; give a folder that does, or no --xodr")
+        found = map_of(xodr, name)
         folder.mkdir(parents=True, exist_ok=True)
         drawn = folder / f"{called}.xodr"
         try:
-            given = found[0].read_bytes()
-            drawn.write_bytes(gzip.decompress(given) if found[0].suffix == ".gz" else given)
+            given = found.read_bytes()
+            drawn.write_bytes(gzip.decompress(given) if found.suffix == ".gz" else given)
             _made(["import", str(drawn), "--quiet", "--seed", str(seed), "--out", str(path)])
         except (ValueError, EOFError, zlib.error, gzip.BadGzipFile) as error:
-            raise ValueError(f"{found[0]}: is no map that a town can be made on: {error}") from error
+            raise ValueError(f"{found}: is no map that a town can be made on: {error}") from error
         finally:
             drawn.unlink(missing_ok=True)
     return world(called, path, role, frames)
+
+
+def map_of(xodr: Path, name: str) -> Path:
+    """The file of an OpenDRIVE map, somewhere in a folder."""
+    found = sorted(file for end in ("xodr", "xodr.gz") for file in xodr.rglob(f"{name}.{end}"))
+    if not found:
+        raise ValueError(f"{xodr}: holds no {name}.xodr, nor a compressed one; give a folder that does, or no --xodr")
+    return found[0]
 
 
 def _made(words: list[str]) -> None:

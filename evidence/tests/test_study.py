@@ -296,3 +296,13 @@ def test_a_run_is_restored_from_what_was_kept(
     del record["placements"][0]["by_seed_and_scene"]
     with pytest.raises(ValueError, match="means alone"):
         restore.restore(record, tmp_path / "means", scenes, None)
+
+
+def test_a_run_with_towns_is_not_restored_without_their_maps(tmp_path: Path) -> None:
+    record = files.read_json(Path("evidence/runs/standard.json.gz"))
+    with pytest.raises(ValueError, match="maps Town01, Town06, Town03, Town04; give their folder with --xodr"):
+        restore.restore(record, tmp_path / "run", Path("scenes"), None)
+    (tmp_path / "Town01.xodr").touch()
+    with pytest.raises(ValueError, match="holds no Town06.xodr"):
+        restore.restore(record, tmp_path / "run", Path("scenes"), tmp_path)
+    assert not (tmp_path / "run").exists()

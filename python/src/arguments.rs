@@ -104,6 +104,11 @@ pub fn classes(given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     texts("classes", given)
 }
 
+/// The argument `frames` of rigs, which may be `None`.
+pub fn frame_names(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
+    if given.is_none() { Ok(None) } else { texts("frames", given).map(Some) }
+}
+
 /// The argument `moving`, which may be `None`.
 pub fn moving(given: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
     if given.is_none() { Ok(None) } else { texts("moving", given).map(Some) }
@@ -236,7 +241,7 @@ pub fn or_raised(py: Python<'_>, error: PyErr) -> PyResult<()> {
 }
 
 /// A value as Python writes it, cut where it is long.
-fn shown(given: &Bound<'_, PyAny>) -> String {
+pub fn shown(given: &Bound<'_, PyAny>) -> String {
     let Ok(text) = given.repr() else {
         // Python refuses to write whole numbers of thousands of digits.
         let kind = given.get_type();

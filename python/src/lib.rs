@@ -6,7 +6,7 @@
 //! | `arrays`, `json` | conversions |
 //! | `errors` | exceptions |
 //! | `wait` | long work without the GIL, with Ctrl-C |
-//! | `sensors`, `placements`, `psogs`, `scenes` | what the user holds |
+//! | `sensors`, `placements`, `psogs`, `rigs`, `scenes` | what the user holds |
 //! | `engine` | what is built once from a scene |
 //! | `columns` | scores as arrays |
 //! | `scans` | scans as an iterator |
@@ -20,6 +20,7 @@ mod errors;
 mod json;
 mod placements;
 mod psogs;
+mod rigs;
 mod scans;
 mod scenes;
 mod search;
@@ -63,6 +64,8 @@ mod _native {
     use super::placements::{PyPlacement, published, read};
     #[pymodule_export]
     use super::psogs::PyPsog;
+    #[pymodule_export]
+    use super::rigs::PyRig;
     #[pymodule_export]
     use super::scans::ScanIterator;
     #[pymodule_export]

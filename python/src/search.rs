@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use pyo3::exceptions::{PyRuntimeError, PyStopIteration};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 use serde_json::json;
 use sightline::engine::{EngineChoice, open};
 use sightline::near_field::add_self_hits;
@@ -31,6 +31,7 @@ use crate::wait::{interruptible, start, wait};
 /// Several scenes that share LiDARs and mount; each counts the same.
 #[pyclass(name = "Suite", module = "sightline", frozen)]
 pub struct PySuite {
+    given: Vec<Py<PyScene>>,
     scenes: Vec<Arc<Built>>,
     evaluator: Arc<Kept>,
 }
@@ -39,7 +40,10 @@ pub struct PySuite {
 impl PySuite {
     #[new]
     fn new(scenes: &Bound<'_, PyAny>) -> PyResult<Self> {
-        Ok(Self { scenes: scenes_of(scenes)?, evaluator: Arc::default() })
+        let given = given_scenes(scenes)?;
+        let scenes = given.iter().map(|scene| scene.get().built.clone()).collect();
+        let given = given.into_iter().map(Bound::unbind).collect();
+        Ok(Self { given, scenes, evaluator: Arc::default() })
     }
 
     /// Names of the scenes.
@@ -73,6 +77,13 @@ impl PySuite {
 
     fn __len__(&self) -> usize {
         self.scenes.len()
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let (py, given) = (slf.py(), &slf.get().given);
+        let scenes: Vec<_> = given.iter().map(|scene| scene.bind(py)).collect();
+        let arguments = (scenes,).into_pyobject(py)?.into_any();
+        PyTuple::new(py, [slf.get_type().into_any(), arguments])
     }
 }
 
@@ -269,15 +280,19 @@ pub fn search<'py>(
 
 /// What a scene, or a list of at least one, was built from.
 fn scenes_of(given: &Bound<'_, PyAny>) -> PyResult<Vec<Arc<Built>>> {
+    Ok(given_scenes(given)?.iter().map(|scene| scene.get().built.clone()).collect())
+}
+
+/// A scene, or a list of at least one.
+fn given_scenes<'py>(given: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PyScene>>> {
     if let Ok(one) = given.cast::<PyScene>() {
-        return Ok(vec![one.get().built.clone()]);
+        return Ok(vec![one.clone()]);
     }
     let scenes = listed::<PyScene>("scenes", given, "a Scene")?;
-    let scenes = scenes.ok_or_else(|| match given.len() {
+    scenes.ok_or_else(|| match given.len() {
         Ok(0) => bad("scenes: are none; give at least one"),
         _ => bad("scenes: give a Scene or a list of them"),
-    })?;
-    Ok(scenes.iter().map(|scene| scene.get().built.clone()).collect())
+    })
 }
 
 /// What a search has come to, and the signal or the callback's exception that ended it.

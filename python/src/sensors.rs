@@ -17,13 +17,13 @@ use crate::json::{to_python, to_text};
 /// A LiDAR model: its beams in its own frame.
 #[pyclass(name = "Sensor", module = "sightline", frozen)]
 pub struct PySensor {
+    lidar: Lidar,
     table: BeamTable,
-    range: f64,
 }
 
 impl PySensor {
     pub fn of(lidar: &Lidar) -> PyResult<Self> {
-        Ok(Self { table: lidar.table().map_err(raised)?, range: lidar.range() })
+        Ok(Self { table: lidar.table().map_err(raised)?, lidar: lidar.clone() })
     }
 
     fn from_text(text: &str, folder: &Path, name: &str) -> PyResult<Self> {
@@ -74,7 +74,7 @@ impl PySensor {
     /// Metres.
     #[getter]
     fn range(&self) -> f64 {
-        self.range
+        self.lidar.range()
     }
 
     fn __len__(&self) -> usize {
@@ -82,7 +82,42 @@ impl PySensor {
     }
 
     fn __repr__(&self) -> String {
-        format!("Sensor({} beams, {} m)", self.__len__(), self.range)
+        format!("Sensor({} beams, {} m)", self.__len__(), self.range())
+    }
+
+    /// A sensor from its numbers, for pickles: those of a turning one, or its directions.
+    #[staticmethod]
+    fn _of(
+        elevations: Vec<f64>,
+        azimuth_offsets: Vec<f64>,
+        azimuth_steps: u32,
+        azimuth: Option<[f64; 2]>,
+        directions: Vec<[f64; 3]>,
+        range: f64,
+    ) -> PyResult<Self> {
+        if !directions.is_empty() {
+            return Self::of(&Lidar::Directions { directions, range });
+        }
+        if elevations.len() != azimuth_offsets.len() {
+            return Err(bad("sensor: its elevations and azimuth offsets differ in number"));
+        }
+        Self::of(&Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let py = slf.py();
+        let parts = match &slf.get().lidar {
+            Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range } => {
+                let none = Vec::<[f64; 3]>::new();
+                (elevations, azimuth_offsets, azimuth_steps, azimuth, none, range)
+                    .into_pyobject(py)?
+            }
+            Lidar::Directions { directions, range } => {
+                let none = Vec::<f64>::new();
+                (&none, &none, 0, None::<[f64; 2]>, directions, range).into_pyobject(py)?
+            }
+        };
+        PyTuple::new(py, [slf.getattr("_of")?, parts.into_any()])
     }
 }
 

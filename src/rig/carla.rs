@@ -83,11 +83,12 @@ pub(super) fn read_list(
     for (index, sensor) in list.iter().enumerate() {
         let fields = Fields::of(sensor, at.item(index))?;
         let holds = holds(&fields, frames)?;
-        // Cameras and the like may lack a pose.
-        if holds != Holds::Other {
-            let pose = mirrored(&fields.six_or_level()?, f64::to_radians);
-            add(frames, &fields, pose, holds)?;
+        if holds == Holds::Other {
+            leave_out(frames, &fields)?;
+            continue;
         }
+        let pose = mirrored(&fields.six_or_level()?, f64::to_radians);
+        add(frames, &fields, pose, holds)?;
     }
     Ok(())
 }
@@ -121,6 +122,13 @@ pub(super) fn holds(fields: &Fields, frames: &mut Frames) -> Result<Holds, RigEr
         None
     };
     Ok(Holds::Lidar { sensor, optical: None })
+}
+
+/// Leaves out an entry that is no LiDAR. Cameras and the like may lack a pose, and an `id`.
+pub(super) fn leave_out(frames: &mut Frames, fields: &Fields) -> Result<(), RigError> {
+    let name = fields.text("id").or_else(|_| fields.text("type"))?;
+    frames.left_out.push(name.to_owned());
+    Ok(())
 }
 
 /// Adds an entry to `base_link`, under its `id`.

@@ -28,6 +28,7 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
         for sensor in items(&object, "sensors")? {
             let holds = carla::holds(&sensor, frames)?;
             if holds == Holds::Other {
+                carla::leave_out(frames, &sensor)?;
                 continue;
             }
             if *vehicle.get_or_insert_with(|| object.at.clone()) != object.at {

@@ -75,9 +75,11 @@ impl<'a> Fields<'a> {
         self.map.iter().map(|(key, value)| (key, value, self.at.key(key)))
     }
 
+    /// The number under a key; a text that is one counts, as attributes of CARLA are texts.
     pub(super) fn number(&self, key: &str) -> Result<f64, RigError> {
         let value = self.value(key)?;
-        let number = value.as_f64().filter(|v| v.is_finite());
+        let of_text = || value.as_str()?.trim().parse().ok();
+        let number = value.as_f64().or_else(of_text).filter(|v| v.is_finite());
         number.ok_or_else(|| wrong(&self.at.key(key), plain(value), "a finite number"))
     }
 

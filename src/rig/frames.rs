@@ -44,6 +44,8 @@ pub(super) struct Frames {
     moving: HashMap<String, String>,
     /// Name that the files give the rig.
     pub(super) name: Option<String>,
+    /// Names of what is no LiDAR and has no frame.
+    pub(super) left_out: Vec<String>,
     /// What a user should know of the reading.
     pub(super) notes: Vec<Note>,
 }

@@ -108,7 +108,7 @@ pub fn from_carla_sensors(
     settings: &ImportSettings,
 ) -> Result<Imported, RigError> {
     let (name, mut frames) = ("sensors", Frames::default());
-    carla::read_list(sensors, &Place::top(name), &mut frames)?;
+    carla::read_list(sensors, &Place::top("CARLA").key(name), &mut frames)?;
     rig_of(frames, RigFormat::Carla, settings, name)
 }
 
@@ -121,7 +121,9 @@ fn rig_of(
 ) -> Result<Imported, RigError> {
     let base = base(format, &mut frames, settings, file)?;
     let mut notes = std::mem::take(&mut frames.notes);
-    let (lidars, left_out) = picked(&frames, settings, file)?;
+    let unplaced = std::mem::take(&mut frames.left_out);
+    let (lidars, mut left_out) = picked(&frames, settings, file)?;
+    left_out.extend(unplaced);
     let moving: BTreeSet<&str> =
         lidars.iter().flat_map(|frame| frames.moving_between(&base, &frame.name)).collect();
     notes.extend(moving.into_iter().map(|joint| {

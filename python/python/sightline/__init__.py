@@ -21,6 +21,7 @@ _os.environ.setdefault("NODEVICE_SELECT", "1")
 from ._native import (  # noqa: E402
     Placement,
     Psog,
+    Rig,
     ScanIterator,
     Scene,
     Sensor,
@@ -39,6 +40,7 @@ __all__ = [
     "Placement",
     "Psog",
     "Result",
+    "Rig",
     "Scan",
     "ScanIterator",
     "Scene",
