@@ -5,6 +5,7 @@ mod error;
 mod kind;
 mod parse;
 mod place;
+mod scalar;
 mod yaml;
 
 pub use error::DescriptionError;
@@ -12,4 +13,5 @@ pub(crate) use error::did_you_mean;
 pub use kind::FileKind;
 pub(crate) use parse::{check_version, nearest, parse, plain_words, read_limited, unknown_key};
 pub use place::Place;
-pub(crate) use yaml::{parse_yaml, yaml_as_json};
+pub(crate) use scalar::Quantity;
+pub(crate) use yaml::{Document, parse_documents, parse_yaml};
