@@ -123,7 +123,10 @@ fn number(text: &str) -> Option<Number> {
     let digits = text.strip_prefix(['+', '-']).unwrap_or(text);
     if let Some(hex) = digits.strip_prefix("0x") {
         let is_hex = !hex.is_empty() && hex.bytes().all(|b| b.is_ascii_hexdigit());
-        return u64::from_str_radix(hex, 16).ok().filter(|_| is_hex && digits == text).map(Number::from);
+        return u64::from_str_radix(hex, 16)
+            .ok()
+            .filter(|_| is_hex && digits == text)
+            .map(Number::from);
     }
     if !digits.bytes().all(|b| b.is_ascii_digit() || b".eE+-".contains(&b)) {
         return None;
@@ -152,11 +155,14 @@ mod tests {
     #[test]
     fn plain_numbers_are_those_of_every_yaml() {
         let same = [("1", json!(1)), ("-2.5", json!(-2.5)), ("+3", json!(3)), (".5", json!(0.5))];
-        let more = [("1.", json!(1.0)), ("0x10", json!(16)), ("1e3", json!(1e3)), ("~", json!(null))];
+        let more =
+            [("1.", json!(1.0)), ("0x10", json!(16)), ("1e3", json!(1e3)), ("~", json!(null))];
         for (text, wanted) in same.into_iter().chain(more) {
             assert_eq!(plain(text), wanted, "{text}");
         }
-        for text in ["010", "0o7", "1_000", "1:30", ".inf", "nan", "inf", "0x", "1e999", "-", "e5", "yes"] {
+        for text in
+            ["010", "0o7", "1_000", "1:30", ".inf", "nan", "inf", "0x", "1e999", "-", "e5", "yes"]
+        {
             assert_eq!(plain(text), json!(text));
         }
     }

@@ -195,8 +195,9 @@ fn parts(text: &str) -> Result<(Vec<Part<'_>>, Vec<usize>), Fault> {
 }
 
 fn too_deep(mark: (u32, u32)) -> Fault {
-    let problem =
-        format!("lists and objects are more than {MAX_DEPTH} deep in each other; simplify the file");
+    let problem = format!(
+        "lists and objects are more than {MAX_DEPTH} deep in each other; simplify the file"
+    );
     Fault { problem, mark }
 }
 
@@ -245,7 +246,9 @@ impl Tree<'_> {
                 scalar::value(text, is_plain, tag(its_tag).as_deref(), quantity).map_err(fault)
             }
             Event::SequenceStart(_, its_tag) => {
-                tag(its_tag).map_or(Ok(()), |tag| scalar::check_collection(&tag, "seq")).map_err(fault)?;
+                tag(its_tag)
+                    .map_or(Ok(()), |tag| scalar::check_collection(&tag, "seq"))
+                    .map_err(fault)?;
                 self.take(spot, 0, *mark)?;
                 self.marks.push(*mark);
                 let mut list = Vec::new();
@@ -256,7 +259,9 @@ impl Tree<'_> {
                 Ok(Value::Array(list))
             }
             Event::MappingStart(_, its_tag) => {
-                tag(its_tag).map_or(Ok(()), |tag| scalar::check_collection(&tag, "map")).map_err(fault)?;
+                tag(its_tag)
+                    .map_or(Ok(()), |tag| scalar::check_collection(&tag, "map"))
+                    .map_err(fault)?;
                 self.take(spot, 0, *mark)?;
                 self.marks.push(*mark);
                 let mut map = Map::new();
@@ -283,7 +288,9 @@ impl Tree<'_> {
         *next += 1;
         let fault = |problem| Err(Fault { problem, mark: part.mark });
         let named = match &part.event {
-            Event::Alias(anchor) => self.anchors.get(*anchor - 1).map(|&at| (&parts[at].event, true)),
+            Event::Alias(anchor) => {
+                self.anchors.get(*anchor - 1).map(|&at| (&parts[at].event, true))
+            }
             event => Some((event, false)),
         };
         let Some((Event::Scalar(key, _, _, None), repeats)) = named else {
@@ -291,7 +298,10 @@ impl Tree<'_> {
         };
         self.take(&Spot { repeats: repeats || spot.repeats, ..*spot }, key.len(), part.mark)?;
         if key == "<<" {
-            return fault("the key `<<` merges objects, which is not done here; write the keys out".to_owned());
+            return fault(
+                "the key `<<` merges objects, which is not done here; write the keys out"
+                    .to_owned(),
+            );
         }
         if map.contains_key(key.as_ref()) {
             return fault(format!("duplicate key {}; keep one of the two", shown(key)));
@@ -373,7 +383,8 @@ mod tests {
             "f: lasers[1].angle: string \"up\" stands where a number belongs (line 3, column 10)"
         );
         let document = parse_yaml("a: [[1, 2], {b: 3}]\nc:\n  d: 4\n", "f", quantity).unwrap();
-        let lines = ["a", "a[0][1]", "a[1].b", "c.d", "c.e", "z"].map(|path| document.line_of(path));
+        let lines =
+            ["a", "a[0][1]", "a[1].b", "c.d", "c.e", "z"].map(|path| document.line_of(path));
         assert_eq!(lines, [(1, 4), (1, 9), (1, 17), (3, 6), (3, 3), (1, 1)]);
     }
 
@@ -388,7 +399,10 @@ mod tests {
         let turned = "a: &a !degrees 180\nb: {angle: *a}\n";
         assert_eq!(value(turned).unwrap()["b"]["angle"], json!(std::f64::consts::PI));
         let error = value("a: &a !degrees 180\nb:\n  x: *a\n").unwrap_err();
-        assert!(error.contains("`!degrees` is the unit of an angle") && error.contains("line 1"), "{error}");
+        assert!(
+            error.contains("`!degrees` is the unit of an angle") && error.contains("line 1"),
+            "{error}"
+        );
         assert!(value("bare: {x: !inches 1}").unwrap_err().contains("without a unit"));
         assert!(value("a: !inches [1]").unwrap_err().contains("before each number"));
         assert!(value("a: !turns [1]").unwrap_err().contains("`!turns` is not known"));
@@ -431,7 +445,8 @@ mod tests {
             format!("{text}a{k}: &a{k} [{}]\n", vec![format!("*a{}", k - 1); 20].join(","))
         });
         let many = |unit: &str| unit.repeat(MAX_YAML / unit.len());
-        let texts = ["[", "{a: ", "- ", "? ", "&a ", "!a ", "[],", "{}\n", "a\n", "\"", "'", "%a\n", "|"];
+        let texts =
+            ["[", "{a: ", "- ", "? ", "&a ", "!a ", "[],", "{}\n", "a\n", "\"", "'", "%a\n", "|"];
         let begin = Instant::now();
         for text in texts.map(many).into_iter().chain([bomb]) {
             read(&text).unwrap_err();
