@@ -63,7 +63,7 @@ fn add(frame: Frame, frames: &mut Frames) -> Result<(), RigError> {
 /// A frame of one transform.
 fn transform(value: &Value, at: Place) -> Result<Frame, RigError> {
     if value == "..." {
-        let wanted = "a transform; print the list again with `ros2 topic echo --full-length`";
+        let wanted = "a transform (`ros2 topic echo --full-length` prints all)";
         return Err(wrong(&at, "...", wanted));
     }
     let fields = Fields::of(value, at.clone())?;
