@@ -212,10 +212,11 @@ pub fn map_xodr(folder: &Path, bytes: &[u8]) {
     assert!(world.mesh().vertices.iter().flatten().all(|v| v.is_finite()));
 }
 
-/// A rig in Autoware's YAML, or PandaSet's.
+/// A rig in Autoware's YAML, PandaSet's, or static transforms.
 pub fn rig_yaml(_: &Path, bytes: &[u8]) {
     check_rig(bytes, Some(RigFormat::Autoware));
     check_rig(bytes, Some(RigFormat::Pandaset));
+    check_rig(bytes, Some(RigFormat::Tf));
 }
 
 /// A rig in URDF.

@@ -61,7 +61,7 @@ const FOREIGN: [(&str, &[&str]); 12] = [
         &["npy.rs", "psog/", "files/", "vehicle/sensor_file/npy.rs", "datasets/carla/records.rs"],
     ),
     ("zip", &["psog/"]),
-    ("serde_yaml_ng", &["json/"]),
+    ("saphyr_parser", &["json/"]),
     // Where files are read and written.
     (
         "serde_json",

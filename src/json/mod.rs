@@ -6,6 +6,7 @@ mod kind;
 mod parse;
 mod place;
 mod xml;
+mod scalar;
 mod yaml;
 
 pub use error::DescriptionError;
@@ -14,4 +15,5 @@ pub use kind::FileKind;
 pub(crate) use parse::{check_version, nearest, parse, plain_words, read_limited, unknown_key};
 pub use place::Place;
 pub(crate) use xml::check_xml;
-pub(crate) use yaml::{parse_yaml, yaml_as_json};
+pub(crate) use scalar::Quantity;
+pub(crate) use yaml::{Document, parse_documents, parse_yaml};

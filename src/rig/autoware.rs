@@ -5,16 +5,28 @@ use serde_json::Value;
 use super::fields::{self, Fields};
 use super::frames::{Frame, Frames, Holds};
 use super::{BASE_LINK, Mounting, NamedText, Rig, RigError, Source};
-use crate::json::{Place, yaml_as_json};
+use crate::Note;
+use crate::json::Place;
 use crate::vehicle::SensorPose;
 
 /// Frame of Autoware's sensor kit.
 const KIT: &str = "sensor_kit_base_link";
 
-/// The text as YAML, of which JSON is a part.
-pub(super) fn parse(source: &Source) -> Result<Value, RigError> {
-    Ok(yaml_as_json(&source.text, &source.file)?)
-}
+/// Keys of a frame that are passed over: they say which sensor it is, and where its data go.
+const PASSED: [&str; 12] = [
+    "comment",
+    "description",
+    "frame_id",
+    "manufacturer",
+    "model",
+    "name",
+    "sensor_model",
+    "sensor_type",
+    "serial_number",
+    "topic",
+    "type",
+    "vendor",
+];
 
 /// Whether a value is a frame: it has at least one of the six numbers.
 fn is_frame(value: &Value) -> bool {
@@ -27,22 +39,29 @@ pub(super) fn holds_frames(document: &Value) -> bool {
     document.as_object().is_some_and(|map| map.values().any(inside))
 }
 
-/// Reads each frame in each frame of a document.
+/// Reads each frame in each frame of a file.
 pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
-    let document = parse(source)?;
-    for (parent, children, at) in Fields::of(&document, Place::top(&source.file))?.each() {
+    let document = source.yaml()?;
+    let top = Place::top(&source.file);
+    read_frames(&document.value, top, frames).map_err(|error| error.at_line(&document))
+}
+
+fn read_frames(document: &Value, top: Place, frames: &mut Frames) -> Result<(), RigError> {
+    let read: Vec<&str> = SensorPose::FIELDS.into_iter().chain([fields::PHASE]).collect();
+    for (parent, children, at) in Fields::of(document, top)?.each() {
         let Some(map) = children.as_object().filter(|map| map.values().any(is_frame)) else {
+            let text = format!("{at}: holds no frame with x, y, z, roll, pitch and yaw; not read");
+            // Objects in an object may be frames of other keys.
+            let inside = children.as_object().is_some_and(|map| map.values().any(Value::is_object));
+            frames.notes.push(if inside { Note::doubt(text) } else { Note::fact(text) });
             continue;
         };
         for (name, value) in map {
             let at = at.key(name);
-            frames.add(Frame {
-                name: name.clone(),
-                parent: parent.clone(),
-                pose: Fields::of(value, at.clone())?.six()?,
-                holds: Holds::Unsaid,
-                at,
-            })?;
+            let fields = Fields::of(value, at.clone())?;
+            fields.refuse_others(&read, &PASSED)?;
+            let (name, parent, pose) = (name.clone(), parent.clone(), fields.six()?);
+            frames.add(Frame { name, parent, pose, holds: Holds::Unsaid, at })?;
         }
     }
     Ok(())

@@ -2,7 +2,9 @@
 
 use std::str::FromStr;
 
-use super::{RigError, RigFormat, Source, autoware, pandaset, xml};
+use serde_json::Value;
+
+use super::{RigError, RigFormat, Source, autoware, pandaset, tf, xml};
 
 /// The format of a text.
 ///
@@ -31,15 +33,15 @@ pub(super) fn format_of(source: &Source) -> Result<RigFormat, RigError> {
         return Ok(format);
     }
     let named_yaml = source.file.ends_with(".yaml") || source.file.ends_with(".yml");
-    let parsed = autoware::parse(source);
-    let document = parsed.map_err(|fault| if named_yaml { fault } else { unrecognised() })?;
-    if pandaset::is_pandaset(&document) {
-        Ok(RigFormat::Pandaset)
-    } else if autoware::holds_frames(&document) {
-        Ok(RigFormat::Autoware)
-    } else {
-        Err(unrecognised())
-    }
+    let parsed = source.documents();
+    let documents = parsed.map_err(|fault| if named_yaml { fault } else { unrecognised() })?;
+    let is = |of: fn(&Value) -> bool| documents.iter().any(|document| of(&document.value));
+    let kinds: [(fn(&Value) -> bool, RigFormat); 3] = [
+        (tf::holds_transforms, RigFormat::Tf),
+        (pandaset::is_pandaset, RigFormat::Pandaset),
+        (autoware::holds_frames, RigFormat::Autoware),
+    ];
+    kinds.into_iter().find(|(of, _)| is(*of)).map(|(_, format)| format).ok_or_else(unrecognised)
 }
 
 /// Refuses program source: only running it tells its sensors.

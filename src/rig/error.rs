@@ -1,7 +1,7 @@
 //! Why a rig cannot be read or written.
 
 use super::RigFormat;
-use crate::json::{DescriptionError, Place};
+use crate::json::{DescriptionError, Document, Place, did_you_mean};
 use crate::vehicle::PlacementError;
 
 /// Most names that a message lists.
@@ -34,6 +34,28 @@ pub enum RigError {
         at: Box<Place>,
         /// What is missing.
         key: String,
+    },
+    /// A key that is not known where an unread one may change a pose.
+    #[error("{at}: unknown key `{key}`{}", did_you_mean(nearest, known))]
+    UnknownKey {
+        /// The object that holds it.
+        at: Box<Place>,
+        /// The key as written.
+        key: String,
+        /// Most similar known key, if one is similar.
+        nearest: Option<String>,
+        /// Every key known at this place.
+        known: Vec<String>,
+    },
+    /// A fault and its line in a YAML file.
+    #[error("{fault} (line {line}, column {column})")]
+    AtLine {
+        /// The fault.
+        fault: Box<RigError>,
+        /// Line, counted from 1.
+        line: usize,
+        /// Column, counted from 1.
+        column: usize,
     },
     /// A value of the wrong kind.
     #[error("{at}: {value} stands where {wanted} belongs")]
@@ -245,6 +267,21 @@ pub enum RigError {
         /// LiDARs of the rig.
         lidars: usize,
     },
+}
+
+impl RigError {
+    /// The fault with the line of its place in a document.
+    pub(super) fn at_line(self, document: &Document) -> Self {
+        let path = match &self {
+            Self::UnknownKey { at, key, .. } => at.key(key).path,
+            Self::Missing { at, .. } | Self::Value { at, .. } | Self::Twice { at, .. } => {
+                at.path.clone()
+            }
+            _ => return self,
+        };
+        let (line, column) = document.line_of(&path);
+        Self::AtLine { fault: Box::new(self), line, column }
+    }
 }
 
 fn unpicked(name: &Option<String>) -> String {

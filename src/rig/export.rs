@@ -53,7 +53,7 @@ pub fn export(
             one("objects.json", pretty(&carla_objects::write(rig, mounting, fan)))
         }
         RigFormat::Json => one("placements.json", pretty(&placements::rig_json(&[rig]))),
-        RigFormat::Pandaset => return Err(RigError::ReadOnly { format }),
+        RigFormat::Tf | RigFormat::Pandaset => return Err(RigError::ReadOnly { format }),
     };
     let mut warnings = Vec::new();
     if let Some(program) = simulator(format) {

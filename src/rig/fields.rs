@@ -4,7 +4,7 @@ use serde_json::{Map, Value};
 
 use super::RigError;
 use super::numbers::written;
-use crate::json::Place;
+use crate::json::{Place, nearest};
 use crate::vehicle::SensorPose;
 
 /// Most characters of a value that a message repeats.
@@ -52,6 +52,19 @@ impl<'a> Fields<'a> {
             Some(map) => Ok(Self { map, at }),
             None => Err(wrong(&at, value, "an object of keys and values")),
         }
+    }
+
+    /// Refuses keys that are neither read nor passed over.
+    pub(super) fn refuse_others(&self, read: &[&str], passed: &[&str]) -> Result<(), RigError> {
+        let is_known = |key: &&String| read.iter().chain(passed).any(|known| known == key);
+        let Some(key) = self.map.keys().find(|key| !is_known(key)) else { return Ok(()) };
+        Err(RigError::UnknownKey {
+            at: Box::new(self.at.clone()),
+            // A key that is there already was not meant.
+            nearest: nearest(key, read.iter().copied().filter(|key| !self.has(key))),
+            key: key.chars().take(MOST_SHOWN).collect(),
+            known: read.iter().map(|&key| key.to_owned()).collect(),
+        })
     }
 
     pub(super) fn has(&self, key: &str) -> bool {

@@ -16,6 +16,8 @@ pub enum RigFormat {
     Carla,
     /// `objects.json` of the CARLA ROS bridge; degrees.
     CarlaObjects,
+    /// Static transforms as `ros2 topic echo /tf_static` prints them; metres, quaternions; read only.
+    Tf,
     /// PandaSet's extrinsics; read only.
     Pandaset,
     /// Placements of this program.
@@ -24,13 +26,14 @@ pub enum RigFormat {
 
 impl RigFormat {
     /// Every format.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Autoware,
         Self::Urdf,
         Self::Sdf,
         Self::Ros2Launch,
         Self::Carla,
         Self::CarlaObjects,
+        Self::Tf,
         Self::Pandaset,
         Self::Json,
     ];
@@ -44,6 +47,7 @@ impl RigFormat {
             Self::Ros2Launch => "ros2-launch",
             Self::Carla => "carla",
             Self::CarlaObjects => "carla-objects",
+            Self::Tf => "tf",
             Self::Pandaset => "pandaset",
             Self::Json => "json",
         }
@@ -51,6 +55,6 @@ impl RigFormat {
 
     /// Whether a frame of this format is the foot of its sensor; else it is the optical centre.
     pub fn holds_feet(self) -> bool {
-        matches!(self, Self::Autoware | Self::Urdf | Self::Sdf | Self::Ros2Launch)
+        matches!(self, Self::Autoware | Self::Urdf | Self::Sdf | Self::Ros2Launch | Self::Tf)
     }
 }

@@ -9,7 +9,7 @@ use super::angles::{IDENTITY, compose, up};
 use super::frames::{Frame, Frames, Holds};
 use super::{
     BASE_LINK, Mounting, Rig, RigError, RigFormat, RigLidar, Source, autoware, carla,
-    carla_objects, detect, known, launch, pandaset, placements, sdf, sources, urdf,
+    carla_objects, detect, known, launch, pandaset, placements, sdf, sources, tf, urdf,
 };
 use crate::Note;
 use crate::json::Place;
@@ -202,6 +202,7 @@ fn read(format: RigFormat, source: &Source, frames: &mut Frames) -> Result<(), R
         RigFormat::Ros2Launch => launch::read(source, frames),
         RigFormat::Carla => carla::read(source, frames),
         RigFormat::CarlaObjects => carla_objects::read(source, frames),
+        RigFormat::Tf => tf::read(source, frames),
         RigFormat::Pandaset => pandaset::read(source, frames),
         // Read as a rig, not as frames.
         RigFormat::Json => Ok(()),

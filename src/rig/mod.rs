@@ -28,6 +28,7 @@ mod simulated;
 mod source;
 #[cfg(test)]
 mod tests;
+mod tf;
 mod urdf;
 mod xml;
 

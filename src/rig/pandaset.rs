@@ -5,7 +5,7 @@ use serde_json::Value;
 use super::angles::of_quaternion;
 use super::fields::{Fields, wrong};
 use super::frames::{Frame, Frames, Holds};
-use super::{RigError, Source, autoware};
+use super::{RigError, Source};
 use crate::json::Place;
 
 /// The sensor that all others are given in.
@@ -19,8 +19,13 @@ pub(super) fn is_pandaset(document: &Value) -> bool {
 
 /// Reads every sensor; all but cameras are LiDARs.
 pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
-    let document = autoware::parse(source)?;
-    let top = Fields::of(&document, Place::top(&source.file))?;
+    let document = source.yaml()?;
+    let top = Place::top(&source.file);
+    read_sensors(&document.value, top, frames).map_err(|error| error.at_line(&document))
+}
+
+fn read_sensors(document: &Value, top: Place, frames: &mut Frames) -> Result<(), RigError> {
+    let top = Fields::of(document, top)?;
     for (name, sensor, at) in top.inner("sensors")?.each() {
         let transform = Fields::of(sensor, at.clone())?.inner("transform")?;
         let (position, rotation) = (transform.inner("translation")?, transform.inner("rotation")?);

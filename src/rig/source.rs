@@ -3,7 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use super::RigError;
-use crate::json::{DescriptionError, Place, read_limited};
+use super::fields::PHASE;
+use crate::json::{
+    DescriptionError, Document, Place, Quantity, parse_documents, parse_yaml, read_limited,
+};
 
 /// Largest file in bytes: robots with many links have hundreds of kilobytes.
 const MAX_FILE: u64 = 16 << 20;
@@ -43,6 +46,26 @@ impl Source {
         })?;
         let text = text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text);
         Ok(Self { file, text })
+    }
+
+    /// The text as one document of YAML, of which JSON is a part.
+    pub(super) fn yaml(&self) -> Result<Document, RigError> {
+        Ok(parse_yaml(&self.text, &self.file, quantity)?)
+    }
+
+    /// All documents of a YAML text that are not empty.
+    pub(super) fn documents(&self) -> Result<Vec<Document>, RigError> {
+        Ok(parse_documents(&self.text, &self.file, quantity)?)
+    }
+}
+
+/// Quantity under a key of a pose, as all YAML of rigs names them.
+fn quantity(parent: &str, key: &str) -> Option<Quantity> {
+    match (parent, key) {
+        ("rotation", "x" | "y" | "z" | "w") => Some(Quantity::Bare),
+        (_, "x" | "y" | "z") => Some(Quantity::Length),
+        (_, "roll" | "pitch" | "yaw" | PHASE) => Some(Quantity::Angle),
+        _ => None,
     }
 }
 

@@ -6,6 +6,7 @@ mod faults;
 mod real;
 mod round_trip;
 mod worked;
+mod yaml;
 
 use super::{ImportSettings, Imported, RigError, Source, import_texts};
 use crate::vehicle::SensorPose;

@@ -12,7 +12,7 @@ use super::keys::{self, Passed, Rest};
 use super::pattern::{Beams, SensorFormat, SensorPattern, channel, check_count};
 use crate::Note;
 use crate::json::check::bad;
-use crate::json::{DescriptionError, Place, parse_yaml};
+use crate::json::{DescriptionError, Place, Quantity, parse_yaml};
 
 /// Keys that are read.
 const READ: &str = "lasers num_lasers laser_id rot_correction vert_correction vert_offset_correction \
@@ -58,7 +58,8 @@ pub(super) fn is_velodyne(text: &str) -> bool {
 }
 
 pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, DescriptionError> {
-    let Calibration { lasers, num_lasers } = parse_yaml(text, &at.file)?;
+    let document = parse_yaml(text, &at.file, quantity)?;
+    let Calibration { lasers, num_lasers } = document.read()?;
     let list = at.key("lasers");
     check_count(&list, lasers.len())?;
     if let Some(count) = num_lasers.filter(|count| *count != lasers.len() as u64) {
@@ -83,11 +84,21 @@ pub(super) fn parse(at: &Place, text: &str) -> Result<SensorPattern, Description
     });
     let beams = Beams::Channels(channels.collect::<Result<_, _>>()?);
     let mut notes: Vec<Note> = dropped_origins(&lasers).into_iter().collect();
-    notes.extend(keys::unknown(at, &parse_yaml::<Rest>(text, &at.file)?, PASSED));
-    let lasers = parse_yaml::<Keys>(text, &at.file)?.lasers.into_iter().enumerate();
+    notes.extend(keys::unknown(at, &document.read::<Rest>()?, PASSED));
+    let lasers = document.read::<Keys>()?.lasers.into_iter().enumerate();
     let unknown = |(i, keys): (usize, Rest)| keys::unknown(&list.item(i), &keys, PASSED);
     notes.extend(lasers.filter_map(unknown).take(1));
     Ok(SensorPattern { notes, ..SensorPattern::new(SensorFormat::Velodyne, beams) })
+}
+
+/// Quantity under a key of a laser.
+fn quantity(_: &str, key: &str) -> Option<Quantity> {
+    match key {
+        "vert_correction" | "rot_correction" => Some(Quantity::Angle),
+        "vert_offset_correction" | "horiz_offset_correction" => Some(Quantity::Length),
+        "laser_id" | "num_lasers" => Some(Quantity::Bare),
+        _ => None,
+    }
 }
 
 /// What one origin for all lasers leaves out.

@@ -66,7 +66,17 @@ fn velodyne_in_block_and_flow() {
     let wrong = message("lasers:\n- rot_correction: 0\n");
     assert!(wrong.contains("lasers[0]: missing key `vert_correction`"), "{wrong}");
     let nan = message("lasers:\n- {rot_correction: 0, vert_correction: .nan}\n");
-    assert!(nan.starts_with("f: lasers[0].vert_correction: NaN is not an elevation"), "{nan}");
+    let wanted =
+        "f: lasers[0].vert_correction: string \".nan\" stands where a number belongs (line 2";
+    assert!(nan.starts_with(wanted), "{nan}");
+    let tagged = "lasers:\n- {rot_correction: !degrees -2, vert_correction: !degrees 15}\n";
+    let [first] = channels(&read(tagged).unwrap())[..] else { panic!() };
+    assert!((first[0] - 15.0).abs() < 1e-12 && (first[1] + 2.0).abs() < 1e-12, "{first:?}");
+    let length = message(&tagged.replace("!degrees 15", "!inches 15"));
+    assert!(
+        length.contains("`!inches` is the unit of a length") && length.contains("line 2"),
+        "{length}"
+    );
     assert!(message("lasers: []\n").contains("a list of 0"));
 }
 
