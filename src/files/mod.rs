@@ -36,7 +36,9 @@ pub use inside::{stays_inside, trust_paths};
 pub use names::{safe_name, safe_names};
 pub use place::{is_sink, target};
 pub use run_dir::{RunDir, holds_run};
-pub use whole::{begin_in, sync_disk, writable_file, write_many, write_own, write_whole};
+pub use whole::{
+    begin_in, sync_disk, writable_file, write_many, write_own, write_pair, write_whole,
+};
 
 /// Why a file or folder cannot be read, written or gone on with.
 #[derive(Debug, thiserror::Error)]

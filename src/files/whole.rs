@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use tempfile::{NamedTempFile, TempPath};
 
@@ -60,24 +60,13 @@ fn write_as<E: From<FileError>>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>,
 ) -> Result<(), E> {
-    let io = |error| FileError::io(path)(error);
     let target = target(path)?;
-    let sink = is_sink(&target);
-    let begun = if sink { tempfile::tempfile().map(Begun::Sink) } else { beside(&target) };
-    let mut begun = begun.map_err(io)?;
-    let mut writer = BufWriter::new(begun.file());
-    write(&mut writer)?;
-    writer.flush().map_err(io)?;
-    drop(writer);
-    match begun {
-        Begun::Sink(whole) => Ok(pour(whole, &target).map_err(io)?),
+    match written(path, &target, write)? {
+        Begun::Sink(whole) => Ok(pour(whole, &target).map_err(FileError::io(path))?),
         Begun::Beside(file, temporary) => {
-            guard::is_no_input(path)?;
-            if let Ok(before) = std::fs::metadata(&target) {
-                file.as_file().set_permissions(before.permissions()).map_err(io)?;
-            }
+            ready(&file, &target, path)?;
             if output != Output::OneOfMany {
-                on_disk(file.as_file()).map_err(io)?;
+                on_disk(file.as_file()).map_err(FileError::io(path))?;
             }
             let replaces = output == Output::Own || guard::overwrites();
             place(file.into_temp_path(), &target, replaces, path)?;
@@ -88,6 +77,116 @@ fn write_as<E: From<FileError>>(
             Ok(())
         }
     }
+}
+
+/// Writes two files of one folder, of which the second names the first. Both are on the disk before either takes its
+/// place, and an old second file is never beside a new first one, whenever the process ends.
+///
+/// # Errors
+/// As of [`write_whole`]. Then both places are as they were before.
+pub fn write_pair<E: From<FileError>>(
+    (first, write_first): (&Path, impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>),
+    (second, write_second): (&Path, impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>),
+) -> Result<(), E> {
+    let targets = [target(first)?, target(second)?];
+    let begun =
+        [written(first, &targets[0], write_first)?, written(second, &targets[1], write_second)?];
+    let [Begun::Beside(one, _first), Begun::Beside(two, _second)] = begun else {
+        let message = "is no regular file; name a file";
+        return Err(FileError::io(second)(std::io::Error::other(message)).into());
+    };
+    for (file, target, path) in [(&one, &targets[0], first), (&two, &targets[1], second)] {
+        ready(file, target, path)?;
+        on_disk(file.as_file()).map_err(FileError::io(path))?;
+    }
+    let pair = [(one.into_temp_path(), first), (two.into_temp_path(), second)];
+    Ok(place_pair(pair, &targets, guard::overwrites(), || Ok(()))?)
+}
+
+/// Moves two files to their places; `between` runs when the first one is there.
+fn place_pair(
+    [(one, first), (two, second)]: [(TempPath, &Path); 2],
+    targets: &[PathBuf; 2],
+    replaces: bool,
+    between: impl FnOnce() -> Result<(), FileError>,
+) -> Result<(), FileError> {
+    let folder = folder_of(&targets[1]);
+    let was_there = targets[0].exists();
+    // A run that was killed between its two files left this very first one.
+    let kept = !targets[1].exists() && is_copy(&one, &targets[0]);
+    if !replaces && was_there && !kept {
+        return Err(guard::exists(first));
+    }
+    if !replaces && targets[1].exists() {
+        return Err(guard::exists(second));
+    }
+    let aside = |path: &Path| -> std::io::Result<Option<(TempPath, Temporary)>> {
+        if !path.exists() {
+            return Ok(None);
+        }
+        let (file, temporary) = begin_in(folder_of(path))?;
+        let aside = file.into_temp_path();
+        std::fs::rename(path, &aside)?;
+        Ok(Some((aside, temporary)))
+    };
+    let old_second = aside(&targets[1]).map_err(FileError::io(second))?;
+    let mut old_first = None;
+    let moved = || {
+        if !kept {
+            old_first = aside(&targets[0]).map_err(FileError::io(first))?;
+            place(one, &targets[0], replaces, first)?;
+        }
+        sync_folder(folder);
+        between()?;
+        place(two, &targets[1], replaces, second)
+    };
+    let moved = moved();
+    if moved.is_err() {
+        if !kept && (old_first.is_some() || !was_there) {
+            let _ = std::fs::remove_file(&targets[0]);
+        }
+        for (old, target) in [(old_first, &targets[0]), (old_second, &targets[1])] {
+            let _ = old.map(|(old, _temporary)| old.persist(target));
+        }
+    }
+    sync_folder(folder);
+    moved
+}
+
+/// Whether two files hold the same bytes.
+fn is_copy(one: &Path, other: &Path) -> bool {
+    let length = |path: &Path| std::fs::metadata(path).map(|data| data.len()).ok();
+    length(one).is_some()
+        && length(one) == length(other)
+        && std::fs::read(one).is_ok_and(|one| std::fs::read(other).is_ok_and(|other| one == other))
+}
+
+/// The bytes of a file, beside its place or for a pipe.
+fn written<E: From<FileError>>(
+    path: &Path,
+    target: &Path,
+    write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>,
+) -> Result<Begun, E> {
+    let io = |error| FileError::io(path)(error);
+    let begun = match is_sink(target) {
+        true => tempfile::tempfile().map(Begun::Sink),
+        false => beside(target),
+    };
+    let mut begun = begun.map_err(io)?;
+    let mut writer = BufWriter::new(begun.file());
+    write(&mut writer)?;
+    writer.flush().map_err(io)?;
+    drop(writer);
+    Ok(begun)
+}
+
+/// Checks that a file may take its place, and gives it the permissions of the one before.
+fn ready(file: &NamedTempFile, target: &Path, path: &Path) -> Result<(), FileError> {
+    guard::is_no_input(path)?;
+    if let Ok(before) = std::fs::metadata(target) {
+        file.as_file().set_permissions(before.permissions()).map_err(FileError::io(path))?;
+    }
+    Ok(())
 }
 
 /// A file that is being written.
@@ -224,4 +323,63 @@ pub fn writable_file(path: &Path) -> Result<(), FileError> {
     guard::sweep(folder);
     tempfile::tempfile_in(folder).map_err(FileError::io(path))?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn begun(folder: &Path, text: &str) -> TempPath {
+        let (mut file, _temporary) = begin_in(folder).unwrap();
+        file.write_all(text.as_bytes()).unwrap();
+        file.into_temp_path()
+    }
+
+    #[test]
+    fn an_old_scene_never_meets_a_new_mesh() {
+        for (before, replaces) in [(false, false), (true, true)] {
+            let folder = tempfile::tempdir().unwrap();
+            let at = |name: &str| folder.path().join(name);
+            let (mesh, scene) = (at("a.ply"), at("a.json"));
+            if before {
+                std::fs::write(&mesh, "old mesh").unwrap();
+                std::fs::write(&scene, "old scene").unwrap();
+            }
+            let pair = |text: [&str; 2]| {
+                [
+                    (begun(folder.path(), text[0]), mesh.as_path()),
+                    (begun(folder.path(), text[1]), scene.as_path()),
+                ]
+            };
+            let targets = [mesh.clone(), scene.clone()];
+            let failed = place_pair(pair(["new mesh", "new scene"]), &targets, replaces, || {
+                // A process that is killed here leaves this.
+                assert_eq!(std::fs::read_to_string(&mesh).unwrap(), "new mesh");
+                assert!(!scene.exists());
+                Err(FileError::Refused("stopped".to_owned()))
+            });
+            assert!(failed.is_err());
+            let read = |path: &Path| std::fs::read_to_string(path).ok();
+            let old = |text: &str| before.then(|| text.to_owned());
+            assert_eq!((read(&mesh), read(&scene)), (old("old mesh"), old("old scene")));
+            place_pair(pair(["new mesh", "new scene"]), &targets, replaces, || Ok(())).unwrap();
+            assert_eq!(read(&scene).as_deref(), Some("new scene"));
+            assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+        }
+    }
+
+    #[test]
+    fn a_mesh_that_a_killed_run_left_is_taken_up_and_no_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let targets = ["a.ply", "a.json"].map(|name| folder.path().join(name));
+        std::fs::write(&targets[0], "mesh").unwrap();
+        let placed = |mesh: &str| {
+            let [one, two] = [mesh, "scene"].map(|text| begun(folder.path(), text));
+            place_pair([(one, &targets[0]), (two, &targets[1])], &targets, false, || Ok(()))
+        };
+        assert!(placed("other").unwrap_err().to_string().contains("already exists"));
+        assert!(!targets[1].exists());
+        placed("mesh").unwrap();
+        assert_eq!(std::fs::read_to_string(&targets[1]).unwrap(), "scene");
+    }
 }

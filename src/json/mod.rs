@@ -5,8 +5,8 @@ mod error;
 mod kind;
 mod parse;
 mod place;
-mod xml;
 mod scalar;
+mod xml;
 mod yaml;
 
 pub use error::DescriptionError;
@@ -14,6 +14,6 @@ pub(crate) use error::did_you_mean;
 pub use kind::FileKind;
 pub(crate) use parse::{check_version, nearest, parse, plain_words, read_limited, unknown_key};
 pub use place::Place;
-pub(crate) use xml::check_xml;
 pub(crate) use scalar::Quantity;
+pub(crate) use xml::check_xml;
 pub(crate) use yaml::{Document, parse_documents, parse_yaml};

@@ -36,7 +36,8 @@ pub(super) fn format_of(source: &Source) -> Result<RigFormat, RigError> {
     let parsed = source.documents();
     let documents = parsed.map_err(|fault| if named_yaml { fault } else { unrecognised() })?;
     let is = |of: fn(&Value) -> bool| documents.iter().any(|document| of(&document.value));
-    let kinds: [(fn(&Value) -> bool, RigFormat); 3] = [
+    type Fits = fn(&Value) -> bool;
+    let kinds: [(Fits, RigFormat); 3] = [
         (tf::holds_transforms, RigFormat::Tf),
         (pandaset::is_pandaset, RigFormat::Pandaset),
         (autoware::holds_frames, RigFormat::Autoware),

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::classes::Classes;
 use super::description::{Dictionary, SceneDescription, ShapeDescription, VehicleSource};
+use super::doubts;
 use super::shapes::Builder;
 use super::solid::Solid;
 use crate::Note;
@@ -38,15 +39,17 @@ pub(super) struct Body {
 }
 
 impl Body {
-    /// The body's triangles, and the files that its shapes name.
+    /// The body's triangles, the files that its shapes name, and notes about them.
     pub fn build(
         &self,
         classes: &Classes,
         shapes: &Dictionary<Vec<ShapeDescription>>,
-    ) -> Result<(Solid, Vec<PathBuf>), DescriptionError> {
+    ) -> Result<(Solid, Vec<PathBuf>, Vec<Note>), DescriptionError> {
         let mut builder = Builder::new(&self.at, classes, shapes, &self.dir);
         let solid = builder.list(&self.at.key("body"), &self.shapes)?;
-        Ok((solid, builder.files()))
+        let mut notes = builder.notes();
+        notes.extend(doubts::of_shapes(&self.at.key("body"), &self.shapes));
+        Ok((solid, builder.files(), notes))
     }
 }
 

@@ -1,10 +1,14 @@
 //! Likely mistakes of a scene or a vehicle file: sizes, axes, ways, heights, ranges.
 
+use std::f64::consts::TAU;
+
 use glam::DVec3;
 
+use super::description::{PoseDescription, SceneDescription, ShapeDescription};
 use super::{GROUND_CLASSES, Scene, Solid};
 use crate::Note;
-use crate::vehicle::Lidar;
+use crate::json::Place;
+use crate::vehicle;
 
 /// Longest and shortest body of a vehicle, in metres.
 const BODY: [f64; 2] = [0.3, 30.0];
@@ -16,8 +20,9 @@ const ACTOR: f64 = 400.0;
 const STEP: f64 = 0.05;
 /// Metres between the ego's origin and the ground under it that a kerb or a suspension explains.
 const GROUND: f64 = 1.0;
-/// Ranges in metres that LiDARs have.
-const RANGE: [f64; 2] = [1.0, 1000.0];
+/// Metres between a body and the nearest place of a mount, and its farthest, that a mast or a beam explains.
+const BESIDE: f64 = 2.5;
+const REACH: f64 = 8.0;
 
 /// Every doubt about a scene; `file` names it.
 pub(super) fn about(scene: &Scene, file: &str) -> Vec<Note> {
@@ -28,14 +33,20 @@ pub(super) fn about(scene: &Scene, file: &str) -> Vec<Note> {
     doubts.extend(sideways("ego", scene.frames, |t| scene.ego_pose(t)));
     doubts.extend(ground(scene));
     doubts.extend(sensors(scene));
+    doubts.extend(far_mounts(scene));
+    doubts.extend(voxels(scene));
     doubts.into_iter().map(|doubt| Note::doubt(format!("{file}: {doubt}"))).collect()
 }
 
 fn extent(solid: &Solid) -> Option<DVec3> {
+    corners(solid).map(|[low, high]| high - low)
+}
+
+/// Lower and upper corner of the box around triangles.
+fn corners(solid: &Solid) -> Option<[DVec3; 2]> {
     let used = || solid.faces.iter().flatten().map(|v| solid.vertices[*v as usize]);
     let first = used().next()?;
-    let (low, high) = used().fold((first, first), |(low, high), p| (low.min(p), high.max(p)));
-    Some(high - low)
+    Some(used().fold([first; 2], |[low, high], p| [low.min(p), high.max(p)]))
 }
 
 /// Share of the area whose normal lies along each axis.
@@ -188,31 +199,11 @@ fn height_at_origin([a, b, c]: [DVec3; 3]) -> Option<f64> {
 
 /// Doubts about sensors and where they may stand.
 fn sensors(scene: &Scene) -> Vec<String> {
-    let mut doubts = Vec::new();
-    let lidars: Vec<&Lidar> = match &scene.vehicle {
-        Some(vehicle) => vehicle.sensors.iter().map(|s| &s.lidar).collect(),
-        None => vec![&scene.lidar],
+    // A vehicle's own models and mounts are doubted where its file is read.
+    let mut doubts = match &scene.vehicle {
+        Some(_) => Vec::new(),
+        None => vehicle::of_lidar("the LiDAR", &scene.lidar),
     };
-    for (i, lidar) in lidars.iter().enumerate() {
-        let range = lidar.range();
-        if !(RANGE[0]..=RANGE[1]).contains(&range) {
-            doubts.push(format!(
-                "LiDAR {i} has a range of {range} m; ranges are in metres: write 100 for 100 m"
-            ));
-        }
-        if let Lidar::Spinning { elevations, .. } = lidar {
-            let high = elevations.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            let low = elevations.iter().copied().fold(f64::INFINITY, f64::min);
-            if elevations.len() > 1 && high > low && high - low < 1.0 {
-                doubts.push(format!(
-                    "LiDAR {i} has a field of view of {:.3}°; degrees are expected, {:.3} rad would be {:.1}°",
-                    high - low,
-                    high - low,
-                    (high - low).to_degrees()
-                ));
-            }
-        }
-    }
     let (low, high) = (scene.mount.min, scene.mount.max);
     if high[2] < 0.0 {
         doubts.push(format!(
@@ -227,6 +218,114 @@ fn sensors(scene: &Scene) -> Vec<String> {
             "the whole mount lies inside the ego body, where every beam ends at once; move it onto the body".to_owned(),
         );
     }
+    doubts
+}
+
+/// Doubts about mounts that stand far from the body.
+fn far_mounts(scene: &Scene) -> Vec<String> {
+    let Some([low, high]) = corners(&scene.body) else { return Vec::new() };
+    let mounts: Vec<(String, [DVec3; 2])> = match &scene.vehicle {
+        None => vec![("the mount".to_owned(), [scene.mount.min, scene.mount.max].map(DVec3::from))],
+        Some(vehicle) => (0..vehicle.mounts.len())
+            .map(|i| {
+                let [from, to] = vehicle.mounts[i].region.corners();
+                (format!("mounts[{i}] of the vehicle"), [DVec3::from(from), DVec3::from(to)])
+            })
+            .collect(),
+    };
+    let far = mounts.into_iter().filter_map(|(name, [from, to])| {
+        let nearest = (low - to).max(from - high).max(DVec3::ZERO).length();
+        let farthest = (low - from).max(to - high).max(DVec3::ZERO).length();
+        let outside = if nearest > BESIDE { nearest } else { farthest };
+        (nearest > BESIDE || farthest > REACH).then(|| {
+            format!(
+                "{name} reaches {outside:.1} m outside the ego body; positions are in metres, from the ego's origin: \
+                 check `min` and `max`, and the place of the body"
+            )
+        })
+    });
+    far.collect()
+}
+
+/// A doubt about voxels of which fewer than two fill the region.
+fn voxels(scene: &Scene) -> Option<String> {
+    let roi = &scene.roi;
+    let axis = (0..3).find(|&i| roi.voxel[i] > 0.5 * (roi.max[i] - roi.min[i]))?;
+    Some(format!(
+        "roi.voxel[{axis}] is {} m, more than half of the region, which is {} m there; lengths are in metres: give \
+         smaller voxels",
+        roi.voxel[axis],
+        roi.max[axis] - roi.min[axis]
+    ))
+}
+
+/// Doubts about the angles that a scene file states.
+pub(super) fn of_angles(top: &Place, scene: &SceneDescription) -> Vec<Note> {
+    let mut doubts = of_shapes(&top.key("static"), &scene.world);
+    for (name, shapes) in &scene.shapes.0 {
+        doubts.extend(of_shapes(&top.key("shapes").key(name), shapes));
+    }
+    let ego = scene.ego.iter().map(|ego| (top.key("ego"), &ego.poses));
+    let actors = scene.actors.iter().enumerate();
+    let actors = actors.map(|(i, actor)| (top.key("actors").item(i), &actor.poses));
+    let turned = ego.chain(actors).filter_map(|(at, poses)| track(&at, poses.as_deref()?));
+    doubts.extend(first_three(turned.collect()));
+    for (i, actor) in scene.actors.iter().enumerate() {
+        doubts.extend(of_shapes(&top.key("actors").item(i).key("parts"), &actor.parts));
+    }
+    if let Some(ego) = &scene.ego {
+        doubts.extend(of_shapes(&top.key("ego").key("body"), &ego.body));
+    }
+    if let Some(mount) = &scene.mount {
+        let angles = [("roll", mount.roll), ("pitch", mount.pitch), ("yaw", mount.yaw)];
+        let told = angles.iter().filter_map(|(key, range)| {
+            vehicle::of_angles(&top.key("mount").key(key).to_string(), range)
+        });
+        doubts.extend(told.map(Note::doubt));
+    }
+    doubts
+}
+
+/// Doubts about the angles of meshes. Boxes and copies are turned by whole radians, too.
+pub(super) fn of_shapes(at: &Place, shapes: &[ShapeDescription]) -> Vec<Note> {
+    let mut doubts = Vec::new();
+    for (i, shape) in shapes.iter().enumerate() {
+        if let Some(mesh) = &shape.mesh {
+            for (key, angle) in [("roll", mesh.roll), ("pitch", mesh.pitch), ("yaw", mesh.yaw)] {
+                let what = at.item(i).key("mesh").key(key).to_string();
+                doubts.extend(vehicle::of_angles(&what, &[angle]));
+            }
+        }
+    }
+    first_three(doubts.into_iter().map(Note::doubt).collect())
+}
+
+/// A doubt about the angles of a way. Headings may go on past a turn, step by step.
+fn track(at: &Place, poses: &[PoseDescription]) -> Option<Note> {
+    let yaw: Vec<f64> = poses.iter().map(|pose| pose.yaw).collect();
+    let leaps = |two: &[f64]| {
+        let step = two[1] - two[0];
+        (step - TAU * (step / TAU).round()).abs() > 1.0
+    };
+    let more_than_a_turn = |yaw: &f64| yaw.abs() > TAU + 1e-6;
+    let whole = yaw.iter().all(|yaw| yaw.fract() == 0.0) && yaw.iter().any(|yaw| yaw.abs() >= 2.0);
+    let in_degrees = whole
+        || yaw.first().is_some_and(more_than_a_turn)
+        || (yaw.iter().any(more_than_a_turn) && yaw.windows(2).any(leaps));
+    let worst = yaw.iter().copied().find(|yaw| in_degrees && yaw.abs() >= 2.0);
+    let tilt =
+        poses.iter().flat_map(|pose| [pose.roll, pose.pitch]).find(|a| vehicle::is_degrees(*a));
+    let (key, angle) = worst.map(|yaw| ("yaw", yaw)).or(tilt.map(|tilt| ("a tilt", tilt)))?;
+    Some(Note::doubt(format!(
+        "{}: {key} of {angle} rad; degrees? {angle}° are {:.4} rad",
+        at.key("poses"),
+        angle.to_radians()
+    )))
+}
+
+/// The first three doubts of a list; things of one file share one mistake.
+fn first_three(mut doubts: Vec<Note>) -> Vec<Note> {
+    doubts.truncate(3);
     doubts
 }
 
@@ -271,10 +370,37 @@ mod tests {
     }
 
     #[test]
+    fn headings_that_go_on_past_a_turn_are_sound() {
+        let poses: Vec<String> = [6.1, 6.25, 6.4, 6.55]
+            .iter()
+            .map(|yaw| format!("{{\"x\": 0, \"y\": 0, \"yaw\": {yaw}}}"))
+            .collect();
+        let poses = format!("\"poses\": [{}]", poses.join(", "));
+        assert_eq!(told(CAR, &poses, 0.0, LIDAR, ROOF), "");
+    }
+
+    #[test]
+    fn voxels_larger_than_half_the_region_are_doubted() {
+        let text = r#"{"sightline": 1, "roi": {"min": [-20, -20, 0], "max": [20, 20, 5], "voxel": [0.4, 0.4, 4]},
+            "lidar": {"channels": 4, "fov": [-25, 5], "azimuth_steps": 8, "range": 100},
+            "mount": {"min": [0, 0, 2], "max": [0, 0, 2], "lidars": 1},
+            "static": [{"class": "road", "plane": {"min": [-50, -50], "max": [50, 50], "z": 0}}]}"#;
+        let scene = Scene::from_json(text, std::path::Path::new(""), "s.json").unwrap();
+        let told: Vec<&str> = scene.notes().iter().map(Note::text).collect();
+        assert!(told.join("\n").contains("roi.voxel[2] is 4 m, more than half"), "{told:?}");
+    }
+
+    #[test]
     fn each_likely_mistake_is_told_with_its_number() {
         let poses =
             r#""poses": [{"x": 0, "y": 0}, {"x": 0, "y": 1}, {"x": 0, "y": 2}, {"x": 0, "y": 3}]"#;
         let inside = r#"{"min": [-0.1, -0.1, 0.5], "max": [0.1, 0.1, 0.7], "lidars": 1}"#;
+        let away = ROOF
+            .replace("-0.6, -0.6, 2]", "9.4, -0.6, 1]")
+            .replace("[0.6, 0.6, 2.6]", "[9.6, 0.6, 1.5]");
+        let degrees = ROOF.replace("\"lidars\"", "\"yaw\": [0, 5], \"lidars\"");
+        let turned = r#""poses": [{"x": 0, "y": 0, "yaw": 90}, {"x": 0, "y": 1, "yaw": 90}, {"x": 0, "y": 2, "yaw": 91},
+            {"x": 0, "y": 3, "yaw": 92}]"#;
         let short = LIDAR.replace("100}", "0.1}");
         let narrow = LIDAR.replace("-25, 5", "-0.4, 0.1");
         let large = r#"{"foot": [0, 0, 0.2], "size": [4400, 1800, 1300]}"#;
@@ -287,6 +413,20 @@ mod tests {
             (told(CAR, AHEAD, 0.0, &short, ROOF), "a range of 0.1 m"),
             (told(CAR, AHEAD, 0.0, &narrow, ROOF), "a field of view of 0.500°"),
             (told(CAR, AHEAD, 0.0, LIDAR, inside), "the whole mount lies inside the ego body"),
+            (told(CAR, AHEAD, 0.0, LIDAR, &away), "reaches 7.2 m outside the ego body"),
+            (told(CAR, AHEAD, 0.0, LIDAR, &degrees), "mount.yaw is 5 rad; degrees? 5° are 0.0873"),
+            (told(CAR, turned, 0.0, LIDAR, ROOF), "ego.poses: yaw of 90 rad; degrees?"),
+            (
+                told(
+                    CAR,
+                    "\"poses\": [{\"x\": 0, \"y\": 0, \"pitch\": 2}, {\"x\": 1, \"y\": 0}, {\"x\": 2, \"y\": 0}, \
+                {\"x\": 3, \"y\": 0}]",
+                    0.0,
+                    LIDAR,
+                    ROOF,
+                ),
+                "ego.poses: a tilt of 2 rad",
+            ),
         ] {
             assert!(told.contains(word), "{word}: {told}");
         }

@@ -254,6 +254,7 @@ impl Scene {
         json::check_version(text, name_for_errors, FileKind::Scene)?;
         let mut scene: SceneDescription = json::parse(text, name_for_errors)?;
         let top = Place::top(name_for_errors);
+        let angles = doubts::of_angles(&top, &scene);
         let name = name_of(&top, scene.name.take())?;
         let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
         let carrier = Carrier::new(&top, &mut scene, dir, vehicle)?;
@@ -267,11 +268,13 @@ impl Scene {
             Things::new(&mut builder, &top, &scene.world, &scene.actors, scene.ego.as_ref())?;
         files.extend(builder.files());
         if let Some(body) = body {
-            let (solid, more) = body.build(&classes, &scene.shapes)?;
+            let (solid, more, said) = body.build(&classes, &scene.shapes)?;
             things.body = solid;
             files.extend(more);
+            notes.extend(said);
         }
         notes.extend(builder.notes());
+        notes.extend(angles);
         let reflectances = Reflectances::new(&top, &classes, &scene.reflectance, &scene.actors)?;
 
         let has_geometry = things.has_geometry();

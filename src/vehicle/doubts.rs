@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-use super::{Constraints, Placement, Region, SensorPose};
+use super::{Constraints, Lidar, Placement, Region, SensorPose};
 
 /// Farthest coordinate of a sensor that stands on a vehicle, in metres: larger ones are most likely millimetres.
 const FARTHEST: f64 = 100.0;
@@ -11,6 +11,47 @@ const FARTHEST: f64 = 100.0;
 const WHOLE: f64 = 2.0;
 /// Metres beside a mount that poses lose where they are written with three decimals.
 const SLACK: f64 = 2e-3;
+
+/// Ranges in metres that LiDARs have.
+const RANGE: [f64; 2] = [1.0, 1000.0];
+/// Smallest fields of view in degrees, up and across; smaller numbers are radians.
+const VIEW: [f64; 2] = [1.0, PI];
+
+/// Whether an angle in radians is most likely one in degrees: more than a turn, or a whole number from 2 up.
+pub(crate) fn is_degrees(angle: f64) -> bool {
+    angle.abs() > TAU + 1e-6 || (angle.fract() == 0.0 && angle.abs() >= WHOLE)
+}
+
+/// A doubt about angles that a file states in radians; `what` names them.
+pub(crate) fn of_angles(what: &str, angles: &[f64]) -> Option<String> {
+    let angle = angles.iter().find(|angle| is_degrees(**angle))?;
+    Some(format!("{what} is {angle} rad; degrees? {angle}° are {:.4} rad", angle.to_radians()))
+}
+
+/// Doubts about a LiDAR, which `who` names: its range and its field of view.
+pub(crate) fn of_lidar(who: &str, lidar: &Lidar) -> Vec<String> {
+    let mut doubts = Vec::new();
+    let range = lidar.range();
+    if !(RANGE[0]..=RANGE[1]).contains(&range) {
+        doubts.push(format!(
+            "{who} has a range of {range} m; ranges are in metres: write 100 for 100 m"
+        ));
+    }
+    let Lidar::Spinning { elevations, azimuth, .. } = lidar else { return doubts };
+    let high = elevations.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let low = elevations.iter().copied().fold(f64::INFINITY, f64::min);
+    let across = azimuth.map_or(360.0, |[from, to]| to - from);
+    for (view, least, key) in [(high - low, VIEW[0], "fov"), (across, VIEW[1], "azimuth")] {
+        if view > 0.0 && view < least {
+            doubts.push(format!(
+                "{who} has a field of view of {view:.3}° (`{key}`); radians? degrees are expected, {view:.3} rad are \
+                 {:.1}°",
+                view.to_degrees()
+            ));
+        }
+    }
+    doubts
+}
 
 /// Looks for what is most likely not meant in placements. None of it is an error: a placement is taken as it is.
 #[derive(Debug, Clone, Default)]
@@ -113,6 +154,34 @@ mod tests {
         let placement =
             Placement { name: "roof".into(), lidars: vec![SensorPose::at(0.0, 0.0, 2.0), pose] };
         doubts.about(&placement).join("; ")
+    }
+
+    #[test]
+    fn whole_numbers_from_2_and_more_than_a_turn_are_degrees() {
+        assert!([90.0, -180.0, 5.0, 2.0, 7.5].into_iter().all(is_degrees));
+        assert!(![0.0, 1.0, -1.0, 2.5, PI / 2.0, -PI, TAU].into_iter().any(is_degrees));
+        let told = of_angles("`yaw`", &[0.1, 90.0]).unwrap();
+        assert_eq!(told, "`yaw` is 90 rad; degrees? 90° are 1.5708 rad");
+    }
+
+    #[test]
+    fn views_in_radians_and_ranges_in_kilometres_are_doubted() {
+        let lidar = |elevations: [f64; 2], azimuth, range| Lidar::Spinning {
+            elevations: elevations.to_vec(),
+            azimuth_offsets: vec![0.0; 2],
+            azimuth_steps: 100,
+            azimuth,
+            range,
+        };
+        assert!(of_lidar("a", &lidar([-25.0, 15.0], Some([-60.0, 60.0]), 100.0)).is_empty());
+        for (lidar, word) in [
+            (lidar([-0.4, 0.2], None, 100.0), "0.600° (`fov`)"),
+            (lidar([-25.0, 15.0], Some([-1.0, 1.0]), 100.0), "2.000° (`azimuth`)"),
+            (lidar([-25.0, 15.0], None, 0.1), "a range of 0.1 m"),
+        ] {
+            let told = of_lidar("a", &lidar).join("; ");
+            assert!(told.contains(word), "{word}: {told}");
+        }
     }
 
     #[test]

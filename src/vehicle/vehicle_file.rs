@@ -78,6 +78,12 @@ impl Vehicle {
             }
             sensors.push(sensor);
         }
+        for (i, sensor) in sensors.iter().enumerate() {
+            let doubts = super::of_lidar(&format!("sensors[{i}]"), &sensor.lidar);
+            notes.extend(doubts.iter().map(|doubt| Note::doubt(format!("{at}: {doubt}"))));
+        }
+        let angles = vehicle.mounts.iter().enumerate().flat_map(|(i, mount)| angles(i, mount));
+        notes.extend(angles.map(|doubt| Note::doubt(format!("{at}: {doubt}"))));
         let (mut mounts, meshes) = mounts(at, vehicle.mounts, &sensors, dir)?;
         files.extend(meshes);
         let min_distance = vehicle.min_distance;
@@ -99,6 +105,24 @@ impl Vehicle {
         let name = name.unwrap_or_else(|| stem.to_owned());
         Ok((Self { name, sensors, mounts, min_distance, keep_out, ties, require, notes }, files))
     }
+}
+
+/// Doubts about the angles of a mount and of its mesh.
+fn angles(i: usize, mount: &MountingDescription) -> Vec<String> {
+    let of = |key: &str, angles: &[f64]| super::of_angles(&format!("mounts[{i}].{key}"), angles);
+    let own = [("roll", mount.roll), ("pitch", mount.pitch), ("yaw", mount.yaw)];
+    let mut doubts: Vec<String> = own.iter().filter_map(|(key, range)| of(key, range)).collect();
+    if let Some(mesh) = &mount.mesh {
+        let facing = mesh.facing.as_ref().and_then(|facing| facing.angle);
+        let own = [
+            ("mesh.roll", mesh.roll),
+            ("mesh.pitch", mesh.pitch),
+            ("mesh.yaw", mesh.yaw),
+            ("mesh.facing.angle", facing.unwrap_or(0.0)),
+        ];
+        doubts.extend(own.iter().filter_map(|(key, angle)| of(key, &[*angle])));
+    }
+    doubts
 }
 
 /// All mounts, which differ in their names and hold 1 to 16 sensors together, and the files of their meshes.

@@ -5,6 +5,7 @@
 //! generated kind differs from an imported map in its first step alone. Everything depends on the seed
 //! and nothing else: the same seed gives the same bytes.
 
+mod brought;
 mod error;
 mod fleet;
 mod houses;

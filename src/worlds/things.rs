@@ -1,12 +1,12 @@
 //! What stands beside the road: trees, lamps, signs, lights, rails, benches, bins and goods.
 
 use crate::maths;
-use std::collections::BTreeSet;
 
 use glam::{DVec2, DVec3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use super::brought::Brought;
 use super::houses::fence;
 use super::line::{Line, left_of};
 use super::mask::{HOUSE, Mask, ROAD, THING, WALK};
@@ -24,32 +24,14 @@ pub(crate) struct Things<'a> {
     pub rng: ChaCha8Rng,
     /// Feet of the trees.
     pub trees: Vec<DVec2>,
-    /// Cells of 10 m in which the map itself has a thing of a class.
-    pub of_map: BTreeSet<(u16, [i32; 2])>,
+    /// Where the map itself has things.
+    pub of_map: Brought,
     /// Signals of the map that would stand on the road.
     pub left_out: usize,
 }
 
 /// Metres above a road from which a plate hangs over it.
 const OVER_ROAD: f64 = 3.0;
-
-fn near_cell(p: DVec2) -> [i32; 2] {
-    [(p.x / 10.0).floor() as i32, (p.y / 10.0).floor() as i32]
-}
-
-/// Where a map itself has poles, signs and barriers, so that none of ours stands beside them.
-pub(crate) fn of_map(network: &Network) -> BTreeSet<(u16, [i32; 2])> {
-    let signs = network.posts.iter().map(|post| (class::TRAFFIC_SIGN, post.foot));
-    let barrier = |class| match class {
-        class::FENCE | class::WALL | class::GUARD_RAIL => class::GUARD_RAIL,
-        other => other,
-    };
-    let shapes = network
-        .shapes
-        .iter()
-        .flat_map(|shape| shape.faces.iter().flatten().map(move |p| (barrier(shape.class), *p)));
-    signs.chain(shapes).map(|(class, p)| (class, near_cell(p.truncate()))).collect()
-}
 
 impl Things<'_> {
     /// Furnishes every street, junction and garden.
@@ -104,13 +86,19 @@ impl Things<'_> {
                 let lamps = if self.style.lamps > 0.0 { 6.0 / self.style.lamps } else { 0.0 };
                 match self.rng.random_range(0.0..1.0) {
                     r if r < trees && walk > 1.5 => self.tree(foot, 1.0),
-                    r if r < trees + lamps && self.brought(class::POLE, p) => {}
-                    r if r < trees + lamps => self.lamp(foot, -outward(s)),
+                    // Lots are drawn for what the map has itself, too: all else stays where it is.
+                    r if r < trees + lamps => {
+                        let height = self.rng.random_range(5.0..9.0);
+                        if !self.of_map.near(class::POLE, p) {
+                            self.lamp(foot, -outward(s), height);
+                        }
+                    }
                     r if r < trees + lamps + 0.06 => {
                         // Boards look at those who come along on this side of the road.
                         let side = if (out < 0.0) != street.left_hand { -1.0 } else { 1.0 };
-                        if !self.brought(class::TRAFFIC_SIGN, p) {
-                            self.sign(foot, edge.heading(s) * side);
+                        let lots = self.sign_lots();
+                        if !self.of_map.near(class::TRAFFIC_SIGN, p) {
+                            self.sign(foot, edge.heading(s) * side, lots);
                         }
                     }
                     r if r < trees + lamps + 0.13 && walk > 1.5 => {
@@ -169,8 +157,7 @@ impl Things<'_> {
         self.trees.push(foot.truncate());
     }
 
-    fn lamp(&mut self, foot: DVec3, over_road: DVec2) {
-        let height = self.rng.random_range(5.0..9.0);
+    fn lamp(&mut self, foot: DVec3, over_road: DVec2, height: f64) {
         self.model.pole(foot, 0.08, height, 6, class::POLE);
         let arm = Plot {
             middle: foot.truncate() + over_road * 0.8,
@@ -182,17 +169,22 @@ impl Things<'_> {
         self.take(foot.truncate(), 0.2);
     }
 
-    fn sign(&mut self, foot: DVec3, faces: DVec2) {
+    /// Lower edge of a sign's board and half its height in metres, and whether it is round.
+    fn sign_lots(&mut self) -> (f64, f64, bool) {
         let height = self.rng.random_range(2.1..2.6);
-        self.model.pole(foot, 0.035, height + 0.6, 5, class::POLE);
         let half = self.rng.random_range(0.28..0.42);
+        (height, half, self.chance(0.4))
+    }
+
+    fn sign(&mut self, foot: DVec3, faces: DVec2, (height, half, round): (f64, f64, bool)) {
+        self.model.pole(foot, 0.035, height + 0.6, 5, class::POLE);
         let board = Plot {
             middle: foot.truncate() - faces * 0.06,
             ahead: faces,
             half: DVec2::new(0.015, half),
         };
         let (low, high) = (foot.z + height, foot.z + height + 2.0 * half);
-        if self.chance(0.4) {
+        if round {
             // A round board is an octagon.
             let middle = board.middle.extend(0.5 * (low + high));
             let corner = |k: u32| {
@@ -233,7 +225,12 @@ impl Things<'_> {
                 continue;
             }
             taken.push(p);
-            if light { self.light(foot, faces) } else { self.sign(foot, faces) }
+            if light {
+                self.light(foot, faces);
+            } else {
+                let lots = self.sign_lots();
+                self.sign(foot, faces, lots);
+            }
         }
     }
 
@@ -245,7 +242,10 @@ impl Things<'_> {
             match (on_road, post.light) {
                 (true, _) => self.left_out += 1,
                 (false, true) => self.light(foot, faces),
-                (false, false) => self.sign(foot, faces),
+                (false, false) => {
+                    let lots = self.sign_lots();
+                    self.sign(foot, faces, lots);
+                }
             }
             return;
         };
@@ -266,12 +266,6 @@ impl Things<'_> {
             self.model.pole(foot, 0.05, height, 6, class::POLE);
             self.take(foot.truncate(), 0.2);
         }
-    }
-
-    /// Whether the map itself has a thing of the class within 10 m or a little more.
-    fn brought(&self, class: u16, p: DVec2) -> bool {
-        let [x, y] = near_cell(p);
-        (-1..=1).any(|i| (-1..=1).any(|j| self.of_map.contains(&(class, [x + i, y + j]))))
     }
 
     fn approaches(&mut self, network: &Network) -> Vec<(DVec3, DVec2, bool)> {
@@ -363,7 +357,7 @@ impl Things<'_> {
         let mut s = 0.0;
         while s + 4.0 <= line.length() {
             let (a, b) = (line.at(s), line.at(s + 4.0));
-            if self.brought(class::GUARD_RAIL, a.truncate()) {
+            if [a, b].iter().any(|p| self.of_map.near(class::GUARD_RAIL, p.truncate())) {
                 s += 4.0;
                 continue;
             }

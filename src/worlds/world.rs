@@ -6,6 +6,7 @@ use glam::DVec2;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
+use super::brought::Brought;
 use super::error::WorldError;
 use super::houses::Houses;
 use super::kinds;
@@ -17,7 +18,7 @@ use super::opendrive;
 use super::population::{Population, Settings};
 use super::style::{Kind, Style};
 use super::surfaces::{self, Terrain};
-use super::things::{Things, of_map};
+use super::things::Things;
 use crate::Note;
 use crate::geom::TriangleSoup;
 
@@ -181,7 +182,7 @@ fn furnished(
         model: &mut model,
         rng: lot(seed, 22),
         trees: Vec::new(),
-        of_map: of_map(&network),
+        of_map: Brought::of(&network),
         left_out: 0,
     };
     things.furnish(&network);

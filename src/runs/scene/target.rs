@@ -1,11 +1,12 @@
 //! The scene file that is written, and its mesh beside it.
 
-use std::io::Write;
+use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use crate::files::{FileError, is_sink, target, will_read, writable_file, write_whole};
+use crate::files::{FileError, is_sink, target, will_read, writable_file, write_pair};
 use crate::geom::TriangleSoup;
 use crate::runs::{Error, Watcher};
 use crate::worlds::write_ply;
@@ -48,15 +49,35 @@ impl<'a> Target<'a> {
     /// Refuses a mesh that is there and is not that of the scene in the place of the new one.
     fn check_mesh(&self) -> Result<(), Error> {
         let named = |text: String| text.contains(&Value::from(self.mesh_name()).to_string());
-        if !self.mesh.exists() || std::fs::read_to_string(self.out).is_ok_and(named) {
+        if !self.mesh.exists() || !self.out.exists() {
             return Ok(());
         }
-        Err(Error::Usage(format!(
+        match std::fs::read_to_string(self.out).is_ok_and(named) {
+            true => Ok(()),
+            false => Err(self.mesh_is_there()),
+        }
+    }
+
+    /// Refuses a mesh without a scene, but for the new one itself: a run that was killed left it.
+    fn check_mesh_without_scene(&self, soup: &TriangleSoup) -> Result<(), Error> {
+        if self.out.exists() || !self.mesh.exists() {
+            return Ok(());
+        }
+        let mut new = Vec::new();
+        write_ply(soup, &mut new).map_err(Error::io(&self.mesh))?;
+        match std::fs::read(&self.mesh).is_ok_and(|old| old == new) {
+            true => Ok(()),
+            false => Err(self.mesh_is_there()),
+        }
+    }
+
+    fn mesh_is_there(&self) -> Error {
+        Error::Usage(format!(
             "{}: is there and would be overwritten by the scene's mesh; name another scene than {}, or move the \
              mesh away",
             self.mesh.display(),
             self.out.display()
-        )))
+        ))
     }
 
     /// Name of the scene: that of its file.
@@ -77,12 +98,17 @@ impl<'a> Target<'a> {
         watcher: &dyn Watcher,
     ) -> Result<(), Error> {
         let mesh = &self.mesh;
-        write_whole(mesh, |file| write_ply(soup, file).map_err(Error::io(mesh)))?;
-        write_whole(self.out, |file| {
-            serde_json::to_writer_pretty(&mut *file, scene)
-                .map_err(|source| FileError::Json { path: self.out.to_owned(), source })?;
-            file.write_all(b"\n").map_err(Error::io(self.out))
-        })?;
+        self.check_mesh_without_scene(soup)?;
+        write_pair(
+            (mesh, |file: &mut BufWriter<&mut File>| {
+                write_ply(soup, file).map_err(Error::io(mesh))
+            }),
+            (self.out, |file: &mut BufWriter<&mut File>| {
+                serde_json::to_writer_pretty(&mut *file, scene)
+                    .map_err(|source| FileError::Json { path: self.out.to_owned(), source })?;
+                file.write_all(b"\n").map_err(Error::io(self.out))
+            }),
+        )?;
         watcher.note(&format!(
             "{} triangles in {}, scene in {}",
             soup.faces.len(),

@@ -1,6 +1,7 @@
 //! Worlds: read back, driven through, compared.
 
 mod generated;
+mod map_parts;
 mod opendrive;
 
 use std::fs::File;

@@ -72,7 +72,7 @@ fn velodyne_in_block_and_flow() {
     let tagged = "lasers:\n- {rot_correction: !degrees -2, vert_correction: !degrees 15}\n";
     let [first] = channels(&read(tagged).unwrap())[..] else { panic!() };
     assert!((first[0] - 15.0).abs() < 1e-12 && (first[1] + 2.0).abs() < 1e-12, "{first:?}");
-    let length = message(&tagged.replace("!degrees 15", "!inches 15"));
+    let length = message(tagged.replace("!degrees 15", "!inches 15"));
     assert!(
         length.contains("`!inches` is the unit of a length") && length.contains("line 2"),
         "{length}"
