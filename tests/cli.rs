@@ -214,6 +214,7 @@ fn hits_of_a_room_are_where_its_walls_are() {
     for backend in ["cpu", "gpu"] {
         let args = [
             "cast",
+            "--force",
             "room.json",
             "p.json",
             "--frame",

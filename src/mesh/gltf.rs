@@ -8,7 +8,7 @@ use base64::engine::{DecodePaddingMode, GeneralPurpose};
 
 use super::gltf_data::Data;
 use super::gltf_walk::Walk;
-use super::placing::Axes;
+use super::raw::Axes;
 use super::raw::{Fault, MAX_FILE, RawMesh};
 use crate::Note;
 use crate::files::stays_inside;

@@ -4,43 +4,11 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::raw::{RawMesh, extension};
+use super::raw::{Axes, RawMesh, extension};
 use crate::Note;
 use crate::geom::Pose;
 use crate::json::check::{self, bad};
 use crate::json::{DescriptionError, Place};
-
-/// Directions of a file's axes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Axes {
-    /// x forward, y left, z up, as here.
-    ZUp,
-    /// x forward, y up, z right, as Blender writes a world whose x is forward.
-    YUp,
-    /// x left, y up, z forward, as the specification of glTF has it.
-    ZForward,
-}
-
-impl Axes {
-    /// Axes by the word for them in a scene file, or in the extras of a glTF asset.
-    pub fn of(word: &str) -> Option<Self> {
-        match word {
-            "z-up" => Some(Self::ZUp),
-            "y-up" => Some(Self::YUp),
-            "z-forward" => Some(Self::ZForward),
-            _ => None,
-        }
-    }
-
-    /// A position in metres forward, left and up.
-    fn turn(self, v: DVec3) -> DVec3 {
-        match self {
-            Self::ZUp => v,
-            Self::YUp => DVec3::new(v.x, -v.z, v.y),
-            Self::ZForward => DVec3::new(v.z, v.x, v.y),
-        }
-    }
-}
 
 /// Axes, a scale and a pose: what a description says about a mesh beside its file.
 pub(crate) struct Placing {

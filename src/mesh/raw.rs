@@ -5,8 +5,39 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use super::placing::Axes;
 use crate::Note;
+
+/// Directions of a file's axes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Axes {
+    /// x forward, y left, z up, as here.
+    ZUp,
+    /// x forward, y up, z right, as Blender writes a world whose x is forward.
+    YUp,
+    /// x left, y up, z forward, as the specification of glTF has it.
+    ZForward,
+}
+
+impl Axes {
+    /// Axes by the word for them in a scene file, or in the extras of a glTF asset.
+    pub fn of(word: &str) -> Option<Self> {
+        match word {
+            "z-up" => Some(Self::ZUp),
+            "y-up" => Some(Self::YUp),
+            "z-forward" => Some(Self::ZForward),
+            _ => None,
+        }
+    }
+
+    /// A position in metres forward, left and up.
+    pub(super) fn turn(self, v: DVec3) -> DVec3 {
+        match self {
+            Self::ZUp => v,
+            Self::YUp => DVec3::new(v.x, -v.z, v.y),
+            Self::ZForward => DVec3::new(v.z, v.x, v.y),
+        }
+    }
+}
 
 /// Largest mesh file or buffer, in bytes.
 pub(super) const MAX_FILE: u64 = 1 << 30;

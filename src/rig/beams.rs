@@ -6,7 +6,6 @@ use serde_json::{Value, json};
 
 use super::numbers::written;
 use super::{Fan, Rig, RigLidar, known};
-use crate::scene::Scene;
 use crate::vehicle::{Lidar, Vehicle};
 
 /// Nearest range of Gazebo's LiDAR where a model has none, in metres.
@@ -44,15 +43,6 @@ impl From<&Vehicle> for Models {
             min_range: of.response.min_range,
         };
         Self(vehicle.sensors.iter().map(model).collect())
-    }
-}
-
-impl From<&Scene> for Models {
-    fn from(scene: &Scene) -> Self {
-        match scene.vehicle() {
-            Some(vehicle) => vehicle.into(),
-            None => scene.lidar().clone().into(),
-        }
     }
 }
 

@@ -32,9 +32,11 @@ pub(super) fn format_of(source: &Source) -> Result<RigFormat, RigError> {
     if let Some((_, format)) = words.into_iter().find(|(word, _)| text.contains(word)) {
         return Ok(format);
     }
-    let named_yaml = source.file.ends_with(".yaml") || source.file.ends_with(".yml");
+    // A text with keys is YAML, and its fault says more than the list of formats.
+    let is_yaml =
+        source.file.ends_with(".yaml") || source.file.ends_with(".yml") || text.contains(": ");
     let parsed = source.documents();
-    let documents = parsed.map_err(|fault| if named_yaml { fault } else { unrecognised() })?;
+    let documents = parsed.map_err(|fault| if is_yaml { fault } else { unrecognised() })?;
     let is = |of: fn(&Value) -> bool| documents.iter().any(|document| of(&document.value));
     type Fits = fn(&Value) -> bool;
     let kinds: [(Fits, RigFormat); 3] = [

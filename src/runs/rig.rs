@@ -86,7 +86,10 @@ pub fn export_file(
 fn models(request: &ExportRequest) -> Result<Models, Error> {
     Ok(match (&request.vehicle, &request.scene) {
         (Some(file), _) => Models::from(&Vehicle::read(file)?),
-        (None, Some(file)) => Models::from(&Scene::read(file)?),
+        (None, Some(file)) => {
+            let scene = Scene::read(file)?;
+            scene.vehicle().map_or_else(|| Models::from(scene.lidar().clone()), Models::from)
+        }
         (None, None) => Models::default(),
     })
 }

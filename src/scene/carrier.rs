@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use super::angles;
 use super::classes::Classes;
 use super::description::{Dictionary, SceneDescription, ShapeDescription, VehicleSource};
-use super::doubts;
 use super::shapes::Builder;
 use super::solid::Solid;
 use crate::Note;
@@ -48,7 +48,7 @@ impl Body {
         let mut builder = Builder::new(&self.at, classes, shapes, &self.dir);
         let solid = builder.list(&self.at.key("body"), &self.shapes)?;
         let mut notes = builder.notes();
-        notes.extend(doubts::of_shapes(&self.at.key("body"), &self.shapes));
+        notes.extend(angles::of_shapes(&self.at.key("body"), &self.shapes));
         Ok((solid, builder.files(), notes))
     }
 }

@@ -5,6 +5,7 @@
 //! `scenes/README.md`. Reading loads every mesh once and keeps the world in `f64`; a frame moves
 //! it into the ego frame and only then rounds it to `f32`, and so does a part with its own frame.
 
+mod angles;
 mod carrier;
 mod classes;
 mod copies;
@@ -254,7 +255,7 @@ impl Scene {
         json::check_version(text, name_for_errors, FileKind::Scene)?;
         let mut scene: SceneDescription = json::parse(text, name_for_errors)?;
         let top = Place::top(name_for_errors);
-        let angles = doubts::of_angles(&top, &scene);
+        let angles = angles::of_angles(&top, &scene);
         let name = name_of(&top, scene.name.take())?;
         let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
         let carrier = Carrier::new(&top, &mut scene, dir, vehicle)?;
@@ -316,7 +317,7 @@ impl Scene {
             files,
             notes,
         };
-        let doubts = doubts::about(&scene, name_for_errors);
+        let doubts = scene.doubts(name_for_errors);
         scene.notes.extend(doubts);
         Ok(scene)
     }

@@ -11,9 +11,10 @@ use std::collections::BTreeMap;
 
 use crate::maths;
 use glam::{DVec2, DVec3};
-use xodr::{Direction, LaneHeight, LaneType, Layer, Point, Provenance, RoadNetwork};
+use xodr::{Direction, LaneHeight, LaneType, Layer, Provenance, RoadNetwork};
 
 use self::document::Document;
+use self::objects::{MAX_FAR, point};
 use super::error::WorldError;
 use super::line::{Line, left_of};
 use super::network::{KERB, Lane, Network, Plate, Post, Street, Strip, Use};
@@ -26,8 +27,6 @@ const MAX_POINTS: usize = 8_000_000;
 /// Most metres of road, and widest lane: what a town may have, with trees and houses along all of it.
 const MAX_LENGTH: f64 = 60_000.0;
 const MAX_WIDTH: f64 = 60.0;
-/// Farthest coordinate: beyond it the reader's `f32` is coarser than a centimetre.
-const MAX_FAR: f64 = 1e5;
 /// Most signs and lights that are taken over.
 const MAX_POSTS: usize = 20_000;
 
@@ -125,10 +124,6 @@ fn check(roads: &RoadNetwork, file: &str) -> Result<(), WorldError> {
         return Err(large("metres of its farthest coordinate from 0", far, MAX_FAR));
     }
     Ok(())
-}
-
-fn point(p: Point) -> DVec3 {
-    DVec3::from(p.to_array().map(f64::from))
 }
 
 fn used(kind: LaneType) -> Option<Use> {

@@ -3,12 +3,19 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use xodr::{Mesh, Object, ObjectType, RoadNetwork};
+use xodr::{Mesh, Object, ObjectType, Point, RoadNetwork};
 
 use crate::Note;
 use crate::worlds::error::WorldError;
 use crate::worlds::model::class;
 use crate::worlds::network::{MARK, Network, Shape};
+
+/// Farthest coordinate: beyond it the reader's `f32` is coarser than a centimetre.
+pub(super) const MAX_FAR: f64 = 1e5;
+
+pub(super) fn point(p: Point) -> DVec3 {
+    DVec3::from(p.to_array().map(f64::from))
+}
 
 /// Most square metres of the boxes in plan around the faces of objects: their ground is kept free in cells.
 const MAX_AREA: f64 = 4e6;
@@ -76,8 +83,7 @@ pub(super) fn add(
     for object in roads.objects() {
         let paint = object.markings.iter().flat_map(|m| &m.pieces);
         let paint = paint.chain(object.borders.iter().flat_map(|b| &b.pieces));
-        let marks: Vec<[DVec3; 4]> =
-            paint.map(|q| q.map(|p| super::point(p) + DVec3::Z * MARK)).collect();
+        let marks: Vec<[DVec3; 4]> = paint.map(|q| q.map(|p| point(p) + DVec3::Z * MARK)).collect();
         let marked = !marks.is_empty();
         network.marks.extend(marks);
         let Some(span) = spans.next_if(|span| span.object == object.id) else {
@@ -129,11 +135,11 @@ fn around(face: &[DVec3; 3]) -> f64 {
     let [a, b, c] = *face;
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
     let far = low.abs().max_element().max(high.abs().max_element());
-    if far > super::MAX_FAR { f64::INFINITY } else { (high - low).truncate().element_product() }
+    if far > MAX_FAR { f64::INFINITY } else { (high - low).truncate().element_product() }
 }
 
 fn faces(mesh: &Mesh, indices: &[u32], lift: f64) -> Vec<[DVec3; 3]> {
-    let corner = |k: u32| super::point(mesh.vertices[k as usize]) + DVec3::Z * lift;
+    let corner = |k: u32| point(mesh.vertices[k as usize]) + DVec3::Z * lift;
     let faces = indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]].map(corner));
     faces.filter(|face| face.iter().all(|p| p.is_finite())).collect()
 }
