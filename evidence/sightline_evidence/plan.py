@@ -39,8 +39,8 @@ WITH_LOW = ("gain", "covered_occupied", "distinct_voxels", "actors_5", "blend", 
 #: Scenes that tell a difference of .01 apart with 80 % power, by the spread over scenes of the third standard run.
 SCENES_NEEDED = {"birds_eye_miou": 28, "voxel_1m_miou": 29, "ground_seen_10m": 12, "objects_5": 280}
 
-#: Compact record of the standard run, beside this package: ``towns`` takes placements of it.
-STANDARD = Path(__file__).parent.parent / "runs" / "standard.json.gz"
+#: Compact record of the standard run, from the folder of the project: ``towns`` takes placements of it.
+STANDARD = Path("evidence/runs/standard.json.gz")
 
 #: Placements that have their second seed first.
 ANCHORS = ("Center", "Line", "Square", "Pyramid", "Ours-seg", "Ours-det", "Center-staggered", "count-1", "count-6", "sky")
