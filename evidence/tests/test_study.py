@@ -196,7 +196,7 @@ def test_a_changed_plan_or_scene_is_refused(result: dict[str, Any], out: Path, t
         ("unknown", "the design unknown is none of quick"),
     ],
 )
-@pytest.mark.parametrize("command", ["tables", "win", "learned", "cost"])
+@pytest.mark.parametrize("command", ["tables", "learned", "cost"])
 def test_a_plan_that_is_none_is_a_sentence(
     command: str, text: str | None, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -49,8 +49,8 @@ def test_every_point_on_an_object_counts(small_file: Path) -> None:
         of_kind = np.array([one == kind for one in scan.boxes.kinds])
         met = (scan.class_id == scan.classes.index(name)) & (scan.instance != 65535)
         assert counts[of_kind].sum() == met.sum() > 50
-    # Rounding leaves some of the points on its own faces out of a box.
-    assert np.all(counts >= scan.boxes.points) and counts.sum() > scan.boxes.points.sum()
+    # A box has a margin, so that it holds its own points and a few of the ground under it.
+    assert np.all(counts <= scan.boxes.points) and scan.boxes.points.sum() < 1.01 * counts.sum()
 
 
 def test_cache_is_the_same_and_mends_itself(small_file: Path, tmp_path: Path) -> None:
