@@ -40,6 +40,8 @@ mod cli_scene;
 mod cli_scenes;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_shell;
+#[cfg(all(unix, feature = "cli"))]
+mod cli_stops;
 #[cfg(feature = "cli")]
 mod cli_study;
 #[cfg(feature = "cli")]

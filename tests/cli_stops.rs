@@ -1,0 +1,141 @@
+//! Every long command, interrupted at moments of its run, ends soon, and leaves whole files or none.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+
+/// Milliseconds from the start to the signal: before the scene is read, while it is scanned, in the midst of the work.
+const MOMENTS: [u64; 4] = [3, 60, 400, 1500];
+
+/// Bound on the time from a signal or a deadline to the end, for a machine that is busy with other tests.
+const HANGS: Duration = Duration::from_secs(30);
+
+/// Commands that would run for minutes.
+const COMMANDS: [&str; 8] = [
+    "optimize scene.json --method cma --evaluations 10000000 --backend cpu --out out",
+    "optimize scene.json --method swaps --evaluations 10000000 --backend cpu --out out",
+    "optimize scene.json --vehicle many.json --budget 9000 --evaluations 10000000 --backend cpu --out out",
+    "study lidars scene.json --evaluations 1000000 --backend cpu --out out",
+    "chart scene.json --placements 400 --backend cpu --out out",
+    "score scene.json many.jsonl --backend cpu --out out.jsonl",
+    "scan busy.json --placement one.json --backend cpu --out out",
+    "audit busy.json --backend cpu",
+];
+
+/// A scene that is scanned in milliseconds, one of many frames, placements, and a vehicle with many choices.
+fn write_inputs(dir: &Path) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let read = |path: &str| -> Value {
+        serde_json::from_str(&fs::read_to_string(root.join(path)).unwrap()).unwrap()
+    };
+    let write = |name: &str, value: &Value| fs::write(dir.join(name), value.to_string()).unwrap();
+    let mut scene = read("scenes/urban-crossing.json");
+    scene["frames"] = json!(2);
+    scene["lidar"]["channels"] = json!(8);
+    scene["lidar"]["azimuth_steps"] = json!(90);
+    write("scene.json", &scene);
+    scene["frames"] = json!(3000);
+    scene["rate"] = json!(200);
+    write("busy.json", &scene);
+    let mut vehicle = read("scenes/vehicles/car.json");
+    for price in 1..30 {
+        let mut sensor = vehicle["sensors"][2].clone();
+        sensor["name"] = json!(format!("solid-{price}"));
+        sensor["price"] = json!(1000 + price);
+        vehicle["sensors"].as_array_mut().unwrap().push(sensor);
+        for mount in 1..5 {
+            let names = vehicle["mounts"][mount]["sensors"].as_array_mut().unwrap();
+            names.push(json!(format!("solid-{price}")));
+        }
+    }
+    write("many.json", &vehicle);
+    let at = |x: f64| json!({ "x": x, "y": 0.1, "z": 2.3 });
+    let placement =
+        |name: &str| json!({ "name": name, "lidars": [at(0.5), at(0.2), at(-0.2), at(-0.5)] });
+    write("one.json", &json!({ "placements": [placement("one")] }));
+    let lines = (0..300_000).map(|i| placement(&format!("p{i}")).to_string() + "\n");
+    fs::write(dir.join("many.jsonl"), lines.collect::<String>()).unwrap();
+}
+
+/// Runs a command, sends it a signal after some time, and waits: how it ended, how long after the signal, what it said.
+fn stopped(
+    dir: &Path,
+    line: &str,
+    signal: &str,
+    after: Duration,
+) -> (ExitStatus, Duration, String) {
+    let said = dir.join("said.txt");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
+        .args(line.split_whitespace())
+        .current_dir(dir)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(fs::File::create(&said).unwrap())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(after);
+    let kill = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+    assert!(
+        kill.success(),
+        "{line} ended before {after:?}: {}",
+        fs::read_to_string(&said).unwrap()
+    );
+    let sent = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status;
+        }
+        if sent.elapsed() > HANGS {
+            child.kill().unwrap();
+            panic!("{line}: still there {HANGS:?} after {signal}");
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    (status, sent.elapsed(), fs::read_to_string(&said).unwrap())
+}
+
+/// Files whose name says that they are not whole, in a folder and below; `score` keeps `.partial` to go on from.
+fn left_over(dir: &Path) -> Vec<String> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(dir).unwrap().map(Result::unwrap) {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if entry.file_type().unwrap().is_dir() {
+            found.extend(left_over(&entry.path()));
+        } else if name.contains(".tmp") {
+            found.push(name);
+        }
+    }
+    found
+}
+
+#[test]
+fn every_long_command_ends_soon_when_it_is_interrupted() {
+    let dir = tempfile::tempdir().unwrap();
+    write_inputs(dir.path());
+    let mut latest = (Duration::ZERO, String::new());
+    for (index, line) in COMMANDS.iter().enumerate() {
+        for (turn, moment) in MOMENTS.iter().enumerate() {
+            let signal = ["-INT", "-TERM"][(index + turn) % 2];
+            let after = Duration::from_millis(*moment);
+            let (status, late, said) = stopped(dir.path(), line, signal, after);
+            assert!(!said.contains("panicked"), "{line}: {said}");
+            // Before the program listens the system ends it, without an exit code.
+            let code = status.code();
+            assert!(
+                code.is_none() || code.is_some_and(|code| code != 0),
+                "{line}: {code:?}, {said}"
+            );
+            assert!(late < HANGS, "{line}: {late:?} after {signal} at {after:?}");
+            assert_eq!(left_over(dir.path()), [""; 0], "{line} after {signal} at {after:?}");
+            latest = latest.max((late, (*line).to_owned()));
+            for name in ["out", "out.jsonl", "out.jsonl.partial"] {
+                let path = dir.path().join(name);
+                let _ = fs::remove_dir_all(&path).or_else(|_| fs::remove_file(&path));
+            }
+        }
+    }
+    println!("latest end: {:?} after the signal, {}", latest.0, latest.1);
+}
