@@ -103,7 +103,8 @@ impl GpuFirings {
                 direction_count: count,
                 first_beam: first,
                 range,
-                spare: [0; 2],
+                zero: 0,
+                covered_by_host: 0,
             });
         }
         packed

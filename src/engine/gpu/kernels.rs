@@ -6,16 +6,23 @@ use std::sync::{Mutex, OnceLock};
 use super::device::Device;
 use super::layout::{MAX_WORKGROUPS, WORKGROUP_SIZE, prelude};
 
+const EXACT: &str = include_str!("../../../shaders/common/exact.wgsl");
 const BEAM: &str = include_str!("../../../shaders/common/beam.wgsl");
 const COVERED: &str = include_str!("../../../shaders/common/covered.wgsl");
 
 /// (kernel, parts of its source): file, entry point, pipeline label and CPU twin share the name.
 const SOURCES: [(&str, &[&str]); 5] = [
-    ("cast_closest", &[BEAM, include_str!("../../../shaders/cast_closest.wgsl")]),
-    ("cover_voxels", &[BEAM, include_str!("../../../shaders/cover_voxels.wgsl")]),
-    ("reduce_words", &[BEAM, include_str!("../../../shaders/reduce_words.wgsl"), COVERED]),
-    ("reduce_occupied", &[BEAM, include_str!("../../../shaders/reduce_occupied.wgsl"), COVERED]),
-    ("reduce_classes", &[BEAM, include_str!("../../../shaders/reduce_classes.wgsl"), COVERED]),
+    ("cast_closest", &[EXACT, BEAM, include_str!("../../../shaders/cast_closest.wgsl")]),
+    ("cover_voxels", &[EXACT, BEAM, include_str!("../../../shaders/cover_voxels.wgsl")]),
+    ("reduce_words", &[EXACT, BEAM, include_str!("../../../shaders/reduce_words.wgsl"), COVERED]),
+    (
+        "reduce_occupied",
+        &[EXACT, BEAM, include_str!("../../../shaders/reduce_occupied.wgsl"), COVERED],
+    ),
+    (
+        "reduce_classes",
+        &[EXACT, BEAM, include_str!("../../../shaders/reduce_classes.wgsl"), COVERED],
+    ),
 ];
 
 /// Key of a bind group: the number of a kernel and its buffers.
@@ -221,7 +228,7 @@ mod tests {
         for kernel in ["cast_closest", "cover_voxels"] {
             let (fields, span) = layout(kernel, "Sensor");
             let offsets: Vec<usize> = fields.iter().map(|f| f.1).collect();
-            assert_eq!((offsets, span), (vec![0, 4, 8, 12, 16, 20, 24], size_of::<Sensor>()));
+            assert_eq!((offsets, span), (vec![0, 4, 8, 12, 16, 20, 24, 28], size_of::<Sensor>()));
         }
         let host = [
             offset_of!(Sensor, first_instance),
@@ -230,9 +237,10 @@ mod tests {
             offset_of!(Sensor, direction_count),
             offset_of!(Sensor, first_beam),
             offset_of!(Sensor, range),
-            offset_of!(Sensor, spare),
+            offset_of!(Sensor, zero),
+            offset_of!(Sensor, covered_by_host),
         ];
-        assert_eq!(host, [0, 4, 8, 12, 16, 20, 24]);
+        assert_eq!(host, [0, 4, 8, 12, 16, 20, 24, 28]);
         same_layout!("cast_closest", Node, [
             corner => "corner", low_x => "low_x", step => "step", low_y => "low_y",
             high => "high", low_z => "low_z", children => "children",

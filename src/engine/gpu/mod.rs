@@ -8,6 +8,8 @@ mod adapters;
 mod buffers;
 mod chunk;
 mod device;
+#[cfg(test)]
+mod exact;
 mod firings;
 mod kernels;
 mod layout;
