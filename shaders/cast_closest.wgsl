@@ -9,8 +9,8 @@
 //            prim is UNFINISHED, the host casts them), counters[1 + sensor] += hits
 // Dispatch   (ceil(most directions of a model / WORKGROUP_SIZE), sensors), x spilling into z; spare invocations
 //            only help to count
-// Prelude    WORKGROUP_SIZE, NO_HIT, UNFINISHED, STEP_BUDGET, TRIANGLE_ITEM, NO_ROOT, NO_CROSSING, TREE_STACK (printed
-//            from src/engine/gpu/layout.rs)
+// Prelude    WORKGROUP_SIZE, NO_HIT, UNFINISHED, STEP_BUDGET, TRIANGLE_ITEM, NO_ROOT, NO_CROSSING, stack, STACK_STRIDE,
+//            LANE_STRIDE (printed from src/engine/gpu/layout.rs)
 // Numerics   f32 as common/exact.wgsl has it, no transcendental functions, no infinities: coordinates are at most 2^40 m,
 //            or the root is NO_ROOT and the host casts what reaches the instance; equal distances go to the lower prim of the
 //            frame, first_prim and the tree's own number together
@@ -76,6 +76,8 @@ struct Ray {
 var<workgroup> hit_count: atomic<u32>;
 // Loop steps of this invocation so far, over instances and nodes.
 var<private> steps: u32;
+// Word of the stack at which this invocation's begins.
+var<private> base: u32;
 
 // 1 / d for d = 0 or TINY_COMPONENT <= |d| <= 1.001: at most 1e9.
 fn safe_inverse(d: f32) -> f32 {
@@ -219,16 +221,16 @@ fn enter_children(ray: Ray, node: Node, limit: f32) -> vec4<f32> {
 // The better of `held` and the closest hit in one tree; UNFINISHED out of steps.
 fn closer_hit(ray: Ray, root: u32, pad: f32, first_prim: u32, held: Hit) -> Hit {
     var best = held;
-    var stack: array<u32, TREE_STACK>;
-    stack[0] = root;
-    var depth = 1u;
+    stack[base] = root;
+    // Word behind the last entry.
+    var end = base + STACK_STRIDE;
     // Two loops: the lanes of a vector find their next triangles together, then test them together.
     for (; steps < STEP_BUDGET; steps += 2u) {
-        if depth == 0u {
+        if end == base {
             return best;
         }
-        depth--;
-        var item = stack[depth];
+        end -= STACK_STRIDE;
+        var item = stack[end];
         loop {
             if (item >= TRIANGLE_ITEM) | (steps >= STEP_BUDGET) {
                 break;
@@ -247,18 +249,18 @@ fn closer_hit(ray: Ray, root: u32, pad: f32, first_prim: u32, held: Hit) -> Hit 
             let swap = high < low;
             item = select(low_child, high_child, swap);
             // Stores without a branch: an entry stays only if its box is entered.
-            stack[depth] = select(child.w, child.z, swap_high);
-            depth += u32(max(enter.z, enter.w) < NO_CROSSING);
-            stack[depth] = select(high_child, low_child, swap);
-            depth += u32(max(low, high) < NO_CROSSING);
-            stack[depth] = select(child.y, child.x, swap_low);
-            depth += u32(max(enter.x, enter.y) < NO_CROSSING);
+            stack[end] = select(child.w, child.z, swap_high);
+            end += select(0u, STACK_STRIDE, max(enter.z, enter.w) < NO_CROSSING);
+            stack[end] = select(high_child, low_child, swap);
+            end += select(0u, STACK_STRIDE, max(low, high) < NO_CROSSING);
+            stack[end] = select(child.y, child.x, swap_low);
+            end += select(0u, STACK_STRIDE, max(enter.x, enter.y) < NO_CROSSING);
             if min(low, high) == NO_CROSSING {
-                if depth == 0u {
+                if end == base {
                     return best;
                 }
-                depth--;
-                item = stack[depth];
+                end -= STACK_STRIDE;
+                item = stack[end];
             }
         }
         best = intersect(ray, triangles[item ^ TRIANGLE_ITEM], pad, first_prim, best);
@@ -312,6 +314,11 @@ fn cast_closest(
 ) {
     let sensor = sensors[group.y];
     zero = sensor.zero;
+    base = local * LANE_STRIDE;
+    if local == 0u {
+        atomicStore(&hit_count, 0u);
+    }
+    workgroupBarrier();
     let beam = (group.z * groups.x + group.x) * WORKGROUP_SIZE + local;
     if beam < sensor.direction_count {
         let hit = closest_hit(directions[sensor.first_direction + beam].xyz, sensor);

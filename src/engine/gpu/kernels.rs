@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::{Mutex, OnceLock};
 
 use super::device::Device;
-use super::layout::{MAX_WORKGROUPS, WORKGROUP_SIZE, prelude};
+use super::layout::{MAX_WORKGROUPS, WORKGROUP_SIZE, prelude, stack};
 
 const EXACT: &str = include_str!("../../../shaders/common/exact.wgsl");
 const BEAM: &str = include_str!("../../../shaders/common/beam.wgsl");
@@ -56,7 +56,7 @@ impl Kernels {
     fn pipeline(&self, device: &Device, kernel: usize) -> &wgpu::ComputePipeline {
         let (name, parts) = SOURCES[kernel];
         self.pipelines[kernel].get_or_init(|| {
-            let source = prelude(self.stack) + &parts.concat();
+            let source = source(name, parts, self.stack);
             let module = device.wgpu().create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(name),
                 source: wgpu::ShaderSource::Wgsl(source.into()),
@@ -66,7 +66,11 @@ impl Kernels {
                 layout: None,
                 module: &module,
                 entry_point: Some(name),
-                compilation_options: Default::default(),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    // The kernel that has much of it sets what it reads.
+                    zero_initialize_workgroup_memory: name != "cast_closest",
+                    ..Default::default()
+                },
                 cache: None,
             })
         })
@@ -128,6 +132,12 @@ impl Kernels {
     }
 }
 
+/// A kernel as WGSL, for trees whose paths need `entries` entries of a stack.
+fn source(kernel: &str, parts: &[&str], entries: usize) -> String {
+    let stack = if kernel == "cast_closest" { stack(entries) } else { String::new() };
+    prelude() + &stack + &parts.concat()
+}
+
 /// Workgroups for `directions` beams of each of `sensors` sensors, [x, y, z]: sensors along y, beams along x
 /// and, beyond the limit of a dimension, z. Example: 70 000 · 64 directions give [35 000, sensors, 2].
 pub(super) fn beam_workgroups(directions: u32, sensors: u32) -> [u32; 3] {
@@ -150,20 +160,24 @@ mod tests {
     use crate::engine::gpu::layout::{Instance, Sensor, Uniforms};
     use crate::problem::{DevicePose, OccupiedVoxel};
 
-    fn parsed(parts: &[&str]) -> naga::Module {
-        let source = prelude(48) + &parts.concat();
+    fn parsed(kernel: &str, parts: &[&str], entries: usize) -> naga::Module {
+        let source = source(kernel, parts, entries);
         naga::front::wgsl::parse_str(&source)
             .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&source)))
     }
 
     #[test]
     fn kernels_need_no_extra_capabilities() {
+        // With stacks in workgroup memory, and too deep for it.
         for (name, parts) in SOURCES {
-            let module = parsed(parts);
-            let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
-            validator.validate(&module).unwrap_or_else(|error| panic!("{name}: {error:?}"));
-            assert_eq!(module.entry_points[0].name, name);
+            for entries in [48, 63, 64, 192] {
+                let module = parsed(name, parts, entries);
+                let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+                validator.validate(&module).unwrap_or_else(|error| panic!("{name}: {error:?}"));
+                assert_eq!(module.entry_points[0].name, name);
+            }
         }
+        assert!(stack(63).contains("workgroup") && stack(64).contains("private"));
     }
 
     #[test]
@@ -195,7 +209,7 @@ mod tests {
     /// (field, offset) of a struct, and its stride, as the shader compiler lays it out.
     fn layout(kernel: &str, name: &str) -> (Vec<(String, usize)>, usize) {
         let parts = SOURCES.iter().find(|(k, _)| *k == kernel).unwrap().1;
-        let module = parsed(parts);
+        let module = parsed(kernel, parts, 48);
         let (_, found) = module
             .types
             .iter()

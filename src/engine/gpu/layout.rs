@@ -132,15 +132,37 @@ impl Instance {
     }
 }
 
-/// Constants as WGSL, put before every shader; `stack` entries hold any path down a tree.
-pub(super) fn prelude(stack: usize) -> String {
+/// Bytes of workgroup memory that every Vulkan device has.
+const WORKGROUP_BYTES: usize = 16 << 10;
+
+/// Declaration of the stacks of `cast_closest`, each of `entries` words.
+///
+/// Entry k of invocation i is word k · STACK_STRIDE + i · LANE_STRIDE: in workgroup memory, so that neighbours lie side by
+/// side, and in private memory where trees are too deep for that. A private array that is indexed by numbers unknown to the
+/// compiler ends in registers chosen by long ladders of selects, or in slow memory.
+pub(super) fn stack(entries: usize) -> String {
+    let lanes = WORKGROUP_SIZE as usize;
+    // One word is left for the counter of hits.
+    let shared = 4 * (entries * lanes + 1) <= WORKGROUP_BYTES;
+    let (space, words, [entry, lane]) = if shared {
+        ("workgroup", entries * lanes, [lanes, 1])
+    } else {
+        ("private", entries, [1, 0])
+    };
+    format!(
+        "const STACK_STRIDE: u32 = {entry}u;\nconst LANE_STRIDE: u32 = {lane}u;\n\
+         var<{space}> stack: array<u32, {words}>;\n"
+    )
+}
+
+/// Constants as WGSL, put before every shader.
+pub(super) fn prelude() -> String {
     let words = [
         ("WORKGROUP_SIZE", WORKGROUP_SIZE),
         ("MAX_LIDARS", MAX_LIDARS as u32),
         ("NO_HIT", NO_HIT),
         ("UNFINISHED", UNFINISHED),
         ("STEP_BUDGET", STEP_BUDGET),
-        ("TREE_STACK", stack as u32),
         ("TRIANGLE_ITEM", TRIANGLE),
         ("NO_ROOT", NO_ROOT),
         ("ITEMS_PER_INVOCATION", ITEMS_PER_INVOCATION),
