@@ -2,6 +2,9 @@
 
 use serde::Serialize;
 
+use super::device::Device;
+use super::self_test::{SelfTest, self_test};
+
 /// One Vulkan device as reported by its driver.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AdapterSummary {
@@ -19,29 +22,61 @@ pub struct AdapterSummary {
     pub max_buffer: u64,
     /// Most invocations of a workgroup.
     pub max_workgroup: u32,
-    /// Whether `--backend auto` takes this device: the best one, if it is hardware.
+    /// Whether `--backend auto` takes this device: the best one, if it is hardware. It is opened only if it passes its
+    /// self-test.
     pub auto: bool,
+}
+
+/// A device, and how it computes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TestedAdapter {
+    /// As reported by its driver; `auto` only if it passed.
+    #[serde(flatten)]
+    pub summary: AdapterSummary,
+    /// Its answers to a table of arithmetic; none where it could not be asked.
+    pub self_test: Option<SelfTest>,
+    /// Why it is not used, if it is not.
+    pub refused: Option<String>,
 }
 
 /// Every Vulkan device of this machine, best first; none is opened. The first is the one that
 /// [`GpuBackend::new`](super::GpuBackend::new) takes when no name is given.
 pub fn list_adapters() -> Vec<AdapterSummary> {
     let ranked = ranked_adapters(&instance());
-    let summaries = ranked.iter().enumerate().map(|(index, adapter)| {
-        let info = adapter.get_info();
-        let limits = adapter.limits();
-        AdapterSummary {
-            kind: kind(info.device_type),
-            auto: index == 0 && info.device_type != wgpu::DeviceType::Cpu,
-            name: info.name,
-            driver: info.driver,
-            driver_info: info.driver_info,
-            max_binding: limits.max_storage_buffer_binding_size,
-            max_buffer: limits.max_buffer_size,
-            max_workgroup: limits.max_compute_invocations_per_workgroup,
-        }
+    ranked.iter().enumerate().map(|(index, adapter)| summary(index, adapter)).collect()
+}
+
+/// Every Vulkan device of this machine, best first, each opened and asked to compute a table of arithmetic.
+pub fn test_adapters() -> Vec<TestedAdapter> {
+    let ranked = ranked_adapters(&instance());
+    let tested = ranked.iter().enumerate().map(|(index, adapter)| {
+        let mut summary = summary(index, adapter);
+        let (self_test, refused) = match Device::of(adapter).and_then(|device| self_test(&device)) {
+            Ok(result) => {
+                let complaint = result.complaint();
+                (Some(result), complaint)
+            }
+            Err(error) => (None, Some(error.to_string())),
+        };
+        summary.auto &= refused.is_none();
+        TestedAdapter { summary, self_test, refused }
     });
-    summaries.collect()
+    tested.collect()
+}
+
+fn summary(index: usize, adapter: &wgpu::Adapter) -> AdapterSummary {
+    let info = adapter.get_info();
+    let limits = adapter.limits();
+    AdapterSummary {
+        kind: kind(info.device_type),
+        auto: index == 0 && info.device_type != wgpu::DeviceType::Cpu,
+        name: info.name,
+        driver: info.driver,
+        driver_info: info.driver_info,
+        max_binding: limits.max_storage_buffer_binding_size,
+        max_buffer: limits.max_buffer_size,
+        max_workgroup: limits.max_compute_invocations_per_workgroup,
+    }
 }
 
 fn kind(device_type: wgpu::DeviceType) -> &'static str {

@@ -11,7 +11,7 @@ const BEAM: &str = include_str!("../../../shaders/common/beam.wgsl");
 const COVERED: &str = include_str!("../../../shaders/common/covered.wgsl");
 
 /// (kernel, parts of its source): file, entry point, pipeline label and CPU twin share the name.
-const SOURCES: [(&str, &[&str]); 5] = [
+const SOURCES: [(&str, &[&str]); 6] = [
     ("cast_closest", &[EXACT, BEAM, include_str!("../../../shaders/cast_closest.wgsl")]),
     ("cover_voxels", &[EXACT, BEAM, include_str!("../../../shaders/cover_voxels.wgsl")]),
     ("reduce_words", &[EXACT, BEAM, include_str!("../../../shaders/reduce_words.wgsl"), COVERED]),
@@ -23,6 +23,7 @@ const SOURCES: [(&str, &[&str]); 5] = [
         "reduce_classes",
         &[EXACT, BEAM, include_str!("../../../shaders/reduce_classes.wgsl"), COVERED],
     ),
+    ("self_test", &[EXACT, BEAM, include_str!("../../../shaders/self_test.wgsl")]),
 ];
 
 /// Key of a bind group: the number of a kernel and its buffers.

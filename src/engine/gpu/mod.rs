@@ -15,9 +15,11 @@ mod kernels;
 mod layout;
 mod pipeline;
 mod readback;
+mod self_test;
 mod sums;
 
-pub use adapters::{AdapterSummary, list_adapters};
+pub use adapters::{AdapterSummary, TestedAdapter, list_adapters, test_adapters};
+pub use self_test::{SelfTest, WrongAnswer};
 
 use std::sync::Arc;
 use std::time::Instant;
