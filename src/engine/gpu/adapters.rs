@@ -2,9 +2,6 @@
 
 use serde::Serialize;
 
-use super::device::Device;
-use super::self_test::{SelfTest, self_test};
-
 /// One Vulkan device as reported by its driver.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AdapterSummary {
@@ -27,18 +24,6 @@ pub struct AdapterSummary {
     pub auto: bool,
 }
 
-/// A device, and how it computes.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TestedAdapter {
-    /// As reported by its driver; `auto` only if it passed.
-    #[serde(flatten)]
-    pub summary: AdapterSummary,
-    /// Its answers to a table of arithmetic; none where it could not be asked.
-    pub self_test: Option<SelfTest>,
-    /// Why it is not used, if it is not.
-    pub refused: Option<String>,
-}
-
 /// Every Vulkan device of this machine, best first; none is opened. The first is the one that
 /// [`GpuBackend::new`](super::GpuBackend::new) takes when no name is given.
 pub fn list_adapters() -> Vec<AdapterSummary> {
@@ -46,25 +31,8 @@ pub fn list_adapters() -> Vec<AdapterSummary> {
     ranked.iter().enumerate().map(|(index, adapter)| summary(index, adapter)).collect()
 }
 
-/// Every Vulkan device of this machine, best first, each opened and asked to compute a table of arithmetic.
-pub fn test_adapters() -> Vec<TestedAdapter> {
-    let ranked = ranked_adapters(&instance());
-    let tested = ranked.iter().enumerate().map(|(index, adapter)| {
-        let mut summary = summary(index, adapter);
-        let (self_test, refused) = match Device::of(adapter).and_then(|device| self_test(&device)) {
-            Ok(result) => {
-                let complaint = result.complaint();
-                (Some(result), complaint)
-            }
-            Err(error) => (None, Some(error.to_string())),
-        };
-        summary.auto &= refused.is_none();
-        TestedAdapter { summary, self_test, refused }
-    });
-    tested.collect()
-}
-
-fn summary(index: usize, adapter: &wgpu::Adapter) -> AdapterSummary {
+/// The adapter of a number in the ranking.
+pub(super) fn summary(index: usize, adapter: &wgpu::Adapter) -> AdapterSummary {
     let info = adapter.get_info();
     let limits = adapter.limits();
     AdapterSummary {

@@ -29,10 +29,14 @@ const SOURCES: [(&str, &[&str]); 6] = [
 /// Key of a bind group: the number of a kernel and its buffers.
 type Bound = (usize, Vec<wgpu::Buffer>);
 
+/// Changes the source of a kernel, which is given by name, before it is compiled.
+pub type Rewrite = fn(kernel: &str, source: String) -> String;
+
 /// Kernels, each compiled at its first use, and their bind groups.
 pub(super) struct Kernels {
     /// Entries of the stack for walks down a tree.
     stack: usize,
+    rewrite: Rewrite,
     pipelines: [OnceLock<wgpu::ComputePipeline>; SOURCES.len()],
     groups: Mutex<HashMap<Bound, wgpu::BindGroup>>,
 }
@@ -40,7 +44,12 @@ pub(super) struct Kernels {
 impl Kernels {
     /// Kernels for trees whose paths need `stack` entries.
     pub(super) fn new(stack: usize) -> Self {
-        Self { stack, pipelines: Default::default(), groups: Mutex::default() }
+        Self::rewritten(stack, |_, source| source)
+    }
+
+    /// The kernels with other sources.
+    pub(super) fn rewritten(stack: usize, rewrite: Rewrite) -> Self {
+        Self { stack, rewrite, pipelines: Default::default(), groups: Mutex::default() }
     }
 
     /// Compiles the kernels that a batch needs and that are not compiled yet, side by side.
@@ -57,7 +66,7 @@ impl Kernels {
     fn pipeline(&self, device: &Device, kernel: usize) -> &wgpu::ComputePipeline {
         let (name, parts) = SOURCES[kernel];
         self.pipelines[kernel].get_or_init(|| {
-            let source = source(name, parts, self.stack);
+            let source = (self.rewrite)(name, source(name, parts, self.stack));
             let module = device.wgpu().create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(name),
                 source: wgpu::ShaderSource::Wgsl(source.into()),
