@@ -9,10 +9,19 @@
 //            prim is UNFINISHED, the host casts them), counters[1 + sensor] += hits
 // Dispatch   (ceil(most directions of a model / WORKGROUP_SIZE), sensors), x spilling into z; spare invocations
 //            only help to count
-// Prelude    WORKGROUP_SIZE, NO_HIT, UNFINISHED, STEP_BUDGET, TRIANGLE_ITEM, NO_CROSSING, TREE_STACK (printed
-//            from src/engine/gpu/layout.rs)
-// Numerics   f32, no transcendental functions, no infinities; equal distances go to the lower prim of the
+// Prelude    WORKGROUP_SIZE, NO_HIT, UNFINISHED, STEP_BUDGET, TRIANGLE_ITEM, NO_ROOT, NO_CROSSING, stack, STACK_STRIDE,
+//            LANE_STRIDE (printed from src/engine/gpu/layout.rs)
+// Numerics   f32 as common/exact.wgsl has it, no transcendental functions, no infinities: coordinates are at most 2^40 m,
+//            or the root is NO_ROOT and the host casts what reaches the instance; equal distances go to the lower prim of the
 //            frame, first_prim and the tree's own number together
+
+// Coordinates and factors from which on nothing is denormal, see `keeps_bits`: 2^-100 and 2^-51.
+const LEAST_COORDINATE: f32 = 0x1p-100f;
+const LEAST_FACTOR: f32 = 0x1p-51f;
+// 2^-50: a decision by a number of at least this size is the same where denormals are flushed. Proof: a flush changes a
+// coordinate only where it is below 2^-100 and a distance along the ray by 2^-126 · 1e20 < 2^-59 at most; as factors
+// are below 2^42, such a coordinate's product is below 2^-58, which turns no sign of a difference of 2^-50.
+const SURE: f32 = 0x1p-50f;
 
 struct Node {
     corner: vec3<f32>,
@@ -67,12 +76,15 @@ struct Ray {
 var<workgroup> hit_count: atomic<u32>;
 // Loop steps of this invocation so far, over instances and nodes.
 var<private> steps: u32;
+// Word of the stack at which this invocation's begins.
+var<private> base: u32;
 
+// 1 / d for d = 0 or TINY_COMPONENT <= |d| <= 1.001: at most 1e9.
 fn safe_inverse(d: f32) -> f32 {
     if d == 0.0 {
         return NO_CROSSING;
     }
-    return 1.0 / d;
+    return divide(1.0, d);
 }
 
 // Axis of the largest component.
@@ -90,62 +102,74 @@ fn permute(v: vec3<f32>, major: u32) -> vec3<f32> {
     return select(select(v, v.xzy, major == 1u), v.yzx, major == 0u);
 }
 
-// Products added from left to right, which `dot` does not promise.
-fn dot_in_order(a: vec3<f32>, b: vec3<f32>) -> f32 {
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-
 fn new_ray(origin: vec3<f32>, direction: vec3<f32>) -> Ray {
     let major = major_axis(direction);
     let d = permute(direction, major);
     let inverse =
         vec3(safe_inverse(direction.x), safe_inverse(direction.y), safe_inverse(direction.z));
-    return Ray(origin, direction, inverse, vec2(d.x / d.z, d.y / d.z), major);
+    // |d.z| >= 0.57, and the quotients are 0 or at least 0.9e-9.
+    return Ray(origin, direction, inverse, vec2(divide(d.x, d.z), divide(d.y, d.z)), major);
 }
 
 // Where the ray is inside a box, clipped to t >= 0: (enter, leave).
 fn slab(ray: Ray, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
-    let t0 = (low - ray.origin) * ray.inverse;
-    let t1 = (high - ray.origin) * ray.inverse;
+    let t0 = rounded3(low - ray.origin) * ray.inverse;
+    let t1 = rounded3(high - ray.origin) * ray.inverse;
     let near = min(t0, t1);
     let far = max(t0, t1);
     return vec2(max(max(max(near.x, near.y), near.z), 0.0), min(min(far.x, far.y), far.z));
 }
 
-// The better of `best` and the hit of one triangle (Woop, Benthin, Wald 2013).
+// The better of `best` and the hit of one triangle (Woop, Benthin, Wald 2013); UNFINISHED where a device that flushes
+// denormals could decide otherwise.
 fn intersect(ray: Ray, triangle: Triangle, pad: f32, first_prim: u32, best: Hit) -> Hit {
-    let a = permute(triangle.a - ray.origin, ray.major);
-    let b = permute(triangle.b - ray.origin, ray.major);
-    let c = permute(triangle.c - ray.origin, ray.major);
-    let a2 = a.xy - ray.shear * a.z;
-    let b2 = b.xy - ray.shear * b.z;
-    let c2 = c.xy - ray.shear * c.z;
-    let u = c2.x * b2.y - c2.y * b2.x;
-    let v = a2.x * c2.y - a2.y * c2.x;
-    let w = b2.x * a2.y - b2.y * a2.x;
+    let a = permute(rounded3(triangle.a - ray.origin), ray.major);
+    let b = permute(rounded3(triangle.b - ray.origin), ray.major);
+    let c = permute(rounded3(triangle.c - ray.origin), ray.major);
+    let a2 = rounded2(a.xy - rounded2(ray.shear * a.z));
+    let b2 = rounded2(b.xy - rounded2(ray.shear * b.z));
+    let c2 = rounded2(c.xy - rounded2(ray.shear * c.z));
+    let u = rounded(c2.x * b2.y) - rounded(c2.y * b2.x);
+    let v = rounded(a2.x * c2.y) - rounded(a2.y * c2.x);
+    let w = rounded(b2.x * a2.y) - rounded(b2.y * a2.x);
+    if min(min(abs(u), abs(v)), abs(w)) < SURE {
+        let exact = keeps_bits(ray, triangle, a, b, c)
+            && at_least(vec3(a2, b2.x), LEAST_FACTOR) && at_least(vec3(c2, b2.y), LEAST_FACTOR);
+        if !exact {
+            return Hit(0.0, UNFINISHED);
+        }
+    }
     if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
         return best;
     }
-    let det = u + v + w;
-    if det == 0.0 {
+    // Numbers of one sign: their sum is 0 where all are.
+    if u == 0.0 && v == 0.0 && w == 0.0 {
         return best;
     }
     let low = min(min(triangle.a, triangle.b), triangle.c);
     let high = max(max(triangle.a, triangle.b), triangle.c);
     var inside = slab(ray, low, high);
+    var least = abs(inside.y);
     if inside.x > inside.y {
-        inside = slab(ray, low - pad, high + pad);
-    }
-    if inside.x > inside.y {
-        return best;
+        inside = slab(ray, rounded3(low - pad), rounded3(high + pad));
+        least = min(least, abs(inside.y));
     }
     // Distance from the plane: u, v and w of a long thin triangle are small differences of large
     // products, and their quotient is wrong by millimetres.
     let towards = dot_in_order(triangle.normal, ray.direction);
-    if towards == 0.0 {
+    let height = dot_in_order(triangle.normal, rounded3(triangle.a - ray.origin));
+    if min(least, min(abs(towards), abs(height))) < SURE {
+        let exact = keeps_bits(ray, triangle, a, b, c) && at_least(triangle.normal, LEAST_FACTOR);
+        // Small but not zero: the quotient may be out of the range of `divide`.
+        let small = (towards != 0.0 && abs(towards) < SURE) || (height != 0.0 && abs(height) < SURE);
+        if !exact || small {
+            return Hit(0.0, UNFINISHED);
+        }
+    }
+    if inside.x > inside.y || towards == 0.0 || height == 0.0 {
         return best;
     }
-    let quotient = dot_in_order(triangle.normal, triangle.a - ray.origin) / towards;
+    let quotient = divide(height, towards);
     if quotient <= 0.0 {
         return best;
     }
@@ -157,13 +181,25 @@ fn intersect(ray: Ray, triangle: Triangle, pad: f32, first_prim: u32, best: Hit)
     return best;
 }
 
-// Four sides in metres, corner + byte k · step: bytes 0x0804 with step 0.25 are 1 m and 2 m from the corner.
+// Whether no difference or product in a triangle's test is denormal; a, b, c are its corners from the ray's origin.
+//
+// Coordinates of 0 or at least 2^-100 are multiples of 2^-123, and so are their differences. Factors of 0 or at least
+// 2^-51 have products of at least 2^-102, which are multiples of 2^-125, and so are their sums.
+fn keeps_bits(ray: Ray, triangle: Triangle, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
+    return at_least(ray.origin, LEAST_COORDINATE) && at_least(triangle.a, LEAST_COORDINATE)
+        && at_least(triangle.b, LEAST_COORDINATE) && at_least(triangle.c, LEAST_COORDINATE)
+        && at_least(a, LEAST_FACTOR) && at_least(b, LEAST_FACTOR) && at_least(c, LEAST_FACTOR);
+}
+
+// Four sides in metres, corner + byte k · step: bytes 0x0804 with step 0.25 are 1 m and 2 m from the corner. A step is
+// a power of two of at least 2^-126, so that the product is exact, and the sum is rounded once also where they are merged.
 fn planes(corner: f32, bytes: u32, step: f32) -> vec4<f32> {
     return corner + vec4<f32>((vec4(bytes) >> vec4(0u, 8u, 16u, 24u)) & vec4(255u)) * step;
 }
 
 // Distance at which the ray enters each child's box; NO_CROSSING for a box it misses or enters behind `limit`. A
-// box entered at `limit` counts: a triangle at an equal distance may have a lower id.
+// box entered at `limit` counts: a triangle at an equal distance may have a lower id. Decides only the order of visits and
+// which boxes are left out: a flush to zero keeps the order of all distances.
 fn enter_children(ray: Ray, node: Node, limit: f32) -> vec4<f32> {
     let back = ray.inverse < vec3(0.0);
     let low = vec3(node.low_x, node.low_y, node.low_z);
@@ -185,16 +221,16 @@ fn enter_children(ray: Ray, node: Node, limit: f32) -> vec4<f32> {
 // The better of `held` and the closest hit in one tree; UNFINISHED out of steps.
 fn closer_hit(ray: Ray, root: u32, pad: f32, first_prim: u32, held: Hit) -> Hit {
     var best = held;
-    var stack: array<u32, TREE_STACK>;
-    stack[0] = root;
-    var depth = 1u;
+    stack[base] = root;
+    // Word behind the last entry.
+    var end = base + STACK_STRIDE;
     // Two loops: the lanes of a vector find their next triangles together, then test them together.
     for (; steps < STEP_BUDGET; steps += 2u) {
-        if depth == 0u {
+        if end == base {
             return best;
         }
-        depth--;
-        var item = stack[depth];
+        end -= STACK_STRIDE;
+        var item = stack[end];
         loop {
             if (item >= TRIANGLE_ITEM) | (steps >= STEP_BUDGET) {
                 break;
@@ -213,18 +249,18 @@ fn closer_hit(ray: Ray, root: u32, pad: f32, first_prim: u32, held: Hit) -> Hit 
             let swap = high < low;
             item = select(low_child, high_child, swap);
             // Stores without a branch: an entry stays only if its box is entered.
-            stack[depth] = select(child.w, child.z, swap_high);
-            depth += u32(max(enter.z, enter.w) < NO_CROSSING);
-            stack[depth] = select(high_child, low_child, swap);
-            depth += u32(max(low, high) < NO_CROSSING);
-            stack[depth] = select(child.y, child.x, swap_low);
-            depth += u32(max(enter.x, enter.y) < NO_CROSSING);
+            stack[end] = select(child.w, child.z, swap_high);
+            end += select(0u, STACK_STRIDE, max(enter.z, enter.w) < NO_CROSSING);
+            stack[end] = select(high_child, low_child, swap);
+            end += select(0u, STACK_STRIDE, max(low, high) < NO_CROSSING);
+            stack[end] = select(child.y, child.x, swap_low);
+            end += select(0u, STACK_STRIDE, max(enter.x, enter.y) < NO_CROSSING);
             if min(low, high) == NO_CROSSING {
-                if depth == 0u {
+                if end == base {
                     return best;
                 }
-                depth--;
-                item = stack[depth];
+                end -= STACK_STRIDE;
+                item = stack[end];
             }
         }
         best = intersect(ray, triangles[item ^ TRIANGLE_ITEM], pad, first_prim, best);
@@ -232,7 +268,8 @@ fn closer_hit(ray: Ray, root: u32, pad: f32, first_prim: u32, held: Hit) -> Hit 
     return Hit(0.0, UNFINISHED);
 }
 
-// Whether the beam surely meets nothing of an instance up to its best hit, see src/cast/sight.rs (why no hit is lost).
+// Whether the beam surely meets nothing of an instance up to its best hit, see src/cast/sight.rs (why no hit is lost,
+// however the device rounds).
 fn misses(instance: Instance, direction: vec3<f32>, limit: f32) -> bool {
     let along = dot_in_order(instance.center, direction);
     return (along < -instance.radius) | (along - instance.radius > limit)
@@ -248,6 +285,9 @@ fn closest_hit(direction: vec3<f32>, sensor: Sensor) -> Hit {
             return Hit(0.0, UNFINISHED);
         }
         let instance = instances[k];
+        if instance.root == NO_ROOT {
+            return Hit(0.0, UNFINISHED);
+        }
         if misses(instance, direction, best.t) {
             continue;
         }
@@ -273,6 +313,12 @@ fn cast_closest(
     @builtin(local_invocation_index) local: u32,
 ) {
     let sensor = sensors[group.y];
+    zero = sensor.zero;
+    base = local * LANE_STRIDE;
+    if local == 0u {
+        atomicStore(&hit_count, 0u);
+    }
+    workgroupBarrier();
     let beam = (group.z * groups.x + group.x) * WORKGROUP_SIZE + local;
     if beam < sensor.direction_count {
         let hit = closest_hit(directions[sensor.first_direction + beam].xyz, sensor);

@@ -6,9 +6,11 @@
 // Writes     bitmaps[sensors × bitmap_words] by atomic or: word = brick of 4 × 4 × 2 voxels, bit
 //            8·(x mod 4) + 2·(y mod 4) + (z mod 2) (src/cover/bit_order.rs)
 // Dispatch   (ceil(most directions of a model / WORKGROUP_SIZE), sensors), x spilling into z; the host covers the
-//            beams of sensors outside the grid, and of grids with an axis of LONG_AXIS voxels or more
-// Prelude    WORKGROUP_SIZE, NO_HIT, HIT_PUSH, NO_CROSSING, LONG_AXIS (printed from src/engine/gpu/layout.rs)
-// Numerics   f32; plane i is crossed at (i − p) · inverse, from the plane's number alone
+//            beams of sensors for which src/engine/gpu/chunk.rs::is_covered does not hold
+// Prelude    WORKGROUP_SIZE, NO_HIT, HIT_PUSH, NO_CROSSING (printed from src/engine/gpu/layout.rs)
+// Numerics   f32 as common/exact.wgsl has it; plane i is crossed at (i − p) · inverse, from the plane's number alone.
+//            p is 0 or at least 1e-12 and below 2^15, so i − p is 0 or at least 2^-63; a voxel is from 2^-60 to 2^60 m, a
+//            direction's component 0 or from 1e-9 to 1.001: nothing is denormal, and nothing overflows
 //
 // The voxels of a brick that a beam traverses follow from the order in which it crosses the brick's
 // planes, without a walk: a mask removes every voxel that a plane, or a pair of planes, excludes.
@@ -40,23 +42,19 @@ fn cover_voxels(
 ) {
     let sensor = sensors[group.y];
     let beam = (group.z * groups.x + group.x) * WORKGROUP_SIZE + local;
-    if beam >= sensor.direction_count {
+    if beam >= sensor.direction_count || sensor.covered_by_host == 1u {
         return;
     }
+    zero = sensor.zero;
     var t_end = sensor.range;
     if uniforms.ends_at_hits == 1u {
         let hit = hits[sensor.first_beam + beam];
         if hit.prim != NO_HIT {
-            t_end = hit.t + HIT_PUSH;
+            t_end = rounded(hit.t + HIT_PUSH);
         }
     }
     let pose = poses[group.y];
     let p = pose.in_grid.xyz;
-    // Host: src/engine/gpu/chunk.rs::is_covered.
-    let outside = any(p < vec3(0.0)) || any(p >= vec3<f32>(uniforms.shape));
-    if outside || any(uniforms.shape >= vec3(LONG_AXIS)) {
-        return;
-    }
     let direction = beam_direction(pose, directions[sensor.first_direction + beam].xyz);
     let forward = direction >= vec3(0.0);
     // A backward beam that starts on a plane has crossed it.
@@ -67,9 +65,12 @@ fn cover_voxels(
     let level = direction == vec3(0.0);
     // Divides by one along an axis on which the beam stays level: no infinities.
     let divisor = select(direction, vec3(1.0), level);
-    let inverse = select(uniforms.voxel / divisor, vec3(NO_CROSSING), level);
+    let voxel = uniforms.voxel;
+    let slopes =
+        vec3(divide(voxel.x, divisor.x), divide(voxel.y, divisor.y), divide(voxel.z, divisor.z));
+    let inverse = select(slopes, vec3(NO_CROSSING), level);
     let last = select(vec3(0.0), vec3<f32>(uniforms.shape), forward);
-    let exits = (last - p) * inverse;
+    let exits = rounded3(last - p) * inverse;
     let exit = min(min(min(exits.x, exits.y), exits.z), NO_CROSSING);
     // A crossing at t_end counts (next float above it), the one that leaves the grid does not.
     let stop = select(exit, bitcast<f32>(bitcast<u32>(t_end) + 1u), t_end < exit);
@@ -104,10 +105,10 @@ fn cover_voxels(
     let ahead = select(vec3(0.0), SIZE, forward);
     var t = 0.0;
     loop {
-        let x = (corner.xxx + PLANES - p.xxx) * inverse.xxx;
-        let y = (corner.yyy + PLANES - p.yyy) * inverse.yyy;
-        let z = (corner.z + 1.0 - p.z) * inverse.z;
-        let exits = (corner + ahead - p) * inverse;
+        let x = rounded3(rounded3(corner.xxx + PLANES) - p.xxx) * inverse.xxx;
+        let y = rounded3(rounded3(corner.yyy + PLANES) - p.yyy) * inverse.yyy;
+        let z = rounded(rounded(corner.z + 1.0) - p.z) * inverse.z;
+        let exits = rounded3(rounded3(corner + ahead) - p) * inverse;
         let exit = min(min(exits.x, exits.y), exits.z);
         let until = min(exit, stop);
         var out = select(NONE, before_x, x <= vec3(t)) | select(NONE, behind_x, x >= vec3(until));

@@ -176,6 +176,11 @@ fn devices_names_the_one_that_auto_takes() {
     assert_eq!(taken().count(), hardware.min(1), "{answer}");
     assert!(taken().all(|d| d["kind"] != "software"), "{answer}");
     assert!(devices[0]["max_binding"].as_u64().unwrap() >= 128 << 20);
+    for device in devices {
+        let test = &device["self_test"];
+        assert_eq!((&test["passed"], &test["wrong"]), (&true.into(), &0.into()), "{device}");
+        assert!(device["refused"].is_null() && test["cases"].as_u64() > Some(50_000), "{device}");
+    }
 }
 
 /// A room of 8 × 6 m with a pillar: a full-form scene small enough for many generations.

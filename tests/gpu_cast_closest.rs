@@ -18,13 +18,14 @@ fn level(x: f64, y: f64, z: f64) -> SensorPose {
     SensorPose { x, y, z, ..SensorPose::default() }
 }
 
-/// Casts all sensors at once.
+/// Casts all sensors at once, up to the range of the table.
 fn assert_same_hits(soup: &TriangleSoup, table: BeamTable, lidars: Vec<SensorPose>, least: f64) {
+    let range = table.range();
     let roi = Roi::new([-4.0; 3], [0.5; 3], [16; 3]).unwrap();
     let poses: Vec<DevicePose> =
         lidars.iter().map(|l| DevicePose::new(&l.ego_from_sensor(), &roi)).collect();
-    let bvh = Arc::new(Bvh::build(soup, RANGE as f32));
-    let want = cast_closest(&poses, &table, &bvh, RANGE as f32);
+    let bvh = Arc::new(Bvh::build(soup, range));
+    let want = cast_closest(&poses, &table, &bvh, range);
     let share = want.iter().filter(|h| h.is_hit()).count() as f64 / want.len() as f64;
     assert!(share > least, "only {share} of the beams hit: the scene is trivial");
     let problem = Problem::new(roi, random_content(1, &roi), table, vec![bvh], true);
@@ -115,4 +116,24 @@ fn beams_through_edges_corners_and_degenerate_triangles() {
     assert_same_hits(&soup, table(), vec![level(0.0, 0.0, 1.0); 64], 0.3);
     let turned = |k: u32| SensorPose { yaw: f64::from(k) * 0.25, ..level(1.0, 1.0, 1.0) };
     assert_same_hits(&soup, table(), (0..9).map(turned).collect(), 0.3);
+}
+
+#[test]
+fn sizes_at_which_devices_flush_or_overflow_are_cast_alike() {
+    // Products of coordinates of 1e-19 m are denormal, which a device may flush to zero; those of 1e13 m and more lie
+    // outside the kernel's range. The host casts such beams.
+    let channels: Vec<(f64, f64)> = (-4..=4).map(|k| (17.0 * f64::from(k), 0.1)).collect();
+    for scale in [1e-38, 1e-31, 1e-22, 1e-19, 1e-17, 1e-12, 1e6, 1e13, 1e15] {
+        let table = BeamTable::spinning(&channels, 24, RANGE.max(RANGE * scale)).unwrap();
+        let mut soup = random_soup(73, 120, 4.0);
+        // Some sides on whole numbers, so that some coordinates are equal and some zero.
+        for (index, vertex) in soup.vertices.iter_mut().enumerate() {
+            let vertex_in_grid = vertex.map(|v| if index % 4 == 0 { v.round() } else { v });
+            *vertex = vertex_in_grid.map(|v| (f64::from(v) * scale) as f32);
+        }
+        let at = |k: i32| level(f64::from(k / 3) * scale, f64::from(k % 3) * scale, 0.25 * scale);
+        // Below 1e-31 m no distance is above zero.
+        let least = if scale < 1e-30 { -1.0 } else { 0.05 };
+        assert_same_hits(&soup, table, (0..9).map(at).collect(), least);
+    }
 }

@@ -72,6 +72,8 @@ mod hits;
 #[cfg(feature = "gpu")]
 mod hostile;
 #[cfg(feature = "gpu")]
+mod hostile_driver;
+#[cfg(feature = "gpu")]
 mod hostile_large;
 #[cfg(feature = "gpu")]
 mod hostile_shifted;

@@ -27,7 +27,8 @@ struct Sensor {
     direction_count: u32,
     first_beam: u32,
     range: f32,
-    spare: vec2<u32>,
+    zero: u32,
+    covered_by_host: u32,
 }
 
 struct Hit {
@@ -35,9 +36,17 @@ struct Hit {
     prim: u32,
 }
 
-// Products added from left to right; components below TINY_COMPONENT become 0, so that level beams stay level.
+// Products added from left to right, which `dot` does not promise.
+fn dot_in_order(a: vec3<f32>, b: vec3<f32>) -> f32 {
+    let product = rounded3(a * b);
+    return rounded(product.x + product.y) + product.z;
+}
+
+// A component of a direction in another frame; components below TINY_COMPONENT become 0, so that level beams stay level.
+// A product below 2^-126 that a device flushes to zero changes no bit: against a sum of 1e-9 or more it is less than half
+// an ulp, and a smaller sum becomes 0.
 fn turned(row: vec4<f32>, v: vec3<f32>) -> f32 {
-    let d = row.x * v.x + row.y * v.y + row.z * v.z;
+    let d = dot_in_order(row.xyz, v);
     return select(d, 0.0, abs(d) < TINY_COMPONENT);
 }
 

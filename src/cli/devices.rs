@@ -1,6 +1,6 @@
-//! `devices`: the Vulkan devices and the one that `auto` takes.
+//! `devices`: the Vulkan devices, how they compute, and the one that `auto` takes.
 
-use crate::engine::gpu::list_adapters;
+use crate::engine::gpu::{TestedAdapter, test_adapters};
 use crate::internals::align_columns;
 
 use super::args::Format;
@@ -16,30 +16,64 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<Exit, Error> {
-    let adapters = list_adapters();
+    let adapters = test_adapters();
     match args.format {
         Format::Json => outln!("{}", serde_json::json!({ "devices": adapters }))?,
         Format::Text if adapters.is_empty() => {
             outln!("no Vulkan device: --backend auto computes on the CPU")?;
         }
         Format::Text => {
-            let titles = ["device", "kind", "driver", "max binding", "max workgroup", "auto"];
+            let titles = [
+                "device",
+                "kind",
+                "driver",
+                "max binding",
+                "max workgroup",
+                "self-test",
+                "product + sum",
+                "division",
+                "denormals",
+                "auto",
+            ];
             let mut rows = vec![titles.map(str::to_owned).to_vec()];
-            rows.extend(adapters.iter().map(|a| {
-                vec![
-                    a.name.clone(),
-                    a.kind.to_owned(),
-                    format!("{} {}", a.driver, a.driver_info),
-                    format!("{} MiB", a.max_binding >> 20),
-                    a.max_workgroup.to_string(),
-                    if a.auto { "yes" } else { "" }.to_owned(),
-                ]
-            }));
+            rows.extend(adapters.iter().map(row));
             out!("{}", align_columns(&rows))?;
-            if !adapters.iter().any(|a| a.auto) {
-                outln!("only software: --backend auto computes on the CPU")?;
+            for TestedAdapter { summary, refused, .. } in &adapters {
+                if let Some(why) = refused {
+                    outln!("{} is not used: {why}", summary.name)?;
+                }
+            }
+            if !adapters.iter().any(|a| a.summary.auto) {
+                outln!("no hardware that passed: --backend auto computes on the CPU")?;
             }
         }
     }
     Ok(Exit::Done)
+}
+
+fn row(TestedAdapter { summary, self_test, .. }: &TestedAdapter) -> Vec<String> {
+    let arithmetic = match self_test {
+        None => ["not run", "", "", ""],
+        Some(test) => [
+            if test.passed { "passed" } else { "failed" },
+            match (test.fuses, test.reorders) {
+                (false, false) => "as written",
+                (true, false) => "fused",
+                (false, true) => "reordered",
+                (true, true) => "fused, reordered",
+            },
+            if test.divides_exactly { "exact" } else { "inexact" },
+            if test.flushes_denormals { "flushed" } else { "kept" },
+        ],
+    };
+    let auto = if summary.auto { "yes" } else { "" };
+    let mut row = vec![
+        summary.name.clone(),
+        summary.kind.to_owned(),
+        format!("{} {}", summary.driver, summary.driver_info),
+        format!("{} MiB", summary.max_binding >> 20),
+        summary.max_workgroup.to_string(),
+    ];
+    row.extend(arithmetic.into_iter().chain([auto]).map(str::to_owned));
+    row
 }

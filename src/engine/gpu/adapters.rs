@@ -19,7 +19,8 @@ pub struct AdapterSummary {
     pub max_buffer: u64,
     /// Most invocations of a workgroup.
     pub max_workgroup: u32,
-    /// Whether `--backend auto` takes this device: the best one, if it is hardware.
+    /// Whether `--backend auto` takes this device: the best one, if it is hardware. It is opened only if it passes its
+    /// self-test.
     pub auto: bool,
 }
 
@@ -27,21 +28,23 @@ pub struct AdapterSummary {
 /// [`GpuBackend::new`](super::GpuBackend::new) takes when no name is given.
 pub fn list_adapters() -> Vec<AdapterSummary> {
     let ranked = ranked_adapters(&instance());
-    let summaries = ranked.iter().enumerate().map(|(index, adapter)| {
-        let info = adapter.get_info();
-        let limits = adapter.limits();
-        AdapterSummary {
-            kind: kind(info.device_type),
-            auto: index == 0 && info.device_type != wgpu::DeviceType::Cpu,
-            name: info.name,
-            driver: info.driver,
-            driver_info: info.driver_info,
-            max_binding: limits.max_storage_buffer_binding_size,
-            max_buffer: limits.max_buffer_size,
-            max_workgroup: limits.max_compute_invocations_per_workgroup,
-        }
-    });
-    summaries.collect()
+    ranked.iter().enumerate().map(|(index, adapter)| summary(index, adapter)).collect()
+}
+
+/// The adapter of a number in the ranking.
+pub(super) fn summary(index: usize, adapter: &wgpu::Adapter) -> AdapterSummary {
+    let info = adapter.get_info();
+    let limits = adapter.limits();
+    AdapterSummary {
+        kind: kind(info.device_type),
+        auto: index == 0 && info.device_type != wgpu::DeviceType::Cpu,
+        name: info.name,
+        driver: info.driver,
+        driver_info: info.driver_info,
+        max_binding: limits.max_storage_buffer_binding_size,
+        max_buffer: limits.max_buffer_size,
+        max_workgroup: limits.max_compute_invocations_per_workgroup,
+    }
 }
 
 fn kind(device_type: wgpu::DeviceType) -> &'static str {

@@ -1,6 +1,7 @@
 //! A batch of placements, and a part of it that lies on the device at once.
 
 use std::collections::HashMap;
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use super::layout::{Instance, LONG_AXIS, Sensor};
@@ -96,15 +97,21 @@ impl<'a> Chunk<'a> {
                 direction_count: beams.len() as u32,
                 first_beam: beams.start as u32,
                 range,
-                spare: [0; 2],
+                zero: 0,
+                covered_by_host: standing.covered_by_host.contains(&index).into(),
             });
         }
         (all, sensors)
     }
 }
 
-/// Whether `cover_voxels` covers the beams of a sensor: one in the grid, and no axis is long.
+/// Voxel edges in metres whose crossings are normal numbers for any beam in the grid: see the kernel.
+const EDGES: RangeInclusive<f64> = 1.0 / (1_u64 << 60) as f64..=(1_u64 << 60) as f64;
+
+/// Whether `cover_voxels` covers the beams of a sensor: one in the grid, no axis is long, and no crossing overflows or
+/// is denormal.
 fn is_covered(pose: &DevicePose, roi: &Roi) -> bool {
     let mut axes = roi.shape().into_iter().zip(pose.in_grid);
     axes.all(|(n, p)| n < LONG_AXIS && (0.0..n as f32).contains(&p))
+        && roi.voxel().iter().all(|edge| EDGES.contains(edge))
 }

@@ -17,6 +17,7 @@ pub(super) struct Device {
 }
 
 impl Device {
+    /// Opens the best device, or the one whose name contains `name`, whatever it is good for.
     pub(super) fn open(name: Option<&str>) -> Result<Self, BackendError> {
         let wanted = name.map(str::to_lowercase);
         let adapter = ranked_adapters(&instance())
@@ -26,6 +27,11 @@ impl Device {
                 None => true,
             })
             .ok_or_else(|| BackendError::NoDevice { name: name.map(str::to_owned) })?;
+        Self::of(&adapter)
+    }
+
+    /// Opens a device.
+    pub(super) fn of(adapter: &wgpu::Adapter) -> Result<Self, BackendError> {
         let info = adapter.get_info();
         let software = info.device_type == wgpu::DeviceType::Cpu;
         let descriptor = wgpu::DeviceDescriptor {

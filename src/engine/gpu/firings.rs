@@ -6,6 +6,7 @@ use super::buffers::Trees;
 use super::device::Device;
 use super::kernels::{Kernels, beam_workgroups};
 use super::layout::{Instance, MAX_WORKGROUPS, Sensor, UNFINISHED};
+use super::tested;
 use crate::bvh::{Bvh, Hit};
 use crate::cast::{Firing, FiringCaster};
 use crate::engine::BackendError;
@@ -53,7 +54,7 @@ impl GpuFirings {
         trees: &[&Arc<Bvh>],
         adapter: Option<&str>,
     ) -> Result<Self, BackendError> {
-        let device = Device::open(adapter)?;
+        let device = tested::open(adapter)?;
         let trees = Trees::new(&device, trees)?;
         let kernels = Kernels::new(trees.stack);
         kernels.compile(&device, |kernel| kernel == "cast_closest");
@@ -103,7 +104,8 @@ impl GpuFirings {
                 direction_count: count,
                 first_beam: first,
                 range,
-                spare: [0; 2],
+                zero: 0,
+                covered_by_host: 0,
             });
         }
         packed

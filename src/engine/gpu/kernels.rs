@@ -4,27 +4,39 @@ use std::collections::HashMap;
 use std::sync::{Mutex, OnceLock};
 
 use super::device::Device;
-use super::layout::{MAX_WORKGROUPS, WORKGROUP_SIZE, prelude};
+use super::layout::{MAX_WORKGROUPS, WORKGROUP_SIZE, prelude, stack};
 
+const EXACT: &str = include_str!("../../../shaders/common/exact.wgsl");
 const BEAM: &str = include_str!("../../../shaders/common/beam.wgsl");
 const COVERED: &str = include_str!("../../../shaders/common/covered.wgsl");
 
 /// (kernel, parts of its source): file, entry point, pipeline label and CPU twin share the name.
-const SOURCES: [(&str, &[&str]); 5] = [
-    ("cast_closest", &[BEAM, include_str!("../../../shaders/cast_closest.wgsl")]),
-    ("cover_voxels", &[BEAM, include_str!("../../../shaders/cover_voxels.wgsl")]),
-    ("reduce_words", &[BEAM, include_str!("../../../shaders/reduce_words.wgsl"), COVERED]),
-    ("reduce_occupied", &[BEAM, include_str!("../../../shaders/reduce_occupied.wgsl"), COVERED]),
-    ("reduce_classes", &[BEAM, include_str!("../../../shaders/reduce_classes.wgsl"), COVERED]),
+const SOURCES: [(&str, &[&str]); 6] = [
+    ("cast_closest", &[EXACT, BEAM, include_str!("../../../shaders/cast_closest.wgsl")]),
+    ("cover_voxels", &[EXACT, BEAM, include_str!("../../../shaders/cover_voxels.wgsl")]),
+    ("reduce_words", &[EXACT, BEAM, include_str!("../../../shaders/reduce_words.wgsl"), COVERED]),
+    (
+        "reduce_occupied",
+        &[EXACT, BEAM, include_str!("../../../shaders/reduce_occupied.wgsl"), COVERED],
+    ),
+    (
+        "reduce_classes",
+        &[EXACT, BEAM, include_str!("../../../shaders/reduce_classes.wgsl"), COVERED],
+    ),
+    ("self_test", &[EXACT, BEAM, include_str!("../../../shaders/self_test.wgsl")]),
 ];
 
 /// Key of a bind group: the number of a kernel and its buffers.
 type Bound = (usize, Vec<wgpu::Buffer>);
 
+/// Changes the source of a kernel, which is given by name, before it is compiled.
+pub type Rewrite = fn(kernel: &str, source: String) -> String;
+
 /// Kernels, each compiled at its first use, and their bind groups.
 pub(super) struct Kernels {
     /// Entries of the stack for walks down a tree.
     stack: usize,
+    rewrite: Rewrite,
     pipelines: [OnceLock<wgpu::ComputePipeline>; SOURCES.len()],
     groups: Mutex<HashMap<Bound, wgpu::BindGroup>>,
 }
@@ -32,7 +44,12 @@ pub(super) struct Kernels {
 impl Kernels {
     /// Kernels for trees whose paths need `stack` entries.
     pub(super) fn new(stack: usize) -> Self {
-        Self { stack, pipelines: Default::default(), groups: Mutex::default() }
+        Self::rewritten(stack, |_, source| source)
+    }
+
+    /// The kernels with other sources.
+    pub(super) fn rewritten(stack: usize, rewrite: Rewrite) -> Self {
+        Self { stack, rewrite, pipelines: Default::default(), groups: Mutex::default() }
     }
 
     /// Compiles the kernels that a batch needs and that are not compiled yet, side by side.
@@ -49,7 +66,7 @@ impl Kernels {
     fn pipeline(&self, device: &Device, kernel: usize) -> &wgpu::ComputePipeline {
         let (name, parts) = SOURCES[kernel];
         self.pipelines[kernel].get_or_init(|| {
-            let source = prelude(self.stack) + &parts.concat();
+            let source = (self.rewrite)(name, source(name, parts, self.stack));
             let module = device.wgpu().create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(name),
                 source: wgpu::ShaderSource::Wgsl(source.into()),
@@ -59,7 +76,11 @@ impl Kernels {
                 layout: None,
                 module: &module,
                 entry_point: Some(name),
-                compilation_options: Default::default(),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    // The kernel that has much of it sets what it reads.
+                    zero_initialize_workgroup_memory: name != "cast_closest",
+                    ..Default::default()
+                },
                 cache: None,
             })
         })
@@ -121,6 +142,12 @@ impl Kernels {
     }
 }
 
+/// A kernel as WGSL, for trees whose paths need `entries` entries of a stack.
+fn source(kernel: &str, parts: &[&str], entries: usize) -> String {
+    let stack = if kernel == "cast_closest" { stack(entries) } else { String::new() };
+    prelude() + &stack + &parts.concat()
+}
+
 /// Workgroups for `directions` beams of each of `sensors` sensors, [x, y, z]: sensors along y, beams along x
 /// and, beyond the limit of a dimension, z. Example: 70 000 · 64 directions give [35 000, sensors, 2].
 pub(super) fn beam_workgroups(directions: u32, sensors: u32) -> [u32; 3] {
@@ -143,20 +170,24 @@ mod tests {
     use crate::engine::gpu::layout::{Instance, Sensor, Uniforms};
     use crate::problem::{DevicePose, OccupiedVoxel};
 
-    fn parsed(parts: &[&str]) -> naga::Module {
-        let source = prelude(48) + &parts.concat();
+    fn parsed(kernel: &str, parts: &[&str], entries: usize) -> naga::Module {
+        let source = source(kernel, parts, entries);
         naga::front::wgsl::parse_str(&source)
             .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&source)))
     }
 
     #[test]
     fn kernels_need_no_extra_capabilities() {
+        // With stacks in workgroup memory, and too deep for it.
         for (name, parts) in SOURCES {
-            let module = parsed(parts);
-            let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
-            validator.validate(&module).unwrap_or_else(|error| panic!("{name}: {error:?}"));
-            assert_eq!(module.entry_points[0].name, name);
+            for entries in [48, 63, 64, 192] {
+                let module = parsed(name, parts, entries);
+                let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+                validator.validate(&module).unwrap_or_else(|error| panic!("{name}: {error:?}"));
+                assert_eq!(module.entry_points[0].name, name);
+            }
         }
+        assert!(stack(63).contains("workgroup") && stack(64).contains("private"));
     }
 
     #[test]
@@ -188,7 +219,7 @@ mod tests {
     /// (field, offset) of a struct, and its stride, as the shader compiler lays it out.
     fn layout(kernel: &str, name: &str) -> (Vec<(String, usize)>, usize) {
         let parts = SOURCES.iter().find(|(k, _)| *k == kernel).unwrap().1;
-        let module = parsed(parts);
+        let module = parsed(kernel, parts, 48);
         let (_, found) = module
             .types
             .iter()
@@ -221,7 +252,7 @@ mod tests {
         for kernel in ["cast_closest", "cover_voxels"] {
             let (fields, span) = layout(kernel, "Sensor");
             let offsets: Vec<usize> = fields.iter().map(|f| f.1).collect();
-            assert_eq!((offsets, span), (vec![0, 4, 8, 12, 16, 20, 24], size_of::<Sensor>()));
+            assert_eq!((offsets, span), (vec![0, 4, 8, 12, 16, 20, 24, 28], size_of::<Sensor>()));
         }
         let host = [
             offset_of!(Sensor, first_instance),
@@ -230,9 +261,10 @@ mod tests {
             offset_of!(Sensor, direction_count),
             offset_of!(Sensor, first_beam),
             offset_of!(Sensor, range),
-            offset_of!(Sensor, spare),
+            offset_of!(Sensor, zero),
+            offset_of!(Sensor, covered_by_host),
         ];
-        assert_eq!(host, [0, 4, 8, 12, 16, 20, 24]);
+        assert_eq!(host, [0, 4, 8, 12, 16, 20, 24, 28]);
         same_layout!("cast_closest", Node, [
             corner => "corner", low_x => "low_x", step => "step", low_y => "low_y",
             high => "high", low_z => "low_z", children => "children",

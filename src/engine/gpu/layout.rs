@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::bvh::{Bvh, NO_HIT, TRIANGLE};
 use crate::cast::Sight;
-use crate::problem::{DevicePose, HIT_PUSH, KINDS, NO_CROSSING, TINY_COMPONENT};
+use crate::problem::{DevicePose, HIT_PUSH, KINDS, NO_CROSSING, TINY_COMPONENT, beam_origin};
 use crate::vehicle::MAX_LIDARS;
 
 /// Invocations of a workgroup.
@@ -22,6 +22,13 @@ pub(super) const MAX_WORKGROUPS: u32 = 65_535;
 pub(super) const STEP_BUDGET: u32 = 60_000 / 16;
 /// Triangle id of a beam whose traversal ran out of [`STEP_BUDGET`].
 pub(super) const UNFINISHED: u32 = NO_HIT - 1;
+/// Root of a tree that the kernel leaves to the host.
+pub(super) const NO_ROOT: u32 = u32::MAX;
+/// Largest coordinate in metres that the kernel casts at, 2⁴⁰: larger ones may overflow, and lift numbers that a device
+/// flushes to zero over those that decide.
+const MOST_COORDINATE: f32 = (1_u64 << 40) as f32;
+/// Least padding of boxes in metres that the kernel casts at, 2⁻¹⁰⁰: see `keeps_bits` in the kernel.
+const LEAST_PAD: f32 = f32::from_bits((127 - 100) << 23);
 /// Voxels along an axis from which on the host covers the beams: below, planes have different crossings
 /// in `f32`, and a walk of at most n/4 + n/4 + n/2 = n bricks ends below 65 535 loop steps.
 pub(super) const LONG_AXIS: u32 = 1 << 15;
@@ -71,8 +78,10 @@ pub(super) struct Sensor {
     pub(super) first_beam: u32,
     /// Farthest return in metres.
     pub(super) range: f32,
-    /// Zero.
-    pub(super) spare: [u32; 2],
+    /// Zero, which no compiler can know: see `shaders/common/exact.wgsl`.
+    pub(super) zero: u32,
+    /// 1 when the host covers its beams.
+    pub(super) covered_by_host: u32,
 }
 
 /// An instance as one sensor sees it, 80 bytes.
@@ -89,14 +98,15 @@ pub(super) struct Instance {
     pub(super) least_square: f32,
     /// Metres by which triangle boxes are grown.
     pub(super) pad: f32,
-    /// Root of its tree among all nodes.
+    /// Root of its tree among all nodes, or [`NO_ROOT`].
     pub(super) root: u32,
     /// Number of its first triangle in the frame.
     pub(super) first_prim: u32,
 }
 
 impl Instance {
-    /// A tree, its root among all nodes, as the sensor with a pose in its frame sees it.
+    /// A tree, its root among all nodes, as the sensor with a pose in its frame sees it; without a root where
+    /// numbers are outside the kernel's range.
     pub(super) fn new(
         pose: &DevicePose,
         sight: &Sight,
@@ -104,6 +114,12 @@ impl Instance {
         root: u32,
         first_prim: u32,
     ) -> Self {
+        let in_range = tree.pad >= LEAST_PAD
+            && tree.bounds().is_none_or(|bounds| {
+                let size = bounds.min.abs().max(bounds.max.abs()).max(beam_origin(pose).abs());
+                size.max_element() <= MOST_COORDINATE
+            });
+        let root = if in_range { root } else { NO_ROOT };
         Self {
             rows: pose.rows,
             center: sight.center,
@@ -116,17 +132,39 @@ impl Instance {
     }
 }
 
-/// Constants as WGSL, put before every shader; `stack` entries hold any path down a tree.
-pub(super) fn prelude(stack: usize) -> String {
+/// Bytes of workgroup memory that every Vulkan device has.
+const WORKGROUP_BYTES: usize = 16 << 10;
+
+/// Declaration of the stacks of `cast_closest`, each of `entries` words.
+///
+/// Entry k of invocation i is word k · STACK_STRIDE + i · LANE_STRIDE: in workgroup memory, so that neighbours lie side by
+/// side, and in private memory where trees are too deep for that. A private array that is indexed by numbers unknown to the
+/// compiler ends in registers chosen by long ladders of selects, or in slow memory.
+pub(super) fn stack(entries: usize) -> String {
+    let lanes = WORKGROUP_SIZE as usize;
+    // One word is left for the counter of hits.
+    let shared = 4 * (entries * lanes + 1) <= WORKGROUP_BYTES;
+    let (space, words, [entry, lane]) = if shared {
+        ("workgroup", entries * lanes, [lanes, 1])
+    } else {
+        ("private", entries, [1, 0])
+    };
+    format!(
+        "const STACK_STRIDE: u32 = {entry}u;\nconst LANE_STRIDE: u32 = {lane}u;\n\
+         var<{space}> stack: array<u32, {words}>;\n"
+    )
+}
+
+/// Constants as WGSL, put before every shader.
+pub(super) fn prelude() -> String {
     let words = [
         ("WORKGROUP_SIZE", WORKGROUP_SIZE),
         ("MAX_LIDARS", MAX_LIDARS as u32),
         ("NO_HIT", NO_HIT),
         ("UNFINISHED", UNFINISHED),
         ("STEP_BUDGET", STEP_BUDGET),
-        ("TREE_STACK", stack as u32),
         ("TRIANGLE_ITEM", TRIANGLE),
-        ("LONG_AXIS", LONG_AXIS),
+        ("NO_ROOT", NO_ROOT),
         ("ITEMS_PER_INVOCATION", ITEMS_PER_INVOCATION),
         ("ITEMS_PER_WORKGROUP", ITEMS_PER_WORKGROUP),
         ("PARTIAL_WORDS", PARTIAL_WORDS),

@@ -8,14 +8,20 @@ mod adapters;
 mod buffers;
 mod chunk;
 mod device;
+#[cfg(test)]
+mod exact;
 mod firings;
 mod kernels;
 mod layout;
 mod pipeline;
 mod readback;
+mod self_test;
 mod sums;
+mod tested;
 
 pub use adapters::{AdapterSummary, list_adapters};
+pub use self_test::{SelfTest, WrongAnswer};
+pub use tested::{TestedAdapter, test_adapters};
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -31,7 +37,7 @@ use buffers::{SceneBuffers, Sizes, WorkBuffers};
 use chunk::Batch;
 use device::Device;
 pub(super) use firings::GpuFirings;
-use kernels::Kernels;
+use kernels::{Kernels, Rewrite};
 use pipeline::{Made, Pipeline};
 use sums::Sums;
 
@@ -65,7 +71,7 @@ impl GpuBackend {
         adapter: Option<&str>,
         memory: u64,
     ) -> Result<Self, BackendError> {
-        let device = Device::open(adapter)?;
+        let device = tested::open(adapter)?;
         let need = 8 * BitOrder::bricks(problem.roi()).words() as u64;
         if need > MOST_BITMAP {
             let (what, limit) = ("coverage bitmaps", MOST_BITMAP);
@@ -75,6 +81,12 @@ impl GpuBackend {
         let kernels = Kernels::new(scene.stack);
         let (times, work, doomed) = (StageTimes::default(), None, None);
         Ok(Self { problem, device, kernels, scene, work, memory, times, doomed })
+    }
+
+    /// Lets the kernels be compiled from other sources: for a test that plays a hostile driver.
+    #[doc(hidden)]
+    pub fn rewrite_kernels(&mut self, rewrite: Rewrite) {
+        self.kernels = Kernels::rewritten(self.scene.stack, rewrite);
     }
 
     /// Whether the device is a program on the host.

@@ -126,7 +126,7 @@ impl<'a> Pipeline<'a> {
             "cast_closest" => casts,
             "reduce_words" => sums,
             "reduce_occupied" | "reduce_classes" => sums && occupied,
-            _ => true,
+            kernel => kernel == "cover_voxels",
         });
     }
 

@@ -1,0 +1,286 @@
+//! A table of arithmetic, and what a device's answers to it say: whether it keeps the bits that the kernels need, and
+//! which of Vulkan's freedoms it uses.
+
+use serde::Serialize;
+
+use crate::chance::mixed;
+
+/// Operations in the order of their numbers in `shaders/self_test.wgsl`.
+const OPERATIONS: [&str; 18] = [
+    "a + b",
+    "a - b",
+    "a * b",
+    "divide(a, b)",
+    "rounded(a * b) + c",
+    "rounded(a + b) + c",
+    "rounded(a - b) * c",
+    "min(a, b)",
+    "max(a, b)",
+    "compare(a, b)",
+    "floor(a)",
+    "ceil(a)",
+    "f32(a)",
+    "u32(a)",
+    "a * b + c",
+    "(a + b) + c",
+    "a / b",
+    "a * b, denormal",
+];
+const PRODUCT: usize = 2;
+const COMPARE: usize = 9;
+const TO_FLOAT: usize = 12;
+const TO_WORD: usize = 13;
+/// Operations from here on show freedoms and have no wrong answer.
+const FREE: usize = 14;
+const FUSED: usize = 14;
+const REORDERED: usize = 15;
+const QUOTIENT: usize = 16;
+const DENORMAL: usize = 17;
+
+/// Failures that are kept of a device.
+const KEPT_FAILURES: usize = 8;
+
+/// Coordinates, directions, limits and neighbours of powers of two, as kernels meet them.
+const VALUES: [f32; 20] = [
+    0.0,
+    1.0,
+    -1.0,
+    0.999_999_94,
+    1.000_000_1,
+    3.0,
+    -0.333_333_34,
+    0.1,
+    -7.3,
+    1e-9,
+    1e9,
+    1e20,
+    8_388_607.5,
+    16_777_215.0,
+    0.25,
+    31.75,
+    -32_767.5,
+    1e-12,
+    8.673_617e-19,
+    1_099_511_627_776.0,
+];
+
+/// One case: the number of an operation and the bits of its operands.
+pub(super) type Case = (usize, [u32; 3]);
+
+/// One wrong answer.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct WrongAnswer {
+    /// Operation on a, b and c, in WGSL.
+    pub operation: &'static str,
+    /// a, b and c.
+    pub operands: [String; 3],
+    /// Answer of the device.
+    pub got: String,
+    /// Answer of IEEE 754, to nearest even.
+    pub expected: String,
+}
+
+/// A device's answers.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SelfTest {
+    /// Whether every answer that kernels depend on is right.
+    pub passed: bool,
+    /// Cases that kernels depend on.
+    pub cases: usize,
+    /// Wrong answers among them.
+    pub wrong: usize,
+    /// The first wrong answers.
+    pub examples: Vec<WrongAnswer>,
+    /// Whether it merges a product and a sum into one rounding.
+    pub fuses: bool,
+    /// Whether it reorders sums.
+    pub reorders: bool,
+    /// Whether its own division is correctly rounded.
+    pub divides_exactly: bool,
+    /// Whether denormal products become zero.
+    pub flushes_denormals: bool,
+}
+
+impl SelfTest {
+    /// The first wrong answer in words; none where the device passed.
+    pub fn complaint(&self) -> Option<String> {
+        let WrongAnswer { operation, operands: [a, b, c], got, expected } =
+            self.examples.first()?;
+        Some(format!(
+            "{} of {} answers of its self-test are wrong, the first: {operation} with a = {a}, b = {b}, c = {c} gave \
+             {got}, expected {expected}",
+            self.wrong, self.cases
+        ))
+    }
+}
+
+/// A case that asks for nothing.
+pub(super) const NO_CASE: Case = (OPERATIONS.len(), [0; 3]);
+
+/// The table of all cases.
+pub(super) fn cases() -> Vec<Case> {
+    let mut cases = Vec::new();
+    let float = |index: usize| VALUES[index % VALUES.len()].to_bits();
+    for first in 0..VALUES.len() {
+        for second in 0..VALUES.len() {
+            let pair = [float(first), float(second), 0];
+            cases
+                .extend([0, 1, 2, 3, 7, 8, 9, 10, 11, QUOTIENT].map(|operation| (operation, pair)));
+            for third in 0..VALUES.len() {
+                let three = [float(first), float(second), float(third)];
+                cases.extend([4, 5, 6, FUSED, REORDERED].map(|operation| (operation, three)));
+            }
+        }
+    }
+    for number in 0..8192 {
+        let bits = mixed(number);
+        // Exponents of 2^-31 to 2^-16 and of 2 to 2^16, any fraction.
+        let near_one = |word: u32| {
+            word & 0x87ff_ffff | if word & 1 << 27 == 0 { 0x4000_0000 } else { 0x3000_0000 }
+        };
+        let [a, b] = [bits as u32, (bits >> 32) as u32].map(near_one);
+        // Added to the product it leaves 0, or what a merged sum does not round away.
+        let minus = (-(f32::from_bits(a) * f32::from_bits(b))).to_bits();
+        cases.extend([3, QUOTIENT].map(|operation| (operation, [a, b, 0])));
+        cases.extend([0, 1, PRODUCT].map(|operation| (operation, [a, b, 0])));
+        cases.extend([4, FUSED].map(|operation| (operation, [a, b, minus])));
+        cases.push((TO_FLOAT, [bits as u32 & 0xff_ffff, 0, 0]));
+        cases.push((TO_WORD, [((bits & 0x1ff_ffff) as f32 / 2.0).to_bits(), 0, 0]));
+    }
+    for power in 1..24 {
+        let half = f32::from_bits((127 - 64) << 23 | power);
+        cases.push((
+            DENORMAL,
+            [half.to_bits(), f32::from_bits((127 - 64 - power) << 23).to_bits(), 0],
+        ));
+    }
+    cases.retain(|(operation, words)| in_range(*operation, *words));
+    cases
+}
+
+/// Whether operands, result and all between are zero or normal, as they are in the kernels; freedoms are shown by any.
+fn in_range(operation: usize, words: [u32; 3]) -> bool {
+    let [a, b, c] = words.map(f32::from_bits);
+    let fits = |x: f32| x == 0.0 || x.is_normal();
+    match operation {
+        3 | QUOTIENT => {
+            b != 0.0 && (a == 0.0 || (a / b).is_normal() && (a / b).abs() > f32::MIN_POSITIVE)
+        }
+        4 | FUSED => fits(a * b) && fits(a * b + c),
+        5 | REORDERED => fits(a + b) && fits(a + b + c),
+        6 => fits(a - b) && fits((a - b) * c),
+        PRODUCT => fits(a * b),
+        _ => true,
+    }
+}
+
+/// The answer of the host.
+fn expected(operation: usize, words: [u32; 3]) -> u32 {
+    let [a, b, c] = words.map(f32::from_bits);
+    let float = match operation {
+        0 => a + b,
+        1 => a - b,
+        PRODUCT | DENORMAL => a * b,
+        3 | QUOTIENT => a / b,
+        4 | FUSED => a * b + c,
+        5 | REORDERED => a + b + c,
+        6 => (a - b) * c,
+        7 => a.min(b),
+        8 => a.max(b),
+        COMPARE => return if a < b { 1 } else { 10 + 4 * u32::from(a == b) },
+        10 => a.floor(),
+        11 => a.ceil(),
+        TO_FLOAT => words[0] as f32,
+        _ => return a as u32,
+    };
+    float.to_bits()
+}
+
+/// Whether an answer is right; zeros of either sign are equal, and no kernel tells them apart.
+fn right(operation: usize, got: u32, want: u32) -> bool {
+    let zeros = operation != COMPARE && operation != TO_WORD && got << 1 == 0 && want << 1 == 0;
+    got == want || zeros
+}
+
+/// Judges a device's answers.
+pub(super) fn judge(cases: &[Case], answers: &[u32]) -> SelfTest {
+    let judged = cases.iter().zip(answers);
+    let misses = |operation: usize| {
+        let mut own = judged.clone().filter(|((own, _), _)| *own == operation);
+        own.any(|((_, words), &got)| !right(operation, got, expected(operation, *words)))
+    };
+    let wrong: Vec<_> = judged
+        .clone()
+        .filter(|((operation, words), got)| {
+            *operation < FREE && !right(*operation, **got, expected(*operation, *words))
+        })
+        .collect();
+    SelfTest {
+        passed: wrong.is_empty() && answers.len() >= cases.len(),
+        cases: cases.iter().filter(|case| case.0 < FREE).count(),
+        wrong: wrong.len(),
+        examples: wrong
+            .iter()
+            .take(KEPT_FAILURES)
+            .map(|(case, got)| example(case, **got))
+            .collect(),
+        fuses: misses(FUSED),
+        reorders: misses(REORDERED),
+        divides_exactly: !misses(QUOTIENT),
+        flushes_denormals: misses(DENORMAL),
+    }
+}
+
+fn example(&(operation, words): &Case, got: u32) -> WrongAnswer {
+    let float = |bits: u32| format!("{:e} (0x{bits:08x})", f32::from_bits(bits));
+    let word = |bits: u32| bits.to_string();
+    let answer =
+        |bits| if operation == COMPARE || operation == TO_WORD { word(bits) } else { float(bits) };
+    let operand = |bits| if operation == TO_FLOAT { word(bits) } else { float(bits) };
+    WrongAnswer {
+        operation: OPERATIONS[operation],
+        operands: words.map(operand),
+        got: answer(got),
+        expected: answer(expected(operation, words)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answers_of_the_host_pass_and_planted_ones_are_named() {
+        let cases = cases();
+        let mut answers: Vec<u32> = cases.iter().map(|&(op, words)| expected(op, words)).collect();
+        let right = judge(&cases, &answers);
+        assert!(right.passed && right.divides_exactly && !right.fuses && !right.flushes_denormals);
+        assert!(right.complaint().is_none() && right.cases > 10_000);
+        // One wrong bit of each operation is found, or shows as a freedom.
+        for (operation, name) in OPERATIONS.into_iter().enumerate() {
+            let at = cases
+                .iter()
+                .position(|case| case.0 == operation && expected(operation, case.1) << 1 != 0);
+            let at = at.unwrap_or_else(|| panic!("no case of {}", name));
+            answers[at] ^= 1;
+            let judged = judge(&cases, &answers);
+            assert_eq!(judged.passed, operation >= FREE, "{}", name);
+            assert_ne!(judged, right, "{}", name);
+            let complaint = judged.complaint().unwrap_or_default();
+            assert_eq!(complaint.contains(name), operation < FREE, "{complaint}");
+            answers[at] ^= 1;
+        }
+    }
+
+    #[test]
+    fn a_device_that_fuses_shows_it() {
+        let cases = cases();
+        let fused = |&(op, words): &Case| {
+            let [a, b, c] = words.map(f32::from_bits);
+            if op == FUSED { a.mul_add(b, c).to_bits() } else { expected(op, words) }
+        };
+        let answers: Vec<u32> = cases.iter().map(fused).collect();
+        let judged = judge(&cases, &answers);
+        assert!(judged.passed && judged.fuses && !judged.reorders);
+    }
+}
