@@ -37,6 +37,12 @@ impl GridSample {
         self.pairs.iter().map(|(placement, _)| placement)
     }
 
+    /// Looks whether a loaded sample is one: its placements come in pairs.
+    pub fn check(&self) -> Result<(), String> {
+        let is_whole = self.pairs.len().is_multiple_of(2) && self.delta.is_finite();
+        is_whole.then_some(()).ok_or_else(|| "sampled placements do not come in pairs".to_owned())
+    }
+
     /// Samples placements on the grid of a search, each with one neighbour a step along one pose field away.
     ///
     /// Ties between LiDARs are left out: random poses never keep them.
@@ -117,5 +123,21 @@ impl GridSample {
         let samples = self.pairs.len() / 2;
         let bound = c_m + k_g * delta;
         (!scored.is_empty()).then_some(LipschitzBound { c_m, k_g, delta, bound, samples })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_loaded_sample_has_pairs() {
+        let one = r#"[{ "name": "sample", "lidars": [{ "x": 0, "y": 0, "z": 2 }] }, null]"#;
+        let read = |pairs: &str| -> GridSample {
+            serde_json::from_str(&format!(r#"{{ "pairs": [{pairs}], "delta": 0.1 }}"#)).unwrap()
+        };
+        let pair = read(&format!("{one}, {one}"));
+        assert_eq!((pair.check(), pair.lipschitz()), (Ok(()), None));
+        assert!(read(one).check().is_err());
     }
 }

@@ -86,6 +86,9 @@ impl State {
         if let Some(levels) = &self.levels {
             levels.check(suite.frame_count())?;
         }
+        if let Some(bounds) = &self.bounds {
+            bounds.sample.check().map_err(|why| format!("bounds: {why}"))?;
+        }
         let later =
             matches!(self.phase, Phase::Finalists | Phase::Swaps | Phase::Bounds | Phase::Confirm);
         if self.levels.is_none()
