@@ -182,11 +182,10 @@ impl PyRig {
 }
 
 impl PyRig {
-    /// What was read; warns of doubts.
+    /// What was read; warns of every note.
     fn of(py: Python<'_>, imported: Imported) -> PyResult<Self> {
         let Imported { rig, left_out, notes, .. } = imported;
-        let doubts = notes.iter().filter(|note| note.is_doubt());
-        warn_of(py, doubts.map(Note::to_string))?;
+        warn_of(py, &notes)?;
         Ok(Self { rig, left_out, notes: notes.iter().map(Note::to_string).collect() })
     }
 
