@@ -1,8 +1,9 @@
 //! All of `result.json`.
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Value, json};
 
+use crate::json::shortened;
 use crate::problem::Modelled;
 use crate::search::{
     Certificate, Finding, FramesUsed, GainSpread, LeftOut, Member, MethodRecord, Outcome,
@@ -88,6 +89,9 @@ pub struct RunRecord {
     pub evaluations: u64,
     /// The result; `None` when no candidate kept the rules of the mount.
     pub best: Option<Scored>,
+    /// Mount of each LiDAR of the result, where mounts have names; `None` for one that stands on none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub mounts: Vec<Option<String>>,
     /// Hand-made layouts to compare with.
     pub baselines: Vec<Scored>,
     /// Whether the gain over the best baseline is more than the scenes' own spread; `None` for one scene.
@@ -167,11 +171,23 @@ pub struct RunContext<'a> {
     pub peak_memory: Option<u64>,
 }
 
+/// Keys of `result.json` whose numbers stay to the bit: runs and scores are made of them again.
+const EXACT: [&str; 2] = ["settings", "placement"];
+
 impl RunRecord {
+    /// The record for people and other programs: numbers have nine digits, but settings and poses stay to the bit.
+    pub fn json(&self) -> Value {
+        shortened(json!(self), &EXACT)
+    }
+
     /// The record of a run.
     pub fn new(outcome: &Outcome, run: RunContext) -> Self {
         let outcome = outcome.clone();
         let scenes = SceneRecord::several(run.suite);
+        let found = outcome.best.as_ref().map(|best| &best.placement);
+        let mounts = found.map(|found| run.suite.constraints().mount_names(found));
+        let mounts =
+            mounts.unwrap_or_default().into_iter().map(|name| name.map(str::to_owned)).collect();
         let names: Vec<&str> = scenes.iter().map(|scene| &*scene.name).collect();
         Self {
             sightline: env!("CARGO_PKG_VERSION"),
@@ -196,6 +212,7 @@ impl RunRecord {
             generations: outcome.history.len() as u64,
             evaluations: outcome.evaluations,
             best: outcome.best,
+            mounts,
             baselines: outcome.baselines,
             spread: outcome.spread,
             phases: outcome.phases,

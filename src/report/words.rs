@@ -1,6 +1,7 @@
 //! A run's findings as sentences: result against baselines, ways of searching, certificate.
 
 use super::RunRecord;
+use crate::json::spoken;
 use crate::search::Scored;
 
 /// The result of a run against the best baselines, by the objective and by information gain, and the
@@ -140,7 +141,7 @@ pub fn spread_in_words(run: &RunRecord) -> Option<String> {
 /// Value that each way of searching reached, and which one gave the result.
 pub fn methods_in_words(run: &RunRecord) -> String {
     let each = run.methods.iter().map(|m| {
-        let value = m.objective.map_or("nothing".into(), |v| format!("{v:.4e}"));
+        let value = m.objective.map_or("nothing".into(), spoken);
         let won = if m.won { " (the result)" } else { "" };
         format!("{} reached {value} with {} poses cast{won}", m.method, m.poses_cast)
     });

@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use serde_json::{Value, json};
 
-use super::numbers::written;
 use super::{Fan, Rig, RigLidar, known};
+use crate::json::written;
 use crate::vehicle::{Lidar, Vehicle};
 
 /// Nearest range of Gazebo's LiDAR where a model has none, in metres.

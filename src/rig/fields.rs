@@ -3,7 +3,7 @@
 use serde_json::{Map, Value};
 
 use super::RigError;
-use super::numbers::written;
+use crate::json::written;
 use crate::json::{Place, nearest};
 use crate::vehicle::SensorPose;
 

@@ -8,10 +8,10 @@ use roxmltree::Node;
 use super::angles::of_quaternion;
 use super::fields::{number, wrong};
 use super::frames::{Frame, Frames, Holds};
-use super::numbers::written;
 use super::{BASE_LINK, Mounting, Rig, RigError, Source, xml};
 use crate::Note;
 use crate::json::Place;
+use crate::json::written;
 use crate::vehicle::SensorPose;
 
 /// Program of `tf2_ros` that publishes a transform.

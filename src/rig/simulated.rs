@@ -4,8 +4,8 @@ use roxmltree::Node;
 
 use super::fields::{PHASE, number};
 use super::frames::{Frame, Frames, Holds};
-use super::numbers::written;
 use super::{BASE_LINK, Models, Rig, RigError, RigLidar, known, xml};
+use crate::json::written;
 use crate::vehicle::SensorPose;
 
 /// Values of `type` that mean a LiDAR, in the versions of Gazebo.

@@ -9,9 +9,9 @@ use roxmltree::Node;
 
 use super::fields::wrong;
 use super::frames::{Frame, Frames, Holds};
-use super::numbers::written;
 use super::simulated::{add_sensor, namespace, sensor_element};
 use super::{BASE_LINK, Models, Mounting, Rig, RigError, Source, xml};
+use crate::json::written;
 use crate::vehicle::SensorPose;
 
 /// Kinds of joints that move. Each frame behind one is taken where the joint stands at 0.

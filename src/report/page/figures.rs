@@ -108,6 +108,8 @@ pub struct Figures {
     pub convergence: Option<String>,
     /// The placement on the vehicle; `None` without a result.
     pub placement: Option<String>,
+    /// Mount of each LiDAR, where mounts have names; `None` for one that stands on none.
+    pub mounts: Vec<Option<String>>,
     /// Information gained, seen from above, with the name of each scene; empty without a result.
     pub maps: Vec<(String, String)>,
     /// The blind zone from above, or why it is not drawn.
@@ -126,7 +128,10 @@ impl Figures {
         body: &[[[f32; 3]; 3]],
         looks: Option<Looks>,
     ) -> Self {
+        let mounts = shown.map(|shown| constraints.mount_names(&shown.placement));
+        let mounts = mounts.unwrap_or_default().into_iter();
         let none = Self {
+            mounts: mounts.map(|name| name.map(str::to_owned)).collect(),
             convergence: None,
             placement: shown.map(|shown| placement_svg(shown, constraints, body)),
             maps: Vec::new(),
