@@ -64,7 +64,7 @@ impl PyRig {
         Self::of(sensors.py(), from_carla_sensors(&list, &settings).map_err(raised)?)
     }
 
-    /// From a file of another program, or a folder of its files; `docs/rigs.md` lists the formats.
+    /// From a file of another program, or a folder of its files; `docs/formats/rigs.md` lists the formats.
     ///
     /// `format` names one, which else is told by what the file holds; `frames` picks LiDARs by name. Raises `OSError` for
     /// files that cannot be read, `ValueError` with the place of what is wrong.
