@@ -422,5 +422,7 @@ fn a_mixed_rig_keeps_its_score_through_every_format_or_is_refused() {
     assert_eq!(models["lidars"], json!({ "roof_lidar": "spinning", "lidar_1": "solid" }));
     assert_eq!(models["models"]["solid"]["azimuth"], json!([-50.0, 50.0]));
     let plain = ["rig", "export", "plain.json", "--format", "urdf", "--vehicle", "cart.json"];
-    assert!(fails(dir.path(), &plain).contains("`roof_lidar` names no sensor, and the vehicle has"));
+    assert!(
+        fails(dir.path(), &plain).contains("`roof_lidar` names no sensor, and the vehicle has")
+    );
 }

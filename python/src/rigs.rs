@@ -182,7 +182,7 @@ impl PyRig {
 }
 
 impl PyRig {
-    /// What was read; warns of every note.
+    /// Result of reading; warns of every note.
     fn of(py: Python<'_>, imported: Imported) -> PyResult<Self> {
         let Imported { rig, left_out, notes, .. } = imported;
         warn_of(py, &notes)?;

@@ -138,7 +138,7 @@ impl PyScene {
         self.built.scene.rate()
     }
 
-    /// Whether there is anything to cast into.
+    /// True if there is anything to cast into.
     #[getter]
     fn has_geometry(&self) -> bool {
         self.built.scene.has_geometry()

@@ -177,7 +177,7 @@ impl PyVehicle {
         Ok(all)
     }
 
-    /// Of each mount `name`, `lower` and `upper` bounds of x, y, z (m), roll, pitch, yaw (rad), `sensors` that it may hold, `count` `[fewest, most]`.
+    /// A dict a mount: `name`, `lower` and `upper` bounds of x, y, z (m), roll, pitch, yaw (rad), `sensors` that it may hold, `count` `[fewest, most]`.
     #[getter]
     fn mounts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let mounts = self.vehicle.mounts.iter().map(|mount| {

@@ -19,14 +19,14 @@ pub struct RunTimes {
     pub build: f64,
     /// The search.
     pub search: f64,
-    /// Of it the generations, without what choosing other frames took.
+    /// Generations of the search, without what choosing other frames took.
     pub generations: f64,
-    /// Of these all but scoring: asking, telling, ranking, writing the checkpoint.
+    /// Generations without scoring: asking, telling, ranking, writing the checkpoint.
     pub bookkeeping: f64,
-    /// Of the search the swaps.
+    /// Swaps of the search.
     #[serde(default)]
     pub swaps: f64,
-    /// Of the search the bounds behind the certificate.
+    /// Bounds of the search behind the certificate.
     #[serde(default)]
     pub bounds: f64,
     /// Scoring result and baselines over all frames.
@@ -61,7 +61,7 @@ pub struct RunRecord {
     pub threads: usize,
     /// Seed of the search.
     pub seed: u64,
-    /// What was maximized.
+    /// Objective that was maximized.
     pub objective: String,
     /// Weather and faults that it was maximized under, as they are written; empty in clear air.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -94,7 +94,7 @@ pub struct RunRecord {
     pub mounts: Vec<Option<String>>,
     /// Hand-made layouts to compare with.
     pub baselines: Vec<Scored>,
-    /// Whether the gain over the best baseline is more than the scenes' own spread; `None` for one scene.
+    /// Tells whether the gain over the best baseline is more than the scenes' own spread; `None` for one scene.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spread: Option<GainSpread>,
     /// What result and best baseline are worth at phases that the search has not seen; `None` where all
@@ -125,7 +125,7 @@ pub struct RunRecord {
 pub struct SceneRecord {
     /// Its name, as the scores by scene have it.
     pub name: String,
-    /// Whether it is the mirror image of the one before it.
+    /// True if it is the mirror image of the one before it.
     pub mirrored: bool,
     /// Frames that the scores average over.
     pub frames: usize,
@@ -155,13 +155,13 @@ pub struct RunContext<'a> {
     pub settings: Value,
     /// The scenes over all frames.
     pub suite: &'a Suite,
-    /// As [`RunRecord::equipment`].
+    /// See [`RunRecord::equipment`].
     pub equipment: Option<String>,
     /// Seed of the search.
     pub seed: u64,
-    /// What was maximized.
+    /// Objective that was maximized.
     pub objective: String,
-    /// As [`RunRecord::conditions`].
+    /// See [`RunRecord::conditions`].
     pub conditions: Vec<String>,
     /// Placements × frames a second during the generations.
     pub rate: f64,

@@ -125,7 +125,7 @@ fn compare(ours: f64, theirs: f64, [above, below, equal]: [&str; 3]) -> String {
     }
 }
 
-/// Whether the gain over the best baseline is more than the scenes' own spread; `None` where there is nothing to
+/// Tells whether the gain over the best baseline is more than the scenes' own spread; `None` where there is nothing to
 /// compare.
 pub fn spread_in_words(run: &RunRecord) -> Option<String> {
     if let Some(spread) = &run.spread {

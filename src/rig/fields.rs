@@ -115,7 +115,7 @@ impl<'a> Fields<'a> {
         Ok(SensorPose { phase: self.phase()?, ..SensorPose::from_values(values) })
     }
 
-    /// As [`Self::six`]; angles that are missing are 0.
+    /// Like [`Self::six`]; angles that are missing are 0.
     pub(super) fn six_or_level(&self) -> Result<SensorPose, RigError> {
         let mut values = [0.0; 6];
         for (k, (value, key)) in values.iter_mut().zip(SensorPose::FIELDS).enumerate() {

@@ -60,7 +60,7 @@ pub struct Imported {
     pub format: RigFormat,
     /// Frames that are no LiDARs, or carry the frame of one.
     pub left_out: Vec<String>,
-    /// What a user should know, in sentences.
+    /// Notes for the user, in sentences.
     pub notes: Vec<Note>,
 }
 
@@ -279,7 +279,7 @@ fn rounded(metres: f64) -> f64 {
     (metres * 1e6).round() / 1e6
 }
 
-/// Whether the name of a frame of which nothing is said is that of a LiDAR.
+/// True if the name of a frame of which nothing is said is that of a LiDAR.
 fn is_named_lidar(frame: &Frame) -> bool {
     let name = frame.name.to_lowercase();
     frame.holds == Holds::Unsaid && WORDS.iter().any(|word| name.contains(word))

@@ -93,7 +93,7 @@ struct Launch<'a> {
 }
 
 impl Launch<'_> {
-    /// Whether `if` and `unless` leave an element on.
+    /// True if `if` and `unless` leave an element on.
     fn is_on(&self, node: Node) -> Result<bool, RigError> {
         for (key, wanted) in [("if", true), ("unless", false)] {
             let Some(text) = node.attribute(key) else { continue };

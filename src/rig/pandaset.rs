@@ -18,7 +18,7 @@ const PASSED: [&str; 5] = ["comment", "description", "license", "source", "versi
 const PASSED_SENSOR: [&str; 6] =
     ["comment", "description", "device", "intrinsic", "intrinsics", "name"];
 
-/// Whether a document has this form.
+/// True if a document has this form.
 pub(super) fn is_pandaset(document: &Value) -> bool {
     let sensors = document.get("sensors").and_then(Value::as_object);
     sensors.is_some_and(|map| map.values().any(|sensor| sensor.get("transform").is_some()))

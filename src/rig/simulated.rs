@@ -15,7 +15,7 @@ const LIDARS: [&str; 4] = ["ray", "gpu_ray", "lidar", "gpu_lidar"];
 const OWN: &str = "urn:sightline";
 const PREFIX: &str = "sightline";
 
-/// Whether a `<sensor>` is a LiDAR.
+/// True if a `<sensor>` is a LiDAR.
 pub(super) fn is_lidar(sensor: Node) -> bool {
     sensor.attribute("type").is_some_and(|kind| LIDARS.contains(&kind))
 }

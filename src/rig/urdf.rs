@@ -45,7 +45,7 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
     Ok(())
 }
 
-/// Whether an element is one of xacro, or an attribute of it waits for xacro.
+/// True if an element is one of xacro, or an attribute of it waits for xacro.
 fn is_xacro(node: Node) -> bool {
     let waits = |value: &str| value.contains("${") || value.contains("$(");
     node.tag_name().namespace().is_some_and(|space| space.contains("xacro"))

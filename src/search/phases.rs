@@ -34,7 +34,7 @@ fn interval(values: &[f64]) -> [f64; 2] {
 }
 
 impl Suite {
-    /// Whether any sensor of a placement has a phase that differs from frame to frame.
+    /// True if any sensor of a placement has a phase that differs from frame to frame.
     pub fn has_free_phase(&self) -> bool {
         let free = |member: &Member| {
             let slots = member.problem().constraints().slots.iter();
@@ -43,12 +43,12 @@ impl Suite {
         self.members().iter().any(free)
     }
 
-    /// Whether beams come back by chance: through weather, or past faults.
+    /// True if beams come back by chance: through weather, or past faults.
     pub fn has_weather(&self) -> bool {
         self.members().iter().any(|member| member.problem().air().is_some())
     }
 
-    /// Whether scores are those of one draw: of phases, or of the beams that come back.
+    /// True if scores are those of one draw: of phases, or of the beams that come back.
     pub(super) fn is_left_to_chance(&self) -> bool {
         self.has_free_phase() || self.has_weather()
     }

@@ -20,7 +20,7 @@ impl Lidar {
     /// metres.
     ///
     /// # Errors
-    /// As [`sensor_file::read`], and too many beams.
+    /// Like [`sensor_file::read`], and too many beams.
     pub fn from_sensor_file(
         path: &Path,
         azimuth_steps: u32,

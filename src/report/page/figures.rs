@@ -17,7 +17,7 @@ use crate::report::RunRecord;
 /// Frames that the near field is taken over.
 const NEAR_FRAMES: u32 = 4;
 
-/// What is computed of a placement for its page, beyond its scores.
+/// Figures computed of a placement for its page, beyond its scores.
 pub struct Looks {
     /// What it gains, from above, in each scene by name.
     maps: Vec<(String, InformationMap)>,
@@ -40,7 +40,7 @@ impl Looks {
     /// the CPU within `memory` bytes.
     ///
     /// # Errors
-    /// As [`open`] and the stages of the engine.
+    /// Like [`open`] and the stages of the engine.
     pub fn new(
         scenes: &[Scene],
         suite: &Suite,
@@ -149,7 +149,7 @@ impl Figures {
         Self { maps: maps.collect(), near_field, near_frames, views, ..none }
     }
 
-    /// The same with the convergence of a run.
+    /// A copy with the convergence of a run.
     pub fn with_search(mut self, run: &RunRecord, history: &[GenerationRecord]) -> Self {
         let best = run.best.as_ref();
         let steps = run.fidelity.as_ref().map_or(&[][..], |frames| &frames.steps);

@@ -54,7 +54,7 @@ pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunR
     }
 }
 
-/// What each LiDAR gains alone, and what would be lost without it.
+/// Gain of each LiDAR alone, and what would be lost without it.
 fn each_lidar(subject: &Subject<'_>, figures: &Figures) -> Markup {
     let unique = subject.result.map_or(&[][..], |best| &best.scores.unique_share);
     let gains = figures.views.first().map(|view| view.gains());

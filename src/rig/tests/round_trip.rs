@@ -58,7 +58,7 @@ fn rig(rng: &mut ChaCha8Rng) -> Rig {
     Rig { name: "found-1".to_owned(), lidars: (0..count).map(lidar).collect() }
 }
 
-/// Whether a format keeps the names of frames, and which sensors it keeps.
+/// Tells whether a format keeps the names of frames, and which sensors it keeps.
 fn kept(format: RigFormat, lidar: &RigLidar) -> Option<String> {
     match format {
         RigFormat::Carla | RigFormat::CarlaObjects => {

@@ -170,7 +170,7 @@ impl Run {
         Ok(Some(certificate))
     }
 
-    /// Whether the result gains more than the best baseline, or where none keeps all rules the best of those that do
+    /// Tells whether the result gains more than the best baseline, or where none keeps all rules the best of those that do
     /// not, by more than the scenes' own spread; `None` for one scene, or without a baseline.
     fn spread(
         &self,
@@ -181,7 +181,7 @@ impl Run {
             return Ok(None);
         };
         let pair = vec![best.placement.clone(), rival.placement.clone()];
-        // Of the draw with which both were confirmed.
+        // Scores of the draw with which both were confirmed.
         let suite = match self.suite.is_left_to_chance() {
             true => Cow::Owned(self.suite.with_draw(CONFIRMING)),
             false => Cow::Borrowed(&self.suite),
