@@ -5,11 +5,11 @@ use std::cell::Cell;
 use sysinfo::{ProcessRefreshKind, ProcessesToUpdate, System};
 
 thread_local! {
-    /// Whether the allocation that this thread asks for may be refused.
+    /// True if the allocation that this thread asks for may be refused.
     static MAY_FAIL: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Whether the allocation that this thread asks for may be refused, since the caller turns a refusal
+/// True if the allocation that this thread asks for may be refused, since the caller turns a refusal
 /// into an [`OutOfMemory`]. All others cannot go on without it.
 pub fn may_fail() -> bool {
     MAY_FAIL.get()

@@ -27,7 +27,7 @@ impl Note {
         &self.text
     }
 
-    /// Whether the input is likely not what its author means.
+    /// True if the input is likely not what its author means.
     pub fn is_doubt(&self) -> bool {
         self.is_doubt
     }

@@ -390,7 +390,7 @@ fn a_mixed_rig_keeps_its_score_through_every_format_or_is_refused() {
         crate::cli::sightline(dir.path(), &[&["rig", "export", "named.json"][..], &to].concat());
         let import = ["rig", "import", &out, "--out", &back];
         assert!(crate::cli::sightline(dir.path(), &import).status.success(), "{format}");
-        if ["urdf", "sdf", "json"].contains(&format) {
+        if ["autoware", "urdf", "sdf", "json"].contains(&format) {
             assert_eq!(gain(&back), own, "{format}");
         } else {
             let score = [&["score", "room.json", &back][..], &CART].concat();
@@ -419,8 +419,10 @@ fn a_mixed_rig_keeps_its_score_through_every_format_or_is_refused() {
     assert_eq!(of("upper_fov"), [30.0, 30.0]);
     assert_eq!(of("points_per_second"), [5400.0, 1550.0]);
     let models: Value = serde_json::from_str(&read("autoware.out/models.json")).unwrap();
-    assert_eq!(models["lidars"], json!({ "lidar_0": "spinning", "lidar_1": "solid" }));
+    assert_eq!(models["lidars"], json!({ "roof_lidar": "spinning", "lidar_1": "solid" }));
     assert_eq!(models["models"]["solid"]["azimuth"], json!([-50.0, 50.0]));
     let plain = ["rig", "export", "plain.json", "--format", "urdf", "--vehicle", "cart.json"];
-    assert!(fails(dir.path(), &plain).contains("`lidar_0` names no sensor, and the vehicle has"));
+    assert!(
+        fails(dir.path(), &plain).contains("`roof_lidar` names no sensor, and the vehicle has")
+    );
 }

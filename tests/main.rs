@@ -23,6 +23,8 @@ mod cli_limits;
 #[cfg(feature = "cli")]
 mod cli_near_field;
 #[cfg(feature = "cli")]
+mod cli_numbers;
+#[cfg(feature = "cli")]
 mod cli_optimize;
 #[cfg(all(unix, feature = "cli"))]
 mod cli_output;

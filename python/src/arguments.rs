@@ -74,8 +74,8 @@ pub fn threads(given: &Bound<'_, PyAny>) -> PyResult<usize> {
 }
 
 /// The argument `range` of sensors.
-pub fn range(given: &Bound<'_, PyAny>) -> PyResult<f64> {
-    real("range", given, "metres, more than 0", |metres| metres > 0.0)
+pub fn range(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
+    maybe_real("range", given, "metres, more than 0, or None", |metres| metres > 0.0)
 }
 
 /// The argument `target`.

@@ -3,14 +3,15 @@
 use std::error::Error as StdError;
 use std::ffi::CString;
 
+use pyo3::create_exception;
 use pyo3::exceptions::{PyMemoryError, PyOSError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
-use sightline::Error;
 use sightline::engine::{BackendError, OpenError};
 use sightline::problem::ProblemError;
 use sightline::psog::GridError;
 use sightline::scan::ScanError;
 use sightline::search::SearchError;
+use sightline::{Error, Note};
 
 /// The exception for an error of the library, with the library's sentence.
 pub fn raised(error: impl Into<Error>) -> PyErr {
@@ -30,15 +31,33 @@ pub fn bad(sentence: impl Into<String>) -> PyErr {
     PyValueError::new_err(sentence.into())
 }
 
-/// Warnings of a call at most: of a million placements in degrees, the first say enough.
+create_exception!(
+    sightline,
+    DoubtWarning,
+    PyUserWarning,
+    "A likely mistake in a file or in poses, such as millimetres in place of metres."
+);
+
+/// Doubts about placements of a call at most: of a million placements in degrees, the first say enough.
 const MOST_WARNINGS: usize = 3;
 
-/// Tells the caller's line in Python of what is most likely not meant: a `UserWarning` each.
-pub fn warn_of(py: Python<'_>, doubts: impl IntoIterator<Item = String>) -> PyResult<()> {
-    let category = py.get_type::<PyUserWarning>();
-    let told = doubts.into_iter().take(MOST_WARNINGS);
-    told.map(|doubt| doubt.replace('\0', ""))
-        .try_for_each(|doubt| PyErr::warn(py, &category, &CString::new(doubt)?, 1))
+/// Warns the caller's line in Python of the first placements that are most likely not meant.
+pub fn warn_of_placements(py: Python<'_>, doubts: impl Iterator<Item = String>) -> PyResult<()> {
+    doubts.take(MOST_WARNINGS).try_for_each(|doubt| warn(py, &Note::doubt(doubt)))
+}
+
+/// Warns the caller's line in Python of every sentence on a file: a `UserWarning` each, doubts a [`DoubtWarning`].
+pub fn warn_of(py: Python<'_>, notes: &[Note]) -> PyResult<()> {
+    notes.iter().try_for_each(|note| warn(py, note))
+}
+
+fn warn(py: Python<'_>, note: &Note) -> PyResult<()> {
+    let category = if note.is_doubt() {
+        py.get_type::<DoubtWarning>()
+    } else {
+        py.get_type::<PyUserWarning>()
+    };
+    PyErr::warn(py, &category, &CString::new(note.text().replace('\0', ""))?, 1)
 }
 
 /// The engine's error, where it is one.

@@ -79,6 +79,7 @@ mod _native {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("DoubtWarning", module.py().get_type::<super::errors::DoubtWarning>())?;
         module.add("FEW_PLACEMENTS", sightline::near_field::FEW_PLACEMENTS)?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }

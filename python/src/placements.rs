@@ -10,7 +10,7 @@ use sightline::{Placement, Scene, SensorPose, read_placements};
 
 use crate::arguments::{self, listed, room_for};
 use crate::arrays::{column, matrix, numbers, shape_in_words};
-use crate::errors::{bad, raised, warn_of};
+use crate::errors::{bad, raised, warn_of_placements};
 use crate::json::to_python;
 
 /// Bytes that the name of a placement takes.
@@ -128,7 +128,7 @@ pub fn placements_in(
     let named = |placement| models.check(placement).map_err(|fault| bad(fault.to_string()));
     placements.iter().try_for_each(named)?;
     let doubts = Doubts::of_units();
-    warn_of(given.py(), placements.iter().flat_map(|one| doubts.about(one)))?;
+    warn_of_placements(given.py(), placements.iter().flat_map(|one| doubts.about(one)))?;
     Ok(placements)
 }
 

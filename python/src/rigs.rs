@@ -64,7 +64,7 @@ impl PyRig {
         Self::of(sensors.py(), from_carla_sensors(&list, &settings).map_err(raised)?)
     }
 
-    /// From a file of another program, or a folder of its files; `docs/rigs.md` lists the formats.
+    /// From a file of another program, or a folder of its files; `docs/formats/rigs.md` lists the formats.
     ///
     /// `format` names one, which else is told by what the file holds; `frames` picks LiDARs by name. Raises `OSError` for
     /// files that cannot be read, `ValueError` with the place of what is wrong.
@@ -182,11 +182,10 @@ impl PyRig {
 }
 
 impl PyRig {
-    /// What was read; warns of doubts.
+    /// Result of reading; warns of every note.
     fn of(py: Python<'_>, imported: Imported) -> PyResult<Self> {
         let Imported { rig, left_out, notes, .. } = imported;
-        let doubts = notes.iter().filter(|note| note.is_doubt());
-        warn_of(py, doubts.map(Note::to_string))?;
+        warn_of(py, &notes)?;
         Ok(Self { rig, left_out, notes: notes.iter().map(Note::to_string).collect() })
     }
 

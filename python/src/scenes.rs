@@ -56,10 +56,9 @@ pub struct PyScene {
 }
 
 impl PyScene {
-    /// Warns of what is doubted in the scene.
+    /// Warns of every note on the scene's files.
     fn new(py: Python<'_>, scene: Scene, source: Source, options: Options) -> PyResult<Self> {
-        let doubts = scene.notes().iter().filter(|note| note.is_doubt());
-        warn_of(py, doubts.map(|doubt| doubt.text().to_owned()))?;
+        warn_of(py, scene.notes())?;
         Ok(Self { built: Arc::new(Built::new(scene, options)), source })
     }
 }
@@ -139,7 +138,7 @@ impl PyScene {
         self.built.scene.rate()
     }
 
-    /// Whether there is anything to cast into.
+    /// True if there is anything to cast into.
     #[getter]
     fn has_geometry(&self) -> bool {
         self.built.scene.has_geometry()
@@ -151,8 +150,8 @@ impl PyScene {
         self.built.scene.files()
     }
 
-    /// Facts about the scene's files, such as parts that were passed over, and doubts; a sentence each. Doubts are warned of
-    /// where the scene is loaded, as `UserWarning`.
+    /// Facts about the scene's files, such as parts that were passed over, and doubts; a sentence each. Loading the scene warns
+    /// of each: a `UserWarning`, for doubts a `DoubtWarning`.
     #[getter]
     fn notes(&self) -> Vec<String> {
         self.built.scene.notes().iter().map(ToString::to_string).collect()

@@ -11,7 +11,7 @@ use sightline::vehicle::{Lidar, Vehicle};
 
 use crate::arguments;
 use crate::arrays::matrix;
-use crate::errors::{bad, raised};
+use crate::errors::{bad, raised, warn_of};
 use crate::json::{to_python, to_text};
 
 /// A LiDAR model: its beams in its own frame.
@@ -26,21 +26,25 @@ impl PySensor {
         Ok(Self { table: lidar.table().map_err(raised)?, lidar: lidar.clone() })
     }
 
-    fn from_text(text: &str, folder: &Path, name: &str) -> PyResult<Self> {
-        Self::of(&Lidar::from_json(text, folder, name).map_err(raised)?)
+    /// Reads a sensor; warns of every note.
+    fn from_text(py: Python<'_>, text: &str, folder: &Path, name: &str) -> PyResult<Self> {
+        let (lidar, notes) = Lidar::from_json(text, folder, name).map_err(raised)?;
+        warn_of(py, &notes)?;
+        Self::of(&lidar)
     }
 }
 
 #[pymethods]
 impl PySensor {
-    /// From a file of a vendor, told apart by what it holds; `docs/sensors.md` lists the formats.
+    /// From a file of a vendor, told apart by what it holds; `docs/formats/sensors.md` lists the formats.
     ///
-    /// `range` in metres; `azimuth_steps` a turn where the file does not state them.
+    /// `range` in metres and `azimuth_steps` a turn, where the file does not state them.
     #[staticmethod]
-    #[pyo3(signature = (path, *, range = 100.0, azimuth_steps = None))]
+    #[pyo3(signature = (path, *, range = None, azimuth_steps = None))]
     fn load(
+        py: Python<'_>,
         path: PathBuf,
-        #[pyo3(from_py_with = arguments::range)] range: f64,
+        #[pyo3(from_py_with = arguments::range)] range: Option<f64>,
         #[pyo3(from_py_with = arguments::azimuth_steps)] azimuth_steps: Option<u32>,
     ) -> PyResult<Self> {
         if path.to_str().is_none() {
@@ -49,11 +53,14 @@ impl PySensor {
                 "{path}: the name is not UTF-8; rename the file or its folder"
             )));
         }
-        let mut lidar = json!({ "file": path, "range": range });
+        let mut lidar = json!({ "file": path });
+        if let Some(metres) = range {
+            lidar["range"] = metres.into();
+        }
         if let Some(steps) = azimuth_steps {
             lidar["azimuth_steps"] = steps.into();
         }
-        Self::from_text(&lidar.to_string(), Path::new(""), &path.display().to_string())
+        Self::from_text(py, &lidar.to_string(), Path::new(""), &path.display().to_string())
     }
 
     /// From what a scene has under `lidar`, as `{"channels": 16, "fov": [-24.8, 2], "azimuth_steps": 250, "range": 100}`;
@@ -62,7 +69,7 @@ impl PySensor {
     #[pyo3(signature = (lidar, *, folder = None))]
     fn from_dict(lidar: &Bound<'_, PyAny>, folder: Option<PathBuf>) -> PyResult<Self> {
         let text = to_text("lidar", lidar)?;
-        Self::from_text(&text, &folder.unwrap_or_default(), "lidar")
+        Self::from_text(lidar.py(), &text, &folder.unwrap_or_default(), "lidar")
     }
 
     /// `[B, 3]` f32, unit vectors in the sensor frame, by channel and azimuth step.
@@ -130,10 +137,11 @@ pub struct PyVehicle {
 
 #[pymethods]
 impl PyVehicle {
-    /// Reads a vehicle file.
+    /// Reads a vehicle file; warns of every note.
     #[staticmethod]
-    fn load(path: PathBuf) -> PyResult<Self> {
+    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let vehicle = Vehicle::read(&path).map_err(raised)?;
+        warn_of(py, &vehicle.notes)?;
         Ok(Self { path, vehicle })
     }
 
@@ -169,7 +177,7 @@ impl PyVehicle {
         Ok(all)
     }
 
-    /// Of each mount `name`, `lower` and `upper` bounds of x, y, z (m), roll, pitch, yaw (rad), `sensors` that it may hold, `count` `[fewest, most]`.
+    /// A dict a mount: `name`, `lower` and `upper` bounds of x, y, z (m), roll, pitch, yaw (rad), `sensors` that it may hold, `count` `[fewest, most]`.
     #[getter]
     fn mounts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let mounts = self.vehicle.mounts.iter().map(|mount| {

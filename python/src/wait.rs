@@ -43,7 +43,7 @@ pub fn wait<T: Send>(py: Python<'_>, receiver: &Mutex<Receiver<T>>) -> PyResult<
 /// background until it looks.
 ///
 /// # Errors
-/// As [`wait`]; a panic of `work`.
+/// Like [`wait`]; a panic of `work`.
 pub fn interruptible<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(&AtomicBool) -> T + Send + 'static,

@@ -10,7 +10,7 @@ pub(super) struct Below {
 }
 
 impl Below {
-    /// Of each node.
+    /// One for each node.
     fn all(nodes: &[Node]) -> Vec<Self> {
         let mut below = vec![Self::default(); nodes.len()];
         // Children come after their parents.
@@ -36,7 +36,7 @@ impl Below {
 /// however the tree is cut.)
 pub(super) struct Cuts<'a, const WIDTH: usize> {
     nodes: &'a [Node],
-    /// Of each binary node.
+    /// One for each binary node.
     pub(super) below: Vec<Below>,
     /// Row of each binary node in `places`; [`BLOCK`] for those that are blocks or lie in one.
     rows: Vec<u32>,

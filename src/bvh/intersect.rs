@@ -36,7 +36,7 @@ impl Hit {
         Self { t, prim: ENDED }
     }
 
-    /// Whether a triangle was hit.
+    /// True if a triangle was hit.
     pub fn is_hit(&self) -> bool {
         self.prim < ENDED
     }

@@ -127,7 +127,7 @@ impl Caster {
         self.cast_alone(alone, hits);
     }
 
-    /// Those that are walked, and those whose beams go alone.
+    /// Beams that are walked, and beams whose beams go alone.
     fn sorted<'a>(&self, parts: &[Part<'a>]) -> (Vec<Part<'a>>, Vec<Part<'a>>) {
         parts.iter().partition(|part| self.walk.is_some() && Walk::fits(part))
     }

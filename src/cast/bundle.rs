@@ -99,7 +99,7 @@ pub(crate) fn closer_hits_of_bundle<'a, const N: usize>(
     }
 }
 
-/// Whether rays of one origin all hit one triangle of a tree.
+/// Tells whether rays of one origin all hit one triangle of a tree.
 pub(crate) fn all_hit(
     tree: &Bvh,
     pose: &DevicePose,

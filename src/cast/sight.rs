@@ -58,7 +58,7 @@ impl Sight {
         })
     }
 
-    /// Whether a beam surely hits nothing here up to `t` metres; `direction` is the table's.
+    /// True if a beam surely hits nothing here up to `t` metres; `direction` is the table's.
     #[inline(always)]
     pub(crate) fn misses(&self, direction: [f32; 3], t: f32) -> bool {
         let ([x, y, z], [dx, dy, dz]) = (self.center, direction);

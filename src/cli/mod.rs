@@ -140,9 +140,9 @@ pub fn refusal(arguments: &[OsString]) -> Option<String> {
 /// Arguments that were read.
 struct Parsed {
     command: Command,
-    /// Whether outputs may replace files.
+    /// True if outputs may replace files.
     force: bool,
-    /// Whether files may name others outside their folder.
+    /// True if files may name others outside their folder.
     trusts_paths: bool,
 }
 
@@ -213,7 +213,7 @@ fn with_force(command: clap::Command) -> clap::Command {
     )
 }
 
-/// Whether the command was given a flag.
+/// True if the command was given a flag.
 fn is_given(matches: &clap::ArgMatches, flag: &str) -> bool {
     let below = matches.subcommand().is_some_and(|(_, below)| is_given(below, flag));
     below || matches.try_get_one::<bool>(flag).ok().flatten() == Some(&true)

@@ -119,7 +119,7 @@ pub fn run(args: &Args) -> Result<Exit, Error> {
     let found = optimize(&request, &args.named.computing(&args.compute, &terminal))?;
     match (&found, args.format) {
         (None, _) => return Ok(Exit::Interrupted),
-        (Some(found), Format::Json) => outln!("{}", serde_json::json!(found.record))?,
+        (Some(found), Format::Json) => outln!("{}", found.record.json())?,
         (Some(found), Format::Text) => out!("{}", record_text(&found.record, &found.folder))?,
     }
     Ok(terminal.exit())

@@ -8,12 +8,12 @@ use crate::internals::FileError;
 
 use crate::runs::Error;
 
-/// As `print!`, with an [`Error`] instead of a panic where stdout cannot be written.
+/// Like `print!`, with an [`Error`] instead of a panic where stdout cannot be written.
 macro_rules! out {
     ($($text:tt)*) => { $crate::cli::output::print(format_args!($($text)*)) };
 }
 
-/// As `println!`, with an [`Error`] instead of a panic where stdout cannot be written.
+/// Like `println!`, with an [`Error`] instead of a panic where stdout cannot be written.
 macro_rules! outln {
     () => { out!("\n") };
     ($($text:tt)*) => { out!("{}\n", format_args!($($text)*)) };

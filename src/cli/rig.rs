@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use crate::internals::comparison_text;
+use crate::json::shortened;
 use crate::rig::{ImportSettings, Mounting, RigFormat};
 use crate::runs::Error;
 use crate::runs::rig::{ExportRequest, compare_files, export_file, import_files};
@@ -209,7 +210,7 @@ fn run_compare(args: &CompareArgs) -> Result<(), Error> {
     let terminal = Terminal::new(args.talk);
     let found = compare_files(&args.before, &args.after, &settings, &terminal)?;
     match args.format {
-        Format::Json => outln!("{}", json!(found)),
+        Format::Json => outln!("{}", shortened(json!(found), &[])),
         Format::Text => out!("{}", comparison_text(&found)),
     }
 }

@@ -23,7 +23,7 @@ pub enum Command {
   sightline sensor info os1-metadata.json --out pattern.svg
   sightline sensor info \"Pandar40P_Angle Correction File.csv\" --format json > pandar40p.json
 
-JSON of a sensor with channels is itself a sensor file. docs/sensors.md lists the formats that are read.")]
+JSON of a sensor with channels is itself a sensor file. docs/formats/sensors.md lists the formats that are read.")]
 pub struct Args {
     /// Sensor file of any format that is read; told apart by its content
     file: PathBuf,

@@ -53,7 +53,7 @@ pub struct Terminal {
     talk: Talk,
 }
 
-/// Whether Ctrl-C, SIGTERM or SIGHUP came while a command listens for them.
+/// Tells whether Ctrl-C, SIGTERM or SIGHUP came while a command listens for them.
 static STOPS: AtomicBool = AtomicBool::new(false);
 /// Milliseconds that the command has to end after a signal; 0 before it listens for them.
 static GRACE: AtomicU64 = AtomicU64::new(0);

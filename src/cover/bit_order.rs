@@ -76,7 +76,7 @@ impl BitOrder {
         Self::rows(roi).words().max(Self::bricks(roi).words())
     }
 
-    /// Whether 32-bit words hold voxels along x.
+    /// True if 32-bit words hold voxels along x.
     pub(crate) fn has_rows(&self) -> bool {
         self.layout == Layout::Rows
     }

@@ -80,7 +80,7 @@ pub fn cover_sensor(
     scratch.along_y = along_y;
 }
 
-/// Whether beams may be walked in lockstep: from a sensor in the grid, which has rows and fewer than
+/// True if beams may be walked in lockstep: from a sensor in the grid, which has rows and fewer than
 /// 2¹⁵ voxels an axis.
 fn walks_in_lockstep(pose: &DevicePose, roi: &Roi, order: &BitOrder) -> bool {
     let inside = |k: usize| {

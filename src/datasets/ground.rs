@@ -45,13 +45,13 @@ impl Road {
         })
     }
 
-    /// Whether it has enough points to speak against a number.
+    /// True if it has enough points to speak against a number.
     pub fn is_sure(&self) -> bool {
         self.points >= LEAST_POINTS
     }
 }
 
-/// Whether a class is road.
+/// True if a class is road.
 pub(super) fn is_road(class: &str) -> bool {
     ROAD.contains(&class)
 }

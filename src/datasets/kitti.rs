@@ -80,12 +80,12 @@ impl KittiSequence {
         Ok(sequence)
     }
 
-    /// As [`Self::open`], with the LiDAR at `height` metres above the ground. Without a height and without
+    /// Like [`Self::open`], with the LiDAR at `height` metres above the ground. Without a height and without
     /// `ego_from_lidar.txt` the median depth of the labelled road within 10 m counts, where it differs from
     /// [`KITTI_LIDAR_HEIGHT`] by more than 0.15 m.
     ///
     /// # Errors
-    /// As [`Self::open`], those of reading the first scans, and a height that is not finite.
+    /// Like [`Self::open`], those of reading the first scans, and a height that is not finite.
     pub fn open_at(folder: &Path, height: Option<f64>) -> Result<Self, DatasetError> {
         let mut sequence = Self::open(folder)?;
         match height {

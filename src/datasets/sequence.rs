@@ -53,7 +53,7 @@ impl BoxTrack {
     /// Farthest that a thing at rest seems to move, metres: boxes are drawn by hand.
     const AT_REST: f64 = 0.5;
 
-    /// Whether the box stays where it was first seen.
+    /// True if the box stays where it was first seen.
     pub fn at_rest(&self) -> bool {
         let places = || self.poses.iter().map(|pose| pose.world_from_box.translation);
         let first = places().next();
@@ -90,7 +90,7 @@ pub trait LabelledSequence {
     /// Boxes that the data set follows through its frames.
     ///
     /// # Errors
-    /// As [`Self::read`], where boxes are made from points.
+    /// Like [`Self::read`], where boxes are made from points.
     fn tracks(&self) -> Result<Vec<BoxTrack>, DatasetError>;
 
     /// Sentences about the files: passed over, taken in place of a default, or most likely wrong.

@@ -128,7 +128,7 @@ impl CpuBackend {
     /// Tallies of `placements` in one frame alone.
     ///
     /// # Errors
-    /// As [`Backend::tally`], or no such frame.
+    /// Like [`Backend::tally`], or no such frame.
     pub fn tally_frame(
         &mut self,
         placements: &[Placement],

@@ -23,7 +23,7 @@ pub type Reopen = Box<dyn FnMut() -> Result<Box<dyn Backend>, BackendError> + Se
 pub struct Failover {
     backend: Box<dyn Backend>,
     on_cpu: bool,
-    /// Whether the CPU takes placements too large for the device.
+    /// True if the CPU takes placements too large for the device.
     takes_too_large: bool,
     reopen: Reopen,
     cpu: Box<dyn Fn() -> Box<dyn Backend> + Send>,

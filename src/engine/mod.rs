@@ -133,7 +133,7 @@ pub trait Backend: Send {
     /// lost meanwhile. A bitmap is as large as the grid, so that it is best used while it is in a cache.
     ///
     /// # Errors
-    /// As [`Self::hits`].
+    /// See [`Self::hits`].
     fn each_bitmap(
         &mut self,
         poses: &[SensorPose],
@@ -144,7 +144,7 @@ pub trait Backend: Send {
     /// Bitmaps of the voxels that each sensor pose covers in one frame, pose after pose, in this engine's order.
     ///
     /// # Errors
-    /// As [`Self::hits`].
+    /// See [`Self::hits`].
     fn bitmaps(&mut self, poses: &[SensorPose], frame: usize) -> Result<Bitmaps, BackendError> {
         let order = self.order();
         let mut words = memory::zeros(poses.len() * order.words(), "coverage bitmaps")?;
@@ -162,7 +162,7 @@ pub trait Backend: Send {
     /// Voxels that one placement covers in one frame, as rising linear indices.
     ///
     /// # Errors
-    /// As [`Self::hits`].
+    /// See [`Self::hits`].
     fn covered(&mut self, placement: &Placement, frame: usize) -> Result<Vec<u64>, BackendError> {
         Ok(self.bitmaps(&placement.lidars, frame)?.union())
     }

@@ -77,7 +77,7 @@ impl Problem {
     /// The problem that a scene poses, over all of its frames.
     ///
     /// # Errors
-    /// As [`Psog::of`] and [`Self::with_psog`].
+    /// See [`Psog::of`] and [`Self::with_psog`].
     pub fn of(scene: &Scene) -> Result<Self, OpenError> {
         let psog = Psog::of(scene, || {})?;
         let frames: Vec<usize> = (0..scene.frame_count()).collect();

@@ -35,7 +35,7 @@ struct Called {
 }
 
 impl About {
-    /// Of a data set that is not whole.
+    /// A data set that is not whole.
     pub fn new(settings: &DatasetSettings, scenes: &[SceneFacts], plan: &[Planned]) -> Self {
         let called = scenes.iter().zip(plan).map(|(scene, planned)| Called {
             scene: scene.name.clone(),
@@ -57,7 +57,7 @@ impl About {
         serde_json::from_slice(&text).map_err(|why| ExportError::About { path, why })
     }
 
-    /// Whether the folder holds this very data set; an empty one or none holds nothing.
+    /// True if the folder holds this very data set; an empty one or none holds nothing.
     ///
     /// # Errors
     /// A folder of something else, of other settings, or of scenes whose files have changed since.
@@ -65,7 +65,7 @@ impl About {
         let mut entries = match std::fs::read_dir(dir) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(false),
             Err(error) => {
-                // Of a place below a file, that file is in the way.
+                // For a place below a file, that file is in the way.
                 return Err(match dir.ancestors().find(|place| place.is_file()) {
                     Some(file) => ExportError::NoFolder { path: file.to_owned() },
                     None => ExportError::io(dir)(error),

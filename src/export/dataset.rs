@@ -21,11 +21,11 @@ pub struct Dataset {
     labels: Vec<Vec<Label>>,
     /// Frames of other sets that are to lie on the same disk.
     others: u64,
-    /// Whether the size of a frame was held against the room on the disk.
+    /// Tells whether the size of a frame was held against the room on the disk.
     measured: AtomicBool,
 }
 
-/// What is known of a data set before anything is written.
+/// Facts known of a data set before anything is written.
 struct Checked {
     about: About,
     plan: Vec<Planned>,
@@ -33,7 +33,7 @@ struct Checked {
     folder: Folder,
 }
 
-/// What was written.
+/// Text that was written.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Summary {
@@ -78,7 +78,7 @@ impl Dataset {
     /// Checks all that [`Self::create`] checks, writes nothing, and counts the frames that are not there.
     ///
     /// # Errors
-    /// As of [`Self::create`].
+    /// See [`Self::create`].
     pub fn check(
         dir: &Path,
         settings: &DatasetSettings,
@@ -100,7 +100,7 @@ impl Dataset {
     ) -> Result<Self, ExportError> {
         let Checked { about, plan, labels, .. } = Checked::new(dir, settings, scenes)?;
         let folder = Folder::open(dir)?;
-        // Of two programs that found the folder empty, the second finds the set of the first.
+        // The second of two programs that found the folder empty finds the set of the first.
         let _claim = folder.claim();
         let known = about.is_in(dir)?;
         let set = Self {
@@ -155,12 +155,12 @@ impl Dataset {
         self.folder.put(INCOMPLETE, words.as_bytes()).map(drop)
     }
 
-    /// Whether a frame, by its number in the scene, is there whole.
+    /// True if a frame, by its number in the scene, is there whole.
     pub fn has(&self, scene: usize, frame: usize) -> bool {
         self.folder.has(scene, frame)
     }
 
-    /// Whether what is written of a frame says how much of each box is seen.
+    /// True if what is written of a frame says how much of each box is seen.
     pub(super) fn tells_visibility(&self, scene: usize, frame: usize) -> bool {
         let frames = self.scenes.get(scene).map_or(&[][..], |scene| &scene.frames);
         let keyframe = |at: usize| at.is_multiple_of(self.settings.keyframe_every);
@@ -259,7 +259,7 @@ fn all_frames(scenes: &[SceneFacts]) -> impl Iterator<Item = (usize, usize)> {
     all.flat_map(|(i, scene)| scene.frames.iter().map(move |&frame| (i, frame)))
 }
 
-/// Those that are not there.
+/// Files that are not there.
 fn missing(folder: &Folder, scenes: &[SceneFacts]) -> impl Iterator<Item = (usize, usize)> {
     all_frames(scenes).filter(|&(scene, frame)| !folder.has(scene, frame))
 }

@@ -13,7 +13,7 @@ pub enum ExportError {
     /// No layout of that name.
     #[error("`{name}` is no layout; take `semantickitti`, `nuscenes` or `npz`")]
     UnknownLayout {
-        /// As written.
+        /// Text as written.
         name: String,
     },
     /// Shares that are no shares.
@@ -31,7 +31,7 @@ pub enum ExportError {
     /// A number of a setting that makes no sense.
     #[error("`{name}` is 0; take 1 or more")]
     Zero {
-        /// Of the setting.
+        /// Key of the setting.
         name: &'static str,
     },
     /// Nothing to write.
@@ -210,7 +210,7 @@ pub enum ExportError {
         scene: String,
         /// Number of the frame.
         frame: usize,
-        /// What is wrong.
+        /// Fault.
         what: String,
     },
     /// Frames are missing.

@@ -54,7 +54,7 @@ impl Folder {
     /// Makes the folder if there is none; takes away what runs that were killed had begun in it.
     ///
     /// # Errors
-    /// As of [`Self::at`], and a place that cannot be written.
+    /// See [`Self::at`], and a place that cannot be written.
     pub fn open(root: &Path) -> Result<Self, ExportError> {
         let folder = Self::at(root)?;
         let hidden = root.join(HIDDEN);
@@ -117,7 +117,7 @@ impl Folder {
         format!("{HIDDEN}/{scene:04}/{frame:08}.json")
     }
 
-    /// Whether a frame is there whole.
+    /// True if a frame is there whole.
     pub fn has(&self, scene: usize, frame: usize) -> bool {
         self.whole(scene, frame).is_some()
     }

@@ -29,9 +29,9 @@ const fn moving(kitti: u16, kitti_moving: u16, nuscenes: u8) -> Label {
     Label { kitti, kitti_moving, nuscenes }
 }
 
-/// Of fog, snow, rain and crosstalk.
+/// Fog, snow, rain and crosstalk.
 const NOISE: Label = still(0, 0);
-/// Of the own body: an outlier of SemanticKITTI.
+/// Own body: an outlier of SemanticKITTI.
 const EGO: Label = still(1, 31);
 
 /// Classes of scenes by name: the 21 of a scene that lists none, those of SemanticKITTI, and what

@@ -107,7 +107,7 @@ fn assign(settings: &DatasetSettings, scenes: &[SceneFacts]) -> Vec<Split> {
     let Splits { train, val, test } = settings.splits;
     let share = |part: f64| {
         let wanted = part / (train + val + test) * open.len() as f64;
-        // Of several scenes, none is left without one that it asks for.
+        // No scene of several is left without one that it asks for.
         let least = usize::from(part > 0.0 && open.len() > 1);
         (wanted.round() as usize).max(least).min(open.len())
     };

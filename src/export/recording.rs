@@ -13,7 +13,7 @@ use crate::scan::{Scan, Scanner};
 /// all frames are there.
 ///
 /// # Errors
-/// As of [`Dataset::write`].
+/// See [`Dataset::write`].
 pub fn record(
     dataset: &Dataset,
     scene: usize,

@@ -109,7 +109,7 @@ pub struct DatasetSettings {
     pub each_lidar: bool,
     /// Shares of the scenes.
     pub splits: Splits,
-    /// Of what is left to chance: which scene is for what.
+    /// Seed of what is left to chance: which scene is for what.
     pub seed: u64,
     /// Classes of the scenes that are to count as others, by name.
     pub map: Vec<(String, String)>,

@@ -8,7 +8,7 @@ use serde_json::ser::Formatter;
 /// Writes rising voxel indices as an array `u64[n]` that NumPy loads.
 ///
 /// # Errors
-/// Those of `out`.
+/// Errors of `out`.
 pub fn write_npy(out: impl Write, numbers: Vec<u64>) -> Result<()> {
     let shape = [numbers.len() as u64];
     let mut array =

@@ -31,7 +31,7 @@ impl Drop for Missing {
     }
 }
 
-/// As [`shared_folder`], for the files of one run: while the lock lives, a second program that names the folder is
+/// Like [`shared_folder`], for the files of one run: while the lock lives, a second program that names the folder is
 /// refused, since the files of two would not belong together. A program that holds the folder already may end within
 /// `patience`. `None` where folders cannot be opened, as on some network drives: nobody is kept out.
 pub fn lock_folder(path: &Path, patience: Duration) -> Result<Option<File>, FileError> {
@@ -54,7 +54,7 @@ pub fn lock_folder(path: &Path, patience: Duration) -> Result<Option<File>, File
     }
 }
 
-/// Whether an open folder is the one at a path.
+/// True if an open folder is the one at a path.
 fn is_at(folder: &File, path: &Path) -> bool {
     #[cfg(unix)]
     {

@@ -18,7 +18,7 @@ static GUARD: Mutex<Guard> = Mutex::new(Guard::new());
 struct Guard {
     /// Commands that run now, each inside the other.
     sessions: usize,
-    /// Whether the program runs, and with `--force`.
+    /// True if the program runs, and with `--force`.
     program: Option<bool>,
     /// Files that were read: by place, and by number so that hard links count.
     read: BTreeSet<PathBuf>,
@@ -88,7 +88,7 @@ pub fn open(path: &Path) -> Result<File> {
 /// Opens a plain file of the command's own folder, such as a checkpoint, which is replaced later.
 ///
 /// # Errors
-/// As of [`open`].
+/// See [`open`].
 pub(super) fn open_own(path: &Path) -> Result<File> {
     plain(&std::fs::metadata(path)?)?;
     let mut options = File::options();
@@ -115,15 +115,15 @@ fn plain(meta: &Metadata) -> Result<()> {
 /// Reads an input of at most so many bytes.
 ///
 /// # Errors
-/// As of [`open`]; a file that is larger, which is not read.
+/// See [`open`]; a file that is larger, which is not read.
 pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
     read_all(open(path)?, most)
 }
 
-/// As [`read`], for a file of the command's own folder.
+/// Like [`read`], for a file of the command's own folder.
 ///
 /// # Errors
-/// As of [`read`].
+/// See [`read`].
 pub fn read_own(path: &Path, most: u64) -> Result<Vec<u8>> {
     read_all(open_own(path)?, most)
 }
@@ -201,12 +201,12 @@ pub(super) fn holds_no_input(folder: &Path) -> std::result::Result<(), FileError
     })
 }
 
-/// Whether outputs of the command may replace files that exist.
+/// True if outputs of the command may replace files that exist.
 pub(super) fn overwrites() -> bool {
     guard().program.unwrap_or(true)
 }
 
-/// Whether the program was told `--force`.
+/// True if the program was told `--force`.
 pub fn is_forced() -> bool {
     guard().program.unwrap_or(false)
 }
@@ -292,7 +292,7 @@ pub fn sweep(folder: &Path) {
     }
 }
 
-/// Whether a process of this number runs; true where that is not known.
+/// True if a process of this number runs; true where that is not known.
 fn is_alive(id: u32) -> bool {
     #[cfg(unix)]
     if let Some(process) = rustix::process::Pid::from_raw(id.cast_signed()) {

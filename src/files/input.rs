@@ -41,7 +41,7 @@ impl Input {
         files.iter().map(|file| Self::read(file)).collect()
     }
 
-    /// As [`Self::of`], by the names of the files alone: the same from any working directory.
+    /// Like [`Self::of`], by the names of the files alone: the same from any working directory.
     pub fn names_of(files: &[PathBuf]) -> Result<Vec<Self>, FileError> {
         let name = |input: Self| Self {
             file: input.file.file_name().map(PathBuf::from).unwrap_or(input.file),

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::FileError;
 
-/// Whether references may leave their folder.
+/// Tells whether references may leave their folder.
 static TRUSTED: AtomicBool = AtomicBool::new(false);
 
 /// Lets the files of this process refer to files outside their folders (`--trust-paths`), or forbids it.
@@ -38,7 +38,7 @@ fn is_inside(folder: &Path, reference: &str, path: &Path) -> bool {
     }
 }
 
-/// Whether no part of a path is above its start.
+/// True if no part of a path is above its start.
 fn goes_down(reference: &Path) -> bool {
     let mut depth = 0_i64;
     reference.components().all(|part| {

@@ -28,7 +28,7 @@ pub(super) fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Whether a path names a pipe or a device, which must not be replaced by a file.
+/// True if a path names a pipe or a device, which must not be replaced by a file.
 pub fn is_sink(path: &Path) -> bool {
     is_open_file(path)
         || std::fs::metadata(path).is_ok_and(|meta| !meta.is_file() && !meta.is_dir())

@@ -199,7 +199,7 @@ impl<S> RunDir<S> {
     }
 }
 
-/// Whether a folder holds a run, finished or not.
+/// True if a folder holds a run, finished or not.
 pub fn holds_run(path: &Path) -> bool {
     path.join(CHECKPOINT).exists()
 }

@@ -25,7 +25,7 @@ enum Output {
 /// followed, an existing file keeps its permissions, and a pipe or device gets the bytes once they are whole.
 ///
 /// # Errors
-/// Those of `write`; a place that cannot be written; an input of the command; a file that exists, without `--force`.
+/// Errors of `write`; a place that cannot be written; an input of the command; a file that exists, without `--force`.
 pub fn write_whole<E: From<FileError>>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>,
@@ -33,10 +33,10 @@ pub fn write_whole<E: From<FileError>>(
     write_as(Output::Named, path, write)
 }
 
-/// As [`write_whole`], for one of many files: [`sync_disk`] is to follow the last one.
+/// Like [`write_whole`], for one of many files: [`sync_disk`] is to follow the last one.
 ///
 /// # Errors
-/// As of [`write_whole`].
+/// See [`write_whole`].
 pub fn write_many<E: From<FileError>>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>,
@@ -44,10 +44,10 @@ pub fn write_many<E: From<FileError>>(
     write_as(Output::OneOfMany, path, write)
 }
 
-/// As [`write_whole`], for a file of a folder that the command holds: replaces the one from before.
+/// Like [`write_whole`], for a file of a folder that the command holds: replaces the one from before.
 ///
 /// # Errors
-/// As of [`write_whole`], existing files left aside.
+/// See [`write_whole`], existing files left aside.
 pub fn write_own<E: From<FileError>>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>,
@@ -83,7 +83,7 @@ fn write_as<E: From<FileError>>(
 /// place, and an old second file is never beside a new first one, whenever the process ends.
 ///
 /// # Errors
-/// As of [`write_whole`]. Then both places are as they were before.
+/// See [`write_whole`]. Then both places are as they were before.
 pub fn write_pair<E: From<FileError>>(
     (first, write_first): (&Path, impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>),
     (second, write_second): (&Path, impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>),
@@ -153,7 +153,7 @@ fn place_pair(
     moved
 }
 
-/// Whether two files hold the same bytes.
+/// True if two files hold the same bytes.
 fn is_copy(one: &Path, other: &Path) -> bool {
     let length = |path: &Path| std::fs::metadata(path).map(|data| data.len()).ok();
     length(one).is_some()

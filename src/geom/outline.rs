@@ -24,7 +24,7 @@ pub(crate) fn crossing(corners: &[[f64; 2]]) -> Option<(usize, usize)> {
     })
 }
 
-/// Whether the closed segments a–b and c–d share a point.
+/// True if the closed segments a–b and c–d share a point.
 fn touch(a: [f64; 2], b: [f64; 2], c: [f64; 2], d: [f64; 2]) -> bool {
     let sides = [turn(a, b, c), turn(a, b, d), turn(c, d, a), turn(c, d, b)];
     if sides[0] * sides[1] < 0.0 && sides[2] * sides[3] < 0.0 {

@@ -70,7 +70,7 @@ impl Glide {
         Self { from: *from, step, axis, angle: if angle > PI { angle - TAU } else { angle } }
     }
 
-    /// Whether nothing moves.
+    /// True if nothing moves.
     pub fn is_still(&self) -> bool {
         self.step == DVec3::ZERO && self.angle == 0.0
     }

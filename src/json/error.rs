@@ -78,7 +78,7 @@ pub enum DescriptionError {
     OtherKind {
         /// The file.
         file: String,
-        /// What it is.
+        /// Kind of file.
         found: FileKind,
         /// What was asked for.
         wanted: FileKind,

@@ -208,7 +208,7 @@ struct Spot<'a> {
     parent: &'a str,
     key: &'a str,
     depth: usize,
-    /// Whether an alias repeats it.
+    /// True if an alias repeats it.
     repeats: bool,
 }
 

@@ -87,7 +87,7 @@ impl Cells {
         })
     }
 
-    /// Whether each cell is ground in a frame: the first surface straight down from [`HEIGHT`] over its
+    /// True if each cell is ground in a frame: the first surface straight down from [`HEIGHT`] over its
     /// centre is ground, and not inside of a closed thing, under whose surfaces it lies an odd number of
     /// times.
     pub fn are_ground(&self, frame: &Frame, is_ground: &[bool]) -> Vec<bool> {

@@ -31,7 +31,7 @@ pub struct NearSite {
     own: u32,
     /// The own body alone.
     body: Frame,
-    /// Of each distinct frame: its number, frames that it stands for, which cells are ground.
+    /// One for each distinct frame: its number, frames that it stands for, which cells are ground.
     frames: Vec<(usize, u64, Vec<bool>)>,
 }
 
@@ -73,7 +73,7 @@ pub struct NearField {
 
 /// Sums over frames.
 struct Sums {
-    /// Of each cell, frames in which it is ground, and in which it is seen too.
+    /// One for each cell, frames in which it is ground, and in which it is seen too.
     ground: Vec<u64>,
     seen: Vec<u64>,
     /// Shares of the frames, added up: near, ring; and the frames that have such cells.
@@ -130,7 +130,7 @@ impl NearSite {
     /// Adds `near_field` and `near_ring` to the scores of placements.
     ///
     /// # Errors
-    /// As [`Self::look`].
+    /// See [`Self::look`].
     pub fn score<'a>(
         &self,
         engine: &mut dyn Backend,

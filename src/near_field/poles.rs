@@ -96,7 +96,7 @@ pub struct Pole {
     pub at: [f64; 2],
     /// Beams on it, by LiDAR.
     pub beams: Vec<u32>,
-    /// Whether [`POLE_BEAMS`] or more of all LiDARs together are.
+    /// True if [`POLE_BEAMS`] or more of all LiDARs together are.
     pub seen: bool,
 }
 
@@ -124,7 +124,7 @@ pub(super) fn count(
     counted.collect()
 }
 
-/// Whether a beam ends at a pole.
+/// True if a beam ends at a pole.
 fn is_on(pose: &Pose, direction: [f32; 3], range: f32, at: [f64; 2], body: &Frame) -> bool {
     let along = pose.rotation * DVec3::from(direction.map(f64::from));
     distance(pose.translation, along, at).is_some_and(|t| {

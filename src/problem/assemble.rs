@@ -157,7 +157,7 @@ impl Problem {
         Self::on_grid_of(psog, scene, sensors, frames)
     }
 
-    /// As [`Self::from_scene`], over the P-SOG's own grid, whatever the scene's region of interest is.
+    /// Like [`Self::from_scene`], over the P-SOG's own grid, whatever the scene's region of interest is.
     ///
     /// # Errors
     /// A part of space that must be seen has no voxel; the trees do not fit into memory.
@@ -210,7 +210,7 @@ impl World {
         Self::of_parts(scene, frames, far, body, |part| scene.part(part))
     }
 
-    /// The same with other triangles: `soup_of` returns those of a part, in its frame.
+    /// A copy with other triangles: `soup_of` returns those of a part, in its frame.
     ///
     /// # Errors
     /// The trees do not fit into memory.

@@ -42,7 +42,7 @@ impl<'a> SensorBatch<'a> {
         self.sensors.len()
     }
 
-    /// Whether there is no sensor.
+    /// True if there is no sensor.
     pub fn is_empty(&self) -> bool {
         self.sensors.is_empty()
     }

@@ -76,7 +76,7 @@ impl Content {
         self
     }
 
-    /// The same with every area mirrored at the plane y = 0.
+    /// A copy with every area mirrored at the plane y = 0.
     pub(super) fn with_mirrored_areas(&self, roi: &Roi) -> Self {
         let mirrored: Vec<Requirement> =
             self.areas.iter().map(|area| area.required.mirrored()).collect();
@@ -119,7 +119,7 @@ impl Content {
         self.entropy_total
     }
 
-    /// Whether any class counts as detection target.
+    /// True if any class counts as detection target.
     pub fn has_detection(&self) -> bool {
         self.has_detection
     }

@@ -53,7 +53,7 @@ pub enum ProblemError {
     EmptyArea {
         /// Position in the vehicle's `require`.
         index: usize,
-        /// What the vehicle calls it.
+        /// Name on the vehicle.
         name: String,
     },
     /// The trees do not fit into memory.
@@ -167,17 +167,17 @@ impl Problem {
         Self { roi, content, sensors, constraints, world, numbers, ends_at_hits, air: None }
     }
 
-    /// The same with other sensor models.
+    /// A copy with other sensor models.
     pub fn with_sensors(self, sensors: impl Into<Sensors>) -> Self {
         Self { sensors: sensors.into(), ..self }
     }
 
-    /// The same with voxels that are worth something else.
+    /// A copy with voxels that are worth something else.
     pub fn with_content(self, content: impl Into<Arc<Content>>) -> Self {
         Self { content: content.into(), ..self }
     }
 
-    /// The same with other rules of the mount.
+    /// A copy with other rules of the mount.
     pub fn with_constraints(self, constraints: Constraints) -> Self {
         Self { constraints, ..self }
     }
@@ -198,7 +198,7 @@ impl Problem {
         Self { content: Arc::new(content), ..self }
     }
 
-    /// The same with the numbers of its frames in the scene.
+    /// A copy with the numbers of its frames in the scene.
     fn numbered(self, frames: &[usize]) -> Self {
         Self { numbers: frames.to_vec(), ..self }
     }
@@ -213,7 +213,7 @@ impl Problem {
         Self { world: Arc::new(self.world.over(frames)), numbers, ends_at_hits, ..self.clone() }
     }
 
-    /// The same with mirrored sensors: a mirrored placement here has the scores of the placement itself in
+    /// A copy with mirrored sensors: a mirrored placement here has the scores of the placement itself in
     /// the scene mirrored at the plane y = 0. World and content are shared.
     pub fn mirrored(&self) -> Self {
         let content = match self.content.areas() {
@@ -288,7 +288,7 @@ impl Problem {
         if self.ends_at_hits { "first-hit" } else { "through" }
     }
 
-    /// Whether beams end at surfaces.
+    /// True if beams end at surfaces.
     pub fn ends_at_hits(&self) -> bool {
         self.ends_at_hits
     }

@@ -80,7 +80,7 @@ impl From<Arc<Bvh>> for Frame {
 #[derive(Debug, Clone, Default)]
 pub struct World {
     frames: Vec<Arc<Frame>>,
-    /// Of each frame, the first that is equal.
+    /// One for each frame, the first that is equal.
     first_equal: Vec<usize>,
 }
 

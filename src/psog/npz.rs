@@ -72,7 +72,7 @@ pub fn read_psog(path: &Path) -> Result<Psog, PsogFileError> {
 /// P-SOG. The caller flushes `out`.
 ///
 /// # Errors
-/// As of `out`.
+/// See `out`.
 pub fn write_psog(out: impl Write + Seek, psog: &Psog) -> std::io::Result<()> {
     let roi = psog.roi();
     let names = psog.classes().join("\n");

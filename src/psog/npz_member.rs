@@ -35,7 +35,7 @@ pub enum PsogFileError {
     Value { path: PathBuf, fault: GridError },
 }
 
-/// What is wrong with an array of a P-SOG file.
+/// Fault with an array of a P-SOG file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages name every field

@@ -10,7 +10,7 @@ const RESAMPLES: usize = 10_000;
 /// A result against one baseline.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Against<'a> {
-    /// Of the baseline.
+    /// Value of the baseline.
     pub name: &'a str,
     /// Share that the baseline gains.
     pub gain: f64,

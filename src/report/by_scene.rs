@@ -10,7 +10,7 @@ pub fn by_scene(run: &RunRecord) -> Option<Vec<Vec<String>>> {
     rows_by_scene(&run.scenes, run.best.as_ref(), &run.baselines, column)
 }
 
-/// As [`by_scene`], of scenes, a result and baselines, by a share.
+/// Like [`by_scene`], of scenes, a result and baselines, by a share.
 pub fn rows_by_scene(
     scenes: &[SceneRecord],
     best: Option<&Scored>,

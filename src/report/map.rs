@@ -37,7 +37,7 @@ impl InformationMap {
     /// The map of what a placement gains, over a few frames spread evenly.
     ///
     /// # Errors
-    /// As [`Backend::bitmaps`].
+    /// See [`Backend::bitmaps`].
     pub fn of(
         problem: &Problem,
         engine: &mut dyn Backend,
@@ -47,7 +47,7 @@ impl InformationMap {
         let mut map = Self::new(roi, content);
         let frames = spread(problem.frame_count(), Some(FRAMES));
         for &frame in &frames {
-            // Of the occupied voxels alone: the list of all that are covered is ten times as long.
+            // Only the occupied voxels: the list of all that are covered is ten times as long.
             let bitmaps = engine.bitmaps(&placement.lidars, frame)?;
             let covers = |voxel: u32| {
                 let bit = bitmaps.order.bit_of(voxel);

@@ -49,7 +49,7 @@ pub struct Series {
     pub name: String,
     /// (x, y); with [`Axis::Names`], x is the number of the name.
     pub points: Vec<(f64, f64)>,
-    /// Whether the points are joined.
+    /// True if the points are joined.
     pub line: bool,
     /// Words beside single points, by their number.
     pub labels: Vec<(usize, String)>,
@@ -84,12 +84,12 @@ pub(super) struct Change {
 }
 
 impl Plot {
-    /// As SVG, to stand alone or in a page.
+    /// The SVG, to stand alone or in a page.
     pub fn svg(&self) -> String {
         self.svg_with(&[], &[])
     }
 
-    /// As [`Self::svg`], with lines across and upwards.
+    /// Like [`Self::svg`], with lines across and upwards.
     pub(super) fn svg_with(&self, levels: &[Level], changes: &[Change]) -> String {
         let points = || self.series.iter().flat_map(|s| &s.points);
         let is_empty = points().next().is_none();

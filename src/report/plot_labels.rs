@@ -92,7 +92,7 @@ fn beside((x, y): (f64, f64)) -> (f64, f64) {
     (x + 7.0, y - 7.0)
 }
 
-/// Whether all words end within the drawing, and none stand on others or on another point.
+/// True if all words end within the drawing, and none stand on others or on another point.
 fn have_room(places: &[((f64, f64), String)], width: f64) -> bool {
     let boxes: Vec<[f64; 4]> = places
         .iter()

@@ -1,8 +1,9 @@
 //! All of `result.json`.
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Value, json};
 
+use crate::json::shortened;
 use crate::problem::Modelled;
 use crate::search::{
     Certificate, Finding, FramesUsed, GainSpread, LeftOut, Member, MethodRecord, Outcome,
@@ -18,14 +19,14 @@ pub struct RunTimes {
     pub build: f64,
     /// The search.
     pub search: f64,
-    /// Of it the generations, without what choosing other frames took.
+    /// Generations of the search, without what choosing other frames took.
     pub generations: f64,
-    /// Of these all but scoring: asking, telling, ranking, writing the checkpoint.
+    /// Generations without scoring: asking, telling, ranking, writing the checkpoint.
     pub bookkeeping: f64,
-    /// Of the search the swaps.
+    /// Swaps of the search.
     #[serde(default)]
     pub swaps: f64,
-    /// Of the search the bounds behind the certificate.
+    /// Bounds of the search behind the certificate.
     #[serde(default)]
     pub bounds: f64,
     /// Scoring result and baselines over all frames.
@@ -60,7 +61,7 @@ pub struct RunRecord {
     pub threads: usize,
     /// Seed of the search.
     pub seed: u64,
-    /// What was maximized.
+    /// Objective that was maximized.
     pub objective: String,
     /// Weather and faults that it was maximized under, as they are written; empty in clear air.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -88,9 +89,12 @@ pub struct RunRecord {
     pub evaluations: u64,
     /// The result; `None` when no candidate kept the rules of the mount.
     pub best: Option<Scored>,
+    /// Mount of each LiDAR of the result, where mounts have names; `None` for one that stands on none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub mounts: Vec<Option<String>>,
     /// Hand-made layouts to compare with.
     pub baselines: Vec<Scored>,
-    /// Whether the gain over the best baseline is more than the scenes' own spread; `None` for one scene.
+    /// Tells whether the gain over the best baseline is more than the scenes' own spread; `None` for one scene.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spread: Option<GainSpread>,
     /// What result and best baseline are worth at phases that the search has not seen; `None` where all
@@ -121,7 +125,7 @@ pub struct RunRecord {
 pub struct SceneRecord {
     /// Its name, as the scores by scene have it.
     pub name: String,
-    /// Whether it is the mirror image of the one before it.
+    /// True if it is the mirror image of the one before it.
     pub mirrored: bool,
     /// Frames that the scores average over.
     pub frames: usize,
@@ -151,13 +155,13 @@ pub struct RunContext<'a> {
     pub settings: Value,
     /// The scenes over all frames.
     pub suite: &'a Suite,
-    /// As [`RunRecord::equipment`].
+    /// See [`RunRecord::equipment`].
     pub equipment: Option<String>,
     /// Seed of the search.
     pub seed: u64,
-    /// What was maximized.
+    /// Objective that was maximized.
     pub objective: String,
-    /// As [`RunRecord::conditions`].
+    /// See [`RunRecord::conditions`].
     pub conditions: Vec<String>,
     /// Placements × frames a second during the generations.
     pub rate: f64,
@@ -167,11 +171,23 @@ pub struct RunContext<'a> {
     pub peak_memory: Option<u64>,
 }
 
+/// Keys of `result.json` whose numbers stay to the bit: runs and scores are made of them again.
+const EXACT: [&str; 2] = ["settings", "placement"];
+
 impl RunRecord {
+    /// The record for people and other programs: numbers have nine digits, but settings and poses stay to the bit.
+    pub fn json(&self) -> Value {
+        shortened(json!(self), &EXACT)
+    }
+
     /// The record of a run.
     pub fn new(outcome: &Outcome, run: RunContext) -> Self {
         let outcome = outcome.clone();
         let scenes = SceneRecord::several(run.suite);
+        let found = outcome.best.as_ref().map(|best| &best.placement);
+        let mounts = found.map(|found| run.suite.constraints().mount_names(found));
+        let mounts =
+            mounts.unwrap_or_default().into_iter().map(|name| name.map(str::to_owned)).collect();
         let names: Vec<&str> = scenes.iter().map(|scene| &*scene.name).collect();
         Self {
             sightline: env!("CARGO_PKG_VERSION"),
@@ -196,6 +212,7 @@ impl RunRecord {
             generations: outcome.history.len() as u64,
             evaluations: outcome.evaluations,
             best: outcome.best,
+            mounts,
             baselines: outcome.baselines,
             spread: outcome.spread,
             phases: outcome.phases,

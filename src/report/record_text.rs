@@ -44,7 +44,7 @@ pub fn record_text(record: &RunRecord, folder: &Path) -> String {
     match &record.best {
         Some(best) => {
             text += "\noptimized placement (m, rad):\n";
-            text += &poses_text(&best.placement);
+            text += &poses_text(&best.placement, &record.mounts);
             if let Some(phases) = &record.phases {
                 text += &format!("\n{}\n", phases.words);
             }

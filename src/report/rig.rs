@@ -1,11 +1,12 @@
 //! Two rigs compared, as text.
 
 use super::text::align_columns;
+use crate::json::fixed;
 use crate::rig::{Asymmetry, Comparison};
 
 /// How far each LiDAR moved, and how far each pair of either rig is from a mirror image.
 pub fn comparison_text(found: &Comparison) -> String {
-    let numbers = |values: [f64; 3]| values.map(|value| format!("{value:.5}"));
+    let numbers = |values: [f64; 3]| values.map(|value| fixed(value, 5));
     let table = |titles: [&str; 4], rows: &mut dyn Iterator<Item = (String, [f64; 3])>| {
         let mut all = vec![titles.map(str::to_owned).to_vec()];
         all.extend(rows.map(|(name, values)| [vec![name], numbers(values).to_vec()].concat()));

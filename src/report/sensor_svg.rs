@@ -24,7 +24,7 @@ const NEIGHBOURS: f64 = 6.0;
 
 /// Dots at (azimuth, elevation) in degrees.
 struct Dots {
-    /// Those of one azimuth step, drawn on top.
+    /// Beams of one azimuth step, drawn on top.
     first: Vec<[f64; 2]>,
     others: Vec<[f64; 2]>,
     words: String,

@@ -1,5 +1,6 @@
 //! Columns of scores, the same in the terminal, on the page and in the audit.
 
+use crate::json::fixed;
 use crate::score::{NEAR_GAIN, Scores};
 
 /// A score as it is shown to people: title and cell.
@@ -108,5 +109,5 @@ impl ScoreColumn {
 
 /// A number, or – where there is none.
 pub fn optional(value: Option<f64>, decimals: usize) -> String {
-    value.map_or("–".into(), |v| format!("{v:.decimals$}"))
+    value.map_or("–".into(), |v| fixed(v, decimals))
 }

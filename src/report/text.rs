@@ -1,6 +1,7 @@
 //! Tables as text: scores, findings, studies.
 
 use super::{ScoreColumn, optional};
+use crate::json::fixed;
 use crate::score::Scores;
 use crate::search::Finding;
 use crate::study::Table;
@@ -72,27 +73,41 @@ pub fn study_text(table: &Table) -> String {
     align_columns(&rows) + &notes
 }
 
-/// The poses of a placement, a line each.
-pub fn poses_text(placement: &Placement) -> String {
+/// The poses of a placement, a line each, in metres and radians and then in millimetres and degrees; `mounts` names the
+/// mount of each LiDAR, or is empty.
+pub fn poses_text(placement: &Placement, mounts: &[Option<String>]) -> String {
     let titles = ["LiDAR", "x", "y", "z", "roll", "pitch", "yaw"];
     let mut rows = vec![titles.map(str::to_owned).to_vec()];
+    let mut small = vec![
+        ["", "x mm", "y mm", "z mm", "roll °", "pitch °", "yaw °"].map(str::to_owned).to_vec(),
+    ];
+    let mounted = !mounts.is_empty();
+    rows[0].extend(mounted.then(|| "mount".to_owned()));
     let named = placement.lidars.iter().any(|pose| !pose.sensor.is_none());
     rows[0].extend(named.then(|| "sensor".to_owned()));
     let phased = placement.lidars.iter().any(|pose| pose.phase.is_some());
     rows[0].extend(phased.then(|| "phase".to_owned()));
     for (index, pose) in placement.lidars.iter().enumerate() {
         let mut row = vec![index.to_string()];
-        row.extend(pose.fields().map(|(_, value)| format!("{value:.3}")));
+        row.extend(pose.fields().map(|(_, value)| fixed(value, 3)));
+        row.extend(mounted.then(|| mount_text(mounts, index)));
         row.extend(named.then(|| pose.sensor.to_string()));
         row.extend(phased.then(|| phase_text(pose)));
         rows.push(row);
+        let numbers = pose.in_millimetres().map(|(_, value)| value.to_string());
+        small.push(std::iter::once(index.to_string()).chain(numbers).collect());
     }
-    align_columns(&rows)
+    align_columns(&rows) + &align_columns(&small)
+}
+
+/// Mount of a LiDAR, – where it stands on none.
+pub(in crate::report) fn mount_text(mounts: &[Option<String>], lidar: usize) -> String {
+    mounts.get(lidar).cloned().flatten().unwrap_or_else(|| "–".to_owned())
 }
 
 /// Phase of a LiDAR in radians, empty where its model says it.
 pub(in crate::report) fn phase_text(pose: &SensorPose) -> String {
-    pose.phase.map(|phase| format!("{phase:.4}")).unwrap_or_default()
+    pose.phase.map(|phase| fixed(phase, 4)).unwrap_or_default()
 }
 
 /// Names of scenes, of equal ones the later ones with a number: they tell rows and folders apart.

@@ -1,6 +1,7 @@
 //! A run's findings as sentences: result against baselines, ways of searching, certificate.
 
 use super::RunRecord;
+use crate::json::spoken;
 use crate::search::Scored;
 
 /// The result of a run against the best baselines, by the objective and by information gain, and the
@@ -124,7 +125,7 @@ fn compare(ours: f64, theirs: f64, [above, below, equal]: [&str; 3]) -> String {
     }
 }
 
-/// Whether the gain over the best baseline is more than the scenes' own spread; `None` where there is nothing to
+/// Tells whether the gain over the best baseline is more than the scenes' own spread; `None` where there is nothing to
 /// compare.
 pub fn spread_in_words(run: &RunRecord) -> Option<String> {
     if let Some(spread) = &run.spread {
@@ -140,7 +141,7 @@ pub fn spread_in_words(run: &RunRecord) -> Option<String> {
 /// Value that each way of searching reached, and which one gave the result.
 pub fn methods_in_words(run: &RunRecord) -> String {
     let each = run.methods.iter().map(|m| {
-        let value = m.objective.map_or("nothing".into(), |v| format!("{v:.4e}"));
+        let value = m.objective.map_or("nothing".into(), spoken);
         let won = if m.won { " (the result)" } else { "" };
         format!("{} reached {value} with {} poses cast{won}", m.method, m.poses_cast)
     });

@@ -28,12 +28,12 @@ const PASSED: [&str; 12] = [
     "vendor",
 ];
 
-/// Whether a value is a frame: it has at least one of the six numbers.
+/// True if a value is a frame: it has at least one of the six numbers.
 fn is_frame(value: &Value) -> bool {
     SensorPose::FIELDS.iter().any(|field| value.get(field).is_some())
 }
 
-/// Whether a document holds frames in frames.
+/// True if a document holds frames in frames.
 pub(super) fn holds_frames(document: &Value) -> bool {
     let inside = |value: &Value| value.as_object().is_some_and(|map| map.values().any(is_frame));
     document.as_object().is_some_and(|map| map.values().any(inside))

@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use serde_json::{Value, json};
 
-use super::numbers::written;
 use super::{Fan, Rig, RigLidar, known};
+use crate::json::written;
 use crate::vehicle::{Lidar, Vehicle};
 
 /// Nearest range of Gazebo's LiDAR where a model has none, in metres.
@@ -29,7 +29,7 @@ pub(super) enum Beams<'a> {
     Given(&'a Lidar, f64),
     /// By the name of the sensor.
     Known(Fan),
-    /// Of a sensor known by name, whose channels are uneven.
+    /// A sensor known by name, whose channels are uneven.
     Uneven,
     /// Nothing says them.
     Unknown,
@@ -96,7 +96,7 @@ impl Models {
             _ => NEAREST,
         };
         let steps = fan.azimuth_steps;
-        // Of a turn step 0 looks ahead, and the last one ends a step before the first.
+        // Step 0 of a turn looks ahead, and the last one ends a step before the first.
         let [from, to] = fan.azimuth.unwrap_or_else(|| {
             let step = 360.0 / f64::from(steps);
             let from = -step * f64::from(steps / 2);

@@ -6,9 +6,9 @@ use serde_json::{Map, Value};
 
 use super::fields::{self, Fields, PHASE, wrong};
 use super::frames::{Frame, Frames, Holds};
-use super::numbers::written;
 use super::{BASE_LINK, Fan, Mounting, Rig, RigError, RigLidar, Source, known};
 use crate::Note;
+use crate::json::written;
 use crate::json::{self, Place};
 use crate::vehicle::SensorPose;
 

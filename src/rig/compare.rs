@@ -38,7 +38,7 @@ pub struct Asymmetry {
     pub turned: f64,
     /// Angle between their z axes, in radians.
     pub tilted: f64,
-    /// Whether both have the same roll other than 0: in a mirror image roll changes its sign.
+    /// True if both have the same roll other than 0: in a mirror image roll changes its sign.
     pub same_roll: bool,
 }
 

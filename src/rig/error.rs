@@ -30,9 +30,9 @@ pub enum RigError {
     /// A key, attribute or element that must be there.
     #[error("{at}: `{key}` is missing; add it")]
     Missing {
-        /// What lacks it.
+        /// Place that lacks it.
         at: Box<Place>,
-        /// What is missing.
+        /// Key that is missing.
         key: String,
     },
     /// A key that is not known where an unread one may change a pose.
@@ -64,7 +64,7 @@ pub enum RigError {
         at: Box<Place>,
         /// The value as written, shortened.
         value: String,
-        /// What belongs there.
+        /// Kind of value that belongs there.
         wanted: &'static str,
     },
     /// A frame placed by two entries.

@@ -160,9 +160,12 @@ fn unsaid_beams(lidar: &RigLidar, models: &Models, program: &str) -> Option<Stri
 /// What a format without a place for models loses.
 fn lost_models(rig: &Rig, format: RigFormat) -> Option<String> {
     let (what, kept) = match format {
-        RigFormat::Autoware => {
-            ("YAML files have", format!("with --out they are in {MODELS_FILE}; "))
-        }
+        RigFormat::Autoware => (
+            "YAML files have",
+            format!(
+                "with --out they are in {MODELS_FILE}, which `rig import` of the folder reads; else "
+            ),
+        ),
         RigFormat::Ros2Launch => ("a launch file has", String::new()),
         RigFormat::Carla | RigFormat::CarlaObjects => ("CARLA has", String::new()),
         _ => return None,

@@ -3,7 +3,7 @@
 use serde_json::{Map, Value};
 
 use super::RigError;
-use super::numbers::written;
+use crate::json::written;
 use crate::json::{Place, nearest};
 use crate::vehicle::SensorPose;
 
@@ -115,7 +115,7 @@ impl<'a> Fields<'a> {
         Ok(SensorPose { phase: self.phase()?, ..SensorPose::from_values(values) })
     }
 
-    /// As [`Self::six`]; angles that are missing are 0.
+    /// Like [`Self::six`]; angles that are missing are 0.
     pub(super) fn six_or_level(&self) -> Result<SensorPose, RigError> {
         let mut values = [0.0; 6];
         for (k, (value, key)) in values.iter_mut().zip(SensorPose::FIELDS).enumerate() {

@@ -53,7 +53,7 @@ impl RigFormat {
         }
     }
 
-    /// Whether a frame of this format is the foot of its sensor; else it is the optical centre.
+    /// True if a frame of this format is the foot of its sensor; else it is the optical centre.
     pub fn holds_feet(self) -> bool {
         matches!(self, Self::Autoware | Self::Urdf | Self::Sdf | Self::Ros2Launch | Self::Tf)
     }

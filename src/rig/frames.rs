@@ -46,7 +46,7 @@ pub(super) struct Frames {
     pub(super) name: Option<String>,
     /// Names of what is no LiDAR and has no frame.
     pub(super) left_out: Vec<String>,
-    /// What a user should know of the reading.
+    /// Notes for the user of the reading.
     pub(super) notes: Vec<Note>,
 }
 
@@ -101,7 +101,7 @@ impl Frames {
         self.index.get(name).map(|&at| &mut self.list[at])
     }
 
-    /// Whether a frame of this name is placed, or something hangs on it.
+    /// True if a frame of this name is placed, or something hangs on it.
     pub(super) fn mentions(&self, name: &str) -> bool {
         self.get(name).is_some() || self.list.iter().any(|frame| frame.parent == name)
     }

@@ -6,13 +6,14 @@ use std::path::PathBuf;
 use serde_json::Value;
 
 use super::angles::{IDENTITY, compose, up};
+use super::fields::Fields;
 use super::frames::{Frame, Frames, Holds};
 use super::{
-    BASE_LINK, Mounting, Rig, RigError, RigFormat, RigLidar, Source, autoware, carla,
+    BASE_LINK, MODELS_FILE, Mounting, Rig, RigError, RigFormat, RigLidar, Source, autoware, carla,
     carla_objects, detect, known, launch, pandaset, placements, sdf, sources, tf, urdf,
 };
 use crate::Note;
-use crate::json::Place;
+use crate::json::{self, Place};
 use crate::vehicle::{MAX_LIDARS, SensorPose, doubt_of_ground, doubts_of_units};
 
 /// Words in the names of LiDAR frames, for formats that say no more.
@@ -59,7 +60,7 @@ pub struct Imported {
     pub format: RigFormat,
     /// Frames that are no LiDARs, or carry the frame of one.
     pub left_out: Vec<String>,
-    /// What a user should know, in sentences.
+    /// Notes for the user, in sentences.
     pub notes: Vec<Note>,
 }
 
@@ -68,7 +69,27 @@ pub struct Imported {
 /// # Errors
 /// Files that cannot be read, or that give no rig.
 pub fn import(paths: &[PathBuf], settings: &ImportSettings) -> Result<Imported, RigError> {
-    import_texts(&sources(paths)?, settings)
+    let mut settings = settings.clone();
+    let mut notes = Vec::new();
+    for file in paths.iter().filter(|path| path.is_dir()).map(|folder| folder.join(MODELS_FILE)) {
+        if file.is_file() {
+            notes.push(add_models(&Source::read(&file)?, &mut settings.sensors)?);
+        }
+    }
+    let mut imported = import_texts(&sources(paths)?, &settings)?;
+    imported.notes.extend(notes);
+    Ok(imported)
+}
+
+/// Adds the models that `rig export` wrote beside files without a place for them, where none is given.
+fn add_models(source: &Source, known: &mut BTreeMap<String, String>) -> Result<Note, RigError> {
+    let document: Value = json::parse(&source.text, &source.file)?;
+    let lidars = Fields::of(&document, Place::top(&source.file))?.inner("lidars")?;
+    for (frame, _, _) in lidars.each() {
+        let model = lidars.text(frame)?;
+        known.entry(frame.clone()).or_insert_with(|| model.to_owned());
+    }
+    Ok(Note::fact(format!("{}: the models of LiDARs that --sensor does not name", source.file)))
 }
 
 /// Reads a rig from the texts of files.
@@ -258,7 +279,7 @@ fn rounded(metres: f64) -> f64 {
     (metres * 1e6).round() / 1e6
 }
 
-/// Whether the name of a frame of which nothing is said is that of a LiDAR.
+/// True if the name of a frame of which nothing is said is that of a LiDAR.
 fn is_named_lidar(frame: &Frame) -> bool {
     let name = frame.name.to_lowercase();
     frame.holds == Holds::Unsaid && WORDS.iter().any(|word| name.contains(word))

@@ -7,7 +7,7 @@ const SAME_DEGREES: f64 = 1e-3;
 /// Turns a second of a LiDAR that says nothing else.
 const TURNS_A_SECOND: f64 = 10.0;
 
-/// What is known of a sensor by its name.
+/// Facts known of a sensor by its name.
 struct Known {
     name: &'static str,
     /// Optical centre above the foot in metres: `*_base_scan_joint` of Velodyne's description.
@@ -48,7 +48,7 @@ pub struct Fan {
     pub azimuth_steps: u32,
     /// First and last azimuth in degrees of a LiDAR that looks over a sector.
     pub azimuth: Option<[f64; 2]>,
-    /// Whether the channels are evenly spaced, and all look the same way. The programs cast them so.
+    /// True if the channels are evenly spaced, and all look the same way. The programs cast them so.
     pub is_even: bool,
 }
 
@@ -89,13 +89,13 @@ impl Fan {
         self.azimuth.map_or(360.0, |[from, to]| to - from)
     }
 
-    /// Whether it looks to both sides alike.
+    /// True if it looks to both sides alike.
     pub(super) fn is_centred(&self) -> bool {
         self.azimuth.is_none_or(|[from, to]| (from + to).abs() <= SAME_DEGREES)
     }
 }
 
-/// Whether two names mean one sensor: `VLP16`, `vlp-16` and `VLP 16` do.
+/// True if two names mean one sensor: `VLP16`, `vlp-16` and `VLP 16` do.
 pub(super) fn same(a: &str, b: &str) -> bool {
     let letters = |name: &str| {
         let kept = name.chars().filter(|c| c.is_ascii_alphanumeric());

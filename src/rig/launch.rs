@@ -8,15 +8,18 @@ use roxmltree::Node;
 use super::angles::of_quaternion;
 use super::fields::{number, wrong};
 use super::frames::{Frame, Frames, Holds};
-use super::numbers::written;
 use super::{BASE_LINK, Mounting, Rig, RigError, Source, xml};
 use crate::Note;
 use crate::json::Place;
+use crate::json::written;
 use crate::vehicle::SensorPose;
 
 /// Program of `tf2_ros` that publishes a transform.
 const PUBLISHER: &str = "static_transform_publisher";
-/// Flags that take a value; what else there is, is left alone.
+/// In the place of a flag that the publisher does not know, in words.
+const UNKNOWN_FLAG: &str =
+    "--x, --y, --z, --roll, --pitch, --yaw, --qx, --qy, --qz, --qw, --frame-id or --child-frame-id";
+/// Flags that take a value. The publisher refuses others.
 const FLAGS: [&str; 12] = [
     "--x",
     "--y",
@@ -40,8 +43,13 @@ const MOST_VALUE: usize = 4096;
 /// Reads every publisher of a launch file that its `if` and `unless` leave on.
 pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
     let document = xml::parse(&source.text, &source.file)?;
-    let mut launch =
-        Launch { file: &source.file, values: HashMap::new(), passed: BTreeSet::new(), nodes: 0 };
+    let mut launch = Launch {
+        file: &source.file,
+        values: HashMap::new(),
+        passed: BTreeSet::new(),
+        included: BTreeSet::new(),
+        nodes: 0,
+    };
     let mut open = vec![document.root_element()];
     while let Some(node) = open.pop() {
         if !launch.is_on(node)? {
@@ -61,20 +69,13 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
             // Neither moves a frame.
             "param" | "rosparam" | "remap" | "env" | "set_env" | "unset_env" | "machine"
             | "master" | "test" | "executable" | "arg_group" => {}
+            "include" => launch.include(node)?,
             other => {
                 launch.passed.insert(format!("<{other}>"));
             }
         }
     }
-    if !launch.passed.is_empty() {
-        let passed: Vec<String> = launch.passed.into_iter().collect();
-        let text = format!(
-            "{}: passed over: {}; read the files that they bring in beside this one",
-            source.file,
-            passed.join(", ")
-        );
-        frames.notes.push(Note::fact(text));
-    }
+    frames.notes.extend(launch.notes());
     Ok(())
 }
 
@@ -85,12 +86,14 @@ struct Launch<'a> {
     values: HashMap<String, String>,
     /// Elements that are not understood.
     passed: BTreeSet<String>,
+    /// Files that are included.
+    included: BTreeSet<String>,
     /// Nodes so far.
     nodes: usize,
 }
 
 impl Launch<'_> {
-    /// Whether `if` and `unless` leave an element on.
+    /// True if `if` and `unless` leave an element on.
     fn is_on(&self, node: Node) -> Result<bool, RigError> {
         for (key, wanted) in [("if", true), ("unless", false)] {
             let Some(text) = node.attribute(key) else { continue };
@@ -146,6 +149,33 @@ impl Launch<'_> {
         Ok(done + rest)
     }
 
+    /// Keeps the name of an included file, as far as it can be told.
+    fn include(&mut self, node: Node) -> Result<(), RigError> {
+        let at = xml::place(node, self.file);
+        let name = xml::attribute(node, "file", &at)?;
+        // A package stands elsewhere on each machine, so its part stays as written.
+        let resolved = self.resolved(name, &at);
+        self.included.insert(resolved.unwrap_or_else(|_| name.to_owned()));
+        Ok(())
+    }
+
+    /// Sentences on what was passed over.
+    fn notes(self) -> impl Iterator<Item = Note> {
+        let listed = |names: BTreeSet<String>, quote: &str| {
+            let names: Vec<String> = names.iter().map(|n| format!("{quote}{n}{quote}")).collect();
+            (!names.is_empty()).then(|| names.join(", "))
+        };
+        let included = listed(self.included, "`").map(|names| {
+            format!(
+                "{}: includes {names}, not read; if it places LiDARs, read it beside this one",
+                self.file
+            )
+        });
+        let passed = listed(self.passed, "")
+            .map(|names| format!("{}: {names}: not known here, and not read", self.file));
+        included.into_iter().chain(passed).map(Note::fact)
+    }
+
     /// The frame of a node that publishes one.
     fn node(&mut self, node: Node) -> Result<Option<Frame>, RigError> {
         let at = Place::top(self.file).key("<node>").item(self.nodes);
@@ -186,6 +216,8 @@ fn publisher(words: Vec<String>, at: Place) -> Result<Frame, RigError> {
                 let value =
                     words.next().ok_or_else(|| wrong(&at, word, "a flag with its value"))?;
                 given.insert(*flag, value.as_str());
+            } else if word.starts_with("--") {
+                return Err(wrong(&at, word, UNKNOWN_FLAG));
             }
         }
         given

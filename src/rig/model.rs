@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use super::RigError;
-use crate::vehicle::{Placement, SensorName, SensorPose};
+use crate::vehicle::{Placement, SensorName, SensorPose, Vehicle};
 
 /// Name that ROS gives the frame of a vehicle.
 pub const BASE_LINK: &str = "base_link";
@@ -40,6 +40,24 @@ impl Rig {
         Placement { name: self.name.clone(), lidars: self.lidars.iter().map(lidar).collect() }
     }
 
+    /// Names frames after the mounts of a vehicle that hold them: `roof_lidar`, with a number behind where a mount holds
+    /// several. Readers know a LiDAR by that word. A LiDAR on no mount keeps its frame.
+    pub fn name_by_mounts(&mut self, vehicle: &Vehicle) {
+        let poses: Vec<SensorPose> = self.lidars.iter().map(|lidar| lidar.pose).collect();
+        let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+        let plain = |name: &str| name.chars().map(plain).collect::<String>();
+        let mounts: Vec<Option<String>> =
+            vehicle.mount_names(&poses).into_iter().map(|name| name.map(plain)).collect();
+        for (index, mount) in mounts.iter().enumerate() {
+            let Some(name) = mount else { continue };
+            let alike = |lidars: &[Option<String>]| lidars.iter().filter(|m| *m == mount).count();
+            self.lidars[index].frame = match alike(&mounts) {
+                1 => format!("{name}_lidar"),
+                _ => format!("{name}_lidar_{}", alike(&mounts[..index])),
+            };
+        }
+    }
+
     /// Checks the name, the number of LiDARs, their frames and every number.
     ///
     /// # Errors
@@ -68,6 +86,6 @@ impl Rig {
 }
 
 /// Frame of a LiDAR without a name.
-pub(super) fn default_frame(index: usize) -> String {
+pub(crate) fn default_frame(index: usize) -> String {
     format!("lidar_{index}")
 }

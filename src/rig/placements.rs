@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::model::default_frame;
-use super::numbers::written_pose;
 use super::{Rig, RigError, RigLidar, Source};
 use crate::json::{self, Place};
 use crate::vehicle::{Placement, SensorName, SensorPose};
@@ -63,10 +62,6 @@ pub(super) fn rig_of(source: &Source, name: Option<&str>) -> Result<Rig, RigErro
 
 /// The placements file of rigs, with numbers of at most nine digits.
 pub fn rig_json(rigs: &[&Rig]) -> Value {
-    let written = |rig: &&Rig| {
-        let placement = rig.placement();
-        let lidars = placement.lidars.iter().map(written_pose).collect();
-        Placement { lidars, ..placement }
-    };
-    serde_json::json!(Document { placements: rigs.iter().map(written).collect() })
+    let written = rigs.iter().map(|rig| rig.placement().written());
+    serde_json::json!(Document { placements: written.collect() })
 }

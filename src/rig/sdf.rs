@@ -10,10 +10,10 @@ use roxmltree::Node;
 use super::angles::of_quaternion;
 use super::fields::wrong;
 use super::frames::{Frame, Frames, Holds};
-use super::numbers::written;
 use super::simulated::{add_sensor, namespace, sensor_element};
 use super::{BASE_LINK, Models, Mounting, Rig, RigError, Source, xml};
 use crate::Note;
+use crate::json::written;
 use crate::vehicle::SensorPose;
 
 /// Frame that everything in a model hangs on unless it says otherwise.

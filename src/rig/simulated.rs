@@ -4,8 +4,8 @@ use roxmltree::Node;
 
 use super::fields::{PHASE, number};
 use super::frames::{Frame, Frames, Holds};
-use super::numbers::written;
 use super::{BASE_LINK, Models, Rig, RigError, RigLidar, known, xml};
+use crate::json::written;
 use crate::vehicle::SensorPose;
 
 /// Values of `type` that mean a LiDAR, in the versions of Gazebo.
@@ -15,7 +15,7 @@ const LIDARS: [&str; 4] = ["ray", "gpu_ray", "lidar", "gpu_lidar"];
 const OWN: &str = "urn:sightline";
 const PREFIX: &str = "sightline";
 
-/// Whether a `<sensor>` is a LiDAR.
+/// True if a `<sensor>` is a LiDAR.
 pub(super) fn is_lidar(sensor: Node) -> bool {
     sensor.attribute("type").is_some_and(|kind| LIDARS.contains(&kind))
 }

@@ -18,7 +18,7 @@ const LENGTH_TOLERANCE: f64 = 1e-2;
 /// Keys of a header that are passed over: a static transform holds at all times.
 const PASSED_HEADER: [&str; 2] = ["seq", "stamp"];
 
-/// Whether a document is a message of transforms, a list of them, or one.
+/// True if a document is a message of transforms, a list of them, or one.
 pub(super) fn holds_transforms(document: &Value) -> bool {
     let is_one = |value: &Value| value.get(CHILD).is_some();
     let any = |list: &Value| list.as_array().is_some_and(|list| list.iter().any(is_one));

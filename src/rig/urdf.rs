@@ -9,9 +9,9 @@ use roxmltree::Node;
 
 use super::fields::wrong;
 use super::frames::{Frame, Frames, Holds};
-use super::numbers::written;
 use super::simulated::{add_sensor, namespace, sensor_element};
 use super::{BASE_LINK, Models, Mounting, Rig, RigError, Source, xml};
+use crate::json::written;
 use crate::vehicle::SensorPose;
 
 /// Kinds of joints that move. Each frame behind one is taken where the joint stands at 0.
@@ -45,7 +45,7 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
     Ok(())
 }
 
-/// Whether an element is one of xacro, or an attribute of it waits for xacro.
+/// True if an element is one of xacro, or an attribute of it waits for xacro.
 fn is_xacro(node: Node) -> bool {
     let waits = |value: &str| value.contains("${") || value.contains("$(");
     node.tag_name().namespace().is_some_and(|space| space.contains("xacro"))

@@ -9,10 +9,10 @@ use super::{Error, Watcher};
 use crate::files::{Session, safe_name, shared_folder, writable_file, write_whole};
 use crate::rig::{
     Comparison, Exported, ImportSettings, Imported, MODELS_FILE, Models, Mounting, NamedText,
-    RigError, RigFormat, compare, export, import, in_millimetres, read_rig, rig_json,
+    RigError, RigFormat, compare, default_frame, export, import, read_rig, rig_json,
 };
 use crate::scene::Scene;
-use crate::vehicle::Vehicle;
+use crate::vehicle::{Vehicle, in_millimetres};
 
 /// Frames left out that a note lists.
 const MOST_LISTED: usize = 12;
@@ -50,6 +50,10 @@ pub fn export_file(
     let (file, name) = file_and_name(&request.placement);
     let file = Path::new(file);
     let mut rig = read_rig(file, name)?;
+    let equipment = Equipped::read(request)?;
+    if let Some(vehicle) = &equipment.vehicle {
+        rig.name_by_mounts(vehicle);
+    }
     if !request.frames.is_empty() {
         let (given, lidars) = (request.frames.len(), rig.lidars.len());
         if given != lidars {
@@ -60,17 +64,19 @@ pub fn export_file(
         }
     }
     for (frame, sensor) in request.sensors.clone() {
-        let known = rig.lidars.iter().map(|lidar| lidar.frame.clone()).collect();
-        match rig.lidars.iter_mut().find(|lidar| lidar.frame == frame) {
-            Some(lidar) => lidar.sensor = Some(sensor),
+        let known: Vec<String> = rig.lidars.iter().map(|lidar| lidar.frame.clone()).collect();
+        // `lidar_0` and the like stay good, whatever the mounts are called.
+        let by_number = (0..known.len()).find(|&index| default_frame(index) == frame);
+        let named = rig.lidars.iter().position(|lidar| lidar.frame == frame).or(by_number);
+        match named {
+            Some(index) => rig.lidars[index].sensor = Some(sensor),
             None => {
                 let file = file.display().to_string();
                 return Err(RigError::UnknownFrame { file, frame, known }.into());
             }
         }
     }
-    let models = models(request)?;
-    let exported = export(&rig, request.format, &request.mounting, &models)?;
+    let exported = export(&rig, request.format, &request.mounting, &equipment.models)?;
     exported.warnings.iter().for_each(|warning| watcher.note(warning));
     match &request.out {
         Some(out) => write_files(&exported, out).map(|()| None),
@@ -82,16 +88,25 @@ pub fn export_file(
     }
 }
 
-/// Models of the vehicle, of the scene, or none.
-fn models(request: &ExportRequest) -> Result<Models, Error> {
-    Ok(match (&request.vehicle, &request.scene) {
-        (Some(file), _) => Models::from(&Vehicle::read(file)?),
-        (None, Some(file)) => {
-            let scene = Scene::read(file)?;
-            scene.vehicle().map_or_else(|| Models::from(scene.lidar().clone()), Models::from)
-        }
-        (None, None) => Models::default(),
-    })
+/// The vehicle that a rig stands on, and its models; neither where none is named.
+#[derive(Default)]
+struct Equipped {
+    vehicle: Option<Vehicle>,
+    models: Models,
+}
+
+impl Equipped {
+    /// That of the vehicle file, else of the scene.
+    fn read(request: &ExportRequest) -> Result<Self, Error> {
+        let scene = request.scene.as_ref().filter(|_| request.vehicle.is_none());
+        let scene = scene.map(|file| Scene::read(file)).transpose()?;
+        let vehicle = match (&request.vehicle, &scene) {
+            (Some(file), _) => Some(Vehicle::read(file)?),
+            (None, scene) => scene.as_ref().and_then(|scene| scene.vehicle().cloned()),
+        };
+        let plain = scene.map(|scene| Models::from(scene.lidar().clone())).unwrap_or_default();
+        Ok(Self { models: vehicle.as_ref().map_or(plain, Models::from), vehicle })
+    }
 }
 
 /// Writes one file to `out`, several into the folder `out`.

@@ -7,7 +7,7 @@ use crate::maths;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Purpose {
-    /// Whether an echo near the threshold is seen.
+    /// Tells whether an echo near the threshold is seen.
     Detection,
     /// Error of a range.
     RangeNoise,
@@ -15,7 +15,7 @@ pub enum Purpose {
     FogRange,
     /// Flakes in a beam.
     Snow,
-    /// Whether a beam takes another sensor's pulse for its own, and when that comes.
+    /// Tells whether a beam takes another sensor's pulse for its own, and when that comes.
     Crosstalk,
     /// What an object is like.
     Object,

@@ -20,7 +20,7 @@ impl Device {
         Self { caster: Some(Mutex::new(caster)), failure: OnceLock::new() }
     }
 
-    /// Whether the device casts.
+    /// True if the device casts.
     pub fn is_at_work(&self) -> bool {
         self.caster.is_some() && self.failure.get().is_none()
     }

@@ -36,7 +36,7 @@ pub enum ScanError {
          of the two"
     )]
     Ideal {
-        /// As written.
+        /// Text as written.
         condition: String,
     },
     /// Conditions that do not go together.

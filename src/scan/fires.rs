@@ -16,7 +16,7 @@ pub(super) struct Fires {
     pub channels: usize,
     /// Of one firing, but perhaps for the last.
     size: usize,
-    /// Whether the columns make one whole turn.
+    /// True if the columns make one whole turn.
     turns: bool,
     azimuths: Option<Azimuths>,
     /// Columns and channels beside a beam that lie within half of its width, and one more.

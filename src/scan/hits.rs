@@ -42,7 +42,7 @@ impl BeamHits {
     /// `face_class` holds the class of each triangle.
     ///
     /// # Errors
-    /// As of `cast`, a sensor of a model that the vehicle does not have, and more beams than memory holds.
+    /// See `cast`, a sensor of a model that the vehicle does not have, and more beams than memory holds.
     pub fn of<E: From<UnknownSensor> + From<OutOfMemory>>(
         placements: &[Placement],
         problem: &Problem,
@@ -143,7 +143,7 @@ impl BeamHits {
     /// | `vertices`, `faces`, `face_class` | f32 \[V, 3\], u32 \[F, 3\], u16 \[F\] | triangles of the frame |
     ///
     /// # Errors
-    /// As of `out`.
+    /// See `out`.
     pub fn write(&self, out: impl Write + Seek, soup: &TriangleSoup) -> std::io::Result<()> {
         write_npz(out, false, |npz| self.put_all(npz, soup))
     }

@@ -22,7 +22,7 @@ pub(super) struct Eye<'a> {
 }
 
 impl Eye<'_> {
-    /// Whether nothing but the actor of a number stands on the straight line to a point of the ego frame.
+    /// True if nothing but the actor of a number stands on the straight line to a point of the ego frame.
     fn sees(&self, stage: &Stage, point: DVec3, own: u16) -> bool {
         let at = self.ego_from_sensor.inverse().apply(point);
         let distance = at.length();

@@ -13,7 +13,7 @@ const CERTAIN: f64 = 5.0;
 pub(super) struct Optics {
     pub weather: Weather,
     pub reflectance: Reflectance,
-    /// Of each class: whether water may stand on it.
+    /// One for each class: whether water may stand on it.
     ground: Vec<bool>,
 }
 
@@ -51,7 +51,7 @@ impl Optics {
     }
 }
 
-/// Whether an echo of a power is seen: with probability Φ((P/P_min − 1)/softness), by a draw from 0 to 1.
+/// True if an echo of a power is seen: with probability Φ((P/P_min − 1)/softness), by a draw from 0 to 1.
 pub(super) fn is_seen(response: &Response, power: f64, draw: impl FnOnce() -> f64) -> bool {
     let over = power / response.threshold() - 1.0;
     let sure = CERTAIN * response.softness;

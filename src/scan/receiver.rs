@@ -75,7 +75,7 @@ impl Receiver<'_> {
             is_seen(response, echoes[at].power, draw) && echoes[at].range >= response.min_range
         };
         let all = 0..echoes.len();
-        // Of equal ones the first.
+        // The first of equal ones.
         let by_power = |a: &usize, b: &usize| echoes[*a].power.total_cmp(&echoes[*b].power);
         let strongest = || all.clone().rev().max_by(by_power).filter(|&at| seen(at));
         let last = || {

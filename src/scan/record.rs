@@ -44,7 +44,7 @@ pub enum Status {
 }
 
 impl Status {
-    /// Whether there is a point.
+    /// True if there is a point.
     pub fn is_point(self) -> bool {
         !matches!(self, Self::Miss | Self::Lost | Self::Dropped)
     }
@@ -90,7 +90,7 @@ pub struct TrackedBox {
     pub instance: u16,
     /// Name of the actor in the scene; may be empty.
     pub name: String,
-    /// What it is.
+    /// Kind of file.
     pub kind: ActorKind,
     /// Class of its first part.
     pub class: u16,
@@ -196,7 +196,7 @@ impl<'a> Cluster<'a> {
         Self { points, low, high }
     }
 
-    /// Whether its box comes as near to a place as `reach`.
+    /// True if its box comes as near to a place as `reach`.
     fn is_within(&self, reach: f32, place: [f32; 3]) -> bool {
         let beside = |axis: usize| {
             let place = place[axis];

@@ -49,7 +49,7 @@ const MIXED: [&str; 3] = ["vehicle", "car", "moving-car"];
 pub(super) struct Reflectance {
     /// By class; none where objects differ.
     by_class: Vec<Option<f64>>,
-    /// Of each class: whether objects differ, unless the scene says otherwise.
+    /// One for each class: whether objects differ, unless the scene says otherwise.
     mixed: Vec<bool>,
     /// By actor, where the scene says it.
     by_actor: Vec<Option<f64>>,
@@ -91,7 +91,7 @@ impl Reflectance {
         }
     }
 
-    /// Whether objects of a class differ.
+    /// True if objects of a class differ.
     pub fn is_mixed(&self, class: u16) -> bool {
         self.mixed.get(usize::from(class)).is_some_and(|&mixed| mixed)
     }

@@ -23,7 +23,7 @@ pub(super) struct Rims<'r> {
 
 /// Rims that were cast by themselves.
 struct Cast {
-    /// Of each beam, in the order in which they fire, its place among the hits, or [`NONE`].
+    /// One for each beam, in the order in which they fire, its place among the hits, or [`NONE`].
     places: Vec<u32>,
     hits: Vec<[Hit; RING]>,
 }
@@ -120,7 +120,7 @@ impl Turn<'_> {
         cast.collect::<Vec<_>>().concat()
     }
 
-    /// Whether the rim of a beam is looked at.
+    /// True if the rim of a beam is looked at.
     fn wants(&self, place: &Place) -> bool {
         let Turn { sweeper, stage, sweep, .. } = *self;
         let (edge, own) = (self.edge(place), &sweep.surfaces[place.fired]);

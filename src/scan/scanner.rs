@@ -47,7 +47,7 @@ pub struct Scanner<'a> {
     classes: Arc<[String]>,
     placement: &'a Placement,
     sensors: Sensors,
-    /// Of each LiDAR, its model.
+    /// One for each LiDAR, its model.
     models: Vec<usize>,
     sweepers: Vec<Sweeper>,
     stage: Arc<Stage>,
@@ -95,7 +95,7 @@ impl<'a> Scanner<'a> {
     /// the trees.
     ///
     /// # Errors
-    /// As of [`Self::new`].
+    /// See [`Self::new`].
     pub fn check(
         scene: &Scene,
         placement: &Placement,
@@ -132,7 +132,7 @@ impl<'a> Scanner<'a> {
     /// Scans with trees of the scene that there are already, of which several placements share one set.
     ///
     /// # Errors
-    /// As of [`Self::check`].
+    /// See [`Self::check`].
     ///
     /// # Panics
     /// Trees of another scene, as far as their number tells.
@@ -180,7 +180,7 @@ impl<'a> Scanner<'a> {
     /// the same bits as those of the host, which casts again once the device fails.
     ///
     /// # Errors
-    /// As of `open`.
+    /// See `open`.
     #[cfg_attr(not(feature = "gpu"), allow(dead_code))]
     pub(crate) fn cast_by<E>(
         &mut self,

@@ -110,7 +110,7 @@ impl Stage {
         Self { things, first_prims }
     }
 
-    /// Whether it has a tree for each part of the scene that is not empty.
+    /// True if it has a tree for each part of the scene that is not empty.
     pub(super) fn is_of(&self, scene: &Scene) -> bool {
         let full = (0..scene.part_count()).filter(|&part| scene.part_triangles(part) > 0);
         full.eq(self.things.iter().map(|thing| thing.part))
@@ -182,9 +182,9 @@ impl Thing {
 /// How everything moves in a frame.
 pub(super) struct Motions {
     pub(super) ego: Glide,
-    /// Of each thing: takes the frame of its owner to that of the world.
+    /// Transform of each thing: takes the frame of its owner to that of the world.
     owners: Vec<Glide>,
-    /// Of each thing, in the frame of its owner.
+    /// Position of each thing in the frame of its owner.
     origins: Vec<DVec3>,
     ego_things: Vec<bool>,
 }
@@ -211,7 +211,7 @@ impl Motions {
         }
     }
 
-    /// Whether nothing moves, as seen from the ego.
+    /// True if nothing moves, as seen from the ego.
     pub fn are_still(&self) -> bool {
         let still =
             |(glide, &of_ego): (&Glide, &bool)| of_ego || glide.is_still() && self.ego.is_still();
@@ -289,7 +289,7 @@ impl Seen {
         Self::Around(middle.truncate() / across, maths::cos(half))
     }
 
-    /// Whether a beam may meet it, by the unit vector of its azimuth.
+    /// True if a beam may meet it, by the unit vector of its azimuth.
     pub fn at(&self, azimuth: DVec2) -> bool {
         match *self {
             Self::Never => false,

@@ -23,7 +23,7 @@ pub(super) struct Station {
     pub start_from_sensor: Pose,
     /// Numbers on the stage of the things that it may see, ascending.
     numbers: Vec<u32>,
-    /// Of each of them, takes the sensor's frame to the thing's.
+    /// Transform of each of them: takes the sensor's frame to the thing's.
     poses: Vec<Pose>,
     /// Metres that the sensor sees, and the angle that its beams are wide.
     reach: [f32; 2],
@@ -230,7 +230,7 @@ impl Surface {
         self.prim != NO_HIT
     }
 
-    /// Whether an edge lies between two neighbouring beams, and on which side the nearer surface is: one meets
+    /// Tells whether an edge lies between two neighbouring beams, and on which side the nearer surface is: one meets
     /// nothing, or one lies in front of the other's plane and that one behind its own. Where each lies in
     /// front of the other's plane, or each behind it, they go over into each other in an inner or an outer corner.
     pub fn edge_to(&self, other: &Self) -> Edge {

@@ -120,7 +120,7 @@ impl Visibility {
         reaches
     }
 
-    /// Whether a beam comes back from the surface of a thing that it hits.
+    /// True if a beam comes back from the surface of a thing that it hits.
     fn returns(&self, beam: &Beam<'_>, thing: usize, class: u16, cosine: f64, range: f64) -> bool {
         let (response, instance) = (beam.response, self.stage.things[thing].instance);
         let fallen = self.fallen(beam, range);
@@ -180,7 +180,7 @@ impl Visibility {
         all
     }
 
-    /// Whether a beam takes another sensor's pulse for its own.
+    /// True if a beam takes another sensor's pulse for its own.
     fn is_wrong(&self, beam: &Beam<'_>) -> bool {
         let crosstalk = self.optics.weather.crosstalk.as_ref();
         crosstalk.is_some_and(|c| beam.chance.draw(Purpose::Crosstalk, 0) < c.share())

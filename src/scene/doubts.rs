@@ -258,7 +258,7 @@ fn voxels(scene: &Scene) -> Option<String> {
     ))
 }
 
-/// Whether a point lies inside closed triangles: rays up and ahead leave them an odd number of times.
+/// True if a point lies inside closed triangles: rays up and ahead leave them an odd number of times.
 fn inside(solid: &Solid, p: DVec3) -> bool {
     let odd = |turn: fn(DVec3) -> DVec3| {
         let crossed = solid.faces.iter().filter(|face| {

@@ -83,7 +83,7 @@ pub struct Scene {
     /// In the ego frame.
     body: Solid,
     ego: Motion,
-    /// Of each part's frame, in the frame of its owner; see [`Scene::part`].
+    /// Transform of each part, in the frame of its owner; see [`Scene::part`].
     origins: Vec<DVec3>,
     reflectances: Reflectances,
     files: Vec<PathBuf>,
@@ -175,7 +175,7 @@ impl Things {
     }
 }
 
-/// Whether a frame holds the body of the ego vehicle.
+/// Tells whether a frame holds the body of the ego vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EgoBody {
     /// With the body, which blocks the beams of mounted sensors.
@@ -204,11 +204,11 @@ impl Scene {
         Self::read_with(path, None)
     }
 
-    /// The same with the vehicle of another file in place of what the scene says: its LiDAR and mount, its
+    /// A copy with the vehicle of another file in place of what the scene says: its LiDAR and mount, its
     /// vehicle, and the ego body if the file has one.
     ///
     /// # Errors
-    /// As [`Self::read`].
+    /// See [`Self::read`].
     pub fn read_with(
         path: impl AsRef<Path>,
         vehicle: Option<&Path>,
@@ -237,7 +237,7 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// As [`Scene::read`].
+    /// See [`Scene::read`].
     pub fn from_json(
         text: &str,
         dir: &Path,
@@ -437,7 +437,7 @@ impl Scene {
         &self.reflectances
     }
 
-    /// Whether the static world, an actor or the ego body has a triangle.
+    /// True if the static world, an actor or the ego body has a triangle.
     pub fn has_geometry(&self) -> bool {
         let empty = |s: &Solid| s.faces.is_empty();
         !(empty(&self.world) && empty(&self.body) && self.actors.iter().all(|a| empty(&a.parts)))

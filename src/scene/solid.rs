@@ -25,7 +25,7 @@ impl Solid {
         self.classes.extend_from_slice(&other.classes);
     }
 
-    /// Whether a triangle is more than a line or a point.
+    /// True if a triangle is more than a line or a point.
     pub fn has_area(&self) -> bool {
         self.faces.iter().any(|face| {
             let [a, b, c] = face.map(|v| self.vertices[v as usize]);

@@ -10,7 +10,7 @@ use crate::geom::Glide;
 pub struct Track {
     /// Name in the scene file; may be empty, and may be that of others too.
     pub name: String,
-    /// What it is.
+    /// Kind of file.
     pub kind: ActorKind,
     /// Class of its first triangle.
     pub class: u16,

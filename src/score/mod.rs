@@ -35,9 +35,9 @@ pub struct TaskScores {
     pub m_sog: Option<f64>,
     /// −(1/N²) Σ H: the reading of eq. 5 that fits the printed scale.
     pub m_sog_scaled: Option<f64>,
-    /// As `m_sog` with N the covered voxels that are occupied in some frame (eq. 3).
+    /// Like `m_sog` with N the covered voxels that are occupied in some frame (eq. 3).
     pub m_sog_nonzero: Option<f64>,
-    /// As `m_sog_scaled` with N the covered voxels that are occupied in some frame.
+    /// Like `m_sog_scaled` with N the covered voxels that are occupied in some frame.
     pub m_sog_scaled_nonzero: Option<f64>,
     /// Σ H over covered voxels, in nats.
     pub information_gain: Option<f64>,
@@ -118,7 +118,7 @@ fn map_of_counts<S: Serializer>(
 /// An area of which a share must be seen.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Seen {
-    /// What the vehicle calls it.
+    /// Name on the vehicle.
     pub name: String,
     /// Share of its voxels that beams pass, a mean over frames.
     pub share: f64,

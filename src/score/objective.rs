@@ -56,7 +56,7 @@ pub enum ObjectiveError {
         "`{name}` is no score; did you mean `{nearest}`? There are {known}; all but {} also with `detection.` before them", OF_NO_TASK.join(" and ")
     )]
     UnknownMetric {
-        /// As given.
+        /// Text as given.
         name: String,
         /// The most similar name.
         nearest: &'static str,
@@ -72,7 +72,7 @@ pub enum ObjectiveError {
     /// A factor that is no finite number.
     #[error("`{weight}` is no weight; write a finite number before the `*`, as in `0.5*m_sog`")]
     BadWeight {
-        /// As given.
+        /// Text as given.
         weight: String,
     },
 }
@@ -80,7 +80,7 @@ pub enum ObjectiveError {
 /// What an objective depends on of the sums over covered voxels, beside the number of occupied ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Needed {
-    /// Whether empty voxels count.
+    /// True if empty voxels count.
     pub empty: bool,
     /// Kinds of information whose sums count.
     pub entropies: [bool; KINDS],
@@ -181,7 +181,7 @@ impl Objective {
         self.value_of(&Tasks::new(tally, content, frames))
     }
 
-    /// As [`Self::value_of_tally`], over several scenes: of their scores together, see
+    /// Like [`Self::value_of_tally`], over several scenes: of their scores together, see
     /// [`Scores::over_scenes`]. Each scene has the tally over its frames, its content and their number.
     pub fn value_over_scenes<'a>(
         &self,
@@ -201,7 +201,7 @@ impl Objective {
         })
     }
 
-    /// Whether it has a value for a placement that covers all there is: where it has none, no placement has one.
+    /// True if it has a value for a placement that covers all there is: where it has none, no placement has one.
     pub fn exists_in(&self, content: &Content) -> bool {
         let occupied = content.occupied().len() as u64;
         let all = Tally {
@@ -232,7 +232,7 @@ impl Objective {
         }
     }
 
-    /// Whether the objective grows with a gain and nothing else: a positive multiple of a sum over covered
+    /// True if the objective grows with a gain and nothing else: a positive multiple of a sum over covered
     /// voxels, monotone and submodular in the set of sensors.
     pub fn is_information_gain(&self) -> bool {
         const GAINS: [&str; 3] = ["information_gain", "information_gain_share", NEAR_GAIN];
@@ -240,12 +240,12 @@ impl Objective {
         self.terms.iter().all(|(weight, metric)| *weight > 0.0 && gain(metric))
     }
 
-    /// Whether what a voxel counts depends on where it is.
+    /// True if what a voxel counts depends on where it is.
     pub fn weighs_place(&self) -> bool {
         self.terms.iter().any(|(_, metric)| metric.name == NEAR_GAIN)
     }
 
-    /// Whether a detection target is needed.
+    /// True if a detection target is needed.
     pub fn needs_detection(&self) -> bool {
         self.terms.iter().any(|(_, metric)| metric.detection)
     }

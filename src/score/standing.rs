@@ -36,7 +36,7 @@ impl Standing {
         Self { violation, guards: 0, value: None }
     }
 
-    /// Whether no rule is broken and no guard violated.
+    /// True if no rule is broken and no guard violated.
     pub fn is_sound(&self) -> bool {
         self.violation == 0.0 && self.guards == 0
     }
@@ -50,7 +50,7 @@ impl Standing {
             .then(value(other).total_cmp(&value(self)))
     }
 
-    /// Whether it comes before another: an equal one does not.
+    /// True if it comes before another: an equal one does not.
     pub fn beats(&self, other: &Self) -> bool {
         self.compare(other) == Ordering::Less
     }

@@ -39,7 +39,7 @@ impl Atlases {
         Self { each }
     }
 
-    /// As [`Atlas::forget_beyond`], all together.
+    /// Like [`Atlas::forget_beyond`], all together.
     pub(super) fn forget_beyond(&mut self, poses: usize, bytes: u64) {
         let share = bytes / self.each.len().max(1) as u64;
         self.each.iter_mut().for_each(|atlas| atlas.forget_beyond(poses, share));
@@ -65,10 +65,10 @@ impl Atlases {
         self.each[0].poses_cast()
     }
 
-    /// As [`Atlas::hold`], in every scene.
+    /// Like [`Atlas::hold`], in every scene.
     ///
     /// # Errors
-    /// As [`Atlas::hold`].
+    /// See [`Atlas::hold`].
     pub fn hold(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<(), BackendError> {
         let mut pairs = self.each.iter_mut().zip(evaluator.backends_mut());
         pairs.try_for_each(|(atlas, backend)| atlas.hold(&mut **backend, poses))
@@ -95,7 +95,7 @@ impl Atlases {
         )
     }
 
-    /// Whether anything must be seen.
+    /// True if anything must be seen.
     pub(super) fn has_areas(&self) -> bool {
         self.each.iter().any(Atlas::has_areas)
     }
@@ -124,7 +124,7 @@ impl Atlases {
         (0..self.each.len()).map(kinds).collect()
     }
 
-    /// As [`Atlas::occupied_of`], scene after scene.
+    /// Like [`Atlas::occupied_of`], scene after scene.
     ///
     /// # Panics
     /// The pose is not held.

@@ -60,7 +60,7 @@ impl GridSearch {
     /// asked before each LiDAR, with the poses that the atlas has cast so far.
     ///
     /// # Errors
-    /// As [`Self::hold`].
+    /// See [`Self::hold`].
     pub fn climb(
         &mut self,
         evaluator: &mut Evaluator,
@@ -81,7 +81,7 @@ impl GridSearch {
     /// A climb whose swaps are checked or not.
     ///
     /// # Errors
-    /// As [`Self::hold`].
+    /// See [`Self::hold`].
     pub(super) fn ascend(
         &mut self,
         evaluator: &mut Evaluator,
@@ -141,7 +141,7 @@ impl GridSearch {
         let turns = self.turns(poses);
         let turn = turns[rng.random_range(0..turns.len())];
         if let Turn::Lidar(lidar) = turn {
-            // As below, without a list of placements: a fine grid has millions of poses.
+            // Like below, without a list of placements: a fine grid has millions of poses.
             let to = self.targets(poses, lidar, Moves::Anywhere);
             return match to.len() {
                 0 => poses.to_vec(),

@@ -24,7 +24,7 @@ pub enum SearchError {
          `count` of the vehicle's mounts or `price` of its sensors"
     )]
     Budget {
-        /// As given.
+        /// Text as given.
         budget: f64,
         /// Price of the cheapest equipment.
         least: f64,

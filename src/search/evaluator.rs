@@ -64,7 +64,7 @@ impl Evaluator {
     /// Opens an engine for each member of a suite, and hands out what the first opening has to say.
     ///
     /// # Errors
-    /// As [`open`].
+    /// See [`open`].
     pub fn open(
         suite: &Suite,
         choice: &EngineChoice,
@@ -134,15 +134,15 @@ impl Evaluator {
     /// scenes.
     ///
     /// # Errors
-    /// As [`Backend::covered`].
+    /// See [`Backend::covered`].
     pub fn covered(&mut self, placement: &Placement) -> Result<Vec<u64>, BackendError> {
         self.covered_in(0, placement)
     }
 
-    /// As [`Self::covered`], in the member of that number, from 0.
+    /// Like [`Self::covered`], in the member of that number, from 0.
     ///
     /// # Errors
-    /// As [`Backend::covered`].
+    /// See [`Backend::covered`].
     ///
     /// # Panics
     /// There is no such member.
@@ -168,25 +168,25 @@ impl Evaluator {
     /// Scores and guards of each placement, in order; over all scenes.
     ///
     /// # Errors
-    /// As [`Backend::tally`].
+    /// See [`Backend::tally`].
     pub fn scores(&mut self, placements: &[Placement]) -> Result<Vec<Scores>, BackendError> {
         Ok(self.judged(placements)?.into_iter().map(|judged| judged.scores).collect())
     }
 
-    /// As [`Self::scores`], and the scores in each of several scenes beside them.
+    /// Like [`Self::scores`], and the scores in each of several scenes beside them.
     ///
     /// # Errors
-    /// As [`Backend::tally`].
+    /// See [`Backend::tally`].
     pub fn judged(&mut self, placements: &[Placement]) -> Result<Vec<Judged>, BackendError> {
         let tallies = self.tallies(placements)?;
         self.judged_from(placements, &tallies)
     }
 
-    /// As [`Self::scores`], with beams that end at `range` metres, as in fog; the guards still compare
+    /// Like [`Self::scores`], with beams that end at `range` metres, as in fog; the guards still compare
     /// with a layout that sees all.
     ///
     /// # Errors
-    /// As [`Backend::tally`].
+    /// See [`Backend::tally`].
     pub fn scores_at(
         &mut self,
         placements: &[Placement],
@@ -204,7 +204,7 @@ impl Evaluator {
     /// Tallies over all frames, `[members][placements]`.
     ///
     /// # Errors
-    /// As [`Backend::tally`].
+    /// See [`Backend::tally`].
     pub(crate) fn tallies(
         &mut self,
         placements: &[Placement],
@@ -215,7 +215,7 @@ impl Evaluator {
     /// Scores and guards of placements whose [`Self::tallies`] are known.
     ///
     /// # Errors
-    /// As [`Backend::tally`].
+    /// See [`Backend::tally`].
     pub(crate) fn judged_from(
         &mut self,
         placements: &[Placement],

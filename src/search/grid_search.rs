@@ -26,7 +26,7 @@ const SLACK: f64 = 1e-9;
 /// Where the poses of a grid stand.
 pub(super) struct Places {
     positions: Vec<DVec3>,
-    /// Whether each is outside of every box that is kept free.
+    /// True if each is outside of every box that is kept free.
     clear: Vec<bool>,
     /// Kind of slot of each pose, and the LiDARs of each kind.
     kinds: Vec<usize>,
@@ -36,7 +36,7 @@ pub(super) struct Places {
 }
 
 impl Places {
-    /// As [`GridSearch::fits`].
+    /// See [`GridSearch::fits`].
     pub fn fits(&self, pose: u32, others: &[u32]) -> bool {
         let at = |pose: u32| self.positions[pose as usize];
         let apart = |&other: &u32| other != pose && at(pose).distance(at(other)) >= self.least;
@@ -68,7 +68,7 @@ pub struct GridPlacement {
 }
 
 impl GridPlacement {
-    /// As poses in the ego frame.
+    /// Poses in the ego frame.
     pub fn placement(&self, grid: &PoseGrid, name: &str) -> Placement {
         let lidars = self.poses.iter().map(|&pose| grid.pose(pose)).collect();
         Placement { name: name.to_owned(), lidars }
@@ -135,11 +135,11 @@ impl GridSearch {
         Ok(self.atlas.hold(evaluator, poses)?)
     }
 
-    /// As [`Self::hold`], some poses after others; `go_on` is asked in between, with the number of poses cast. Returns
+    /// Like [`Self::hold`], some poses after others; `go_on` is asked in between, with the number of poses cast. Returns
     /// the poses that are held then, in the order given: all, where `go_on` never says no.
     ///
     /// # Errors
-    /// As [`Self::hold`].
+    /// See [`Self::hold`].
     pub fn hold_while(
         &mut self,
         evaluator: &mut Evaluator,
@@ -160,7 +160,7 @@ impl GridSearch {
         Ok(poses.to_vec())
     }
 
-    /// Whether a pose may stand beside others: in no box that is kept free, another pose, and far
+    /// True if a pose may stand beside others: in no box that is kept free, another pose, and far
     /// enough away. Ties between LiDARs are not looked at.
     pub fn fits(&self, pose: u32, others: &[u32]) -> bool {
         let least = self.constraints.min_distance - SLACK;
@@ -242,7 +242,7 @@ impl GridSearch {
         }
     }
 
-    /// Whether anything must be seen.
+    /// True if anything must be seen.
     pub(super) fn has_areas(&self) -> bool {
         self.atlas.has_areas()
     }
@@ -268,7 +268,7 @@ impl GridSearch {
         self.values_with(others, &[last])[0].1
     }
 
-    /// As [`Atlases::worth_units`].
+    /// See [`Atlases::worth_units`].
     pub(super) fn worth_units(&self) -> Vec<[f64; KINDS]> {
         self.atlas.worth_units(&self.objective)
     }
@@ -276,7 +276,7 @@ impl GridSearch {
     /// The objective of a placement.
     ///
     /// # Errors
-    /// As [`Self::hold`].
+    /// See [`Self::hold`].
     pub fn value(&mut self, evaluator: &mut Evaluator, poses: &[u32]) -> Result<f64, SearchError> {
         let Some((&last, others)) = poses.split_last() else { return Ok(f64::NEG_INFINITY) };
         self.hold(evaluator, poses)?;
@@ -292,7 +292,7 @@ impl GridSearch {
     /// (Minoux 1978); the result is the same.
     ///
     /// # Errors
-    /// As [`Self::hold`].
+    /// See [`Self::hold`].
     pub fn greedy(
         &mut self,
         evaluator: &mut Evaluator,
@@ -334,7 +334,7 @@ impl GridSearch {
     /// The standing of a placement, which keeps the rules as every placement of the grid search does.
     ///
     /// # Errors
-    /// As [`Self::hold`].
+    /// See [`Self::hold`].
     pub fn standing(
         &mut self,
         evaluator: &mut Evaluator,
@@ -354,7 +354,7 @@ impl GridSearch {
     /// The better of two placements, the first of equal ones.
     ///
     /// # Errors
-    /// As [`Self::hold`].
+    /// See [`Self::hold`].
     pub fn preferred(
         &mut self,
         evaluator: &mut Evaluator,

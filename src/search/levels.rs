@@ -152,7 +152,7 @@ impl<'a> Choice<'a> {
         several.map(|range| range.start).collect()
     }
 
-    /// Whether a set without one of its frames, and with another, has a frame of each of several scenes.
+    /// True if a set without one of its frames, and with another, has a frame of each of several scenes.
     fn is_of_all(&self, set: &Set, out: usize, other: usize) -> bool {
         let (from, to) = (self.member_of[out], self.member_of[other]);
         from == to || set.counts[from] > 1 || self.pilot.suite.is_single()

@@ -103,12 +103,12 @@ impl<'a> Watch<'a> {
         self.tell(&Event::Note(sentence));
     }
 
-    /// Whether the observer has stopped the run.
+    /// True if the observer has stopped the run.
     pub(super) fn is_interrupted(&self) -> bool {
         self.interrupted
     }
 
-    /// Whether the run is to end.
+    /// True if the run is to end.
     pub(super) fn is_over(&self) -> bool {
         self.interrupted || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
     }

@@ -169,12 +169,12 @@ impl FramesOnDemand {
         &self.levels[0]
     }
 
-    /// Whether the present level is all frames.
+    /// True if the present level is all frames.
     fn is_full(&self) -> bool {
         self.at + 1 == self.levels.len()
     }
 
-    /// Whether fewer than all frames were ever searched over.
+    /// True if fewer than all frames were ever searched over.
     fn has_choice(&self) -> bool {
         self.levels.len() > 1
     }
@@ -212,7 +212,7 @@ impl FramesOnDemand {
         self.steps.push((generation, self.frames().len() as u32));
     }
 
-    /// Whether the order of the finalists is to be checked after this generation.
+    /// True if the order of the finalists is to be checked after this generation.
     pub fn is_due(&self, generation: u64) -> bool {
         !self.is_full() && generation.is_multiple_of(GENERATIONS)
     }
@@ -275,7 +275,7 @@ impl FramesOnDemand {
         }
     }
 
-    /// Whether following the present level loses more than half the tolerance, as the checked finalists
+    /// True if following the present level loses more than half the tolerance, as the checked finalists
     /// see it: (best over all frames − that of the first) / |best|.
     pub fn is_unsure(&mut self) -> bool {
         let checked = self.finalists.iter().take(CHECKED);

@@ -48,7 +48,7 @@ impl Scored {
         }
     }
 
-    /// Whether it keeps every rule of the mount and no guard speaks against it: only then is it a baseline to
+    /// True if it keeps every rule of the mount and no guard speaks against it: only then is it a baseline to
     /// compare with.
     pub(crate) fn is_honest(&self) -> bool {
         self.violations.is_empty() && self.scores.guards.is_empty() && self.scores.missing() == 0.0
@@ -98,7 +98,7 @@ pub struct MethodRecord {
     pub evaluations: u64,
     /// Sensor poses that it cast.
     pub poses_cast: u64,
-    /// Whether its placement is the result.
+    /// True if its placement is the result.
     pub won: bool,
 }
 
@@ -126,7 +126,7 @@ pub enum Stopped {
 }
 
 impl Stopped {
-    /// Whether a resumed run would find something left to do.
+    /// True if a resumed run would find something left to do.
     pub fn is_unfinished(self) -> bool {
         matches!(self, Self::Interrupted | Self::Time)
     }
@@ -151,15 +151,15 @@ pub struct SearchTimes {
     pub frames: f64,
     /// The search: all after that and before confirming.
     pub search: f64,
-    /// Of it the generations, without going to other frames.
+    /// Generations of the search, without going to other frames.
     pub generations: f64,
-    /// Of these all but scoring: asking, telling, ranking.
+    /// Generations without scoring: asking, telling, ranking.
     pub bookkeeping: f64,
-    /// Of the search generations and finalists, going to other frames included.
+    /// Generations of the search and finalists, going to other frames included.
     pub until_swaps: f64,
-    /// Of the search the swaps.
+    /// Swaps of the search.
     pub swaps: f64,
-    /// Of the search the bounds.
+    /// Bounds of the search.
     pub bounds: f64,
     /// Scoring the result and the baselines over all frames.
     pub confirm: f64,
@@ -180,7 +180,7 @@ pub struct Outcome {
     /// How much better than the result another placement could be; `None` without a result, or where
     /// the run ended before its bounds.
     pub certificate: Option<Certificate>,
-    /// Whether the gain over the best baseline is more than the scenes' own spread; `None` for one scene,
+    /// Tells whether the gain over the best baseline is more than the scenes' own spread; `None` for one scene,
     /// which cannot say, or without a baseline.
     pub spread: Option<GainSpread>,
     /// What result and best baseline are worth at phases that the search has not seen; `None` where all

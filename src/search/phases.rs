@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::error::SearchError;
 use super::evaluator::Evaluator;
 use super::suite::{Member, Suite};
+use crate::json::spoken;
 use crate::score::Objective;
 use crate::vehicle::Placement;
 
@@ -33,7 +34,7 @@ fn interval(values: &[f64]) -> [f64; 2] {
 }
 
 impl Suite {
-    /// Whether any sensor of a placement has a phase that differs from frame to frame.
+    /// True if any sensor of a placement has a phase that differs from frame to frame.
     pub fn has_free_phase(&self) -> bool {
         let free = |member: &Member| {
             let slots = member.problem().constraints().slots.iter();
@@ -42,12 +43,12 @@ impl Suite {
         self.members().iter().any(free)
     }
 
-    /// Whether beams come back by chance: through weather, or past faults.
+    /// True if beams come back by chance: through weather, or past faults.
     pub fn has_weather(&self) -> bool {
         self.members().iter().any(|member| member.problem().air().is_some())
     }
 
-    /// Whether scores are those of one draw: of phases, or of the beams that come back.
+    /// True if scores are those of one draw: of phases, or of the beams that come back.
     pub(super) fn is_left_to_chance(&self) -> bool {
         self.has_free_phase() || self.has_weather()
     }
@@ -82,9 +83,10 @@ pub(super) fn check(
 fn words(drawn: &str, ours: &[f64], theirs: &[f64], baseline: Option<&Placement>) -> String {
     let [mean, reach] = interval(ours);
     let mut words = format!(
-        "At {} draws of the {drawn} that the search has not seen the result reaches {mean:.4e} ± {:.2} % \
+        "At {} draws of the {drawn} that the search has not seen the result reaches {} ± {:.2} % \
          (95 % interval of the mean)",
         ours.len(),
+        spoken(mean),
         100.0 * reach / mean.abs()
     );
     if let (Some(baseline), true) = (baseline, theirs.len() == ours.len()) {
@@ -113,7 +115,7 @@ mod tests {
         assert!((mean - 4.5).abs() < 1e-12 && (reach - 2.365 * 0.75_f64.sqrt()).abs() < 1e-12);
         let baseline = Placement { name: "plain".into(), lidars: vec![] };
         let said = words("azimuth phases", &[110.0; 8], &[100.0; 8], Some(&baseline));
-        assert!(said.contains("1.1000e2 ± 0.00 %"), "{said}");
+        assert!(said.contains("reaches 110 ± 0.00 %"), "{said}");
         assert!(said.contains("+10.00 % (interval +10.00 to +10.00) against plain."), "{said}");
     }
 }

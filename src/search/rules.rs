@@ -45,7 +45,7 @@ pub(super) fn active_bounds(placement: &Placement, constraints: &Constraints) ->
     for (lidar, pose) in placement.lidars.iter().enumerate() {
         let Some(slot) = constraints.slots.get(lidar) else { continue };
         let fields = slot.region.fields(pose);
-        // Of a patch, fields are those of its own frame.
+        // Fields of a patch are those of its own frame.
         let of = match slot.region.ego_from_region {
             Some(_) => format!(" along `{}`", slot.region.name),
             None => String::new(),

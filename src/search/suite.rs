@@ -35,7 +35,7 @@ impl Member {
         self.scene
     }
 
-    /// Whether the scene is mirrored left to right.
+    /// True if the scene is mirrored left to right.
     pub fn is_mirrored(&self) -> bool {
         self.mirrored
     }
@@ -131,7 +131,7 @@ impl Suite {
         &self.members
     }
 
-    /// Whether there is one scene alone, and no mirror image.
+    /// True if there is one scene alone, and no mirror image.
     pub fn is_single(&self) -> bool {
         self.members.len() == 1
     }
@@ -200,7 +200,7 @@ impl Suite {
         Self { members: self.members.iter().map(drawn).collect() }
     }
 
-    /// The same with other rules of the mount.
+    /// A copy with other rules of the mount.
     #[must_use]
     pub fn with_constraints(&self, constraints: &Constraints) -> Self {
         let changed = |member: &Member| {

@@ -183,7 +183,7 @@ pub fn swap_from(
 /// `None` and `go_on` as of [`swap_from`]; the settings' `casts` count for nothing.
 ///
 /// # Errors
-/// As [`swap_from`].
+/// See [`swap_from`].
 pub fn swap_anywhere(
     evaluator: &mut Evaluator,
     objective: &Objective,

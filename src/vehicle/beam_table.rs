@@ -29,7 +29,7 @@ pub struct BeamGrid {
     pub step: f64,
     /// Azimuth steps.
     pub steps: usize,
-    /// Whether the steps make one whole turn.
+    /// True if the steps make one whole turn.
     pub turn: bool,
 }
 

@@ -61,7 +61,7 @@ impl Constraints {
         Self { slots: slots.unwrap_or_default(), ..self.clone() }
     }
 
-    /// The same with every region changed.
+    /// A copy with every region changed.
     pub fn with_regions(&self, change: impl Fn(&mut Region)) -> Self {
         let mut changed = self.clone();
         for slot in &mut changed.slots {
@@ -123,7 +123,7 @@ pub struct Ties {
 }
 
 impl Ties {
-    /// Whether any rule ties LiDARs together.
+    /// True if any rule ties LiDARs together.
     pub fn any(&self) -> bool {
         self.equal_height || self.symmetric
     }
@@ -223,7 +223,7 @@ impl std::fmt::Display for Violation {
 }
 
 impl Constraints {
-    /// Whether a slot is for a sensor of this model.
+    /// True if a slot is for a sensor of this model.
     fn has_model(&self, slot: usize, pose: &SensorPose) -> bool {
         self.slots[slot].sensor == if pose.sensor.is_none() { self.first } else { pose.sensor }
     }
@@ -328,7 +328,7 @@ impl Constraints {
         depths.filter(|&(_, by)| by > SLACK)
     }
 
-    /// Whether a pose lies outside of every keep-out box.
+    /// True if a pose lies outside of every keep-out box.
     pub fn is_clear(&self, pose: &SensorPose) -> bool {
         self.depths(pose.position().to_array()).next().is_none()
     }

@@ -17,7 +17,7 @@ const RANGE: [f64; 2] = [1.0, 1000.0];
 /// Smallest fields of view in degrees, up and across; smaller numbers are radians.
 const VIEW: [f64; 2] = [1.0, PI];
 
-/// Whether an angle in radians is most likely one in degrees: more than a turn, or a whole number from 2 up.
+/// True if an angle in radians is most likely one in degrees: more than a turn, or a whole number from 2 up.
 pub(crate) fn is_degrees(angle: f64) -> bool {
     angle.abs() > TAU + 1e-6 || (angle.fract() == 0.0 && angle.abs() >= WHOLE)
 }

@@ -12,13 +12,13 @@ use crate::Note;
 /// A sensor model that the vehicle may carry.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VehicleSensor {
-    /// What placements call it.
+    /// Name in placements.
     pub name: SensorName,
     /// Its beams.
     pub lidar: Lidar,
     /// Where in its turn it fires.
     pub phase: Phase,
-    /// What one costs, in any currency.
+    /// Price of one, in any currency.
     pub price: f64,
     /// What it makes of what its beams meet.
     pub response: Response,
@@ -38,7 +38,7 @@ pub struct VehicleMount {
 /// A part of space around the vehicle of which a share must be seen.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Requirement {
-    /// What the vehicle calls it.
+    /// Name on the vehicle.
     pub name: String,
     /// Lower and upper corner in the ego frame, metres.
     pub inside: [[f64; 3]; 2],
@@ -57,7 +57,7 @@ impl Requirement {
         Self { inside: image(&self.inside), without, ..self.clone() }
     }
 
-    /// Whether a point belongs to the area.
+    /// True if a point belongs to the area.
     pub fn contains(&self, point: [f64; 3]) -> bool {
         let within =
             |[low, high]: &[[f64; 3]; 2]| (0..3).all(|k| low[k] <= point[k] && point[k] < high[k]);
@@ -153,7 +153,7 @@ impl Vehicle {
         must.chain(may).take(MAX_LIDARS).collect()
     }
 
-    /// Whether there is anything to choose: a number of sensors or a model.
+    /// True if there is anything to choose: a number of sensors or a model.
     pub fn has_choice(&self) -> bool {
         self.mounts.iter().any(|mount| mount.count[0] < mount.count[1] || mount.sensors.len() > 1)
     }

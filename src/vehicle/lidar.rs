@@ -36,7 +36,7 @@ impl Lidar {
         }
     }
 
-    /// Whether it turns all the way round.
+    /// True if it turns all the way round.
     pub fn turns(&self) -> bool {
         matches!(self, Self::Spinning { azimuth: None, .. })
     }
@@ -54,7 +54,7 @@ impl Lidar {
     /// Beam table of the sensor.
     ///
     /// # Errors
-    /// As [`BeamTable::spinning`], [`BeamTable::sector`] and [`BeamTable::from_directions`].
+    /// Like [`BeamTable::spinning`], [`BeamTable::sector`] and [`BeamTable::from_directions`].
     pub fn table(&self) -> Result<BeamTable, SensorError> {
         match self {
             Self::Spinning { elevations, azimuth_offsets, azimuth_steps, range, .. } => {

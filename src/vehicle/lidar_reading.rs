@@ -20,7 +20,7 @@ impl Lidar {
     /// metres.
     ///
     /// # Errors
-    /// As [`sensor_file::read`], and too many beams.
+    /// Like [`sensor_file::read`], and too many beams.
     pub fn from_sensor_file(
         path: &Path,
         azimuth_steps: u32,
@@ -39,7 +39,8 @@ impl Lidar {
 
     /// Reads a LiDAR from JSON text: what a scene has under `lidar`.
     ///
-    /// File names are relative to `dir`; error messages call the text `name_for_errors`.
+    /// File names are relative to `dir`; messages call the text `name_for_errors`. Returns the LiDAR and the sentences on
+    /// it and on its sensor file: facts and doubts.
     ///
     /// # Errors
     /// Text that is no such object, numbers out of bounds, a sensor file that cannot be read.
@@ -47,9 +48,13 @@ impl Lidar {
         text: &str,
         dir: &Path,
         name_for_errors: &str,
-    ) -> Result<Self, DescriptionError> {
+    ) -> Result<(Self, Vec<Note>), DescriptionError> {
         let top = Place::top(name_for_errors);
-        Ok(Described::new(&top, json::parse(text, name_for_errors)?, dir)?.lidar)
+        let Described { lidar, mut notes, .. } =
+            Described::new(&top, json::parse(text, name_for_errors)?, dir)?;
+        let doubts = super::of_lidar("the LiDAR", &lidar);
+        notes.extend(doubts.iter().map(|doubt| Note::doubt(format!("{top}: {doubt}"))));
+        Ok((lidar, notes))
     }
 }
 

@@ -37,7 +37,7 @@ pub(super) fn mirror_meshes(mounts: &mut [VehicleMount]) {
     }
 }
 
-/// Whether the outermost point at every corner of one patch, mirrored, is that of the other, and the other way round.
+/// True if the outermost point at every corner of one patch, mirrored, is that of the other, and the other way round.
 fn are_images(a: &Region, b: &Region) -> bool {
     let on = |from: &Region, to: &Region| {
         let parts = from.surface.as_ref().zip(from.ego_from_region);

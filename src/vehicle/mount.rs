@@ -30,18 +30,18 @@ pub struct Mount {
     pub lidars: u32,
     /// Lower and upper corners of the keep-out boxes, metres.
     pub keep_out: Vec<[[f64; 3]; 2]>,
-    /// Whether all sensors stand at one height.
+    /// True if all sensors stand at one height.
     pub equal_height: bool,
-    /// Whether sensors come in pairs mirrored at the plane y = 0; an odd one lies in the plane.
+    /// True if sensors come in pairs mirrored at the plane y = 0; an odd one lies in the plane.
     pub symmetric: bool,
 }
 
 /// Rules that narrow a mount beyond what its scene file says.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct MountRules {
-    /// As [`Mount::equal_height`].
+    /// See [`Mount::equal_height`].
     pub equal_height: bool,
-    /// As [`Mount::symmetric`].
+    /// See [`Mount::symmetric`].
     pub symmetric: bool,
     /// Pose fields that keep one value, in m or rad: `x`, `y`, `z`, `roll`, `pitch` or `yaw`.
     pub fixed: Vec<(String, f64)>,
@@ -157,7 +157,7 @@ impl Mount {
         Ok(())
     }
 
-    /// Whether the keep-out boxes cover the whole mount, faces aside.
+    /// True if the keep-out boxes cover the whole mount, faces aside.
     fn is_kept_out(&self) -> bool {
         // All faces cut the mount into cells; each cell is in a box or out of it with its middle.
         let middles = [0, 1, 2].map(|k| {

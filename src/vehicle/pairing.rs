@@ -31,7 +31,7 @@ impl Region {
         image
     }
 
-    /// Whether a mirror at the plane y = 0 shows one region as the other.
+    /// True if a mirror at the plane y = 0 shows one region as the other.
     pub(super) fn is_image_of(&self, other: &Self) -> bool {
         let alike = match (&self.surface, &other.surface) {
             (None, None) => true,
@@ -59,7 +59,7 @@ impl Region {
 }
 
 impl Slot {
-    /// Whether a mirror at the plane y = 0 shows one slot as the other.
+    /// True if a mirror at the plane y = 0 shows one slot as the other.
     pub(super) fn is_image_of(&self, other: &Self) -> bool {
         self.sensor == other.sensor && self.region.is_image_of(&other.region)
     }
@@ -90,7 +90,7 @@ impl Constraints {
         2 * self.slots.chunks_exact(2).take_while(two).count()
     }
 
-    /// Whether a LiDAR of a pair stands in the same slot as its image.
+    /// True if a LiDAR of a pair stands in the same slot as its image.
     pub(super) fn is_pair_of_one(&self, first: usize) -> bool {
         self.slots[first] == self.slots[first + 1]
     }

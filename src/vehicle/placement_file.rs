@@ -58,7 +58,7 @@ pub enum PlacementFileError {
     OtherKind {
         /// File.
         path: PathBuf,
-        /// What it is.
+        /// Kind of file.
         found: FileKind,
     },
     /// The document is not UTF-8.
@@ -215,7 +215,7 @@ fn sniff(reader: &mut impl BufRead) -> io::Result<(Vec<u8>, bool)> {
     Ok((head, is_document))
 }
 
-/// Whether a file is one of placements rather than a scene: standard input and pipes, `.jsonl` by its name, a
+/// True if a file is one of placements rather than a scene: standard input and pipes, `.jsonl` by its name, a
 /// document by its first key. False where it cannot be read.
 pub fn holds_placements(path: &Path) -> bool {
     let is_stream = path == Path::new("-") || (path.exists() && !path.is_file() && !path.is_dir());
@@ -227,7 +227,7 @@ pub fn holds_placements(path: &Path) -> bool {
     head.is_ok_and(|(_, is_document)| is_document)
 }
 
-/// Whether a path names a file that the shell has opened: standard input, or the `<( … )` of a shell.
+/// True if a path names a file that the shell has opened: standard input, or the `<( … )` of a shell.
 fn is_open_file(path: &Path) -> bool {
     ["/dev/stdin", "/dev/fd", "/proc/self/fd"].iter().any(|open| path.starts_with(open))
 }
@@ -352,7 +352,7 @@ impl Iterator for PlacementReader {
 /// All placements of a file at once.
 ///
 /// # Errors
-/// As [`PlacementReader`], and a file without any placement.
+/// Like [`PlacementReader`], and a file without any placement.
 pub fn read_placements(path: impl AsRef<Path>) -> Result<Vec<Placement>, PlacementFileError> {
     let path = path.as_ref();
     let placements = PlacementReader::open(path)?.collect::<Result<Vec<_>, _>>()?;
@@ -365,7 +365,7 @@ pub fn read_placements(path: impl AsRef<Path>) -> Result<Vec<Placement>, Placeme
 /// Placements of a file, each read and checked once; none is kept.
 ///
 /// # Errors
-/// As [`read_placements`].
+/// See [`read_placements`].
 pub fn count_placements(path: &Path) -> Result<u64, PlacementFileError> {
     let mut count = 0;
     for placement in PlacementReader::open(path)? {

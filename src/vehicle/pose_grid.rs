@@ -49,7 +49,7 @@ struct Part {
     image: usize,
     lower: [f64; 7],
     step: [f64; 7],
-    /// Of each field, and of the phase.
+    /// One for each field, and for the phase.
     count: [u32; 7],
 }
 
@@ -125,7 +125,7 @@ impl PoseGrid {
         self.parts.last().map_or(0, |part| part.first + part.len())
     }
 
-    /// Whether there is no pose at all: no LiDAR has a place.
+    /// True if there is no pose at all: no LiDAR has a place.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -16,7 +16,7 @@ use crate::maths;
 /// along it counts from the surface, and angles count from a sensor at rest on the surface there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
-    /// What the vehicle calls it.
+    /// Name on the vehicle.
     pub name: String,
     /// The region's frame; `None` is the ego frame.
     pub ego_from_region: Option<Pose>,

@@ -26,7 +26,7 @@ impl SensorName {
     /// The name of a model.
     ///
     /// # Errors
-    /// What is wrong with the name, in words: empty, longer than 64 bytes, or control characters in it; or
+    /// Fault with the name, in words: empty, longer than 64 bytes, or control characters in it; or
     /// there are more than 4096 different names.
     pub fn new(name: &str) -> Result<Self, String> {
         if name.is_empty() || name.len() > MAX_NAME || name.chars().any(char::is_control) {
@@ -48,7 +48,7 @@ impl SensorName {
         Ok(Self(at as u16 + 1))
     }
 
-    /// Whether no model is named.
+    /// True if no model is named.
     pub fn is_none(&self) -> bool {
         self.0 == 0
     }

@@ -47,13 +47,13 @@ impl Phase {
 /// One model that a vehicle's sensors may be of.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SensorModel {
-    /// What placements call it.
+    /// Name in placements.
     pub name: SensorName,
     /// Its beams, and how far they go.
     pub table: BeamTable,
     /// Where in its turn it fires.
     pub phase: Phase,
-    /// What one costs, in any currency.
+    /// Price of one, in any currency.
     pub price: f64,
     /// What it makes of what its beams meet.
     pub response: Response,
@@ -164,7 +164,7 @@ impl Sensors {
         (!models.is_empty()).then(|| Self { models: models.into(), seed: 0 })
     }
 
-    /// The same with other beams of one model.
+    /// A copy with other beams of one model.
     ///
     /// # Panics
     /// A number that no model has.
@@ -174,7 +174,7 @@ impl Sensors {
         Self { models: models.into(), ..self.clone() }
     }
 
-    /// The same with another draw of what is left to chance.
+    /// A copy with another draw of what is left to chance.
     pub fn with_seed(&self, seed: u64) -> Self {
         Self { seed, ..self.clone() }
     }
@@ -266,13 +266,13 @@ impl Sensors {
         format!("{} beams", beams.join(" or "))
     }
 
-    /// Whether any model turns all the way round.
+    /// True if any model turns all the way round.
     pub fn turns(&self) -> bool {
         let turns = |model: &SensorModel| model.table.grid().is_some_and(|grid| grid.turn);
         self.models.iter().any(turns)
     }
 
-    /// The same with every model that turns free of the others.
+    /// A copy with every model that turns free of the others.
     pub fn with_free_phases(&self) -> Self {
         let freed = |model: &SensorModel| match model.table.grid() {
             Some(grid) if grid.turn => SensorModel { phase: Phase::Free, ..model.clone() },
@@ -291,13 +291,13 @@ impl Sensors {
         self.models.iter().map(|model| model.table.directions().len()).max().unwrap_or(0)
     }
 
-    /// Whether the phase of the model of a name differs from frame to frame; the first's for no name.
+    /// True if the phase of the model of a name differs from frame to frame; the first's for no name.
     pub fn is_free(&self, name: SensorName) -> bool {
         let named = |model: &&SensorModel| name.is_none() || model.name == name;
         self.models.iter().find(named).is_some_and(|model| model.phase == Phase::Free)
     }
 
-    /// Whether any model's phase differs from frame to frame.
+    /// True if any model's phase differs from frame to frame.
     pub fn has_free_phase(&self) -> bool {
         self.models.iter().any(|model| model.phase == Phase::Free)
     }

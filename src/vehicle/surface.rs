@@ -130,7 +130,7 @@ impl Surface {
         self.axes
     }
 
-    /// Whether a mirror at the plane y = 0 shows one as the other.
+    /// True if a mirror at the plane y = 0 shows one as the other.
     pub(super) fn is_image_of(self: &Arc<Self>, other: &Arc<Self>) -> bool {
         match (&self.image, &other.image) {
             (Image::Itself, _) => Arc::ptr_eq(self, other),
@@ -223,7 +223,7 @@ impl Surface {
         best.unwrap_or(Foot { point: DVec3::ZERO, normal: DVec3::Z, off: f64::INFINITY })
     }
 
-    /// Whether a foot is nearer than another, or as near and farther out.
+    /// True if a foot is nearer than another, or as near and farther out.
     fn is_nearer(&self, foot: &Foot, than: &Foot) -> bool {
         let height = |foot: &Foot| foot.point[self.along()];
         foot.off < than.off || foot.off == than.off && height(foot) > height(than)
@@ -272,7 +272,7 @@ pub(super) fn rest(normal: DVec3, on_roof: bool) -> DMat3 {
     DMat3::from_cols(x, y, z)
 }
 
-/// Whether a patch with this normal is a roof: within 45° of level.
+/// True if a patch with this normal is a roof: within 45° of level.
 pub(super) fn is_roof(normal: DVec3) -> bool {
     normal.z.abs() >= std::f64::consts::FRAC_1_SQRT_2
 }

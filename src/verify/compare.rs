@@ -34,7 +34,7 @@ pub struct Differences {
 }
 
 impl Differences {
-    /// Whether anything differed.
+    /// True if anything differed.
     pub fn any(&self) -> bool {
         self.triangles + self.distances + self.differing_voxels + self.differing_scores > 0
     }

@@ -34,7 +34,7 @@ pub struct Verification {
     pub cpu_against_f64: Agreement,
     /// Metres from an edge within which rounding may decide; see [`EDGE_TOLERANCE`].
     pub edge_tolerance: f64,
-    /// Whether the bits are equal and every other difference is explained.
+    /// True if the bits are equal and every other difference is explained.
     pub passed: bool,
 }
 

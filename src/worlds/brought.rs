@@ -34,7 +34,7 @@ impl Brought {
         Self(signs.chain(shapes).map(|(class, p)| (class, cell(p.truncate()))).collect())
     }
 
-    /// Whether the map has a thing of the class within 2 to 4 m.
+    /// True if the map has a thing of the class within 2 to 4 m.
     pub fn near(&self, class: u16, p: DVec2) -> bool {
         let [x, y] = cell(p);
         (-1..=1).any(|i| (-1..=1).any(|j| self.0.contains(&(class, [x + i, y + j]))))

@@ -27,7 +27,7 @@ pub enum WorldError {
         file: String,
         /// Line, road or junction, and element.
         place: String,
-        /// What is wrong with it, and what to do.
+        /// Fault with it, and what to do.
         what: String,
     },
     /// A part of the map that would be missing.

@@ -113,7 +113,7 @@ fn stub(
     }
 }
 
-/// Whether a line, but for its first metres, keeps away from all roads.
+/// True if a line, but for its first metres, keeps away from all roads.
 fn clear(plan: &Plan, line: &Line) -> bool {
     /// Metres of the line beside its own junction.
     const START: f64 = 40.0;

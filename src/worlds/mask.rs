@@ -64,7 +64,7 @@ impl Mask {
         }
     }
 
-    /// As [`Mask::fill`], for a quad whose sides from its first and last corner are long: in pieces.
+    /// Like [`Mask::fill`], for a quad whose sides from its first and last corner are long: in pieces.
     pub fn fill_long(&mut self, [a, b, c, d]: [DVec3; 4], bits: u8) {
         let length = (b - a).length().max((c - d).length());
         let pieces = (length / 4.0).ceil().clamp(1.0, 1e5) as u32;
@@ -74,7 +74,7 @@ impl Mask {
         }
     }
 
-    /// Whether a rectangle (middle, unit direction, half sizes) touches a cell with one of `bits`.
+    /// True if a rectangle (middle, unit direction, half sizes) touches a cell with one of `bits`.
     pub fn touches(&self, middle: DVec2, ahead: DVec2, half: DVec2, bits: u8) -> bool {
         // Half a cell's diagonal more, so that no marked cell lies between two that are looked at.
         let half = half + DVec2::splat(0.36);

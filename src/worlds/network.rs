@@ -50,7 +50,7 @@ pub(crate) struct Street {
     pub walks: [f64; 2],
     /// Metres from each edge in which vehicles park, beside the walk; 0 where they do not.
     pub parking: [f64; 2],
-    /// Whether the street meets a junction at its start and at its end.
+    /// True if the street meets a junction at its start and at its end.
     pub meets: [bool; 2],
     /// Height of the walk above each edge: metres along the edge as x, the height as z.
     pub kerbs: [Line; 2],

@@ -377,7 +377,7 @@ impl Population {
     }
 }
 
-/// Whether a place is near the part of a line from `start` to `end`.
+/// True if a place is near the part of a line from `start` to `end`.
 fn near(line: &Line, start: f64, end: f64) -> impl Fn(DVec3) -> bool {
     let points: Vec<DVec3> =
         (0..=10).map(|k| line.at(start + (end - start) * f64::from(k) / 10.0)).collect();

@@ -91,7 +91,7 @@ fn motion(track: &Track, frames: usize) -> (&'static str, Value) {
 /// Writes a mesh as binary PLY with the class of each face as `label`.
 ///
 /// # Errors
-/// Those of the writer.
+/// Errors of the writer.
 pub fn write_ply(soup: &TriangleSoup, file: &mut impl Write) -> std::io::Result<()> {
     write!(
         file,

@@ -101,7 +101,7 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    /// Whether `track` keeps clear of all others in every frame, and they keep their distance from it.
+    /// True if `track` keeps clear of all others in every frame, and they keep their distance from it.
     pub fn fits(&self, track: &Track) -> bool {
         let near = |other: &&Track| {
             let apart = other.stand(0).at - track.stand(0).at;

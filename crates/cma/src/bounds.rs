@@ -25,7 +25,7 @@ impl BoundTransform {
         Self { bounds, free }
     }
 
-    /// Whether the free variables are those of the bounds, which are `all`.
+    /// True if the free variables are those of the bounds, which are `all`.
     pub(super) fn is_whole(&self, all: usize) -> bool {
         let usable = |&(low, high): &(f64, f64)| low.is_finite() && high.is_finite() && low <= high;
         self.bounds.len() == all

@@ -354,7 +354,7 @@ impl Cma {
         self.progress.evaluations()
     }
 
-    /// Whether the floors of the standard deviations are released: [`Self::polish`].
+    /// True if the floors of the standard deviations are released: [`Self::polish`].
     pub fn polishing(&self) -> bool {
         self.polishing
     }

@@ -33,7 +33,7 @@ pub struct Constants {
 }
 
 impl Constants {
-    /// Whether loaded constants are of one population and may be computed with.
+    /// True if loaded constants are of one population and may be computed with.
     pub(super) fn is_whole(&self) -> bool {
         let Self { population, mu, ref weights, .. } = *self;
         let rates = [self.c_sigma, self.c_c, self.c_1, self.c_mu];

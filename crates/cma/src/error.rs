@@ -59,7 +59,7 @@ pub enum CmaError {
     /// Too few or too many candidates.
     #[error("a population of {population} is not usable; take 2 to {MAX_POPULATION}")]
     BadPopulation {
-        /// As given.
+        /// Text as given.
         population: usize,
     },
 }

@@ -10,7 +10,7 @@ use crate::error::{check_bounds, check_length};
 pub struct CmaOptions {
     /// Candidates of a generation, λ; `None` takes 4 + ⌊3 ln n⌋.
     pub population: Option<usize>,
-    /// Whether the worse half of the candidates takes part in the covariance update, with negative
+    /// True if the worse half of the candidates takes part in the covariance update, with negative
     /// weights.
     pub active: bool,
     /// Addition α_µ in the learning rate c_µ, eq. 58: 1/4 in the tutorial of 2023, 0 in that of 2016.

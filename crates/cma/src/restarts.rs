@@ -147,7 +147,7 @@ impl Restarts {
     /// A search whose first instance is [`Cma::new`] of the same mean, step size and options.
     ///
     /// # Errors
-    /// As [`Cma::new`], or a region that does not fit the mean.
+    /// Like [`Cma::new`], or a region that does not fit the mean.
     pub fn new(
         mean: &[f64],
         step_size: f64,
@@ -248,7 +248,7 @@ impl Restarts {
         self.running.cma.ask()
     }
 
-    /// As [`Cma::tell`], for the running instance; another one follows where it stops.
+    /// Like [`Cma::tell`], for the running instance; another one follows where it stops.
     ///
     /// # Errors
     /// Candidates or costs of another number than were asked for.
@@ -256,7 +256,7 @@ impl Restarts {
         self.tell_ranked(candidates, costs, costs)
     }
 
-    /// As [`Cma::tell_ranked`], for the running instance; another one follows where it stops.
+    /// Like [`Cma::tell_ranked`], for the running instance; another one follows where it stops.
     ///
     /// # Errors
     /// Candidates, ranks or costs of another number than were asked for.
@@ -283,7 +283,7 @@ impl Restarts {
         self.start_next()
     }
 
-    /// As [`Cma::inject`], for the running instance.
+    /// Like [`Cma::inject`], for the running instance.
     ///
     /// # Errors
     /// A point of another length than the mean, or not finite.

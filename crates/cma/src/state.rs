@@ -62,7 +62,7 @@ fn read_matrix<'de, D: Deserializer<'de>>(from: D) -> Result<DMatrix<f64>, D::Er
 }
 
 impl State {
-    /// Whether all parts are of `n` variables.
+    /// True if all parts are of `n` variables.
     pub(super) fn is_of(&self, n: usize) -> bool {
         let vectors = [&self.mean, &self.path_sigma, &self.path_c];
         vectors.iter().all(|vector| vector.len() == n)

@@ -98,7 +98,7 @@ impl Progress {
         }
     }
 
-    /// Whether the record can be gone on with.
+    /// True if the record can be gone on with.
     pub(super) fn is_whole(&self) -> bool {
         (1..=MOST_WINDOW).contains(&self.window)
             && self.recent.len() <= 2 * self.window
@@ -147,7 +147,7 @@ impl Progress {
         }
     }
 
-    /// Whether the costs agree within the tolerance without being equal: equal costs are a plateau, and
+    /// True if the costs agree within the tolerance without being equal: equal costs are a plateau, and
     /// widen the search instead.
     fn agree(&self) -> bool {
         if self.recent.len() < self.window {
@@ -160,19 +160,19 @@ impl Progress {
         range > 0.0 && range < self.tolerance.max(ROUNDING * low.abs())
     }
 
-    /// Whether no cost has fallen over the memory, unless every generation kept was a plateau.
+    /// True if no cost has fallen over the memory, unless every generation kept was a plateau.
     fn stagnates(&self) -> bool {
         let flat = |costs: &Costs| costs.best == costs.worst;
         self.sparse.len() == KEPT && !self.sparse.iter().all(flat) && !falls(&self.sparse)
     }
 
-    /// Whether the best or the median costs of the last 2 (10 + 30 n/λ) generations fall; true while
+    /// True if the best or the median costs of the last 2 (10 + 30 n/λ) generations fall; true while
     /// there are fewer.
     pub(super) fn falls(&self) -> bool {
         self.recent.len() < 2 * self.window || falls(&self.recent)
     }
 
-    /// Whether no cost falls and two generations have the same best cost, which happens on plateaus
+    /// True if no cost falls and two generations have the same best cost, which happens on plateaus
     /// alone. True clears the window, so that the next answer waits for a new one.
     pub(super) fn stuck_on_plateau(&mut self) -> bool {
         if self.falls() {
@@ -195,7 +195,7 @@ fn push(past: &mut VecDeque<Costs>, costs: Costs, most: usize) {
     past.push_back(costs);
 }
 
-/// Whether the best or the median costs of the later half are below those of the earlier.
+/// True if the best or the median costs of the later half are below those of the earlier.
 fn falls(past: &VecDeque<Costs>) -> bool {
     let half = past.len() / 2;
     let middle = |of: fn(&Costs) -> f64, start: usize| {

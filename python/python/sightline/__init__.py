@@ -10,7 +10,8 @@ Frame: x forward, y left, z up, origin on the ground under the vehicle's referen
 seconds. A pose is ``x, y, z, roll, pitch, yaw``, with R = Rz(yaw) · Ry(pitch) · Rx(roll).
 
 Errors are ``ValueError`` for what is wrong in arguments and files, ``OSError`` for files and devices that cannot be
-used, ``MemoryError`` for work that does not fit. Long work leaves the GIL to others and ends at Ctrl-C.
+used, ``MemoryError`` for work that does not fit. Sentences on files are a ``UserWarning``, likely mistakes a
+``DoubtWarning``. Long work leaves the GIL to others and ends at Ctrl-C.
 """
 
 import os as _os
@@ -19,6 +20,7 @@ import os as _os
 _os.environ.setdefault("NODEVICE_SELECT", "1")
 
 from ._native import (  # noqa: E402
+    DoubtWarning,
     Placement,
     Psog,
     Rig,
@@ -37,6 +39,7 @@ from ._records import Boxes, Result, Scan, Scores, Status  # noqa: E402
 
 __all__ = [
     "Boxes",
+    "DoubtWarning",
     "Placement",
     "Psog",
     "Result",

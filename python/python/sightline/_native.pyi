@@ -8,6 +8,7 @@ import numpy.typing as npt
 from ._records import F32, F64, U16, U32, Result, Scan, Scores
 
 __all__ = [
+    "DoubtWarning",
     "FEW_PLACEMENTS",
     "Placement",
     "Psog",
@@ -31,7 +32,7 @@ __version__: str
 _Path = str | PathLike[str]
 _Poses = Placement | Sequence[Placement] | npt.ArrayLike
 _Backend = Literal["auto", "cpu", "gpu"]
-_RigFormat = Literal["autoware", "urdf", "sdf", "ros2-launch", "carla", "carla-objects", "pandaset", "json"]
+_RigFormat = Literal["autoware", "urdf", "sdf", "ros2-launch", "carla", "carla-objects", "tf", "pandaset", "json"]
 
 class _Mesh(TypedDict):
     vertices: F32
@@ -73,10 +74,12 @@ class Placement:
     def __ne__(self, value: object, /) -> bool: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
+class DoubtWarning(UserWarning): ...
+
 @final
 class Sensor:
     @staticmethod
-    def load(path: _Path, *, range: float = 100.0, azimuth_steps: int | None = None) -> Sensor: ...
+    def load(path: _Path, *, range: float | None = None, azimuth_steps: int | None = None) -> Sensor: ...
     @staticmethod
     def from_dict(lidar: Mapping[str, Any], *, folder: _Path | None = None) -> Sensor: ...
     @property

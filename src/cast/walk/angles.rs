@@ -40,7 +40,7 @@ impl Eye {
         }
     }
 
-    /// Whether beams leave other places, too.
+    /// True if beams leave other places, too.
     pub(super) fn is_swept(&self) -> bool {
         self.moved > 0.0 || self.turned > 0.0
     }

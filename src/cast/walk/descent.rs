@@ -62,7 +62,7 @@ per_target! {
         }
     }
 
-    /// Whether a beam of the rectangle sees as far as where it begins: equal distances may go to a lower
+    /// True if a beam of the rectangle sees as far as where it begins: equal distances may go to a lower
     /// face.
     fn visible(t: &[f32; ROOM], columns: usize, entry: &Entry) -> bool {
         let [from, to] = entry.columns.map(usize::from);

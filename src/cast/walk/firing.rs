@@ -35,9 +35,9 @@ pub(crate) struct SweptPart<'a> {
 /// each fired from a place of its own, and each beam with seven more rays around it.
 pub(crate) struct FiringWalk {
     grid: Grid,
-    /// Of each row.
+    /// One for each row.
     channels: Vec<usize>,
-    /// Of each window.
+    /// One for each window.
     middles: Vec<Middles>,
     steps: usize,
     /// Farthest that a ray lies beside the middle of its beam, in radians.

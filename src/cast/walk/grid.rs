@@ -10,7 +10,7 @@ use crate::vehicle::{BeamGrid, BeamTable};
 
 /// Most beams of a window: their directions and hits then lie in the second cache.
 pub(super) const BEAMS: usize = 1 << 15;
-/// The same with room for a vector that begins at the last beam.
+/// A copy with room for a vector that begins at the last beam.
 pub(super) const ROOM: usize = BEAMS + W;
 /// Cells of the table that turns tangents to rows.
 pub(super) const CELLS: usize = 2048;
@@ -34,7 +34,7 @@ pub(super) struct Grid {
     pub(super) columns: ColumnScale,
     /// Beams of a channel.
     steps: usize,
-    /// Whether rows are closed: then they are shifted by turning.
+    /// True if rows are closed: then they are shifted by turning.
     turn: bool,
 }
 
@@ -164,7 +164,7 @@ impl Grid {
         self.rows.iter().map(|row| row.channel)
     }
 
-    /// Whether each column of each row holds a beam.
+    /// True if each column of each row holds a beam.
     pub(super) fn is_full(&self) -> bool {
         self.turn
     }

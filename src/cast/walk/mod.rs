@@ -46,7 +46,7 @@ pub enum Instructions {
     Best,
     /// AVX2 where the machine has it.
     Avx2,
-    /// Those that every machine has.
+    /// Instructions that every machine has.
     Plain,
 }
 
@@ -63,7 +63,7 @@ impl Walk {
         Some(Self { grid: Grid::new(table)?, instructions, spare: Mutex::default() })
     }
 
-    /// Whether angles can be computed for a part: its pose turns, and no number is too large.
+    /// True if angles can be computed for a part: its pose turns, and no number is too large.
     pub(super) fn fits(part: &Part<'_>) -> bool {
         let rows = part.pose.rows;
         let axis = |k: usize| rows.map(|row| row[k]);

@@ -17,7 +17,7 @@ pub(super) struct Swept<'a> {
     /// In the middle of the window.
     pub(super) eye: Eye,
     pub(super) tree: &'a Bvh16,
-    /// Of each step; none of one whose beams do not meet the tree.
+    /// One for each step; none for one whose beams do not meet the tree.
     pub(super) poses: &'a [Option<DevicePose>],
     /// Channel of each row.
     pub(super) channels: &'a [usize],

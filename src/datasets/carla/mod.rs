@@ -280,13 +280,13 @@ fn deeper(old: Option<Road>, new: Option<Road>) -> Option<CarlaTags> {
     }
 }
 
-/// Whether a tag's name is one of road.
+/// True if a tag's name is one of road.
 fn is_road_tag(name: &str) -> bool {
     let class = class_of_name(name).and_then(|(class, ..)| class);
     class.is_some_and(|class| ground::is_road(DEFAULT_CLASSES[usize::from(class)]))
 }
 
-/// Whether a point lies on a vehicle or person that the simulator moves: parts of the map have object 0.
+/// True if a point lies on a vehicle or person that the simulator moves: parts of the map have object 0.
 fn is_actor(record: &Record, (_, boxed, _): &Tag) -> bool {
     *boxed && record.object != 0
 }

@@ -134,7 +134,7 @@ fn count(
     Ok(())
 }
 
-/// Whether a track is the ego vehicle itself: its box stands around the ego's origin in most frames.
+/// True if a track is the ego vehicle itself: its box stands around the ego's origin in most frames.
 fn is_ego(track: &BoxTrack, frames: &[u32], egos: &[Pose]) -> bool {
     let around = track.poses.iter().filter(|seen| {
         let Ok(at) = frames.binary_search(&seen.frame) else { return false };

@@ -14,12 +14,12 @@ pub(in super::super) struct ScanBox {
 }
 
 impl ScanBox {
-    /// Whether a point lies in the box or on its surface.
+    /// True if a point lies in the box or on its surface.
     pub fn holds(&self, point: DVec3) -> bool {
         self.holds_within(point, 0.0)
     }
 
-    /// Whether a point lies in the box grown by `margin` metres on every side.
+    /// True if a point lies in the box grown by `margin` metres on every side.
     pub fn holds_within(&self, point: DVec3, margin: f64) -> bool {
         self.box_from_sensor.apply(point).abs().cmple(self.half + margin).all()
     }

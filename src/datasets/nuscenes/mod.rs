@@ -7,6 +7,7 @@ mod boxes;
 mod categories;
 mod read;
 mod tables;
+mod watched;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

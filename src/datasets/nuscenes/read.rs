@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use super::categories::{Category, category, known};
 use super::tables::{
-    AnnotationRow, CalibratedRow, CategoryRow, EgoPoseRow, InstanceRow, LidarsegRow, SampleDataRow,
-    SampleRow, SceneRow, SensorRow, Tables,
+    AnnotationRow, CalibratedRow, CategoryRow, EgoPoseRow, InstanceRow, LIDARSEG_CATEGORIES,
+    LidarsegRow, SampleDataRow, SampleRow, SceneRow, SensorRow, Tables,
 };
 use super::{Keyframe, NuscenesScene};
 use crate::Note;
@@ -50,7 +50,7 @@ pub fn read_nuscenes(
             tracks: tracks.remove(&index).unwrap_or_default(),
             rate: rate(&times),
             categories: Arc::clone(&categories),
-            notes: times_doubted(&tables, name, &times).into_iter().collect(),
+            notes: times_doubted(&tables, name, &times).into_iter().chain(tables.notes()).collect(),
         };
         scene.notes.extend(ground::doubts(&scene, None)?);
         read.push(scene);
@@ -163,7 +163,7 @@ type ByToken = HashMap<String, (String, Category)>;
 fn categories(tables: &Tables) -> Result<(Labels, ByToken), DatasetError> {
     let (mut labels, mut by_token) = (vec![None; 256], HashMap::new());
     // Sets of Place3D keep the categories of points apart from those of boxes.
-    let apart = Some("lidarseg_category").filter(|name| tables.path(name).exists());
+    let apart = Some(LIDARSEG_CATEGORIES).filter(|name| tables.path(name).exists());
     for table in ["category"].into_iter().chain(apart) {
         let mut here: HashSet<u8> = HashSet::new();
         tables.rows(table, |CategoryRow { token, name, index }| {

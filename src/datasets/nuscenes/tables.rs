@@ -1,12 +1,6 @@
 //! Tables of nuScenes, read row by row: those of the whole set are larger than memory should be.
-//!
-//! Passed over in a row: `prev`, `next` (times order the samples), `timestamp` of sweeps and poses, `height`,
-//! `width` and `camera_intrinsic` (cameras), `fileformat`, `modality`, `description`, `nbr_*`, `first_*`, `last_*`,
-//! `log_token` (repeat other rows), `visibility_token`, `attribute_tokens`, `num_lidar_pts`, `num_radar_pts`
-//! (about boxes; a box is an obstacle whoever sees it). The tables `log`, `map`, `attribute`, `visibility` and
-//! `panoptic` are not read.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, HashSet};
 use std::fmt;
 use std::io::{BufReader, Read};
@@ -18,6 +12,8 @@ use serde::de::{DeserializeSeed, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
 use super::super::{DatasetError, files};
+use super::watched::{Unknown, Watched};
+use crate::Note;
 use crate::files::stays_inside;
 use crate::geom::Pose;
 
@@ -27,6 +23,40 @@ const MOST_OF_A_ROW: usize = 1 << 20;
 const UNIT: f64 = 1e-3;
 /// Largest coordinate in metres.
 const MOST_METRES: f64 = 1e7;
+
+/// Fields that are passed over, table by table. The tables `log`, `map`, `attribute`, `visibility` and `panoptic` are not
+/// read: they say where and how the set was recorded.
+const PASSED: [(&str, &[&str]); 10] = [
+    // Other rows say the same: a sample names its scene.
+    (
+        "scene",
+        &["description", "log_token", "nbr_samples", "first_sample_token", "last_sample_token"],
+    ),
+    // Times order the samples.
+    ("sample", &["prev", "next"]),
+    ("sensor", &["modality"]),
+    // Cameras.
+    ("calibrated_sensor", &["camera_intrinsic"]),
+    // Pictures, and the times of sweeps.
+    ("sample_data", &["timestamp", "fileformat", "height", "width", "prev", "next"]),
+    ("ego_pose", &["timestamp"]),
+    ("lidarseg", &["token"]),
+    ("category", &["description"]),
+    ("instance", &["nbr_annotations", "first_annotation_token", "last_annotation_token"]),
+    // A box is an obstacle whoever sees it, and whatever it does.
+    (
+        "sample_annotation",
+        &["visibility_token", "attribute_tokens", "num_lidar_pts", "num_radar_pts", "prev", "next"],
+    ),
+];
+/// Table of categories that sets of Place3D have beside `category`.
+pub(super) const LIDARSEG_CATEGORIES: &str = "lidarseg_category";
+
+/// Fields of a table that are passed over.
+fn passed_over(table: &str) -> &'static [&'static str] {
+    let table = if table == LIDARSEG_CATEGORIES { "category" } else { table };
+    PASSED.iter().find(|(name, _)| *name == table).map_or(&[], |(_, fields)| fields)
+}
 
 #[derive(Deserialize)]
 pub(super) struct SceneRow {
@@ -127,11 +157,18 @@ by_token!(CalibratedRow.token, EgoPoseRow.token, InstanceRow.token, LidarsegRow.
 /// The folder of a version's tables.
 pub(super) struct Tables {
     folder: PathBuf,
+    /// Fields that are not known, a sentence a table.
+    notes: RefCell<Vec<Note>>,
 }
 
 impl Tables {
     pub(super) fn new(folder: PathBuf) -> Self {
-        Self { folder }
+        Self { folder, notes: RefCell::default() }
+    }
+
+    /// Sentences on fields of the tables read so far that are neither read nor passed over.
+    pub(super) fn notes(&self) -> Vec<Note> {
+        self.notes.borrow().clone()
     }
 
     pub(super) fn path(&self, name: &str) -> PathBuf {
@@ -163,13 +200,18 @@ impl Tables {
             other => other,
         })?;
         let (mut row, mut refused) = (0, None);
-        let left = Cell::new(MOST_OF_A_ROW);
+        let (left, unknown) = (Cell::new(MOST_OF_A_ROW), Unknown::default());
         let each = Each {
             row: &mut row,
             refused: &mut refused,
             keep: &mut keep,
             left: &left,
-            of: PhantomData,
+            rows: Watched {
+                of: PhantomData,
+                read: &[],
+                passed: passed_over(name),
+                unknown: &unknown,
+            },
         };
         let metered = Metered { file: BufReader::new(file), left: &left };
         let mut json = serde_json::Deserializer::from_reader(metered);
@@ -177,7 +219,16 @@ impl Tables {
         match (refused, read) {
             (Some(error), _) => Err(error),
             (None, Err(cause)) => Err(DatasetError::Json { path, row, cause }),
-            (None, Ok(())) => Ok(()),
+            (None, Ok(())) => {
+                let note = |names| {
+                    Note::fact(format!(
+                        "{}: {names}: not known here, and not read.",
+                        path.display()
+                    ))
+                };
+                self.notes.borrow_mut().extend(unknown.in_words().map(note));
+                Ok(())
+            }
         }
     }
 
@@ -238,7 +289,7 @@ struct Each<'a, R, F> {
     refused: &'a mut Option<DatasetError>,
     keep: &'a mut F,
     left: &'a Cell<usize>,
-    of: PhantomData<R>,
+    rows: Watched<'a, PhantomData<R>>,
 }
 
 /// A table that ends with an error where a row is longer than any row is: a text without an end would fill memory.
@@ -285,7 +336,7 @@ where
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut rows: A) -> Result<(), A::Error> {
-        while let Some(row) = rows.next_element()? {
+        while let Some(row) = rows.next_element_seed(self.rows.again())? {
             if let Err(error) = (self.keep)(row) {
                 *self.refused = Some(error);
                 return Err(serde::de::Error::custom("refused"));

@@ -4,4 +4,5 @@ mod carla;
 mod kitti;
 mod kitti_real;
 mod nuscenes;
+mod nuscenes_fields;
 mod nuscenes_set;

@@ -82,7 +82,7 @@ fn in_world(frame: &Keyframe) -> (Vec<DVec3>, DVec3) {
     (points.map(|(p, _)| world(DVec3::from(p.map(f64::from)))).collect(), world(DVec3::ZERO))
 }
 
-/// Whether a world point lies in the box of an instance in a frame, grown by a margin; no box holds nothing.
+/// True if a world point lies in the box of an instance in a frame, grown by a margin; no box holds nothing.
 fn in_box(name: &str, frame: usize, point: DVec3, margin: f64) -> bool {
     let Some(row) = BOXES.iter().find(|row| row.0 == name && row.2 == frame) else { return false };
     let own = DQuat::from_rotation_z(-row.5) * (point - DVec3::from(row.3));
@@ -90,12 +90,12 @@ fn in_box(name: &str, frame: usize, point: DVec3, margin: f64) -> bool {
     own.x.abs() <= half[0] && own.y.abs() <= half[1] && own.z.abs() <= half[2]
 }
 
-/// Whether a world point lies in the parked car's box of a frame.
+/// True if a world point lies in the parked car's box of a frame.
 fn parked(frame: usize, point: DVec3) -> bool {
     in_box("parked", frame, point, 0.0)
 }
 
-/// Whether a point of a thing moves: in the driving car's box or a quarter of a metre beside it.
+/// True if a point of a thing moves: in the driving car's box or a quarter of a metre beside it.
 fn drives(frame: usize, point: DVec3) -> bool {
     in_box("driving", frame, point, 0.25) && !parked(frame, point)
 }

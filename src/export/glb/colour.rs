@@ -2,7 +2,7 @@
 
 use crate::maths;
 
-/// Of a frustum's lines.
+/// Colour of a frustum's lines.
 pub(super) const FRUSTUM: [f64; 4] = [0.9, 0.35, 0.02, 0.7];
 
 /// Names and colours (sRGB) of classes that scenes usually have, near those that Cityscapes and CARLA show.

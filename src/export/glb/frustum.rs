@@ -24,12 +24,12 @@ pub(super) struct Frustum {
     pub azimuth: [f64; 2],
     /// Lowest and highest elevation.
     pub elevation: [f64; 2],
-    /// Of the lines that are drawn.
+    /// Lines that are drawn.
     pub length: f64,
 }
 
 impl Frustum {
-    /// Of all beams of a table.
+    /// All beams of a table.
     pub fn of(table: &BeamTable) -> Self {
         let directions = || table.directions().iter().map(|d| d.map(f64::from));
         let rise = |[x, y, z]: [f64; 3]| maths::atan2(z, maths::hypot(x, y));

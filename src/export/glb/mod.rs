@@ -72,7 +72,7 @@ impl Glb {
     /// Writes the file.
     ///
     /// # Errors
-    /// As of `out`.
+    /// See `out`.
     pub fn write(&self, out: impl Write) -> std::io::Result<()> {
         self.0.write(out)
     }

@@ -72,7 +72,7 @@ fn translation(pose: &Pose) -> Value {
     json!(pose.translation.to_array())
 }
 
-/// As w, x, y, z.
+/// Quaternion w, x, y, z.
 fn rotation(pose: &Pose) -> Value {
     let [x, y, z, w] = DQuat::from_mat3(&pose.rotation).normalize().to_array();
     json!([w, x, y, z])

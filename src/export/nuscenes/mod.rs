@@ -128,7 +128,7 @@ pub(super) fn write(
     Ok(FrameRecord { files, ..FrameRecord::new(scan, boxes) })
 }
 
-/// Of each LiDAR, the number of its first channel when all are counted through.
+/// One for each LiDAR, the number of its first channel when all are counted through.
 fn first_rings(scan: &Scan) -> Vec<u32> {
     let mut next = 0;
     let first = scan.lidars.iter().map(|lidar| {

@@ -2,7 +2,7 @@
 
 use crate::export::Split;
 
-/// Of v1.0-mini.
+/// Scenes of v1.0-mini.
 const MINI: [&[u16]; 2] = [&[61, 553, 655, 757, 796, 1077, 1094, 1100], &[103, 916]];
 
 type Ranges = &'static [(u16, u16)];
@@ -146,7 +146,7 @@ pub(super) fn version(counts: [usize; 3], split: Split) -> &'static str {
     }
 }
 
-/// Whether train and val fit into v1.0-mini.
+/// True if train and val fit into v1.0-mini.
 fn is_mini([train, val, _]: [usize; 3]) -> bool {
     train <= MINI[0].len() && val <= MINI[1].len()
 }

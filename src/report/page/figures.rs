@@ -17,7 +17,7 @@ use crate::report::RunRecord;
 /// Frames that the near field is taken over.
 const NEAR_FRAMES: u32 = 4;
 
-/// What is computed of a placement for its page, beyond its scores.
+/// Figures computed of a placement for its page, beyond its scores.
 pub struct Looks {
     /// What it gains, from above, in each scene by name.
     maps: Vec<(String, InformationMap)>,
@@ -40,7 +40,7 @@ impl Looks {
     /// the CPU within `memory` bytes.
     ///
     /// # Errors
-    /// As [`open`] and the stages of the engine.
+    /// Like [`open`] and the stages of the engine.
     pub fn new(
         scenes: &[Scene],
         suite: &Suite,
@@ -108,6 +108,8 @@ pub struct Figures {
     pub convergence: Option<String>,
     /// The placement on the vehicle; `None` without a result.
     pub placement: Option<String>,
+    /// Mount of each LiDAR, where mounts have names; `None` for one that stands on none.
+    pub mounts: Vec<Option<String>>,
     /// Information gained, seen from above, with the name of each scene; empty without a result.
     pub maps: Vec<(String, String)>,
     /// The blind zone from above, or why it is not drawn.
@@ -126,7 +128,10 @@ impl Figures {
         body: &[[[f32; 3]; 3]],
         looks: Option<Looks>,
     ) -> Self {
+        let mounts = shown.map(|shown| constraints.mount_names(&shown.placement));
+        let mounts = mounts.unwrap_or_default().into_iter();
         let none = Self {
+            mounts: mounts.map(|name| name.map(str::to_owned)).collect(),
             convergence: None,
             placement: shown.map(|shown| placement_svg(shown, constraints, body)),
             maps: Vec::new(),
@@ -144,7 +149,7 @@ impl Figures {
         Self { maps: maps.collect(), near_field, near_frames, views, ..none }
     }
 
-    /// The same with the convergence of a run.
+    /// A copy with the convergence of a run.
     pub fn with_search(mut self, run: &RunRecord, history: &[GenerationRecord]) -> Self {
         let best = run.best.as_ref();
         let steps = run.fidelity.as_ref().map_or(&[][..], |frames| &frames.steps);

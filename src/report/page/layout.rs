@@ -5,8 +5,12 @@ use maud::{Markup, html};
 use super::figures::Figures;
 use super::parts::{bar, figure, table, text};
 use super::subject::Subject;
+use crate::json::fixed;
 use crate::report::RunRecord;
-use crate::report::text::phase_text;
+use crate::report::text::{mount_text, phase_text};
+
+/// Titles of poses in small units.
+const SMALL: [&str; 7] = ["LiDAR", "x mm", "y mm", "z mm", "roll °", "pitch °", "yaw °"];
 
 /// Poses of the result, and what each LiDAR gains alone and what only it gains.
 pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunRecord>) -> Markup {
@@ -14,24 +18,33 @@ pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunR
     let poses = &best.placement.lidars;
     let named = poses.iter().any(|pose| !pose.sensor.is_none());
     let mut titles = vec!["LiDAR", "x m", "y m", "z m", "roll rad", "pitch rad", "yaw rad"];
+    let mounts = &figures.mounts;
+    titles.extend((!mounts.is_empty()).then_some("mount"));
     titles.extend(named.then_some("sensor"));
     let phased = poses.iter().any(|pose| pose.phase.is_some());
     titles.extend(phased.then_some("phase rad"));
     let rows: Vec<_> = (0..poses.len())
         .map(|index| {
             let mut row = vec![text(index.to_string())];
-            row.extend(poses[index].fields().map(|(_, value)| text(format!("{value:.3}"))));
+            row.extend(poses[index].fields().map(|(_, value)| text(fixed(value, 3))));
+            row.extend((!mounts.is_empty()).then(|| text(mount_text(mounts, index))));
             row.extend(named.then(|| text(poses[index].sensor.to_string())));
             row.extend(phased.then(|| text(phase_text(&poses[index]))));
             (false, row)
         })
         .collect();
+    let small = poses.iter().enumerate().map(|(index, pose)| {
+        let numbers = pose.in_millimetres().map(|(_, value)| text(value.to_string()));
+        (false, std::iter::once(text(index.to_string())).chain(numbers).collect())
+    });
+    let small: Vec<_> = small.collect();
     let active = run.map_or(&[][..], |run| &run.active_bounds);
     html! {
         section aria-labelledby="placement" {
             h2 #placement { "The placement" }
             @if let Some(svg) = &figures.placement { (figure(svg, "The placement on the vehicle")) }
             (table("Poses in the vehicle's frame: x forward, y left, z up", &titles, &rows))
+            (table("In millimetres and degrees", &SMALL, &small))
             @for seen in &best.scores.required { p { "Must be seen: " (seen) "." } }
             @if !active.is_empty() {
                 p { "On a bound or a rule of the mount: " (active.join("; ")) "." }
@@ -41,7 +54,7 @@ pub(super) fn layout(subject: &Subject<'_>, figures: &Figures, run: Option<&RunR
     }
 }
 
-/// What each LiDAR gains alone, and what would be lost without it.
+/// Gain of each LiDAR alone, and what would be lost without it.
 fn each_lidar(subject: &Subject<'_>, figures: &Figures) -> Markup {
     let unique = subject.result.map_or(&[][..], |best| &best.scores.unique_share);
     let gains = figures.views.first().map(|view| view.gains());

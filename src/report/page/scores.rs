@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::parts::{difference, table, text};
 use super::subject::Subject;
+use crate::json::spoken;
 use crate::report::against::{Against, against as compared};
 use crate::report::by_scene::rows_by_scene;
 use crate::report::{RunRecord, ScoreColumn};
@@ -102,7 +103,7 @@ pub(super) fn scores(subject: &Subject<'_>) -> Markup {
     let row = |(scored, is_best): (&Scored, bool)| {
         let mut cells: Vec<Markup> =
             columns.iter().map(|column| text(column.cell(&scored.scores))).collect();
-        cells.push(text(scored.objective.map_or("–".into(), |v| format!("{v:.4e}"))));
+        cells.push(text(scored.objective.map_or("–".into(), spoken)));
         (is_best, cells)
     };
     let result = subject.result.into_iter().map(|best| (best, true));

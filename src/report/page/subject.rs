@@ -1,17 +1,17 @@
-//! What a page is about.
+//! Subject of a page.
 
 use super::command::command;
 use crate::report::{RunRecord, SceneRecord, judged, verdict};
 use crate::search::Scored;
 
-/// What a page is about, whether it was searched for or given.
+/// Subject of a page, whether it was searched for or given.
 #[derive(Debug, Clone)]
 pub struct Subject<'a> {
     /// Name of the scene; of several all names.
     pub scene: &'a str,
     /// Each of several scenes.
     pub scenes: &'a [SceneRecord],
-    /// What the comparison is by.
+    /// Score of the comparison.
     pub objective: &'a str,
     /// Weather and faults that it holds for, as they are written.
     pub conditions: &'a [String],

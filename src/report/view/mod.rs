@@ -49,7 +49,7 @@ impl ViewData {
     /// sees. The page has room for `scenes` of them.
     ///
     /// # Errors
-    /// As [`Backend::bitmaps`] and [`Backend::hits`].
+    /// See [`Backend::bitmaps`] and [`Backend::hits`].
     pub fn new(
         scene: &Scene,
         problem: &Problem,

@@ -53,7 +53,7 @@ pub struct Drawn {
 /// What is seen of the voxels that hold most information.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sight {
-    /// Those drawn, most information first.
+    /// Voxels drawn, most information first.
     pub voxels: Vec<Drawn>,
     /// A bit a LiDAR that sees it, `[frames shown][voxels]`.
     pub masks: Vec<Vec<u16>>,
@@ -120,7 +120,7 @@ impl Sight {
         Ok(Self { voxels: drawn.map(|v| v.drawn).collect(), masks, shares, gains, of })
     }
 
-    /// Whether voxels are not drawn, in a sentence.
+    /// Tells whether voxels are not drawn, in a sentence.
     pub fn left_out(&self) -> Option<String> {
         let (all, nats) = self.of;
         let drawn = self.voxels.len();

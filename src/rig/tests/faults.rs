@@ -20,6 +20,41 @@ fn joint(parent: &str, child: &str) -> String {
     )
 }
 
+/// PandaSet's file of one LiDAR, with one more key of the sensor, its transform, or its rotation.
+fn pandaset(sensor: &str, transform: &str, rotation: &str) -> String {
+    let more = |key: &str| if key.is_empty() { String::new() } else { format!(", {key}") };
+    format!(
+        "{{'sensors': {{'main_pandar64': {{'transform': {{'translation': {{'x': 0, 'y': 0, 'z': 0}}, \
+         'rotation': {{'w': 1, 'x': 0, 'y': 0, 'z': 0{}}}{}}}{}}}}}}}",
+        more(rotation),
+        more(transform),
+        more(sensor)
+    )
+}
+
+#[test]
+fn what_is_passed_over_is_named_or_on_the_list() {
+    let notes = |text: &str| {
+        let notes = read(text).unwrap().notes;
+        notes.iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    let base = "file: the vehicle's frame is taken to be `main_pandar64`";
+    let known = pandaset("'intrinsics': {'fx': 1}", "", "");
+    assert_eq!(notes(&known), [base]);
+    let more = known.replacen('{', "{'date': 2019, 'source': 'kit', ", 1);
+    assert_eq!(notes(&more), ["file: date: not known here, and not read", base]);
+    let launch = "<launch><arg name='kit' default='aip'/><include file='$(find-pkg-share a)/b.launch.xml'/>\
+                  <include file='$(var kit)/top.launch.xml'/><node_container/>\
+                  <node exec='static_transform_publisher' args='--z 2 --frame-id base_link \
+                  --child-frame-id lidar'/></launch>";
+    let wanted = [
+        "file: includes `$(find-pkg-share a)/b.launch.xml`, `aip/top.launch.xml`, not read; if it places \
+         LiDARs, read it beside this one",
+        "file: <node_container>: not known here, and not read",
+    ];
+    assert_eq!(notes(launch)[..2], wanted);
+}
+
 #[test]
 fn each_fault_is_a_sentence() {
     let robot = |joints: &[String]| format!("<robot name='r'>{}</robot>", joints.concat());
@@ -99,6 +134,15 @@ fn each_fault_is_a_sentence() {
             "<launch><node exec='static_transform_publisher' args='1 2 3'/></launch>".to_owned(),
             &["<node>[0]: `1 2 3`", "a list of flags"],
         ),
+        (
+            "<launch><node exec='static_transform_publisher' args='--x 1 --pich 0.1 --frame-id a'/></launch>"
+                .to_owned(),
+            &["<node>[0]: `--pich`", "--pitch"],
+        ),
+        ("<launch><include/></launch>".to_owned(), &["<include>: `file` is missing"]),
+        (pandaset("'offset': 1", "", ""), &["main_pandar64: unknown key `offset`"]),
+        (pandaset("", "'scale': 1", ""), &["transform: unknown key `scale`"]),
+        (pandaset("", "", "'roll': 1"), &["rotation: unknown key `roll`"]),
         (
             r#"[{"type": "sensor.lidar.ray_cast", "x": 1, "y": 2, "id": "a"}]"#.to_owned(),
             &["file: [0]: `z` is missing"],

@@ -7,7 +7,6 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::{difference, matrix};
-use crate::rig::numbers::written_pose;
 use crate::rig::{
     ImportSettings, Models, Mounting, Rig, RigFormat, RigLidar, Source, export, import_texts,
 };
@@ -59,7 +58,7 @@ fn rig(rng: &mut ChaCha8Rng) -> Rig {
     Rig { name: "found-1".to_owned(), lidars: (0..count).map(lidar).collect() }
 }
 
-/// Whether a format keeps the names of frames, and which sensors it keeps.
+/// Tells whether a format keeps the names of frames, and which sensors it keeps.
 fn kept(format: RigFormat, lidar: &RigLidar) -> Option<String> {
     match format {
         RigFormat::Carla | RigFormat::CarlaObjects => {
@@ -140,7 +139,7 @@ fn angles_that_need_no_computing_come_back_as_written() {
             for (a, b) in rig.lidars.iter().zip(&read.lidars) {
                 let angles =
                     |pose: &SensorPose| [pose.roll, pose.pitch, pose.yaw].map(f64::to_bits);
-                let a = written_pose(&a.pose);
+                let a = a.pose.written();
                 assert_eq!(angles(&a), angles(&b.pose), "{format:?}");
                 let kept = a.phase.filter(|_| format != RigFormat::Ros2Launch);
                 assert_eq!(b.pose.phase, kept, "{format:?}");

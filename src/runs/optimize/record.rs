@@ -137,7 +137,7 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
     spent.times.page += drawing.elapsed().as_secs_f64();
     record.timings = spent.times;
     folder.write_json(TIMES, &spent)?;
-    folder.write_json("result.json", &record)?;
+    folder.write_json("result.json", &record.json())?;
     let found = record.best.iter().chain(&record.baselines).map(|scored| &scored.placement);
     folder.write_json("placements.json", &json!({ "placements": found.collect::<Vec<_>>() }))?;
     if let Some(figure) = &figures.convergence {

@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use super::request::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out};
 use crate::engine::{Backend, EngineChoice, open};
 use crate::files::{safe_names, shared_folder, sync_disk, writable_file};
+use crate::json::shortened;
 use crate::near_field::{FEW_PLACEMENTS, NearSite, self_hits};
 use crate::problem::Problem;
 use crate::report;
@@ -68,7 +69,11 @@ pub(super) fn score(
     }
     let seconds = start.elapsed().as_secs_f64() - batch.times.load - batch.times.build;
     write_out(request, out, |path, out| {
-        let text = if request.as_json { format!("{:#}\n", batch.json()) } else { batch.text() };
+        let text = if request.as_json {
+            format!("{:#}\n", shortened(batch.json(), &[]))
+        } else {
+            batch.text()
+        };
         out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Error::io(path))
     })?;
     let (count, frames) = (placements.len(), batch.evaluator.frame_count());

@@ -14,6 +14,7 @@ use super::request::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out
 use crate::files::{
     FileError, LinePerElement, is_sink, shared_folder, sync_disk, target, writable_file,
 };
+use crate::json::shortened;
 use crate::near_field::{FEW_PLACEMENTS, NearSite, add_self_hits};
 use crate::report;
 use crate::runs::given::Given;
@@ -337,7 +338,8 @@ impl Scoring<'_> {
         let path = self.request.out.as_deref().unwrap_or(Path::new("stdout"));
         let mut text = Vec::new();
         let mut writer = serde_json::Serializer::with_formatter(&mut text, format);
-        value.serialize(&mut writer).map_err(FileError::json(path))?;
+        let value = serde_json::to_value(value).map_err(FileError::json(path))?;
+        shortened(value, &[]).serialize(&mut writer).map_err(FileError::json(path))?;
         Ok(String::from_utf8_lossy(&text).into_owned())
     }
 }

@@ -23,7 +23,7 @@ pub struct Condition {
 }
 
 impl Condition {
-    /// What is wrong.
+    /// Fault.
     pub fn kind(&self) -> Kind {
         self.kind
     }

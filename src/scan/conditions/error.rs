@@ -9,7 +9,7 @@ pub enum ConditionError {
         "there is no condition `{name}`; known are fog, wet, snow, rain, blur, crosstalk and echo"
     )]
     UnknownCondition {
-        /// As written.
+        /// Text as written.
         name: String,
     },
     /// A part that is no pair.
@@ -27,7 +27,7 @@ pub enum ConditionError {
     /// A key that the condition does not have.
     #[error("{condition} has no key `{key}`; it takes {known}{hint}")]
     UnknownKey {
-        /// As written.
+        /// Text as written.
         key: String,
         /// The condition's name.
         condition: &'static str,
@@ -47,7 +47,7 @@ pub enum ConditionError {
     /// A word that is no level.
     #[error("`level={value}` of {condition}: `{value}` is not one of {known}")]
     UnknownLevel {
-        /// As written.
+        /// Text as written.
         value: String,
         /// The condition's name.
         condition: &'static str,
@@ -59,7 +59,7 @@ pub enum ConditionError {
     BadNumber {
         /// The key.
         key: &'static str,
-        /// As written.
+        /// Text as written.
         value: String,
         /// The condition's name.
         condition: &'static str,

@@ -1,6 +1,6 @@
 //! The conditions there are: their names, keys, levels and limits.
 
-/// What is wrong with the weather or the sensor.
+/// Fault with the weather or the sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Fog.

@@ -21,7 +21,7 @@ const GROUND: [&str; 11] = [
     "rail_track",
 ];
 
-/// Whether water stands on surfaces of a class.
+/// True if water stands on surfaces of a class.
 pub fn is_ground(class: &str) -> bool {
     GROUND.contains(&class)
 }

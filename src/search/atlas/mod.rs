@@ -48,7 +48,7 @@ pub struct Atlas {
     clock: u64,
     /// Poses that were ever cast.
     cast: HashSet<u32>,
-    /// Whether the problem is a mirror image, in which poses stand mirrored.
+    /// True if the problem is a mirror image, in which poses stand mirrored.
     mirrored: bool,
 }
 
@@ -361,7 +361,7 @@ impl Atlas {
         self.areas.missing(&both.collect::<Vec<u64>>())
     }
 
-    /// Whether anything must be seen.
+    /// True if anything must be seen.
     pub(crate) fn has_areas(&self) -> bool {
         self.areas.words() > 0
     }

@@ -43,7 +43,7 @@ pub struct GainBound {
     pub upper_at_root: f64,
     /// Sets of sensors whose gains were looked at.
     pub nodes: u64,
-    /// Whether the best placement is proven to be the best on the grid.
+    /// True if the best placement is proven to be the best on the grid.
     pub proven: bool,
 }
 
@@ -59,7 +59,7 @@ pub struct Effort {
 }
 
 impl Effort {
-    /// As much as goes with a search of so many evaluations.
+    /// Work that goes with a search of so many evaluations.
     pub fn of(evaluations: u64) -> Self {
         let sets = evaluations.saturating_mul(SETS) / 100;
         Self {
@@ -88,7 +88,7 @@ impl Effort {
 /// `go_on` is asked before each set, with the number of sets looked at; a bound that it ends is valid, too.
 ///
 /// # Errors
-/// As [`GridSearch::hold`].
+/// See [`GridSearch::hold`].
 pub fn bound_gain(
     search: &mut GridSearch,
     evaluator: &mut Evaluator,

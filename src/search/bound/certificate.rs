@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::branch_and_bound::GainBound;
 use super::sample::LipschitzBound;
+use crate::json::spoken;
 
 /// What is known about how much better than the result another placement could be.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -26,15 +27,16 @@ impl Certificate {
         gain: Result<GainBound, String>,
         found: f64,
     ) -> Self {
-        // 0.3, and not the 0.30000000000000004 that multiples of a step come to.
-        let rounded = |metres: f64| (1e9 * metres).round() / 1e9;
         let lipschitz_says = match &lipschitz {
             None => "nothing could be sampled on the grid".to_owned(),
             Some(LipschitzBound { c_m, k_g, delta, bound, samples }) => format!(
-                "C_M + k_G·δ = {c_m:.3e} + {k_g:.3e} · {} = {bound:.3e}, from {samples} sampled \
+                "C_M + k_G·δ = {} + {} · {} = {}, from {samples} sampled \
                  placements: as large as the whole range of their scores, so it tells nothing about \
                  this result",
-                rounded(*delta)
+                spoken(*c_m),
+                spoken(*k_g),
+                spoken(*delta),
+                spoken(*bound)
             ),
         };
         let (gain, gain_says) = match gain {
@@ -48,9 +50,9 @@ impl Certificate {
                     )
                 } else if found <= 0.0 {
                     format!(
-                        "the best placement on the grid of {poses} sensor poses gains {:.3e} at most, \
+                        "the best placement on the grid of {poses} sensor poses gains {} at most, \
                          the result nothing",
-                        gain.upper
+                        spoken(gain.upper)
                     )
                 } else if gain.proven {
                     format!(

@@ -23,7 +23,7 @@ const FEW_POSES: u64 = 100;
 /// Pairs of placements sampled for the constants of the paper's bound and for the findings.
 const SAMPLES: usize = 24;
 
-/// What is known of all placements on a grid.
+/// Facts known of all placements on a grid.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(in crate::search) struct Bounds {
     pub sample: GridSample,

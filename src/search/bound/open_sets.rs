@@ -16,12 +16,12 @@ pub(super) struct Node {
     pub value: f64,
     /// (pose, what it adds at most) from the first that was not taken yet on.
     pub candidates: Vec<(u32, f64)>,
-    /// Whether they fall, as those of a set that is handed out do.
+    /// True if they fall, as those of a set that is handed out do.
     pub sorted: bool,
     pub next: usize,
     /// No extension is above this.
     pub bound: f64,
-    /// Whether values are gains, and not bounds from pairs.
+    /// True if values are gains, and not bounds from pairs.
     pub exact: bool,
 }
 

@@ -28,7 +28,7 @@ pub(in crate::search) struct PairBound {
 }
 
 impl PairBound {
-    /// Whether it knows more than what single poses cover.
+    /// True if it knows more than what single poses cover.
     pub fn has_overlaps(&self) -> bool {
         !self.overlaps.is_empty()
     }
@@ -106,7 +106,7 @@ fn integer_worths(atlas: &Atlases, units: &[[f64; KINDS]]) -> (Vec<u32>, f64) {
     let value = |(worth, scene): &([u32; KINDS], usize)| {
         worth.iter().zip(units[*scene]).map(|(&worth, unit)| unit * f64::from(worth)).sum::<f64>()
     };
-    // Of one scene and one kind the integers are there already.
+    // The integers of one scene and one kind are there already.
     let only = match units {
         [units] => {
             let mut counted = (0..KINDS).filter(|&kind| units[kind] != 0.0);

@@ -50,7 +50,7 @@ impl GridSample {
     /// no: the sample may be smaller than asked for, and is empty where nothing may vary.
     ///
     /// # Errors
-    /// As [`GridSearch::hold`].
+    /// See [`GridSearch::hold`].
     pub fn draw(
         search: &mut GridSearch,
         evaluator: &mut Evaluator,

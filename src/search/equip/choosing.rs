@@ -62,7 +62,7 @@ pub struct Choosing {
 }
 
 impl Choosing {
-    /// Whether all of its poses are on a grid of so many.
+    /// True if all of its poses are on a grid of so many.
     pub(super) fn fits(&self, poses: u32) -> bool {
         let climbing = self.climb.iter().map(|climb| &climb.poses);
         let is_rig =
@@ -113,9 +113,9 @@ pub(super) struct Equip<'a> {
     places: Places,
     /// Mount and model of each kind of pose.
     kinds: Vec<(usize, SensorName)>,
-    /// As of [`GridSearch::require`].
+    /// See [`GridSearch::require`].
     penalty: f64,
-    /// Whether sensors come in mirrored pairs; an odd one of a kind lies in the plane of symmetry.
+    /// True if sensors come in mirrored pairs; an odd one of a kind lies in the plane of symmetry.
     in_pairs: bool,
 }
 
@@ -369,7 +369,7 @@ impl<'a> Equip<'a> {
         owed.fold((0.0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1))
     }
 
-    /// Whether the mounts of a group hold it beside those chosen. Of pairs, one sensor of a kind may be odd, and
+    /// True if the mounts of a group hold it beside those chosen. Of pairs, one sensor of a kind may be odd, and
     /// what a mount must hold beyond that has to come in pairs.
     fn has_room(&self, chosen: &[Choice], group: &Group) -> bool {
         let holds = |choice: Choice| {
@@ -409,7 +409,7 @@ impl<'a> Equip<'a> {
             (group, rating(added, price), added)
         };
         let rated = candidates.into_iter().zip(values).map(of);
-        // Of equal ones the first.
+        // The first of equal ones.
         let best = rated.reduce(|best, other| if other.1 > best.1 { other } else { best });
         best.map(|(group, _, added)| (group, added))
     }

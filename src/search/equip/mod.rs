@@ -48,7 +48,7 @@ enum Search<'a> {
 /// the observer stops the choice.
 ///
 /// # Errors
-/// As [`Equipping::open`].
+/// See [`Equipping::open`].
 pub fn equip(
     suite: &Suite,
     vehicle: &Vehicle,
@@ -171,7 +171,7 @@ fn plain(
 /// The best equipment for each of some budgets, from the cheapest rig to one that wants for nothing.
 ///
 /// # Errors
-/// As [`equip`].
+/// See [`equip`].
 pub fn cost_front(
     suite: &Suite,
     vehicle: &Vehicle,

@@ -109,7 +109,7 @@ impl Run {
         let baselines = self.state.settings.baselines.clone();
         let mut known = std::mem::take(&mut self.sitting.known);
         if self.suite.is_left_to_chance() {
-            // Of the draw that the search has seen.
+            // Scores of the draw that the search has seen.
             known.clear();
         }
         let known = |p: &Placement| known.iter().find(|(k, _)| k.lidars == p.lidars).map(|k| &k.1);

@@ -101,7 +101,7 @@ impl Run {
     ) -> Result<Option<(MethodRecord, Scored)>, SearchError> {
         let best = self.state.generations.best().map(|best| best.placement.clone());
         let Some(best) = self.state.chosen.clone().or(best) else { return Ok(None) };
-        let named = [Placement { name: "optimized".into(), ..best }];
+        let named = [self.written(&Placement { name: "optimized".into(), ..best })];
         let judged = self.judged_over_all(&named, watch)?;
         let scored = self.scored(&named, judged).remove(0);
         let evaluations = self.state.generations.evaluations();
@@ -115,6 +115,14 @@ impl Run {
         Ok(Some((method, scored)))
     }
 
+    /// A placement as files have it, to the nanometre: scores are those of the poses that are written. One that breaks a rule
+    /// there stays as it is.
+    fn written(&self, placement: &Placement) -> Placement {
+        let (constraints, written) = (self.suite.constraints(), placement.written());
+        let broken = |placement: &Placement| constraints.violations(placement).len();
+        if broken(&written) > broken(placement) { placement.clone() } else { written }
+    }
+
     /// The best of the ends of the swaps; over fewer frames than all these are told apart too badly to take
     /// the first.
     fn found_by_swaps(
@@ -126,6 +134,7 @@ impl Run {
         if !self.is_over_all() {
             ends.extend(swaps.others);
         }
+        let ends: Vec<Placement> = ends.iter().map(|end| self.written(end)).collect();
         let judged = self.judged_over_all(&ends, watch)?;
         let mut scored = self.scored(&ends, judged);
         let standings: Vec<Standing> = scored.iter().map(Scored::standing).collect();
@@ -161,7 +170,7 @@ impl Run {
         Ok(Some(certificate))
     }
 
-    /// Whether the result gains more than the best baseline, or where none keeps all rules the best of those that do
+    /// Tells whether the result gains more than the best baseline, or where none keeps all rules the best of those that do
     /// not, by more than the scenes' own spread; `None` for one scene, or without a baseline.
     fn spread(
         &self,
@@ -172,7 +181,7 @@ impl Run {
             return Ok(None);
         };
         let pair = vec![best.placement.clone(), rival.placement.clone()];
-        // Of the draw with which both were confirmed.
+        // Scores of the draw with which both were confirmed.
         let suite = match self.suite.is_left_to_chance() {
             true => Cow::Owned(self.suite.with_draw(CONFIRMING)),
             false => Cow::Borrowed(&self.suite),

@@ -138,7 +138,7 @@ pub(super) struct Sitting {
     pub changes: Vec<String>,
     /// Of the open engine, those that were told.
     pub told: usize,
-    /// Whether the engine was named to the user.
+    /// True if the engine was named to the user.
     pub named: bool,
     pub interrupted: bool,
     pub out_of_time: bool,
@@ -228,7 +228,7 @@ impl Run {
         self.sitting.out_of_time |= !watch.is_interrupted();
     }
 
-    /// Whether the target ended the generations.
+    /// True if the target ended the generations.
     pub(super) fn is_at_target(&self) -> bool {
         self.state.generations.stopped() == Some(GenerationsStop::Target)
     }
@@ -247,7 +247,7 @@ impl Run {
         }
     }
 
-    /// Whether the search is over all frames.
+    /// True if the search is over all frames.
     pub(super) fn is_over_all(&self) -> bool {
         self.frames().len() == self.suite.frame_count()
     }

@@ -19,7 +19,7 @@ fn cells_of(line: &str) -> Vec<&str> {
     line.split(',').take(MOST_CELLS).map(|cell| cell.trim().trim_matches('"').trim()).collect()
 }
 
-/// Whether a row is the version that Hesai writes above some tables: `EEFF,1,1`.
+/// True if a row is the version that Hesai writes above some tables: `EEFF,1,1`.
 pub(super) fn is_version(cells: &[&str]) -> bool {
     cells[0].eq_ignore_ascii_case("eeff")
 }
@@ -29,7 +29,7 @@ pub(super) fn column(cells: &[&str], title: &str) -> Option<usize> {
     cells.iter().position(|cell| begins(cell, title))
 }
 
-/// Whether a title begins with a word, whatever its case.
+/// True if a title begins with a word, whatever its case.
 pub(super) fn begins(cell: &str, word: &str) -> bool {
     cell.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word))
 }

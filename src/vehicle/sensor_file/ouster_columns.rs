@@ -57,7 +57,7 @@ impl Window {
         Ok(Self { first: first as u32 % steps, count })
     }
 
-    /// Whether two windows differ by no more than a column at either end.
+    /// True if two windows differ by no more than a column at either end.
     pub fn is_near(&self, other: &Self, steps: u32) -> bool {
         let ahead = |a: u32, b: u32| (a + steps - b) % steps;
         let apart = |a: u32, b: u32| ahead(a, b).min(ahead(b, a));

@@ -13,7 +13,7 @@ const MATRIX: usize = 48;
 /// Farthest that the length of a ray's axis may be from 1.
 const TOLERANCE: f64 = 1e-3;
 
-/// Whether bytes begin with a rigid transform.
+/// True if bytes begin with a rigid transform.
 pub(super) fn is_rgl(bytes: &[u8]) -> bool {
     bytes.first_chunk::<MATRIX>().is_some_and(|first| ray(first).is_some())
 }

@@ -52,7 +52,7 @@ struct Keys {
     lasers: Vec<Rest>,
 }
 
-/// Whether a line of the text begins the list of lasers; JSON would have quotes around the key.
+/// True if a line of the text begins the list of lasers; JSON would have quotes around the key.
 pub(super) fn is_velodyne(text: &str) -> bool {
     text.lines().any(|line| line.trim_start_matches(['{', ' ']).starts_with("lasers:"))
 }

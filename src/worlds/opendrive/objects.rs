@@ -62,7 +62,7 @@ fn class_of(object: &Object) -> u16 {
     }
 }
 
-/// Whether an object is paint on the road, whatever its height says.
+/// True if an object is paint on the road, whatever its height says.
 fn painted(kind: ObjectType) -> bool {
     matches!(kind, ObjectType::Crosswalk | ObjectType::RoadMark | ObjectType::ParkingSpace)
 }

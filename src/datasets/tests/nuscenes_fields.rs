@@ -1,0 +1,57 @@
+//! Fields of nuScenes tables that no reader knows are named; those that are passed over are not.
+
+use std::path::Path;
+
+use glam::{DQuat, DVec3};
+
+use super::nuscenes_set::{BoxRow, Keyframe, write};
+use crate::datasets::{LabelledSequence, read_nuscenes};
+
+const BOXES: [BoxRow; 1] = [("a", "vehicle.car", 0, [612.0, 1604.0, 0.9], [2.0, 4.0, 1.6], 0.3)];
+
+/// A set of one keyframe whose tables have every field that nuScenes has.
+fn written(folder: &Path) {
+    let points = (0..50).map(|k| ([4.0 + 0.1 * k as f32, 1.0, -1.84], 24)).collect();
+    let ego = (DVec3::new(600.0, 1600.0, 0.0), DQuat::IDENTITY);
+    write(folder, &[Keyframe { time: 1000.0, ego, points }], &BOXES);
+}
+
+/// Sentences of the set's only scene, with DIR in place of its folder.
+fn said(folder: &Path) -> Vec<String> {
+    let scenes = read_nuscenes(folder, None, &["scene-0061".to_owned()]).unwrap();
+    let dir = folder.display().to_string();
+    scenes[0].notes().iter().map(|note| note.to_string().replace(&dir, "DIR")).collect()
+}
+
+#[test]
+fn fields_of_nuscenes_are_all_known() {
+    let folder = tempfile::tempdir().unwrap();
+    written(folder.path());
+    assert_eq!(said(folder.path()), [""; 0]);
+}
+
+#[test]
+fn fields_of_others_are_named_once_a_table() {
+    let folder = tempfile::tempdir().unwrap();
+    written(folder.path());
+    let add = |table: &str, fields: &str| {
+        let path = folder.path().join(format!("v1.0-mini/{table}.json"));
+        let text = std::fs::read_to_string(&path).unwrap();
+        std::fs::write(path, text.replace("{\n", &format!("{{\n{fields},\n"))).unwrap();
+    };
+    add("ego_pose", "\"geocoordinate\": {\"x\": [1, 2]}, \"acceleration\": null");
+    add("sample_annotation", "\"velocity\": [1.0, 0.0]");
+    // `velocity` is known in no table, `height` in that of pictures alone.
+    add("calibrated_sensor", "\"height\": 2");
+    let mut said = said(folder.path());
+    said.sort();
+    let sentence = |table: &str, names: &str| {
+        format!("DIR/v1.0-mini/{table}.json: {names}: not known here, and not read.")
+    };
+    let wanted = [
+        sentence("calibrated_sensor", "`height`"),
+        sentence("ego_pose", "`acceleration`, `geocoordinate`"),
+        sentence("sample_annotation", "`velocity`"),
+    ];
+    assert_eq!(said, wanted);
+}

@@ -1,0 +1,147 @@
+//! Numbers as people write them, and names of mounts, in what `optimize`, `score` and `rig` print and write.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{ok, sightline};
+
+/// A street corner with a car on it, and a vehicle whose LiDARs stand on a roof that is turned, so that poses are sums of
+/// products, and on a nose.
+fn folder() -> TempDir {
+    let dir = TempDir::new().unwrap();
+    let scene = json!({
+        "sightline": 1, "name": "corner",
+        "roi": { "min": [-8, -8, -0.5], "max": [8, 8, 2.5], "voxel": [0.5, 0.5, 0.5] },
+        "lidar": { "channels": 4, "fov": [-20, 0], "azimuth_steps": 48, "range": 50 },
+        "mount": { "min": [-0.5, -0.5, 1.5], "max": [0.5, 0.5, 2.0], "lidars": 2 },
+        "frames": 2, "rate": 5,
+        "static": [{ "class": "ground", "plane": { "min": [-20, -20], "max": [20, 20], "z": 0 } }],
+        "actors": [{ "name": "crate", "kind": "car", "poses": [{ "x": 5, "y": 0 }, { "x": 4, "y": 1 }],
+            "parts": [{ "class": "vehicle", "box": { "min": [-0.5, -1, 0], "max": [0.5, 1, 2] } }] }],
+    });
+    let lidar = json!({ "channels": 4, "fov": [-20, 0], "azimuth_steps": 48, "range": 50 });
+    let vehicle = json!({
+        "sightline": 1, "sensors": [{ "name": "four", "price": 1, "phase": 0.0, "lidar": lidar }],
+        "mounts": [
+            { "name": "roof", "polygon": [[-0.53, -0.41, 1.9], [0.47, -0.43, 1.97], [0.45, 0.4, 1.99], [-0.55, 0.42, 1.92]],
+              "roll": [-0.31, 0.3], "pitch": [-0.21, 0.2], "count": [1, 1] },
+            { "name": "nose", "min": [2.01, -0.33, 0.51], "max": [2.21, 0.31, 0.71], "pitch": [-0.1, 0.3], "count": [1, 1] },
+        ],
+    });
+    fs::write(dir.path().join("s.json"), scene.to_string()).unwrap();
+    fs::write(dir.path().join("car.json"), vehicle.to_string()).unwrap();
+    dir
+}
+
+/// Every number of a document that has a fraction, with the keys that lead to it.
+fn numbers<'a>(at: &str, value: &'a Value, found: &mut Vec<(String, String)>) {
+    match value {
+        Value::Number(number) if number.is_f64() => found.push((at.to_owned(), number.to_string())),
+        Value::Array(list) => list.iter().for_each(|value| numbers(at, value, found)),
+        Value::Object(map) => {
+            map.iter().for_each(|(key, value)| numbers(&format!("{at}.{key}"), value, found));
+        }
+        _ => {}
+    }
+}
+
+/// Fails on a number of more than nine digits, on −0, and on a pose with an exponent of dust.
+fn as_people_write(what: &str, document: &Value) {
+    let mut found = Vec::new();
+    numbers(what, document, &mut found);
+    assert!(found.len() > 10, "{what}: {found:?}");
+    for (at, text) in found {
+        let digits = text.split('e').next().unwrap_or_default();
+        let digits = digits.trim_start_matches(['-', '0', '.']).replace('.', "");
+        assert!(digits.len() <= 10 && text != "-0.0", "{at}: {text}");
+        let dust = at.contains("lidars") && text.parse::<f64>().unwrap().abs() < 5e-10;
+        assert!(!dust || text == "0.0", "{at}: {text}");
+    }
+}
+
+fn read(path: &Path) -> Value {
+    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+}
+
+fn text(dir: &TempDir, args: &[&str]) -> String {
+    let output = sightline(dir.path(), args);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+const OPTIMIZE: [&str; 12] = [
+    "optimize",
+    "s.json",
+    "--vehicle",
+    "car.json",
+    "--evaluations",
+    "40",
+    "--seed",
+    "3",
+    "--backend",
+    "cpu",
+    "--out",
+    "run",
+];
+
+#[test]
+fn a_result_has_nine_digits_and_is_scored_as_it_is_written() {
+    let dir = folder();
+    ok(dir.path(), &OPTIMIZE);
+    let mut result = read(&dir.path().join("run/result.json"));
+    let found = read(&dir.path().join("run/placements.json"));
+    as_people_write("placements", &json!(found["placements"][0]));
+    as_people_write("result", &json!([result["best"], result["timings"], result["certificate"]]));
+    // Poses of a turned roof are not on any grid, so the test is of something.
+    let pose = found["placements"][0]["lidars"][0].to_string();
+    assert!(pose.len() > 80, "{pose}");
+    let score =
+        ["score", "s.json", "run/placements.json", "--vehicle", "car.json", "--backend", "cpu"];
+    let mut again = ok(dir.path(), &score)["scores"][0].take();
+    as_people_write("score", &again);
+    let mut scores = result["best"]["scores"].take();
+    for one in [&mut again, &mut scores] {
+        one.as_object_mut().unwrap().retain(|key, _| key != "guards");
+    }
+    assert_eq!(again, scores);
+}
+
+#[test]
+fn lidars_carry_the_names_of_their_mounts() {
+    let dir = folder();
+    let printed = text(&dir, &OPTIMIZE);
+    let rows: Vec<&str> =
+        printed.lines().skip_while(|line| !line.starts_with("LiDAR ")).take(6).collect();
+    assert!(
+        rows[0].contains("mount") && rows[3].contains("x mm") && rows[3].contains("yaw °"),
+        "{printed}"
+    );
+    let (first, second) = (rows[1], rows[2]);
+    assert!(first.contains(" roof") && second.contains(" nose"), "{printed}");
+    let metres: f64 = second.split_whitespace().nth(1).unwrap().parse().unwrap();
+    let millimetres: f64 = rows[5].split_whitespace().nth(1).unwrap().parse().unwrap();
+    assert!(metres > 2.0 && (millimetres - 1000.0 * metres).abs() <= 0.51, "{printed}");
+    let result = read(&dir.path().join("run/result.json"));
+    assert_eq!(result["mounts"], json!(["roof", "nose"]));
+    let page = fs::read_to_string(dir.path().join("run/report.html")).unwrap();
+    assert!(page.contains("In millimetres and degrees") && page.contains("<td>nose</td>"));
+
+    let export =
+        ["rig", "export", "run/placements.json:optimized", "--vehicle", "car.json", "--format"];
+    let launch = text(&dir, &[&export[..], &["ros2-launch"]].concat());
+    assert!(
+        launch.contains("--child-frame-id roof_lidar\"")
+            && launch.contains("--child-frame-id nose_lidar\"")
+    );
+    assert!(!launch.contains("e-1") && !launch.contains("-0 "), "{launch}");
+    // Names of before stay good, and those given count.
+    let named = ["carla", "--sensor", "lidar_1=four", "--sensor", "roof_lidar=four"];
+    let carla: Value = serde_json::from_str(&text(&dir, &[&export[..], &named].concat())).unwrap();
+    assert_eq!([&carla[0]["id"], &carla[1]["id"]], ["roof_lidar", "nose_lidar"]);
+    as_people_write("carla", &carla);
+    let given = ["json", "--frame", "a", "--frame", "b"];
+    assert!(text(&dir, &[&export[..], &given].concat()).contains("four"));
+}
