@@ -6,7 +6,8 @@ use std::ffi::CString;
 use pyo3::exceptions::{PyMemoryError, PyOSError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use sightline::Error;
-use sightline::engine::{BackendError, OpenError};
+use sightline::engine::BackendError;
+use sightline::job::JobError;
 use sightline::problem::ProblemError;
 use sightline::psog::GridError;
 use sightline::scan::ScanError;
@@ -45,6 +46,7 @@ pub fn warn_of(py: Python<'_>, doubts: impl IntoIterator<Item = String>) -> PyRe
 fn of_engine(error: &Error) -> Option<&BackendError> {
     match error {
         Error::Backend(error) | Error::Search(SearchError::Backend(error)) => Some(error),
+        Error::Job(error) => error.of_engine(),
         _ => None,
     }
 }
@@ -57,8 +59,8 @@ fn lacks_memory(error: &Error) -> bool {
             Error::Scan(ScanError::OutOfMemory(_))
                 | Error::Grid(GridError::OutOfMemory(_))
                 | Error::Problem(ProblemError::OutOfMemory(_))
-                | Error::Open(OpenError::Grid(GridError::OutOfMemory(_)))
-                | Error::Open(OpenError::Problem { source: ProblemError::OutOfMemory(_), .. })
+                | Error::Job(JobError::Grid(GridError::OutOfMemory(_)))
+                | Error::Job(JobError::Problem { source: ProblemError::OutOfMemory(_), .. })
         )
 }
 

@@ -88,7 +88,10 @@ fn models(request: &ExportRequest) -> Result<Models, Error> {
         (Some(file), _) => Models::from(&Vehicle::read(file)?),
         (None, Some(file)) => {
             let scene = Scene::read(file)?;
-            scene.vehicle().map_or_else(|| Models::from(scene.lidar().clone()), Models::from)
+            match scene.vehicle() {
+                Some(vehicle) => Models::from(vehicle),
+                None => Models::from(scene.lidars()[0].clone()),
+            }
         }
         (None, None) => Models::default(),
     })
