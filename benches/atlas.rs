@@ -35,13 +35,13 @@ fn main() {
     let roi = Roi::new(bounds.min, bounds.voxel, bounds.shape).expect("a grid");
     let scan = ScanSettings::default_of(&scene);
     let (psog, _) = scan_scene(&scene, &roi, &scan, || ()).expect("a P-SOG");
-    let Lidar::Spinning { elevations, azimuth_steps, range, .. } = scene.lidar() else {
+    let Lidar::Spinning { elevations, azimuth_steps, range, .. } = scene.lidars()[0] else {
         panic!("the scene has no spinning LiDAR");
     };
     let channels: Vec<(f64, f64)> = elevations.iter().map(|&e| (e, 0.0)).collect();
     let table = BeamTable::spinning(&channels, *azimuth_steps, *range).expect("a sensor");
     let problem = Arc::new(Problem::from_scene(&scene, &psog, table, &[0]).expect("a problem"));
-    let mount = scene.mount();
+    let mount = scene.mount().expect("a mount");
     let constraints = Constraints {
         min_distance: mount.min_distance,
         ..Constraints::in_box(

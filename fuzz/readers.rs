@@ -280,7 +280,8 @@ static SEARCHED: LazyLock<Suite> = LazyLock::new(|| {
         "actors": [{ "parts": [{ "class": "vehicle", "box": { "center": [0, 0, 0], "size": [1, 1, 1] } }],
                      "poses": [{ "x": 2, "y": -1 }, { "x": 2, "y": 0 }] }] }"#;
     let scene = Scene::from_json(text, Path::new("."), "scene.json").expect("a valid scene");
-    let problem = Problem::with_psog(&scene, &psog, &[0, 1]).expect("a valid problem");
+    let problem = Problem::from_scene(&scene, &psog, scene.sensors().expect("beams"), &[0, 1])
+        .expect("a valid problem");
     Suite::new([("searched".to_owned(), problem.into())]).expect("a scene")
 });
 
@@ -361,8 +362,8 @@ pub fn vehicle_json(folder: &Path, bytes: &[u8]) {
 
 fn check_scene<E: std::fmt::Display>(scene: Result<Scene, E>) {
     let Ok(scene) = said(scene) else { return };
-    let beams = scene.lidar().beam_count();
-    assert!(beams > 0 && scene.lidar().range() > 0.0);
+    let beams = scene.lidars()[0].beam_count();
+    assert!(beams > 0 && scene.lidars()[0].range() > 0.0);
     for t in [0, scene.frame_count() - 1] {
         let soup = scene.frame(t, EgoBody::Include);
         if soup.faces.len() > MAX_FACES {

@@ -3,9 +3,10 @@
 use crate::audit::AuditError;
 use crate::chart::ChartError;
 use crate::datasets::DatasetError;
-use crate::engine::{BackendError, OpenError};
+use crate::engine::BackendError;
 use crate::export::ExportError;
 use crate::files::FileError;
+use crate::job::JobError;
 use crate::near_field::NearFieldError;
 use crate::problem::ProblemError;
 use crate::psog::{GridError, PsogFileError};
@@ -67,9 +68,9 @@ pub enum Error {
     /// From parts that do not make a problem.
     #[error(transparent)]
     Problem(#[from] ProblemError),
-    /// From a scene that does not become a problem.
+    /// From a job that cannot be posed, scored or searched.
     #[error(transparent)]
-    Open(#[from] OpenError),
+    Job(#[from] JobError),
     /// From a file or folder.
     #[error(transparent)]
     File(#[from] FileError),

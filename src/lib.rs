@@ -53,6 +53,7 @@
 //! | [`score`] | scores, guards and objectives from the sums |
 //! | [`near_field`] | ground, poles and own body near a vehicle |
 //! | [`search`] | CMA-ES and swaps over a problem, bounds on what they leave |
+//! | [`job`] | the main job: scenes, vehicle, weather and search behind one type |
 //! | [`audit`] | trials against the metric itself |
 //! | [`verify`] | comparisons of engines bit by bit, and with `f64` |
 //! | [`chart`] | settings from fine to coarse, their cost and their error |
@@ -87,6 +88,7 @@ pub mod engine;
 pub mod export;
 mod files;
 pub mod geom;
+pub mod job;
 mod json;
 pub mod near_field;
 pub mod problem;
@@ -108,6 +110,7 @@ pub mod worlds;
 
 pub use engine::{EngineChoice, EngineKind};
 pub use error::Error;
+pub use job::{Job, JobFiles, JobScene};
 pub use note::Note;
 pub use problem::Problem;
 pub use psog::Psog;
@@ -127,7 +130,6 @@ pub mod internals {
     pub use crate::chart::setting::{Engine, Setting};
     pub use crate::chart::simplify::merge_vertices;
     pub use crate::chart::verdict::{MOST_SWAPPED, Rated, cheapest, pareto, rate};
-    pub use crate::chart::world::candidates;
     pub use crate::cover::{BitOrder, Bitmaps, WalkScratch, cover_sensor, cover_voxels};
     pub use crate::engine::batch::{Chunk, ChunkLimits, split};
     pub use crate::engine::failover::{Failover, Reopen};

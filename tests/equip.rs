@@ -5,7 +5,7 @@ use std::sync::Arc;
 use sightline::engine::EngineChoice;
 use sightline::problem::Problem;
 use sightline::search::{
-    Choosing, EquipStep, Equipped, Equipping, Event, SearchError, Work, cost_front,
+    Choosing, EquipStep, Equipped, Equipping, Event, Observer, SearchError, Work, cost_front,
 };
 use sightline::vehicle::{
     Phase, Region, Requirement, Response, SensorName, Vehicle, VehicleMount, VehicleSensor,
@@ -24,7 +24,7 @@ fn vehicle(require: Vec<Requirement>) -> Vehicle {
         let scene = sightline::scene::Scene::from_json(&text, "".as_ref(), "s").unwrap();
         let name = SensorName::new(name).unwrap();
         let price = f64::from(steps) / 10.0;
-        let (lidar, phase) = (scene.lidar().clone(), Phase::Locked(0.0));
+        let (lidar, phase) = (scene.lidars()[0].clone(), Phase::Locked(0.0));
         VehicleSensor { name, lidar, phase, price, response: Response::usual(f64::from(range)) }
     };
     let sensors = vec![lidar(60, 12, "dear"), lidar(20, 6, "cheap")];
@@ -69,8 +69,28 @@ fn equip(
     engine: &EngineChoice,
 ) -> Result<Equipped, SearchError> {
     let silent = &mut |_: &Event| true;
-    let found = sightline::search::equip(suite, vehicle, objective, budget, engine, None, silent)?;
+    let found = watched(suite, vehicle, objective, budget, engine, silent)?;
     Ok(found.expect("nobody stops it"))
+}
+
+/// The choice step by step; `None` where the observer stops it.
+fn watched(
+    suite: &sightline::Suite,
+    vehicle: &Vehicle,
+    objective: &sightline::Objective,
+    budget: f64,
+    engine: &EngineChoice,
+    observer: &mut dyn Observer,
+) -> Result<Option<Equipped>, SearchError> {
+    let opened = Equipping::open(suite, vehicle, objective, budget, engine, None, observer)?;
+    let Some(mut choice) = opened else { return Ok(None) };
+    loop {
+        match choice.step(observer) {
+            EquipStep::On => {}
+            EquipStep::Stopped => return Ok(None),
+            EquipStep::Done(found) | EquipStep::OutOfTime(found) => return Ok(Some(found)),
+        }
+    }
 }
 
 #[test]
@@ -88,16 +108,7 @@ fn the_choice_tells_how_far_it_is_and_stops_when_told() {
             }
             told.len() < stop_after
         };
-        let found = sightline::search::equip(
-            &suite,
-            &vehicle,
-            &objective,
-            14.0,
-            &engine,
-            None,
-            &mut observe,
-        );
-        let found = found.unwrap();
+        let found = watched(&suite, &vehicle, &objective, 14.0, &engine, &mut observe).unwrap();
         assert_eq!(found.is_some(), stop_after == usize::MAX);
         assert!(told.len() <= stop_after);
         if let Some(found) = found {

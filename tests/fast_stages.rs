@@ -161,7 +161,7 @@ fn own_scenes_have_the_reference_s_bits() {
             continue;
         }
         let scene = Scene::read(&path).unwrap();
-        let (bounds, mount) = (scene.roi(), scene.mount());
+        let (bounds, mount) = (scene.roi(), scene.mount().unwrap());
         let roi = Roi::from_bounds(bounds.min, bounds.max, [0.5; 3]).unwrap();
         let channels: Vec<_> = (0..16).map(|k| (-24.8 + 1.7 * f64::from(k), 0.0)).collect();
         let table = BeamTable::spinning(&channels, 90, 100.0).unwrap();

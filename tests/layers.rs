@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use imports::{Source, Sources, words};
 
 /// Modules of the library, top to bottom: each imports only from itself and from those above it.
-const ORDER: [&str; 35] = [
+const ORDER: [&str; 36] = [
     "memory",
     "allocator",
     "chance",
@@ -37,6 +37,7 @@ const ORDER: [&str; 35] = [
     "score",
     "near_field",
     "search",
+    "job",
     "audit",
     "verify",
     "chart",

@@ -86,6 +86,8 @@ mod lost_device;
 #[cfg(feature = "cli")]
 mod main_job;
 mod mixed;
+#[cfg(feature = "cli")]
+mod one_job;
 mod optimize;
 #[cfg(feature = "mesh")]
 mod own_mesh;

@@ -1,12 +1,11 @@
 //! The example of docs/own-mesh.md on real meshes: OBJ, PLY and glTF together, mounts on the body of a car.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use sightline::engine::EngineChoice;
-use sightline::search::{Event, Settings, equip, optimize};
+use sightline::Scene;
+use sightline::job::{Job, JobStep};
+use sightline::search::{Event, Settings};
 use sightline::vehicle::Region;
-use sightline::{Problem, Scene, Suite};
 
 /// Where the files of the example are among the real data.
 const FILES: [(&str, &str); 5] = [
@@ -64,23 +63,19 @@ fn the_example_of_the_docs_runs_on_real_meshes() {
     let frame = scene.frame(0, sightline::scene::EgoBody::Include);
     assert!(frame.faces.len() > 7333 + 1676 + 2856 + 960, "{} triangles", frame.faces.len());
 
-    let problem = Arc::new(Problem::of(&scene).unwrap());
     let objective = Settings::default().objective;
     let silent = &mut |_: &Event| true;
-    let engine = EngineChoice::cpu();
-    let suite: Suite = problem.clone().into();
-    let found =
-        equip(&suite, &vehicle, &objective, 1500.0, &engine, None, silent).unwrap().unwrap();
-    let suite = suite.with_constraints(&vehicle.constraints(&found.equipment));
-    let settings = Settings {
-        evaluations: 48,
-        baselines: vec![],
-        starts: vec![found.placement.clone()],
-        engine,
-        ..Settings::default()
+    let settings = Settings { evaluations: 48, baselines: vec![], ..Settings::default() };
+    let job = Job::new(scene).search(settings).objective(objective).budget(Some(1500.0));
+    let mut run = job.begin().unwrap();
+    let outcome = loop {
+        match run.step(silent).unwrap() {
+            JobStep::On => {}
+            JobStep::Stopped => panic!("nobody stops it"),
+            JobStep::Done(outcome) => break outcome,
+        }
     };
-    let outcome = optimize(suite, &settings, silent).unwrap();
-    let best = outcome.best.unwrap();
+    let (best, found) = (outcome.best.unwrap(), run.equipped().unwrap());
     assert!(best.violations.is_empty(), "{:?}", best.violations);
     assert!(best.objective.unwrap() >= 0.5 * found.value && best.scores.covered > 1000.0);
 }

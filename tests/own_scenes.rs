@@ -61,9 +61,10 @@ impl Own {
         let roi = scene.roi().grid().unwrap();
         let PsogSource::Scan(settings) = scene.psog_source() else { panic!("scans its P-SOG") };
         let (psog, _) = scan_scene(&scene, &roi, settings, || {}).unwrap();
-        let problem = Problem::with_psog(&scene, &psog, &FRAMES).unwrap();
+        let sensors = scene.sensors().unwrap();
+        let problem = Problem::from_scene(&scene, &psog, sensors, &FRAMES).unwrap();
         let soups = FRAMES.map(|t| scene.frame(t, EgoBody::Include)).to_vec();
-        let constraints = Constraints::from(scene.mount());
+        let constraints = scene.constraints();
         Self { scene, psog, soups, problem: Arc::new(problem), constraints }
     }
 
@@ -101,7 +102,7 @@ impl Own {
         let directions = self.problem.sensors().table(0).directions().iter();
         let directions =
             directions.map(|&[x, y, z]| glam::DVec3::new(x.into(), -f64::from(y), z.into()));
-        let range = self.scene.lidar().range();
+        let range = self.scene.lidars()[0].range();
         let table = BeamTable::from_directions(directions, range).unwrap();
         let detection: Vec<u16> = self.scene.detection_among(psog.classes());
         let content = sightline::problem::Content::from_psog(&psog, &detection);

@@ -61,7 +61,7 @@ impl<'a> Reference<'a> {
         direction: [f32; 3],
         covered: &mut BTreeSet<u64>,
     ) -> bool {
-        let (origin, range) = (pose.translation, self.own.scene.lidar().range());
+        let (origin, range) = (pose.translation, self.own.scene.lidars()[0].range());
         let direction = pose.rotation * Vec3::from(direction).as_dvec3();
         let hits = triangles.iter().filter_map(|triangle| distance(triangle, origin, direction));
         let hit = hits.filter(|&t| t <= range).min_by(f64::total_cmp);

@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use serde_json::{Value, json};
 use sightline::EngineChoice;
 use sightline::export::{Layout, Splits};
+use sightline::job::JobFiles;
 use sightline::rig::{ImportSettings, Mounting};
 use sightline::runs::optimize::{NewRun, OptimizeRequest, Start, optimize};
 use sightline::runs::rig::{ExportRequest, compare_files, export_file, import_files};
@@ -106,8 +107,9 @@ fn a_search_that_was_stopped_goes_on_to_the_same_bytes() {
     let [scene, _] = given(&dir);
     let new = |folder: &str| {
         let settings = Settings { evaluations: 40, ..Settings::default() };
-        let (scenes, out) = (vec![scene.clone()], Some(dir.path().join(folder)));
-        Start::New(Box::new(NewRun { scenes, out, settings, ..NewRun::default() }))
+        let files = JobFiles::new(std::slice::from_ref(&scene), None);
+        let out = Some(dir.path().join(folder));
+        Start::New(Box::new(NewRun { files, out, settings, ..NewRun::default() }))
     };
     let run = |start: Start, watcher: &dyn Watcher| {
         let request = OptimizeRequest { start, max_seconds: None, frames: None, gltf: None };

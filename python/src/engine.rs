@@ -4,13 +4,11 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sightline::engine::{EngineChoice, EngineKind, open};
-use sightline::near_field::{FEW_PLACEMENTS, NearSite, add_self_hits};
-use sightline::problem::spread;
+use sightline::engine::{EngineChoice, EngineKind};
+use sightline::near_field::{FEW_PLACEMENTS, NearSite};
 use sightline::scan::conditions::Condition;
-use sightline::scan::{ScanError, Stage, in_conditions};
-use sightline::search::Suite;
-use sightline::{Evaluator, Placement, Problem, Psog, Scene, Scores};
+use sightline::scan::{ScanError, Stage};
+use sightline::{Evaluator, Job, JobScene, Placement, Problem, Psog, Scene, Scores};
 
 use crate::arguments::room_for;
 use crate::errors::{bad, raised};
@@ -82,12 +80,11 @@ impl Kept {
     }
 }
 
-/// A scene, and what is built from it when it is first needed.
+/// A scene as a job of its own, and what is built from it when it is first needed.
 pub struct Built {
     pub scene: Arc<Scene>,
     pub options: Options,
-    psog: OnceLock<Arc<Psog>>,
-    problem: OnceLock<Arc<Problem>>,
+    pub job: Job,
     stage: OnceLock<Arc<Stage>>,
     evaluator: Kept,
     /// The last frame that was cast into, and its problem.
@@ -96,16 +93,15 @@ pub struct Built {
 
 impl Built {
     pub fn new(scene: Scene, options: Options) -> Self {
-        let psog = options.psog.clone().map_or_else(OnceLock::new, OnceLock::from);
-        Self {
-            scene: Arc::new(scene),
-            options,
-            psog,
-            problem: OnceLock::new(),
-            stage: OnceLock::new(),
-            evaluator: Kept::default(),
-            frame: Mutex::new(None),
-        }
+        let scene = Arc::new(scene);
+        let posed = match options.psog.clone() {
+            Some(psog) => JobScene::from(scene.clone()).with_psog(psog),
+            None => scene.clone().into(),
+        };
+        let job = Job::new(posed).frames(options.frames).conditions(&options.conditions);
+        let job = job.engine(options.engine.clone());
+        let (stage, evaluator, frame) = (OnceLock::new(), Kept::default(), Mutex::new(None));
+        Self { scene, options, job, stage, evaluator, frame }
     }
 
     /// The trees that scans share.
@@ -119,34 +115,12 @@ impl Built {
 
     /// The P-SOG: given, read, or built from virtual scans.
     pub fn psog(&self) -> PyResult<Arc<Psog>> {
-        if let Some(psog) = self.psog.get() {
-            return Ok(psog.clone());
-        }
-        let psog = Arc::new(Psog::of(&self.scene, || {}).map_err(raised)?);
-        Ok(self.psog.get_or_init(|| psog).clone())
-    }
-
-    /// The problem over the frames of the options.
-    pub fn problem(&self) -> PyResult<Arc<Problem>> {
-        if let Some(problem) = self.problem.get() {
-            return Ok(problem.clone());
-        }
-        let psog = self.psog()?;
-        self.scene.check_detection(psog.classes()).map_err(raised)?;
-        let frames = spread(self.scene.frame_count(), self.options.frames);
-        let problem = Problem::with_psog(&self.scene, &psog, &frames).map_err(raised)?;
-        let problem = in_conditions(&self.scene, problem, &self.options.conditions);
-        let problem = Arc::new(problem.map_err(raised)?);
-        Ok(self.problem.get_or_init(|| problem).clone())
+        self.job.scenes()[0].psog(|| {}).map_err(raised)
     }
 
     /// Works with the engine, which is opened first if it was not.
     pub fn evaluate<T>(&self, work: impl FnOnce(&mut Evaluator) -> PyResult<T>) -> PyResult<T> {
-        let open = || {
-            let problem = self.problem()?;
-            let opened = open(&problem, &self.options.engine, |_| {}).map_err(raised)?;
-            Ok(Evaluator::new(problem, opened.engine))
-        };
+        let open = || Ok(self.job.evaluator(|_| {}).map_err(raised)?.0);
         self.evaluator.with(open, work)
     }
 
@@ -170,17 +144,18 @@ impl Built {
         {
             return Ok(problem.clone());
         }
-        let problem = Arc::new(Problem::of_frame(&self.scene, frame).map_err(raised)?);
+        let scene = JobScene::from(self.scene.clone()).geometry_alone().one_frame(frame);
+        let problem = scene.problem().map_err(raised)?;
         *last = Some((frame, problem.clone()));
         Ok(problem)
     }
 }
 
-/// The suite of some scenes, by their names.
-pub fn suite_of(scenes: &[Arc<Built>]) -> PyResult<Suite> {
-    let named = |built: &Arc<Built>| Ok((built.scene.name().to_owned(), built.problem()?));
-    let named = scenes.iter().map(named).collect::<PyResult<Vec<_>>>()?;
-    Suite::new(named).map_err(raised)
+/// The job over some scenes, each with its own frames and weather; the engine is that of the first.
+pub fn job_of(scenes: &[Arc<Built>]) -> PyResult<Job> {
+    // The copies share what is posed.
+    scenes.iter().try_for_each(|built| built.job.problem().map(drop)).map_err(raised)?;
+    Job::join(scenes.iter().map(|built| built.job.clone())).map_err(raised)
 }
 
 /// Bytes of the scores of a placement, in records and then in columns: all but its classes.
@@ -211,10 +186,10 @@ pub fn score(
     Ok(scores)
 }
 
-/// Adds the guard `self_hit` to the scores of placements in a scene: where it is asked for, else for as few of them as the
+/// Adds the guard `self_hit` to the scores of placements of a job: where it is asked for, else for as few of them as the
 /// program looks at.
 pub fn guard(
-    scene: &Scene,
+    job: &Job,
     evaluator: &mut Evaluator,
     placements: &[Placement],
     scores: &mut [Scores],
@@ -223,9 +198,8 @@ pub fn guard(
     if !asked.unwrap_or(placements.len() <= FEW_PLACEMENTS) {
         return Ok(());
     }
-    let problem = evaluator.shared_problem();
     let all = placements.iter().zip(scores);
-    add_self_hits(scene, &problem, evaluator.backend_mut(), all).map_err(raised)
+    job.add_self_hits(evaluator.backend_mut(), all).map_err(raised)
 }
 
 /// Adds the near field to the scores of placements in a scene.

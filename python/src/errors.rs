@@ -6,7 +6,9 @@ use std::ffi::CString;
 use pyo3::create_exception;
 use pyo3::exceptions::{PyMemoryError, PyOSError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
-use sightline::engine::{BackendError, OpenError};
+use sightline::Error;
+use sightline::engine::BackendError;
+use sightline::job::JobError;
 use sightline::problem::ProblemError;
 use sightline::psog::GridError;
 use sightline::scan::ScanError;
@@ -64,6 +66,7 @@ fn warn(py: Python<'_>, note: &Note) -> PyResult<()> {
 fn of_engine(error: &Error) -> Option<&BackendError> {
     match error {
         Error::Backend(error) | Error::Search(SearchError::Backend(error)) => Some(error),
+        Error::Job(error) => error.of_engine(),
         _ => None,
     }
 }
@@ -76,8 +79,8 @@ fn lacks_memory(error: &Error) -> bool {
             Error::Scan(ScanError::OutOfMemory(_))
                 | Error::Grid(GridError::OutOfMemory(_))
                 | Error::Problem(ProblemError::OutOfMemory(_))
-                | Error::Open(OpenError::Grid(GridError::OutOfMemory(_)))
-                | Error::Open(OpenError::Problem { source: ProblemError::OutOfMemory(_), .. })
+                | Error::Job(JobError::Grid(GridError::OutOfMemory(_)))
+                | Error::Job(JobError::Problem { source: ProblemError::OutOfMemory(_), .. })
         )
 }
 

@@ -9,11 +9,10 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use sightline::engine::cast_rays;
 use sightline::internals::{Input, draws, usual_placements};
-use sightline::problem::spread;
 use sightline::scan::BeamHits;
 use sightline::scene::EgoBody;
 use sightline::verify::verify;
-use sightline::{Placement, Problem, Scene, SensorPose, engine};
+use sightline::{Placement, Scene, SensorPose, engine};
 
 use crate::arguments::{self, room_for};
 use crate::arrays::{column, homogeneous, matrix, numbers, rows, shaped};
@@ -162,7 +161,7 @@ impl PyScene {
     fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
         let Some(vehicle) = self.built.scene.vehicle() else {
-            all.set_item("", PySensor::of(self.built.scene.lidar())?)?;
+            all.set_item("", PySensor::of(self.built.scene.lidars()[0])?)?;
             return Ok(all);
         };
         for model in &vehicle.sensors {
@@ -229,7 +228,7 @@ impl PyScene {
             let stopped = || stop.load(Ordering::SeqCst);
             built.evaluate(|evaluator| {
                 let mut scores = score(evaluator, &placements, stopped)?;
-                guard(&built.scene, evaluator, &placements, &mut scores, self_hits)?;
+                guard(&built.job, evaluator, &placements, &mut scores, self_hits)?;
                 if near_field {
                     add_near_fields(&built.scene, evaluator, &placements, &mut scores)?;
                 }
@@ -378,12 +377,10 @@ impl PyScene {
         room_for("beams of the sample", sample as usize, SAMPLE_BYTES)?;
         let built = self.built.clone();
         let found = interruptible(py, move |_| {
-            let psog = built.psog()?;
-            let frames = spread(built.scene.frame_count(), Some(frames));
-            let problem = Problem::with_psog(&built.scene, &psog, &frames).map_err(raised)?;
+            let job = built.job.clone().frames(Some(frames)).conditions(&[]);
+            let problem = job.problem().map_err(raised)?;
             let usual = || usual_placements(&problem, random, hostile, seed);
             let placements = given.unwrap_or_else(usual);
-            let problem = Arc::new(problem);
             let opened = engine::open(&problem, &built.options.engine, |_| {});
             let mut engine = opened.map_err(raised)?.engine;
             verify(&problem, &mut *engine, &placements, sample, seed, &|| {}).map_err(raised)

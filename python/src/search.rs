@@ -10,18 +10,15 @@ use pyo3::exceptions::{PyRuntimeError, PyStopIteration};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use serde_json::json;
-use sightline::engine::{EngineChoice, open};
-use sightline::near_field::add_self_hits;
+use sightline::engine::EngineChoice;
+use sightline::job::Found;
 use sightline::report::{RunContext, RunRecord, RunTimes};
-use sightline::scan::conditions::in_words;
-use sightline::search::{
-    Event, FrameChoice, Method, Outcome, Scored, Settings, Suite, TimeLimit, equip, optimize,
-};
-use sightline::{Evaluator, Objective};
+use sightline::search::{Event, FrameChoice, Method, Scored, Settings, TimeLimit};
+use sightline::{Job, Objective};
 
 use crate::arguments::{self, listed};
 use crate::columns::scores_object;
-use crate::engine::{Built, Kept, score, suite_of};
+use crate::engine::{Built, Kept, guard, job_of, score};
 use crate::errors::{bad, raised};
 use crate::json::to_python;
 use crate::placements::{PyPlacement, placements_in};
@@ -63,14 +60,15 @@ impl PySuite {
     ) -> PyResult<Bound<'py, PyAny>> {
         let scene = &self.scenes[0].scene;
         let placements = placements_in(scene, poses, sensors, phases)?;
-        let (scenes, kept) = (self.scenes.clone(), self.evaluator.clone());
+        let (job, kept) = (job_of(&self.scenes)?, self.evaluator.clone());
         let scores = interruptible(py, move |stop| {
-            let open = || {
-                let (suite, choice) = (suite_of(&scenes)?, &scenes[0].options.engine);
-                Ok(Evaluator::open(&suite, choice, |_| {}).map_err(raised)?.0)
-            };
+            let open = || Ok(job.evaluator(|_| {}).map_err(raised)?.0);
             let stopped = || stop.load(Ordering::SeqCst);
-            kept.with(open, |evaluator| score(evaluator, &placements, stopped))
+            kept.with(open, |evaluator| {
+                let mut scores = score(evaluator, &placements, stopped)?;
+                guard(&job, evaluator, &placements, &mut scores, None)?;
+                Ok(scores)
+            })
         })??;
         scores_object(py, &scores)
     }
@@ -87,86 +85,24 @@ impl PySuite {
     }
 }
 
-/// What is asked of a search, in Rust's terms.
+/// A job, and the limit of wall time that begins with its search.
 struct Asked {
-    settings: Settings,
-    scenes: Vec<Arc<Built>>,
-    mirror: bool,
-    budget: f64,
+    job: Job,
     seconds: Option<f64>,
-    plain_baselines: bool,
-}
-
-/// A search that can begin.
-struct Prepared {
-    suite: Suite,
-    settings: Settings,
-    /// Which models stand on which mounts, and their price, in words.
-    equipment: Option<String>,
-    /// Weather and faults of the scenes, as they are written.
-    conditions: Vec<String>,
 }
 
 impl Asked {
-    /// The suite with its sensors chosen, and the settings that go with them; `None` where the observer stops it.
-    fn prepared(&self, observe: &mut dyn FnMut(&Event) -> bool) -> PyResult<Option<Prepared>> {
-        let settings = self.settings.clone();
-        let conditions = self.conditions();
-        let suite = suite_of(&self.scenes)?;
-        let suite = if self.mirror { suite.with_mirror_images() } else { suite };
-        let Some(vehicle) = self.scenes[0].scene.vehicle() else {
-            if self.budget.is_finite() {
-                return Err(bad(
-                    "budget: the scene has one LiDAR and no prices; load it with a vehicle",
-                ));
-            }
-            return Ok(Some(Prepared { suite, settings, equipment: None, conditions }));
-        };
-        let mut observe = |event: &Event| observe(event);
-        let (objective, engine) = (&settings.objective, &settings.engine);
-        let deadline = settings.time.as_ref().map(TimeLimit::deadline);
-        let found = equip(&suite, vehicle, objective, self.budget, engine, deadline, &mut observe);
-        let Some(found) = found.map_err(raised)? else { return Ok(None) };
-        let suite = suite.with_constraints(&vehicle.constraints(&found.equipment));
-        let settings = found.begin(settings, suite.constraints(), self.plain_baselines);
-        let equipment = Some(found.words_with_price(vehicle));
-        Ok(Some(Prepared { suite, settings, equipment, conditions }))
-    }
-
-    /// Weather and faults that any of the scenes has.
-    fn conditions(&self) -> Vec<String> {
-        let mut all: Vec<String> = Vec::new();
-        for condition in self.scenes.iter().flat_map(|scene| in_words(&scene.options.conditions)) {
-            if !all.contains(&condition) {
-                all.push(condition);
-            }
-        }
-        all
-    }
-
-    /// Runs to the outcome; `None` where the observer stops the choice of sensors.
+    /// Runs to the outcome, with the weather and faults of the scenes as they are written; `None` where the observer
+    /// stops the choice of sensors.
     fn run(
-        mut self,
+        self,
         observe: &mut dyn FnMut(&Event) -> bool,
-    ) -> PyResult<Option<(Prepared, Outcome)>> {
-        self.settings.time =
-            self.seconds.map(|seconds| TimeLimit::from_now(Duration::from_secs_f64(seconds)));
-        let Some(prepared) = self.prepared(observe)? else { return Ok(None) };
+    ) -> PyResult<Option<(Found, Vec<String>)>> {
+        let length = self.seconds.map(Duration::from_secs_f64);
+        let job = self.job.within(length.map(TimeLimit::from_now));
         let mut observe = |event: &Event| observe(event);
-        let (suite, settings) = (prepared.suite.clone(), &prepared.settings);
-        let mut outcome = optimize(suite, settings, &mut observe).map_err(raised)?;
-        self.guard(&prepared.suite, &mut outcome)?;
-        Ok(Some((prepared, outcome)))
-    }
-
-    /// Adds the guard `self_hit`, by the first scene: a search does not know it.
-    fn guard(&self, suite: &Suite, outcome: &mut Outcome) -> PyResult<()> {
-        let Some(member) = suite.members().first() else { return Ok(()) };
-        let (scene, problem) = (&self.scenes[member.scene()].scene, member.problem());
-        let mut engine = open(problem, &EngineChoice::cpu(), |_| {}).map_err(raised)?.engine;
-        let all = outcome.best.iter_mut().chain(&mut outcome.baselines);
-        let all = all.map(|Scored { placement, scores, .. }| (&*placement, scores));
-        add_self_hits(scene, problem, &mut *engine, all).map_err(raised)
+        let found = job.optimize(&mut observe).map_err(raised)?;
+        Ok(found.map(|found| (found, job.conditions_in_words())))
     }
 }
 
@@ -238,7 +174,6 @@ pub fn search<'py>(
             |list| placements_in(&scenes[0].scene, list, None, None),
         )
     };
-    let default = Settings::default();
     let settings = Settings {
         objective: objective.parse::<Objective>().map_err(raised)?,
         method: word(
@@ -250,23 +185,20 @@ pub fn search<'py>(
         population,
         seed,
         frames: frames_of(frames)?,
-        baselines: baselines.map_or(Ok(default.baselines.clone()), |list| given(Some(list)))?,
         starts: given(starts)?,
         target,
         engine,
-        ..default
+        ..Settings::default()
     };
-    let asked = Asked {
-        settings,
-        scenes,
-        mirror,
-        budget: budget.unwrap_or(f64::INFINITY),
-        seconds,
-        plain_baselines: baselines.is_none(),
+    let job = job_of(&scenes)?.mirrored(mirror).budget(budget).search(settings);
+    let job = match baselines {
+        Some(list) => job.baselines(given(Some(list))?),
+        None => job,
     };
+    let asked = Asked { job, seconds };
     let (ended, signal) = beside(py, asked, callback)?;
     let result = match ended {
-        Some((prepared, outcome)) => result_object(py, &prepared, &outcome)?,
+        Some((found, conditions)) => result_object(py, &found, conditions)?,
         None => py.None().into_bound(py),
     };
     match signal {
@@ -296,7 +228,7 @@ fn given_scenes<'py>(given: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PySce
 }
 
 /// What a search has come to, and the signal or the callback's exception that ended it.
-type Ended = (Option<(Prepared, Outcome)>, Option<PyErr>);
+type Ended = (Option<(Found, Vec<String>)>, Option<PyErr>);
 
 /// Searches on a thread of its own. After Ctrl-C, or an exception of the callback, the search finishes its generation and
 /// confirms what it has; after a second one it is left alone.
@@ -341,10 +273,10 @@ fn beside(py: Python<'_>, asked: Asked, callback: Option<Py<PyAny>>) -> PyResult
 /// The `Result` object of the package.
 fn result_object<'py>(
     py: Python<'py>,
-    prepared: &Prepared,
-    outcome: &Outcome,
+    found: &Found,
+    conditions: Vec<String>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let Prepared { suite, settings, equipment, conditions } = prepared;
+    let Found { outcome, suite, settings, equipment } = found;
     let scene = suite.members().first().map_or("", |member| member.name());
     let times = &outcome.times;
     let record = RunRecord::new(
@@ -356,7 +288,7 @@ fn result_object<'py>(
             equipment: equipment.clone(),
             seed: settings.seed,
             objective: settings.objective.to_string(),
-            conditions: conditions.clone(),
+            conditions,
             rate: times.scored as f64 / times.generations.max(1e-9),
             timings: RunTimes {
                 search: times.search,

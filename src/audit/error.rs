@@ -1,9 +1,9 @@
 //! Why a scene could not be audited.
 
-use crate::engine::{BackendError, OpenError};
-use crate::problem::ProblemError;
+use crate::engine::BackendError;
+use crate::job::JobError;
 use crate::psog::GridError;
-use crate::vehicle::SensorError;
+use crate::vehicle::{SensorError, UnknownSensor};
 
 /// Why a scene could not be audited.
 #[derive(Debug, thiserror::Error)]
@@ -12,19 +12,25 @@ pub enum AuditError {
     /// No placement was given.
     #[error("there are no placements to audit; name at least one")]
     NoPlacement,
-    /// The P-SOG does not fit the scene.
+    /// A job in several scenes.
+    #[error("an audit is of one scene, not of {given}; audit them one by one")]
+    OneScene {
+        /// Scenes given.
+        given: usize,
+    },
+    /// A job, or one of its changes, that cannot be posed.
     #[error(transparent)]
-    Open(#[from] OpenError),
-    /// A changed P-SOG does not make a problem.
-    #[error(transparent)]
-    Problem(#[from] ProblemError),
+    Job(#[from] JobError),
     /// A changed region does not make a grid.
     #[error(transparent)]
     Grid(#[from] GridError),
-    /// The scene's LiDAR casts no beams.
+    /// A LiDAR that casts no beams.
     #[error(transparent)]
     Sensor(#[from] SensorError),
     /// Scoring failed.
     #[error(transparent)]
     Backend(#[from] BackendError),
+    /// A LiDAR of a model that the vehicle does not have.
+    #[error(transparent)]
+    UnknownSensor(#[from] UnknownSensor),
 }

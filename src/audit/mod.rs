@@ -6,17 +6,14 @@ mod stability;
 mod trial;
 mod worlds;
 
-use std::sync::Arc;
-
 use serde::Serialize;
 
-use crate::engine::{BackendError, EngineChoice, open};
-use crate::problem::{Problem, spread};
-use crate::psog::Psog;
+use crate::engine::BackendError;
+use crate::job::Job;
 use crate::scene::Scene;
-use crate::score::{Objective, Scores};
+use crate::score::Scores;
 use crate::search::Evaluator;
-use crate::vehicle::{Lidar, Placement};
+use crate::vehicle::Placement;
 
 pub use error::AuditError;
 pub use stability::Stability;
@@ -35,22 +32,8 @@ const TOLERANCE: (f64, f64) = (1e-3, 0.1 * std::f64::consts::PI / 180.0);
 /// Ranges in metres to which the visibility is cut.
 const VISIBILITIES: [f32; 3] = [10.0, 20.0, 40.0];
 
-/// Settings of an audit.
-#[derive(Debug, Clone)]
-pub struct AuditSettings {
-    /// Score that chooses the base and ranks the placements under changes of the model.
-    pub objective: Objective,
-    /// Frames to average over, spread evenly over the scene.
-    pub frames: u32,
-    /// Which engine computes; every engine gives the same bits.
-    pub engine: EngineChoice,
-}
-
-impl Default for AuditSettings {
-    fn default() -> Self {
-        Self { objective: Objective::default(), frames: 2, engine: EngineChoice::cpu() }
-    }
-}
+/// Frames that an audit averages over where nothing is said.
+pub const AUDIT_FRAMES: u32 = 2;
 
 /// Result of an audit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -85,52 +68,50 @@ pub enum AuditEvent<'a> {
 /// Parts of an audit.
 pub const AUDIT_PARTS: u64 = 4;
 
-/// Tries to fool the scores of a scene, and ranks `honest` placements under changes of the model.
+/// Tries to fool the scores of a job in one scene, and ranks `honest` placements by its objective under changes of
+/// the model.
 ///
 /// `tell` is told how it goes on.
 ///
 /// # Errors
-/// No placement, a P-SOG that does not fit the scene, or from the backend.
+/// No placement, several scenes, a P-SOG that does not fit the scene, or from the backend.
 pub fn audit(
-    scene: &Scene,
-    psog: &Psog,
+    job: &Job,
     honest: &[Placement],
-    settings: &AuditSettings,
     tell: &dyn Fn(AuditEvent),
 ) -> Result<Audit, AuditError> {
-    let frames = spread(scene.frame_count(), Some(settings.frames));
-    let (mut own, notes) = evaluator(Problem::with_psog(scene, psog, &frames)?, settings)?;
+    let [scene] = job.scenes() else {
+        return Err(AuditError::OneScene { given: job.scenes().len() });
+    };
+    let objective = &job.settings().objective;
+    let (mut own, notes) = job.evaluator(|_| {})?;
     notes.iter().for_each(|note| tell(AuditEvent::Note(note)));
     let scores = own.scores(honest)?;
-    let ranking =
-        Ranking::new(honest, &scores, &settings.objective).ok_or(AuditError::NoPlacement)?;
+    let ranking = Ranking::new(honest, &scores, objective).ok_or(AuditError::NoPlacement)?;
     tell(AuditEvent::PartDone);
     let trials = trials(&mut own, &honest[ranking.base()], &scores[ranking.base()])?;
     tell(AuditEvent::PartDone);
-    let mut stability = mounted(&mut own, &ranking, azimuth_step(scene.lidar()))?;
+    let mut stability = mounted(&mut own, &ranking, scene.scene())?;
     tell(AuditEvent::PartDone);
-    for world in changed_worlds(scene, psog, settings.frames)? {
-        let sensors = scene.sensors()?;
-        let problem = Problem::on_grid_of(&world.psog, scene, sensors, &world.frames)?;
-        let scores = evaluator(problem, settings)?.0.scores(honest)?;
+    for world in changed_worlds(scene)? {
+        let changed = job.clone().on_grid_of(&world.psog).frames(Some(world.frames));
+        let scores = changed.evaluator(|_| {})?.0.scores(honest)?;
         stability.push(ranking.under(&world.name, &[scores]));
     }
-    let sensors = scene.sensors()?;
+    let sensors = scene.models()?;
     if sensors.turns() && !sensors.has_free_phase() {
-        let problem = Problem::with_psog(scene, psog, &frames)?;
         let unlocked = without_phases(honest);
-        let free = |draw| {
-            let sensors = sensors.with_free_phases().with_seed(draw);
-            let (mut freed, _) = evaluator(problem.clone().with_sensors(sensors), settings)?;
-            freed.scores(&unlocked)
+        let free = |draw| -> Result<_, AuditError> {
+            let freed = job.clone().sensors(&sensors.with_free_phases().with_seed(draw));
+            Ok(freed.evaluator(|_| {})?.0.scores(&unlocked)?)
         };
         let draws = (1..=PHASE_DRAWS).map(free).collect::<Result<Vec<_>, _>>()?;
         stability.push(ranking.under("azimuth phases free, not in step", &draws));
     }
     tell(AuditEvent::PartDone);
     Ok(Audit {
-        scene: scene.name().to_owned(),
-        objective: settings.objective.to_string(),
+        scene: scene.scene().name().to_owned(),
+        objective: objective.to_string(),
         base: scores[ranking.base()].clone(),
         passed: trials.iter().all(|trial| trial.verdict != Verdict::Fooled),
         trials,
@@ -147,16 +128,6 @@ fn without_phases(placements: &[Placement]) -> Vec<Placement> {
     let mut freed = placements.to_vec();
     freed.iter_mut().flat_map(|p| &mut p.lidars).for_each(|pose| pose.phase = None);
     freed
-}
-
-/// An evaluator of a problem, and sentences that name its engine.
-fn evaluator(
-    problem: Problem,
-    settings: &AuditSettings,
-) -> Result<(Evaluator, Vec<String>), BackendError> {
-    let problem = Arc::new(problem);
-    let opened = open(&problem, &settings.engine, |_| {})?;
-    Ok((Evaluator::new(problem, opened.engine), opened.notes))
 }
 
 /// Attempts to look better than the base, and the base in fog.
@@ -181,8 +152,9 @@ fn trials(
 fn mounted(
     evaluator: &mut Evaluator,
     ranking: &Ranking,
-    azimuth_step: f64,
-) -> Result<Vec<Stability>, BackendError> {
+    scene: &Scene,
+) -> Result<Vec<Stability>, AuditError> {
+    let (sensors, lidars) = (scene.sensors()?, scene.lidars());
     let mut draws = Vec::new();
     for seed in FIRST_MOUNTING..FIRST_MOUNTING + MOUNTINGS {
         let jittered = |p| jittered(p, TOLERANCE.0, TOLERANCE.1, seed);
@@ -191,16 +163,12 @@ fn mounted(
     }
     let mut turned = ranking.honest().to_vec();
     for pose in turned.iter_mut().flat_map(|placement| &mut placement.lidars) {
-        pose.yaw += 0.5 * azimuth_step;
+        // Of listed directions, a turn by their number.
+        pose.yaw += 0.5 * lidars[sensors.number(pose)?].azimuth_step().to_radians();
     }
     let phase = evaluator.scores(&turned)?;
     Ok(vec![
         ranking.under("mounted within 1 mm and 0.1°", &draws),
         ranking.under("azimuth phase by half a step", &[phase]),
     ])
-}
-
-/// Radians between two neighbouring azimuth steps; of listed directions, a turn by their number.
-fn azimuth_step(lidar: &Lidar) -> f64 {
-    lidar.azimuth_step().to_radians()
 }

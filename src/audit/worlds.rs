@@ -1,7 +1,9 @@
 //! The same scene seen through other models of it: fewer frames, other counts, another grid.
 
+use std::sync::Arc;
+
 use super::error::AuditError;
-use crate::problem::spread;
+use crate::job::JobScene;
 use crate::psog::{GridError, Psog, Roi};
 use crate::scan::scan_scene;
 use crate::scene::{PsogSource, ScanSettings, Scene};
@@ -9,26 +11,23 @@ use crate::scene::{PsogSource, ScanSettings, Scene};
 /// A scene's P-SOG changed, and the frames to score it over.
 pub(super) struct World {
     pub(super) name: String,
-    pub(super) psog: Psog,
-    pub(super) frames: Vec<usize>,
+    pub(super) psog: Arc<Psog>,
+    pub(super) frames: u32,
 }
 
 /// Every change of the model that the scene allows.
-pub(super) fn changed_worlds(
-    scene: &Scene,
-    psog: &Psog,
-    frames: u32,
-) -> Result<Vec<World>, AuditError> {
-    let all = spread(scene.frame_count(), Some(frames));
-    let half = spread(scene.frame_count(), Some((all.len() as u32).div_ceil(2)));
+pub(super) fn changed_worlds(job: &JobScene) -> Result<Vec<World>, AuditError> {
+    let (scene, psog, all) = (job.scene(), job.psog(|| {})?, job.frame_numbers().len() as u32);
     let mut worlds = Vec::new();
-    if all.len() > 1 {
-        worlds.push(World { name: "frames halved".into(), psog: psog.clone(), frames: half });
+    if all > 1 {
+        let (name, frames) = ("frames halved".to_owned(), all.div_ceil(2));
+        worlds.push(World { name, psog: psog.clone(), frames });
     }
-    let mut over_all = |(name, psog)| worlds.push(World { name, psog, frames: all.clone() });
+    let mut over_all =
+        |(name, psog)| worlds.push(World { name, psog: Arc::new(psog), frames: all });
     if !psog.classes().is_empty() {
-        over_all(without_largest_class(psog)?);
-        over_all(("votes tied between two classes".into(), with_tied_votes(psog)?));
+        over_all(without_largest_class(&psog)?);
+        over_all(("votes tied between two classes".into(), with_tied_votes(&psog)?));
     }
     if scene.has_geometry() {
         on_other_grids(scene)?.into_iter().for_each(over_all);

@@ -10,7 +10,7 @@ use crate::maths;
 use crate::problem::{Content, KINDS, NEAR_KIND, Tally};
 use crate::psog::{ENTROPY_ONE, EntropyKind, EntropyTable, HIT_PUSH, Psog, Roi};
 use crate::scene::{EgoBody, GROUND_CLASSES, Scene};
-use crate::vehicle::{Lidar, Placement, SensorPose};
+use crate::vehicle::{Lidar, Placement, SensorPose, Sensors, UnknownSensor};
 
 /// Numbers closer than this are meant to be one: direction components and zero (cos 90° is 6e-17), grid
 /// coordinates and whole numbers, metres at which a beam crosses planes (cos 45° and sin 45° differ in
@@ -24,8 +24,14 @@ const ROUNDING: f64 = 1e-9;
 #[derive(Debug, Clone)]
 pub(super) struct Exact {
     roi: Roi,
-    directions: Vec<DVec3>,
-    range: f64,
+    /// Where the models fire, and their names.
+    sensors: Sensors,
+    /// Directions of each model.
+    directions: Vec<Vec<DVec3>>,
+    /// Range of each model in metres.
+    ranges: Vec<f64>,
+    /// Number of each frame in the scene, at least one.
+    numbers: Vec<usize>,
     /// One tree a frame; empty where beams run through all.
     frames: Vec<ExactTree>,
     content: Content,
@@ -57,6 +63,8 @@ impl Exact {
         let scene = world.scene();
         let cell = fidelity.detail * psog.roi().voxel()[0];
         let frames = if fidelity.through { Vec::new() } else { world.frames(fidelity) };
+        let numbers = if frames.is_empty() { vec![0] } else { frames.clone() };
+        let lidars = scene.lidars();
         let merged = (0..scene.part_count()).filter(|_| cell > 0.0);
         let merged: Vec<_> = merged.map(|k| merge_vertices(&scene.part(k), cell)).collect();
         let trees = frames.into_par_iter().map(|t| {
@@ -66,8 +74,10 @@ impl Exact {
         });
         Ok(Self {
             roi: *psog.roi(),
-            directions: directions(scene.lidar(), fidelity.azimuth),
-            range: scene.lidar().range(),
+            sensors: scene.thinned_sensors(fidelity.azimuth)?,
+            directions: lidars.iter().map(|lidar| directions(lidar, fidelity.azimuth)).collect(),
+            ranges: lidars.iter().map(|lidar| lidar.range()).collect(),
+            numbers,
             frames: trees.collect(),
             occupied: occupied(scene, &psog),
             content: world.content(&psog),
@@ -87,15 +97,20 @@ impl Exact {
     /// Tallies of `placements` in order, summed over frames, each entropy sum rounded once at the end.
     ///
     /// Counts by class, shares of single LiDARs and hits stay 0: no objective needs them.
-    pub(super) fn tallies(&self, placements: &[Placement]) -> Vec<Tally> {
+    ///
+    /// # Errors
+    /// A LiDAR of a model that the vehicle does not have.
+    pub(super) fn tallies(&self, placements: &[Placement]) -> Result<Vec<Tally>, UnknownSensor> {
         let words = self.roi.voxel_count().div_ceil(64) as usize;
         let tally = |bitmap: &mut Vec<u64>, placement: &Placement| {
+            let models = placement.lidars.iter().map(|pose| self.sensors.number(pose));
+            let models = models.collect::<Result<Vec<usize>, _>>()?;
             let mut tally = Tally::zero(self.content.set_count(), placement.lidars.len());
             let mut entropy = [0.0; KINDS];
             for frame in 0..self.frame_count() {
                 bitmap.fill(0);
-                for pose in &placement.lidars {
-                    self.cover(pose, self.frames.get(frame), bitmap);
+                for (pose, &model) in placement.lidars.iter().zip(&models) {
+                    self.cover(pose, model, frame, bitmap);
                 }
                 tally.covered += bitmap.iter().map(|w| u64::from(w.count_ones())).sum::<u64>();
                 for (voxel, worth) in &self.occupied {
@@ -107,13 +122,13 @@ impl Exact {
                     }
                 }
             }
-            let beams = placement.lidars.len() * self.directions.len() * self.frame_count();
-            tally.beams = beams as u64;
+            let beams: usize = models.iter().map(|&model| self.directions[model].len()).sum();
+            tally.beams = (beams * self.frame_count()) as u64;
             let mut units = [ENTROPY_ONE; KINDS];
             units[NEAR_KIND] = self.content.entropy_total()[NEAR_KIND] as f64;
             tally.entropy =
                 std::array::from_fn(|kind| (entropy[kind] * units[kind]).round() as u64);
-            tally
+            Ok(tally)
         };
         placements.par_iter().map_init(|| vec![0_u64; words], tally).collect()
     }
@@ -130,13 +145,15 @@ impl Exact {
         (all / self.frame_count()) as u64
     }
 
-    /// Marks the voxels that one sensor's beams traverse up to and including that of their hit.
-    fn cover(&self, pose: &SensorPose, tree: Option<&ExactTree>, bitmap: &mut [u64]) {
-        let pose = pose.ego_from_sensor();
-        for &direction in &self.directions {
+    /// Marks the voxels that the beams of a sensor of a model traverse in a frame, up to and including that of their
+    /// hit.
+    fn cover(&self, pose: &SensorPose, model: usize, frame: usize, bitmap: &mut [u64]) {
+        let pose = self.sensors.ego_from_sensor(model, pose, self.numbers[frame]);
+        let (tree, range) = (self.frames.get(frame), self.ranges[model]);
+        for &direction in &self.directions[model] {
             let direction = snapped(pose.rotation * direction);
-            let hit = tree.and_then(|t| t.closest(pose.translation, direction, self.range));
-            let end = hit.map_or(self.range, |t| t + HIT_PUSH);
+            let hit = tree.and_then(|t| t.closest(pose.translation, direction, range));
+            let end = hit.map_or(range, |t| t + HIT_PUSH);
             walk(&self.roi, pose.translation, direction, end, |v| bitmap[v >> 6] |= 1 << (v & 63));
         }
     }

@@ -14,7 +14,7 @@ use crate::problem::{Problem, Tally};
 use crate::score::Objective;
 use crate::search::SWAP_SPACING;
 use crate::search::atlas::{Atlas, Union};
-use crate::vehicle::{Placement, PoseGrid};
+use crate::vehicle::{Placement, PoseGrid, SensorPose, Sensors, UnknownSensor, Vehicle};
 
 /// Placements scored between two looks at whether to stop.
 const BATCH: usize = 8;
@@ -94,7 +94,7 @@ impl Bench {
         let own = Fidelity::of_scene(world.scene());
         let fidelity = Fidelity { frames: own.frames.div_ceil(UNIT_FRAMES), ..own };
         let setting = Setting { fidelity, engine: Engine::Cpu };
-        let unit = Scorer::new(&mut world, &setting, &objective, &engine)?;
+        let unit = Scorer::new(&mut world, &setting, &objective, &engine, &placements)?;
         Ok(Self { world, placements, objective, engine, repeats, unit, unit_seconds })
     }
 
@@ -120,7 +120,8 @@ impl Bench {
     }
 
     fn scorer(&mut self, setting: &Setting) -> Result<Scorer, ChartError> {
-        Scorer::new(&mut self.world, setting, &self.objective, &self.engine)
+        let Self { world, objective, engine, placements, .. } = self;
+        Scorer::new(world, setting, objective, engine, placements)
     }
 
     /// The score of the first placement alone: another one than before tells of a changed scene.
@@ -232,6 +233,39 @@ fn median(values: &[f64]) -> f64 {
     sorted[sorted.len() / 2]
 }
 
+/// Poses of a grid nearest to those of a placement, each of its LiDAR's model; without one where no mount may hold the
+/// model.
+fn poses_of(
+    sensors: &Sensors,
+    grid: &PoseGrid,
+    placement: &Placement,
+) -> Result<Vec<u32>, UnknownSensor> {
+    let nearest = |pose: &SensorPose| {
+        let model = sensors.models()[sensors.number(pose)?].name;
+        Ok(grid.nearest_of(model, pose))
+    };
+    let poses = placement.lidars.iter().map(nearest).collect::<Result<Vec<Option<u32>>, _>>()?;
+    Ok(poses.into_iter().flatten().collect())
+}
+
+/// Refuses a placement that the poses of a grid cannot stand for.
+fn check_places(
+    sensors: &Sensors,
+    grid: &PoseGrid,
+    placements: &[Placement],
+) -> Result<(), ChartError> {
+    for placement in placements {
+        for pose in &placement.lidars {
+            let sensor = sensors.models()[sensors.number(pose)?].name;
+            if grid.nearest_of(sensor, pose).is_none() {
+                let placement = placement.name.clone();
+                return Err(ChartError::NoPlace { placement, sensor });
+            }
+        }
+    }
+    Ok(())
+}
+
 /// A setting ready to score.
 enum Scorer {
     Exact(Box<Exact>),
@@ -245,6 +279,7 @@ impl Scorer {
         setting: &Setting,
         objective: &Objective,
         choice: &EngineChoice,
+        placements: &[Placement],
     ) -> Result<Self, ChartError> {
         if setting.engine == Engine::F64 {
             return Ok(Self::Exact(Box::new(Exact::new(world, &setting.fidelity)?)));
@@ -257,11 +292,14 @@ impl Scorer {
         let choice = EngineChoice { kind, ..choice.clone() };
         let backend = open(&problem, &choice, |_| {})?.engine;
         if setting.engine == Engine::Atlas {
-            let constraints = problem.constraints().clone();
-            let grid = PoseGrid::new(&constraints, SWAP_SPACING)?;
+            let vehicle = world.scene().vehicle();
+            let kinds = vehicle.map_or_else(|| problem.constraints().clone(), Vehicle::every_kind);
+            let grid = PoseGrid::new(&kinds, SWAP_SPACING)?;
+            check_places(problem.sensors(), &grid, placements)?;
             let atlas = Atlas::new(problem, grid, objective.needed(), ATLAS_BYTES);
-            let (held, lidars) =
-                (atlas.page_bytes() * BATCH * constraints.lidars(), constraints.lidars());
+            let lidars = placements.iter().map(|placement| placement.lidars.len()).max();
+            let lidars = lidars.unwrap_or(0);
+            let held = atlas.page_bytes() * BATCH * lidars;
             if held as u64 > ATLAS_BYTES {
                 let (what, need, limit) = ("the pose atlas", held as u64, ATLAS_BYTES);
                 return Err(BackendError::TooLarge { what, need, limit }.into());
@@ -281,12 +319,12 @@ impl Scorer {
 
     fn tallies(&mut self, placements: &[Placement]) -> Result<Vec<Tally>, BackendError> {
         match self {
-            Self::Exact(exact) => Ok(exact.tallies(placements)),
+            Self::Exact(exact) => Ok(exact.tallies(placements)?),
             Self::Backend(_, backend) => backend.tally(placements, None),
             Self::Atlas { atlas, backend, .. } => {
-                let grid = atlas.grid();
-                let poses = placements.iter().map(|p| p.lidars.iter().map(|l| grid.nearest(0, l)));
-                let poses: Vec<Vec<u32>> = poses.map(Iterator::collect).collect();
+                let sensors = atlas.problem().sensors();
+                let poses = placements.iter().map(|p| poses_of(sensors, atlas.grid(), p));
+                let poses = poses.collect::<Result<Vec<Vec<u32>>, _>>()?;
                 atlas.hold(&mut **backend, &poses.concat())?;
                 let tally = |union: &mut Union, poses: &Vec<u32>| match poses.split_last() {
                     Some((last, others)) => {

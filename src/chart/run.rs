@@ -168,7 +168,7 @@ impl ChartObserver for () {}
 /// # Errors
 /// Settings that the scene does not allow; a state of another scene; the scene cannot be scored.
 pub fn chart(
-    scene: Scene,
+    scene: Arc<Scene>,
     psog: Arc<Psog>,
     settings: &ChartSettings,
     tolerance: f64,
@@ -178,7 +178,7 @@ pub fn chart(
     let (name, edge) = (scene.name().to_owned(), scene.roi().voxel[0]);
     let mut ladder = Settings::new(&scene, finest(&scene, &psog, settings)?, settings.quick);
     let random = settings.random as usize;
-    let drawn = random_placements_by_the_rules(&scene.mount().into(), random, settings.seed);
+    let drawn = random_placements_by_the_rules(&scene.constraints(), random, settings.seed);
     let placements = settings.given.iter().cloned().chain(drawn).collect();
     let mut bench = Bench::new(
         World::new(scene, psog),

@@ -113,7 +113,8 @@ impl Setting {
     /// About how long a placement takes, in no unit: for the time left.
     pub fn effort(&self, scene: &Scene) -> f64 {
         let Fidelity { voxel, azimuth, frames, .. } = self.fidelity;
-        let beams = scene.lidar().beam_count() as f64 * f64::from(frames) / f64::from(azimuth);
+        let most = scene.lidars().iter().map(|lidar| lidar.beam_count()).max().unwrap_or(0);
+        let beams = most as f64 * f64::from(frames) / f64::from(azimuth);
         let slower = if self.engine == Engine::F64 { 3.0 } else { 1.0 };
         beams * (1.0 + 1.0 / voxel) * slower
     }
@@ -140,10 +141,11 @@ impl Settings {
         let mut left_out = Vec::new();
         let voxels = voxel_factors(scene, finest, &mut left_out);
         let top = Fidelity { voxel: voxels[0], ..own };
-        let steps = match scene.lidar() {
+        let steps = |lidar: &&Lidar| match lidar {
             Lidar::Spinning { azimuth_steps, .. } => *azimuth_steps,
             Lidar::Directions { directions, .. } => directions.len() as u32,
         };
+        let steps = scene.lidars().iter().map(steps).min().unwrap_or(0);
         let azimuths: Vec<u32> =
             [1, 2, 4, 8].into_iter().filter(|d| *d == 1 || steps / d >= FEWEST_STEPS).collect();
         let frames = halvings(own.frames);

@@ -5,14 +5,11 @@ use std::sync::Arc;
 use super::{Engine, Fidelity, Setting, merge_vertices};
 use crate::engine::BackendError;
 use crate::memory::OutOfMemory;
-use crate::problem::{self, Content, Problem, spread};
+use crate::problem::{self, Content, Problem, ProblemError, spread};
 use crate::psog::{GridError, Psog, Roi};
 use crate::scan::scan_scene;
 use crate::scene::{EgoBody, PsogSource, ScanSettings, Scene};
-use crate::vehicle::{Constraints, Placement, PoseGridError, SensorError, random_placements};
-
-/// Draws of [`candidates`] for each placement wanted, before the minimum distance is given up.
-const DRAWS: usize = 50;
+use crate::vehicle::{PoseGridError, SensorError, SensorName, UnknownSensor};
 
 /// Why a setting could not be measured.
 #[derive(Debug, thiserror::Error)]
@@ -27,6 +24,22 @@ pub enum ChartError {
     /// The trees of the frames do not fit into memory.
     #[error(transparent)]
     OutOfMemory(#[from] OutOfMemory),
+    /// A P-SOG that does not fit the scene or the vehicle.
+    #[error(transparent)]
+    Problem(#[from] ProblemError),
+    /// A LiDAR of a model that the vehicle does not have.
+    #[error(transparent)]
+    UnknownSensor(#[from] UnknownSensor),
+    /// A LiDAR of a model that no mount may hold: an atlas has no pose for it.
+    #[error(
+        "placement `{placement}` has a `{sensor}`, which no mount of the vehicle may hold; the atlas has no pose for it"
+    )]
+    NoPlace {
+        /// Name of the placement.
+        placement: String,
+        /// The model.
+        sensor: SensorName,
+    },
     /// Scoring failed.
     #[error(transparent)]
     Backend(#[from] BackendError),
@@ -88,14 +101,16 @@ impl ChartError {
     /// Whether the other settings can still be measured: a device that fails at one setting, or an atlas
     /// that is too large, does not take the others along.
     pub(super) fn spares_others(&self, setting: &Setting) -> bool {
-        matches!(self, Self::Backend(_) | Self::Poses(_) | Self::DeviceLost { .. })
-            && matches!(setting.engine, Engine::Gpu | Engine::Atlas)
+        matches!(
+            self,
+            Self::Backend(_) | Self::Poses(_) | Self::DeviceLost { .. } | Self::NoPlace { .. }
+        ) && matches!(setting.engine, Engine::Gpu | Engine::Atlas)
     }
 }
 
 /// A scene with its P-SOGs of several voxel sizes.
 pub(super) struct World {
-    scene: Scene,
+    scene: Arc<Scene>,
     grids: Vec<(f64, Arc<Psog>)>,
     /// All frames with every triangle, by the range for which trees are built.
     whole: Vec<(f32, problem::World)>,
@@ -103,7 +118,7 @@ pub(super) struct World {
 
 impl World {
     /// A scene and the P-SOG on its own grid.
-    pub(super) fn new(scene: Scene, own: Arc<Psog>) -> Self {
+    pub(super) fn new(scene: Arc<Scene>, own: Arc<Psog>) -> Self {
         Self { scene, grids: vec![(1.0, own)], whole: Vec::new() }
     }
 
@@ -167,36 +182,18 @@ impl World {
     /// # Errors
     /// As [`Self::psog`], or a sensor without beams.
     pub(super) fn problem(&mut self, fidelity: &Fidelity) -> Result<Problem, ChartError> {
-        let frames = self.frames(fidelity);
         let psog = self.psog(fidelity.voxel)?;
-        let table = self.scene.lidar().thinned(fidelity.azimuth).table()?;
-        let content = self.content(&psog);
-        let problem = Problem::new(*psog.roi(), content.clone(), table.clone(), Vec::new(), false)
-            .with_constraints(self.scene.mount().into());
-        if fidelity.through {
-            return Ok(problem);
-        }
-        let (far, cell) = (problem.far_range(), fidelity.detail * psog.roi().voxel()[0]);
-        let world = if cell > 0.0 {
-            let merged = |part| merge_vertices(&self.scene.part(part), cell);
-            problem::World::of_parts(&self.scene, &frames, far, EgoBody::Include, merged)?
-        } else {
-            self.whole(far)?.over(&frames)
+        let frames = if fidelity.through { Vec::new() } else { self.frames(fidelity) };
+        let (scene, cell) = (self.scene.clone(), fidelity.detail * psog.roi().voxel()[0]);
+        let sensors = scene.thinned_sensors(fidelity.azimuth)?;
+        let world_of = |far| {
+            if cell > 0.0 {
+                let merged = |part| merge_vertices(&scene.part(part), cell);
+                problem::World::of_parts(&scene, &frames, far, EgoBody::Include, merged)
+            } else {
+                Ok(self.whole(far)?.over(&frames))
+            }
         };
-        let problem = Problem::new(*psog.roi(), content, table, world, true);
-        Ok(problem.with_constraints(self.scene.mount().into()))
+        Ok(Problem::in_world(&psog, &scene, sensors, &frames, !fidelity.through, world_of)?)
     }
-}
-
-/// `given` and then `random` placements drawn evenly from the mount, those that keep its rules first.
-pub fn candidates(
-    constraints: &Constraints,
-    given: &[Placement],
-    random: usize,
-    seed: u64,
-) -> Vec<Placement> {
-    let mut drawn = random_placements(constraints, random * DRAWS, seed);
-    drawn.sort_by_key(|placement| !constraints.violations(placement).is_empty());
-    drawn.truncate(random);
-    given.iter().cloned().chain(drawn).collect()
 }

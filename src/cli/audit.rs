@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
-use crate::audit::{Audit, AuditSettings};
+use crate::audit::Audit;
 use crate::internals::{audit_text, audits_text};
 use crate::runs::Error;
 use crate::runs::audit::{AuditRequest, audit_scenes};
+use crate::score::Objective;
 use serde_json::json;
 
 use super::args::{Compute, Format, Named};
@@ -21,7 +22,7 @@ pub struct Args {
     #[arg(value_name = "SCENE… [PLACEMENTS]", required = true)]
     files: Vec<PathBuf>,
     /// Score by which the best placement is chosen, and that is watched while the model changes
-    #[arg(long, default_value_t = AuditSettings::default().objective.to_string())]
+    #[arg(long, default_value_t = Objective::default().to_string())]
     objective: String,
     /// Frames to average over, spread evenly over the scene [default: 2]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]

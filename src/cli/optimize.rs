@@ -3,8 +3,10 @@
 use std::path::PathBuf;
 
 use crate::internals::{Spacing, record_text};
+use crate::job::JobFiles;
 use crate::runs::Error;
 use crate::runs::optimize::{NewRun, OptimizeRequest, Start, optimize};
+use crate::scan::conditions::in_words;
 use crate::search::{FrameChoice, Method, Settings};
 use crate::vehicle::{MountRules, SensorPose};
 
@@ -140,17 +142,20 @@ fn new_run(args: &Args) -> NewRun {
         target: args.target,
         ..Settings::default()
     };
-    NewRun {
-        scenes: args.scenes.clone(),
+    let files = JobFiles {
         mirror: args.mirror,
+        rules: args.rules.for_mount(),
+        budget: args.budget,
+        conditions: in_words(&args.conditions.condition),
+        ..JobFiles::new(&args.scenes, args.compute.vehicle.as_deref())
+    };
+    NewRun {
+        files,
         out: args.out.clone(),
         objective: args.objective.clone(),
         settings,
-        rules: args.rules.for_mount(),
         baselines: args.baselines.clone(),
         inject: args.inject.clone(),
-        budget: args.budget,
-        conditions: args.conditions.condition.clone(),
     }
 }
 

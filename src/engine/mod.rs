@@ -26,7 +26,7 @@ pub use crate::memory::OutOfMemory;
 pub(crate) use crate::memory::available_memory;
 pub(crate) use batch::{Chunk, ChunkLimits, split};
 pub use cpu::CpuBackend;
-pub use opening::{EngineChoice, EngineKind, OpenError, Opened, open, scanning_on};
+pub use opening::{EngineChoice, EngineKind, Opened, open, scanning_on};
 pub(crate) use reference::ReferenceBackend;
 
 pub use crate::bvh::{Hit, NO_HIT};

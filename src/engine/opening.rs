@@ -1,120 +1,15 @@
-//! From a scene to a problem, and from a problem to the engine that was asked for.
+//! From a problem to the engine that was asked for.
 
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use super::{Backend, BackendError, CpuBackend, available_memory};
-use crate::problem::{Problem, ProblemError};
-use crate::psog::{GridError, Psog, PsogFileError, read_psog};
-use crate::scan::{Scanner, scan_scene};
-use crate::scene::{DescriptionError, PsogSource, ScanSettings, Scene};
-use crate::vehicle::SensorError;
+use crate::problem::Problem;
+use crate::scan::Scanner;
 
 /// Bytes taken as free where the system does not tell.
 const SMALL_MACHINE: u64 = 2 << 30;
-
-/// Why a scene does not become a problem.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum OpenError {
-    /// From the scene.
-    #[error(transparent)]
-    Scene(#[from] DescriptionError),
-    /// From the region of interest, or from building the P-SOG.
-    #[error(transparent)]
-    Grid(#[from] GridError),
-    /// From the P-SOG file that the scene names.
-    #[error("{place}: {source}")]
-    Psog {
-        /// The scene and the key in it.
-        place: String,
-        /// Why the file is not read.
-        source: PsogFileError,
-    },
-    /// From the sensor.
-    #[error(transparent)]
-    Sensor(#[from] SensorError),
-    /// Scene and P-SOG do not fit together.
-    #[error("{files}: {source}")]
-    Problem {
-        /// The scene file, and the P-SOG file if it names one.
-        files: String,
-        /// What does not fit.
-        source: ProblemError,
-    },
-}
-
-impl Psog {
-    /// The P-SOG of a scene: the file that it names, or one built from virtual scans.
-    ///
-    /// `done` is called after each frame that was scanned.
-    ///
-    /// # Errors
-    /// A file that cannot be read or lacks a class of the scene's detection target; more frames or voxels
-    /// than a P-SOG holds.
-    pub fn of(scene: &Scene, done: impl Fn()) -> Result<Self, OpenError> {
-        match scene.psog_source() {
-            PsogSource::File(path) => {
-                let psog = read_psog(path).map_err(|source| {
-                    let scene = scene.files().first().filter(|file| *file != path);
-                    let scene = scene.map_or("the scene".to_owned(), |f| f.display().to_string());
-                    OpenError::Psog { place: format!("{scene}: psog.file"), source }
-                })?;
-                scene.check_detection(psog.classes())?;
-                Ok(psog)
-            }
-            PsogSource::Scan(settings) => Self::scanned(scene, settings, done),
-        }
-    }
-
-    fn scanned(scene: &Scene, settings: &ScanSettings, done: impl Fn()) -> Result<Self, OpenError> {
-        Ok(scan_scene(scene, &scene.roi().grid()?, settings, done)?.0)
-    }
-}
-
-impl Problem {
-    /// The problem that a scene poses, over all of its frames.
-    ///
-    /// # Errors
-    /// See [`Psog::of`] and [`Self::with_psog`].
-    pub fn of(scene: &Scene) -> Result<Self, OpenError> {
-        let psog = Psog::of(scene, || {})?;
-        let frames: Vec<usize> = (0..scene.frame_count()).collect();
-        Self::with_psog(scene, &psog, &frames)
-    }
-
-    /// One frame of a scene to cast into, without a P-SOG: no voxel is worth anything.
-    ///
-    /// # Errors
-    /// A region of interest that makes no grid, a sensor without beams.
-    ///
-    /// # Panics
-    /// A frame that the scene does not have.
-    pub fn of_frame(scene: &Scene, frame: usize) -> Result<Self, OpenError> {
-        let classes = scene.classes().to_vec();
-        let psog = Psog::new(scene.roi().grid()?, 1, classes, Vec::new(), Vec::new())?;
-        Self::with_psog(scene, &psog, &[frame])
-    }
-
-    /// The problem that a scene poses with a P-SOG, over some of its frames: the scene's sensor, mount and
-    /// coverage.
-    ///
-    /// # Errors
-    /// A sensor without beams; a P-SOG on another grid than the scene's region of interest.
-    pub fn with_psog(scene: &Scene, psog: &Psog, frames: &[usize]) -> Result<Self, OpenError> {
-        let sensors = scene.sensors()?;
-        Self::from_scene(scene, psog, sensors, frames).map_err(|source| {
-            let psog = match scene.psog_source() {
-                PsogSource::File(file) => Some(file),
-                PsogSource::Scan(_) => None,
-            };
-            let files = scene.files().iter().take(1).chain(psog);
-            let files: Vec<String> = files.map(|file| file.display().to_string()).collect();
-            OpenError::Problem { files: files.join(" and "), source }
-        })
-    }
-}
 
 /// Which engine computes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]

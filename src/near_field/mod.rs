@@ -46,4 +46,4 @@ pub(crate) use ground::{CELL, NEAR, RING};
 pub(crate) use look::CLOSE;
 pub use look::{NearField, NearSite};
 pub(crate) use poles::{Pole, Standard};
-pub use self_hit::{FEW_PLACEMENTS, add_self_hits, self_hits};
+pub use self_hit::{FEW_PLACEMENTS, self_hits};

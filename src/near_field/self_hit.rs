@@ -3,7 +3,7 @@
 use crate::engine::{Backend, BackendError};
 use crate::problem::{Problem, SensorBatch};
 use crate::scene::{EgoBody, Scene};
-use crate::score::{Guard, MOST_SELF_HITS, Scores};
+use crate::score::{Guard, MOST_SELF_HITS};
 use crate::vehicle::Placement;
 
 /// Placements up to which the guard is looked for where scores are asked for and nothing is said of it: it takes
@@ -53,20 +53,4 @@ pub fn self_hits(
     let shares = own_shares(scene, problem, engine, placement)?;
     let much = shares.into_iter().enumerate().filter(|(_, share)| *share > MOST_SELF_HITS);
     Ok(much.map(|(lidar, share)| Guard::SelfHit { lidar, share }).collect())
-}
-
-/// Adds the guards of [`self_hits`] to the scores of placements.
-///
-/// # Errors
-/// A device that fails, a sensor that the vehicle does not have.
-pub fn add_self_hits<'a>(
-    scene: &Scene,
-    problem: &Problem,
-    engine: &mut dyn Backend,
-    all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
-) -> Result<(), BackendError> {
-    for (placement, scores) in all {
-        scores.guards.extend(self_hits(scene, problem, engine, placement)?);
-    }
-    Ok(())
 }

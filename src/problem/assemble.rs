@@ -167,6 +167,23 @@ impl Problem {
         sensors: impl Into<Sensors>,
         frames: &[usize],
     ) -> Result<Self, ProblemError> {
+        let frames = if scene.has_geometry() { frames } else { &[] };
+        let ends_at_hits = matches!(scene.coverage(), Coverage::FirstHit);
+        Self::in_world(psog, scene, sensors, frames, ends_at_hits, |far| {
+            World::of(scene, frames, far, EgoBody::Include)
+        })
+    }
+
+    /// As [`Self::on_grid_of`], in a world of those frames that is made with trees for hits up to the metres that
+    /// `world_of` gets; without frames there is no world.
+    pub(crate) fn in_world(
+        psog: &Psog,
+        scene: &Scene,
+        sensors: impl Into<Sensors>,
+        frames: &[usize],
+        ends_at_hits: bool,
+        world_of: impl FnOnce(f32) -> Result<World, OutOfMemory>,
+    ) -> Result<Self, ProblemError> {
         let roi = psog.roi();
         let content = Content::from_psog(psog, &scene.detection_among(psog.classes()));
         let required = scene.vehicle().map_or(&[][..], |vehicle| &vehicle.require);
@@ -176,13 +193,7 @@ impl Problem {
         }
         let sensors = sensors.into();
         let far = Self::far_range_of(roi, sensors.longest_range());
-        let frames = if scene.has_geometry() { frames } else { &[] };
-        let world = if frames.is_empty() {
-            World::default()
-        } else {
-            World::of(scene, frames, far, EgoBody::Include)?
-        };
-        let ends_at_hits = matches!(scene.coverage(), Coverage::FirstHit);
+        let world = if frames.is_empty() { World::default() } else { world_of(far)? };
         let problem = Self::new(*roi, content, sensors, world, ends_at_hits);
         Ok(problem.numbered(frames).with_constraints(scene.constraints()))
     }

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use super::given::{Given, published};
 use super::inputs::Files;
 use super::{Computing, Error, opening};
-use crate::audit::{AUDIT_PARTS, Audit, AuditEvent, AuditSettings, audit};
+use crate::audit::{AUDIT_FRAMES, AUDIT_PARTS, Audit, AuditEvent, audit};
+use crate::score::Objective;
 use crate::vehicle::{Placement, read_placements};
 
 /// What is to be audited.
@@ -15,7 +16,7 @@ pub struct AuditRequest {
     pub files: Vec<PathBuf>,
     /// Score by which the best placement is chosen; the default one if none.
     pub objective: Option<String>,
-    /// Frames to average over; as [`AuditSettings`] if none.
+    /// Frames to average over; [`AUDIT_FRAMES`] if none.
     pub frames: Option<u32>,
 }
 
@@ -30,18 +31,13 @@ pub fn audit_scenes(
 ) -> Result<Vec<Audit>, Error> {
     let Files { scenes, placements } = Files::sort(&request.files, computing.watcher)?;
     let honest = placements.as_deref().map(read_placements).transpose()?;
-    let standard = AuditSettings::default();
     let objective = request.objective.as_deref().map(str::parse).transpose()?;
-    let settings = AuditSettings {
-        objective: objective.unwrap_or(standard.objective),
-        frames: request.frames.unwrap_or(standard.frames),
-        engine: computing.engine.clone(),
-    };
+    let objective: Objective = objective.unwrap_or_default();
     let mut all = Vec::new();
     for path in &scenes {
         let given = placements.as_deref();
         let given = given.zip(honest.as_deref());
-        let found = of_scene(path, given, &settings, request.frames, computing)?;
+        let found = of_scene(path, given, &objective, request.frames, computing)?;
         each(&found)?;
         all.push(found);
     }
@@ -52,13 +48,15 @@ pub fn audit_scenes(
 fn of_scene(
     path: &Path,
     given: Option<(&Path, &[Placement])>,
-    settings: &AuditSettings,
+    objective: &Objective,
     frames: Option<u32>,
     computing: &Computing<'_>,
 ) -> Result<Audit, Error> {
     let watcher = computing.watcher;
-    let (scene, psog, _) = opening::scene_and_psog(path, computing)?;
-    opening::note_frames(&scene, frames, watcher);
+    let files = opening::files(&[path.to_owned()], &[], frames, computing);
+    let job = opening::job(&files, computing)?.job.frames(frames.or(Some(AUDIT_FRAMES)));
+    let job = job.objective(objective.clone());
+    let scene = job.scene();
     let sensors = scene.sensors()?;
     let honest = match given {
         Some((file, given)) => {
@@ -73,5 +71,5 @@ fn of_scene(
         AuditEvent::Note(note) => watcher.note(note),
         AuditEvent::PartDone => bar.advance(1),
     };
-    Ok(audit(&scene, &psog, &honest, settings, &tell)?)
+    Ok(audit(&job, &honest, &tell)?)
 }

@@ -7,10 +7,11 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::given::Given;
-use super::opening::{self, timings};
+use super::opening::{self, LoadTimes, Loaded, timings};
 use super::{Computing, Error, glb};
 use crate::export::GltfView;
 use crate::files::{Session, writable_file, write_whole};
+use crate::job::{Job, JobScene};
 use crate::scan::BeamHits;
 use crate::scene::EgoBody;
 use crate::vehicle::read_placements;
@@ -63,29 +64,31 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
     let _session = Session::begin();
     let start = Instant::now();
     let mut placements = read_placements(&request.placements)?;
-    let mut loaded = opening::geometry(&request.scene, request.frame, computing)?;
+    let mut loaded = frame(request, computing)?;
+    let mut evaluator = loaded.evaluator(computing)?;
+    let scene = loaded.job.scene();
     if let Some(path) = &request.out {
         writable_file(path)?;
     }
     glb::check(request.gltf.as_deref())?;
-    let soup = loaded.scene.frame(request.frame as usize, EgoBody::Include);
-    let problem = loaded.evaluator.problem().clone();
+    let soup = scene.frame(request.frame as usize, EgoBody::Include);
+    let problem = evaluator.problem().clone();
     Given::in_problem(&request.placements, &problem, computing).all(&mut placements)?;
     let columns = BeamHits::of(&placements, &problem, &soup.face_class, |poses| {
-        loaded.evaluator.backend_mut().hits(poses, 0)
+        evaluator.backend_mut().hits(poses, 0)
     })?;
     if let Some(path) = &request.out {
         write_whole(path, |file| columns.write(file, &soup).map_err(Error::io(path)))?;
     }
     if request.gltf.is_some() {
         let points: Vec<_> = columns.points().collect();
-        let (scene, frame) = (&loaded.scene, request.frame as usize);
+        let frame = request.frame as usize;
         let view = GltfView { scene, frame, placements: &placements, points: &points };
         glb::write(request.gltf.as_deref(), computing.watcher, &view)?;
     }
-    let engine = loaded.evaluator.backend();
+    let engine = evaluator.backend();
     Ok(CastSummary {
-        scene: loaded.scene.name().to_owned(),
+        scene: scene.name().to_owned(),
         backend: engine.name(),
         adapter: engine.adapter().to_owned(),
         frame: request.frame,
@@ -96,4 +99,21 @@ pub fn cast(request: &CastRequest, computing: &Computing<'_>) -> Result<CastSumm
         threads: rayon::current_num_threads(),
         timings: timings(loaded.times, engine.times(), start),
     })
+}
+
+/// One frame of the scene as a job of geometry alone.
+fn frame(request: &CastRequest, computing: &Computing<'_>) -> Result<Loaded, Error> {
+    let (start, mend) = (Instant::now(), "static shapes, actors or an ego body");
+    let scene = opening::geometry(&request.scene, mend, computing)?;
+    let (frame, frames) = (request.frame as usize, scene.frame_count());
+    if frame >= frames {
+        return Err(Error::Usage(format!(
+            "{}: there is no frame {frame}; give --frame 0 to {}",
+            request.scene.display(),
+            frames - 1
+        )));
+    }
+    let job = Job::new(JobScene::from(scene).geometry_alone().one_frame(frame));
+    let times = LoadTimes { load: start.elapsed().as_secs_f64(), build: 0.0 };
+    Ok(Loaded { job: job.engine(computing.engine.clone()), times })
 }

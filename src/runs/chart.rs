@@ -142,7 +142,9 @@ fn begun(request: &ChartRequest, computing: &Computing<'_>) -> Result<Vec<Begun>
 fn of_scene(begun: Begun, tolerance: f64, computing: &Computing<'_>) -> Result<Charted, Error> {
     let watcher = computing.watcher;
     let Begun { mut saved, resumed, out, name, placements } = begun;
-    let (scene, psog, _) = opening::scene_and_psog(&saved.scene, computing)?;
+    let files = opening::files(&[saved.scene.clone()], &[], None, computing);
+    let job = opening::job(&files, computing)?.job;
+    let (scene, psog) = (job.scene().clone(), job.scenes()[0].psog(|| {})?);
     let sensors = scene.sensors()?;
     match placements {
         Some(file) => {

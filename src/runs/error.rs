@@ -38,7 +38,7 @@ from_modules!(
     crate::chart::ChartError,
     crate::datasets::DatasetError,
     crate::engine::BackendError,
-    crate::engine::OpenError,
+    crate::job::JobError,
     crate::export::ExportError,
     crate::near_field::NearFieldError,
     crate::problem::ProblemError,

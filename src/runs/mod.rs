@@ -6,9 +6,8 @@
 //! | file | holds |
 //! |---|---|
 //! | `inputs` | which of the files given are scenes, names of placements behind a colon |
-//! | `opening` | from files to scenes, problems and evaluators |
+//! | `opening` | from files to jobs and evaluators |
 //! | `given` | placements of a file: sensors that the vehicle lacks, and what is most likely not meant |
-//! | `own_body` | the guard of placements that look at the own vehicle |
 //! | `glb` | a frame with its rigs as binary glTF |
 //! | `score` | scores of a batch: as a stream in one scene, with their mean in several |
 //! | `optimize` | a search in a run folder: begun, saved, resumed, recorded |
@@ -37,7 +36,6 @@ pub mod view;
 mod error;
 mod given;
 mod glb;
-mod own_body;
 
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -1,20 +1,18 @@
 //! What placements see of the ground and of poles near the vehicle, of files.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::Serialize;
 
 use super::given::{Given, published};
-use super::{Computing, Error, GRACE, opening};
+use super::opening::{self, LoadTimes, Loaded};
+use super::{Computing, Error, GRACE};
 use crate::files::{Session, writable_file, write_whole};
+use crate::job::{Job, JobScene};
 use crate::near_field::{Footprint, NearField, NearSite};
-use crate::problem::{Problem, spread};
-use crate::psog::Psog;
 use crate::report::near_field::near_field_svg;
 use crate::scan::conditions::{Condition, in_words};
-use crate::scan::in_conditions;
-use crate::scene::Scene;
 use crate::vehicle::{Placement, read_placements};
 
 /// Placements whose near field is looked at.
@@ -61,15 +59,19 @@ pub fn near_fields(
     let _session = Session::begin();
     let watcher = computing.watcher;
     let read = request.placements.as_deref().map(read_placements).transpose()?;
-    let scene = opening::read(&request.scene, computing.vehicle.as_deref(), watcher)?;
+    let mend = "static shapes, actors and an ego body";
+    let scene = opening::geometry(&request.scene, mend, computing)?;
     opening::note_frames(&scene, request.frames, watcher);
     if let Some(file) = &request.out {
         writable_file(file)?;
     }
-    opening::note_conditions(&request.conditions, watcher);
-    let problem = problem(&scene, &request.scene, request.frames)?;
-    let problem = in_conditions(&scene, problem, &request.conditions)?;
-    let mut evaluator = opening::evaluator(problem, computing)?;
+    opening::note_conditions(&in_words(&request.conditions), watcher);
+    let scene = JobScene::from(scene).geometry_alone();
+    let job = Job::new(scene).frames(request.frames).conditions(&request.conditions);
+    let job = job.engine(computing.engine.clone());
+    let mut loaded = Loaded { job, times: LoadTimes::default() };
+    let mut evaluator = loaded.evaluator(computing)?;
+    let scene = loaded.job.scene();
     let placements = match request.placements.as_deref().zip(read) {
         Some((file, mut read)) => {
             Given::in_problem(file, evaluator.problem(), computing).all(&mut read)?;
@@ -77,7 +79,7 @@ pub fn near_fields(
         }
         None => published(evaluator.problem().sensors(), computing)?,
     };
-    let site = NearSite::new(&scene, &evaluator.shared_problem())?;
+    let site = NearSite::new(scene, &evaluator.shared_problem())?;
     watcher.listen(GRACE);
     let bar = watcher.bar(placements.len() as u64, Some("placements"));
     let mut all = Vec::new();
@@ -99,16 +101,4 @@ pub fn near_fields(
         ground_area: site.ground_area(),
         near_fields: all,
     })
-}
-
-/// The scene's geometry over some frames; its P-SOG is not needed and stays empty.
-fn problem(scene: &Scene, path: &Path, frames: Option<u32>) -> Result<Problem, Error> {
-    if !scene.has_geometry() {
-        return Err(Error::Usage(format!(
-            "{}: has no geometry to cast into; add static shapes, actors and an ego body",
-            path.display()
-        )));
-    }
-    let psog = Psog::new(scene.roi().grid()?, 1, scene.classes().to_vec(), vec![], vec![])?;
-    Ok(Problem::with_psog(scene, &psog, &spread(scene.frame_count(), frames))?)
 }

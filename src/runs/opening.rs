@@ -1,18 +1,15 @@
-//! From files to scenes, problems and evaluators, with what is said on the way.
+//! From files to jobs and evaluators, with what is said on the way.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use crate::engine::open;
-use crate::problem::{Problem, StageTimes, spread};
-use crate::psog::Psog;
+use crate::job::{Job, JobFiles, JobScene};
+use crate::problem::StageTimes;
 use crate::scan::conditions::{Condition, Kind};
-use crate::scan::in_conditions;
 use crate::scene::{PsogSource, Scene};
-use crate::search::{Evaluator, Member, SearchError, Suite};
+use crate::search::{Evaluator, Member, Suite};
 
 use super::{Computing, Error, Watcher};
 
@@ -25,96 +22,61 @@ pub struct LoadTimes {
     pub build: f64,
 }
 
-/// A scene ready to be scored.
+/// A job whose scenes are read and posed.
 pub struct Loaded {
-    pub scene: Scene,
-    pub evaluator: Evaluator,
+    pub job: Job,
     pub times: LoadTimes,
 }
 
-/// Reads a scene and its P-SOG, and makes its problem over `frames` of its frames (all if `None`).
-pub fn problem(
-    path: &Path,
-    frames: Option<u32>,
-    conditions: &[Condition],
-    computing: &Computing<'_>,
-) -> Result<(Scene, Problem, LoadTimes), Error> {
-    note_conditions(conditions, computing.watcher);
-    let (scene, psog, mut times) = scene_and_psog(path, computing)?;
-    let start = Instant::now();
-    let frames = spread(scene.frame_count(), frames);
-    let problem = Problem::with_psog(&scene, &psog, &frames)?;
-    let problem = in_conditions(&scene, problem, conditions)?;
-    times.build += start.elapsed().as_secs_f64();
-    Ok((scene, problem, times))
-}
-
-/// Scenes ready to be scored together.
-pub struct Suited {
-    pub scenes: Vec<Scene>,
-    pub suite: Suite,
-    pub evaluator: Evaluator,
-    pub times: LoadTimes,
-}
-
-/// As [`problem`], for several that share LiDAR and mount, with an engine for each.
-pub fn suite(
-    paths: &[PathBuf],
-    frames: Option<u32>,
-    conditions: &[Condition],
-    computing: &Computing<'_>,
-) -> Result<Suited, Error> {
-    note_conditions(conditions, computing.watcher);
-    let mut times = LoadTimes::default();
-    let (mut scenes, mut problems) = (Vec::new(), Vec::new());
-    for path in paths {
-        let (scene, psog, took) = scene_and_psog(path, computing)?;
-        note_frames(&scene, frames, computing.watcher);
-        let start = Instant::now();
-        let frames = spread(scene.frame_count(), frames);
-        let problem = Problem::with_psog(&scene, &psog, &frames)?;
-        let problem = Arc::new(in_conditions(&scene, problem, conditions)?);
-        computing.watcher.detail(&problem.modelled().to_string());
-        problems.push((scene.name().to_owned(), problem));
-        times.load += took.load;
-        times.build += took.build + start.elapsed().as_secs_f64();
-        scenes.push(scene);
-    }
-    let start = Instant::now();
-    let paths: Vec<&PathBuf> = paths.iter().collect();
-    let suite = Suite::new(problems).map_err(|error| in_scene(error, &paths))?;
-    note_classes(&suite, computing.watcher);
-    let watcher = computing.watcher;
-    let told = watcher.notes();
-    let opened = Evaluator::open(&suite, &computing.engine, move |change: &str| told(change));
-    let (evaluator, notes) = opened?;
-    notes.iter().for_each(|note| watcher.note(note));
-    times.build += start.elapsed().as_secs_f64();
-    Ok(Suited { scenes, suite, evaluator, times })
-}
-
-/// Reads a scene and says what in it is most likely not meant.
+/// A scene on its way into a job: reads it, and says what in it is most likely not meant.
 pub fn read(path: &Path, vehicle: Option<&Path>, watcher: &dyn Watcher) -> Result<Scene, Error> {
-    let scene = Scene::read_with(path, vehicle)?;
+    told(Scene::read_with(path, vehicle)?, watcher)
+}
+
+fn told(scene: Scene, watcher: &dyn Watcher) -> Result<Scene, Error> {
     scene.notes().iter().try_for_each(|note| watcher.tell(note))?;
     Ok(scene)
 }
 
-/// Reads a scene and reads or builds its P-SOG.
-pub fn scene_and_psog(
-    path: &Path,
+/// Files and options of a command: scenes, weather and frames, and the vehicle of all commands.
+pub fn files(
+    scenes: &[PathBuf],
+    conditions: &[Condition],
+    frames: Option<u32>,
     computing: &Computing<'_>,
-) -> Result<(Scene, Arc<Psog>, LoadTimes), Error> {
-    let (start, watcher) = (Instant::now(), computing.watcher);
-    let scene = read(path, computing.vehicle.as_deref(), watcher)?;
-    let from_file = matches!(scene.psog_source(), PsogSource::File(_));
-    let mut times = LoadTimes { load: start.elapsed().as_secs_f64(), build: 0.0 };
-    let start = Instant::now();
-    let bar = watcher.bar(scene.frame_count() as u64, Some("frames scanned for the P-SOG"));
-    let psog = Psog::of(&scene, || bar.advance(1))?;
+) -> JobFiles {
+    let conditions = conditions.iter().map(Condition::to_string).collect();
+    JobFiles { conditions, frames, ..JobFiles::new(scenes, computing.vehicle.as_deref()) }
+}
+
+/// Reads the scenes of a job and reads or builds their P-SOGs; problems are made when they are first needed.
+pub fn job(files: &JobFiles, computing: &Computing<'_>) -> Result<Loaded, Error> {
+    let watcher = computing.watcher;
+    let (mut times, mut scenes) = (LoadTimes::default(), Vec::new());
+    for path in files.scenes() {
+        let start = Instant::now();
+        let scene = told(files.read_scene(path)?, watcher)?;
+        note_frames(&scene, files.frames, watcher);
+        let is_file = matches!(scene.psog_source(), PsogSource::File(_));
+        let scene = JobScene::from(scene);
+        times.load += start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        scan(&scene, watcher)?;
+        let took = start.elapsed().as_secs_f64();
+        *(if is_file { &mut times.load } else { &mut times.build }) += took;
+        scenes.push(scene);
+    }
+    let job = files.job_over(scenes)?.engine(computing.engine.clone());
+    note_conditions(&files.conditions, watcher);
+    Ok(Loaded { job, times })
+}
+
+/// Reads or builds the P-SOG of a scene.
+fn scan(scene: &JobScene, watcher: &dyn Watcher) -> Result<(), Error> {
+    let frames = scene.scene().frame_count() as u64;
+    let bar = watcher.bar(frames, Some("frames scanned for the P-SOG"));
+    let psog = scene.psog(|| bar.advance(1))?;
     drop(bar);
-    let took = start.elapsed().as_secs_f64();
-    *(if from_file { &mut times.load } else { &mut times.build }) += took;
     let same = |&count: &u16| count == 0 || u32::from(count) == psog.frames();
     if psog.counts().iter().all(same) {
         watcher.note(&format!(
@@ -123,38 +85,58 @@ pub fn scene_and_psog(
             psog.frames()
         ));
     }
-    Ok((scene, Arc::new(psog), times))
+    Ok(())
 }
 
-/// Reads a scene for its geometry in one frame; its P-SOG is not needed and stays empty.
-pub fn geometry(path: &Path, frame: u32, computing: &Computing<'_>) -> Result<Loaded, Error> {
-    let start = Instant::now();
+impl Loaded {
+    /// Poses the job, and says what its scenes are.
+    pub fn suite(&mut self, computing: &Computing<'_>) -> Result<Suite, Error> {
+        let (start, watcher) = (Instant::now(), computing.watcher);
+        let suite = self.job.suite()?;
+        for member in suite.members().iter().filter(|member| !member.is_mirrored()) {
+            let problem = member.problem();
+            watcher.detail(&problem.modelled().to_string());
+            watcher.detail(&format!(
+                "scene and P-SOG take {} MiB, work buffers at most {} MiB",
+                problem.bytes() >> 20,
+                computing.engine.memory_budget() >> 20
+            ));
+        }
+        note_classes(&suite, watcher);
+        self.times.build += start.elapsed().as_secs_f64();
+        Ok(suite)
+    }
+
+    /// Poses the job and opens an engine for each scene; says which one that is.
+    pub fn evaluator(&mut self, computing: &Computing<'_>) -> Result<Evaluator, Error> {
+        self.suite(computing)?;
+        let (start, watcher) = (Instant::now(), computing.watcher);
+        let told = watcher.notes();
+        let (evaluator, notes) = self.job.evaluator(move |change: &str| told(change))?;
+        notes.iter().for_each(|note| watcher.note(note));
+        self.times.build += start.elapsed().as_secs_f64();
+        Ok(evaluator)
+    }
+}
+
+/// Reads a scene for its geometry alone: its P-SOG is not needed and stays empty. `mend` says what to add to a scene
+/// without geometry.
+pub fn geometry(path: &Path, mend: &str, computing: &Computing<'_>) -> Result<Scene, Error> {
     let scene = read(path, computing.vehicle.as_deref(), computing.watcher)?;
     if !scene.has_geometry() {
         return Err(Error::Usage(format!(
-            "{}: has no geometry to cast into; add static shapes, actors or an ego body",
+            "{}: has no geometry to cast into; add {mend}",
             path.display()
         )));
     }
-    let (frame, frames) = (frame as usize, scene.frame_count());
-    if frame >= frames {
-        return Err(Error::Usage(format!(
-            "{}: there is no frame {frame}; give --frame 0 to {}",
-            path.display(),
-            frames - 1
-        )));
-    }
-    let load = start.elapsed().as_secs_f64();
-    let start = Instant::now();
-    let evaluator = evaluator(Problem::of_frame(&scene, frame)?, computing)?;
-    let times = LoadTimes { load, build: start.elapsed().as_secs_f64() };
-    Ok(Loaded { scene, evaluator, times })
+    Ok(scene)
 }
 
 /// Says what scores are where a condition moves points alone.
-pub fn note_conditions(conditions: &[Condition], watcher: &dyn Watcher) {
+pub fn note_conditions(conditions: &[String], watcher: &dyn Watcher) {
+    let conditions = conditions.iter().filter_map(|text| text.parse::<Condition>().ok());
     let (blur, others): (Vec<Kind>, Vec<Kind>) =
-        conditions.iter().map(Condition::kind).partition(|kind| *kind == Kind::Blur);
+        conditions.map(|condition| condition.kind()).partition(|kind| *kind == Kind::Blur);
     if !blur.is_empty() {
         let scores = match others.is_empty() {
             // Any condition has scores ask the sensor's response, which has its say in clear air, too.
@@ -179,7 +161,7 @@ pub fn note_frames(scene: &Scene, wanted: Option<u32>, watcher: &dyn Watcher) {
 }
 
 /// Says where scenes have other classes than the first: no score but the counts by class compares them.
-pub fn note_classes(suite: &Suite, watcher: &dyn Watcher) {
+fn note_classes(suite: &Suite, watcher: &dyn Watcher) {
     let Some((first, others)) = suite.members().split_first() else { return };
     let classes_of = |member: &Member| member.problem().content().classes().to_vec();
     let known = classes_of(first);
@@ -201,32 +183,6 @@ pub fn note_classes(suite: &Suite, watcher: &dyn Watcher) {
             ));
         }
     }
-}
-
-/// An error of scenes and settings, with the file of the scene that it is about.
-pub fn in_scene(error: SearchError, scenes: &[&PathBuf]) -> Error {
-    match error.scene().and_then(|scene| scenes.get(scene)) {
-        Some(scene) => Error::Usage(format!("{}: {error}", scene.display())),
-        None => error.into(),
-    }
-}
-
-/// An evaluator of a problem on the engine asked for; says which one that is.
-pub fn evaluator(
-    problem: impl Into<Arc<Problem>>,
-    computing: &Computing<'_>,
-) -> Result<Evaluator, Error> {
-    let problem = problem.into();
-    let (choice, told) = (&computing.engine, computing.watcher.notes());
-    computing.watcher.detail(&problem.modelled().to_string());
-    computing.watcher.detail(&format!(
-        "scene and P-SOG take {} MiB, work buffers at most {} MiB",
-        problem.bytes() >> 20,
-        choice.memory_budget() >> 20
-    ));
-    let opened = open(&problem, choice, move |change: &str| told(change))?;
-    opened.notes.iter().for_each(|note| computing.watcher.note(note));
-    Ok(Evaluator::new(problem, opened.engine))
 }
 
 /// Seconds of loading, of each stage up to now, and of all since a start.

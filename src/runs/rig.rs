@@ -104,7 +104,7 @@ impl Equipped {
             (Some(file), _) => Some(Vehicle::read(file)?),
             (None, scene) => scene.as_ref().and_then(|scene| scene.vehicle().cloned()),
         };
-        let plain = scene.map(|scene| Models::from(scene.lidar().clone())).unwrap_or_default();
+        let plain = scene.map(|scene| Models::from(scene.lidars()[0].clone())).unwrap_or_default();
         Ok(Self { models: vehicle.as_ref().map_or(plain, Models::from), vehicle })
     }
 }

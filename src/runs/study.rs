@@ -9,7 +9,6 @@ use serde_json::{Value, json};
 use super::inputs::note_repeated;
 use super::{Bar, Computing, Error, GRACE, Watcher, opening};
 use crate::files::{self, Input, RunDir, holds_run, is_forced, safe_names};
-use crate::psog::Psog;
 use crate::report::study::study_plot;
 use crate::scan::conditions::{Condition, in_words};
 use crate::scene::Scene;
@@ -111,14 +110,11 @@ fn of_scenes(
     computing: &Computing<'_>,
 ) -> Result<Table, Error> {
     let watcher = computing.watcher;
-    opening::note_conditions(&request.conditions, watcher);
-    let mut scenes = Vec::new();
-    for path in paths {
-        let (scene, psog, _) = opening::scene_and_psog(path, computing)?;
-        opening::note_frames(&scene, request.frames, watcher);
-        scenes.push((scene, psog));
-    }
-    let recorded = recorded(request, paths, settings, scenes.iter().map(|(scene, _)| scene))?;
+    let files = opening::files(paths, &request.conditions, request.frames, computing);
+    let job = opening::job(&files, computing)?.job;
+    let scenes = job.scenes();
+    let read = scenes.iter().map(|scene| &**scene.scene());
+    let recorded = recorded(request, paths, settings, read)?;
     let (dir, mut known) = open_folder(folder, &recorded)?;
     let session = Session {
         dir: &dir,
@@ -130,8 +126,7 @@ fn of_scenes(
         is_named: Cell::new(false),
         failed: RefCell::default(),
     };
-    let borrowed: Vec<(&Scene, &Psog)> = scenes.iter().map(|(s, p)| (s, &**p)).collect();
-    let found = study(request.kind, &borrowed, settings, &mut known, &session);
+    let found = study(request.kind, scenes, settings, &mut known, &session);
     if let Some(error) = session.failed.take() {
         return Err(error);
     }

@@ -1,7 +1,6 @@
 //! The GPU against the CPU reference bit by bit, and the reference against `f64`, in scene files.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -11,9 +10,7 @@ use super::inputs::Files;
 use super::{Computing, Error, opening};
 use crate::engine::gpu::GpuBackend;
 use crate::engine::{BackendError, EngineKind};
-use crate::problem::{Problem, spread};
 use crate::scan::conditions::{Condition, in_words};
-use crate::scan::in_conditions;
 use crate::vehicle::{Placement, read_placements};
 use crate::verify::compare::compared_frames;
 use crate::verify::placements::usual_placements;
@@ -92,7 +89,6 @@ pub fn verify_scenes(
         Some(path) => Some(read_placements(path)?),
         None => None,
     };
-    opening::note_conditions(&request.conditions, computing.watcher);
     let given = placements.as_deref().zip(read.as_deref());
     let mut all = Vec::new();
     for path in &scenes {
@@ -130,11 +126,10 @@ fn of_scene(
     request: &VerifyRequest,
     computing: &Computing<'_>,
 ) -> Result<(String, Verification), Error> {
-    let (scene, psog, _) = opening::scene_and_psog(path, computing)?;
-    opening::note_frames(&scene, Some(request.frames), computing.watcher);
-    let frames = spread(scene.frame_count(), Some(request.frames));
-    let problem = Problem::with_psog(&scene, &psog, &frames)?;
-    let problem = Arc::new(in_conditions(&scene, problem, &request.conditions)?);
+    let (frames, scenes) = (Some(request.frames), [path.to_owned()]);
+    let files = opening::files(&scenes, &request.conditions, frames, computing);
+    let job = opening::job(&files, computing)?.job;
+    let problem = job.problem()?;
     let (random, hostile) = (request.random.unwrap_or(RANDOM), request.hostile.unwrap_or(HOSTILE));
     let usual = || usual_placements(&problem, random, hostile, request.seed);
     let placements = match given {
@@ -152,7 +147,7 @@ fn of_scene(
     let bar = computing.watcher.bar(steps, Some("placements × frames"));
     let done = || bar.advance(1);
     let found = verify(&problem, &mut gpu, &placements, request.sample, request.seed, &done);
-    Ok((scene.name().to_owned(), found.map_err(needs_device)?))
+    Ok((job.scene().name().to_owned(), found.map_err(needs_device)?))
 }
 
 /// Elsewhere the CPU stands in for a device that is missing or fails; here it cannot.

@@ -5,15 +5,14 @@ use std::path::{Path, PathBuf};
 
 use super::given::{Given, published};
 use super::inputs::{file_and_name, named_placements, note_repeated};
-use super::opening::{self, Suited};
-use super::own_body::add_self_hits;
+use super::opening;
 use super::{Computing, Error};
 use crate::files::{Session, writable_file, write_whole};
+use crate::job::Job;
 use crate::report::{Figures, Looks, SceneRecord, Subject, view_html};
 use crate::scan::conditions::{Condition, in_words};
-use crate::scene::Scene;
 use crate::score::Objective;
-use crate::search::{Scored, Suite};
+use crate::search::{Evaluator, Scored};
 use crate::vehicle::Placement;
 
 /// A placement to be shown.
@@ -48,8 +47,10 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Erro
     let mut rivals = rivals.collect::<Result<Vec<_>, Error>>()?;
     let paths: Vec<PathBuf> = scenes.iter().map(PathBuf::from).collect();
     note_repeated(&paths, computing.watcher);
-    let mut suited = opening::suite(&paths, None, &request.conditions, computing)?;
-    let problem = suited.evaluator.problem();
+    let files = opening::files(&paths, &request.conditions, None, computing);
+    let mut loaded = opening::job(&files, computing)?;
+    let mut evaluator = loaded.evaluator(computing)?;
+    let (job, problem) = (loaded.job, evaluator.problem());
     let look = |file: &str| Given::in_problem(Path::new(file), problem, computing);
     look(file_and_name(placements).0).all([&mut *shown])?;
     for (file, all) in &mut rivals {
@@ -64,7 +65,7 @@ pub fn view(request: &ViewRequest, computing: &Computing<'_>) -> Result<(), Erro
         baselines.into_iter().filter(|baseline| baseline != shown).collect();
     let out = &request.out;
     writable_file(out)?;
-    let page = page(request, computing, &mut suited, shown, &baselines)?;
+    let page = page(request, &job, &mut evaluator, shown, &baselines)?;
     write_whole(out, |file| file.write_all(page.as_bytes()).map_err(Error::io(out)))
 }
 
@@ -75,24 +76,24 @@ fn read(text: &str) -> Result<(&str, Vec<Placement>), Error> {
 
 fn page(
     request: &ViewRequest,
-    computing: &Computing<'_>,
-    suited: &mut Suited,
+    job: &Job,
+    evaluator: &mut Evaluator,
     shown: &Placement,
     baselines: &[Placement],
 ) -> Result<String, Error> {
-    let Suited { scenes, suite, evaluator, .. } = suited;
-    let (scenes, suite): (&[Scene], &Suite) = (scenes, suite);
+    let suite = &job.suite()?;
     let all: Vec<Placement> = std::iter::once(shown).chain(baselines).cloned().collect();
     let objective = Objective::default();
     let scored = all.iter().zip(evaluator.judged(&all)?);
     let scored = scored.map(|(p, judged)| Scored::new(p, judged, &objective, suite.constraints()));
     let mut scored: Vec<Scored> = scored.collect();
-    add_self_hits(scenes, suite, scored.iter_mut())?;
+    let all = scored.iter_mut().map(|Scored { placement, scores, .. }| (&*placement, scores));
+    job.add_self_hits(evaluator.backend_mut(), all)?;
     let (result, baselines) = (&scored[0], &scored[1..]);
-    let looks = Looks::new(scenes, suite, shown, baselines, computing.engine.memory)?;
-    let figures = Figures::new(Some(result), suite.constraints(), &scenes[0].body(), Some(looks));
+    let looks = Looks::new(job, suite, shown, baselines)?;
+    let figures = Figures::new(Some(result), suite.constraints(), &job.scene().body(), Some(looks));
     let records = SceneRecord::several(suite);
-    let names: Vec<&str> = scenes.iter().map(Scene::name).collect();
+    let names: Vec<&str> = job.scenes().iter().map(|scene| scene.scene().name()).collect();
     let names = names.join(", ");
     let objective = objective.to_string();
     let conditions = in_words(&request.conditions);

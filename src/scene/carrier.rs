@@ -11,23 +11,73 @@ use crate::Note;
 use crate::json::{DescriptionError, Place};
 use crate::vehicle::sensor_file::Measures;
 use crate::vehicle::{
-    Described, Lidar, Mount, Response, Vehicle, VehicleDescription, read_vehicle,
+    Constraints, Described, Lidar, Mount, Response, SensorError, SensorModel, Sensors, Vehicle,
+    VehicleDescription, read_vehicle,
 };
 
-/// The sensors of a scene and where they may stand.
+/// A scene's vehicle, its body and its files.
 pub(super) struct Carrier {
-    /// The LiDAR, or a vehicle's first model.
-    pub lidar: Lidar,
-    /// The mount, or a box around all mounts of a vehicle.
-    pub mount: Mount,
-    pub vehicle: Option<Vehicle>,
+    pub carries: Carries,
     /// A body that takes the place of the scene's own.
     pub body: Option<Body>,
     pub files: Vec<PathBuf>,
-    /// How the LiDAR measures, where its sensor file says so.
-    pub response: Option<Response>,
     /// Sentences about the LiDAR or the vehicle.
     pub notes: Vec<Note>,
+}
+
+/// Sensors of a scene and where they may stand.
+#[derive(Debug, Clone)]
+pub(super) enum Carries {
+    /// One model on one mount.
+    Lidar {
+        lidar: Box<Lidar>,
+        mount: Box<Mount>,
+        /// How the LiDAR measures, where its sensor file says so.
+        response: Option<Response>,
+    },
+    /// Models and mounts of a vehicle.
+    Vehicle(Box<Vehicle>),
+}
+
+impl Carries {
+    /// The models, at least one.
+    pub fn lidars(&self) -> Vec<&Lidar> {
+        match self {
+            Self::Lidar { lidar, .. } => vec![lidar],
+            Self::Vehicle(vehicle) => vehicle.sensors.iter().map(|model| &model.lidar).collect(),
+        }
+    }
+
+    /// The models with their beams.
+    pub fn sensors(&self) -> Result<Sensors, SensorError> {
+        match self {
+            Self::Lidar { lidar, response, .. } => {
+                let plain = SensorModel::plain(lidar.table()?);
+                let response = response.unwrap_or(plain.response);
+                Sensors::new(vec![SensorModel { response, ..plain }]).ok_or(SensorError::NoBeams)
+            }
+            Self::Vehicle(vehicle) => vehicle.models(),
+        }
+    }
+
+    /// Rules of the mount, or of the vehicle with its fullest equipment.
+    pub fn constraints(&self) -> Constraints {
+        match self {
+            Self::Lidar { mount, .. } => (&**mount).into(),
+            Self::Vehicle(vehicle) => vehicle.constraints(&vehicle.fullest()),
+        }
+    }
+
+    /// Corners of the smallest box around all mounts, in the ego frame.
+    pub fn corners(&self) -> [[f64; 3]; 2] {
+        match self {
+            Self::Lidar { mount, .. } => [mount.min, mount.max],
+            Self::Vehicle(vehicle) => {
+                let all = vehicle.mounts.iter().map(|mount| mount.sensors[0]).enumerate();
+                vehicle.constraints(&all.collect()).corners()
+            }
+        }
+    }
 }
 
 /// Shapes of a vehicle's body.
@@ -89,12 +139,13 @@ impl Carrier {
         let mount = scene.mount.take();
         let mount = mount
             .ok_or_else(|| missing("mount", "say where sensors may stand, or give a `vehicle`"))?;
-        let mount = Mount::new(&top.key("mount"), &mount)?;
+        let mount = Box::new(Mount::new(&top.key("mount"), &mount)?);
         let files = lidar.file.iter().map(|file| dir.join(file)).collect();
         let Described { lidar, measures, notes } = Described::new(&top.key("lidar"), lidar, dir)?;
         let response =
             (measures != Measures::default()).then(|| Response::stated(lidar.range(), &measures));
-        Ok(Self { lidar, mount, vehicle: None, body: None, files, response, notes })
+        let carries = Carries::Lidar { lidar: Box::new(lidar), mount, response };
+        Ok(Self { carries, body: None, files, notes })
     }
 
     fn of_vehicle(
@@ -108,11 +159,9 @@ impl Carrier {
         let stem = stem.map_or("vehicle".into(), |stem| stem.to_string_lossy());
         let (vehicle, mut files) = Vehicle::new(&at, vehicle, &stem, dir)?;
         files.extend(file);
-        let lidar = vehicle.sensors[0].lidar.clone();
-        let mount = around(&vehicle);
         let body = (!shapes.is_empty()).then(|| Body { shapes, at, dir: dir.to_owned() });
         let notes = vehicle.notes.clone();
-        Ok(Self { lidar, mount, vehicle: Some(vehicle), body, files, response: None, notes })
+        Ok(Self { carries: Carries::Vehicle(Box::new(vehicle)), body, files, notes })
     }
 }
 
@@ -126,23 +175,4 @@ fn only_vehicle(top: &Place, scene: &SceneDescription) -> Result<(), Description
         }
     }
     Ok(())
-}
-
-/// A box around all mounts of a vehicle.
-fn around(vehicle: &Vehicle) -> Mount {
-    let all = (0..vehicle.mounts.len()).map(|mount| (mount, vehicle.mounts[mount].sensors[0]));
-    let [min, max] = vehicle.constraints(&all.collect()).corners();
-    let lidars = vehicle.cheapest().len() as u32;
-    Mount {
-        min,
-        max,
-        roll: [0.0; 2],
-        pitch: [0.0; 2],
-        yaw: [0.0; 2],
-        min_distance: vehicle.min_distance,
-        lidars,
-        keep_out: vehicle.keep_out.clone(),
-        equal_height: vehicle.ties.equal_height,
-        symmetric: vehicle.ties.symmetric,
-    }
 }

@@ -199,11 +199,11 @@ fn height_at_origin([a, b, c]: [DVec3; 3]) -> Option<f64> {
 /// Doubts about sensors and where they may stand.
 fn sensors(scene: &Scene) -> Vec<String> {
     // A vehicle's own models and mounts are doubted where its file is read.
-    let mut doubts = match &scene.vehicle {
+    let mut doubts = match scene.vehicle() {
         Some(_) => Vec::new(),
-        None => vehicle::of_lidar("the LiDAR", &scene.lidar),
+        None => vehicle::of_lidar("the LiDAR", scene.lidars()[0]),
     };
-    let (low, high) = (scene.mount.min, scene.mount.max);
+    let [low, high] = scene.mount_corners();
     if high[2] < 0.0 {
         doubts.push(format!(
             "the mount ends {:.2} m under the ground; z is up from the ground: give positive heights",
@@ -223,8 +223,8 @@ fn sensors(scene: &Scene) -> Vec<String> {
 /// Doubts about mounts that stand far from the body.
 fn far_mounts(scene: &Scene) -> Vec<String> {
     let Some([low, high]) = corners(&scene.body) else { return Vec::new() };
-    let mounts: Vec<(String, [DVec3; 2])> = match &scene.vehicle {
-        None => vec![("the mount".to_owned(), [scene.mount.min, scene.mount.max].map(DVec3::from))],
+    let mounts: Vec<(String, [DVec3; 2])> = match scene.vehicle() {
+        None => vec![("the mount".to_owned(), scene.mount_corners().map(DVec3::from))],
         Some(vehicle) => (0..vehicle.mounts.len())
             .map(|i| {
                 let [from, to] = vehicle.mounts[i].region.corners();

@@ -32,10 +32,8 @@ use glam::DVec3;
 use crate::Note;
 use crate::geom::{Pose, TriangleSoup};
 use crate::json::{self, check};
-use crate::vehicle::{
-    Constraints, Lidar, Mount, MountRules, Response, SensorError, SensorModel, Sensors, Vehicle,
-};
-use carrier::Carrier;
+use crate::vehicle::{Constraints, Lidar, Mount, MountRules, SensorError, Sensors, Vehicle};
+use carrier::{Carrier, Carries};
 use classes::Classes;
 use description::{ActorDescription, EgoDescription, SceneDescription, ShapeDescription};
 use route::Motion;
@@ -65,13 +63,9 @@ pub struct Scene {
     name: String,
     classes: Classes,
     roi: RoiBounds,
-    lidar: Lidar,
-    mount: Mount,
-    vehicle: Option<Vehicle>,
+    carries: Carries,
     /// Models once they are asked for: many beams take their time.
     sensors: OnceLock<Sensors>,
-    /// How the LiDAR measures, where its sensor file says so.
-    response: Option<Response>,
     coverage: Coverage,
     psog: PsogSource,
     frames: usize,
@@ -259,8 +253,9 @@ impl Scene {
         let name = name_of(&top, scene.name.take())?;
         let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
         let carrier = Carrier::new(&top, &mut scene, dir, vehicle)?;
-        let Carrier { lidar, mount, vehicle, body, mut files, response, mut notes } = carrier;
-        roi.check_mount(&top.key("mount"), &mount)?;
+        let Carrier { carries, body, mut files, mut notes } = carrier;
+        let corners = carries.corners();
+        roi.check_mount(&top.key("mount"), corners)?;
         let classes = Classes::new(&top, scene.classes, scene.detection)?;
 
         let mut builder = Builder::new(&top, &classes, &scene.shapes, dir);
@@ -290,7 +285,14 @@ impl Scene {
         let coverage =
             Coverage::new(&top.key("coverage"), scene.coverage.as_deref(), has_geometry)?;
         let psog = scene.psog.as_ref();
-        let psog = PsogSource::new(&top, psog, has_geometry, dir, lidar.range(), &mount)?;
+        let psog = PsogSource::new(
+            &top,
+            psog,
+            has_geometry,
+            dir,
+            carries.lidars()[0].range(),
+            corners[1][2],
+        )?;
         match &psog {
             PsogSource::File(file) => files.push(file.clone()),
             PsogSource::Scan(_) => classes.check_detection(&classes.names)?,
@@ -299,11 +301,8 @@ impl Scene {
             name,
             classes,
             roi,
-            lidar,
-            mount,
-            vehicle,
+            carries,
             sensors: OnceLock::new(),
-            response,
             coverage,
             psog,
             frames,
@@ -355,14 +354,30 @@ impl Scene {
         &self.roi
     }
 
-    /// The LiDAR that every sensor of a placement is.
-    pub fn lidar(&self) -> &Lidar {
-        &self.lidar
+    /// The LiDAR that every sensor of a placement is; `None` where a vehicle says which there are.
+    pub fn lidar(&self) -> Option<&Lidar> {
+        match &self.carries {
+            Carries::Lidar { lidar, .. } => Some(lidar),
+            Carries::Vehicle(_) => None,
+        }
     }
 
-    /// Mount of the sensors.
-    pub fn mount(&self) -> &Mount {
-        &self.mount
+    /// LiDARs of the models of [`Self::sensors`], in that order; at least one.
+    pub fn lidars(&self) -> Vec<&Lidar> {
+        self.carries.lidars()
+    }
+
+    /// Mount of the sensors; `None` where a vehicle says which there are.
+    pub fn mount(&self) -> Option<&Mount> {
+        match &self.carries {
+            Carries::Lidar { mount, .. } => Some(mount),
+            Carries::Vehicle(_) => None,
+        }
+    }
+
+    /// Corners of the smallest box around all mounts, in the ego frame, metres.
+    pub fn mount_corners(&self) -> [[f64; 3]; 2] {
+        self.carries.corners()
     }
 
     /// Adds rules to the mount; error messages call the scene `name_for_errors`.
@@ -376,18 +391,24 @@ impl Scene {
         name_for_errors: &str,
     ) -> Result<Self, DescriptionError> {
         let at = Place::top(name_for_errors).key("mount");
-        if self.vehicle.is_some() && *rules != MountRules::default() {
-            let (at, key) = (Box::new(at), "rules");
-            let mend = "the mounts are those of a vehicle; write the rules there".to_owned();
-            return Err(DescriptionError::Misplaced { at, key, mend });
+        match &mut self.carries {
+            Carries::Lidar { mount, .. } => **mount = mount.narrowed(&at, rules)?,
+            Carries::Vehicle(_) if *rules == MountRules::default() => {}
+            Carries::Vehicle(_) => {
+                let (at, key) = (Box::new(at), "rules");
+                let mend = "the mounts are those of a vehicle; write the rules there".to_owned();
+                return Err(DescriptionError::Misplaced { at, key, mend });
+            }
         }
-        self.mount = self.mount.narrowed(&at, rules)?;
         Ok(self)
     }
 
     /// The vehicle, if the scene has one in place of a LiDAR and a mount.
     pub fn vehicle(&self) -> Option<&Vehicle> {
-        self.vehicle.as_ref()
+        match &self.carries {
+            Carries::Lidar { .. } => None,
+            Carries::Vehicle(vehicle) => Some(vehicle),
+        }
     }
 
     /// Sensor models: those of the vehicle, or the one LiDAR.
@@ -398,23 +419,26 @@ impl Scene {
         if let Some(sensors) = self.sensors.get() {
             return Ok(sensors.clone());
         }
-        let sensors = match &self.vehicle {
-            Some(vehicle) => vehicle.models()?,
-            None => {
-                let plain = SensorModel::plain(self.lidar.table()?);
-                let response = self.response.unwrap_or(plain.response);
-                Sensors::new(vec![SensorModel { response, ..plain }]).ok_or(SensorError::NoBeams)?
-            }
-        };
+        let sensors = self.carries.sensors()?;
         Ok(self.sensors.get_or_init(|| sensors).clone())
+    }
+
+    /// The models with ⌈n / divisor⌉ of their n azimuth steps or directions, evenly.
+    ///
+    /// # Errors
+    /// A model without beams.
+    pub fn thinned_sensors(&self, divisor: u32) -> Result<Sensors, SensorError> {
+        let thinned = self.lidars().into_iter().map(|lidar| lidar.thinned(divisor).table());
+        let mut sensors = self.sensors()?;
+        for (model, table) in thinned.enumerate() {
+            sensors = sensors.with_beams(model, table?);
+        }
+        Ok(sensors)
     }
 
     /// Rules of placements: of the vehicle with its fullest equipment, or of the mount.
     pub fn constraints(&self) -> Constraints {
-        match &self.vehicle {
-            Some(vehicle) => vehicle.constraints(&vehicle.fullest()),
-            None => (&self.mount).into(),
-        }
+        self.carries.constraints()
     }
 
     /// Voxels that a beam covers.

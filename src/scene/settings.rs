@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use super::description::{PsogDescription, RoiDescription, ScanDescription};
 use crate::json::check::{self, bad};
 use crate::json::{DescriptionError, Place};
-use crate::vehicle::Mount;
 
 /// Largest distance in metres from the top of the ROI up to the mount.
 const MOUNT_HEADROOM: f64 = 10.0;
@@ -66,10 +65,13 @@ impl RoiBounds {
 }
 
 impl RoiBounds {
-    /// Checks that the mount lies in the ROI sideways, and in z at least touches it or stands at most
+    /// Checks that the box around all mounts lies in the ROI sideways, and in z at least touches it or stands at most
     /// [`MOUNT_HEADROOM`] above.
-    pub(crate) fn check_mount(&self, at: &Place, mount: &Mount) -> Result<(), DescriptionError> {
-        let (min, max) = (mount.min, mount.max);
+    pub(crate) fn check_mount(
+        &self,
+        at: &Place,
+        [min, max]: [[f64; 3]; 2],
+    ) -> Result<(), DescriptionError> {
         let inside = |i: usize| self.min[i] <= min[i] && max[i] <= self.max[i];
         let over = min[2] <= self.max[2] + MOUNT_HEADROOM && max[2] >= self.min[2];
         let fits = [('x', inside(0)), ('y', inside(1)), ('z', over)];
@@ -148,8 +150,8 @@ impl ScanSettings {
             fov: DEFAULT_SCAN.0,
             azimuth_steps: None,
             spacing: None,
-            range: scene.lidar().range(),
-            height: scene.mount().max[2],
+            range: scene.lidars()[0].range(),
+            height: scene.mount_corners()[1][2],
             window: DEFAULT_SCAN.1,
             stride: DEFAULT_SCAN.2,
         }
@@ -159,7 +161,7 @@ impl ScanSettings {
         at: &Place,
         scan: &ScanDescription,
         lidar_range: f64,
-        mount: &Mount,
+        highest: f64,
     ) -> Result<Self, DescriptionError> {
         let count = |key, value: Option<u64>, hi| {
             value.map(|value| check::count(&at.key(key), value, 1, hi)).transpose()
@@ -171,7 +173,7 @@ impl ScanSettings {
             azimuth_steps: count("azimuth_steps", scan.azimuth_steps, 100_000)?,
             spacing,
             range: check::range(&at.key("range"), scan.range.unwrap_or(lidar_range))?,
-            height: check::metres(&at.key("height"), scan.height.unwrap_or(mount.max[2]))?,
+            height: check::metres(&at.key("height"), scan.height.unwrap_or(highest))?,
             window: count("window", scan.window, 1000)?.unwrap_or(DEFAULT_SCAN.1),
             stride: count("stride", scan.stride, 10_000)?.unwrap_or(DEFAULT_SCAN.2),
         })
@@ -194,7 +196,7 @@ impl PsogSource {
         has_geometry: bool,
         dir: &Path,
         lidar_range: f64,
-        mount: &Mount,
+        highest: f64,
     ) -> Result<Self, DescriptionError> {
         let at = top.key("psog");
         let mend = "a scene without geometry needs a P-SOG file, write `\"psog\": { \"file\": … }`";
@@ -221,6 +223,6 @@ impl PsogSource {
             let (at, mend) = (Box::new(at), mend.to_owned());
             return Err(DescriptionError::Misplaced { at, key: "scan", mend });
         }
-        ScanSettings::new(&at.key("scan"), scan, lidar_range, mount).map(Self::Scan)
+        ScanSettings::new(&at.key("scan"), scan, lidar_range, highest).map(Self::Scan)
     }
 }

@@ -120,6 +120,15 @@ impl Evaluator {
         &mut *self.seats[0].backend
     }
 
+    /// A scene or mirror image by its number from 0, with its engine for single stages.
+    ///
+    /// # Panics
+    /// There is no such member.
+    pub fn member_mut(&mut self, member: usize) -> (&Member, &mut dyn Backend) {
+        let Seat { member, backend, .. } = &mut self.seats[member];
+        (member, &mut **backend)
+    }
+
     /// The engines of all members, in order.
     pub(super) fn backends_mut(&mut self) -> impl Iterator<Item = &mut Box<dyn Backend>> {
         self.seats.iter_mut().map(|seat| &mut seat.backend)

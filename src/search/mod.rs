@@ -43,7 +43,7 @@ mod suite;
 pub(crate) mod swaps;
 
 pub use bound::{Certificate, GainBound};
-pub use equip::{Choosing, EquipStep, Equipped, Equipping, cost_front, equip};
+pub use equip::{Choosing, EquipStep, Equipped, Equipping, cost_front};
 pub use error::SearchError;
 pub use evaluator::{Evaluator, Judged, SceneScores};
 pub use findings::Finding;

@@ -17,7 +17,7 @@ pub(super) fn cost(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Study
         front.into_iter().map(|equipped| (equipped.words(vehicle), equipped)).collect();
     let rows = cases.each(named, |equipped, _| {
         let constraints = vehicle.constraints(&equipped.equipment);
-        let mut evaluator = scene.evaluator_with(scene.scene.sensors()?, constraints)?;
+        let mut evaluator = scene.evaluator_under(&constraints)?;
         let starts = std::slice::from_ref(&equipped.placement);
         let found = scene.optimize_from(&evaluator, &scene.settings.objective, starts)?;
         let best = found.unwrap_or_else(|| equipped.placement.clone());

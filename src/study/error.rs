@@ -1,9 +1,8 @@
 //! Why a study cannot be made.
 
 use crate::engine::BackendError;
-use crate::problem::ProblemError;
+use crate::job::JobError;
 use crate::psog::GridError;
-use crate::scan::VisibilityError;
 use crate::scene::DescriptionError;
 use crate::score::ObjectiveError;
 use crate::search::SearchError;
@@ -100,14 +99,9 @@ pub enum StudyError {
     /// A sensor file.
     #[error(transparent)]
     Scene(#[from] DescriptionError),
-    /// A P-SOG that does not fit its scene.
-    #[error("{scene}: {source}")]
-    Problem {
-        /// File of the scene.
-        scene: String,
-        /// The mismatch.
-        source: ProblemError,
-    },
+    /// A job that cannot be posed, scored or searched.
+    #[error(transparent)]
+    Job(#[from] JobError),
     /// Voxels that do not make a grid.
     #[error(transparent)]
     Grid(#[from] GridError),
@@ -123,7 +117,4 @@ pub enum StudyError {
     /// A search failed.
     #[error(transparent)]
     Search(#[from] SearchError),
-    /// Conditions that scores cannot be computed under.
-    #[error(transparent)]
-    Visibility(#[from] VisibilityError),
 }

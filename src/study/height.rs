@@ -27,7 +27,7 @@ pub(super) fn height(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
         let constraints = scene.constraints().with_regions(|region| {
             (region.lower[2], region.upper[2]) = (low, high);
         });
-        let mut evaluator = scene.evaluator_with(scene.scene.sensors()?, constraints)?;
+        let mut evaluator = scene.evaluator_under(&constraints)?;
         columns::of_best(scene, &mut evaluator)
     })?;
     let notes = vec![

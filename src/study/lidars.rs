@@ -15,7 +15,7 @@ pub(super) fn lidars(scene: &StudyScene, cases: &mut Cases) -> Result<Table, Stu
     let counts = LIDARS.map(|count| (count.to_string(), count)).collect();
     let mut rows = cases.each(counts, |count, rows| {
         let constraints = scene.constraints().with_lidars(count);
-        let mut evaluator = scene.evaluator_with(scene.scene.sensors()?, constraints)?;
+        let mut evaluator = scene.evaluator_under(&constraints)?;
         // The best of one LiDAR less, with one more at each corner of the mount in turn.
         let mut starts = scene.published.clone();
         let before = rows.last().and_then(|row| row.placement.as_ref());

@@ -30,8 +30,7 @@ mod tasks;
 mod transfer;
 mod voxels;
 
-use crate::psog::Psog;
-use crate::scene::Scene;
+use crate::job::JobScene;
 
 pub use cases::StudyObserver;
 pub use error::StudyError;
@@ -45,7 +44,7 @@ pub use table::{Row, Table};
 use cases::Cases;
 use scene::StudyScene;
 
-/// Makes a study of scenes, each with its P-SOG: several for [`Kind::Transfer`], one for all others.
+/// Makes a study of scenes, with their own frames and weather replaced by those of the settings: several for [`Kind::Transfer`], one for all others.
 ///
 /// `known` holds the rows of an interrupted study of the same settings and scenes, and gets those that
 /// are measured: it is all that an interrupted study needs to go on. The table holds the cases there are
@@ -55,7 +54,7 @@ use scene::StudyScene;
 /// Scenes or settings that do not fit the kind, or from searching and scoring.
 pub fn study(
     kind: Kind,
-    scenes: &[(&Scene, &Psog)],
+    scenes: &[JobScene],
     settings: &StudySettings,
     known: &mut Vec<Row>,
     observer: &dyn StudyObserver,
@@ -63,7 +62,7 @@ pub fn study(
     kind.check_scenes(scenes.len())?;
     let scenes: Vec<StudyScene> = scenes
         .iter()
-        .map(|(scene, psog)| StudyScene::new(scene, psog, settings, observer))
+        .map(|scene| StudyScene::new(scene, settings, observer))
         .collect::<Result<_, _>>()?;
     let mut cases = Cases::new(known, observer);
     let one = &scenes[0];

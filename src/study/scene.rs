@@ -1,22 +1,21 @@
-//! A scene of a study: problems, searches and scores that differ in one thing from case to case.
+//! A scene of a study: jobs, searches and scores that differ in one thing from case to case.
 
 use std::sync::Arc;
 
 use super::{StudyError, StudyObserver, StudySettings};
-use crate::engine::open;
-use crate::problem::{Problem, ProblemError, spread};
-use crate::psog::{Psog, Roi};
+use crate::job::{Job, JobScene};
+use crate::psog::Roi;
 use crate::scan::conditions::{in_words, under};
-use crate::scan::{in_conditions, scan_scene};
+use crate::scan::scan_scene;
 use crate::scene::{PsogSource, Scene};
 use crate::score::{Objective, Scores};
 use crate::search::{Evaluator, Event, Settings, optimize};
 use crate::vehicle::{Constraints, Placement, Sensors, table_7};
 
-/// A scene with its P-SOG and everything that the cases of a study share.
+/// The job that all cases of a study in one scene vary.
 pub(super) struct StudyScene<'a> {
+    job: Job,
     pub(super) scene: &'a Scene,
-    pub(super) psog: &'a Psog,
     pub(super) settings: &'a StudySettings,
     /// The layouts of Table 7, which stand beside every result.
     pub(super) published: Vec<Placement>,
@@ -25,17 +24,19 @@ pub(super) struct StudyScene<'a> {
 
 impl<'a> StudyScene<'a> {
     pub(super) fn new(
-        scene: &'a Scene,
-        psog: &'a Psog,
+        scene: &'a JobScene,
         settings: &'a StudySettings,
         observer: &'a dyn StudyObserver,
     ) -> Result<Self, StudyError> {
         // The notes of a table say so.
         let mut published = table_7();
-        scene.sensors()?.name_first(&mut published);
-        let this = Self { scene, psog, settings, published, observer };
+        scene.models()?.name_first(&mut published);
+        let job = Job::new(scene.clone()).conditions(&settings.conditions);
+        let job = job.frames(Some(settings.frames)).engine(settings.engine.clone());
+        let this = Self { job, scene: scene.scene(), settings, published, observer };
         let objective = &settings.objective;
-        if objective.needs_detection() && scene.detection_among(psog.classes()).is_empty() {
+        let psog = scene.psog(|| {})?;
+        if objective.needs_detection() && this.scene.detection_among(psog.classes()).is_empty() {
             let (scene, objective) = (this.place(), objective.to_string());
             return Err(StudyError::NoDetection { scene, objective });
         }
@@ -44,8 +45,7 @@ impl<'a> StudyScene<'a> {
 
     /// The scene's file, or its name where it was read from none.
     pub(super) fn place(&self) -> String {
-        let file = self.scene.files().first();
-        file.map_or_else(|| self.scene.name().to_owned(), |file| file.display().to_string())
+        self.job.scenes()[0].place()
     }
 
     /// Title of a study of this scene, with the weather that it is made in.
@@ -61,23 +61,26 @@ impl<'a> StudyScene<'a> {
 
     /// Frames that every score is a mean over.
     pub(super) fn frames(&self) -> Vec<usize> {
-        spread(self.scene.frame_count(), Some(self.settings.frames))
+        self.job.scenes()[0].frame_numbers()
     }
 
     /// An evaluator of the scene as it is.
     pub(super) fn evaluator(&self) -> Result<Evaluator, StudyError> {
-        self.evaluator_with(self.scene.sensors()?, self.constraints())
+        self.open(&self.job)
     }
 
-    /// An evaluator with another sensor or other rules of the mount.
-    pub(super) fn evaluator_with(
+    /// An evaluator with other rules of the mount, over the same trees.
+    pub(super) fn evaluator_under(
         &self,
-        sensors: impl Into<Sensors>,
-        constraints: Constraints,
+        constraints: &Constraints,
     ) -> Result<Evaluator, StudyError> {
-        let problem = Problem::from_scene(self.scene, self.psog, sensors, &self.frames());
-        let problem = problem.map_err(|source| self.misfit(source))?;
-        self.open(problem.with_constraints(constraints))
+        self.job.problem()?;
+        self.open(&self.job.clone().constraints(constraints))
+    }
+
+    /// An evaluator with other sensors.
+    pub(super) fn evaluator_with(&self, sensors: &Sensors) -> Result<Evaluator, StudyError> {
+        self.open(&self.job.clone().sensors(sensors))
     }
 
     /// An evaluator with voxels of another size; an error for a scene whose P-SOG is a file.
@@ -88,22 +91,13 @@ impl<'a> StudyScene<'a> {
         let bounds = self.scene.roi();
         let roi = Roi::from_bounds(bounds.min, bounds.max, voxel)?;
         let (psog, _) = scan_scene(self.scene, &roi, settings, || ())?;
-        let sensors = self.scene.sensors()?;
-        let problem = Problem::on_grid_of(&psog, self.scene, sensors, &self.frames());
-        let problem = problem.map_err(|source| self.misfit(source))?;
-        self.open(problem)
+        self.open(&self.job.clone().on_grid_of(&Arc::new(psog)))
     }
 
-    fn misfit(&self, source: ProblemError) -> StudyError {
-        StudyError::Problem { scene: self.place(), source }
-    }
-
-    fn open(&self, problem: Problem) -> Result<Evaluator, StudyError> {
-        let conditions = &self.settings.conditions;
-        let problem = Arc::new(in_conditions(self.scene, problem, conditions)?);
-        let opened = open(&problem, &self.settings.engine, |_| {})?;
-        self.observer.opened(&opened.notes);
-        Ok(Evaluator::new(problem, opened.engine))
+    fn open(&self, job: &Job) -> Result<Evaluator, StudyError> {
+        let (evaluator, notes) = job.evaluator(|_| {})?;
+        self.observer.opened(&notes);
+        Ok(evaluator)
     }
 
     /// The best placement that a search of the study's size finds from the published ones.

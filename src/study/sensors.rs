@@ -65,7 +65,7 @@ fn with_beams(scene: &StudyScene, table: BeamTable) -> Result<Sensors, StudyErro
 }
 
 pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, StudyError> {
-    let Lidar::Spinning { elevations, azimuth_steps, azimuth, range, .. } = scene.scene.lidar()
+    let Lidar::Spinning { elevations, azimuth_steps, azimuth, range, .. } = scene.scene.lidars()[0]
     else {
         return Err(StudyError::NoChannels { scene: scene.place() });
     };
@@ -83,7 +83,7 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
         };
         sensors.push((format!("{count} channels"), lidar));
     }
-    sensors.extend(crowded_sensors(scene.scene.lidar(), [low, high]));
+    sensors.extend(crowded_sensors(scene.scene.lidars()[0], [low, high]));
     for path in &scene.settings.sensors {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let mut lidar = Lidar::from_sensor_file(path, *azimuth_steps, *range)?;
@@ -99,7 +99,7 @@ pub(super) fn channels(scene: &StudyScene, cases: &mut Cases) -> Result<Table, S
         let table = lidar.table()?;
         let beams = table.directions().len();
         let sensors = with_beams(scene, table)?;
-        let mut evaluator = scene.evaluator_with(sensors, scene.constraints())?;
+        let mut evaluator = scene.evaluator_with(&sensors)?;
         let (mut values, best) = columns::of_best(scene, &mut evaluator)?;
         values.insert(0, Some(beams as f64));
         if let Some(best) = &best {

@@ -158,6 +158,15 @@ impl Vehicle {
         self.mounts.iter().any(|mount| mount.count[0] < mount.count[1] || mount.sensors.len() > 1)
     }
 
+    /// Rules with a slot for each sensor that a mount could hold, of each model that it may.
+    pub fn every_kind(&self) -> Constraints {
+        let mounts = self.mounts.iter().enumerate();
+        let kinds = mounts.flat_map(|(k, mount)| {
+            mount.sensors.iter().flat_map(move |&sensor| vec![(k, sensor); mount.count[1]])
+        });
+        self.constraints(&kinds.collect())
+    }
+
     /// The rules of a placement with some equipment, mount after mount.
     pub fn constraints(&self, equipment: &Equipment) -> Constraints {
         let mut sorted = equipment.clone();

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::mirror::{MIRRORED, pairs};
-use super::{Constraints, Placement, Region, SensorPose, Slot, Ties};
+use super::{Constraints, Placement, Region, SensorName, SensorPose, Slot, Ties};
 
 /// Grid values are rounded to multiples of 1/`DECIMALS`: 0.1 · 3 becomes 0.3.
 const DECIMALS: f64 = 1e12;
@@ -159,6 +159,17 @@ impl PoseGrid {
     /// Number of the pose nearest to `pose` along each field, among those of one LiDAR.
     pub fn nearest(&self, lidar: usize, pose: &SensorPose) -> u32 {
         self.parts[self.part_of_lidar[lidar]].nearest(pose)
+    }
+
+    /// Number of the pose of a sensor model nearest to `pose`, along each field in the region whose pose is least far
+    /// away; `None` where no region may hold the model.
+    pub fn nearest_of(&self, model: SensorName, pose: &SensorPose) -> Option<u32> {
+        let far = |number: u32| {
+            let other = self.pose(number);
+            (other.x - pose.x).powi(2) + (other.y - pose.y).powi(2) + (other.z - pose.z).powi(2)
+        };
+        let parts = self.parts.iter().filter(|part| part.slot.sensor == model);
+        parts.map(|part| part.nearest(pose)).min_by(|&a, &b| far(a).total_cmp(&far(b)))
     }
 
     /// Number of the mirror image of a pose, on a grid for mirrored pairs.

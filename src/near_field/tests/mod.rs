@@ -35,7 +35,7 @@ pub(super) fn scene(others: &str) -> Scene {
 pub(super) fn problem(scene: &Scene) -> Problem {
     let roi = scene.roi().grid().unwrap();
     let psog = Psog::new(roi, 1, scene.classes().to_vec(), vec![], vec![]).unwrap();
-    Problem::with_psog(scene, &psog, &[0]).unwrap()
+    Problem::from_scene(scene, &psog, scene.sensors().unwrap(), &[0]).unwrap()
 }
 
 fn cpu(problem: &Arc<Problem>) -> CpuBackend {

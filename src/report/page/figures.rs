@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::engine::{BackendError, EngineChoice, open};
+use crate::job::Job;
 use crate::near_field::{Footprint, NearField, NearSite};
 use crate::problem::{Problem, spread};
 use crate::report::near_field::near_field_svg;
@@ -36,26 +37,26 @@ struct Near {
 }
 
 impl Looks {
-    /// Looks at a placement and its baselines in the scenes of a suite whose problems are over all frames, on
-    /// the CPU within `memory` bytes.
+    /// Looks at a placement and its baselines in the scenes of a job, whose suite is over all frames, on the CPU
+    /// within the memory of the job's engine.
     ///
     /// # Errors
     /// Like [`open`] and the stages of the engine.
     pub fn new(
-        scenes: &[Scene],
+        job: &Job,
         suite: &Suite,
         placement: &Placement,
         baselines: &[Scored],
-        memory: Option<u64>,
     ) -> Result<Self, BackendError> {
-        let choice = EngineChoice { memory, ..EngineChoice::cpu() };
+        let choice = EngineChoice { memory: job.settings().engine.memory, ..EngineChoice::cpu() };
         let rival = Scored::yardstick(baselines).map(|rival| &rival.placement);
         let layouts: Vec<Placement> = baselines.iter().map(|b| b.placement.clone()).collect();
         let (mut maps, mut views, mut ground) = (Vec::new(), Vec::new(), None);
         let places: Vec<&Member> =
             suite.members().iter().filter(|member| !member.is_mirrored()).collect();
         for member in &places {
-            let (name, problem, scene) = (member.name(), member.problem(), &scenes[member.scene()]);
+            let (name, problem) = (member.name(), member.problem());
+            let scene = &**job.scenes()[member.scene()].scene();
             // Much of either is work of one thread.
             let (seen, near) = rayon::join(
                 || -> Result<_, BackendError> {

@@ -2,32 +2,25 @@
 
 mod bars;
 mod begun;
-mod equipment;
-mod near_field;
 mod record;
 mod request;
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 pub use request::{NewRun, OptimizeRequest, Start};
 
 use super::inputs::note_repeated;
-use super::opening::{self, LoadTimes};
-use super::{Computing, Error, GRACE, glb};
+use super::{Computing, Error, GRACE, glb, opening};
 use crate::export::GltfView;
 use crate::files::{Input, RunDir, Session};
-use crate::problem::{Content, Problem};
+use crate::job::{Job, JobError, JobRun, JobState, JobStep};
+use crate::problem::Content;
 use crate::report::RunRecord;
-use crate::scan::conditions::{Condition, ConditionError};
-use crate::scan::in_conditions;
-use crate::scene::Scene;
-use crate::score::Objective;
-use crate::search::{Event, Outcome, Run, SearchError, Suite, TimeLimit};
+use crate::search::{Event, Outcome, Settings, TimeLimit};
 use bars::Bars;
-use begun::{Begun, Course, Saved, Wanted};
-use record::{BETWEEN_CHECKPOINTS, Opened, Sitting, finish, read_spent, save};
+use begun::{Begun, Saved};
+use record::{BETWEEN_CHECKPOINTS, Sitting, finish, read_spent, save};
 
 /// What a run has found.
 #[derive(Debug)]
@@ -49,135 +42,75 @@ pub fn optimize(
 ) -> Result<Option<Optimized>, Error> {
     let _session = Session::begin();
     let start = Instant::now();
-    let (folder, mut begun, mut course, out) = match &request.start {
+    let (folder, begun, mut going_on, mut settings) = match &request.start {
         Start::Resume(path) => {
-            let (folder, saved) = RunDir::<Saved>::resume("optimize", path)?;
-            (Some(folder), saved.begun, saved.course, None)
+            let (folder, Saved { begun, state }) = RunDir::<Saved>::resume("optimize", path)?;
+            (Some(folder), begun, Some(state), Settings::default())
         }
         Start::New(new) => {
-            note_repeated(&new.scenes, computing.watcher);
-            let begun = new.begun(computing.vehicle.as_ref())?;
-            let course = Course::Equipping(Box::new(new.wanted()?));
-            (None, begun, course, new.out.as_deref())
+            let scenes: Vec<PathBuf> = new.files.scenes().cloned().collect();
+            note_repeated(&scenes, computing.watcher);
+            (None, new.begun()?, None, new.settings()?)
         }
     };
-    let mut opened = open(&begun, request.frames, computing)?;
+    let mut loaded = opening::job(&begun.files, computing)?;
+    loaded.suite(computing)?;
+    let mut inputs = Vec::new();
+    for scene in loaded.job.scenes() {
+        opening::note_frames(scene.scene(), request.frames, computing.watcher);
+        inputs.extend(Input::of(scene.scene().files())?);
+    }
     glb::check(request.gltf.as_deref())?;
-    if let (Start::New(new), Course::Equipping(wanted)) = (&request.start, &mut course) {
-        new.look(&mut wanted.settings, &opened.suite, computing)?;
-        check_value(&begun, &wanted.settings.objective, &opened.suite)?;
+    let length = request.max_seconds.map(Duration::from_secs_f64);
+    let time = length.map(|length| TimeLimit { start, length });
+    if let Start::New(new) = &request.start {
+        new.look(&mut settings, &*loaded.job.problem()?, computing)?;
+    }
+    let (is_given, baselines) = (begun.baselines.is_some(), settings.baselines.clone());
+    let job = loaded.job.search(settings).engine(computing.engine.clone()).within(time);
+    let job = if is_given { job.baselines(baselines) } else { job };
+    if going_on.is_none() {
+        check_value(&begun, &job)?;
     }
     computing.watcher.listen(GRACE);
-    let folder = match folder {
-        Some(folder) => folder,
-        // Before the search, so that a folder that cannot be written is found out now.
-        None => RunDir::create("optimize", out, &begun.folder(), opened.inputs.clone())?,
+    let folder = match (folder, &request.start) {
+        (None, Start::New(new)) => {
+            // Before the search, so that a folder that cannot be written is found out now.
+            RunDir::create("optimize", new.out.as_deref(), &begun.folder(), inputs.clone())?
+        }
+        (folder, _) => folder.expect("a run that goes on has a folder"),
     };
-    folder.check(&opened.inputs)?;
-    let time = request
-        .max_seconds
-        .map(|seconds| TimeLimit { start, length: Duration::from_secs_f64(seconds) });
-    let deadline = time.as_ref().map(TimeLimit::deadline);
-    let begins = begin(&mut begun, course, &mut opened, &folder, deadline, computing)?;
-    let Some((run, is_late)) = begins else {
-        return Ok(None);
-    };
-    let earlier = read_spent(&folder);
+    folder.check(&inputs)?;
+    let run = begin(&job, going_on.take(), &folder)?;
+    let (earlier, times) = (read_spent(&folder), loaded.times);
     let mut sitting =
-        Sitting { request, computing, begun, opened, folder, is_late, run, earlier, start };
-    let outcome = sitting.search(time)?;
+        Sitting { request, computing, begun, job: &job, folder, run, times, earlier, start };
+    let Some(outcome) = sitting.search()? else { return Ok(None) };
     let record = finish(&sitting, &outcome)?;
     sitting.check(&record)?;
     sitting.write_gltf(&record)?;
     Ok(Some(Optimized { record, folder: sitting.folder.path().to_owned() }))
 }
 
-/// The search, with a slot for each sensor of the vehicle, and whether the time ended while these were chosen;
-/// `None` after Ctrl-C.
-fn begin(
-    begun: &mut Begun,
-    course: Course,
-    opened: &mut Opened,
+/// The search at its beginning, or where a checkpoint left it.
+fn begin<'a>(
+    job: &'a Job,
+    state: Option<JobState>,
     folder: &RunDir<Saved>,
-    deadline: Option<Instant>,
-    computing: &Computing<'_>,
-) -> Result<Option<(Run, bool)>, Error> {
-    let wanted = match &course {
-        Course::Equipping(wanted) => Some(&**wanted),
-        Course::Run(_) => None,
+) -> Result<JobRun<'a>, Error> {
+    let run = match state {
+        Some(state) => job.resume(state),
+        None => job.begin(),
     };
-    let equipped = equipment::equipped(begun, wanted, opened, folder, deadline, computing)?;
-    let Some((suite, is_late)) = equipped else { return Ok(None) };
-    opened.suite = suite.clone();
-    let Wanted { settings, plainly, .. } = match course {
-        Course::Run(state) => {
-            state.check(&suite).map_err(|why| folder.refusal(&why))?;
-            return Ok(Some((Run::resume(suite, *state), false)));
-        }
-        Course::Equipping(wanted) => *wanted,
-    };
-    let settings = match &begun.equipped {
-        Some(equipped) => equipped.begin(settings, suite.constraints(), plainly),
-        None => settings,
-    };
-    let run = Run::new(suite, &settings).map_err(|error| in_scene(error, begun))?;
-    Ok(Some((run, is_late)))
-}
-
-/// Scenes and problems of a run.
-fn open(begun: &Begun, frames: Option<u32>, computing: &Computing<'_>) -> Result<Opened, Error> {
-    let conditions = begun.conditions.iter().map(|text| text.parse());
-    let conditions = conditions.collect::<Result<Vec<Condition>, ConditionError>>();
-    let conditions = conditions.map_err(Error::from)?;
-    opening::note_conditions(&conditions, computing.watcher);
-    let mut times = LoadTimes::default();
-    let (mut scenes, mut problems, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
-    for path in begun.scenes() {
-        let (scene, problem) = open_scene(path, begun, &conditions, frames, computing, &mut times)?;
-        inputs.extend(Input::of(scene.files())?);
-        problems.push((scene.name().to_owned(), problem));
-        scenes.push(scene);
-    }
-    let suite = Suite::new(problems).map_err(|error| in_scene(error, begun))?;
-    opening::note_classes(&suite, computing.watcher);
-    let suite = if begun.mirror { suite.with_mirror_images() } else { suite };
-    Ok(Opened { scenes, suite, inputs, times })
-}
-
-/// A scene with the rules of the options, and its problem over all frames.
-fn open_scene(
-    path: &Path,
-    begun: &Begun,
-    conditions: &[Condition],
-    frames: Option<u32>,
-    computing: &Computing<'_>,
-    times: &mut LoadTimes,
-) -> Result<(Scene, Arc<Problem>), Error> {
-    let watcher = computing.watcher;
-    let computing = Computing { vehicle: begun.vehicle.clone(), ..computing.clone() };
-    let (scene, psog, took) = opening::scene_and_psog(path, &computing)?;
-    opening::note_frames(&scene, frames, watcher);
-    let scene = scene
-        .with_rules(&begun.rules, &path.display().to_string())
-        .map_err(|error| Error::Usage(format!("options for the mount: {error}")))?;
-    let building = Instant::now();
-    let all: Vec<usize> = (0..scene.frame_count()).collect();
-    let problem = Problem::with_psog(&scene, &psog, &all)?;
-    let problem = in_conditions(&scene, problem, conditions)?;
-    let problem = Arc::new(problem);
-    watcher.detail(&problem.modelled().to_string());
-    watcher.detail(&format!(
-        "scene and P-SOG take {} MiB, work buffers at most {} MiB",
-        problem.bytes() >> 20,
-        computing.engine.memory_budget() >> 20
-    ));
-    times.load += took.load;
-    times.build += took.build + building.elapsed().as_secs_f64();
-    Ok((scene, problem))
+    run.map_err(|error| match error {
+        JobError::OtherState { why } => folder.refusal(&why).into(),
+        other => other.into(),
+    })
 }
 
 /// Checks that some placement can have a value.
-fn check_value(begun: &Begun, objective: &Objective, suite: &Suite) -> Result<(), Error> {
+fn check_value(begun: &Begun, job: &Job) -> Result<(), Error> {
+    let (objective, suite) = (&job.settings().objective, job.suite()?);
     // What lacks a detection target is said by the search.
     let exists = |content: &Content| {
         objective.exists_in(content) || objective.needs_detection() && !content.has_detection()
@@ -188,21 +121,15 @@ fn check_value(begun: &Begun, objective: &Objective, suite: &Suite) -> Result<()
     Err(Error::Usage(format!(
         "{}: nothing is uncertain in its P-SOG, so that no placement has a value of `{objective}`; give it frames in \
          which something moves",
-        begun.scene.display()
+        begun.files.scene.display()
     )))
 }
 
-/// An error of the settings, with the scene that they do not fit.
-fn in_scene(error: SearchError, begun: &Begun) -> Error {
-    let scenes: Vec<&PathBuf> = begun.scenes().collect();
-    opening::in_scene(error, &scenes)
-}
-
 impl Sitting<'_> {
-    /// Runs to the outcome; the state is saved on the way.
-    fn search(&mut self, time: Option<TimeLimit>) -> Result<Outcome, Error> {
+    /// Runs to the outcome; the state is saved on the way. `None` after Ctrl-C in the choice of sensors.
+    fn search(&mut self) -> Result<Option<Outcome>, Error> {
         let watcher = self.computing.watcher;
-        self.run.open_with(self.computing.engine.clone(), time);
+        let folder = self.folder.path().display().to_string();
         let mut bars = Bars::new(watcher);
         let mut saved: Option<Instant> = None;
         let outcome = loop {
@@ -210,24 +137,32 @@ impl Sitting<'_> {
                 bars.show(event);
                 watcher.goes_on()
             };
-            let outcome = self.run.step(&mut observe)?;
+            let step = self.run.step(&mut observe)?;
             let is_due = saved.is_none_or(|saved| saved.elapsed() > BETWEEN_CHECKPOINTS);
-            if outcome.is_some() || is_due {
+            if is_due || !matches!(step, JobStep::On) {
                 save(self)?;
                 saved = Some(Instant::now());
             }
-            if let Some(outcome) = outcome {
-                break outcome;
+            match step {
+                JobStep::On => {}
+                JobStep::Stopped => {
+                    bars.clear();
+                    watcher.note(&format!(
+                        "stopped while the sensors were chosen; go on with --resume {folder}"
+                    ));
+                    return Ok(None);
+                }
+                JobStep::Done(outcome) => break outcome,
             }
         };
         bars.clear();
         let generation = outcome.history.len();
         let mut line = format!("stopped after generation {generation}: {}", outcome.stopped);
         if outcome.stopped.is_unfinished() {
-            line += &format!("; go on with --resume {}", self.folder.path().display());
+            line += &format!("; go on with --resume {folder}");
         }
         watcher.note(&line);
-        Ok(outcome)
+        Ok(Some(*outcome))
     }
 
     /// Nothing found is an error, unless the search was stopped before its end.
@@ -235,8 +170,8 @@ impl Sitting<'_> {
         if record.best.is_some() || !self.computing.watcher.goes_on() {
             return Ok(());
         }
-        let scene = self.begun.scene.display();
-        let history = self.run.state().history();
+        let scene = self.begun.files.scene.display();
+        let history = self.run.run().map_or(&[][..], |run| run.state().history());
         let broken: u64 = history.iter().map(|record| record.infeasible as u64).sum();
         let kept = history.last().map_or(0, |record| record.evaluations).saturating_sub(broken);
         Err(Error::Usage(match kept {
@@ -255,7 +190,7 @@ impl Sitting<'_> {
     /// Writes the result in the first scene where that is asked for.
     fn write_gltf(&self, record: &RunRecord) -> Result<(), Error> {
         let Some(best) = &record.best else { return Ok(()) };
-        let (scene, placements) = (&self.opened.scenes[0], std::slice::from_ref(&best.placement));
+        let (scene, placements) = (&**self.job.scene(), std::slice::from_ref(&best.placement));
         let view = GltfView { scene, frame: 0, placements, points: &[] };
         glb::write(self.request.gltf.as_deref(), self.computing.watcher, &view)
     }

@@ -5,36 +5,27 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::begun::{Begun, Course, Saved};
-use super::near_field::with_self_hits;
+use super::begun::{Begun, Saved};
 use super::request::OptimizeRequest;
-use crate::files::{Input, RunDir, read_own};
+use crate::files::{RunDir, read_own};
+use crate::job::{Job, JobRun};
 use crate::report::record::peak_memory;
 
 use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
 use crate::runs::opening::LoadTimes;
 use crate::runs::{Computing, Error};
-use crate::scene::Scene;
-use crate::search::{FrameChoice, LeftOut, Outcome, Run, Scored, Settings, Stopped, Suite};
-
-/// Scenes with the rules of the options, and their problems over all frames.
-pub(super) struct Opened {
-    pub(super) scenes: Vec<Scene>,
-    pub(super) suite: Suite,
-    pub(super) inputs: Vec<Input>,
-    pub(super) times: LoadTimes,
-}
+use crate::search::{Equipped, FrameChoice, LeftOut, Outcome, Run, Scored, Settings, Stopped};
 
 /// One run of the program on a run folder.
 pub(super) struct Sitting<'a> {
     pub(super) request: &'a OptimizeRequest,
     pub(super) computing: &'a Computing<'a>,
     pub(super) begun: Begun,
-    pub(super) opened: Opened,
+    pub(super) job: &'a Job,
     pub(super) folder: RunDir<Saved>,
-    /// Whether the time ended while sensors were chosen: a resumed run goes on with that choice.
-    pub(super) is_late: bool,
-    pub(super) run: Run,
+    pub(super) run: JobRun<'a>,
+    /// Seconds until the search could begin.
+    pub(super) times: LoadTimes,
     /// Of earlier sittings.
     pub(super) earlier: Spent,
     pub(super) start: Instant,
@@ -67,13 +58,14 @@ pub(super) fn read_spent(folder: &RunDir<Saved>) -> Spent {
 impl Sitting<'_> {
     /// What all sittings have taken up to now.
     fn spent(&self) -> Spent {
-        let (now, Spent { searched, seconds, times }) = (self.run.times(), self.earlier);
+        let now = self.run.run().map(Run::times).unwrap_or_default();
+        let Spent { searched, seconds, times } = self.earlier;
         Spent {
             searched: searched + now.scored,
             seconds: seconds + now.until_swaps,
             times: RunTimes {
-                load: times.load + self.opened.times.load,
-                build: times.build + self.opened.times.build + now.frames,
+                load: times.load + self.times.load,
+                build: times.build + self.times.build + now.frames,
                 search: times.search + now.search,
                 generations: times.generations + now.generations,
                 bookkeeping: times.bookkeeping + now.bookkeeping,
@@ -89,48 +81,44 @@ impl Sitting<'_> {
 
 /// Saves the state: the history first, so that it is never behind.
 pub(super) fn save(sitting: &Sitting) -> Result<(), Error> {
-    let run = sitting.run.state().clone();
-    sitting.folder.write_lines("history.jsonl", run.history())?;
-    if !sitting.is_late {
-        let course = Course::Run(Box::new(run));
-        sitting.folder.save(&Saved { begun: sitting.begun.clone(), course })?;
+    if let Some(run) = sitting.run.run() {
+        sitting.folder.write_lines("history.jsonl", run.state().history())?;
     }
+    let state = sitting.run.state();
+    sitting.folder.save(&Saved { begun: sitting.begun.clone(), state })?;
     Ok(sitting.folder.write_json(TIMES, &sitting.spent())?)
 }
 
 /// Writes result, charts and page, and hands out the record.
 pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, Error> {
-    let (folder, suite) = (&sitting.folder, &sitting.opened.suite);
+    let (folder, suite, job) = (&sitting.folder, sitting.run.suite(), sitting.job);
     let spent = sitting.spent();
-    let settings = sitting.run.state().settings();
-    let outcome = &with_self_hits(&sitting.opened.scenes, suite, outcome)?;
-    let vehicle = sitting.opened.scenes[0].vehicle();
-    let equipped = sitting.begun.equipped.as_ref();
-    let equipment = vehicle.zip(equipped).map(|(vehicle, found)| found.words_with_price(vehicle));
+    let settings = sitting.run.run().map_or(job.settings(), |run| run.state().settings());
+    let settled =
+        settings_json(&sitting.begun, sitting.run.equipped(), settings, &outcome.left_out);
     let mut record = RunRecord::new(
         outcome,
         RunContext {
-            scene: sitting.opened.scenes[0].name(),
+            scene: job.scene().name(),
             settings: with_limit(
-                settings_json(&sitting.begun, settings, &outcome.left_out),
+                settled,
                 sitting.request.max_seconds.filter(|_| outcome.stopped == Stopped::Time),
             ),
             suite,
-            equipment,
+            equipment: sitting.run.equipment_in_words(),
             seed: settings.seed,
             objective: settings.objective.to_string(),
-            conditions: sitting.begun.conditions.clone(),
+            conditions: sitting.begun.files.conditions.clone(),
             rate: spent.searched as f64 / spent.seconds,
             timings: spent.times,
             peak_memory: peak_memory(),
         },
     );
     let drawing = Instant::now();
-    let memory = sitting.computing.engine.memory;
-    let (scenes, best, baselines) = (&sitting.opened.scenes, &record.best, &record.baselines);
-    let look = |best: &Scored| Looks::new(scenes, suite, &best.placement, baselines, memory);
+    let (best, baselines) = (&record.best, &record.baselines);
+    let look = |best: &Scored| Looks::new(job, suite, &best.placement, baselines);
     let looks = best.as_ref().map(look).transpose()?;
-    let figures = Figures::new(best.as_ref(), suite.constraints(), &scenes[0].body(), looks)
+    let figures = Figures::new(best.as_ref(), suite.constraints(), &job.scene().body(), looks)
         .with_search(&record, &outcome.history);
     // All but writing the files is over.
     let mut spent = sitting.spent();
@@ -163,18 +151,24 @@ fn with_limit(mut settings: Value, seconds: Option<f64>) -> Value {
 }
 
 /// Every setting that decides about the result, in the keys of `result.json`.
-fn settings_json(begun: &Begun, settings: &Settings, left_out: &[LeftOut]) -> Value {
+fn settings_json(
+    begun: &Begun,
+    equipped: Option<&Equipped>,
+    settings: &Settings,
+    left_out: &[LeftOut],
+) -> Value {
+    let files = &begun.files;
     let frames = match settings.frames {
         FrameChoice::OnDemand => None,
         FrameChoice::All => Some(u32::MAX),
         FrameChoice::Count(frames) => Some(frames),
     };
     let mut all = json!({
-        "scene": begun.scene,
+        "scene": files.scene,
         "frames": frames,
         "baselines": settings.baselines,
         "method": settings.method,
-        "rules": begun.rules,
+        "rules": files.rules,
         "target": settings.target,
         "left_out": left_out,
         "search": {
@@ -185,30 +179,30 @@ fn settings_json(begun: &Begun, settings: &Settings, left_out: &[LeftOut]) -> Va
             "delta": settings.delta,
         },
     });
-    if !begun.more_scenes.is_empty() {
-        all["more_scenes"] = json!(begun.more_scenes);
+    if !files.more_scenes.is_empty() {
+        all["more_scenes"] = json!(files.more_scenes);
     }
     if !settings.starts.is_empty() {
         all["starts"] = json!(settings.starts);
     }
-    if !begun.conditions.is_empty() {
-        all["conditions"] = json!(begun.conditions);
+    if !files.conditions.is_empty() {
+        all["conditions"] = json!(files.conditions);
     }
-    let files = [
-        ("vehicle", &begun.vehicle),
+    let given = [
+        ("vehicle", &files.vehicle),
         ("baselines_file", &begun.baselines),
         ("starts_file", &begun.inject),
     ];
-    for (key, file) in files {
+    for (key, file) in given {
         if let Some(file) = file {
             all[key] = json!(file.to_string_lossy());
         }
     }
-    if begun.mirror {
+    if files.mirror {
         all["mirror"] = json!(true);
     }
-    if let Some(equipped) = &begun.equipped {
-        all["budget"] = json!(begun.budget);
+    if let Some(equipped) = equipped {
+        all["budget"] = json!(files.budget);
         all["equipped"] = json!(equipped);
     }
     all

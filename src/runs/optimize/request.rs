@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 
-use crate::scan::conditions::Condition;
+use crate::job::JobFiles;
 use crate::search::Settings;
-use crate::vehicle::MountRules;
 
 /// A search to begin or to go on with.
 #[derive(Debug, Clone)]
@@ -31,24 +30,16 @@ pub enum Start {
 /// A search that is to begin.
 #[derive(Debug, Clone, Default)]
 pub struct NewRun {
-    /// Scene files; of several the mean is maximized.
-    pub scenes: Vec<PathBuf>,
-    /// Whether each scene counts mirrored, too.
-    pub mirror: bool,
+    /// Scenes, vehicle, rules, weather and budget.
+    pub files: JobFiles,
     /// Folder of the run; `runs/SCENE`, numbered, if none.
     pub out: Option<PathBuf>,
     /// Score to maximize, in place of that of the settings.
     pub objective: Option<String>,
     /// How to search.
     pub settings: Settings,
-    /// Rules beside those of the scene.
-    pub rules: MountRules,
     /// Placements to compare with, in place of Table 7 of the paper.
     pub baselines: Option<PathBuf>,
     /// More placements to start from.
     pub inject: Option<PathBuf>,
-    /// Most that the sensors of a vehicle may cost.
-    pub budget: Option<f64>,
-    /// Weather and faults.
-    pub conditions: Vec<Condition>,
 }

@@ -5,8 +5,9 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::job::Job;
 use crate::problem::Problem;
-use crate::psog::{Psog, PsogInfo};
+use crate::psog::PsogInfo;
 use crate::report::text::align_columns;
 use crate::runs::{Error, Watcher, opening};
 use crate::scan::BeamHits;
@@ -57,7 +58,8 @@ pub fn count(path: &Path, watcher: &dyn Watcher) -> Result<SceneCounts, Error> {
     }
     let frames = scene.frame_count();
     let bar = watcher.bar(frames as u64, Some("frames scanned for the P-SOG"));
-    let psog = Psog::of(&scene, || bar.advance(1))?;
+    let job = Job::new(scene);
+    let (scene, psog) = (job.scene(), job.scenes()[0].psog(|| bar.advance(1))?);
     drop(bar);
     let info = PsogInfo::new(&psog, None);
     let soup = scene.frame(0, EgoBody::Include);
@@ -65,9 +67,7 @@ pub fn count(path: &Path, watcher: &dyn Watcher) -> Result<SceneCounts, Error> {
     for track in scene.tracks() {
         *actors.entry(track.kind.name().to_owned()).or_default() += 1;
     }
-    let all: Vec<usize> = (0..frames).collect();
-    let problem = Problem::with_psog(&scene, &psog, &all)?;
-    let (lost, hits_by_range) = hits(problem, &soup.face_class, frames)?;
+    let (lost, hits_by_range) = hits(&*job.problem()?, &soup.face_class, frames)?;
     let votes: u64 = info.classes.iter().map(|c| c.voxels).sum();
     let share = |voxels: u64| 100.0 * voxels as f64 / votes.max(1) as f64;
     let seen = info.classes.iter().filter(|c| c.voxels > 0);
@@ -88,7 +88,7 @@ pub fn count(path: &Path, watcher: &dyn Watcher) -> Result<SceneCounts, Error> {
 
 /// Percent of beams without a hit, and of hits by range: one LiDAR above the origin, in the middle of
 /// the first mount in height, in all frames. Hits on the ego's own body are left out.
-fn hits(problem: Problem, classes: &[u16], frames: usize) -> Result<(f64, [f64; 5]), Error> {
+fn hits(problem: &Problem, classes: &[u16], frames: usize) -> Result<(f64, [f64; 5]), Error> {
     let [low, high] = problem.constraints().corners();
     let z = 0.5 * (low[2] + high[2]);
     let pose = SensorPose { z, ..SensorPose::default() };

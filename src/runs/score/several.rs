@@ -2,25 +2,22 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::{Value, json};
 
 use super::request::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out};
-use crate::engine::{Backend, EngineChoice, open};
 use crate::files::{safe_names, shared_folder, sync_disk, writable_file};
+use crate::job::Job;
 use crate::json::shortened;
-use crate::near_field::{FEW_PLACEMENTS, NearSite, self_hits};
-use crate::problem::Problem;
+use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
 use crate::runs::given::Given;
-use crate::runs::opening::{self, LoadTimes, Suited, timings};
+use crate::runs::opening::{self, LoadTimes, Loaded, timings};
 use crate::runs::{Computing, Error, GRACE};
 use crate::scan::conditions::{in_words, under};
-use crate::scene::Scene;
 use crate::score::Scores;
-use crate::search::{Evaluator, Judged, Member, Suite};
+use crate::search::{Evaluator, Judged, Member};
 use crate::vehicle::{Placement, PlacementFileError, PlacementReader};
 
 /// Placements that are held at once at most: a mean needs their scores in every scene.
@@ -35,8 +32,10 @@ pub(super) fn score(
     start: Instant,
     out: &mut dyn Write,
 ) -> Result<(), Error> {
-    let suited = opening::suite(scenes, request.frames, &request.conditions, computing)?;
-    let Suited { scenes, suite, evaluator, times, .. } = suited;
+    let files = opening::files(scenes, &request.conditions, request.frames, computing);
+    let mut loaded = opening::job(&files, computing)?;
+    let evaluator = loaded.evaluator(computing)?;
+    let Loaded { job, times } = loaded;
     computing.watcher.listen(GRACE);
     if let Some(file) = &request.out {
         writable_file(file)?;
@@ -59,10 +58,10 @@ pub(super) fn score(
     }
     drop(bar);
     if placements.len() <= FEW_PLACEMENTS {
-        batch.add_self_hits(&scenes, &suite, &placements)?;
+        job.add_self_hits_by_scene(&mut batch.evaluator, &placements, &mut batch.judged)?;
     }
     if request.near_field {
-        batch.add_near_fields(&scenes, &suite, &placements)?;
+        batch.add_near_fields(&job, &placements)?;
     }
     if let Some(folder) = &request.coverage_out {
         batch.write_coverage(folder, &placements)?;
@@ -118,37 +117,14 @@ impl Batch {
         self.evaluator.members().map(|(member, _)| member).enumerate()
     }
 
-    /// Adds the guard `self_hit` in every scene, and that of the first, whose body all share, to the mean.
-    fn add_self_hits(
-        &mut self,
-        scenes: &[Scene],
-        suite: &Suite,
-        placements: &[Placement],
-    ) -> Result<(), Error> {
-        in_each(scenes, suite, |index, scene, problem, engine| {
-            for (placement, judged) in placements.iter().zip(&mut self.judged) {
-                let guards = self_hits(scene, problem, engine, placement)?;
-                if index == 0 {
-                    judged.scores.guards.extend(guards.iter().cloned());
-                }
-                judged.by_scene[index].scores.guards.extend(guards);
-            }
-            Ok(())
-        })
-    }
-
     /// Adds the near field in every scene, and its mean.
-    fn add_near_fields(
-        &mut self,
-        scenes: &[Scene],
-        suite: &Suite,
-        placements: &[Placement],
-    ) -> Result<(), Error> {
-        in_each(scenes, suite, |index, scene, problem, engine| {
+    fn add_near_fields(&mut self, job: &Job, placements: &[Placement]) -> Result<(), Error> {
+        for (index, scene) in job.scenes().iter().enumerate() {
+            let (member, engine) = self.evaluator.member_mut(index);
             let of_scene = self.judged.iter_mut().map(|judged| &mut judged.by_scene[index].scores);
-            let site = NearSite::new(scene, problem)?;
-            Ok(site.score(engine, placements.iter().zip(of_scene))?)
-        })?;
+            let site = NearSite::new(scene.scene(), member.problem())?;
+            site.score(engine, placements.iter().zip(of_scene))?;
+        }
         for Judged { scores, by_scene } in &mut self.judged {
             let mean = |of: fn(&Scores) -> Option<f64>| {
                 let sum: Option<f64> = by_scene.iter().map(|scene| of(&scene.scores)).sum();
@@ -235,18 +211,4 @@ impl Batch {
         }
         Ok(())
     }
-}
-
-/// Does something in each scene, by its number, with an engine of its own: what takes casts beside those of the scores.
-fn in_each(
-    scenes: &[Scene],
-    suite: &Suite,
-    mut work: impl FnMut(usize, &Scene, &Arc<Problem>, &mut dyn Backend) -> Result<(), Error>,
-) -> Result<(), Error> {
-    for (index, member) in suite.members().iter().enumerate() {
-        let problem = member.problem();
-        let mut engine = open(problem, &EngineChoice::cpu(), |_| {})?.engine;
-        work(index, &scenes[member.scene()], problem, &mut *engine)?;
-    }
-    Ok(())
 }

@@ -14,14 +14,14 @@ use super::request::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out
 use crate::files::{
     FileError, LinePerElement, is_sink, shared_folder, sync_disk, target, writable_file,
 };
+use crate::job::Job;
 use crate::json::shortened;
-use crate::near_field::{FEW_PLACEMENTS, NearSite, add_self_hits};
+use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
 use crate::runs::given::Given;
-use crate::runs::opening::{self, LoadTimes, timings};
+use crate::runs::opening::{self, LoadTimes, Loaded, timings};
 use crate::runs::{Bar, Computing, Error, GRACE, Watcher};
 use crate::scan::conditions::{in_words, under};
-use crate::scene::Scene;
 use crate::score::Scores;
 use crate::search::Evaluator;
 use crate::vehicle::{Placement, PlacementFileError, PlacementReader};
@@ -36,17 +36,14 @@ pub(super) fn score(
     start: Instant,
     out: &mut dyn Write,
 ) -> Result<(), Error> {
-    let (scene, mut problem, mut times) =
-        opening::problem(scene, request.frames, &request.conditions, computing)?;
-    let building = Instant::now();
-    if request.draw > 0 {
-        let sensors = problem.sensors().with_seed(request.draw);
-        problem = problem.with_sensors(sensors);
-    }
-    let evaluator = opening::evaluator(problem, computing)?;
-    times.build += building.elapsed().as_secs_f64();
-    let loaded = Loaded { scene: &scene, evaluator, times };
-    opening::note_frames(&scene, request.frames, computing.watcher);
+    let scenes = [scene.to_owned()];
+    let files = opening::files(&scenes, &request.conditions, request.frames, computing);
+    let Loaded { job, times } = opening::job(&files, computing)?;
+    let mut loaded = Loaded { job: job.draw(request.draw), times };
+    let evaluator = loaded.evaluator(computing)?;
+    let Loaded { job, times } = loaded;
+    let scene = job.scene().clone();
+    let loaded = Ready { job, evaluator, times };
     if let Some(file) = &request.out {
         writable_file(file)?;
     }
@@ -82,9 +79,9 @@ pub(super) fn score(
     }
 }
 
-/// A scene ready to be scored.
-struct Loaded<'a> {
-    scene: &'a Scene,
+/// A job ready to be scored.
+struct Ready {
+    job: Job,
     evaluator: Evaluator,
     times: LoadTimes,
 }
@@ -93,22 +90,22 @@ struct Loaded<'a> {
 fn scoring<'a>(
     request: &'a ScoreRequest,
     computing: &Computing<'a>,
-    loaded: Loaded<'a>,
+    loaded: Ready,
     placements: &'a Path,
     total: u64,
     start: Instant,
 ) -> Result<Scoring<'a>, Error> {
-    let (scene, watcher) = (loaded.scene, computing.watcher);
+    let watcher = computing.watcher;
     let reader = PlacementReader::open(placements)?.peekable();
-    let site = || NearSite::new(scene, &loaded.evaluator.shared_problem());
+    let site = || NearSite::new(loaded.job.scene(), &loaded.evaluator.shared_problem());
     let near = request.near_field.then(site).transpose()?;
     let bar = Some(watcher.bar(total, Some("placements")));
     let given = Given::in_problem(placements, loaded.evaluator.problem(), computing);
-    let (evaluator, times, count) = (loaded.evaluator, loaded.times, 0);
+    let (Ready { job, evaluator, times }, count) = (loaded, 0);
     Ok(Scoring {
         request,
         placements,
-        scene,
+        job,
         given,
         evaluator,
         near,
@@ -126,7 +123,7 @@ fn scoring<'a>(
 struct Scoring<'a> {
     request: &'a ScoreRequest,
     placements: &'a Path,
-    scene: &'a Scene,
+    job: Job,
     given: Given<'a>,
     evaluator: Evaluator,
     /// Where the near field is asked for.
@@ -163,9 +160,8 @@ impl Scoring<'_> {
         let block = block?;
         let mut scores = self.evaluator.scores(&block)?;
         if self.count == 0 && block.len() <= FEW_PLACEMENTS && self.reader.peek().is_none() {
-            let problem = self.evaluator.shared_problem();
-            let engine = self.evaluator.backend_mut();
-            add_self_hits(self.scene, &problem, engine, block.iter().zip(&mut scores))?;
+            let all = block.iter().zip(&mut scores);
+            self.job.add_self_hits(self.evaluator.backend_mut(), all)?;
         }
         if let Some(site) = &self.near {
             site.score(self.evaluator.backend_mut(), block.iter().zip(&mut scores))?;
@@ -278,7 +274,7 @@ impl Scoring<'_> {
     /// All before the scores.
     fn head(&self) -> Result<String, Error> {
         let problem = self.evaluator.problem();
-        let (scene, frames) = (self.scene.name(), problem.frame_count());
+        let (scene, frames) = (self.job.scene().name(), problem.frame_count());
         let coverage = problem.coverage();
         if !self.request.as_json {
             let beams = problem.sensors().beams_in_words();

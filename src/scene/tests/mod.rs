@@ -52,21 +52,21 @@ fn the_small_form_is_read() {
     assert_eq!(scene.detection_among(scene.classes()), [9]);
     // The classes of a P-SOG count, whatever the scene calls its own.
     assert_eq!(scene.detection_among(&["road".into(), "car".into()]), [1]);
-    let mount = scene.mount();
+    let mount = scene.mount().unwrap();
     assert_eq!((mount.roll, mount.pitch, mount.yaw), ([-0.3, 0.3], [0.0; 2], [0.0; 2]));
     assert_eq!((mount.min_distance, mount.lidars), (0.2, 4));
     assert_eq!((mount.keep_out.len(), mount.equal_height, mount.symmetric), (0, false, false));
     let Lidar::Spinning { elevations, azimuth_offsets, azimuth_steps, azimuth, range } =
-        scene.lidar()
+        scene.lidars()[0]
     else {
-        panic!("{:?}", scene.lidar());
+        panic!("{:?}", scene.lidars()[0]);
     };
     assert_eq!((elevations[0], elevations[15], *azimuth), (-24.8, 2.0, None));
     assert_eq!(
         (azimuth_offsets.as_slice(), *azimuth_steps, *range),
         ([0.0; 16].as_slice(), 250, 100.0)
     );
-    assert_eq!(scene.lidar().beam_count(), 4000);
+    assert_eq!(scene.lidars()[0].beam_count(), 4000);
 }
 
 #[test]
@@ -92,7 +92,9 @@ fn a_roi_is_rounded_to_whole_voxels_or_up() {
 #[test]
 fn one_channel_takes_the_lower_end() {
     let text = SMALL.replace("\"channels\": 16", "\"channels\": 1");
-    let Lidar::Spinning { elevations, .. } = read(&text).unwrap().lidar else { panic!() };
+    let Lidar::Spinning { elevations, .. } = read(&text).unwrap().lidars()[0].clone() else {
+        panic!()
+    };
     assert_eq!(elevations, [-24.8]);
 }
 
@@ -102,7 +104,9 @@ fn directions_are_normalized() {
     let start = SMALL.find("\"lidar\"").unwrap();
     let end = SMALL.find("\"mount\"").unwrap();
     let text = format!("{}{lidar}{}", &SMALL[..start], &SMALL[end..]);
-    let Lidar::Directions { directions, range } = read(&text).unwrap().lidar else { panic!() };
+    let Lidar::Directions { directions, range } = read(&text).unwrap().lidars()[0].clone() else {
+        panic!()
+    };
     assert!((DVec3::from(directions[0]) - DVec3::new(0.6, 0.0, 0.8)).length() < 1e-15);
     assert_eq!((directions[1], range), ([0.0, 1.0, 0.0], 50.0));
     let zero = text.replace("[3, 0, 4]", "[0, 0, 0]");
@@ -127,7 +131,9 @@ fn a_sensor_file_gives_channels_and_offsets() {
         [("", [1.0, -2.0]), (", \"azimuth_offsets\": \"clockwise\"", [-1.0, 2.0])]
     {
         let scene = with(&format!("\"file\": \"two.json\"{sign}")).unwrap();
-        let Lidar::Spinning { elevations, azimuth_offsets, .. } = scene.lidar() else { panic!() };
+        let Lidar::Spinning { elevations, azimuth_offsets, .. } = scene.lidars()[0] else {
+            panic!()
+        };
         assert_eq!(elevations, &[-5.0, 5.5]);
         assert_eq!(azimuth_offsets, &offsets);
     }
@@ -142,8 +148,8 @@ fn a_sector_points_from_its_first_to_its_last_azimuth() {
         read(&SMALL.replace("\"azimuth_steps\": 250", &format!("\"azimuth_steps\": 5, {more}")))
     };
     let scene = with("\"azimuth\": [-60, 60]").unwrap();
-    assert_eq!(scene.lidar().beam_count(), 16 * 5);
-    let table = scene.lidar().table().unwrap();
+    assert_eq!(scene.lidars()[0].beam_count(), 16 * 5);
+    let table = scene.lidars()[0].table().unwrap();
     for (j, degrees) in [-60.0_f32, -30.0, 0.0, 30.0, 60.0].into_iter().enumerate() {
         let [x, y, _] = table.directions()[j];
         assert!((y.atan2(x).to_degrees() - degrees).abs() < 1e-4, "{j}: {x} {y}");
@@ -151,7 +157,7 @@ fn a_sector_points_from_its_first_to_its_last_azimuth() {
     let grid = table.grid().unwrap();
     assert!(!grid.turn && grid.steps == 5);
     // Half of the steps, over the same field of view.
-    let thin = scene.lidar().thinned(2).table().unwrap();
+    let thin = scene.lidars()[0].thinned(2).table().unwrap();
     assert_eq!(thin.directions()[2], table.directions()[4]);
     let turn = with("\"azimuth\": [-180, 180]").unwrap_err().to_string();
     assert_eq!(
@@ -163,7 +169,7 @@ fn a_sector_points_from_its_first_to_its_last_azimuth() {
     assert!(back.contains("with from < to"), "{back}");
     let one =
         SMALL.replace("\"azimuth_steps\": 250", "\"azimuth_steps\": 1, \"azimuth\": [90, 100]");
-    let [x, y, _] = read(&one).unwrap().lidar().table().unwrap().directions()[0];
+    let [x, y, _] = read(&one).unwrap().lidars()[0].table().unwrap().directions()[0];
     assert!(x.abs() < 1e-6 && y > 0.9);
 }
 
@@ -181,18 +187,18 @@ fn keys_that_a_sensor_file_does_not_need_are_refused() {
         Scene::from_json(&SMALL.replace(form, lidar), dir.path(), "s.json")
     };
     let error = |lidar: &str| with(lidar).unwrap_err().to_string();
-    assert_eq!(with(r#""file": "ouster""#).unwrap().lidar().beam_count(), 512);
+    assert_eq!(with(r#""file": "ouster""#).unwrap().lidars()[0].beam_count(), 512);
     let own = with(r#""file": "ouster", "azimuth_steps": 100"#).unwrap();
-    assert_eq!(own.lidar().beam_count(), 100);
+    assert_eq!(own.lidars()[0].beam_count(), 100);
     let sector = error(r#""file": "ouster", "azimuth": [0, 90]"#);
     assert!(sector.contains("`azimuth_steps` is missing"), "{sector}");
     let sign = error(r#""file": "ouster", "azimuth_offsets": "clockwise""#);
     assert!(sign.contains("says which way it counts; leave it out"), "{sign}");
     let window = error(r#""file": "ouster", "window": [0, 1]"#);
     assert!(window.contains("`window` cannot stand here: it cuts a Livox"), "{window}");
-    assert_eq!(with(r#""file": "livox""#).unwrap().lidar().beam_count(), 1);
+    assert_eq!(with(r#""file": "livox""#).unwrap().lidars()[0].beam_count(), 1);
     let two = with(r#""file": "livox", "window": [0.5, 0.7]"#).unwrap();
-    assert_eq!(two.lidar().beam_count(), 2);
+    assert_eq!(two.lidars()[0].beam_count(), 2);
     assert!(error(r#""file": "livox", "window": [1, 0]"#).contains("with from < to"));
     let steps = error(r#""file": "livox", "azimuth_steps": 4"#);
     assert!(steps.contains("`azimuth_steps` cannot stand here"), "{steps}");
@@ -285,8 +291,8 @@ fn further_rules_narrow_the_mount_and_are_checked_like_its_own() {
     };
     let narrowed = scene().with_rules(&rules(&[("z", 2.5), ("roll", 0.0)], true), "s.json");
     let scene_before = scene();
-    let (old, narrowed) = (scene_before.mount(), narrowed.unwrap());
-    let new = narrowed.mount();
+    let (old, narrowed) = (scene_before.mount().unwrap(), narrowed.unwrap());
+    let new = narrowed.mount().unwrap();
     assert_eq!((new.min, new.max), ([-0.6, -0.6, 2.5], [0.6, 0.6, 2.5]));
     assert_eq!(
         (new.roll, new.yaw, new.equal_height, new.symmetric),

@@ -52,7 +52,9 @@ fn ranges_errors_and_windows_are_those_of_the_file() {
     let file = r#"{ "file": "p.json" }"#;
     for scene in [in_scene(file), on_vehicle(file, "")] {
         // 1024 columns a turn, every 0.3516 degrees: 128 on each side of the first one.
-        let Lidar::Spinning { azimuth_steps, azimuth, range, .. } = scene.lidar() else { panic!() };
+        let Lidar::Spinning { azimuth_steps, azimuth, range, .. } = scene.lidars()[0] else {
+            panic!()
+        };
         assert_eq!((*azimuth_steps, *azimuth, *range), (257, Some([-45.0, 45.0]), 120.0));
         let Response { rate, rated_range, noise, min_range, .. } = response(&scene);
         assert_eq!([rate, rated_range, noise, min_range], [20.0, 55.0, 0.03, 0.5]);
@@ -65,7 +67,7 @@ fn a_scene_that_says_otherwise_counts_and_is_told() {
     let given = r#"{ "file": "p.json", "range": 100, "azimuth_steps": 512 }"#;
     let response_given = r#", "response": { "noise": 0.01, "rate": 20 }"#;
     let scene = on_vehicle(given, response_given);
-    let Lidar::Spinning { azimuth_steps, range, .. } = scene.lidar() else { panic!() };
+    let Lidar::Spinning { azimuth_steps, range, .. } = scene.lidars()[0] else { panic!() };
     assert_eq!((*azimuth_steps, *range), (129, 100.0));
     let Response { rated_range, noise, .. } = response(&scene);
     assert_eq!((rated_range, noise), (55.0, 0.01));
@@ -79,7 +81,7 @@ fn a_scene_that_says_otherwise_counts_and_is_told() {
     }
     assert!(!said.contains("rate: "), "{said}");
     let turned = in_scene(r#"{ "file": "p.json", "azimuth": [-10, 10], "azimuth_steps": 21 }"#);
-    let Lidar::Spinning { azimuth_steps, azimuth, .. } = turned.lidar() else { panic!() };
+    let Lidar::Spinning { azimuth_steps, azimuth, .. } = turned.lidars()[0] else { panic!() };
     assert_eq!((*azimuth_steps, *azimuth), (21, Some([-10.0, 10.0])));
     assert!(notes(&turned).contains("azimuth: [-10.0, 10.0] degrees; the sensor file states"));
 }

@@ -95,9 +95,9 @@ pub enum EquipStep {
 }
 
 /// What opening a search for equipment gave.
-pub(super) enum Opened<'a> {
+pub(super) enum Opened {
     /// The search, all poses cast.
-    Open(Box<Equip<'a>>),
+    Open(Box<Equip>),
     /// The observer has stopped it.
     Stopped,
     /// Its time was over before all poses were cast.
@@ -105,8 +105,8 @@ pub(super) enum Opened<'a> {
 }
 
 /// The search for equipment.
-pub(super) struct Equip<'a> {
-    vehicle: &'a Vehicle,
+pub(super) struct Equip {
+    vehicle: Vehicle,
     pub(super) budget: f64,
     grid: GridSearch,
     /// Where the poses of the grid stand.
@@ -133,12 +133,7 @@ fn count_on(mount: usize, chosen: &[Choice], group: &Group) -> usize {
 
 /// Rules with a slot for each sensor that a mount could hold of each model, and mount and model by kind.
 fn every_kind(vehicle: &Vehicle) -> (Constraints, Vec<(usize, SensorName)>) {
-    let mounts = vehicle.mounts.iter().enumerate().filter(|(_, mount)| mount.count[1] > 0);
-    let kinds: Vec<(usize, SensorName)> = mounts
-        .flat_map(|(k, mount)| mount.sensors.iter().map(move |&sensor| (k, sensor)))
-        .collect();
-    let slots = kinds.iter().flat_map(|&kind| vec![kind; vehicle.mounts[kind.0].count[1]]);
-    let constraints = vehicle.constraints(&slots.collect());
+    let constraints = vehicle.every_kind();
     // In the order in which the constraints have sorted them.
     let of_kind = constraints.kinds().into_iter().map(|(slot, _)| {
         let mount = vehicle.mounts.iter().position(|mount| mount.region == slot.region);
@@ -148,16 +143,16 @@ fn every_kind(vehicle: &Vehicle) -> (Constraints, Vec<(usize, SensorName)>) {
     (constraints, kinds)
 }
 
-impl<'a> Equip<'a> {
+impl Equip {
     pub(super) fn open(
         suite: &Suite,
-        vehicle: &'a Vehicle,
+        vehicle: &Vehicle,
         objective: &Objective,
         budget: f64,
         engine: &EngineChoice,
         watch: &mut Watch,
-    ) -> Result<Opened<'a>, SearchError> {
-        let (constraints, kinds) = every_kind(vehicle);
+    ) -> Result<Opened, SearchError> {
+        let (vehicle, (constraints, kinds)) = (vehicle.clone(), every_kind(vehicle));
         // What is chosen are models and mounts: the search that follows chooses phases.
         let constraints = constraints.without_phases();
         let suite = suite.over(&suite.spread(Some(FRAMES))).with_constraints(&constraints.untied());

@@ -30,48 +30,21 @@ const OUT_OF_TIME: &str = "the time ended while the sensors were chosen; the bes
 const BUDGETS: u32 = 8;
 
 /// A choice of equipment under way, step by step.
-pub struct Equipping<'a> {
-    search: Search<'a>,
+pub struct Equipping {
+    search: Search,
     state: Choosing,
     deadline: Option<Instant>,
 }
 
-enum Search<'a> {
+enum Search {
     /// There was nothing to choose.
     Chosen(Equipped),
     /// The time was over before poses could be compared: the cheapest equipment.
     OutOfTime(Equipped),
-    Open(Box<Equip<'a>>),
+    Open(Box<Equip>),
 }
 
-/// Equipment for at most `budget`, as good as found until `deadline`, of the vehicle of some scenes; `None` where
-/// the observer stops the choice.
-///
-/// # Errors
-/// See [`Equipping::open`].
-pub fn equip(
-    suite: &Suite,
-    vehicle: &Vehicle,
-    objective: &Objective,
-    budget: f64,
-    engine: &EngineChoice,
-    deadline: Option<Instant>,
-    observer: &mut dyn Observer,
-) -> Result<Option<Equipped>, SearchError> {
-    let opened = Equipping::open(suite, vehicle, objective, budget, engine, deadline, observer)?;
-    let Some(mut choice) = opened else { return Ok(None) };
-    loop {
-        match choice.step(observer) {
-            EquipStep::On => {}
-            EquipStep::Stopped => return Ok(None),
-            EquipStep::Done(equipped) | EquipStep::OutOfTime(equipped) => {
-                return Ok(Some(equipped));
-            }
-        }
-    }
-}
-
-impl<'a> Equipping<'a> {
+impl Equipping {
     /// Casts every model on every mount; `None` where the observer stops that.
     ///
     /// # Errors
@@ -79,7 +52,7 @@ impl<'a> Equipping<'a> {
     /// choice, or an engine that failed.
     pub fn open(
         suite: &Suite,
-        vehicle: &'a Vehicle,
+        vehicle: &Vehicle,
         objective: &Objective,
         budget: f64,
         engine: &EngineChoice,
@@ -171,7 +144,7 @@ fn plain(
 /// The best equipment for each of some budgets, from the cheapest rig to one that wants for nothing.
 ///
 /// # Errors
-/// See [`equip`].
+/// See [`Equipping::open`].
 pub fn cost_front(
     suite: &Suite,
     vehicle: &Vehicle,

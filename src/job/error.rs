@@ -1,0 +1,88 @@
+//! Why a job cannot be posed, scored or searched.
+
+use crate::engine::BackendError;
+use crate::problem::ProblemError;
+use crate::psog::{GridError, PsogFileError};
+use crate::scan::VisibilityError;
+use crate::scan::conditions::ConditionError;
+use crate::scene::DescriptionError;
+use crate::search::SearchError;
+use crate::vehicle::SensorError;
+
+/// Why a job cannot be posed, scored or searched.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum JobError {
+    /// From the scene.
+    #[error(transparent)]
+    Scene(#[from] DescriptionError),
+    /// Rules that the mounts of a scene do not allow.
+    #[error("options for the mount: {0}")]
+    Rules(DescriptionError),
+    /// From the region of interest, or from building the P-SOG.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// From the P-SOG file that the scene names.
+    #[error("{place}: {source}")]
+    Psog {
+        /// The scene and the key in it.
+        place: String,
+        /// Why the file is not read.
+        source: PsogFileError,
+    },
+    /// From the sensor.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// Scene and P-SOG do not fit together.
+    #[error("{files}: {source}")]
+    Problem {
+        /// The scene file, and the P-SOG file if it names one.
+        files: String,
+        /// The mismatch.
+        source: ProblemError,
+    },
+    /// Weather and faults that cannot be read.
+    #[error(transparent)]
+    Condition(#[from] ConditionError),
+    /// Weather that scores cannot be computed under.
+    #[error(transparent)]
+    Visibility(#[from] VisibilityError),
+    /// An engine that is missing or fails.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
+    /// From the search.
+    #[error(transparent)]
+    Search(#[from] SearchError),
+    /// A scene that does not fit the others, or the objective.
+    #[error("{scene}: {source}")]
+    InScene {
+        /// File of the scene.
+        scene: String,
+        /// The mismatch.
+        source: SearchError,
+    },
+    /// A budget for a scene whose LiDAR has no price.
+    #[error(
+        "--budget: the scene has one LiDAR and no prices; give a vehicle with --vehicle (in Python load the scene \
+         with one)"
+    )]
+    NoPrices,
+    /// A saved search that was begun with another vehicle or other scenes.
+    #[error("{why}")]
+    OtherState {
+        /// The first part that does not fit.
+        why: String,
+    },
+}
+
+impl JobError {
+    /// The engine's error, where it is one.
+    pub fn of_engine(&self) -> Option<&BackendError> {
+        match self {
+            Self::Backend(error)
+            | Self::Search(SearchError::Backend(error))
+            | Self::InScene { source: SearchError::Backend(error), .. } => Some(error),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! A job as its files and options say it: what a checkpoint keeps, and a run is repeated from.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::{Job, JobError, JobScene};
+use crate::scan::conditions::Condition;
+use crate::scene::Scene;
+use crate::vehicle::MountRules;
+
+/// Files and options of a [`Job`]; an option that is left out of the file has its default.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct JobFiles {
+    /// The first scene.
+    pub scene: PathBuf,
+    /// Scenes after the first; the mean over all is maximized.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub more_scenes: Vec<PathBuf>,
+    /// Each scene counts mirrored left to right, too.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub mirror: bool,
+    /// Rules of placements beside those of the scenes.
+    #[serde(default)]
+    pub rules: MountRules,
+    /// Vehicle file in place of what the scenes say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vehicle: Option<PathBuf>,
+    /// Most that the sensors may cost.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub budget: Option<f64>,
+    /// Weather and faults, as they are written: `fog:mor=50`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub conditions: Vec<String>,
+    /// Frames of each scene, spread evenly; all if `None`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frames: Option<u32>,
+}
+
+impl JobFiles {
+    /// Scene files alone, with every option at its default; the first of none is the empty path.
+    pub fn new(scenes: &[PathBuf], vehicle: Option<&Path>) -> Self {
+        let mut scenes = scenes.iter().cloned();
+        Self {
+            scene: scenes.next().unwrap_or_default(),
+            more_scenes: scenes.collect(),
+            vehicle: vehicle.map(Path::to_owned),
+            ..Self::default()
+        }
+    }
+
+    /// The scene files, in the order given.
+    pub fn scenes(&self) -> impl Iterator<Item = &PathBuf> {
+        std::iter::once(&self.scene).chain(&self.more_scenes)
+    }
+
+    /// Reads one of the scenes, with the vehicle and the rules.
+    ///
+    /// # Errors
+    /// As [`Scene::read_with`] and [`Scene::with_rules`].
+    pub fn read_scene(&self, path: &Path) -> Result<Scene, JobError> {
+        let scene = Scene::read_with(path, self.vehicle.as_deref())?;
+        scene.with_rules(&self.rules, &path.display().to_string()).map_err(JobError::Rules)
+    }
+
+    /// The job over scenes that [`Self::read_scene`] has read.
+    ///
+    /// # Errors
+    /// Conditions that cannot be read, no scene.
+    pub fn job_over(&self, scenes: impl IntoIterator<Item = JobScene>) -> Result<Job, JobError> {
+        let conditions = self.conditions.iter().map(|text| text.parse());
+        let conditions = conditions.collect::<Result<Vec<Condition>, _>>()?;
+        let job = Job::join(scenes.into_iter().map(Job::new))?;
+        let job = job.conditions(&conditions).frames(self.frames);
+        Ok(job.mirrored(self.mirror).budget(self.budget))
+    }
+
+    /// The job, its scenes read.
+    ///
+    /// # Errors
+    /// As [`Self::read_scene`] and [`Self::job_over`].
+    pub fn read(&self) -> Result<Job, JobError> {
+        let scenes = self.scenes().map(|path| self.read_scene(path).map(JobScene::from));
+        self.job_over(scenes.collect::<Result<Vec<_>, _>>()?)
+    }
+}

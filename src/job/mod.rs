@@ -1,0 +1,292 @@
+//! The main job: scenes, a vehicle, weather, an objective, a budget, an engine; scores and the best placement.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `scene` | one scene of a job: P-SOG, frames, sensors and weather, and the problem that these pose |
+//! | `search` | the search of a job step by step: sensors for the money, placements, own body |
+//! | `files` | a job as its files and options say it, to be saved and repeated |
+//! | `error` | why a job cannot be posed or searched |
+//!
+//! Program, Python module, studies, chart and audit hold a [`Job`] and take nothing of this chain apart.
+
+mod error;
+mod files;
+mod scene;
+mod search;
+
+use std::sync::Arc;
+
+use crate::engine::{Backend, EngineChoice};
+use crate::near_field::{FEW_PLACEMENTS, self_hits};
+use crate::problem::Problem;
+use crate::psog::Psog;
+use crate::scan::conditions::Condition;
+use crate::scene::Scene;
+use crate::score::{Objective, Scores};
+use crate::search::{Evaluator, Judged, SearchError, Settings, Suite, TimeLimit};
+use crate::vehicle::{Constraints, Placement, Sensors};
+
+pub use error::JobError;
+pub use files::JobFiles;
+pub use scene::JobScene;
+pub use search::{Found, JobRun, JobState, JobStep};
+
+/// Where should the LiDARs of a vehicle go, in one scene or several?
+///
+/// ```
+/// use sightline::{Job, Scene, read_placements};
+///
+/// let job = Job::new(Scene::read("scenes/industrial-yard.json")?).frames(Some(1));
+/// for judged in job.score(&read_placements("scenes/placements.json")?)? {
+///     println!("{:14} {:?}", judged.scores.name, judged.scores.near_gain);
+/// }
+/// # Ok::<(), sightline::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Job {
+    /// At least one.
+    scenes: Vec<JobScene>,
+    /// Each scene counts mirrored left to right, too.
+    mirror: bool,
+    /// Most that the sensors of the vehicle may cost; `None` sets no limit.
+    budget: Option<f64>,
+    /// Objective, seed, engine and length of the search.
+    settings: Settings,
+    /// A vehicle's result is compared with its own sensors put up plainly, not with [`Settings::baselines`].
+    is_plain: bool,
+}
+
+impl Job {
+    /// A job in one scene: its own vehicle or mount, all frames, clear air, the default search.
+    pub fn new(scene: impl Into<JobScene>) -> Self {
+        Self::over(vec![scene.into()])
+    }
+
+    /// A job over the scenes of several jobs, each with its own frames and weather; their mean is maximized.
+    /// Mirroring, budget and search are those of the first.
+    ///
+    /// # Errors
+    /// No job at all.
+    pub fn join(jobs: impl IntoIterator<Item = Self>) -> Result<Self, JobError> {
+        let mut jobs = jobs.into_iter();
+        let mut all = jobs.next().ok_or(SearchError::NoScene)?;
+        all.scenes.extend(jobs.flat_map(|job| job.scenes));
+        Ok(all)
+    }
+
+    fn over(scenes: Vec<JobScene>) -> Self {
+        let settings = Settings::default();
+        Self { scenes, mirror: false, budget: None, settings, is_plain: true }
+    }
+
+    fn with_scenes(mut self, change: impl Fn(JobScene) -> JobScene) -> Self {
+        self.scenes = self.scenes.into_iter().map(change).collect();
+        self
+    }
+
+    /// Weather and faults of every scene.
+    #[must_use]
+    pub fn conditions(self, conditions: &[Condition]) -> Self {
+        self.with_scenes(|scene| scene.conditions(conditions))
+    }
+
+    /// So many frames of each scene, spread evenly from the first on; all if `None`.
+    #[must_use]
+    pub fn frames(self, frames: Option<u32>) -> Self {
+        self.with_scenes(|scene| scene.frames(frames))
+    }
+
+    /// Other sensor models than those of the scenes' vehicle.
+    #[must_use]
+    pub fn sensors(self, sensors: &Sensors) -> Self {
+        self.with_scenes(|scene| scene.sensors(sensors.clone()))
+    }
+
+    /// Other rules of placements than those of the scenes' vehicle.
+    #[must_use]
+    pub fn constraints(self, constraints: &Constraints) -> Self {
+        self.with_scenes(|scene| scene.constraints(constraints.clone()))
+    }
+
+    /// Another draw of free phases and of the beams that return through weather; 0 is the usual one.
+    #[must_use]
+    pub fn draw(self, draw: u64) -> Self {
+        self.with_scenes(|scene| scene.draw(draw))
+    }
+
+    /// Another P-SOG for every scene, on whatever grid it has.
+    #[must_use]
+    pub fn on_grid_of(self, psog: &Arc<Psog>) -> Self {
+        self.with_scenes(|scene| scene.on_grid_of(psog.clone()))
+    }
+
+    /// Each scene counts mirrored left to right, too.
+    #[must_use]
+    pub fn mirrored(self, mirror: bool) -> Self {
+        Self { mirror, ..self }
+    }
+
+    /// Most that the sensors of the vehicle may cost, in the currency of its prices; `None` sets no limit.
+    #[must_use]
+    pub fn budget(self, budget: Option<f64>) -> Self {
+        Self { budget, ..self }
+    }
+
+    /// Length and method of the search, with its objective, seed and engine.
+    #[must_use]
+    pub fn search(self, settings: Settings) -> Self {
+        let is_plain = settings.baselines == Settings::default().baselines;
+        Self { settings, is_plain, ..self }
+    }
+
+    /// Score to maximize.
+    #[must_use]
+    pub fn objective(mut self, objective: Objective) -> Self {
+        self.settings.objective = objective;
+        self
+    }
+
+    /// Placements that a result is compared with, in place of Table 7 of the paper or, for a vehicle, of the
+    /// sensors found, put up plainly.
+    #[must_use]
+    pub fn baselines(mut self, baselines: Vec<Placement>) -> Self {
+        (self.settings.baselines, self.is_plain) = (baselines, false);
+        self
+    }
+
+    /// Engine that computes; every engine gives the same bits.
+    #[must_use]
+    pub fn engine(mut self, engine: EngineChoice) -> Self {
+        self.settings.engine = engine;
+        self
+    }
+
+    /// Limit of wall time of a search.
+    #[must_use]
+    pub fn within(mut self, time: Option<TimeLimit>) -> Self {
+        self.settings.time = time;
+        self
+    }
+
+    /// The scenes, in order.
+    pub fn scenes(&self) -> &[JobScene] {
+        &self.scenes
+    }
+
+    /// The first scene, whose vehicle all share.
+    pub fn scene(&self) -> &Arc<Scene> {
+        self.scenes[0].scene()
+    }
+
+    /// Objective, seed, engine and length of the search.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Weather and faults of any scene, as they are written, each once.
+    pub fn conditions_in_words(&self) -> Vec<String> {
+        let mut all: Vec<String> = Vec::new();
+        for condition in self.scenes.iter().flat_map(JobScene::conditions_in_words) {
+            if !all.contains(&condition) {
+                all.push(condition);
+            }
+        }
+        all
+    }
+
+    /// The problem of the first scene, made on first use.
+    ///
+    /// # Errors
+    /// A P-SOG, sensors or weather that do not fit the scene.
+    pub fn problem(&self) -> Result<Arc<Problem>, JobError> {
+        self.scenes[0].problem()
+    }
+
+    /// The problems of all scenes and of their mirror images; those of the scenes are made on first use.
+    ///
+    /// # Errors
+    /// As [`Self::problem`]; scenes that do not share sensors and rules, each named by its file.
+    pub fn suite(&self) -> Result<Suite, JobError> {
+        let named = |scene: &JobScene| Ok((scene.scene().name().to_owned(), scene.problem()?));
+        let named = self.scenes.iter().map(named).collect::<Result<Vec<_>, JobError>>()?;
+        let suite = Suite::new(named).map_err(|error| self.in_scene(error))?;
+        Ok(if self.mirror { suite.with_mirror_images() } else { suite })
+    }
+
+    /// Opens an engine for each scene and mirror image; returns sentences for the user, too: which device, and why
+    /// not another. `on_change` is told of a device that is lost later.
+    ///
+    /// # Errors
+    /// As [`Self::suite`]; no such device, or one that cannot hold the problem, where it was asked for.
+    pub fn evaluator(
+        &self,
+        on_change: impl Fn(&str) + Clone + Send + 'static,
+    ) -> Result<(Evaluator, Vec<String>), JobError> {
+        Ok(Evaluator::open(&self.suite()?, &self.settings.engine, on_change)?)
+    }
+
+    /// Scores and guards of placements, over all scenes and in each of several. Up to [`FEW_PLACEMENTS`] are looked
+    /// at for the guard `self_hit`, too, as `sightline score` does.
+    ///
+    /// # Errors
+    /// As [`Self::evaluator`]; an engine that fails, a sensor that the vehicle does not have.
+    pub fn score(&self, placements: &[Placement]) -> Result<Vec<Judged>, JobError> {
+        let (mut evaluator, _) = self.evaluator(|_| {})?;
+        let mut judged = evaluator.judged(placements)?;
+        if placements.len() <= FEW_PLACEMENTS {
+            self.add_self_hits_by_scene(&mut evaluator, placements, &mut judged)?;
+        }
+        Ok(judged)
+    }
+
+    /// Adds the guard `self_hit` to scores, by the first scene, whose own body all scenes share.
+    ///
+    /// # Errors
+    /// An engine that fails, a sensor that the vehicle does not have.
+    pub fn add_self_hits<'a>(
+        &self,
+        engine: &mut dyn Backend,
+        all: impl IntoIterator<Item = (&'a Placement, &'a mut Scores)>,
+    ) -> Result<(), JobError> {
+        let problem = self.scenes[0].problem()?;
+        for (placement, scores) in all {
+            scores.guards.extend(self_hits(self.scene(), &problem, engine, placement)?);
+        }
+        Ok(())
+    }
+
+    /// Adds the guard `self_hit` to scores over all scenes, and to those in each of several by its own body.
+    ///
+    /// # Errors
+    /// As [`Self::add_self_hits`].
+    pub fn add_self_hits_by_scene(
+        &self,
+        evaluator: &mut Evaluator,
+        placements: &[Placement],
+        judged: &mut [Judged],
+    ) -> Result<(), JobError> {
+        let all = placements.iter().zip(judged.iter_mut());
+        self.add_self_hits(
+            evaluator.backend_mut(),
+            all.map(|(p, judged)| (p, &mut judged.scores)),
+        )?;
+        let several = if self.suite()?.is_single() { 0 } else { evaluator.members().len() };
+        for index in 0..several {
+            let (member, engine) = evaluator.member_mut(index);
+            let scene = self.scenes[member.scene()].scene();
+            for (placement, judged) in member.seen(placements).iter().zip(judged.iter_mut()) {
+                let guards = self_hits(scene, member.problem(), engine, placement)?;
+                judged.by_scene[index].scores.guards.extend(guards);
+            }
+        }
+        Ok(())
+    }
+
+    /// An error of the search with the file of the scene that it is about.
+    fn in_scene(&self, source: SearchError) -> JobError {
+        match source.scene().and_then(|scene| self.scenes.get(scene)) {
+            Some(scene) => JobError::InScene { scene: scene.place(), source },
+            None => source.into(),
+        }
+    }
+}

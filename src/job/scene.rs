@@ -1,0 +1,272 @@
+//! One scene of a job: P-SOG, frames, sensors and weather, and the problem that these pose.
+
+use std::sync::{Arc, OnceLock};
+
+use super::{Job, JobError};
+use crate::problem::{Problem, spread};
+use crate::psog::{Psog, read_psog};
+use crate::scan::conditions::{Condition, in_words};
+use crate::scan::{in_conditions, scan_scene};
+use crate::scene::{PsogSource, Scene};
+use crate::vehicle::{Constraints, Sensors};
+
+/// One scene of a [`Job`], with all that decides about its problem.
+#[derive(Debug, Clone)]
+pub struct JobScene {
+    scene: Arc<Scene>,
+    /// Given, read or scanned; copies of this scene share it.
+    psog: Arc<OnceLock<Arc<Psog>>>,
+    worth: Worth,
+    frames: Frames,
+    conditions: Vec<Condition>,
+    /// In place of those of the scene.
+    sensors: Option<Sensors>,
+    /// In place of those of the scene.
+    constraints: Option<Constraints>,
+    draw: u64,
+    problem: OnceLock<Arc<Problem>>,
+}
+
+/// Which voxels are worth something.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Worth {
+    /// Voxels of a P-SOG on the scene's own grid.
+    OwnGrid,
+    /// Voxels of a P-SOG on another grid.
+    OtherGrid,
+    /// No voxel: geometry alone.
+    Nothing,
+}
+
+/// Frames that beams are cast into.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Frames {
+    /// So many, spread evenly from the first on; all if `None`.
+    Spread(Option<u32>),
+    /// One by its number.
+    One(usize),
+}
+
+impl From<Arc<Scene>> for JobScene {
+    fn from(scene: Arc<Scene>) -> Self {
+        Self {
+            scene,
+            psog: Arc::default(),
+            worth: Worth::OwnGrid,
+            frames: Frames::Spread(None),
+            conditions: Vec::new(),
+            sensors: None,
+            constraints: None,
+            draw: 0,
+            problem: OnceLock::new(),
+        }
+    }
+}
+
+impl From<Scene> for JobScene {
+    fn from(scene: Scene) -> Self {
+        Arc::new(scene).into()
+    }
+}
+
+impl From<&Scene> for JobScene {
+    fn from(scene: &Scene) -> Self {
+        scene.clone().into()
+    }
+}
+
+impl JobScene {
+    fn changed(self, change: impl FnOnce(&mut Self)) -> Self {
+        let mut changed = Self { problem: OnceLock::new(), ..self };
+        change(&mut changed);
+        changed
+    }
+
+    /// The scene with a P-SOG in place of its own, on its own grid.
+    #[must_use]
+    pub fn with_psog(self, psog: impl Into<Arc<Psog>>) -> Self {
+        let psog = Arc::new(OnceLock::from(psog.into()));
+        self.changed(|scene| (scene.psog, scene.worth) = (psog, Worth::OwnGrid))
+    }
+
+    /// The scene with a P-SOG in place of its own, on whatever grid that has.
+    #[must_use]
+    pub fn on_grid_of(self, psog: impl Into<Arc<Psog>>) -> Self {
+        let psog = Arc::new(OnceLock::from(psog.into()));
+        self.changed(|scene| (scene.psog, scene.worth) = (psog, Worth::OtherGrid))
+    }
+
+    /// Geometry alone, without a P-SOG: no voxel is worth anything.
+    #[must_use]
+    pub fn geometry_alone(self) -> Self {
+        self.changed(|scene| scene.worth = Worth::Nothing)
+    }
+
+    /// As [`Job::frames`].
+    #[must_use]
+    pub fn frames(self, frames: Option<u32>) -> Self {
+        self.changed(|scene| scene.frames = Frames::Spread(frames))
+    }
+
+    /// One frame by its number, which the scene must have.
+    #[must_use]
+    pub fn one_frame(self, frame: usize) -> Self {
+        self.changed(|scene| scene.frames = Frames::One(frame))
+    }
+
+    /// As [`Job::conditions`].
+    #[must_use]
+    pub fn conditions(self, conditions: &[Condition]) -> Self {
+        self.changed(|scene| scene.conditions = conditions.to_vec())
+    }
+
+    /// As [`Job::sensors`].
+    #[must_use]
+    pub fn sensors(self, sensors: Sensors) -> Self {
+        self.changed(|scene| scene.sensors = Some(sensors))
+    }
+
+    /// As [`Job::draw`].
+    #[must_use]
+    pub fn draw(self, draw: u64) -> Self {
+        self.changed(|scene| scene.draw = draw)
+    }
+
+    /// As [`Job::constraints`]; a problem that is there keeps its trees.
+    #[must_use]
+    pub fn constraints(mut self, constraints: Constraints) -> Self {
+        let with_rules = |problem: Arc<Problem>| {
+            Arc::new(Arc::unwrap_or_clone(problem).with_constraints(constraints.clone()))
+        };
+        self.problem = self.problem.take().map(with_rules).map_or_else(OnceLock::new, Into::into);
+        self.constraints = Some(constraints);
+        self
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.scene
+    }
+
+    /// Weather and faults, as they are written.
+    pub fn conditions_in_words(&self) -> Vec<String> {
+        in_words(&self.conditions)
+    }
+
+    /// File of the scene, or its name where it was read from none.
+    pub fn place(&self) -> String {
+        let file = self.scene.files().first();
+        file.map_or_else(|| self.scene.name().to_owned(), |file| file.display().to_string())
+    }
+
+    /// Numbers of the frames that beams are cast into, rising.
+    pub fn frame_numbers(&self) -> Vec<usize> {
+        match self.frames {
+            Frames::Spread(wanted) => spread(self.scene.frame_count(), wanted),
+            Frames::One(frame) => vec![frame],
+        }
+    }
+
+    /// Sensor models that placements may name, at the draw of this scene.
+    ///
+    /// # Errors
+    /// A model without beams.
+    pub fn models(&self) -> Result<Sensors, JobError> {
+        let sensors = self.sensors.clone().map_or_else(|| self.scene.sensors(), Ok)?;
+        Ok(if self.draw > 0 { sensors.with_seed(self.draw) } else { sensors })
+    }
+
+    /// The P-SOG: given, read from the file that the scene names, or scanned, on first use; `done` is called after
+    /// each frame that was scanned.
+    ///
+    /// # Errors
+    /// A file that cannot be read or lacks a class of the scene's detection target; more frames or voxels than a
+    /// P-SOG holds.
+    pub fn psog(&self, done: impl Fn()) -> Result<Arc<Psog>, JobError> {
+        if let Some(psog) = self.psog.get() {
+            return Ok(psog.clone());
+        }
+        let psog = Arc::new(Psog::of(&self.scene, done)?);
+        Ok(self.psog.get_or_init(|| psog).clone())
+    }
+
+    /// The problem, made on first use.
+    ///
+    /// # Errors
+    /// As [`Self::psog`]; a sensor without beams, a P-SOG on another grid than the region of interest, weather where
+    /// beams end at nothing.
+    pub fn problem(&self) -> Result<Arc<Problem>, JobError> {
+        if let Some(problem) = self.problem.get() {
+            return Ok(problem.clone());
+        }
+        let problem = Arc::new(self.posed()?);
+        Ok(self.problem.get_or_init(|| problem).clone())
+    }
+
+    /// The one way from a scene to its problem.
+    fn posed(&self) -> Result<Problem, JobError> {
+        let (scene, frames, sensors) = (&*self.scene, self.frame_numbers(), self.models()?);
+        let problem = match self.worth {
+            Worth::OwnGrid => {
+                let psog = self.psog(|| {})?;
+                scene.check_detection(psog.classes())?;
+                Problem::from_scene(scene, &psog, sensors, &frames)
+            }
+            Worth::OtherGrid => Problem::on_grid_of(&*self.psog(|| {})?, scene, sensors, &frames),
+            Worth::Nothing => {
+                let (grid, classes) = (scene.roi().grid()?, scene.classes().to_vec());
+                let empty = Psog::new(grid, 1, classes, Vec::new(), Vec::new())?;
+                Problem::on_grid_of(&empty, scene, sensors, &frames)
+            }
+        };
+        let mut problem =
+            problem.map_err(|source| JobError::Problem { files: self.files(), source })?;
+        if let Some(constraints) = &self.constraints {
+            problem = problem.with_constraints(constraints.clone());
+        }
+        Ok(in_conditions(scene, problem, &self.conditions)?)
+    }
+
+    /// The scene file, and the P-SOG file if it names one.
+    fn files(&self) -> String {
+        match self.scene.psog_source() {
+            PsogSource::File(file) => format!("{} and {}", self.place(), file.display()),
+            PsogSource::Scan(_) => self.place(),
+        }
+    }
+}
+
+impl Psog {
+    /// The P-SOG of a scene: the file that it names, or one built from virtual scans.
+    ///
+    /// `done` is called after each frame that was scanned.
+    ///
+    /// # Errors
+    /// As [`JobScene::psog`].
+    pub fn of(scene: &Scene, done: impl Fn()) -> Result<Self, JobError> {
+        match scene.psog_source() {
+            PsogSource::File(path) => {
+                let psog = read_psog(path).map_err(|source| {
+                    let scene = scene.files().first().filter(|file| *file != path);
+                    let scene = scene.map_or("the scene".to_owned(), |f| f.display().to_string());
+                    JobError::Psog { place: format!("{scene}: psog.file"), source }
+                })?;
+                scene.check_detection(psog.classes())?;
+                Ok(psog)
+            }
+            PsogSource::Scan(settings) => {
+                Ok(scan_scene(scene, &scene.roi().grid()?, settings, done)?.0)
+            }
+        }
+    }
+}
+
+impl Problem {
+    /// The problem that a scene poses over all of its frames in clear air; [`Job::problem`] with nothing set.
+    ///
+    /// # Errors
+    /// As [`JobScene::problem`].
+    pub fn of(scene: &Scene) -> Result<Self, JobError> {
+        Ok(Arc::unwrap_or_clone(Job::new(scene).problem()?))
+    }
+}

@@ -1,0 +1,290 @@
+//! The search of a job step by step: sensors for the money, placements, own body.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Job, JobError};
+use crate::engine::{EngineChoice, open};
+use crate::search::{
+    Choosing, EquipStep, Equipped, Equipping, Event, Observer, Outcome, Run, Scored, Settings,
+    State, Suite, TimeLimit,
+};
+use crate::vehicle::{SensorName, Vehicle};
+
+/// All that a search of a job goes on from, beside the job itself: a value that is saved and read again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct JobState {
+    /// Sensors of the vehicle, once they are chosen.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    equipped: Option<Equipped>,
+    #[serde(flatten)]
+    course: Course,
+}
+
+/// Where a search stands.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Course {
+    /// A vehicle's sensors are to be chosen.
+    Equipping(Box<Wanted>),
+    /// Placements are searched.
+    Run(Box<State>),
+}
+
+/// A choice of sensors, and the search that is to follow.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Wanted {
+    choosing: Choosing,
+    settings: Settings,
+    /// As [`Job::is_plain`].
+    plainly: bool,
+}
+
+/// A step of a search.
+#[derive(Debug)]
+pub enum JobStep {
+    /// It goes on.
+    On,
+    /// The observer has stopped the choice of sensors: there is no result.
+    Stopped,
+    /// The result, with the guard `self_hit`.
+    Done(Box<Outcome>),
+}
+
+/// A search that has come to its end.
+#[derive(Debug)]
+pub struct Found {
+    /// The result, with the guard `self_hit`.
+    pub outcome: Outcome,
+    /// Scenes with the rules of the sensors chosen.
+    pub suite: Suite,
+    /// Settings of the search of placements, with its baselines and starts.
+    pub settings: Settings,
+    /// Sensors chosen, by mount, and their price, in words; `None` without a vehicle.
+    pub equipment: Option<String>,
+}
+
+/// A search of a [`Job`] under way.
+pub struct JobRun<'a> {
+    job: &'a Job,
+    vehicle: Option<&'a Vehicle>,
+    suite: Suite,
+    state: JobState,
+    /// Poses that sensors are chosen from, once they are cast.
+    equipping: Option<Equipping>,
+    /// The search of placements, once the sensors are chosen.
+    run: Option<Run>,
+    /// The time ended while sensors were chosen: a resumed search goes on with that choice.
+    is_late: bool,
+}
+
+impl Job {
+    /// Chooses the vehicle's sensors for the budget, searches their best placement, and looks at it for the guard
+    /// `self_hit`; `None` where the observer stops the choice of sensors.
+    ///
+    /// # Errors
+    /// As [`Self::begin`] and [`JobRun::step`].
+    pub fn optimize(&self, observer: &mut dyn Observer) -> Result<Option<Found>, JobError> {
+        let mut run = self.begin()?;
+        loop {
+            match run.step(observer)? {
+                JobStep::On => {}
+                JobStep::Stopped => return Ok(None),
+                JobStep::Done(outcome) => return Ok(run.found(*outcome)),
+            }
+        }
+    }
+
+    /// A search at its beginning.
+    ///
+    /// # Errors
+    /// As [`Self::suite`]; a budget without prices, settings that a scene does not allow.
+    pub fn begin(&self) -> Result<JobRun<'_>, JobError> {
+        let (settings, plainly) = (self.settings.clone(), self.is_plain);
+        let wanted = Wanted { choosing: Choosing::default(), settings, plainly };
+        let course = Course::Equipping(Box::new(wanted));
+        self.resume(JobState { equipped: None, course })
+    }
+
+    /// Goes on from a state of this job's search, to the same bits as if it had never stopped.
+    ///
+    /// # Errors
+    /// As [`Self::begin`]; [`JobError::OtherState`] for a state of another vehicle or of other scenes.
+    pub fn resume(&self, state: JobState) -> Result<JobRun<'_>, JobError> {
+        let (suite, vehicle) = (self.suite()?, self.scene().vehicle());
+        if vehicle.is_none() && self.budget.is_some() {
+            return Err(JobError::NoPrices);
+        }
+        let mut run =
+            JobRun { job: self, vehicle, suite, state, equipping: None, run: None, is_late: false };
+        match (vehicle, &run.state.equipped) {
+            (Some(vehicle), Some(equipped)) => {
+                check_equipped(vehicle, equipped)?;
+                run.suite = run.suite.with_constraints(&vehicle.constraints(&equipped.equipment));
+                run.search()?;
+            }
+            (None, _) => run.search()?,
+            (Some(_), None) if matches!(run.state.course, Course::Run(_)) => {
+                let why =
+                    "the vehicle's sensors are not chosen, and the search has begun".to_owned();
+                return Err(JobError::OtherState { why });
+            }
+            (Some(_), None) => {}
+        }
+        Ok(run)
+    }
+}
+
+/// Checks that a vehicle can carry sensors that were read from a file.
+fn check_equipped(vehicle: &Vehicle, equipped: &Equipped) -> Result<(), JobError> {
+    let Equipped { equipment, placement, .. } = equipped;
+    let is_there = |&(mount, sensor): &(usize, SensorName)| {
+        mount < vehicle.mounts.len() && vehicle.sensors.iter().any(|of| of.name == sensor)
+    };
+    match equipment.len() == placement.lidars.len() && equipment.iter().all(is_there) {
+        true => Ok(()),
+        false => {
+            let why = "its sensors are not those of the vehicle".to_owned();
+            Err(JobError::OtherState { why })
+        }
+    }
+}
+
+impl JobRun<'_> {
+    /// Does one step: part of the choice of sensors, or a step of the search of placements.
+    ///
+    /// # Errors
+    /// A budget below the cheapest sensors, settings that a scene does not allow, an engine that fails.
+    pub fn step(&mut self, observer: &mut dyn Observer) -> Result<JobStep, JobError> {
+        let Some(run) = &mut self.run else { return self.equip(observer) };
+        let Some(mut outcome) = run.step(observer)? else { return Ok(JobStep::On) };
+        let problem = self.job.problem()?;
+        let mut engine = open(&problem, &EngineChoice::cpu(), |_| {})?.engine;
+        let all = outcome.best.iter_mut().chain(&mut outcome.baselines);
+        let all = all.map(|Scored { placement, scores, .. }| (&*placement, scores));
+        self.job.add_self_hits(&mut *engine, all)?;
+        Ok(JobStep::Done(Box::new(outcome)))
+    }
+
+    /// Goes on with the choice of sensors.
+    fn equip(&mut self, observer: &mut dyn Observer) -> Result<JobStep, JobError> {
+        let (Some(vehicle), Course::Equipping(wanted)) = (self.vehicle, &mut self.state.course)
+        else {
+            return Ok(JobStep::Stopped);
+        };
+        let settings = &self.job.settings;
+        let budget = self.job.budget.unwrap_or(f64::INFINITY);
+        let choice = match &mut self.equipping {
+            Some(choice) => choice,
+            none => {
+                let deadline = settings.time.as_ref().map(TimeLimit::deadline);
+                let (objective, engine) = (&wanted.settings.objective, &settings.engine);
+                let opened = Equipping::open(
+                    &self.suite,
+                    vehicle,
+                    objective,
+                    budget,
+                    engine,
+                    deadline,
+                    observer,
+                )?;
+                let Some(opened) = opened else { return Ok(JobStep::Stopped) };
+                none.insert(opened.with_state(wanted.choosing.clone()))
+            }
+        };
+        let step = choice.step(observer);
+        wanted.choosing = choice.state().clone();
+        let found = match step {
+            EquipStep::On => return Ok(JobStep::On),
+            EquipStep::Stopped => return Ok(JobStep::Stopped),
+            EquipStep::Done(found) => found,
+            EquipStep::OutOfTime(found) => {
+                self.is_late = true;
+                found
+            }
+        };
+        tell_equipment(vehicle, &found, observer);
+        self.equipping = None;
+        self.suite = self.suite.with_constraints(&vehicle.constraints(&found.equipment));
+        self.state.equipped = Some(found);
+        self.search()?;
+        Ok(JobStep::On)
+    }
+
+    /// Begins the search of placements, or goes on with one.
+    fn search(&mut self) -> Result<(), JobError> {
+        let mut run = match &self.state.course {
+            Course::Run(state) => {
+                state.check(&self.suite).map_err(|why| JobError::OtherState { why })?;
+                Run::resume(self.suite.clone(), State::clone(state))
+            }
+            Course::Equipping(wanted) => {
+                let Wanted { settings, plainly, .. } = &**wanted;
+                let settings = match &self.state.equipped {
+                    Some(equipped) => {
+                        equipped.begin(settings.clone(), self.suite.constraints(), *plainly)
+                    }
+                    None => settings.clone(),
+                };
+                let run = Run::new(self.suite.clone(), &settings);
+                run.map_err(|error| self.job.in_scene(error))?
+            }
+        };
+        run.open_with(self.job.settings.engine.clone(), self.job.settings.time);
+        self.run = Some(run);
+        Ok(())
+    }
+
+    /// The state to go on from; of a search whose time ended while sensors were chosen that before the end of the
+    /// choice.
+    pub fn state(&self) -> JobState {
+        match &self.run {
+            Some(run) if !self.is_late => JobState {
+                equipped: self.state.equipped.clone(),
+                course: Course::Run(Box::new(run.state().clone())),
+            },
+            Some(_) => JobState { equipped: None, course: self.state.course.clone() },
+            None => self.state.clone(),
+        }
+    }
+
+    /// The search of placements, once the sensors are chosen.
+    pub fn run(&self) -> Option<&Run> {
+        self.run.as_ref()
+    }
+
+    /// Sensors of the vehicle, once they are chosen.
+    pub fn equipped(&self) -> Option<&Equipped> {
+        self.state.equipped.as_ref()
+    }
+
+    /// Scenes, with the rules of the sensors chosen.
+    pub fn suite(&self) -> &Suite {
+        &self.suite
+    }
+
+    /// Sensors chosen, by mount, and their price, in words; `None` without a vehicle.
+    pub fn equipment_in_words(&self) -> Option<String> {
+        let (vehicle, equipped) = self.vehicle.zip(self.equipped())?;
+        Some(equipped.words_with_price(vehicle))
+    }
+
+    /// Result, scenes and settings together.
+    fn found(self, outcome: Outcome) -> Option<Found> {
+        let equipment = self.equipment_in_words();
+        let settings = self.run?.state().settings().clone();
+        Some(Found { outcome, suite: self.suite, settings, equipment })
+    }
+}
+
+/// Says which sensors were chosen, and whether they miss a part of what must be seen.
+fn tell_equipment(vehicle: &Vehicle, found: &Equipped, observer: &mut dyn Observer) {
+    let words = format!("equipment: {}", found.words_with_price(vehicle));
+    observer.on(&Event::Note(&words));
+    if found.missing > 0.0 {
+        observer.on(&Event::Note(&format!(
+            "what must be seen is not seen: {:.1} % is missing with the sensors chosen, over few frames; raise \
+             --budget, or lower a `share`",
+            100.0 * found.missing
+        )));
+    }
+}
