@@ -50,7 +50,8 @@ pub struct Args {
           value_parser = at_least_one)]
     evaluations: u64,
     /// Seconds from the start after which the search ends, generations after two fifths of them;
-    /// --resume goes on from there. Confirming the result and writing it come on top
+    /// --resume goes on from there. Scanning a scene for its P-SOG may take longer than that; confirming the
+    /// result over all frames and writing it come on top
     #[arg(long, value_name = "S", visible_alias = "time", value_parser = parse_seconds)]
     max_seconds: Option<f64>,
     /// Score over all frames at which the search ends
