@@ -11,7 +11,7 @@ const BEAM: &str = include_str!("../../../shaders/common/beam.wgsl");
 const COVERED: &str = include_str!("../../../shaders/common/covered.wgsl");
 
 /// (kernel, parts of its source): file, entry point, pipeline label and CPU twin share the name.
-const SOURCES: [(&str, &[&str]); 6] = [
+pub(super) const SOURCES: [(&str, &[&str]); 6] = [
     ("cast_closest", &[EXACT, BEAM, include_str!("../../../shaders/cast_closest.wgsl")]),
     ("cover_voxels", &[EXACT, BEAM, include_str!("../../../shaders/cover_voxels.wgsl")]),
     ("reduce_words", &[EXACT, BEAM, include_str!("../../../shaders/reduce_words.wgsl"), COVERED]),
@@ -143,7 +143,7 @@ impl Kernels {
 }
 
 /// A kernel as WGSL, for trees whose paths need `entries` entries of a stack.
-fn source(kernel: &str, parts: &[&str], entries: usize) -> String {
+pub(super) fn source(kernel: &str, parts: &[&str], entries: usize) -> String {
     let stack = if kernel == "cast_closest" { stack(entries) } else { String::new() };
     prelude() + &stack + &parts.concat()
 }

@@ -11,6 +11,8 @@ mod device;
 #[cfg(test)]
 mod exact;
 mod firings;
+#[cfg(test)]
+mod isa;
 mod kernels;
 mod layout;
 mod pipeline;
