@@ -11,7 +11,6 @@ use sightline::job::JobError;
 use sightline::problem::ProblemError;
 use sightline::psog::GridError;
 use sightline::scan::ScanError;
-use sightline::search::SearchError;
 
 /// The exception for an error of the library, with the library's sentence.
 pub fn raised(error: impl Into<Error>) -> PyErr {
@@ -45,7 +44,6 @@ pub fn warn_of(py: Python<'_>, doubts: impl IntoIterator<Item = String>) -> PyRe
 /// The engine's error, where it is one.
 fn of_engine(error: &Error) -> Option<&BackendError> {
     match error {
-        Error::Backend(error) | Error::Search(SearchError::Backend(error)) => Some(error),
         Error::Job(error) => error.of_engine(),
         _ => None,
     }
@@ -57,7 +55,6 @@ fn lacks_memory(error: &Error) -> bool {
         || matches!(
             error,
             Error::Scan(ScanError::OutOfMemory(_))
-                | Error::Grid(GridError::OutOfMemory(_))
                 | Error::Problem(ProblemError::OutOfMemory(_))
                 | Error::Job(JobError::Grid(GridError::OutOfMemory(_)))
                 | Error::Job(JobError::Problem { source: ProblemError::OutOfMemory(_), .. })
