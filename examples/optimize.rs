@@ -1,13 +1,12 @@
 //! A search with progress: `cargo run --release --example optimize [SCENE]`.
 
 use std::env::args;
-use std::sync::Arc;
 
-use sightline::{Event, Problem, Scene, Settings, optimize};
+use sightline::{Event, Job, Scene};
 
 fn main() -> Result<(), sightline::Error> {
     let scene = args().nth(1).unwrap_or("scenes/urban-crossing.json".into());
-    let problem = Arc::new(Problem::of(&Scene::read(scene)?)?);
+    let job = Job::new(Scene::read(scene)?);
 
     let mut observer = |event: &Event| {
         match event {
@@ -20,7 +19,8 @@ fn main() -> Result<(), sightline::Error> {
         }
         true
     };
-    let outcome = optimize(&problem, &Settings::default(), &mut observer)?;
+    let Some(found) = job.optimize(&mut observer)? else { return Ok(()) };
+    let outcome = found.outcome;
 
     for scored in outcome.best.iter().chain(&outcome.baselines) {
         let gain = scored.objective.unwrap_or(f64::NAN);

@@ -3,12 +3,11 @@
 //! Scores of known placements in a scene:
 //!
 //! ```
-//! use sightline::{Evaluator, Problem, Scene, read_placements};
+//! use sightline::{Job, Scene, read_placements};
 //!
-//! let scene = Scene::read("scenes/industrial-yard.json")?;
-//! let mut evaluator = Evaluator::on_cpu(Problem::of(&scene)?);
-//! for scores in evaluator.scores(&read_placements("scenes/placements.json")?)? {
-//!     println!("{:14} {:?} nats", scores.name, scores.segmentation.information_gain);
+//! let job = Job::new(Scene::read("scenes/industrial-yard.json")?);
+//! for judged in job.score(&read_placements("scenes/placements.json")?)? {
+//!     println!("{:14} {:?} nats", judged.scores.name, judged.scores.segmentation.information_gain);
 //! }
 //! # Ok::<(), sightline::Error>(())
 //! ```
@@ -16,19 +15,17 @@
 //! A search for a better one, with progress:
 //!
 //! ```
-//! use std::sync::Arc;
+//! use sightline::{Event, Job, Scene, Settings};
 //!
-//! use sightline::{Event, Problem, Scene, Settings, optimize};
-//!
-//! let problem = Arc::new(Problem::of(&Scene::read("scenes/industrial-yard.json")?)?);
-//! let settings = Settings { evaluations: 24, ..Settings::default() };
-//! let outcome = optimize(&problem, &settings, &mut |event: &Event| {
+//! let scene = Scene::read("scenes/industrial-yard.json")?;
+//! let job = Job::new(scene).search(Settings { evaluations: 24, ..Settings::default() });
+//! let found = job.optimize(&mut |event: &Event| {
 //!     if let Event::Generation(record) = event {
 //!         println!("{} evaluations, best {:?}", record.evaluations, record.best_so_far);
 //!     }
 //!     true
 //! })?;
-//! println!("{:?}", outcome.best.map(|best| best.placement.lidars));
+//! println!("{:?}", found.and_then(|found| found.outcome.best).map(|best| best.placement.lidars));
 //! # Ok::<(), sightline::Error>(())
 //! ```
 //!

@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use sightline::Job;
 #[cfg(feature = "gpu")]
 use sightline::engine::gpu::GpuBackend;
 use sightline::engine::{Backend, CpuBackend};
 use sightline::internals::ReferenceBackend;
-use sightline::job::{Job, JobScene};
 use sightline::problem::{Problem, Tally};
 use sightline::psog::Psog;
 use sightline::scan::conditions::Condition;
@@ -44,8 +44,8 @@ fn psog(scene: &Scene) -> Psog {
 
 fn problem(scene: &Scene, psog: &Psog, conditions: &[&str]) -> Arc<Problem> {
     let conditions: Vec<Condition> = conditions.iter().map(|text| text.parse().unwrap()).collect();
-    let scene = JobScene::from(scene).with_psog(psog.clone());
-    Job::new(scene).frames(Some(2)).conditions(&conditions).problem().unwrap()
+    let job = Job::new(scene.clone()).psog(psog.clone());
+    job.frames(Some(2)).conditions(&conditions).problem().unwrap()
 }
 
 fn placements() -> Vec<Placement> {
@@ -169,7 +169,7 @@ fn what_scores_have_no_answer_to_is_refused() {
     let scene = scene(36.0);
     let psog = psog(&scene);
     let refused = |scene: &Scene, condition: &str| {
-        let job = Job::new(JobScene::from(scene).with_psog(psog.clone())).frames(Some(1));
+        let job = Job::new(scene.clone()).psog(psog.clone()).frames(Some(1));
         job.conditions(&[condition.parse().unwrap()]).problem().unwrap_err().to_string()
     };
     let through = scene_text(36.0).replace("first-hit", "through");

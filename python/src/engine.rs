@@ -8,7 +8,7 @@ use sightline::engine::{EngineChoice, EngineKind};
 use sightline::near_field::{FEW_PLACEMENTS, NearSite};
 use sightline::scan::conditions::Condition;
 use sightline::scan::{ScanError, Stage};
-use sightline::{Evaluator, Job, JobScene, Placement, Problem, Psog, Scene, Scores};
+use sightline::{Evaluator, Job, Placement, Problem, Psog, Scene, Scores};
 
 use crate::arguments::room_for;
 use crate::errors::{bad, raised};
@@ -94,11 +94,12 @@ pub struct Built {
 impl Built {
     pub fn new(scene: Scene, options: Options) -> Self {
         let scene = Arc::new(scene);
-        let posed = match options.psog.clone() {
-            Some(psog) => JobScene::from(scene.clone()).with_psog(psog),
-            None => scene.clone().into(),
+        let job = Job::new(scene.clone());
+        let job = match options.psog.clone() {
+            Some(psog) => job.psog(psog),
+            None => job,
         };
-        let job = Job::new(posed).frames(options.frames).conditions(&options.conditions);
+        let job = job.frames(options.frames).conditions(&options.conditions);
         let job = job.engine(options.engine.clone());
         let (stage, evaluator, frame) = (OnceLock::new(), Kept::default(), Mutex::new(None));
         Self { scene, options, job, stage, evaluator, frame }
@@ -144,8 +145,8 @@ impl Built {
         {
             return Ok(problem.clone());
         }
-        let scene = JobScene::from(self.scene.clone()).geometry_alone().one_frame(frame);
-        let problem = scene.problem().map_err(raised)?;
+        let job = Job::new(self.scene.clone()).geometry_alone().one_frame(frame);
+        let problem = job.problem().map_err(raised)?;
         *last = Some((frame, problem.clone()));
         Ok(problem)
     }

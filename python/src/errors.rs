@@ -6,13 +6,11 @@ use std::ffi::CString;
 use pyo3::create_exception;
 use pyo3::exceptions::{PyMemoryError, PyOSError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
-use sightline::Error;
 use sightline::engine::BackendError;
 use sightline::job::JobError;
 use sightline::problem::ProblemError;
 use sightline::psog::GridError;
 use sightline::scan::ScanError;
-use sightline::search::SearchError;
 use sightline::{Error, Note};
 
 /// The exception for an error of the library, with the library's sentence.
@@ -65,7 +63,6 @@ fn warn(py: Python<'_>, note: &Note) -> PyResult<()> {
 /// The engine's error, where it is one.
 fn of_engine(error: &Error) -> Option<&BackendError> {
     match error {
-        Error::Backend(error) | Error::Search(SearchError::Backend(error)) => Some(error),
         Error::Job(error) => error.of_engine(),
         _ => None,
     }
@@ -77,7 +74,6 @@ fn lacks_memory(error: &Error) -> bool {
         || matches!(
             error,
             Error::Scan(ScanError::OutOfMemory(_))
-                | Error::Grid(GridError::OutOfMemory(_))
                 | Error::Problem(ProblemError::OutOfMemory(_))
                 | Error::Job(JobError::Grid(GridError::OutOfMemory(_)))
                 | Error::Job(JobError::Problem { source: ProblemError::OutOfMemory(_), .. })

@@ -1,9 +1,7 @@
 //! Why a scene could not be audited.
 
-use crate::engine::BackendError;
 use crate::job::JobError;
-use crate::psog::GridError;
-use crate::vehicle::{SensorError, UnknownSensor};
+use crate::vehicle::UnknownSensor;
 
 /// Why a scene could not be audited.
 #[derive(Debug, thiserror::Error)]
@@ -18,19 +16,19 @@ pub enum AuditError {
         /// Scenes given.
         given: usize,
     },
-    /// A job, or one of its changes, that cannot be posed.
+    /// A job, or one of its changes, that cannot be posed or scored.
     #[error(transparent)]
-    Job(#[from] JobError),
-    /// A changed region does not make a grid.
-    #[error(transparent)]
-    Grid(#[from] GridError),
-    /// A LiDAR that casts no beams.
-    #[error(transparent)]
-    Sensor(#[from] SensorError),
-    /// Scoring failed.
-    #[error(transparent)]
-    Backend(#[from] BackendError),
+    Job(JobError),
     /// A LiDAR of a model that the vehicle does not have.
     #[error(transparent)]
     UnknownSensor(#[from] UnknownSensor),
+}
+
+impl<E> From<E> for AuditError
+where
+    JobError: From<E>,
+{
+    fn from(error: E) -> Self {
+        Self::Job(error.into())
+    }
 }

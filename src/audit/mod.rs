@@ -94,7 +94,7 @@ pub fn audit(
     let mut stability = mounted(&mut own, &ranking, scene.scene())?;
     tell(AuditEvent::PartDone);
     for world in changed_worlds(scene)? {
-        let changed = job.clone().on_grid_of(&world.psog).frames(Some(world.frames));
+        let changed = job.clone().on_grid_of(world.psog).frames(Some(world.frames));
         let scores = changed.evaluator(|_| {})?.0.scores(honest)?;
         stability.push(ranking.under(&world.name, &[scores]));
     }

@@ -29,7 +29,7 @@ pub fn print(text: Arguments) -> Result<(), Error> {
 /// Takes a closed pipe for the wish to read no more, as of `head`: no error.
 pub fn unless_closed(written: Result<(), Error>) -> Result<(), Error> {
     match written {
-        Err(Error::File(FileError::Io { source, .. }))
+        Err(Error::Library(crate::Error::File(FileError::Io { source, .. })))
             if source.kind() == ErrorKind::BrokenPipe =>
         {
             Ok(())

@@ -14,7 +14,7 @@ mod files;
 mod scene;
 mod search;
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::engine::{Backend, EngineChoice};
 use crate::near_field::{FEW_PLACEMENTS, self_hits};
@@ -29,19 +29,10 @@ use crate::vehicle::{Constraints, Placement, Sensors};
 pub use error::JobError;
 pub use files::JobFiles;
 pub use scene::JobScene;
+use scene::{Frames, Worth};
 pub use search::{Found, JobRun, JobState, JobStep};
 
 /// Where should the LiDARs of a vehicle go, in one scene or several?
-///
-/// ```
-/// use sightline::{Job, Scene, read_placements};
-///
-/// let job = Job::new(Scene::read("scenes/industrial-yard.json")?).frames(Some(1));
-/// for judged in job.score(&read_placements("scenes/placements.json")?)? {
-///     println!("{:14} {:?}", judged.scores.name, judged.scores.near_gain);
-/// }
-/// # Ok::<(), sightline::Error>(())
-/// ```
 #[derive(Debug, Clone)]
 pub struct Job {
     /// At least one.
@@ -59,7 +50,8 @@ pub struct Job {
 impl Job {
     /// A job in one scene: its own vehicle or mount, all frames, clear air, the default search.
     pub fn new(scene: impl Into<JobScene>) -> Self {
-        Self::over(vec![scene.into()])
+        let (scenes, settings) = (vec![scene.into()], Settings::default());
+        Self { scenes, mirror: false, budget: None, settings, is_plain: true }
     }
 
     /// A job over the scenes of several jobs, each with its own frames and weather; their mean is maximized.
@@ -74,50 +66,65 @@ impl Job {
         Ok(all)
     }
 
-    fn over(scenes: Vec<JobScene>) -> Self {
-        let settings = Settings::default();
-        Self { scenes, mirror: false, budget: None, settings, is_plain: true }
+    fn with(mut self, change: impl Fn(&mut JobScene)) -> Self {
+        self.scenes = self.scenes.into_iter().map(|scene| scene.with(&change)).collect();
+        self
     }
 
-    fn with_scenes(mut self, change: impl Fn(JobScene) -> JobScene) -> Self {
-        self.scenes = self.scenes.into_iter().map(change).collect();
-        self
+    /// A P-SOG in place of that of each scene, on the scene's grid.
+    #[must_use]
+    pub fn psog(self, psog: impl Into<Arc<Psog>>) -> Self {
+        let psog = Arc::new(OnceLock::from(psog.into()));
+        self.with(|scene| (scene.psog, scene.worth) = (psog.clone(), Worth::OwnGrid))
+    }
+
+    /// A P-SOG in place of that of each scene, on whatever grid it has.
+    #[must_use]
+    pub fn on_grid_of(self, psog: impl Into<Arc<Psog>>) -> Self {
+        self.psog(psog).with(|scene| scene.worth = Worth::OtherGrid)
+    }
+
+    /// Geometry alone, without P-SOGs: no voxel is worth anything.
+    #[must_use]
+    pub fn geometry_alone(self) -> Self {
+        self.with(|scene| scene.worth = Worth::Nothing)
     }
 
     /// Weather and faults of every scene.
     #[must_use]
     pub fn conditions(self, conditions: &[Condition]) -> Self {
-        self.with_scenes(|scene| scene.conditions(conditions))
+        self.with(|scene| scene.conditions = conditions.to_vec())
     }
 
     /// So many frames of each scene, spread evenly from the first on; all if `None`.
     #[must_use]
     pub fn frames(self, frames: Option<u32>) -> Self {
-        self.with_scenes(|scene| scene.frames(frames))
+        self.with(|scene| scene.frames = Frames::Spread(frames))
+    }
+
+    /// One frame by its number from 0, which each scene must have.
+    #[must_use]
+    pub fn one_frame(self, frame: usize) -> Self {
+        self.with(|scene| scene.frames = Frames::One(frame))
     }
 
     /// Other sensor models than those of the scenes' vehicle.
     #[must_use]
     pub fn sensors(self, sensors: &Sensors) -> Self {
-        self.with_scenes(|scene| scene.sensors(sensors.clone()))
+        self.with(|scene| scene.sensors = Some(sensors.clone()))
     }
 
-    /// Other rules of placements than those of the scenes' vehicle.
+    /// Other rules of placements than those of the scenes' vehicle; problems that are there keep their trees.
     #[must_use]
-    pub fn constraints(self, constraints: &Constraints) -> Self {
-        self.with_scenes(|scene| scene.constraints(constraints.clone()))
+    pub fn constraints(mut self, constraints: &Constraints) -> Self {
+        self.scenes = self.scenes.into_iter().map(|scene| scene.under(constraints)).collect();
+        self
     }
 
     /// Another draw of free phases and of the beams that return through weather; 0 is the usual one.
     #[must_use]
     pub fn draw(self, draw: u64) -> Self {
-        self.with_scenes(|scene| scene.draw(draw))
-    }
-
-    /// Another P-SOG for every scene, on whatever grid it has.
-    #[must_use]
-    pub fn on_grid_of(self, psog: &Arc<Psog>) -> Self {
-        self.with_scenes(|scene| scene.on_grid_of(psog.clone()))
+        self.with(|scene| scene.draw = draw)
     }
 
     /// Each scene counts mirrored left to right, too.

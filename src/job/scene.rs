@@ -15,21 +15,20 @@ use crate::vehicle::{Constraints, Sensors};
 pub struct JobScene {
     scene: Arc<Scene>,
     /// Given, read or scanned; copies of this scene share it.
-    psog: Arc<OnceLock<Arc<Psog>>>,
-    worth: Worth,
-    frames: Frames,
-    conditions: Vec<Condition>,
+    pub(super) psog: Arc<OnceLock<Arc<Psog>>>,
+    pub(super) worth: Worth,
+    pub(super) frames: Frames,
+    pub(super) conditions: Vec<Condition>,
     /// In place of those of the scene.
-    sensors: Option<Sensors>,
-    /// In place of those of the scene.
+    pub(super) sensors: Option<Sensors>,
     constraints: Option<Constraints>,
-    draw: u64,
+    pub(super) draw: u64,
     problem: OnceLock<Arc<Problem>>,
 }
 
 /// Which voxels are worth something.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Worth {
+pub(super) enum Worth {
     /// Voxels of a P-SOG on the scene's own grid.
     OwnGrid,
     /// Voxels of a P-SOG on another grid.
@@ -40,7 +39,7 @@ enum Worth {
 
 /// Frames that beams are cast into.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Frames {
+pub(super) enum Frames {
     /// So many, spread evenly from the first on; all if `None`.
     Spread(Option<u32>),
     /// One by its number.
@@ -69,77 +68,21 @@ impl From<Scene> for JobScene {
     }
 }
 
-impl From<&Scene> for JobScene {
-    fn from(scene: &Scene) -> Self {
-        scene.clone().into()
-    }
-}
-
 impl JobScene {
-    fn changed(self, change: impl FnOnce(&mut Self)) -> Self {
-        let mut changed = Self { problem: OnceLock::new(), ..self };
-        change(&mut changed);
-        changed
+    /// The scene with other settings; its problem is made anew.
+    pub(super) fn with(mut self, change: impl FnOnce(&mut Self)) -> Self {
+        self.problem = OnceLock::new();
+        change(&mut self);
+        self
     }
 
-    /// The scene with a P-SOG in place of its own, on its own grid.
-    #[must_use]
-    pub fn with_psog(self, psog: impl Into<Arc<Psog>>) -> Self {
-        let psog = Arc::new(OnceLock::from(psog.into()));
-        self.changed(|scene| (scene.psog, scene.worth) = (psog, Worth::OwnGrid))
-    }
-
-    /// The scene with a P-SOG in place of its own, on whatever grid that has.
-    #[must_use]
-    pub fn on_grid_of(self, psog: impl Into<Arc<Psog>>) -> Self {
-        let psog = Arc::new(OnceLock::from(psog.into()));
-        self.changed(|scene| (scene.psog, scene.worth) = (psog, Worth::OtherGrid))
-    }
-
-    /// Geometry alone, without a P-SOG: no voxel is worth anything.
-    #[must_use]
-    pub fn geometry_alone(self) -> Self {
-        self.changed(|scene| scene.worth = Worth::Nothing)
-    }
-
-    /// As [`Job::frames`].
-    #[must_use]
-    pub fn frames(self, frames: Option<u32>) -> Self {
-        self.changed(|scene| scene.frames = Frames::Spread(frames))
-    }
-
-    /// One frame by its number, which the scene must have.
-    #[must_use]
-    pub fn one_frame(self, frame: usize) -> Self {
-        self.changed(|scene| scene.frames = Frames::One(frame))
-    }
-
-    /// As [`Job::conditions`].
-    #[must_use]
-    pub fn conditions(self, conditions: &[Condition]) -> Self {
-        self.changed(|scene| scene.conditions = conditions.to_vec())
-    }
-
-    /// As [`Job::sensors`].
-    #[must_use]
-    pub fn sensors(self, sensors: Sensors) -> Self {
-        self.changed(|scene| scene.sensors = Some(sensors))
-    }
-
-    /// As [`Job::draw`].
-    #[must_use]
-    pub fn draw(self, draw: u64) -> Self {
-        self.changed(|scene| scene.draw = draw)
-    }
-
-    /// As [`Job::constraints`]; a problem that is there keeps its trees.
-    #[must_use]
-    pub fn constraints(mut self, constraints: Constraints) -> Self {
-        let with_rules = |problem: Arc<Problem>| {
+    /// As [`Job::constraints`]: a problem that is there keeps its trees.
+    pub(super) fn under(mut self, constraints: &Constraints) -> Self {
+        let known = self.problem.take().map(|problem| {
             Arc::new(Arc::unwrap_or_clone(problem).with_constraints(constraints.clone()))
-        };
-        self.problem = self.problem.take().map(with_rules).map_or_else(OnceLock::new, Into::into);
-        self.constraints = Some(constraints);
+        });
+        self.problem = known.map_or_else(OnceLock::new, Into::into);
+        self.constraints = Some(constraints.clone());
         self
     }
 
@@ -267,6 +210,6 @@ impl Problem {
     /// # Errors
     /// As [`JobScene::problem`].
     pub fn of(scene: &Scene) -> Result<Self, JobError> {
-        Ok(Arc::unwrap_or_clone(Job::new(scene).problem()?))
+        Ok(Arc::unwrap_or_clone(Job::new(scene.clone()).problem()?))
     }
 }

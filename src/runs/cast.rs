@@ -11,7 +11,7 @@ use super::opening::{self, LoadTimes, Loaded, timings};
 use super::{Computing, Error, glb};
 use crate::export::GltfView;
 use crate::files::{Session, writable_file, write_whole};
-use crate::job::{Job, JobScene};
+use crate::job::Job;
 use crate::scan::BeamHits;
 use crate::scene::EgoBody;
 use crate::vehicle::read_placements;
@@ -113,7 +113,7 @@ fn frame(request: &CastRequest, computing: &Computing<'_>) -> Result<Loaded, Err
             frames - 1
         )));
     }
-    let job = Job::new(JobScene::from(scene).geometry_alone().one_frame(frame));
+    let job = Job::new(scene).geometry_alone().one_frame(frame);
     let times = LoadTimes { load: start.elapsed().as_secs_f64(), build: 0.0 };
     Ok(Loaded { job: job.engine(computing.engine.clone()), times })
 }

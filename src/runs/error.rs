@@ -8,12 +8,9 @@ use crate::files::FileError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// From the library.
+    /// From the library, files and folders among it.
     #[error(transparent)]
-    Library(#[from] crate::Error),
-    /// From a file or folder.
-    #[error(transparent)]
-    File(#[from] FileError),
+    Library(crate::Error),
     /// A likely mistake in an input, where such are refused.
     #[error("{0} (refused by --strict)")]
     Doubt(String),
@@ -23,41 +20,14 @@ pub enum Error {
 }
 
 /// Errors of the library's modules, so that `?` takes them in one step.
-macro_rules! from_modules {
-    ($($error:path),* $(,)?) => {$(
-        impl From<$error> for Error {
-            fn from(error: $error) -> Self {
-                Self::Library(error.into())
-            }
-        }
-    )*};
+impl<E> From<E> for Error
+where
+    crate::Error: From<E>,
+{
+    fn from(error: E) -> Self {
+        Self::Library(error.into())
+    }
 }
-
-from_modules!(
-    crate::audit::AuditError,
-    crate::chart::ChartError,
-    crate::datasets::DatasetError,
-    crate::engine::BackendError,
-    crate::job::JobError,
-    crate::export::ExportError,
-    crate::near_field::NearFieldError,
-    crate::problem::ProblemError,
-    crate::psog::GridError,
-    crate::psog::PsogFileError,
-    crate::rig::RigError,
-    crate::scan::ScanError,
-    crate::scan::VisibilityError,
-    crate::scan::conditions::ConditionError,
-    crate::scene::DescriptionError,
-    crate::score::ObjectiveError,
-    crate::search::SearchError,
-    crate::study::StudyError,
-    crate::vehicle::PlacementError,
-    crate::vehicle::PoseGridError,
-    crate::vehicle::PlacementFileError,
-    crate::vehicle::SensorError,
-    crate::worlds::WorldError,
-);
 
 impl Error {
     /// Names the file or folder in an error of the operating system.

@@ -9,7 +9,7 @@ use super::given::{Given, published};
 use super::opening::{self, LoadTimes, Loaded};
 use super::{Computing, Error, GRACE};
 use crate::files::{Session, writable_file, write_whole};
-use crate::job::{Job, JobScene};
+use crate::job::Job;
 use crate::near_field::{Footprint, NearField, NearSite};
 use crate::report::near_field::near_field_svg;
 use crate::scan::conditions::{Condition, in_words};
@@ -66,9 +66,8 @@ pub fn near_fields(
         writable_file(file)?;
     }
     opening::note_conditions(&in_words(&request.conditions), watcher);
-    let scene = JobScene::from(scene).geometry_alone();
-    let job = Job::new(scene).frames(request.frames).conditions(&request.conditions);
-    let job = job.engine(computing.engine.clone());
+    let job = Job::new(scene).geometry_alone().frames(request.frames);
+    let job = job.conditions(&request.conditions).engine(computing.engine.clone());
     let mut loaded = Loaded { job, times: LoadTimes::default() };
     let mut evaluator = loaded.evaluator(computing)?;
     let scene = loaded.job.scene();

@@ -1,12 +1,7 @@
 //! Why a study cannot be made.
 
-use crate::engine::BackendError;
 use crate::job::JobError;
-use crate::psog::GridError;
-use crate::scene::DescriptionError;
 use crate::score::ObjectiveError;
-use crate::search::SearchError;
-use crate::vehicle::SensorError;
 
 /// Why a study cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -96,25 +91,19 @@ pub enum StudyError {
         /// How to tell them apart.
         mend: &'static str,
     },
-    /// A sensor file.
+    /// A job, or a part of it, that cannot be posed, scored or searched.
     #[error(transparent)]
-    Scene(#[from] DescriptionError),
-    /// A job that cannot be posed, scored or searched.
-    #[error(transparent)]
-    Job(#[from] JobError),
-    /// Voxels that do not make a grid.
-    #[error(transparent)]
-    Grid(#[from] GridError),
-    /// A sensor without beams.
-    #[error(transparent)]
-    Sensor(#[from] SensorError),
+    Job(JobError),
     /// An objective that cannot be read.
     #[error(transparent)]
     Objective(#[from] ObjectiveError),
-    /// Scoring failed.
-    #[error(transparent)]
-    Backend(#[from] BackendError),
-    /// A search failed.
-    #[error(transparent)]
-    Search(#[from] SearchError),
+}
+
+impl<E> From<E> for StudyError
+where
+    JobError: From<E>,
+{
+    fn from(error: E) -> Self {
+        Self::Job(error.into())
+    }
 }

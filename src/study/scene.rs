@@ -1,7 +1,5 @@
 //! A scene of a study: jobs, searches and scores that differ in one thing from case to case.
 
-use std::sync::Arc;
-
 use super::{StudyError, StudyObserver, StudySettings};
 use crate::job::{Job, JobScene};
 use crate::psog::Roi;
@@ -91,7 +89,7 @@ impl<'a> StudyScene<'a> {
         let bounds = self.scene.roi();
         let roi = Roi::from_bounds(bounds.min, bounds.max, voxel)?;
         let (psog, _) = scan_scene(self.scene, &roi, settings, || ())?;
-        self.open(&self.job.clone().on_grid_of(&Arc::new(psog)))
+        self.open(&self.job.clone().on_grid_of(psog))
     }
 
     fn open(&self, job: &Job) -> Result<Evaluator, StudyError> {

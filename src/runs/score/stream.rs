@@ -241,7 +241,7 @@ impl Scoring<'_> {
             }
             Err(error) => {
                 match &error {
-                    Error::File(_) => drop(journal.leave()?),
+                    Error::Library(crate::Error::File(_)) => drop(journal.leave()?),
                     _ => journal.remove(),
                 }
                 Err(error)
