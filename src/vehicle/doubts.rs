@@ -19,7 +19,16 @@ const VIEW: [f64; 2] = [1.0, PI];
 
 /// True if an angle in radians is most likely one in degrees: more than a turn, or a whole number from 2 up.
 pub(crate) fn is_degrees(angle: f64) -> bool {
-    angle.abs() > TAU + 1e-6 || (angle.fract() == 0.0 && angle.abs() >= WHOLE)
+    in_degrees(angle).is_some()
+}
+
+/// A sign that an angle in radians is one in degrees, in words.
+fn in_degrees(angle: f64) -> Option<String> {
+    if angle.abs() > TAU + 1e-6 {
+        return Some("is more than a turn".to_owned());
+    }
+    let is_whole = angle.fract() == 0.0 && angle.abs() >= WHOLE;
+    is_whole.then(|| format!("rad is {:.0}°", angle.to_degrees()))
 }
 
 /// A doubt about angles that a file states in radians; `what` names them.
@@ -106,15 +115,9 @@ pub(crate) fn doubts_of_units(pose: &SensorPose) -> Vec<String> {
     let (metres, radians) = fields.split_at(3);
     let turned = radians.iter().find_map(|&(field, value)| {
         let most = if field == "yaw" { TAU } else { PI };
-        let fault = if value.abs() > TAU + 1e-6 {
-            "is more than a turn".to_owned()
-        } else if value.abs() >= WHOLE && value.fract() == 0.0 {
-            format!("rad is {:.0}°", value.to_degrees())
-        } else if value.abs() > most + 1e-6 {
-            "is more than half a turn".to_owned()
-        } else {
-            return None;
-        };
+        let is_beyond = value.abs() > most + 1e-6;
+        let beyond = is_beyond.then(|| "is more than half a turn".to_owned());
+        let fault = in_degrees(value).or(beyond)?;
         Some(format!(
             "{field} = {value} {fault}; angles are in radians, {value}° are {:.4}",
             value.to_radians()
