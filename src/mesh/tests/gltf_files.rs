@@ -135,6 +135,27 @@ fn gltf_parts_stand_where_the_format_puts_them() {
 }
 
 #[test]
+fn places_that_are_none_are_refused() {
+    let fails = |change: &dyn Fn(&mut serde_json::Value)| {
+        let mut json: serde_json::Value = serde_json::from_str(&triangle_gltf(2, 40, 3)).unwrap();
+        change(&mut json);
+        let Fault { element, problem } =
+            gltf::read(json.to_string().as_bytes(), Path::new("nowhere")).unwrap_err();
+        format!("{element}: {problem}")
+    };
+    let matrix: Vec<f64> = (0..16).map(|k| f64::from(u8::from(k % 5 == 0))).collect();
+    let both = fails(&|json| {
+        json["nodes"][0] =
+            serde_json::json!({ "mesh": 0, "matrix": matrix, "translation": [1, 0, 0] });
+    });
+    assert!(both.contains("node 0") && both.contains("a matrix beside translation"), "{both}");
+    let long = fails(&|json| json["nodes"][0]["rotation"] = serde_json::json!([0, 0, 0, 2]));
+    assert!(long.contains("node 0") && long.contains("no unit quaternion"), "{long}");
+    let old = fails(&|json| json["asset"]["version"] = "1.0".into());
+    assert!(old.contains("is of version \"1.0\"; export glTF 2.0"), "{old}");
+}
+
+#[test]
 fn gltf_parts_that_cannot_be_read_are_refused_by_name() {
     let cases: [(&str, serde_json::Value, &str); 9] = [
         (
