@@ -239,7 +239,9 @@ fn publisher(words: Vec<String>, at: Place) -> Result<Frame, RigError> {
             if let Some(flag) = FLAGS.iter().find(|flag| *flag == word) {
                 let value =
                     words.next().ok_or_else(|| wrong(&at, word, "a flag with its value"))?;
-                given.insert(*flag, value.as_str());
+                if given.insert(*flag, value.as_str()).is_some() {
+                    return Err(wrong(&at, flag, "each flag once"));
+                }
             } else if word.starts_with("--") {
                 return Err(wrong(&at, word, UNKNOWN_FLAG));
             }
@@ -260,7 +262,7 @@ fn publisher(words: Vec<String>, at: Place) -> Result<Frame, RigError> {
     Ok(Frame { name, parent, pose: pose(&given, &at)?, holds: Holds::Unsaid, at })
 }
 
-/// The transform of flags; what is not given is 0, a quaternion counts before angles.
+/// The transform of flags; what is not given is 0; angles and a quaternion exclude each other.
 fn pose(given: &HashMap<&str, &str>, at: &Place) -> Result<SensorPose, RigError> {
     let value = |flag: &str, other: f64| match given.get(flag) {
         Some(text) => number(&at.key(flag), text),
@@ -269,8 +271,11 @@ fn pose(given: &HashMap<&str, &str>, at: &Place) -> Result<SensorPose, RigError>
     let (x, y, z) = (value("--x", 0.0)?, value("--y", 0.0)?, value("--z", 0.0)?);
     if ["--qx", "--qy", "--qz", "--qw"].iter().any(|flag| given.contains_key(flag)) {
         let [qx, qy, qz] = ["--qx", "--qy", "--qz"].map(|flag| value(flag, 0.0));
-        let pose = of_quaternion([x, y, z], [qx?, qy?, qz?, value("--qw", 1.0)?]);
-        return pose.ok_or_else(|| wrong(at, "a quaternion of length 0", "a rotation"));
+        if let Some(angle) = ["--roll", "--pitch", "--yaw"].iter().find(|a| given.contains_key(*a))
+        {
+            return Err(wrong(at, angle, "no angle beside a quaternion"));
+        }
+        return of_quaternion([x, y, z], [qx?, qy?, qz?, value("--qw", 1.0)?], at);
     }
     let [roll, pitch, yaw] = ["--roll", "--pitch", "--yaw"].map(|flag| value(flag, 0.0));
     Ok(SensorPose::from_values([x, y, z, roll?, pitch?, yaw?]))

@@ -126,8 +126,7 @@ fn read_joint(joint: Node, file: &str, frames: &mut Frames) -> Result<(), RigErr
         Some(text) => {
             let at = at.key("origin").key(QUATERNION);
             let quaternion = xml::numbers(text, &at, "four numbers: x y z w")?;
-            let pose = of_quaternion([x, y, z], quaternion);
-            pose.ok_or_else(|| wrong(&at, text, "a quaternion of another length than 0"))?
+            of_quaternion([x, y, z], quaternion, &at)?
         }
     };
     let (name, parent) = (link("child")?, link("parent")?);

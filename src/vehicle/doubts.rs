@@ -37,6 +37,16 @@ pub(crate) fn of_angles(what: &str, angles: &[f64]) -> Option<String> {
     Some(format!("{what} is {angle} rad; degrees? {angle}° are {:.4} rad", angle.to_radians()))
 }
 
+/// A doubt about angles that a file states in degrees: one of them is a quarter, a half or a whole of π.
+pub(crate) fn of_degrees(what: &str, degrees: &[f64]) -> Option<String> {
+    let of_pi = |angle: &f64| {
+        let parts = angle.abs() / (PI / 4.0);
+        (1.0..=8.0).contains(&parts.round()) && (parts - parts.round()).abs() < 1e-3
+    };
+    let angle = degrees.iter().find(|angle| of_pi(angle))?;
+    Some(format!("{what} is {angle}°; radians? {angle} rad are {:.2}°", angle.to_degrees()))
+}
+
 /// Doubts about a LiDAR, which `who` names: its range and its field of view.
 pub(crate) fn of_lidar(who: &str, lidar: &Lidar) -> Vec<String> {
     let mut doubts = Vec::new();
@@ -165,6 +175,16 @@ mod tests {
         assert!(![0.0, 1.0, -1.0, 2.5, PI / 2.0, -PI, TAU].into_iter().any(is_degrees));
         let told = of_angles("`yaw`", &[0.1, 90.0]).unwrap();
         assert_eq!(told, "`yaw` is 90 rad; degrees? 90° are 1.5708 rad");
+    }
+
+    #[test]
+    fn parts_of_pi_are_radians() {
+        for angle in [1.5708, -3.14159, std::f64::consts::FRAC_PI_4, 6.2832] {
+            assert!(of_degrees("`yaw`", &[0.0, angle]).is_some(), "{angle}");
+        }
+        assert_eq!(of_degrees("`yaw`", &[0.0, 90.0, -1.5, 3.0, 0.8, 57.3, 45.0, -180.0]), None);
+        let told = of_degrees("`yaw`", &[1.5708]).unwrap();
+        assert_eq!(told, "`yaw` is 1.5708°; radians? 1.5708 rad are 90.00°");
     }
 
     #[test]

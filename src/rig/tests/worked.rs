@@ -284,8 +284,11 @@ fn an_origin_of_urdf_is_read_whole_or_refused() {
             "<robot name='r'><joint name='j' type='fixed'><parent link='base_link'/><child link='lidar'/>{inside}</joint></robot>"
         )
     };
-    let turned = read(&joint("<origin xyz='1 0 2' quat_xyzw='0 0 1 1'/>")).unwrap().rig;
-    assert!((turned.lidars[0].pose.yaw - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
+    let turned =
+        read(&joint("<origin xyz='1 0 2' quat_xyzw='0 0 0.7071067811865476 0.7071067811865476'/>"))
+            .unwrap()
+            .rig;
+    assert!((turned.lidars[0].pose.yaw - std::f64::consts::FRAC_PI_2).abs() < 1e-14);
     let fails = |inside: &str| read(&joint(inside)).unwrap_err().to_string();
     assert!(fails("<origin xyz='1 0 2'/><origin xyz='5 0 2'/>").contains("a second <origin>"));
     assert!(fails("<origin xyz='1 0 2' pitch='0.1'/>").contains("no attribute but xyz, rpy"));
