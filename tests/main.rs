@@ -18,6 +18,8 @@ mod cli_files;
 mod cli_gltf;
 #[cfg(feature = "cli")]
 mod cli_inputs;
+#[cfg(all(unix, feature = "cli"))]
+mod cli_interrupted;
 #[cfg(feature = "cli")]
 mod cli_limits;
 #[cfg(feature = "cli")]

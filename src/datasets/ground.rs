@@ -17,6 +17,8 @@ const LEAST_POINTS: usize = 10;
 const MOST_SCANS: usize = 10;
 /// Metres by which a road may lie off the ground of the ego frame: it is not flat, and a car sways.
 const OFF: f64 = 0.3;
+/// Longest median step between two frames, metres: half a second at 360 km/h.
+const LONGEST_STEP: f64 = 50.0;
 /// Least share of the vehicle's up axis that points up.
 const UPRIGHT: f64 = 0.7;
 
@@ -76,7 +78,7 @@ pub(super) fn road(sequence: &dyn LabelledSequence) -> Result<Option<(u32, Road)
 }
 
 /// Doubts about a sequence: a road that lies off the ground, a vehicle that is not upright, poses that move it
-/// sideways. `option` names the option that gives the LiDAR's height, where there is one.
+/// sideways or by leaps. `option` names the option that gives the LiDAR's height, where there is one.
 ///
 /// # Errors
 /// Those of reading the first scans.
@@ -114,7 +116,25 @@ pub(super) fn doubts(
     } else {
         notes.extend(sideways(&name, &egos));
     }
+    notes.extend(leaps(&name, &frames, &egos));
     Ok(notes)
+}
+
+/// A doubt where the median step of a vehicle from one frame number to the next is longer than any vehicle drives.
+fn leaps(name: &str, frames: &[u32], egos: &[Pose]) -> Option<Note> {
+    let pairs = egos.windows(2).zip(frames.windows(2));
+    let mut steps: Vec<f64> = pairs
+        .map(|(ego, frame)| {
+            let way = (ego[1].translation - ego[0].translation).length();
+            way / f64::from(frame[1].abs_diff(frame[0]).max(1))
+        })
+        .collect();
+    steps.sort_by(f64::total_cmp);
+    let step = *steps.get(steps.len() / 2)?;
+    let text = format!(
+        "{name}: the vehicle moves {step:.0} m from frame to frame; positions are in metres: centimetres, or millimetres?"
+    );
+    (step > LONGEST_STEP).then(|| Note::doubt(text))
 }
 
 /// A doubt where the median way of a vehicle leads sideways.
@@ -134,4 +154,23 @@ fn sideways(name: &str, egos: &[Pose]) -> Option<Note> {
         angles.len()
     );
     (angles.len() >= 5 && (45.0..=135.0).contains(&angle)).then(|| Note::doubt(text))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn leaps_are_told_by_the_frame() {
+        let at = |x: f64| Pose { translation: DVec3::new(x, 0.0, 0.0), ..Pose::IDENTITY };
+        let egos = [at(0.0), at(100.0), at(200.0)];
+        let said = leaps("drive", &[0, 1, 2], &egos).unwrap();
+        assert!(
+            said.is_doubt() && said.text().contains("moves 100 m from frame to frame"),
+            "{said}"
+        );
+        // Every tenth frame of a drive is no leap, nor is one gap.
+        assert_eq!(leaps("drive", &[0, 10, 20], &egos), None);
+        assert_eq!(leaps("drive", &[0, 1, 2, 3], &[at(0.0), at(1.0), at(2.0), at(400.0)]), None);
+    }
 }

@@ -65,6 +65,11 @@ impl KittiSequence {
             let poses_read = world_from_lidar.len();
             return Err(DatasetError::NoPose { path: poses, frame, poses: poses_read });
         }
+        let beyond =
+            world_from_lidar.len().saturating_sub(scans.last().map_or(0, |s| s.0 as usize + 1));
+        let text =
+            format!("{}: its last {beyond} poses belong to no scan; not read.", poses.display());
+        notes.extend((beyond > 0).then(|| Note::fact(text)));
         notes.extend(labels_alone(folder, &scans));
         let own = folder.join(EGO_FROM_LIDAR);
         let mut sequence = Self {

@@ -63,6 +63,7 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
         gltf::Gltf::from_slice_without_validation(bytes).map_err(whole)?;
     let mut json = document.into_json();
     check_attributes(&json)?;
+    check_nodes(&json)?;
     let passed = |name: &str| PASSED.iter().any(|start| name.starts_with(start));
     let mut mesh = RawMesh::default();
     let unknown = json.extensions_used.iter().map(String::as_str);
@@ -97,6 +98,9 @@ pub(super) fn read(bytes: &[u8], dir: &Path) -> Result<RawMesh, Fault> {
     Walk::new(&document, Data::new(buffers), mesh).run(&scene)
 }
 
+/// Farthest that the length of a quaternion may be from 1.
+const UNIT: f32 = 1e-3;
+
 /// Checks what the crate's validation indexes with before it checks it.
 fn check_attributes(json: &gltf::json::Root) -> Result<(), Fault> {
     let accessors = json.accessors.len();
@@ -105,6 +109,28 @@ fn check_attributes(json: &gltf::json::Root) -> Result<(), Fault> {
         if let Some(index) = used.find(|index| index.value() >= accessors) {
             let problem = format!("uses accessor {}, there are {accessors}", index.value());
             return Err(Fault::new(format!("mesh {i}"), problem));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses another version, and nodes whose place is not one: a matrix beside its parts, a rotation that is none.
+fn check_nodes(json: &gltf::json::Root) -> Result<(), Fault> {
+    let version = &json.asset.version;
+    if !version.starts_with("2.") {
+        return Err(Fault::new("asset", format!("is of version {version:?}; export glTF 2.0")));
+    }
+    for (i, node) in json.nodes.iter().enumerate() {
+        let fault = |problem: &str| Err(Fault::new(format!("node {i}"), problem.to_owned()));
+        let parts = node.translation.is_some() || node.rotation.is_some() || node.scale.is_some();
+        if node.matrix.is_some() && parts {
+            return fault(
+                "has a matrix beside translation, rotation or scale; leave one of them out",
+            );
+        }
+        let length = |r: &gltf::json::scene::UnitQuaternion| r.0.iter().map(|v| v * v).sum::<f32>();
+        if node.rotation.as_ref().is_some_and(|r| (length(r).sqrt() - 1.0).abs() > UNIT) {
+            return fault("has a rotation that is no unit quaternion x, y, z, w; normalize it");
         }
     }
     Ok(())

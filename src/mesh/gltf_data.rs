@@ -45,9 +45,7 @@ impl Data {
         })?;
         self.left.set(self.left.get() - total);
         let past = || format!("uses {name}, which reaches past its buffer");
-        let scale =
-            |value: f64| if accessor.normalized() { normalized(value, kind) } else { value };
-        let (size, one) = (accessor.size(), kind.size());
+        let size = accessor.size();
         let mut numbers = match (accessor.view(), accessor.sparse()) {
             (Some(view), _) => {
                 let stride = view.stride().unwrap_or(size);
@@ -57,44 +55,49 @@ impl Data {
                 let bytes =
                     self.slice(&view, accessor.offset(), stride, size, count).ok_or_else(past)?;
                 let items = bytes.chunks(stride).take(count);
-                items
-                    .flat_map(|item| item[..size].chunks_exact(one))
-                    .map(|b| scale(number(b, kind)))
-                    .collect()
+                items.flat_map(|item| scaled(accessor, &item[..size])).collect()
             }
             // Zeros, which the sparse values replace.
             (None, Some(_)) if total <= self.buffers.iter().map(Vec::len).sum() => vec![0.0; total],
             (None, _) => return Err(format!("uses {name} without plain data (is it compressed?)")),
         };
-        if let Some(sparse) = accessor.sparse() {
-            let (indices, values) = (sparse.indices(), sparse.values());
-            let kind_of_index = match indices.index_type() {
-                IndexType::U8 => DataType::U8,
-                IndexType::U16 => DataType::U16,
-                IndexType::U32 => DataType::U32,
-            };
-            let wide = kind_of_index.size();
-            let places = self
-                .slice(&indices.view(), indices.offset(), wide, wide, sparse.count())
-                .ok_or_else(past)?;
-            let values = self
-                .slice(&values.view(), values.offset(), size, size, sparse.count())
-                .ok_or_else(past)?;
-            for (place, item) in places.chunks_exact(wide).zip(values.chunks_exact(size)) {
-                let place = number(place, kind_of_index) as usize;
-                if place >= count {
-                    return Err(format!(
-                        "uses {name}, whose sparse index {place} is past its {count} items"
-                    ));
-                }
-                let item = item.chunks_exact(one).map(|b| scale(number(b, kind)));
-                numbers[place * parts..][..parts]
-                    .iter_mut()
-                    .zip(item)
-                    .for_each(|(old, new)| *old = new);
+        self.replace(accessor, &mut numbers)?;
+        Ok(numbers)
+    }
+
+    /// Puts the sparse values of an accessor in their places among its numbers.
+    fn replace(&self, accessor: &Accessor<'_>, numbers: &mut [f64]) -> Result<(), String> {
+        let Some(sparse) = accessor.sparse() else { return Ok(()) };
+        let name = format!("accessor {}", accessor.index());
+        let past = || format!("uses {name}, which reaches past its buffer");
+        let (indices, values) = (sparse.indices(), sparse.values());
+        let kind_of_index = match indices.index_type() {
+            IndexType::U8 => DataType::U8,
+            IndexType::U16 => DataType::U16,
+            IndexType::U32 => DataType::U32,
+        };
+        let (wide, size) = (kind_of_index.size(), accessor.size());
+        let places = self
+            .slice(&indices.view(), indices.offset(), wide, wide, sparse.count())
+            .ok_or_else(past)?;
+        let values = self
+            .slice(&values.view(), values.offset(), size, size, sparse.count())
+            .ok_or_else(past)?;
+        let (count, parts) = (accessor.count(), accessor.dimensions().multiplicity());
+        for (place, item) in places.chunks_exact(wide).zip(values.chunks_exact(size)) {
+            let place = number(place, kind_of_index) as usize;
+            if place >= count {
+                return Err(format!(
+                    "uses {name}, whose sparse index {place} is past its {count} items"
+                ));
+            }
+            for (old, new) in
+                numbers[place * parts..][..parts].iter_mut().zip(scaled(accessor, item))
+            {
+                *old = new;
             }
         }
-        Ok(numbers)
+        Ok(())
     }
 
     /// Bytes of `count` items of a view.
@@ -114,6 +117,16 @@ impl Data {
         let whole = whole.get(view.offset()..view.offset().checked_add(view.length())?)?;
         whole.get(offset..offset.checked_add(need)?)
     }
+}
+
+/// Numbers of an item's bytes, normalized where the accessor says so.
+fn scaled<'a>(accessor: &'a Accessor<'_>, item: &'a [u8]) -> impl Iterator<Item = f64> + 'a {
+    let kind = accessor.data_type();
+    let is_normalized = accessor.normalized();
+    item.chunks_exact(kind.size()).map(move |bytes| {
+        let value = number(bytes, kind);
+        if is_normalized { normalized(value, kind) } else { value }
+    })
 }
 
 /// A number of a component type, little-endian.

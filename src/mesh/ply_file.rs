@@ -50,6 +50,20 @@ pub(super) struct Property {
     pub list: Option<Kind>,
 }
 
+impl Property {
+    /// The property of a header's words behind `property`; `line` is the whole line.
+    fn of(words: &[&str], line: &str) -> Result<Self, String> {
+        let kind =
+            |word: &str| Kind::of(word).ok_or_else(|| format!("has the unknown type {word:?}"));
+        let (name, kind, list) = match *words {
+            ["list", count, item, name] => (name, kind(item)?, Some(kind(count)?)),
+            [item, name] => (name, kind(item)?, None),
+            _ => return Err(format!("{:?} is not a property", line.trim())),
+        };
+        Ok(Self { name: name.to_owned(), kind, list })
+    }
+}
+
 /// An element: `count` rows of its properties.
 #[derive(Debug)]
 pub(super) struct Element {
@@ -70,6 +84,17 @@ enum Form {
     Ascii,
     Little,
     Big,
+}
+
+impl Form {
+    fn of(name: &str) -> Result<Self, String> {
+        match name {
+            "ascii" => Ok(Self::Ascii),
+            "binary_little_endian" => Ok(Self::Little),
+            "binary_big_endian" => Ok(Self::Big),
+            _ => Err(format!("has the unknown format {name:?}")),
+        }
+    }
 }
 
 #[derive(Debug)]
@@ -107,14 +132,7 @@ impl Header {
                     return Err(fault("is not `ply`; is this a PLY file?".to_owned()));
                 }
                 [] | ["comment" | "obj_info", ..] => {}
-                ["format", name, _] => {
-                    form = Some(match name {
-                        "ascii" => Form::Ascii,
-                        "binary_little_endian" => Form::Little,
-                        "binary_big_endian" => Form::Big,
-                        _ => return Err(fault(format!("has the unknown format {name:?}"))),
-                    });
-                }
+                ["format", name, _] => form = Some(Form::of(name).map_err(fault)?),
                 ["element", name, count] => {
                     let count = count.parse().map_err(|_| {
                         fault(format!("has the count {count:?}, which is no whole number"))
@@ -125,29 +143,12 @@ impl Header {
                     let element = elements
                         .last_mut()
                         .ok_or_else(|| fault("has a property before any element".to_owned()))?;
-                    let kind = |word: &str| {
-                        Kind::of(word)
-                            .ok_or_else(|| fault(format!("has the unknown type {word:?}")))
-                    };
-                    let property = match *words {
-                        ["list", count, item, name] => Property {
-                            name: name.to_owned(),
-                            kind: kind(item)?,
-                            list: Some(kind(count)?),
-                        },
-                        [item, name] => {
-                            Property { name: name.to_owned(), kind: kind(item)?, list: None }
-                        }
-                        _ => return Err(fault(format!("{:?} is not a property", text.trim()))),
-                    };
-                    element.properties.push(property);
+                    element.properties.push(Property::of(words, &text).map_err(fault)?);
                 }
                 ["end_header"] => break,
                 _ => {
-                    return Err(fault(format!(
-                        "{:?} is not known in a header",
-                        text.trim().chars().take(60).collect::<String>()
-                    )));
+                    let start: String = text.trim().chars().take(60).collect();
+                    return Err(fault(format!("{start:?} is not known in a header")));
                 }
             }
         }

@@ -2,24 +2,34 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
+use super::RigError;
+use super::fields::wrong;
 use crate::geom::Pose;
+use crate::json::Place;
 use crate::maths;
 use crate::vehicle::SensorPose;
 
 /// The pose that changes nothing.
 pub(super) const IDENTITY: SensorPose = SensorPose::from_values([0.0; 6]);
 
-/// Pose of a position and a quaternion of any length above 0; `None` without a rotation.
-pub(super) fn of_quaternion(position: [f64; 3], xyzw: [f64; 4]) -> Option<SensorPose> {
-    let largest = xyzw.into_iter().fold(0.0, |most: f64, v| most.max(v.abs()));
-    // A maximum passes over what is no number.
-    if largest == 0.0 || xyzw.iter().any(|v| !v.is_finite()) {
-        return None;
+/// Largest distance of a quaternion's squared length from 1; tf2 leaves out transforms beyond it.
+const LENGTH_TOLERANCE: f64 = 1e-2;
+
+/// Pose of a position and a quaternion x, y, z, w. One of another length than 1 is most likely four other numbers, and an error
+/// at `at`.
+pub(super) fn of_quaternion(
+    position: [f64; 3],
+    xyzw: [f64; 4],
+    at: &Place,
+) -> Result<SensorPose, RigError> {
+    let square: f64 = xyzw.iter().map(|v| v * v).sum();
+    // No number is within the tolerance of 1 but a finite one.
+    if !((square - 1.0).abs() <= LENGTH_TOLERANCE) {
+        let length = format!("a quaternion of length {}", square.sqrt());
+        return Err(wrong(at, length, "a quaternion of length 1"));
     }
-    // Scaled first, so that no square overflows or vanishes.
-    let unit = DQuat::from_array(xyzw.map(|v| v / largest)).normalize();
-    let rotation = DMat3::from_quat(unit);
-    Some(SensorPose::from(&Pose { rotation, translation: DVec3::from(position) }))
+    let rotation = DMat3::from_quat(DQuat::from_array(xyzw).normalize());
+    Ok(SensorPose::from(&Pose { rotation, translation: DVec3::from(position) }))
 }
 
 /// `a_from_c` of `a_from_b` and `b_from_c`. Angles that need no computing stay as written.

@@ -10,7 +10,7 @@ use super::{BASE_LINK, Fan, Mounting, Rig, RigError, RigLidar, Source, known};
 use crate::Note;
 use crate::json::written;
 use crate::json::{self, Place};
-use crate::vehicle::SensorPose;
+use crate::vehicle::{SensorPose, of_degrees};
 
 /// Type of the LiDAR that CARLA casts.
 pub(super) const LIDAR: &str = "sensor.lidar.ray_cast";
@@ -87,7 +87,10 @@ pub(super) fn read_list(
             leave_out(frames, &fields)?;
             continue;
         }
-        let pose = mirrored(&fields.six_or_level()?, f64::to_radians);
+        let degrees = fields.six_or_level()?;
+        let doubt = of_degrees("an angle", &degrees.values()[3..]);
+        frames.notes.extend(doubt.map(|doubt| Note::doubt(format!("{}: {doubt}", fields.at))));
+        let pose = mirrored(&degrees, f64::to_radians);
         add(frames, &fields, pose, holds)?;
     }
     Ok(())
@@ -108,6 +111,11 @@ pub(super) fn holds(fields: &Fields, frames: &mut Frames) -> Result<Holds, RigEr
         )));
     }
     let known = |key: &str| key == HORIZONTAL || READ.contains(&key) || PASSED_OVER.contains(&key);
+    // A key of the pose in other letters would be passed over, and the pose be another.
+    let posed = |key: &&String| SensorPose::FIELDS.contains(&key.to_lowercase().as_str());
+    if let Some(key) = fields.each().map(|(key, ..)| key).filter(|key| !known(key)).find(posed) {
+        return Err(wrong(&fields.at.key(key), key, "its name in small letters"));
+    }
     let unknown: Vec<String> =
         fields.each().filter(|(key, ..)| !known(key)).map(|(key, ..)| format!("`{key}`")).collect();
     if !unknown.is_empty() {

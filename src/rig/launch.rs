@@ -50,15 +50,25 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
         included: BTreeSet::new(),
         nodes: 0,
     };
-    let mut open = vec![document.root_element()];
-    while let Some(node) = open.pop() {
+    let mut open = vec![Step::Read(document.root_element())];
+    while let Some(step) = open.pop() {
+        let node = match step {
+            Step::Read(node) => node,
+            Step::Restore(values) => {
+                launch.values = values;
+                continue;
+            }
+        };
         if !launch.is_on(node)? {
             continue;
         }
         match node.tag_name().name() {
-            "launch" | "group" => {
+            name @ ("launch" | "group") => {
+                if name == "group" && launch.is_scoped(node)? {
+                    open.push(Step::Restore(launch.values.clone()));
+                }
                 let children: Vec<Node> = node.children().filter(Node::is_element).collect();
-                open.extend(children.into_iter().rev());
+                open.extend(children.into_iter().rev().map(Step::Read));
             }
             "arg" | "let" => launch.argument(node)?,
             "node" => {
@@ -77,6 +87,13 @@ pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError>
     }
     frames.notes.extend(launch.notes());
     Ok(())
+}
+
+/// Work that is left of a launch file.
+enum Step<'a, 'i> {
+    Read(Node<'a, 'i>),
+    /// Values from before a group: those that it sets end with it.
+    Restore(HashMap<String, String>),
 }
 
 /// A launch file as far as it is read.
@@ -98,28 +115,35 @@ impl Launch<'_> {
         for (key, wanted) in [("if", true), ("unless", false)] {
             let Some(text) = node.attribute(key) else { continue };
             let at = xml::place(node, self.file).key(key);
-            let value = match self.resolved(text, &at)?.trim().to_lowercase().as_str() {
-                "true" | "1" => true,
-                "false" | "0" => false,
-                _ => {
-                    return Err(wrong(
-                        &at,
-                        text,
-                        "true, false, or an argument with such a default",
-                    ));
-                }
-            };
-            if value != wanted {
+            if self.truth(text, &at)? != wanted {
                 return Ok(false);
             }
         }
         Ok(true)
     }
 
-    /// Keeps the value of an argument: `value`, or the `default` that counts without one.
+    /// The truth value of a text.
+    fn truth(&self, text: &str, at: &Place) -> Result<bool, RigError> {
+        match self.resolved(text, at)?.trim().to_lowercase().as_str() {
+            "true" | "1" => Ok(true),
+            "false" | "0" => Ok(false),
+            _ => Err(wrong(at, text, "true, false, or an argument with such a default")),
+        }
+    }
+
+    /// True if the values that a group sets end with it, which they do unless it says otherwise.
+    fn is_scoped(&self, group: Node) -> Result<bool, RigError> {
+        let Some(text) = group.attribute("scoped") else { return Ok(true) };
+        let at = xml::place(group, self.file).key("scoped");
+        self.truth(text, &at)
+    }
+
+    /// Keeps the value of an argument: `value`, or the `default`, which counts where nothing has set one before.
     fn argument(&mut self, node: Node) -> Result<(), RigError> {
         let at = xml::place(node, self.file);
-        let Some(text) = node.attribute("value").or(node.attribute("default")) else {
+        let is_set = node.attribute("name").is_some_and(|name| self.values.contains_key(name));
+        let default = node.attribute("default").filter(|_| !is_set);
+        let Some(text) = node.attribute("value").or(default) else {
             return Ok(());
         };
         // One that cannot be told is an error where it is used.
@@ -215,7 +239,9 @@ fn publisher(words: Vec<String>, at: Place) -> Result<Frame, RigError> {
             if let Some(flag) = FLAGS.iter().find(|flag| *flag == word) {
                 let value =
                     words.next().ok_or_else(|| wrong(&at, word, "a flag with its value"))?;
-                given.insert(*flag, value.as_str());
+                if given.insert(*flag, value.as_str()).is_some() {
+                    return Err(wrong(&at, flag, "each flag once"));
+                }
             } else if word.starts_with("--") {
                 return Err(wrong(&at, word, UNKNOWN_FLAG));
             }
@@ -228,13 +254,15 @@ fn publisher(words: Vec<String>, at: Place) -> Result<Frame, RigError> {
     };
     let frame = |flag: &str| {
         let missing = || RigError::Missing { at: Box::new(at.clone()), key: flag.to_owned() };
-        given.get(flag).map(|name| (*name).to_owned()).ok_or_else(missing)
+        // `tf` of ROS 1 began names with a slash; they are those without.
+        let bare = |name: &&str| name.strip_prefix('/').unwrap_or(name).to_owned();
+        given.get(flag).map(bare).ok_or_else(missing)
     };
     let (name, parent) = (frame("--child-frame-id")?, frame("--frame-id")?);
     Ok(Frame { name, parent, pose: pose(&given, &at)?, holds: Holds::Unsaid, at })
 }
 
-/// The transform of flags; what is not given is 0, a quaternion counts before angles.
+/// The transform of flags; what is not given is 0; angles and a quaternion exclude each other.
 fn pose(given: &HashMap<&str, &str>, at: &Place) -> Result<SensorPose, RigError> {
     let value = |flag: &str, other: f64| match given.get(flag) {
         Some(text) => number(&at.key(flag), text),
@@ -243,8 +271,11 @@ fn pose(given: &HashMap<&str, &str>, at: &Place) -> Result<SensorPose, RigError>
     let (x, y, z) = (value("--x", 0.0)?, value("--y", 0.0)?, value("--z", 0.0)?);
     if ["--qx", "--qy", "--qz", "--qw"].iter().any(|flag| given.contains_key(flag)) {
         let [qx, qy, qz] = ["--qx", "--qy", "--qz"].map(|flag| value(flag, 0.0));
-        let pose = of_quaternion([x, y, z], [qx?, qy?, qz?, value("--qw", 1.0)?]);
-        return pose.ok_or_else(|| wrong(at, "a quaternion of length 0", "a rotation"));
+        if let Some(angle) = ["--roll", "--pitch", "--yaw"].iter().find(|a| given.contains_key(*a))
+        {
+            return Err(wrong(at, angle, "no angle beside a quaternion"));
+        }
+        return of_quaternion([x, y, z], [qx?, qy?, qz?, value("--qw", 1.0)?], at);
     }
     let [roll, pitch, yaw] = ["--roll", "--pitch", "--yaw"].map(|flag| value(flag, 0.0));
     Ok(SensorPose::from_values([x, y, z, roll?, pitch?, yaw?]))

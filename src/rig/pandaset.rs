@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use super::angles::of_quaternion;
-use super::fields::{Fields, wrong};
+use super::fields::Fields;
 use super::frames::{Frame, Frames, Holds};
 use super::{RigError, Source};
 use crate::Note;
@@ -48,9 +48,7 @@ fn read_sensors(document: &Value, top: Place, frames: &mut Frames) -> Result<(),
         rotation.refuse_others(&["x", "y", "z", "w"], &[])?;
         let [x, y, z] = ["x", "y", "z"].map(|key| position.number(key));
         let [qx, qy, qz, qw] = ["x", "y", "z", "w"].map(|key| rotation.number(key));
-        let pose = of_quaternion([x?, y?, z?], [qx?, qy?, qz?, qw?]);
-        let pose =
-            pose.ok_or_else(|| wrong(&rotation.at, "a quaternion of length 0", "a rotation"))?;
+        let pose = of_quaternion([x?, y?, z?], [qx?, qy?, qz?, qw?], &rotation.at)?;
         let holds = if name.contains("camera") {
             Holds::Other
         } else {

@@ -136,6 +136,9 @@ fn pose<'a>(
         return Ok((super::angles::IDENTITY, None));
     };
     let at = xml::place(node, file).key("pose");
+    if node.children().filter(|child| child.has_tag_name("pose")).count() > 1 {
+        return Err(wrong(&at, "a second <pose>", "one <pose>"));
+    }
     let text = element.text().unwrap_or_default();
     let named = |key: &str| element.attribute(key).filter(|frame| !frame.is_empty());
     let old = named("frame");
@@ -148,8 +151,7 @@ fn pose<'a>(
     if element.attribute("rotation_format") == Some("quat_xyzw") {
         let wanted = "seven numbers: x y z and a quaternion x y z w";
         let [x, y, z, qx, qy, qz, qw] = xml::numbers(text, &at, wanted)?;
-        let pose = of_quaternion([x, y, z], [qx, qy, qz, qw]);
-        return Ok((pose.ok_or_else(|| wrong(&at, text, wanted))?, relative_to));
+        return Ok((of_quaternion([x, y, z], [qx, qy, qz, qw], &at)?, relative_to));
     }
     if let Some(format) = element.attribute("rotation_format").filter(|f| *f != "euler_rpy") {
         return Err(wrong(&at.key("rotation_format"), format, "euler_rpy or quat_xyzw"));

@@ -7,15 +7,33 @@ use std::fmt::Write;
 
 use roxmltree::Node;
 
+use super::angles::of_quaternion;
 use super::fields::wrong;
 use super::frames::{Frame, Frames, Holds};
 use super::simulated::{add_sensor, namespace, sensor_element};
 use super::{BASE_LINK, Models, Mounting, Rig, RigError, Source, xml};
-use crate::json::written;
+use crate::Note;
+use crate::json::{Place, written};
 use crate::vehicle::SensorPose;
 
 /// Kinds of joints that move. Each frame behind one is taken where the joint stands at 0.
 const MOVING: [&str; 5] = ["continuous", "floating", "planar", "prismatic", "revolute"];
+
+/// A rotation as a quaternion, in place of `rpy`.
+const QUATERNION: &str = "quat_xyzw";
+/// Elements of a joint: the first three are read, no pose at rest depends on the others.
+const OF_JOINT: [&str; 10] = [
+    "origin",
+    "parent",
+    "child",
+    "axis",
+    "calibration",
+    "dynamics",
+    "hardwareInterface",
+    "limit",
+    "mimic",
+    "safety_controller",
+];
 
 /// Reads every joint, and the LiDARs that Gazebo is told of.
 pub(super) fn read(source: &Source, frames: &mut Frames) -> Result<(), RigError> {
@@ -52,6 +70,36 @@ fn is_xacro(node: Node) -> bool {
         || node.attributes().any(|attribute| waits(attribute.value()))
 }
 
+/// The `<origin>` of a joint. Other elements than URDF's are doubts; a second origin, or one of unknown attributes, is an
+/// error, since the pose would be another.
+fn origin_of<'a, 'i>(
+    joint: Node<'a, 'i>,
+    at: &Place,
+    frames: &mut Frames,
+) -> Result<Option<Node<'a, 'i>>, RigError> {
+    let elements = joint.children().filter(Node::is_element);
+    for element in elements.filter(|element| element.tag_name().namespace().is_none()) {
+        let name = element.tag_name().name();
+        if !OF_JOINT.contains(&name) {
+            frames.notes.push(Note::doubt(format!("{at}: <{name}>: not known here, and not read")));
+        }
+    }
+    let mut origins = joint.children().filter(|node| node.has_tag_name("origin"));
+    let origin = origins.next();
+    let at = at.key("origin");
+    if origins.next().is_some() {
+        return Err(wrong(&at, "a second <origin>", "one <origin>"));
+    }
+    let known = |name: &str| ["xyz", "rpy", QUATERNION].contains(&name);
+    let odd = origin.and_then(|origin| origin.attributes().find(|a| !known(a.name())));
+    match odd {
+        Some(odd) => {
+            Err(wrong(&at.key(odd.name()), odd.value(), "no attribute but xyz, rpy or quat_xyzw"))
+        }
+        None => Ok(origin),
+    }
+}
+
 /// Adds the frame of a joint's child.
 fn read_joint(joint: Node, file: &str, frames: &mut Frames) -> Result<(), RigError> {
     let at = xml::place(joint, file);
@@ -60,8 +108,9 @@ fn read_joint(joint: Node, file: &str, frames: &mut Frames) -> Result<(), RigErr
         let element = xml::child(joint, key).ok_or_else(missing)?;
         xml::attribute(element, "link", &at.key(key)).map(str::to_owned)
     };
+    let origin = origin_of(joint, &at, frames)?;
     let triple = |key: &str| {
-        let text = xml::child(joint, "origin").and_then(|origin| origin.attribute(key));
+        let text = origin.and_then(|origin| origin.attribute(key));
         text.map_or(Ok([0.0; 3]), |text| {
             xml::numbers(text, &at.key(&format!("origin.{key}")), "three numbers")
         })
@@ -72,7 +121,14 @@ fn read_joint(joint: Node, file: &str, frames: &mut Frames) -> Result<(), RigErr
         return Err(wrong(&at.key("type"), kind, wanted));
     }
     let ([x, y, z], [roll, pitch, yaw]) = (triple("xyz")?, triple("rpy")?);
-    let pose = SensorPose::from_values([x, y, z, roll, pitch, yaw]);
+    let pose = match origin.and_then(|origin| origin.attribute(QUATERNION)) {
+        None => SensorPose::from_values([x, y, z, roll, pitch, yaw]),
+        Some(text) => {
+            let at = at.key("origin").key(QUATERNION);
+            let quaternion = xml::numbers(text, &at, "four numbers: x y z w")?;
+            of_quaternion([x, y, z], quaternion, &at)?
+        }
+    };
     let (name, parent) = (link("child")?, link("parent")?);
     if kind != "fixed" {
         let joint = joint.attribute("name").unwrap_or_default();

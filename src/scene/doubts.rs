@@ -6,6 +6,8 @@ use super::{GROUND_CLASSES, Scene, Solid};
 use crate::Note;
 use crate::vehicle;
 
+/// Largest edge of a voxel that is no doubt, metres: larger ones hold a car and the street around it.
+const LARGEST_VOXEL: f64 = 5.0;
 /// Longest and shortest body of a vehicle, in metres.
 const BODY: [f64; 2] = [0.3, 30.0];
 /// Widest and highest world, in metres: national coordinates move a world, and do not stretch it.
@@ -249,6 +251,12 @@ fn far_mounts(scene: &Scene) -> Vec<String> {
 /// A doubt about voxels of which fewer than two fill the region.
 fn voxels(scene: &Scene) -> Option<String> {
     let roi = &scene.roi;
+    if let Some(axis) = (0..3).find(|&i| roi.voxel[i] > LARGEST_VOXEL) {
+        return Some(format!(
+            "roi.voxel[{axis}] is {} m; lengths are in metres: centimetres, or millimetres?",
+            roi.voxel[axis]
+        ));
+    }
     let axis = (0..3).find(|&i| roi.voxel[i] > 0.5 * (roi.max[i] - roi.min[i]))?;
     Some(format!(
         "roi.voxel[{axis}] is {} m, more than half of the region, which is {} m there; lengths are in metres: give \
@@ -317,6 +325,15 @@ mod tests {
         let scene = Scene::from_json(text, std::path::Path::new(""), "s.json").unwrap();
         let told: Vec<&str> = scene.notes().iter().map(Note::text).collect();
         assert!(told.join("\n").contains("roi.voxel[2] is 4 m, more than half"), "{told:?}");
+        let millimetres =
+            text.replace("20, 20", "20000, 20000").replace("-20, -20", "-20000, -20000");
+        let millimetres = millimetres.replace("[0.4, 0.4, 4]", "[500, 500, 1]");
+        let scene = Scene::from_json(&millimetres, std::path::Path::new(""), "s").unwrap();
+        let told: Vec<&str> = scene.notes().iter().map(Note::text).collect();
+        assert!(
+            told.join("\n").contains("roi.voxel[0] is 500 m; lengths are in metres"),
+            "{told:?}"
+        );
     }
 
     #[test]

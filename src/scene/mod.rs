@@ -16,6 +16,7 @@ mod origins;
 mod parts;
 mod polygon;
 mod primitives;
+mod reading;
 mod reflectance;
 mod route;
 mod settings;
@@ -178,149 +179,7 @@ pub enum EgoBody {
     Exclude,
 }
 
-/// The name given, or that of the scene's file without its ending.
-fn name_of(top: &Place, given: Option<String>) -> Result<String, DescriptionError> {
-    let given = given.filter(|name| !name.trim().is_empty());
-    let given = given.map(|name| check::text(&top.key("name"), name)).transpose()?;
-    let stem = || Path::new(&top.file).file_stem().unwrap_or_default().to_string_lossy();
-    Ok(given.unwrap_or_else(|| stem().replace(char::is_control, "-")))
-}
-
 impl Scene {
-    /// Reads a scene file and every sensor and mesh file that it names.
-    ///
-    /// File names in the scene are relative to the folder of the scene. A P-SOG file is not opened.
-    ///
-    /// # Errors
-    ///
-    /// Any [`DescriptionError`]; each names the file, the place in it and what to change.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, DescriptionError> {
-        Self::read_with(path, None)
-    }
-
-    /// A copy with the vehicle of another file in place of what the scene says: its LiDAR and mount, its
-    /// vehicle, and the ego body if the file has one.
-    ///
-    /// # Errors
-    /// See [`Self::read`].
-    pub fn read_with(
-        path: impl AsRef<Path>,
-        vehicle: Option<&Path>,
-    ) -> Result<Self, DescriptionError> {
-        let path = path.as_ref();
-        let bytes = json::read_limited(path, MAX_FILE)?;
-        let name = path.display().to_string();
-        let text = String::from_utf8(bytes).map_err(|_| DescriptionError::Json {
-            at: Box::new(Place::top(&name)),
-            problem: "is not UTF-8 text; a scene is a JSON file".to_owned(),
-            line: 1,
-            column: 1,
-        })?;
-        let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
-        let dir = path.parent().unwrap_or(Path::new(""));
-        let mut scene = Self::from_text(text, dir, &name, vehicle)?;
-        scene.files.insert(0, path.to_owned());
-        Ok(scene)
-    }
-
-    /// Reads a scene from JSON text.
-    ///
-    /// File names are relative to `dir`; error messages call the text `name_for_errors`.
-    ///
-    /// A scene without a name, or with a blank one, is called `name_for_errors` without folder and ending.
-    ///
-    /// # Errors
-    ///
-    /// See [`Scene::read`].
-    pub fn from_json(
-        text: &str,
-        dir: &Path,
-        name_for_errors: &str,
-    ) -> Result<Self, DescriptionError> {
-        Self::from_text(text, dir, name_for_errors, None)
-    }
-
-    fn from_text(
-        text: &str,
-        dir: &Path,
-        name_for_errors: &str,
-        vehicle: Option<&Path>,
-    ) -> Result<Self, DescriptionError> {
-        json::check_version(text, name_for_errors, FileKind::Scene)?;
-        let mut scene: SceneDescription = json::parse(text, name_for_errors)?;
-        let top = Place::top(name_for_errors);
-        let angles = angles::of_angles(&top, &scene);
-        let name = name_of(&top, scene.name.take())?;
-        let roi = RoiBounds::new(&top.key("roi"), &scene.roi)?;
-        let carrier = Carrier::new(&top, &mut scene, dir, vehicle)?;
-        let Carrier { carries, body, mut files, mut notes } = carrier;
-        let corners = carries.corners();
-        roi.check_mount(&top.key("mount"), corners)?;
-        let classes = Classes::new(&top, scene.classes, scene.detection)?;
-
-        let mut builder = Builder::new(&top, &classes, &scene.shapes, dir);
-        builder.check_named()?;
-        let mut things =
-            Things::new(&mut builder, &top, &scene.world, &scene.actors, scene.ego.as_ref())?;
-        files.extend(builder.files());
-        if let Some(body) = body {
-            let (solid, more, said) = body.build(&classes, &scene.shapes)?;
-            things.body = solid;
-            files.extend(more);
-            notes.extend(said);
-        }
-        notes.extend(builder.notes());
-        notes.extend(angles);
-        let reflectances = Reflectances::new(&top, &classes, &scene.reflectance, &scene.actors)?;
-
-        let has_geometry = things.has_geometry();
-        let frames = things.frames(&top, scene.frames)?;
-        let rate = check::rate(&top.key("rate"), scene.rate.unwrap_or(RATE))?;
-        let Things { world, actors, body, ego } = things;
-        let ego = ego.unwrap_or(Motion::Still);
-        let mut origins = vec![origins::middle_of_way(&top.key("ego"), &ego, frames, &world)?];
-        origins.extend(actors.iter().map(|actor| origins::middle(&actor.parts)));
-        origins.push(DVec3::ZERO);
-
-        let coverage =
-            Coverage::new(&top.key("coverage"), scene.coverage.as_deref(), has_geometry)?;
-        let psog = scene.psog.as_ref();
-        let psog = PsogSource::new(
-            &top,
-            psog,
-            has_geometry,
-            dir,
-            carries.lidars()[0].range(),
-            corners[1][2],
-        )?;
-        match &psog {
-            PsogSource::File(file) => files.push(file.clone()),
-            PsogSource::Scan(_) => classes.check_detection(&classes.names)?,
-        }
-        let mut scene = Self {
-            name,
-            classes,
-            roi,
-            carries,
-            sensors: OnceLock::new(),
-            coverage,
-            psog,
-            frames,
-            rate,
-            world,
-            actors,
-            body,
-            ego,
-            origins,
-            reflectances,
-            files,
-            notes,
-        };
-        let doubts = scene.doubts(name_for_errors);
-        scene.notes.extend(doubts);
-        Ok(scene)
-    }
-
     /// Likely mistakes that are no errors: a sentence each, with file and place.
     pub fn notes(&self) -> &[Note] {
         &self.notes

@@ -19,13 +19,32 @@ const VIEW: [f64; 2] = [1.0, PI];
 
 /// True if an angle in radians is most likely one in degrees: more than a turn, or a whole number from 2 up.
 pub(crate) fn is_degrees(angle: f64) -> bool {
-    angle.abs() > TAU + 1e-6 || (angle.fract() == 0.0 && angle.abs() >= WHOLE)
+    in_degrees(angle).is_some()
+}
+
+/// A sign that an angle in radians is one in degrees, in words.
+fn in_degrees(angle: f64) -> Option<String> {
+    if angle.abs() > TAU + 1e-6 {
+        return Some("is more than a turn".to_owned());
+    }
+    let is_whole = angle.fract() == 0.0 && angle.abs() >= WHOLE;
+    is_whole.then(|| format!("rad is {:.0}°", angle.to_degrees()))
 }
 
 /// A doubt about angles that a file states in radians; `what` names them.
 pub(crate) fn of_angles(what: &str, angles: &[f64]) -> Option<String> {
     let angle = angles.iter().find(|angle| is_degrees(**angle))?;
     Some(format!("{what} is {angle} rad; degrees? {angle}° are {:.4} rad", angle.to_radians()))
+}
+
+/// A doubt about angles that a file states in degrees: one of them is a quarter, a half or a whole of π.
+pub(crate) fn of_degrees(what: &str, degrees: &[f64]) -> Option<String> {
+    let of_pi = |angle: &f64| {
+        let parts = angle.abs() / (PI / 4.0);
+        (1.0..=8.0).contains(&parts.round()) && (parts - parts.round()).abs() < 1e-3
+    };
+    let angle = degrees.iter().find(|angle| of_pi(angle))?;
+    Some(format!("{what} is {angle}°; radians? {angle} rad are {:.2}°", angle.to_degrees()))
 }
 
 /// Doubts about a LiDAR, which `who` names: its range and its field of view.
@@ -106,15 +125,9 @@ pub(crate) fn doubts_of_units(pose: &SensorPose) -> Vec<String> {
     let (metres, radians) = fields.split_at(3);
     let turned = radians.iter().find_map(|&(field, value)| {
         let most = if field == "yaw" { TAU } else { PI };
-        let fault = if value.abs() > TAU + 1e-6 {
-            "is more than a turn".to_owned()
-        } else if value.abs() >= WHOLE && value.fract() == 0.0 {
-            format!("rad is {:.0}°", value.to_degrees())
-        } else if value.abs() > most + 1e-6 {
-            "is more than half a turn".to_owned()
-        } else {
-            return None;
-        };
+        let is_beyond = value.abs() > most + 1e-6;
+        let beyond = is_beyond.then(|| "is more than half a turn".to_owned());
+        let fault = in_degrees(value).or(beyond)?;
         Some(format!(
             "{field} = {value} {fault}; angles are in radians, {value}° are {:.4}",
             value.to_radians()
@@ -162,6 +175,16 @@ mod tests {
         assert!(![0.0, 1.0, -1.0, 2.5, PI / 2.0, -PI, TAU].into_iter().any(is_degrees));
         let told = of_angles("`yaw`", &[0.1, 90.0]).unwrap();
         assert_eq!(told, "`yaw` is 90 rad; degrees? 90° are 1.5708 rad");
+    }
+
+    #[test]
+    fn parts_of_pi_are_radians() {
+        for angle in [1.5708, -3.14159, std::f64::consts::FRAC_PI_4, 6.2832] {
+            assert!(of_degrees("`yaw`", &[0.0, angle]).is_some(), "{angle}");
+        }
+        assert_eq!(of_degrees("`yaw`", &[0.0, 90.0, -1.5, 3.0, 0.8, 57.3, 45.0, -180.0]), None);
+        let told = of_degrees("`yaw`", &[1.5708]).unwrap();
+        assert_eq!(told, "`yaw` is 1.5708°; radians? 1.5708 rad are 90.00°");
     }
 
     #[test]

@@ -36,7 +36,9 @@ pub use beam_table::{BeamGrid, BeamTable, SensorError};
 pub use constraints::{Constraints, Slot, Ties, Violation};
 pub(crate) use description::{LidarDescription, MountDescription, VehicleDescription};
 pub use doubts::Doubts;
-pub(crate) use doubts::{doubt_of_ground, doubts_of_units, is_degrees, of_angles, of_lidar};
+pub(crate) use doubts::{
+    doubt_of_ground, doubts_of_units, is_degrees, of_angles, of_degrees, of_lidar,
+};
 pub use equipment::{Equipment, Requirement, Vehicle, VehicleMount, VehicleSensor};
 pub use lidar::Lidar;
 pub(crate) use lidar_reading::Described;

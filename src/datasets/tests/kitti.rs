@@ -254,12 +254,16 @@ fn what_is_not_read_is_named() {
     let calib = format!("{CALIB}Tr_velo_to_imu: 1 0 0\nP1: x\n");
     std::fs::write(folder.path().join("calib.txt"), calib).unwrap();
     std::fs::write(folder.path().join("labels/000009.label"), []).unwrap();
+    let poses = std::fs::read_to_string(folder.path().join("poses.txt")).unwrap();
+    let more = format!("{}\n1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 0\n", poses.trim_end());
+    std::fs::write(folder.path().join("poses.txt"), more).unwrap();
     let sequence = KittiSequence::open_at(folder.path(), None).unwrap();
     let said = sequence.notes().iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
     assert!(
         said.contains("1 lines, `Tr_velo_to_imu`, are not known") && said.contains("1 label files"),
         "{said}"
     );
+    assert!(said.contains("its last 2 poses belong to no scan; not read."), "{said}");
 }
 
 #[test]

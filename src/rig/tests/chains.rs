@@ -43,17 +43,23 @@ fn at_gimbal_lock_yaw_takes_all() {
 }
 
 #[test]
-fn a_quaternion_of_any_length_is_a_rotation() {
+fn a_quaternion_of_length_1_is_a_rotation() {
     // formats: w .958683, x −.132385, y .084807, z −.237084 for roll −.3, pitch .1, yaw −.5.
     let quaternion = [-0.132_385_31, 0.084_807_05, -0.237_083_55, 0.958_683_1];
-    for length in [1.0, 1e-200, 1e200] {
-        let pose = of_quaternion([1.0, 2.0, 3.0], quaternion.map(|v| v * length)).unwrap();
+    let pose = |length: f64| {
+        let at = crate::json::Place::top("file");
+        of_quaternion([1.0, 2.0, 3.0], quaternion.map(|v| v * length), &at)
+    };
+    for length in [1.0, 0.9999, 1.0001] {
+        let pose = pose(length).unwrap();
         for (value, wanted) in pose.values().into_iter().zip([1.0, 2.0, 3.0, -0.3, 0.1, -0.5]) {
             assert!((value - wanted).abs() < 1e-7, "{pose:?}");
         }
     }
-    assert_eq!(of_quaternion([0.0; 3], [0.0; 4]), None);
-    assert_eq!(of_quaternion([0.0; 3], [f64::NAN, 0.0, 0.0, 1.0]), None);
+    for length in [0.0, 1e-200, 0.9, 2.0, 1e200, f64::NAN] {
+        let said = pose(length).unwrap_err().to_string();
+        assert!(said.starts_with("file: `a quaternion of length "), "{said}");
+    }
 }
 
 #[test]

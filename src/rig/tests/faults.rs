@@ -140,6 +140,26 @@ fn each_fault_is_a_sentence() {
             &["<node>[0]: `--pich`", "--pitch"],
         ),
         ("<launch><include/></launch>".to_owned(), &["<include>: `file` is missing"]),
+        (
+            "<launch><node exec='static_transform_publisher' args='--z 1 --z 2 --frame-id a'/></launch>"
+                .to_owned(),
+            &["<node>[0]: `--z`", "each flag once"],
+        ),
+        (
+            "<launch><node exec='static_transform_publisher' args='--yaw 1 --qw 1 --frame-id a \
+             --child-frame-id b'/></launch>"
+                .to_owned(),
+            &["<node>[0]: `--yaw`", "no angle beside a quaternion"],
+        ),
+        (
+            "<sdf><model><link name='lidar'><pose>1 0 0 0 0 0</pose><pose>2 0 0 0 0 0</pose></link></model></sdf>"
+                .to_owned(),
+            &["<link> `lidar`.pose: `a second <pose>`"],
+        ),
+        (
+            r#"[{"type": "sensor.lidar.ray_cast", "id": "a", "x": 1, "y": 2, "z": 2, "Yaw": 90}]"#.to_owned(),
+            &["[0].Yaw: `Yaw`", "small letters"],
+        ),
         (pandaset("'offset': 1", "", ""), &["main_pandar64: unknown key `offset`"]),
         (pandaset("", "'scale': 1", ""), &["transform: unknown key `scale`"]),
         (pandaset("", "", "'roll': 1"), &["rotation: unknown key `roll`"]),

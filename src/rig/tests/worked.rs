@@ -252,3 +252,48 @@ fn a_narrow_fan_and_unknown_keys_of_carla_are_named() {
     let whole = read(&text.replace("120", "360")).unwrap();
     assert_eq!(whole.rig.lidars[0].sensor.as_deref(), Some("VLP-16"));
 }
+
+/// Height of the only LiDAR of a text.
+fn height(text: &str) -> f64 {
+    read(text).unwrap().rig.lidars[0].pose.z
+}
+
+#[test]
+fn values_of_a_group_end_with_it_and_defaults_yield() {
+    let publisher = "<node exec='static_transform_publisher' args='--z $(var z) --frame-id base_link \
+                     --child-frame-id lidar'/>";
+    for (text, z) in [
+        ("<arg name='z' default='1'/><group><let name='z' value='5'/></group>", 1.0),
+        ("<arg name='z' default='1'/><group scoped='false'><let name='z' value='5'/></group>", 5.0),
+        ("<let name='z' value='5'/><arg name='z' default='1'/>", 5.0),
+        ("<arg name='z' default='1'/><arg name='z' default='2'/>", 1.0),
+    ] {
+        assert_eq!(height(&format!("<launch>{text}{publisher}</launch>")), z, "{text}");
+    }
+    // `tf` of ROS 1 began frames with a slash.
+    let slashed = "<launch><node pkg='tf' type='static_transform_publisher' \
+                   args='0 0 2 0 0 0 /base_link /lidar 100'/></launch>";
+    let read = read(slashed).unwrap().rig;
+    assert_eq!((&read.lidars[0].frame[..], read.lidars[0].pose.z), ("lidar", 2.0));
+}
+
+#[test]
+fn an_origin_of_urdf_is_read_whole_or_refused() {
+    let joint = |inside: &str| {
+        format!(
+            "<robot name='r'><joint name='j' type='fixed'><parent link='base_link'/><child link='lidar'/>{inside}</joint></robot>"
+        )
+    };
+    let turned =
+        read(&joint("<origin xyz='1 0 2' quat_xyzw='0 0 0.7071067811865476 0.7071067811865476'/>"))
+            .unwrap()
+            .rig;
+    assert!((turned.lidars[0].pose.yaw - std::f64::consts::FRAC_PI_2).abs() < 1e-14);
+    let fails = |inside: &str| read(&joint(inside)).unwrap_err().to_string();
+    assert!(fails("<origin xyz='1 0 2'/><origin xyz='5 0 2'/>").contains("a second <origin>"));
+    assert!(fails("<origin xyz='1 0 2' pitch='0.1'/>").contains("no attribute but xyz, rpy"));
+    let notes = read(&joint("<pose>1 0 2 0 0 0</pose><axis xyz='0 0 1'/>")).unwrap().notes;
+    let doubts: Vec<_> =
+        notes.iter().filter(|note| note.is_doubt()).map(ToString::to_string).collect();
+    assert!(doubts.iter().any(|doubt| doubt.contains("<pose>: not known here")), "{doubts:?}");
+}

@@ -97,6 +97,11 @@ fn columns_of(at: &Place, titles: &[&str]) -> Result<[usize; 3], DescriptionErro
         })
     };
     let columns = [find("time")?, find("azimuth")?, find("zenith")?];
+    let title = titles[columns[0]].to_ascii_lowercase();
+    let unit = title.trim_start_matches("time").trim_matches(|c: char| !c.is_alphabetic());
+    if ["ms", "us", "µs", "ns", "msec", "usec", "nsec"].contains(&unit) {
+        return Err(bad(at, quoted(titles[columns[0]]), "a column of seconds; convert it"));
+    }
     columns[1..].iter().try_for_each(|&column| csv::in_degrees(at, titles[column]))?;
     Ok(columns)
 }

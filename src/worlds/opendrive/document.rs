@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use roxmltree::Node;
 
+use super::course;
 use crate::Note;
 use crate::json::check_xml;
 use crate::worlds::error::WorldError;
@@ -286,6 +287,7 @@ pub(super) fn checked(text: &str, file: &str) -> Result<Document, WorldError> {
             list.join(", ")
         )));
     }
+    document.notes.extend(course::doubts(&xml, file));
     Ok(document)
 }
 

@@ -153,6 +153,10 @@ fn livox_cuts_a_window() {
         message("Time,Azimuth,Zenith\n0,0,181\n").starts_with("f: line 2: 181 is not a zenith")
     );
     assert!(message("Time,Azimuth,Zenith\n").contains("0 of 0 samples"));
+    for title in ["Time/us", "time (ms)", "Time_ns"] {
+        let said = message(&format!("{title},Azimuth/deg,Zenith/deg\n0,0,90\n10,1,85\n"));
+        assert!(said.contains("a column of seconds; convert it"), "{title}: {said}");
+    }
 }
 
 #[test]

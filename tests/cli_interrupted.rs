@@ -1,0 +1,297 @@
+//! Commands that are interrupted, hung up or run twice at once, and the page's command that repeats a run.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::cli::{corridor, fails, ok, scene, sightline};
+use crate::cli_files::{all_files, is_litter, world};
+
+pub fn spawn(dir: &Path, args: &[&str]) -> Child {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sightline"));
+    command.args(args).current_dir(dir).stdin(Stdio::null()).stdout(Stdio::null());
+    command.stderr(Stdio::piped()).spawn().unwrap()
+}
+
+fn wait_for(what: impl Fn() -> bool) {
+    let until = Instant::now() + Duration::from_secs(60);
+    while !what() {
+        assert!(Instant::now() < until, "waited for a minute");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn interrupt(child: &Child, signal: &str) {
+    assert!(
+        Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success()
+    );
+}
+
+#[test]
+fn scores_of_many_placements_go_on_where_they_stopped() {
+    let dir = corridor();
+    let at = |name: &str| dir.path().join(name);
+    let line =
+        |k: u32| format!("{{\"name\":\"p{k}\",\"lidars\":[{{\"x\":0.5,\"y\":0.5,\"z\":0.5}}]}}\n");
+    fs::write(at("many.jsonl"), (0..30_000).map(line).collect::<String>()).unwrap();
+    let timings = |text: Vec<u8>| {
+        let text = String::from_utf8(text).unwrap();
+        text.split("\"timings\"").next().unwrap().to_owned()
+    };
+    for format in ["text", "json"] {
+        let args =
+            ["score", "scene.json", "many.jsonl", "--backend", "cpu", "--format", format, "--out"];
+        let with = |more: &[&'static str]| [&args[..], more].concat();
+        assert!(sightline(dir.path(), &with(&["whole"])).status.success());
+        for signal in ["-INT", "-KILL", "-TERM"] {
+            let mut child = spawn(dir.path(), &with(&["cut"]));
+            let partial = at("cut.partial");
+            wait_for(|| fs::metadata(&partial).is_ok_and(|meta| meta.len() > 2000));
+            let second = fails(dir.path(), &with(&["cut", "--resume"]));
+            assert!(
+                second.contains("another run writes into it") || second.contains("already exists"),
+                "{second}"
+            );
+            interrupt(&child, signal);
+            let status = child.wait().unwrap();
+            assert!(
+                partial.exists() && !at("cut").exists(),
+                "{signal}: ended before it was told to"
+            );
+            assert_eq!(status.code(), (signal != "-KILL").then_some(130), "{signal}");
+            assert!(fails(dir.path(), &with(&["cut"])).contains("cut.partial: holds the scores"));
+            let other = with(&["cut", "--resume", "--frames", "1"]);
+            assert!(fails(dir.path(), &other).contains("was begun with other"));
+            // A torn end, as a full disk leaves it.
+            let mut bytes = fs::read(&partial).unwrap();
+            bytes.extend_from_slice(b"{\"scored\":99999,\"bytes\":40,\"sha256\":\"");
+            fs::write(&partial, bytes).unwrap();
+            assert!(sightline(dir.path(), &with(&["cut", "--resume"])).status.success());
+            assert!(!partial.exists());
+            let (cut, whole) = (fs::read(at("cut")).unwrap(), fs::read(at("whole")).unwrap());
+            assert!(timings(cut) == timings(whole), "{format} {signal}");
+            fs::remove_file(at("cut")).unwrap();
+        }
+        fs::remove_file(at("whole")).unwrap();
+    }
+    assert!(!all_files(dir.path()).iter().any(|(path, _)| is_litter(path)));
+}
+
+#[test]
+fn of_two_scans_at_once_one_is_refused() {
+    let dir = world();
+    for _ in 0..10 {
+        let args = [
+            "scan",
+            "town.json",
+            "--placement",
+            "p.json",
+            "--backend",
+            "cpu",
+            "--threads",
+            "1",
+            "--out",
+            "set",
+            "--seed",
+        ];
+        let both = ["1", "2"].map(|seed| spawn(dir.path(), &[&args[..], &[seed]].concat()));
+        let codes = both.map(|child| child.wait_with_output().unwrap().status.code());
+        assert!(codes.contains(&Some(0)) && codes.contains(&Some(2)), "{codes:?}");
+        fs::remove_dir_all(dir.path().join("set")).unwrap();
+    }
+}
+
+#[test]
+fn the_command_on_the_page_gives_the_same_run() {
+    let dir = world();
+    let at = |name: &str| dir.path().join(name);
+    fs::create_dir(at("a b's")).unwrap();
+    for name in ["town.json", "m.obj", "p.json"] {
+        fs::copy(at(name), at("a b's").join(name)).unwrap();
+    }
+    ok(
+        dir.path(),
+        &[
+            "optimize",
+            "a b's/town.json",
+            "--backend",
+            "cpu",
+            "--evaluations",
+            "24",
+            "--seed",
+            "7",
+            "--baselines",
+            "a b's/p.json",
+            "--inject",
+            "p.json",
+            "--symmetric",
+            "--fix",
+            "roll=0",
+            "--condition",
+            "fog:mor=50",
+            "--objective",
+            "0.5*near_gain + 0.5*information_gain",
+            "--out",
+            "first",
+        ],
+    );
+    let page = fs::read_to_string(at("first/report.html")).unwrap();
+    let begin = page.find("<code>sightline").unwrap() + "<code>".len();
+    let command = page[begin..].split("</code>").next().unwrap();
+    let command = command
+        .replace("&quot;", "\"")
+        .replace("&lt;", "<")
+        .replace("&gt;", ">")
+        .replace("&amp;", "&");
+    let command = command.replacen("sightline", env!("CARGO_BIN_EXE_sightline"), 1);
+    // Pasted into a shell that stands elsewhere.
+    let elsewhere = TempDir::new().unwrap();
+    let run =
+        Command::new("sh").args(["-c", &command]).current_dir(elsewhere.path()).output().unwrap();
+    assert!(run.status.success(), "{command}: {run:?}");
+    let folder = elsewhere.path().join("runs/town");
+    for name in ["history.jsonl", "placements.json", "placement.svg", "map.svg"] {
+        let (first, again) =
+            (fs::read(at("first").join(name)).unwrap(), fs::read(folder.join(name)).unwrap());
+        assert!(first == again, "{name} differs");
+    }
+    let result = |path: PathBuf| {
+        let mut result: Value = serde_json::from_slice(&fs::read(path).unwrap()).unwrap();
+        for key in ["timings", "peak_memory", "evaluations_per_second"] {
+            result.as_object_mut().unwrap().remove(key);
+        }
+        result
+    };
+    let (first, again) = (result(at("first/result.json")), result(folder.join("result.json")));
+    for (key, value) in first.as_object().unwrap() {
+        let is_time = key == "rate"
+            || key.contains("second")
+            || key.contains("memory")
+            || key.contains("time");
+        assert!(is_time || value == &again[key], "{key}: {value} and {}", again[key]);
+    }
+}
+
+/// Placements of the corridor, one a line.
+fn many(dir: &Path, count: u32) {
+    let line =
+        |k: u32| format!("{{\"name\":\"p{k}\",\"lidars\":[{{\"x\":0.5,\"y\":0.5,\"z\":0.5}}]}}\n");
+    fs::write(dir.join("many.jsonl"), (0..count).map(line).collect::<String>()).unwrap();
+}
+
+#[test]
+fn a_hangup_ends_a_batch_unless_it_is_ignored() {
+    let dir = corridor();
+    many(dir.path(), 30_000);
+    let partial = dir.path().join("cut.partial");
+    for (before, code) in [("", 130), ("trap '' HUP; ", 0)] {
+        let program = env!("CARGO_BIN_EXE_sightline");
+        let words =
+            format!("{before}exec {program} score scene.json many.jsonl --backend cpu --out cut");
+        let mut child = Command::new("sh")
+            .args(["-c", &words])
+            .current_dir(dir.path())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        wait_for(|| fs::metadata(&partial).is_ok_and(|meta| meta.len() > 2000));
+        interrupt(&child, "-HUP");
+        assert_eq!(child.wait().unwrap().code(), Some(code), "{before}");
+        assert_eq!((partial.exists(), dir.path().join("cut").exists()), (code > 0, code == 0));
+        let _ = fs::remove_file(&partial);
+    }
+}
+
+#[test]
+fn a_batch_that_is_not_kept_says_how_far_it_came() {
+    let dir = corridor();
+    many(dir.path(), 30_000);
+    let second = scene().to_string().replace("\"corridor\"", "\"second\"");
+    fs::write(dir.path().join("second.json"), second).unwrap();
+    for (files, all) in [
+        (&["scene.json", "second.json", "many.jsonl"][..], " of 30000 placements"),
+        (&["scene.json", "-"], " placements"),
+    ] {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_sightline"))
+            .arg("score")
+            .args(files)
+            .args(["--backend", "cpu", "--verbose", "--out", "cut"])
+            .current_dir(dir.path())
+            .stdin(fs::File::open(dir.path().join("many.jsonl")).unwrap())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        // The first sentence of the engine: scoring begins.
+        let mut told = BufReader::new(child.stderr.take().unwrap());
+        let mut words = String::new();
+        while !words.contains("computing on cpu") {
+            assert!(told.read_line(&mut words).unwrap() > 0, "{words}");
+        }
+        std::thread::sleep(Duration::from_millis(50));
+        interrupt(&child, "-INT");
+        told.read_to_string(&mut words).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(130), "{words}");
+        let says = words.contains("interrupted after ") && words.contains(all);
+        assert!(says && words.contains("cut is not written"), "{words}");
+        assert!(!all_files(dir.path()).iter().any(|(path, _)| is_litter(path)));
+        assert!(!dir.path().join("cut").exists());
+    }
+}
+
+#[test]
+fn a_scan_ends_soon_within_a_long_frame_and_goes_on() {
+    let dir = world();
+    let town = fs::read_to_string(dir.path().join("town.json")).unwrap();
+    let mut town: Value = serde_json::from_str(&town).unwrap();
+    town["lidar"] =
+        json!({ "channels": 128, "fov": [-20, 2], "azimuth_steps": 20_000, "range": 40 });
+    fs::write(dir.path().join("dense.json"), town.to_string()).unwrap();
+    let args =
+        ["scan", "dense.json", "--placement", "p.json", "--backend", "cpu", "--threads", "1"];
+    let mut child = spawn(dir.path(), &[&args[..], &["--out", "set"]].concat());
+    wait_for(|| dir.path().join("set").exists());
+    let start = Instant::now();
+    interrupt(&child, "-TERM");
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert!(start.elapsed() < Duration::from_secs(4), "{:?}", start.elapsed());
+    assert!(!all_files(dir.path()).iter().any(|(path, _)| is_litter(path)));
+}
+
+#[test]
+fn a_page_of_a_run_that_time_ended_says_so() {
+    let dir = world();
+    let args = ["optimize", "town.json", "--backend", "cpu"];
+    let page = |folder: &str, limit: &[&str]| {
+        ok(dir.path(), &[&args[..], &["--out", folder], limit].concat());
+        fs::read_to_string(dir.path().join(folder).join("report.html")).unwrap()
+    };
+    let ended = page("ended", &["--max-seconds", "2", "--evaluations", "1000000"]);
+    assert!(ended.contains(" --max-seconds 2") && ended.contains("Time ended this run"), "{ended}");
+    let whole = page("whole", &["--max-seconds", "500", "--evaluations", "8"]);
+    assert!(!whole.contains("--max-seconds") && whole.contains("They give the same bytes"));
+}
+
+#[test]
+fn a_batch_that_was_killed_at_its_start_begins_anew() {
+    let dir = corridor();
+    let at = |name: &str| dir.path().join(name);
+    let args = ["score", "scene.json", "placements.json", "--backend", "cpu", "--out"];
+    assert!(sightline(dir.path(), &[&args[..], &["whole"]].concat()).status.success());
+    for begin in ["", "{\"sightline_part"] {
+        fs::write(at("cut.partial"), begin).unwrap();
+        let output = sightline(dir.path(), &[&args[..], &["cut", "--resume"]].concat());
+        assert!(output.status.success(), "{output:?}");
+        assert!(fs::read(at("cut")).unwrap() == fs::read(at("whole")).unwrap());
+        assert!(!at("cut.partial").exists());
+        fs::remove_file(at("cut")).unwrap();
+    }
+    fs::write(at("cut.partial"), "my notes").unwrap();
+    let refused = fails(dir.path(), &[&args[..], &["cut", "--resume"]].concat());
+    assert!(refused.contains("was begun with other"), "{refused}");
+    assert_eq!(fs::read_to_string(at("cut.partial")).unwrap(), "my notes");
+}
