@@ -37,7 +37,7 @@ fn folder() -> TempDir {
 }
 
 /// Every number of a document that has a fraction, with the keys that lead to it.
-fn numbers<'a>(at: &str, value: &'a Value, found: &mut Vec<(String, String)>) {
+fn numbers(at: &str, value: &Value, found: &mut Vec<(String, String)>) {
     match value {
         Value::Number(number) if number.is_f64() => found.push((at.to_owned(), number.to_string())),
         Value::Array(list) => list.iter().for_each(|value| numbers(at, value, found)),

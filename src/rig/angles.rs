@@ -23,8 +23,9 @@ pub(super) fn of_quaternion(
     at: &Place,
 ) -> Result<SensorPose, RigError> {
     let square: f64 = xyzw.iter().map(|v| v * v).sum();
-    // No number is within the tolerance of 1 but a finite one.
-    if !((square - 1.0).abs() <= LENGTH_TOLERANCE) {
+    // NaN is within no tolerance.
+    let is_unit = (square - 1.0).abs() <= LENGTH_TOLERANCE;
+    if !is_unit {
         let length = format!("a quaternion of length {}", square.sqrt());
         return Err(wrong(at, length, "a quaternion of length 1"));
     }

@@ -99,7 +99,7 @@ impl Equipped {
     /// That of the vehicle file, else of the scene.
     fn read(request: &ExportRequest) -> Result<Self, Error> {
         let scene = request.scene.as_ref().filter(|_| request.vehicle.is_none());
-        let scene = scene.map(|file| Scene::read(file)).transpose()?;
+        let scene = scene.map(Scene::read).transpose()?;
         let vehicle = match (&request.vehicle, &scene) {
             (Some(file), _) => Some(Vehicle::read(file)?),
             (None, scene) => scene.as_ref().and_then(|scene| scene.vehicle().cloned()),

@@ -179,11 +179,11 @@ mod tests {
 
     #[test]
     fn parts_of_pi_are_radians() {
-        for angle in [1.5708, -3.14159, std::f64::consts::FRAC_PI_4, 6.2832] {
+        for angle in [PI / 2.0 + 4e-6, -PI + 3e-6, PI / 4.0, TAU + 2e-5] {
             assert!(of_degrees("`yaw`", &[0.0, angle]).is_some(), "{angle}");
         }
         assert_eq!(of_degrees("`yaw`", &[0.0, 90.0, -1.5, 3.0, 0.8, 57.3, 45.0, -180.0]), None);
-        let told = of_degrees("`yaw`", &[1.5708]).unwrap();
+        let told = of_degrees("`yaw`", &["1.5708".parse().unwrap()]).unwrap();
         assert_eq!(told, "`yaw` is 1.5708°; radians? 1.5708 rad are 90.00°");
     }
 

@@ -3,10 +3,12 @@
 use roxmltree::{Document, Node};
 
 use crate::Note;
-use crate::vehicle::is_degrees;
+use crate::maths;
 
 /// Largest gap between two geometries that rounding leaves, in metres.
 const GAP: f64 = 0.1;
+/// Smallest whole number of radians that is more likely degrees.
+const WHOLE: f64 = 2.0;
 
 /// A doubt of each kind, for the first place that it holds for.
 pub(super) fn doubts(xml: &Document, file: &str) -> Vec<Note> {
@@ -43,8 +45,9 @@ fn end(geometry: Node) -> Option<[f64; 2]> {
     };
     // Chord of the arc: its length, and half of its turn.
     let half = 0.5 * curvature * length;
-    let chord = if half.abs() < 1e-9 { length } else { length * half.sin() / half };
-    Some([x + chord * (heading + half).cos(), y + chord * (heading + half).sin()])
+    let chord = if half.abs() < 1e-9 { length } else { length * maths::sin(half) / half };
+    let way = heading + half;
+    Some([x + chord * maths::cos(way), y + chord * maths::sin(way)])
 }
 
 /// A geometry that does not begin where the one before it ends.
@@ -53,7 +56,7 @@ fn gap(plan: Node) -> Option<String> {
     all.sort_by(|a, b| number(*a, "s").total_cmp(&number(*b, "s")));
     all.windows(2).find_map(|pair| {
         let [x, y] = end(pair[0])?;
-        let by = (number(pair[1], "x") - x).hypot(number(pair[1], "y") - y);
+        let by = maths::hypot(number(pair[1], "x") - x, number(pair[1], "y") - y);
         let s = number(pair[1], "s");
         (by > GAP).then(|| {
             format!(
@@ -65,9 +68,10 @@ fn gap(plan: Node) -> Option<String> {
     })
 }
 
-/// A heading that is most likely one in degrees.
+/// A heading that is most likely one in degrees: a whole number. Maps of CARLA add up turns, so more than one is none.
 fn in_degrees(plan: Node) -> Option<String> {
-    let heading = geometries(plan).map(|node| number(node, "hdg")).find(|hdg| is_degrees(*hdg))?;
+    let is_whole = |hdg: &f64| hdg.abs() >= WHOLE && hdg.fract() == 0.0;
+    let heading = geometries(plan).map(|node| number(node, "hdg")).find(is_whole)?;
     Some(format!(
         "{}: `hdg` is {heading} rad; degrees? {heading}° are {:.4} rad",
         road(plan),
@@ -118,6 +122,6 @@ mod tests {
         assert!(
             told(&line(0.0, 0.0, 90.0)).ends_with("`hdg` is 90 rad; degrees? 90° are 1.5708 rad")
         );
-        assert_eq!(told(&line(0.0, 0.0, 6.28)), "");
+        assert_eq!(told(&line(0.0, 0.0, 9.42)), "");
     }
 }

@@ -154,7 +154,7 @@ fn livox_cuts_a_window() {
     );
     assert!(message("Time,Azimuth,Zenith\n").contains("0 of 0 samples"));
     for title in ["Time/us", "time (ms)", "Time_ns"] {
-        let said = message(&format!("{title},Azimuth/deg,Zenith/deg\n0,0,90\n10,1,85\n"));
+        let said = message(format!("{title},Azimuth/deg,Zenith/deg\n0,0,90\n10,1,85\n"));
         assert!(said.contains("a column of seconds; convert it"), "{title}: {said}");
     }
 }
