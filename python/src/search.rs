@@ -284,6 +284,7 @@ fn result_object<'py>(
         RunContext {
             scene,
             settings: json!(settings),
+            command: String::new(),
             suite,
             equipment: equipment.clone(),
             seed: settings.seed,
