@@ -49,7 +49,8 @@ impl PySuite {
         self.scenes.iter().map(|built| built.scene.name()).collect()
     }
 
-    /// Scores over all scenes: the mean of the scenes' shares of information. `poses` as of `Scene`.
+    /// Scores over all scenes: the mean of the scenes' shares of information. `poses` as of `Scene`. Up to 64 placements
+    /// are looked at for the guard `self_hit`, as in the program.
     #[pyo3(signature = (poses, *, sensors = None, phases = None))]
     fn score<'py>(
         &self,
@@ -284,6 +285,7 @@ fn result_object<'py>(
         RunContext {
             scene,
             settings: json!(settings),
+            command: String::new(),
             suite,
             equipment: equipment.clone(),
             seed: settings.seed,

@@ -132,10 +132,9 @@ def test_the_program_and_the_module_pose_one_problem(
     scores = Suite(loaded).score(given) if len(loaded) > 1 else loaded[0].score(given)
     told = program("score", *paths, folder / f"{placements}.json", *options)
     told = told["mean"] if len(loaded) > 1 else told["scores"]
-    for column in ("covered", "near_gain"):
+    for column in ("covered", "near_gain", "information_gain"):
         assert list(scores[column]) == [row[column] for row in told], column
-    gains = [row["segmentation"]["information_gain"] for row in told]
-    assert list(scores["information_gain"]) == gains and min(gains) > 0
+    assert min(scores["information_gain"]) > 0
 
     if "budget" in search:
         options += ["--budget", search["budget"]]

@@ -20,10 +20,10 @@ pub struct JobFiles {
     /// Each scene counts mirrored left to right, too.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub mirror: bool,
-    /// Rules of placements beside those of the scenes.
+    /// Rules of placements, added to the rules of the scenes.
     #[serde(default)]
     pub rules: MountRules,
-    /// Vehicle file in place of what the scenes say.
+    /// Vehicle file that replaces the vehicle or mount of every scene.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vehicle: Option<PathBuf>,
     /// Most that the sensors may cost.
@@ -57,7 +57,7 @@ impl JobFiles {
     /// Reads one of the scenes, with the vehicle and the rules.
     ///
     /// # Errors
-    /// As [`Scene::read_with`] and [`Scene::with_rules`].
+    /// See [`Scene::read_with`] and [`Scene::with_rules`].
     pub fn read_scene(&self, path: &Path) -> Result<Scene, JobError> {
         let scene = Scene::read_with(path, self.vehicle.as_deref())?;
         scene.with_rules(&self.rules, &path.display().to_string()).map_err(JobError::Rules)
@@ -78,7 +78,7 @@ impl JobFiles {
     /// The job, its scenes read.
     ///
     /// # Errors
-    /// As [`Self::read_scene`] and [`Self::job_over`].
+    /// See [`Self::read_scene`] and [`Self::job_over`].
     pub fn read(&self) -> Result<Job, JobError> {
         let scenes = self.scenes().map(|path| self.read_scene(path).map(JobScene::from));
         self.job_over(scenes.collect::<Result<Vec<_>, _>>()?)

@@ -55,7 +55,7 @@ impl Job {
     }
 
     /// A job over the scenes of several jobs, each with its own frames and weather; their mean is maximized.
-    /// Mirroring, budget and search are those of the first.
+    /// Mirroring, budget and search come from the first.
     ///
     /// # Errors
     /// No job at all.
@@ -108,13 +108,13 @@ impl Job {
         self.with(|scene| scene.frames = Frames::One(frame))
     }
 
-    /// Other sensor models than those of the scenes' vehicle.
+    /// Sensor models that replace those of the scenes' vehicle.
     #[must_use]
     pub fn sensors(self, sensors: &Sensors) -> Self {
         self.with(|scene| scene.sensors = Some(sensors.clone()))
     }
 
-    /// Other rules of placements than those of the scenes' vehicle; problems that are there keep their trees.
+    /// Rules of placements that replace those of the scenes' vehicle; problems made so far keep their trees.
     #[must_use]
     pub fn constraints(mut self, constraints: &Constraints) -> Self {
         self.scenes = self.scenes.into_iter().map(|scene| scene.under(constraints)).collect();
@@ -209,10 +209,10 @@ impl Job {
         self.scenes[0].problem()
     }
 
-    /// The problems of all scenes and of their mirror images; those of the scenes are made on first use.
+    /// The problems of all scenes and of their mirror images, each made on first use.
     ///
     /// # Errors
-    /// As [`Self::problem`]; scenes that do not share sensors and rules, each named by its file.
+    /// See [`Self::problem`]; scenes that do not share sensors and rules, each named by its file.
     pub fn suite(&self) -> Result<Suite, JobError> {
         let named = |scene: &JobScene| Ok((scene.scene().name().to_owned(), scene.problem()?));
         let named = self.scenes.iter().map(named).collect::<Result<Vec<_>, JobError>>()?;
@@ -224,7 +224,7 @@ impl Job {
     /// not another. `on_change` is told of a device that is lost later.
     ///
     /// # Errors
-    /// As [`Self::suite`]; no such device, or one that cannot hold the problem, where it was asked for.
+    /// See [`Self::suite`]; no such device, or one that cannot hold the problem, where it was asked for.
     pub fn evaluator(
         &self,
         on_change: impl Fn(&str) + Clone + Send + 'static,
@@ -236,7 +236,7 @@ impl Job {
     /// at for the guard `self_hit`, too, as `sightline score` does.
     ///
     /// # Errors
-    /// As [`Self::evaluator`]; an engine that fails, a sensor that the vehicle does not have.
+    /// See [`Self::evaluator`]; an engine that fails, a sensor that the vehicle does not have.
     pub fn score(&self, placements: &[Placement]) -> Result<Vec<Judged>, JobError> {
         let (mut evaluator, _) = self.evaluator(|_| {})?;
         let mut judged = evaluator.judged(placements)?;
@@ -265,7 +265,7 @@ impl Job {
     /// Adds the guard `self_hit` to scores over all scenes, and to those in each of several by its own body.
     ///
     /// # Errors
-    /// As [`Self::add_self_hits`].
+    /// See [`Self::add_self_hits`].
     pub fn add_self_hits_by_scene(
         &self,
         evaluator: &mut Evaluator,

@@ -14,13 +14,14 @@ use crate::vehicle::{Constraints, Sensors};
 #[derive(Debug, Clone)]
 pub struct JobScene {
     scene: Arc<Scene>,
-    /// Given, read or scanned; copies of this scene share it.
+    /// P-SOG, once it is given, read or scanned; copies of this scene share it.
     pub(super) psog: Arc<OnceLock<Arc<Psog>>>,
     pub(super) worth: Worth,
     pub(super) frames: Frames,
     pub(super) conditions: Vec<Condition>,
-    /// In place of those of the scene.
+    /// Sensors that replace the scene's own.
     pub(super) sensors: Option<Sensors>,
+    /// Rules that replace the scene's own.
     constraints: Option<Constraints>,
     pub(super) draw: u64,
     problem: OnceLock<Arc<Problem>>,
@@ -76,7 +77,7 @@ impl JobScene {
         self
     }
 
-    /// As [`Job::constraints`]: a problem that is there keeps its trees.
+    /// See [`Job::constraints`]: a problem that is there keeps its trees.
     pub(super) fn under(mut self, constraints: &Constraints) -> Self {
         let known = self.problem.take().map(|problem| {
             Arc::new(Arc::unwrap_or_clone(problem).with_constraints(constraints.clone()))
@@ -136,7 +137,7 @@ impl JobScene {
     /// The problem, made on first use.
     ///
     /// # Errors
-    /// As [`Self::psog`]; a sensor without beams, a P-SOG on another grid than the region of interest, weather where
+    /// See [`Self::psog`]; a sensor without beams, a P-SOG on another grid than the region of interest, weather where
     /// beams end at nothing.
     pub fn problem(&self) -> Result<Arc<Problem>, JobError> {
         if let Some(problem) = self.problem.get() {
@@ -185,7 +186,7 @@ impl Psog {
     /// `done` is called after each frame that was scanned.
     ///
     /// # Errors
-    /// As [`JobScene::psog`].
+    /// See [`JobScene::psog`].
     pub fn of(scene: &Scene, done: impl Fn()) -> Result<Self, JobError> {
         match scene.psog_source() {
             PsogSource::File(path) => {
@@ -208,7 +209,7 @@ impl Problem {
     /// The problem that a scene poses over all of its frames in clear air; [`Job::problem`] with nothing set.
     ///
     /// # Errors
-    /// As [`JobScene::problem`].
+    /// See [`JobScene::problem`].
     pub fn of(scene: &Scene) -> Result<Self, JobError> {
         Ok(Arc::unwrap_or_clone(Job::new(scene.clone()).problem()?))
     }

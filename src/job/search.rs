@@ -35,7 +35,7 @@ enum Course {
 struct Wanted {
     choosing: Choosing,
     settings: Settings,
-    /// As [`Job::is_plain`].
+    /// See [`Job::is_plain`].
     plainly: bool,
 }
 
@@ -82,7 +82,7 @@ impl Job {
     /// `self_hit`; `None` where the observer stops the choice of sensors.
     ///
     /// # Errors
-    /// As [`Self::begin`] and [`JobRun::step`].
+    /// See [`Self::begin`] and [`JobRun::step`].
     pub fn optimize(&self, observer: &mut dyn Observer) -> Result<Option<Found>, JobError> {
         let mut run = self.begin()?;
         loop {
@@ -97,7 +97,7 @@ impl Job {
     /// A search at its beginning.
     ///
     /// # Errors
-    /// As [`Self::suite`]; a budget without prices, settings that a scene does not allow.
+    /// See [`Self::suite`]; a budget without prices, settings that a scene does not allow.
     pub fn begin(&self) -> Result<JobRun<'_>, JobError> {
         let (settings, plainly) = (self.settings.clone(), self.is_plain);
         let wanted = Wanted { choosing: Choosing::default(), settings, plainly };
@@ -108,7 +108,7 @@ impl Job {
     /// Goes on from a state of this job's search, to the same bits as if it had never stopped.
     ///
     /// # Errors
-    /// As [`Self::begin`]; [`JobError::OtherState`] for a state of another vehicle or of other scenes.
+    /// See [`Self::begin`]; [`JobError::OtherState`] for a state of another vehicle or of other scenes.
     pub fn resume(&self, state: JobState) -> Result<JobRun<'_>, JobError> {
         let (suite, vehicle) = (self.suite()?, self.scene().vehicle());
         if vehicle.is_none() && self.budget.is_some() {

@@ -50,6 +50,9 @@ pub struct RunRecord {
     pub scenes: Vec<SceneRecord>,
     /// Every setting that decides about the result.
     pub settings: Value,
+    /// Command line that repeats the run but for its engine; empty where no program ran.
+    #[serde(skip)]
+    pub command: String,
     /// `cpu` or `gpu`.
     pub backend: String,
     /// Device as reported.
@@ -153,6 +156,8 @@ pub struct RunContext<'a> {
     pub scene: &'a str,
     /// Every setting that decides about the result.
     pub settings: Value,
+    /// As [`RunRecord::command`].
+    pub command: String,
     /// The scenes over all frames.
     pub suite: &'a Suite,
     /// See [`RunRecord::equipment`].
@@ -194,6 +199,7 @@ impl RunRecord {
             scene: if names.is_empty() { run.scene.to_owned() } else { names.join(", ") },
             scenes,
             settings: run.settings,
+            command: run.command,
             backend: outcome.backend,
             adapter: outcome.adapter,
             backend_changes: outcome.backend_changes,

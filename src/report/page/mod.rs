@@ -3,7 +3,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `figures` | the drawings, and what is computed for them |
-//! | `subject`, `command` | what a page is about, and the command that makes it again |
+//! | `subject` | what a page is about, and the command that makes it again |
 //! | `stage` | the first screen: result in a sentence, 3-D view |
 //! | `scores` | result against baselines, guards, scene by scene |
 //! | `layout` | poses of the result, and what each LiDAR gives |
@@ -12,7 +12,6 @@
 //! | `repeat` | that command, and every setting |
 //! | `parts` | tables and bars |
 
-mod command;
 mod figures;
 mod gains;
 mod layout;

@@ -1,6 +1,5 @@
 //! Subject of a page.
 
-use super::command::command;
 use crate::report::{RunRecord, SceneRecord, judged, verdict};
 use crate::search::Scored;
 
@@ -36,7 +35,7 @@ impl<'a> Subject<'a> {
             verdict: verdict(run.best.as_ref(), &run.baselines, &run.objective),
             result: run.best.as_ref(),
             baselines: &run.baselines,
-            command: command(run),
+            command: format!("{} --backend {}", run.command, run.backend),
         }
     }
 

@@ -2,6 +2,7 @@
 
 mod bars;
 mod begun;
+mod command;
 mod record;
 mod request;
 

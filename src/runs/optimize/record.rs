@@ -6,11 +6,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::begun::{Begun, Saved};
+use super::command::command;
 use super::request::OptimizeRequest;
 use crate::files::{RunDir, read_own};
 use crate::job::{Job, JobRun};
 use crate::report::record::peak_memory;
-
 use crate::report::{Figures, Looks, RunContext, RunRecord, RunTimes, report_html};
 use crate::runs::opening::LoadTimes;
 use crate::runs::{Computing, Error};
@@ -94,16 +94,19 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
     let (folder, suite, job) = (&sitting.folder, sitting.run.suite(), sitting.job);
     let spent = sitting.spent();
     let settings = sitting.run.run().map_or(job.settings(), |run| run.state().settings());
-    let settled =
+    // A limit that did not end the run decides nothing.
+    let limit = sitting.request.max_seconds.filter(|_| outcome.stopped == Stopped::Time);
+    let mut settled =
         settings_json(&sitting.begun, sitting.run.equipped(), settings, &outcome.left_out);
+    if let Some(seconds) = limit {
+        settled["max_seconds"] = json!(seconds);
+    }
     let mut record = RunRecord::new(
         outcome,
         RunContext {
             scene: job.scene().name(),
-            settings: with_limit(
-                settled,
-                sitting.request.max_seconds.filter(|_| outcome.stopped == Stopped::Time),
-            ),
+            settings: settled,
+            command: command(&sitting.begun, settings, limit),
             suite,
             equipment: sitting.run.equipment_in_words(),
             seed: settings.seed,
@@ -142,14 +145,6 @@ pub(super) fn finish(sitting: &Sitting, outcome: &Outcome) -> Result<RunRecord, 
     Ok(record)
 }
 
-/// Adds the seconds that ended the run. A limit that did not end it decides nothing.
-fn with_limit(mut settings: Value, seconds: Option<f64>) -> Value {
-    if let Some(seconds) = seconds {
-        settings["max_seconds"] = json!(seconds);
-    }
-    settings
-}
-
 /// Every setting that decides about the result, in the keys of `result.json`.
 fn settings_json(
     begun: &Begun,
@@ -157,52 +152,34 @@ fn settings_json(
     settings: &Settings,
     left_out: &[LeftOut],
 ) -> Value {
-    let files = &begun.files;
-    let frames = match settings.frames {
-        FrameChoice::OnDemand => None,
-        FrameChoice::All => Some(u32::MAX),
-        FrameChoice::Count(frames) => Some(frames),
+    let mut all = json!(begun.files);
+    all["frames"] = match settings.frames {
+        FrameChoice::OnDemand => Value::Null,
+        FrameChoice::All => json!(u32::MAX),
+        FrameChoice::Count(frames) => json!(frames),
     };
-    let mut all = json!({
-        "scene": files.scene,
-        "frames": frames,
-        "baselines": settings.baselines,
-        "method": settings.method,
-        "rules": files.rules,
-        "target": settings.target,
-        "left_out": left_out,
-        "search": {
-            "objective": settings.objective,
-            "evaluations": settings.evaluations,
-            "population": settings.population,
-            "seed": settings.seed,
-            "delta": settings.delta,
-        },
+    all["baselines"] = json!(settings.baselines);
+    all["method"] = json!(settings.method);
+    all["target"] = json!(settings.target);
+    all["left_out"] = json!(left_out);
+    all["search"] = json!({
+        "objective": settings.objective,
+        "evaluations": settings.evaluations,
+        "population": settings.population,
+        "seed": settings.seed,
+        "delta": settings.delta,
     });
-    if !files.more_scenes.is_empty() {
-        all["more_scenes"] = json!(files.more_scenes);
-    }
     if !settings.starts.is_empty() {
         all["starts"] = json!(settings.starts);
     }
-    if !files.conditions.is_empty() {
-        all["conditions"] = json!(files.conditions);
-    }
-    let given = [
-        ("vehicle", &files.vehicle),
-        ("baselines_file", &begun.baselines),
-        ("starts_file", &begun.inject),
-    ];
+    let given = [("baselines_file", &begun.baselines), ("starts_file", &begun.inject)];
     for (key, file) in given {
         if let Some(file) = file {
             all[key] = json!(file.to_string_lossy());
         }
     }
-    if files.mirror {
-        all["mirror"] = json!(true);
-    }
     if let Some(equipped) = equipped {
-        all["budget"] = json!(files.budget);
+        all["budget"] = json!(begun.files.budget);
         all["equipped"] = json!(equipped);
     }
     all
