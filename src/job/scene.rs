@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::{Job, JobError};
+use super::error::JobError;
 use crate::problem::{Problem, spread};
 use crate::psog::{Psog, read_psog};
 use crate::scan::conditions::{Condition, in_words};
@@ -10,7 +10,7 @@ use crate::scan::{in_conditions, scan_scene};
 use crate::scene::{PsogSource, Scene};
 use crate::vehicle::{Constraints, Sensors};
 
-/// One scene of a [`Job`], with all that decides about its problem.
+/// One scene of a [`Job`](super::Job), with all that decides about its problem.
 #[derive(Debug, Clone)]
 pub struct JobScene {
     scene: Arc<Scene>,
@@ -77,7 +77,7 @@ impl JobScene {
         self
     }
 
-    /// See [`Job::constraints`]: a problem that is there keeps its trees.
+    /// See [`Job::constraints`](super::Job::constraints): a problem that is there keeps its trees.
     pub(super) fn under(mut self, constraints: &Constraints) -> Self {
         let known = self.problem.take().map(|problem| {
             Arc::new(Arc::unwrap_or_clone(problem).with_constraints(constraints.clone()))
@@ -206,11 +206,11 @@ impl Psog {
 }
 
 impl Problem {
-    /// The problem that a scene poses over all of its frames in clear air; [`Job::problem`] with nothing set.
+    /// The problem that a scene poses over all of its frames in clear air.
     ///
     /// # Errors
     /// See [`JobScene::problem`].
     pub fn of(scene: &Scene) -> Result<Self, JobError> {
-        Ok(Arc::unwrap_or_clone(Job::new(scene.clone()).problem()?))
+        Ok(Arc::unwrap_or_clone(JobScene::from(scene.clone()).problem()?))
     }
 }
