@@ -210,7 +210,7 @@ fn run_compare(args: &CompareArgs) -> Result<(), Error> {
     let terminal = Terminal::new(args.talk);
     let found = compare_files(&args.before, &args.after, &settings, &terminal)?;
     match args.format {
-        Format::Json => outln!("{}", shortened(json!(found), &[])),
+        Format::Json => outln!("{}", shortened(json!(found))),
         Format::Text => out!("{}", comparison_text(&found)),
     }
 }

@@ -6,7 +6,7 @@ use serde_json::{Number, Value};
 const DECIMALS: usize = 9;
 /// Smallest metres or radians that are written: half of the last decimal.
 const SMALLEST: f64 = 5e-10;
-/// Significant digits of a score.
+/// Significant digits of a difference between rigs.
 const DIGITS: usize = 9;
 
 /// Metres or radians to nine decimals; no −0, and 0 for what rounding errors leave.
@@ -42,22 +42,15 @@ pub(crate) fn spoken(value: f64) -> String {
     short.map_or(text, |value: f64| (value + 0.0).to_string())
 }
 
-/// A document with numbers of nine digits. Whole numbers stay, and all under the keys `exact`: files are made of these
-/// again, to the bit.
-pub(crate) fn shortened(value: Value, exact: &[&str]) -> Value {
+/// A document with numbers of nine digits; whole numbers stay.
+pub(crate) fn shortened(value: Value) -> Value {
     match value {
         Value::Number(number) if number.is_f64() => {
             let short = number.as_f64().map(nine_digits).and_then(Number::from_f64);
             Value::Number(short.unwrap_or(number))
         }
-        Value::Array(list) => list.into_iter().map(|value| shortened(value, exact)).collect(),
-        Value::Object(map) => {
-            let short = |(key, value): (String, Value)| match exact.contains(&key.as_str()) {
-                true => (key, value),
-                false => (key, shortened(value, exact)),
-            };
-            map.into_iter().map(short).collect()
-        }
+        Value::Array(list) => list.into_iter().map(shortened).collect(),
+        Value::Object(map) => map.into_iter().map(|(key, value)| (key, shortened(value))).collect(),
         other => other,
     }
 }
@@ -112,11 +105,9 @@ mod tests {
     }
 
     #[test]
-    fn documents_have_nine_digits_but_where_they_are_to_be_exact() {
-        let third = 1.0 / 3.0;
-        let value = json!({"a": [third, -0.0, 2.0, 7, -6.632_394_361_889_102e-7], "placement": {"x": third}, "b": null});
-        let short = shortened(value, &["placement"]);
-        let text = r#"{"a":[0.333333333,0.0,2.0,7,-6.63239436e-7],"placement":{"x":0.3333333333333333},"b":null}"#;
-        assert_eq!(short.to_string(), text);
+    fn documents_have_nine_digits() {
+        let value = json!({"a": [1.0 / 3.0, -0.0, 2.0, 7, -6.632_394_361_889_102e-7], "b": null});
+        let text = r#"{"a":[0.333333333,0.0,2.0,7,-6.63239436e-7],"b":null}"#;
+        assert_eq!(shortened(value).to_string(), text);
     }
 }

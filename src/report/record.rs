@@ -3,7 +3,6 @@
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::json::shortened;
 use crate::problem::Modelled;
 use crate::search::{
     Certificate, Finding, FramesUsed, GainSpread, LeftOut, Member, MethodRecord, Outcome,
@@ -176,13 +175,10 @@ pub struct RunContext<'a> {
     pub peak_memory: Option<u64>,
 }
 
-/// Keys of `result.json` whose numbers stay to the bit: runs and scores are made of them again.
-const EXACT: [&str; 2] = ["settings", "placement"];
-
 impl RunRecord {
-    /// The record for people and other programs: numbers have nine digits, but settings and poses stay to the bit.
+    /// The record for other programs: scores to the bit, as every engine has them, and poses as they were scored.
     pub fn json(&self) -> Value {
-        shortened(json!(self), &EXACT)
+        json!(self)
     }
 
     /// The record of a run.

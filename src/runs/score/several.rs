@@ -9,7 +9,6 @@ use serde_json::{Value, json};
 use super::request::{BLOCK, ScoreRequest, interrupted, write_coverage, write_out};
 use crate::files::{safe_names, shared_folder, sync_disk, writable_file};
 use crate::job::Job;
-use crate::json::shortened;
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
 use crate::runs::given::Given;
@@ -68,11 +67,7 @@ pub(super) fn score(
     }
     let seconds = start.elapsed().as_secs_f64() - batch.times.load - batch.times.build;
     write_out(request, out, |path, out| {
-        let text = if request.as_json {
-            format!("{:#}\n", shortened(batch.json(), &[]))
-        } else {
-            batch.text()
-        };
+        let text = if request.as_json { format!("{:#}\n", batch.json()) } else { batch.text() };
         out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Error::io(path))
     })?;
     let (count, frames) = (placements.len(), batch.evaluator.frame_count());

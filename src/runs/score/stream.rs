@@ -15,7 +15,6 @@ use crate::files::{
     FileError, LinePerElement, is_sink, shared_folder, sync_disk, target, writable_file,
 };
 use crate::job::Job;
-use crate::json::shortened;
 use crate::near_field::{FEW_PLACEMENTS, NearSite};
 use crate::report;
 use crate::runs::given::Given;
@@ -334,8 +333,7 @@ impl Scoring<'_> {
         let path = self.request.out.as_deref().unwrap_or(Path::new("stdout"));
         let mut text = Vec::new();
         let mut writer = serde_json::Serializer::with_formatter(&mut text, format);
-        let value = serde_json::to_value(value).map_err(FileError::json(path))?;
-        shortened(value, &[]).serialize(&mut writer).map_err(FileError::json(path))?;
+        value.serialize(&mut writer).map_err(FileError::json(path))?;
         Ok(String::from_utf8_lossy(&text).into_owned())
     }
 }
