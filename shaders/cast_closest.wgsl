@@ -217,7 +217,7 @@ fn enter_children(ray: Ray, node: Node, limit: f32) -> vec4<f32> {
     let far_z = planes(begin.z, far.z, step.z);
     let enter = max(max(near_x, near_y), max(near_z, vec4(0.0)));
     let leave = min(min(far_x, far_y), min(far_z, vec4(limit)));
-    return select(vec4(NO_CROSSING), enter, enter <= leave & node.children != vec4(0u));
+    return select(vec4(NO_CROSSING), enter, (enter <= leave) & (node.children != vec4(0u)));
 }
 
 // The better of `held` and the closest hit in one tree; UNFINISHED out of steps or stack.

@@ -295,14 +295,14 @@ mod tests {
     fn interval(ray: &Ray, node: &QuantizedNode, slot: usize, fuses: bool) -> [f32; 2] {
         let low = [node.low_x, node.low_y, node.low_z];
         let (mut enter, mut leave) = (0.0_f32, ray.t_max);
-        for axis in 0..3 {
+        for (axis, low) in low.into_iter().enumerate() {
             let (inverse, origin) = (ray.inverse[axis], ray.origin[axis]);
             let (begin, step) = ((node.corner[axis] - origin) * inverse, node.step[axis] * inverse);
             let side = |word: u32| {
                 let steps = (word >> (8 * slot) & 0xff) as f32;
                 if fuses { steps.mul_add(step, begin) } else { steps * step + begin }
             };
-            let (t0, t1) = (side(low[axis]), side(node.high[axis]));
+            let (t0, t1) = (side(low), side(node.high[axis]));
             enter = enter.max(t0.min(t1));
             leave = leave.min(t0.max(t1));
         }

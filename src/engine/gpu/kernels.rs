@@ -172,13 +172,17 @@ mod tests {
             .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&source)))
     }
 
+    /// Leaves the sources in `target/kernels`, where `tests/browser` finds them for another compiler of WGSL.
     #[test]
     fn kernels_need_no_extra_capabilities() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("target/kernels");
+        std::fs::create_dir_all(&folder).unwrap();
         for (name, parts) in SOURCES {
             let module = parsed(parts);
             let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
             validator.validate(&module).unwrap_or_else(|error| panic!("{name}: {error:?}"));
             assert_eq!(module.entry_points[0].name, name);
+            std::fs::write(folder.join(format!("{name}.wgsl")), source(parts)).unwrap();
         }
     }
 
