@@ -5,12 +5,12 @@
 //            leave one place are a sensor each, src/cast/firings.rs::closest_hit
 // Reads      sensors[sensors], instances (those of a sensor one after the other), directions (those of a
 //            model one after the other), nodes (of all trees; every bit in src/bvh/bvh4.rs), triangles
-// Writes     hits[first_beam + beam], every element; counters[0] += beams out of steps (their
+// Writes     hits[first_beam + beam], every element; counters[0] += beams out of steps or stack (their
 //            prim is UNFINISHED, the host casts them), counters[1 + sensor] += hits
 // Dispatch   (ceil(most directions of a model / WORKGROUP_SIZE), sensors), x spilling into z; spare invocations
 //            only help to count
-// Prelude    WORKGROUP_SIZE, NO_HIT, UNFINISHED, STEP_BUDGET, TRIANGLE_ITEM, NO_ROOT, NO_CROSSING, stack, STACK_STRIDE,
-//            LANE_STRIDE (printed from src/engine/gpu/layout.rs)
+// Prelude    WORKGROUP_SIZE, STACK_ENTRIES, NO_HIT, UNFINISHED, STEP_BUDGET, TRIANGLE_ITEM, NO_ROOT, NO_CROSSING (printed from
+//            src/engine/gpu/layout.rs)
 // Numerics   f32 as common/exact.wgsl has it, no transcendental functions, no infinities: coordinates are at most 2^40 m,
 //            or the root is NO_ROOT and the host casts what reaches the instance; equal distances go to the lower prim of the
 //            frame, first_prim and the tree's own number together
@@ -74,9 +74,11 @@ struct Ray {
 @group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
 
 var<workgroup> hit_count: atomic<u32>;
+// Entry k of invocation i is word k · WORKGROUP_SIZE + i, so that entries of neighbours lie side by side.
+var<workgroup> stack: array<u32, STACK_ENTRIES * WORKGROUP_SIZE>;
 // Loop steps of this invocation so far, over instances and nodes.
 var<private> steps: u32;
-// Word of the stack at which this invocation's begins.
+// Number of this invocation, which is the word of its first entry of the stack.
 var<private> base: u32;
 
 // 1 / d for d = 0 or TINY_COMPONENT <= |d| <= 1.001: at most 1e9.
@@ -191,49 +193,52 @@ fn keeps_bits(ray: Ray, triangle: Triangle, a: vec3<f32>, b: vec3<f32>, c: vec3<
         && at_least(a, LEAST_FACTOR) && at_least(b, LEAST_FACTOR) && at_least(c, LEAST_FACTOR);
 }
 
-// Four sides in metres, corner + byte k · step: bytes 0x0804 with step 0.25 are 1 m and 2 m from the corner. A step is
-// a power of two of at least 2^-126, so that the product is exact, and the sum is rounded once also where they are merged.
-fn planes(corner: f32, bytes: u32, step: f32) -> vec4<f32> {
-    return corner + vec4<f32>((vec4(bytes) >> vec4(0u, 8u, 16u, 24u)) & vec4(255u)) * step;
+// Distances to four sides, from that to the node's corner and that of a step.
+fn planes(begin: f32, bytes: u32, step: f32) -> vec4<f32> {
+    return begin + vec4<f32>((vec4(bytes) >> vec4(0u, 8u, 16u, 24u)) & vec4(255u)) * step;
 }
 
 // Distance at which the ray enters each child's box; NO_CROSSING for a box it misses or enters behind `limit`. A
 // box entered at `limit` counts: a triangle at an equal distance may have a lower id. Decides only the order of visits and
-// which boxes are left out: a flush to zero keeps the order of all distances.
+// which boxes are left out, for which they have room: see src/bvh/bvh4.rs (why no triangle is missed).
 fn enter_children(ray: Ray, node: Node, limit: f32) -> vec4<f32> {
-    let back = ray.inverse < vec3(0.0);
+    let inverse = ray.inverse;
+    let back = inverse < vec3(0.0);
     let low = vec3(node.low_x, node.low_y, node.low_z);
     let near = select(low, node.high, back);
     let far = select(node.high, low, back);
-    let near_x = planes(node.corner.x, near.x, node.step.x) - ray.origin.x;
-    let near_y = planes(node.corner.y, near.y, node.step.y) - ray.origin.y;
-    let near_z = planes(node.corner.z, near.z, node.step.z) - ray.origin.z;
-    let far_x = planes(node.corner.x, far.x, node.step.x) - ray.origin.x;
-    let far_y = planes(node.corner.y, far.y, node.step.y) - ray.origin.y;
-    let far_z = planes(node.corner.z, far.z, node.step.z) - ray.origin.z;
-    let inverse = ray.inverse;
-    let enter =
-        max(max(near_x * inverse.x, near_y * inverse.y), max(near_z * inverse.z, vec4(0.0)));
-    let leave = min(min(far_x * inverse.x, far_y * inverse.y), min(far_z * inverse.z, vec4(limit)));
-    return select(vec4(NO_CROSSING), enter, enter <= leave & node.children != vec4(0u));
+    let begin = (node.corner - ray.origin) * inverse;
+    let step = node.step * inverse;
+    let near_x = planes(begin.x, near.x, step.x);
+    let near_y = planes(begin.y, near.y, step.y);
+    let near_z = planes(begin.z, near.z, step.z);
+    let far_x = planes(begin.x, far.x, step.x);
+    let far_y = planes(begin.y, far.y, step.y);
+    let far_z = planes(begin.z, far.z, step.z);
+    let enter = max(max(near_x, near_y), max(near_z, vec4(0.0)));
+    let leave = min(min(far_x, far_y), min(far_z, vec4(limit)));
+    return select(vec4(NO_CROSSING), enter, (enter <= leave) & (node.children != vec4(0u)));
 }
 
-// The better of `held` and the closest hit in one tree; UNFINISHED out of steps.
+// The better of `held` and the closest hit in one tree; UNFINISHED out of steps or stack.
 fn closer_hit(ray: Ray, root: u32, pad: f32, first_prim: u32, held: Hit) -> Hit {
     var best = held;
     stack[base] = root;
     // Word behind the last entry.
-    var end = base + STACK_STRIDE;
+    var end = base + WORKGROUP_SIZE;
     // Two loops: the lanes of a vector find their next triangles together, then test them together.
     for (; steps < STEP_BUDGET; steps += 2u) {
         if end == base {
             return best;
         }
-        end -= STACK_STRIDE;
+        end -= WORKGROUP_SIZE;
         var item = stack[end];
         loop {
             if (item >= TRIANGLE_ITEM) | (steps >= STEP_BUDGET) {
                 break;
+            }
+            if end > base + (STACK_ENTRIES - 3u) * WORKGROUP_SIZE {
+                return Hit(0.0, UNFINISHED);
             }
             steps++;
             // The nearest child is next; the others go onto the stack, the lower pair last.
@@ -250,16 +255,16 @@ fn closer_hit(ray: Ray, root: u32, pad: f32, first_prim: u32, held: Hit) -> Hit 
             item = select(low_child, high_child, swap);
             // Stores without a branch: an entry stays only if its box is entered.
             stack[end] = select(child.w, child.z, swap_high);
-            end += select(0u, STACK_STRIDE, max(enter.z, enter.w) < NO_CROSSING);
+            end += select(0u, WORKGROUP_SIZE, max(enter.z, enter.w) < NO_CROSSING);
             stack[end] = select(high_child, low_child, swap);
-            end += select(0u, STACK_STRIDE, max(low, high) < NO_CROSSING);
+            end += select(0u, WORKGROUP_SIZE, max(low, high) < NO_CROSSING);
             stack[end] = select(child.y, child.x, swap_low);
-            end += select(0u, STACK_STRIDE, max(enter.x, enter.y) < NO_CROSSING);
+            end += select(0u, WORKGROUP_SIZE, max(enter.x, enter.y) < NO_CROSSING);
             if min(low, high) == NO_CROSSING {
                 if end == base {
                     return best;
                 }
-                end -= STACK_STRIDE;
+                end -= WORKGROUP_SIZE;
                 item = stack[end];
             }
         }
@@ -314,7 +319,7 @@ fn cast_closest(
 ) {
     let sensor = sensors[group.y];
     zero = sensor.zero;
-    base = local * LANE_STRIDE;
+    base = local;
     if local == 0u {
         atomicStore(&hit_count, 0u);
     }

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use rand::RngExt;
 use sightline::engine::Backend;
 use sightline::geom::TriangleSoup;
-use sightline::internals::{Bvh, DevicePose, cast_closest};
+use sightline::internals::{Bvh, DevicePose, Hit, cast_closest};
 use sightline::problem::Problem;
 use sightline::psog::Roi;
 use sightline::vehicle::{BeamTable, SensorPose};
 
-use crate::common::{gpu, random_content, random_soup, rng};
+use crate::common::{cpu, gpu, random_content, random_problem, random_soup, rng};
 
 const RANGE: f64 = 40.0;
 
@@ -135,5 +135,26 @@ fn sizes_at_which_devices_flush_or_overflow_are_cast_alike() {
         // Below 1e-31 m no distance is above zero.
         let least = if scale < 1e-30 { -1.0 } else { 0.05 };
         assert_same_hits(&soup, table, (0..9).map(at).collect(), least);
+    }
+}
+
+/// A short stack leaves most beams to the host, which casts them to the same bits.
+#[test]
+fn stacks_that_overflow_change_no_bit() {
+    let problem = random_problem(11, true);
+    let sensors = [level(0.0, 0.0, 0.0), level(1.5, -2.0, 0.5)];
+    let want = cpu(&problem).hits(&sensors, 0).unwrap();
+    let mut device = gpu(&problem);
+    let mut hits = vec![device.hits(&sensors, 0).unwrap()];
+    device.rewrite_kernels(|_, source| {
+        let (long, short) = ("STACK_ENTRIES: u32 = 24u", "STACK_ENTRIES: u32 = 4u");
+        assert!(source.contains(long), "the kernels changed, and this test has to");
+        source.replace(long, short)
+    });
+    hits.push(device.hits(&sensors, 0).unwrap());
+    assert!(want.iter().filter(|hit| hit.is_hit()).count() > 100);
+    for got in hits {
+        let equal = |(a, b): (&Hit, &Hit)| (a.t.to_bits(), a.prim) == (b.t.to_bits(), b.prim);
+        assert!(want.iter().zip(&got).all(equal) && want.len() == got.len());
     }
 }

@@ -19,9 +19,14 @@
 //! [0x8000_0007, 3, 0, 0]: child 0 is triangle 7, child 1 is node 3, and there are no more. The root is
 //! node 0, which is nobody's child.
 //!
-//! A step is a power of two, so `corner + steps · step` is rounded once, also where a device contracts
-//! product and sum. The host computes the same number and moves a side outwards until it holds the
-//! exact box: no child sticks out, and no triangle is missed.
+//! # Why no triangle is missed
+//! A device finds the distance to a side as (corner − origin) · inverse + steps · (step · inverse), merged and rounded as its driver
+//! likes. Times a direction's component that is wrong by at most u (3 |corner − origin| + 2 steps · step) metres, u = 2⁻²⁴: a step is a
+//! power of two, so that its product with the inverse is exact. The distance to a triangle's own box, which `intersect`
+//! clamps a hit to, is wrong by 2 u |side − origin|. With coordinates up to L, no sensor is farther than the range R from the sphere around
+//! a tree, so that |corner − origin| ≤ 3.8 L + R: together less than 24 u (L + R), and less than 27 with what the host
+//! rounds here. Boxes are grown by twice the tree's pad, which is 16 u (L + R). Flushed denormals move a side by less than 2⁻¹¹⁷ m,
+//! and pads are at least 2⁻¹⁰⁰ m, or the host casts.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -31,13 +36,15 @@ use super::Bvh;
 const WIDTH: usize = 4;
 /// Steps across the common box of a node's children, at most: a byte.
 const STEPS: u32 = 255;
+/// Pads of a tree by which boxes are grown beyond its own, see the module.
+const ROOM: f32 = 2.0;
 /// Bit of a child that marks a triangle.
 pub(crate) const TRIANGLE: u32 = 1 << 31;
 
-/// Lower and upper side by axis: x low, x high, y low, y high, z low, z high.
+/// Lower and upper side by axis with room: x low, x high, y low, y high, z low, z high.
 type Sides = [f32; 6];
 
-/// The children of a node with their exact boxes.
+/// The children of a node with their boxes.
 type ExactNode = [Option<(u32, Sides)>; WIDTH];
 
 /// One node, 64 bytes; see the module for each bit.
@@ -80,17 +87,6 @@ impl Bvh4 {
                 *child += if *child < TRIANGLE { first_node } else { first_triangle };
             }
         }
-    }
-
-    /// Entries that a traversal stack needs: three of the four children of each node on a path.
-    pub fn stack(&self) -> usize {
-        let mut depth = vec![1; self.nodes.len()];
-        for (at, node) in self.nodes.iter().enumerate() {
-            for &child in node.children.iter().filter(|&&child| child != 0 && child < TRIANGLE) {
-                depth[child as usize] = depth[at] + 1;
-            }
-        }
-        (WIDTH - 1) * depth.into_iter().max().unwrap_or(1)
     }
 }
 
@@ -184,10 +180,11 @@ fn collapse(bvh: &Bvh) -> Vec<ExactNode> {
 
 /// Up to four descendants of a binary node that together hold every triangle below it.
 fn children(bvh: &Bvh, from: usize) -> Vec<(Child, Sides)> {
+    let room = ROOM * bvh.pad;
     let inner = |node: usize| {
         let own = &bvh.nodes[node];
         let count = if own.count > 0 { own.count as usize } else { 2 };
-        (Child::Inner { node, count }, sides(own.min, own.max))
+        (Child::Inner { node, count }, sides(own.min, own.max, room))
     };
     let mut children = vec![inner(from)];
     loop {
@@ -206,13 +203,15 @@ fn children(bvh: &Bvh, from: usize) -> Vec<(Child, Sides)> {
         } else {
             children.extend((first..first + node.count as usize).map(|triangle| {
                 let bounds = Bvh::padded_box(&bvh.triangles[triangle], bvh.pad);
-                (Child::Triangle(triangle), sides(bounds.min.into(), bounds.max.into()))
+                (Child::Triangle(triangle), sides(bounds.min.into(), bounds.max.into(), room))
             }));
         }
     }
 }
 
-fn sides(min: [f32; 3], max: [f32; 3]) -> Sides {
+/// Sides of a box, moved outwards by `room`.
+fn sides(min: [f32; 3], max: [f32; 3], room: f32) -> Sides {
+    let (min, max) = (min.map(|side| side - room), max.map(|side| side + room));
     [min[0], max[0], min[1], max[1], min[2], max[2]]
 }
 
@@ -223,7 +222,10 @@ fn half_area(sides: &Sides) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
+    use crate::bvh::Ray;
     use crate::geom::TriangleSoup;
 
     /// Lower and upper sides of a child's box, as the kernel finds them.
@@ -288,5 +290,86 @@ mod tests {
             }
             assert_eq!(triangles, faces as usize);
         }
+    }
+    /// Where a ray is inside a child's box, as a device finds it that fuses or one that does not.
+    fn interval(ray: &Ray, node: &QuantizedNode, slot: usize, fuses: bool) -> [f32; 2] {
+        let low = [node.low_x, node.low_y, node.low_z];
+        let (mut enter, mut leave) = (0.0_f32, ray.t_max);
+        for (axis, low) in low.into_iter().enumerate() {
+            let (inverse, origin) = (ray.inverse[axis], ray.origin[axis]);
+            let (begin, step) = ((node.corner[axis] - origin) * inverse, node.step[axis] * inverse);
+            let side = |word: u32| {
+                let steps = (word >> (8 * slot) & 0xff) as f32;
+                if fuses { steps.mul_add(step, begin) } else { steps * step + begin }
+            };
+            let (t0, t1) = (side(low), side(node.high[axis]));
+            enter = enter.max(t0.min(t1));
+            leave = leave.min(t0.max(t1));
+        }
+        [enter, leave]
+    }
+
+    /// Triangles in whose boxes a ray is, among those that a device reaches.
+    fn reached(ray: &Ray, bvh: &Bvh, nodes: &[QuantizedNode], fuses: bool) -> usize {
+        let (mut count, mut stack) = (0, vec![0]);
+        while let Some(at) = stack.pop() {
+            let node: &QuantizedNode = &nodes[at];
+            for (slot, &child) in node.children.iter().enumerate() {
+                let [enter, leave] = interval(ray, node, slot, fuses);
+                if child == 0 || enter > leave {
+                    continue;
+                }
+                if child < TRIANGLE {
+                    stack.push(child as usize);
+                } else {
+                    count += usize::from(is_in_box(ray, bvh, (child ^ TRIANGLE) as usize));
+                }
+            }
+        }
+        count
+    }
+
+    fn is_in_box(ray: &Ray, bvh: &Bvh, triangle: usize) -> bool {
+        let bounds = Bvh::padded_box(&bvh.triangles[triangle], bvh.pad);
+        let (enter, leave) = ray.slab(bounds.min, bounds.max);
+        enter <= leave.min(ray.t_max)
+    }
+
+    #[test]
+    fn a_device_reaches_every_triangle_in_whose_box_a_ray_is() {
+        let mut inside = 0;
+        for offset in [0.0, 4e5, -1e4] {
+            let range = 200.0;
+            let bvh = Bvh::build(&soup(150, offset), range);
+            let nodes = Bvh4::new(&bvh).nodes;
+            for number in 0..4000 {
+                let share = |salt: u64| {
+                    let bits = crate::chance::mixed(number << 8 | salt) >> 40;
+                    bits as f32 / (1 << 24) as f32 - 0.5
+                };
+                // Towards a corner of some box, level or along an axis now and then.
+                let triangle = &bvh.triangles[number as usize % 150];
+                let corner = Vec3::from(if number % 2 == 0 { triangle.a } else { triangle.c });
+                let mut direction = Vec3::new(share(1), share(2), share(3));
+                for axis in 0..3 {
+                    if (number >> axis) % 3 == 0 && number % 5 != axis {
+                        direction[axis as usize] = 0.0;
+                    }
+                }
+                if direction == Vec3::ZERO {
+                    direction = Vec3::X;
+                }
+                let direction = direction.normalize();
+                let beside = bvh.pad * [0.0, 1.0, -1.0, 0.999_999][number as usize % 4];
+                let origin = corner - 100.0 * (share(4) + 0.5) * direction + Vec3::splat(beside);
+                let ray = Ray::new(origin, direction, range);
+                let want = (0..150).filter(|&t| is_in_box(&ray, &bvh, t)).count();
+                inside += want;
+                for fuses in [true, false] {
+                    assert_eq!(reached(&ray, &bvh, &nodes, fuses), want, "ray {number}, {ray:?}");
+                }
+            }
+        }
+        assert!(inside > 20_000, "{inside} boxes: trivial rays");
     }
 }

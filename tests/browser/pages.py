@@ -13,6 +13,18 @@ CHROMIUM = "/usr/bin/chromium"
 FLAGS = ["--no-sandbox", "--disable-background-networking"]
 WIDE, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 800}
 MOST_BYTES = 4_000_000
+# WebGPU on the CPU.
+GPU_FLAGS = ["--enable-unsafe-webgpu", "--enable-features=Vulkan", "--use-webgpu-adapter=swiftshader"]
+COMPILE = """async ([name, code]) => {
+    const adapter = await navigator.gpu?.requestAdapter();
+    if (!adapter) return "this Chromium has no WebGPU";
+    const device = await adapter.requestDevice();
+    const module = device.createShaderModule({code});
+    const said = (await module.getCompilationInfo()).messages.map((one) => `line ${one.lineNum}: ${one.message}`);
+    const compute = {module, entryPoint: name};
+    try { await device.createComputePipelineAsync({layout: "auto", compute}); } catch (error) { said.push(error.message); }
+    return said.join("; ");
+}"""
 # Chromium tells of its own software driver when pixels are read.
 HARMLESS = "GPU stall due to ReadPixels"
 
@@ -183,12 +195,26 @@ def fits(page: Page, what: str) -> None:
     check(wide <= screen, f"{what} is {wide} pixels wide on a screen of {screen}")
 
 
+def kernels(tools, blank: Path) -> None:
+    """Tint, which is not the compiler that the program has, takes every kernel and says nothing."""
+    sources = sorted(Path("target/kernels").glob("*.wgsl"))
+    check(len(sources) > 0, "no kernels in target/kernels: `cargo test --lib kernels` leaves them there")
+    browser = tools.chromium.launch(executable_path=CHROMIUM, args=[*FLAGS, *GPU_FLAGS])
+    page = browser.new_page()
+    page.goto(f"file://{blank}")
+    for source in sources:
+        said = page.evaluate(COMPILE, [source.stem, source.read_text()])
+        check(said == "", f"{source.name}: {said}")
+    browser.close()
+
+
 def main(folder: Path, renew: bool) -> None:
     run, view = folder / "run" / "report.html", folder / "view.html"
     triangles = json.loads((folder / "info.json").read_text())[0]["triangles"]
     for file in [run, view]:
         check(file.stat().st_size <= MOST_BYTES, f"{file.name} has {file.stat().st_size} bytes")
     with sync_playwright() as tools:
+        kernels(tools, run)
         browser = tools.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         page = opened(browser, run, viewport=WIDE)
         draws(page, triangles)

@@ -66,8 +66,6 @@ pub(super) struct SceneBuffers {
     pub(super) class_voxels: wgpu::Buffer,
     pub(super) class_runs: wgpu::Buffer,
     pub(super) class_run_count: u32,
-    /// Entries of a stack for walks down any of the trees.
-    pub(super) stack: usize,
 }
 
 impl SceneBuffers {
@@ -79,8 +77,7 @@ impl SceneBuffers {
         }
         let content = in_bricks(problem.content(), &BitOrder::bricks(problem.roi()));
         let runs = class_runs(content.class_starts());
-        let Trees { nodes, triangles, roots, stack } =
-            Trees::new(device, &problem.world().trees())?;
+        let Trees { nodes, triangles, roots } = Trees::new(device, &problem.world().trees())?;
         Ok(Self {
             directions: device.upload("beam directions", &directions)?,
             first_directions,
@@ -91,7 +88,6 @@ impl SceneBuffers {
             class_voxels: device.upload("voxels by class", content.class_voxels())?,
             class_runs: device.upload("class runs", &runs)?,
             class_run_count: runs.len() as u32,
-            stack,
         })
     }
 }
@@ -119,15 +115,12 @@ pub(super) struct Trees {
     pub(super) triangles: wgpu::Buffer,
     /// Number of each tree's root among the nodes, by the address of the tree.
     pub(super) roots: HashMap<usize, u32>,
-    /// Entries of the deepest one's stack.
-    pub(super) stack: usize,
 }
 
 impl Trees {
     /// Uploads trees, each of them once in the list.
     pub(super) fn new(device: &Device, trees: &[&Arc<Bvh>]) -> Result<Self, BackendError> {
         let mut built: Vec<Bvh4> = trees.iter().map(|tree| Bvh4::new(tree)).collect();
-        let stack = built.iter().map(Bvh4::stack).max().unwrap_or(1);
         let of = |what, count: usize, each: usize| {
             let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
             device.buffer(what, count as u64 * each as u64, usage)
@@ -148,7 +141,7 @@ impl Trees {
             first_node += wide.nodes.len() as u32;
             first_triangle += tree.triangles.len() as u32;
         }
-        Ok(Self { nodes, triangles, roots, stack })
+        Ok(Self { nodes, triangles, roots })
     }
 }
 

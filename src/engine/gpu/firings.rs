@@ -56,7 +56,7 @@ impl GpuFirings {
     ) -> Result<Self, BackendError> {
         let device = tested::open(adapter)?;
         let trees = Trees::new(&device, trees)?;
-        let kernels = Kernels::new(trees.stack);
+        let kernels = Kernels::new();
         kernels.compile(&device, |kernel| kernel == "cast_closest");
         device.check("compiling a kernel")?;
         Ok(Self { device, kernels, trees, work: Work::default() })

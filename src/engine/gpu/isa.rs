@@ -16,8 +16,6 @@ use super::kernels::{SOURCES, source};
 
 /// One chip of each of four generations.
 const FAMILIES: [&str; 4] = ["polaris10", "vega10", "navi21", "gfx1100"];
-/// Entries of the stack: the trees of the four scenes need 39 to 48.
-const ENTRIES: usize = 48;
 const DRIVERS: [&str; 2] =
     ["/usr/share/vulkan/icd.d/radeon_icd.x86_64.json", "/usr/share/vulkan/icd.d/radeon_icd.json"];
 
@@ -130,16 +128,15 @@ fn compiled(
 
 /// The sources of all kernels that ship.
 fn shipped() -> Vec<(String, String)> {
-    let sources =
-        SOURCES.iter().map(|(name, parts)| ((*name).to_owned(), source(name, parts, ENTRIES)));
+    let sources = SOURCES.iter().map(|(name, parts)| ((*name).to_owned(), source(parts)));
     sources.collect()
 }
 
-/// The sum of `planes` as it is, and with its product rounded.
+/// The sum of `planes` as it is, and with its products rounded.
 const PLANES: (&str, &str) = (
-    "return corner + vec4<f32>((vec4(bytes) >> vec4(0u, 8u, 16u, 24u)) & vec4(255u)) * step;",
+    "return begin + vec4<f32>((vec4(bytes) >> vec4(0u, 8u, 16u, 24u)) & vec4(255u)) * step;",
     "let product = vec4<f32>((vec4(bytes) >> vec4(0u, 8u, 16u, 24u)) & vec4(255u)) * step;
-    return corner + bitcast<vec4<f32>>(bitcast<vec4<u32>>(product) ^ vec4(zero));",
+    return rounded(begin) + bitcast<vec4<f32>>(bitcast<vec4<u32>>(product) ^ vec4(zero));",
 );
 
 fn replaced(source: &str, from: &str, to: &str) -> String {
@@ -179,8 +176,8 @@ fn quotients(source: &str) -> Vec<String> {
     quotients.collect()
 }
 
-/// The compiler has no product to merge with a sum but the 24 exact ones of `planes` (four children, six sides), and no quotient but
-/// in `divide`, which corrects it. `self_test` shows what a device does with both.
+/// The compiler has no product to merge with a sum but the 24 of `planes` (four children, six sides), which decide nothing, and no
+/// quotient but in `divide`, which corrects it. `self_test` shows what a device does with both.
 #[test]
 fn isa_leaves_the_compiler_no_choice() {
     let mut kernels = shipped();

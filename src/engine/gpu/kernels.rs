@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::{Mutex, OnceLock};
 
 use super::device::Device;
-use super::layout::{MAX_WORKGROUPS, WORKGROUP_SIZE, prelude, stack};
+use super::layout::{MAX_WORKGROUPS, WORKGROUP_SIZE, prelude};
 
 const EXACT: &str = include_str!("../../../shaders/common/exact.wgsl");
 const BEAM: &str = include_str!("../../../shaders/common/beam.wgsl");
@@ -34,22 +34,19 @@ pub type Rewrite = fn(kernel: &str, source: String) -> String;
 
 /// Kernels, each compiled at its first use, and their bind groups.
 pub(super) struct Kernels {
-    /// Entries of the stack for walks down a tree.
-    stack: usize,
     rewrite: Rewrite,
     pipelines: [OnceLock<wgpu::ComputePipeline>; SOURCES.len()],
     groups: Mutex<HashMap<Bound, wgpu::BindGroup>>,
 }
 
 impl Kernels {
-    /// Kernels for trees whose paths need `stack` entries.
-    pub(super) fn new(stack: usize) -> Self {
-        Self::rewritten(stack, |_, source| source)
+    pub(super) fn new() -> Self {
+        Self::rewritten(|_, source| source)
     }
 
     /// The kernels with other sources.
-    pub(super) fn rewritten(stack: usize, rewrite: Rewrite) -> Self {
-        Self { stack, rewrite, pipelines: Default::default(), groups: Mutex::default() }
+    pub(super) fn rewritten(rewrite: Rewrite) -> Self {
+        Self { rewrite, pipelines: Default::default(), groups: Mutex::default() }
     }
 
     /// Compiles the kernels that a batch needs and that are not compiled yet, side by side.
@@ -66,7 +63,7 @@ impl Kernels {
     fn pipeline(&self, device: &Device, kernel: usize) -> &wgpu::ComputePipeline {
         let (name, parts) = SOURCES[kernel];
         self.pipelines[kernel].get_or_init(|| {
-            let source = (self.rewrite)(name, source(name, parts, self.stack));
+            let source = (self.rewrite)(name, source(parts));
             let module = device.wgpu().create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(name),
                 source: wgpu::ShaderSource::Wgsl(source.into()),
@@ -142,10 +139,9 @@ impl Kernels {
     }
 }
 
-/// A kernel as WGSL, for trees whose paths need `entries` entries of a stack.
-pub(super) fn source(kernel: &str, parts: &[&str], entries: usize) -> String {
-    let stack = if kernel == "cast_closest" { stack(entries) } else { String::new() };
-    prelude() + &stack + &parts.concat()
+/// A kernel as WGSL.
+pub(super) fn source(parts: &[&str]) -> String {
+    prelude() + &parts.concat()
 }
 
 /// Workgroups for `directions` beams of each of `sensors` sensors, [x, y, z]: sensors along y, beams along x
@@ -170,24 +166,24 @@ mod tests {
     use crate::engine::gpu::layout::{Instance, Sensor, Uniforms};
     use crate::problem::{DevicePose, OccupiedVoxel};
 
-    fn parsed(kernel: &str, parts: &[&str], entries: usize) -> naga::Module {
-        let source = source(kernel, parts, entries);
+    fn parsed(parts: &[&str]) -> naga::Module {
+        let source = source(parts);
         naga::front::wgsl::parse_str(&source)
             .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&source)))
     }
 
+    /// Leaves the sources in `target/kernels`, where `tests/browser` finds them for another compiler of WGSL.
     #[test]
     fn kernels_need_no_extra_capabilities() {
-        // With stacks in workgroup memory, and too deep for it.
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("target/kernels");
+        std::fs::create_dir_all(&folder).unwrap();
         for (name, parts) in SOURCES {
-            for entries in [48, 63, 64, 192] {
-                let module = parsed(name, parts, entries);
-                let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
-                validator.validate(&module).unwrap_or_else(|error| panic!("{name}: {error:?}"));
-                assert_eq!(module.entry_points[0].name, name);
-            }
+            let module = parsed(parts);
+            let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+            validator.validate(&module).unwrap_or_else(|error| panic!("{name}: {error:?}"));
+            assert_eq!(module.entry_points[0].name, name);
+            std::fs::write(folder.join(format!("{name}.wgsl")), source(parts)).unwrap();
         }
-        assert!(stack(63).contains("workgroup") && stack(64).contains("private"));
     }
 
     #[test]
@@ -219,7 +215,7 @@ mod tests {
     /// (field, offset) of a struct, and its stride, as the shader compiler lays it out.
     fn layout(kernel: &str, name: &str) -> (Vec<(String, usize)>, usize) {
         let parts = SOURCES.iter().find(|(k, _)| *k == kernel).unwrap().1;
-        let module = parsed(kernel, parts, 48);
+        let module = parsed(parts);
         let (_, found) = module
             .types
             .iter()

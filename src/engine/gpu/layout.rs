@@ -20,7 +20,10 @@ pub(super) const MAX_WORKGROUPS: u32 = 65_535;
 /// lanes of a vector, which run each loop as long as the slowest lane, as one: with 16 lanes
 /// 16 · 3 750 = 60 000 iterations at most.
 pub(super) const STEP_BUDGET: u32 = 60_000 / 16;
-/// Triangle id of a beam whose traversal ran out of [`STEP_BUDGET`].
+/// Entries of an invocation's stack in `cast_closest`. A step down a tree pushes up to three: the host casts beams that need
+/// more. See `docs/performance.md` for how many do, and what a longer stack costs.
+pub(super) const STACK_ENTRIES: u32 = 24;
+/// Triangle id of a beam whose traversal ran out of [`STEP_BUDGET`] or [`STACK_ENTRIES`].
 pub(super) const UNFINISHED: u32 = NO_HIT - 1;
 /// Root of a tree that the kernel leaves to the host.
 pub(super) const NO_ROOT: u32 = u32::MAX;
@@ -132,33 +135,11 @@ impl Instance {
     }
 }
 
-/// Bytes of workgroup memory that every Vulkan device has.
-const WORKGROUP_BYTES: usize = 16 << 10;
-
-/// Declaration of the stacks of `cast_closest`, each of `entries` words.
-///
-/// Entry k of invocation i is word k · STACK_STRIDE + i · LANE_STRIDE: in workgroup memory, so that neighbours lie side by
-/// side, and in private memory where trees are too deep for that. A private array that is indexed by numbers unknown to the
-/// compiler ends in registers chosen by long ladders of selects, or in slow memory.
-pub(super) fn stack(entries: usize) -> String {
-    let lanes = WORKGROUP_SIZE as usize;
-    // One word is left for the counter of hits.
-    let shared = 4 * (entries * lanes + 1) <= WORKGROUP_BYTES;
-    let (space, words, [entry, lane]) = if shared {
-        ("workgroup", entries * lanes, [lanes, 1])
-    } else {
-        ("private", entries, [1, 0])
-    };
-    format!(
-        "const STACK_STRIDE: u32 = {entry}u;\nconst LANE_STRIDE: u32 = {lane}u;\n\
-         var<{space}> stack: array<u32, {words}>;\n"
-    )
-}
-
 /// Constants as WGSL, put before every shader.
 pub(super) fn prelude() -> String {
     let words = [
         ("WORKGROUP_SIZE", WORKGROUP_SIZE),
+        ("STACK_ENTRIES", STACK_ENTRIES),
         ("MAX_LIDARS", MAX_LIDARS as u32),
         ("NO_HIT", NO_HIT),
         ("UNFINISHED", UNFINISHED),

@@ -80,7 +80,7 @@ impl GpuBackend {
             return Err(BackendError::TooLarge { what, need, limit });
         }
         let scene = SceneBuffers::new(&device, &problem)?;
-        let kernels = Kernels::new(scene.stack);
+        let kernels = Kernels::new();
         let (times, work, doomed) = (StageTimes::default(), None, None);
         Ok(Self { problem, device, kernels, scene, work, memory, times, doomed })
     }
@@ -88,7 +88,7 @@ impl GpuBackend {
     /// Lets the kernels be compiled from other sources: for a test that plays a hostile driver.
     #[doc(hidden)]
     pub fn rewrite_kernels(&mut self, rewrite: Rewrite) {
-        self.kernels = Kernels::rewritten(self.scene.stack, rewrite);
+        self.kernels = Kernels::rewritten(rewrite);
     }
 
     /// Whether the device is a program on the host.

@@ -61,7 +61,7 @@ fn run(device: &Device) -> Result<SelfTest, BackendError> {
     let padded = cases.iter().chain(std::iter::repeat(&NO_CASE)).take(count);
     let words: Vec<[u32; 5]> =
         padded.map(|&(operation, [a, b, c])| [operation as u32, a, b, c, 0]).collect();
-    let kernels = Kernels::new(1);
+    let kernels = Kernels::new();
     kernels.compile(device, |kernel| kernel == "self_test");
     device.check("compiling its self-test")?;
     let table = device.upload("cases", &words)?;
