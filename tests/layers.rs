@@ -68,6 +68,7 @@ const FOREIGN: [(&str, &[&str]); 12] = [
         "serde_json",
         &[
             "json/",
+            "engine/gpu/isa.rs",
             "mesh/",
             "files/",
             "export/",
