@@ -127,7 +127,7 @@ impl Caster {
         self.cast_alone(alone, hits);
     }
 
-    /// Beams that are walked, and beams whose beams go alone.
+    /// Parts whose tree all beams walk together, and parts into which each beam is cast alone.
     fn sorted<'a>(&self, parts: &[Part<'a>]) -> (Vec<Part<'a>>, Vec<Part<'a>>) {
         parts.iter().partition(|part| self.walk.is_some() && Walk::fits(part))
     }

@@ -210,7 +210,7 @@ pub enum ExportError {
         scene: String,
         /// Number of the frame.
         frame: usize,
-        /// Fault.
+        /// Fault, in words.
         what: String,
     },
     /// Frames are missing.

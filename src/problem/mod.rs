@@ -172,7 +172,7 @@ impl Problem {
         Self { sensors: sensors.into(), ..self }
     }
 
-    /// A copy with voxels that are worth something else.
+    /// A copy with other information in its voxels.
     pub fn with_content(self, content: impl Into<Arc<Content>>) -> Self {
         Self { content: content.into(), ..self }
     }

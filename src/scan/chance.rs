@@ -7,7 +7,7 @@ use crate::maths;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Purpose {
-    /// Tells whether an echo near the threshold is seen.
+    /// Detection of an echo near the threshold.
     Detection,
     /// Error of a range.
     RangeNoise,
@@ -15,7 +15,7 @@ pub enum Purpose {
     FogRange,
     /// Flakes in a beam.
     Snow,
-    /// Tells whether a beam takes another sensor's pulse for its own, and when that comes.
+    /// Another sensor's pulse that a beam takes for its own, and the time of that pulse.
     Crosstalk,
     /// What an object is like.
     Object,

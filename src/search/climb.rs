@@ -141,7 +141,7 @@ impl GridSearch {
         let turns = self.turns(poses);
         let turn = turns[rng.random_range(0..turns.len())];
         if let Turn::Lidar(lidar) = turn {
-            // Like below, without a list of placements: a fine grid has millions of poses.
+            // The choice below, without a list of placements: a fine grid has millions of poses.
             let to = self.targets(poses, lidar, Moves::Anywhere);
             return match to.len() {
                 0 => poses.to_vec(),

@@ -34,7 +34,7 @@ pub struct Finding {
     pub property: &'static str,
     /// Spearman's rank correlation with the score; `None` where either is constant.
     pub correlation: Option<f64>,
-    /// A copy with mean height held fixed (partial rank correlation); `None` for mean height itself.
+    /// Partial rank correlation with the score, mean height held fixed; `None` for mean height itself.
     pub beside_height: Option<f64>,
 }
 

@@ -10,7 +10,7 @@ use crate::vehicle::{BeamGrid, BeamTable};
 
 /// Most beams of a window: their directions and hits then lie in the second cache.
 pub(super) const BEAMS: usize = 1 << 15;
-/// A copy with room for a vector that begins at the last beam.
+/// Beams of a window, with room for a vector that begins at the last one.
 pub(super) const ROOM: usize = BEAMS + W;
 /// Cells of the table that turns tangents to rows.
 pub(super) const CELLS: usize = 2048;

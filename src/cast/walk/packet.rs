@@ -178,7 +178,7 @@ per_target! {
         let (n, low, high) = (&seen.normal, &seen.low, &seen.high);
         let [dx, dy, dz] = &packet.direction;
         for i in 0..RAYS {
-            // Like `Ray::new` has them; most tests end before they are needed.
+            // Rounded where `Ray::new` rounds; most tests end before they are needed.
             let ix = if dx[i] == 0.0 { FAR_INVERSE } else { 1.0 / dx[i] };
             let iy = if dy[i] == 0.0 { FAR_INVERSE } else { 1.0 / dy[i] };
             let iz = if dz[i] == 0.0 { FAR_INVERSE } else { 1.0 / dz[i] };

@@ -65,7 +65,7 @@ per_target! {
         let whole = spread(grid, window, eye, block.valid, local, out, seen);
         let [low, high] = sides(eye, corners, out);
         seen.sides = [three!(K => store(low[K])), three!(K => store(high[K]))];
-        // Like `Ray::intersect` adds, without fused operations.
+        // Added in the order of `Ray::intersect`, without fused operations.
         let n = three!(K => load(&block.normal[K]));
         let a = corners[0];
         let above = add(add(mul(n[0], a[0]), mul(n[1], a[1])), mul(n[2], a[2]));

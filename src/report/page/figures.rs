@@ -150,7 +150,7 @@ impl Figures {
         Self { maps: maps.collect(), near_field, near_frames, views, ..none }
     }
 
-    /// A copy with the convergence of a run.
+    /// Adds the convergence of a run.
     pub fn with_search(mut self, run: &RunRecord, history: &[GenerationRecord]) -> Self {
         let best = run.best.as_ref();
         let steps = run.fidelity.as_ref().map_or(&[][..], |frames| &frames.steps);

@@ -120,7 +120,7 @@ impl Sight {
         Ok(Self { voxels: drawn.map(|v| v.drawn).collect(), masks, shares, gains, of })
     }
 
-    /// Tells whether voxels are not drawn, in a sentence.
+    /// Sentence on voxels that are not drawn; `None` where all are.
     pub fn left_out(&self) -> Option<String> {
         let (all, nats) = self.of;
         let drawn = self.voxels.len();

@@ -55,7 +55,7 @@ impl Things {
         }
     }
 
-    /// Tells whether corners were merged, in a sentence.
+    /// Sentence on corners that were merged; `None` where none was.
     pub fn left_out(&self) -> Option<String> {
         let (all, shown) = (self.triangles, count(&self.shapes));
         let words = "The scene's {all} triangles are drawn as {shown}: near corners are merged.";

@@ -23,7 +23,7 @@ pub struct Condition {
 }
 
 impl Condition {
-    /// Fault.
+    /// Fault, in words.
     pub fn kind(&self) -> Kind {
         self.kind
     }
