@@ -428,7 +428,7 @@ fn check_carla(folder: &Path, name: &str, scan: &[u8], poses: &[u8]) {
 
 /// Makes a scene of a sequence that was read, where it is not too wide for one.
 fn check_sequence(folder: &Path, sequence: &dyn LabelledSequence) {
-    assert!(sequence.notes().iter().all(|note| note.text().ends_with('.')));
+    assert!(sequence.notes().iter().all(|note| note.text().ends_with(['.', '?'])));
     if let Ok(imported) = said(to_scene(sequence, &ImportOptions::default())) {
         check_scene(Scene::from_json(&imported.scene.to_string(), folder, "scene.json"));
     }
