@@ -183,7 +183,7 @@ fn intersect(ray: Ray, triangle: Triangle, pad: f32, first_prim: u32, best: Hit)
     return best;
 }
 
-// Whether no difference or product in a triangle's test is denormal; a, b, c are its corners from the ray's origin.
+// True if no difference or product in a triangle's test is denormal; a, b, c are its corners seen from the ray's origin.
 //
 // Coordinates of 0 or at least 2^-100 are multiples of 2^-123, and so are their differences. Factors of 0 or at least
 // 2^-51 have products of at least 2^-102, which are multiples of 2^-125, and so are their sums.

@@ -78,7 +78,7 @@ def cast(world: World, poses: F64, folder: Path) -> dict[str, int]:
         kept[f"{number}.points"] = np.array([one.points for one in seen])
         kept[f"{number}.sizes"] = np.array([len(sample), len(ground.squares)])
         for name, weight in ground.weights.items():
-            # A part left out has the mean of what is kept: sums stay shares.
+            # A part left out takes the mean of the parts kept: sums stay shares.
             kept[f"{number}.weight.{name}"] = weight[sample] / max(weight[sample].sum(), 1e-300)
     folder.mkdir(parents=True, exist_ok=True)
     np.savez(folder / f"{world.name}.npz", **kept)

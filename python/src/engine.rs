@@ -80,7 +80,7 @@ impl Kept {
     }
 }
 
-/// A scene as a job of its own, and what is built from it when it is first needed.
+/// Job over one scene, with the problem and engine that it builds on first use.
 pub struct Built {
     pub scene: Arc<Scene>,
     pub options: Options,
@@ -152,9 +152,9 @@ impl Built {
     }
 }
 
-/// The job over some scenes, each with its own frames and weather; the engine is that of the first.
+/// Job over several scenes, each with its own frames and weather, on the engine of the first.
 pub fn job_of(scenes: &[Arc<Built>]) -> PyResult<Job> {
-    // The copies share what is posed.
+    // Copies share the problems that are posed already.
     scenes.iter().try_for_each(|built| built.job.problem().map(drop)).map_err(raised)?;
     Job::join(scenes.iter().map(|built| built.job.clone())).map_err(raised)
 }

@@ -36,7 +36,7 @@ impl PySensor {
 
 #[pymethods]
 impl PySensor {
-    /// From a file of a vendor, told apart by what it holds; `docs/formats/sensors.md` lists the formats.
+    /// Sensor of a vendor's file, whose format is told from its contents; `docs/formats/sensors.md` lists the formats.
     ///
     /// `range` in metres and `azimuth_steps` a turn, where the file does not state them.
     #[staticmethod]

@@ -25,7 +25,7 @@ impl BoundTransform {
         Self { bounds, free }
     }
 
-    /// True if the free variables are those of the bounds, which are `all`.
+    /// True if each of `all` variables has finite bounds in order, and `free` lists the variables whose bounds differ.
     pub(super) fn is_whole(&self, all: usize) -> bool {
         let usable = |&(low, high): &(f64, f64)| low.is_finite() && high.is_finite() && low <= high;
         self.bounds.len() == all

@@ -195,7 +195,7 @@ fn push(past: &mut VecDeque<Costs>, costs: Costs, most: usize) {
     past.push_back(costs);
 }
 
-/// True if the best or the median costs of the later half are below those of the earlier.
+/// Compares two halves of a history: true if the best or the median costs fall from the earlier to the later.
 fn falls(past: &VecDeque<Costs>) -> bool {
     let half = past.len() / 2;
     let middle = |of: fn(&Costs) -> f64, start: usize| {
